@@ -1,0 +1,107 @@
+# Builds, tests and installs sst. `make help` lists the targets.
+
+VERSION := 0.1.0
+PREFIX ?= /usr/local
+DESTDIR ?=
+BUILD ?= build$(if $(SAN),-$(subst $(comma),-,$(SAN)))
+comma := ,
+CC ?= gcc
+CXX ?= g++
+
+# --- optional parts: present packages are used, WITH_X=0 builds without -------------------------------------------
+have = $(shell pkg-config --exists $(1) 2>/dev/null && echo 1 || echo 0)
+WITH_OPENCV ?= $(call have,opencv4)
+WITH_AVFORMAT ?= $(call have,libavformat libavcodec libavutil libswscale)
+WITH_DNNL ?= $(shell echo '\#include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
+
+PACKAGES := libpng libturbojpeg jansson $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
+
+# --- flags ---------------------------------------------------------------------------------------------------------
+WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion $(if $(WERROR),-Werror)
+CWARN := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
+HARDEN := -fstack-protector-strong -fstack-clash-protection -fcf-protection -fPIE \
+          $(if $(SAN),,-D_FORTIFY_SOURCE=2)
+OPT ?= -O3 -g
+SANFLAGS := $(if $(SAN),-fsanitize=$(SAN) -fno-omit-frame-pointer)
+ifneq (,$(findstring undefined,$(SAN)))
+SANFLAGS += -fsanitize=float-divide-by-zero,float-cast-overflow -fno-sanitize-recover=all
+endif
+DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMAT=$(WITH_AVFORMAT) \
+        -DWITH_DNNL=$(WITH_DNNL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+BASEFLAGS := -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
+CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
+             $(shell pkg-config --cflags $(PACKAGES)) $(CFLAGS)
+# OpenCV's headers do not survive our warnings.
+CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
+LIBS = $(shell pkg-config --libs $(PACKAGES)) -lmd -lm \
+       $(if $(filter 1,$(WITH_DNNL)),-ldnnl) \
+       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
+LDFLAGS_ALL = -pie -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
+
+# --- sources -------------------------------------------------------------------------------------------------------
+LIB_SRC := $(sort $(wildcard base/*.c config/*.c drivers/*/*.c pipeline/*/*.c pipeline/*/*/*.c simulators/*/*.c))
+SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(wildcard pipeline/*.cc))
+CLI_SRC := $(sort $(wildcard cli/*.c))
+TEST_SRC := $(sort $(wildcard tests/unit/*.c tests/kernels/*.c))
+LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
+CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
+TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
+
+.PHONY: all deps check check-unit check-cli check-includes check-san demo bench install help clean format tests
+.SECONDARY:
+all: $(BUILD)/sst ## build the programs into build/
+
+$(BUILD)/obj/%.o: %.c
+	@mkdir -p $(@D)
+	@echo "  CC   $<"
+	@$(CC) $(CFLAGS_ALL) -c $< -o $@
+$(BUILD)/obj/%.o: %.cc
+	@mkdir -p $(@D)
+	@echo "  CXX  $<"
+	@$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
+$(BUILD)/libsst.a: $(LIB_OBJ)
+	@rm -f $@
+	@ar rcs $@ $^
+$(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst.a
+	@echo "  LD   $@"
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
+	@mkdir -p $(@D)
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
+
+tests: $(TESTS)
+
+deps: ## install what building and testing needs (Debian 12; root or sudo)
+	scripts/deps.sh
+
+check: deps ## build with warnings as errors and run every test, also under the sanitizers
+	$(MAKE) WERROR=1 all check-includes check-unit check-cli
+	$(MAKE) WERROR=1 check-san
+
+check-unit: $(BUILD)/sst $(TESTS)
+	scripts/run_tests.sh $(TESTS)
+
+check-cli: $(BUILD)/sst
+	scripts/run_tests.sh $(sort $(wildcard tests/system/*.sh))
+
+check-san: ## unit and kernel tests under address, undefined and thread sanitizers
+	$(MAKE) SAN=address,undefined check-unit
+	$(MAKE) SAN=thread check-unit
+
+check-includes: ## headers compile alone, includes go one way
+	scripts/check_includes.sh
+
+install: all ## install under DESTDIR/PREFIX
+	install -Dm755 $(BUILD)/sst $(DESTDIR)$(PREFIX)/bin/sst
+	for f in models/*.onnx; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
+
+format: ## lay out the sources by .clang-format
+	clang-format -i $$(git ls-files '*.c' '*.h' '*.cc')
+
+help: ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
+
+clean: ## remove what was built
+	rm -rf build build-*
+
+-include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d)

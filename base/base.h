@@ -1,0 +1,43 @@
+/* base/base.h - macros and small inline helpers that every file may use. */
+#ifndef SST_BASE_BASE_H
+#define SST_BASE_BASE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define SST_MUST_CHECK __attribute__((warn_unused_result))
+#define SST_PRINTF(fmt, first) __attribute__((format(printf, fmt, first)))
+#define SST_TARGET(isa) __attribute__((target(isa)))
+#define SST_UNUSED __attribute__((unused))
+
+#define ARRAY_LEN(a) (sizeof(a) / sizeof((a)[0]))
+
+#ifdef __cplusplus
+#define SST_EXTERN_C_BEGIN extern "C" {
+#define SST_EXTERN_C_END }
+#else
+#define SST_EXTERN_C_BEGIN
+#define SST_EXTERN_C_END
+#endif
+
+static inline int sst_min_int(int a, int b)
+{
+    return a < b ? a : b;
+}
+
+static inline int sst_max_int(int a, int b)
+{
+    return a > b ? a : b;
+}
+
+static inline int sst_clamp_int(int v, int lo, int hi)
+{
+    return v < lo ? lo : v > hi ? hi : v;
+}
+
+static inline double sst_clamp_double(double v, double lo, double hi)
+{
+    return v < lo ? lo : v > hi ? hi : v;
+}
+
+#endif

@@ -1,0 +1,340 @@
+#define _GNU_SOURCE
+#include "base/file.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <ftw.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/log.h"
+
+/* Temporary names that a killed process would leave behind. */
+#define MAX_PENDING 64
+
+static pthread_mutex_t pending_lock = PTHREAD_MUTEX_INITIALIZER;
+static char pending[MAX_PENDING][SST_PATH_MAX]; /* under pending_lock */
+
+static void pending_add(const char *path)
+{
+    pthread_mutex_lock(&pending_lock);
+    for (int i = 0; i < MAX_PENDING; i++) {
+        if (!pending[i][0]) {
+            snprintf(pending[i], SST_PATH_MAX, "%s", path);
+            break;
+        }
+    }
+    pthread_mutex_unlock(&pending_lock);
+}
+
+static void pending_drop(const char *path)
+{
+    pthread_mutex_lock(&pending_lock);
+    for (int i = 0; i < MAX_PENDING; i++) {
+        if (!strcmp(pending[i], path))
+            pending[i][0] = 0;
+    }
+    pthread_mutex_unlock(&pending_lock);
+}
+
+void sst_file_abort_all(void)
+{
+    for (int i = 0; i < MAX_PENDING; i++) {
+        if (pending[i][0])
+            sst_path_remove_tree(pending[i]);
+    }
+}
+
+int sst_path_join(char out[SST_PATH_MAX], const char *dir, const char *name)
+{
+    const int n = name ? snprintf(out, SST_PATH_MAX, "%s/%s", dir, name)
+                       : snprintf(out, SST_PATH_MAX, "%s", dir);
+
+    if (n >= 0 && n < SST_PATH_MAX)
+        return 0;
+    sst_log_error("the path %.60s... is longer than %d bytes; use a shorter one", dir, SST_PATH_MAX);
+    return -ENAMETOOLONG;
+}
+
+const char *sst_path_base(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+
+    return slash ? slash + 1 : path;
+}
+
+bool sst_path_exists(const char *path)
+{
+    struct stat st;
+
+    return !lstat(path, &st);
+}
+
+bool sst_path_is_dir(const char *path)
+{
+    struct stat st;
+
+    return !stat(path, &st) && S_ISDIR(st.st_mode);
+}
+
+int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *size)
+{
+    FILE *f = fopen(path, "rbe");
+    struct stat st;
+    uint8_t *buf = NULL;
+    int err;
+
+    if (!f) {
+        err = -errno;
+        sst_log_error("cannot open %s: %s", path, strerror(-err));
+        return err;
+    }
+    if (fstat(fileno(f), &st) || !S_ISREG(st.st_mode)) {
+        err = S_ISDIR(st.st_mode) ? -EISDIR : -EBADMSG;
+        sst_log_error("%s is not a regular file; name a file", path);
+        goto fail;
+    }
+    if ((uint64_t)st.st_size > limit_bytes) {
+        err = -EBADMSG;
+        sst_log_error("%s has %lld bytes, more than the %zu that are accepted here", path,
+                      (long long)st.st_size, limit_bytes);
+        goto fail;
+    }
+    buf = malloc((size_t)st.st_size + 1);
+    if (!buf) {
+        err = -ENOMEM;
+        sst_log_error("no memory to read %s (%lld bytes)", path, (long long)st.st_size);
+        goto fail;
+    }
+    *size = fread(buf, 1, (size_t)st.st_size, f);
+    if (*size != (size_t)st.st_size) {
+        err = ferror(f) ? -EIO : -EBADMSG;
+        sst_log_error("reading %s stopped after %zu of %lld bytes: it changed or the disk failed; try again",
+                      path, *size, (long long)st.st_size);
+        goto fail;
+    }
+    fclose(f);
+    buf[*size] = 0;
+    *data = buf;
+    return 0;
+
+fail:
+    free(buf);
+    fclose(f);
+    return err;
+}
+
+/* The errno of a failed output, as callers expect it: what they can act on stays, the rest is -EIO. */
+static int output_error(const char *what, const char *path, int err)
+{
+    sst_log_error("cannot %s %s: %s", what, path, strerror(err));
+    switch (err) {
+    case ENOSPC: case EDQUOT: case EROFS: case EFBIG: case EEXIST:
+        return -err;
+    default:
+        return -EIO;
+    }
+}
+
+static int temporary_name(char out[SST_PATH_MAX], const char *path)
+{
+    size_t n = strlen(path);
+
+    while (n > 1 && path[n - 1] == '/')
+        n--;
+    if (snprintf(out, SST_PATH_MAX, "%.*s.tmp-XXXXXX", (int)n, path) < SST_PATH_MAX)
+        return 0;
+    return output_error("create", path, ENAMETOOLONG);
+}
+
+int sst_outfile_open(struct sst_outfile *out, const char *path)
+{
+    const mode_t mask = umask(0);
+    int err, fd;
+
+    umask(mask);
+    *out = (struct sst_outfile){ 0 };
+    if (sst_path_is_dir(path)) {
+        sst_log_error("%s is a folder; name a file to write", path);
+        return -EEXIST;
+    }
+    err = temporary_name(out->temporary, path);
+    if (err)
+        return err;
+    fd = mkostemp(out->temporary, O_CLOEXEC);
+    if (fd < 0) {
+        err = output_error("create", path, errno);
+        out->temporary[0] = 0;
+        return err;
+    }
+    pending_add(out->temporary);
+    (void)fchmod(fd, 0666 & ~mask);
+    out->stream = fdopen(fd, "wb");
+    if (!out->stream) {
+        close(fd);
+        sst_outfile_abort(out);
+        return -ENOMEM;
+    }
+    snprintf(out->path, sizeof(out->path), "%s", path);
+    return 0;
+}
+
+static int sync_parent(const char *path)
+{
+    char dir[SST_PATH_MAX];
+    const char *base = sst_path_base(path);
+    int fd, err = 0;
+
+    snprintf(dir, sizeof(dir), "%.*s", (int)(base - path), path);
+    fd = open(dir[0] ? dir : ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0)
+        return -errno;
+    if (fsync(fd) && errno != EINVAL)
+        err = -errno;
+    close(fd);
+    return err;
+}
+
+int sst_outfile_commit(struct sst_outfile *out)
+{
+    int err = 0;
+
+    if (fflush(out->stream) || ferror(out->stream) || (fsync(fileno(out->stream)) && errno != EINVAL))
+        err = errno ? errno : EIO;
+    if (fclose(out->stream) && !err)
+        err = errno;
+    out->stream = NULL;
+    if (!err && rename(out->temporary, out->path))
+        err = errno;
+    if (err) {
+        err = output_error("write", out->path, err);
+        sst_outfile_abort(out);
+        return err;
+    }
+    pending_drop(out->temporary);
+    out->temporary[0] = 0;
+    err = sync_parent(out->path);
+    return err ? output_error("sync the folder of", out->path, -err) : 0;
+}
+
+void sst_outfile_abort(struct sst_outfile *out)
+{
+    if (out->stream)
+        fclose(out->stream);
+    out->stream = NULL;
+    if (out->temporary[0]) {
+        unlink(out->temporary);
+        pending_drop(out->temporary);
+    }
+    out->temporary[0] = 0;
+}
+
+int sst_file_write(const char *path, const void *data, size_t size)
+{
+    struct sst_outfile out;
+    int err = sst_outfile_open(&out, path);
+
+    if (err)
+        return err;
+    if (size && fwrite(data, 1, size, out.stream) != size) {
+        err = output_error("write", path, errno);
+        sst_outfile_abort(&out);
+        return err;
+    }
+    return sst_outfile_commit(&out);
+}
+
+int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace)
+{
+    const mode_t mask = umask(0);
+    int err;
+
+    umask(mask);
+    *out = (struct sst_outdir){ .replace = replace };
+    if (!replace && sst_path_exists(path)) {
+        sst_log_error("%s exists already; remove it, choose another name or add --force", path);
+        return -EEXIST;
+    }
+    err = temporary_name(out->temporary, path);
+    if (err)
+        return err;
+    if (!mkdtemp(out->temporary)) {
+        err = output_error("create", path, errno);
+        out->temporary[0] = 0;
+        return err;
+    }
+    pending_add(out->temporary);
+    (void)chmod(out->temporary, 0777 & ~mask);
+    /* The final name, without slashes at its end, is the temporary one without its suffix. */
+    snprintf(out->path, sizeof(out->path), "%.*s", (int)(strlen(out->temporary) - strlen(".tmp-XXXXXX")),
+             out->temporary);
+    return 0;
+}
+
+static int sync_entry(const char *path, const struct stat *st SST_UNUSED, int type, struct FTW *ftw SST_UNUSED)
+{
+    int fd, err = 0;
+
+    if (type != FTW_F && type != FTW_DP)
+        return 0;
+    fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    if (fd < 0)
+        return errno;
+    if (fsync(fd) && errno != EINVAL)
+        err = errno;
+    close(fd);
+    return err;
+}
+
+int sst_outdir_commit(struct sst_outdir *out)
+{
+    char old[SST_PATH_MAX] = "";
+    int err = nftw(out->temporary, sync_entry, 16, FTW_DEPTH | FTW_PHYS);
+
+    if (!err && out->replace && sst_path_exists(out->path)) {
+        if (snprintf(old, sizeof(old), "%s-old", out->temporary) >= (int)sizeof(old))
+            err = ENAMETOOLONG;
+        else if (rename(out->path, old))
+            err = errno;
+    }
+    if (!err && rename(out->temporary, out->path)) {
+        err = errno;
+        if (old[0] && rename(old, out->path))
+            sst_log_error("the previous %s is now at %s", out->path, old);
+    }
+    if (err) {
+        err = output_error("write", out->path, err);
+        sst_outdir_abort(out);
+        return err;
+    }
+    pending_drop(out->temporary);
+    out->temporary[0] = 0;
+    if (old[0])
+        sst_path_remove_tree(old);
+    err = sync_parent(out->path);
+    return err ? output_error("sync the folder of", out->path, -err) : 0;
+}
+
+void sst_outdir_abort(struct sst_outdir *out)
+{
+    if (out->temporary[0]) {
+        sst_path_remove_tree(out->temporary);
+        pending_drop(out->temporary);
+    }
+    out->temporary[0] = 0;
+}
+
+static int remove_entry(const char *path, const struct stat *st SST_UNUSED, int type SST_UNUSED,
+                        struct FTW *ftw SST_UNUSED)
+{
+    (void)remove(path);
+    return 0;
+}
+
+void sst_path_remove_tree(const char *path)
+{
+    (void)nftw(path, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+}

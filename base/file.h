@@ -1,0 +1,77 @@
+/* base/file.h - whole files in, whole files or whole folders out: output appears complete or not at all. */
+#ifndef SST_BASE_FILE_H
+#define SST_BASE_FILE_H
+
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_PATH_MAX 4096
+
+/** Join two path parts (the second may be NULL); -ENAMETOOLONG when it does not fit SST_PATH_MAX. */
+SST_MUST_CHECK int sst_path_join(char out[SST_PATH_MAX], const char *dir, const char *name);
+
+/** Last part of a path; points into it. */
+const char *sst_path_base(const char *path);
+
+bool sst_path_exists(const char *path);
+bool sst_path_is_dir(const char *path);
+
+/**
+ * Read a regular file into one buffer, with a NUL after its end.
+ *
+ * @param data   out, to free with free()
+ * @param limit_bytes  larger files are refused
+ * @return 0, -ENOENT, -EISDIR, -EACCES, -EFBIG -> reported as -EBADMSG, -EIO. Logged.
+ */
+SST_MUST_CHECK int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *size);
+
+/**
+ * A file that appears under its name only when committed: written beside it under a temporary name, synced, renamed.
+ * "-" is not special. A left-over temporary file is removed by abort and at failure.
+ */
+struct sst_outfile {
+    FILE *stream;
+    char path[SST_PATH_MAX], temporary[SST_PATH_MAX];
+};
+
+/** @return 0, or -EIO/-ENOSPC/-EROFS/-EACCES, logged. */
+SST_MUST_CHECK int sst_outfile_open(struct sst_outfile *out, const char *path);
+
+/** Flush, sync and rename; on failure the old file stays and the temporary one goes. Closes in every case. Logged. */
+SST_MUST_CHECK int sst_outfile_commit(struct sst_outfile *out);
+
+/** Throw the output away. A zeroed or committed object is fine. */
+void sst_outfile_abort(struct sst_outfile *out);
+
+/** Write a whole buffer through an sst_outfile. */
+SST_MUST_CHECK int sst_file_write(const char *path, const void *data, size_t size);
+
+/**
+ * A folder that appears under its name only when committed.
+ *
+ * Files are made inside `temporary`. Commit syncs them and renames; with `replace` an existing folder of that name is
+ * swapped out and removed, else its existence is refused at open (-EEXIST, logged).
+ */
+struct sst_outdir {
+    bool replace;
+    char path[SST_PATH_MAX], temporary[SST_PATH_MAX];
+};
+
+SST_MUST_CHECK int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace);
+SST_MUST_CHECK int sst_outdir_commit(struct sst_outdir *out);
+void sst_outdir_abort(struct sst_outdir *out);
+
+/** Remove a folder and all below it; links are not followed. Missing is fine. */
+void sst_path_remove_tree(const char *path);
+
+/** Remove what is still uncommitted (called from the handler of SIGINT and SIGTERM; async-signal-tolerant enough for a
+ *  process that exits next). */
+void sst_file_abort_all(void);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,39 @@
+#include "base/log.h"
+
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdio.h>
+
+static _Atomic int level_shown = SST_LOG_WARNING;
+
+void sst_log_set_level(enum sst_log_level level)
+{
+    level_shown = level;
+}
+
+/* One fprintf per line, so that lines of several threads do not mix. */
+static void emit(enum sst_log_level level, const char *fmt, va_list args)
+{
+    static const char *const names[] = { "error", "warning", "info", "debug" };
+    char text[1024];
+
+    if ((int)level > level_shown)
+        return;
+    vsnprintf(text, sizeof(text), fmt, args);
+    fprintf(stderr, "sst: %s: %s\n", names[level], text);
+}
+
+#define DEFINE_LOG(name, level)                                                                    \
+    void sst_log_##name(const char *fmt, ...)                                                      \
+    {                                                                                              \
+        va_list args;                                                                              \
+                                                                                                   \
+        va_start(args, fmt);                                                                       \
+        emit(level, fmt, args);                                                                    \
+        va_end(args);                                                                              \
+    }
+
+DEFINE_LOG(error, SST_LOG_ERROR)
+DEFINE_LOG(warning, SST_LOG_WARNING)
+DEFINE_LOG(info, SST_LOG_INFO)
+DEFINE_LOG(debug, SST_LOG_DEBUG)

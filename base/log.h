@@ -1,0 +1,32 @@
+/* base/log.h - one-line messages to standard error, and the last error for callers that report it. */
+#ifndef SST_BASE_LOG_H
+#define SST_BASE_LOG_H
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+enum sst_log_level {
+    SST_LOG_ERROR = 0,
+    SST_LOG_WARNING = 1,
+    SST_LOG_INFO = 2,
+    SST_LOG_DEBUG = 3,
+};
+
+/** Show messages up to this level; the default is SST_LOG_WARNING. */
+void sst_log_set_level(enum sst_log_level level);
+
+/**
+ * Write one line "sst: error: ..." to standard error.
+ *
+ * An error is one sentence: what failed, where (file, value), and the remedy. It is logged once, where the
+ * outside world first shows the fault; callers only pass the errno on.  Thread: any.
+ */
+void sst_log_error(const char *fmt, ...) SST_PRINTF(1, 2);
+void sst_log_warning(const char *fmt, ...) SST_PRINTF(1, 2);
+void sst_log_info(const char *fmt, ...) SST_PRINTF(1, 2);
+void sst_log_debug(const char *fmt, ...) SST_PRINTF(1, 2);
+
+SST_EXTERN_C_END
+
+#endif

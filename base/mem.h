@@ -1,0 +1,29 @@
+/* base/mem.h - aligned memory for image rows and working buffers. */
+#ifndef SST_BASE_MEM_H
+#define SST_BASE_MEM_H
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_ALIGN 64
+
+/** Zeroed memory of count * size bytes, aligned to SST_ALIGN with SST_ALIGN readable bytes after it;
+ *  NULL when that overflows or is not to be had. Free with sst_mem_free(). */
+void *sst_mem_alloc(size_t count, size_t size) SST_MUST_CHECK;
+
+/** The same without zeroing. */
+void *sst_mem_alloc_raw(size_t count, size_t size) SST_MUST_CHECK;
+
+/** NULL is fine. */
+void sst_mem_free(void *p);
+
+/** Bytes of a row of n elements, rounded up to SST_ALIGN. */
+static inline size_t sst_mem_stride(size_t n, size_t size)
+{
+    return (n * size + SST_ALIGN - 1) / SST_ALIGN * SST_ALIGN;
+}
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,80 @@
+#define _GNU_SOURCE
+#include "base/thread.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+
+#define MAX_THREADS 256
+
+struct pool {
+    /* fixed after start */
+    int count;
+    sst_work_fn *fn;
+    void *arg;
+    /* atomic */
+    _Atomic int next, failed_index;
+    /* under lock */
+    pthread_mutex_t lock;
+    int error;
+};
+
+struct worker {
+    struct pool *pool;
+    int id;
+    pthread_t thread;
+};
+
+int sst_thread_count(int requested)
+{
+    cpu_set_t set;
+
+    if (requested > 0)
+        return sst_min_int(requested, MAX_THREADS);
+    if (sched_getaffinity(0, sizeof(set), &set))
+        return 1;
+    return sst_clamp_int(CPU_COUNT(&set), 1, MAX_THREADS);
+}
+
+static void *work(void *arg)
+{
+    struct worker *w = arg;
+    struct pool *p = w->pool;
+    int i;
+
+    /* Indices below a failed one are still run, so that the error reported is always the lowest one's. */
+    while ((i = atomic_fetch_add(&p->next, 1)) < p->count && i < p->failed_index) {
+        int err = p->fn(p->arg, i, w->id);
+
+        if (!err)
+            continue;
+        pthread_mutex_lock(&p->lock);
+        if (i < p->failed_index) {
+            p->failed_index = i;
+            p->error = err;
+        }
+        pthread_mutex_unlock(&p->lock);
+    }
+    return NULL;
+}
+
+int sst_parallel_for(int count, int threads, sst_work_fn *fn, void *arg)
+{
+    struct pool pool = { .count = count, .fn = fn, .arg = arg, .failed_index = count };
+    struct worker workers[MAX_THREADS];
+    int started = 1;
+
+    threads = sst_clamp_int(sst_min_int(threads, count), 1, MAX_THREADS);
+    pthread_mutex_init(&pool.lock, NULL);
+    for (int i = 0; i < threads; i++)
+        workers[i] = (struct worker){ .pool = &pool, .id = i };
+    /* A thread that cannot be had only makes it slower. */
+    while (started < threads && !pthread_create(&workers[started].thread, NULL, work, &workers[started]))
+        started++;
+    work(&workers[0]);
+    while (--started > 0)
+        pthread_join(workers[started].thread, NULL);
+    pthread_mutex_destroy(&pool.lock);
+    return pool.error;
+}

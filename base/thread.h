@@ -1,0 +1,29 @@
+/* base/thread.h - run independent pieces of work on several threads. */
+#ifndef SST_BASE_THREAD_H
+#define SST_BASE_THREAD_H
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+/**
+ * Work on one piece. The result must depend on index alone, never on worker, so that any number of threads
+ * gives the same bytes; worker (0 .. threads-1) only picks a scratch buffer.
+ *
+ * @return 0 or a negative errno, which stops the hand-out of further pieces.
+ */
+typedef int sst_work_fn(void *arg, int index, int worker);
+
+/** Threads to use: requested if positive, else the processors this process may run on (at most 256). */
+int sst_thread_count(int requested);
+
+/**
+ * Call fn for every index in 0 .. count-1, on `threads` threads (the caller's among them).
+ *
+ * @return 0, or the error of the lowest index that failed.  Thread: any; calls may nest.
+ */
+SST_MUST_CHECK int sst_parallel_for(int count, int threads, sst_work_fn *fn, void *arg);
+
+SST_EXTERN_C_END
+
+#endif

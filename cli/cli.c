@@ -1,0 +1,239 @@
+#include "cli/cli.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+
+#define MAX_OPTIONS 64
+
+int cli_exit_code(int err)
+{
+    switch (-err) {
+    case 0:
+        return CLI_OK;
+    case EINVAL: case ERANGE:
+        return CLI_USAGE;
+    case ENOENT: case EBADMSG: case EISDIR: case ENOTDIR: case EACCES: case ENODATA: case ENAMETOOLONG: case ELOOP:
+        return CLI_INPUT;
+    case EIO: case ENOSPC: case EDQUOT: case EROFS: case EFBIG: case EEXIST: case EPIPE:
+        return CLI_OUTPUT;
+    case ENOTSUP: case ENOPKG:
+        return CLI_MISSING;
+    case ENOMEM:
+        return CLI_MEMORY;
+    case EINTR:
+        return CLI_INTERRUPTED;
+    default:
+        return CLI_INTERNAL;
+    }
+}
+
+int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...)
+{
+    char text[768];
+    va_list args;
+
+    va_start(args, fmt);
+    vsnprintf(text, sizeof(text), fmt, args);
+    va_end(args);
+    sst_log_error("%s: %s; see `sst %s --help`", cmd->name, text, cmd->name);
+    return CLI_USAGE;
+}
+
+static void print_help(const struct cli_command *cmd, const struct cli_option *options, size_t n)
+{
+    printf("sst %s - %s\n\nusage: sst %s %s\n", cmd->name, cmd->summary, cmd->name, cmd->usage);
+    if (cmd->detail)
+        printf("\n%s\n", cmd->detail);
+    printf("\noptions:\n");
+    for (size_t i = 0; i < n; i++) {
+        char left[64];
+
+        snprintf(left, sizeof(left), "%s%c%s--%s%s%s", options[i].letter ? "-" : "  ",
+                 options[i].letter ? options[i].letter : ' ', options[i].letter ? ", " : " ", options[i].name,
+                 options[i].meta ? " " : "", options[i].meta ? options[i].meta : "");
+        printf("  %-28s %s\n", left, options[i].help);
+    }
+    printf("  %-28s %s\n  %-28s %s\n  %-28s %s\n", "-v, --verbose", "say more", "-q, --quiet", "say errors only",
+           "-h, --help", "this text");
+    printf("\nexample:\n  %s\n", cmd->example);
+}
+
+static bool in_range(const struct cli_option *o, double v)
+{
+    return (o->min == 0 && o->max == 0) || (v >= o->min && v <= o->max);
+}
+
+static int set_pair(const struct cli_command *cmd, const struct cli_option *o, const char *text)
+{
+    long a, b;
+    char *end;
+
+    errno = 0;
+    a = strtol(text, &end, 10);
+    if (end == text || *end != 'x')
+        goto bad;
+    text = end + 1;
+    b = strtol(text, &end, 10);
+    if (end == text || *end || errno)
+        goto bad;
+    if (!in_range(o, (double)a) || !in_range(o, (double)b))
+        return cli_usage_error(cmd, "--%s %ldx%ld is outside %g..%g on each side", o->name, a, b, o->min, o->max);
+    ((int *)o->value)[0] = (int)a;
+    ((int *)o->value)[1] = (int)b;
+    return CLI_GO_ON;
+
+bad:
+    return cli_usage_error(cmd, "--%s wants %s, for example %s", o->name, o->meta,
+                           o->type == CLI_SIZE ? "1000x750" : "6x6");
+}
+
+static int set_value(const struct cli_command *cmd, const struct cli_option *o, const char *text)
+{
+    char *end = NULL;
+    double v;
+
+    switch (o->type) {
+    case CLI_FLAG:
+        *(bool *)o->value = true;
+        return CLI_GO_ON;
+    case CLI_STRING:
+        *(const char **)o->value = text;
+        return CLI_GO_ON;
+    case CLI_SIZE:
+    case CLI_GRID:
+        return set_pair(cmd, o, text);
+    case CLI_SEED:
+        errno = 0;
+        *(uint64_t *)o->value = strtoull(text, &end, 0);
+        if (end == text || *end || errno || *text == '-')
+            return cli_usage_error(cmd, "--%s %s is not a whole number of at most 64 bits", o->name, text);
+        return CLI_GO_ON;
+    case CLI_INT:
+    case CLI_DOUBLE:
+        break;
+    }
+    v = strtod(text, &end);
+    if (end == text || *end || isnan(v) || (o->type == CLI_INT && v != floor(v)))
+        return cli_usage_error(cmd, "--%s %s is not a %snumber", o->name, text, o->type == CLI_INT ? "whole " : "");
+    if (!in_range(o, v) || (o->type == CLI_INT && fabs(v) > 2e9))
+        return cli_usage_error(cmd, "--%s %s is outside %g..%g", o->name, text, o->min, o->max);
+    if (o->type == CLI_INT)
+        *(int *)o->value = (int)v;
+    else
+        *(double *)o->value = v;
+    return CLI_GO_ON;
+}
+
+static const struct cli_option *find(const struct cli_option *options, size_t n, const char *name, size_t len, char letter)
+{
+    for (size_t i = 0; i < n; i++) {
+        if (name ? strlen(options[i].name) == len && !memcmp(options[i].name, name, len) : options[i].letter == letter)
+            return &options[i];
+    }
+    return NULL;
+}
+
+/* A word that starts with '-' but is a number is a value ("--focus -1.5"), not an option. */
+static bool is_option(const char *arg)
+{
+    return arg[0] == '-' && arg[1] && !(arg[1] == '.' || (arg[1] >= '0' && arg[1] <= '9') || !strncmp(arg, "-inf", 4));
+}
+
+int cli_parse(const struct cli_command *cmd, const struct cli_option *options, size_t n_options, int argc, char **argv,
+              const char **positional, int n_min, int n_max)
+{
+    bool help = false, verbose = false, quiet = false, only_positional = false;
+    const struct cli_option common[] = {
+        { .name = "help", .letter = 'h', .value = &help },
+        { .name = "verbose", .letter = 'v', .value = &verbose },
+        { .name = "quiet", .letter = 'q', .value = &quiet },
+    };
+    int n = 0;
+
+    for (int i = 0; i < n_max; i++)
+        positional[i] = NULL;
+    for (int i = 1; i < argc; i++) {
+        const char *arg = argv[i], *value = NULL;
+        const struct cli_option *o;
+        int r;
+
+        if (!only_positional && !strcmp(arg, "--")) {
+            only_positional = true;
+            continue;
+        }
+        if (only_positional || !is_option(arg)) {
+            if (n == n_max)
+                return cli_usage_error(cmd, "too many arguments: %s", arg);
+            positional[n++] = arg;
+            continue;
+        }
+        if (arg[1] == '-') {
+            const char *eq = strchr(arg, '=');
+            const size_t len = eq ? (size_t)(eq - arg - 2) : strlen(arg + 2);
+
+            o = find(options, n_options, arg + 2, len, 0);
+            if (!o)
+                o = find(common, ARRAY_LEN(common), arg + 2, len, 0);
+            value = eq ? eq + 1 : NULL;
+        } else {
+            o = find(options, n_options, NULL, 0, arg[1]);
+            if (!o)
+                o = find(common, ARRAY_LEN(common), NULL, 0, arg[1]);
+            value = arg[2] ? arg + 2 : NULL;
+        }
+        if (!o)
+            return cli_usage_error(cmd, "unknown option %s", arg);
+        if (o->type == CLI_FLAG ? value != NULL : !value && i + 1 == argc)
+            return cli_usage_error(cmd, "--%s %s", o->name, value ? "takes no value" : "needs a value");
+        if (o->type != CLI_FLAG && !value)
+            value = argv[++i];
+        r = set_value(cmd, o, value);
+        if (r != CLI_GO_ON)
+            return r;
+    }
+    if (help) {
+        print_help(cmd, options, n_options);
+        return CLI_OK;
+    }
+    sst_log_set_level(quiet ? SST_LOG_ERROR : verbose ? SST_LOG_INFO : SST_LOG_WARNING);
+    if (n < n_min)
+        return cli_usage_error(cmd, "an argument is missing: sst %s %s", cmd->name, cmd->usage);
+    return CLI_GO_ON;
+}
+
+static int64_t progress_start_ns;
+static bool progress_shown;
+
+void cli_progress(void *title, double done)
+{
+    const int64_t now = sst_clock_now_ns();
+    const int width = 30, full = (int)(sst_clamp_double(done, 0, 1) * width);
+    double left_s;
+
+    if (!isatty(STDERR_FILENO))
+        return;
+    if (!progress_start_ns)
+        progress_start_ns = now;
+    if (now - progress_start_ns < 1000000000 || done <= 0)
+        return;
+    left_s = (double)(now - progress_start_ns) * 1e-9 * (1 - done) / done;
+    fprintf(stderr, "\r%-12s [%.*s%*s] %3.0f %%, %.0f s left \033[K", (const char *)title, full,
+            "##############################", width - full, "", done * 100, left_s);
+    progress_shown = true;
+}
+
+void cli_progress_end(void)
+{
+    if (progress_shown)
+        fprintf(stderr, "\r\033[K");
+    progress_shown = false;
+    progress_start_ns = 0;
+}

@@ -1,0 +1,55 @@
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/thread.h"
+#include "cli/cli.h"
+#include "pipeline/kernels/kernels.h"
+
+static const struct {
+    const char *name;
+    int built;
+} parts[] = {
+    { "onednn", WITH_DNNL },
+    { "opencv", WITH_OPENCV },
+    { "libavformat", WITH_AVFORMAT },
+};
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    bool json = false;
+    const struct cli_option options[] = {
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+    };
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    const char *cpu = sst_cpu_level_name(sst_cpu_level());
+
+    if (r != CLI_GO_ON)
+        return r;
+    if (json) {
+        json_t *optional = json_object();
+        json_t *root = json_pack("{s:s, s:s, s:i, s:o}", "version", SST_VERSION, "cpu", cpu, "threads",
+                                 sst_thread_count(0), "parts", optional);
+        char *text;
+
+        for (size_t i = 0; i < ARRAY_LEN(parts); i++)
+            json_object_set_new(optional, parts[i].name, json_boolean(parts[i].built));
+        text = json_dumps(root, JSON_INDENT(2));
+        puts(text ? text : "{}");
+        free(text);
+        json_decref(root);
+        return CLI_OK;
+    }
+    printf("sst %s, kernels for %s, %d threads\n", SST_VERSION, cpu, sst_thread_count(0));
+    for (size_t i = 0; i < ARRAY_LEN(parts); i++)
+        printf("  %-12s %s\n", parts[i].name, parts[i].built ? "yes" : "not built in");
+    return CLI_OK;
+}
+
+const struct cli_command cli_version = {
+    .name = "version",
+    .usage = "[--json]",
+    .summary = "version, CPU level and optional parts",
+    .example = "sst version --json",
+    .run = run,
+};

@@ -1,0 +1,52 @@
+/* pipeline/eval/eval.h - figures of merit against truth. */
+#ifndef SST_PIPELINE_EVAL_EVAL_H
+#define SST_PIPELINE_EVAL_EVAL_H
+
+#include "pipeline/image/image.h"
+
+SST_EXTERN_C_BEGIN
+
+/** Disparity errors over the pixels whose truth is finite (and where mask is not 0, if given). */
+struct sst_disparity_error {
+    int64_t pixels;        /* with truth */
+    double bad_half, bad1, bad2, bad4;  /* percent of pixels off by more than 0.5, 1, 2, 4 px; unknown counts as bad */
+    double rmse, mean_abs; /* px, over pixels with an estimate */
+    double density;        /* percent of pixels with an estimate */
+};
+
+/** @param estimate +inf or NaN: unknown.  @param mask  non-zero: counts; may be NULL.  Sums add up over calls by _merge. */
+SST_MUST_CHECK int sst_eval_disparity(struct sst_disparity_error *out, const struct sst_map_f32 *estimate,
+                                      const struct sst_map_f32 *truth, const struct sst_map_u8 *mask);
+
+/** Confusion counts of labels: [truth][estimate], 0 = unlabeled. */
+struct sst_confusion {
+    int64_t count[65][65];
+};
+
+/** Add one view; pixels with truth 0 are ignored. @return 0 or -EINVAL (sizes differ). */
+SST_MUST_CHECK int sst_confusion_add(struct sst_confusion *c, const struct sst_map_u8 *estimate,
+                                     const struct sst_map_u8 *truth);
+
+/** Mean IoU in percent over the classes that occur in the truth; a class's unlabeled pixels count as misses. NaN if none. */
+double sst_confusion_miou(const struct sst_confusion *c);
+
+/** IoU of one class in percent, NaN where it neither occurs nor is claimed. */
+double sst_confusion_iou(const struct sst_confusion *c, int label);
+
+/** Percent of pixels with truth that have a label, and percent of those that have the right one (NaN: none). */
+double sst_confusion_coverage(const struct sst_confusion *c);
+double sst_confusion_accuracy(const struct sst_confusion *c);
+
+/** PSNR in dB over R, G, B of the masked pixels (NULL: all); identical pictures give 100 dB, no pixel gives NaN. */
+double sst_psnr(const struct sst_image *a, const struct sst_image *b, const struct sst_map_u8 *mask);
+
+/**
+ * SSIM (Wang et al. 2004): Gaussian 11x11 window, sigma 1.5, K1 0.01, K2 0.03, on luma (BT.601), windows cut at the
+ * border and renormalised; mean over the masked pixels (NULL: all).  NaN if no pixel.
+ */
+SST_MUST_CHECK int sst_ssim(double *out, const struct sst_image *a, const struct sst_image *b,
+                            const struct sst_map_u8 *mask);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,49 @@
+/* pipeline/image/codec.h - images and maps from and to files. */
+#ifndef SST_PIPELINE_IMAGE_CODEC_H
+#define SST_PIPELINE_IMAGE_CODEC_H
+
+#include "pipeline/image/image.h"
+
+SST_EXTERN_C_BEGIN
+
+/* Every reader checks the whole file before it returns, logs one sentence on failure (file, what is wrong, remedy),
+ * leaves its output untouched on failure and returns 0, -ENOENT, -EBADMSG (not an image, truncated, of absurd size),
+ * -ENOMEM or -EIO. Every writer goes through sst_outfile: whole file or none. Thread: any. */
+
+/** PNG or JPEG, told apart by content. Grey becomes three equal planes, 16 bits are rounded to 8, alpha is dropped. */
+SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);
+
+/** The same from memory; name is used in messages only. */
+SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
+
+/** Size of a PNG or JPEG without decoding its pixels. */
+SST_MUST_CHECK int sst_image_read_size(const char *path, int *width, int *height);
+
+SST_MUST_CHECK int sst_image_write_png(const struct sst_image *img, const char *path);
+
+/** @param quality 1..100; 4:2:0 */
+SST_MUST_CHECK int sst_image_write_jpeg(const struct sst_image *img, const char *path, int quality);
+
+/** 8-bit PNG whose sample is the value itself: grey, or palette index (the palette is ignored). */
+SST_MUST_CHECK int sst_map_u8_read_png(struct sst_map_u8 *map, const char *path);
+
+/** Grey 8-bit PNG, or an indexed one when palette (256 RGB triples) is not NULL; the value stays readable either way. */
+SST_MUST_CHECK int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3]);
+
+/** Grey 16-bit PNG. */
+SST_MUST_CHECK int sst_map_u16_read_png(struct sst_map_u16 *map, const char *path);
+SST_MUST_CHECK int sst_map_u16_write_png(const struct sst_map_u16 *map, const char *path);
+
+/**
+ * One-channel PFM ("Pf"), either byte order, rows stored bottom up as the format says. Infinite values are kept (the
+ * usual mark of unknown disparity); NaN is refused with its position.
+ */
+SST_MUST_CHECK int sst_map_f32_read_pfm(struct sst_map_f32 *map, const char *path);
+SST_MUST_CHECK int sst_map_f32_write_pfm(const struct sst_map_f32 *map, const char *path);
+
+/** NumPy .npy version 1.0, little-endian float32, C order, shape dims[0..n_dims). n_dims at most 4. */
+SST_MUST_CHECK int sst_npy_write_f32(const float *data, const size_t *dims, int n_dims, const char *path);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,64 @@
+#include "pipeline/image/image.h"
+
+#include <errno.h>
+
+#include "base/mem.h"
+
+static int allocate(void **data, size_t *stride, int width, int height, size_t pixel_bytes, size_t planes)
+{
+    void *p;
+
+    if (width < 1 || height < 1 || width > SST_IMAGE_MAX_SIDE || height > SST_IMAGE_MAX_SIDE ||
+        (size_t)width * (size_t)height > SST_IMAGE_MAX_PIXELS)
+        return -EINVAL;
+    *stride = sst_mem_stride((size_t)width, pixel_bytes);
+    p = sst_mem_alloc(planes * (size_t)height, *stride);
+    if (!p)
+        return -ENOMEM;
+    *data = p;
+    return 0;
+}
+
+int sst_image_init(struct sst_image *img, int width, int height)
+{
+    struct sst_image made = { .width = width, .height = height };
+    void *data;
+    int err = allocate(&data, &made.stride, width, height, 1, 3);
+
+    if (err)
+        return err;
+    for (size_t c = 0; c < 3; c++)
+        made.plane[c] = (uint8_t *)data + c * (size_t)height * made.stride;
+    *img = made;
+    return 0;
+}
+
+void sst_image_fini(struct sst_image *img)
+{
+    sst_mem_free(img->plane[0]);
+    *img = (struct sst_image){ 0 };
+}
+
+#define DEFINE_MAP(name, type)                                                                     \
+    int sst_map_##name##_init(struct sst_map_##name *map, int width, int height)                   \
+    {                                                                                              \
+        struct sst_map_##name made = { .width = width, .height = height };                         \
+        void *data;                                                                                \
+        int err = allocate(&data, &made.stride, width, height, sizeof(type), 1);                   \
+                                                                                                   \
+        if (err)                                                                                   \
+            return err;                                                                            \
+        made.data = data;                                                                          \
+        *map = made;                                                                               \
+        return 0;                                                                                  \
+    }                                                                                              \
+                                                                                                   \
+    void sst_map_##name##_fini(struct sst_map_##name *map)                                         \
+    {                                                                                              \
+        sst_mem_free(map->data);                                                                   \
+        *map = (struct sst_map_##name){ 0 };                                                       \
+    }
+
+DEFINE_MAP(u8, uint8_t)
+DEFINE_MAP(u16, uint16_t)
+DEFINE_MAP(f32, float)

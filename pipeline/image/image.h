@@ -1,0 +1,80 @@
+/* pipeline/image/image.h - planar images and maps: the memory that every stage works on. */
+#ifndef SST_PIPELINE_IMAGE_IMAGE_H
+#define SST_PIPELINE_IMAGE_IMAGE_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+/* Larger images are refused everywhere; both fit int and their product fits size_t with room to spare. */
+#define SST_IMAGE_MAX_SIDE 32768
+#define SST_IMAGE_MAX_PIXELS ((size_t)1 << 28)
+
+/** 8-bit sRGB, three planes R, G, B in one allocation. Rows start on 64 bytes; stride is bytes. */
+struct sst_image {
+    int width, height;
+    size_t stride;
+    uint8_t *plane[3];
+};
+
+/** One uint8_t per pixel: labels (0 = unlabeled), masks (0 or 255), confidence (0..255 means 0..1). */
+struct sst_map_u8 {
+    int width, height;
+    size_t stride;
+    uint8_t *data;
+};
+
+/** One uint16_t per pixel: disparity in 1/64 px above the light field's disp_min_px. */
+struct sst_map_u16 {
+    int width, height;
+    size_t stride;
+    uint16_t *data;
+};
+
+/** One float per pixel. */
+struct sst_map_f32 {
+    int width, height;
+    size_t stride;
+    float *data;
+};
+
+/**
+ * Zeroed pixels; free with the matching fini, which accepts a zeroed object.
+ *
+ * @return 0, -EINVAL (side below 1 or above SST_IMAGE_MAX_SIDE, or too many pixels), -ENOMEM. Not logged.
+ */
+SST_MUST_CHECK int sst_image_init(struct sst_image *img, int width, int height);
+SST_MUST_CHECK int sst_map_u8_init(struct sst_map_u8 *map, int width, int height);
+SST_MUST_CHECK int sst_map_u16_init(struct sst_map_u16 *map, int width, int height);
+SST_MUST_CHECK int sst_map_f32_init(struct sst_map_f32 *map, int width, int height);
+
+void sst_image_fini(struct sst_image *img);
+void sst_map_u8_fini(struct sst_map_u8 *map);
+void sst_map_u16_fini(struct sst_map_u16 *map);
+void sst_map_f32_fini(struct sst_map_f32 *map);
+
+static inline uint8_t *sst_image_row(const struct sst_image *img, int channel, int y)
+{
+    return img->plane[channel] + (size_t)y * img->stride;
+}
+
+static inline uint8_t *sst_map_u8_row(const struct sst_map_u8 *map, int y)
+{
+    return map->data + (size_t)y * map->stride;
+}
+
+static inline uint16_t *sst_map_u16_row(const struct sst_map_u16 *map, int y)
+{
+    return (uint16_t *)(void *)((uint8_t *)map->data + (size_t)y * map->stride);
+}
+
+static inline float *sst_map_f32_row(const struct sst_map_f32 *map, int y)
+{
+    return (float *)(void *)((uint8_t *)map->data + (size_t)y * map->stride);
+}
+
+SST_EXTERN_C_END
+
+#endif

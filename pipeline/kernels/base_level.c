@@ -1,0 +1,8 @@
+/* The templates for the compiler's default target: what runs on any CPU of the architecture. */
+#include <math.h>
+#include <string.h>
+
+#include "pipeline/kernels/kernels.h"
+
+#define KERNEL(name) name##_base
+#include "pipeline/kernels/templates.h"

@@ -1,0 +1,11 @@
+/* The templates for AVX2 (Haswell, Zen and later). */
+#if defined(__x86_64__)
+#include <math.h>
+#include <string.h>
+
+#include "pipeline/kernels/kernels.h"
+
+#pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c")
+#define KERNEL(name) name##_avx2
+#include "pipeline/kernels/templates.h"
+#endif

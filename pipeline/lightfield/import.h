@@ -1,0 +1,32 @@
+/* pipeline/lightfield/import.h - light fields from and to other tools' folders. */
+#ifndef SST_PIPELINE_LIGHTFIELD_IMPORT_H
+#define SST_PIPELINE_LIGHTFIELD_IMPORT_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+SST_EXTERN_C_BEGIN
+
+struct sst_import_config {
+    const char *format;        /* "stanford", "hci", "folder" */
+    const char *source, *out;  /* folders */
+    int rows, cols;            /* folder: required; the others: 0 takes what the files say, else it must agree */
+    double spacing_px;         /* folder: f * B in px * mm is unknown; kept as provenance, 0: not given */
+    const char *disparity_dir; /* rr_cc.pfm, px per spacing; NULL: none */
+    const char *labels_dir;    /* rr_cc.png, label values; NULL: none */
+    double range_min_px, range_max_px; /* equal: from the source where it says, else unknown */
+    bool force;                /* replace an existing output */
+    int threads;
+};
+
+/**
+ * Make a light-field folder from another format; view files are copied byte for byte.
+ * @return 0, -EINVAL, -ENOENT, -EBADMSG, -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged.
+ */
+SST_MUST_CHECK int sst_import(const struct sst_import_config *cfg);
+
+/** Write a light field in another format ("stanford", "hci"). The same errors. */
+SST_MUST_CHECK int sst_export(const char *format, const char *dir, const char *out, bool force, int threads);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,100 @@
+/* pipeline/lightfield/lightfield.h - a rectified light field in memory and as a folder. */
+#ifndef SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_H
+#define SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_H
+
+#include "base/file.h"
+#include "pipeline/image/image.h"
+#include "pipeline/labels/classes.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_MAX_VIEWS 256
+#define SST_DISP_NONE 0xFFFFu       /* disparity unknown */
+#define SST_DISP_MAX_Q6 0xFFFEu     /* largest stored value */
+#define SST_DISP_SCALE 64.0         /* steps per pixel */
+
+/**
+ * One view. A scene point seen at x in the reference view appears here at x - d * b, b = (bx, by), d its disparity in
+ * pixels per unit spacing.
+ */
+struct sst_view {
+    bool present;           /* false: the grid has a hole here; everything below is empty */
+    double bx, by;          /* offset from the reference view in nominal spacings, right and down positive */
+    char file[256];         /* name inside views/, untouched camera bytes */
+    char sha256[65];        /* of that file, lower-case hex */
+    struct sst_image image; /* empty until loaded */
+    struct sst_map_u16 disp;       /* 1/64 px above disp_min_px, or SST_DISP_NONE; empty: not computed */
+    struct sst_map_u8 label;       /* refined labels; empty: not computed */
+    struct sst_map_u8 confidence;  /* of the disparity; empty: not computed */
+};
+
+struct sst_lightfield {
+    int rows, cols, width, height;
+    int ref_view;        /* row (rows-1)/2, column (cols-1)/2, or the nearest view that is present */
+    double disp_min_px;  /* disparity of stored value 0; may be negative */
+    double range_min_px, range_max_px; /* disparities expected in the scene; equal: unknown */
+    double focal_px;     /* 0: unknown */
+    double spacing_mm;   /* nominal spacing; 0: unknown */
+    struct sst_classes classes;
+    bool labels_given, disparity_given; /* came with the data: processing keeps them */
+    char source[1024];   /* provenance: format and where from */
+    char history[1024];  /* what processing made the derived maps, one line */
+    struct sst_view *views; /* rows * cols */
+};
+
+/** What to load besides lightfield.json. */
+enum sst_lightfield_load {
+    SST_LOAD_IMAGES = 1,
+    SST_LOAD_DISPARITY = 2,
+    SST_LOAD_LABELS = 4,
+    SST_LOAD_CONFIDENCE = 8,
+    SST_LOAD_ALL = 15,
+};
+
+/** Empty light field with the reference view of the grid chosen and unit offsets set; all views absent.
+ *  @return 0, -EINVAL (rows or cols below 1, more than SST_MAX_VIEWS), -ENOMEM. */
+SST_MUST_CHECK int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols);
+void sst_lightfield_fini(struct sst_lightfield *lf);
+
+/**
+ * Read a light-field folder. What `what` names and the folder lacks stays empty, except images, which must be there.
+ * Checks every size, hash-free (see sst_lightfield_verify); decodes on `threads` threads.
+ *
+ * @return 0, -ENOENT, -EBADMSG, -ENOMEM, -EIO; logged.
+ */
+SST_MUST_CHECK int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads);
+
+/** Compare each view's bytes with the hash in lightfield.json. @return 0 or -EBADMSG (logged: which view). */
+SST_MUST_CHECK int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int threads);
+
+/**
+ * Write lightfield.json plus every non-empty disparity, labels and confidence map into `dir`, an open sst_outdir's
+ * temporary folder in which views/ is already filled.
+ */
+SST_MUST_CHECK int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int threads);
+
+/**
+ * Put new derived maps (disparity/, labels/, confidence/) and a new lightfield.json into an existing folder: every file
+ * is written beside the old ones first, then swapped in; a failure leaves the old state.
+ */
+SST_MUST_CHECK int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, int threads);
+
+/** "rr_cc" of a view. */
+void sst_view_name(const struct sst_lightfield *lf, int view, char out[16]);
+
+/** Stored value of a disparity: nearest 1/64 px, SST_DISP_NONE when not finite or outside what can be stored. */
+static inline uint16_t sst_disp_q6(const struct sst_lightfield *lf, double disp_px)
+{
+    const double q = (disp_px - lf->disp_min_px) * SST_DISP_SCALE + 0.5;
+
+    return q >= 0.0 && q < SST_DISP_MAX_Q6 + 1.0 ? (uint16_t)q : (uint16_t)SST_DISP_NONE;
+}
+
+static inline double sst_disp_px(const struct sst_lightfield *lf, uint16_t disp_q6)
+{
+    return lf->disp_min_px + disp_q6 / SST_DISP_SCALE;
+}
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,47 @@
+/* pipeline/network/network.h - run a convolutional network from an ONNX file on oneDNN. */
+#ifndef SST_PIPELINE_NETWORK_NETWORK_H
+#define SST_PIPELINE_NETWORK_NETWORK_H
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+struct sst_network; /* one thread at a time */
+
+/**
+ * Load and check a network. Operators outside the supported set make it fall back to OpenCV's DNN, which is said in a warning.
+ *
+ * @param threads  used by runs; at least 1
+ * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights), -ENOTSUP (neither runner can), -ENOMEM;
+ *         logged in one sentence.
+ */
+SST_MUST_CHECK int sst_network_open(struct sst_network **out, const char *path, int threads);
+void sst_network_close(struct sst_network *net);
+
+/** "onednn" or "opencv". */
+const char *sst_network_runner(const struct sst_network *net);
+
+/** Value of a metadata_props entry of the ONNX file, or NULL. Owner: the network. */
+const char *sst_network_metadata(const struct sst_network *net, const char *key);
+
+/**
+ * Channels of input and output, and the factor by which the output is smaller (1 for per-pixel output).
+ * Input and output are NCHW with N = 1.
+ */
+int sst_network_in_channels(const struct sst_network *net);
+
+/** Shape of the output for an input of width x height; plans memory and primitives for that size on first use. */
+SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int height, int *out_channels,
+                                         int *out_width, int *out_height);
+
+/**
+ * Run once.
+ *
+ * @param in   [in_channels][height][width]
+ * @param out  [out_channels][out_height][out_width] of sst_network_out_shape()
+ */
+SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out);
+
+SST_EXTERN_C_END
+
+#endif

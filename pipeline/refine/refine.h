@@ -1,0 +1,39 @@
+/* pipeline/refine/refine.h - labels for unlabeled rays from their disparity (paper: disparity-guided refinement). */
+#ifndef SST_PIPELINE_REFINE_REFINE_H
+#define SST_PIPELINE_REFINE_REFINE_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+SST_EXTERN_C_BEGIN
+
+struct sst_refine_config {
+    double eps_d;        /* density threshold eps_D, 1/px: a label is a candidate where g_i(D) > eps_d */
+    double matcher_sigma_px; /* noise of the disparities: floor of the fitted spread */
+    int min_pixels;      /* labels with fewer confident pixels (all views together) take no part */
+    double p_normal, p_distance; /* weights p_n, p_d of the energy */
+    double tau;          /* of the normal consistency, in units of summed inner products; > 0 */
+    int normal_window;   /* side of the window that normals are fitted in; odd, at least 21 */
+    int threads;
+};
+
+void sst_refine_config_defaults(struct sst_refine_config *cfg);
+
+/** The normal distribution of one label's disparities (robust, see refine.c). */
+struct sst_label_fit {
+    int64_t count;       /* confident pixels */
+    double mean_px, sigma_px;
+    bool takes_part;
+};
+
+/**
+ * Refine views[].label in place: HCSM in (0 = unlabeled), labels with the gaps filled out. Needs disp of every present view.
+ *
+ * @param fits  out, lf->classes.count entries, or NULL
+ * @return 0, -EINVAL (maps missing), -ENOMEM; logged.  The same bytes for any number of threads.
+ */
+SST_MUST_CHECK int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg,
+                                     struct sst_label_fit *fits);
+
+SST_EXTERN_C_END
+
+#endif

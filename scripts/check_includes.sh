@@ -1,0 +1,20 @@
+#!/usr/bin/env bash
+# Every header compiles alone, as C and as C++, and code depends one way (DESIGN: cli, daemon > drivers, pipeline > base).
+set -u
+cd "$(dirname "$0")/.."
+bad=0
+deny() { # folder, regex of includes it must not have
+  if grep -rnE "^#include \"($2)/" "$1" --include='*.c' --include='*.h' --include='*.cc'; then
+    echo "error: $1 must not include $2" >&2; bad=1
+  fi
+}
+deny base 'config|drivers|pipeline|daemon|cli|simulators'
+deny pipeline 'drivers|daemon|cli|simulators'
+deny drivers 'pipeline|daemon|cli|simulators'
+deny simulators 'daemon|cli|drivers'
+for h in $(git ls-files '*.h'); do
+  case $h in *_tmpl.h|*/templates.h) continue;; esac
+  echo "#include \"$h\"" | gcc -std=c11 -D_DEFAULT_SOURCE -I. -Wall -Werror -fsyntax-only -x c - || bad=1
+  echo "#include \"$h\"" | g++ -std=c++17 -I. -Wall -Werror -fsyntax-only -x c++ - || bad=1
+done
+exit $bad

@@ -1,0 +1,61 @@
+/* simulators/scene/scene.h - procedural scenes with exact disparity, labels and what is behind every occluder. */
+#ifndef SST_SIMULATORS_SCENE_SCENE_H
+#define SST_SIMULATORS_SCENE_SCENE_H
+
+#include "pipeline/image/image.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_SCENE_MAX_OCCLUDERS 4
+
+struct sst_scene_config {
+    int width, height, rows, cols;
+    uint64_t seed;    /* moves and recolours what may vary; the same seed gives the same bytes */
+    double time_s;    /* motion: the pedestrian walks, leaves sway */
+    int threads;
+};
+
+/** One see-through task: hide these objects, focus there. */
+struct sst_scene_occluder {
+    char name[32];
+    int label;             /* of the occluding object */
+    int target_label;      /* of what is behind and in focus */
+    double focus_px;       /* disparity of the target, px per spacing */
+};
+
+struct sst_scene; /* opaque; read-only after create: any number of threads may render */
+
+void sst_scene_config_defaults(struct sst_scene_config *cfg); /* 1000x750, 6x6, seed 1 */
+
+/** Names, NULL-terminated: bush pedestrian transportation cell humvee cd-cases cat. */
+const char *const *sst_scene_names(void);
+
+/** @return 0, -EINVAL (unknown name or absurd size, logged), -ENOMEM. */
+SST_MUST_CHECK int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg);
+void sst_scene_destroy(struct sst_scene *scene);
+
+/** Disparity range over all views: what `sst process` should search. */
+void sst_scene_range(const struct sst_scene *scene, double *min_px, double *max_px);
+double sst_scene_focal_px(const struct sst_scene *scene);
+double sst_scene_spacing_mm(const struct sst_scene *scene);
+
+int sst_scene_occluder_count(const struct sst_scene *scene);
+const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *scene, int index);
+
+/**
+ * Render one view at offset (bx, by) from the reference view.
+ *
+ * @param hidden  bit i set: the objects of occluder i are left out (the truth behind it)
+ * @param image   out, initialised by the caller to the scene's size; or NULL
+ * @param disp    out, px per spacing at the pixel centre; or NULL
+ * @param label   out, default class list; or NULL
+ */
+SST_MUST_CHECK int sst_scene_render(const struct sst_scene *scene, double bx, double by, unsigned hidden,
+                                    struct sst_image *image, struct sst_map_f32 *disp, struct sst_map_u8 *label);
+
+/** Write a whole light-field folder with LF/truth as DESIGN section 9 says. @return as sst_import(). */
+SST_MUST_CHECK int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const char *out, bool force);
+
+SST_EXTERN_C_END
+
+#endif
