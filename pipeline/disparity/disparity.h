@@ -11,17 +11,26 @@ enum sst_cost {
     SST_COST_MCCNN = 1,
 };
 
+/* Largest number of one-pixel steps searched, and of the penalty: with costs up to 255, 8 paths sum to at most
+ * 8 * (255 + 4000) = 34040 < 2^16 (see sgm.c). */
+#define SST_DISPARITY_MAX_STEPS 512
+#define SST_DISPARITY_MAX_PENALTY 4000
+/* Longest support arm: (2 * 7 + 1)^2 * 255 = 57375 < 2^16, so column sums modulo 2^16 are exact. */
+#define SST_SUPPORT_MAX_ARM 7
+
 struct sst_disparity_config {
-    double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most 512 steps of one pixel */
+    double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
     const char *model;      /* ONNX of the MC-CNN features; used with SST_COST_MCCNN */
     int paths;              /* of the semi-global optimisation: 4 or 8 */
-    int p1, p2;             /* smoothness penalties in cost units (0..SST_COST_MAX); 0 < p1 <= p2 */
+    int p1, p2;             /* smoothness penalties in cost units (costs are 0..255); 0 < p1 <= p2 */
+    int edge_step;          /* intensity step (0..255) at which p2 is halved; larger steps weaken it further */
     int support_arm;        /* longest arm of the cross-based support region, px; 0 switches aggregation off */
-    int support_tau;        /* largest intensity step inside an arm, 0..255 */
-    int bilateral_tau;      /* eps_I of the bilateral filter, 0..255; 0 switches it off */
+    int support_tau;        /* largest intensity step inside an arm, 1..255 */
+    int support_before, support_after; /* rounds of aggregation before and after the optimisation */
+    int bilateral_tau;      /* eps_I of the bilateral filter, 1..255; 0 switches it off */
     bool fill;              /* check and fill: the result is dense */
-    bool joint;             /* light fields: horizontal and vertical neighbours share one cost volume */
+    bool joint;             /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
     int scale;              /* 1 full size, 2 half size with the result scaled up */
     int threads;
 };
@@ -29,7 +38,7 @@ struct sst_disparity_config {
 /** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */
 SST_MUST_CHECK int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset);
 
-/** Called now and then with 0..1. */
+/** Called now and then with 0..1, from the calling thread. */
 typedef void sst_progress_fn(void *arg, double done);
 
 /**

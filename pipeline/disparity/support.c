@@ -1,0 +1,103 @@
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/disparity/stage.h"
+#include "pipeline/kernels/kernels.h"
+
+/* Rows of column sums kept: one above the highest arm, the row itself, and the lowest arm below. */
+#define RING (2 * SST_SUPPORT_MAX_ARM + 2)
+
+/* Length of an arm from (x, y): stops at the border, at `arm`, and before a pixel that differs by tau or more. */
+static uint8_t arm_length(const struct sst_map_u8 *luma, int x, int y, int dx, int dy, int arm, int tau)
+{
+    const int centre = sst_map_u8_row(luma, y)[x];
+    int n = 0;
+
+    while (n < arm) {
+        const int i = x + (n + 1) * dx, j = y + (n + 1) * dy;
+
+        if (i < 0 || j < 0 || i >= luma->width || j >= luma->height ||
+            abs(sst_map_u8_row(luma, j)[i] - centre) >= tau)
+            break;
+        n++;
+    }
+    return (uint8_t)n;
+}
+
+int sst_support_init(struct sst_support *s, const struct sst_map_u8 *luma, int arm, int tau)
+{
+    const int w = luma->width, h = luma->height;
+    struct sst_support made = { 0 };
+    int err = sst_map_u8_init(&made.left, w, h);
+
+    err = err ? err : sst_map_u8_init(&made.right, w, h);
+    err = err ? err : sst_map_u8_init(&made.up, w, h);
+    err = err ? err : sst_map_u8_init(&made.down, w, h);
+    err = err ? err : sst_map_u16_init(&made.count, w, h);
+    if (err) {
+        sst_support_fini(&made);
+        return err;
+    }
+    for (int y = 0; y < h; y++) {
+        for (int x = 0; x < w; x++) {
+            sst_map_u8_row(&made.left, y)[x] = arm_length(luma, x, y, -1, 0, arm, tau);
+            sst_map_u8_row(&made.right, y)[x] = arm_length(luma, x, y, 1, 0, arm, tau);
+            sst_map_u8_row(&made.up, y)[x] = arm_length(luma, x, y, 0, -1, arm, tau);
+            sst_map_u8_row(&made.down, y)[x] = arm_length(luma, x, y, 0, 1, arm, tau);
+        }
+    }
+    for (int y = 0; y < h; y++) {
+        for (int x = 0; x < w; x++) {
+            unsigned count = 0;
+
+            for (int j = y - sst_map_u8_row(&made.up, y)[x]; j <= y + sst_map_u8_row(&made.down, y)[x]; j++)
+                count += 1u + sst_map_u8_row(&made.left, j)[x] + sst_map_u8_row(&made.right, j)[x];
+            sst_map_u16_row(&made.count, y)[x] = (uint16_t)count;
+        }
+    }
+    *s = made;
+    return 0;
+}
+
+void sst_support_fini(struct sst_support *s)
+{
+    sst_map_u8_fini(&s->left);
+    sst_map_u8_fini(&s->right);
+    sst_map_u8_fini(&s->up);
+    sst_map_u8_fini(&s->down);
+    sst_map_u16_fini(&s->count);
+}
+
+int sst_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+    const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
+    const int arm = SST_SUPPORT_MAX_ARM;
+    uint16_t *ring = rounds ? sst_mem_alloc_raw(RING * row_cells, sizeof(uint16_t)) : NULL;
+    uint16_t *prefix = rounds ? sst_mem_alloc_raw((n + 1) * nd, sizeof(uint16_t)) : NULL;
+    int err = 0;
+
+    if (rounds && (!ring || !prefix))
+        err = -ENOMEM;
+    for (int round = 0; !err && round < rounds; round++) {
+        memset(ring + (RING - 1) * row_cells, 0, row_cells * sizeof(*ring)); /* the row above the first */
+        for (int next = 0, y = 0; y < v->height; y++) {
+            const uint16_t *rows[RING], *const *at = rows + arm + 1;
+
+            for (; next < v->height && next <= y + arm; next++)
+                k->support_sum_row(ring + (size_t)(next % RING) * row_cells,
+                                   ring + (size_t)((next + RING - 1) % RING) * row_cells, prefix,
+                                   v->cost + (size_t)next * row_cells, sst_map_u8_row(&s->left, next),
+                                   sst_map_u8_row(&s->right, next), n, nd);
+            for (int j = -arm - 1; j <= arm; j++)
+                rows[j + arm + 1] = ring + (size_t)((y + j + 2 * RING) % RING) * row_cells;
+            k->support_mean_row(v->cost + (size_t)y * row_cells, at, sst_map_u8_row(&s->up, y),
+                                sst_map_u8_row(&s->down, y), sst_map_u16_row(&s->count, y), n, nd);
+        }
+    }
+    sst_mem_free(ring);
+    sst_mem_free(prefix);
+    return err;
+}
