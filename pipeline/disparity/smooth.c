@@ -44,50 +44,62 @@ int sst_median5(struct sst_map_u16 *map)
     return 0;
 }
 
+/* Copy row y of the map and luma into padded rows; columns and rows outside take no part. */
+static void pad_rows(uint16_t *disp, uint8_t *luma_row, const struct sst_map_u16 *map, const struct sst_map_u8 *luma, int y)
+{
+    const size_t w = (size_t)map->width;
+
+    memset(disp, 0xFF, (w + 2 * MARGIN) * sizeof(*disp));
+    memset(luma_row, 0, w + 2 * MARGIN);
+    if (y < 0 || y >= map->height)
+        return;
+    memcpy(disp + MARGIN, sst_map_u16_row(map, y), w * sizeof(*disp));
+    memcpy(luma_row + MARGIN, sst_map_u8_row(luma, y), w);
+}
+
 int sst_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau)
 {
     enum { R = BILATERAL_RADIUS, SIDE = 2 * R + 1 };
-    int weight[SIDE][SIDE];
-    struct sst_map_u16 in = { 0 };
-    int err;
+    const struct sst_kernels *k = sst_kernels_get();
+    const size_t w = (size_t)map->width, padded = w + 2 * MARGIN;
+    int16_t weight[SIDE * SIDE];
+    uint16_t *disp_ring;
+    uint8_t *luma_ring;
 
     if (tau <= 0)
         return 0;
-    err = sst_map_u16_init(&in, map->width, map->height);
-    if (err)
-        return err;
-    memcpy(in.data, map->data, map->stride * (size_t)map->height);
+    disp_ring = sst_mem_alloc_raw(SIDE * padded, sizeof(uint16_t));
+    luma_ring = sst_mem_alloc_raw(SIDE * padded, 1);
+    if (!disp_ring || !luma_ring) {
+        sst_mem_free(disp_ring);
+        sst_mem_free(luma_ring);
+        return -ENOMEM;
+    }
     /* Integer weights (peak 4096) make the sums exact: the same bytes everywhere. */
-    for (int j = -R; j <= R; j++) {
-        for (int i = -R; i <= R; i++)
-            weight[j + R][i + R] = (int)floor(4096.0 * exp(-0.5 * (i * i + j * j)) + 0.5);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const int dx = i % SIDE - R, dy = i / SIDE - R;
+
+        weight[i] = (int16_t)floor(4096.0 * exp(-0.5 * (dx * dx + dy * dy)) + 0.5);
     }
-    for (int y = 0; y < map->height; y++) {
-        const uint8_t *centre_row = sst_map_u8_row(luma, y);
+    for (int y = 0, next = -R; y < map->height; y++) {
+        const uint16_t *disp[SIDE];
+        const uint8_t *luma_rows[SIDE];
 
-        for (int x = 0; x < map->width; x++) {
-            const int centre = sst_map_u16_row(&in, y)[x];
-            int64_t sum = 0, total = 0;
+        for (; next <= y + R; next++) {
+            const size_t slot = (size_t)((next + SIDE) % SIDE) * padded;
 
-            if (centre == (int)SST_DISP_NONE)
-                continue;
-            for (int j = sst_max_int(y - R, 0); j <= sst_min_int(y + R, map->height - 1); j++) {
-                const uint16_t *d = sst_map_u16_row(&in, j);
-                const uint8_t *l = sst_map_u8_row(luma, j);
-
-                for (int i = sst_max_int(x - R, 0); i <= sst_min_int(x + R, map->width - 1); i++) {
-                    const int w = weight[j - y + R][i - x + R];
-
-                    if (abs(d[i] - centre) > SST_BILATERAL_STEP_Q6 || abs(l[i] - centre_row[x]) >= tau)
-                        continue;
-                    sum += (int64_t)w * d[i];
-                    total += w;
-                }
-            }
-            sst_map_u16_row(map, y)[x] = (uint16_t)((sum + total / 2) / total);
+            pad_rows(disp_ring + slot, luma_ring + slot, map, luma, next);
         }
+        for (int j = 0; j < SIDE; j++) {
+            const size_t slot = (size_t)((y + j - R + SIDE) % SIDE) * padded + MARGIN;
+
+            disp[j] = disp_ring + slot;
+            luma_rows[j] = luma_ring + slot;
+        }
+        k->bilateral_row(sst_map_u16_row(map, y), disp, luma_rows, weight, tau, w);
     }
-    sst_map_u16_fini(&in);
+    sst_mem_free(disp_ring);
+    sst_mem_free(luma_ring);
     return 0;
 }
 

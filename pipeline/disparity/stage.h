@@ -3,6 +3,7 @@
 #define SST_PIPELINE_DISPARITY_STAGE_H
 
 #include "pipeline/disparity/disparity.h"
+#include "pipeline/kernels/kernels.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -101,7 +102,6 @@ SST_MUST_CHECK int sst_median5(struct sst_map_u16 *map);
  * averaging across a depth edge would put pixels where nothing is.
  */
 SST_MUST_CHECK int sst_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
-#define SST_BILATERAL_STEP_Q6 96
 
 /** Fuse two maps of a view by confidence: agreement within 1 px averages, else the surer one wins, ties to the first. */
 void sst_fuse(struct sst_map_u16 *disp, struct sst_map_u8 *confidence, const struct sst_map_u16 *other_disp,

@@ -1,5 +1,4 @@
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/mem.h"
@@ -9,21 +8,32 @@
 /* Rows of column sums kept: one above the highest arm, the row itself, and the lowest arm below. */
 #define RING (2 * SST_SUPPORT_MAX_ARM + 2)
 
-/* Length of an arm from (x, y): stops at the border, at `arm`, and before a pixel that differs by tau or more. */
-static uint8_t arm_length(const struct sst_map_u8 *luma, int x, int y, int dx, int dy, int arm, int tau)
+/*
+ * Arm lengths of one row towards (dx, dy): an arm stops at the border, at `arm`, and before a pixel that differs by tau or
+ * more. Step by step over the whole row, so that compilers vectorise it.
+ */
+static void arm_row(uint8_t *length, uint8_t *alive, const struct sst_map_u8 *luma, int y, int dx, int dy, int arm, int tau)
 {
-    const int centre = sst_map_u8_row(luma, y)[x];
-    int n = 0;
+    const uint8_t *here = sst_map_u8_row(luma, y);
+    const int w = luma->width;
 
-    while (n < arm) {
-        const int i = x + (n + 1) * dx, j = y + (n + 1) * dy;
+    memset(length, 0, (size_t)w);
+    memset(alive, 1, (size_t)w);
+    for (int step = 1; step <= arm; step++) {
+        const int j = y + step * dy, x0 = sst_max_int(0, -step * dx), x1 = sst_min_int(w, w - step * dx);
+        const uint8_t *there;
 
-        if (i < 0 || j < 0 || i >= luma->width || j >= luma->height ||
-            abs(sst_map_u8_row(luma, j)[i] - centre) >= tau)
-            break;
-        n++;
+        if (j < 0 || j >= luma->height || x1 <= x0)
+            return;
+        there = sst_map_u8_row(luma, j) + step * dx;
+        for (int x = x0; x < x1; x++) {
+            const uint8_t a = here[x], b = there[x];
+            const uint8_t difference = (uint8_t)(a > b ? a - b : b - a);
+
+            alive[x] = (uint8_t)(difference < tau ? alive[x] : 0);
+            length[x] = (uint8_t)(length[x] + alive[x]);
+        }
     }
-    return (uint8_t)n;
 }
 
 int sst_support_init(struct sst_support *s, const struct sst_map_u8 *luma, int arm, int tau)
@@ -41,12 +51,12 @@ int sst_support_init(struct sst_support *s, const struct sst_map_u8 *luma, int a
         return err;
     }
     for (int y = 0; y < h; y++) {
-        for (int x = 0; x < w; x++) {
-            sst_map_u8_row(&made.left, y)[x] = arm_length(luma, x, y, -1, 0, arm, tau);
-            sst_map_u8_row(&made.right, y)[x] = arm_length(luma, x, y, 1, 0, arm, tau);
-            sst_map_u8_row(&made.up, y)[x] = arm_length(luma, x, y, 0, -1, arm, tau);
-            sst_map_u8_row(&made.down, y)[x] = arm_length(luma, x, y, 0, 1, arm, tau);
-        }
+        uint8_t *alive = (uint8_t *)sst_map_u16_row(&made.count, y); /* scratch until the counts are made */
+
+        arm_row(sst_map_u8_row(&made.left, y), alive, luma, y, -1, 0, arm, tau);
+        arm_row(sst_map_u8_row(&made.right, y), alive, luma, y, 1, 0, arm, tau);
+        arm_row(sst_map_u8_row(&made.up, y), alive, luma, y, 0, -1, arm, tau);
+        arm_row(sst_map_u8_row(&made.down, y), alive, luma, y, 0, 1, arm, tau);
     }
     for (int y = 0; y < h; y++) {
         for (int x = 0; x < w; x++) {

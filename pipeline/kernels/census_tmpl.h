@@ -3,9 +3,10 @@ static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows
 {
     enum { BLOCK = 64 };
     uint32_t hi[BLOCK], lo[BLOCK];
+    const uint8_t *rest[7];
+    size_t start = 0;
 
-    for (size_t start = 0; start < n; start += BLOCK) {
-        const size_t m = n - start < BLOCK ? n - start : BLOCK;
+    for (; n - start >= BLOCK; start += BLOCK) {
         const uint8_t *centre = rows[3] + start;
 
         memset(hi, 0, sizeof(hi));
@@ -13,18 +14,21 @@ static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows
         for (int k = 0; k < 31; k++) {
             const uint8_t *p = rows[k / 9] + start + k % 9 - 4;
 
-            for (size_t x = 0; x < m; x++)
+            for (int x = 0; x < BLOCK; x++)
                 hi[x] = hi[x] << 1 | (uint32_t)(p[x] < centre[x]);
         }
         for (int k = 32; k < 63; k++) {
             const uint8_t *p = rows[k / 9] + start + k % 9 - 4;
 
-            for (size_t x = 0; x < m; x++)
+            for (int x = 0; x < BLOCK; x++)
                 lo[x] = lo[x] << 1 | (uint32_t)(p[x] < centre[x]);
         }
-        for (size_t x = 0; x < m; x++)
-            out[start + x] = (uint64_t)hi[x] << 31 | lo[x];
+        for (int x = 0; x < BLOCK; x++)
+            out[start + (size_t)x] = (uint64_t)hi[x] << 31 | lo[x];
     }
+    for (int j = 0; j < 7; j++)
+        rest[j] = rows[j] + start;
+    sst_census_row_ref(out + start, rest, n - start);
 }
 
 static void KERNEL(hamming_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b, size_t n)

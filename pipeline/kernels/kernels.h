@@ -29,7 +29,8 @@ enum sst_cpu_level {
     X(sgm_across_row)                                                                                                  \
     X(sgm_along_row)                                                                                                   \
     X(winner_row)                                                                                                      \
-    X(median5_row)
+    X(median5_row)                                                                                                     \
+    X(bilateral_row)
 
 /* --- disparity (pipeline/disparity/) --- */
 
@@ -104,6 +105,17 @@ typedef void sst_winner_row_fn(uint16_t *best, uint16_t *second, const uint16_t 
 
 /** Median of 5x5: rows[0..4] are y-2 .. y+2, each readable from -2 to n+1. */
 typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], size_t n);
+
+/**
+ * Bilateral filter over 7x7 (see sst_bilateral()): the mean of those disparities within SST_BILATERAL_STEP_Q6 of the centre's
+ * whose luma differs by less than tau, weighted. Means are exact quotients of integers below 2^24, rounded half up.
+ *
+ * @param disp, luma  rows y-3 .. y+3, each readable from -3 to n+2; a disparity of 65535 takes no part and stays
+ * @param weight      [49], 0..4096 each with a sum below 2^15, weight[24] > 0
+ */
+typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], const uint8_t *const luma[7],
+                                  const int16_t *weight, int tau, size_t n);
+#define SST_BILATERAL_STEP_Q6 96
 
 struct sst_kernels {
 #define X(name) sst_##name##_fn *name;

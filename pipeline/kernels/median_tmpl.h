@@ -6,16 +6,16 @@ static void KERNEL(median5_row)(uint16_t *restrict out, const uint16_t *const ro
 {
     enum { BLOCK = 32 };
     uint16_t v[14][BLOCK];
+    const uint16_t *rest[5];
+    size_t start = 0;
 
-    for (size_t start = 0; start < n; start += BLOCK) {
-        const size_t m = n - start < BLOCK ? n - start : BLOCK;
-
+    for (; n - start >= BLOCK; start += BLOCK) {
         for (int k = 0; k < 14; k++)
-            memcpy(v[k], rows[k / 5] + start + k % 5 - 2, m * sizeof(uint16_t));
+            memcpy(v[k], rows[k / 5] + start + k % 5 - 2, sizeof(v[k]));
         for (int size = 14, next = 14; size > 2; size--, next++) {
             /* Least to v[0], greatest to v[size - 1]. */
             for (int k = 1; k < size; k++) {
-                for (size_t x = 0; x < BLOCK; x++) {
+                for (int x = 0; x < BLOCK; x++) {
                     const uint16_t a = v[0][x], b = v[k][x];
 
                     v[0][x] = a < b ? a : b;
@@ -23,18 +23,18 @@ static void KERNEL(median5_row)(uint16_t *restrict out, const uint16_t *const ro
                 }
             }
             for (int k = 1; k < size - 1; k++) {
-                for (size_t x = 0; x < BLOCK; x++) {
+                for (int x = 0; x < BLOCK; x++) {
                     const uint16_t a = v[k][x], b = v[size - 1][x];
 
                     v[k][x] = a < b ? a : b;
                     v[size - 1][x] = a < b ? b : a;
                 }
             }
-            if (next < 25)
-                memcpy(v[0], rows[next / 5] + start + next % 5 - 2, m * sizeof(uint16_t));
-            else
-                memcpy(v[0], v[1], sizeof(v[0]));
+            memcpy(v[0], next < 25 ? rows[next / 5] + start + next % 5 - 2 : v[1], sizeof(v[0]));
         }
-        memcpy(out + start, v[0], m * sizeof(uint16_t));
+        memcpy(out + start, v[0], sizeof(v[0]));
     }
+    for (int j = 0; j < 5; j++)
+        rest[j] = rows[j] + start;
+    sst_median5_row_ref(out + start, rest, n - start);
 }

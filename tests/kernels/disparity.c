@@ -251,6 +251,36 @@ static void winner_and_median(void **state SST_UNUSED)
     sst_mem_free(sum);
 }
 
+static void bilateral(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+    uint16_t *disp = random_bytes(7 * 150 * 2);
+    uint8_t *luma = random_bytes(7 * 150);
+    int16_t weight[49];
+
+    for (int i = 0; i < 7 * 150; i++)
+        disp[i] = (uint16_t)(i % 31 == 0 ? 65535 : 1000 + disp[i] % 200);
+    for (int i = 0; i < 49; i++)
+        weight[i] = (int16_t)(i == 24 ? 4096 : next_random() % 600);
+    for (size_t n = 1; n < 130; n++) {
+        const uint16_t *d[7];
+        const uint8_t *l[7];
+        uint16_t want[140], got[140];
+
+        for (size_t j = 0; j < 7; j++) {
+            d[j] = disp + j * 150 + 4;
+            l[j] = luma + j * 150 + 4;
+        }
+        sst_bilateral_row_ref(want, d, l, weight, 100, n);
+        FOR_EACH_LEVEL(k, level) {
+            k.bilateral_row(got, d, l, weight, 100, n);
+            same(got, want, n * 2, "bilateral_row", level, n);
+        }
+    }
+    sst_mem_free(disp);
+    sst_mem_free(luma);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -263,6 +293,7 @@ int main(void)
         cmocka_unit_test(sgm),
         cmocka_unit_test(sgm_of_known_pixels),
         cmocka_unit_test(winner_and_median),
+        cmocka_unit_test(bilateral),
     };
 
     for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
