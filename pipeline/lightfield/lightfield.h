@@ -93,7 +93,9 @@ static inline uint16_t sst_disp_q6(const struct sst_lightfield *lf, double disp_
 {
     const double q = (disp_px - lf->disp_min_px) * SST_DISP_SCALE + 0.5;
 
-    return q >= 0.0 && q < SST_DISP_MAX_Q6 + 1.0 ? (uint16_t)q : (uint16_t)SST_DISP_NONE;
+    if (q >= 0.0 && q < SST_DISP_MAX_Q6 + 1.0)
+        return (uint16_t)q;
+    return SST_DISP_NONE;
 }
 
 static inline double sst_disp_px(const struct sst_lightfield *lf, uint16_t disp_q6)
