@@ -1,4 +1,23 @@
-/* One neighbour at a time over a block of pixels; a neighbour that does not count gets weight 0. */
+/* One neighbour at a time over a block of pixels; a neighbour that does not count gets weight 0. Not inlined:
+ * inside the caller compilers forget that nothing overlaps and take the scalar path. */
+static SST_NOINLINE void KERNEL(bilateral_tap)(int32_t *restrict sum, int32_t *restrict total,
+                                               const uint16_t *restrict d, const uint8_t *restrict l,
+                                               const uint16_t *restrict centre, const uint8_t *restrict level,
+                                               int32_t w, int32_t tau)
+{
+    for (int x = 0; x < 64; x++) {
+        const int32_t step = (int32_t)d[x] - (int32_t)centre[x], contrast = (int32_t)l[x] - (int32_t)level[x];
+        int32_t counted = w;
+
+        counted = step > SST_BILATERAL_STEP_Q6 ? 0 : counted;
+        counted = step < -SST_BILATERAL_STEP_Q6 ? 0 : counted;
+        counted = contrast >= tau ? 0 : counted;
+        counted = contrast <= -tau ? 0 : counted;
+        sum[x] += counted * step;
+        total[x] += counted;
+    }
+}
+
 static void KERNEL(bilateral_row)(uint16_t *restrict out, const uint16_t *const disp[7], const uint8_t *const luma[7],
                                   const int16_t *weight, int tau, size_t n)
 {
@@ -17,16 +36,8 @@ static void KERNEL(bilateral_row)(uint16_t *restrict out, const uint16_t *const 
         for (int k = 0; k < 49; k++) {
             const uint16_t *d = disp[k / 7] + start + k % 7 - 3;
             const uint8_t *l = luma[k / 7] + start + k % 7 - 3;
-            const int32_t w = weight[k];
 
-            for (int x = 0; x < BLOCK; x++) {
-                const int32_t step = d[x] - centre[x], contrast = l[x] - level[x];
-                const int32_t far = step < 0 ? -step : step, edge = contrast < 0 ? -contrast : contrast;
-                const int32_t counted = (far <= SST_BILATERAL_STEP_Q6) & (edge < tau) ? w : 0;
-
-                sum[x] += counted * step;
-                total[x] += counted;
-            }
+            KERNEL(bilateral_tap)(sum, total, d, l, centre, level, weight[k], tau);
         }
         for (int x = 0; x < BLOCK; x++) {
             const int32_t mean = (int32_t)((float)sum[x] / (float)total[x] + 128.5f);
