@@ -128,11 +128,20 @@ done:
     return err;
 }
 
-int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, struct sst_network *net)
+int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale, struct sst_network *net)
 {
-    struct sst_descriptor made = { .width = img->width, .height = img->height };
-    int err = sst_luma(&made.luma, img);
+    struct sst_descriptor made = { .image = *img };
+    int err = 0;
 
+    if (scale == 2) {
+        err = sst_image_halve(&made.image, img);
+        if (err)
+            return err;
+        made.image_owned = true;
+    }
+    made.width = made.image.width;
+    made.height = made.image.height;
+    err = sst_luma(&made.luma, &made.image);
     if (!err)
         err = net ? make_features(&made, net) : make_census(&made);
     if (err) {
@@ -145,6 +154,8 @@ int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img
 
 void sst_descriptor_fini(struct sst_descriptor *desc)
 {
+    if (desc->image_owned)
+        sst_image_fini(&desc->image);
     sst_map_u8_fini(&desc->luma);
     sst_mem_free(desc->census);
     sst_mem_free(desc->features);

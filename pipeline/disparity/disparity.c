@@ -61,49 +61,15 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     return 0;
 }
 
-/* Mean of 2x2 pixels; a last odd column or row is repeated. */
-static int halve(struct sst_image *out, const struct sst_image *in)
-{
-    const int err = sst_image_init(out, (in->width + 1) / 2, (in->height + 1) / 2);
-
-    if (err)
-        return err;
-    for (int c = 0; c < 3; c++) {
-        for (int y = 0; y < out->height; y++) {
-            const uint8_t *a = sst_image_row(in, c, 2 * y), *b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
-            uint8_t *o = sst_image_row(out, c, y);
-
-            for (int x = 0; x < out->width; x++) {
-                const int x1 = sst_min_int(2 * x + 1, in->width - 1);
-
-                o[x] = (uint8_t)((a[2 * x] + a[x1] + b[2 * x] + b[x1] + 2) >> 2);
-            }
-        }
-    }
-    return 0;
-}
-
-static int describe(struct run *run, int view)
-{
-    const struct sst_image *img = &run->lf->views[view].image;
-    struct sst_image half = { 0 };
-    int err = 0;
-
-    if (run->desc[view].luma.data || !run->lf->views[view].present)
-        return 0;
-    if (run->scale == 2)
-        err = halve(&half, img);
-    if (!err)
-        err = sst_descriptor_init(&run->desc[view], run->scale == 2 ? &half : img, run->net);
-    sst_image_fini(&half);
-    return err;
-}
-
 static int describe_job(void *arg, int index, int worker SST_UNUSED)
 {
     struct run *run = arg;
+    const int view = run->first_view + index;
+    const struct sst_view *v = &run->lf->views[view];
 
-    return describe(run, run->first_view + index);
+    if (run->desc[view].luma.data || !v->present)
+        return 0;
+    return sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->net);
 }
 
 /* View at (row + dr, col + dc), or -1. */
@@ -116,7 +82,9 @@ static int view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
     return row * lf->cols + col;
 }
 
-static const int sides[4][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 } }; /* left, right, up, down: (dr, dc) */
+/* (dr, dc): left, right, up, down; the diagonals; two steps left, right, up, down. */
+static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 },  { -1, 0 }, { 1, 0 },  { -1, -1 }, { -1, 1 },
+                                                  { 1, -1 }, { 1, 1 },  { 0, -2 }, { 0, 2 },  { -2, 0 },  { 2, 0 } };
 
 /* Match one view against the neighbours of the sides in first..last into disp and confidence. */
 static int match_sides(struct run *run, struct sst_volume *v, int view, int first, int last,
@@ -138,7 +106,7 @@ static int match_sides(struct run *run, struct sst_volume *v, int view, int firs
         return -ENODATA;
     sst_volume_fill(v, &run->desc[view], neighbours, count);
     err = sst_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
-    err = err ? err : sst_sgm(v, &run->desc[view].luma, cfg);
+    err = err ? err : sst_sgm(v, &run->desc[view].image, cfg);
     if (!err && cfg->support_arm && cfg->support_after) {
         sst_volume_requantise(v);
         err = sst_support_aggregate(v, support, cfg->support_after);
@@ -183,9 +151,9 @@ static int match_job(void *arg, int index, int worker)
     err = sst_map_u16_init(&run->disp[view], run->width, run->height);
     err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
     if (!err && run->cfg->support_arm)
-        err = sst_support_init(&support, &run->desc[view].luma, run->cfg->support_arm, run->cfg->support_tau);
+        err = sst_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
     if (!err)
-        err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, 3, &support, &run->disp[view],
+        err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support, &run->disp[view],
                                             &run->confidence[view])
                               : match_apart(run, &run->volumes[worker], view, &support);
     sst_support_fini(&support);
@@ -203,16 +171,14 @@ static int checked_views(const struct run *run, int view, struct sst_checked_vie
     const struct sst_lightfield *lf = run->lf;
     int count = 0;
 
-    for (int step = 1; step <= 2; step++) {
-        for (int s = 0; s < 4; s++) {
-            const int n = view_at(lf, view, step * sides[s][0], step * sides[s][1]);
+    for (int s = 0; s < SST_MAX_NEIGHBOURS; s++) {
+        const int n = view_at(lf, view, sides[s][0], sides[s][1]);
 
-            if (n >= 0)
-                out[count++] = (struct sst_checked_view){ &run->disp[n], &run->status[n],
-                                                          lf->views[n].bx - lf->views[view].bx,
-                                                          lf->views[n].by - lf->views[view].by };
-        }
-        if (step == 1)
+        if (n >= 0)
+            out[count++] = (struct sst_checked_view){ &run->disp[n], &run->status[n],
+                                                      lf->views[n].bx - lf->views[view].bx,
+                                                      lf->views[n].by - lf->views[view].by };
+        if (s == 7)
             *near = count;
     }
     return count;
@@ -221,7 +187,7 @@ static int checked_views(const struct run *run, int view, struct sst_checked_vie
 static int check_job(void *arg, int view, int worker SST_UNUSED)
 {
     struct run *run = arg;
-    struct sst_checked_view views[8];
+    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
     int near, count, err;
 
     if (!run->lf->views[view].present)
@@ -237,7 +203,7 @@ static int fill_job(void *arg, int view, int worker SST_UNUSED)
 {
     struct run *run = arg;
     struct sst_map_u16 scratch = { 0 }, *out = &run->filled[view];
-    struct sst_checked_view views[8];
+    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
     int near, count, err;
 
     if (!run->lf->views[view].present)
@@ -248,7 +214,7 @@ static int fill_job(void *arg, int view, int worker SST_UNUSED)
     if (!err) {
         memcpy(out->data, run->disp[view].data, out->stride * (size_t)out->height);
         sst_fill_views(out, &run->status[view], run->disp_min, views, count, near, &scratch);
-        err = sst_median5(out);
+        err = 0;
     }
     sst_map_u16_fini(&scratch);
     return err;
@@ -294,15 +260,15 @@ static int match_all(struct run *run, int threads, sst_progress_fn *progress, vo
     int err = 0;
 
     for (int row = 0; !err && row < lf->rows; row++) {
-        for (int r = row; !err && r <= sst_min_int(row + 1, lf->rows - 1); r++) {
+        for (int r = row; !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
             run->first_view = r * lf->cols;
             /* The network uses the threads itself and serves one view at a time. */
             err = sst_parallel_for(lf->cols, run->net ? 1 : threads, describe_job, run);
         }
         run->first_view = row * lf->cols;
         err = err ? err : sst_parallel_for(lf->cols, threads, match_job, run);
-        for (int col = 0; row > 0 && col < lf->cols; col++)
-            sst_descriptor_fini(&run->desc[(row - 1) * lf->cols + col]);
+        for (int col = 0; row > 1 && col < lf->cols; col++)
+            sst_descriptor_fini(&run->desc[(row - 2) * lf->cols + col]);
         if (progress)
             progress(progress_arg, 0.9 * (row + 1) / lf->rows);
     }

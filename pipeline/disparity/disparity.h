@@ -31,6 +31,7 @@ struct sst_disparity_config {
     int bilateral_tau;      /* eps_I of the bilateral filter, 1..255; 0 switches it off */
     bool fill;              /* check and fill: the result is dense */
     bool joint;             /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
+    int neighbours;         /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
     int scale;              /* 1 full size, 2 half size with the result scaled up */
     int threads;
 };
@@ -47,6 +48,13 @@ typedef void sst_progress_fn(void *arg, double done);
  */
 SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
                                             sst_progress_fn *progress, void *progress_arg);
+
+/**
+ * The range of disparities in a light field, from a coarse match of the reference view with its neighbours (images of those
+ * must be loaded): the bulk of the confident pixels plus a margin.
+ * @return 0, -ENODATA (no texture to tell it from; logged), -ENOMEM
+ */
+SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *min_px, double *max_px);
 
 /**
  * Disparity of the left image of a rectified pair: left(x) matches right(x - d). Unknown is +inf.

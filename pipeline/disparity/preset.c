@@ -10,16 +10,16 @@ static const struct {
     struct sst_disparity_config cfg;
 } presets[] = {
     { "preview",
-      { .disp_max_px = 127, .cost = SST_COST_CENSUS, .paths = 4, .p1 = 28, .p2 = 160, .edge_step = 24,
-        .fill = true, .joint = true, .scale = 2 } },
+      { .disp_max_px = 127, .cost = SST_COST_CENSUS, .paths = 4, .p1 = 14, .p2 = 90, .edge_step = 24,
+        .fill = true, .joint = true, .neighbours = 12, .scale = 2 } },
     { "balanced",
-      { .disp_max_px = 127, .cost = SST_COST_CENSUS, .paths = 4, .p1 = 28, .p2 = 160, .edge_step = 24,
-        .support_arm = 5, .support_tau = 11, .support_before = 1, .bilateral_tau = 8,
-        .fill = true, .joint = true, .scale = 1 } },
+      { .disp_max_px = 127, .cost = SST_COST_CENSUS, .paths = 4, .p1 = 14, .p2 = 90, .edge_step = 24,
+        .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8,
+        .fill = true, .joint = true, .neighbours = 12, .scale = 1 } },
     { "accurate",
       { .disp_max_px = 127, .cost = SST_COST_MCCNN, .paths = 8, .p1 = 16, .p2 = 128, .edge_step = 24,
-        .support_arm = 5, .support_tau = 11, .support_before = 2, .support_after = 1, .bilateral_tau = 8,
-        .fill = true, .joint = true, .scale = 1 } },
+        .support_arm = 5, .support_tau = 18, .support_before = 2, .support_after = 1, .bilateral_tau = 8,
+        .fill = true, .joint = true, .neighbours = 12, .scale = 1 } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)

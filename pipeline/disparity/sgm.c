@@ -1,6 +1,5 @@
 #include <assert.h>
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/mem.h"
@@ -17,7 +16,7 @@ static_assert(SST_SGM_FAR > SST_COST_MAX + SST_DISPARITY_MAX_PENALTY, "the outsi
 struct paths {
     uint16_t *now[3], *last[3], *line;
     uint8_t *penalty;
-    uint16_t p1[256], p2[256]; /* by intensity step */
+    uint16_t p1[256], p2[256]; /* by colour step */
 };
 
 static void set_penalties(struct paths *p, const struct sst_disparity_config *cfg)
@@ -30,20 +29,18 @@ static void set_penalties(struct paths *p, const struct sst_disparity_config *cf
     }
 }
 
-/* Intensity step from the predecessor (x + dx, y + dy) into (x, y); 0 where that is outside. */
-static void penalty_row(uint8_t *out, const struct sst_map_u8 *luma, int y, int dx, int dy)
+/* Colour step from the predecessor (x + dx, y + dy) into (x, y); 0 where that is outside. */
+static void penalty_row(uint8_t *out, const struct sst_image *img, int y, int dx, int dy)
 {
-    const uint8_t *here = sst_map_u8_row(luma, y);
+    const int x0 = sst_max_int(0, -dx), x1 = sst_min_int(img->width, img->width - dx);
 
-    memset(out, 0, (size_t)luma->width);
-    if (y + dy < 0 || y + dy >= luma->height)
-        return;
-    for (int x = sst_max_int(0, -dx); x < sst_min_int(luma->width, luma->width - dx); x++)
-        out[x] = (uint8_t)abs(here[x] - sst_map_u8_row(luma, y + dy)[x + dx]);
+    memset(out, 0, (size_t)img->width);
+    if (y + dy >= 0 && y + dy < img->height && x1 > x0)
+        sst_colour_step_row(out + x0, img, y, x0, y + dy, x0 + dx, x1 - x0);
 }
 
 /* All paths that come from above (dir 1, rows top down) or below (dir -1, rows bottom up), and one along the row. */
-static void sweep(struct sst_volume *v, const struct sst_map_u8 *luma, int slants, int dir, struct paths *p)
+static void sweep(struct sst_volume *v, const struct sst_image *img, int slants, int dir, struct paths *p)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
@@ -59,13 +56,13 @@ static void sweep(struct sst_volume *v, const struct sst_map_u8 *luma, int slant
         uint16_t *sum = v->sum + (size_t)y * row_cells;
         const uint8_t *cost = v->cost + (size_t)y * row_cells;
 
-        penalty_row(p->penalty, luma, y, -dir, 0);
+        penalty_row(p->penalty, img, y, -dir, 0);
         k->sgm_along_row(p->line, sum, cost, p->penalty, p->p1, p->p2, dir, dir > 0, n, nd);
         for (int s = 0; s < slants; s++) {
             const int dx = slants == 1 ? 0 : s - 1;
             uint16_t *swap = p->last[s];
 
-            penalty_row(p->penalty, luma, y, dx, -dir);
+            penalty_row(p->penalty, img, y, dx, -dir);
             k->sgm_across_row(p->now[s], p->last[s], sum, cost, p->penalty, p->p1, p->p2, dx, 0, n, nd);
             p->last[s] = p->now[s];
             p->now[s] = swap;
@@ -73,7 +70,7 @@ static void sweep(struct sst_volume *v, const struct sst_map_u8 *luma, int slant
     }
 }
 
-int sst_sgm(struct sst_volume *v, const struct sst_map_u8 *luma, const struct sst_disparity_config *cfg)
+int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg)
 {
     const size_t line = ((size_t)v->width + 2) * (v->steps_padded + 2 * SST_SGM_PAD);
     const int slants = cfg->paths == 8 ? 3 : 1;
@@ -92,8 +89,8 @@ int sst_sgm(struct sst_volume *v, const struct sst_map_u8 *luma, const struct ss
     }
     p.line = rows + (size_t)(2 * slants) * line;
     set_penalties(&p, cfg);
-    sweep(v, luma, slants, 1, &p);
-    sweep(v, luma, slants, -1, &p);
+    sweep(v, img, slants, 1, &p);
+    sweep(v, img, slants, -1, &p);
     sst_mem_free(rows);
     sst_mem_free(p.penalty);
     return 0;

@@ -10,6 +10,8 @@ SST_EXTERN_C_BEGIN
 /** What matching needs of one view. Owner: whoever made it, with sst_descriptor_fini(). */
 struct sst_descriptor {
     int width, height;
+    struct sst_image image;    /* borrowed, or half size and owned */
+    bool image_owned;
     struct sst_map_u8 luma;    /* BT.601 */
     uint64_t *census;          /* [height][census_stride], or NULL */
     size_t census_stride;      /* elements */
@@ -22,8 +24,12 @@ struct sst_network;
 /** Luma of an image, (77 R + 150 G + 29 B + 128) >> 8. @param luma out, initialised here */
 SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 
-/** Luma, and census or features (net not NULL: MC-CNN features, normalised luma in, 64 unit-length channels out). */
-SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, struct sst_network *net);
+/**
+ * Luma, and census or features (net not NULL: MC-CNN features, normalised luma in, 64 unit-length channels out).
+ * @param scale  1: img is borrowed and must outlive desc; 2: matched at half size
+ */
+SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,
+                                       struct sst_network *net);
 void sst_descriptor_fini(struct sst_descriptor *desc);
 
 /** A view to match with: a point at x in the reference is at x - d * b there. */
@@ -32,7 +38,7 @@ struct sst_neighbour {
     double bx, by;
 };
 
-#define SST_MAX_NEIGHBOURS 4
+#define SST_MAX_NEIGHBOURS 12
 
 /** Cost volume of a view: [height][width_padded][steps_padded] uint8, entry i of a pixel is disparity disp_min + i. */
 struct sst_volume {
@@ -59,13 +65,17 @@ size_t sst_volume_bytes(int width, int height, int steps);
 void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
                      int count);
 
-/** Arms of the cross-based support regions (Zhang et al. 2009): each [height][width], and the region's pixel count. */
+/** Largest difference of a colour channel between pixels of two rows, n of them. */
+void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n);
+
+/** Arms of the cross-based support regions (Zhang et al. 2009), in colour: each [height][width], and the region's pixel
+ *  count. */
 struct sst_support {
     struct sst_map_u8 left, right, up, down;
     struct sst_map_u16 count;
 };
 
-SST_MUST_CHECK int sst_support_init(struct sst_support *s, const struct sst_map_u8 *luma, int arm, int tau);
+SST_MUST_CHECK int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau);
 void sst_support_fini(struct sst_support *s);
 
 /** Replace every cost by its mean over the pixel's support region; `rounds` times. */
@@ -75,7 +85,7 @@ SST_MUST_CHECK int sst_support_aggregate(struct sst_volume *v, const struct sst_
  * Semi-global optimisation of v->cost into v->sum along 4 or 8 paths (paper: energy E(D); Hirschmueller 2008, with the
  * minimum subtracted, so that L <= 255 + p2).
  */
-SST_MUST_CHECK int sst_sgm(struct sst_volume *v, const struct sst_map_u8 *luma, const struct sst_disparity_config *cfg);
+SST_MUST_CHECK int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg);
 
 /** Put v->sum, less each pixel's minimum and cut at 255, back into v->cost for another aggregation. */
 void sst_volume_requantise(struct sst_volume *v);

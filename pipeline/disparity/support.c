@@ -8,37 +8,49 @@
 /* Rows of column sums kept: one above the highest arm, the row itself, and the lowest arm below. */
 #define RING (2 * SST_SUPPORT_MAX_ARM + 2)
 
+void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n)
+{
+    memset(out, 0, (size_t)n);
+    for (int c = 0; c < 3; c++) {
+        const uint8_t *p = sst_image_row(img, c, y0) + x0, *q = sst_image_row(img, c, y1) + x1;
+
+        for (int i = 0; i < n; i++) {
+            const uint8_t a = p[i], b = q[i], step = (uint8_t)(a > b ? a - b : b - a);
+
+            out[i] = step > out[i] ? step : out[i];
+        }
+    }
+}
+
 /*
  * Arm lengths of one row towards (dx, dy): an arm stops at the border, at `arm`, and before a pixel that differs by tau or
  * more. Step by step over the whole row, so that compilers vectorise it.
+ *
+ * @param scratch  2 * width bytes
  */
-static void arm_row(uint8_t *length, uint8_t *alive, const struct sst_map_u8 *luma, int y, int dx, int dy, int arm, int tau)
+static void arm_row(uint8_t *length, uint8_t *scratch, const struct sst_image *img, int y, int dx, int dy, int arm, int tau)
 {
-    const uint8_t *here = sst_map_u8_row(luma, y);
-    const int w = luma->width;
+    const int w = img->width;
+    uint8_t *alive = scratch, *step_size = scratch + w;
 
     memset(length, 0, (size_t)w);
     memset(alive, 1, (size_t)w);
     for (int step = 1; step <= arm; step++) {
         const int j = y + step * dy, x0 = sst_max_int(0, -step * dx), x1 = sst_min_int(w, w - step * dx);
-        const uint8_t *there;
 
-        if (j < 0 || j >= luma->height || x1 <= x0)
+        if (j < 0 || j >= img->height || x1 <= x0)
             return;
-        there = sst_map_u8_row(luma, j) + step * dx;
+        sst_colour_step_row(step_size, img, y, x0, j, x0 + step * dx, x1 - x0);
         for (int x = x0; x < x1; x++) {
-            const uint8_t a = here[x], b = there[x];
-            const uint8_t difference = (uint8_t)(a > b ? a - b : b - a);
-
-            alive[x] = (uint8_t)(difference < tau ? alive[x] : 0);
+            alive[x] = (uint8_t)(step_size[x - x0] < tau ? alive[x] : 0);
             length[x] = (uint8_t)(length[x] + alive[x]);
         }
     }
 }
 
-int sst_support_init(struct sst_support *s, const struct sst_map_u8 *luma, int arm, int tau)
+int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau)
 {
-    const int w = luma->width, h = luma->height;
+    const int w = img->width, h = img->height;
     struct sst_support made = { 0 };
     int err = sst_map_u8_init(&made.left, w, h);
 
@@ -51,12 +63,12 @@ int sst_support_init(struct sst_support *s, const struct sst_map_u8 *luma, int a
         return err;
     }
     for (int y = 0; y < h; y++) {
-        uint8_t *alive = (uint8_t *)sst_map_u16_row(&made.count, y); /* scratch until the counts are made */
+        uint8_t *scratch = (uint8_t *)sst_map_u16_row(&made.count, y); /* free until the counts are made */
 
-        arm_row(sst_map_u8_row(&made.left, y), alive, luma, y, -1, 0, arm, tau);
-        arm_row(sst_map_u8_row(&made.right, y), alive, luma, y, 1, 0, arm, tau);
-        arm_row(sst_map_u8_row(&made.up, y), alive, luma, y, 0, -1, arm, tau);
-        arm_row(sst_map_u8_row(&made.down, y), alive, luma, y, 0, 1, arm, tau);
+        arm_row(sst_map_u8_row(&made.left, y), scratch, img, y, -1, 0, arm, tau);
+        arm_row(sst_map_u8_row(&made.right, y), scratch, img, y, 1, 0, arm, tau);
+        arm_row(sst_map_u8_row(&made.up, y), scratch, img, y, 0, -1, arm, tau);
+        arm_row(sst_map_u8_row(&made.down, y), scratch, img, y, 0, 1, arm, tau);
     }
     for (int y = 0; y < h; y++) {
         for (int x = 0; x < w; x++) {

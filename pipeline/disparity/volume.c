@@ -10,6 +10,9 @@
 #define ABSENT 255
 /* Cost of what no neighbour sees: the same for every disparity, so that only smoothness decides. */
 #define COST_UNSEEN 96
+/* From this many neighbours on, the three cheapest count. */
+#define MANY 99
+#define TILES 4
 
 static size_t padded_steps(int steps)
 {
@@ -34,7 +37,7 @@ int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, i
     tile = made.width_padded * made.steps_padded;
     made.cost = sst_mem_alloc_raw(cells, 1);
     made.sum = sst_mem_alloc_raw(cells, sizeof(uint16_t));
-    made.scratch = sst_mem_alloc_raw(SST_MAX_NEIGHBOURS, tile);
+    made.scratch = sst_mem_alloc_raw(TILES, tile);
     if (!made.cost || !made.sum || !made.scratch) {
         sst_volume_fini(&made);
         return -ENOMEM;
@@ -88,34 +91,29 @@ static uint8_t max_u8(uint8_t a, uint8_t b)
     return a > b ? a : b;
 }
 
-/* Merge the neighbours' tiles into the first. */
-static void merge(uint8_t *tiles, int count, size_t cells)
+/* Keep the three cheapest of the costs seen so far, cell by cell. */
+static void keep_cheapest(uint8_t *restrict first, uint8_t *restrict second, uint8_t *restrict third,
+                          const uint8_t *restrict tile, size_t cells)
 {
-    uint8_t *a = tiles;
-    const uint8_t *b = tiles + cells, *c = b + cells, *d = c + cells;
-
-    if (count == 1) {
-        for (size_t i = 0; i < cells; i++)
-            a[i] = a[i] == ABSENT ? COST_UNSEEN : a[i];
-        return;
-    }
-    if (count == 2) {
-        for (size_t i = 0; i < cells; i++) {
-            const uint8_t lo = min_u8(a[i], b[i]), hi = max_u8(a[i], b[i]);
-            const uint8_t both = (uint8_t)((3 * lo + hi + 2) >> 2);
-
-            a[i] = lo == ABSENT ? COST_UNSEEN : hi == ABSENT ? lo : both;
-        }
-        return;
-    }
     for (size_t i = 0; i < cells; i++) {
-        const uint8_t lo1 = min_u8(a[i], b[i]), hi1 = max_u8(a[i], b[i]);
-        const uint8_t third = c[i], fourth = count == 4 ? d[i] : ABSENT;
-        const uint8_t lo2 = min_u8(third, fourth), hi2 = max_u8(third, fourth);
-        const uint8_t first = min_u8(lo1, lo2), second = min_u8(max_u8(lo1, lo2), min_u8(hi1, hi2));
-        const uint8_t both = (uint8_t)((first + second + 1) >> 1);
+        const uint8_t t = tile[i], over1 = max_u8(first[i], t), over2 = max_u8(second[i], over1);
 
-        a[i] = first == ABSENT ? COST_UNSEEN : second == ABSENT ? first : both;
+        first[i] = min_u8(first[i], t);
+        second[i] = min_u8(second[i], over1);
+        third[i] = min_u8(third[i], over2);
+    }
+}
+
+/* One cost from the cheapest ones, into the first. */
+static void merge(uint8_t *restrict first, const uint8_t *restrict second, const uint8_t *restrict third, int count,
+                  size_t cells)
+{
+    for (size_t i = 0; i < cells; i++) {
+        const unsigned a = first[i], b = second[i], c = third[i];
+        const unsigned two = count == 2 ? (3 * a + b + 2) >> 2 : (a + b + 1) >> 1;
+        const unsigned merged = count >= MANY && c != ABSENT ? (a + b + 2 * c + 2) >> 2 : b == ABSENT ? a : two;
+
+        first[i] = (uint8_t)(a == ABSENT ? COST_UNSEEN : merged);
     }
 }
 
@@ -124,14 +122,17 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t cells = v->width_padded * v->steps_padded, real = v->width_padded * (size_t)v->steps;
-    uint8_t *tiles = v->scratch;
+    uint8_t *first = v->scratch, *second = first + cells, *third = second + cells, *tile = third + cells;
 
     for (int y = 0; y < v->height; y++) {
-        for (int i = 0; i < count; i++)
-            tile_row(tiles + (size_t)i * cells, v, ref, &neighbours[i], y);
-        merge(tiles, count, cells);
-        memset(tiles + real, SST_COST_MAX, cells - real);
-        k->transpose_u8(v->cost + (size_t)y * cells, v->steps_padded, tiles, v->width_padded, v->width_padded,
+        memset(first, ABSENT, 3 * cells);
+        for (int i = 0; i < count; i++) {
+            tile_row(tile, v, ref, &neighbours[i], y);
+            keep_cheapest(first, second, third, tile, real);
+        }
+        merge(first, second, third, count, real);
+        memset(first + real, SST_COST_MAX, cells - real);
+        k->transpose_u8(v->cost + (size_t)y * cells, v->steps_padded, first, v->width_padded, v->width_padded,
                         v->steps_padded);
     }
 }
