@@ -9,6 +9,8 @@
 #include "cli/cli.h"
 
 static const struct cli_command *const commands[] = {
+    &cli_import,
+    &cli_export,
     &cli_version,
 };
 
