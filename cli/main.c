@@ -9,6 +9,8 @@
 #include "cli/cli.h"
 
 static const struct cli_command *const commands[] = {
+    &cli_import,
+    &cli_export,
     &cli_version,
 };
 
@@ -33,6 +35,7 @@ int main(int argc, char **argv)
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* a file-size limit is an output error like a full disk */
     if (argc < 2) {
         usage();
         return CLI_USAGE;
