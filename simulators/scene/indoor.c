@@ -109,9 +109,9 @@ void sst_build_humvee(struct sst_world *w)
     w->focal = 1900;
     w->spacing_mm = 20;
     leaves = sst_world_occluder(w, "leaves", SST_LABEL_TREE, SST_LABEL_TOY);
-    y = add_room(w, 7.2, 26);
+    y = add_room(w, 7.2, 28);
     sst_begin(w, SST_LABEL_POSTER, 0);
-    sst_add_board(w, 0, -70, 26.3, 470, 235, sst_mat(sst_paint_landscape, 0x7fa4c8, 0x8a7446, 10));
+    sst_add_board(w, 0, -70, 28.2, 470, 235, sst_mat(sst_paint_landscape, 0x7fa4c8, 0x8a7446, 10));
     turn = sst_random_in(&w->rng, 0.2, 0.35);
     car = (struct sst_stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 29.5), 0.066, turn };
     man = on_table(w, sst_random_in(&w->rng, 260, 310), y, 30.5);
@@ -127,7 +127,7 @@ void sst_build_humvee(struct sst_world *w)
 
         sst_add_branch(w, sst_world_at(w, x, -650, d), sst_world_at(w, x + lean, 500, d), 2.4);
     }
-    sst_add_foliage(w, 3900, all_x, all_y, disp, 4.4);
+    sst_add_foliage(w, 3400, all_x, all_y, disp, 4.4);
 }
 
 /* --- cd-cases: cases on stands before a poster ---------------------------------------------------------------------- */

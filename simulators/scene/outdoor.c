@@ -60,7 +60,7 @@ void sst_build_bush(struct sst_world *w)
     struct sst_vec3 base, wall;
     unsigned bush;
 
-    w->focal = 2000;
+    w->focal = 3200;
     w->spacing_mm = 80;
     bush = sst_world_occluder(w, "bush", SST_LABEL_TREE, SST_LABEL_PEDESTRIAN);
     base = sst_world_at(w, sst_random_in(&w->rng, -25, 45), 235, 26);
@@ -80,8 +80,8 @@ void sst_build_bush(struct sst_world *w)
 
         sst_add_branch(w, sst_world_at(w, x, 700, d), sst_world_at(w, 0.8 * x + lean.x, lean.y - 325, d + 2), 9);
     }
-    sst_add_foliage(w, 4200, all_x, all_y, disp, 17);
-    sst_add_foliage(w, 500, all_x, low_y, disp, 17);
+    sst_add_foliage(w, 3400, all_x, all_y, disp, 17);
+    sst_add_foliage(w, 400, all_x, low_y, disp, 17);
 }
 
 #define WALK_MM 4600.0 /* length of the path of the walker */
@@ -177,7 +177,7 @@ void sst_build_pedestrian(struct sst_world *w)
 
     w->focal = 1800;
     w->spacing_mm = 161;
-    w->shift = -55;
+    w->shift = 50;
     person = sst_world_occluder(w, "pedestrian", SST_LABEL_PEDESTRIAN, SST_LABEL_CAR);
     cars = sst_world_occluder(w, "car", SST_LABEL_CAR, SST_LABEL_BUILDING);
     rear = sst_world_at(w, 60, 216, 27);
