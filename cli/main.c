@@ -12,6 +12,7 @@ static const struct cli_command *const commands[] = {
     &cli_import,
     &cli_export,
     &cli_version,
+    &cli_scene,
 };
 
 static void usage(void)

@@ -254,8 +254,12 @@ const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s
 int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_image *image,
                      struct sst_map_f32 *disp, struct sst_map_u8 *label)
 {
+    const int w = s->cfg.width, h = s->cfg.height;
     struct sst_raster r;
 
+    if ((image && (image->width != w || image->height != h)) || (disp && (disp->width != w || disp->height != h)) ||
+        (label && (label->width != w || label->height != h)))
+        return -EINVAL;
     sst_scene_raster(s, bx, by, hidden, &r);
     r.image = image;
     r.disp = disp;
