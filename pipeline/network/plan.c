@@ -143,8 +143,8 @@ static int allocate(struct sst_plan *p)
 
     if (err)
         return err;
-    p->arena = sst_mem_alloc(1, p->arena_bytes + 1);
-    p->scratch = sst_mem_alloc(1, p->scratch_bytes + 1);
+    p->arena = sst_mem_alloc_raw(1, p->arena_bytes + 1);
+    p->scratch = sst_mem_alloc_raw(1, p->scratch_bytes + 1);
     if (!p->arena || !p->scratch)
         return -ENOMEM;
     for (int i = 0; !err && i < p->n_tensors; i++) {
@@ -187,6 +187,8 @@ static int add_ops(struct sst_plan *p)
         return p->input;
     p->tensors[p->input].external = true;
     p->current[g->input] = p->input;
+    for (int i = 0; i < g->n_ops; i++)
+        p->winograd[i] = plan_is_winograd(p, &g->ops[i]);
     for (int i = 0; !err && i < g->n_ops; i++)
         err = plan_add_op(p, i);
     if (!err)
@@ -209,7 +211,8 @@ static int build(struct sst_plan *p)
         err = plan_errno(dnnl_stream_create(&p->stream, p->engine, dnnl_stream_default_flags));
     p->current = malloc(n * sizeof(*p->current));
     p->last_use = calloc(n, sizeof(*p->last_use));
-    if (!p->current || !p->last_use)
+    p->winograd = calloc((size_t)p->graph->n_ops, sizeof(*p->winograd));
+    if (!p->current || !p->last_use || !p->winograd)
         return -ENOMEM;
     memset(p->current, 0xff, n * sizeof(*p->current));
     if (!err)
@@ -275,6 +278,7 @@ void sst_plan_destroy(struct sst_plan *plan)
     free(plan->steps);
     free(plan->current);
     free(plan->last_use);
+    free(plan->winograd);
     free(plan);
 }
 
