@@ -28,9 +28,13 @@ struct sst_segmenter {
 static int bad_metadata(const struct sst_segmenter *seg, const char *key, const char *want)
 {
     const char *value = sst_network_metadata(seg->net, key);
+    char shown[80];
 
-    sst_log_error("model %s: its metadata %s is %.80s; it must be %s: use a segmentation network exported for this program",
-                  seg->path, key, value ? value : "missing", want);
+    snprintf(shown, sizeof(shown), "%s", value ? value : "missing");
+    for (char *p = shown; *p; p++)
+        *p = (unsigned char)*p < ' ' ? '?' : *p; /* the file may come from anywhere */
+    sst_log_error("model %s: its metadata %s is %s; it must be %s: use a segmentation network exported for this program",
+                  seg->path, key, shown, want);
     return -EBADMSG;
 }
 

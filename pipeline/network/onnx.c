@@ -132,6 +132,16 @@ bool sst_onnx_str_is(struct sst_onnx_str s, const char *text)
     return s.n == strlen(text) && !memcmp(s.p, text, s.n);
 }
 
+/* Names end up in messages. */
+static bool printable(struct sst_onnx_str s)
+{
+    for (size_t i = 0; i < s.n; i++) {
+        if ((uint8_t)s.p[i] < 0x20 || s.p[i] == 0x7f)
+            return false;
+    }
+    return true;
+}
+
 /* --- tensors ---------------------------------------------------------------------------------------------------- */
 
 struct tensor_parts {
@@ -155,7 +165,7 @@ static bool read_tensor_field(struct sst_onnx_tensor *t, struct tensor_parts *p,
         return read_numbers(f, WIRE_VARINT, t->i, t->count, &p->n_ints);
     case 8:
         t->name = f->bytes;
-        return f->wire == WIRE_BYTES;
+        return f->wire == WIRE_BYTES && printable(f->bytes);
     case 9:
         p->raw = f->bytes;
         p->has_raw = true;
@@ -226,7 +236,7 @@ int sst_onnx_tensor_read(struct sst_onnx_tensor *out, struct sst_onnx_str bytes,
     int err = 0;
 
     if (read_tensor_fields(&t, &p, bytes))
-        return damaged(name, "a tensor ends early or holds a field of the wrong kind");
+        return damaged(name, "a tensor ends early, holds a field of the wrong kind or has control characters in its name");
     if (p.external) {
         sst_log_error("model %s: tensor %.*s keeps its data in another file, which is never opened; export the model with"
                       " its weights inside", name, SST_ONNX_STR(t.name));
@@ -374,8 +384,8 @@ static int read_node(struct sst_onnx *m, struct sst_onnx_str bytes, const char *
         return err;
     node->body = bytes;
     while ((r = next_field(&bytes, &f)) > 0) {
-        if (f.number <= 7 && f.number != 6 && f.wire != WIRE_BYTES)
-            return damaged(name, "a node holds a field of the wrong kind");
+        if (f.number <= 7 && f.number != 6 && (f.wire != WIRE_BYTES || (f.number != 5 && !printable(f.bytes))))
+            return damaged(name, "a node holds a field of the wrong kind or a name with control characters");
         if ((f.number == 1 && node->n_in == SST_ONNX_MAX_INS) || (f.number == 2 && node->n_out == SST_ONNX_MAX_OUTS))
             return damaged(name, "a node has more inputs (32) or outputs (8) than the limit");
         if (f.number == 1)
