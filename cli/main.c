@@ -9,10 +9,12 @@
 #include "cli/cli.h"
 
 static const struct cli_command *const commands[] = {
+    &cli_scene,
     &cli_import,
     &cli_export,
+    &cli_stereo,
+    &cli_segment,
     &cli_version,
-    &cli_scene,
 };
 
 static void usage(void)

@@ -1,0 +1,40 @@
+/* libFuzzer target: the reader of ONNX files, the graph and the shapes, as sst_network_open() and its first run use them.
+ *
+ *   make CC=clang OPT='-O1 -g' SAN=fuzzer-no-link,address,undefined BUILD=build-fuzz build-fuzz/libsst.a
+ *   clang -g -fsanitize=fuzzer,address,undefined -I. -DSST_FUZZ tests/fuzz/onnx.c build-fuzz/libsst.a -lm -o build-fuzz/onnx
+ *   mkdir -p build-fuzz/corpus && build-fuzz/onnx -max_len=65536 build-fuzz/corpus [models/...]
+ */
+#include <stdlib.h>
+
+#include "base/log.h"
+#include "pipeline/network/graph.h"
+#include "pipeline/network/onnx.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+/* Levels below errors: their text is not under test and would fill the terminal. */
+static void build(const struct sst_onnx *model)
+{
+    struct sst_shape *shapes;
+    struct sst_graph graph;
+    char why[256];
+
+    if (sst_graph_build(&graph, model, "fuzz", why))
+        return;
+    shapes = calloc((size_t)graph.n_values, sizeof(*shapes));
+    if (shapes && !sst_graph_shapes(&graph, 96, 72, shapes, "fuzz") && shapes[graph.output].c != graph.out_channels)
+        abort();
+    free(shapes);
+    sst_graph_fini(&graph);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    struct sst_onnx model;
+
+    if (!sst_onnx_parse(&model, data, size, "fuzz")) {
+        build(&model);
+        sst_onnx_fini(&model);
+    }
+    return 0;
+}
