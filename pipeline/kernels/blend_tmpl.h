@@ -19,19 +19,24 @@ static inline void KERNEL(blend_label_weights)(float *restrict out, const struct
         out[x] = table[label[x] * SST_BLEND_COLUMNS + (disp[x] >> SST_BLEND_COLUMN_SHIFT)];
 }
 
-/* w holds W_s and becomes A W_s W_d. */
+/* w holds W_s and becomes A W_s W_d. Three loops: in one, the exponential would be branched around, not vectorised. */
 static inline void KERNEL(blend_weights)(float *restrict w, const struct sst_blend *b, size_t n)
 {
     const uint16_t *restrict disp = b->disp;
     const float whole = b->focus_whole_q6, part = b->focus_part_q6, scale = b->half_inverse_variance;
     const float c1 = b->c1, rest = b->one_minus_c1, unknown = b->unknown, aperture = b->aperture;
+    float depth[SST_BLEND_MAX];
 
     for (size_t x = 0; x < n; x++) {
         const float d = ((float)disp[x] - whole) - part;
-        const float known = rest * sst_exp_neg(d * d * scale) + c1;
+        const float t = d * d * scale;
 
-        w[x] = aperture * w[x] * (disp[x] == 0xFFFF ? unknown : known);
+        depth[x] = t < SST_EXP_NEG_MAX ? t : SST_EXP_NEG_MAX;
     }
+    for (size_t x = 0; x < n; x++)
+        depth[x] = rest * sst_exp_neg(depth[x]) + c1;
+    for (size_t x = 0; x < n; x++)
+        w[x] = aperture * w[x] * (disp[x] == 0xFFFF ? unknown : depth[x]);
 }
 
 static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, size_t n)

@@ -45,7 +45,8 @@ struct sst_blend {
  * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (DESIGN 5.4) with C bilinear between the two rows,
  * W_d = one_minus_c1 exp(-(focus - disp)^2 half_inverse_variance) + c1.
  *
- * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX. The exponential is sst_exp_neg() of exp_neg.h.
+ * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX. The exponential is sst_exp_neg() of exp_neg.h,
+ *             its argument clamped to SST_EXP_NEG_MAX: what is smaller is below SST_BLEND_FLOOR.
  */
 typedef void sst_blend_rays_fn(float *const acc[4], const struct sst_blend *b, size_t n);
 
