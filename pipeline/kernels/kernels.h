@@ -24,7 +24,8 @@ enum sst_cpu_level {
 #define SST_BLEND_MAX 512        /* pixels that one call of a blend kernel takes at most */
 #define SST_BLEND_COLUMNS 4096   /* columns of the table of label weights: stored disparity / 16, a quarter pixel each */
 #define SST_BLEND_COLUMN_SHIFT 4
-#define SST_BLEND_FLOOR 1e-28f   /* weight sums below this are not trusted: blend_finish leaves such pixels black */
+#define SST_BLEND_FLOOR 1e-28f   /* weight sums below this are not trusted */
+#define SST_BLEND_TINY 1e-37f    /* changes no weight sum above the floor, and keeps 0 / 0 away below it */
 
 /** What one view adds to a stretch of one output row. Pointers name the source pixel of the first output pixel. */
 struct sst_blend {
@@ -53,7 +54,7 @@ typedef void sst_blend_rays_fn(float *const acc[4], const struct sst_blend *b, s
 /** The same with W_s = W_d = 1: plain refocusing. */
 typedef void sst_blend_plain_fn(float *const acc[4], const struct sst_blend *b, size_t n);
 
-/** out = sum / weight to the nearest value; 0 where weight < SST_BLEND_FLOOR. sum <= 255 weight but for rounding. */
+/** out = sum / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 weight but for rounding. */
 typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *weight, size_t n);
 
 struct sst_kernels {

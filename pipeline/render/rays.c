@@ -9,15 +9,17 @@
 /* log W_d, which no exponent is too small for; -inf where it is exactly 0. */
 static double log_depth_weight(const struct sst_render_config *cfg, double disp_px)
 {
-    double z, e;
+    const double floor_log = cfg->c1 > 0 ? log(cfg->c1) : -INFINITY;
+    double z;
 
     if (isinf(cfg->sigma_px))
         return 0;
+    if (isnan(disp_px))
+        return floor_log;
     z = (cfg->focus_px - disp_px) / cfg->sigma_px;
-    e = -0.5 * z * z; /* NaN where the disparity is unknown */
-    if (isnan(e) || e < -600 || cfg->c1 >= 1)
-        return cfg->c1 > 0 ? log(cfg->c1) : isnan(e) ? -INFINITY : e;
-    return log((1 - cfg->c1) * exp(e) + cfg->c1);
+    if (-0.5 * z * z < -600)
+        return fmax(-0.5 * z * z, floor_log);
+    return log((1 - cfg->c1) * exp(-0.5 * z * z) + cfg->c1);
 }
 
 static void ray_colour(struct sst_ray *ray, const struct sst_tap *t, int x, int y)
