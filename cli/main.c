@@ -9,6 +9,8 @@
 #include "cli/cli.h"
 
 static const struct cli_command *const commands[] = {
+    &cli_render,
+    &cli_sweep,
     &cli_version,
 };
 
