@@ -12,6 +12,7 @@ static const struct cli_command *const commands[] = {
     &cli_render,
     &cli_sweep,
     &cli_version,
+    &cli_scene,
 };
 
 static void usage(void)
