@@ -12,6 +12,8 @@ static const struct cli_command *const commands[] = {
     &cli_scene,
     &cli_import,
     &cli_export,
+    &cli_render,
+    &cli_sweep,
     &cli_stereo,
     &cli_segment,
     &cli_version,

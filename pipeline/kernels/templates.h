@@ -7,6 +7,8 @@
 #include "pipeline/kernels/support_tmpl.h"
 #include "pipeline/kernels/transpose_tmpl.h"
 #include "pipeline/kernels/winner_tmpl.h"
+#include "pipeline/kernels/blend_finish_tmpl.h"
+#include "pipeline/kernels/blend_tmpl.h"
 
 void KERNEL(sst_kernels_fill)(struct sst_kernels *k);
 
