@@ -1,5 +1,6 @@
 /* pipeline/kernels/templates.h - every kernel template, compiled by each level's .c with KERNEL(name) set. */
-#include "pipeline/kernels/add_u8_tmpl.h"
+#include "pipeline/kernels/blend_finish_tmpl.h"
+#include "pipeline/kernels/blend_tmpl.h"
 
 void KERNEL(sst_kernels_fill)(struct sst_kernels *k);
 

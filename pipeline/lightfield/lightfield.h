@@ -56,6 +56,10 @@ enum sst_lightfield_load {
 SST_MUST_CHECK int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols);
 void sst_lightfield_fini(struct sst_lightfield *lf);
 
+/** Set ref_view: the middle of the grid, or the present view nearest to it (ties: the lower index).
+ *  Offsets are not touched. @return 0, -EBADMSG (no view is present; not logged). */
+SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
+
 /**
  * Read a light-field folder. What `what` names and the folder lacks stays empty, except images, which must be there.
  * Checks every size, hash-free (see sst_lightfield_verify); decodes on `threads` threads.
@@ -69,13 +73,15 @@ SST_MUST_CHECK int sst_lightfield_verify(const struct sst_lightfield *lf, const 
 
 /**
  * Write lightfield.json plus every non-empty disparity, labels and confidence map into `dir`, an open sst_outdir's
- * temporary folder in which views/ is already filled.
+ * temporary folder in which views/ is already filled. An empty sha256 is computed from the view's file.
+ * @return 0, -EINVAL (the light field is inconsistent), -ENOENT, -EIO, -ENOSPC, -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int threads);
 
 /**
  * Put new derived maps (disparity/, labels/, confidence/) and a new lightfield.json into an existing folder: every file
- * is written beside the old ones first, then swapped in; a failure leaves the old state.
+ * is written beside the old ones first, then swapped in; a failure leaves the old state. A kind of map that no view
+ * has in memory keeps its folder; any other folder is replaced as a whole. The same errors.
  */
 SST_MUST_CHECK int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, int threads);
 
@@ -87,7 +93,9 @@ static inline uint16_t sst_disp_q6(const struct sst_lightfield *lf, double disp_
 {
     const double q = (disp_px - lf->disp_min_px) * SST_DISP_SCALE + 0.5;
 
-    return q >= 0.0 && q < SST_DISP_MAX_Q6 + 1.0 ? (uint16_t)q : (uint16_t)SST_DISP_NONE;
+    if (q >= 0.0 && q < SST_DISP_MAX_Q6 + 1.0)
+        return (uint16_t)q;
+    return SST_DISP_NONE;
 }
 
 static inline double sst_disp_px(const struct sst_lightfield *lf, uint16_t disp_q6)

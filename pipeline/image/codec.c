@@ -1,0 +1,109 @@
+#include "pipeline/image/codec.h"
+
+#include <errno.h>
+#include <stdlib.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/image/codec_formats.h"
+
+enum kind {
+    KIND_NONE = 0,
+    KIND_PNG = 1,
+    KIND_JPEG = 2,
+};
+
+static enum kind kind_of(const uint8_t *data, size_t size, const char *name)
+{
+    if (size >= 4 && data[0] == 0x89 && data[1] == 'P' && data[2] == 'N' && data[3] == 'G')
+        return KIND_PNG;
+    if (size >= 3 && data[0] == 0xFF && data[1] == 0xD8 && data[2] == 0xFF)
+        return KIND_JPEG;
+    if (size)
+        sst_log_error("%s is neither a PNG nor a JPEG image; convert it to one of them", name);
+    else
+        sst_log_error("%s is empty; write the image again", name);
+    return KIND_NONE;
+}
+
+int sst_image_size_error(int err, const char *name, int64_t width, int64_t height)
+{
+    if (err == -ENOMEM) {
+        sst_log_error("no memory for %s (%lldx%lld pixels)", name, (long long)width, (long long)height);
+        return -ENOMEM;
+    }
+    sst_log_error("%s claims %lldx%lld pixels; a side must be 1 to %d and the area at most %zu", name,
+                  (long long)width, (long long)height, SST_IMAGE_MAX_SIDE, SST_IMAGE_MAX_PIXELS);
+    return -EBADMSG;
+}
+
+void sst_rgb_unpack_row(struct sst_image *img, int y, const uint8_t *rgb)
+{
+    uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+
+    for (size_t x = 0; x < (size_t)img->width; x++) {
+        r[x] = rgb[3 * x];
+        g[x] = rgb[3 * x + 1];
+        b[x] = rgb[3 * x + 2];
+    }
+}
+
+void sst_rgb_pack_row(uint8_t *rgb, const struct sst_image *img, int y)
+{
+    const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+
+    for (size_t x = 0; x < (size_t)img->width; x++) {
+        rgb[3 * x] = r[x];
+        rgb[3 * x + 1] = g[x];
+        rgb[3 * x + 2] = b[x];
+    }
+}
+
+int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
+{
+    switch (kind_of(data, size, name)) {
+    case KIND_PNG:
+        return sst_png_decode(img, data, size, name);
+    case KIND_JPEG:
+        return sst_jpeg_decode(img, data, size, name);
+    case KIND_NONE:
+        break;
+    }
+    return -EBADMSG;
+}
+
+int sst_image_read(struct sst_image *img, const char *path)
+{
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);
+
+    if (err)
+        return err;
+    err = sst_image_decode(img, data, size, path);
+    free(data);
+    return err;
+}
+
+int sst_image_read_size(const char *path, int *width, int *height)
+{
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);
+
+    if (err)
+        return err;
+    switch (kind_of(data, size, path)) {
+    case KIND_PNG:
+        err = sst_png_size(width, height, data, size, path);
+        break;
+    case KIND_JPEG:
+        err = sst_jpeg_size(width, height, data, size, path);
+        break;
+    case KIND_NONE:
+        err = -EBADMSG;
+        break;
+    }
+    free(data);
+    return err;
+}

@@ -1,0 +1,381 @@
+/* PNG through libpng, from and to memory. */
+#include <errno.h>
+#include <png.h>
+#include <setjmp.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/image/codec_formats.h"
+
+/* Deflate cannot expand a byte to more than 1032; beyond it the file is cut off, and no memory is taken for it. */
+#define MAX_DEFLATE_RATIO 1040
+
+enum sample {
+    SAMPLE_RGB = 0, /* anything, turned into 8-bit RGB */
+    SAMPLE_U8 = 1,  /* the value of an 8-bit grey or indexed file */
+    SAMPLE_U16 = 2, /* the value of a 16-bit grey file */
+};
+
+/* Everything that must survive a longjmp out of libpng lives here, not in locals. */
+struct reader {
+    const uint8_t *data;
+    size_t size, pos;
+    const char *name;
+    png_structp png;
+    png_infop info;
+    png_bytep *rows;
+    uint8_t *packed;
+    char message[128];
+};
+
+static void on_read_error(png_structp png, png_const_charp message)
+{
+    struct reader *r = png_get_error_ptr(png);
+
+    snprintf(r->message, sizeof(r->message), "%s", message);
+    longjmp(png_jmpbuf(png), 1);
+}
+
+/* Warnings are about chunks that do not touch the samples. */
+static void ignore_warning(png_structp png SST_UNUSED, png_const_charp message SST_UNUSED)
+{
+}
+
+static void read_bytes(png_structp png, png_bytep out, size_t n)
+{
+    struct reader *r = png_get_io_ptr(png);
+
+    if (n > r->size - r->pos)
+        png_error(png, "it ends too early");
+    memcpy(out, r->data + r->pos, n);
+    r->pos += n;
+}
+
+static int reader_open(struct reader *r, const uint8_t *data, size_t size, const char *name)
+{
+    *r = (struct reader){ .data = data, .size = size, .name = name };
+    r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, r, on_read_error, ignore_warning);
+    r->info = r->png ? png_create_info_struct(r->png) : NULL;
+    return r->info ? 0 : -ENOMEM;
+}
+
+static void reader_close(struct reader *r)
+{
+    png_destroy_read_struct(&r->png, &r->info, NULL);
+    free(r->rows);
+    sst_mem_free(r->packed);
+}
+
+static void read_info(struct reader *r)
+{
+    png_set_read_fn(r->png, r, read_bytes);
+    /* Sizes are checked below, with a clearer sentence than libpng's. */
+    png_set_user_limits(r->png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
+    png_set_crc_action(r->png, PNG_CRC_ERROR_QUIT, PNG_CRC_ERROR_QUIT);
+    /* Only IHDR, PLTE, tRNS, IDAT and IEND matter; colour profiles and texts are skipped, so they cannot do harm. */
+    png_set_keep_unknown_chunks(r->png, PNG_HANDLE_CHUNK_NEVER, NULL, -1);
+    png_set_check_for_invalid_index(r->png, -1);
+    png_read_info(r->png, r->info);
+}
+
+static int check_size(const struct reader *r, int *width, int *height)
+{
+    const png_uint_32 w = png_get_image_width(r->png, r->info), h = png_get_image_height(r->png, r->info);
+
+    if (w > SST_IMAGE_MAX_SIDE || h > SST_IMAGE_MAX_SIDE || (size_t)w * h > SST_IMAGE_MAX_PIXELS)
+        return sst_image_size_error(-EINVAL, r->name, w, h);
+    if (png_get_rowbytes(r->png, r->info) * h / MAX_DEFLATE_RATIO > r->size) {
+        sst_log_error("%s is a truncated PNG image (%zu bytes for %ux%u pixels); write it again", r->name, r->size,
+                      (unsigned)w, (unsigned)h);
+        return -EBADMSG;
+    }
+    *width = (int)w;
+    *height = (int)h;
+    return 0;
+}
+
+static int check_format(const struct reader *r, enum sample sample)
+{
+    const int depth = png_get_bit_depth(r->png, r->info), type = png_get_color_type(r->png, r->info);
+
+    if (sample == SAMPLE_U8 && (depth > 8 || (type != PNG_COLOR_TYPE_GRAY && type != PNG_COLOR_TYPE_PALETTE))) {
+        sst_log_error("%s is not an 8-bit grey or indexed PNG; store the values themselves, not colours", r->name);
+        return -EBADMSG;
+    }
+    if (sample == SAMPLE_U16 && (depth != 16 || type != PNG_COLOR_TYPE_GRAY)) {
+        sst_log_error("%s is not a 16-bit grey PNG", r->name);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+static void set_transforms(struct reader *r, enum sample sample)
+{
+    switch (sample) {
+    case SAMPLE_RGB:
+        png_set_expand(r->png);
+        png_set_scale_16(r->png);
+        png_set_gray_to_rgb(r->png);
+        png_set_strip_alpha(r->png);
+        break;
+    case SAMPLE_U8:
+        png_set_packing(r->png);
+        break;
+    case SAMPLE_U16:
+        if (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
+            png_set_swap(r->png);
+        break;
+    }
+    png_set_interlace_handling(r->png);
+    png_read_update_info(r->png, r->info);
+}
+
+/* Rows where libpng is to put the samples: in the map itself, or packed RGB. */
+static int allocate(struct reader *r, enum sample sample, int width, int height, void *out)
+{
+    const size_t h = (size_t)height;
+    int err = -ENOMEM;
+
+    r->rows = malloc(h * sizeof(*r->rows));
+    if (!r->rows)
+        return err;
+    switch (sample) {
+    case SAMPLE_RGB:
+        r->packed = sst_mem_alloc_raw(h, (size_t)width * 3);
+        err = r->packed ? sst_image_init(out, width, height) : -ENOMEM;
+        for (size_t y = 0; !err && y < h; y++)
+            r->rows[y] = r->packed + y * (size_t)width * 3;
+        break;
+    case SAMPLE_U8:
+        err = sst_map_u8_init(out, width, height);
+        for (size_t y = 0; !err && y < h; y++)
+            r->rows[y] = sst_map_u8_row(out, (int)y);
+        break;
+    case SAMPLE_U16:
+        err = sst_map_u16_init(out, width, height);
+        for (size_t y = 0; !err && y < h; y++)
+            r->rows[y] = (png_bytep)sst_map_u16_row(out, (int)y);
+        break;
+    }
+    return err;
+}
+
+/* libpng leaves by longjmp: what has to survive that is in *r, outside of this frame. */
+static int decode_open(struct reader *r, enum sample sample, void *out)
+{
+    int width, height, err;
+
+    if (setjmp(png_jmpbuf(r->png))) {
+        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
+        return -EBADMSG;
+    }
+    read_info(r);
+    err = check_size(r, &width, &height);
+    if (!err)
+        err = check_format(r, sample);
+    if (err)
+        return err;
+    set_transforms(r, sample);
+    err = allocate(r, sample, width, height, out);
+    if (err)
+        return sst_image_size_error(err, r->name, width, height);
+    png_read_image(r->png, r->rows);
+    png_read_end(r->png, NULL);
+    for (int y = 0; sample == SAMPLE_RGB && y < height; y++)
+        sst_rgb_unpack_row(out, y, r->rows[y]);
+    return 0;
+}
+
+/* out: a zeroed sst_image, sst_map_u8 or sst_map_u16, as sample says; the caller frees it on failure. */
+static int decode(const uint8_t *data, size_t size, const char *name, enum sample sample, void *out)
+{
+    struct reader r;
+    int err = reader_open(&r, data, size, name);
+
+    err = err ? sst_image_size_error(err, name, 0, 0) : decode_open(&r, sample, out);
+    reader_close(&r);
+    return err;
+}
+
+int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
+{
+    struct sst_image made = { 0 };
+    int err = decode(data, size, name, SAMPLE_RGB, &made);
+
+    if (err)
+        sst_image_fini(&made);
+    else
+        *img = made;
+    return err;
+}
+
+static int size_open(struct reader *r, int *width, int *height)
+{
+    if (setjmp(png_jmpbuf(r->png))) {
+        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
+        return -EBADMSG;
+    }
+    read_info(r);
+    return check_size(r, width, height);
+}
+
+int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
+{
+    struct reader r;
+    int err = reader_open(&r, data, size, name);
+
+    err = err ? sst_image_size_error(err, name, 0, 0) : size_open(&r, width, height);
+    reader_close(&r);
+    return err;
+}
+
+#define DEFINE_MAP_READ(kind, sample)                                                                                \
+    int sst_map_##kind##_read_png(struct sst_map_##kind *map, const char *path)                                      \
+    {                                                                                                                \
+        struct sst_map_##kind made = { 0 };                                                                          \
+        uint8_t *data;                                                                                               \
+        size_t size;                                                                                                 \
+        int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);                                            \
+                                                                                                                     \
+        if (err)                                                                                                     \
+            return err;                                                                                              \
+        err = decode(data, size, path, sample, &made);                                                               \
+        free(data);                                                                                                  \
+        if (err)                                                                                                     \
+            sst_map_##kind##_fini(&made);                                                                            \
+        else                                                                                                         \
+            *map = made;                                                                                             \
+        return err;                                                                                                  \
+    }
+
+DEFINE_MAP_READ(u8, SAMPLE_U8)
+DEFINE_MAP_READ(u16, SAMPLE_U16)
+
+/* A file in the making, in memory. */
+struct writer {
+    uint8_t *data;
+    size_t size, capacity;
+    uint8_t *packed; /* one row of RGB */
+    png_structp png;
+    png_infop info;
+    char message[128];
+};
+
+static void on_write_error(png_structp png, png_const_charp message)
+{
+    struct writer *w = png_get_error_ptr(png);
+
+    snprintf(w->message, sizeof(w->message), "%s", message);
+    longjmp(png_jmpbuf(png), 1);
+}
+
+static void write_bytes(png_structp png, png_bytep in, size_t n)
+{
+    struct writer *w = png_get_io_ptr(png);
+
+    if (n > w->capacity - w->size) {
+        const size_t capacity = (w->size + n) * 2;
+        uint8_t *data = realloc(w->data, capacity);
+
+        if (!data)
+            png_error(png, "no memory");
+        w->data = data;
+        w->capacity = capacity;
+    }
+    memcpy(w->data + w->size, in, n);
+    w->size += n;
+}
+
+static void flush_nothing(png_structp png SST_UNUSED)
+{
+}
+
+/* What to write: one of three images. */
+struct picture {
+    const struct sst_image *image;
+    const struct sst_map_u8 *u8;
+    const struct sst_map_u16 *u16;
+    const uint8_t (*palette)[3];
+    int width, height;
+};
+
+static void write_rows(struct writer *w, const struct picture *p)
+{
+    const int type = p->image ? PNG_COLOR_TYPE_RGB : p->palette ? PNG_COLOR_TYPE_PALETTE : PNG_COLOR_TYPE_GRAY;
+
+    png_set_write_fn(w->png, w, write_bytes, flush_nothing);
+    png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height, p->u16 ? 16 : 8, type,
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    if (p->palette) {
+        png_color colors[256];
+
+        for (int i = 0; i < 256; i++)
+            colors[i] = (png_color){ p->palette[i][0], p->palette[i][1], p->palette[i][2] };
+        png_set_PLTE(w->png, w->info, colors, 256);
+    }
+    /* Speed first: these files are written by the dozen. A map of indices does not get smaller by differences. */
+    png_set_compression_level(w->png, 2);
+    png_set_filter(w->png, PNG_FILTER_TYPE_BASE, p->palette ? PNG_FILTER_NONE : p->image ? PNG_FILTER_SUB : PNG_FILTER_UP);
+    png_write_info(w->png, w->info);
+    if (p->u16 && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
+        png_set_swap(w->png);
+    for (int y = 0; y < p->height; y++) {
+        if (p->image)
+            sst_rgb_pack_row(w->packed, p->image, y);
+        png_write_row(w->png, p->image ? w->packed
+                              : p->u8  ? sst_map_u8_row(p->u8, y)
+                                       : (png_const_bytep)sst_map_u16_row(p->u16, y));
+    }
+    png_write_end(w->png, w->info);
+}
+
+static int encode(struct writer *w, const struct picture *p, const char *path)
+{
+    if (setjmp(png_jmpbuf(w->png))) {
+        /* Encoding to memory has no other reason to fail. */
+        sst_log_error("cannot encode %s: %s", path, w->message);
+        return -ENOMEM;
+    }
+    write_rows(w, p);
+    return 0;
+}
+
+static int write_png(const struct picture *p, const char *path)
+{
+    struct writer w = { 0 };
+    int err;
+
+    w.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &w, on_write_error, ignore_warning);
+    w.info = w.png ? png_create_info_struct(w.png) : NULL;
+    w.packed = p->image ? malloc((size_t)p->width * 3) : NULL;
+    if (!w.info || (p->image && !w.packed))
+        err = sst_image_size_error(-ENOMEM, path, p->width, p->height);
+    else
+        err = encode(&w, p, path);
+    if (!err)
+        err = sst_file_write(path, w.data, w.size);
+    png_destroy_write_struct(&w.png, &w.info);
+    free(w.packed);
+    free(w.data);
+    return err;
+}
+
+int sst_image_write_png(const struct sst_image *img, const char *path)
+{
+    return write_png(&(struct picture){ .image = img, .width = img->width, .height = img->height }, path);
+}
+
+int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3])
+{
+    return write_png(&(struct picture){ .u8 = map, .palette = palette, .width = map->width, .height = map->height },
+                     path);
+}
+
+int sst_map_u16_write_png(const struct sst_map_u16 *map, const char *path)
+{
+    return write_png(&(struct picture){ .u16 = map, .width = map->width, .height = map->height }, path);
+}

@@ -1,0 +1,7 @@
+#include "pipeline/kernels/kernels.h"
+
+void sst_blend_finish_ref(uint8_t *out, const float *sum, const float *weight, size_t n)
+{
+    for (size_t x = 0; x < n; x++)
+        out[x] = (uint8_t)(sum[x] / (weight[x] + SST_BLEND_TINY) + 0.5f);
+}

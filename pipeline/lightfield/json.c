@@ -1,0 +1,400 @@
+/* lightfield.json: version 1 of the form. Every field is checked; a fault is one sentence with file and field. */
+#include <assert.h>
+#include <ctype.h>
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/lightfield/store.h"
+
+#define JSON_MAX_BYTES ((size_t)4 << 20)
+#define FORMAT_NAME "sst-lightfield"
+#define OFFSET_MAX 1e4    /* spacings; a grid is at most 256 wide */
+#define DISP_ABS_MAX 32768.0 /* px; the largest image side */
+
+bool sst_view_file_name_ok(const char *name)
+{
+    const size_t n = strlen(name);
+
+    if (n < 1 || n > 255 || name[0] == '.')
+        return false;
+    for (size_t i = 0; i < n; i++) {
+        if (name[i] == '/' || iscntrl((unsigned char)name[i]))
+            return false;
+    }
+    return true;
+}
+
+static bool within(double v, double lo, double hi)
+{
+    return isfinite(v) && v >= lo && v <= hi;
+}
+
+static const char *view_fault(const struct sst_lightfield *lf, int k)
+{
+    static _Thread_local char text[96];
+    const struct sst_view *v = &lf->views[k];
+    const char *what = NULL;
+
+    if (!v->present)
+        return NULL;
+    if (!within(v->bx, -OFFSET_MAX, OFFSET_MAX) || !within(v->by, -OFFSET_MAX, OFFSET_MAX))
+        what = "bx or by is outside -10000..10000";
+    else if (k == lf->ref_view && (v->bx != 0 || v->by != 0))
+        what = "bx and by of the reference view must be 0";
+    else if (!sst_view_file_name_ok(v->file))
+        what = "file is not a plain file name";
+    for (int j = 0; !what && j < k; j++) {
+        if (lf->views[j].present && !strcmp(lf->views[j].file, v->file))
+            what = "file is the same as another view's";
+    }
+    if (!what)
+        return NULL;
+    snprintf(text, sizeof(text), "views, row %d, col %d: %s", k / lf->cols, k % lf->cols, what);
+    return text;
+}
+
+static const char *classes_fault(const struct sst_classes *c)
+{
+    if (c->count < 0 || c->count > SST_MAX_CLASSES)
+        return "classes: more than 64";
+    for (int i = 0; i < c->count; i++) {
+        if (!c->names[i][0])
+            return "classes: a name is empty";
+        if (sst_classes_find(c, c->names[i]) != i + 1)
+            return "classes: a name occurs twice";
+    }
+    return NULL;
+}
+
+const char *sst_lightfield_fault(const struct sst_lightfield *lf)
+{
+    struct sst_lightfield copy = *lf;
+
+    if (lf->rows < 1 || lf->cols < 1 || lf->rows > SST_MAX_VIEWS || lf->cols > SST_MAX_VIEWS ||
+        lf->rows * lf->cols > SST_MAX_VIEWS)
+        return "rows, cols: each must be at least 1 and their product at most 256";
+    if (lf->width < 1 || lf->height < 1 || lf->width > SST_IMAGE_MAX_SIDE || lf->height > SST_IMAGE_MAX_SIDE ||
+        (size_t)lf->width * (size_t)lf->height > SST_IMAGE_MAX_PIXELS)
+        return "width, height: each must be 1 to 32768";
+    if (!within(lf->disp_min_px, -DISP_ABS_MAX, DISP_ABS_MAX))
+        return "disp_min_px: outside -32768..32768";
+    if (!within(lf->range_min_px, -DISP_ABS_MAX, DISP_ABS_MAX) ||
+        !within(lf->range_max_px, lf->range_min_px, DISP_ABS_MAX))
+        return "range_min_px, range_max_px: outside -32768..32768 or min above max";
+    if (!within(lf->focal_px, 0, 1e9))
+        return "focal_px: outside 0..1e9";
+    if (!within(lf->spacing_mm, 0, 1e9))
+        return "spacing_mm: outside 0..1e9";
+    if (sst_lightfield_choose_ref(&copy))
+        return "views: none";
+    if (copy.ref_view != lf->ref_view)
+        return "the reference view is not the present one nearest to the middle";
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const char *fault = view_fault(lf, k);
+
+        if (fault)
+            return fault;
+    }
+    return classes_fault(&lf->classes);
+}
+
+/* --- writing ------------------------------------------------------------------------------------------------------ */
+
+static json_t *views_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
+{
+    json_t *views = json_array();
+    bool complete = views != NULL;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const struct sst_view *v = &lf->views[k];
+
+        if (v->present)
+            complete &= !json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:s, s:s}", "row", k / lf->cols, "col",
+                                                               k % lf->cols, "bx", v->bx, "by", v->by, "file",
+                                                               v->file, "sha256",
+                                                               v->sha256[0] ? v->sha256 : hashes[k]));
+    }
+    if (complete)
+        return views;
+    json_decref(views);
+    return NULL;
+}
+
+static json_t *classes_to_json(const struct sst_classes *c)
+{
+    json_t *classes = json_array();
+    bool complete = classes != NULL;
+
+    for (int i = 0; i < c->count; i++)
+        complete &= !json_array_append_new(classes, json_pack("{s:s, s:b}", "name", c->names[i], "ground",
+                                                              (int)c->ground[i]));
+    if (complete)
+        return classes;
+    json_decref(classes);
+    return NULL;
+}
+
+char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
+{
+    json_t *root = json_pack(
+        "{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}",
+        "format", FORMAT_NAME, "version", SST_LIGHTFIELD_VERSION,
+        "rows", lf->rows, "cols", lf->cols, "width", lf->width, "height", lf->height,
+        "disp_min_px", lf->disp_min_px, "disp_steps_per_px", SST_DISP_SCALE,
+        "range_min_px", lf->range_min_px, "range_max_px", lf->range_max_px,
+        "focal_px", lf->focal_px, "spacing_mm", lf->spacing_mm,
+        "disparity_given", (int)lf->disparity_given, "labels_given", (int)lf->labels_given,
+        "source", lf->source, "history", lf->history,
+        "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
+    char *text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
+
+    json_decref(root);
+    return text;
+}
+
+/* --- reading ------------------------------------------------------------------------------------------------------ */
+
+#define MAX_FIELDS 18 /* of the largest object */
+
+/* One object being read: takes fields one by one, keeps the first fault. */
+struct reader {
+    const char *path, *where; /* where: "" or "views[3]." */
+    json_t *object;
+    const char *known[MAX_FIELDS]; /* names taken so far */
+    size_t n_known;
+    int err;
+};
+
+static void fault(struct reader *r, const char *field, const char *what)
+{
+    if (!r->err)
+        sst_log_error("%s: %s%s %s; make the light field again", r->path, r->where, field, what);
+    r->err = -EBADMSG;
+}
+
+static json_t *take(struct reader *r, const char *field)
+{
+    json_t *v = json_object_get(r->object, field);
+
+    assert(r->n_known < MAX_FIELDS);
+    r->known[r->n_known++] = field;
+    if (!v)
+        fault(r, field, "is missing");
+    return v;
+}
+
+static int take_int(struct reader *r, const char *field, int lo, int hi)
+{
+    json_t *v = take(r, field);
+    char what[64];
+
+    if (v && json_is_integer(v) && json_integer_value(v) >= lo && json_integer_value(v) <= hi)
+        return (int)json_integer_value(v);
+    snprintf(what, sizeof(what), "is not a whole number in %d..%d", lo, hi);
+    fault(r, field, what);
+    return lo;
+}
+
+static double take_double(struct reader *r, const char *field)
+{
+    json_t *v = take(r, field);
+
+    if (!json_is_number(v))
+        fault(r, field, "is not a number");
+    return json_number_value(v);
+}
+
+static bool take_bool(struct reader *r, const char *field)
+{
+    json_t *v = take(r, field);
+
+    if (!json_is_boolean(v))
+        fault(r, field, "is not true or false");
+    return json_is_true(v);
+}
+
+static void take_string(struct reader *r, const char *field, char *out, size_t size)
+{
+    json_t *v = take(r, field);
+    char what[64];
+
+    if (!json_is_string(v) || json_string_length(v) >= size) {
+        snprintf(what, sizeof(what), "is not a text of at most %zu bytes", size - 1);
+        fault(r, field, what);
+        return;
+    }
+    memcpy(out, json_string_value(v), json_string_length(v) + 1);
+}
+
+static json_t *take_array(struct reader *r, const char *field, size_t max)
+{
+    json_t *v = take(r, field);
+    char what[64];
+
+    if (json_is_array(v) && json_array_size(v) <= max)
+        return v;
+    snprintf(what, sizeof(what), "is not a list of at most %zu", max);
+    fault(r, field, what);
+    return NULL;
+}
+
+/* Nothing may be left over: a field this version does not know would be lost when the file is written again. */
+static void finish(struct reader *r)
+{
+    const char *key;
+    json_t *value;
+
+    json_object_foreach(r->object, key, value) {
+        size_t i = 0;
+
+        while (i < r->n_known && strcmp(r->known[i], key))
+            i++;
+        if (i == r->n_known)
+            fault(r, key, "is a field that this version does not know");
+    }
+}
+
+static bool hash_ok(const char *s)
+{
+    return strlen(s) == 64 && strspn(s, "0123456789abcdef") == 64;
+}
+
+static int read_view(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
+{
+    struct reader r = { .path = path, .where = where, .object = object };
+    struct sst_view v = { .present = true }, *place;
+
+    if (!json_is_object(object)) {
+        fault(&r, "it", "is not an object");
+        return r.err;
+    }
+    place = &lf->views[take_int(&r, "row", 0, lf->rows - 1) * lf->cols + take_int(&r, "col", 0, lf->cols - 1)];
+    v.bx = take_double(&r, "bx");
+    v.by = take_double(&r, "by");
+    take_string(&r, "file", v.file, sizeof(v.file));
+    take_string(&r, "sha256", v.sha256, sizeof(v.sha256));
+    if (!r.err && !hash_ok(v.sha256))
+        fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
+    if (!r.err && place->present)
+        fault(&r, "row, col", "occur twice");
+    finish(&r);
+    if (!r.err)
+        *place = v;
+    return r.err;
+}
+
+static int read_class(struct sst_classes *classes, const char *path, const char *where, json_t *object)
+{
+    struct reader r = { .path = path, .where = where, .object = object };
+
+    if (!json_is_object(object)) {
+        fault(&r, "it", "is not an object");
+        return r.err;
+    }
+    take_string(&r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
+    classes->ground[classes->count++] = take_bool(&r, "ground");
+    finish(&r);
+    return r.err;
+}
+
+static int read_lists(struct sst_lightfield *lf, struct reader *r)
+{
+    json_t *views = take_array(r, "views", SST_MAX_VIEWS), *classes = take_array(r, "classes", SST_MAX_CLASSES);
+    char where[32];
+
+    lf->classes = (struct sst_classes){ 0 };
+    for (size_t i = 0; !r->err && i < json_array_size(classes); i++) {
+        snprintf(where, sizeof(where), "classes[%zu].", i);
+        r->err = read_class(&lf->classes, r->path, where, json_array_get(classes, i));
+    }
+    for (size_t i = 0; !r->err && i < json_array_size(views); i++) {
+        snprintf(where, sizeof(where), "views[%zu].", i);
+        r->err = read_view(lf, r->path, where, json_array_get(views, i));
+    }
+    if (!r->err && sst_lightfield_choose_ref(lf))
+        fault(r, "views", "is empty");
+    return r->err;
+}
+
+static int read_root(struct sst_lightfield *lf, struct reader *r)
+{
+    int version, rows, cols;
+    const char *what;
+    char format[32] = "";
+
+    take_string(r, "format", format, sizeof(format));
+    if (!r->err && strcmp(format, FORMAT_NAME))
+        fault(r, "format", "is not \"" FORMAT_NAME "\"");
+    version = take_int(r, "version", 1, 1000000);
+    if (!r->err && version > SST_LIGHTFIELD_VERSION) {
+        sst_log_error("%s: version %d is newer than %d, the newest that this program reads; update sst", r->path,
+                      version, SST_LIGHTFIELD_VERSION);
+        r->err = -EBADMSG;
+    }
+    rows = take_int(r, "rows", 1, SST_MAX_VIEWS);
+    cols = take_int(r, "cols", 1, SST_MAX_VIEWS);
+    if (!r->err && rows * cols > SST_MAX_VIEWS)
+        fault(r, "rows, cols", "make more than 256 views");
+    if (r->err)
+        return r->err;
+    if (sst_lightfield_init(lf, rows, cols)) {
+        sst_log_error("no memory for the light field %s", r->path);
+        return -ENOMEM;
+    }
+    lf->width = take_int(r, "width", 1, SST_IMAGE_MAX_SIDE);
+    lf->height = take_int(r, "height", 1, SST_IMAGE_MAX_SIDE);
+    lf->disp_min_px = take_double(r, "disp_min_px");
+    if (take_double(r, "disp_steps_per_px") != SST_DISP_SCALE)
+        fault(r, "disp_steps_per_px", "is not 64");
+    lf->range_min_px = take_double(r, "range_min_px");
+    lf->range_max_px = take_double(r, "range_max_px");
+    lf->focal_px = take_double(r, "focal_px");
+    lf->spacing_mm = take_double(r, "spacing_mm");
+    lf->disparity_given = take_bool(r, "disparity_given");
+    lf->labels_given = take_bool(r, "labels_given");
+    take_string(r, "source", lf->source, sizeof(lf->source));
+    take_string(r, "history", lf->history, sizeof(lf->history));
+    if (r->err || read_lists(lf, r))
+        return r->err;
+    finish(r);
+    what = r->err ? NULL : sst_lightfield_fault(lf);
+    if (what) {
+        sst_log_error("%s: %s; make the light field again", r->path, what);
+        r->err = -EBADMSG;
+    }
+    return r->err;
+}
+
+int sst_lightfield_read_json(struct sst_lightfield *lf, const char *path)
+{
+    struct reader r = { .path = path, .where = "" };
+    struct sst_lightfield made = { 0 };
+    json_error_t e;
+    uint8_t *text;
+    size_t size;
+    int err = sst_file_read(path, JSON_MAX_BYTES, &text, &size);
+
+    if (err)
+        return err;
+    r.object = json_loadb((const char *)text, size, JSON_REJECT_DUPLICATES, &e);
+    free(text);
+    if (!json_is_object(r.object)) {
+        if (r.object)
+            sst_log_error("%s is not a JSON object; make the light field again", path);
+        else
+            sst_log_error("%s:%d:%d: %s; make the light field again", path, e.line, e.column, e.text);
+        json_decref(r.object);
+        return -EBADMSG;
+    }
+    err = read_root(&made, &r);
+    json_decref(r.object);
+    if (err)
+        sst_lightfield_fini(&made);
+    else
+        *lf = made;
+    return err;
+}

@@ -1,0 +1,62 @@
+#include "pipeline/lightfield/lightfield.h"
+
+#include <errno.h>
+#include <stdlib.h>
+
+int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols)
+{
+    struct sst_lightfield made = { .rows = rows, .cols = cols, .classes = sst_classes_default };
+    const int ref_row = (rows - 1) / 2, ref_col = (cols - 1) / 2;
+
+    if (rows < 1 || cols < 1 || rows > SST_MAX_VIEWS || cols > SST_MAX_VIEWS || rows * cols > SST_MAX_VIEWS)
+        return -EINVAL;
+    made.views = calloc((size_t)(rows * cols), sizeof(*made.views));
+    if (!made.views)
+        return -ENOMEM;
+    made.ref_view = ref_row * cols + ref_col;
+    for (int row = 0; row < rows; row++) {
+        for (int col = 0; col < cols; col++) {
+            made.views[row * cols + col].bx = col - ref_col;
+            made.views[row * cols + col].by = row - ref_row;
+        }
+    }
+    *lf = made;
+    return 0;
+}
+
+void sst_lightfield_fini(struct sst_lightfield *lf)
+{
+    for (int k = 0; lf->views && k < lf->rows * lf->cols; k++) {
+        sst_image_fini(&lf->views[k].image);
+        sst_map_u16_fini(&lf->views[k].disp);
+        sst_map_u8_fini(&lf->views[k].label);
+        sst_map_u8_fini(&lf->views[k].confidence);
+    }
+    free(lf->views);
+    *lf = (struct sst_lightfield){ 0 };
+}
+
+int sst_lightfield_choose_ref(struct sst_lightfield *lf)
+{
+    const int ref_row = (lf->rows - 1) / 2, ref_col = (lf->cols - 1) / 2;
+    int best = -1, best_dist2 = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const int dr = k / lf->cols - ref_row, dc = k % lf->cols - ref_col, dist2 = dr * dr + dc * dc;
+
+        if (lf->views[k].present && (best < 0 || dist2 < best_dist2)) {
+            best = k;
+            best_dist2 = dist2;
+        }
+    }
+    if (best < 0)
+        return -EBADMSG;
+    lf->ref_view = best;
+    return 0;
+}
+
+void sst_view_name(const struct sst_lightfield *lf, int view, char out[16])
+{
+    /* Both are below SST_MAX_VIEWS; the remainder tells the compiler so. */
+    snprintf(out, 16, "%02u_%02u", (unsigned)(view / lf->cols) % 1000u, (unsigned)(view % lf->cols) % 1000u);
+}

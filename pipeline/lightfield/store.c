@@ -1,0 +1,413 @@
+/* A light field as a folder: lightfield.json, views/, and the derived disparity/, labels/ and confidence/. */
+#include "pipeline/lightfield/store.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <sha2.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+
+/* The kinds of derived maps and their folders. */
+enum map_kind {
+    MAP_DISPARITY = 0,
+    MAP_LABELS = 1,
+    MAP_CONFIDENCE = 2,
+    MAP_KINDS = 3,
+};
+
+static const struct {
+    const char *folder;
+    unsigned load; /* enum sst_lightfield_load */
+} kinds[MAP_KINDS] = {
+    [MAP_DISPARITY] = { "disparity", SST_LOAD_DISPARITY },
+    [MAP_LABELS] = { "labels", SST_LOAD_LABELS },
+    [MAP_CONFIDENCE] = { "confidence", SST_LOAD_CONFIDENCE },
+};
+
+struct job {
+    struct sst_lightfield *lf;       /* loading */
+    const struct sst_lightfield *in; /* writing, verifying */
+    const char *dir;
+    unsigned what;
+    char (*hashes)[65];
+};
+
+void sst_sha256_hex(char out[65], const uint8_t *data, size_t size)
+{
+    SHA2_CTX ctx;
+    uint8_t digest[SHA256_DIGEST_LENGTH];
+
+    SHA256Init(&ctx);
+    SHA256Update(&ctx, data, size);
+    SHA256Final(digest, &ctx);
+    for (size_t i = 0; i < sizeof(digest); i++)
+        snprintf(out + 2 * i, 3, "%02x", digest[i]);
+}
+
+static int map_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, const char *dir, enum map_kind kind,
+                    int view)
+{
+    char name[64], rr_cc[16];
+
+    sst_view_name(lf, view, rr_cc);
+    snprintf(name, sizeof(name), "%s/%s.png", kinds[kind].folder, rr_cc);
+    return sst_path_join(out, dir, name);
+}
+
+static int view_path(char out[SST_PATH_MAX], const char *dir, const struct sst_view *v)
+{
+    char name[300];
+
+    snprintf(name, sizeof(name), "views/%s", v->file);
+    return sst_path_join(out, dir, name);
+}
+
+static bool has_map(const struct sst_view *v, enum map_kind kind)
+{
+    return kind == MAP_DISPARITY ? v->disp.data != NULL : kind == MAP_LABELS ? v->label.data != NULL
+                                                                             : v->confidence.data != NULL;
+}
+
+/* --- loading ------------------------------------------------------------------------------------------------------ */
+
+static int check_size(const struct sst_lightfield *lf, const char *path, int width, int height)
+{
+    if (width == lf->width && height == lf->height)
+        return 0;
+    sst_log_error("%s has %dx%d pixels, the light field %dx%d; make the light field again", path, width, height,
+                  lf->width, lf->height);
+    return -EBADMSG;
+}
+
+/* Labels index the class list in every later stage. */
+static int check_labels(const struct sst_lightfield *lf, const char *path, const struct sst_map_u8 *map)
+{
+    for (int y = 0; y < map->height; y++) {
+        const uint8_t *row = sst_map_u8_row(map, y);
+
+        for (int x = 0; x < map->width; x++) {
+            if (row[x] > lf->classes.count) {
+                sst_log_error("%s has label %d at column %d, row %d; the class list ends at %d", path, row[x], x, y,
+                              lf->classes.count);
+                return -EBADMSG;
+            }
+        }
+    }
+    return 0;
+}
+
+static int load_map(const struct sst_lightfield *lf, const char *dir, enum map_kind kind, int k)
+{
+    struct sst_view *v = &lf->views[k];
+    char path[SST_PATH_MAX];
+    int err = map_path(path, lf, dir, kind, k);
+
+    if (err || !sst_path_exists(path))
+        return err;
+    switch (kind) {
+    case MAP_DISPARITY:
+        err = sst_map_u16_read_png(&v->disp, path);
+        return err ? err : check_size(lf, path, v->disp.width, v->disp.height);
+    case MAP_LABELS:
+        err = sst_map_u8_read_png(&v->label, path);
+        if (!err)
+            err = check_size(lf, path, v->label.width, v->label.height);
+        return err ? err : check_labels(lf, path, &v->label);
+    case MAP_CONFIDENCE:
+        err = sst_map_u8_read_png(&v->confidence, path);
+        return err ? err : check_size(lf, path, v->confidence.width, v->confidence.height);
+    case MAP_KINDS:
+        break;
+    }
+    return -EINVAL;
+}
+
+static int load_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    struct sst_view *v = &job->lf->views[k];
+    char path[SST_PATH_MAX];
+    int err = 0;
+
+    if (!v->present)
+        return 0;
+    if (job->what & SST_LOAD_IMAGES) {
+        err = view_path(path, job->dir, v);
+        if (!err)
+            err = sst_image_read(&v->image, path);
+        if (!err)
+            err = check_size(job->lf, path, v->image.width, v->image.height);
+    }
+    for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
+        if (job->what & kinds[kind].load)
+            err = load_map(job->lf, job->dir, kind, k);
+    }
+    return err;
+}
+
+int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads)
+{
+    struct sst_lightfield made;
+    struct job job = { .lf = &made, .dir = dir, .what = what };
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, dir, "lightfield.json");
+
+    if (err)
+        return err;
+    if (!sst_path_exists(path)) {
+        sst_log_error("%s is not a light field: %s; make one with `sst import` or `sst scene`", dir,
+                      sst_path_is_dir(dir)   ? "it has no lightfield.json"
+                      : sst_path_exists(dir) ? "it is not a folder"
+                                             : "there is no such folder");
+        return -ENOENT;
+    }
+    err = sst_lightfield_read_json(&made, path);
+    if (err)
+        return err;
+    err = sst_parallel_for(made.rows * made.cols, sst_thread_count(threads), load_view, &job);
+    if (err)
+        sst_lightfield_fini(&made);
+    else
+        *lf = made;
+    return err;
+}
+
+/* --- hashes ------------------------------------------------------------------------------------------------------- */
+
+static int hash_view(const struct job *job, int k, char out[65])
+{
+    char path[SST_PATH_MAX];
+    uint8_t *data;
+    size_t size;
+    int err = view_path(path, job->dir, &job->in->views[k]);
+
+    if (!err)
+        err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    if (err)
+        return err;
+    sst_sha256_hex(out, data, size);
+    free(data);
+    return 0;
+}
+
+static int verify_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    const struct sst_view *v = &job->in->views[k];
+    char hash[65];
+    int err = v->present ? hash_view(job, k, hash) : 0;
+
+    if (err || !v->present || !strcmp(hash, v->sha256))
+        return err;
+    sst_log_error("%s/views/%s has changed since it was stored (its SHA-256 differs); import it again", job->dir,
+                  v->file);
+    return -EBADMSG;
+}
+
+int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int threads)
+{
+    struct job job = { .in = lf, .dir = dir };
+
+    return sst_parallel_for(lf->rows * lf->cols, sst_thread_count(threads), verify_view, &job);
+}
+
+/* --- writing ------------------------------------------------------------------------------------------------------ */
+
+static int write_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    const struct sst_view *v = &job->in->views[k];
+    char path[SST_PATH_MAX];
+    int err = 0;
+
+    for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
+        if (!has_map(v, kind))
+            continue;
+        err = map_path(path, job->in, job->dir, kind, k);
+        if (err)
+            break;
+        switch (kind) {
+        case MAP_DISPARITY:
+            err = sst_map_u16_write_png(&v->disp, path);
+            break;
+        case MAP_LABELS:
+            err = sst_map_u8_write_png(&v->label, path, sst_classes_palette());
+            break;
+        case MAP_CONFIDENCE:
+        case MAP_KINDS:
+            err = sst_map_u8_write_png(&v->confidence, path, NULL);
+            break;
+        }
+    }
+    return err;
+}
+
+static int hash_if_empty(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    const struct sst_view *v = &job->in->views[k];
+
+    return v->present && !v->sha256[0] ? hash_view(job, k, job->hashes[k]) : 0;
+}
+
+static bool any_map(const struct sst_lightfield *lf, enum map_kind kind)
+{
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (has_map(&lf->views[k], kind))
+            return true;
+    }
+    return false;
+}
+
+static bool fits(const struct sst_lightfield *lf, const void *data, int width, int height)
+{
+    return !data || (width == lf->width && height == lf->height);
+}
+
+static bool maps_fit(const struct sst_lightfield *lf)
+{
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const struct sst_view *v = &lf->views[k];
+
+        if (!fits(lf, v->disp.data, v->disp.width, v->disp.height) ||
+            !fits(lf, v->label.data, v->label.width, v->label.height) ||
+            !fits(lf, v->confidence.data, v->confidence.width, v->confidence.height))
+            return false;
+    }
+    return true;
+}
+
+static int make_folder(const char *dir, const char *name)
+{
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, dir, name);
+
+    if (err || !mkdir(path, 0777) || errno == EEXIST)
+        return err;
+    err = -errno;
+    sst_log_error("cannot create %s: %s", path, strerror(-err));
+    return err == -ENOSPC || err == -EROFS || err == -EDQUOT ? err : -EIO;
+}
+
+/* lightfield.json and all maps, into the folder out; hashes that are missing come from the views in dir. */
+static int write_files(const struct sst_lightfield *lf, const char *dir, const char *out, int threads)
+{
+    struct job job = { .in = lf, .dir = dir };
+    const char *fault = sst_lightfield_fault(lf);
+    char path[SST_PATH_MAX], *json = NULL;
+    int err = sst_path_join(path, out, "lightfield.json");
+
+    if (err)
+        return err;
+    if (!fault && !maps_fit(lf))
+        fault = "a map differs in size from the views";
+    if (fault) {
+        sst_log_error("cannot write %s: %s", path, fault);
+        return -EINVAL;
+    }
+    threads = sst_thread_count(threads);
+    job.hashes = calloc((size_t)(lf->rows * lf->cols), sizeof(*job.hashes));
+    if (!job.hashes)
+        goto no_memory;
+    err = sst_parallel_for(lf->rows * lf->cols, threads, hash_if_empty, &job);
+    for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
+        if (any_map(lf, kind))
+            err = make_folder(out, kinds[kind].folder);
+    }
+    job.dir = out;
+    if (!err)
+        err = sst_parallel_for(lf->rows * lf->cols, threads, write_view, &job);
+    if (err)
+        goto out;
+    json = sst_lightfield_to_json(lf, job.hashes);
+    if (!json)
+        goto no_memory;
+    err = sst_file_write(path, json, strlen(json));
+
+out:
+    free(json);
+    free(job.hashes);
+    return err;
+
+no_memory:
+    sst_log_error("no memory to write %s, or a text in it is not UTF-8", path);
+    err = -ENOMEM;
+    goto out;
+}
+
+int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int threads)
+{
+    return write_files(lf, dir, dir, threads);
+}
+
+/* Put new/name in the place of dir/name; the old one, if any, goes to new/name-old. */
+static int swap_in(const char *dir, const char *fresh, const char *name)
+{
+    char from[SST_PATH_MAX], to[SST_PATH_MAX], old[SST_PATH_MAX], old_name[64];
+    int err;
+
+    snprintf(old_name, sizeof(old_name), "%s-old", name);
+    err = sst_path_join(from, fresh, name);
+    if (!err)
+        err = sst_path_join(to, dir, name);
+    if (!err)
+        err = sst_path_join(old, fresh, old_name);
+    if (err)
+        return err;
+    if (rename(to, old) && errno != ENOENT)
+        goto fail;
+    if (!rename(from, to))
+        return 0;
+    err = errno;
+    (void)rename(old, to);
+    errno = err;
+
+fail:
+    sst_log_error("cannot replace %s: %s", to, strerror(errno));
+    return -EIO;
+}
+
+/* The way back, for what was swapped in before something failed. */
+static void swap_back(const char *dir, const char *fresh, const char *name)
+{
+    char from[SST_PATH_MAX], to[SST_PATH_MAX], old[SST_PATH_MAX], old_name[64];
+
+    snprintf(old_name, sizeof(old_name), "%s-old", name);
+    if (sst_path_join(from, fresh, name) || sst_path_join(to, dir, name) || sst_path_join(old, fresh, old_name))
+        return;
+    (void)rename(to, from);
+    (void)rename(old, to);
+}
+
+int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, int threads)
+{
+    const char *names[MAP_KINDS + 1];
+    struct sst_outdir fresh;
+    char path[SST_PATH_MAX];
+    int count = 0, done = 0, err = sst_path_join(path, dir, ".maps");
+
+    if (!err)
+        err = sst_outdir_open(&fresh, path, true);
+    if (err)
+        return err;
+    err = write_files(lf, dir, fresh.temporary, threads);
+    for (enum map_kind kind = 0; kind < MAP_KINDS; kind++) {
+        if (any_map(lf, kind))
+            names[count++] = kinds[kind].folder;
+    }
+    names[count++] = "lightfield.json";
+    while (!err && done < count) {
+        err = swap_in(dir, fresh.temporary, names[done]);
+        done += !err;
+    }
+    while (err && done > 0)
+        swap_back(dir, fresh.temporary, names[--done]);
+    sst_outdir_abort(&fresh);
+    return err;
+}

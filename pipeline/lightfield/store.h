@@ -1,0 +1,32 @@
+/* pipeline/lightfield/store.h - lightfield.json to and from memory, and hashes. Inside pipeline/lightfield only. */
+#ifndef SST_PIPELINE_LIGHTFIELD_STORE_H
+#define SST_PIPELINE_LIGHTFIELD_STORE_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_LIGHTFIELD_VERSION 1
+#define SST_VIEW_FILE_MAX ((size_t)1 << 30) /* bytes of one view's file */
+
+/** SHA-256 of a buffer as lower-case hex. */
+void sst_sha256_hex(char out[65], const uint8_t *data, size_t size);
+
+/** May this be the name of a view's file? No slash, no dot in front, printable, 1 to 255 bytes. */
+bool sst_view_file_name_ok(const char *name);
+
+/** Check that the numbers of a light field make sense, for reading and before writing. @return NULL or what is wrong
+ *  (storage of the thread). */
+const char *sst_lightfield_fault(const struct sst_lightfield *lf);
+
+/** lightfield.json of a light field; hashes: [views][65], for views whose own is empty. NULL: no memory. Free with
+ *  free(). */
+char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65]);
+
+/** Read lightfield.json strictly: every field present, of its type and in its range, none unknown.
+ *  @return 0, -ENOENT, -EBADMSG, -ENOMEM, -EIO; logged with file and field. */
+SST_MUST_CHECK int sst_lightfield_read_json(struct sst_lightfield *lf, const char *path);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,68 @@
+/* pipeline/render/plan.h - what one picture needs: its views with their shifts and weights, the table of label weights. */
+#ifndef SST_PIPELINE_RENDER_PLAN_H
+#define SST_PIPELINE_RENDER_PLAN_H
+
+#include <pthread.h>
+
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/render/ranges.h"
+#include "pipeline/render/render.h"
+
+SST_EXTERN_C_BEGIN
+
+struct sst_renderer {
+    /* fixed after create */
+    const struct sst_lightfield *lf;
+    int threads;
+    /* under lock until made, fixed then */
+    pthread_mutex_t lock;
+    bool counted;
+    struct sst_label_histogram histogram;
+};
+
+/**
+ * One view of the aperture. Output pixel (x, y) with x0 <= x < x1, y0 <= y < y1 takes its colour between columns
+ * x + ix, x + ix + 1 at fx (rows likewise) and its disparity and label at (x + nx, y + ny).
+ */
+struct sst_tap {
+    int view;
+    const struct sst_view *v;
+    int ix, iy, nx, ny;
+    double fx, fy; /* 0, or at least 1e-6 from 0 and 1 */
+    int x0, x1, y0, y1;
+    double aperture;
+};
+
+struct sst_plan {
+    const struct sst_lightfield *lf;
+    struct sst_render_config cfg;
+    bool weighted;       /* false: all rays weigh their aperture only, plain refocusing */
+    int count;
+    struct sst_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
+    struct sst_blend blend;            /* what all rows share */
+    float *table;                      /* owned; NULL: label weights are all 1 */
+};
+
+/** @return 0, -EINVAL, -ERANGE, -ENODATA, -ENOMEM; logged. */
+SST_MUST_CHECK int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg);
+void sst_plan_fini(struct sst_plan *p);
+
+/** W_s of a stored disparity and label. */
+double sst_plan_label_weight(const struct sst_plan *p, int label, uint16_t disp_q6);
+
+/** The histogram, counted at the first call. @return 0 or -ENOMEM (logged). */
+SST_MUST_CHECK int sst_renderer_count(struct sst_renderer *r);
+
+/** What sst_pixel_exact() finds. */
+enum sst_pixel {
+    SST_PIXEL_EMPTY = 0,       /* no ray inside its view; rgb is black */
+    SST_PIXEL_UNSUPPORTED = 1, /* all weights are exactly 0; rgb is the plain refocus value */
+    SST_PIXEL_SUPPORTED = 2,
+};
+
+/** One output pixel in double, weights formed by their logarithms. @param rays  [SST_MAX_VIEWS], count set: all of them */
+enum sst_pixel sst_pixel_exact(const struct sst_plan *p, int x, int y, double rgb[3], struct sst_ray *rays, int *count);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,172 @@
+#include "pipeline/render/render.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/render/plan.h"
+
+#define BAND_ROWS 16
+
+void sst_render_config_defaults(struct sst_render_config *cfg)
+{
+    *cfg = (struct sst_render_config){
+        .method = SST_RENDER_SST, .sigma_px = 1, .c1 = 0.001, .c2 = 0.1, .label_factor = 2, .range = SST_RANGE_OBJECT,
+        .range_percentile = 0.02, .range_margin_px = 1, .unsupported = SST_UNSUPPORTED_REFOCUS, .aperture = INFINITY,
+    };
+}
+
+int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *lf, int threads)
+{
+    struct sst_renderer *r = calloc(1, sizeof(*r));
+
+    if (!r) {
+        sst_log_error("no memory for a renderer");
+        return -ENOMEM;
+    }
+    r->lf = lf;
+    r->threads = threads;
+    pthread_mutex_init(&r->lock, NULL);
+    *out = r;
+    return 0;
+}
+
+void sst_renderer_destroy(struct sst_renderer *r)
+{
+    if (!r)
+        return;
+    sst_label_histogram_fini(&r->histogram);
+    pthread_mutex_destroy(&r->lock);
+    free(r);
+}
+
+bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *max_px)
+{
+    const struct sst_lightfield *lf = r->lf;
+    double lo = INFINITY, hi = -INFINITY;
+
+    if (lf->range_min_px < lf->range_max_px) {
+        lo = lf->range_min_px;
+        hi = lf->range_max_px;
+    }
+    if (!sst_renderer_count(r) && r->histogram.bins) {
+        lo = fmin(lo, sst_disp_px(lf, (uint16_t)r->histogram.first_bin));
+        hi = fmax(hi, sst_disp_px(lf, (uint16_t)(r->histogram.bins - 1)));
+    }
+    *min_px = lo;
+    *max_px = hi;
+    return lo <= hi;
+}
+
+int sst_renderer_labels(struct sst_renderer *r, int label[255])
+{
+    int n = 0;
+
+    if (sst_renderer_count(r))
+        return 0;
+    for (int i = 1; i < 256; i++) {
+        if (r->histogram.present[i])
+            label[n++] = i;
+    }
+    return n;
+}
+
+struct picture {
+    const struct sst_plan *plan;
+    struct sst_image *out;
+    struct sst_map_u8 *valid;
+};
+
+/* Add one view's rays to acc, pixels x .. x + n of row y. */
+static void add_view(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+    const int from = sst_max_int(x, t->x0), to = sst_min_int(x + n, t->x1);
+    float *const at[4] = { acc[0] + (from - x), acc[1] + (from - x), acc[2] + (from - x), acc[3] + (from - x) };
+    struct sst_blend b = p->blend;
+
+    if (from >= to || y < t->y0 || y >= t->y1)
+        return;
+    for (int c = 0; c < 3; c++) {
+        b.top[c] = sst_image_row(&t->v->image, c, y + t->iy) + from + t->ix;
+        b.bottom[c] = t->fy > 0 ? b.top[c] + t->v->image.stride : b.top[c];
+    }
+    b.fx = (float)t->fx;
+    b.fy = (float)t->fy;
+    b.aperture = (float)t->aperture;
+    if (!p->weighted) {
+        k->blend_plain(at, &b, (size_t)(to - from));
+        return;
+    }
+    b.disp = sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx;
+    b.label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
+    k->blend_rays(at, &b, (size_t)(to - from));
+}
+
+/* Pixels whose weights floats have lost; see SST_BLEND_FLOOR. */
+static void mend_row(const struct picture *pic, const float *weight, int x, int n, int y)
+{
+    struct sst_ray rays[SST_MAX_VIEWS];
+    double rgb[3];
+    int count;
+
+    for (int i = 0; i < n; i++) {
+        enum sst_pixel found = SST_PIXEL_SUPPORTED;
+
+        if (weight[i] < SST_BLEND_FLOOR) {
+            found = sst_pixel_exact(pic->plan, x + i, y, rgb, rays, &count);
+            if (found == SST_PIXEL_UNSUPPORTED && pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID)
+                memset(rgb, 0, sizeof(rgb));
+            for (int c = 0; c < 3; c++)
+                sst_image_row(pic->out, c, y)[x + i] = (uint8_t)(rgb[c] + 0.5);
+        }
+        if (pic->valid)
+            sst_map_u8_row(pic->valid, y)[x + i] = found == SST_PIXEL_SUPPORTED ? 255 : 0;
+    }
+}
+
+static int render_band(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct picture *pic = arg;
+    const struct sst_plan *p = pic->plan;
+    const int end = sst_min_int((index + 1) * BAND_ROWS, p->lf->height);
+
+    for (int y = index * BAND_ROWS; y < end; y++) {
+        for (int x = 0; x < p->lf->width; x += SST_BLEND_MAX) {
+            const int n = sst_min_int(SST_BLEND_MAX, p->lf->width - x);
+            float sums[4][SST_BLEND_MAX] = { { 0 } };
+            float *const acc[4] = { sums[0], sums[1], sums[2], sums[3] };
+
+            for (int k = 0; k < p->count; k++)
+                add_view(acc, p, &p->tap[k], x, n, y);
+            for (int c = 0; c < 3; c++)
+                sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, sums[c], sums[3], (size_t)n);
+            mend_row(pic, sums[3], x, n, y);
+        }
+    }
+    return 0;
+}
+
+int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out, struct sst_map_u8 *valid)
+{
+    const struct sst_lightfield *lf = r->lf;
+    struct sst_plan plan;
+    struct picture pic = { .plan = &plan, .out = out, .valid = valid };
+    int err;
+
+    if (out->width != lf->width || out->height != lf->height ||
+        (valid && (valid->width != lf->width || valid->height != lf->height))) {
+        sst_log_error("render: the picture is %d x %d, the light field %d x %d", out->width, out->height, lf->width,
+                      lf->height);
+        return -EINVAL;
+    }
+    err = sst_plan_init(&plan, r, cfg);
+    if (err)
+        return err;
+    err = sst_parallel_for((lf->height + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(cfg->threads), render_band, &pic);
+    sst_plan_fini(&plan);
+    return err;
+}

@@ -1,0 +1,97 @@
+/* People, built from ellipsoids on a skeleton. Lengths are mm of a person 1750 mm tall. */
+#include "simulators/scene/world.h"
+
+struct body {
+    struct sst_world *w;
+    const struct sst_figure *f;
+    struct sst_vec3 right, forward; /* of the person, in the world */
+};
+
+/* A point `right` of the person's middle, `up` from the ground and `forward`. */
+static struct sst_vec3 point(const struct body *b, double right, double up, double forward)
+{
+    struct sst_vec3 p = sst_add(sst_mul(b->right, right), sst_mul(b->forward, forward));
+
+    p.y -= up;
+    return sst_add(b->f->base, sst_mul(p, b->f->scale));
+}
+
+static void limb(const struct body *b, struct sst_vec3 p, struct sst_vec3 q, double radius, struct sst_material mat)
+{
+    sst_add_limb(b->w, p, q, radius * b->f->scale, mat);
+}
+
+static void bulk(const struct body *b, struct sst_vec3 c, double wide, double tall, double deep, struct sst_material mat)
+{
+    const double k = b->f->scale;
+
+    sst_add_ellipsoid(b->w, c, sst_mul(b->right, wide * k), sst_v(0, tall * k, 0), sst_mul(b->forward, deep * k), mat);
+}
+
+static void add_head(const struct body *b, double up, double forward)
+{
+    limb(b, point(b, 0, up - 190, forward - 15), point(b, 0, up - 80, forward), 56, b->f->skin);
+    bulk(b, point(b, 0, up, forward), 80, 118, 96, b->f->face);
+    bulk(b, point(b, 0, up - 14, forward + 97), 13, 25, 17, b->f->skin);
+    bulk(b, point(b, 82, up - 8, forward - 8), 12, 30, 18, b->f->skin);
+    bulk(b, point(b, -82, up - 8, forward - 8), 12, 30, 18, b->f->skin);
+}
+
+/* side: 1 right, -1 left. */
+static void add_arm(const struct body *b, double side, double shoulder_up, double swing)
+{
+    const bool seated = b->f->seated;
+    const double e_fwd = seated ? 40 : 270 * sin(swing), e_up = shoulder_up - (seated ? 275 : 270 * cos(swing));
+    const double h_fwd = seated ? 260 : e_fwd + 240 * sin(swing + 0.35);
+    const double h_up = seated ? e_up - 10 : e_up - 240 * cos(swing + 0.35);
+    const double out = seated ? 250 : 205;
+    const struct sst_vec3 shoulder = point(b, side * 168, shoulder_up, 0), elbow = point(b, side * out, e_up, e_fwd);
+    const struct sst_vec3 wrist = point(b, side * (seated ? 150 : 200), h_up, h_fwd);
+
+    limb(b, point(b, side * 30, shoulder_up + 75, -10), shoulder, 60, b->f->shirt);
+    bulk(b, shoulder, 72, 74, 66, b->f->shirt);
+    limb(b, shoulder, elbow, 58, b->f->shirt);
+    limb(b, elbow, wrist, 45, b->f->shirt);
+    limb(b, wrist, sst_add(wrist, sst_mul(sst_sub(wrist, elbow), 0.3)), 34, b->f->skin);
+}
+
+static void add_leg(const struct body *b, double side, double swing)
+{
+    const bool seated = b->f->seated;
+    const double bend = swing < 0 ? 0.3 : 0.1; /* the trailing knee bends */
+    const double k_fwd = seated ? 420 : 430 * sin(swing), k_up = seated ? 500 : 930 - 430 * cos(swing);
+    const double a_fwd = seated ? 440 : k_fwd + 420 * sin(swing - bend);
+    const double a_up = seated ? 90 : k_up - 420 * cos(swing - bend);
+    const double spread = seated ? 130 : 85;
+    const struct sst_vec3 hip = point(b, side * 90, seated ? 520 : 930, 0), knee = point(b, side * spread, k_up, k_fwd);
+    const struct sst_vec3 ankle = point(b, side * spread, a_up, a_fwd);
+
+    limb(b, hip, knee, 86, b->f->trousers);
+    limb(b, hip, sst_add(hip, sst_mul(sst_sub(knee, hip), 0.45)), 104, b->f->trousers);
+    limb(b, sst_add(hip, sst_mul(sst_sub(knee, hip), 0.75)), sst_add(knee, sst_mul(sst_sub(ankle, knee), 0.55)), 74,
+         b->f->trousers);
+    limb(b, knee, ankle, 62, b->f->trousers);
+    bulk(b, point(b, side * spread, a_up - 45, a_fwd + 60), 50, 46, 135, b->f->shoes);
+}
+
+void sst_add_figure(struct sst_world *w, const struct sst_figure *f)
+{
+    const struct body b = {
+        .w = w,
+        .f = f,
+        .right = sst_v(-cos(f->yaw), 0, -sin(f->yaw)),
+        .forward = sst_v(sin(f->yaw), 0, -cos(f->yaw)),
+    };
+    const double hips = f->seated ? 540 : 950, shoulders = hips + 465;
+
+    bulk(&b, point(&b, 0, hips, 0), 165, 115, 125, f->trousers);
+    bulk(&b, point(&b, 0, hips + 200, 5), 165, 230, 122, f->shirt);
+    bulk(&b, point(&b, 0, hips + 350, 0), 188, 200, 128, f->shirt);
+    add_head(&b, hips + 690, 15);
+    for (int side = -1; side <= 1; side += 2) {
+        const double swing = side * f->stride;
+
+        add_leg(&b, side, swing);
+        add_arm(&b, side, shoulders, -0.8 * swing);
+    }
+}

@@ -1,0 +1,303 @@
+/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells. */
+#include <string.h>
+
+#include "simulators/scene/world.h"
+
+/* --- letters -------------------------------------------------------------------------------------------------------- */
+
+#define GLYPHS " 0123456789ABCDEFGHIKLMNOPRSTUVXY"
+
+/* Seven rows of five dots, the leftmost dot is bit 4. */
+static const uint8_t glyphs[][7] = {
+    { 0, 0, 0, 0, 0, 0, 0 },
+    { 14, 17, 19, 21, 25, 17, 14 }, { 4, 12, 4, 4, 4, 4, 14 },      { 14, 17, 1, 6, 8, 16, 31 },
+    { 31, 2, 4, 2, 1, 17, 14 },     { 2, 6, 10, 18, 31, 2, 2 },     { 31, 16, 30, 1, 1, 17, 14 },
+    { 6, 8, 16, 30, 17, 17, 14 },   { 31, 1, 2, 4, 8, 8, 8 },       { 14, 17, 17, 14, 17, 17, 14 },
+    { 14, 17, 17, 15, 1, 2, 12 },
+    { 14, 17, 17, 31, 17, 17, 17 }, { 30, 17, 17, 30, 17, 17, 30 }, { 14, 17, 16, 16, 16, 17, 14 },
+    { 30, 17, 17, 17, 17, 17, 30 }, { 31, 16, 16, 30, 16, 16, 31 }, { 31, 16, 16, 30, 16, 16, 16 },
+    { 14, 17, 16, 23, 17, 17, 15 }, { 17, 17, 17, 31, 17, 17, 17 }, { 14, 4, 4, 4, 4, 4, 14 },
+    { 17, 18, 20, 24, 20, 18, 17 }, { 16, 16, 16, 16, 16, 16, 31 }, { 17, 27, 21, 21, 17, 17, 17 },
+    { 17, 25, 21, 19, 17, 17, 17 }, { 14, 17, 17, 17, 17, 17, 14 }, { 30, 17, 17, 30, 16, 16, 16 },
+    { 30, 17, 17, 30, 20, 18, 17 }, { 15, 16, 16, 14, 1, 1, 30 },   { 31, 4, 4, 4, 4, 4, 4 },
+    { 17, 17, 17, 17, 17, 17, 14 }, { 17, 17, 17, 17, 17, 10, 4 },  { 17, 17, 10, 4, 10, 17, 17 },
+    { 17, 17, 10, 4, 4, 4, 4 },
+};
+
+bool sst_font_dot(const char *text, int x, int y)
+{
+    const int n = (int)strlen(text);
+    const char *c;
+
+    if (x < 0 || y < 0 || y >= 7 || x >= 6 * n || x % 6 == 5)
+        return false;
+    c = strchr(GLYPHS, text[x / 6]);
+    return c && *c && (glyphs[c - GLYPHS][y] >> (4 - x % 6) & 1);
+}
+
+static float noise_at(const struct sst_surface *s, const struct sst_hit *h, double mm, uint32_t salt)
+{
+    return sst_fbm(sst_mul(h->t, 1 / mm), 4, s->seed + salt);
+}
+
+static struct sst_rgb dimmed(struct sst_rgb c, float gain)
+{
+    return (struct sst_rgb){ c.r * gain, c.g * gain, c.b * gain };
+}
+
+float sst_paint_text(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const int columns = 6 * (int)strlen(s->mat.text) - 1;
+    const double dx = (h->q.x * 0.5 + 0.5) * (columns + 5) - 2.5, dy = (h->q.y * 0.5 + 0.5) * 10.5 - 1.75;
+    const bool border = dx < -1.4 || dx > columns + 1.4 || dy < -0.9 || dy > 7.9;
+    const bool ink = border || sst_font_dot(s->mat.text, (int)floor(dx), (int)floor(dy));
+
+    *out = dimmed(ink ? s->mat.b : s->mat.a, 0.88f + 0.2f * noise_at(s, h, s->mat.scale_mm, 0));
+    return 1;
+}
+
+/* --- people --------------------------------------------------------------------------------------------------------- */
+
+float sst_paint_face(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    static const struct sst_rgb white = { 0.93f, 0.92f, 0.9f }, dark = { 0.13f, 0.09f, 0.08f },
+                                lip = { 0.66f, 0.31f, 0.28f };
+    const double x = fabs(h->q.x), y = h->q.y;
+    const float rough = noise_at(s, h, 14, 0);
+    const double eye_x = (x - 0.36) / 0.17, eye_y = (y + 0.06) / 0.075, hairline = -0.5 + 0.16 * rough;
+
+    *out = dimmed(s->mat.a, 0.86f + 0.26f * rough);
+    if (h->q.z < -0.05 ? y < 0.38 : y < hairline) {
+        const float strand = sst_fbm(sst_v(h->t.x / 3, h->t.y / 18, h->t.z / 3), 3, s->seed);
+
+        *out = dimmed(s->mat.b, 0.6f + 0.9f * strand);
+    } else if (h->q.z > 0) {
+        if (eye_x * eye_x + eye_y * eye_y < 1)
+            *out = fabs(x - 0.36) < 0.075 ? dark : white;
+        else if (fabs(x - 0.36) < 0.22 && fabs(y + 0.2 - 0.3 * (x - 0.36) * (x - 0.36)) < 0.045)
+            *out = s->mat.b;
+        else if (x < 0.27 && fabs(y - 0.52 + 0.4 * x * x) < 0.05)
+            *out = lip;
+        else if (x < 0.3 && y > 0.3 && y < 0.75)
+            *out = sst_blend(*out, s->mat.b, 0.12f);
+    }
+    return 1;
+}
+
+/* --- cars and houses ------------------------------------------------------------------------------------------------ */
+
+static bool inside(double x, double y, double x0, double x1, double y0, double y1)
+{
+    return x > x0 && x < x1 && y > y0 && y < y1;
+}
+
+/* A reflecting pane: sky above, street below, streaks between. */
+static struct sst_rgb pane(const struct sst_surface *s, const struct sst_hit *h, double mm, float up)
+{
+    const float cloud = sst_fbm(sst_v(h->t.x / mm, h->t.y / (0.5 * mm), 0), 5, s->seed + 3);
+    const struct sst_rgb low = { 0.09f, 0.11f, 0.13f }, high = { 0.45f, 0.55f, 0.65f };
+
+    return sst_blend(low, high, 1.1f * cloud * cloud * (0.4f + 0.6f * up) + 0.1f * up);
+}
+
+static struct sst_rgb lamp(const struct sst_surface *s, const struct sst_hit *h, double y)
+{
+    const struct sst_rgb red = { 0.72f, 0.07f, 0.06f }, amber = { 0.9f, 0.5f, 0.1f }, clear = { 0.9f, 0.88f, 0.85f };
+    const float ribs = 0.75f + 0.45f * sst_noise(sst_v(h->t.x / 9, h->t.y / 9, 0), s->seed + 12);
+
+    return dimmed(y < 0.33 ? amber : y < 0.62 ? clear : red, ribs);
+}
+
+float sst_paint_van(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const double x = fabs(h->q.x), y = h->q.y;
+    const float dirt = noise_at(s, h, 160, 0), fine = noise_at(s, h, 22, 4);
+    const float low = (float)sst_clamp_double(y, 0, 1);
+
+    *out = dimmed(s->mat.a, 0.8f + 0.16f * fine + 0.1f * dirt - 0.3f * low * dirt);
+    if (inside(x, y, 0.08, 0.74, -0.78, -0.22)) {
+        const double edge = fmin(fmin(x - 0.08, 0.74 - x), fmin(y + 0.78, -0.22 - y));
+
+        *out = edge < 0.025 ? sst_hex(0x1c1c1e) : pane(s, h, 240, (float)(0.5 - y));
+    } else if (inside(x, y, 0.86, 0.97, -0.1, 0.52)) {
+        *out = lamp(s, h, (y + 0.1) / 0.62);
+    } else if (y > 0.72) {
+        *out = dimmed(s->mat.b, 0.7f + 0.5f * fine);
+    } else if (x < 0.008 || fabs(x - 0.82) < 0.006 || fabs(y + 0.12) < 0.006 || fabs(y - 0.68) < 0.006) {
+        *out = dimmed(*out, 0.45f);
+    } else if (inside(x, y, 0.78, 0.85, -0.6, -0.54) || inside(x, y, 0.78, 0.85, 0.3, 0.36) ||
+               inside(h->q.x, y, 0.03, 0.16, 0.0, 0.05)) {
+        *out = sst_hex(0x2a2a2c);
+    }
+    return 1;
+}
+
+float sst_paint_car(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const double x = fabs(h->q.x), y = h->q.y;
+    const float fine = noise_at(s, h, 30, 4), sheen = noise_at(s, h, 260, 6);
+
+    *out = dimmed(s->mat.a, 0.72f + 0.2f * fine + 0.35f * sheen - 0.2f * (float)y);
+    if (inside(x, y, 0.64, 0.96, -0.7, -0.3))
+        *out = lamp(s, h, (x - 0.64) / 0.32);
+    else if (y > 0.62)
+        *out = dimmed(s->mat.b, 0.7f + 0.5f * fine);
+    else if (fabs(y + 0.1) < 0.015 || (y < 0.05 && fabs(x - 0.62) < 0.01) || (x < 0.62 && fabs(y - 0.05) < 0.012))
+        *out = dimmed(*out, 0.4f);
+    else if (x < 0.09 && fabs(y + 0.5) < 0.09)
+        *out = sst_hex(0xd8d8dc);
+    return 1;
+}
+
+float sst_paint_glass(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const double edge = fmin(s->outline + (1 - s->outline) * (h->q.y + 1) / 2 - fabs(h->q.x), 1 - fabs(h->q.y));
+
+    *out = edge < 0.1 ? dimmed(s->mat.a, 0.9f) : pane(s, h, 200, (float)(0.5 - 0.5 * h->q.y));
+    if (edge >= 0.1 && fabs(h->q.y * 8 - floor(h->q.y * 8 + 0.5)) < 0.06)
+        *out = dimmed(*out, 1.4f);
+    return 1;
+}
+
+float sst_paint_facade(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const double p = s->mat.scale_mm * s->mat.k, px = h->t.x / p, py = h->t.y / (1.25 * p);
+    const double x = px - floor(px) - 0.5, y = py - floor(py) - 0.5, ax = fabs(x);
+    const uint32_t one = sst_hash((int32_t)floor(px), (int32_t)floor(py), 3, s->seed);
+    const float up = (float)(0.5 - y);
+
+    if (ax < 0.24 && fabs(y) < 0.3) {
+        const bool bar = ax < 0.012 || ax > 0.215 || fabs(y) > 0.28 || fabs(y + 0.08) < 0.012;
+        const bool curtain = (one & 3) != 0 && ax > 0.08 + 0.08 * (double)(one >> 4 & 15) / 15;
+        const float fold = sst_noise(sst_v(h->t.x / 60, h->t.y / 900, 0), one);
+
+        *out = bar ? dimmed(s->mat.b, 0.85f + 0.2f * noise_at(s, h, 60, 1)) : pane(s, h, 0.3 * p, up);
+        if (!bar && curtain)
+            *out = sst_blend(*out, dimmed(sst_hex(one & 256 ? 0xcfc4a8 : 0xb9c4cc), 0.5f + 0.6f * fold), 0.75f);
+        return 1;
+    }
+    sst_paint_brick(s, h, out);
+    if (ax < 0.28 && y >= 0.3 && y < 0.34)
+        *out = dimmed(s->mat.b, 0.8f + 0.25f * noise_at(s, h, 90, 2));
+    else if (ax < 0.27 && y <= -0.3 && y > -0.37)
+        *out = dimmed(sst_hex(0xb8ad98), 0.75f + 0.35f * noise_at(s, h, 90, 2));
+    else if (fabs(y) > 0.475)
+        *out = dimmed(s->mat.b, 0.7f + 0.3f * noise_at(s, h, 120, 7));
+    return 1;
+}
+
+/* --- pictures ------------------------------------------------------------------------------------------------------- */
+
+float sst_paint_poster(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const uint32_t kind = sst_hash((int32_t)s->mat.k, 0, 0, s->seed);
+    const float t = sst_fbm(sst_v(h->q.x * 2.5 + 9, h->q.y * 2.5, 0), 5, s->seed);
+    const float fine = noise_at(s, h, s->mat.scale_mm, 2);
+
+    *out = sst_blend(s->mat.a, s->mat.b, t);
+    for (int i = 0; i < 14; i++) {
+        const uint32_t one = sst_hash(i, (int32_t)s->mat.k, 5, s->seed);
+        const double cx = (one & 255) / 127.5 - 1, cy = (one >> 8 & 255) / 127.5 - 1, r = 0.08 + (one >> 16 & 63) / 190.0;
+        const double dx = h->q.x - cx, dy = h->q.y - cy;
+        const double d = kind >> i & 1 ? sqrt(dx * dx + dy * dy) : fmax(fabs(dx + 0.4 * dy), fabs(dy - 0.4 * dx));
+        const struct sst_rgb c = { (float)(one >> 3 & 255) / 255, (float)(one >> 11 & 255) / 255,
+                                   (float)(one >> 20 & 255) / 255 };
+
+        if (d < r)
+            *out = sst_blend(c, dimmed(c, 0.4f), (float)(d / r) * (one >> 28 & 1 ? 1.0f : 0.3f));
+    }
+    if (s->mat.text) {
+        const int columns = 6 * (int)strlen(s->mat.text) - 1;
+        const double x = (h->q.x + 0.86) / 1.72 * columns, y = (h->q.y - 0.56) / 0.3 * 7;
+
+        if (h->q.y > 0.5 && h->q.y < 0.92)
+            *out = sst_hex(0xf2ead8);
+        if (sst_font_dot(s->mat.text, (int)floor(x), (int)floor(y)))
+            *out = sst_hex(0x1b2030);
+    }
+    *out = dimmed(*out, 0.7f + 0.5f * fine);
+    if (fmax(fabs(h->q.x), fabs(h->q.y)) > 0.965)
+        *out = dimmed(sst_hex(0xe8e6e0), 0.8f + 0.25f * fine);
+    return 1;
+}
+
+float sst_paint_wheel(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const double r = sqrt(h->q.x * h->q.x + h->q.y * h->q.y), rim = s->outline > 0 ? s->outline : 0.9;
+    const float fine = noise_at(s, h, s->mat.scale_mm, 0);
+
+    *out = dimmed(r > rim ? s->mat.a : s->mat.b, 0.6f + 0.7f * fine);
+    if (s->outline > 0 && r < rim) {
+        const double turn = atan2(h->q.y, h->q.x) * 5 / 6.283185307179586;
+
+        if (r > 0.15 && r < 0.85 * rim && fabs(turn - floor(turn + 0.5)) > 0.27)
+            *out = dimmed(s->mat.a, 0.7f + 0.5f * fine);
+    }
+    return 1;
+}
+
+/* --- stained cells -------------------------------------------------------------------------------------------------- */
+
+/* Distance to the nearest and the second nearest of one random point per lattice cell, and a number of the nearest. */
+static uint32_t nearest_seeds(double x, double y, uint32_t seed, double *first, double *second)
+{
+    const int32_t cx = (int32_t)floor(x), cy = (int32_t)floor(y);
+    uint32_t found = 0;
+
+    *first = *second = 1e9;
+    for (int32_t j = cy - 1; j <= cy + 1; j++) {
+        for (int32_t i = cx - 1; i <= cx + 1; i++) {
+            const uint32_t one = sst_hash(i, j, 4, seed);
+            const double dx = i + 0.15 + 0.7 * (one & 0xffff) / 65536.0 - x, dy = j + 0.15 + 0.7 * (one >> 16) / 65536.0 - y;
+            const double d = sqrt(dx * dx + dy * dy);
+
+            if (d < *first) {
+                *second = *first;
+                *first = d;
+                found = one;
+            } else if (d < *second) {
+                *second = d;
+            }
+        }
+    }
+    return found;
+}
+
+float sst_paint_membrane(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const double p = s->mat.scale_mm;
+    const float wobble = noise_at(s, h, 0.3 * p, 1), fine = noise_at(s, h, 0.07 * p, 2);
+    double d1, d2, r;
+    const uint32_t one = nearest_seeds(h->t.x / p + 0.2 * wobble, h->t.y / p + 0.2 * (1 - wobble), s->seed, &d1, &d2);
+
+    r = d1 / (0.27 + 0.1 * (one >> 5 & 255) / 255);
+    *out = dimmed(sst_blend(s->mat.a, s->mat.b, fine), 0.75f + 0.4f * wobble);
+    if (r >= 1)
+        return 0;
+    if (r > 0.82) { /* the wall of the cell is denser */
+        *out = dimmed(*out, 0.7f);
+        return 0.78f;
+    }
+    return 0.36f + 0.3f * fine;
+}
+
+float sst_paint_tissue(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const double p = s->mat.scale_mm;
+    const float bulk = noise_at(s, h, 0.5 * p, 1), fine = noise_at(s, h, 0.06 * p, 2);
+    double d1, d2, r;
+    const uint32_t one = nearest_seeds(h->t.x / p + 0.25 * bulk, h->t.y / p, s->seed, &d1, &d2);
+
+    *out = dimmed(sst_blend(sst_hex(0xe8cfe0), sst_hex(0xc79ac0), bulk), 0.75f + 0.35f * fine);
+    if (d2 - d1 < 0.05)
+        *out = dimmed(sst_hex(0x9a6fa8), 0.7f + 0.5f * fine);
+    r = d1 / (0.2 + 0.12 * (one >> 5 & 255) / 255);
+    if (r < 1)
+        *out = dimmed(r > 0.85 ? dimmed(s->mat.b, 0.6f) : sst_blend(s->mat.a, s->mat.b, fine), 0.7f + 0.5f * bulk);
+    if (r < 0.35)
+        *out = dimmed(s->mat.b, 0.45f + 0.3f * fine);
+    nearest_seeds(h->t.x / (0.16 * p), h->t.y / (0.16 * p), s->seed + 9, &d1, &d2);
+    if (r > 1.1 && d1 < 0.2)
+        *out = dimmed(sst_hex(0x3f7f86), 0.7f + 0.6f * fine);
+    return 1;
+}

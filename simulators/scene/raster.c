@@ -1,0 +1,378 @@
+/*
+ * The renderer: a z-buffer over bands of rows. With r = ((x-cx)/f, (y-cy)/f, 1) the ray of a pixel from the camera at
+ * C = B (bx, by, 0), a patch o + s u + t v (normal n = u x v, dual axes u' = v x n / n.n, v' = n x u / n.n) is met at
+ *   1/Z = n.r / n.(o-C),  s = (u'.r - u'.(o-C) / Z) Z,
+ * so 1/Z, s/Z and t/Z are affine in the picture. An ellipsoid becomes the unit sphere in the coordinates
+ * q_i = a_i.(P-o) / a_i.a_i of its half-axes a_i, where Z is a root of a quadratic.
+ * Colour is the mean of four samples on a rotated grid; truth is a fifth one at the pixel's centre.
+ */
+#include <errno.h>
+#include <float.h>
+
+#include "base/mem.h"
+#include "simulators/scene/world.h"
+
+#define BAND_ROWS 16
+#define COLOURS 4
+#define CENTRE 4
+#define SAMPLES 5
+#define NOTHING UINT32_MAX
+#define NEAREST_MM 1.0 /* corners nearer than this (or behind the camera) give no bounds */
+
+static const double offset_x[SAMPLES] = { 0.125, 0.375, -0.125, -0.375, 0 };
+static const double offset_y[SAMPLES] = { -0.375, 0.125, 0.375, -0.125, 0 };
+
+/* c + x * pixel x + y * pixel y */
+struct affine {
+    double x, y, c;
+};
+
+/* A surface as one view sees it. */
+struct seen {
+    struct affine inv_z;   /* patch */
+    struct affine axis[3]; /* patch: s/Z, t/Z; ellipsoid: the ray in units of the half-axes */
+    double eye[3];         /* ellipsoid: the camera in units of the half-axes */
+    int x0, x1, y0, y1;    /* output pixels it may cover, ends excluded; empty: not seen */
+};
+
+struct band {
+    const struct sst_raster *r;
+    const struct seen *seen;
+    int y0, rows;
+    float *inv_z;           /* [SAMPLES][BAND_ROWS][width], 0: nothing */
+    uint32_t *owner;        /* the same, surface index */
+    struct sst_rgb *colour; /* [COLOURS][BAND_ROWS][width] */
+};
+
+static struct affine along_ray(const struct sst_raster *r, struct sst_vec3 a)
+{
+    const double x = a.x / r->focal_px, y = a.y / r->focal_px;
+
+    return (struct affine){ x, y, a.z - x * r->cx - y * r->cy };
+}
+
+static inline double at(struct affine a, double x, double y)
+{
+    return a.x * x + a.y * y + a.c;
+}
+
+/* --- one surface in one view ---------------------------------------------------------------------------------------- */
+
+static void bounds(const struct sst_raster *r, const struct sst_surface *s, struct sst_vec3 e, struct seen *out)
+{
+    const double x[3] = { s->u.x, s->v.x, s->w.x }, y[3] = { s->u.y, s->v.y, s->w.y };
+    const double z[3] = { s->u.z, s->v.z, s->w.z };
+    /* Half the box around an ellipsoid is the length of each row of its axes. */
+    const double hx = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+    const double hy = sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]);
+    const double hz = sqrt(z[0] * z[0] + z[1] * z[1] + z[2] * z[2]);
+    double lo_x = DBL_MAX, hi_x = -DBL_MAX, lo_y = DBL_MAX, hi_y = -DBL_MAX;
+
+    for (int i = 0; i < (s->ellipsoid ? 8 : 4); i++) {
+        const double a = i & 1 ? 1 : -1, b = i & 2 ? 1 : -1, c = i & 4 ? 1 : -1;
+        const struct sst_vec3 p = sst_add(e, s->ellipsoid ? sst_v(a * hx, b * hy, c * hz)
+                                                          : sst_add(sst_mul(s->u, a), sst_mul(s->v, b)));
+
+        if (p.z < NEAREST_MM) {
+            *out = (struct seen){ .x1 = r->width, .y1 = r->height };
+            return;
+        }
+        lo_x = fmin(lo_x, r->cx + r->focal_px * p.x / p.z);
+        hi_x = fmax(hi_x, r->cx + r->focal_px * p.x / p.z);
+        lo_y = fmin(lo_y, r->cy + r->focal_px * p.y / p.z);
+        hi_y = fmax(hi_y, r->cy + r->focal_px * p.y / p.z);
+    }
+    out->x0 = (int)sst_clamp_double(floor((lo_x - 0.5) / r->step_x), 0, r->width);
+    out->x1 = (int)sst_clamp_double(ceil((hi_x + 0.5) / r->step_x) + 1, 0, r->width);
+    out->y0 = (int)sst_clamp_double(floor((lo_y - 0.5) / r->step_y), 0, r->height);
+    out->y1 = (int)sst_clamp_double(ceil((hi_y + 0.5) / r->step_y) + 1, 0, r->height);
+}
+
+static struct sst_vec3 patch_normal(const struct sst_surface *s)
+{
+    return sst_cross(s->u, s->v);
+}
+
+static void set_up(const struct sst_raster *r, const struct sst_surface *s, struct seen *out)
+{
+    const struct sst_vec3 eye = sst_v(r->bx * r->world->spacing_mm, r->by * r->world->spacing_mm, 0);
+    const struct sst_vec3 e = sst_sub(s->origin, eye);
+    const struct sst_vec3 n = patch_normal(s), axis[3] = { s->u, s->v, s->w };
+
+    *out = (struct seen){ 0 };
+    if (s->hide & r->hidden)
+        return;
+    bounds(r, s, e, out);
+    if (s->ellipsoid) {
+        for (int i = 0; i < 3; i++) {
+            const struct sst_vec3 dual = sst_mul(axis[i], 1 / sst_dot(axis[i], axis[i]));
+
+            out->axis[i] = along_ray(r, dual);
+            out->eye[i] = -sst_dot(dual, e);
+        }
+        return;
+    }
+    if (sst_dot(n, e) == 0) { /* exactly edge on */
+        *out = (struct seen){ 0 };
+        return;
+    }
+    out->inv_z = along_ray(r, sst_mul(n, 1 / sst_dot(n, e)));
+    for (int i = 0; i < 2; i++) {
+        const struct sst_vec3 dual = sst_mul(i ? sst_cross(n, s->u) : sst_cross(s->v, n), 1 / sst_dot(n, n));
+        const struct affine a = along_ray(r, dual);
+        const double k = sst_dot(dual, e);
+
+        out->axis[i] = (struct affine){ a.x - k * out->inv_z.x, a.y - k * out->inv_z.y, a.c - k * out->inv_z.c };
+    }
+}
+
+/* 1/Z where the ray of picture position (x, y) meets the surface nearer than 1/nearer_than, and there q; else 0. */
+static inline double meet(const struct sst_surface *s, const struct seen *g, double x, double y, double nearer_than,
+                          double q[3])
+{
+    if (s->ellipsoid) {
+        double a = 0, b = 0, c = -1, d[3], disc, z;
+
+        for (int i = 0; i < 3; i++) {
+            d[i] = at(g->axis[i], x, y);
+            a += d[i] * d[i];
+            b += d[i] * g->eye[i];
+            c += g->eye[i] * g->eye[i];
+        }
+        disc = b * b - a * c;
+        if (disc <= 0)
+            return 0;
+        z = (-b - sqrt(disc)) / a;
+        if (z <= 0 || z * nearer_than >= 1)
+            return 0;
+        for (int i = 0; i < 3; i++)
+            q[i] = g->eye[i] + z * d[i];
+        return 1 / z;
+    }
+
+    const double inv_z = at(g->inv_z, x, y);
+
+    if (inv_z <= nearer_than)
+        return 0;
+    q[0] = at(g->axis[0], x, y);
+    q[1] = at(g->axis[1], x, y);
+    if (fabs(q[0]) > inv_z || fabs(q[1]) > inv_z)
+        return 0;
+    q[0] /= inv_z;
+    q[1] /= inv_z;
+    q[2] = 0;
+    return !s->mask || s->mask(s, q[0], q[1]) ? inv_z : 0;
+}
+
+/* --- colour --------------------------------------------------------------------------------------------------------- */
+
+static struct sst_hit hit_at(const struct sst_surface *s, const double q[3])
+{
+    struct sst_hit h = { .q = { q[0], q[1], q[2] } };
+    const struct sst_vec3 u = s->u, v = s->v, w = s->w;
+
+    h.t = sst_v(q[0] * sqrt(sst_dot(u, u)), q[1] * sqrt(sst_dot(v, v)), q[2] * sqrt(sst_dot(w, w)));
+    if (s->ellipsoid) {
+        h.n = sst_add(sst_mul(u, q[0] / sst_dot(u, u)),
+                      sst_add(sst_mul(v, q[1] / sst_dot(v, v)), sst_mul(w, q[2] / sst_dot(w, w))));
+        h.n = sst_unit(h.n);
+        return h;
+    }
+    h.n = sst_unit(sst_cross(v, u));
+    if (h.n.z > 0) /* seen from the other side: leaves have no inside */
+        h.n = sst_mul(h.n, -1);
+    if (s->round)
+        h.n = sst_add(sst_mul(h.n, sqrt(fmax(0, 1 - q[1] * q[1]))), sst_mul(sst_unit(v), q[1]));
+    return h;
+}
+
+static float shade(const struct sst_surface *s, const double q[3], struct sst_rgb *out)
+{
+    static const struct sst_vec3 light = { -0.42, -0.66, -0.62 }; /* towards it; about unit length */
+    const struct sst_hit h = hit_at(s, q);
+    const float alpha = s->mat.paint(s, &h, out);
+    float gain = 1;
+
+    if (s->grain > 0) {
+        const struct sst_vec3 t = sst_mul(h.t, 1 / s->grain_mm);
+
+        gain += s->grain * (sst_noise(t, s->seed ^ 0x5bd1e995u) + sst_noise(sst_mul(t, 0.43), s->seed + 77) - 1);
+    }
+    if (!s->unlit)
+        gain *= (float)(0.6 + 0.5 * fmax(0, sst_dot(h.n, light)));
+    *out = (struct sst_rgb){ out->r * gain, out->g * gain, out->b * gain };
+    return alpha;
+}
+
+/* --- a band --------------------------------------------------------------------------------------------------------- */
+
+static size_t cell(const struct band *b, int sample, int y, int x)
+{
+    return ((size_t)sample * BAND_ROWS + (size_t)(y - b->y0)) * (size_t)b->r->width + (size_t)x;
+}
+
+static void draw_opaque(struct band *b, uint32_t index, int first_sample)
+{
+    const struct sst_raster *r = b->r;
+    const struct sst_surface *s = &r->world->surfaces[index];
+    const struct seen *g = &b->seen[index];
+    const int y0 = sst_max_int(g->y0, b->y0), y1 = sst_min_int(g->y1, b->y0 + b->rows);
+
+    for (int k = first_sample; k < SAMPLES; k++) {
+        for (int y = y0; y < y1; y++) {
+            float *inv_z = b->inv_z + cell(b, k, y, 0);
+            uint32_t *owner = b->owner + cell(b, k, y, 0);
+            const double py = y * r->step_y + offset_y[k];
+
+            for (int x = g->x0; x < g->x1; x++) {
+                double q[3];
+                const double iz = meet(s, g, x * r->step_x + offset_x[k], py, inv_z[x], q);
+
+                if (iz > 0) {
+                    inv_z[x] = (float)iz;
+                    owner[x] = index;
+                }
+            }
+        }
+    }
+}
+
+static void colour_opaque(struct band *b)
+{
+    const struct sst_raster *r = b->r;
+
+    for (int k = 0; k < COLOURS; k++) {
+        for (int y = b->y0; y < b->y0 + b->rows; y++) {
+            for (int x = 0; x < r->width; x++) {
+                const size_t i = cell(b, k, y, x);
+                double q[3];
+
+                b->colour[i] = (struct sst_rgb){ 0.6f, 0.65f, 0.7f };
+                if (b->owner[i] == NOTHING)
+                    continue;
+                meet(&r->world->surfaces[b->owner[i]], &b->seen[b->owner[i]], x + offset_x[k], y + offset_y[k], 0, q);
+                shade(&r->world->surfaces[b->owner[i]], q, &b->colour[i]);
+            }
+        }
+    }
+}
+
+static void draw_translucent(struct band *b, uint32_t index, int first_sample)
+{
+    const struct sst_raster *r = b->r;
+    const struct sst_surface *s = &r->world->surfaces[index];
+    const struct seen *g = &b->seen[index];
+    const int y0 = sst_max_int(g->y0, b->y0), y1 = sst_min_int(g->y1, b->y0 + b->rows);
+
+    for (int k = first_sample; k < SAMPLES; k++) {
+        for (int y = y0; y < y1; y++) {
+            for (int x = g->x0; x < g->x1; x++) {
+                const size_t i = cell(b, k, y, x);
+                struct sst_rgb c;
+                double q[3];
+                const double iz = meet(s, g, x * r->step_x + offset_x[k], y * r->step_y + offset_y[k], b->inv_z[i], q);
+                const float alpha = iz > 0 ? shade(s, q, &c) : 0;
+
+                if (k < COLOURS && alpha > 0)
+                    b->colour[i] = sst_blend(b->colour[i], c, alpha);
+                if (k == CENTRE && alpha > 0.5f) {
+                    b->inv_z[i] = (float)iz;
+                    b->owner[i] = index;
+                }
+            }
+        }
+    }
+}
+
+static uint8_t to_byte(float sum)
+{
+    const float v = sum * (255.0f / COLOURS) + 0.5f;
+
+    return v <= 0 ? 0 : v >= 255 ? 255 : (uint8_t)v;
+}
+
+static void store(const struct band *b)
+{
+    const struct sst_raster *r = b->r;
+    const double disp_scale = r->focal_px * r->world->spacing_mm;
+
+    for (int y = b->y0; y < b->y0 + b->rows; y++) {
+        for (int x = 0; x < r->width; x++) {
+            const size_t i = cell(b, CENTRE, y, x);
+            const struct sst_surface *s = b->owner[i] == NOTHING ? NULL : &r->world->surfaces[b->owner[i]];
+
+            if (r->disp)
+                sst_map_f32_row(r->disp, y)[x] = (float)(disp_scale * b->inv_z[i]);
+            if (r->label)
+                sst_map_u8_row(r->label, y)[x] = s ? s->label : 0;
+            if (r->owner)
+                sst_map_u8_row(r->owner, y)[x] = s ? (uint8_t)s->hide : 0;
+            if (r->image) {
+                struct sst_rgb c = { 0, 0, 0 };
+
+                for (int k = 0; k < COLOURS; k++) {
+                    const struct sst_rgb *p = &b->colour[cell(b, k, y, x)];
+
+                    c = (struct sst_rgb){ c.r + p->r, c.g + p->g, c.b + p->b };
+                }
+                sst_image_row(r->image, 0, y)[x] = to_byte(c.r);
+                sst_image_row(r->image, 1, y)[x] = to_byte(c.g);
+                sst_image_row(r->image, 2, y)[x] = to_byte(c.b);
+            }
+        }
+    }
+}
+
+static void run_band(struct band *b)
+{
+    const struct sst_raster *r = b->r;
+    const size_t cells = (size_t)SAMPLES * BAND_ROWS * (size_t)r->width;
+    const int first_sample = r->image ? 0 : CENTRE;
+
+    for (size_t i = 0; i < cells; i++) {
+        b->inv_z[i] = 0;
+        b->owner[i] = NOTHING;
+    }
+    for (int i = 0; i < r->world->count; i++) {
+        if (!r->world->surfaces[i].translucent)
+            draw_opaque(b, (uint32_t)i, first_sample);
+    }
+    if (r->image)
+        colour_opaque(b);
+    for (int i = 0; i < r->world->count; i++) {
+        if (r->world->surfaces[i].translucent)
+            draw_translucent(b, (uint32_t)i, first_sample);
+    }
+    store(b);
+}
+
+int sst_raster_run(const struct sst_raster *r)
+{
+    const size_t cells = (size_t)BAND_ROWS * (size_t)r->width;
+    struct seen *seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*seen));
+    struct band b = {
+        .r = r,
+        .seen = seen,
+        .inv_z = sst_mem_alloc_raw(SAMPLES * cells, sizeof(float)),
+        .owner = sst_mem_alloc_raw(SAMPLES * cells, sizeof(uint32_t)),
+        .colour = r->image ? sst_mem_alloc_raw(COLOURS * cells, sizeof(struct sst_rgb)) : NULL,
+    };
+    int err = -ENOMEM;
+
+    if (!seen || !b.inv_z || !b.owner || (r->image && !b.colour))
+        goto done;
+    for (int i = 0; i < r->world->count; i++)
+        set_up(r, &r->world->surfaces[i], &seen[i]);
+    for (b.y0 = 0; b.y0 < r->height; b.y0 += BAND_ROWS) {
+        b.rows = sst_min_int(BAND_ROWS, r->height - b.y0);
+        run_band(&b);
+    }
+    err = 0;
+
+done:
+    sst_mem_free(b.colour);
+    sst_mem_free(b.owner);
+    sst_mem_free(b.inv_z);
+    sst_mem_free(seen);
+    return err;
+}

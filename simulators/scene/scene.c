@@ -1,0 +1,264 @@
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/mem.h"
+#include "simulators/scene/internal.h"
+
+#define PROBE_WIDTH 320 /* points per side that are looked at to learn ranges and focal planes */
+#define PROBE_HEIGHT 240
+
+static const char *const names[] = { "bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat", NULL };
+
+static sst_build_fn *const builders[] = { sst_build_bush,   sst_build_pedestrian, sst_build_transportation, sst_build_cell,
+                                          sst_build_humvee, sst_build_cd_cases,   sst_build_cat };
+
+void sst_scene_config_defaults(struct sst_scene_config *cfg)
+{
+    *cfg = (struct sst_scene_config){ .width = 1000, .height = 750, .rows = 6, .cols = 6, .seed = 1 };
+}
+
+const char *const *sst_scene_names(void)
+{
+    return names;
+}
+
+static int find(const char *name)
+{
+    for (int i = 0; names[i]; i++) {
+        if (!strcmp(names[i], name))
+            return i;
+    }
+    sst_log_error("there is no scene %s; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
+    return -EINVAL;
+}
+
+static int check(const struct sst_scene_config *c)
+{
+    if (c->width < 1 || c->height < 1 || c->width > SST_IMAGE_MAX_SIDE || c->height > SST_IMAGE_MAX_SIDE ||
+        (size_t)c->width * (size_t)c->height > SST_IMAGE_MAX_PIXELS) {
+        sst_log_error("a scene of %dx%d pixels cannot be made; choose sides of 1 to %d", c->width, c->height,
+                      SST_IMAGE_MAX_SIDE);
+        return -EINVAL;
+    }
+    if (c->rows < 1 || c->cols < 1 || c->rows > SST_SCENE_MAX_VIEWS || c->cols > SST_SCENE_MAX_VIEWS / c->rows) {
+        sst_log_error("a grid of %dx%d views cannot be made; choose at most %d views", c->rows, c->cols,
+                      SST_SCENE_MAX_VIEWS);
+        return -EINVAL;
+    }
+    if (!(fabs(c->time_s) <= 1e6)) {
+        sst_log_error("scene time %g s is out of reach; choose at most a million seconds", c->time_s);
+        return -EINVAL;
+    }
+    return 0;
+}
+
+void sst_scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_raster *out)
+{
+    *out = (struct sst_raster){
+        .world = &s->world,
+        .focal_px = sst_scene_focal_px(s),
+        .cx = (s->cfg.width - 1) / 2.0,
+        .cy = (s->cfg.height - 1) / 2.0 + s->world.shift * s->cfg.width / 1000,
+        .width = s->cfg.width,
+        .height = s->cfg.height,
+        .step_x = 1,
+        .step_y = 1,
+        .bx = bx,
+        .by = by,
+        .hidden = hidden,
+    };
+}
+
+/* --- what create finds out by looking ------------------------------------------------------------------------------- */
+
+struct probe {
+    struct sst_map_f32 disp;
+    struct sst_map_u8 label, owner;
+};
+
+static void probe_fini(struct probe *p)
+{
+    sst_map_f32_fini(&p->disp);
+    sst_map_u8_fini(&p->label);
+    sst_map_u8_fini(&p->owner);
+}
+
+/* Truth on a lattice of points spread evenly over the picture. */
+static int look(const struct sst_scene *s, double bx, double by, unsigned hidden, struct probe *p)
+{
+    struct sst_raster r;
+    int err = sst_map_f32_init(&p->disp, PROBE_WIDTH, PROBE_HEIGHT);
+
+    if (!err)
+        err = sst_map_u8_init(&p->label, PROBE_WIDTH, PROBE_HEIGHT);
+    if (!err)
+        err = sst_map_u8_init(&p->owner, PROBE_WIDTH, PROBE_HEIGHT);
+    if (err)
+        return err;
+    sst_scene_raster(s, bx, by, hidden, &r);
+    r.step_x = (double)r.width / PROBE_WIDTH;
+    r.step_y = (double)r.height / PROBE_HEIGHT;
+    r.cx -= 0.5 * r.step_x - 0.5; /* the first point is half a step inside the picture's edge */
+    r.cy -= 0.5 * r.step_y - 0.5;
+    r.width = PROBE_WIDTH;
+    r.height = PROBE_HEIGHT;
+    r.disp = &p->disp;
+    r.label = &p->label;
+    r.owner = &p->owner;
+    return sst_raster_run(&r);
+}
+
+/* The extremes are seen from the corners of the grid; half a pixel more allows for what lies between the points. */
+static int find_range(struct sst_scene *s)
+{
+    const int ref_row = (s->cfg.rows - 1) / 2, ref_col = (s->cfg.cols - 1) / 2;
+    double lo = HUGE_VAL, hi = 0;
+
+    for (int i = 0; i < 5; i++) {
+        const double bx = i == 4 ? 0 : (i & 1 ? s->cfg.cols - 1 : 0) - ref_col;
+        const double by = i == 4 ? 0 : (i & 2 ? s->cfg.rows - 1 : 0) - ref_row;
+        struct probe p = { 0 };
+        const int err = look(s, bx, by, 0, &p);
+
+        for (int y = 0; !err && y < PROBE_HEIGHT; y++) {
+            for (int x = 0; x < PROBE_WIDTH; x++) {
+                lo = fmin(lo, sst_map_f32_row(&p.disp, y)[x]);
+                hi = fmax(hi, sst_map_f32_row(&p.disp, y)[x]);
+            }
+        }
+        probe_fini(&p);
+        if (err)
+            return err;
+    }
+    s->range_min_px = fmax(0, floor(lo - 0.5));
+    s->range_max_px = ceil(hi + 0.5);
+    return 0;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+
+    return (x > y) - (x < y);
+}
+
+/*
+ * Median disparity of the target behind the occluder; where the picture shows none of it there, of the target anywhere,
+ * and last of everything.
+ */
+static double median_behind(const struct probe *front, const struct probe *behind, unsigned bit, int target, float *buffer)
+{
+    int n = 0;
+
+    for (int wanted = 2; wanted >= 0 && !n; wanted--) {
+        for (int y = 0; y < PROBE_HEIGHT; y++) {
+            for (int x = 0; x < PROBE_WIDTH; x++) {
+                const bool on_target = sst_map_u8_row(&behind->label, y)[x] == target;
+                const bool covered = sst_map_u8_row(&front->owner, y)[x] & bit;
+
+                if ((wanted < 1 || on_target) && (wanted < 2 || covered))
+                    buffer[n++] = sst_map_f32_row(&behind->disp, y)[x];
+            }
+        }
+    }
+    qsort(buffer, (size_t)n, sizeof(*buffer), by_value);
+    return buffer[n / 2];
+}
+
+static int find_focus(struct sst_scene *s)
+{
+    float *buffer = sst_mem_alloc_raw((size_t)PROBE_WIDTH * PROBE_HEIGHT, sizeof(*buffer));
+    struct probe front = { 0 };
+    int err = buffer ? look(s, 0, 0, 0, &front) : -ENOMEM;
+
+    for (int i = 0; i < s->world.occluder_count && !err; i++) {
+        struct sst_scene_occluder *o = &s->world.occluders[i];
+        struct probe behind = { 0 };
+
+        err = look(s, 0, 0, 1u << i, &behind);
+        if (!err)
+            o->focus_px = median_behind(&front, &behind, 1u << i, o->target_label, buffer);
+        probe_fini(&behind);
+    }
+    probe_fini(&front);
+    sst_mem_free(buffer);
+    return err;
+}
+
+/* --- the public face ------------------------------------------------------------------------------------------------ */
+
+int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg)
+{
+    const int which = find(name), longest = sst_max_int(cfg->rows, cfg->cols) - 1;
+    struct sst_scene *s;
+    int err = which < 0 ? which : check(cfg);
+
+    if (err)
+        return err;
+    s = calloc(1, sizeof(*s));
+    if (!s)
+        return -ENOMEM;
+    s->cfg = *cfg;
+    s->world.rng = cfg->seed;
+    s->world.time_s = cfg->time_s;
+    builders[which](&s->world);
+    /* A finer grid divides the same aperture, so that it neither leaves the scene nor goes underground. */
+    s->world.spacing_mm *= longest > 5 ? 5.0 / longest : 1;
+    err = s->world.failed ? -ENOMEM : find_range(s);
+    if (!err)
+        err = find_focus(s);
+    if (err) {
+        sst_scene_destroy(s);
+        return err;
+    }
+    *out = s;
+    return 0;
+}
+
+void sst_scene_destroy(struct sst_scene *s)
+{
+    if (!s)
+        return;
+    free(s->world.surfaces);
+    free(s);
+}
+
+void sst_scene_range(const struct sst_scene *s, double *min_px, double *max_px)
+{
+    *min_px = s->range_min_px;
+    *max_px = s->range_max_px;
+}
+
+double sst_scene_focal_px(const struct sst_scene *s)
+{
+    return s->world.focal * s->cfg.width / 1000;
+}
+
+double sst_scene_spacing_mm(const struct sst_scene *s)
+{
+    return s->world.spacing_mm;
+}
+
+int sst_scene_occluder_count(const struct sst_scene *s)
+{
+    return s->world.occluder_count;
+}
+
+const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s, int index)
+{
+    return index >= 0 && index < s->world.occluder_count ? &s->world.occluders[index] : NULL;
+}
+
+int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_image *image,
+                     struct sst_map_f32 *disp, struct sst_map_u8 *label)
+{
+    struct sst_raster r;
+
+    sst_scene_raster(s, bx, by, hidden, &r);
+    r.image = image;
+    r.disp = disp;
+    r.label = label;
+    return sst_raster_run(&r);
+}

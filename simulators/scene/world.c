@@ -1,0 +1,206 @@
+#include "simulators/scene/world.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+#define GRAIN 0.16f
+#define GRAIN_PX 2.6 /* design pixels between the values of the fine texture */
+#define TURN 6.283185307179586
+
+struct sst_vec3 sst_world_at(const struct sst_world *w, double x, double y, double disp_px)
+{
+    const double z = w->focal * w->spacing_mm / disp_px;
+
+    return sst_v(x * z / w->focal, y * z / w->focal, z);
+}
+
+double sst_world_mm(const struct sst_world *w, double disp_px)
+{
+    return w->spacing_mm / disp_px;
+}
+
+unsigned sst_world_occluder(struct sst_world *w, const char *name, int label, int target_label)
+{
+    struct sst_scene_occluder *o = &w->occluders[w->occluder_count];
+
+    snprintf(o->name, sizeof(o->name), "%s", name);
+    o->label = label;
+    o->target_label = target_label;
+    return 1u << w->occluder_count++;
+}
+
+static struct sst_surface *add(struct sst_world *w)
+{
+    if (w->count == w->capacity) {
+        const int capacity = w->capacity ? 2 * w->capacity : 256;
+        struct sst_surface *grown = realloc(w->surfaces, (size_t)capacity * sizeof(*grown));
+
+        if (!grown) {
+            w->failed = true;
+            return &w->scrap;
+        }
+        w->surfaces = grown;
+        w->capacity = capacity;
+    }
+    return &w->surfaces[w->count++];
+}
+
+struct sst_surface *sst_add_patch(struct sst_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
+                                  struct sst_material mat)
+{
+    struct sst_surface *s = add(w);
+
+    *s = (struct sst_surface){
+        .label = (uint8_t)w->label,
+        .hide = w->hide,
+        .seed = (uint32_t)sst_random_u64(&w->rng),
+        .grain = GRAIN,
+        .grain_mm = GRAIN_PX * fmax(centre.z, 1) / w->focal,
+        .mat = mat,
+        .origin = centre,
+        .u = u,
+        .v = v,
+    };
+    return s;
+}
+
+struct sst_surface *sst_add_ellipsoid(struct sst_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
+                                      struct sst_vec3 axis_w, struct sst_material mat)
+{
+    struct sst_surface *s = sst_add_patch(w, centre, u, v, mat);
+
+    s->w = axis_w;
+    s->ellipsoid = true;
+    return s;
+}
+
+struct sst_surface *sst_add_ball(struct sst_world *w, struct sst_vec3 centre, double rx, double ry, double rz,
+                                 struct sst_material mat)
+{
+    return sst_add_ellipsoid(w, centre, sst_v(rx, 0, 0), sst_v(0, ry, 0), sst_v(0, 0, rz), mat);
+}
+
+/* Two unit vectors across a unit vector; the first lies in the picture plane where it can. */
+static void across(struct sst_vec3 a, struct sst_vec3 *b, struct sst_vec3 *c)
+{
+    *b = sst_cross(sst_v(0, 0, 1), a);
+    if (sst_dot(*b, *b) < 1e-6)
+        *b = sst_v(1, 0, 0);
+    *b = sst_unit(*b);
+    *c = sst_cross(a, *b);
+}
+
+struct sst_surface *sst_add_limb(struct sst_world *w, struct sst_vec3 p, struct sst_vec3 q, double radius,
+                                 struct sst_material mat)
+{
+    const struct sst_vec3 half = sst_mul(sst_sub(q, p), 0.5), along = sst_unit(half);
+    const double length = sqrt(sst_dot(half, half)) + 0.55 * radius;
+    struct sst_vec3 b, c;
+
+    across(along, &b, &c);
+    return sst_add_ellipsoid(w, sst_add(p, half), sst_mul(along, length), sst_mul(b, radius), sst_mul(c, radius), mat);
+}
+
+struct sst_surface *sst_add_bar(struct sst_world *w, struct sst_vec3 p, struct sst_vec3 q, double half_width,
+                                struct sst_material mat)
+{
+    const struct sst_vec3 half = sst_mul(sst_sub(q, p), 0.5), along = sst_unit(half);
+    struct sst_surface *s;
+    struct sst_vec3 b, c;
+
+    across(along, &b, &c);
+    s = sst_add_patch(w, sst_add(p, half), half, sst_mul(b, half_width), mat);
+    s->round = true;
+    return s;
+}
+
+void sst_add_box(struct sst_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
+                 struct sst_vec3 axis_w, struct sst_material mat)
+{
+    /* The normal of a patch is v x u: the second axis of each face is turned so that it points out of the box. */
+    sst_add_patch(w, sst_sub(centre, axis_w), u, v, mat);
+    sst_add_patch(w, sst_add(centre, axis_w), u, sst_mul(v, -1), mat);
+    sst_add_patch(w, sst_sub(centre, v), u, sst_mul(axis_w, -1), mat);
+    sst_add_patch(w, sst_add(centre, v), u, axis_w, mat);
+    sst_add_patch(w, sst_sub(centre, u), axis_w, sst_mul(v, -1), mat);
+    sst_add_patch(w, sst_add(centre, u), axis_w, v, mat);
+}
+
+struct sst_surface *sst_add_board(struct sst_world *w, double x, double y, double disp_px, double half_x, double half_y,
+                                  struct sst_material mat)
+{
+    const double mm = sst_world_mm(w, disp_px);
+
+    return sst_add_patch(w, sst_world_at(w, x, y, disp_px), sst_v(half_x * mm, 0, 0), sst_v(0, half_y * mm, 0), mat);
+}
+
+struct sst_surface *sst_add_floor(struct sst_world *w, double y, double z0, double z1, struct sst_material mat)
+{
+    return sst_add_patch(w, sst_v(0, y, (z0 + z1) / 2), sst_v(3 * z1, 0, 0), sst_v(0, 0, (z0 - z1) / 2), mat);
+}
+
+void sst_add_shadow(struct sst_world *w, double x, double y, double z, double rx, double rz)
+{
+    struct sst_surface *s = sst_add_patch(w, sst_v(x, y - 1e-4 * z, z), sst_v(rx, 0, 0), sst_v(0, 0, -rz),
+                                          sst_mat(sst_paint_shadow, 0x101010, 0, 1));
+
+    s->translucent = true;
+    s->hide = 0;
+}
+
+/* --- foliage -------------------------------------------------------------------------------------------------------- */
+
+static const unsigned leaf_colours[][2] = {
+    { 0x3f7a2a, 0x7fae3c }, { 0x2f6424, 0x5f9a38 }, { 0x54862a, 0x9dbb45 }, { 0x2a5a30, 0x4f8a48 }, { 0x6b8f2e, 0xb4c455 },
+};
+
+/* light: 0 in the depth of the bush .. 1 on its face. */
+static void add_leaf(struct sst_world *w, struct sst_vec3 centre, double half_mm, float light)
+{
+    const double turn = TURN * sst_random(&w->rng), tilt = sst_random_in(&w->rng, -0.9, 0.9);
+    const double roll = sst_random_in(&w->rng, -0.8, 0.8), phase = TURN * sst_random(&w->rng);
+    const double sway = 0.3 * sin(2.1 * w->time_s + phase) - 0.3 * sin(phase);
+    const double length = half_mm * sst_random_in(&w->rng, 1.7, 2.3);
+    const size_t pick = (size_t)(sst_random(&w->rng) * ARRAY_LEN(leaf_colours));
+    const double a = turn + 0.4 * sway;
+    const struct sst_vec3 u = sst_v(cos(a) * cos(tilt), sin(a) * cos(tilt), sin(tilt));
+    struct sst_vec3 v = sst_unit(sst_cross(u, sst_v(sin(roll) * sin(a), -sin(roll) * cos(a), cos(roll))));
+    const struct sst_rgb black = { 0.02f, 0.05f, 0.02f };
+    struct sst_material mat = sst_mat(sst_paint_leaf, leaf_colours[pick][0], leaf_colours[pick][1], half_mm);
+    struct sst_surface *s;
+
+    centre.x += sway * half_mm;
+    mat.a = sst_blend(black, mat.a, 0.5f + 0.5f * light);
+    mat.b = sst_blend(black, mat.b, 0.5f + 0.5f * light);
+    s = sst_add_patch(w, centre, sst_mul(u, length), sst_mul(v, half_mm), mat);
+    s->mask = sst_mask_leaf;
+}
+
+void sst_add_foliage(struct sst_world *w, int count, const double x[2], const double y[2], const double d[2],
+                     double half_mm)
+{
+    for (int i = 0; i < count; i++) {
+        const double px = sst_random_in(&w->rng, x[0], x[1]), py = sst_random_in(&w->rng, y[0], y[1]);
+        const double disp = sst_random_in(&w->rng, d[0], d[1]), size = sst_random_in(&w->rng, 0.7, 1.15);
+
+        add_leaf(w, sst_world_at(w, px, py, disp), half_mm * size, (float)((disp - d[0]) / (d[1] - d[0])));
+    }
+}
+
+void sst_add_branch(struct sst_world *w, struct sst_vec3 a, struct sst_vec3 b, double half_mm)
+{
+    const struct sst_material bark = sst_mat(sst_paint_wood, 0x4a3826, 0x7a6248, half_mm * 1.5);
+    const int parts = 6;
+    struct sst_vec3 p = a;
+
+    for (int i = 1; i <= parts; i++) {
+        const double t = (double)i / parts, bend = half_mm * (i < parts ? 5 : 0);
+        struct sst_vec3 q = sst_add(a, sst_mul(sst_sub(b, a), t)), twig;
+
+        q = sst_add(q, sst_v(sst_random_in(&w->rng, -bend, bend), sst_random_in(&w->rng, -bend, bend), 0));
+        sst_add_bar(w, p, q, half_mm * (1.1 - 0.7 * t), bark);
+        twig = sst_v(sst_random_in(&w->rng, -1, 1), sst_random_in(&w->rng, -1, 1), sst_random_in(&w->rng, -0.5, 0.5));
+        sst_add_bar(w, p, sst_add(p, sst_mul(sst_unit(twig), half_mm * 16)), half_mm * 0.35, bark);
+        p = q;
+    }
+}

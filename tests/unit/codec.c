@@ -1,0 +1,362 @@
+/* pipeline/image: files to pixels and back, and what is refused. */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <ftw.h>
+#include <math.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/labels/classes.h"
+
+#define ROBUSTNESS "../shared/data/jpeg-robustness"
+
+static char dir[] = "/tmp/sst-codec-XXXXXX";
+
+static const char *in_dir(const char *name)
+{
+    static char path[SST_PATH_MAX];
+
+    assert_int_equal(sst_path_join(path, dir, name), 0);
+    return path;
+}
+
+static void put(const char *name, const void *data, size_t size)
+{
+    assert_int_equal(sst_file_write(in_dir(name), data, size), 0);
+}
+
+static struct sst_image make_image(int width, int height)
+{
+    struct sst_image img;
+
+    assert_int_equal(sst_image_init(&img, width, height), 0);
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < height; y++) {
+            for (int x = 0; x < width; x++)
+                sst_image_row(&img, c, y)[x] = (uint8_t)(x * 7 + y * 13 + c * 50 + x * y / 3);
+        }
+    }
+    return img;
+}
+
+static void assert_same_image(const struct sst_image *a, const struct sst_image *b, int tolerance)
+{
+    assert_int_equal(a->width, b->width);
+    assert_int_equal(a->height, b->height);
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < a->height; y++) {
+            for (int x = 0; x < a->width; x++)
+                assert_in_range(sst_image_row(a, c, y)[x] - sst_image_row(b, c, y)[x] + tolerance, 0, 2 * tolerance);
+        }
+    }
+}
+
+static void png_gives_the_same_pixels(void **state SST_UNUSED)
+{
+    static const int sizes[][2] = { { 1, 1 }, { 1, 9 }, { 9, 1 }, { 65, 33 } };
+
+    for (size_t i = 0; i < ARRAY_LEN(sizes); i++) {
+        struct sst_image a = make_image(sizes[i][0], sizes[i][1]), b;
+        int width, height;
+
+        assert_int_equal(sst_image_write_png(&a, in_dir("a.png")), 0);
+        assert_int_equal(sst_image_read(&b, in_dir("a.png")), 0);
+        assert_same_image(&a, &b, 0);
+        assert_int_equal(sst_image_read_size(in_dir("a.png"), &width, &height), 0);
+        assert_int_equal(width, a.width);
+        assert_int_equal(height, a.height);
+        sst_image_fini(&a);
+        sst_image_fini(&b);
+    }
+}
+
+static void maps_give_the_same_values(void **state SST_UNUSED)
+{
+    struct sst_map_u8 a, b;
+    struct sst_map_u16 c, d;
+    struct sst_image picture;
+
+    assert_int_equal(sst_map_u8_init(&a, 256, 3), 0);
+    assert_int_equal(sst_map_u16_init(&c, 256, 3), 0);
+    for (int y = 0; y < 3; y++) {
+        for (int x = 0; x < 256; x++) {
+            sst_map_u8_row(&a, y)[x] = (uint8_t)(x + y);
+            sst_map_u16_row(&c, y)[x] = (uint16_t)(x * 257 - y);
+        }
+    }
+    for (int indexed = 0; indexed < 2; indexed++) {
+        assert_int_equal(sst_map_u8_write_png(&a, in_dir("m.png"), indexed ? sst_classes_palette() : NULL), 0);
+        assert_int_equal(sst_map_u8_read_png(&b, in_dir("m.png")), 0);
+        for (int y = 0; y < 3; y++)
+            assert_memory_equal(sst_map_u8_row(&a, y), sst_map_u8_row(&b, y), 256);
+        sst_map_u8_fini(&b);
+    }
+    /* Label 3 as a colour, through the palette. */
+    assert_int_equal(sst_image_read(&picture, in_dir("m.png")), 0);
+    for (int ch = 0; ch < 3; ch++)
+        assert_int_equal(sst_image_row(&picture, ch, 0)[3], sst_classes_palette()[3][ch]);
+    assert_int_equal(sst_map_u16_write_png(&c, in_dir("d.png")), 0);
+    assert_int_equal(sst_map_u16_read_png(&d, in_dir("d.png")), 0);
+    for (int y = 0; y < 3; y++)
+        assert_memory_equal(sst_map_u16_row(&c, y), sst_map_u16_row(&d, y), 512);
+    /* 16 bits to 8: v * 255 / 65535, rounded. 257 * x becomes x. */
+    sst_image_fini(&picture);
+    assert_int_equal(sst_image_read(&picture, in_dir("d.png")), 0);
+    for (int x = 0; x < 256; x++)
+        assert_int_equal(sst_image_row(&picture, 1, 0)[x], x);
+    assert_int_equal(sst_map_u8_read_png(&b, in_dir("d.png")), -EBADMSG);
+    assert_int_equal(sst_map_u16_read_png(&d, in_dir("m.png")), -EBADMSG);
+    sst_image_fini(&picture);
+    sst_map_u8_fini(&a);
+    sst_map_u16_fini(&c);
+    sst_map_u16_fini(&d);
+}
+
+static void jpeg_stays_close(void **state SST_UNUSED)
+{
+    struct sst_image a, b;
+
+    assert_int_equal(sst_image_init(&a, 50, 37), 0);
+    for (int y = 0; y < 37; y++) {
+        for (int x = 0; x < 50; x++) {
+            sst_image_row(&a, 0, y)[x] = (uint8_t)(100 + x);
+            sst_image_row(&a, 1, y)[x] = (uint8_t)(80 + y);
+            sst_image_row(&a, 2, y)[x] = 60;
+        }
+    }
+    assert_int_equal(sst_image_write_jpeg(&a, in_dir("a.jpg"), 98), 0);
+    assert_int_equal(sst_image_read(&b, in_dir("a.jpg")), 0);
+    assert_same_image(&a, &b, 4);
+    sst_image_fini(&a);
+    sst_image_fini(&b);
+}
+
+/* Every proper prefix of a file, and every file with one byte changed, is refused or decodes: no crash, no leak. A
+ * prefix never decodes. */
+static void cut_and_damaged_files_are_refused(void **state SST_UNUSED)
+{
+    static const char *const names[] = { "cut.png", "cut.jpg", "cut.pfm" };
+    struct sst_image a = make_image(40, 30), img;
+    struct sst_map_f32 m, f;
+    uint8_t *data;
+    size_t size;
+
+    assert_int_equal(sst_map_f32_init(&m, 5, 4), 0);
+    assert_int_equal(sst_image_write_png(&a, in_dir("cut.png")), 0);
+    assert_int_equal(sst_image_write_jpeg(&a, in_dir("cut.jpg"), 90), 0);
+    assert_int_equal(sst_map_f32_write_pfm(&m, in_dir("cut.pfm")), 0);
+    for (size_t i = 0; i < 2; i++) {
+        assert_int_equal(sst_file_read(in_dir(names[i]), 1 << 20, &data, &size), 0);
+        for (size_t n = 0; n < size; n++)
+            assert_int_equal(sst_image_decode(&img, data, n, names[i]), -EBADMSG);
+        for (size_t n = 0; n < size; n++) {
+            data[n] ^= 0x40;
+            if (!sst_image_decode(&img, data, size, names[i])) {
+                assert_int_equal(i, 1); /* PNG has checksums, JPEG has none */
+                sst_image_fini(&img);
+            }
+            data[n] ^= 0x40;
+        }
+        free(data);
+    }
+    assert_int_equal(sst_file_read(in_dir("cut.pfm"), 1 << 20, &data, &size), 0);
+    for (size_t n = 0; n < size; n += 3) {
+        put("short.pfm", data, n);
+        assert_int_equal(sst_map_f32_read_pfm(&f, in_dir("short.pfm")), -EBADMSG);
+    }
+    free(data);
+    sst_map_f32_fini(&m);
+    sst_image_fini(&a);
+}
+
+static void pfm_is_read_bottom_up_in_either_order(void **state SST_UNUSED)
+{
+    /* 1.0 is 3F 80 00 00, -2.5 is C0 20 00 00, inf is 7F 80 00 00, 0.5 is 3F 00 00 00 */
+    static const char big[] = "Pf\n2 2\n1.0\n\x3F\x80\0\0\xC0\x20\0\0\x7F\x80\0\0\x3F\0\0\0";
+    static const char little[] = "Pf\n2 2\n-1.0\n\0\0\x80\x3F\0\0\x20\xC0\0\0\x80\x7F\0\0\0\x3F";
+    const struct { const char *data; size_t size; } files[] = { { big, sizeof(big) - 1 }, { little, sizeof(little) - 1 } };
+
+    for (size_t i = 0; i < 2; i++) {
+        struct sst_map_f32 m;
+
+        put("x.pfm", files[i].data, files[i].size);
+        assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("x.pfm")), 0);
+        assert_true(isinf(sst_map_f32_row(&m, 0)[0]));
+        assert_true(sst_map_f32_row(&m, 0)[1] == 0.5f);
+        assert_true(sst_map_f32_row(&m, 1)[0] == 1.0f);
+        assert_true(sst_map_f32_row(&m, 1)[1] == -2.5f);
+        assert_int_equal(sst_map_f32_write_pfm(&m, in_dir("y.pfm")), 0);
+        sst_map_f32_fini(&m);
+        assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("y.pfm")), 0);
+        assert_true(sst_map_f32_row(&m, 1)[1] == -2.5f);
+        sst_map_f32_fini(&m);
+    }
+}
+
+static void bad_pfm_files_are_refused(void **state SST_UNUSED)
+{
+    static const char *const bad[] = {
+        "", "P", "Pf", "PF\n1 1\n-1\nxxxx", "Pf\n0 1\n-1\n", "Pf\n1 -1\n-1\nxxxx", "Pf\n100000 1\n-1\nxxxx",
+        "Pf\n32768 32768\n-1\nxxxx", "Pf\n1 1\n0\nxxxx", "Pf\n1 1\nnan\nxxxx", "Pf\n1 1\n-1\nxxx", "Pf\n1 1\n-1\nxxxxx",
+        "Pf\n1 1\n-1", "Pf\n99999999999999999999 1\n-1\nxxxx", "Pf1 1\n-1\nxxxx", "Pf\n1 1\n-1\n\xFF\xFF\xFF\x7F",
+    };
+    struct sst_map_f32 m = { .width = 77 };
+
+    for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
+        put("bad.pfm", bad[i], strlen(bad[i]));
+        assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("bad.pfm")), -EBADMSG);
+        assert_int_equal(m.width, 77);
+    }
+    assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("none.pfm")), -ENOENT);
+}
+
+static void npy_header_is_exact(void **state SST_UNUSED)
+{
+    static const float data[6] = { 0, 1, 2, 3, 4, 5 };
+    static const size_t dims[2] = { 2, 3 };
+    static const char dict[] = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, ), }";
+    uint8_t *file;
+    size_t size;
+
+    assert_int_equal(sst_npy_write_f32(data, dims, 2, in_dir("a.npy")), 0);
+    assert_int_equal(sst_file_read(in_dir("a.npy"), 1 << 20, &file, &size), 0);
+    assert_memory_equal(file, "\x93NUMPY\x01\x00", 8);
+    assert_int_equal((10 + file[8] + 256 * file[9]) % 64, 0);
+    assert_memory_equal(file + 10, dict, strlen(dict));
+    assert_int_equal(file[10 + file[8] - 1], '\n');
+    assert_memory_equal(file + 10 + file[8], data, sizeof(data));
+    assert_int_equal(size, 10 + file[8] + sizeof(data));
+    free(file);
+    assert_int_equal(sst_npy_write_f32(data, dims, 0, in_dir("a.npy")), -EINVAL);
+}
+
+static void failed_writes_leave_nothing(void **state SST_UNUSED)
+{
+    struct sst_image a = make_image(64, 64);
+    struct rlimit old, small = { .rlim_cur = 16 };
+
+    assert_int_equal(sst_image_write_png(&a, "/nonexistent-folder/a.png"), -EIO);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &old), 0);
+    small.rlim_max = old.rlim_max;
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &small), 0);
+    assert_int_equal(sst_image_write_png(&a, in_dir("full.png")), -EFBIG);
+    assert_int_equal(sst_image_write_jpeg(&a, in_dir("full.jpg"), 90), -EFBIG);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &old), 0);
+    assert_false(sst_path_exists(in_dir("full.png")));
+    assert_false(sst_path_exists(in_dir("full.jpg")));
+    sst_image_fini(&a);
+}
+
+/* --- files of others ---------------------------------------------------------------------------------------------- */
+
+static int decoded, refused, compared;
+
+static bool ends_in(const char *path, const char *end)
+{
+    const size_t n = strlen(path), m = strlen(end);
+
+    return n >= m && !strcmp(path + n - m, end);
+}
+
+/* The reference picture beside a JPEG, made by another decoder: DCT and up-sampling may differ a little. */
+static void compare_with_png(const char *path, const struct sst_image *img)
+{
+    char png[SST_PATH_MAX];
+    struct sst_image want;
+    double sum = 0;
+
+    snprintf(png, sizeof(png), "%.*s.png", (int)(strlen(path) - 4), path);
+    if (!sst_path_exists(png))
+        return;
+    assert_int_equal(sst_image_read(&want, png), 0);
+    assert_int_equal(img->width, want.width);
+    assert_int_equal(img->height, want.height);
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < img->height; y++) {
+            for (int x = 0; x < img->width; x++)
+                sum += abs(sst_image_row(img, c, y)[x] - sst_image_row(&want, c, y)[x]);
+        }
+    }
+    if (sum / (3.0 * img->width * img->height) > 2.0)
+        print_error("%s differs by %.2f on average\n", path, sum / (3.0 * img->width * img->height));
+    assert_true(sum / (3.0 * img->width * img->height) <= 2.0);
+    compared++;
+    sst_image_fini(&want);
+}
+
+static int read_one(const char *path, const struct stat *st SST_UNUSED, int type, struct FTW *ftw SST_UNUSED)
+{
+    struct sst_image img;
+    int width, height, err;
+
+    if (type != FTW_F)
+        return 0;
+    err = sst_image_read(&img, path);
+    assert_true(err == 0 || err == -EBADMSG);
+    if (err) {
+        refused++;
+        if (strstr(path, "reftest/") && ends_in(path, ".jpg"))
+            print_message("refused: %s\n", path);
+        return 0;
+    }
+    decoded++;
+    assert_int_equal(sst_image_read_size(path, &width, &height), 0);
+    assert_true(width == img.width && height == img.height);
+    if (ends_in(path, ".jpg"))
+        compare_with_png(path, &img);
+    sst_image_fini(&img);
+    return 0;
+}
+
+static void files_of_others_decode_or_are_refused(void **state SST_UNUSED)
+{
+    if (!sst_path_is_dir(ROBUSTNESS)) {
+        print_message("no " ROBUSTNESS "\n");
+        skip();
+    }
+    assert_int_equal(nftw(ROBUSTNESS, read_one, 16, FTW_PHYS), 0);
+    print_message("%d decoded, %d of them compared, %d refused\n", decoded, compared, refused);
+    assert_true(compared > 30);
+    assert_true(refused > 10);
+}
+
+static int setup(void **state SST_UNUSED)
+{
+    return mkdtemp(dir) ? 0 : -1;
+}
+
+static int teardown(void **state SST_UNUSED)
+{
+    sst_path_remove_tree(dir);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(png_gives_the_same_pixels),
+        cmocka_unit_test(maps_give_the_same_values),
+        cmocka_unit_test(jpeg_stays_close),
+        cmocka_unit_test(cut_and_damaged_files_are_refused),
+        cmocka_unit_test(pfm_is_read_bottom_up_in_either_order),
+        cmocka_unit_test(bad_pfm_files_are_refused),
+        cmocka_unit_test(npy_header_is_exact),
+        cmocka_unit_test(failed_writes_leave_nothing),
+        cmocka_unit_test(files_of_others_decode_or_are_refused),
+    };
+
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
