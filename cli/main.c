@@ -10,6 +10,7 @@
 
 static const struct cli_command *const commands[] = {
     &cli_version,
+    &cli_eval,
 };
 
 static void usage(void)
