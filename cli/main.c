@@ -9,7 +9,10 @@
 #include "cli/cli.h"
 
 static const struct cli_command *const commands[] = {
+    &cli_render,
+    &cli_sweep,
     &cli_version,
+    &cli_scene,
     &cli_eval,
 };
 

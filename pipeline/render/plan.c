@@ -27,7 +27,7 @@ int sst_renderer_count(struct sst_renderer *r)
 
 static int check_value(const char *name, double v, double min, double max)
 {
-    if (v >= min && v <= max)
+    if (isgreaterequal(v, min) && islessequal(v, max)) /* false for NaN, quietly */
         return 0;
     sst_log_error("render: %s %g is outside %g..%g", name, v, min, max);
     return -EINVAL;

@@ -107,9 +107,9 @@ float sst_paint_leaf(const struct sst_surface *s, const struct sst_hit *h, struc
 float sst_paint_fur(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
 {
     const double p = s->mat.scale_mm;
-    const float hair = sst_fbm(scaled(h, p, 0.22 * p), 3, s->seed);
+    const float hair = sst_fbm(scaled(h, 0.25 * p, p), 3, s->seed);
     const float wave = sst_fbm(scaled(h, 3 * p, 3 * p), 2, s->seed + 5);
-    const float stripe = (float)(0.5 + 0.5 * sin(h->t.x / (0.55 * p) + 5 * wave));
+    const float stripe = (float)(0.5 + 0.5 * sin(h->t.y / (0.55 * p) + 5 * wave));
 
     *out = sst_blend(s->mat.b, s->mat.a, hair);
     *out = dimmed(*out, (1 - (float)s->mat.k * (stripe > 0.55f ? 1.0f : 0.0f)) * (0.85f + 0.3f * wave));

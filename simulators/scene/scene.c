@@ -9,10 +9,9 @@
 #define PROBE_WIDTH 320 /* points per side that are looked at to learn ranges and focal planes */
 #define PROBE_HEIGHT 240
 
-static const char *const names[] = { "bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat", NULL };
+static const char *const names[] = { "bush", "pedestrian", NULL };
 
-static sst_build_fn *const builders[] = { sst_build_bush,   sst_build_pedestrian, sst_build_transportation, sst_build_cell,
-                                          sst_build_humvee, sst_build_cd_cases,   sst_build_cat };
+static sst_build_fn *const builders[] = { sst_build_bush, sst_build_pedestrian };
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg)
 {
@@ -30,7 +29,7 @@ static int find(const char *name)
         if (!strcmp(names[i], name))
             return i;
     }
-    sst_log_error("there is no scene %s; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
+    sst_log_error("there is no scene %s; choose bush or pedestrian", name);
     return -EINVAL;
 }
 

@@ -98,7 +98,7 @@ struct sst_surface *sst_add_limb(struct sst_world *w, struct sst_vec3 p, struct 
     struct sst_vec3 b, c;
 
     across(along, &b, &c);
-    return sst_add_ellipsoid(w, sst_add(p, half), sst_mul(along, length), sst_mul(b, radius), sst_mul(c, radius), mat);
+    return sst_add_ellipsoid(w, sst_add(p, half), sst_mul(b, radius), sst_mul(along, length), sst_mul(c, radius), mat);
 }
 
 struct sst_surface *sst_add_bar(struct sst_world *w, struct sst_vec3 p, struct sst_vec3 q, double half_width,

@@ -140,7 +140,7 @@ struct sst_surface *sst_add_ellipsoid(struct sst_world *w, struct sst_vec3 centr
                                       struct sst_vec3 axis_w, struct sst_material mat);
 struct sst_surface *sst_add_ball(struct sst_world *w, struct sst_vec3 centre, double rx, double ry, double rz,
                                  struct sst_material mat);
-/** Ellipsoid around the segment p-q. */
+/** Ellipsoid around the segment p-q, v along it. */
 struct sst_surface *sst_add_limb(struct sst_world *w, struct sst_vec3 p, struct sst_vec3 q, double radius,
                                  struct sst_material mat);
 /** Strip from p to q that faces the cameras and is lit like a rod. */
@@ -177,7 +177,7 @@ sst_paint_fn sst_paint_poster;   /* a picture of shapes; k picks one */
 sst_paint_fn sst_paint_van;      /* rear of a white van, a body, b bumper */
 sst_paint_fn sst_paint_car;      /* rear of a car */
 sst_paint_fn sst_paint_glass;    /* rear window with frame a */
-sst_paint_fn sst_paint_fur;      /* hair a to b along x; k: strength of the stripes */
+sst_paint_fn sst_paint_fur;      /* hair a to b along y; k: strength of the stripes */
 sst_paint_fn sst_paint_camouflage;
 sst_paint_fn sst_paint_feather;
 sst_paint_fn sst_paint_wheel;    /* tyre, rim and spokes; with sst_mask_wheel */

@@ -1,0 +1,162 @@
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "cli/render_args.h"
+
+#define MAX_REPEAT 1000
+
+struct picture {
+    struct sst_image image;
+    struct sst_map_u8 valid;
+    double ms[MAX_REPEAT]; /* of each repeat, ascending */
+    int repeat;
+};
+
+static int by_size(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+static int make_picture(struct picture *p, const struct render_input *in, const struct sst_render_config *cfg)
+{
+    int err = sst_image_init(&p->image, in->lf.width, in->lf.height);
+
+    if (!err)
+        err = sst_map_u8_init(&p->valid, in->lf.width, in->lf.height);
+    if (err)
+        sst_log_error("no memory for a picture of %d x %d", in->lf.width, in->lf.height);
+    /* The first call counts the labels' disparities, once for all pictures of the light field; it is not timed. */
+    if (!err)
+        err = sst_render(in->renderer, cfg, &p->image, &p->valid);
+    for (int i = 0; i < p->repeat && !err; i++) {
+        const int64_t start_ns = sst_clock_now_ns();
+
+        err = sst_render(in->renderer, cfg, &p->image, &p->valid);
+        p->ms[i] = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
+    }
+    qsort(p->ms, (size_t)p->repeat, sizeof(p->ms[0]), by_size);
+    return err;
+}
+
+static double supported_percent(const struct sst_map_u8 *valid)
+{
+    int64_t n = 0;
+
+    for (int y = 0; y < valid->height; y++) {
+        for (int x = 0; x < valid->width; x++)
+            n += sst_map_u8_row(valid, y)[x] != 0;
+    }
+    return 100.0 * (double)n / ((double)valid->width * valid->height);
+}
+
+static void report(const struct picture *p, const struct render_input *in, const struct render_args *a, const char *out)
+{
+    const double supported = supported_percent(&p->valid);
+    json_t *root;
+    double lo, hi;
+
+    if (!a->json) {
+        if (p->repeat)
+            printf("%s: %.1f ms (median of %d, fastest %.1f ms)\n", out, p->ms[p->repeat / 2], p->repeat, p->ms[0]);
+        if (supported < 100)
+            sst_log_info("%.2f %% of the pixels have no supporting ray", 100 - supported);
+        return;
+    }
+    root = json_pack("{s:s, s:s, s:f, s:i, s:i, s:f}", "output", out, "method", a->method, "focus_px", a->cfg.focus_px,
+                     "width", p->image.width, "height", p->image.height, "supported_percent", supported);
+    if (a->label)
+        json_object_set_new(root, "label", json_string(a->label));
+    if (sst_renderer_disparities(in->renderer, &lo, &hi))
+        json_object_set_new(root, "disparity_px", json_pack("[f, f]", lo, hi));
+    if (p->repeat)
+        json_object_set_new(root, "render_ms", json_pack("{s:f, s:f, s:i}", "median", p->ms[p->repeat / 2], "min", p->ms[0],
+                                                         "repeat", p->repeat));
+    json_dumpf(root, stdout, JSON_INDENT(2));
+    putchar('\n');
+    json_decref(root);
+}
+
+/* "X,Y", or the centre where it is not given. */
+static int read_pixel(const struct cli_command *cmd, const char *text, const struct sst_lightfield *lf, int pixel[2])
+{
+    char rest;
+
+    pixel[0] = lf->width / 2;
+    pixel[1] = lf->height / 2;
+    if (text && sscanf(text, "%d,%d%c", &pixel[0], &pixel[1], &rest) != 2)
+        return cli_usage_error(cmd, "--explain-pixel %s is not X,Y, for example 500,375", text);
+    if (pixel[0] < 0 || pixel[1] < 0 || pixel[0] >= lf->width || pixel[1] >= lf->height)
+        return cli_usage_error(cmd, "--explain-pixel %d,%d is outside the picture of %d x %d", pixel[0], pixel[1], lf->width,
+                               lf->height);
+    return CLI_GO_ON;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    const char *path, *out = NULL, *explain = NULL, *pixel_text = NULL;
+    struct picture picture = { 0 };
+    struct render_input in;
+    struct render_args a;
+    double focus = NAN;
+    struct cli_option options[RENDER_OPTIONS + 5] = {
+        { "focus", 'f', CLI_DOUBLE, &focus, "D", "disparity to focus on, px per spacing", 0, 0 },
+        { "output", 'o', CLI_STRING, &out, "FILE", "picture, .png or .jpg", 0, 0 },
+        { "repeat", 0, CLI_INT, &picture.repeat, "N", "render N times more and print the median time", 1, MAX_REPEAT },
+        { "explain", 0, CLI_STRING, &explain, "DIR", "write maps and weights that explain the picture", 0, 0 },
+        { "explain-pixel", 0, CLI_STRING, &pixel_text, "X,Y", "whose rays are explained (the centre)", 0, 0 },
+    };
+    int r, err, pixel[2] = { 0, 0 };
+
+    cli_render_options(options + 5, &a);
+    r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
+    if (r != CLI_GO_ON)
+        return r;
+    if (isnan(focus))
+        return cli_usage_error(cmd, "--focus D is missing");
+    if (!out)
+        return cli_usage_error(cmd, "-o FILE is missing");
+    if (!cli_has_suffix(out, ".png") && !cli_has_suffix(out, ".jpg") && !cli_has_suffix(out, ".jpeg"))
+        return cli_usage_error(cmd, "-o %s ends neither in .png nor in .jpg", out);
+    a.cfg.focus_px = focus;
+    r = cli_render_open(&in, &a, cmd, path);
+    if (r != CLI_GO_ON)
+        return r;
+    r = read_pixel(cmd, pixel_text, &in.lf, pixel);
+    if (r == CLI_GO_ON) {
+        err = make_picture(&picture, &in, &a.cfg);
+        if (!err && explain)
+            err = cli_render_explain(&in, &a, explain, pixel[0], pixel[1]);
+        if (!err)
+            err = cli_write_picture(&picture.image, out);
+        if (!err)
+            report(&picture, &in, &a, out);
+        r = cli_exit_code(err);
+    }
+    sst_image_fini(&picture.image);
+    sst_map_u8_fini(&picture.valid);
+    cli_render_close(&in);
+    return r;
+}
+
+const struct cli_command cli_render = {
+    .name = "render",
+    .usage = "LF --focus D [--label NAME] [options] -o out.png",
+    .summary = "render one picture that sees through occluders",
+    .detail = "Every ray is weighted by its disparity and by the depth range of its label: rays of what lies in front of\n"
+              "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
+              "nearer. `--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
+              "\n"
+              "--explain DIR writes, for the reference view, disparity.png (dark blue far, yellow near), labels.png,\n"
+              "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"
+              "the light field has them; rays.png shows what each view sees at the pixel and, as a bar, the share of it\n"
+              "in the picture; explain.json holds the legend and the same rays as numbers.",
+    .example = "sst scene bush -o bush.lf && sst process bush.lf && sst render bush.lf --focus 12 -o person.png\n"
+               "  sst render bush.lf --focus 12 --label Pedestrian --explain why -o person.png",
+    .run = run,
+};

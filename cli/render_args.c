@@ -1,0 +1,168 @@
+#include "cli/render_args.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/log.h"
+#include "pipeline/image/codec.h"
+
+void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a)
+{
+    struct sst_render_config *cfg = &a->cfg;
+
+    *a = (struct render_args){ .method = "sst", .range = "object", .unsupported = "refocus" };
+    sst_render_config_defaults(cfg);
+    const struct cli_option made[RENDER_OPTIONS] = {
+        { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default) or refocus (all rays alike)", 0, 0 },
+        { "label", 'l', CLI_STRING, &a->label, "NAME", "focus label: the other labels weigh less", 0, 0 },
+        { "label-factor", 0, CLI_DOUBLE, &cfg->label_factor, "F", "by this factor (2)", 1, 1e6 },
+        { "sigma", 0, CLI_DOUBLE, &cfg->sigma_px, "S", "depth weight: width in px per spacing, or inf", 1e-6, INFINITY },
+        { "c1", 0, CLI_DOUBLE, &cfg->c1, "C", "depth weight: least weight, 0..1", 0, 1 },
+        { "c2", 0, CLI_DOUBLE, &cfg->c2, "C", "label weight: least weight, 0..1 (1: labels have no say)", 0, 1 },
+        { "range", 0, CLI_STRING, &a->range, "R", "depth range of a label: object, percentile or minmax", 0, 0 },
+        { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range, 0..0.5", 0, 0.5 },
+        { "unsupported", 0, CLI_STRING, &a->unsupported, "U", "pixels no ray supports: refocus (default) or invalid (black)",
+          0, 0 },
+        { "aperture", 'a', CLI_DOUBLE, &cfg->aperture, "R", "use views within R spacings of the viewpoint", 0, INFINITY },
+        { "f-stop", 0, CLI_DOUBLE, &a->f_stop, "N", "the same as 1/N of the widest aperture, N >= 1", 1, 1e6 },
+        { "soft", 0, CLI_FLAG, &cfg->aperture_soft, NULL, "aperture that fades towards its rim", 0, 0 },
+        { "max-views", 0, CLI_INT, &cfg->max_views, "N", "use at most the N views nearest to the viewpoint", 1, SST_MAX_VIEWS },
+        { "view-x", 0, CLI_DOUBLE, &cfg->view_bx, "BX", "viewpoint, spacings right of the reference view", -SST_MAX_VIEWS,
+          SST_MAX_VIEWS },
+        { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
+          SST_MAX_VIEWS },
+        { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
+        { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder", 0, 0 },
+        { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object", 0, 0 },
+    };
+
+    memcpy(options, made, sizeof(made));
+}
+
+/* Place of a word in a list, or -1 after saying what the list is. */
+static int find_word(const struct cli_command *cmd, const char *option, const char *word, const char *const *words, int n)
+{
+    char list[128] = "";
+
+    for (int i = 0; i < n; i++) {
+        if (!strcasecmp(word, words[i]))
+            return i;
+        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i ? i + 1 == n ? " or " : ", " : "", words[i]);
+    }
+    cli_usage_error(cmd, "--%s %s is none of %s", option, word, list);
+    return -1;
+}
+
+static int read_words(struct render_args *a, const struct cli_command *cmd)
+{
+    static const char *const methods[] = { "refocus", "sst" }, *const ranges[] = { "object", "percentile", "minmax" },
+                      *const unsupported[] = { "refocus", "invalid" };
+    const int method = find_word(cmd, "method", a->method, methods, 2);
+    const int range = method < 0 ? -1 : find_word(cmd, "range", a->range, ranges, 3);
+    const int fallback = range < 0 ? -1 : find_word(cmd, "unsupported", a->unsupported, unsupported, 2);
+
+    if (fallback < 0)
+        return CLI_USAGE;
+    a->cfg.method = (enum sst_render_method)method;
+    a->cfg.range = (enum sst_label_range)range;
+    a->cfg.unsupported = (enum sst_render_unsupported)fallback;
+    if (a->f_stop > 0 && isfinite(a->cfg.aperture))
+        return cli_usage_error(cmd, "--aperture and --f-stop say the same thing twice; give one of them");
+    if (a->label && a->cfg.method != SST_RENDER_SST)
+        return cli_usage_error(cmd, "--label has no meaning with --method refocus, where all rays weigh the same");
+    return CLI_GO_ON;
+}
+
+static int find_label(struct render_input *in, struct render_args *a, const struct cli_command *cmd)
+{
+    const struct sst_classes *classes = &in->lf.classes;
+    char list[512] = "";
+    int labels[255], n, label;
+
+    if (!a->label)
+        return CLI_GO_ON;
+    n = sst_renderer_labels(in->renderer, labels);
+    if (!n) {
+        sst_log_error("%s has no labels; run `sst process %s` first, or leave out --label", in->path, in->path);
+        return CLI_INPUT;
+    }
+    label = sst_classes_find(classes, a->label);
+    for (int i = 0; i < n; i++) {
+        if (labels[i] == label) {
+            a->cfg.focus_label = label;
+            return CLI_GO_ON;
+        }
+        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i ? ", " : "",
+                 sst_classes_name(classes, labels[i]));
+    }
+    return cli_usage_error(cmd, "the label %s does not occur in %s, which has %s", a->label, in->path, list);
+}
+
+static void set_aperture(const struct sst_lightfield *lf, struct render_args *a)
+{
+    double widest = 0;
+
+    if (a->f_stop <= 0)
+        return;
+    for (int i = 0; i < lf->rows * lf->cols; i++) {
+        if (lf->views[i].present)
+            widest = fmax(widest, hypot(lf->views[i].bx - a->cfg.view_bx, lf->views[i].by - a->cfg.view_by));
+    }
+    a->cfg.aperture = widest / a->f_stop;
+}
+
+static int check_maps(const struct render_input *in, const struct render_args *a)
+{
+    for (int i = 0; i < in->lf.rows * in->lf.cols && a->cfg.method == SST_RENDER_SST; i++) {
+        if (in->lf.views[i].present && !in->lf.views[i].disp.data) {
+            sst_log_error("%s has no disparity map of view %d; run `sst process %s` first, or add --method refocus", in->path,
+                          i, in->path);
+            return CLI_INPUT;
+        }
+    }
+    return CLI_GO_ON;
+}
+
+int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path)
+{
+    int r = read_words(a, cmd), err;
+    unsigned what;
+
+    if (r != CLI_GO_ON)
+        return r;
+    what = a->cfg.method == SST_RENDER_SST ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
+    *in = (struct render_input){ .path = path };
+    err = sst_lightfield_load(&in->lf, path, what, a->cfg.threads);
+    if (err)
+        return cli_exit_code(err);
+    err = sst_renderer_create(&in->renderer, &in->lf, a->cfg.threads);
+    r = err ? cli_exit_code(err) : check_maps(in, a);
+    if (r == CLI_GO_ON)
+        r = find_label(in, a, cmd);
+    if (r != CLI_GO_ON)
+        cli_render_close(in);
+    else
+        set_aperture(&in->lf, a);
+    return r;
+}
+
+void cli_render_close(struct render_input *in)
+{
+    sst_renderer_destroy(in->renderer);
+    sst_lightfield_fini(&in->lf);
+}
+
+bool cli_has_suffix(const char *path, const char *suffix)
+{
+    const size_t n = strlen(path), m = strlen(suffix);
+
+    return n > m && !strcasecmp(path + n - m, suffix);
+}
+
+int cli_write_picture(const struct sst_image *img, const char *path)
+{
+    return cli_has_suffix(path, ".png") ? sst_image_write_png(img, path) : sst_image_write_jpeg(img, path, 95);
+}

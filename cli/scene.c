@@ -1,0 +1,51 @@
+#include "simulators/scene/scene.h"
+
+#include <stdio.h>
+
+#include "cli/cli.h"
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct sst_scene_config cfg;
+    const char *name, *out = NULL;
+    int size[2], grid[2], r;
+    bool force = false;
+
+    sst_scene_config_defaults(&cfg);
+    size[0] = cfg.width;
+    size[1] = cfg.height;
+    grid[0] = cfg.rows;
+    grid[1] = cfg.cols;
+
+    const struct cli_option options[] = {
+        { "output", 'o', CLI_STRING, &out, "LF", "light-field folder to make", 0, 0 },
+        { "size", 0, CLI_SIZE, size, "WxH", "pixels of a view; 1000x750", 1, SST_IMAGE_MAX_SIDE },
+        { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns of views; 6x6", 1, 256 },
+        { "seed", 0, CLI_SEED, &cfg.seed, "N", "moves and recolours what may vary; 1", 0, 0 },
+        { "time", 0, CLI_DOUBLE, &cfg.time_s, "S", "seconds of motion; 0", -1e6, 1e6 },
+        { "threads", 0, CLI_INT, &cfg.threads, "N", "threads; all processors", 1, 256 },
+        { "force", 'f', CLI_FLAG, &force, NULL, "replace an existing folder", 0, 0 },
+    };
+
+    r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &name, 1, 1);
+    if (r != CLI_GO_ON)
+        return r;
+    if (!out)
+        return cli_usage_error(cmd, "say where the light field goes: -o LF");
+    cfg.width = size[0];
+    cfg.height = size[1];
+    cfg.rows = grid[0];
+    cfg.cols = grid[1];
+    return cli_exit_code(sst_scene_write(name, &cfg, out, force));
+}
+
+const struct cli_command cli_scene = {
+    .name = "scene",
+    .usage = "NAME -o LF [--size WxH] [--grid RxC] [--seed N] [--time S] [--threads N] [--force]",
+    .summary = "make a simulated light field with exact truth",
+    .detail = "Scenes: bush pedestrian transportation cell humvee cd-cases cat.\n"
+              "LF/truth gets the disparity (rr_cc.pfm, px per spacing) and the labels (rr_cc.png) of every view, what is\n"
+              "behind each occluder in the reference view (behind*.png, mask occluder*.png), and truth.json.",
+    .example = "sst scene bush -o bush.lf\n  sst scene pedestrian -o walk.lf --size 500x375 --time 0.5",
+    .run = run,
+};

@@ -1,0 +1,188 @@
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "cli/render_args.h"
+#include "cli/video.h"
+#include "pipeline/image/codec.h"
+
+struct sweep {
+    struct render_input in;
+    struct render_args args;
+    double from, to, fps;
+    int steps;
+    bool bounce;
+    const char *out;
+};
+
+static int frame_count(const struct sweep *s)
+{
+    return s->bounce && s->steps > 2 ? 2 * s->steps - 2 : s->steps;
+}
+
+/* Bouncing, frame `steps` is the last but one of the way there, and the first is not shown twice. */
+static double focus_of(const struct sweep *s, int frame)
+{
+    const int step = frame < s->steps ? frame : 2 * s->steps - 2 - frame;
+
+    return s->steps > 1 ? s->from + (s->to - s->from) * step / (s->steps - 1) : s->from;
+}
+
+static int render_frame(const struct sweep *s, int frame, struct sst_image *img)
+{
+    struct sst_render_config cfg = s->args.cfg;
+
+    cfg.focus_px = focus_of(s, frame);
+    cli_progress((void *)"sweep", (double)frame / frame_count(s));
+    return sst_render(s->in.renderer, &cfg, img, NULL);
+}
+
+static json_t *describe(const struct sweep *s)
+{
+    json_t *frames = json_array();
+    char name[32];
+
+    for (int i = 0; i < frame_count(s); i++) {
+        snprintf(name, sizeof(name), "%04d.png", i);
+        json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, "focus_px", focus_of(s, i)));
+    }
+    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", s->args.method, "fps", s->fps, "frames", frames);
+}
+
+static int write_description(const struct sweep *s, const char *dir)
+{
+    struct sst_outfile out;
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, dir, "sweep.json");
+    json_t *root;
+
+    if (!err)
+        err = sst_outfile_open(&out, path);
+    if (err)
+        return err;
+    root = describe(s);
+    json_dumpf(root, out.stream, JSON_INDENT(2));
+    fputc('\n', out.stream);
+    json_decref(root);
+    return sst_outfile_commit(&out);
+}
+
+static int write_folder(const struct sweep *s, struct sst_image *img)
+{
+    struct sst_outdir dir;
+    char path[SST_PATH_MAX], name[32];
+    int err = sst_outdir_open(&dir, s->out, s->args.force);
+
+    if (err)
+        return err;
+    for (int i = 0; i < frame_count(s) && !err; i++) {
+        snprintf(name, sizeof(name), "%04d.png", i);
+        err = render_frame(s, i, img);
+        if (!err)
+            err = sst_path_join(path, dir.temporary, name);
+        if (!err)
+            err = sst_image_write_png(img, path);
+    }
+    if (!err)
+        err = write_description(s, dir.temporary);
+    if (!err)
+        return sst_outdir_commit(&dir);
+    sst_outdir_abort(&dir);
+    return err;
+}
+
+static int write_video(const struct sweep *s, struct sst_image *img)
+{
+    struct video *v = NULL;
+    int err = video_open(&v, s->out, img->width, img->height, s->fps);
+
+    for (int i = 0; i < frame_count(s) && !err; i++) {
+        err = render_frame(s, i, img);
+        if (!err)
+            err = video_add(v, img);
+    }
+    if (!err)
+        err = video_commit(v);
+    video_close(v);
+    return err;
+}
+
+/* A focus out of range is known before the first picture is made. */
+static int check_ends(const struct sweep *s)
+{
+    struct sst_render_config cfg = s->args.cfg;
+    struct sst_ray rays[SST_MAX_VIEWS];
+    int n, err;
+
+    cfg.focus_px = s->from;
+    err = sst_render_rays(s->in.renderer, &cfg, 0, 0, rays, &n);
+    cfg.focus_px = s->to;
+    return err ? err : sst_render_rays(s->in.renderer, &cfg, 0, 0, rays, &n);
+}
+
+static int make_sweep(const struct sweep *s)
+{
+    struct sst_image img = { 0 };
+    int err = check_ends(s);
+
+    if (err)
+        return err;
+    err = sst_image_init(&img, s->in.lf.width, s->in.lf.height);
+    if (err)
+        sst_log_error("no memory for a picture of %d x %d", s->in.lf.width, s->in.lf.height);
+    if (!err)
+        err = cli_has_suffix(s->out, ".mp4") ? write_video(s, &img) : write_folder(s, &img);
+    cli_progress_end();
+    sst_image_fini(&img);
+    return err;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct sweep s = { .from = NAN, .to = NAN, .fps = 10, .steps = 20 };
+    struct cli_option options[RENDER_OPTIONS + 6] = {
+        { "from", 0, CLI_DOUBLE, &s.from, "A", "first focus, disparity in px per spacing", 0, 0 },
+        { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus", 0, 0 },
+        { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
+        { "output", 'o', CLI_STRING, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4", 0, 0 },
+        { "fps", 0, CLI_DOUBLE, &s.fps, "F", "pictures per second of the video (10)", 0.1, 240 },
+        { "bounce", 0, CLI_FLAG, &s.bounce, NULL, "go back to A as well, so that the video can loop", 0, 0 },
+    };
+    const char *path;
+    int r, err;
+
+    cli_render_options(options + 6, &s.args);
+    r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
+    if (r != CLI_GO_ON)
+        return r;
+    if (isnan(s.from) || isnan(s.to))
+        return cli_usage_error(cmd, "--%s D is missing", isnan(s.from) ? "from" : "to");
+    if (!s.out)
+        return cli_usage_error(cmd, "-o DIR or -o FILE.mp4 is missing");
+    r = cli_render_open(&s.in, &s.args, cmd, path);
+    if (r != CLI_GO_ON)
+        return r;
+    err = make_sweep(&s);
+    if (!err && s.args.json) {
+        json_t *root = json_pack("{s:s, s:i, s:f, s:f}", "output", s.out, "frames", frame_count(&s), "from_px", s.from, "to_px",
+                                 s.to);
+
+        json_dumpf(root, stdout, JSON_INDENT(2));
+        putchar('\n');
+        json_decref(root);
+    }
+    cli_render_close(&s.in);
+    return cli_exit_code(err);
+}
+
+const struct cli_command cli_sweep = {
+    .name = "sweep",
+    .usage = "LF --from A --to B --steps N [options] -o DIR|out.mp4",
+    .summary = "render a focal sweep as pictures or as a video",
+    .detail = "The focus moves from A to B in N pictures. A folder gets 0000.png, 0001.png, ... and sweep.json with the focus\n"
+              "of each. The other options are those of `sst render`.",
+    .example = "sst sweep bush.lf --from 5 --to 40 --steps 60 --bounce -o sweep.mp4",
+    .run = run,
+};

@@ -1,0 +1,226 @@
+/* A scene as a light-field folder with its truth. */
+#include <errno.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/lightfield.h"
+#include "simulators/scene/internal.h"
+
+#define FILE_NAME_MAX 64
+
+struct job {
+    const struct sst_scene *scene;
+    const struct sst_lightfield *lf;
+    const char *dir;
+    int views; /* jobs below are views, those from here on are occluders */
+};
+
+/* dir/folder/name made by one of the writers; each checks its own output. */
+static int path_of(char out[SST_PATH_MAX], const char *dir, const char *folder, const char *name)
+{
+    char sub[SST_PATH_MAX];
+    const int err = sst_path_join(sub, dir, folder);
+
+    return err ? err : sst_path_join(out, sub, name);
+}
+
+static int make_folder(const char *dir, const char *folder)
+{
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, dir, folder);
+
+    if (!err && mkdir(path, 0777)) {
+        err = -errno;
+        sst_log_error("%s cannot be made: error %d; check the disk and its permissions", path, -err);
+    }
+    return err;
+}
+
+static int write_view(const struct job *j, int view)
+{
+    const struct sst_scene_config *c = &j->scene->cfg;
+    const struct sst_view *v = &j->lf->views[view];
+    char name[16], file[FILE_NAME_MAX], path[SST_PATH_MAX];
+    struct sst_image image = { 0 };
+    struct sst_map_f32 disp = { 0 };
+    struct sst_map_u8 label = { 0 };
+    int err;
+
+    sst_view_name(j->lf, view, name);
+    if ((err = sst_image_init(&image, c->width, c->height)) || (err = sst_map_f32_init(&disp, c->width, c->height)) ||
+        (err = sst_map_u8_init(&label, c->width, c->height)) ||
+        (err = sst_scene_render(j->scene, v->bx, v->by, 0, &image, &disp, &label)))
+        goto done;
+    if ((err = path_of(path, j->dir, "views", v->file)) || (err = sst_image_write_png(&image, path)))
+        goto done;
+    snprintf(file, sizeof(file), "%s.pfm", name);
+    if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_f32_write_pfm(&disp, path)))
+        goto done;
+    snprintf(file, sizeof(file), "%s.png", name);
+    if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_u8_write_png(&label, path, sst_classes_palette())))
+        goto done;
+
+done:
+    sst_map_u8_fini(&label);
+    sst_map_f32_fini(&disp);
+    sst_image_fini(&image);
+    return err;
+}
+
+/* Write the pair behind<suffix>.png, occluder<suffix>.png. */
+static int write_pair(const struct job *j, const char *suffix, const struct sst_image *behind, const struct sst_map_u8 *mask)
+{
+    char file[FILE_NAME_MAX], path[SST_PATH_MAX];
+    int err;
+
+    snprintf(file, sizeof(file), "behind%s.png", suffix);
+    if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_image_write_png(behind, path)))
+        return err;
+    snprintf(file, sizeof(file), "occluder%s.png", suffix);
+    if ((err = path_of(path, j->dir, "truth", file)))
+        return err;
+    return sst_map_u8_write_png(mask, path, NULL);
+}
+
+/* 255 where the surface that the reference view sees belongs to the occluder. */
+static int render_mask(const struct sst_scene *scene, unsigned bit, struct sst_map_u8 *mask)
+{
+    struct sst_raster r;
+    int err;
+
+    sst_scene_raster(scene, 0, 0, 0, &r);
+    r.owner = mask;
+    err = sst_raster_run(&r);
+    for (int y = 0; y < mask->height && !err; y++) {
+        uint8_t *row = sst_map_u8_row(mask, y);
+
+        for (int x = 0; x < mask->width; x++)
+            row[x] = row[x] & bit ? 255 : 0;
+    }
+    return err;
+}
+
+static int write_occluder(const struct job *j, int index)
+{
+    const struct sst_scene_config *c = &j->scene->cfg;
+    char suffix[FILE_NAME_MAX / 2 + 2];
+    struct sst_image behind = { 0 };
+    struct sst_map_u8 mask = { 0 };
+    int err;
+
+    if ((err = sst_image_init(&behind, c->width, c->height)) || (err = sst_map_u8_init(&mask, c->width, c->height)) ||
+        (err = sst_scene_render(j->scene, 0, 0, 1u << index, &behind, NULL, NULL)) ||
+        (err = render_mask(j->scene, 1u << index, &mask)))
+        goto done;
+    snprintf(suffix, sizeof(suffix), "_%s", sst_scene_occluder_at(j->scene, index)->name);
+    err = write_pair(j, suffix, &behind, &mask);
+    if (!err && index == 0)
+        err = write_pair(j, "", &behind, &mask);
+
+done:
+    sst_map_u8_fini(&mask);
+    sst_image_fini(&behind);
+    return err;
+}
+
+static int run_job(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct job *j = arg;
+
+    return index < j->views ? write_view(j, index) : write_occluder(j, index - j->views);
+}
+
+static int write_truth_json(const struct job *j, const char *name)
+{
+    const struct sst_scene *s = j->scene;
+    json_t *list = json_array(), *root;
+    char reference[16], seed[24], path[SST_PATH_MAX];
+    char *text = NULL;
+    int err;
+
+    for (int i = 0; i < s->world.occluder_count; i++) {
+        const struct sst_scene_occluder *o = &s->world.occluders[i];
+        char behind[FILE_NAME_MAX], mask[FILE_NAME_MAX];
+
+        snprintf(behind, sizeof(behind), "behind_%s.png", o->name);
+        snprintf(mask, sizeof(mask), "occluder_%s.png", o->name);
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:s, s:s}", "name", o->name, "label",
+                                              sst_classes_name(&sst_classes_default, o->label), "target",
+                                              sst_classes_name(&sst_classes_default, o->target_label), "focus_px",
+                                              o->focus_px, "behind", behind, "mask", mask));
+    }
+    sst_view_name(j->lf, j->lf->ref_view, reference);
+    snprintf(seed, sizeof(seed), "%llu", (unsigned long long)s->cfg.seed);
+    /* The seed is text: a JSON number keeps 53 bits in most readers. */
+    root = json_pack("{s:s, s:s, s:s, s:f, s:[f, f], s:o}", "scene", name, "seed", seed, "reference", reference, "focus_px",
+                     s->world.occluders[0].focus_px, "range_px", s->range_min_px, s->range_max_px, "occluders", list);
+    if (root)
+        text = json_dumps(root, JSON_INDENT(2));
+    err = text ? path_of(path, j->dir, "truth", "truth.json") : -ENOMEM;
+    if (!err)
+        err = sst_file_write(path, text, strlen(text));
+    free(text);
+    json_decref(root);
+    return err;
+}
+
+static int describe(struct sst_lightfield *lf, const struct sst_scene *s, const char *name)
+{
+    const int err = sst_lightfield_init(lf, s->cfg.rows, s->cfg.cols);
+
+    if (err)
+        return err;
+    lf->width = s->cfg.width;
+    lf->height = s->cfg.height;
+    lf->range_min_px = s->range_min_px;
+    lf->range_max_px = s->range_max_px;
+    lf->focal_px = sst_scene_focal_px(s);
+    lf->spacing_mm = sst_scene_spacing_mm(s);
+    lf->classes = sst_classes_default;
+    snprintf(lf->source, sizeof(lf->source), "scene %s seed %llu", name, (unsigned long long)s->cfg.seed);
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        char file[16];
+
+        sst_view_name(lf, view, file);
+        lf->views[view].present = true;
+        snprintf(lf->views[view].file, sizeof(lf->views[view].file), "%s.png", file);
+    }
+    return 0;
+}
+
+int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const char *out, bool force)
+{
+    const int threads = sst_thread_count(cfg->threads);
+    struct sst_scene *scene = NULL;
+    struct sst_lightfield lf = { 0 };
+    struct sst_outdir dir = { 0 };
+    struct job j = { .lf = &lf };
+    int err = sst_scene_create(&scene, name, cfg);
+
+    if (err)
+        return err;
+    j.scene = scene;
+    j.views = cfg->rows * cfg->cols;
+    if ((err = describe(&lf, scene, name)) || (err = sst_outdir_open(&dir, out, force)))
+        goto done;
+    j.dir = dir.temporary;
+    if ((err = make_folder(dir.temporary, "views")) || (err = make_folder(dir.temporary, "truth")) ||
+        (err = sst_parallel_for(j.views + sst_scene_occluder_count(scene), threads, run_job, &j)) ||
+        (err = write_truth_json(&j, name)) || (err = sst_lightfield_write(&lf, dir.temporary, threads)))
+        goto done;
+    err = sst_outdir_commit(&dir);
+
+done:
+    if (err)
+        sst_outdir_abort(&dir);
+    sst_lightfield_fini(&lf);
+    sst_scene_destroy(scene);
+    return err;
+}
