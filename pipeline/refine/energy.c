@@ -1,5 +1,10 @@
 #include "pipeline/refine/parts.h"
 
+bool sst_region_has_normal(const struct sst_region *region)
+{
+    return region->normals > 0 && 2 * region->normals >= region->pixels;
+}
+
 double sst_energy_normal(const double m[3], const struct sst_region *region, double tau)
 {
     const double *sum = region->normal_sum;

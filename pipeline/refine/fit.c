@@ -3,7 +3,7 @@
 #include <math.h>
 
 #define MAD_TO_SIGMA 1.4826
-#define TRIM_SIGMAS 3.0
+#define TRIM_SIGMAS 5.0
 #define TRIM_SHARE_MAX 4 /* trim at most 1 / 4 */
 
 /* Smallest q with at least half of the n pixels at or below it. */

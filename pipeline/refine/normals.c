@@ -4,6 +4,8 @@
 #include <string.h>
 
 #define COLLINEAR 1e-6
+#define RELIABLE_SIGMAS2 4.0  /* a surface rougher than this, in squared deviations of the matcher, has no normal; ... */
+#define RELIABLE_FLOOR 0.0025 /* ... that deviation is at least 0.05 px */
 #define OUTSIDE_SIGMAS2 9.0F  /* a pixel this far off a plane, in squared deviations, ... */
 #define OUTSIDE_FLOOR 0.01F   /* ... and 0.1 px, is not on it; noise within that must not choose the plane */
 
@@ -104,13 +106,14 @@ void sst_planes_fit(struct sst_planes *planes, const struct sst_map_u16 *disp, i
     }
 }
 
-struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf)
+struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, const struct sst_refine_config *cfg)
 {
     return (struct sst_normal_frame){
         .focal_px = lf->focal_px > 0 ? lf->focal_px : lf->width,
         .cx = (lf->width - 1) / 2.0,
         .cy = (lf->height - 1) / 2.0,
         .disp_zero_px = fmax(lf->disp_min_px, 0),
+        .score_max = RELIABLE_SIGMAS2 * fmax(cfg->matcher_sigma_px * cfg->matcher_sigma_px, RELIABLE_FLOOR),
     };
 }
 
@@ -123,7 +126,7 @@ bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct ss
     const float d = (float)(q / SST_DISP_SCALE);
     const int r = planes->window / 2;
     const struct sst_plane *best = NULL;
-    float least = INFINITY;
+    float least = (float)frame->score_max;
     double fa, fb, c, length;
     int bx = 0, by = 0;
 

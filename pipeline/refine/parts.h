@@ -16,7 +16,7 @@ SST_EXTERN_C_BEGIN
  * Robust normal distribution of disparities given as a histogram. All sums are exact integers, so neither the order of
  * the pixels nor the number of threads matters.
  *
- * Rule: with the median M and sigma_r = max(1.4826 MAD, floor), disparities further than 3 sigma_r from M are trimmed,
+ * Rule: with the median M and sigma_r = max(1.4826 MAD, floor), disparities further than 5 sigma_r from M are trimmed,
  * unless that is more than a quarter of them: then they are no outliers but a second body of the label (near and far
  * trees), and all count. Mean and sample variance of the rest; the spread is floored by
  * floor^2 = quantum^2 / 12 + matcher_sigma_px^2.   Equation: DESIGN 5.3.
@@ -104,11 +104,13 @@ struct sst_normal_frame {
     double focal_px;      /* > 0 */
     double cx, cy;        /* principal point */
     double disp_zero_px;  /* disparity of stored value 0, counted from points at infinity */
+    double score_max;     /* px^2: a plane that explains its pixels no better than this gives no normal */
 };
 
 /** The image centre is the principal point. Unknown focal length: the image width. A light field with negative
- *  disparities converges inside the scene: infinity is then put at disp_min_px, so that all points are in front. */
-struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf);
+ *  disparities converges inside the scene: infinity is then put at disp_min_px, so that all points are in front.
+ *  Planes may miss their pixels by twice the matcher's noise: foliage, of one window a dozen leaves, has no normals. */
+struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, const struct sst_refine_config *cfg);
 
 /**
  * Unit normal of the surface at a pixel.
@@ -120,7 +122,7 @@ struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf);
  * (f a, f b, c), c the plane's value at the principal point. Its product with the viewing ray (x, y, f) is f d > 0: all
  * normals point away from the camera, so those of one surface agree in sign.
  *
- * @return false where there is none; n is then untouched
+ * @return false where there is none, or the best one misses by frame->score_max or more; n is then untouched
  */
 bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct sst_map_u16 *disp,
                    const struct sst_normal_frame *frame, int x, int y);
@@ -131,7 +133,11 @@ bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct ss
 struct sst_region {
     double normal_sum[3]; /* of the unit normals of its pixels */
     int64_t normals;      /* how many */
+    int64_t pixels;       /* with a normal or without */
 };
+
+/** Have at least half of its pixels a normal? Else it is no surface that normals could be compared with. */
+bool sst_region_has_normal(const struct sst_region *region);
 
 /**
  * E_n = -S / (S + tau |R|), S = sum over the region of <m, n(r)> = <m, sum n(r)>; in (-1, 0], lower is more parallel.

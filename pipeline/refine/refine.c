@@ -9,11 +9,10 @@
 #include "base/thread.h"
 #include "pipeline/refine/parts.h"
 
-/* What stands best so far for an unlabeled pixel with two or more candidates. */
+/* Nearest candidate so far of an unlabeled pixel with two or more: among the objects [0] and among the grounds [1]. */
 struct choice {
-    double object_energy; /* p_d E_d of the best label that is no ground */
-    double ground_energy; /* E of the best ground */
-    uint8_t object, ground; /* labels, 0: none yet */
+    float distance[2]; /* p_d E_d */
+    uint8_t label[2];  /* 0: none yet */
 };
 
 /* Scratch of one worker. */
@@ -100,7 +99,7 @@ static int check_maps(const struct sst_lightfield *lf)
 /* Sum of the region's normals in raster order, so that it has the same bits whoever computes it. */
 static struct sst_region region_of(const struct job *job, const struct worker *w, const struct sst_view *v, int label)
 {
-    struct sst_region region = { { 0 }, 0 };
+    struct sst_region region = { { 0 }, 0, 0 };
 
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *row = sst_map_u8_row(&v->label, y);
@@ -108,7 +107,10 @@ static struct sst_region region_of(const struct job *job, const struct worker *w
         for (int x = 0; x < v->label.width; x++) {
             double n[3];
 
-            if (row[x] != label || !sst_normal_at(n, &w->planes, &v->disp, &job->frame, x, y))
+            if (row[x] != label)
+                continue;
+            region.pixels++;
+            if (!sst_normal_at(n, &w->planes, &v->disp, &job->frame, x, y))
                 continue;
             for (int i = 0; i < 3; i++)
                 region.normal_sum[i] += n[i];
@@ -138,29 +140,18 @@ static uint64_t find_conflicts(const struct job *job, struct worker *w, const st
 
             if (label[x] != SST_LABEL_NONE || !is_conflict(mask))
                 continue;
-            choice[x] = (struct choice){ .object_energy = INFINITY, .ground_energy = INFINITY };
+            choice[x] = (struct choice){ .distance = { INFINITY, INFINITY } };
             seen |= mask;
         }
     }
     return seen;
 }
 
-static double normal_energy(const struct job *job, const struct worker *w, const struct sst_view *v,
-                            const struct sst_region *region, int x, int y)
-{
-    double m[3];
-
-    if (!(job->cfg->p_normal > 0) || !sst_normal_at(m, &w->planes, &v->disp, &job->frame, x, y))
-        return 0;
-    return job->cfg->p_normal * sst_energy_normal(m, region, job->cfg->tau);
-}
-
-/* Let one label compete for the conflicts it stands in. Labels come in rising order, so < leaves ties to the smaller. */
-static void compete(const struct job *job, struct worker *w, const struct sst_view *v, int label,
-                    const struct sst_region *region)
+/* Let one label compete among its kind. Labels come in rising order, so < leaves ties to the smaller. */
+static void compete(const struct job *job, struct worker *w, const struct sst_view *v, int label)
 {
     const uint64_t bit = (uint64_t)1 << (label - 1);
-    const bool ground = (job->ground & bit) != 0;
+    const int kind = (job->ground & bit) != 0;
     const bool here = sst_distance_nearest(w->nearest2, &v->label, label, &w->distance);
 
     sst_hull_build(&w->hull, &v->label, label);
@@ -171,36 +162,38 @@ static void compete(const struct job *job, struct worker *w, const struct sst_vi
         for (int x = 0; x < v->label.width; x++) {
             const uint64_t mask = job->candidates[disp[x]];
             const size_t i = (size_t)y * (size_t)v->label.width + (size_t)x;
-            struct choice *c = &w->choice[i];
-            double energy = job->cfg->p_distance;
+            double distance = job->cfg->p_distance;
 
             if (row[x] != SST_LABEL_NONE || !(mask & bit) || !is_conflict(mask))
                 continue;
             if (here)
-                energy *= sst_energy_distance(w->nearest2[i], sst_hull_farthest(&w->hull, x, y));
-            if (ground)
-                energy += normal_energy(job, w, v, region, x, y);
-            if (energy < (ground ? c->ground_energy : c->object_energy)) {
-                *(ground ? &c->ground_energy : &c->object_energy) = energy;
-                *(ground ? &c->ground : &c->object) = (uint8_t)label;
+                distance *= sst_energy_distance(w->nearest2[i], sst_hull_farthest(&w->hull, x, y));
+            if ((float)distance < w->choice[i].distance[kind]) {
+                w->choice[i].distance[kind] = (float)distance;
+                w->choice[i].label[kind] = (uint8_t)label;
             }
         }
     }
 }
 
-/* The best object against the best ground: here the object's normals count too. */
+/* The nearest object against the nearest ground: only here do the normals count, unless one of the two has none. */
 static uint8_t decide(const struct job *job, const struct worker *w, const struct sst_view *v,
                       const struct sst_region *regions, int x, int y)
 {
     const struct choice *c = &w->choice[(size_t)y * (size_t)v->label.width + (size_t)x];
-    double object_energy;
+    const uint8_t object = c->label[0], ground = c->label[1];
+    double e_object = c->distance[0], e_ground = c->distance[1], m[3];
 
-    if (!c->object || !c->ground)
-        return c->object ? c->object : c->ground;
-    object_energy = c->object_energy + normal_energy(job, w, v, &regions[c->object - 1], x, y);
-    if (object_energy == c->ground_energy)
-        return c->object < c->ground ? c->object : c->ground;
-    return object_energy < c->ground_energy ? c->object : c->ground;
+    if (!object || !ground)
+        return object ? object : ground;
+    if (sst_region_has_normal(&regions[object - 1]) && sst_region_has_normal(&regions[ground - 1]) &&
+        sst_normal_at(m, &w->planes, &v->disp, &job->frame, x, y)) {
+        e_object += job->cfg->p_normal * sst_energy_normal(m, &regions[object - 1], job->cfg->tau);
+        e_ground += job->cfg->p_normal * sst_energy_normal(m, &regions[ground - 1], job->cfg->tau);
+    }
+    if (e_object == e_ground)
+        return object < ground ? object : ground;
+    return e_object < e_ground ? object : ground;
 }
 
 /* Write all labels at last: until here the map is the HCSM, whose regions the distances and normals come from. */
@@ -225,7 +218,7 @@ static int refine_view(void *arg, int index, int worker)
     struct job *job = arg;
     struct worker *w = &job->workers[worker];
     struct sst_view *v = &job->lf->views[index];
-    struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0 } };
+    struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0 } };
     uint64_t seen;
 
     if (!v->present)
@@ -240,7 +233,7 @@ static int refine_view(void *arg, int index, int worker)
     }
     for (int label = 1; label <= job->lf->classes.count; label++) {
         if (seen >> (label - 1) & 1)
-            compete(job, w, v, label, &regions[label - 1]);
+            compete(job, w, v, label);
     }
     assign(job, w, v, regions);
     return 0;
@@ -331,7 +324,7 @@ static int worker_init(struct worker *w, const struct sst_lightfield *lf, const 
 
 static int job_init(struct job *job, struct sst_lightfield *lf, const struct sst_refine_config *cfg)
 {
-    *job = (struct job){ .lf = lf, .cfg = cfg, .frame = sst_normal_frame_of(lf) };
+    *job = (struct job){ .lf = lf, .cfg = cfg, .frame = sst_normal_frame_of(lf, cfg) };
     job->n_workers = sst_min_int(sst_thread_count(cfg->threads), lf->rows * lf->cols);
     for (int i = 0; i < lf->classes.count; i++)
         job->ground |= (uint64_t)lf->classes.ground[i] << i;

@@ -29,10 +29,11 @@ struct sst_label_fit {
  * Refine views[].label in place: HCSM in (0 = unlabeled), labels with the gaps filled out. Needs disp of every present view.
  *
  * Distributions come from the confident pixels of all views, the regions of the energy from those of the same view.
- * An unlabeled pixel with no candidate, or without a disparity, stays unlabeled; with one it takes it. Of several, the
- * labels that are no ground compete by distance alone, and the winner against the grounds by E = p_n E_n + p_d E_d, since
- * normals tell only a ground from what stands on it. Ties go to the smaller label. A candidate that is absent from the
- * view's HCSM has E_d = 1 and E_n = 0.   Source: DESIGN 5.3.
+ * An unlabeled pixel with no candidate, or without a disparity, stays unlabeled; with one it takes it. Of several, objects
+ * compete by E_d alone, and so do grounds; the best object and the best ground then compete by E = p_n E_n + p_d E_d,
+ * because normals tell only a ground from what stands on it. Ties go to the smaller label. A candidate that is absent
+ * from the view's HCSM has E_d = 1; where one of the two has no normals (absent, foliage), E_n is left out.
+ * Source: DESIGN 5.3.
  *
  * @param fits  out, lf->classes.count entries, or NULL
  * @return 0, -EINVAL (maps missing), -ENOMEM; logged.  The same bytes for any number of threads.

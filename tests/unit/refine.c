@@ -43,7 +43,7 @@ static struct sst_label_fit fit_of(const int64_t (*pairs)[2], int n, double disp
 
 static void fit_has_mean_and_sample_spread(void **state SST_UNUSED)
 {
-    /* 100 102 104 106 108: median 104, MAD 2, nothing beyond 3 * 1.4826 * 2; variance (16+4+0+4+16)/4 = 10. */
+    /* 100 102 104 106 108: median 104, MAD 2, nothing beyond 5 * 1.4826 * 2; variance (16+4+0+4+16)/4 = 10. */
     static const int64_t even[][2] = { { 100, 1 }, { 102, 1 }, { 104, 1 }, { 106, 1 }, { 108, 1 } };
     struct sst_label_fit f = fit_of(even, 5, -2, 0, 5);
 
@@ -76,7 +76,7 @@ static void fit_trims_outliers_but_no_second_body(void **state SST_UNUSED)
     CLOSE(fit_of(outliers, 2, 0, 0.25, 1).mean_px, 10, 1e-12);
     assert_int_equal(fit_of(outliers, 2, 0, 0.25, 1).count, 100);
     CLOSE(fit_of(quarter, 2, 0, 0, 1).mean_px, 10 / 64.0, 1e-12);
-    /* Half of them lie beyond the limit of 0.87 steps: all count. Mean 11, variance 4 / 3. */
+    /* Half of them lie beyond the limit of 1.44 steps: all count. Mean 11, variance 4 / 3. */
     CLOSE(fit_of(bodies, 2, 0, 0, 1).mean_px, 11 / 64.0, 1e-12);
     CLOSE(fit_of(bodies, 2, 0, 0, 1).sigma_px, sqrt(4.0 / 3) / 64, 1e-12);
 }
@@ -217,7 +217,7 @@ static void surface_fini(struct surface *s)
 /* d = (640 + 3 x + 2 y) / 64 with holes: every window gives it back, cut ones too. */
 static void planes_are_exact_on_a_plane(void **state SST_UNUSED)
 {
-    const struct sst_normal_frame frame = { .focal_px = 64, .cx = 15, .cy = 20, .disp_zero_px = 0.5 };
+    const struct sst_normal_frame frame = { .focal_px = 64, .cx = 15, .cy = 20, .disp_zero_px = 0.5, .score_max = 1 };
     struct surface s;
     double n[3];
 
@@ -264,7 +264,7 @@ static void planes_do_not_cancel(void **state SST_UNUSED)
 
 static void planes_refuse_lines(void **state SST_UNUSED)
 {
-    const struct sst_normal_frame frame = { .focal_px = 64 };
+    const struct sst_normal_frame frame = { .focal_px = 64, .score_max = INFINITY };
     double n[3] = { 5, 5, 5 };
     struct surface s;
 
@@ -288,7 +288,7 @@ static void planes_refuse_lines(void **state SST_UNUSED)
 /* An upright wall above row 40, the floor it stands on below: right up to the crease each pixel gets its own normal. */
 static void normals_keep_to_their_side(void **state SST_UNUSED)
 {
-    const struct sst_normal_frame frame = { .focal_px = 80, .cx = 39.5, .cy = 39.5 };
+    const struct sst_normal_frame frame = { .focal_px = 80, .cx = 39.5, .cy = 39.5, .score_max = 1 };
     double n[3];
     struct surface s;
 
@@ -305,14 +305,44 @@ static void normals_keep_to_their_side(void **state SST_UNUSED)
     surface_fini(&s);
 }
 
+/* Rows in turn 2 px apart: planes miss by 1 px rms. Noise of 0.4 px allows for 0.8, of 0.6 for 1.2. */
+static void rough_surfaces_have_no_normals(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf = { .width = 40, .height = 40, .focal_px = 50, .disp_min_px = -3 };
+    struct sst_refine_config cfg;
+    struct sst_normal_frame frame;
+    struct surface s;
+    double n[3];
+
+    surface_init(&s, 40, 40);
+    for (int i = 0; i < 40 * 40; i++)
+        sst_map_u16_row(&s.disp, i / 40)[i % 40] = (uint16_t)(640 + (i / 40 % 2) * 128);
+    surface_fit(&s);
+    sst_refine_config_defaults(&cfg);
+    cfg.matcher_sigma_px = 0.4;
+    frame = sst_normal_frame_of(&lf, &cfg);
+    assert_true(frame.focal_px == 50 && frame.cx == 19.5 && frame.disp_zero_px == 0);
+    assert_false(sst_normal_at(n, &s.planes, &s.disp, &frame, 20, 20));
+    cfg.matcher_sigma_px = 0.6;
+    lf.focal_px = 0;
+    lf.disp_min_px = 4;
+    frame = sst_normal_frame_of(&lf, &cfg);
+    assert_true(frame.focal_px == 40 && frame.disp_zero_px == 4);
+    assert_true(sst_normal_at(n, &s.planes, &s.disp, &frame, 20, 20));
+    surface_fini(&s);
+}
+
 static void energies(void **state SST_UNUSED)
 {
-    const struct sst_region region = { { 0, 3, 30 }, 40 }, empty = { { 0 }, 0 };
+    const struct sst_region region = { { 0, 3, 30 }, 40, 80 }, empty = { { 0 }, 0, 0 };
 
     CLOSE(sst_energy_normal((double[]){ 0, 0, 1 }, &region, 1), -30.0 / 70, 1e-12);
     CLOSE(sst_energy_normal((double[]){ 0, 1, 0 }, &region, 0.5), -3.0 / 23, 1e-12);
     CLOSE(sst_energy_normal((double[]){ 0, 0, -1 }, &region, 1), 0, 0);
     CLOSE(sst_energy_normal((double[]){ 0, 0, 1 }, &empty, 1), 0, 0);
+    assert_true(sst_region_has_normal(&region));
+    assert_false(sst_region_has_normal(&empty));
+    assert_false(sst_region_has_normal(&(struct sst_region){ { 0, 3, 30 }, 40, 81 }));
     CLOSE(sst_energy_distance(4, 16), 0.25, 0);
     CLOSE(sst_energy_distance(9, 9), 1, 0);
     CLOSE(sst_energy_distance(0, 0), 0, 0);
@@ -430,6 +460,7 @@ int main(void)
         cmocka_unit_test(planes_do_not_cancel),
         cmocka_unit_test(planes_refuse_lines),
         cmocka_unit_test(normals_keep_to_their_side),
+        cmocka_unit_test(rough_surfaces_have_no_normals),
         cmocka_unit_test(energies),
         cmocka_unit_test(driver_rules),
         cmocka_unit_test(driver_takes_the_nearer),
