@@ -17,6 +17,9 @@ double sst_random(uint64_t *state);
 /** A number of lo .. hi. */
 double sst_random_in(uint64_t *state, double lo, double hi);
 
+/** Each coordinate -half .. half. */
+struct sst_vec3 sst_random_vec(uint64_t *state, double half);
+
 /** Well mixed bits of a cell of the integer lattice. */
 uint32_t sst_hash(int32_t x, int32_t y, int32_t z, uint32_t seed);
 

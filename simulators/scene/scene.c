@@ -9,9 +9,10 @@
 #define PROBE_WIDTH 320 /* points per side that are looked at to learn ranges and focal planes */
 #define PROBE_HEIGHT 240
 
-static const char *const names[] = { "bush", "pedestrian", NULL };
+static const char *const names[] = { "bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat", NULL };
 
-static sst_build_fn *const builders[] = { sst_build_bush, sst_build_pedestrian };
+static sst_build_fn *const builders[] = { sst_build_bush,   sst_build_pedestrian, sst_build_transportation, sst_build_cell,
+                                          sst_build_humvee, sst_build_cd_cases,   sst_build_cat };
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg)
 {
@@ -29,7 +30,7 @@ static int find(const char *name)
         if (!strcmp(names[i], name))
             return i;
     }
-    sst_log_error("there is no scene %s; choose bush or pedestrian", name);
+    sst_log_error("there is no scene %s; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
     return -EINVAL;
 }
 
@@ -253,8 +254,12 @@ const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s
 int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_image *image,
                      struct sst_map_f32 *disp, struct sst_map_u8 *label)
 {
+    const int w = s->cfg.width, h = s->cfg.height;
     struct sst_raster r;
 
+    if ((image && (image->width != w || image->height != h)) || (disp && (disp->width != w || disp->height != h)) ||
+        (label && (label->width != w || label->height != h)))
+        return -EINVAL;
     sst_scene_raster(s, bx, by, hidden, &r);
     r.image = image;
     r.disp = disp;

@@ -49,6 +49,7 @@ const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s
  * @param image   out, initialised by the caller to the scene's size; or NULL
  * @param disp    out, px per spacing at the pixel centre; or NULL
  * @param label   out, default class list; or NULL
+ * @return 0, -EINVAL (an output of another size), -ENOMEM.
  */
 SST_MUST_CHECK int sst_scene_render(const struct sst_scene *scene, double bx, double by, unsigned hidden,
                                     struct sst_image *image, struct sst_map_f32 *disp, struct sst_map_u8 *label);

@@ -64,6 +64,7 @@ struct sst_world {
     /* what surfaces added next get */
     int label;
     unsigned hide;
+    struct sst_rgb tint; /* factors of their colours */
     /* added so far */
     struct sst_surface *surfaces, scrap;
     int count, capacity;
@@ -133,6 +134,9 @@ double sst_world_mm(const struct sst_world *w, double disp_px);
 /** Declare an occluder; its bit for `hide`. */
 unsigned sst_world_occluder(struct sst_world *w, const char *name, int label, int target_label);
 
+/** Surfaces added from now on make one object: its label, the occluders it belongs to and a tint of its own. */
+void sst_begin(struct sst_world *w, int label, unsigned hide);
+
 /* Each adds surfaces of the current label and hide bits. The pointer is valid until the next addition. */
 struct sst_surface *sst_add_patch(struct sst_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
                                   struct sst_material mat);
@@ -173,7 +177,8 @@ sst_paint_fn sst_paint_face;     /* skin a, hair b, on a head whose w points for
 sst_paint_fn sst_paint_text;     /* the text in b on a, with a border; k: lines of the same text */
 sst_paint_fn sst_paint_facade;   /* bricks a with windows, joints and frames b; scale: length of a brick, k: bricks from
                                     window to window */
-sst_paint_fn sst_paint_poster;   /* a picture of shapes; k picks one */
+sst_paint_fn sst_paint_poster;   /* a picture of shapes of colours between a and b, the text below */
+sst_paint_fn sst_paint_landscape;/* sky a, hills b */
 sst_paint_fn sst_paint_van;      /* rear of a white van, a body, b bumper */
 sst_paint_fn sst_paint_car;      /* rear of a car */
 sst_paint_fn sst_paint_glass;    /* rear window with frame a */
