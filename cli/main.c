@@ -11,6 +11,8 @@
 static const struct cli_command *const commands[] = {
     &cli_render,
     &cli_sweep,
+    &cli_import,
+    &cli_export,
     &cli_version,
     &cli_scene,
     &cli_eval,
@@ -37,6 +39,7 @@ int main(int argc, char **argv)
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* a file-size limit is an output error like a full disk */
     if (argc < 2) {
         usage();
         return CLI_USAGE;

@@ -1,0 +1,213 @@
+/* A plain folder: rr_cc.* (row, column) in a grid that the caller knows, and maps that came with the images. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/import_plan.h"
+
+#define STORED_RANGE_PX 1023.0 /* what 16 bits of 1/64 px hold, less the mark for unknown */
+#define DISP_ABS_MAX 32768.0   /* no disparity is larger than an image */
+
+/* rr_cc.ext, whatever the extension says: what is no image is refused when it is decoded. */
+static bool parse_name(const char *name, int *row, int *col)
+{
+    const char *p = sst_parse_index(name, row);
+
+    p = p && *p == '_' ? sst_parse_index(p + 1, col) : NULL;
+    return p && *p == '.' && !strchr(p + 1, '.') && strcasecmp(p, ".pfm");
+}
+
+int sst_plan_folder(struct sst_import_plan *plan)
+{
+    const struct sst_import_config *cfg = plan->cfg;
+    int count = 0, err = sst_plan_set_grid(plan, cfg->rows, cfg->cols);
+
+    for (int k = 0; !err && k < cfg->rows * cfg->cols; k++) {
+        struct sst_plan_view *v = &plan->views[k];
+
+        snprintf(v->expected, sizeof(v->expected), "%02d_%02d.*", k / cfg->cols, k % cfg->cols);
+        v->pos_x = k % cfg->cols;
+        v->pos_y = k / cfg->cols;
+    }
+    for (int i = 0; !err && i < plan->names.count; i++) {
+        int row, col;
+
+        if (!parse_name(plan->names.name[i], &row, &col))
+            continue;
+        if (row >= cfg->rows || col >= cfg->cols) {
+            sst_log_error("%s/%s is outside the grid of %dx%d views; correct --grid or remove the file", cfg->source,
+                          plan->names.name[i], cfg->rows, cfg->cols);
+            return -EBADMSG;
+        }
+        err = sst_plan_place(plan, row, col, i);
+        count++;
+    }
+    if (!err && !count) {
+        sst_log_error("%s has no image named like 00_00.png (row, column); is it another format?", cfg->source);
+        err = -EBADMSG;
+    }
+    return err;
+}
+
+/* --- given maps --------------------------------------------------------------------------------------------------- */
+
+struct given {
+    struct sst_lightfield *lf;
+    const char *dir;
+    bool store;       /* second pass over disparity: keep, not only measure */
+    double *min, *max; /* [views] of the finite values; min above max: none */
+    int *max_label;   /* [views] */
+};
+
+static int map_path(char out[SST_PATH_MAX], const struct given *g, int k, const char *extension)
+{
+    char name[32];
+
+    sst_view_name(g->lf, k, name);
+    strcat(name, extension);
+    return sst_path_join(out, g->dir, name);
+}
+
+static int check_size(const struct given *g, const char *path, int width, int height)
+{
+    if (width == g->lf->width && height == g->lf->height)
+        return 0;
+    sst_log_error("%s has %dx%d pixels, the views have %dx%d; give maps of the views' size", path, width, height,
+                  g->lf->width, g->lf->height);
+    return -EBADMSG;
+}
+
+/* Infinite values mean unknown. */
+static int measure(const struct sst_map_f32 *map, const char *path, double *min, double *max)
+{
+    *min = INFINITY;
+    *max = -INFINITY;
+    for (int y = 0; y < map->height; y++) {
+        const float *row = sst_map_f32_row(map, y);
+
+        for (int x = 0; x < map->width; x++) {
+            if (isinf(row[x]))
+                continue;
+            if (fabsf(row[x]) > (float)DISP_ABS_MAX) {
+                sst_log_error("%s has disparity %g at column %d, row %d, beyond %g; mark unknown values as inf", path,
+                              (double)row[x], x, y, DISP_ABS_MAX);
+                return -EBADMSG;
+            }
+            *min = fmin(*min, (double)row[x]);
+            *max = fmax(*max, (double)row[x]);
+        }
+    }
+    return 0;
+}
+
+static int store(struct sst_lightfield *lf, int k, const struct sst_map_f32 *map)
+{
+    struct sst_map_u16 *disp = &lf->views[k].disp;
+    int err = sst_map_u16_init(disp, map->width, map->height);
+
+    for (int y = 0; !err && y < map->height; y++) {
+        for (int x = 0; x < map->width; x++)
+            sst_map_u16_row(disp, y)[x] = sst_disp_q6(lf, (double)sst_map_f32_row(map, y)[x]);
+    }
+    return err;
+}
+
+static int disparity_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct given *g = arg;
+    struct sst_map_f32 map;
+    char path[SST_PATH_MAX];
+    int err = g->lf->views[k].present ? map_path(path, g, k, ".pfm") : 0;
+
+    if (err || !g->lf->views[k].present)
+        return err;
+    err = sst_map_f32_read_pfm(&map, path);
+    if (err)
+        return err;
+    err = check_size(g, path, map.width, map.height);
+    if (!err)
+        err = g->store ? store(g->lf, k, &map) : measure(&map, path, &g->min[k], &g->max[k]);
+    sst_map_f32_fini(&map);
+    return err;
+}
+
+int sst_import_given_disparity(struct sst_lightfield *lf, const char *dir, int threads)
+{
+    double min[SST_MAX_VIEWS], max[SST_MAX_VIEWS], lo = INFINITY, hi = -INFINITY;
+    struct given g = { .lf = lf, .dir = dir, .min = min, .max = max };
+    const int count = lf->rows * lf->cols;
+    int err = sst_parallel_for(count, threads, disparity_view, &g);
+
+    if (err)
+        return err;
+    for (int k = 0; k < count; k++) {
+        if (lf->views[k].present) {
+            lo = fmin(lo, min[k]);
+            hi = fmax(hi, max[k]);
+        }
+    }
+    if (lo > hi) {
+        sst_log_error("%s has no known disparity at all; leave --disparity away", dir);
+        return -EBADMSG;
+    }
+    if (hi - floor(lo) > STORED_RANGE_PX) {
+        sst_log_error("the disparities in %s run from %g to %g px; more than %g px cannot be stored", dir, lo, hi,
+                      STORED_RANGE_PX);
+        return -EBADMSG;
+    }
+    lf->disp_min_px = floor(lo);
+    if (lf->range_min_px == lf->range_max_px) {
+        lf->range_min_px = lo;
+        lf->range_max_px = hi;
+    }
+    lf->disparity_given = true;
+    g.store = true;
+    return sst_parallel_for(count, threads, disparity_view, &g);
+}
+
+static int labels_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct given *g = arg;
+    struct sst_map_u8 *label = &g->lf->views[k].label;
+    char path[SST_PATH_MAX];
+    int err = g->lf->views[k].present ? map_path(path, g, k, ".png") : 0;
+
+    if (err || !g->lf->views[k].present)
+        return err;
+    err = sst_map_u8_read_png(label, path);
+    if (!err)
+        err = check_size(g, path, label->width, label->height);
+    for (int y = 0; !err && y < label->height; y++) {
+        for (int x = 0; x < label->width; x++)
+            g->max_label[k] = sst_max_int(g->max_label[k], sst_map_u8_row(label, y)[x]);
+    }
+    if (!err && g->max_label[k] > SST_MAX_CLASSES) {
+        sst_log_error("%s has label %d; labels are 0 (unlabeled) to %d", path, g->max_label[k], SST_MAX_CLASSES);
+        err = -EBADMSG;
+    }
+    return err;
+}
+
+int sst_import_given_labels(struct sst_lightfield *lf, const char *dir, int threads)
+{
+    int max_label[SST_MAX_VIEWS] = { 0 };
+    struct given g = { .lf = lf, .dir = dir, .max_label = max_label };
+    struct sst_classes *classes = &lf->classes;
+    int err = sst_parallel_for(lf->rows * lf->cols, threads, labels_view, &g);
+
+    /* Labels that the list does not name get a number for a name. */
+    for (int k = 0; !err && k < lf->rows * lf->cols; k++) {
+        while (classes->count < max_label[k]) {
+            snprintf(classes->names[classes->count], SST_CLASS_NAME_MAX, "Label%d", classes->count + 1);
+            classes->count++;
+        }
+    }
+    if (!err)
+        lf->labels_given = true;
+    return err;
+}
