@@ -17,8 +17,10 @@ int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_match
         cfg->cost = SST_COST_CENSUS;
     } else if (m->cost && !strcmp(m->cost, "mccnn")) {
         cfg->cost = SST_COST_MCCNN;
+    } else if (m->cost && !strcmp(m->cost, "both")) {
+        cfg->cost = SST_COST_BOTH;
     } else if (m->cost) {
-        sst_log_error("there is no matching cost %s; choose census or mccnn", m->cost);
+        sst_log_error("there is no matching cost %s; choose census, mccnn or both", m->cost);
         return -EINVAL;
     }
     cfg->paths = m->paths > 0 ? m->paths : cfg->paths;
@@ -28,7 +30,7 @@ int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_match
     cfg->fill = cfg->fill && !m->no_fill;
     cfg->threads = sst_thread_count(m->threads);
     cfg->model = m->model;
-    if (cfg->cost == SST_COST_MCCNN && !m->model) {
+    if (cfg->cost & SST_COST_MCCNN && !m->model) {
         err = sst_model_path(model_path, "mccnn-fast.onnx");
         cfg->model = model_path;
     }

@@ -128,7 +128,8 @@ done:
     return err;
 }
 
-int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale, struct sst_network *net)
+int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale, enum sst_cost cost,
+                        struct sst_network *net)
 {
     struct sst_descriptor made = { .image = *img };
     int err = 0;
@@ -142,8 +143,10 @@ int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img
     made.width = made.image.width;
     made.height = made.image.height;
     err = sst_luma(&made.luma, &made.image);
-    if (!err)
-        err = net ? make_features(&made, net) : make_census(&made);
+    if (!err && cost & SST_COST_CENSUS)
+        err = make_census(&made);
+    if (!err && cost & SST_COST_MCCNN)
+        err = make_features(&made, net);
     if (err) {
         sst_descriptor_fini(&made);
         return err;

@@ -69,7 +69,7 @@ static int describe_job(void *arg, int index, int worker SST_UNUSED)
 
     if (run->desc[view].luma.data || !v->present)
         return 0;
-    return sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->net);
+    return sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost, run->net);
 }
 
 /* View at (row + dr, col + dc), or -1. */
@@ -354,7 +354,7 @@ int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_dispari
     if (err)
         return err;
     err = run_init(&run, lf, cfg);
-    if (!err && cfg->cost == SST_COST_MCCNN)
+    if (!err && cfg->cost & SST_COST_MCCNN)
         err = sst_network_open(&run.net, cfg->model, threads);
     if (!err)
         err = run_all(&run, threads, progress, progress_arg);

@@ -6,9 +6,11 @@
 
 SST_EXTERN_C_BEGIN
 
+/** Matching costs; with both, their mean. */
 enum sst_cost {
-    SST_COST_CENSUS = 0,
-    SST_COST_MCCNN = 1,
+    SST_COST_CENSUS = 1,
+    SST_COST_MCCNN = 2,
+    SST_COST_BOTH = 3,
 };
 
 /* Largest number of one-pixel steps searched, and of the penalty: with costs up to 255, 8 paths sum to at most
@@ -21,7 +23,7 @@ enum sst_cost {
 struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
-    const char *model;      /* ONNX of the MC-CNN features; used with SST_COST_MCCNN */
+    const char *model;      /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
     int paths;              /* of the semi-global optimisation: 4 or 8 */
     int p1, p2;             /* smoothness penalties in cost units (costs are 0..255); 0 < p1 <= p2 */
     int edge_step;          /* intensity step (0..255) at which p2 is halved; larger steps weaken it further */

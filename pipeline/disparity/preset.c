@@ -17,8 +17,8 @@ static const struct {
         .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8,
         .fill = true, .joint = true, .neighbours = 12, .scale = 1 } },
     { "accurate",
-      { .disp_max_px = 127, .cost = SST_COST_MCCNN, .paths = 8, .p1 = 16, .p2 = 128, .edge_step = 24,
-        .support_arm = 5, .support_tau = 18, .support_before = 2, .support_after = 1, .bilateral_tau = 8,
+      { .disp_max_px = 127, .cost = SST_COST_BOTH, .paths = 8, .p1 = 14, .p2 = 90, .edge_step = 24,
+        .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8,
         .fill = true, .joint = true, .neighbours = 12, .scale = 1 } },
 };
 

@@ -25,11 +25,12 @@ struct sst_network;
 SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 
 /**
- * Luma, and census or features (net not NULL: MC-CNN features, normalised luma in, 64 unit-length channels out).
+ * Luma, and census or MC-CNN features or both.
+ * @param net    for features: normalised luma in, 64 unit-length channels out
  * @param scale  1: img is borrowed and must outlive desc; 2: matched at half size
  */
 SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,
-                                       struct sst_network *net);
+                                       enum sst_cost cost, struct sst_network *net);
 void sst_descriptor_fini(struct sst_descriptor *desc);
 
 /** A view to match with: a point at x in the reference is at x - d * b there. */

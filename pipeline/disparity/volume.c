@@ -37,7 +37,7 @@ int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, i
     tile = made.width_padded * made.steps_padded;
     made.cost = sst_mem_alloc_raw(cells, 1);
     made.sum = sst_mem_alloc_raw(cells, sizeof(uint16_t));
-    made.scratch = sst_mem_alloc_raw(TILES, tile);
+    made.scratch = sst_mem_alloc_raw(TILES * tile + made.width_padded, 1);
     if (!made.cost || !made.sum || !made.scratch) {
         sst_volume_fini(&made);
         return -ENOMEM;
@@ -54,8 +54,8 @@ void sst_volume_fini(struct sst_volume *v)
     *v = (struct sst_volume){ 0 };
 }
 
-/* Costs of row y against one neighbour: tile[i][x], i the disparity step. */
-static void tile_row(uint8_t *tile, const struct sst_volume *v, const struct sst_descriptor *ref,
+/* Costs of row y against one neighbour: tile[i][x], i the disparity step. With both costs their mean. @param row  scratch */
+static void tile_row(uint8_t *tile, uint8_t *row, const struct sst_volume *v, const struct sst_descriptor *ref,
                      const struct sst_neighbour *n, int y)
 {
     const struct sst_kernels *k = sst_kernels_get();
@@ -65,19 +65,21 @@ static void tile_row(uint8_t *tile, const struct sst_volume *v, const struct sst
     for (int i = 0; i < v->steps; i++) {
         const double d = v->disp_min + i;
         const int shift = (int)floor(d * n->bx + 0.5), yn = y - (int)floor(d * n->by + 0.5);
-        const int x0 = sst_max_int(0, shift), x1 = sst_min_int(w, w + shift);
+        const int x0 = sst_max_int(0, shift), x1 = sst_min_int(w, w + shift), count = x1 - x0;
         uint8_t *out = tile + (size_t)i * v->width_padded + x0;
 
-        if (yn < 0 || yn >= v->height || x1 <= x0)
+        if (yn < 0 || yn >= v->height || count <= 0)
             continue;
-        if (ref->features) {
-            k->feature_cost_row(out, ref->features + (size_t)y * 32 * ref->feature_stride + 2 * (size_t)x0,
-                                n->desc->features + (size_t)yn * 32 * ref->feature_stride + 2 * (size_t)(x0 - shift),
-                                ref->feature_stride, (size_t)(x1 - x0));
-        } else {
+        if (ref->census)
             k->hamming_row(out, ref->census + (size_t)y * ref->census_stride + x0,
-                           n->desc->census + (size_t)yn * ref->census_stride + (x0 - shift), (size_t)(x1 - x0));
-        }
+                           n->desc->census + (size_t)yn * ref->census_stride + (x0 - shift), (size_t)count);
+        if (ref->features)
+            k->feature_cost_row(ref->census ? row : out,
+                                ref->features + (size_t)y * 32 * ref->feature_stride + 2 * (size_t)x0,
+                                n->desc->features + (size_t)yn * 32 * ref->feature_stride + 2 * (size_t)(x0 - shift),
+                                ref->feature_stride, (size_t)count);
+        for (int x = 0; ref->features && ref->census && x < count; x++)
+            out[x] = (uint8_t)((out[x] + row[x] + 1) >> 1);
     }
 }
 
@@ -127,7 +129,7 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
     for (int y = 0; y < v->height; y++) {
         memset(first, ABSENT, 3 * cells);
         for (int i = 0; i < count; i++) {
-            tile_row(tile, v, ref, &neighbours[i], y);
+            tile_row(tile, tile + cells, v, ref, &neighbours[i], y);
             keep_cheapest(first, second, third, tile, real);
         }
         merge(first, second, third, count, real);
