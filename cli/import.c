@@ -1,3 +1,4 @@
+#include <math.h>
 #include <stdio.h>
 
 #include "cli/cli.h"
@@ -6,7 +7,7 @@
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct sst_import_config cfg = { 0 };
+    struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
     int grid[2] = { 0, 0 };
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make", 0, 0 },
@@ -31,6 +32,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!cfg.out)
         return cli_usage_error(cmd, "-o LF is missing");
+    if (isnan(cfg.range_min_px) != isnan(cfg.range_max_px))
+        return cli_usage_error(cmd, "--range-min and --range-max belong together");
+    if (isnan(cfg.range_min_px))
+        cfg.range_min_px = cfg.range_max_px = 0;
     cfg.format = args[0];
     cfg.source = args[1];
     cfg.rows = grid[0];

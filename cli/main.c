@@ -32,8 +32,8 @@ static void usage(void)
 
 static void on_signal(int sig)
 {
-    sst_file_abort_all();
-    _exit(sig == SIGINT ? CLI_INTERRUPTED : 128 + sig);
+    if (sst_file_abort_all())
+        _exit(sig == SIGINT ? CLI_INTERRUPTED : 128 + sig);
 }
 
 int main(int argc, char **argv)

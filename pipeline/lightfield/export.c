@@ -1,6 +1,5 @@
 /* Light fields in other tools' forms; import_stanford.c and import_hci.c say what those are. */
 #include <errno.h>
-#include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
@@ -26,7 +25,7 @@ struct format {
     int (*rest)(const struct job *job);
 };
 
-/* Text in the making; the size is checked once, at the end. */
+/* Text in the making, with room for two lines of numbers for each of 256 views. */
 struct text {
     char data[65536];
     size_t size;

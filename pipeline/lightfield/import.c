@@ -14,7 +14,6 @@
 #include "pipeline/lightfield/store.h"
 
 #define MAX_NAMED 4 /* files or views named in one message */
-#define STORED_RANGE_PX 1023.0
 
 static const struct {
     const char *name;
@@ -50,9 +49,9 @@ static int check_config(const struct sst_import_config *cfg)
         return -EINVAL;
     }
     if (!isfinite(cfg->range_min_px) || !isfinite(cfg->range_max_px) || cfg->range_min_px > cfg->range_max_px ||
-        cfg->range_max_px - floor(cfg->range_min_px) > STORED_RANGE_PX || fabs(cfg->range_min_px) > 32768) {
+        cfg->range_max_px - floor(cfg->range_min_px) > SST_RANGE_MAX_PX || fabs(cfg->range_min_px) > SST_DISP_ABS_MAX_PX) {
         sst_log_error("the range %g to %g px does not grow or is wider than the %g px that can be stored; correct "
-                      "--range-min and --range-max", cfg->range_min_px, cfg->range_max_px, STORED_RANGE_PX);
+                      "--range-min and --range-max", cfg->range_min_px, cfg->range_max_px, SST_RANGE_MAX_PX);
         return -EINVAL;
     }
     return 0;
@@ -255,7 +254,7 @@ static void set_range(const struct job *job)
         lo = fmin(lo, job->truth_min[k]);
         hi = fmax(hi, job->truth_max[k]);
     }
-    if (!(lf->range_min_px < lf->range_max_px) && lo <= hi) {
+    if (lf->range_min_px == lf->range_max_px && lo <= hi) {
         lf->range_min_px = lo;
         lf->range_max_px = hi;
     }
@@ -305,6 +304,7 @@ static int fill(struct job *job)
     struct sst_import_plan *plan = job->plan;
     const struct sst_import_config *cfg = plan->cfg;
     const int threads = sst_thread_count(cfg->threads), ref = plan->lf.ref_view;
+    const char *fault;
     int err = make_folders(job);
 
     if (!err)
@@ -319,6 +319,11 @@ static int fill(struct job *job)
         plan->lf.focal_px = plan->focal_sides * sst_max_int(plan->lf.width, plan->lf.height);
     set_range(job);
     set_source(&plan->lf, cfg);
+    fault = sst_lightfield_fault(&plan->lf);
+    if (fault) {
+        sst_log_error("%s gives a light field that cannot be: %s; correct its names or parameters", cfg->source, fault);
+        return -EBADMSG;
+    }
     if (cfg->disparity_dir)
         err = sst_import_given_disparity(&plan->lf, cfg->disparity_dir, threads);
     if (!err && cfg->labels_dir)

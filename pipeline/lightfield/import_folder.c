@@ -9,9 +9,7 @@
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/import_plan.h"
-
-#define STORED_RANGE_PX 1023.0 /* what 16 bits of 1/64 px hold, less the mark for unknown */
-#define DISP_ABS_MAX 32768.0   /* no disparity is larger than an image */
+#include "pipeline/lightfield/store.h"
 
 /* rr_cc.ext, whatever the extension says: what is no image is refused when it is decoded. */
 static bool parse_name(const char *name, int *row, int *col)
@@ -93,9 +91,9 @@ static int measure(const struct sst_map_f32 *map, const char *path, double *min,
         for (int x = 0; x < map->width; x++) {
             if (isinf(row[x]))
                 continue;
-            if (fabsf(row[x]) > (float)DISP_ABS_MAX) {
+            if (fabsf(row[x]) > (float)SST_DISP_ABS_MAX_PX) {
                 sst_log_error("%s has disparity %g at column %d, row %d, beyond %g; mark unknown values as inf", path,
-                              (double)row[x], x, y, DISP_ABS_MAX);
+                              (double)row[x], x, y, SST_DISP_ABS_MAX_PX);
                 return -EBADMSG;
             }
             *min = fmin(*min, (double)row[x]);
@@ -155,9 +153,9 @@ int sst_import_given_disparity(struct sst_lightfield *lf, const char *dir, int t
         sst_log_error("%s has no known disparity at all; leave --disparity away", dir);
         return -EBADMSG;
     }
-    if (hi - floor(lo) > STORED_RANGE_PX) {
+    if (hi - floor(lo) > SST_RANGE_MAX_PX) {
         sst_log_error("the disparities in %s run from %g to %g px; more than %g px cannot be stored", dir, lo, hi,
-                      STORED_RANGE_PX);
+                      SST_RANGE_MAX_PX);
         return -EBADMSG;
     }
     lf->disp_min_px = floor(lo);

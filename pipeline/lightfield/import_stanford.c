@@ -177,10 +177,11 @@ static int read_extra(struct sst_import_plan *plan)
 {
     const int i = sst_names_find(&plan->names, "positions.cfg");
     char path[SST_PATH_MAX];
-    double min = 0, max = 0;
+    struct sst_lightfield *lf = &plan->lf;
+    const char *t;
     uint8_t *text;
     size_t size;
-    int err, r;
+    int err;
 
     if (i < 0)
         return 0;
@@ -190,17 +191,14 @@ static int read_extra(struct sst_import_plan *plan)
         err = sst_file_read(path, 1 << 20, &text, &size);
     if (err)
         return err;
-    const char *t = (const char *)text;
-
-    if ((r = sst_params_number(t, path, "spacing", &plan->spacing)) < 0 ||
-        (r = sst_params_number(t, path, "spacing_mm", &plan->lf.spacing_mm)) < 0 ||
-        (r = sst_params_number(t, path, "focal_px", &plan->lf.focal_px)) < 0 ||
-        (r = sst_params_number(t, path, "disp_min", &min)) < 0 || (r = sst_params_number(t, path, "disp_max", &max)) < 0)
-        err = r;
+    t = (const char *)text;
+    if ((err = sst_params_number(t, path, "spacing", &plan->spacing)) >= 0 &&
+        (err = sst_params_number(t, path, "spacing_mm", &lf->spacing_mm)) >= 0 &&
+        (err = sst_params_number(t, path, "focal_px", &lf->focal_px)) >= 0 &&
+        (err = sst_params_number(t, path, "disp_min", &lf->range_min_px)) >= 0)
+        err = sst_params_number(t, path, "disp_max", &lf->range_max_px);
     free(text);
-    plan->lf.range_min_px = min;
-    plan->lf.range_max_px = max;
-    return err;
+    return err < 0 ? err : 0;
 }
 
 int sst_plan_stanford(struct sst_import_plan *plan)

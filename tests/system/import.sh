@@ -26,21 +26,22 @@ want() {
 # same FILE FILE: the same bytes
 same() { cmp -s "$1" "$2" || fail "$1 is not $2"; }
 
+# is TEXT: the last line that was printed
+is() { [ "$line" = "$1" ] || fail "printed: $line"; }
+
 # --- known answers ---
+offsets="grid 6x6, offsets x -2.000..3.000, y -2.000..3.000"
 line=$("$sst" import stanford "$data/lf-stanford-chess-6x6" -o chess --threads 2) || fail "chess"
-[ "$line" = "chess: 36 views of 1024x640, grid 6x6, offsets x -1.975..3.079, y -1.963..2.794, disparity range unknown" ] ||
-  fail "chess: $line"
+is "chess: 36 views of 1024x640, grid 6x6, offsets x -1.975..3.079, y -1.963..2.794, disparity range unknown"
 # Row 15 of the gantry has the smallest y and is the top row; columns run to the right.
 same chess/views/00_00.png "$data"/lf-stanford-chess-6x6/out_15_00_*
 same chess/views/05_03.png "$data"/lf-stanford-chess-6x6/out_00_09_*
 line=$("$sst" import stanford "$data/lf-shop-6x6" -o shop --range-min -1 --range-max 31) || fail "shop"
-[ "$line" = "shop: 36 views of 960x640, grid 6x6, offsets x -2.000..3.000, y -2.000..3.000, disparity -1.000..31.000 px per spacing" ] ||
-  fail "shop: $line"
+is "shop: 36 views of 960x640, $offsets, disparity -1.000..31.000 px per spacing"
 same shop/views/00_00.jpg "$data"/lf-shop-6x6/*_25_25_-369*
 same shop/views/00_05.jpg "$data"/lf-shop-6x6/*_25_00_-369*
 line=$("$sst" import hci "$data/lf-hci-backgammon-6x6" -o hci) || fail "hci"
-[ "$line" = "hci: 36 views of 512x512, grid 6x6, offsets x -2.000..3.000, y -2.000..3.000, disparity -1.553..0.529 px per spacing" ] ||
-  fail "hci: $line"
+is "hci: 36 views of 512x512, $offsets, disparity -1.553..0.529 px per spacing"
 same hci/views/02_02.png "$data/lf-hci-backgammon-6x6/input_Cam030.png"
 tail -c 1048576 "$data/lf-hci-backgammon-6x6/gt_disp_lowres.pfm" >truth.raw # 512x512 floats; headers differ in form
 tail -c 1048576 hci/truth/03_03.pfm | cmp -s - truth.raw || fail "truth of view 40 is not at 03_03"
@@ -106,7 +107,11 @@ want 3 "no such folder" export hci none -o bad
 want 2 "no export format" export tiff chess -o bad
 
 # --- the disk is full, or the user interrupts ---
-(ulimit -f 64; want 4 "File too large" import hci "$data/lf-hci-backgammon-6x6" -o bad --threads 1; exit $failed) || failed=1
+(
+  ulimit -f 64
+  want 4 "File too large" import hci "$data/lf-hci-backgammon-6x6" -o bad --threads 1
+  exit $failed
+) || failed=1
 timeout -s INT 0.3 "$sst" import stanford "$data/lf-stanford-chess-6x6" -o int >/dev/null 2>&1
 [ -z "$(find . -name '*.tmp-*')" ] || fail "an interrupted import left a temporary folder"
 

@@ -98,7 +98,8 @@ static void assert_view(const struct sst_lightfield *lf, int k, int tag, double 
 
 static void helpers_have_known_answers(void **state SST_UNUSED)
 {
-    static const char ini[] = "[a]\n# disp_min = 7\n disp_min=-1.5\r\nbaseline_mm : 50 # mm\nempty =\nbad = 1x\ninf = inf\n";
+    static const char ini[] = "[a]\n# disp_min = 7\n disp_min=-1.5\r\nbaseline_mm : 50 # mm\nempty =\nbad = 1x\n"
+                              "inf = inf\n";
     double odd[] = { 5, 1, 3 }, even[] = { 4, 1, 3, 2 }, v = 0;
     int numbers[] = { 9, 3, 9, 0, 3 }, index = 0;
 
@@ -199,7 +200,8 @@ static void hci_window_keeps_its_truth(void **state SST_UNUSED)
 static void hci_parameters_are_converted(void **state SST_UNUSED)
 {
     static const char params[] = "[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 40\n[extrinsics]\n"
-                                 "num_cams_x = 4\nnum_cams_y = 4\nbaseline_mm = 30\n[meta]\ndisp_min = -1\ndisp_max = 2.5\n";
+                                 "num_cams_x = 4\nnum_cams_y = 4\nbaseline_mm = 30\n[meta]\ndisp_min = -1\n"
+                                 "disp_max = 2.5\n";
     static const int index[] = { 0, 2, 8, 10 };
     struct sst_import_config cfg = config("hci", "src");
     struct sst_lightfield lf;
@@ -224,6 +226,8 @@ static void hci_parameters_are_converted(void **state SST_UNUSED)
     put_text("src/parameters.cfg", "num_cams_x = 3\nnum_cams_y = 3\n");
     cfg.force = true;
     assert_int_equal(sst_import(&cfg), -EBADMSG); /* view 10 of 9 */
+    put_text("src/parameters.cfg", "num_cams_x = 4\nnum_cams_y = 4\ndisp_min = 3\ndisp_max = -3\n");
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
 }
 
 static void put_folder(void)
