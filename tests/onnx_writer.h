@@ -18,7 +18,7 @@ static inline void ow_raw(struct ow_buf *b, const void *data, size_t n)
 {
     if (b->n + n > b->room) {
         b->room = 2 * (b->n + n) + 64;
-        b->p = realloc(b->p, b->room);
+        b->p = (uint8_t *)realloc(b->p, b->room);
         if (!b->p)
             abort();
     }

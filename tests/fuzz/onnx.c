@@ -1,18 +1,17 @@
 /* libFuzzer target: the reader of ONNX files, the graph and the shapes, as sst_network_open() and its first run use them.
  *
- *   make CC=clang OPT='-O1 -g' SAN=fuzzer-no-link,address,undefined BUILD=build-fuzz build-fuzz/libsst.a
- *   clang -g -fsanitize=fuzzer,address,undefined -I. -DSST_FUZZ tests/fuzz/onnx.c build-fuzz/libsst.a -lm -o build-fuzz/onnx
- *   mkdir -p build-fuzz/corpus && build-fuzz/onnx -max_len=65536 build-fuzz/corpus [models/...]
+ *   make && mkdir -p build/corpus
+ *   clang -g -O1 -D_DEFAULT_SOURCE -fsanitize=fuzzer,address,undefined -I. tests/fuzz/onnx.c pipeline/network/onnx.c \
+ *         pipeline/network/graph*.c base/log.c -lm -o build/fuzz-onnx
+ *   build/fuzz-onnx -close_fd_mask=2 -max_len=65536 build/corpus [models]
  */
 #include <stdlib.h>
 
-#include "base/log.h"
 #include "pipeline/network/graph.h"
 #include "pipeline/network/onnx.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* Levels below errors: their text is not under test and would fill the terminal. */
 static void build(const struct sst_onnx *model)
 {
     struct sst_shape *shapes;
