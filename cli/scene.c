@@ -43,9 +43,10 @@ const struct cli_command cli_scene = {
     .name = "scene",
     .usage = "NAME -o LF [--size WxH] [--grid RxC] [--seed N] [--time S] [--threads N] [--force]",
     .summary = "make a simulated light field with exact truth",
-    .detail = "Scenes: bush pedestrian transportation cell humvee cd-cases cat.\n"
-              "LF/truth gets the disparity (rr_cc.pfm, px per spacing) and the labels (rr_cc.png) of every view, what is\n"
-              "behind each occluder in the reference view (behind*.png, mask occluder*.png), and truth.json.",
+    .detail =
+        "Scenes: bush pedestrian transportation cell humvee cd-cases cat.\n"
+        "LF/truth gets the disparity (rr_cc.pfm, px per spacing) and the labels (rr_cc.png) of every view, what is\n"
+        "behind each occluder in the reference view (behind*.png, mask occluder*.png), and truth.json.",
     .example = "sst scene bush -o bush.lf\n  sst scene pedestrian -o walk.lf --size 500x375 --time 0.5",
     .run = run,
 };

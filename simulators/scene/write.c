@@ -64,7 +64,8 @@ static int write_view(const struct job *j, int view)
     if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_f32_write_pfm(&disp, path)))
         goto done;
     snprintf(file, sizeof(file), "%s.png", name);
-    if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_u8_write_png(&label, path, sst_classes_palette())))
+    if ((err = path_of(path, j->dir, "truth", file)) ||
+        (err = sst_map_u8_write_png(&label, path, sst_classes_palette())))
         goto done;
 
 done:
@@ -75,7 +76,8 @@ done:
 }
 
 /* Write the pair behind<suffix>.png, occluder<suffix>.png. */
-static int write_pair(const struct job *j, const char *suffix, const struct sst_image *behind, const struct sst_map_u8 *mask)
+static int write_pair(const struct job *j, const char *suffix, const struct sst_image *behind,
+                      const struct sst_map_u8 *mask)
 {
     char file[FILE_NAME_MAX], path[SST_PATH_MAX];
     int err;
@@ -159,8 +161,9 @@ static int write_truth_json(const struct job *j, const char *name)
     sst_view_name(j->lf, j->lf->ref_view, reference);
     snprintf(seed, sizeof(seed), "%llu", (unsigned long long)s->cfg.seed);
     /* The seed is text: a JSON number keeps 53 bits in most readers. */
-    root = json_pack("{s:s, s:s, s:s, s:f, s:[f, f], s:o}", "scene", name, "seed", seed, "reference", reference, "focus_px",
-                     s->world.occluders[0].focus_px, "range_px", s->range_min_px, s->range_max_px, "occluders", list);
+    root = json_pack("{s:s, s:s, s:s, s:f, s:[f, f], s:o}", "scene", name, "seed", seed, "reference", reference,
+                     "focus_px", s->world.occluders[0].focus_px, "range_px", s->range_min_px, s->range_max_px,
+                     "occluders", list);
     if (root)
         text = json_dumps(root, JSON_INDENT(2));
     err = text ? path_of(path, j->dir, "truth", "truth.json") : -ENOMEM;
