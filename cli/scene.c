@@ -36,7 +36,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cfg.height = size[1];
     cfg.rows = grid[0];
     cfg.cols = grid[1];
-    return cli_exit_code(sst_scene_write(name, &cfg, out, force));
+    cfg.progress = cli_progress;
+    cfg.progress_arg = (char[]){ "scene" };
+    r = cli_exit_code(sst_scene_write(name, &cfg, out, force));
+    cli_progress_end();
+    return r;
 }
 
 const struct cli_command cli_scene = {

@@ -13,6 +13,8 @@ struct sst_scene_config {
     uint64_t seed; /* moves and recolours what may vary; the same seed gives the same bytes */
     double time_s; /* motion: the pedestrian walks, leaves sway */
     int threads;
+    void (*progress)(void *arg, double done); /* told 0..1 by sst_scene_write, one call at a time; or NULL */
+    void *progress_arg;
 };
 
 /** One see-through task: hide these objects, focus there. */
