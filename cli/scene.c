@@ -1,7 +1,5 @@
 #include "simulators/scene/scene.h"
 
-#include <stdio.h>
-
 #include "cli/cli.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
