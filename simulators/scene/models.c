@@ -61,7 +61,7 @@ static void wheel(const struct model *m, struct sst_vec3 c, double radius, doubl
     s->outline = tyre;
 }
 
-/* --- animals -------------------------------------------------------------------------------------------------------- */
+/* --- animals ----------------------------------------------------------------------------------------------------- */
 
 void sst_add_horse(struct sst_world *w, struct sst_stand stand)
 {
@@ -151,7 +151,7 @@ void sst_add_hen(struct sst_world *w, struct sst_stand stand)
     }
 }
 
-/* --- vehicles ------------------------------------------------------------------------------------------------------- */
+/* --- vehicles ---------------------------------------------------------------------------------------------------- */
 
 void sst_add_bicycle(struct sst_world *w, struct sst_stand stand)
 {

@@ -2,7 +2,7 @@
 #include "pipeline/labels/classes.h"
 #include "simulators/scene/world.h"
 
-/* --- bush: a man on a sofa before a house, behind dense leaves ------------------------------------------------------ */
+/* --- bush: a man on a sofa before a house, behind dense leaves --------------------------------------------------- */
 
 static void add_sofa(struct sst_world *w, struct sst_vec3 base)
 {
@@ -86,7 +86,7 @@ void sst_build_bush(struct sst_world *w)
 
 #define WALK_MM 4600.0 /* length of the path of the walker */
 
-/* --- pedestrian: a walker before a parked van, a house front behind ------------------------------------------------- */
+/* --- pedestrian: a walker before a parked van, a house front behind ---------------------------------------------- */
 
 static void add_wheels(struct sst_world *w, struct sst_vec3 rear, double half_track)
 {
@@ -185,8 +185,7 @@ void sst_build_pedestrian(struct sst_world *w)
     front = sst_world_at(w, 0, 0, 13).z;
 
     sst_begin(w, SST_LABEL_BUILDING, 0);
-    sst_add_patch(w, sst_v(600, road - 9000, front), sst_v(90000, 0, 0), sst_v(0, 9000, 0),
-                  house);
+    sst_add_patch(w, sst_v(600, road - 9000, front), sst_v(90000, 0, 0), sst_v(0, 9000, 0), house);
     sst_begin(w, SST_LABEL_ROAD, 0);
     sst_add_floor(w, road, 300, front - 4200, asphalt);
     sst_add_patch(w, sst_v(0, road - 2, 6900), sst_v(60000, 0, 0), sst_v(0, 0, -75),

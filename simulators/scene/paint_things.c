@@ -1,27 +1,26 @@
-/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells. */
+/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells.
+ */
 #include <string.h>
 
 #include "simulators/scene/world.h"
 
-/* --- letters -------------------------------------------------------------------------------------------------------- */
+/* --- letters ----------------------------------------------------------------------------------------------------- */
 
 #define GLYPHS " 0123456789ABCDEFGHIKLMNOPRSTUVXY"
 
 /* Seven rows of five dots, the leftmost dot is bit 4. */
 static const uint8_t glyphs[][7] = {
-    { 0, 0, 0, 0, 0, 0, 0 },
-    { 14, 17, 19, 21, 25, 17, 14 }, { 4, 12, 4, 4, 4, 4, 14 },      { 14, 17, 1, 6, 8, 16, 31 },
-    { 31, 2, 4, 2, 1, 17, 14 },     { 2, 6, 10, 18, 31, 2, 2 },     { 31, 16, 30, 1, 1, 17, 14 },
-    { 6, 8, 16, 30, 17, 17, 14 },   { 31, 1, 2, 4, 8, 8, 8 },       { 14, 17, 17, 14, 17, 17, 14 },
-    { 14, 17, 17, 15, 1, 2, 12 },
-    { 14, 17, 17, 31, 17, 17, 17 }, { 30, 17, 17, 30, 17, 17, 30 }, { 14, 17, 16, 16, 16, 17, 14 },
-    { 30, 17, 17, 17, 17, 17, 30 }, { 31, 16, 16, 30, 16, 16, 31 }, { 31, 16, 16, 30, 16, 16, 16 },
-    { 14, 17, 16, 23, 17, 17, 15 }, { 17, 17, 17, 31, 17, 17, 17 }, { 14, 4, 4, 4, 4, 4, 14 },
-    { 17, 18, 20, 24, 20, 18, 17 }, { 16, 16, 16, 16, 16, 16, 31 }, { 17, 27, 21, 21, 17, 17, 17 },
-    { 17, 25, 21, 19, 17, 17, 17 }, { 14, 17, 17, 17, 17, 17, 14 }, { 30, 17, 17, 30, 16, 16, 16 },
-    { 30, 17, 17, 30, 20, 18, 17 }, { 15, 16, 16, 14, 1, 1, 30 },   { 31, 4, 4, 4, 4, 4, 4 },
-    { 17, 17, 17, 17, 17, 17, 14 }, { 17, 17, 17, 17, 17, 10, 4 },  { 17, 17, 10, 4, 10, 17, 17 },
-    { 17, 17, 10, 4, 4, 4, 4 },
+    { 0, 0, 0, 0, 0, 0, 0 },        { 14, 17, 19, 21, 25, 17, 14 }, { 4, 12, 4, 4, 4, 4, 14 },
+    { 14, 17, 1, 6, 8, 16, 31 },    { 31, 2, 4, 2, 1, 17, 14 },     { 2, 6, 10, 18, 31, 2, 2 },
+    { 31, 16, 30, 1, 1, 17, 14 },   { 6, 8, 16, 30, 17, 17, 14 },   { 31, 1, 2, 4, 8, 8, 8 },
+    { 14, 17, 17, 14, 17, 17, 14 }, { 14, 17, 17, 15, 1, 2, 12 },   { 14, 17, 17, 31, 17, 17, 17 },
+    { 30, 17, 17, 30, 17, 17, 30 }, { 14, 17, 16, 16, 16, 17, 14 }, { 30, 17, 17, 17, 17, 17, 30 },
+    { 31, 16, 16, 30, 16, 16, 31 }, { 31, 16, 16, 30, 16, 16, 16 }, { 14, 17, 16, 23, 17, 17, 15 },
+    { 17, 17, 17, 31, 17, 17, 17 }, { 14, 4, 4, 4, 4, 4, 14 },      { 17, 18, 20, 24, 20, 18, 17 },
+    { 16, 16, 16, 16, 16, 16, 31 }, { 17, 27, 21, 21, 17, 17, 17 }, { 17, 25, 21, 19, 17, 17, 17 },
+    { 14, 17, 17, 17, 17, 17, 14 }, { 30, 17, 17, 30, 16, 16, 16 }, { 30, 17, 17, 30, 20, 18, 17 },
+    { 15, 16, 16, 14, 1, 1, 30 },   { 31, 4, 4, 4, 4, 4, 4 },       { 17, 17, 17, 17, 17, 17, 14 },
+    { 17, 17, 17, 17, 17, 10, 4 },  { 17, 17, 10, 4, 10, 17, 17 },  { 17, 17, 10, 4, 4, 4, 4 },
 };
 
 bool sst_font_dot(const char *text, int x, int y)
@@ -56,7 +55,7 @@ float sst_paint_text(const struct sst_surface *s, const struct sst_hit *h, struc
     return 1;
 }
 
-/* --- people --------------------------------------------------------------------------------------------------------- */
+/* --- people ------------------------------------------------------------------------------------------------------ */
 
 float sst_paint_face(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
 {
@@ -84,7 +83,7 @@ float sst_paint_face(const struct sst_surface *s, const struct sst_hit *h, struc
     return 1;
 }
 
-/* --- cars and houses ------------------------------------------------------------------------------------------------ */
+/* --- cars and houses --------------------------------------------------------------------------------------------- */
 
 static bool inside(double x, double y, double x0, double x1, double y0, double y1)
 {
@@ -186,7 +185,7 @@ float sst_paint_facade(const struct sst_surface *s, const struct sst_hit *h, str
     return 1;
 }
 
-/* --- pictures ------------------------------------------------------------------------------------------------------- */
+/* --- pictures ---------------------------------------------------------------------------------------------------- */
 
 /* Hills before a sky: sky a, ground b. */
 float sst_paint_landscape(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
@@ -262,7 +261,7 @@ float sst_paint_wheel(const struct sst_surface *s, const struct sst_hit *h, stru
     return 1;
 }
 
-/* --- stained cells -------------------------------------------------------------------------------------------------- */
+/* --- stained cells ----------------------------------------------------------------------------------------------- */
 
 /* Distance to the nearest and the second nearest of one random point per lattice cell, and a number of the nearest. */
 static uint32_t nearest_seeds(double x, double y, uint32_t seed, double *first, double *second)
@@ -274,7 +273,8 @@ static uint32_t nearest_seeds(double x, double y, uint32_t seed, double *first, 
     for (int32_t j = cy - 1; j <= cy + 1; j++) {
         for (int32_t i = cx - 1; i <= cx + 1; i++) {
             const uint32_t one = sst_hash(i, j, 4, seed);
-            const double dx = i + 0.15 + 0.7 * (one & 0xffff) / 65536.0 - x, dy = j + 0.15 + 0.7 * (one >> 16) / 65536.0 - y;
+            const double dx = i + 0.15 + 0.7 * (one & 0xffff) / 65536.0 - x,
+                         dy = j + 0.15 + 0.7 * (one >> 16) / 65536.0 - y;
             const double d = dx * dx + dy * dy;
 
             if (d < near) {

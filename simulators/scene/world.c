@@ -3,10 +3,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#define GRAIN 0.16f
+#define GRAIN    0.16f
 #define GRAIN_PX 2.6 /* design pixels between the values of the fine texture */
-#define TINT 0.05
-#define TURN 6.283185307179586
+#define TINT     0.05
+#define TURN     6.283185307179586
 
 struct sst_vec3 sst_world_at(const struct sst_world *w, double x, double y, double disp_px)
 {
@@ -165,10 +165,11 @@ void sst_add_shadow(struct sst_world *w, double x, double y, double z, double rx
     s->hide = 0;
 }
 
-/* --- foliage -------------------------------------------------------------------------------------------------------- */
+/* --- foliage ----------------------------------------------------------------------------------------------------- */
 
 static const unsigned leaf_colours[][2] = {
-    { 0x3f7a2a, 0x7fae3c }, { 0x2f6424, 0x5f9a38 }, { 0x54862a, 0x9dbb45 }, { 0x2a5a30, 0x4f8a48 }, { 0x6b8f2e, 0xb4c455 },
+    { 0x3f7a2a, 0x7fae3c }, { 0x2f6424, 0x5f9a38 }, { 0x54862a, 0x9dbb45 },
+    { 0x2a5a30, 0x4f8a48 }, { 0x6b8f2e, 0xb4c455 },
 };
 
 /* light: 0 in the depth of the bush .. 1 on its face. */

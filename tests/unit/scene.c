@@ -1,6 +1,6 @@
 /* simulators/scene: geometry worked by hand, truth that holds between views, folders that are the same every time. */
-#include <errno.h>
 #include <dirent.h>
+#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -34,7 +34,8 @@ static void view_fini(struct view *v)
     sst_map_u8_fini(&v->label);
 }
 
-static struct view render(const struct sst_scene *s, int width, int height, double bx, double by, unsigned hidden, bool image)
+static struct view render(const struct sst_scene *s, int width, int height, double bx, double by, unsigned hidden,
+                          bool image)
 {
     struct view v = { 0 };
 
@@ -69,14 +70,24 @@ static float disp_at(const struct view *v, int x, int y)
     return sst_map_f32_row(&v->disp, y)[x];
 }
 
-/* --- geometry ------------------------------------------------------------------------------------------------------- */
+/* --- geometry ---------------------------------------------------------------------------------------------------- */
 
 /* A picture of 101 x 101 pixels, f = 100 px, principal point (50, 50), B = 100 mm. */
 static struct view raster(struct sst_world *w, double bx, double by)
 {
     struct view v = { 0 };
-    struct sst_raster r = { .world = w, .focal_px = 100, .cx = 50, .cy = 50, .width = 101, .height = 101, .step_x = 1,
-                            .step_y = 1, .bx = bx, .by = by, .disp = &v.disp, .label = &v.label };
+    struct sst_raster r = { .world = w,
+                            .focal_px = 100,
+                            .cx = 50,
+                            .cy = 50,
+                            .width = 101,
+                            .height = 101,
+                            .step_x = 1,
+                            .step_y = 1,
+                            .bx = bx,
+                            .by = by,
+                            .disp = &v.disp,
+                            .label = &v.label };
 
     assert_int_equal(sst_map_f32_init(&v.disp, 101, 101), 0);
     assert_int_equal(sst_map_u8_init(&v.label, 101, 101), 0);
@@ -108,8 +119,8 @@ static void facing_square_lands_where_it_must(void **state SST_UNUSED)
     free(w.surfaces);
 }
 
-/* The floor 100 mm below the camera: row 50 + r looks at Z = 100 * 100 / r mm, so d = r; a camera one spacing lower sits
- * on it, one half a spacing lower sees d = 2 r. */
+/* The floor 100 mm below the camera: row 50 + r looks at Z = 100 * 100 / r mm, so d = r; a camera one spacing lower
+ * sits on it, one half a spacing lower sees d = 2 r. */
 static void floor_disparity_is_the_row_below_the_horizon(void **state SST_UNUSED)
 {
     struct sst_world w = { .focal = 100, .spacing_mm = 100, .label = 4 };
@@ -154,11 +165,11 @@ static void ball_has_its_depth_and_outline(void **state SST_UNUSED)
     free(w.surfaces);
 }
 
-/* --- truth ---------------------------------------------------------------------------------------------------------- */
+/* --- truth ------------------------------------------------------------------------------------------------------- */
 
 /*
- * With bx = n / d a point of disparity d moves by exactly n pixels: there the other view sees the same point, or something
- * nearer, never something farther.
+ * With bx = n / d a point of disparity d moves by exactly n pixels: there the other view sees the same point, or
+ * something nearer, never something farther.
  */
 static void truth_moves_points_between_views(void **state SST_UNUSED)
 {
@@ -190,7 +201,8 @@ static void truth_moves_points_between_views(void **state SST_UNUSED)
     }
 }
 
-/* The nuclei lie on a facing plane of 30 px at 1000 px, 6 px at 200: the neighbour's picture is the same, 6 px to the left. */
+/* The nuclei lie on a facing plane of 30 px at 1000 px, 6 px at 200: the neighbour's picture is the same, 6 px to the
+ * left. */
 static void texture_agrees_between_views(void **state SST_UNUSED)
 {
     struct sst_scene *s = create("cell", 200, 40, 1, 0);
@@ -228,8 +240,8 @@ static void hidden_occluders_leave_nothing(void **state SST_UNUSED)
                 }
             }
             if (!before || after || !target)
-                fail_msg("%s/%s: %d px of the occluder, %d when hidden, %d before the target", *name, o->name, before, after,
-                         target);
+                fail_msg("%s/%s: %d px of the occluder, %d when hidden, %d before the target", *name, o->name, before,
+                         after, target);
             view_fini(&behind);
         }
         assert_null(sst_scene_occluder_at(s, sst_scene_occluder_count(s)));
@@ -340,7 +352,7 @@ static void time_moves_the_walker_and_the_leaves(void **state SST_UNUSED)
     sst_scene_destroy(b);
 }
 
-/* --- folders -------------------------------------------------------------------------------------------------------- */
+/* --- folders ----------------------------------------------------------------------------------------------------- */
 
 static int compare_folders(const char *a, const char *b)
 {
@@ -398,8 +410,9 @@ static int remove_folder(void **state SST_UNUSED)
 
 static struct sst_scene_config small(int width, int height, int rows, int cols, int threads)
 {
-    return (struct sst_scene_config){ .width = width, .height = height, .rows = rows, .cols = cols, .seed = 11,
-                                      .threads = threads };
+    return (struct sst_scene_config){
+        .width = width, .height = height, .rows = rows, .cols = cols, .seed = 11, .threads = threads
+    };
 }
 
 static void any_number_of_threads_gives_the_same_bytes(void **state SST_UNUSED)
@@ -408,7 +421,8 @@ static void any_number_of_threads_gives_the_same_bytes(void **state SST_UNUSED)
 
     assert_int_equal(sst_scene_write("pedestrian", &one, inside("one"), false), 0);
     assert_int_equal(sst_scene_write("pedestrian", &three, inside("three"), false), 0);
-    /* lightfield.json, 6 views, 6 disparities, 6 labels, truth.json, behind and occluder of the principal and of both */
+    /* lightfield.json, 6 views, 6 disparities, 6 labels, truth.json, behind and occluder of the principal and of both
+     */
     assert_int_equal(compare_folders(inside("one"), inside("three")), 1 + 6 + 6 + 6 + 1 + 6);
     assert_int_equal(sst_scene_write("pedestrian", &one, inside("one"), false), -EEXIST);
     assert_int_equal(sst_scene_write("cat", &one, inside("one"), true), 0);
@@ -492,7 +506,7 @@ static void what_cannot_be_made_is_refused(void **state SST_UNUSED)
     assert_false(sst_path_exists(inside("no")));
 }
 
-/* --- small parts ---------------------------------------------------------------------------------------------------- */
+/* --- small parts ------------------------------------------------------------------------------------------------- */
 
 static void random_numbers_are_splitmix64(void **state SST_UNUSED)
 {
