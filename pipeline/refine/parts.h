@@ -127,6 +127,29 @@ struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, con
 bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct sst_map_u16 *disp,
                    const struct sst_normal_frame *frame, int x, int y);
 
+/* --- ground.c: the plane of a ground in one view ------------------------------------------------------------------ */
+
+/** d = d0 + a x + b y, in 1/64 px above disp_min_px, x and y from the corner; `limit` is how far its own pixels stray. */
+struct sst_ground {
+    double a, b, d0, limit;
+};
+
+/**
+ * Fit the plane of a ground's confident pixels in one view.
+ *
+ * A ground runs through many depths, so the distribution of its disparities says little about a pixel; its plane says
+ * nearly all. Least squares with exact sums, then three times again without the pixels that miss by more than the limit:
+ * 5 times the larger of 1.4826 median |miss| and the matcher's noise.
+ *
+ * @param hist  scratch [SST_DISP_BINS]
+ * @return false (untouched): fewer than cfg->min_pixels, all near one line, or over a quarter beyond the limit: no plane
+ */
+bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int value, const struct sst_refine_config *cfg,
+                    int64_t *hist);
+
+/** Does a disparity at a pixel lie on the ground, within its limit? */
+bool sst_ground_has(const struct sst_ground *ground, int x, int y, uint16_t disp_q6);
+
 /* --- energy.c: E = p_n E_n + p_d E_d ------------------------------------------------------------------------------ */
 
 /** Confident region of a label in one view, as the energy sees it. */

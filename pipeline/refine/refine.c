@@ -23,6 +23,9 @@ struct worker {
     int64_t *plane_sums;
     struct sst_distance_scratch distance;
     struct sst_hull hull;
+    int64_t *misses;         /* [SST_DISP_BINS] */
+    uint64_t planar;         /* bit i: label i + 1 is a ground with a plane in this view */
+    struct sst_ground ground[SST_MAX_CLASSES];
 };
 
 struct job {
@@ -46,6 +49,7 @@ void sst_refine_config_defaults(struct sst_refine_config *cfg)
         .p_distance = 10,
         .tau = 1,
         .normal_window = SST_NORMAL_WINDOW_MIN,
+        .ground_plane = true,
     };
 }
 
@@ -120,6 +124,30 @@ static struct sst_region region_of(const struct job *job, const struct worker *w
     return region;
 }
 
+/* Fit the planes of the grounds of a view. */
+static void find_grounds(const struct job *job, struct worker *w, const struct sst_view *v)
+{
+    w->planar = 0;
+    for (int i = 0; i < job->lf->classes.count && job->cfg->ground_plane; i++) {
+        if (job->ground >> i & 1 && sst_ground_fit(&w->ground[i], v, i + 1, job->cfg, w->misses))
+            w->planar |= (uint64_t)1 << i;
+    }
+}
+
+/* Candidates of an unlabeled pixel: by the label's distribution, and, of a ground that is a plane, by that plane. */
+static uint64_t candidates_at(const struct job *job, const struct worker *w, uint16_t disp_q6, int x, int y)
+{
+    uint64_t mask = job->candidates[disp_q6];
+
+    for (uint64_t left = mask & w->planar; left; left &= left - 1) {
+        const int i = __builtin_ctzll(left);
+
+        if (!sst_ground_has(&w->ground[i], x, y, disp_q6))
+            mask &= ~((uint64_t)1 << i);
+    }
+    return mask;
+}
+
 static bool is_conflict(uint64_t candidates)
 {
     return (candidates & (candidates - 1)) != 0;
@@ -136,9 +164,9 @@ static uint64_t find_conflicts(const struct job *job, struct worker *w, const st
         struct choice *choice = w->choice + (size_t)y * (size_t)v->label.width;
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = job->candidates[disp[x]];
+            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
 
-            if (label[x] != SST_LABEL_NONE || !is_conflict(mask))
+            if (!is_conflict(mask))
                 continue;
             choice[x] = (struct choice){ .distance = { INFINITY, INFINITY } };
             seen |= mask;
@@ -160,11 +188,11 @@ static void compete(const struct job *job, struct worker *w, const struct sst_vi
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = job->candidates[disp[x]];
+            const uint64_t mask = row[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
             const size_t i = (size_t)y * (size_t)v->label.width + (size_t)x;
             double distance = job->cfg->p_distance;
 
-            if (row[x] != SST_LABEL_NONE || !(mask & bit) || !is_conflict(mask))
+            if (!(mask & bit) || !is_conflict(mask))
                 continue;
             if (here)
                 distance *= sst_energy_distance(w->nearest2[i], sst_hull_farthest(&w->hull, x, y));
@@ -204,9 +232,9 @@ static void assign(const struct job *job, const struct worker *w, struct sst_vie
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = job->candidates[disp[x]];
+            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
 
-            if (label[x] != SST_LABEL_NONE || !mask)
+            if (!mask)
                 continue;
             label[x] = is_conflict(mask) ? decide(job, w, v, regions, x, y) : (uint8_t)(__builtin_ctzll(mask) + 1);
         }
@@ -223,6 +251,7 @@ static int refine_view(void *arg, int index, int worker)
 
     if (!v->present)
         return 0;
+    find_grounds(job, w, v);
     seen = find_conflicts(job, w, v);
     if (seen & job->ground && job->cfg->p_normal > 0) {
         sst_planes_fit(&w->planes, &v->disp, w->plane_sums);
@@ -297,6 +326,7 @@ static void job_fini(struct job *job)
         sst_mem_free(w->distance.row);
         sst_mem_free(w->hull.x);
         sst_mem_free(w->hull.y);
+        sst_mem_free(w->misses);
     }
     sst_mem_free(job->workers);
     sst_mem_free(job->candidates);
@@ -316,8 +346,9 @@ static int worker_init(struct worker *w, const struct sst_lightfield *lf, const 
     w->distance.row = sst_mem_alloc_raw(width, sizeof(*w->distance.row));
     w->hull.x = sst_mem_alloc_raw(2 * height + 2, sizeof(*w->hull.x));
     w->hull.y = sst_mem_alloc_raw(2 * height + 2, sizeof(*w->hull.y));
+    w->misses = sst_mem_alloc_raw(SST_DISP_BINS, sizeof(*w->misses));
     if (!w->choice || !w->nearest2 || !w->planes.at || !w->plane_sums || !w->distance.start || !w->distance.vertex ||
-        !w->distance.row || !w->hull.x || !w->hull.y)
+        !w->distance.row || !w->hull.x || !w->hull.y || !w->misses)
         return -ENOMEM;
     return 0;
 }

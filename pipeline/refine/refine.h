@@ -13,6 +13,7 @@ struct sst_refine_config {
     double p_normal, p_distance; /* weights p_n, p_d of the energy */
     double tau;          /* of the normal consistency, in inner products per pixel of the region (see parts.h); > 0 */
     int normal_window;   /* side of the window that normals are fitted in; odd, 21..127 */
+    bool ground_plane;   /* a ground that is a plane in a view is a candidate only for pixels on that plane (not in the paper) */
     int threads;         /* 0: all processors */
 };
 
