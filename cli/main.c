@@ -12,6 +12,7 @@ static const struct cli_command *const commands[] = {
     &cli_scene,
     &cli_import,
     &cli_export,
+    &cli_process,
     &cli_render,
     &cli_sweep,
     &cli_stereo,

@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/given.h"
 #include "pipeline/lightfield/import_plan.h"
 #include "pipeline/lightfield/store.h"
 
@@ -325,9 +326,9 @@ static int fill(struct job *job)
         return -EBADMSG;
     }
     if (cfg->disparity_dir)
-        err = sst_import_given_disparity(&plan->lf, cfg->disparity_dir, threads);
+        err = sst_lightfield_give_disparity(&plan->lf, cfg->disparity_dir, threads);
     if (!err && cfg->labels_dir)
-        err = sst_import_given_labels(&plan->lf, cfg->labels_dir, threads);
+        err = sst_lightfield_give_labels(&plan->lf, cfg->labels_dir, threads);
     return err ? err : sst_lightfield_write(&plan->lf, job->out, threads);
 }
 

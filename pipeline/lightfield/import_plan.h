@@ -71,10 +71,6 @@ double sst_median(double *v, int n);
  */
 SST_MUST_CHECK int sst_params_number(const char *text, const char *path, const char *key, double *value);
 
-/** Given maps of cfg->disparity_dir and cfg->labels_dir into the light field, whose views and size are known. */
-SST_MUST_CHECK int sst_import_given_disparity(struct sst_lightfield *lf, const char *dir, int threads);
-SST_MUST_CHECK int sst_import_given_labels(struct sst_lightfield *lf, const char *dir, int threads);
-
 /** Refuse (logged) an output that would replace the input or a folder that is not of this kind: with force, `out` may
  *  exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */
 SST_MUST_CHECK int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
