@@ -191,7 +191,8 @@ static void find_needed(struct sst_builder *b)
             b->values[node->norm.x].users++;
             continue;
         }
-        for (int i = 0; i < node->onnx->n_in; i++) {
+        /* Beyond its first input a resize reads only constants, or shapes that sst_graph_resize_sizes() understands. */
+        for (int i = 0; i < (sst_graph_is(node->onnx, "Resize") ? 1 : node->onnx->n_in); i++) {
             if (node->in[i] >= 0)
                 b->values[node->in[i]].users++;
         }

@@ -27,14 +27,15 @@ static int open_segmenter(struct sst_segmenter **seg, const struct entry *entrie
 {
     char path[] = "/tmp/sst-segment-XXXXXX";
     const float w[4 * 3] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
-    struct ow_buf graph = { 0 }, model;
+    struct ow_buf graph = { 0 }, attrs = { 0 }, model;
     const int fd = mkstemp(path);
     int err;
 
     ow_value(&graph, 11, "x", 3);
     ow_value(&graph, 12, "y", channels);
     ow_floats(&graph, "w", w, channels, 3, 1, 1);
-    ow_node(&graph, "Conv", "x w", "y", NULL);
+    ow_attr_ints(&attrs, "kernel_shape", 2, 1, 1);
+    ow_node(&graph, "Conv", "x w", "y", &attrs);
     model = ow_model(&graph, 11);
     for (size_t i = 0; i < n; i++)
         ow_metadata(&model, entries[i].key, entries[i].value);
