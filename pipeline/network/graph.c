@@ -51,7 +51,7 @@ static int find_value(const struct sst_builder *b, struct sst_onnx_str name)
 {
     int v = b->bucket[hash(name)];
 
-    while (v >= 0 && (b->values[v].name.n != name.n || memcmp(b->values[v].name.p, name.p, name.n) != 0))
+    while (v >= 0 && !sst_onnx_str_same(b->values[v].name, name))
         v = b->values[v].next;
     return v;
 }

@@ -63,8 +63,7 @@ static int input_channels(const struct sst_onnx *model)
         bool constant = false;
 
         for (int k = 0; k < model->n_tensors && !constant; k++)
-            constant = model->tensors[k].name.n == model->ins[i].name.n &&
-                       !memcmp(model->tensors[k].name.p, model->ins[i].name.p, model->ins[i].name.n);
+            constant = sst_onnx_str_same(model->tensors[k].name, model->ins[i].name);
         if (!constant)
             return model->ins[i].n_dims == 4 && model->ins[i].dims[1] <= 4096 ? (int)model->ins[i].dims[1] : 0;
     }
