@@ -201,6 +201,19 @@ static int plan_dnnl(struct sst_network *net, int width, int height)
 }
 #endif
 
+bool sst_network_accepts(const struct sst_network *net, int width, int height)
+{
+    struct sst_shape *shapes;
+    bool ok;
+
+    if (net->cv)
+        return true;
+    shapes = calloc((size_t)net->graph.n_values, sizeof(*shapes));
+    ok = shapes && !sst_graph_shapes(&net->graph, width, height, shapes, NULL);
+    free(shapes);
+    return ok;
+}
+
 #if WITH_OPENCV
 static int run_opencv(struct sst_network *net, const float *in, int width, int height, const float **result,
                       struct sst_shape *out)
