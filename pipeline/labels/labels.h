@@ -69,9 +69,10 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg);
 /**
  * Label one image.
  *
- * The network sees the image at its own proportions with the area of the nominal working size, sides multiples of 8. Its
- * probabilities (softmax first) are brought back bilinearly and normalised again. Beyond label and entropy, memory does not
- * grow with the image unless prob is wanted. Same bytes for any number of threads.
+ * The network sees the image at its own proportions with the area of the nominal working size, sides multiples of 8; one
+ * with windows of fixed sizes sees it stretched to the nominal size. Its probabilities (softmax first) are brought back
+ * bilinearly and normalised again. Beyond label and entropy, memory does not grow with the image unless prob is wanted.
+ * Same bytes for any number of threads.
  *
  * @param label, entropy  out, initialised here, of the image's size; entropy may be NULL
  * @param prob  out, malloc'ed [classes][height][width] of the image's size, or NULL when not wanted

@@ -333,10 +333,14 @@ static int interleave(float *small, const float *out, int count, int h, int w, c
 /* Probabilities at the network's resolution, in u->small. */
 static int run_network(struct sst_segmenter *seg, const struct sst_image *img, struct upsample *u)
 {
-    const int width = working_side(seg, img, img->width), height = working_side(seg, img, img->height);
-    float *in, *out = NULL, *small = NULL;
-    int err = sst_network_out_shape(seg->net, width, height, &u->count, &u->w, &u->h);
+    int width = working_side(seg, img, img->width), height = working_side(seg, img, img->height), err;
+    float *in, *out, *small;
 
+    if (!sst_network_accepts(seg->net, width, height)) {
+        width = seg->width;
+        height = seg->height;
+    }
+    err = sst_network_out_shape(seg->net, width, height, &u->count, &u->w, &u->h);
     if (err)
         return err;
     in = sst_mem_alloc_raw((size_t)3 * (size_t)width * (size_t)height, sizeof(*in));

@@ -51,7 +51,7 @@ static int find_value(const struct sst_builder *b, struct sst_onnx_str name)
 {
     int v = b->bucket[hash(name)];
 
-    while (v >= 0 && (b->values[v].name.n != name.n || memcmp(b->values[v].name.p, name.p, name.n) != 0))
+    while (v >= 0 && !sst_onnx_str_same(b->values[v].name, name))
         v = b->values[v].next;
     return v;
 }
@@ -191,7 +191,8 @@ static void find_needed(struct sst_builder *b)
             b->values[node->norm.x].users++;
             continue;
         }
-        for (int i = 0; i < node->onnx->n_in; i++) {
+        /* Beyond its first input a resize reads only constants, or shapes that sst_graph_resize_sizes() understands. */
+        for (int i = 0; i < (sst_graph_is(node->onnx, "Resize") ? 1 : node->onnx->n_in); i++) {
             if (node->in[i] >= 0)
                 b->values[node->in[i]].users++;
         }

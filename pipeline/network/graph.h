@@ -81,6 +81,7 @@ struct sst_shape {
  * Shapes of all values for an input size.
  *
  * @param shapes  out [n_values]; those of values that no operation makes are 0
+ * @param name    for the message; NULL: no message
  * @return 0, -EINVAL: the network cannot run at this size (logged)
  */
 SST_MUST_CHECK int sst_graph_shapes(const struct sst_graph *graph, int width, int height, struct sst_shape *shapes,

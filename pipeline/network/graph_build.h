@@ -58,6 +58,9 @@ bool sst_graph_is(const struct sst_onnx_node *node, const char *op);
 /** If the node is the last of a normalisation over channels, as exporters write it in single steps, say of which value. */
 struct sst_norm sst_graph_find_norm(const struct sst_builder *b, const struct sst_raw_node *node);
 
+/** The constant height and width among the sizes of a Resize, or NULL; exporters wrap them into arithmetic on shapes. */
+const int64_t *sst_graph_resize_sizes(const struct sst_builder *b, const struct sst_raw_node *node);
+
 /** Turn one node into an operation, fuse it into an earlier one, or make its output an alias. */
 SST_MUST_CHECK int sst_graph_translate(struct sst_builder *b, const struct sst_raw_node *node);
 

@@ -161,6 +161,11 @@ static int conv(struct sst_builder *b, const struct sst_raw_node *node)
     if (group < 1 || group > w->dims[0] || w->dims[0] % group || w->dims[1] * group != op->channels || w->dims[0] > 65536 ||
         w->dims[2] > MAX_WINDOW || w->dims[3] > MAX_WINDOW)
         return sst_graph_wrong(b, node->onnx, "has weights that do not fit its input or groups");
+    err = read_pair(b, node, "kernel_shape", 1, op->kernel);
+    if (err)
+        return err;
+    if (op->kernel[0] && (op->kernel[0] != w->dims[2] || op->kernel[1] != w->dims[3]))
+        return sst_graph_wrong(b, node->onnx, "has a kernel_shape that is not that of its weights");
     op->group = (int)group;
     op->group_in = (int)w->dims[1];
     op->channels = (int)w->dims[0];
@@ -362,7 +367,8 @@ static int resize_mode(struct sst_builder *b, const struct sst_raw_node *node, s
 static int resize(struct sst_builder *b, const struct sst_raw_node *node)
 {
     const int at = sst_graph_is(node->onnx, "Upsample") || b->model->opset < 11 ? 1 : 2;
-    const struct sst_onnx_tensor *scales = sst_graph_constant(b, node, at), *sizes = sst_graph_constant(b, node, 3);
+    const struct sst_onnx_tensor *scales = sst_graph_constant(b, node, at);
+    const int64_t *sizes = sst_graph_resize_sizes(b, node);
     struct sst_op *op = NULL;
     int err = new_op(b, node, SST_OP_RESIZE, &op);
 
@@ -378,13 +384,11 @@ static int resize(struct sst_builder *b, const struct sst_raw_node *node)
             if (!(op->scale[i] >= 1e-4 && op->scale[i] <= 1e4))
                 return sst_graph_wrong(b, node->onnx, "has a scale outside 0.0001..10000");
         }
-    } else if (sizes && sizes->i && sizes->count == 4) {
-        if (sizes->i[1] != op->channels)
-            return sst_graph_unsupported(b, node->onnx, "of the channels");
+    } else if (sizes) {
         for (int i = 0; i < 2; i++) {
-            if (sizes->i[2 + i] < 1 || sizes->i[2 + i] > 65536)
+            if (sizes[i] < 1 || sizes[i] > 65536)
                 return sst_graph_wrong(b, node->onnx, "has a size outside 1..65536");
-            op->size[i] = (int)sizes->i[2 + i];
+            op->size[i] = (int)sizes[i];
         }
     } else {
         return sst_graph_unsupported(b, node->onnx, "to a size that is computed; export it with fixed scales or as"

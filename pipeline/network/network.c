@@ -1,6 +1,7 @@
 #include "pipeline/network/network.h"
 
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -62,8 +63,7 @@ static int input_channels(const struct sst_onnx *model)
         bool constant = false;
 
         for (int k = 0; k < model->n_tensors && !constant; k++)
-            constant = model->tensors[k].name.n == model->ins[i].name.n &&
-                       !memcmp(model->tensors[k].name.p, model->ins[i].name.p, model->ins[i].name.n);
+            constant = sst_onnx_str_same(model->tensors[k].name, model->ins[i].name);
         if (!constant)
             return model->ins[i].n_dims == 4 && model->ins[i].dims[1] <= 4096 ? (int)model->ins[i].dims[1] : 0;
     }
@@ -71,7 +71,7 @@ static int input_channels(const struct sst_onnx *model)
 }
 
 static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data SST_UNUSED,
-                       size_t size SST_UNUSED, const char *unsupported)
+                       size_t size SST_UNUSED, const char *reason)
 {
     char why[256] = "it is not built in";
     int err = -EINVAL;
@@ -84,21 +84,20 @@ static int open_opencv(struct sst_network *net, const struct sst_onnx *model, co
         strcpy(why, "the input is not 1 x C x height x width");
 #endif
     if (!err) {
-        sst_log_warning("model %s: %s is not supported by the runner on oneDNN, so OpenCV runs the network, several times"
-                        " slower", net->path, unsupported);
+        sst_log_warning("model %s: %s, so OpenCV runs the network, several times slower", net->path, reason);
         return 0;
     }
     if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory to read it", net->path);
     else
-        sst_log_error("model %s: %s is not supported, and OpenCV cannot run the network either (%s); export it with plain"
-                      " layers", net->path, unsupported, why);
+        sst_log_error("model %s: %s, and OpenCV cannot run the network either (%s); export it with plain layers", net->path,
+                      reason, why);
     return err == -ENOMEM ? err : -ENOTSUP;
 }
 
 static int open_from_memory(struct sst_network *net, const uint8_t *data, size_t size)
 {
-    char why[256] = "";
+    char reason[320] = "oneDNN is not built in";
     struct sst_onnx model;
     int err = sst_onnx_parse(&model, data, size, net->path);
 
@@ -106,16 +105,18 @@ static int open_from_memory(struct sst_network *net, const uint8_t *data, size_t
         return err;
     err = copy_metadata(net, &model);
 #if WITH_DNNL
+    char why[256] = "";
+
     if (!err)
         err = sst_graph_build(&net->graph, &model, net->path, why);
     net->in_channels = net->graph.in_channels;
+    snprintf(reason, sizeof(reason), "%s is not supported on oneDNN", why);
 #else
-    strcpy(why, "any layer without oneDNN, which is not built in,");
     if (!err)
         err = -ENOTSUP;
 #endif
     if (err == -ENOTSUP)
-        err = open_opencv(net, &model, data, size, why);
+        err = open_opencv(net, &model, data, size, reason);
     else if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory to read it", net->path);
     sst_onnx_fini(&model);
@@ -199,6 +200,19 @@ static int plan_dnnl(struct sst_network *net, int width, int height)
     return err;
 }
 #endif
+
+bool sst_network_accepts(const struct sst_network *net, int width, int height)
+{
+    struct sst_shape *shapes;
+    bool ok;
+
+    if (net->cv)
+        return true;
+    shapes = calloc((size_t)net->graph.n_values, sizeof(*shapes));
+    ok = shapes && !sst_graph_shapes(&net->graph, width, height, shapes, NULL);
+    free(shapes);
+    return ok;
+}
 
 #if WITH_OPENCV
 static int run_opencv(struct sst_network *net, const float *in, int width, int height, const float **result,

@@ -127,9 +127,14 @@ static bool read_numbers(struct field *f, enum wire wire, void *out, int64_t roo
     return true;
 }
 
+bool sst_onnx_str_same(struct sst_onnx_str a, struct sst_onnx_str b)
+{
+    return a.n == b.n && (!a.n || !memcmp(a.p, b.p, a.n));
+}
+
 bool sst_onnx_str_is(struct sst_onnx_str s, const char *text)
 {
-    return s.n == strlen(text) && !memcmp(s.p, text, s.n);
+    return sst_onnx_str_same(s, (struct sst_onnx_str){ text, strlen(text) });
 }
 
 /* Names end up in messages. */

@@ -24,6 +24,7 @@ struct sst_onnx_str {
 };
 
 bool sst_onnx_str_is(struct sst_onnx_str s, const char *text);
+bool sst_onnx_str_same(struct sst_onnx_str a, struct sst_onnx_str b);
 
 /** For "%.*s" in messages: at most 80 characters of s. */
 #define SST_ONNX_STR(s) (int)((s).n < 80 ? (s).n : 80), (s).n ? (s).p : ""

@@ -1,7 +1,8 @@
 /* libFuzzer target: the reader of ONNX files, the graph and the shapes, as sst_network_open() and its first run use them.
  *
  *   make && mkdir -p build/corpus
- *   clang -g -O1 -D_DEFAULT_SOURCE -fsanitize=fuzzer,address,undefined -I. tests/fuzz/onnx.c pipeline/network/onnx.c \
+ *   clang -g -O1 -D_DEFAULT_SOURCE -fsanitize=fuzzer,address,undefined \
+ *         -fno-sanitize-recover=all -I. tests/fuzz/onnx.c pipeline/network/onnx.c \
  *         pipeline/network/graph*.c base/log.c -lm -o build/fuzz-onnx
  *   build/fuzz-onnx -close_fd_mask=2 -max_len=65536 build/corpus [models]
  */

@@ -396,16 +396,25 @@ static void resize_samples_where_the_standard_says(void **state SST_UNUSED)
     const float scales[] = { 1, 1, 1, 2 };
     const int64_t sizes[] = { 1, 1, 1, 4 };
 
-    for (size_t i = 0; i < 2 * ARRAY_LEN(cases); i++) {
-        const bool by_size = i & 1;
-        struct image got, want = { 1, 1, 4, (float *)(uintptr_t)cases[i / 2].want };
+    const int64_t zero = 0, two = 2, tail[] = { 1, 4 };
+
+    for (size_t i = 0; i < 3 * ARRAY_LEN(cases); i++) {
+        static const char *const inputs[] = { "x - scales", "x - - sizes", "x - - computed" };
+        struct image got, want = { 1, 1, 4, (float *)(uintptr_t)cases[i / 3].want };
         struct ow_buf graph = { 0 }, a = { 0 };
 
         ow_floats(&graph, "scales", scales, 4, 0, 0, 0);
         ow_int64s(&graph, "sizes", sizes, 4);
         ow_attr_str(&a, "mode", "linear");
-        ow_attr_str(&a, "coordinate_transformation_mode", cases[i / 2].mode);
-        ow_node(&graph, "Resize", by_size ? "x - - sizes" : "x - scales", "y", &a);
+        ow_attr_str(&a, "coordinate_transformation_mode", cases[i / 3].mode);
+        /* as an exporter writes a fixed size: the first two of x's sizes, then the new ones */
+        ow_int64s(&graph, "zero", &zero, 1);
+        ow_int64s(&graph, "two", &two, 1);
+        ow_int64s(&graph, "tail", tail, 2);
+        ow_node(&graph, "Shape", "x", "shape", NULL);
+        ow_node(&graph, "Slice", "shape zero two zero", "head", NULL);
+        ow_node(&graph, "Concat", "head tail", "computed", NULL);
+        ow_node(&graph, "Resize", inputs[i % 3], "y", &a);
         got = run_graph(&graph, &in, 1, 13);
         expect_image(&got, &want, 1e-6);
         free(got.d);

@@ -242,6 +242,8 @@ static void layers_that_cannot_be_are_refused(void **state SST_UNUSED)
     assert_int_equal(try_layer("Conv", "x w", &a), -EBADMSG);
     ow_attr_ints(&a, "dilations", 2, 0x7fffffff, 1);
     assert_int_equal(try_layer("Conv", "x w", &a), -EBADMSG);
+    ow_attr_ints(&a, "kernel_shape", 2, 1, 3);
+    assert_int_equal(try_layer("Conv", "x w", &a), -EBADMSG);
     ow_attr_ints(&a, "kernel_shape", 2, 2, 2);
     ow_attr_ints(&a, "pads", 4, 2, 0, 0, 0);
     assert_int_equal(try_layer("MaxPool", "x", &a), -EBADMSG);

@@ -23,18 +23,32 @@ struct entry {
 };
 
 /* Three classes, whose logits are the normalised R, G and B; one more class than channels with `channels` 4. */
+/* The same with y = x + (the mean of windows of 64x48, brought back to 64x48): it runs at that size only. */
+static bool fixed_size;
+
 static int open_segmenter(struct sst_segmenter **seg, const struct entry *entries, size_t n, int channels, int threads)
 {
     char path[] = "/tmp/sst-segment-XXXXXX";
     const float w[4 * 3] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
-    struct ow_buf graph = { 0 }, model;
+    struct ow_buf graph = { 0 }, attrs = { 0 }, model;
     const int fd = mkstemp(path);
     int err;
 
     ow_value(&graph, 11, "x", 3);
     ow_value(&graph, 12, "y", channels);
     ow_floats(&graph, "w", w, channels, 3, 1, 1);
-    ow_node(&graph, "Conv", "x w", "y", NULL);
+    ow_attr_ints(&attrs, "kernel_shape", 2, 1, 1);
+    ow_node(&graph, "Conv", "x w", fixed_size ? "c" : "y", &attrs);
+    if (fixed_size) {
+        const int64_t sizes[] = { 1, channels, 48, 64 };
+
+        ow_attr_ints(&attrs, "kernel_shape", 2, 48, 64);
+        ow_node(&graph, "AveragePool", "c", "p", &attrs);
+        ow_int64s(&graph, "sizes", sizes, 4);
+        ow_attr_str(&attrs, "mode", "linear");
+        ow_node(&graph, "Resize", "p - - sizes", "r", &attrs);
+        ow_node(&graph, "Add", "c r", "y", NULL);
+    }
     model = ow_model(&graph, 11);
     for (size_t i = 0; i < n; i++)
         ow_metadata(&model, entries[i].key, entries[i].value);
@@ -133,6 +147,24 @@ static void labels_come_back_in_place(void **state SST_UNUSED)
     sst_segmenter_close(two);
 }
 
+static void networks_of_one_size_see_a_stretched_image(void **state SST_UNUSED)
+{
+    struct sst_image img = new_image(50, 200, 0, 0, 255);
+    struct sst_segmenter *seg;
+    struct sst_map_u8 label;
+
+    fixed_size = true;
+    assert_int_equal(open_segmenter(&seg, good, ARRAY_LEN(good), 3, 1), 0);
+    fixed_size = false;
+    assert_int_equal(sst_segment(seg, &img, &label, NULL, NULL), 0);
+    assert_true(label.width == 50 && label.height == 200);
+    for (int y = 0; y < 200; y++)
+        assert_int_equal(sst_map_u8_row(&label, y)[y / 4], 3);
+    sst_map_u8_fini(&label);
+    sst_image_fini(&img);
+    sst_segmenter_close(seg);
+}
+
 static void probabilities_are_taken_as_they_are(void **state SST_UNUSED)
 {
     const struct entry entries[] = { good[0], { "sst.output", "probabilities" } };
@@ -223,6 +255,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_plain_image_gives_hand_worked_probabilities),
         cmocka_unit_test(labels_come_back_in_place),
+        cmocka_unit_test(networks_of_one_size_see_a_stretched_image),
         cmocka_unit_test(probabilities_are_taken_as_they_are),
         cmocka_unit_test(unfit_models_are_refused),
         cmocka_unit_test(resampling_has_known_values),

@@ -1,4 +1,6 @@
-/* x / |x| over channels comes out of exporters in single steps:
+/* Patterns of several nodes that stand for one layer.
+ *
+ * x / |x| over channels comes out of exporters in single steps:
  *   Div(x, D), D = [Expand] [Clip | Max | Add] N,  N = ReduceL2(x)  or  Sqrt([Clip | Max | Add] S),
  *   S = ReduceSum(x x) or ReduceSumSquare(x),  x x = Mul(x, x) or Pow(x, 2). */
 
@@ -97,4 +99,29 @@ struct sst_norm sst_graph_find_norm(const struct sst_builder *b, const struct ss
             norm.found = is_square(b, maker(b, d, 0), norm.x);
     }
     return norm;
+}
+
+static bool one_integer(const struct sst_onnx_tensor *t, int64_t value)
+{
+    return t && t->count == 1 && t->i && t->i[0] == value;
+}
+
+/* A resize to a fixed size h x w comes with sizes = Concat(Slice(Shape(x), 0, 2), [h, w]). */
+const int64_t *sst_graph_resize_sizes(const struct sst_builder *b, const struct sst_raw_node *node)
+{
+    const struct sst_onnx_tensor *sizes = sst_graph_constant(b, node, 3);
+    const struct sst_raw_node *concat = maker(b, node, 3), *slice, *shape;
+
+    if (sizes)
+        return sizes->i && sizes->count == 4 ? sizes->i + 2 : NULL;
+    if (!concat || !sst_graph_is(concat->onnx, "Concat") || concat->onnx->n_in != 2)
+        return NULL;
+    sizes = sst_graph_constant(b, concat, 1);
+    slice = maker(b, concat, 0);
+    shape = slice && sst_graph_is(slice->onnx, "Slice") ? maker(b, slice, 0) : NULL;
+    if (!shape || !sst_graph_is(shape->onnx, "Shape") || shape->in[0] != node->in[0] || !sizes || !sizes->i ||
+        sizes->count != 2 || !one_integer(sst_graph_constant(b, slice, 1), 0) ||
+        !one_integer(sst_graph_constant(b, slice, 2), 2))
+        return NULL;
+    return sizes->i;
 }
