@@ -224,7 +224,7 @@ static void planes_are_exact_on_a_plane(void **state SST_UNUSED)
     surface_init(&s, 31, 41);
     for (int i = 0; i < 31 * 41; i++)
         sst_map_u16_row(&s.disp, i / 31)[i % 31] =
-            random_below(3) ? (uint16_t)(640 + 3 * (i % 31) + 2 * (i / 31)) : (uint16_t)SST_DISP_NONE;
+            (uint16_t)(random_below(3) ? 640 + 3 * (i % 31) + 2 * (i / 31) : (int)SST_DISP_NONE);
     sst_map_u16_row(&s.disp, 0)[0] = 640;
     sst_map_u16_row(&s.disp, 40)[30] = SST_DISP_NONE;
     surface_fit(&s);
