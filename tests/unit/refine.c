@@ -224,7 +224,7 @@ static void planes_are_exact_on_a_plane(void **state SST_UNUSED)
     surface_init(&s, 31, 41);
     for (int i = 0; i < 31 * 41; i++)
         sst_map_u16_row(&s.disp, i / 31)[i % 31] =
-            random_below(3) ? (uint16_t)(640 + 3 * (i % 31) + 2 * (i / 31)) : (uint16_t)SST_DISP_NONE;
+            (uint16_t)(random_below(3) ? 640 + 3 * (i % 31) + 2 * (i / 31) : (int)SST_DISP_NONE);
     sst_map_u16_row(&s.disp, 0)[0] = 640;
     sst_map_u16_row(&s.disp, 40)[30] = SST_DISP_NONE;
     surface_fit(&s);
@@ -330,6 +330,74 @@ static void rough_surfaces_have_no_normals(void **state SST_UNUSED)
     assert_true(frame.focal_px == 40 && frame.disp_zero_px == 4);
     assert_true(sst_normal_at(n, &s.planes, &s.disp, &frame, 20, 20));
     surface_fini(&s);
+}
+
+struct ground_view {
+    struct sst_view view;
+    struct sst_refine_config cfg;
+    int64_t *hist;
+};
+
+static void ground_view_init(struct ground_view *g)
+{
+    memset(g, 0, sizeof(*g));
+    sst_refine_config_defaults(&g->cfg);
+    g->hist = malloc(SST_DISP_BINS * sizeof(*g->hist));
+    assert_non_null(g->hist);
+    assert_int_equal(sst_map_u16_init(&g->view.disp, 50, 40), 0);
+    assert_int_equal(sst_map_u8_init(&g->view.label, 50, 40), 0);
+}
+
+static void ground_view_fini(struct ground_view *g)
+{
+    sst_map_u16_fini(&g->view.disp);
+    sst_map_u8_fini(&g->view.label);
+    free(g->hist);
+}
+
+/* q = 1000 + 2 x + 5 y with every tenth pixel far off, and a second label that does not count. */
+static void ground_plane_survives_outliers(void **state SST_UNUSED)
+{
+    struct sst_ground plane = { 0 };
+    struct ground_view g;
+
+    ground_view_init(&g);
+    for (int i = 0; i < 50 * 40; i++) {
+        const int x = i % 50, y = i / 50;
+        const int off = y < 20 ? 0 : i % 10 == 3 ? 3000 : 0;
+
+        sst_map_u16_row(&g.view.disp, y)[x] = (uint16_t)(y < 20 ? 50000 : 1000 + 2 * x + 5 * y + off);
+        sst_map_u8_row(&g.view.label, y)[x] = y < 20 ? 3 : 4;
+    }
+    sst_map_u16_row(&g.view.disp, 30)[7] = SST_DISP_NONE;
+    assert_true(sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist));
+    CLOSE(plane.a, 2, 1e-9);
+    CLOSE(plane.b, 5, 1e-9);
+    CLOSE(plane.d0, 1000, 1e-7);
+    CLOSE(plane.limit, 5 * 0.25 * 64, 1e-9);
+    assert_true(sst_ground_has(&plane, 10, 2, 1030 + 79));
+    assert_false(sst_ground_has(&plane, 10, 2, 1030 + 81));
+    assert_false(sst_ground_has(&plane, 10, 2, 1030 - 81));
+    ground_view_fini(&g);
+}
+
+/* Too few pixels, one row, and two steps of which neither holds three quarters: no plane, nothing written. */
+static void ground_without_a_plane(void **state SST_UNUSED)
+{
+    struct sst_ground plane = { .a = 7 };
+    struct ground_view g;
+
+    ground_view_init(&g);
+    memset(sst_map_u8_row(&g.view.label, 3), 4, 50);
+    assert_false(sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist));
+    g.cfg.min_pixels = 1;
+    assert_false(sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist));
+    for (int i = 0; i < 50 * 40; i++) {
+        sst_map_u8_row(&g.view.label, i / 50)[i % 50] = 4;
+        sst_map_u16_row(&g.view.disp, i / 50)[i % 50] = random_below(10) < 6 ? 1000 : 20000;
+    }
+    assert_true(!sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist) || plane.limit > 9000);
+    ground_view_fini(&g);
 }
 
 static void energies(void **state SST_UNUSED)
@@ -461,6 +529,8 @@ int main(void)
         cmocka_unit_test(planes_refuse_lines),
         cmocka_unit_test(normals_keep_to_their_side),
         cmocka_unit_test(rough_surfaces_have_no_normals),
+        cmocka_unit_test(ground_plane_survives_outliers),
+        cmocka_unit_test(ground_without_a_plane),
         cmocka_unit_test(energies),
         cmocka_unit_test(driver_rules),
         cmocka_unit_test(driver_takes_the_nearer),
