@@ -28,7 +28,8 @@ struct explanation {
 /* Dark blue over green to yellow, each step brighter than the one before. u in 0..1. */
 static void colour_of(double u, uint8_t rgb[3])
 {
-    static const double stop[][3] = { { 20, 10, 80 }, { 50, 60, 150 }, { 30, 130, 140 }, { 90, 190, 90 }, { 250, 235, 60 } };
+    static const double stop[][3] = { { 20, 10, 80 }, { 50, 60, 150 }, { 30, 130, 140 }, { 90, 190, 90 },
+                                      { 250, 235, 60 } };
     const double at = sst_clamp_double(u, 0, 1) * (double)(ARRAY_LEN(stop) - 1);
     const size_t i = at >= (double)(ARRAY_LEN(stop) - 1) ? ARRAY_LEN(stop) - 2 : (size_t)at;
 
@@ -122,7 +123,8 @@ static int write_stored(const struct explanation *e, const char *folder, bool la
 }
 
 /* A weight of 0..1 as grey; b may be NULL, else the product is shown. */
-static int write_weight(const struct explanation *e, const struct sst_map_f32 *a, const struct sst_map_f32 *b, const char *file)
+static int write_weight(const struct explanation *e, const struct sst_map_f32 *a, const struct sst_map_f32 *b,
+                        const char *file)
 {
     struct sst_map_u8 grey = { 0 };
     char path[SST_PATH_MAX];
@@ -185,10 +187,11 @@ static void draw_ray(struct sst_image *img, const struct sst_lightfield *lf, con
 
 static json_t *describe_ray(const struct sst_lightfield *lf, const struct sst_ray *ray)
 {
-    json_t *j = json_pack("{s:i, s:i, s:f, s:f, s:s, s:f, s:f, s:f, s:f, s:[f, f, f]}", "row", ray->view / lf->cols, "col",
-                          ray->view % lf->cols, "x", ray->x, "y", ray->y, "label", sst_classes_name(&lf->classes, ray->label),
-                          "aperture", ray->aperture, "weight_depth", ray->w_depth, "weight_label", ray->w_label, "share",
-                          ray->share, "rgb", ray->colour[0], ray->colour[1], ray->colour[2]);
+    json_t *j = json_pack("{s:i, s:i, s:f, s:f, s:s, s:f, s:f, s:f, s:f, s:[f, f, f]}", "row", ray->view / lf->cols,
+                          "col", ray->view % lf->cols, "x", ray->x, "y", ray->y,
+                          "label", sst_classes_name(&lf->classes, ray->label), "aperture", ray->aperture,
+                          "weight_depth", ray->w_depth, "weight_label", ray->w_label, "share", ray->share,
+                          "rgb", ray->colour[0], ray->colour[1], ray->colour[2]);
 
     json_object_set_new(j, "disparity_px", isnan(ray->disp_px) ? json_null() : json_real(ray->disp_px));
     return j;

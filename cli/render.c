@@ -75,8 +75,8 @@ static void report(const struct picture *p, const struct render_input *in, const
     if (sst_renderer_disparities(in->renderer, &lo, &hi))
         json_object_set_new(root, "disparity_px", json_pack("[f, f]", lo, hi));
     if (p->repeat)
-        json_object_set_new(root, "render_ms", json_pack("{s:f, s:f, s:i}", "median", p->ms[p->repeat / 2], "min", p->ms[0],
-                                                         "repeat", p->repeat));
+        json_object_set_new(root, "render_ms", json_pack("{s:f, s:f, s:i}", "median", p->ms[p->repeat / 2],
+                                                         "min", p->ms[0], "repeat", p->repeat));
     json_dumpf(root, stdout, JSON_INDENT(2));
     putchar('\n');
     json_decref(root);
@@ -92,8 +92,8 @@ static int read_pixel(const struct cli_command *cmd, const char *text, const str
     if (text && sscanf(text, "%d,%d%c", &pixel[0], &pixel[1], &rest) != 2)
         return cli_usage_error(cmd, "--explain-pixel %s is not X,Y, for example 500,375", text);
     if (pixel[0] < 0 || pixel[1] < 0 || pixel[0] >= lf->width || pixel[1] >= lf->height)
-        return cli_usage_error(cmd, "--explain-pixel %d,%d is outside the picture of %d x %d", pixel[0], pixel[1], lf->width,
-                               lf->height);
+        return cli_usage_error(cmd, "--explain-pixel %d,%d is outside the picture of %d x %d", pixel[0], pixel[1],
+                               lf->width, lf->height);
     return CLI_GO_ON;
 }
 
@@ -148,14 +148,15 @@ const struct cli_command cli_render = {
     .name = "render",
     .usage = "LF --focus D [--label NAME] [options] -o out.png",
     .summary = "render one picture that sees through occluders",
-    .detail = "Every ray is weighted by its disparity and by the depth range of its label: rays of what lies in front of\n"
-              "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
-              "nearer. `--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
-              "\n"
-              "--explain DIR writes, for the reference view, disparity.png (dark blue far, yellow near), labels.png,\n"
-              "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"
-              "the light field has them; rays.png shows what each view sees at the pixel and, as a bar, the share of it\n"
-              "in the picture; explain.json holds the legend and the same rays as numbers.",
+    .detail =
+        "Every ray is weighted by its disparity and by the depth range of its label: rays of what lies in front of\n"
+        "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
+        "nearer. `--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
+        "\n"
+        "--explain DIR writes, for the reference view, disparity.png (dark blue far, yellow near), labels.png,\n"
+        "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"
+        "the light field has them; rays.png shows what each view sees at the pixel and, as a bar, the share of it\n"
+        "in the picture; explain.json holds the legend and the same rays as numbers.",
     .example = "sst scene bush -o bush.lf && sst process bush.lf && sst render bush.lf --focus 12 -o person.png\n"
                "  sst render bush.lf --focus 12 --label Pedestrian --explain why -o person.png",
     .run = run,

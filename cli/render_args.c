@@ -19,19 +19,24 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default) or refocus (all rays alike)", 0, 0 },
         { "label", 'l', CLI_STRING, &a->label, "NAME", "focus label: the other labels weigh less", 0, 0 },
         { "label-factor", 0, CLI_DOUBLE, &cfg->label_factor, "F", "by this factor (2)", 1, 1e6 },
-        { "sigma", 0, CLI_DOUBLE, &cfg->sigma_px, "S", "depth weight: width in px per spacing, or inf", 1e-6, INFINITY },
-        { "c1", 0, CLI_DOUBLE, &cfg->c1, "C", "depth weight: least weight, 0..1", 0, 1 },
-        { "c2", 0, CLI_DOUBLE, &cfg->c2, "C", "label weight: least weight, 0..1 (1: labels have no say)", 0, 1 },
-        { "range", 0, CLI_STRING, &a->range, "R", "depth range of a label: object, percentile or minmax", 0, 0 },
-        { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range, 0..0.5", 0, 0.5 },
-        { "unsupported", 0, CLI_STRING, &a->unsupported, "U", "pixels no ray supports: refocus (default) or invalid (black)",
+        { "sigma", 0, CLI_DOUBLE, &cfg->sigma_px, "S", "depth weight: width in px per spacing, or inf (range / 20)",
+          1e-6, INFINITY },
+        { "c1", 0, CLI_DOUBLE, &cfg->c1, "C", "depth weight: least weight, 0..1 (0.01)", 0, 1 },
+        { "c2", 0, CLI_DOUBLE, &cfg->c2, "C", "label weight: least weight, 0..1 (0.03; 1: no say)", 0, 1 },
+        { "range", 0, CLI_STRING, &a->range, "R", "depth range of a label: object (default), percentile, minmax", 0,
+          0 },
+        { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range (0.01)",
+          0, 0.5 },
+        { "unsupported", 0, CLI_STRING, &a->unsupported, "U", "pixels no ray supports: refocus (default) or invalid",
           0, 0 },
-        { "aperture", 'a', CLI_DOUBLE, &cfg->aperture, "R", "use views within R spacings of the viewpoint", 0, INFINITY },
+        { "aperture", 'a', CLI_DOUBLE, &cfg->aperture, "R", "use views within R spacings of the viewpoint", 0,
+          INFINITY },
         { "f-stop", 0, CLI_DOUBLE, &a->f_stop, "N", "the same as 1/N of the widest aperture, N >= 1", 1, 1e6 },
         { "soft", 0, CLI_FLAG, &cfg->aperture_soft, NULL, "aperture that fades towards its rim", 0, 0 },
-        { "max-views", 0, CLI_INT, &cfg->max_views, "N", "use at most the N views nearest to the viewpoint", 1, SST_MAX_VIEWS },
-        { "view-x", 0, CLI_DOUBLE, &cfg->view_bx, "BX", "viewpoint, spacings right of the reference view", -SST_MAX_VIEWS,
+        { "max-views", 0, CLI_INT, &cfg->max_views, "N", "use at most the N views nearest to the viewpoint", 1,
           SST_MAX_VIEWS },
+        { "view-x", 0, CLI_DOUBLE, &cfg->view_bx, "BX", "viewpoint, spacings right of the reference view",
+          -SST_MAX_VIEWS, SST_MAX_VIEWS },
         { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
           SST_MAX_VIEWS },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
@@ -43,14 +48,16 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 }
 
 /* Place of a word in a list, or -1 after saying what the list is. */
-static int find_word(const struct cli_command *cmd, const char *option, const char *word, const char *const *words, int n)
+static int find_word(const struct cli_command *cmd, const char *option, const char *word, const char *const *words,
+                     int n)
 {
     char list[128] = "";
 
     for (int i = 0; i < n; i++) {
         if (!strcasecmp(word, words[i]))
             return i;
-        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i ? i + 1 == n ? " or " : ", " : "", words[i]);
+        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", !i ? "" : i + 1 == n ? " or " : ", ",
+                 words[i]);
     }
     cli_usage_error(cmd, "--%s %s is none of %s", option, word, list);
     return -1;
@@ -118,8 +125,8 @@ static int check_maps(const struct render_input *in, const struct render_args *a
 {
     for (int i = 0; i < in->lf.rows * in->lf.cols && a->cfg.method == SST_RENDER_SST; i++) {
         if (in->lf.views[i].present && !in->lf.views[i].disp.data) {
-            sst_log_error("%s has no disparity map of view %d; run `sst process %s` first, or add --method refocus", in->path,
-                          i, in->path);
+            sst_log_error("%s has no disparity map of view %d; run `sst process %s` first, or add --method refocus",
+                          in->path, i, in->path);
             return CLI_INPUT;
         }
     }

@@ -37,7 +37,7 @@ bool cli_has_suffix(const char *path, const char *suffix);
 /** PNG or JPEG by the name's ending, which the caller has checked. */
 int cli_write_picture(const struct sst_image *img, const char *path);
 
-/** Pictures of the labels, maps and weights of the reference view, and of the rays of pixel x, y; see `sst render --help`. */
+/** Pictures of the maps and weights of the reference view, and of the rays of pixel x, y; see `sst render --help`. */
 int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y);
 
 #endif

@@ -48,7 +48,8 @@ static json_t *describe(const struct sweep *s)
         snprintf(name, sizeof(name), "%04d.png", i);
         json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, "focus_px", focus_of(s, i)));
     }
-    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", s->args.method, "fps", s->fps, "frames", frames);
+    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", s->args.method, "fps", s->fps,
+                     "frames", frames);
 }
 
 static int write_description(const struct sweep *s, const char *dir)
@@ -166,8 +167,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     err = make_sweep(&s);
     if (!err && s.args.json) {
-        json_t *root = json_pack("{s:s, s:i, s:f, s:f}", "output", s.out, "frames", frame_count(&s), "from_px", s.from, "to_px",
-                                 s.to);
+        json_t *root = json_pack("{s:s, s:i, s:f, s:f}", "output", s.out, "frames", frame_count(&s), "from_px", s.from,
+                                 "to_px", s.to);
 
         json_dumpf(root, stdout, JSON_INDENT(2));
         putchar('\n');
@@ -181,8 +182,8 @@ const struct cli_command cli_sweep = {
     .name = "sweep",
     .usage = "LF --from A --to B --steps N [options] -o DIR|out.mp4",
     .summary = "render a focal sweep as pictures or as a video",
-    .detail = "The focus moves from A to B in N pictures. A folder gets 0000.png, 0001.png, ... and sweep.json with the focus\n"
-              "of each. The other options are those of `sst render`.",
+    .detail = "The focus moves from A to B in N pictures. A folder gets 0000.png, 0001.png, ... and sweep.json with\n"
+              "the focus of each. The other options are those of `sst render`.",
     .example = "sst sweep bush.lf --from 5 --to 40 --steps 60 --bounce -o sweep.mp4",
     .run = run,
 };

@@ -42,7 +42,7 @@ static int open_codec(struct video *v, double fps)
     if (!codec)
         codec = avcodec_find_encoder(AV_CODEC_ID_MPEG4);
     if (!codec) {
-        sst_log_error("libavcodec on this machine encodes neither H.264 nor MPEG-4; write a folder of pictures instead");
+        sst_log_error("libavcodec on this machine encodes neither H.264 nor MPEG-4; write a folder instead");
         return -ENOTSUP;
     }
     v->codec = avcodec_alloc_context3(codec);
@@ -190,7 +190,8 @@ void video_close(struct video *v)
 int video_open(struct video **out SST_UNUSED, const char *path, int width SST_UNUSED, int height SST_UNUSED,
                double fps SST_UNUSED)
 {
-    sst_log_error("%s: this build has no libavformat, so it cannot write video; name a folder to get pictures instead", path);
+    sst_log_error("%s: this build has no libavformat, so it cannot write video; name a folder to get pictures",
+                  path);
     return -ENOTSUP;
 }
 

@@ -9,8 +9,8 @@ struct video;
 /**
  * H.264 where an encoder is present, else MPEG-4 part 2; 4:2:0; an odd last column or row is left out.
  *
- * @return 0, -ENOTSUP (built without libavformat, or no encoder), -EINVAL (below 2 pixels a side), -EIO, -ENOSPC, -ENOMEM;
- *         logged
+ * @return 0, -ENOTSUP (built without libavformat, or no encoder), -EINVAL (below 2 pixels a side), -EIO, -ENOSPC,
+ *         -ENOMEM; logged
  */
 SST_MUST_CHECK int video_open(struct video **out, const char *path, int width, int height, double fps);
 

@@ -1,5 +1,6 @@
 /* out = sum / weight, rounded */
-static void KERNEL(blend_finish)(uint8_t *restrict out, const float *restrict sum, const float *restrict weight, size_t n)
+static void KERNEL(blend_finish)(uint8_t *restrict out, const float *restrict sum, const float *restrict weight,
+                                 size_t n)
 {
     for (size_t x = 0; x < n; x++)
         out[x] = (uint8_t)(int)(sum[x] / (weight[x] + SST_BLEND_TINY) + 0.5f);

@@ -1,4 +1,4 @@
-/* blend_rays and blend_plain: one pass per quantity over at most SST_BLEND_MAX pixels, all of it in the first-level cache. */
+/* blend_rays and blend_plain: one pass per quantity over at most SST_BLEND_MAX pixels, all in the first-level cache. */
 #include "pipeline/kernels/exp_neg.h"
 
 /* The two rows blended once per column, not once per tap. */

@@ -123,7 +123,7 @@ typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], 
 /* --- rendering (pipeline/render/) --- */
 
 #define SST_BLEND_MAX 512        /* pixels that one call of a blend kernel takes at most */
-#define SST_BLEND_COLUMNS 4096   /* columns of the table of label weights: stored disparity / 16, a quarter pixel each */
+#define SST_BLEND_COLUMNS 4096   /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
 #define SST_BLEND_COLUMN_SHIFT 4
 #define SST_BLEND_FLOOR 1e-28f   /* weight sums below this are not trusted */
 #define SST_BLEND_TINY 1e-37f    /* changes no weight sum above the floor, and keeps 0 / 0 away below it */

@@ -40,13 +40,13 @@ static int check_config(const struct sst_render_config *cfg)
         double v, min, max;
     } values[] = {
         { "focus", cfg->focus_px, -SST_IMAGE_MAX_SIDE, SST_IMAGE_MAX_SIDE },
-        { "sigma", cfg->sigma_px, 1e-6, INFINITY },
+        { "sigma", cfg->sigma_px ? cfg->sigma_px : 1, 1e-6, INFINITY },
         { "c1", cfg->c1, 0, 1 },
         { "c2", cfg->c2, 0, 1 },
         { "focus label", cfg->focus_label, 0, 255 },
         { "label factor", cfg->label_factor, 1, 1e6 },
         { "range percentile", cfg->range_percentile, 0, 0.5 },
-        { "range margin", cfg->range_margin_px, 0, 1e6 },
+        { "range margin", cfg->range_margin_px, -1e6, 1e6 },
         { "aperture", cfg->aperture, 0, INFINITY },
         { "viewpoint x", cfg->view_bx, -SST_MAX_VIEWS, SST_MAX_VIEWS },
         { "viewpoint y", cfg->view_by, -SST_MAX_VIEWS, SST_MAX_VIEWS },
@@ -61,18 +61,23 @@ static int check_config(const struct sst_render_config *cfg)
     return 0;
 }
 
-static int check_focus(struct sst_renderer *r, double focus_px)
+/* Check the focus against the disparities, and choose what the configuration leaves to their range. */
+static int fit_to_disparities(struct sst_render_config *cfg, struct sst_renderer *r)
 {
-    double lo, hi, slack;
+    double lo = 0, hi = 0, slack;
+    const bool known = sst_renderer_disparities(r, &lo, &hi);
 
-    if (!sst_renderer_disparities(r, &lo, &hi))
-        return 0;
     slack = 0.1 * (hi - lo) + 1;
-    if (focus_px >= lo - slack && focus_px <= hi + slack)
-        return 0;
-    sst_log_error("the focus %g px lies outside the disparities of this light field; choose one in %.2f..%.2f", focus_px,
-                  lo, hi);
-    return -ERANGE;
+    if (known && (cfg->focus_px < lo - slack || cfg->focus_px > hi + slack)) {
+        sst_log_error("the focus %g px lies outside the disparities of this light field; choose one in %.2f..%.2f",
+                      cfg->focus_px, lo, hi);
+        return -ERANGE;
+    }
+    if (cfg->sigma_px == 0)
+        cfg->sigma_px = fmax((hi - lo) / 20, 0.1);
+    if (cfg->range_margin_px < 0)
+        cfg->range_margin_px = (hi - lo) / 50;
+    return 0;
 }
 
 static double distance(const struct sst_tap *t, const struct sst_render_config *cfg)
@@ -80,7 +85,7 @@ static double distance(const struct sst_tap *t, const struct sst_render_config *
     return hypot(t->v->bx - cfg->view_bx, t->v->by - cfg->view_by);
 }
 
-/* Where a shift by `shift` px puts output pixels: first tap, fraction, nearest tap and the pixels whose taps are inside. */
+/* Where a shift by `shift` px puts output pixels: first tap, fraction, nearest tap, which pixels' taps are inside. */
 static void place(double shift, int size, int *tap, double *part, int *nearest, int *from, int *to)
 {
     const double whole = floor(shift + WHOLE_PX);
@@ -156,8 +161,8 @@ static int place_views(struct sst_plan *p)
     }
     if (overlapping > 1 || overlapping == p->count)
         return 0;
-    sst_log_error("at the focus %g px the views of %d x %d pixels do not overlap; choose one nearer to 0", p->cfg.focus_px,
-                  p->lf->width, p->lf->height);
+    sst_log_error("at the focus %g px the views of %d x %d pixels do not overlap; choose one nearer to 0",
+                  p->cfg.focus_px, p->lf->width, p->lf->height);
     return -ERANGE;
 }
 
@@ -165,7 +170,8 @@ static int place_views(struct sst_plan *p)
 static int weigh(struct sst_plan *p, struct sst_renderer *r)
 {
     const struct sst_render_config *cfg = &p->cfg;
-    const double sigma_q6 = cfg->sigma_px * SST_DISP_SCALE, focus_q6 = (cfg->focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
+    const double sigma_q6 = cfg->sigma_px * SST_DISP_SCALE;
+    const double focus_q6 = (cfg->focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
     const bool by_depth = isfinite(cfg->sigma_px) && cfg->c1 < 1, by_label = cfg->c2 < 1 || cfg->focus_label;
     int err;
 
@@ -178,8 +184,8 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
     p->blend.unknown = by_depth ? (float)cfg->c1 : 1;
     for (int i = 0; i < p->count && p->weighted; i++) {
         if (!p->tap[i].v->disp.data) {
-            sst_log_error("view %d has no disparity map: run `sst process` on this light field first, or choose the method "
-                          "refocus", p->tap[i].view);
+            sst_log_error("view %d has no disparity map: run `sst process` on this light field first, or choose the "
+                          "method refocus", p->tap[i].view);
             return -ENODATA;
         }
     }
@@ -204,7 +210,7 @@ int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_r
 
     *p = (struct sst_plan){ .lf = r->lf, .cfg = *cfg };
     if (!err)
-        err = check_focus(r, cfg->focus_px);
+        err = fit_to_disparities(&p->cfg, r);
     if (!err)
         err = choose_views(p);
     if (!err)

@@ -1,4 +1,4 @@
-/* pipeline/render/plan.h - what one picture needs: its views with their shifts and weights, the table of label weights. */
+/* pipeline/render/plan.h - what one picture needs: views with their shifts and weights, the table of label weights. */
 #ifndef SST_PIPELINE_RENDER_PLAN_H
 #define SST_PIPELINE_RENDER_PLAN_H
 
@@ -60,7 +60,7 @@ enum sst_pixel {
     SST_PIXEL_SUPPORTED = 2,
 };
 
-/** One output pixel in double, weights formed by their logarithms. @param rays  [SST_MAX_VIEWS], count set: all of them */
+/** One output pixel in double, weights formed by their logarithms. @param rays  out, [SST_MAX_VIEWS], count of them */
 enum sst_pixel sst_pixel_exact(const struct sst_plan *p, int x, int y, double rgb[3], struct sst_ray *rays, int *count);
 
 SST_EXTERN_C_END

@@ -217,12 +217,15 @@ int sst_histogram_objects(const uint64_t *count, int bins, int *end)
     return join_small(end, n, count, bins);
 }
 
-static double range_weight(const struct sst_label_histogram *h, const struct sst_render_config *cfg, const uint64_t *count,
-                           int first, int end, double cut, double margin_px)
+/* W_s of the values in columns first..end-1. */
+static double range_weight(const struct sst_label_histogram *h, const struct sst_render_config *cfg,
+                           const uint64_t *count, int first, int end, double cut, double margin_px)
 {
     int lo, hi;
 
-    if (!count || !sst_histogram_range(count, sst_min_int(first, h->bins), sst_min_int(end, h->bins), cut, &lo, &hi))
+    first = sst_min_int(first << SST_BLEND_COLUMN_SHIFT, h->bins);
+    end = sst_min_int(end << SST_BLEND_COLUMN_SHIFT, h->bins);
+    if (!count || !sst_histogram_range(count, first, end, cut, &lo, &hi))
         return 1;
     return sst_weight_label(cfg->focus_px, h->disp_min_px + lo / SST_DISP_SCALE - margin_px,
                             h->disp_min_px + hi / SST_DISP_SCALE + margin_px, 1 / SST_DISP_SCALE, cfg->c2);
@@ -238,19 +241,19 @@ static void weight_row(float *row, const struct sst_label_histogram *h, const st
 {
     const double factor = cfg->focus_label && label && label != cfg->focus_label ? 1 / cfg->label_factor : 1;
     const double cut = cfg->range == SST_RANGE_MINMAX ? 0 : cfg->range_percentile;
+    const double margin_px = cfg->range == SST_RANGE_OBJECT ? cfg->range_margin_px : 0;
     const uint64_t *count = label ? h->count[label] : NULL;
     int end[SST_BLEND_COLUMNS] = { SST_BLEND_COLUMNS }, n = 1, column = 0;
 
     if (cfg->range == SST_RANGE_OBJECT && count)
         n = sst_histogram_objects(count, h->bins, end);
     for (int i = 0; i < n; i++) {
-        const double w = range_weight(h, cfg, count, column << SST_BLEND_COLUMN_SHIFT, end[i] << SST_BLEND_COLUMN_SHIFT, cut,
-                                      cfg->range == SST_RANGE_OBJECT ? cfg->range_margin_px : 0);
+        const double w = range_weight(h, cfg, count, column, end[i], cut, margin_px);
 
         for (; column < end[i]; column++)
             row[column] = narrow(w * factor);
     }
-    row[SST_BLEND_COLUMNS - 1] = narrow(range_weight(h, cfg, count, 0, h->bins, cut, 0) * factor);
+    row[SST_BLEND_COLUMNS - 1] = narrow(range_weight(h, cfg, count, 0, SST_BLEND_COLUMNS, cut, 0) * factor);
 }
 
 void sst_label_weight_table(float *table, const struct sst_label_histogram *h, const struct sst_render_config *cfg)

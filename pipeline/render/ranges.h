@@ -17,7 +17,8 @@ struct sst_label_histogram {
 };
 
 /** @return 0 or -ENOMEM (not logged). The same counts for any number of threads. */
-SST_MUST_CHECK int sst_label_histogram_init(struct sst_label_histogram *h, const struct sst_lightfield *lf, int threads);
+SST_MUST_CHECK int sst_label_histogram_init(struct sst_label_histogram *h, const struct sst_lightfield *lf,
+                                            int threads);
 void sst_label_histogram_fini(struct sst_label_histogram *h);
 
 /**
@@ -36,8 +37,11 @@ bool sst_histogram_range(const uint64_t *count, int first, int end, double cut, 
  */
 int sst_histogram_objects(const uint64_t *count, int bins, int *end);
 
-/** Table of label weights for the kernels, [256][SST_BLEND_COLUMNS]: W_s by cfg, including the focus label's factor. The
- *  last column is of unknown disparity and takes the label's whole range. @param table  out, rows of absent labels are left */
+/**
+ * Table of label weights for the kernels: W_s by cfg, including the focus label's factor. The last column is of unknown
+ * disparity and takes the label's whole range.
+ * @param table  out, [256][SST_BLEND_COLUMNS]; rows of absent labels are left as they are
+ */
 void sst_label_weight_table(float *table, const struct sst_label_histogram *h, const struct sst_render_config *cfg);
 
 SST_EXTERN_C_END

@@ -125,8 +125,8 @@ int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg,
     return 0;
 }
 
-int sst_render_weights(struct sst_renderer *r, const struct sst_render_config *cfg, int view, struct sst_map_f32 *w_depth,
-                       struct sst_map_f32 *w_label)
+int sst_render_weights(struct sst_renderer *r, const struct sst_render_config *cfg, int view,
+                       struct sst_map_f32 *w_depth, struct sst_map_f32 *w_label)
 {
     const struct sst_view *v = &r->lf->views[view];
     struct sst_plan p;

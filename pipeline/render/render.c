@@ -14,8 +14,8 @@
 void sst_render_config_defaults(struct sst_render_config *cfg)
 {
     *cfg = (struct sst_render_config){
-        .method = SST_RENDER_SST, .sigma_px = 1, .c1 = 0.001, .c2 = 0.1, .label_factor = 2, .range = SST_RANGE_OBJECT,
-        .range_percentile = 0.02, .range_margin_px = 1, .unsupported = SST_UNSUPPORTED_REFOCUS, .aperture = INFINITY,
+        .method = SST_RENDER_SST, .sigma_px = 0, .c1 = 0.01, .c2 = 0.03, .label_factor = 2, .range = SST_RANGE_OBJECT,
+        .range_percentile = 0.01, .range_margin_px = -1, .unsupported = SST_UNSUPPORTED_REFOCUS, .aperture = INFINITY,
     };
 }
 
@@ -56,9 +56,11 @@ bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *ma
         lo = fmin(lo, sst_disp_px(lf, (uint16_t)r->histogram.first_bin));
         hi = fmax(hi, sst_disp_px(lf, (uint16_t)(r->histogram.bins - 1)));
     }
+    if (lo > hi)
+        return false;
     *min_px = lo;
     *max_px = hi;
-    return lo <= hi;
+    return true;
 }
 
 int sst_renderer_labels(struct sst_renderer *r, int label[255])
@@ -150,7 +152,8 @@ static int render_band(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out, struct sst_map_u8 *valid)
+int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
+               struct sst_map_u8 *valid)
 {
     const struct sst_lightfield *lf = r->lf;
     struct sst_plan plan;

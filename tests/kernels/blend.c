@@ -156,8 +156,8 @@ static void finish_equals_reference(void **state SST_UNUSED)
     }
 }
 
-/* One pixel by hand: rows {10, 30} and {50, 110} at fx = 0.5, fy = 0.25: left 20, right 50, colour 35. Disparity 8 from the
- * focus, 2 sigma^2 = 64: exp(-1) = 0.36788; c1 = 0.2: W_d = 0.49430; W_s = 0.5, A = 2: weight 0.49430. */
+/* One pixel by hand: rows {10, 30} and {50, 110} at fx = 0.5, fy = 0.25: left 20, right 50, colour 35. Disparity 8 from
+ * the focus, 2 sigma^2 = 64: exp(-1) = 0.36788; c1 = 0.2: W_d = 0.49430; W_s = 0.5, A = 2: weight 0.49430. */
 static void reference_is_the_formula(void **state SST_UNUSED)
 {
     static float table[256 * SST_BLEND_COLUMNS];

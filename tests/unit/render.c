@@ -1,4 +1,4 @@
-/* pipeline/render/: hand-worked weights and pixels, equalities, and every picture against a plain renderer in double. */
+/* pipeline/render/: hand-worked weights and pixels, equalities, and pictures against a plain renderer in double. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fenv.h>
@@ -94,6 +94,10 @@ static struct sst_render_config config(double focus_px)
 
     sst_render_config_defaults(&cfg);
     cfg.focus_px = focus_px;
+    cfg.sigma_px = 1;
+    cfg.c1 = 0.001;
+    cfg.c2 = 0.1;
+    cfg.range_margin_px = 1;
     cfg.threads = 2;
     return cfg;
 }
@@ -173,8 +177,8 @@ static void histogram_range_by_hand(void **state SST_UNUSED)
     assert_false(sst_histogram_range(count, 3, 3, 0, &lo, &hi));
 }
 
-/* Columns hold 16 bins. Peaks around columns 10 and 30, nothing between 12 and 28: the smoothed counts are 0 from 15 to 25
- * (two columns of smoothing), whose middle is 20. */
+/* Columns hold 16 bins. Peaks around columns 10 and 30, nothing between 12 and 28: the smoothed counts are 0 from 15 to
+ * 25 (two columns of smoothing), whose middle is 20. */
 static void histogram_objects_by_hand(void **state SST_UNUSED)
 {
     uint64_t count[1000] = { 0 };
@@ -206,7 +210,7 @@ static void histogram_objects_by_hand(void **state SST_UNUSED)
     assert_int_equal(end[0], 21);
 }
 
-/* Two views one spacing apart, focus 1: pixel x meets view 1 at x - 1. sigma 1, C1 = 0, C2 = 1: weights 1 and e^-0.5. */
+/* Two views one spacing apart, focus 1: pixel x meets view 1 at x - 1. sigma 1, C1 = 0, C2 = 1: weights 1, e^-0.5. */
 static void picture_by_hand(void **state SST_UNUSED)
 {
     struct sst_render_config cfg = config(1);
@@ -267,8 +271,8 @@ static double naive_range_weight(const struct sst_lightfield *lf, const struct s
     return sst_weight_label(cfg->focus_px, lo, hi, 1.0 / 64, cfg->c2);
 }
 
-static double naive_pixel(const struct sst_lightfield *lf, const struct sst_render_config *cfg, const double *w_label, int c,
-                          int x, int y)
+static double naive_pixel(const struct sst_lightfield *lf, const struct sst_render_config *cfg, const double *w_label,
+                          int c, int x, int y)
 {
     double sum = 0, weight = 0;
 
@@ -305,7 +309,8 @@ static void compare_with_naive(const struct sst_lightfield *lf, const struct sst
     struct sst_image out;
 
     for (int i = 1; i < 5; i++)
-        w_label[i] = naive_range_weight(lf, cfg, i) / (cfg->focus_label && cfg->focus_label != i ? cfg->label_factor : 1);
+        w_label[i] = naive_range_weight(lf, cfg, i) /
+                     (cfg->focus_label && cfg->focus_label != i ? cfg->label_factor : 1);
     assert_int_equal(render(lf, cfg, &out, NULL), 0);
     for (int c = 0; c < 3; c++) {
         for (int y = 0; y < lf->height; y++) {
@@ -549,10 +554,13 @@ static void impossible_wishes_are_refused(void **state SST_UNUSED)
     assert_int_equal(render(&lf, &cfg, &out, NULL), -ERANGE);
     sst_image_fini(&out);
     cfg = config(NAN);
+    fedisableexcept(FE_INVALID); /* comparing it is one */
     assert_int_equal(render(&lf, &cfg, &out, NULL), -EINVAL);
+    feclearexcept(FE_INVALID);
+    feenableexcept(FE_INVALID);
     sst_image_fini(&out);
     cfg = config(1);
-    cfg.sigma_px = 0;
+    cfg.sigma_px = -1;
     assert_int_equal(render(&lf, &cfg, &out, NULL), -EINVAL);
     sst_image_fini(&out);
     cfg = config(1);
@@ -565,6 +573,33 @@ static void impossible_wishes_are_refused(void **state SST_UNUSED)
     assert_int_equal(render(&lf, &cfg, &out, NULL), -ENODATA);
     sst_image_fini(&out);
     sst_log_set_level(SST_LOG_WARNING);
+    free_views(&lf);
+}
+
+/* Disparities 2..42: sigma is 40 / 20 = 2, so a ray 2 off the focus weighs 0.99 e^-0.5 + 0.01. The range of its label,
+ * one value, is widened by 40 / 50 = 0.8 at each end: half that off, 1 - 0.25, 0.97 * 0.75 + 0.03. */
+static void defaults_follow_the_disparities(void **state SST_UNUSED)
+{
+    struct sst_render_config cfg;
+    struct sst_ray rays[SST_MAX_VIEWS];
+    struct sst_renderer *r;
+    struct sst_lightfield lf;
+    int count;
+
+    make_views(&lf, 1, 1, 3, 1);
+    set_pixel(&lf, 0, 0, 0, 9, 2, 1);
+    set_pixel(&lf, 0, 1, 0, 9, 8, 2);
+    set_pixel(&lf, 0, 2, 0, 9, 42, 3);
+    sst_render_config_defaults(&cfg);
+    assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
+    cfg.focus_px = 10;
+    assert_int_equal(sst_render_rays(r, &cfg, 1, 0, rays, &count), 0);
+    assert_near(rays[0].w_depth, 0.99 * 0.60653066 + 0.01, 1e-8);
+    assert_near(rays[0].w_label, 0.03, 1e-8);
+    cfg.focus_px = 8.4;
+    assert_int_equal(sst_render_rays(r, &cfg, 1, 0, rays, &count), 0);
+    assert_near(rays[0].w_label, 0.7575, 1e-7);
+    sst_renderer_destroy(r);
     free_views(&lf);
 }
 
@@ -600,6 +635,7 @@ int main(void)
         cmocka_unit_test(objects_have_their_own_range),
         cmocka_unit_test(apertures_choose_views),
         cmocka_unit_test(impossible_wishes_are_refused),
+        cmocka_unit_test(defaults_follow_the_disparities),
         cmocka_unit_test(one_view_is_that_view),
     };
 
