@@ -35,7 +35,8 @@ static int label_image(struct result *out, struct sst_segmenter *seg, const stru
 
 static int write_result(const struct result *r, const struct sst_segmenter *seg, const struct options *o)
 {
-    const size_t dims[3] = { (size_t)sst_segmenter_classes(seg)->count, (size_t)r->label.height, (size_t)r->label.width };
+    const size_t dims[3] = { (size_t)sst_segmenter_classes(seg)->count, (size_t)r->label.height,
+                             (size_t)r->label.width };
     int err = 0;
 
     if (o->prob)
@@ -69,7 +70,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct options o = { .eps_h = -1 };
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.labels, "FILE", "labels as an indexed PNG: class index + 1, 0 = unlabeled", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.labels, "FILE", "labels as an indexed PNG: class index + 1, 0 = unlabeled", 0,
+          0 },
         { "model", 'm', CLI_STRING, &o.model, "FILE", "ONNX network (default: the one that ships)", 0, 0 },
         { "prob", 0, CLI_STRING, &o.prob, "FILE", "write the probabilities as .npy [class][y][x]", 0, 0 },
         { "entropy", 0, CLI_STRING, &o.entropy, "FILE", "write the entropy as .pfm", 0, 0 },
@@ -90,7 +92,8 @@ const struct cli_command cli_segment = {
     .name = "segment",
     .usage = "IMAGE -o labels.png [--model FILE] [--hcsm | --epsilon-h V]",
     .summary = "semantic labels of one image",
-    .detail = "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose label\n"
+    .detail = "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose "
+              "label\n"
               "distribution has an entropy (natural log) at or above the threshold stay unlabeled.",
     .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy",
     .run = run,

@@ -124,7 +124,8 @@ static inline void ow_names(struct ow_buf *b, unsigned field, const char *names)
 }
 
 /** @param ins, outs  names with one space between; @param attrs  taken, or NULL */
-static inline void ow_node(struct ow_buf *graph, const char *op, const char *ins, const char *outs, struct ow_buf *attrs)
+static inline void ow_node(struct ow_buf *graph, const char *op, const char *ins, const char *outs,
+                           struct ow_buf *attrs)
 {
     const char *dot = strchr(op, '.');
     struct ow_buf node = { 0 };

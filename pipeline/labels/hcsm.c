@@ -6,7 +6,8 @@
 #include "base/log.h"
 #include "pipeline/labels/labels.h"
 
-/* Near-certain pixels: p = 1 - s, with s the sum of the others, and log p = log1p(-s) keeps the digits that p has lost. */
+/* Near-certain pixels: p = 1 - s, with s the sum of the others, and log p = log1p(-s) keeps the digits that p has lost.
+ */
 float sst_entropy(const float *p, int count)
 {
     double rest = 0, h = 0;
@@ -64,14 +65,14 @@ void sst_hcsm(struct sst_map_u8 *label, const struct sst_map_f32 *entropy, doubl
     }
 }
 
-/* --- the threshold ------------------------------------------------------------------------------------------------------ */
+/* --- the threshold -------------------------------------------------------------------------------- */
 
 /* Scores closer than this in the log domain are equal: far above the rounding of three logarithms, far below the least
  * change by one pixel in any image. */
 #define SCORE_TIE 1e-13
 
-/* One pixel with a label and a truth: bits of its entropy (ordered like the number, which is not negative) and whether the
- * label is right, in one sortable word. */
+/* One pixel with a label and a truth: bits of its entropy (ordered like the number, which is not negative) and whether
+ * the label is right, in one sortable word. */
 static uint64_t pack(float h, bool correct)
 {
     uint32_t bits;
@@ -107,8 +108,10 @@ static int collect(uint64_t *packed, size_t *n_packed, size_t *n_truth, const st
 
         for (int x = 0; x < truth->width; x++) {
             if (!(h[x] >= 0)) {
-                sst_log_error("entropy threshold: the entropy at (%d, %d) is %g, not a number from 0 up; segment the view"
-                              " again", x, y, (double)h[x]);
+                sst_log_error(
+                    "entropy threshold: the entropy at (%d, %d) is %g, not a number from 0 up; segment the view"
+                    " again",
+                    x, y, (double)h[x]);
                 return -EBADMSG;
             }
             if (t[x] == SST_LABEL_NONE)
@@ -150,8 +153,8 @@ static struct sst_epsilon_result best_prefix(const uint64_t *packed, size_t n, s
     return best;
 }
 
-int sst_epsilon_search(struct sst_epsilon_result *out, const struct sst_map_u8 *label, const struct sst_map_f32 *entropy,
-                       const struct sst_map_u8 *truth, double m)
+int sst_epsilon_search(struct sst_epsilon_result *out, const struct sst_map_u8 *label,
+                       const struct sst_map_f32 *entropy, const struct sst_map_u8 *truth, double m)
 {
     const size_t pixels = (size_t)truth->width * (size_t)truth->height;
     struct sst_epsilon_result best;
@@ -161,8 +164,10 @@ int sst_epsilon_search(struct sst_epsilon_result *out, const struct sst_map_u8 *
 
     if (label->width != truth->width || label->height != truth->height || entropy->width != truth->width ||
         entropy->height != truth->height) {
-        sst_log_error("entropy threshold: labels of %d x %d, entropy of %d x %d and truth of %d x %d differ; use maps of one"
-                      " view", label->width, label->height, entropy->width, entropy->height, truth->width, truth->height);
+        sst_log_error(
+            "entropy threshold: labels of %d x %d, entropy of %d x %d and truth of %d x %d differ; use maps of one"
+            " view",
+            label->width, label->height, entropy->width, entropy->height, truth->width, truth->height);
         return -EBADMSG;
     }
     if (!(m >= 0) || isinf(m)) {
@@ -185,8 +190,10 @@ int sst_epsilon_search(struct sst_epsilon_result *out, const struct sst_map_u8 *
     }
     free(packed);
     if (err == -ENODATA) {
-        sst_log_error("entropy threshold: not one of the %zu hand-labelled pixels has the right label; check that the truth"
-                      " belongs to this view and class list", n_truth);
+        sst_log_error(
+            "entropy threshold: not one of the %zu hand-labelled pixels has the right label; check that the truth"
+            " belongs to this view and class list",
+            n_truth);
         err = -EBADMSG;
     }
     return err;

@@ -8,10 +8,11 @@
 SST_EXTERN_C_BEGIN
 
 /**
- * H = -sum p log p, natural log, 0 log 0 = 0 (DESIGN 5.1). In 0 .. log(count); for near-certain pixels the largest p is taken
- * as 1 - (sum of the others), so that entropies down to 1e-38 stay apart.
+ * H = -sum p log p, natural log, 0 log 0 = 0 (DESIGN 5.1). In 0 .. log(count); for near-certain pixels the largest p is
+ * taken as 1 - (sum of the others), so that entropies down to 1e-38 stay apart.
  *
- * @param p  [count], >= 0, sum 1; where one is NaN, negative or above 2 the result is INFINITY, which no threshold keeps
+ * @param p  [count], >= 0, sum 1; where one is NaN, negative or above 2 the result is INFINITY, which no threshold
+ * keeps
  */
 float sst_entropy(const float *p, int count);
 
@@ -32,13 +33,13 @@ struct sst_epsilon_result {
 };
 
 /**
- * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (DESIGN 5.1): all thresholds scanned exactly, O(n log n),
- * compared in the log domain, ties (to 1e-13 there) to the smaller one.
+ * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (DESIGN 5.1): all thresholds scanned exactly, O(n log
+ * n), compared in the log domain, ties (to 1e-13 there) to the smaller one.
  *
- * Over the N pixels whose truth is not 0 (the background is left out), with those kept whose label is not 0 and H < eps_h:
- * TP = kept and right, FP = kept and wrong, FN = N - TP: all that are not kept with the right label. So Acc = TP / kept and
- * Cvg = TP / N. Pixels of equal entropy enter together; eps_h lies halfway between the last entropy kept and the first one
- * dropped, or just above the last where all are kept.
+ * Over the N pixels whose truth is not 0 (the background is left out), with those kept whose label is not 0 and H <
+ * eps_h: TP = kept and right, FP = kept and wrong, FN = N - TP: all that are not kept with the right label. So Acc = TP
+ * / kept and Cvg = TP / N. Pixels of equal entropy enter together; eps_h lies halfway between the last entropy kept and
+ * the first one dropped, or just above the last where all are kept.
  *
  * @param entropy  >= 0; INFINITY is never kept
  * @param m        >= 0
@@ -52,9 +53,9 @@ struct sst_segmenter; /* a segmentation network with its class list; one thread 
 
 /**
  * @param model    ONNX path of a network from 3 channels to one per class. Its metadata: sst.classes and sst.ground
- *                 (comma-separated names; ground may be missing), sst.mean and sst.std (three numbers for R, G, B in 0..1;
- *                 0 and 1), sst.size (WxH of the nominal working size; 480x360), sst.epsilon_h (infinite),
- *                 sst.temperature (divides the logits; 1), sst.output (logits or probabilities; logits).
+ *                 (comma-separated names; ground may be missing), sst.mean and sst.std (three numbers for R, G, B in
+ * 0..1; 0 and 1), sst.size (WxH of the nominal working size; 480x360), sst.epsilon_h (infinite), sst.temperature
+ * (divides the logits; 1), sst.output (logits or probabilities; logits).
  * @param threads  at least 1
  * @return 0, -EBADMSG (also: metadata that do not fit), -ENOMEM and what sst_network_open() returns; logged.
  */
@@ -69,10 +70,10 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg);
 /**
  * Label one image.
  *
- * The network sees the image at its own proportions with the area of the nominal working size, sides multiples of 8; one
- * with windows of fixed sizes sees it stretched to the nominal size. Its probabilities (softmax first) are brought back
- * bilinearly and normalised again. Beyond label and entropy, memory does not grow with the image unless prob is wanted.
- * Same bytes for any number of threads.
+ * The network sees the image at its own proportions with the area of the nominal working size, sides multiples of 8;
+ * one with windows of fixed sizes sees it stretched to the nominal size. Its probabilities (softmax first) are brought
+ * back bilinearly and normalised again. Beyond label and entropy, memory does not grow with the image unless prob is
+ * wanted. Same bytes for any number of threads.
  *
  * @param label, entropy  out, initialised here, of the image's size; entropy may be NULL
  * @param prob  out, malloc'ed [classes][height][width] of the image's size, or NULL when not wanted

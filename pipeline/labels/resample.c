@@ -95,8 +95,8 @@ static int resample_row(void *arg, int index, int worker)
     return 0;
 }
 
-int sst_resample(float *out, int width, int height, const struct sst_image *img, const double mean[3], const double std[3],
-                 int threads)
+int sst_resample(float *out, int width, int height, const struct sst_image *img, const double mean[3],
+                 const double std[3], int threads)
 {
     struct job job = { .out = out, .width = width, .height = height, .img = img, .mean = mean, .std = std };
     int err = make_axis(&job.x, img->width, width);

@@ -8,7 +8,8 @@ SST_EXTERN_C_BEGIN
 
 /**
  * Resize the three planes: along an axis that shrinks, each output sample is the mean of the input that it covers (with
- * fractions of samples at the ends); along one that grows, bilinear with half-pixel centres. Same bytes for any threads.
+ * fractions of samples at the ends); along one that grows, bilinear with half-pixel centres. Same bytes for any
+ * threads.
  *
  * @param out  [3][height][width], (sample / 255 - mean[c]) / std[c]
  * @return 0 or -ENOMEM (not logged)

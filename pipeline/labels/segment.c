@@ -1,5 +1,6 @@
-/* Image -> working size -> network -> probabilities at the network's resolution -> labels and entropy at the image's size.
- * The last step goes pixel by pixel, so that the probabilities of a large image exist only where the caller wants them. */
+/* Image -> working size -> network -> probabilities at the network's resolution -> labels and entropy at the image's
+ * size. The last step goes pixel by pixel, so that the probabilities of a large image exist only where the caller wants
+ * them. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -23,7 +24,7 @@ struct sst_segmenter {
     bool probabilities;
 };
 
-/* --- metadata ------------------------------------------------------------------------------------------------------------ */
+/* --- metadata ------------------------------------------------------------------------------------- */
 
 static int bad_metadata(const struct sst_segmenter *seg, const char *key, const char *want)
 {
@@ -33,8 +34,9 @@ static int bad_metadata(const struct sst_segmenter *seg, const char *key, const 
     snprintf(shown, sizeof(shown), "%s", value ? value : "missing");
     for (char *p = shown; *p; p++)
         *p = (unsigned char)*p < ' ' ? '?' : *p; /* the file may come from anywhere */
-    sst_log_error("model %s: its metadata %s is %s; it must be %s: use a segmentation network exported for this program",
-                  seg->path, key, shown, want);
+    sst_log_error(
+        "model %s: its metadata %s is %s; it must be %s: use a segmentation network exported for this program",
+        seg->path, key, shown, want);
     return -EBADMSG;
 }
 
@@ -58,7 +60,8 @@ static int read_numbers(struct sst_segmenter *seg, const char *key, double *out,
     return *text ? bad_metadata(seg, key, want) : 0;
 }
 
-/* The next name of a comma-separated list without the blanks around it: its length, or 0 at the end or where it is empty. */
+/* The next name of a comma-separated list without the blanks around it: its length, or 0 at the end or where it is
+ * empty. */
 static size_t next_name(const char **list, const char **name)
 {
     size_t n;
@@ -168,8 +171,8 @@ static int check_shape(struct sst_segmenter *seg)
     if (err)
         return err == -EINVAL ? -EBADMSG : err;
     if (c != seg->classes.count) {
-        sst_log_error("model %s gives %d channels for the %d classes that its metadata lists; export it again", seg->path, c,
-                      seg->classes.count);
+        sst_log_error("model %s gives %d channels for the %d classes that its metadata lists; export it again",
+                      seg->path, c, seg->classes.count);
         return -EBADMSG;
     }
     return 0;
@@ -183,8 +186,13 @@ int sst_segmenter_open(struct sst_segmenter **out, const char *model, int thread
     if (!seg)
         return err;
     *seg = (struct sst_segmenter){
-        .path = strdup(model), .threads = threads, .std = { 1, 1, 1 }, .eps_h = INFINITY, .temperature = 1,
-        .width = 480, .height = 360,
+        .path = strdup(model),
+        .threads = threads,
+        .std = { 1, 1, 1 },
+        .eps_h = INFINITY,
+        .temperature = 1,
+        .width = 480,
+        .height = 360,
     };
     if (seg->path)
         err = sst_network_open(&seg->net, model, threads);
@@ -218,10 +226,10 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
     return seg->eps_h;
 }
 
-/* --- one image ------------------------------------------------------------------------------------------------------------- */
+/* --- one image ------------------------------------------------------------------------------------ */
 
-/* A side of the working size: the image's proportions, the nominal area, multiples of 8; a strip is cut at four times the
- * longer nominal side. */
+/* A side of the working size: the image's proportions, the nominal area, multiples of 8; a strip is cut at four times
+ * the longer nominal side. */
 static int working_side(const struct sst_segmenter *seg, const struct sst_image *img, int side)
 {
     const double scale = sqrt((double)seg->width * seg->height / ((double)img->width * img->height));
@@ -322,8 +330,9 @@ static int interleave(float *small, const float *out, int count, int h, int w, c
         for (int c = 0; c < count; c++)
             p[c] = out[(size_t)c * plane + i];
         if (!to_probabilities(p, count, seg)) {
-            sst_log_error("model %s: its output at (%d, %d) is no probability (NaN, infinite or negative); use another model",
-                          seg->path, (int)(i % (size_t)w), (int)(i / (size_t)w));
+            sst_log_error(
+                "model %s: its output at (%d, %d) is no probability (NaN, infinite or negative); use another model",
+                seg->path, (int)(i % (size_t)w), (int)(i / (size_t)w));
             return -EBADMSG;
         }
     }
@@ -362,8 +371,8 @@ static int run_network(struct sst_segmenter *seg, const struct sst_image *img, s
     return err;
 }
 
-int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
-                float **prob)
+int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,
+                struct sst_map_f32 *entropy, float **prob)
 {
     const size_t pixels = (size_t)img->width * (size_t)img->height;
     struct sst_map_u8 label_made = { 0 };

@@ -36,7 +36,7 @@ const struct sst_onnx_tensor *sst_graph_constant(const struct sst_builder *b, co
     return v >= 0 ? b->values[v].constant : NULL;
 }
 
-/* --- names ------------------------------------------------------------------------------------------------------ */
+/* --- names ---------------------------------------------------------------------------------------- */
 
 static unsigned hash(struct sst_onnx_str s)
 {
@@ -64,7 +64,12 @@ static int add_value(struct sst_builder *b, struct sst_onnx_str name)
     if (find_value(b, name) >= 0)
         return -1;
     b->values[b->n_values] = (struct sst_raw_value){
-        .name = name, .next = b->bucket[h], .node = -1, .alias = -1, .op = -1, .unpadded = -1,
+        .name = name,
+        .next = b->bucket[h],
+        .node = -1,
+        .alias = -1,
+        .op = -1,
+        .unpadded = -1,
     };
     b->bucket[h] = b->n_values;
     return b->n_values++;
@@ -82,7 +87,8 @@ static int resolve_node(struct sst_builder *b, int n)
     for (int i = 0; i < onnx->n_in; i++) {
         node->in[i] = onnx->in[i].n ? find_value(b, onnx->in[i]) : -1;
         if (onnx->in[i].n && node->in[i] < 0)
-            return sst_graph_wrong(b, onnx, "reads a value that no earlier node makes (a cycle, or a missing constant)");
+            return sst_graph_wrong(b, onnx,
+                                   "reads a value that no earlier node makes (a cycle, or a missing constant)");
     }
     for (int i = 0; i < onnx->n_out; i++) {
         node->out[i] = -1;
@@ -129,7 +135,8 @@ static int resolve_input(struct sst_builder *b)
         in = &m->ins[i];
     }
     if (!in || in->n_dims != 4 || in->dims[0] > 1 || in->dims[1] < 1 || in->dims[1] > 4096) {
-        sst_log_error("model %s: its input is not 1 x C x height x width with a fixed C of 1..4096; export it so", b->name);
+        sst_log_error("model %s: its input is not 1 x C x height x width with a fixed C of 1..4096; export it so",
+                      b->name);
         return -EBADMSG;
     }
     v = add_value(b, in->name);
@@ -173,7 +180,7 @@ static int resolve(struct sst_builder *b)
     return 0;
 }
 
-/* --- from nodes to operations ----------------------------------------------------------------------------------- */
+/* --- from nodes to operations --------------------------------------------------------------------- */
 
 /* Backwards from the output: which nodes count, and how many of them read each value. */
 static void find_needed(struct sst_builder *b)

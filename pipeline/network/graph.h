@@ -18,7 +18,7 @@ enum sst_op_kind {
     SST_OP_ADAPTIVE_POOL = 6, /* mean over bins floor(i n / m) .. ceil((i + 1) n / m) */
     SST_OP_RESIZE = 7,        /* bilinear */
     SST_OP_SOFTMAX = 8,       /* over channels */
-    SST_OP_NORMALIZE = 9,     /* over channels: x / max(sqrt(max(S + in_add, in_min)) + add, min), S = sum x^2; 0 for 0/0 */
+    SST_OP_NORMALIZE = 9, /* over channels: x / max(sqrt(max(S + in_add, in_min)) + add, min), S = sum x^2; 0 for 0/0 */
 };
 
 /** Where output sample i of a resize lies among the input's samples; scale = output / input size. */
@@ -70,7 +70,8 @@ struct sst_graph {
  * @param why  out, when -ENOTSUP: what is not supported, for a message (256 bytes)
  * @return 0, -ENOTSUP (not logged), -EBADMSG (contradictory: cycles, unknown names, wrong shapes; logged), -ENOMEM.
  */
-SST_MUST_CHECK int sst_graph_build(struct sst_graph *out, const struct sst_onnx *model, const char *name, char why[256]);
+SST_MUST_CHECK int sst_graph_build(struct sst_graph *out, const struct sst_onnx *model, const char *name,
+                                   char why[256]);
 void sst_graph_fini(struct sst_graph *graph);
 
 struct sst_shape {

@@ -1,4 +1,5 @@
-/* pipeline/network/graph_build.h - shared by graph*.c: ONNX nodes with their names resolved, on the way to operations. */
+/* pipeline/network/graph_build.h - shared by graph*.c: ONNX nodes with their names resolved, on the way to operations.
+ */
 #ifndef SST_PIPELINE_NETWORK_GRAPH_BUILD_H
 #define SST_PIPELINE_NETWORK_GRAPH_BUILD_H
 
@@ -8,13 +9,13 @@ SST_EXTERN_C_BEGIN
 
 struct sst_raw_value {
     struct sst_onnx_str name;
-    int next;           /* chain of the name table, or -1 */
-    int node;           /* that makes it, or -1 */
-    int users;          /* needed nodes that read it */
-    int alias;          /* value that it is the same as, or -1 */
-    int op;             /* operation that makes it, or -1 */
-    int channels;       /* 0: not known, a constant */
-    int unpadded;       /* value that it is with `pad` zeros around (top, left, bottom, right), or -1 */
+    int next;     /* chain of the name table, or -1 */
+    int node;     /* that makes it, or -1 */
+    int users;    /* needed nodes that read it */
+    int alias;    /* value that it is the same as, or -1 */
+    int op;       /* operation that makes it, or -1 */
+    int channels; /* 0: not known, a constant */
+    int unpadded; /* value that it is with `pad` zeros around (top, left, bottom, right), or -1 */
     int pad[4];
     const struct sst_onnx_tensor *constant;
 };
@@ -55,10 +56,12 @@ const struct sst_onnx_tensor *sst_graph_constant(const struct sst_builder *b, co
 /** True where the node is op of the standard domain. */
 bool sst_graph_is(const struct sst_onnx_node *node, const char *op);
 
-/** If the node is the last of a normalisation over channels, as exporters write it in single steps, say of which value. */
+/** If the node is the last of a normalisation over channels, as exporters write it in single steps, say of which value.
+ */
 struct sst_norm sst_graph_find_norm(const struct sst_builder *b, const struct sst_raw_node *node);
 
-/** The constant height and width among the sizes of a Resize, or NULL; exporters wrap them into arithmetic on shapes. */
+/** The constant height and width among the sizes of a Resize, or NULL; exporters wrap them into arithmetic on shapes.
+ */
 const int64_t *sst_graph_resize_sizes(const struct sst_builder *b, const struct sst_raw_node *node);
 
 /** Turn one node into an operation, fuse it into an earlier one, or make its output an alias. */

@@ -47,8 +47,14 @@ static int new_op(struct sst_builder *b, const struct sst_raw_node *node, enum s
     if ((kind == SST_OP_SOFTMAX || kind == SST_OP_NORMALIZE) && b->values[v].channels > SST_OP_MAX_CHANNELS)
         return sst_graph_unsupported(b, node->onnx, "of more than 2048 channels");
     *op = (struct sst_op){
-        .kind = kind, .n_in = 1, .in = { v }, .out = node->out[0], .channels = b->values[v].channels,
-        .stride = { 1, 1 }, .dilation = { 1, 1 }, .group = 1,
+        .kind = kind,
+        .n_in = 1,
+        .in = { v },
+        .out = node->out[0],
+        .channels = b->values[v].channels,
+        .stride = { 1, 1 },
+        .dilation = { 1, 1 },
+        .group = 1,
     };
     *out = op;
     return 0;
@@ -93,7 +99,8 @@ static int read_pair(struct sst_builder *b, const struct sst_raw_node *node, con
     if (!sst_onnx_attr_find(node->onnx, name, &a))
         return 0;
     if (a.n_ints != 2 || a.ints[0] < min || a.ints[1] < min || a.ints[0] > MAX_WINDOW || a.ints[1] > MAX_WINDOW)
-        return sst_graph_wrong(b, node->onnx, "has a window, stride, dilation or size that is not two numbers up to 4096");
+        return sst_graph_wrong(b, node->onnx,
+                               "has a window, stride, dilation or size that is not two numbers up to 4096");
     out[0] = (int)a.ints[0];
     out[1] = (int)a.ints[1];
     return 0;
@@ -123,7 +130,7 @@ static int read_window(struct sst_builder *b, const struct sst_raw_node *node, s
     return 0;
 }
 
-/* --- convolution and what is fused into it ------------------------------------------------------------------------ */
+/* --- convolution and what is fused into it -------------------------------------------------------- */
 
 static int copy_weights(struct sst_builder *b, const struct sst_raw_node *node, struct sst_op *op)
 {
@@ -158,8 +165,8 @@ static int conv(struct sst_builder *b, const struct sst_raw_node *node)
         return sst_graph_unsupported(b, node->onnx, "with weights that are computed");
     if (!w->f || w->n_dims != 4)
         return sst_graph_unsupported(b, node->onnx, "with weights that are not four-dimensional floats");
-    if (group < 1 || group > w->dims[0] || w->dims[0] % group || w->dims[1] * group != op->channels || w->dims[0] > 65536 ||
-        w->dims[2] > MAX_WINDOW || w->dims[3] > MAX_WINDOW)
+    if (group < 1 || group > w->dims[0] || w->dims[0] % group || w->dims[1] * group != op->channels ||
+        w->dims[0] > 65536 || w->dims[2] > MAX_WINDOW || w->dims[3] > MAX_WINDOW)
         return sst_graph_wrong(b, node->onnx, "has weights that do not fit its input or groups");
     err = read_pair(b, node, "kernel_shape", 1, op->kernel);
     if (err)
@@ -268,7 +275,7 @@ static int add(struct sst_builder *b, const struct sst_raw_node *node)
     return fuse(b, made, node->out[0]);
 }
 
-/* --- the other layers --------------------------------------------------------------------------------------------- */
+/* --- the other layers ----------------------------------------------------------------------------- */
 
 static int concat(struct sst_builder *b, const struct sst_raw_node *node)
 {
@@ -349,7 +356,8 @@ static int resize_mode(struct sst_builder *b, const struct sst_raw_node *node, s
     const bool before_11 = sst_graph_is(node->onnx, "Upsample") || b->model->opset < 11;
     struct sst_onnx_attr a;
 
-    if (!sst_onnx_attr_find(node->onnx, "mode", &a) || !(sst_onnx_str_is(a.s, "linear") || sst_onnx_str_is(a.s, "bilinear")))
+    if (!sst_onnx_attr_find(node->onnx, "mode", &a) ||
+        !(sst_onnx_str_is(a.s, "linear") || sst_onnx_str_is(a.s, "bilinear")))
         return sst_graph_unsupported(b, node->onnx, "that is not bilinear");
     op->mode = before_11 ? SST_RESIZE_ASYMMETRIC : SST_RESIZE_HALF_PIXEL;
     if (before_11 || !sst_onnx_attr_find(node->onnx, "coordinate_transformation_mode", &a))
@@ -391,8 +399,9 @@ static int resize(struct sst_builder *b, const struct sst_raw_node *node)
             op->size[i] = (int)sizes[i];
         }
     } else {
-        return sst_graph_unsupported(b, node->onnx, "to a size that is computed; export it with fixed scales or as"
-                                                    " sst.ResizeLike");
+        return sst_graph_unsupported(b, node->onnx,
+                                     "to a size that is computed; export it with fixed scales or as"
+                                     " sst.ResizeLike");
     }
     return commit_op(b, op);
 }

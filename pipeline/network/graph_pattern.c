@@ -23,7 +23,8 @@ static bool one_number(const struct sst_onnx_tensor *t, double *out)
 }
 
 /* Step over one Clip, Max or Add of a constant, taking note of it. */
-static const struct sst_raw_node *peel(const struct sst_builder *b, const struct sst_raw_node *node, double *add, double *min)
+static const struct sst_raw_node *peel(const struct sst_builder *b, const struct sst_raw_node *node, double *add,
+                                       double *min)
 {
     struct sst_onnx_attr a;
     double v;

@@ -89,7 +89,9 @@ int sst_graph_shapes(const struct sst_graph *graph, int width, int height, struc
 
 impossible:
     if (name)
-        sst_log_error("model %s: the network cannot run on an image of %d x %d: a layer's input is too small, too large or"
-                      " does not fit the layer it is joined with", name, width, height);
+        sst_log_error(
+            "model %s: the network cannot run on an image of %d x %d: a layer's input is too small, too large or"
+            " does not fit the layer it is joined with",
+            name, width, height);
     return -EINVAL;
 }

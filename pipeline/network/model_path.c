@@ -45,7 +45,9 @@ int sst_model_path(char out[SST_PATH_MAX], const char *name)
             return 0;
         }
     }
-    sst_log_error("model %s is neither in $SST_MODELS nor in %s nor in " SST_DATADIR "/models; install the models or set"
-                  " SST_MODELS to their folder", name, *built ? built : "../models");
+    sst_log_error("model %s is neither in $SST_MODELS nor in %s nor in " SST_DATADIR
+                  "/models; install the models or set"
+                  " SST_MODELS to their folder",
+                  name, *built ? built : "../models");
     return -ENOPKG;
 }

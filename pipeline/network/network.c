@@ -90,8 +90,8 @@ static int open_opencv(struct sst_network *net, const struct sst_onnx *model, co
     if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory to read it", net->path);
     else
-        sst_log_error("model %s: %s, and OpenCV cannot run the network either (%s); export it with plain layers", net->path,
-                      reason, why);
+        sst_log_error("model %s: %s, and OpenCV cannot run the network either (%s); export it with plain layers",
+                      net->path, reason, why);
     return err == -ENOMEM ? err : -ENOTSUP;
 }
 
@@ -184,7 +184,7 @@ int sst_network_in_channels(const struct sst_network *net)
     return net->in_channels;
 }
 
-/* --- one size at a time ------------------------------------------------------------------------------------------------- */
+/* --- one size at a time --------------------------------------------------------------------------- */
 
 #if WITH_DNNL
 static int plan_dnnl(struct sst_network *net, int width, int height)
@@ -223,10 +223,11 @@ static int run_opencv(struct sst_network *net, const float *in, int width, int h
     int shape[3], err = sst_cv_net_run(net->cv, in, in_shape, net->threads, result, shape, why);
 
     if (err == -ENOMEM)
-        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width, height);
+        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
+                      height);
     else if (err)
-        sst_log_error("model %s: OpenCV cannot run it on an image of %d x %d (%s); use another size or model", net->path,
-                      width, height, why);
+        sst_log_error("model %s: OpenCV cannot run it on an image of %d x %d (%s); use another size or model",
+                      net->path, width, height, why);
     else
         *out = (struct sst_shape){ shape[0], shape[1], shape[2] };
     return err;
@@ -272,7 +273,8 @@ static int plan(struct sst_network *net, int width, int height)
     return 0;
 }
 
-int sst_network_out_shape(struct sst_network *net, int width, int height, int *out_channels, int *out_width, int *out_height)
+int sst_network_out_shape(struct sst_network *net, int width, int height, int *out_channels, int *out_width,
+                          int *out_height)
 {
     int err = plan(net, width, height);
 

@@ -1,5 +1,5 @@
-/* Protocol buffers, as far as ONNX needs them (field numbers are those of onnx.proto). Names, attributes and metadata stay
- * where they are in the file; only the nodes' table and the constants are copied. */
+/* Protocol buffers, as far as ONNX needs them (field numbers are those of onnx.proto). Names, attributes and metadata
+ * stay where they are in the file; only the nodes' table and the constants are copied. */
 #include "pipeline/network/onnx.h"
 
 #include <errno.h>
@@ -100,8 +100,8 @@ static float bits_to_float(uint64_t bits)
     return f;
 }
 
-/* A repeated number comes one by one or packed; store those that fit into out[0..room), count all. Where out is NULL they
- * are only counted. Wire is that of one number. */
+/* A repeated number comes one by one or packed; store those that fit into out[0..room), count all. Where out is NULL
+ * they are only counted. Wire is that of one number. */
 static bool read_numbers(struct field *f, enum wire wire, void *out, int64_t room, int64_t *count)
 {
     struct sst_onnx_str one = f->bytes;
@@ -147,7 +147,7 @@ static bool printable(struct sst_onnx_str s)
     return true;
 }
 
-/* --- tensors ---------------------------------------------------------------------------------------------------- */
+/* --- tensors -------------------------------------------------------------------------------------- */
 
 struct tensor_parts {
     uint64_t type;
@@ -241,16 +241,21 @@ int sst_onnx_tensor_read(struct sst_onnx_tensor *out, struct sst_onnx_str bytes,
     int err = 0;
 
     if (read_tensor_fields(&t, &p, bytes))
-        return damaged(name, "a tensor ends early, holds a field of the wrong kind or has control characters in its name");
+        return damaged(name,
+                       "a tensor ends early, holds a field of the wrong kind or has control characters in its name");
     if (p.external) {
-        sst_log_error("model %s: tensor %.*s keeps its data in another file, which is never opened; export the model with"
-                      " its weights inside", name, SST_ONNX_STR(t.name));
+        sst_log_error(
+            "model %s: tensor %.*s keeps its data in another file, which is never opened; export the model with"
+            " its weights inside",
+            name, SST_ONNX_STR(t.name));
         return -EBADMSG;
     }
     t.n_dims = (int)(p.n_dims <= SST_ONNX_MAX_DIMS ? p.n_dims : 0);
     if (p.n_dims > SST_ONNX_MAX_DIMS || !count_elements(&t)) {
-        sst_log_error("model %s: tensor %.*s has a negative or too large dimension (at most %d dimensions, 2^28 numbers);"
-                      " the file is damaged", name, SST_ONNX_STR(t.name), SST_ONNX_MAX_DIMS);
+        sst_log_error(
+            "model %s: tensor %.*s has a negative or too large dimension (at most %d dimensions, 2^28 numbers);"
+            " the file is damaged",
+            name, SST_ONNX_STR(t.name), SST_ONNX_MAX_DIMS);
         return -EBADMSG;
     }
     width = p.type < ARRAY_LEN(type_bytes) ? type_bytes[p.type] : 0;
@@ -282,7 +287,7 @@ void sst_onnx_tensor_fini(struct sst_onnx_tensor *tensor)
     *tensor = (struct sst_onnx_tensor){ 0 };
 }
 
-/* --- attributes ------------------------------------------------------------------------------------------------- */
+/* --- attributes ----------------------------------------------------------------------------------- */
 
 static int read_attr(struct sst_onnx_attr *a, struct sst_onnx_str *name, struct sst_onnx_str bytes)
 {
@@ -334,7 +339,7 @@ int64_t sst_onnx_attr_int(const struct sst_onnx_node *node, const char *name, in
     return sst_onnx_attr_find(node, name, &a) ? a.i : missing;
 }
 
-/* --- nodes, values, the whole ------------------------------------------------------------------------------------ */
+/* --- nodes, values, the whole --------------------------------------------------------------------- */
 
 /* Make room for one more in a table that doubles; NULL (logged) at its limit or without memory. */
 static void *add(void **table, int *count, int limit, size_t size, const char *what, const char *name, int *err)
@@ -364,8 +369,10 @@ static int read_node_attr(struct sst_onnx_str bytes, const char *name)
     int err = read_attr(&a, &attr_name, bytes);
 
     if (err == -ENOTSUP) {
-        sst_log_error("model %s: a node holds a graph of its own (If, Loop, Scan), which cannot be run; export the network"
-                      " without control flow", name);
+        sst_log_error(
+            "model %s: a node holds a graph of its own (If, Loop, Scan), which cannot be run; export the network"
+            " without control flow",
+            name);
         return err;
     }
     if (err)
@@ -492,7 +499,8 @@ static int read_metadata(struct sst_onnx *m, struct sst_onnx_str bytes, const ch
     struct sst_onnx_metadata *meta;
     int err = 0;
 
-    meta = add((void **)&m->metadata, &m->n_metadata, SST_ONNX_MAX_METADATA, sizeof(*meta), "metadata entries", name, &err);
+    meta = add((void **)&m->metadata, &m->n_metadata, SST_ONNX_MAX_METADATA, sizeof(*meta), "metadata entries", name,
+               &err);
     if (!meta)
         return err;
     meta->key = meta->value = bytes;

@@ -1,4 +1,5 @@
-/* pipeline/network/onnx.h - bounded reader of ONNX files: all is checked, and no file that a model names is ever opened. */
+/* pipeline/network/onnx.h - bounded reader of ONNX files: all is checked, and no file that a model names is ever
+ * opened. */
 #ifndef SST_PIPELINE_NETWORK_ONNX_H
 #define SST_PIPELINE_NETWORK_ONNX_H
 
@@ -8,14 +9,14 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_ONNX_MAX_BYTES ((size_t)64 << 20)
-#define SST_ONNX_MAX_NODES 4096
-#define SST_ONNX_MAX_TENSORS 8192
+#define SST_ONNX_MAX_BYTES    ((size_t)64 << 20)
+#define SST_ONNX_MAX_NODES    4096
+#define SST_ONNX_MAX_TENSORS  8192
 #define SST_ONNX_MAX_METADATA 256
 #define SST_ONNX_MAX_ELEMENTS ((int64_t)1 << 28)
-#define SST_ONNX_MAX_DIMS 8
-#define SST_ONNX_MAX_INS 32
-#define SST_ONNX_MAX_OUTS 8
+#define SST_ONNX_MAX_DIMS     8
+#define SST_ONNX_MAX_INS      32
+#define SST_ONNX_MAX_OUTS     8
 
 /** Bytes inside the file, without a NUL. */
 struct sst_onnx_str {
@@ -69,8 +70,8 @@ struct sst_onnx {
  * Read a model. Its strings point into data, which must outlive it.
  *
  * @param name  of the file, for messages
- * @return 0, -EBADMSG (truncated, over a limit above, sizes that contradict each other, data in other files, values that
- *         are not finite), -ENOTSUP (nodes with graphs inside), -ENOMEM; logged.
+ * @return 0, -EBADMSG (truncated, over a limit above, sizes that contradict each other, data in other files, values
+ * that are not finite), -ENOTSUP (nodes with graphs inside), -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_onnx_parse(struct sst_onnx *out, const uint8_t *data, size_t size, const char *name);
 void sst_onnx_fini(struct sst_onnx *model);

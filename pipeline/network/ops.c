@@ -24,7 +24,7 @@ static int padded_channels(const struct sst_tensor *t)
     return (t->c + t->block - 1) / t->block * t->block;
 }
 
-/* --- resize -------------------------------------------------------------------------------------------------------- */
+/* --- resize --------------------------------------------------------------------------------------- */
 
 static double source_position(enum sst_resize_mode mode, double scale, int from, int to, int i)
 {
@@ -89,7 +89,7 @@ int sst_op_resize(const struct sst_tensor *dst, const struct sst_tensor *src, co
     return sst_parallel_for(dst->h, threads, resize_row, &job);
 }
 
-/* --- adaptive pool ------------------------------------------------------------------------------------------------- */
+/* --- adaptive pool -------------------------------------------------------------------------------- */
 
 static void mean_of_bin(const struct job *j, int c0, int lanes, int oy, int ox)
 {
@@ -136,7 +136,7 @@ int sst_op_adaptive_pool(const struct sst_tensor *dst, const struct sst_tensor *
     return sst_parallel_for((padded_channels(src) + width - 1) / width, threads, pool_group, &job);
 }
 
-/* --- softmax and normalisation: tiles of TILE pixels of a row, all channels ---------------------------------------- */
+/* --- softmax and normalisation: tiles of TILE pixels of a row, all channels ----------------------- */
 
 static void load_tile(float (*tile)[TILE], const struct sst_tensor *t, int y, int x, int n)
 {
@@ -191,7 +191,8 @@ static void normalize_tile(float (*tile)[TILE], int channels, const struct sst_o
             scale[i] += (double)tile[c][i] * tile[c][i];
     }
     for (int i = 0; i < TILE; i++) {
-        const double length = fmax(sqrt(fmax(scale[i] + op->norm_in_add, op->norm_in_min)) + op->norm_add, op->norm_min);
+        const double length =
+            fmax(sqrt(fmax(scale[i] + op->norm_in_add, op->norm_in_min)) + op->norm_add, op->norm_min);
 
         scale[i] = length > 0 ? 1 / length : 0;
     }

@@ -48,7 +48,9 @@ int plan_add_tensor(struct sst_plan *p, const dnnl_memory_desc_t *md, struct sst
     }
     t = &p->tensors[p->n_tensors];
     *t = (struct plan_tensor){
-        .md = *md, .bytes = sst_mem_stride(dnnl_memory_desc_get_size(md), 1), .first = -1,
+        .md = *md,
+        .bytes = sst_mem_stride(dnnl_memory_desc_get_size(md), 1),
+        .first = -1,
         .view = { .c = shape.c, .h = shape.h, .w = shape.w },
     };
     find_layout(t);
@@ -73,7 +75,7 @@ struct plan_step *plan_add_step(struct sst_plan *p, const struct sst_op *op)
     return s;
 }
 
-/* --- memory ----------------------------------------------------------------------------------------------------------- */
+/* --- memory --------------------------------------------------------------------------------------- */
 
 static void find_lifetimes(struct sst_plan *p)
 {
@@ -104,7 +106,8 @@ static size_t find_place(const struct sst_plan *p, const struct plan_tensor *t, 
     for (int i = 0; i < p->n_tensors; i++) {
         const struct plan_tensor *o = &p->tensors[i];
 
-        if (placed[i] && o->first <= t->last && t->first <= o->last && at < o->offset + o->bytes && o->offset < at + t->bytes) {
+        if (placed[i] && o->first <= t->last && t->first <= o->last && at < o->offset + o->bytes &&
+            o->offset < at + t->bytes) {
             at = o->offset + o->bytes;
             i = -1;
         }
@@ -152,7 +155,8 @@ static int allocate(struct sst_plan *p)
 
         if (in_arena(t))
             t->view.data = (float *)(void *)((char *)p->arena + t->offset);
-        err = plan_errno(dnnl_memory_create(&t->memory, &t->md, p->engine, in_arena(t) ? t->view.data : DNNL_MEMORY_NONE));
+        err = plan_errno(
+            dnnl_memory_create(&t->memory, &t->md, p->engine, in_arena(t) ? t->view.data : DNNL_MEMORY_NONE));
     }
     for (int i = 0; !err && i < p->n_steps; i++) {
         struct plan_step *s = &p->steps[i];
@@ -167,7 +171,7 @@ static int allocate(struct sst_plan *p)
     return err;
 }
 
-/* --- life --------------------------------------------------------------------------------------------------------------- */
+/* --- life ----------------------------------------------------------------------------------------- */
 
 static int add_ops(struct sst_plan *p)
 {
@@ -237,8 +241,9 @@ int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const 
         omp_set_num_threads(before);
     }
     if (!err) {
-        sst_log_info("model %s: %d steps, %zu MiB of activations, %zu MiB of scratch for an image of %d x %d", name, p->n_steps,
-                     p->arena_bytes >> 20, p->scratch_bytes >> 20, shapes[graph->input].w, shapes[graph->input].h);
+        sst_log_info("model %s: %d steps, %zu MiB of activations, %zu MiB of scratch for an image of %d x %d", name,
+                     p->n_steps, p->arena_bytes >> 20, p->scratch_bytes >> 20, shapes[graph->input].w,
+                     shapes[graph->input].h);
         p->shapes = NULL;
         *out = p;
         return 0;
@@ -247,8 +252,8 @@ int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const 
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", name,
                       shapes[graph->input].w, shapes[graph->input].h);
     else
-        sst_log_error("model %s: oneDNN cannot run one of its layers on an image of %d x %d; use another size or model", name,
-                      shapes[graph->input].w, shapes[graph->input].h);
+        sst_log_error("model %s: oneDNN cannot run one of its layers on an image of %d x %d; use another size or model",
+                      name, shapes[graph->input].w, shapes[graph->input].h);
     sst_plan_destroy(p);
     return err;
 }
@@ -311,7 +316,8 @@ static int run_steps(struct sst_plan *p)
     for (int i = 0; !err && i < p->n_steps; i++) {
         const struct plan_step *s = &p->steps[i];
 
-        err = s->primitive ? plan_errno(dnnl_primitive_execute(s->primitive, p->stream, s->n_args, s->args)) : run_own(p, s);
+        err = s->primitive ? plan_errno(dnnl_primitive_execute(s->primitive, p->stream, s->n_args, s->args))
+                           : run_own(p, s);
     }
     if (!err)
         err = plan_errno(dnnl_stream_wait(p->stream));

@@ -1,5 +1,5 @@
-/* Each operation of a graph as a oneDNN primitive, or as one of ops.h. Convolutions choose the layouts; what follows takes
- * what it gets, so that reorders are rare. */
+/* Each operation of a graph as a oneDNN primitive, or as one of ops.h. Convolutions choose the layouts; what follows
+ * takes what it gets, so that reorders are rare. */
 #if WITH_DNNL
 #include "pipeline/network/plan_dnnl.h"
 
@@ -108,8 +108,8 @@ static int add_reorder(struct sst_plan *p, int from, int to)
         return err;
     add_arg(s, DNNL_ARG_FROM, from, NULL);
     add_arg(s, DNNL_ARG_TO, to, NULL);
-    err = plan_errno(dnnl_reorder_primitive_desc_create(&pd, &p->tensors[from].md, p->engine, &p->tensors[to].md, p->engine,
-                                                        attr));
+    err = plan_errno(
+        dnnl_reorder_primitive_desc_create(&pd, &p->tensors[from].md, p->engine, &p->tensors[to].md, p->engine, attr));
     dnnl_primitive_attr_destroy(attr);
     return err ? err : make_primitive(p, s, pd);
 }
@@ -132,7 +132,7 @@ int plan_in_layout(struct sst_plan *p, int value, const dnnl_memory_desc_t *md)
     return to;
 }
 
-/* --- convolution ---------------------------------------------------------------------------------------------------- */
+/* --- convolution ---------------------------------------------------------------------------------- */
 
 static int conv_attr(dnnl_primitive_attr_t *attr, const struct sst_op *op)
 {
@@ -166,7 +166,8 @@ static int weights_desc(dnnl_memory_desc_t *md, const struct sst_op *op, bool pl
     const dnnl_dims_t dims = { op->channels, op->group_in, op->kernel[0], op->kernel[1] };
 
     if (g > 1)
-        return plan_errno(dnnl_memory_desc_init_by_tag(md, 5, grouped, dnnl_f32, plain ? dnnl_goihw : dnnl_format_tag_any));
+        return plan_errno(
+            dnnl_memory_desc_init_by_tag(md, 5, grouped, dnnl_f32, plain ? dnnl_goihw : dnnl_format_tag_any));
     return plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, dnnl_f32, plain ? dnnl_oihw : dnnl_format_tag_any));
 }
 
@@ -189,8 +190,8 @@ static int conv_desc(struct sst_plan *p, const struct sst_op *op, dnnl_alg_kind_
     if (!err)
         err = plan_errno(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x));
     if (!err)
-        err = plan_errno(dnnl_dilated_convolution_forward_desc_init(&desc, dnnl_forward_inference, algorithm, &src, &weights,
-                                                                    &bias, &dst, strides, dilation, before, after));
+        err = plan_errno(dnnl_dilated_convolution_forward_desc_init(
+            &desc, dnnl_forward_inference, algorithm, &src, &weights, &bias, &dst, strides, dilation, before, after));
     if (!err)
         err = conv_attr(&attr, op);
     if (err)
@@ -320,7 +321,7 @@ static int add_conv(struct sst_plan *p, const struct sst_op *op)
     return make_primitive(p, s, pd);
 }
 
-/* --- the other primitives -------------------------------------------------------------------------------------------- */
+/* --- the other primitives ------------------------------------------------------------------------- */
 
 /* Step and result of a primitive whose inputs are set; takes the description. */
 static int finish(struct sst_plan *p, const struct sst_op *op, dnnl_primitive_desc_t pd, const int *src, int n_src,
@@ -344,8 +345,8 @@ static int add_relu(struct sst_plan *p, const struct sst_op *op)
     const int src = p->current[op->in[0]];
     dnnl_eltwise_desc_t desc;
     dnnl_primitive_desc_t pd;
-    int err = plan_errno(dnnl_eltwise_forward_desc_init(&desc, dnnl_forward_inference, dnnl_eltwise_relu,
-                                                        &p->tensors[src].md, 0, 0));
+    int err = plan_errno(
+        dnnl_eltwise_forward_desc_init(&desc, dnnl_forward_inference, dnnl_eltwise_relu, &p->tensors[src].md, 0, 0));
 
     if (!err)
         err = make_desc(p, &pd, &desc);
@@ -408,14 +409,15 @@ static int add_pool(struct sst_plan *p, const struct sst_op *op)
         after[i] = sst_max_int(end - sizes[i] - op->pad_before[i], op->pad_after[i]);
     }
     if (!err)
-        err = plan_errno(dnnl_pooling_v2_forward_desc_init(&desc, dnnl_forward_inference, algorithm, &p->tensors[src].md, &dst,
-                                                           strides, kernel, dilation, before, after));
+        err =
+            plan_errno(dnnl_pooling_v2_forward_desc_init(&desc, dnnl_forward_inference, algorithm, &p->tensors[src].md,
+                                                         &dst, strides, kernel, dilation, before, after));
     if (!err)
         err = make_desc(p, &pd, &desc);
     return err ? err : finish(p, op, pd, &src, 1, DNNL_ARG_SRC);
 }
 
-/* --- layers of ops.h -------------------------------------------------------------------------------------------------- */
+/* --- layers of ops.h ------------------------------------------------------------------------------ */
 
 static int add_taps(struct sst_plan *p, struct plan_step *s, const struct sst_op *op)
 {
@@ -447,8 +449,8 @@ static int add_own(struct sst_plan *p, const struct sst_op *op)
         if (src < 0)
             return src;
     }
-    err = plan_errno(dnnl_memory_desc_init_by_tag(
-        &md, 4, dims, dnnl_f32, op->out == p->graph->output ? dnnl_nchw : p->tensors[src].tag));
+    err = plan_errno(dnnl_memory_desc_init_by_tag(&md, 4, dims, dnnl_f32,
+                                                  op->out == p->graph->output ? dnnl_nchw : p->tensors[src].tag));
     if (err)
         return err;
     dst = result_tensor(p, op, &md);

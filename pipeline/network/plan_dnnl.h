@@ -43,8 +43,8 @@ struct sst_plan {
     struct plan_tensor *tensors;
     struct plan_step *steps;
     int n_tensors, n_steps, tensors_room, steps_room;
-    int *current;  /* [n_values] tensor that holds a value now, or -1 */
-    int *last_use; /* [n_values] last operation that reads it */
+    int *current;   /* [n_values] tensor that holds a value now, or -1 */
+    int *last_use;  /* [n_values] last operation that reads it */
     bool *winograd; /* [n_ops] convolutions that run as Winograd's */
     int input, output;
     void *arena, *scratch;

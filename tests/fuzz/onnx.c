@@ -1,4 +1,5 @@
-/* libFuzzer target: the reader of ONNX files, the graph and the shapes, as sst_network_open() and its first run use them.
+/* libFuzzer target: the reader of ONNX files, the graph and the shapes, as sst_network_open() and its first run use
+ * them.
  *
  *   make && mkdir -p build/corpus
  *   clang -g -O1 -D_DEFAULT_SOURCE -fsanitize=fuzzer,address,undefined \

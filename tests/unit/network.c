@@ -134,7 +134,8 @@ static struct image ref_conv(const struct image *in, const struct conv *c, const
             double sum = bias ? bias[o] : 0;
 
             for (int k = 0; k < per * c->kernel[0] * c->kernel[1]; k++) {
-                const int kx = k % c->kernel[1], ky = k / c->kernel[1] % c->kernel[0], i = k / c->kernel[1] / c->kernel[0];
+                const int kx = k % c->kernel[1], ky = k / c->kernel[1] % c->kernel[0],
+                          i = k / c->kernel[1] / c->kernel[0];
                 const int y = p / wide * c->stride[0] + ky * c->dilation[0] - c->pad[0];
                 const int x = p % wide * c->stride[1] + kx * c->dilation[1] - c->pad[1];
 
@@ -163,10 +164,14 @@ static void ow_conv(struct ow_buf *graph, const struct conv *c, const char *ins,
 static void convolutions_equal_plain_loops(void **state SST_UNUSED)
 {
     static const struct conv cases[] = {
-        { 1, 64, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 },  { 64, 64, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 },
-        { 3, 5, { 7, 7 }, { 2, 2 }, { 1, 1 }, { 3, 3, 3, 3 }, 1 },   { 16, 24, { 3, 3 }, { 1, 1 }, { 2, 2 }, { 2, 2, 2, 2 }, 1 },
-        { 12, 12, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 0, 1, 2, 1 }, 12 }, { 8, 6, { 1, 3 }, { 2, 1 }, { 1, 3 }, { 0, 3, 0, 3 }, 2 },
-        { 20, 11, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 }, { 48, 33, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 },
+        { 1, 64, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 },
+        { 64, 64, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 },
+        { 3, 5, { 7, 7 }, { 2, 2 }, { 1, 1 }, { 3, 3, 3, 3 }, 1 },
+        { 16, 24, { 3, 3 }, { 1, 1 }, { 2, 2 }, { 2, 2, 2, 2 }, 1 },
+        { 12, 12, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 0, 1, 2, 1 }, 12 },
+        { 8, 6, { 1, 3 }, { 2, 1 }, { 1, 3 }, { 0, 3, 0, 3 }, 2 },
+        { 20, 11, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 },
+        { 48, 33, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
@@ -206,7 +211,8 @@ static void residual_blocks_equal_plain_loops(void **state SST_UNUSED)
     const struct conv c3 = { 32, 32, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
     float *w1 = random_floats(32 * 16 * 9), *w2 = random_floats(32 * 16), *w3 = random_floats(32 * 32 * 9);
     float *bn[4];
-    struct image in = random_image(16, 18, 22), a = ref_conv(&in, &c1, w1, NULL), b = ref_conv(&in, &c2, w2, NULL), d, got;
+    struct image in = random_image(16, 18, 22), a = ref_conv(&in, &c1, w1, NULL), b = ref_conv(&in, &c2, w2, NULL), d,
+                 got;
     struct ow_buf graph = { 0 }, attrs = { 0 };
 
     for (int i = 0; i < 4; i++) {
@@ -318,14 +324,14 @@ static void pools_equal_plain_loops(void **state SST_UNUSED)
     static const struct {
         int kernel, stride, pad, ceil, mode, h, w; /* mode: max, average, average that counts the padding */
     } cases[] = {
-        { 3, 2, 1, 0, 'm', 7, 9 }, { 3, 2, 0, 1, 'm', 6, 8 }, { 2, 2, 0, 1, 'a', 7, 9 }, { 3, 2, 1, 0, 'a', 7, 9 },
+        { 3, 2, 1, 0, 'm', 7, 9 }, { 3, 2, 0, 1, 'm', 6, 8 }, { 2, 2, 0, 1, 'a', 7, 9 },  { 3, 2, 1, 0, 'a', 7, 9 },
         { 3, 2, 1, 0, 'p', 7, 9 }, { 3, 2, 1, 1, 'm', 7, 9 }, { 13, 1, 0, 0, 'a', 1, 5 },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         struct image in = random_image(20, 13, 17), got;
-        struct image want = ref_pool(&in, cases[i].h, cases[i].w, cases[i].kernel, cases[i].stride, cases[i].pad,
-                                     cases[i].mode);
+        struct image want =
+            ref_pool(&in, cases[i].h, cases[i].w, cases[i].kernel, cases[i].stride, cases[i].pad, cases[i].mode);
         struct ow_buf graph = { 0 }, a = { 0 };
 
         ow_identity_conv(&graph, 20);
@@ -344,7 +350,8 @@ static void pools_equal_plain_loops(void **state SST_UNUSED)
 /* Bins of 5 samples in 3: 0..1, 1..3, 3..4 (floor and ceiling of 5/3 and 10/3): they overlap. */
 static void adaptive_pools_equal_hand_worked_bins(void **state SST_UNUSED)
 {
-    const struct image in = { 1, 1, 5, (float[]){ 1, 2, 4, 8, 16 } }, want = { 1, 1, 3, (float[]){ 1.5f, 14.0f / 3, 12 } };
+    const struct image in = { 1, 1, 5, (float[]){ 1, 2, 4, 8, 16 } },
+                       want = { 1, 1, 3, (float[]){ 1.5f, 14.0f / 3, 12 } };
     struct ow_buf graph = { 0 }, a = { 0 };
     struct image got;
 

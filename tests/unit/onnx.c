@@ -107,7 +107,8 @@ static void flipped_bytes_do_no_harm(void **state SST_UNUSED)
 }
 
 /* A tensor from its raw parts. */
-static void ow_tensor(struct ow_buf *graph, const char *name, const int64_t *dims, int n_dims, const void *data, size_t bytes)
+static void ow_tensor(struct ow_buf *graph, const char *name, const int64_t *dims, int n_dims, const void *data,
+                      size_t bytes)
 {
     struct ow_buf t = { 0 };
 
@@ -122,12 +123,12 @@ static void ow_tensor(struct ow_buf *graph, const char *name, const int64_t *dim
 static void impossible_tensors_are_refused(void **state SST_UNUSED)
 {
     static const int64_t cases[][4] = {
-        { 2, 2, 1, 2 },                          /* twice what is stored */
-        { 1, 2, 1, 1 },                          /* half of it */
-        { -2, -2, 1, 1 },                        /* negative, though the product fits */
-        { INT64_C(1) << 62, 4, 1, 1 },           /* the product overflows */
+        { 2, 2, 1, 2 },                               /* twice what is stored */
+        { 1, 2, 1, 1 },                               /* half of it */
+        { -2, -2, 1, 1 },                             /* negative, though the product fits */
+        { INT64_C(1) << 62, 4, 1, 1 },                /* the product overflows */
         { INT64_C(1) << 32, INT64_C(1) << 32, 1, 1 }, /* the product overflows to 0 */
-        { INT64_C(1) << 28, 2, 1, 1 },           /* over the limit */
+        { INT64_C(1) << 28, 2, 1, 1 },                /* over the limit */
     };
     const float bad[2][4] = { { 1, 2, NAN, 4 }, { 1, -INFINITY, 3, 4 } };
     const int64_t dims[9] = { 2, 2, 1, 1, 1, 1, 1, 1, 1 };
@@ -186,12 +187,12 @@ static void contradictory_graphs_are_refused(void **state SST_UNUSED)
         const char *op, *ins, *outs;
         int want;
     } cases[] = {
-        { "Relu", "z", "z", -EBADMSG },        /* a cycle of one */
-        { "Relu", "later", "z", -EBADMSG },    /* reads what is never made */
-        { "Relu", "c", "y", -EBADMSG },        /* makes y again */
-        { "Relu", "c", "w", -EBADMSG },        /* makes what is a constant */
-        { "Relu", "c", "-", -EBADMSG },        /* makes nothing */
-        { "Mystery", "c", "z", 0 },            /* unknown, but nobody reads it */
+        { "Relu", "z", "z", -EBADMSG },     /* a cycle of one */
+        { "Relu", "later", "z", -EBADMSG }, /* reads what is never made */
+        { "Relu", "c", "y", -EBADMSG },     /* makes y again */
+        { "Relu", "c", "w", -EBADMSG },     /* makes what is a constant */
+        { "Relu", "c", "-", -EBADMSG },     /* makes nothing */
+        { "Mystery", "c", "z", 0 },         /* unknown, but nobody reads it */
     };
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {

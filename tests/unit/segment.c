@@ -75,8 +75,8 @@ static struct sst_image new_image(int width, int height, int r, int g, int b)
 }
 
 static const struct entry good[] = {
-    { "sst.classes", "Sky, Road,Tree" }, { "sst.ground", "road" },    { "sst.mean", "0.5,0.5,0.25" },
-    { "sst.std", "0.25,0.5,0.25" },      { "sst.size", "64x48" },     { "sst.epsilon_h", "0.75" },
+    { "sst.classes", "Sky, Road,Tree" }, { "sst.ground", "road" },   { "sst.mean", "0.5,0.5,0.25" },
+    { "sst.std", "0.25,0.5,0.25" },      { "sst.size", "64x48" },    { "sst.epsilon_h", "0.75" },
     { "sst.temperature", "2" },          { "sst.output", "logits" },
 };
 
@@ -113,7 +113,8 @@ static void a_plain_image_gives_hand_worked_probabilities(void **state SST_UNUSE
     sst_segmenter_close(seg);
 }
 
-/* Left half red, right half green: the border must come back where it was, at a size that is no multiple of anything. */
+/* Left half red, right half green: the border must come back where it was, at a size that is no multiple of anything.
+ */
 static void labels_come_back_in_place(void **state SST_UNUSED)
 {
     struct sst_image img = new_image(1001, 203, 0, 0, 0);
@@ -192,12 +193,14 @@ static void probabilities_are_taken_as_they_are(void **state SST_UNUSED)
 static void unfit_models_are_refused(void **state SST_UNUSED)
 {
     static const struct entry bad[] = {
-        { "sst.classes", "" },          { "sst.classes", "a,b" },         { "sst.classes", "a,a,b" },
-        { "sst.classes", "a,,b" },      { "sst.ground", "Sea" },          { "sst.mean", "0.5,0.5" },
-        { "sst.mean", "1,2,3,4" },      { "sst.std", "0,1,1" },           { "sst.std", "nan,1,1" },
-        { "sst.size", "480" },          { "sst.size", "480x360 or so" },  { "sst.size", "1x1" },
-        { "sst.epsilon_h", "-1" },      { "sst.temperature", "0" },       { "sst.output", "classes" },
-        { "sst.classes", "a,b,a name that is longer than any class" },
+        { "sst.classes", "" },           { "sst.classes", "a,b" },
+        { "sst.classes", "a,a,b" },      { "sst.classes", "a,,b" },
+        { "sst.ground", "Sea" },         { "sst.mean", "0.5,0.5" },
+        { "sst.mean", "1,2,3,4" },       { "sst.std", "0,1,1" },
+        { "sst.std", "nan,1,1" },        { "sst.size", "480" },
+        { "sst.size", "480x360 or so" }, { "sst.size", "1x1" },
+        { "sst.epsilon_h", "-1" },       { "sst.temperature", "0" },
+        { "sst.output", "classes" },     { "sst.classes", "a,b,a name that is longer than any class" },
     };
     struct sst_segmenter *seg = NULL;
 
