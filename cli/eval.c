@@ -177,7 +177,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
               INFINITY },
             { "c1", 0, CLI_DOUBLE, &cfg.c1, "C", "least depth weight", 0, 1 },
             { "c2", 0, CLI_DOUBLE, &cfg.c2, "C", "least label weight", 0, 1 },
-            { "aperture", 0, CLI_DOUBLE, &cfg.aperture, "R", "aperture radius in spacings; inf: all views", 0, INFINITY },
+            { "aperture", 0, CLI_DOUBLE, &cfg.aperture, "R", "aperture radius, spacings; inf: all", 0, INFINITY },
             { "threads", 0, CLI_INT, &threads, "N", "threads to use (default: all processors)", 1, 256 },
         };
 
