@@ -171,13 +171,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     sst_render_config_defaults(&cfg);
     {
         const struct cli_option options[] = {
-            { "truth", 't', CLI_STRING, &truth_dir, "DIR", "folder with truth.json, rr_cc.pfm, rr_cc.png (required)", 0, 0 },
+            { "truth", 't', CLI_STRING, &truth_dir, "DIR", "folder with truth.json, rr_cc.pfm, rr_cc.png", 0, 0 },
             { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
             { "sigma", 0, CLI_DOUBLE, &cfg.sigma_px, "PX", "width of the depth weight, px; inf: depth has no say", 1e-6,
               INFINITY },
             { "c1", 0, CLI_DOUBLE, &cfg.c1, "C", "least depth weight", 0, 1 },
             { "c2", 0, CLI_DOUBLE, &cfg.c2, "C", "least label weight", 0, 1 },
-            { "aperture", 0, CLI_DOUBLE, &cfg.aperture, "R", "radius of the aperture in spacings; inf: all views", 0, INFINITY },
+            { "aperture", 0, CLI_DOUBLE, &cfg.aperture, "R", "aperture radius, spacings; inf: all", 0, INFINITY },
             { "threads", 0, CLI_INT, &threads, "N", "threads to use (default: all processors)", 1, 256 },
         };
 
@@ -195,8 +195,8 @@ const struct cli_command cli_eval = {
     .usage = "LF --truth DIR [--json] [--sigma PX] [--c1 C] [--c2 C] [--aperture R] [--threads N]",
     .summary = "disparity, labels and see-through pictures against the truth",
     .detail = "Measures what the folder has truth for: disparity maps (rr_cc.pfm), label maps (rr_cc.png), and, by\n"
-              "truth.json, the picture behind each occluder against a rendering focused on it. PSNR is in dB, shares in\n"
-              "percent. What does not exist is a dash, or null.",
+              "truth.json, the picture behind each occluder against a rendering focused on it. PSNR is in dB, shares\n"
+              "in percent. What does not exist is a dash, or null.",
     .example = "sst scene bush -o LF && sst process LF && sst eval LF --truth LF/truth --json",
     .run = run,
 };

@@ -75,8 +75,8 @@ void sst_disparity_error_merge(struct sst_disparity_error *sum, const struct sst
     };
 }
 
-int sst_eval_visible(struct sst_map_u8 *mask, const struct sst_map_f32 *truth, const struct sst_map_f32 *other, double dbx,
-                     double dby)
+int sst_eval_visible(struct sst_map_u8 *mask, const struct sst_map_f32 *truth, const struct sst_map_f32 *other,
+                     double dbx, double dby)
 {
     if (mask->width != truth->width || mask->height != truth->height || other->width != truth->width ||
         other->height != truth->height)

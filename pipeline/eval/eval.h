@@ -8,10 +8,10 @@ SST_EXTERN_C_BEGIN
 
 /** Disparity errors over the pixels whose truth is finite (and where mask is not 0, if given). */
 struct sst_disparity_error {
-    int64_t pixels;        /* with truth */
-    double bad_half, bad1, bad2, bad4;  /* percent of pixels off by more than 0.5, 1, 2, 4 px; unknown counts as bad */
-    double rmse, mean_abs; /* px, over pixels with an estimate */
-    double density;        /* percent of pixels with an estimate */
+    int64_t pixels;                    /* with truth */
+    double bad_half, bad1, bad2, bad4; /* percent of pixels off by more than 0.5, 1, 2, 4 px; unknown counts as bad */
+    double rmse, mean_abs;             /* px, over pixels with an estimate */
+    double density;                    /* percent of pixels with an estimate */
 };
 
 /**
@@ -26,8 +26,9 @@ SST_MUST_CHECK int sst_eval_disparity(struct sst_disparity_error *out, const str
 void sst_disparity_error_merge(struct sst_disparity_error *sum, const struct sst_disparity_error *add);
 
 /**
- * Mark the pixels whose surface another view sees too: the point at x, of disparity d, is at x - d (dbx, dby) there; it is
- * visible if that lies inside the view and nothing nearer by more than 1 px of disparity stands at the nearest pixel.
+ * Mark the pixels whose surface another view sees too: the point at x, of disparity d, is at x - d (dbx, dby) there; it
+ * is visible if that lies inside the view and nothing nearer by more than 1 px of disparity stands at the nearest
+ * pixel.
  *
  * @param mask      in and out: set to 255 where visible, else left alone, so that calls for several views add up
  * @param dbx, dby  offset of the other view minus that of this one, in spacings
@@ -45,7 +46,8 @@ struct sst_confusion {
 SST_MUST_CHECK int sst_confusion_add(struct sst_confusion *c, const struct sst_map_u8 *estimate,
                                      const struct sst_map_u8 *truth);
 
-/** Mean IoU in percent over the classes that occur in the truth; a class's unlabeled pixels count as misses. NaN if none. */
+/** Mean IoU in percent over the classes that occur in the truth; a class's unlabeled pixels count as misses. NaN if
+ * none. */
 double sst_confusion_miou(const struct sst_confusion *c);
 
 /** IoU of one class in percent, NaN where it neither occurs nor is claimed. */
@@ -55,8 +57,8 @@ double sst_confusion_iou(const struct sst_confusion *c, int label);
 double sst_confusion_coverage(const struct sst_confusion *c);
 double sst_confusion_accuracy(const struct sst_confusion *c);
 
-/** PSNR in dB over R, G, B of the masked pixels (NULL: all); at most 100 dB, which identical pictures give; NaN where no
- *  pixel counts or the sizes differ. */
+/** PSNR in dB over R, G, B of the masked pixels (NULL: all); at most 100 dB, which identical pictures give; NaN where
+ * no pixel counts or the sizes differ. */
 double sst_psnr(const struct sst_image *a, const struct sst_image *b, const struct sst_map_u8 *mask);
 
 /**

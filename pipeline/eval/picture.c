@@ -7,10 +7,10 @@
 #include "base/mem.h"
 
 #define PSNR_MAX_DB 100.0
-#define RADIUS 5
-#define SIGMA 1.5
-#define C1 (0.01 * 255 * 0.01 * 255)
-#define C2 (0.03 * 255 * 0.03 * 255)
+#define RADIUS      5
+#define SIGMA       1.5
+#define C1          (0.01 * 255 * 0.01 * 255)
+#define C2          (0.03 * 255 * 0.03 * 255)
 
 static bool fits(const struct sst_image *a, const struct sst_image *b, const struct sst_map_u8 *mask)
 {
@@ -58,8 +58,8 @@ enum mean { MEAN_A, MEAN_B, MEAN_AA, MEAN_BB, MEAN_AB, MEANS };
 
 struct ssim {
     int width, height;
-    double *a, *b;          /* luma [height][width] */
-    double *column[MEANS];  /* [width] sums over the rows of the window */
+    double *a, *b;         /* luma [height][width] */
+    double *column[MEANS]; /* [width] sums over the rows of the window */
     double kernel[2 * RADIUS + 1];
 };
 

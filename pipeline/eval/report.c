@@ -33,8 +33,8 @@ static int check_size(const char *path, int width, int height, const struct sst_
 {
     if (width == lf->width && height == lf->height)
         return 0;
-    sst_log_error("%s: %dx%d pixels, but the light field has %dx%d; give maps of this light field", path, width,
-                  height, lf->width, lf->height);
+    sst_log_error("%s: %dx%d pixels, but the light field has %dx%d; give maps of this light field", path, width, height,
+                  lf->width, lf->height);
     return -EBADMSG;
 }
 
@@ -92,7 +92,8 @@ static int mark_visible(struct sst_map_u8 *mask, const struct job *job, int inde
     int err = 0;
 
     for (int i = 0; i < 4 && !err; i++) {
-        const int row = index / lf->cols + step[i][0], col = index % lf->cols + step[i][1], other = row * lf->cols + col;
+        const int row = index / lf->cols + step[i][0], col = index % lf->cols + step[i][1],
+                  other = row * lf->cols + col;
 
         if (row < 0 || col < 0 || row >= lf->rows || col >= lf->cols || !job->views[other].disp.data)
             continue;
@@ -187,7 +188,8 @@ static struct sst_label_error label_error(const struct job *job, int stage)
             sum->count[i / 65][i % 65] += job->views[k].confusion[stage].count[i / 65][i % 65];
     }
     if (sum)
-        result = (struct sst_label_error){ sst_confusion_miou(sum), sst_confusion_accuracy(sum), sst_confusion_coverage(sum) };
+        result = (struct sst_label_error){ sst_confusion_miou(sum), sst_confusion_accuracy(sum),
+                                           sst_confusion_coverage(sum) };
     sst_mem_free(sum);
     return result;
 }
@@ -318,7 +320,8 @@ static void job_fini(struct job *job)
 }
 
 int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, const char *lf_dir,
-                    const struct sst_truth *truth, const char *truth_dir, const struct sst_render_config *cfg, int threads)
+                    const struct sst_truth *truth, const char *truth_dir, const struct sst_render_config *cfg,
+                    int threads)
 {
     const int views = lf->rows * lf->cols;
     struct job job = { .lf = lf, .lf_dir = lf_dir, .truth_dir = truth_dir };
@@ -333,8 +336,10 @@ int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, con
     if (!err)
         sum_up(&made, &job);
     if (!err && !truth->described && made.disparity_views + made.label_views == 0) {
-        sst_log_error("%s holds no truth: neither truth.json nor rr_cc.pfm nor rr_cc.png of any view of %s; `sst scene` "
-                      "writes the truth of a light field to LF/truth", truth_dir, lf_dir);
+        sst_log_error(
+            "%s holds no truth: neither truth.json nor rr_cc.pfm nor rr_cc.png of any view of %s; `sst scene` "
+            "writes the truth of a light field to LF/truth",
+            truth_dir, lf_dir);
         err = -ENOENT;
     }
     if (!err)

@@ -12,21 +12,22 @@ SST_EXTERN_C_BEGIN
 /** One see-through task: the picture that the reference view would show without this occluder. */
 struct sst_truth_occluder {
     char name[64], label[SST_CLASS_NAME_MAX], target[SST_CLASS_NAME_MAX];
-    double focus_px;              /* disparity of the target, px per spacing */
-    char behind[256], mask[256];  /* file names in the truth folder; mask: not 0 where the occluder stands */
+    double focus_px;             /* disparity of the target, px per spacing */
+    char behind[256], mask[256]; /* file names in the truth folder; mask: not 0 where the occluder stands */
 };
 
 /** truth.json. The maps rr_cc.pfm (disparity, px per spacing) and rr_cc.png (labels) stand beside it. */
 struct sst_truth {
-    bool described;        /* false: there is no truth.json; the maps alone may be there */
-    int ref_row, ref_col;  /* view that the occluders' pictures belong to */
+    bool described;       /* false: there is no truth.json; the maps alone may be there */
+    int ref_row, ref_col; /* view that the occluders' pictures belong to */
     int count;
     struct sst_truth_occluder occluders[SST_TRUTH_MAX_OCCLUDERS]; /* the first is the principal one */
 };
 
 /**
- * Read DIR/truth.json: "reference": "rr_cc", "focus_px", "occluders": [{"name", "label", "target", "focus_px", "behind",
- * "mask"}]. Without "occluders", focus_px with behind.png and occluder.png is the one task. Other keys are not looked at.
+ * Read DIR/truth.json: "reference": "rr_cc", "focus_px", "occluders": [{"name", "label", "target", "focus_px",
+ * "behind", "mask"}]. Without "occluders", focus_px with behind.png and occluder.png is the one task. Other keys are
+ * not looked at.
  *
  * @return 0 (also where the folder has no truth.json), -ENOENT (no such folder), -EBADMSG, -ENOMEM, -EIO; logged.
  */
@@ -61,8 +62,8 @@ struct sst_report {
  * @param lf      images loaded if truth->count > 0; disparity and labels where the folder has them
  * @param lf_dir  its folder: labels_initial/ and labels_hcsm/ are read from there if present
  * @param cfg     of the see-through rendering; focus and viewpoint are set here
- * @return 0, -ENOENT (no truth; truth without an estimate; a file missing), -EBADMSG (a file does not fit), -ENOMEM, or what
- *         sst_render() says; logged.
+ * @return 0, -ENOENT (no truth; truth without an estimate; a file missing), -EBADMSG (a file does not fit), -ENOMEM, or
+ * what sst_render() says; logged.
  */
 SST_MUST_CHECK int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, const char *lf_dir,
                                    const struct sst_truth *truth, const char *truth_dir,

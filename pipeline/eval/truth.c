@@ -75,7 +75,8 @@ static int take_occluders(struct sst_truth *t, const json_t *root, const char *p
     }
     t->count = (int)n;
     if (n == 0 && json_object_get(root, "focus_px")) {
-        t->occluders[0] = (struct sst_truth_occluder){ .name = "occluder", .behind = "behind.png", .mask = "occluder.png" };
+        t->occluders[0] =
+            (struct sst_truth_occluder){ .name = "occluder", .behind = "behind.png", .mask = "occluder.png" };
         t->count = 1;
         return take_number(&t->occluders[0].focus_px, root, path, -1, "focus_px");
     }

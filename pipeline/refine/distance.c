@@ -39,8 +39,9 @@ static bool sweep_columns(uint32_t *dist, const struct sst_map_u8 *label, int va
 }
 
 /*
- * Lower envelope of the parabolas of one row. Two of them cross at s = ((g_q + q^2) - (g_v + v^2)) / 2 (q - v); numerator
- * and denominator are integers below 2^33 and 2^17, so the rounded s lies on the same side of every integer as the true one.
+ * Lower envelope of the parabolas of one row. Two of them cross at s = ((g_q + q^2) - (g_v + v^2)) / 2 (q - v);
+ * numerator and denominator are integers below 2^33 and 2^17, so the rounded s lies on the same side of every integer
+ * as the true one.
  */
 static void envelope_row(uint32_t *d, int width, struct sst_distance_scratch *scratch)
 {

@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-#define MAD_TO_SIGMA 1.4826
-#define TRIM_SIGMAS 5.0
+#define MAD_TO_SIGMA   1.4826
+#define TRIM_SIGMAS    5.0
 #define TRIM_SHARE_MAX 4 /* trim at most 1 / 4 */
 
 /* Smallest q with at least half of the n pixels at or below it. */
@@ -56,7 +56,8 @@ static struct moments sum_up(const int64_t *hist, int first, int last)
 struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_min_px,
                                              const struct sst_refine_config *cfg)
 {
-    const double floor_q6 = sqrt(1.0 / 12 + cfg->matcher_sigma_px * cfg->matcher_sigma_px * SST_DISP_SCALE * SST_DISP_SCALE);
+    const double floor_q6 =
+        sqrt(1.0 / 12 + cfg->matcher_sigma_px * cfg->matcher_sigma_px * SST_DISP_SCALE * SST_DISP_SCALE);
     const struct moments all = sum_up(hist, 0, (int)SST_DISP_MAX_Q6);
     struct sst_label_fit fit = { .count = all.n, .sigma_px = floor_q6 / SST_DISP_SCALE };
     struct moments kept;
@@ -73,7 +74,8 @@ struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_mi
         kept = all;
     mean = (double)kept.sum / (double)kept.n;
     if (kept.n > 1)
-        variance = (double)(kept.n * kept.squares - (__int128)kept.sum * kept.sum) / ((double)kept.n * (double)(kept.n - 1));
+        variance =
+            (double)(kept.n * kept.squares - (__int128)kept.sum * kept.sum) / ((double)kept.n * (double)(kept.n - 1));
     fit.mean_px = disp_min_px + mean / SST_DISP_SCALE;
     fit.sigma_px = fmax(sqrt(variance), floor_q6) / SST_DISP_SCALE;
     return fit;

@@ -3,10 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-#define ROUNDS 4
+#define ROUNDS       4
 #define LIMIT_SIGMAS 5.0
 #define MAD_TO_SIGMA 1.4826
-#define COLLINEAR 1e-6
+#define COLLINEAR    1e-6
 
 /* Exact sums over a region, x and y from the picture's corner: at most 2^28 pixels, so 2^28 * 2^46 < 2^63 * 2^63. */
 struct sums {

@@ -3,11 +3,12 @@
 #include <math.h>
 #include <string.h>
 
-#define COLLINEAR 1e-6
-#define RELIABLE_SIGMAS2 4.0  /* a surface rougher than this, in squared deviations of the matcher, has no normal; ... */
-#define RELIABLE_FLOOR 0.0025 /* ... that deviation is at least 0.05 px */
-#define OUTSIDE_SIGMAS2 9.0F  /* a pixel this far off a plane, in squared deviations, ... */
-#define OUTSIDE_FLOOR 0.01F   /* ... and 0.1 px, is not on it; noise within that must not choose the plane */
+#define COLLINEAR        1e-6
+#define RELIABLE_SIGMAS2 4.0 /* a surface rougher than this, in squared deviations of the matcher, has no normal; ...  \
+                              */
+#define RELIABLE_FLOOR  0.0025 /* ... that deviation is at least 0.05 px */
+#define OUTSIDE_SIGMAS2 9.0F   /* a pixel this far off a plane, in squared deviations, ... */
+#define OUTSIDE_FLOOR   0.01F  /* ... and 0.1 px, is not on it; noise within that must not choose the plane */
 
 enum column_sum { COL_N, COL_Y, COL_YY, COL_D, COL_YD, COL_DD };
 
@@ -120,7 +121,7 @@ struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, con
 bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct sst_map_u16 *disp,
                    const struct sst_normal_frame *frame, int x, int y)
 {
-    static const int8_t shift[9][2] = { { 0, 0 },  { -1, 0 },  { 1, 0 },  { 0, -1 }, { 0, 1 },
+    static const int8_t shift[9][2] = { { 0, 0 },   { -1, 0 }, { 1, 0 },  { 0, -1 }, { 0, 1 },
                                         { -1, -1 }, { 1, -1 }, { -1, 1 }, { 1, 1 } };
     const uint16_t q = sst_map_u16_row(disp, y)[x];
     const float d = (float)(q / SST_DISP_SCALE);

@@ -6,9 +6,9 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_DISP_BINS 65536 /* one per stored disparity; that of SST_DISP_NONE stays empty */
-#define SST_NORMAL_WINDOW_MIN 21  /* smaller windows give noise: 5x5 normals are off by some 30 degrees */
-#define SST_NORMAL_WINDOW_MAX 127 /* keeps every product of sums inside int64_t */
+#define SST_DISP_BINS         65536 /* one per stored disparity; that of SST_DISP_NONE stays empty */
+#define SST_NORMAL_WINDOW_MIN 21    /* smaller windows give noise: 5x5 normals are off by some 30 degrees */
+#define SST_NORMAL_WINDOW_MAX 127   /* keeps every product of sums inside int64_t */
 
 /* --- fit.c: the distribution of a label's disparities ------------------------------------------------------------- */
 
@@ -68,8 +68,8 @@ struct sst_hull {
 void sst_hull_build(struct sst_hull *hull, const struct sst_map_u8 *label, int value);
 
 /**
- * Largest squared distance from (x, y) to the region: that to the farthest vertex of its hull, because a convex function
- * on a convex polygon is largest at a vertex. Exact; 0 for an empty hull.
+ * Largest squared distance from (x, y) to the region: that to the farthest vertex of its hull, because a convex
+ * function on a convex polygon is largest at a vertex. Exact; 0 for an empty hull.
  */
 uint32_t sst_hull_farthest(const struct sst_hull *hull, int x, int y);
 
@@ -101,10 +101,10 @@ void sst_planes_fit(struct sst_planes *planes, const struct sst_map_u16 *disp, i
 
 /** What turns a plane of disparities into a normal in space. */
 struct sst_normal_frame {
-    double focal_px;      /* > 0 */
-    double cx, cy;        /* principal point */
-    double disp_zero_px;  /* disparity of stored value 0, counted from points at infinity */
-    double score_max;     /* px^2: a plane that explains its pixels no better than this gives no normal */
+    double focal_px;     /* > 0 */
+    double cx, cy;       /* principal point */
+    double disp_zero_px; /* disparity of stored value 0, counted from points at infinity */
+    double score_max;    /* px^2: a plane that explains its pixels no better than this gives no normal */
 };
 
 /** The image centre is the principal point. Unknown focal length: the image width. A light field with negative
@@ -115,12 +115,12 @@ struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, con
 /**
  * Unit normal of the surface at a pixel.
  *
- * The plane is that of one of the nine windows that are centred on the pixel or touch it with an edge or corner: the one
- * with the least residual variance, centre first, a squared miss of the pixel itself added where it is beyond noise. So
- * windows across an edge lose against one on the pixel's own side of it.
- * With d = a x + b y + c from the principal point, the plane in space is f a X + f b Y + c Z = f B, so the normal is
- * (f a, f b, c), c the plane's value at the principal point. Its product with the viewing ray (x, y, f) is f d > 0: all
- * normals point away from the camera, so those of one surface agree in sign.
+ * The plane is that of one of the nine windows that are centred on the pixel or touch it with an edge or corner: the
+ * one with the least residual variance, centre first, a squared miss of the pixel itself added where it is beyond
+ * noise. So windows across an edge lose against one on the pixel's own side of it. With d = a x + b y + c from the
+ * principal point, the plane in space is f a X + f b Y + c Z = f B, so the normal is (f a, f b, c), c the plane's value
+ * at the principal point. Its product with the viewing ray (x, y, f) is f d > 0: all normals point away from the
+ * camera, so those of one surface agree in sign.
  *
  * @return false where there is none, or the best one misses by frame->score_max or more; n is then untouched
  */
@@ -129,7 +129,8 @@ bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct ss
 
 /* --- ground.c: the plane of a ground in one view ------------------------------------------------------------------ */
 
-/** d = d0 + a x + b y, in 1/64 px above disp_min_px, x and y from the corner; `limit` is how far its own pixels stray. */
+/** d = d0 + a x + b y, in 1/64 px above disp_min_px, x and y from the corner; `limit` is how far its own pixels stray.
+ */
 struct sst_ground {
     double a, b, d0, limit;
 };
@@ -138,11 +139,12 @@ struct sst_ground {
  * Fit the plane of a ground's confident pixels in one view.
  *
  * A ground runs through many depths, so the distribution of its disparities says little about a pixel; its plane says
- * nearly all. Least squares with exact sums, then three times again without the pixels that miss by more than the limit:
- * 5 times the larger of 1.4826 median |miss| and the matcher's noise.
+ * nearly all. Least squares with exact sums, then three times again without the pixels that miss by more than the
+ * limit: 5 times the larger of 1.4826 median |miss| and the matcher's noise.
  *
  * @param hist  scratch [SST_DISP_BINS]
- * @return false (untouched): fewer than cfg->min_pixels, all near one line, or over a quarter beyond the limit: no plane
+ * @return false (untouched): fewer than cfg->min_pixels, all near one line, or over a quarter beyond the limit: no
+ * plane
  */
 bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int value, const struct sst_refine_config *cfg,
                     int64_t *hist);

@@ -23,8 +23,8 @@ struct worker {
     int64_t *plane_sums;
     struct sst_distance_scratch distance;
     struct sst_hull hull;
-    int64_t *misses;         /* [SST_DISP_BINS] */
-    uint64_t planar;         /* bit i: label i + 1 is a ground with a plane in this view */
+    int64_t *misses; /* [SST_DISP_BINS] */
+    uint64_t planar; /* bit i: label i + 1 is a ground with a plane in this view */
     struct sst_ground ground[SST_MAX_CLASSES];
 };
 
@@ -76,7 +76,8 @@ static int check_config(const struct sst_refine_config *cfg)
         }
     }
     if (cfg->normal_window % 2 == 0) {
-        sst_log_error("label refinement: normal_window %d is even; take %d", cfg->normal_window, cfg->normal_window + 1);
+        sst_log_error("label refinement: normal_window %d is even; take %d", cfg->normal_window,
+                      cfg->normal_window + 1);
         return -EINVAL;
     }
     return 0;
@@ -381,7 +382,8 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
     if (err)
         return err;
     if (!(lf->focal_px > 0))
-        sst_log_info("label refinement: the focal length is unknown; the image width, %d px, stands in for it", lf->width);
+        sst_log_info("label refinement: the focal length is unknown; the image width, %d px, stands in for it",
+                     lf->width);
     err = job_init(&job, lf, cfg);
     if (!err)
         err = fit_labels(&job, fitted);
@@ -389,8 +391,8 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
         err = sst_parallel_for(lf->rows * lf->cols, job.n_workers, refine_view, &job);
     job_fini(&job);
     if (err == -ENOMEM)
-        sst_log_error("label refinement: no memory for %d threads at %dx%d; use fewer threads", job.n_workers, lf->width,
-                      lf->height);
+        sst_log_error("label refinement: no memory for %d threads at %dx%d; use fewer threads", job.n_workers,
+                      lf->width, lf->height);
     if (!err && fits)
         memcpy(fits, fitted, (size_t)lf->classes.count * sizeof(*fits));
     return err;

@@ -102,7 +102,8 @@ static void visible_in_the_neighbour(void **state SST_UNUSED)
     sst_map_u8_fini(&mask);
 }
 
-/* Truth 1 1 1 2 2 3 0, estimate 1 1 0 2 1 9 1: IoU of 1 is 2/4, of 2 is 1/2, of 3 is 0, of 9 is 0; truth 0 is left out. */
+/* Truth 1 1 1 2 2 3 0, estimate 1 1 0 2 1 9 1: IoU of 1 is 2/4, of 2 is 1/2, of 3 is 0, of 9 is 0; truth 0 is left out.
+ */
 static void confusion(void **state SST_UNUSED)
 {
     struct sst_map_u8 t = map_u8(7, (uint8_t[]){ 1, 1, 1, 2, 2, 3, 0 });
@@ -110,7 +111,8 @@ static void confusion(void **state SST_UNUSED)
     struct sst_map_u8 bad = map_u8(7, (uint8_t[]){ 1, 1, 65, 2, 1, 9, 1 }), small = map_u8(6, (uint8_t[6]){ 0 });
     struct sst_confusion c = { { { 0 } } };
 
-    assert_true(isnan(sst_confusion_miou(&c)) && isnan(sst_confusion_coverage(&c)) && isnan(sst_confusion_accuracy(&c)));
+    assert_true(isnan(sst_confusion_miou(&c)) && isnan(sst_confusion_coverage(&c)) &&
+                isnan(sst_confusion_accuracy(&c)));
     assert_int_equal(sst_confusion_add(&c, &e, &t), 0);
     CLOSE(sst_confusion_iou(&c, 1), 50, 1e-12);
     CLOSE(sst_confusion_iou(&c, 2), 50, 1e-12);
@@ -152,7 +154,8 @@ static void psnr(void **state SST_UNUSED)
     CLOSE(sst_psnr(&a, &b, NULL), 100, 0);
     assert_true(isnan(sst_psnr(&a, &b, &mask)));
     assert_true(isnan(sst_psnr(&a, &c, NULL)));
-    /* One sample of 24 off by 60: 10 log10(255^2 24 / 3600) = 26.3699 dB; in a mask of that and one other pixel of 6. */
+    /* One sample of 24 off by 60: 10 log10(255^2 24 / 3600) = 26.3699 dB; in a mask of that and one other pixel of 6.
+     */
     sst_image_row(&b, 1, 1)[2] = 160;
     CLOSE(sst_psnr(&a, &b, NULL), 10 * log10(65025.0 * 24 / 3600), 1e-12);
     CLOSE(sst_psnr(&a, &b, NULL), 26.37, 0.001);
@@ -169,7 +172,8 @@ static void psnr(void **state SST_UNUSED)
 
 static double luma(const struct sst_image *img, int x, int y)
 {
-    return 0.299 * sst_image_row(img, 0, y)[x] + 0.587 * sst_image_row(img, 1, y)[x] + 0.114 * sst_image_row(img, 2, y)[x];
+    return 0.299 * sst_image_row(img, 0, y)[x] + 0.587 * sst_image_row(img, 1, y)[x] +
+           0.114 * sst_image_row(img, 2, y)[x];
 }
 
 /* SSIM of one pixel as the definition has it: weighted means first, then central moments about them. */

@@ -1,4 +1,5 @@
-/* pipeline/refine: fits, distances, planes, energies against hand-worked values and plain loops; rules of the driver. */
+/* pipeline/refine: fits, distances, planes, energies against hand-worked values and plain loops; rules of the driver.
+ */
 #include <errno.h>
 #include <math.h>
 #include <setjmp.h>
@@ -24,7 +25,8 @@ static unsigned random_below(unsigned n)
     return (unsigned)(random_state >> 33) % n;
 }
 
-static struct sst_label_fit fit_of(const int64_t (*pairs)[2], int n, double disp_min_px, double sigma_px, int min_pixels)
+static struct sst_label_fit fit_of(const int64_t (*pairs)[2], int n, double disp_min_px, double sigma_px,
+                                   int min_pixels)
 {
     struct sst_refine_config cfg;
     struct sst_label_fit fit;
@@ -120,7 +122,8 @@ static void check_distances(int width, int height, unsigned one_in)
 {
     const size_t pixels = (size_t)width * (size_t)height;
     uint32_t *got = malloc(pixels * sizeof(*got));
-    struct sst_distance_scratch scratch = { malloc((size_t)width * 8), malloc((size_t)width * 4), malloc((size_t)width * 4) };
+    struct sst_distance_scratch scratch = { malloc((size_t)width * 8), malloc((size_t)width * 4),
+                                            malloc((size_t)width * 4) };
     struct sst_hull hull = { 0, malloc((size_t)height * 8 + 8), malloc((size_t)height * 8 + 8) };
     struct sst_map_u8 map;
     int region = 0;
@@ -448,8 +451,8 @@ static void lines_fini(struct lines *s)
 }
 
 /*
- * View 0: the regions of 9 and 5 are single pixels, so min = max and E_d = 1 for both: the smaller label wins every tie.
- * Pixel 6 has no candidate, pixel 7 no disparity. View 1: 5 is absent and has E_d = 1, 9 is near; pixel 5 has the
+ * View 0: the regions of 9 and 5 are single pixels, so min = max and E_d = 1 for both: the smaller label wins every
+ * tie. Pixel 6 has no candidate, pixel 7 no disparity. View 1: 5 is absent and has E_d = 1, 9 is near; pixel 5 has the
  * disparity of label 2 alone; label 33 is outside the class list and stays.
  */
 static void driver_rules(void **state SST_UNUSED)

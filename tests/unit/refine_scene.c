@@ -1,4 +1,5 @@
-/* pipeline/refine: labels of a synthetic light field of things standing on a table, and that the normals earn their keep. */
+/* pipeline/refine: labels of a synthetic light field of things standing on a table, and that the normals earn their
+ * keep. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -11,12 +12,12 @@
 
 #include "pipeline/refine/refine.h"
 
-#define SIDE 3
-#define VIEWS (SIDE * SIDE)
-#define BAND 5
-#define TABLE_TOP_Y 60.0
+#define SIDE         3
+#define VIEWS        (SIDE * SIDE)
+#define BAND         5
+#define TABLE_TOP_Y  60.0
 #define TABLE_FAR_PX 8.0
-#define TABLE_SLOPE 0.14 /* px of disparity per row: near rows shift more */
+#define TABLE_SLOPE  0.14 /* px of disparity per row: near rows shift more */
 
 /* An upright thing: an ellipse cut off at its foot, where it stands on the table and has the table's disparity. */
 struct thing {
@@ -133,8 +134,14 @@ static void scene_init(struct scene *s, double noise_px)
 {
     memset(s, 0, sizeof(*s));
     random_state = 1;
-    s->lf = (struct sst_lightfield){ .rows = SIDE, .cols = SIDE, .width = 300, .height = 220, .ref_view = VIEWS / 2,
-                                     .focal_px = 320, .disp_min_px = 2, .views = s->views };
+    s->lf = (struct sst_lightfield){ .rows = SIDE,
+                                     .cols = SIDE,
+                                     .width = 300,
+                                     .height = 220,
+                                     .ref_view = VIEWS / 2,
+                                     .focal_px = 320,
+                                     .disp_min_px = 2,
+                                     .views = s->views };
     s->lf.classes = sst_classes_default;
     for (int k = 0; k < VIEWS; k++)
         make_view(s, k, noise_px);
@@ -189,8 +196,8 @@ static struct score refine(struct scene *s, double p_normal, bool ground_plane, 
     restore(s);
     assert_int_equal(sst_refine_labels(&s->lf, &cfg, NULL), 0);
     result = score(s);
-    printf("noise %.1f px, p_n %g, ground plane %d: open %.2f %%, right %.2f %%, on things %.2f %%\n", noise_px, p_normal,
-           ground_plane, result.open, result.right, result.things);
+    printf("noise %.1f px, p_n %g, ground plane %d: open %.2f %%, right %.2f %%, on things %.2f %%\n", noise_px,
+           p_normal, ground_plane, result.open, result.right, result.things);
     return result;
 }
 

@@ -1,4 +1,5 @@
-/* pipeline/eval/report: a small simulated light field on disk, measured against its own truth and against damaged truth. */
+/* pipeline/eval/report: a small simulated light field on disk, measured against its own truth and against damaged
+ * truth. */
 #include <errno.h>
 #include <math.h>
 #include <setjmp.h>
@@ -16,9 +17,9 @@
 #include "pipeline/image/codec.h"
 #include "simulators/scene/scene.h"
 
-#define WIDTH 200
+#define WIDTH  200
 #define HEIGHT 150
-#define SIDE 5
+#define SIDE   5
 
 static char dir[] = "/tmp/sst-report-XXXXXX";
 
@@ -85,10 +86,11 @@ static void write_truth(const struct sst_lightfield *lf, const struct sst_scene 
     }
     assert_int_equal(sst_image_write_png(&behind, at("truth/behind.png")), 0);
     assert_int_equal(sst_map_u8_write_png(&mask, at("truth/occluder.png"), NULL), 0);
-    snprintf(text, sizeof(text),
-             "{\"reference\": \"02_02\", \"focus_px\": %.6f, \"occluders\": [{\"name\": \"bush\", \"label\": \"Tree\","
-             " \"target\": \"Pedestrian\", \"focus_px\": %.6f, \"behind\": \"behind.png\", \"mask\": \"occluder.png\"}]}",
-             sst_scene_occluder_at(scene, 0)->focus_px, sst_scene_occluder_at(scene, 0)->focus_px);
+    snprintf(
+        text, sizeof(text),
+        "{\"reference\": \"02_02\", \"focus_px\": %.6f, \"occluders\": [{\"name\": \"bush\", \"label\": \"Tree\","
+        " \"target\": \"Pedestrian\", \"focus_px\": %.6f, \"behind\": \"behind.png\", \"mask\": \"occluder.png\"}]}",
+        sst_scene_occluder_at(scene, 0)->focus_px, sst_scene_occluder_at(scene, 0)->focus_px);
     write_text(at("truth/truth.json"), text);
     sst_image_fini(&behind);
     sst_map_u8_fini(&hidden);
@@ -194,10 +196,16 @@ static void label_stages_are_read(void **state SST_UNUSED)
 static void damaged_truth_is_refused(void **state SST_UNUSED)
 {
     static const char *const bad[] = {
-        "", "[]", "{}", "{\"reference\": \"2\"}", "{\"reference\": \"09_09\", \"focus_px\": 10}",
-        "{\"reference\": \"02_02\", \"occluders\": 3}", "{\"reference\": \"02_02\", \"occluders\": [{\"name\": \"a\"}]}",
+        "",
+        "[]",
+        "{}",
+        "{\"reference\": \"2\"}",
+        "{\"reference\": \"09_09\", \"focus_px\": 10}",
+        "{\"reference\": \"02_02\", \"occluders\": 3}",
+        "{\"reference\": \"02_02\", \"occluders\": [{\"name\": \"a\"}]}",
         "{\"reference\": \"02_02\", \"focus_px\": \"ten\"}",
-        "{\"reference\": \"02_02\", \"occluders\": [{\"name\": \"a\", \"label\": \"b\", \"target\": \"c\", \"focus_px\": 9,"
+        "{\"reference\": \"02_02\", \"occluders\": [{\"name\": \"a\", \"label\": \"b\", \"target\": \"c\", "
+        "\"focus_px\": 9,"
         " \"behind\": \"../behind.png\", \"mask\": \"occluder.png\"}]}",
     };
     struct sst_report r = { .disparity_views = -7 };
