@@ -34,7 +34,7 @@ CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET
 # OpenCV's headers do not survive our warnings.
 CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
 LIBS = $(shell pkg-config --libs $(PACKAGES)) -lmd -lm \
-       $(if $(filter 1,$(WITH_DNNL)),-ldnnl) \
+       $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
        $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
 LDFLAGS_ALL = -pie -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 

@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <ftw.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -17,6 +18,7 @@
 
 static pthread_mutex_t pending_lock = PTHREAD_MUTEX_INITIALIZER;
 static char pending[MAX_PENDING][SST_PATH_MAX]; /* under pending_lock */
+static _Atomic bool aborting;                   /* sst_file_abort_all() is at work */
 
 static void pending_add(const char *path)
 {
@@ -40,12 +42,29 @@ static void pending_drop(const char *path)
     pthread_mutex_unlock(&pending_lock);
 }
 
-void sst_file_abort_all(void)
+/* Whoever fails because his output is being removed under him, says nothing and waits for the end of the process: going
+ * on, he could end it before everything is removed. */
+static void wait_if_aborting(void)
 {
+    while (aborting)
+        pause();
+}
+
+bool sst_file_abort_all(void)
+{
+    char gone[SST_PATH_MAX + 8];
+
+    if (atomic_exchange(&aborting, true))
+        return false;
+    /* Other threads go on writing until the process exits: under another name they can add nothing to a folder that is
+     * being removed. */
     for (int i = 0; i < MAX_PENDING; i++) {
-        if (pending[i][0])
-            sst_path_remove_tree(pending[i]);
+        if (!pending[i][0])
+            continue;
+        snprintf(gone, sizeof(gone), "%.*s-gone", SST_PATH_MAX, pending[i]);
+        sst_path_remove_tree(rename(pending[i], gone) ? pending[i] : gone);
     }
+    return true;
 }
 
 int sst_path_join(char out[SST_PATH_MAX], const char *dir, const char *name)
@@ -130,6 +149,7 @@ fail:
 /* The errno of a failed output, as callers expect it: what they can act on stays, the rest is -EIO. */
 static int output_error(const char *what, const char *path, int err)
 {
+    wait_if_aborting();
     sst_log_error("cannot %s %s: %s", what, path, strerror(err));
     switch (err) {
     case ENOSPC: case EDQUOT: case EROFS: case EFBIG: case EEXIST:
@@ -222,6 +242,7 @@ int sst_outfile_commit(struct sst_outfile *out)
 
 void sst_outfile_abort(struct sst_outfile *out)
 {
+    wait_if_aborting();
     if (out->stream)
         fclose(out->stream);
     out->stream = NULL;
@@ -320,6 +341,7 @@ int sst_outdir_commit(struct sst_outdir *out)
 
 void sst_outdir_abort(struct sst_outdir *out)
 {
+    wait_if_aborting();
     if (out->temporary[0]) {
         sst_path_remove_tree(out->temporary);
         pending_drop(out->temporary);

@@ -69,8 +69,9 @@ void sst_outdir_abort(struct sst_outdir *out);
 void sst_path_remove_tree(const char *path);
 
 /** Remove what is still uncommitted (called from the handler of SIGINT and SIGTERM; async-signal-tolerant enough for a
- *  process that exits next). */
-void sst_file_abort_all(void);
+ *  process that exits next). From then on threads whose output fails wait for that exit.
+ *  @return false: it is at work already, for an earlier signal; return from the handler and let it finish. */
+SST_MUST_CHECK bool sst_file_abort_all(void);
 
 SST_EXTERN_C_END
 

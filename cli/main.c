@@ -9,10 +9,16 @@
 #include "cli/cli.h"
 
 static const struct cli_command *const commands[] = {
+    &cli_scene,
+    &cli_import,
+    &cli_export,
+    &cli_process,
     &cli_render,
     &cli_sweep,
+    &cli_stereo,
+    &cli_segment,
+    &cli_eval,
     &cli_version,
-    &cli_scene,
 };
 
 static void usage(void)
@@ -27,8 +33,8 @@ static void usage(void)
 
 static void on_signal(int sig)
 {
-    sst_file_abort_all();
-    _exit(sig == SIGINT ? CLI_INTERRUPTED : 128 + sig);
+    if (sst_file_abort_all())
+        _exit(sig == SIGINT ? CLI_INTERRUPTED : 128 + sig);
 }
 
 int main(int argc, char **argv)
@@ -36,6 +42,7 @@ int main(int argc, char **argv)
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* a file-size limit is an output error like a full disk */
     if (argc < 2) {
         usage();
         return CLI_USAGE;

@@ -1,7 +1,5 @@
 #include "simulators/scene/scene.h"
 
-#include <stdio.h>
-
 #include "cli/cli.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -36,16 +34,21 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cfg.height = size[1];
     cfg.rows = grid[0];
     cfg.cols = grid[1];
-    return cli_exit_code(sst_scene_write(name, &cfg, out, force));
+    cfg.progress = cli_progress;
+    cfg.progress_arg = (char[]){ "scene" };
+    r = cli_exit_code(sst_scene_write(name, &cfg, out, force));
+    cli_progress_end();
+    return r;
 }
 
 const struct cli_command cli_scene = {
     .name = "scene",
     .usage = "NAME -o LF [--size WxH] [--grid RxC] [--seed N] [--time S] [--threads N] [--force]",
     .summary = "make a simulated light field with exact truth",
-    .detail = "Scenes: bush pedestrian transportation cell humvee cd-cases cat.\n"
-              "LF/truth gets the disparity (rr_cc.pfm, px per spacing) and the labels (rr_cc.png) of every view, what is\n"
-              "behind each occluder in the reference view (behind*.png, mask occluder*.png), and truth.json.",
+    .detail =
+        "Scenes: bush pedestrian transportation cell humvee cd-cases cat.\n"
+        "LF/truth gets the disparity (rr_cc.pfm, px per spacing) and the labels (rr_cc.png) of every view, what is\n"
+        "behind each occluder in the reference view (behind*.png, mask occluder*.png), and truth.json.",
     .example = "sst scene bush -o bush.lf\n  sst scene pedestrian -o walk.lf --size 500x375 --time 0.5",
     .run = run,
 };

@@ -3,6 +3,7 @@
 set -u
 passed=0 failed=0 skipped=0
 export SST_BUILD="${SST_BUILD:-build}"
+export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$(dirname "$0")/tsan.supp}"
 for t in "$@"; do
   start=$(date +%s%N)
   out=$("$t" 2>&1 </dev/null); rc=$?

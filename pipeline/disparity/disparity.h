@@ -6,22 +6,34 @@
 
 SST_EXTERN_C_BEGIN
 
+/** Matching costs; with both, their mean. */
 enum sst_cost {
-    SST_COST_CENSUS = 0,
-    SST_COST_MCCNN = 1,
+    SST_COST_CENSUS = 1,
+    SST_COST_MCCNN = 2,
+    SST_COST_BOTH = 3,
 };
 
+/* Largest number of one-pixel steps searched, and of the penalty: with costs up to 255, 8 paths sum to at most
+ * 8 * (255 + 4000) = 34040 < 2^16 (see sgm.c). */
+#define SST_DISPARITY_MAX_STEPS 512
+#define SST_DISPARITY_MAX_PENALTY 4000
+/* Longest support arm: (2 * 7 + 1)^2 * 255 = 57375 < 2^16, so column sums modulo 2^16 are exact. */
+#define SST_SUPPORT_MAX_ARM 7
+
 struct sst_disparity_config {
-    double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most 512 steps of one pixel */
+    double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
-    const char *model;      /* ONNX of the MC-CNN features; used with SST_COST_MCCNN */
+    const char *model;      /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
     int paths;              /* of the semi-global optimisation: 4 or 8 */
-    int p1, p2;             /* smoothness penalties in cost units (0..SST_COST_MAX); 0 < p1 <= p2 */
+    int p1, p2;             /* smoothness penalties in cost units (costs are 0..255); 0 < p1 <= p2 */
+    int edge_step;          /* intensity step (0..255) at which p2 is halved; larger steps weaken it further */
     int support_arm;        /* longest arm of the cross-based support region, px; 0 switches aggregation off */
-    int support_tau;        /* largest intensity step inside an arm, 0..255 */
-    int bilateral_tau;      /* eps_I of the bilateral filter, 0..255; 0 switches it off */
+    int support_tau;        /* largest intensity step inside an arm, 1..255 */
+    int support_before, support_after; /* rounds of aggregation before and after the optimisation */
+    int bilateral_tau;      /* eps_I of the bilateral filter, 1..255; 0 switches it off */
     bool fill;              /* check and fill: the result is dense */
-    bool joint;             /* light fields: horizontal and vertical neighbours share one cost volume */
+    bool joint;             /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
+    int neighbours;         /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
     int scale;              /* 1 full size, 2 half size with the result scaled up */
     int threads;
 };
@@ -29,7 +41,7 @@ struct sst_disparity_config {
 /** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */
 SST_MUST_CHECK int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset);
 
-/** Called now and then with 0..1. */
+/** Called now and then with 0..1, from the calling thread. */
 typedef void sst_progress_fn(void *arg, double done);
 
 /**
@@ -38,6 +50,13 @@ typedef void sst_progress_fn(void *arg, double done);
  */
 SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
                                             sst_progress_fn *progress, void *progress_arg);
+
+/**
+ * The range of disparities in a light field, from a coarse match of the reference view with its neighbours (images of those
+ * must be loaded): the bulk of the confident pixels plus a margin.
+ * @return 0, -ENODATA (no texture to tell it from; logged), -ENOMEM
+ */
+SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *min_px, double *max_px);
 
 /**
  * Disparity of the left image of a rectified pair: left(x) matches right(x - d). Unknown is +inf.

@@ -14,16 +14,34 @@ struct sst_disparity_error {
     double density;        /* percent of pixels with an estimate */
 };
 
-/** @param estimate +inf or NaN: unknown.  @param mask  non-zero: counts; may be NULL.  Sums add up over calls by _merge. */
+/**
+ * @param out  no pixel with truth: percentages are NaN; no estimate among them: rmse and mean_abs are NaN
+ * @param estimate  +inf or NaN: unknown   @param mask  non-zero: counts; may be NULL
+ * @return 0 or -EINVAL (sizes differ)
+ */
 SST_MUST_CHECK int sst_eval_disparity(struct sst_disparity_error *out, const struct sst_map_f32 *estimate,
                                       const struct sst_map_f32 *truth, const struct sst_map_u8 *mask);
+
+/** Figures over the pixels of both. A zeroed object is a valid start. */
+void sst_disparity_error_merge(struct sst_disparity_error *sum, const struct sst_disparity_error *add);
+
+/**
+ * Mark the pixels whose surface another view sees too: the point at x, of disparity d, is at x - d (dbx, dby) there; it is
+ * visible if that lies inside the view and nothing nearer by more than 1 px of disparity stands at the nearest pixel.
+ *
+ * @param mask      in and out: set to 255 where visible, else left alone, so that calls for several views add up
+ * @param dbx, dby  offset of the other view minus that of this one, in spacings
+ * @return 0 or -EINVAL (sizes differ)
+ */
+SST_MUST_CHECK int sst_eval_visible(struct sst_map_u8 *mask, const struct sst_map_f32 *truth,
+                                    const struct sst_map_f32 *other, double dbx, double dby);
 
 /** Confusion counts of labels: [truth][estimate], 0 = unlabeled. */
 struct sst_confusion {
     int64_t count[65][65];
 };
 
-/** Add one view; pixels with truth 0 are ignored. @return 0 or -EINVAL (sizes differ). */
+/** Add one view; pixels with truth 0 are ignored. @return 0 or -EINVAL (sizes differ, a label above 64). */
 SST_MUST_CHECK int sst_confusion_add(struct sst_confusion *c, const struct sst_map_u8 *estimate,
                                      const struct sst_map_u8 *truth);
 
@@ -33,16 +51,18 @@ double sst_confusion_miou(const struct sst_confusion *c);
 /** IoU of one class in percent, NaN where it neither occurs nor is claimed. */
 double sst_confusion_iou(const struct sst_confusion *c, int label);
 
-/** Percent of pixels with truth that have a label, and percent of those that have the right one (NaN: none). */
+/** Percent of pixels with truth that have a label; percent of the labelled ones whose label is right (NaN: none). */
 double sst_confusion_coverage(const struct sst_confusion *c);
 double sst_confusion_accuracy(const struct sst_confusion *c);
 
-/** PSNR in dB over R, G, B of the masked pixels (NULL: all); identical pictures give 100 dB, no pixel gives NaN. */
+/** PSNR in dB over R, G, B of the masked pixels (NULL: all); at most 100 dB, which identical pictures give; NaN where no
+ *  pixel counts or the sizes differ. */
 double sst_psnr(const struct sst_image *a, const struct sst_image *b, const struct sst_map_u8 *mask);
 
 /**
  * SSIM (Wang et al. 2004): Gaussian 11x11 window, sigma 1.5, K1 0.01, K2 0.03, on luma (BT.601), windows cut at the
  * border and renormalised; mean over the masked pixels (NULL: all).  NaN if no pixel.
+ * @return 0, -EINVAL (sizes differ), -ENOMEM
  */
 SST_MUST_CHECK int sst_ssim(double *out, const struct sst_image *a, const struct sst_image *b,
                             const struct sst_map_u8 *mask);

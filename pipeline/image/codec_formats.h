@@ -1,4 +1,4 @@
-/* pipeline/image/codec_formats.h - one format each, from memory; codec.c picks by content. Inside pipeline/image only. */
+/* pipeline/image/codec_formats.h - one format each, from memory; codec.c picks by content. Only for pipeline/image. */
 #ifndef SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 #define SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 

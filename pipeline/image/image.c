@@ -62,3 +62,24 @@ void sst_image_fini(struct sst_image *img)
 DEFINE_MAP(u8, uint8_t)
 DEFINE_MAP(u16, uint16_t)
 DEFINE_MAP(f32, float)
+
+int sst_image_halve(struct sst_image *out, const struct sst_image *in)
+{
+    const int err = sst_image_init(out, (in->width + 1) / 2, (in->height + 1) / 2);
+
+    if (err)
+        return err;
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < out->height; y++) {
+            const uint8_t *a = sst_image_row(in, c, 2 * y), *b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
+            uint8_t *o = sst_image_row(out, c, y);
+
+            for (int x = 0; x < out->width; x++) {
+                const int x1 = sst_min_int(2 * x + 1, in->width - 1);
+
+                o[x] = (uint8_t)((a[2 * x] + a[x1] + b[2 * x] + b[x1] + 2) >> 2);
+            }
+        }
+    }
+    return 0;
+}

@@ -30,7 +30,8 @@ static int read_header(struct header *h, const uint8_t *data, size_t size, const
     double scale;
 
     if (size < 2 || memcmp(data, "Pf", 2))
-        return malformed(path, size >= 2 && !memcmp(data, "PF", 2) ? "it has three channels" : "it does not begin with Pf");
+        return malformed(path, size >= 2 && !memcmp(data, "PF", 2) ? "it has three channels"
+                                                                   : "it does not begin with Pf");
     errno = 0;
     h->width = strtol(p, &end, 10);
     if (end == p || !isspace((unsigned char)*p))
@@ -54,10 +55,11 @@ static int read_header(struct header *h, const uint8_t *data, size_t size, const
 
 static float load_float(const uint8_t *p, bool little_endian)
 {
-    const uint32_t bits = little_endian ? (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24
-                                        : (uint32_t)p[3] | (uint32_t)p[2] << 8 | (uint32_t)p[1] << 16 | (uint32_t)p[0] << 24;
+    uint32_t bits = 0;
     float v;
 
+    for (int i = 0; i < 4; i++)
+        bits |= (uint32_t)p[i] << 8 * (little_endian ? i : 3 - i);
     memcpy(&v, &bits, sizeof(v));
     return v;
 }

@@ -319,7 +319,9 @@ static void write_rows(struct writer *w, const struct picture *p)
     }
     /* Speed first: these files are written by the dozen. A map of indices does not get smaller by differences. */
     png_set_compression_level(w->png, 2);
-    png_set_filter(w->png, PNG_FILTER_TYPE_BASE, p->palette ? PNG_FILTER_NONE : p->image ? PNG_FILTER_SUB : PNG_FILTER_UP);
+    png_set_filter(w->png, PNG_FILTER_TYPE_BASE, p->palette ? PNG_FILTER_NONE
+                                                 : p->image ? PNG_FILTER_SUB
+                                                            : PNG_FILTER_UP);
     png_write_info(w->png, w->info);
     if (p->u16 && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
         png_set_swap(w->png);

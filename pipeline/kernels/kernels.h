@@ -19,7 +19,108 @@ enum sst_cpu_level {
 };
 
 /** One line per kernel: X(name). Its type sst_<name>_fn, contract and arguments are declared below. */
-#define SST_KERNEL_LIST(X) X(blend_rays) X(blend_plain) X(blend_finish)
+#define SST_KERNEL_LIST(X)                                                                                             \
+    X(census_row)                                                                                                      \
+    X(hamming_row)                                                                                                     \
+    X(feature_cost_row)                                                                                                \
+    X(transpose_u8)                                                                                                    \
+    X(support_sum_row)                                                                                                 \
+    X(support_mean_row)                                                                                                \
+    X(sgm_across_row)                                                                                                  \
+    X(sgm_along_row)                                                                                                   \
+    X(winner_row)                                                                                                      \
+    X(median5_row)                                                                                                     \
+    X(bilateral_row)                                                                                                   \
+    X(blend_rays)                                                                                                      \
+    X(blend_plain)                                                                                                     \
+    X(blend_finish)
+
+/* --- disparity (pipeline/disparity/) --- */
+
+/** Matching costs are 0 (equal) to SST_COST_MAX. */
+#define SST_COST_MAX 255
+
+/** Census 9 wide, 7 high: bit set where the neighbour is darker than the centre; 62 bits, rows top down, left to right.
+ *  rows[0..6] are the rows y-3 .. y+3, each readable from -4 to n+3. */
+typedef void sst_census_row_fn(uint64_t *out, const uint8_t *const rows[7], size_t n);
+
+/** cost[i] = 4 * popcount(a[i] ^ b[i]), at most 248. */
+typedef void sst_hamming_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t *b, size_t n);
+
+/**
+ * Cost of unit-length feature vectors of 64 components in steps of 1/SST_FEATURE_ONE, stored [32][.][2] with `stride` bytes
+ * between channel pairs: cost = clamp((SST_FEATURE_ONE^2 - <a, b>) >> SST_FEATURE_SHIFT, 0, SST_COST_MAX).
+ */
+typedef void sst_feature_cost_row_fn(uint8_t *cost, const int8_t *a, const int8_t *b, size_t stride, size_t n);
+#define SST_FEATURE_ONE 127
+#define SST_FEATURE_SHIFT 6 /* 127^2 >> 6 = 252: a dot product of 0 or less costs about the maximum */
+
+/** out[x * out_stride + d] = in[d * in_stride + x]; nx and nd multiples of 8. */
+typedef void sst_transpose_u8_fn(uint8_t *out, size_t out_stride, const uint8_t *in, size_t in_stride, size_t nx,
+                                 size_t nd);
+
+/**
+ * Row sums over horizontal arms, added to the running column sums (all modulo 2^16, which is exact for differences):
+ * vp[x][d] = vp_above[x][d] + sum of cost[x-l .. x+r][d], l = left[x], r = right[x].
+ *
+ * @param prefix  scratch [(n + 1)][nd]
+ */
+typedef void sst_support_sum_row_fn(uint16_t *vp, const uint16_t *vp_above, uint16_t *prefix, const uint8_t *cost,
+                                    const uint8_t *left, const uint8_t *right, size_t n, size_t nd);
+
+/**
+ * Mean over the support region: out[x][d] = ((lo - hi + count / 2) * ceil(2^16 / count)) >> 16 with lo, hi the column sums
+ * below and above: rows[down[x]] and rows[-1 - up[x]], rows pointing at the current row's sums. count[x] >= 2; pixels with
+ * count 1 keep their cost.
+ */
+typedef void sst_support_mean_row_fn(uint8_t *out, const uint16_t *const *rows, const uint8_t *up, const uint8_t *down,
+                                     const uint16_t *count, size_t n, size_t nd);
+
+/**
+ * One path of the semi-global optimisation that comes from another row: for every x,
+ * L[x][d] = C[x][d] + min(P[d], P[d-1] + p1, P[d+1] + p1, min P + p2) - min P,  P = prev[x + dx], and sum += L.
+ *
+ * Rows of L are [n + 2][nd + 2 * SST_SGM_PAD]: entry x of a row starts at (x + 1) * (nd + 2 * SST_SGM_PAD) + SST_SGM_PAD, its
+ * neighbours at -1 and nd hold SST_SGM_FAR, and its minimum is stored at -2; the entries -1 and n describe the outside: all 0.
+ *
+ * @param penalty  [n] index into p1, p2 for the step into x
+ * @param first    sum is set instead of added to
+ */
+typedef void sst_sgm_across_row_fn(uint16_t *cur, const uint16_t *prev, uint16_t *sum, const uint8_t *cost,
+                                   const uint8_t *penalty, const uint16_t *p1, const uint16_t *p2, int dx, int first,
+                                   size_t n, size_t nd);
+#define SST_SGM_PAD 32
+#define SST_SGM_FAR 0x7FFF
+
+/** The same along the row: from left to right (dir 1) or from right to left (dir -1). @param line  scratch, a row of L. */
+typedef void sst_sgm_along_row_fn(uint16_t *line, uint16_t *sum, const uint8_t *cost, const uint8_t *penalty,
+                                  const uint16_t *p1, const uint16_t *p2, int dir, int first, size_t n, size_t nd);
+
+/**
+ * Winner of each pixel's summed costs, ties to the smaller index, with the smallest sum outside its two neighbours.
+ *
+ * @param best    out [n], index of the winner
+ * @param second  out [n], smallest sum among d with |d - best| > 1; 65535 where there is none
+ * @param sum     in [n][stride], 0..65535 each
+ * @param nd      1..stride disparities count
+ */
+typedef void sst_winner_row_fn(uint16_t *best, uint16_t *second, const uint16_t *sum, size_t stride, size_t n, size_t nd);
+
+/** Median of 5x5: rows[0..4] are y-2 .. y+2, each readable from -2 to n+1. */
+typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], size_t n);
+
+/**
+ * Bilateral filter over 7x7 (see sst_bilateral()): the mean of those disparities within SST_BILATERAL_STEP_Q6 of the centre's
+ * whose luma differs by less than tau, weighted. Means are exact quotients of integers below 2^24, rounded half up.
+ *
+ * @param disp, luma  rows y-3 .. y+3, each readable from -3 to n+2; a disparity of 65535 takes no part and stays
+ * @param weight      [49], 0..4096 each with a sum below 2^15, weight[24] > 0
+ */
+typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], const uint8_t *const luma[7],
+                                  const int16_t *weight, int tau, size_t n);
+#define SST_BILATERAL_STEP_Q6 96
+
+/* --- rendering (pipeline/render/) --- */
 
 #define SST_BLEND_MAX 512        /* pixels that one call of a blend kernel takes at most */
 #define SST_BLEND_COLUMNS 4096   /* columns of the table of label weights: stored disparity / 16, 1/4 px each */

@@ -1,4 +1,12 @@
 /* pipeline/kernels/templates.h - every kernel template, compiled by each level's .c with KERNEL(name) set. */
+#include "pipeline/kernels/bilateral_tmpl.h"
+#include "pipeline/kernels/census_tmpl.h"
+#include "pipeline/kernels/feature_cost_tmpl.h"
+#include "pipeline/kernels/median_tmpl.h"
+#include "pipeline/kernels/sgm_tmpl.h"
+#include "pipeline/kernels/support_tmpl.h"
+#include "pipeline/kernels/transpose_tmpl.h"
+#include "pipeline/kernels/winner_tmpl.h"
 #include "pipeline/kernels/blend_finish_tmpl.h"
 #include "pipeline/kernels/blend_tmpl.h"
 

@@ -12,8 +12,7 @@
 
 #define JSON_MAX_BYTES ((size_t)4 << 20)
 #define FORMAT_NAME "sst-lightfield"
-#define OFFSET_MAX 1e4    /* spacings; a grid is at most 256 wide */
-#define DISP_ABS_MAX 32768.0 /* px; the largest image side */
+#define OFFSET_MAX 1e4 /* spacings; a grid is at most 256 wide */
 
 bool sst_view_file_name_ok(const char *name)
 {
@@ -80,11 +79,11 @@ const char *sst_lightfield_fault(const struct sst_lightfield *lf)
     if (lf->width < 1 || lf->height < 1 || lf->width > SST_IMAGE_MAX_SIDE || lf->height > SST_IMAGE_MAX_SIDE ||
         (size_t)lf->width * (size_t)lf->height > SST_IMAGE_MAX_PIXELS)
         return "width, height: each must be 1 to 32768";
-    if (!within(lf->disp_min_px, -DISP_ABS_MAX, DISP_ABS_MAX))
+    if (!within(lf->disp_min_px, -SST_DISP_ABS_MAX_PX, SST_DISP_ABS_MAX_PX))
         return "disp_min_px: outside -32768..32768";
-    if (!within(lf->range_min_px, -DISP_ABS_MAX, DISP_ABS_MAX) ||
-        !within(lf->range_max_px, lf->range_min_px, DISP_ABS_MAX))
-        return "range_min_px, range_max_px: outside -32768..32768 or min above max";
+    if (!within(lf->range_min_px, -SST_DISP_ABS_MAX_PX, SST_DISP_ABS_MAX_PX) ||
+        !within(lf->range_max_px, lf->range_min_px, lf->range_min_px + SST_RANGE_MAX_PX))
+        return "range_min_px, range_max_px: outside -32768..32768, min above max, or more than 1023 px apart";
     if (!within(lf->focal_px, 0, 1e9))
         return "focal_px: outside 0..1e9";
     if (!within(lf->spacing_mm, 0, 1e9))
@@ -320,11 +319,11 @@ static int read_lists(struct sst_lightfield *lf, struct reader *r)
     return r->err;
 }
 
-static int read_root(struct sst_lightfield *lf, struct reader *r)
+/* What must be known before a light field can be made. */
+static int read_head(struct reader *r, int *rows, int *cols)
 {
-    int version, rows, cols;
-    const char *what;
     char format[32] = "";
+    int version;
 
     take_string(r, "format", format, sizeof(format));
     if (!r->err && strcmp(format, FORMAT_NAME))
@@ -335,11 +334,19 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
                       version, SST_LIGHTFIELD_VERSION);
         r->err = -EBADMSG;
     }
-    rows = take_int(r, "rows", 1, SST_MAX_VIEWS);
-    cols = take_int(r, "cols", 1, SST_MAX_VIEWS);
-    if (!r->err && rows * cols > SST_MAX_VIEWS)
+    *rows = take_int(r, "rows", 1, SST_MAX_VIEWS);
+    *cols = take_int(r, "cols", 1, SST_MAX_VIEWS);
+    if (!r->err && *rows * *cols > SST_MAX_VIEWS)
         fault(r, "rows, cols", "make more than 256 views");
-    if (r->err)
+    return r->err;
+}
+
+static int read_root(struct sst_lightfield *lf, struct reader *r)
+{
+    int rows, cols;
+    const char *what;
+
+    if (read_head(r, &rows, &cols))
         return r->err;
     if (sst_lightfield_init(lf, rows, cols)) {
         sst_log_error("no memory for the light field %s", r->path);

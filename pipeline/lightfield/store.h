@@ -7,6 +7,8 @@
 SST_EXTERN_C_BEGIN
 
 #define SST_LIGHTFIELD_VERSION 1
+#define SST_DISP_ABS_MAX_PX 32768.0 /* no disparity is larger than an image */
+#define SST_RANGE_MAX_PX 1023.0     /* what 16 bits of 1/64 px hold, less the mark for unknown */
 #define SST_VIEW_FILE_MAX ((size_t)1 << 30) /* bytes of one view's file */
 
 /** SHA-256 of a buffer as lower-case hex. */

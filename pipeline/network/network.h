@@ -2,6 +2,8 @@
 #ifndef SST_PIPELINE_NETWORK_NETWORK_H
 #define SST_PIPELINE_NETWORK_NETWORK_H
 
+#include <stdbool.h>
+
 #include "base/base.h"
 
 SST_EXTERN_C_BEGIN
@@ -9,7 +11,15 @@ SST_EXTERN_C_BEGIN
 struct sst_network; /* one thread at a time */
 
 /**
- * Load and check a network. Operators outside the supported set make it fall back to OpenCV's DNN, which is said in a warning.
+ * Load and check a network: at most 64 MiB, 4096 nodes, tensors of 2^28 numbers; data in other files is refused.
+ *
+ * Run on oneDNN (f32): Conv, Relu, BatchNormalization after Conv, Add, Concat of channels, MaxPool, AveragePool,
+ * GlobalAveragePool, Resize (bilinear, fixed scales or sizes), Softmax and LpNormalization over channels (also x / |x| as
+ * exporters write it in single steps), Pad with zeros before Conv, Identity, Dropout, Constant; and of the domain "sst"
+ * AdaptiveAveragePool (output_size) and ResizeLike (x, like; align_corners). Sizes of images are free: H and W that the file
+ * gives are ignored. The result is the same for any number of threads (tested); it may differ in the last digits between
+ * machines, as oneDNN takes other code on other processors. Other operators make the network fall back to OpenCV's DNN,
+ * which is said in a warning.
  *
  * @param threads  used by runs; at least 1
  * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights), -ENOTSUP (neither runner can), -ENOMEM;
@@ -29,6 +39,12 @@ const char *sst_network_metadata(const struct sst_network *net, const char *key)
  * Input and output are NCHW with N = 1.
  */
 int sst_network_in_channels(const struct sst_network *net);
+
+/**
+ * False where the layers rule out this input size, as fixed windows do that must fit each other. Nothing is logged. True means
+ * nothing for a network that OpenCV runs.
+ */
+bool sst_network_accepts(const struct sst_network *net, int width, int height);
 
 /** Shape of the output for an input of width x height; plans memory and primitives for that size on first use. */
 SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int height, int *out_channels,

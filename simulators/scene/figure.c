@@ -21,7 +21,8 @@ static void limb(const struct body *b, struct sst_vec3 p, struct sst_vec3 q, dou
     sst_add_limb(b->w, p, q, radius * b->f->scale, mat);
 }
 
-static void bulk(const struct body *b, struct sst_vec3 c, double wide, double tall, double deep, struct sst_material mat)
+static void bulk(const struct body *b, struct sst_vec3 c, double wide, double tall, double deep,
+                 struct sst_material mat)
 {
     const double k = b->f->scale;
 

@@ -21,6 +21,15 @@ double sst_random_in(uint64_t *state, double lo, double hi)
     return lo + (hi - lo) * sst_random(state);
 }
 
+struct sst_vec3 sst_random_vec(uint64_t *state, double half)
+{
+    /* One by one: C leaves the order of calls within an expression open. */
+    const double x = sst_random_in(state, -half, half), y = sst_random_in(state, -half, half);
+    const double z = sst_random_in(state, -half, half);
+
+    return (struct sst_vec3){ x, y, z };
+}
+
 static inline uint32_t mix(uint32_t h)
 {
     h ^= h >> 15;

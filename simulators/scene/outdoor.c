@@ -2,14 +2,14 @@
 #include "pipeline/labels/classes.h"
 #include "simulators/scene/world.h"
 
-/* --- bush: a man on a sofa before a house, behind dense leaves ------------------------------------------------------ */
+/* --- bush: a man on a sofa before a house, behind dense leaves --------------------------------------------------- */
 
 static void add_sofa(struct sst_world *w, struct sst_vec3 base)
 {
     const struct sst_material cloth = { sst_paint_cloth, sst_hex(0x8d3b34), sst_hex(0xa9584a), 28, 3, NULL };
     const struct sst_material pillow = { sst_paint_cloth, sst_hex(0xc9b98a), sst_hex(0x3e5a74), 70, 0, NULL };
 
-    w->label = SST_LABEL_FURNITURE;
+    sst_begin(w, SST_LABEL_FURNITURE, 0);
     sst_add_box(w, sst_add(base, sst_v(0, -215, -40)), sst_v(880, 0, 0), sst_v(0, 215, 0), sst_v(0, 0, 340), cloth);
     sst_add_box(w, sst_add(base, sst_v(0, -450, 230)), sst_v(960, 0, 0), sst_v(0, 450, 0), sst_v(0, 0, 130), cloth);
     for (int side = -1; side <= 1; side += 2) {
@@ -22,21 +22,34 @@ static void add_sofa(struct sst_world *w, struct sst_vec3 base)
     }
 }
 
+/* Clothes differ from seed to seed. */
+static struct sst_material shirt(struct sst_world *w, double scale_mm)
+{
+    static const unsigned colours[][2] = { { 0x2f5d8c, 0xd8dfe6 }, { 0xb5472f, 0xe0c49a }, { 0x3a6b4a, 0xe6dca8 },
+                                           { 0x5a3a78, 0xd8b8d8 }, { 0x3a3a40, 0xc8a050 }, { 0x1f7a80, 0xf0e8d8 } };
+    const unsigned *pick = colours[sst_random_u64(&w->rng) % ARRAY_LEN(colours)];
+    struct sst_material m = sst_mat(sst_paint_cloth, pick[0], pick[1], scale_mm);
+
+    m.k = sst_random(&w->rng) < 0.5 ? 0 : 1;
+    return m;
+}
+
 static void add_sitter(struct sst_world *w, struct sst_vec3 base)
 {
+    const struct sst_material top = shirt(w, 66);
     const struct sst_figure man = {
         .base = base,
         .scale = 1,
-        .yaw = 0.12,
+        .yaw = sst_random_in(&w->rng, -0.2, 0.2),
         .seated = true,
         .skin = sst_mat(sst_paint_fbm, 0xc08a68, 0xdcab88, 60),
         .face = sst_mat(sst_paint_face, 0xd6a280, 0x3a281c, 40),
-        .shirt = { sst_paint_cloth, sst_hex(0x2f5d8c), sst_hex(0xd8dfe6), 62, 0, NULL },
+        .shirt = top,
         .trousers = { sst_paint_cloth, sst_hex(0x4a4436), sst_hex(0x7d745e), 30, 2, NULL },
         .shoes = sst_mat(sst_paint_fbm, 0x1e1a18, 0x4c4038, 40),
     };
 
-    w->label = SST_LABEL_PEDESTRIAN;
+    sst_begin(w, SST_LABEL_PEDESTRIAN, 0);
     sst_add_figure(w, &man);
 }
 
@@ -47,33 +60,33 @@ void sst_build_bush(struct sst_world *w)
     struct sst_vec3 base, wall;
     unsigned bush;
 
-    w->focal = 2000;
+    w->focal = 3200;
     w->spacing_mm = 80;
     bush = sst_world_occluder(w, "bush", SST_LABEL_TREE, SST_LABEL_PEDESTRIAN);
-    base = sst_world_at(w, 15, 235, 26);
+    base = sst_world_at(w, sst_random_in(&w->rng, -25, 45), 235, 26);
     wall = sst_add(base, sst_v(150, -2900, 400));
-    w->label = SST_LABEL_BUILDING;
+    sst_begin(w, SST_LABEL_BUILDING, 0);
     sst_add_patch(w, wall, sst_v(30000, 0, 0), sst_v(0, 2900, 0), house);
-    w->label = SST_LABEL_PAVEMENT;
+    sst_begin(w, SST_LABEL_PAVEMENT, 0);
     sst_add_floor(w, base.y, 300, wall.z, sst_mat(sst_paint_slabs, 0x8d8678, 0xb9b2a2, 420));
     sst_add_shadow(w, base.x, base.y, base.z - 60, 1150, 620);
     add_sofa(w, base);
     add_sitter(w, base);
 
-    w->label = SST_LABEL_TREE;
-    w->hide = bush;
+    sst_begin(w, SST_LABEL_TREE, bush);
     for (int i = 0; i < 9; i++) {
-        const double d = sst_random_in(&w->rng, disp[0], disp[1]);
-        const double x = -700 + 175 * i + sst_random_in(&w->rng, -60, 60);
+        const double d = sst_random_in(&w->rng, disp[0], disp[1]), x = -700 + 175 * i;
+        const struct sst_vec3 lean = sst_random_vec(&w->rng, 200);
 
-        sst_add_branch(w, sst_world_at(w, x, 700, d), sst_world_at(w, x * 0.8 + sst_random_in(&w->rng, -200, 200),
-                       sst_random_in(&w->rng, -500, -150), d + 2), 9);
+        sst_add_branch(w, sst_world_at(w, x, 700, d), sst_world_at(w, 0.8 * x + lean.x, lean.y - 325, d + 2), 9);
     }
-    sst_add_foliage(w, 4200, all_x, all_y, disp, 17);
-    sst_add_foliage(w, 500, all_x, low_y, disp, 17);
+    sst_add_foliage(w, 3400, all_x, all_y, disp, 17);
+    sst_add_foliage(w, 400, all_x, low_y, disp, 17);
 }
 
-/* --- pedestrian: a walker before a parked van, a house front behind ------------------------------------------------- */
+#define WALK_MM 4600.0 /* length of the path of the walker */
+
+/* --- pedestrian: a walker before a parked van, a house front behind ---------------------------------------------- */
 
 static void add_wheels(struct sst_world *w, struct sst_vec3 rear, double half_track)
 {
@@ -132,8 +145,9 @@ static void add_car(struct sst_world *w, struct sst_vec3 rear, unsigned light, u
     add_plate(w, rear, 560, text);
 }
 
-static void add_walker(struct sst_world *w, struct sst_vec3 base)
+static void add_walker(struct sst_world *w, struct sst_vec3 base, unsigned hide)
 {
+    const struct sst_material top = shirt(w, 90);
     const struct sst_figure walker = {
         .base = base,
         .scale = 1,
@@ -141,12 +155,12 @@ static void add_walker(struct sst_world *w, struct sst_vec3 base)
         .stride = 0.42 * sin(0.9 + 5.2 * w->time_s),
         .skin = sst_mat(sst_paint_fbm, 0xb98262, 0xd9a684, 60),
         .face = sst_mat(sst_paint_face, 0xcf9c7a, 0x2b1d16, 40),
-        .shirt = { sst_paint_cloth, sst_hex(0xb5472f), sst_hex(0xe0c49a), 90, 1, NULL },
+        .shirt = top,
         .trousers = { sst_paint_cloth, sst_hex(0x27364f), sst_hex(0x52678a), 34, 2, NULL },
         .shoes = sst_mat(sst_paint_fbm, 0x3a2a20, 0x6e5340, 40),
     };
 
-    w->label = SST_LABEL_PEDESTRIAN;
+    sst_begin(w, SST_LABEL_PEDESTRIAN, hide);
     sst_add_shadow(w, base.x, base.y, base.z, 420, 260);
     sst_add_figure(w, &walker);
 }
@@ -158,38 +172,37 @@ void sst_build_pedestrian(struct sst_world *w)
     const double road = 8 * 161;
     struct sst_vec3 rear, walker;
     unsigned person, cars;
+    const double walk = 1150 * w->time_s / WALK_MM;
     double front;
 
     w->focal = 1800;
     w->spacing_mm = 161;
-    w->shift = -55;
+    w->shift = 50;
     person = sst_world_occluder(w, "pedestrian", SST_LABEL_PEDESTRIAN, SST_LABEL_CAR);
     cars = sst_world_occluder(w, "car", SST_LABEL_CAR, SST_LABEL_BUILDING);
     rear = sst_world_at(w, 60, 216, 27);
-    walker = sst_world_at(w, 15, 512, 64);
+    walker = sst_world_at(w, sst_random_in(&w->rng, 5, 45), 512, 64);
     front = sst_world_at(w, 0, 0, 13).z;
 
-    w->label = SST_LABEL_BUILDING;
-    sst_add_patch(w, sst_v(600, road - 9000, front), sst_v(90000, 0, 0), sst_v(0, 9000, 0),
-                  house);
-    w->label = SST_LABEL_ROAD;
+    sst_begin(w, SST_LABEL_BUILDING, 0);
+    sst_add_patch(w, sst_v(600, road - 9000, front), sst_v(90000, 0, 0), sst_v(0, 9000, 0), house);
+    sst_begin(w, SST_LABEL_ROAD, 0);
     sst_add_floor(w, road, 300, front - 4200, asphalt);
     sst_add_patch(w, sst_v(0, road - 2, 6900), sst_v(60000, 0, 0), sst_v(0, 0, -75),
                   sst_mat(sst_paint_fbm, 0xb9b9b2, 0xe8e8e0, 120));
-    w->label = SST_LABEL_PAVEMENT;
+    sst_begin(w, SST_LABEL_PAVEMENT, 0);
     sst_add_floor(w, road - 130, front - 4200, front, sst_mat(sst_paint_slabs, 0x8e8a82, 0xb8b4aa, 600));
     sst_add_patch(w, sst_v(0, road - 65, front - 4200), sst_v(60000, 0, 0), sst_v(0, 65, 0),
                   sst_mat(sst_paint_fbm, 0x8a8882, 0xb8b6b0, 200));
-    w->label = SST_LABEL_POLE;
+    sst_begin(w, SST_LABEL_POLE, 0);
     sst_add_bar(w, sst_v(-5300, road, front - 3900), sst_v(-5300, road - 7000, front - 3900), 75,
                 sst_mat(sst_paint_fbm, 0x3c4440, 0x78827c, 200));
 
-    w->hide = cars;
-    w->label = SST_LABEL_CAR;
+    sst_begin(w, SST_LABEL_CAR, cars);
     add_van(w, rear, "SST 2036");
     add_car(w, sst_add(rear, sst_v(-2650, 0, 500)), 0x3f6fa8, 0x27486f, "LF 6X6");
     add_car(w, sst_add(rear, sst_v(2700, 0, 250)), 0x8a2f33, 0x5a1c20, "RAY 36");
-    w->hide = person | cars;
-    walker.x += 1150 * w->time_s;
-    add_walker(w, walker);
+    /* He leaves on the right and comes back on the left. */
+    walker.x += WALK_MM * (walk - floor(walk + 0.5));
+    add_walker(w, walker, person | cars);
 }

@@ -149,7 +149,7 @@ float sst_paint_shadow(const struct sst_surface *s, const struct sst_hit *h, str
     return r2 >= 1 ? 0 : 0.48f * (1 - r2);
 }
 
-/* --- outlines ------------------------------------------------------------------------------------------------------- */
+/* --- outlines ---------------------------------------------------------------------------------------------------- */
 
 /* Pointed at both ends, widest before the middle. */
 bool sst_mask_leaf(const struct sst_surface *s SST_UNUSED, double x, double y)

@@ -1,27 +1,26 @@
-/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells. */
+/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells.
+ */
 #include <string.h>
 
 #include "simulators/scene/world.h"
 
-/* --- letters -------------------------------------------------------------------------------------------------------- */
+/* --- letters ----------------------------------------------------------------------------------------------------- */
 
 #define GLYPHS " 0123456789ABCDEFGHIKLMNOPRSTUVXY"
 
 /* Seven rows of five dots, the leftmost dot is bit 4. */
 static const uint8_t glyphs[][7] = {
-    { 0, 0, 0, 0, 0, 0, 0 },
-    { 14, 17, 19, 21, 25, 17, 14 }, { 4, 12, 4, 4, 4, 4, 14 },      { 14, 17, 1, 6, 8, 16, 31 },
-    { 31, 2, 4, 2, 1, 17, 14 },     { 2, 6, 10, 18, 31, 2, 2 },     { 31, 16, 30, 1, 1, 17, 14 },
-    { 6, 8, 16, 30, 17, 17, 14 },   { 31, 1, 2, 4, 8, 8, 8 },       { 14, 17, 17, 14, 17, 17, 14 },
-    { 14, 17, 17, 15, 1, 2, 12 },
-    { 14, 17, 17, 31, 17, 17, 17 }, { 30, 17, 17, 30, 17, 17, 30 }, { 14, 17, 16, 16, 16, 17, 14 },
-    { 30, 17, 17, 17, 17, 17, 30 }, { 31, 16, 16, 30, 16, 16, 31 }, { 31, 16, 16, 30, 16, 16, 16 },
-    { 14, 17, 16, 23, 17, 17, 15 }, { 17, 17, 17, 31, 17, 17, 17 }, { 14, 4, 4, 4, 4, 4, 14 },
-    { 17, 18, 20, 24, 20, 18, 17 }, { 16, 16, 16, 16, 16, 16, 31 }, { 17, 27, 21, 21, 17, 17, 17 },
-    { 17, 25, 21, 19, 17, 17, 17 }, { 14, 17, 17, 17, 17, 17, 14 }, { 30, 17, 17, 30, 16, 16, 16 },
-    { 30, 17, 17, 30, 20, 18, 17 }, { 15, 16, 16, 14, 1, 1, 30 },   { 31, 4, 4, 4, 4, 4, 4 },
-    { 17, 17, 17, 17, 17, 17, 14 }, { 17, 17, 17, 17, 17, 10, 4 },  { 17, 17, 10, 4, 10, 17, 17 },
-    { 17, 17, 10, 4, 4, 4, 4 },
+    { 0, 0, 0, 0, 0, 0, 0 },        { 14, 17, 19, 21, 25, 17, 14 }, { 4, 12, 4, 4, 4, 4, 14 },
+    { 14, 17, 1, 6, 8, 16, 31 },    { 31, 2, 4, 2, 1, 17, 14 },     { 2, 6, 10, 18, 31, 2, 2 },
+    { 31, 16, 30, 1, 1, 17, 14 },   { 6, 8, 16, 30, 17, 17, 14 },   { 31, 1, 2, 4, 8, 8, 8 },
+    { 14, 17, 17, 14, 17, 17, 14 }, { 14, 17, 17, 15, 1, 2, 12 },   { 14, 17, 17, 31, 17, 17, 17 },
+    { 30, 17, 17, 30, 17, 17, 30 }, { 14, 17, 16, 16, 16, 17, 14 }, { 30, 17, 17, 17, 17, 17, 30 },
+    { 31, 16, 16, 30, 16, 16, 31 }, { 31, 16, 16, 30, 16, 16, 16 }, { 14, 17, 16, 23, 17, 17, 15 },
+    { 17, 17, 17, 31, 17, 17, 17 }, { 14, 4, 4, 4, 4, 4, 14 },      { 17, 18, 20, 24, 20, 18, 17 },
+    { 16, 16, 16, 16, 16, 16, 31 }, { 17, 27, 21, 21, 17, 17, 17 }, { 17, 25, 21, 19, 17, 17, 17 },
+    { 14, 17, 17, 17, 17, 17, 14 }, { 30, 17, 17, 30, 16, 16, 16 }, { 30, 17, 17, 30, 20, 18, 17 },
+    { 15, 16, 16, 14, 1, 1, 30 },   { 31, 4, 4, 4, 4, 4, 4 },       { 17, 17, 17, 17, 17, 17, 14 },
+    { 17, 17, 17, 17, 17, 10, 4 },  { 17, 17, 10, 4, 10, 17, 17 },  { 17, 17, 10, 4, 4, 4, 4 },
 };
 
 bool sst_font_dot(const char *text, int x, int y)
@@ -56,7 +55,7 @@ float sst_paint_text(const struct sst_surface *s, const struct sst_hit *h, struc
     return 1;
 }
 
-/* --- people --------------------------------------------------------------------------------------------------------- */
+/* --- people ------------------------------------------------------------------------------------------------------ */
 
 float sst_paint_face(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
 {
@@ -84,7 +83,7 @@ float sst_paint_face(const struct sst_surface *s, const struct sst_hit *h, struc
     return 1;
 }
 
-/* --- cars and houses ------------------------------------------------------------------------------------------------ */
+/* --- cars and houses --------------------------------------------------------------------------------------------- */
 
 static bool inside(double x, double y, double x0, double x1, double y0, double y1)
 {
@@ -186,26 +185,52 @@ float sst_paint_facade(const struct sst_surface *s, const struct sst_hit *h, str
     return 1;
 }
 
-/* --- pictures ------------------------------------------------------------------------------------------------------- */
+/* --- pictures ---------------------------------------------------------------------------------------------------- */
+
+/* Hills before a sky: sky a, ground b. */
+float sst_paint_landscape(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    const double mm = s->mat.scale_mm;
+    const float cloud = sst_fbm(sst_v(h->q.x * 3, h->q.y * 9, 0), 5, s->seed), fine = noise_at(s, h, mm, 2);
+
+    *out = sst_blend(s->mat.a, sst_hex(0xf4f2ee), cloud * cloud);
+    for (int i = 0; i < 4; i++) {
+        const double x = h->q.x * (1.5 + 1.2 * i) + 7 * i + 50, top = -0.35 + 0.3 * i;
+
+        if (h->q.y > top + 0.5 * (sst_fbm(sst_v(x, 3.5, 0), 4, s->seed + 20) - 0.5)) {
+            const float bush = sst_fbm(sst_v(h->t.x / (3 * mm), h->t.y / (1.5 * mm), 0), 4, s->seed + 3 * (uint32_t)i);
+
+            *out = sst_blend(sst_hex(0x9aa6a8), s->mat.b, 0.4f + 0.2f * (float)i);
+            *out = dimmed(*out, 0.55f + 0.8f * bush);
+        }
+    }
+    *out = dimmed(*out, 0.8f + 0.35f * fine);
+    return 1;
+}
+
+/* A disc or a tilted square of the picture's palette. */
+static void add_shape(const struct sst_surface *s, const struct sst_hit *h, uint32_t one, struct sst_rgb *out)
+{
+    const double aspect = sqrt(sst_dot(s->u, s->u) / sst_dot(s->v, s->v));
+    const double dx = (h->q.x - (one & 255) / 127.5 + 1) * aspect, dy = h->q.y - (one >> 8 & 255) / 127.5 + 1;
+    const double r = 0.12 + (one >> 16 & 63) / 200.0;
+    const double d = one >> 31 ? sqrt(dx * dx + dy * dy) : fmax(fabs(dx + 0.4 * dy), fabs(dy - 0.4 * dx));
+    struct sst_rgb c = sst_blend(s->mat.a, s->mat.b, (float)(one >> 3 & 255) / 180);
+
+    if (d >= r)
+        return;
+    c = (struct sst_rgb){ c.r * (0.7f + 0.6f * (float)(one >> 11 & 255) / 255), c.g, c.b };
+    *out = sst_blend(c, dimmed(c, 0.5f), (float)(d / r) * (one >> 28 & 1 ? 1.0f : 0.3f));
+}
 
 float sst_paint_poster(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
 {
-    const uint32_t kind = sst_hash((int32_t)s->mat.k, 0, 0, s->seed);
     const float t = sst_fbm(sst_v(h->q.x * 2.5 + 9, h->q.y * 2.5, 0), 5, s->seed);
     const float fine = noise_at(s, h, s->mat.scale_mm, 2);
 
     *out = sst_blend(s->mat.a, s->mat.b, t);
-    for (int i = 0; i < 14; i++) {
-        const uint32_t one = sst_hash(i, (int32_t)s->mat.k, 5, s->seed);
-        const double cx = (one & 255) / 127.5 - 1, cy = (one >> 8 & 255) / 127.5 - 1, r = 0.08 + (one >> 16 & 63) / 190.0;
-        const double dx = h->q.x - cx, dy = h->q.y - cy;
-        const double d = kind >> i & 1 ? sqrt(dx * dx + dy * dy) : fmax(fabs(dx + 0.4 * dy), fabs(dy - 0.4 * dx));
-        const struct sst_rgb c = { (float)(one >> 3 & 255) / 255, (float)(one >> 11 & 255) / 255,
-                                   (float)(one >> 20 & 255) / 255 };
-
-        if (d < r)
-            *out = sst_blend(c, dimmed(c, 0.4f), (float)(d / r) * (one >> 28 & 1 ? 1.0f : 0.3f));
-    }
+    for (int i = 0; i < 16; i++)
+        add_shape(s, h, sst_hash(i, 0, 5, s->seed), out);
     if (s->mat.text) {
         const int columns = 6 * (int)strlen(s->mat.text) - 1;
         const double x = (h->q.x + 0.86) / 1.72 * columns, y = (h->q.y - 0.56) / 0.3 * 7;
@@ -236,68 +261,78 @@ float sst_paint_wheel(const struct sst_surface *s, const struct sst_hit *h, stru
     return 1;
 }
 
-/* --- stained cells -------------------------------------------------------------------------------------------------- */
+/* --- stained cells ----------------------------------------------------------------------------------------------- */
 
 /* Distance to the nearest and the second nearest of one random point per lattice cell, and a number of the nearest. */
 static uint32_t nearest_seeds(double x, double y, uint32_t seed, double *first, double *second)
 {
     const int32_t cx = (int32_t)floor(x), cy = (int32_t)floor(y);
+    double near = 1e9, next = 1e9;
     uint32_t found = 0;
 
-    *first = *second = 1e9;
     for (int32_t j = cy - 1; j <= cy + 1; j++) {
         for (int32_t i = cx - 1; i <= cx + 1; i++) {
             const uint32_t one = sst_hash(i, j, 4, seed);
-            const double dx = i + 0.15 + 0.7 * (one & 0xffff) / 65536.0 - x, dy = j + 0.15 + 0.7 * (one >> 16) / 65536.0 - y;
-            const double d = sqrt(dx * dx + dy * dy);
+            const double dx = i + 0.15 + 0.7 * (one & 0xffff) / 65536.0 - x,
+                         dy = j + 0.15 + 0.7 * (one >> 16) / 65536.0 - y;
+            const double d = dx * dx + dy * dy;
 
-            if (d < *first) {
-                *second = *first;
-                *first = d;
+            if (d < near) {
+                next = near;
+                near = d;
                 found = one;
-            } else if (d < *second) {
-                *second = d;
+            } else if (d < next) {
+                next = d;
             }
         }
     }
+    *first = sqrt(near);
+    *second = sqrt(next);
     return found;
 }
 
 float sst_paint_membrane(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
 {
     const double p = s->mat.scale_mm;
-    const float wobble = noise_at(s, h, 0.3 * p, 1), fine = noise_at(s, h, 0.07 * p, 2);
+    const float wobble = sst_fbm(sst_mul(h->t, 3.3 / p), 2, s->seed + 1);
     double d1, d2, r;
     const uint32_t one = nearest_seeds(h->t.x / p + 0.2 * wobble, h->t.y / p + 0.2 * (1 - wobble), s->seed, &d1, &d2);
 
-    r = d1 / (0.27 + 0.1 * (one >> 5 & 255) / 255);
-    *out = dimmed(sst_blend(s->mat.a, s->mat.b, fine), 0.75f + 0.4f * wobble);
+    r = d1 / (0.32 + 0.1 * (one >> 5 & 255) / 255);
     if (r >= 1)
         return 0;
-    if (r > 0.82) { /* the wall of the cell is denser */
+    *out = sst_blend(s->mat.a, s->mat.b, sst_fbm(sst_mul(h->t, 16 / p), 2, s->seed + 2));
+    *out = dimmed(*out, 0.75f + 0.4f * wobble);
+    if (r > 0.85) { /* the wall of the cell is denser */
         *out = dimmed(*out, 0.7f);
         return 0.78f;
     }
-    return 0.36f + 0.3f * fine;
+    return 0.44f + 0.22f * wobble;
 }
 
 float sst_paint_tissue(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
 {
     const double p = s->mat.scale_mm;
-    const float bulk = noise_at(s, h, 0.5 * p, 1), fine = noise_at(s, h, 0.06 * p, 2);
+    const float bulk = sst_fbm(sst_mul(h->t, 2.5 / p), 3, s->seed + 1);
+    const float fine = sst_fbm(sst_mul(h->t, 16 / p), 2, s->seed + 2);
     double d1, d2, r;
     const uint32_t one = nearest_seeds(h->t.x / p + 0.25 * bulk, h->t.y / p, s->seed, &d1, &d2);
 
-    *out = dimmed(sst_blend(sst_hex(0xe8cfe0), sst_hex(0xc79ac0), bulk), 0.75f + 0.35f * fine);
-    if (d2 - d1 < 0.05)
-        *out = dimmed(sst_hex(0x9a6fa8), 0.7f + 0.5f * fine);
     r = d1 / (0.2 + 0.12 * (one >> 5 & 255) / 255);
-    if (r < 1)
+    if (r < 1) {
         *out = dimmed(r > 0.85 ? dimmed(s->mat.b, 0.6f) : sst_blend(s->mat.a, s->mat.b, fine), 0.7f + 0.5f * bulk);
-    if (r < 0.35)
-        *out = dimmed(s->mat.b, 0.45f + 0.3f * fine);
-    nearest_seeds(h->t.x / (0.16 * p), h->t.y / (0.16 * p), s->seed + 9, &d1, &d2);
-    if (r > 1.1 && d1 < 0.2)
-        *out = dimmed(sst_hex(0x3f7f86), 0.7f + 0.6f * fine);
+        if (r < 0.35)
+            *out = dimmed(s->mat.b, 0.45f + 0.3f * fine);
+        return 1;
+    }
+    *out = dimmed(sst_blend(sst_hex(0xe8cfe0), sst_hex(0xc79ac0), bulk), 0.75f + 0.35f * fine);
+    if (d2 - d1 < 0.05) {
+        *out = dimmed(sst_hex(0x9a6fa8), 0.7f + 0.5f * fine);
+    } else if (r > 1.1) {
+        const uint32_t spot = nearest_seeds(h->t.x / (0.16 * p), h->t.y / (0.16 * p), s->seed + 9, &d1, &d2);
+
+        if (d1 < 0.12 + 0.16 * (spot >> 4 & 255) / 255 && (spot & 3) > 0)
+            *out = dimmed(sst_hex(0x3f7f86), 0.7f + 0.6f * fine);
+    }
     return 1;
 }

@@ -12,11 +12,11 @@
 #include "base/mem.h"
 #include "simulators/scene/world.h"
 
-#define BAND_ROWS 16
-#define COLOURS 4
-#define CENTRE 4
-#define SAMPLES 5
-#define NOTHING UINT32_MAX
+#define BAND_ROWS  16
+#define COLOURS    4
+#define CENTRE     4
+#define SAMPLES    5
+#define NOTHING    UINT32_MAX
 #define NEAREST_MM 1.0 /* corners nearer than this (or behind the camera) give no bounds */
 
 static const double offset_x[SAMPLES] = { 0.125, 0.375, -0.125, -0.375, 0 };
@@ -56,7 +56,7 @@ static inline double at(struct affine a, double x, double y)
     return a.x * x + a.y * y + a.c;
 }
 
-/* --- one surface in one view ---------------------------------------------------------------------------------------- */
+/* --- one surface in one view ------------------------------------------------------------------------------------- */
 
 static void bounds(const struct sst_raster *r, const struct sst_surface *s, struct sst_vec3 e, struct seen *out)
 {
@@ -70,8 +70,8 @@ static void bounds(const struct sst_raster *r, const struct sst_surface *s, stru
 
     for (int i = 0; i < (s->ellipsoid ? 8 : 4); i++) {
         const double a = i & 1 ? 1 : -1, b = i & 2 ? 1 : -1, c = i & 4 ? 1 : -1;
-        const struct sst_vec3 p = sst_add(e, s->ellipsoid ? sst_v(a * hx, b * hy, c * hz)
-                                                          : sst_add(sst_mul(s->u, a), sst_mul(s->v, b)));
+        const struct sst_vec3 p =
+            sst_add(e, s->ellipsoid ? sst_v(a * hx, b * hy, c * hz) : sst_add(sst_mul(s->u, a), sst_mul(s->v, b)));
 
         if (p.z < NEAREST_MM) {
             *out = (struct seen){ .x1 = r->width, .y1 = r->height };
@@ -164,7 +164,7 @@ static inline double meet(const struct sst_surface *s, const struct seen *g, dou
     return !s->mask || s->mask(s, q[0], q[1]) ? inv_z : 0;
 }
 
-/* --- colour --------------------------------------------------------------------------------------------------------- */
+/* --- colour ------------------------------------------------------------------------------------------------------ */
 
 static struct sst_hit hit_at(const struct sst_surface *s, const double q[3])
 {
@@ -204,7 +204,7 @@ static float shade(const struct sst_surface *s, const double q[3], struct sst_rg
     return alpha;
 }
 
-/* --- a band --------------------------------------------------------------------------------------------------------- */
+/* --- a band ------------------------------------------------------------------------------------------------------ */
 
 static size_t cell(const struct band *b, int sample, int y, int x)
 {
@@ -288,7 +288,7 @@ static uint8_t to_byte(float sum)
 {
     const float v = sum * (255.0f / COLOURS) + 0.5f;
 
-    return v <= 0 ? 0 : v >= 255 ? 255 : (uint8_t)v;
+    return (uint8_t)(v <= 0 ? 0 : v >= 255 ? 255 : v);
 }
 
 static void store(const struct band *b)

@@ -6,12 +6,16 @@
 #include "base/mem.h"
 #include "simulators/scene/internal.h"
 
-#define PROBE_WIDTH 320 /* points per side that are looked at to learn ranges and focal planes */
+#define PROBE_WIDTH  320 /* points per side that are looked at to learn ranges and focal planes */
 #define PROBE_HEIGHT 240
 
-static const char *const names[] = { "bush", "pedestrian", NULL };
+static const char *const names[] = {
+    "bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat", NULL
+};
 
-static sst_build_fn *const builders[] = { sst_build_bush, sst_build_pedestrian };
+static sst_build_fn *const builders[] = { sst_build_bush, sst_build_pedestrian, sst_build_transportation,
+                                          sst_build_cell, sst_build_humvee,     sst_build_cd_cases,
+                                          sst_build_cat };
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg)
 {
@@ -29,7 +33,7 @@ static int find(const char *name)
         if (!strcmp(names[i], name))
             return i;
     }
-    sst_log_error("there is no scene %s; choose bush or pedestrian", name);
+    sst_log_error("there is no scene %s; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
     return -EINVAL;
 }
 
@@ -70,7 +74,7 @@ void sst_scene_raster(const struct sst_scene *s, double bx, double by, unsigned 
     };
 }
 
-/* --- what create finds out by looking ------------------------------------------------------------------------------- */
+/* --- what create finds out by looking ---------------------------------------------------------------------------- */
 
 struct probe {
     struct sst_map_f32 disp;
@@ -147,7 +151,8 @@ static int by_value(const void *a, const void *b)
  * Median disparity of the target behind the occluder; where the picture shows none of it there, of the target anywhere,
  * and last of everything.
  */
-static double median_behind(const struct probe *front, const struct probe *behind, unsigned bit, int target, float *buffer)
+static double median_behind(const struct probe *front, const struct probe *behind, unsigned bit, int target,
+                            float *buffer)
 {
     int n = 0;
 
@@ -186,7 +191,7 @@ static int find_focus(struct sst_scene *s)
     return err;
 }
 
-/* --- the public face ------------------------------------------------------------------------------------------------ */
+/* --- the public face --------------------------------------------------------------------------------------------- */
 
 int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg)
 {
@@ -253,8 +258,12 @@ const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s
 int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_image *image,
                      struct sst_map_f32 *disp, struct sst_map_u8 *label)
 {
+    const int w = s->cfg.width, h = s->cfg.height;
     struct sst_raster r;
 
+    if ((image && (image->width != w || image->height != h)) || (disp && (disp->width != w || disp->height != h)) ||
+        (label && (label->width != w || label->height != h)))
+        return -EINVAL;
     sst_scene_raster(s, bx, by, hidden, &r);
     r.image = image;
     r.disp = disp;

@@ -10,17 +10,19 @@ SST_EXTERN_C_BEGIN
 
 struct sst_scene_config {
     int width, height, rows, cols;
-    uint64_t seed;    /* moves and recolours what may vary; the same seed gives the same bytes */
-    double time_s;    /* motion: the pedestrian walks, leaves sway */
+    uint64_t seed; /* moves and recolours what may vary; the same seed gives the same bytes */
+    double time_s; /* motion: the pedestrian walks, leaves sway */
     int threads;
+    void (*progress)(void *arg, double done); /* told 0..1 by sst_scene_write, one call at a time; or NULL */
+    void *progress_arg;
 };
 
 /** One see-through task: hide these objects, focus there. */
 struct sst_scene_occluder {
     char name[32];
-    int label;             /* of the occluding object */
-    int target_label;      /* of what is behind and in focus */
-    double focus_px;       /* disparity of the target, px per spacing */
+    int label;        /* of the occluding object */
+    int target_label; /* of what is behind and in focus */
+    double focus_px;  /* disparity of the target, px per spacing */
 };
 
 struct sst_scene; /* opaque; read-only after create: any number of threads may render */
@@ -49,6 +51,7 @@ const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s
  * @param image   out, initialised by the caller to the scene's size; or NULL
  * @param disp    out, px per spacing at the pixel centre; or NULL
  * @param label   out, default class list; or NULL
+ * @return 0, -EINVAL (an output of another size), -ENOMEM.
  */
 SST_MUST_CHECK int sst_scene_render(const struct sst_scene *scene, double bx, double by, unsigned hidden,
                                     struct sst_image *image, struct sst_map_f32 *disp, struct sst_map_u8 *label);

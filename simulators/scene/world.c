@@ -3,9 +3,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#define GRAIN 0.16f
+#define GRAIN    0.16f
 #define GRAIN_PX 2.6 /* design pixels between the values of the fine texture */
-#define TURN 6.283185307179586
+#define TINT     0.05
+#define TURN     6.283185307179586
 
 struct sst_vec3 sst_world_at(const struct sst_world *w, double x, double y, double disp_px)
 {
@@ -27,6 +28,20 @@ unsigned sst_world_occluder(struct sst_world *w, const char *name, int label, in
     o->label = label;
     o->target_label = target_label;
     return 1u << w->occluder_count++;
+}
+
+void sst_begin(struct sst_world *w, int label, unsigned hide)
+{
+    w->label = label;
+    w->hide = hide;
+    w->tint.r = w->tint.g = w->tint.b = (float)sst_random_in(&w->rng, 0.9, 1.04);
+    w->tint.r *= (float)sst_random_in(&w->rng, 1 - TINT, 1 + TINT);
+    w->tint.b *= (float)sst_random_in(&w->rng, 1 - TINT, 1 + TINT);
+}
+
+static struct sst_rgb tinted(const struct sst_world *w, struct sst_rgb c)
+{
+    return (struct sst_rgb){ c.r * w->tint.r, c.g * w->tint.g, c.b * w->tint.b };
 }
 
 static struct sst_surface *add(struct sst_world *w)
@@ -61,6 +76,8 @@ struct sst_surface *sst_add_patch(struct sst_world *w, struct sst_vec3 centre, s
         .u = u,
         .v = v,
     };
+    s->mat.a = tinted(w, mat.a);
+    s->mat.b = tinted(w, mat.b);
     return s;
 }
 
@@ -148,10 +165,11 @@ void sst_add_shadow(struct sst_world *w, double x, double y, double z, double rx
     s->hide = 0;
 }
 
-/* --- foliage -------------------------------------------------------------------------------------------------------- */
+/* --- foliage ----------------------------------------------------------------------------------------------------- */
 
 static const unsigned leaf_colours[][2] = {
-    { 0x3f7a2a, 0x7fae3c }, { 0x2f6424, 0x5f9a38 }, { 0x54862a, 0x9dbb45 }, { 0x2a5a30, 0x4f8a48 }, { 0x6b8f2e, 0xb4c455 },
+    { 0x3f7a2a, 0x7fae3c }, { 0x2f6424, 0x5f9a38 }, { 0x54862a, 0x9dbb45 },
+    { 0x2a5a30, 0x4f8a48 }, { 0x6b8f2e, 0xb4c455 },
 };
 
 /* light: 0 in the depth of the bush .. 1 on its face. */
@@ -195,11 +213,10 @@ void sst_add_branch(struct sst_world *w, struct sst_vec3 a, struct sst_vec3 b, d
 
     for (int i = 1; i <= parts; i++) {
         const double t = (double)i / parts, bend = half_mm * (i < parts ? 5 : 0);
-        struct sst_vec3 q = sst_add(a, sst_mul(sst_sub(b, a), t)), twig;
+        const struct sst_vec3 twig = sst_random_vec(&w->rng, 1);
+        struct sst_vec3 q = sst_add(sst_add(a, sst_mul(sst_sub(b, a), t)), sst_random_vec(&w->rng, bend));
 
-        q = sst_add(q, sst_v(sst_random_in(&w->rng, -bend, bend), sst_random_in(&w->rng, -bend, bend), 0));
         sst_add_bar(w, p, q, half_mm * (1.1 - 0.7 * t), bark);
-        twig = sst_v(sst_random_in(&w->rng, -1, 1), sst_random_in(&w->rng, -1, 1), sst_random_in(&w->rng, -0.5, 0.5));
         sst_add_bar(w, p, sst_add(p, sst_mul(sst_unit(twig), half_mm * 16)), half_mm * 0.35, bark);
         p = q;
     }

@@ -42,28 +42,29 @@ struct sst_material {
 
 struct sst_surface {
     bool ellipsoid;
-    bool translucent;   /* blended over what is behind; such surfaces are added from far to near */
-    bool round;         /* patch lit like the cylinder with axis u */
+    bool translucent; /* blended over what is behind; such surfaces are added from far to near */
+    bool round;       /* patch lit like the cylinder with axis u */
     bool unlit;
     uint8_t label;
-    unsigned hide;      /* bit i: belongs to occluder i */
+    unsigned hide; /* bit i: belongs to occluder i */
     uint32_t seed;
-    float grain;        /* strength of the fine texture that every surface carries */
+    float grain; /* strength of the fine texture that every surface carries */
     double grain_mm;
     struct sst_material mat;
-    sst_mask_fn *mask;  /* NULL: the whole patch */
-    double outline;     /* the mask's own parameter */
+    sst_mask_fn *mask;               /* NULL: the whole patch */
+    double outline;                  /* the mask's own parameter */
     struct sst_vec3 origin, u, v, w; /* centre and half-axes; a patch has no w */
 };
 
 struct sst_world {
-    double focal, spacing_mm;  /* focal length in design pixels */
-    double shift;              /* of the principal point below the picture's middle, design pixels */
+    double focal, spacing_mm; /* focal length in design pixels */
+    double shift;             /* of the principal point below the picture's middle, design pixels */
     double time_s;
     uint64_t rng;
     /* what surfaces added next get */
     int label;
     unsigned hide;
+    struct sst_rgb tint; /* factors of their colours */
     /* added so far */
     struct sst_surface *surfaces, scrap;
     int count, capacity;
@@ -133,6 +134,9 @@ double sst_world_mm(const struct sst_world *w, double disp_px);
 /** Declare an occluder; its bit for `hide`. */
 unsigned sst_world_occluder(struct sst_world *w, const char *name, int label, int target_label);
 
+/** Surfaces added from now on make one object: its label, the occluders it belongs to and a tint of its own. */
+void sst_begin(struct sst_world *w, int label, unsigned hide);
+
 /* Each adds surfaces of the current label and hide bits. The pointer is valid until the next addition. */
 struct sst_surface *sst_add_patch(struct sst_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
                                   struct sst_material mat);
@@ -163,21 +167,22 @@ void sst_add_foliage(struct sst_world *w, int count, const double x[2], const do
 void sst_add_branch(struct sst_world *w, struct sst_vec3 a, struct sst_vec3 b, double half_mm);
 
 /* Paints; a and b are the two colours of a material. */
-sst_paint_fn sst_paint_fbm;      /* clouds from a to b; k: how far they are drawn out along y, 0 as 1 */
-sst_paint_fn sst_paint_cloth;    /* plaid; k: 0 plaid, 1 stripes along y, 2 denim, 3 corduroy */
-sst_paint_fn sst_paint_brick;    /* bricks a, mortar b; scale: length of a brick */
-sst_paint_fn sst_paint_wood;     /* boards along x; scale: width of a board */
-sst_paint_fn sst_paint_slabs;    /* square slabs with joints */
+sst_paint_fn sst_paint_fbm;   /* clouds from a to b; k: how far they are drawn out along y, 0 as 1 */
+sst_paint_fn sst_paint_cloth; /* plaid; k: 0 plaid, 1 stripes along y, 2 denim, 3 corduroy */
+sst_paint_fn sst_paint_brick; /* bricks a, mortar b; scale: length of a brick */
+sst_paint_fn sst_paint_wood;  /* boards along x; scale: width of a board */
+sst_paint_fn sst_paint_slabs; /* square slabs with joints */
 sst_paint_fn sst_paint_leaf;
-sst_paint_fn sst_paint_face;     /* skin a, hair b, on a head whose w points forward and v down */
-sst_paint_fn sst_paint_text;     /* the text in b on a, with a border; k: lines of the same text */
-sst_paint_fn sst_paint_facade;   /* bricks a with windows, joints and frames b; scale: length of a brick, k: bricks from
-                                    window to window */
-sst_paint_fn sst_paint_poster;   /* a picture of shapes; k picks one */
-sst_paint_fn sst_paint_van;      /* rear of a white van, a body, b bumper */
-sst_paint_fn sst_paint_car;      /* rear of a car */
-sst_paint_fn sst_paint_glass;    /* rear window with frame a */
-sst_paint_fn sst_paint_fur;      /* hair a to b along y; k: strength of the stripes */
+sst_paint_fn sst_paint_face;   /* skin a, hair b, on a head whose w points forward and v down */
+sst_paint_fn sst_paint_text;   /* the text in b on a, with a border; k: lines of the same text */
+sst_paint_fn sst_paint_facade; /* bricks a with windows, joints and frames b; scale: length of a brick, k: bricks from
+                                  window to window */
+sst_paint_fn sst_paint_poster; /* a picture of shapes of colours between a and b, the text below */
+sst_paint_fn sst_paint_landscape; /* sky a, hills b */
+sst_paint_fn sst_paint_van;       /* rear of a white van, a body, b bumper */
+sst_paint_fn sst_paint_car;       /* rear of a car */
+sst_paint_fn sst_paint_glass;     /* rear window with frame a */
+sst_paint_fn sst_paint_fur;       /* hair a to b along y; k: strength of the stripes */
 sst_paint_fn sst_paint_camouflage;
 sst_paint_fn sst_paint_feather;
 sst_paint_fn sst_paint_wheel;    /* tyre, rim and spokes; with sst_mask_wheel */
@@ -188,18 +193,18 @@ sst_paint_fn sst_paint_shadow;   /* translucent, never more than half opaque */
 /* Outlines. */
 sst_mask_fn sst_mask_leaf;
 sst_mask_fn sst_mask_disc;
-sst_mask_fn sst_mask_rounded;    /* outline: radius of the corners, of the half height */
-sst_mask_fn sst_mask_trapezoid;  /* outline: width of the top edge, of the bottom edge */
-sst_mask_fn sst_mask_wheel;      /* outline: 0 open with spokes, else inner radius of a thick tyre round a disc */
+sst_mask_fn sst_mask_rounded;   /* outline: radius of the corners, of the half height */
+sst_mask_fn sst_mask_trapezoid; /* outline: width of the top edge, of the bottom edge */
+sst_mask_fn sst_mask_wheel;     /* outline: 0 open with spokes, else inner radius of a thick tyre round a disc */
 
 /** 5x7 dots; is the dot in column x, row y of the text set? Characters are 6 columns apart. */
 bool sst_font_dot(const char *text, int x, int y);
 
 struct sst_figure {
-    struct sst_vec3 base;  /* on the ground between the feet */
-    double scale;          /* 1: 1750 mm tall */
-    double yaw;            /* rad; 0 faces the cameras, pi/2 walks to the right */
-    double stride;         /* rad, swing of the legs; arms swing against it */
+    struct sst_vec3 base; /* on the ground between the feet */
+    double scale;         /* 1: 1750 mm tall */
+    double yaw;           /* rad; 0 faces the cameras, pi/2 walks to the right */
+    double stride;        /* rad, swing of the legs; arms swing against it */
     bool seated;
     struct sst_material skin, face, shirt, trousers, shoes;
 };
@@ -211,20 +216,20 @@ typedef void sst_build_fn(struct sst_world *w);
 sst_build_fn sst_build_bush, sst_build_pedestrian, sst_build_transportation, sst_build_cell, sst_build_humvee,
     sst_build_cd_cases, sst_build_cat;
 
-/* --- the renderer ------------------------------------------------------------------------------------------------- */
+/* --- the renderer ------------------------------------------------------------------------------------------------ */
 
 /** One view of a world. Pixel (i, j) of the outputs looks at picture position (i * step_x, j * step_y). */
 struct sst_raster {
     const struct sst_world *world;
     double focal_px, cx, cy;
-    int width, height;       /* of the outputs */
-    double step_x, step_y;   /* 1: the picture itself; image needs 1 */
+    int width, height;     /* of the outputs */
+    double step_x, step_y; /* 1: the picture itself; image needs 1 */
     double bx, by;
     unsigned hidden;
-    struct sst_image *image;      /* or NULL */
-    struct sst_map_f32 *disp;     /* or NULL */
-    struct sst_map_u8 *label;     /* or NULL */
-    struct sst_map_u8 *owner;     /* hide bits of what is seen; or NULL */
+    struct sst_image *image;  /* or NULL */
+    struct sst_map_f32 *disp; /* or NULL */
+    struct sst_map_u8 *label; /* or NULL */
+    struct sst_map_u8 *owner; /* hide bits of what is seen; or NULL */
 };
 
 /** @return 0 or -ENOMEM. */

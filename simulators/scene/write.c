@@ -19,10 +19,11 @@ struct job {
     const struct sst_scene *scene;
     const struct sst_lightfield *lf;
     const char *dir;
-    int views; /* jobs below are views, those from here on are occluders */
+    int views, count; /* jobs below `views` are views, the rest are occluders */
+    _Atomic int done;
 };
 
-/* dir/folder/name made by one of the writers; each checks its own output. */
+/* dir/folder/name */
 static int path_of(char out[SST_PATH_MAX], const char *dir, const char *folder, const char *name)
 {
     char sub[SST_PATH_MAX];
@@ -64,7 +65,8 @@ static int write_view(const struct job *j, int view)
     if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_f32_write_pfm(&disp, path)))
         goto done;
     snprintf(file, sizeof(file), "%s.png", name);
-    if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_u8_write_png(&label, path, sst_classes_palette())))
+    if ((err = path_of(path, j->dir, "truth", file)) ||
+        (err = sst_map_u8_write_png(&label, path, sst_classes_palette())))
         goto done;
 
 done:
@@ -75,7 +77,8 @@ done:
 }
 
 /* Write the pair behind<suffix>.png, occluder<suffix>.png. */
-static int write_pair(const struct job *j, const char *suffix, const struct sst_image *behind, const struct sst_map_u8 *mask)
+static int write_pair(const struct job *j, const char *suffix, const struct sst_image *behind,
+                      const struct sst_map_u8 *mask)
 {
     char file[FILE_NAME_MAX], path[SST_PATH_MAX];
     int err;
@@ -130,11 +133,16 @@ done:
     return err;
 }
 
-static int run_job(void *arg, int index, int worker SST_UNUSED)
+static int run_job(void *arg, int index, int worker)
 {
-    const struct job *j = arg;
+    struct job *j = arg;
+    const struct sst_scene_config *c = &j->scene->cfg;
+    const int err = index < j->views ? write_view(j, index) : write_occluder(j, index - j->views);
+    const int done = ++j->done;
 
-    return index < j->views ? write_view(j, index) : write_occluder(j, index - j->views);
+    if (worker == 0 && c->progress) /* one thread reports for all */
+        c->progress(c->progress_arg, (double)done / j->count);
+    return err;
 }
 
 static int write_truth_json(const struct job *j, const char *name)
@@ -159,8 +167,9 @@ static int write_truth_json(const struct job *j, const char *name)
     sst_view_name(j->lf, j->lf->ref_view, reference);
     snprintf(seed, sizeof(seed), "%llu", (unsigned long long)s->cfg.seed);
     /* The seed is text: a JSON number keeps 53 bits in most readers. */
-    root = json_pack("{s:s, s:s, s:s, s:f, s:[f, f], s:o}", "scene", name, "seed", seed, "reference", reference, "focus_px",
-                     s->world.occluders[0].focus_px, "range_px", s->range_min_px, s->range_max_px, "occluders", list);
+    root = json_pack("{s:s, s:s, s:s, s:f, s:[f, f], s:o}", "scene", name, "seed", seed, "reference", reference,
+                     "focus_px", s->world.occluders[0].focus_px, "range_px", s->range_min_px, s->range_max_px,
+                     "occluders", list);
     if (root)
         text = json_dumps(root, JSON_INDENT(2));
     err = text ? path_of(path, j->dir, "truth", "truth.json") : -ENOMEM;
@@ -208,12 +217,13 @@ int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const 
         return err;
     j.scene = scene;
     j.views = cfg->rows * cfg->cols;
+    j.count = j.views + sst_scene_occluder_count(scene);
     if ((err = describe(&lf, scene, name)) || (err = sst_outdir_open(&dir, out, force)))
         goto done;
     j.dir = dir.temporary;
     if ((err = make_folder(dir.temporary, "views")) || (err = make_folder(dir.temporary, "truth")) ||
-        (err = sst_parallel_for(j.views + sst_scene_occluder_count(scene), threads, run_job, &j)) ||
-        (err = write_truth_json(&j, name)) || (err = sst_lightfield_write(&lf, dir.temporary, threads)))
+        (err = sst_parallel_for(j.count, threads, run_job, &j)) || (err = write_truth_json(&j, name)) ||
+        (err = sst_lightfield_write(&lf, dir.temporary, threads)))
         goto done;
     err = sst_outdir_commit(&dir);
 

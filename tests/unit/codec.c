@@ -181,17 +181,73 @@ static void cut_and_damaged_files_are_refused(void **state SST_UNUSED)
     sst_image_fini(&a);
 }
 
+static uint32_t crc32_of(const uint8_t *data, size_t n)
+{
+    uint32_t c = 0xFFFFFFFFu;
+
+    for (size_t i = 0; i < n; i++) {
+        c ^= data[i];
+        for (int bit = 0; bit < 8; bit++)
+            c = c & 1 ? c >> 1 ^ 0xEDB88320u : c >> 1;
+    }
+    return ~c;
+}
+
+static void put_be32(uint8_t *out, uint32_t v)
+{
+    for (int i = 0; i < 4; i++)
+        out[i] = (uint8_t)(v >> (24 - 8 * i));
+}
+
+/* Sizes in a header are not believed: refused before memory is taken for them. */
+static void absurd_sizes_are_refused(void **state SST_UNUSED)
+{
+    static const int sizes[][2] = { { 0, 1 }, { 1, 0 }, { 100000, 1 }, { 1, 32769 }, { 32768, 32768 }, { 32000, 8000 } };
+    struct sst_image a = make_image(40, 30), img;
+    struct rusage before, after;
+    uint8_t *png, *jpeg, *sof = NULL;
+    size_t png_size, jpeg_size;
+
+    assert_int_equal(sst_image_write_png(&a, in_dir("s.png")), 0);
+    assert_int_equal(sst_image_write_jpeg(&a, in_dir("s.jpg"), 90), 0);
+    assert_int_equal(sst_file_read(in_dir("s.png"), 1 << 20, &png, &png_size), 0);
+    assert_int_equal(sst_file_read(in_dir("s.jpg"), 1 << 20, &jpeg, &jpeg_size), 0);
+    for (size_t i = 0; !sof && i + 1 < jpeg_size; i++)
+        sof = jpeg[i] == 0xFF && jpeg[i + 1] == 0xC0 ? jpeg + i : NULL;
+    assert_non_null(sof);
+    assert_int_equal(getrusage(RUSAGE_SELF, &before), 0);
+    for (size_t i = 0; i < ARRAY_LEN(sizes); i++) {
+        /* PNG: signature, length, "IHDR", width, height, 5 bytes, CRC of the last 17 */
+        put_be32(png + 16, (uint32_t)sizes[i][0]);
+        put_be32(png + 20, (uint32_t)sizes[i][1]);
+        put_be32(png + 29, crc32_of(png + 12, 17));
+        assert_int_equal(sst_image_decode(&img, png, png_size, "absurd.png"), -EBADMSG);
+        if (sizes[i][0] > 65535)
+            continue;
+        /* JPEG: FF C0, length, precision, height, width */
+        sof[5] = (uint8_t)(sizes[i][1] >> 8);
+        sof[6] = (uint8_t)sizes[i][1];
+        sof[7] = (uint8_t)(sizes[i][0] >> 8);
+        sof[8] = (uint8_t)sizes[i][0];
+        assert_int_equal(sst_image_decode(&img, jpeg, jpeg_size, "absurd.jpg"), -EBADMSG);
+    }
+    assert_int_equal(getrusage(RUSAGE_SELF, &after), 0);
+    assert_true(after.ru_maxrss - before.ru_maxrss < 64 << 10); /* KiB; the last size is 768 MB of pixels */
+    sst_image_fini(&a);
+    free(png);
+    free(jpeg);
+}
+
 static void pfm_is_read_bottom_up_in_either_order(void **state SST_UNUSED)
 {
     /* 1.0 is 3F 80 00 00, -2.5 is C0 20 00 00, inf is 7F 80 00 00, 0.5 is 3F 00 00 00 */
     static const char big[] = "Pf\n2 2\n1.0\n\x3F\x80\0\0\xC0\x20\0\0\x7F\x80\0\0\x3F\0\0\0";
     static const char little[] = "Pf\n2 2\n-1.0\n\0\0\x80\x3F\0\0\x20\xC0\0\0\x80\x7F\0\0\0\x3F";
-    const struct { const char *data; size_t size; } files[] = { { big, sizeof(big) - 1 }, { little, sizeof(little) - 1 } };
 
-    for (size_t i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         struct sst_map_f32 m;
 
-        put("x.pfm", files[i].data, files[i].size);
+        put("x.pfm", i ? little : big, (i ? sizeof(little) : sizeof(big)) - 1);
         assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("x.pfm")), 0);
         assert_true(isinf(sst_map_f32_row(&m, 0)[0]));
         assert_true(sst_map_f32_row(&m, 0)[1] == 0.5f);
@@ -351,6 +407,7 @@ int main(void)
         cmocka_unit_test(maps_give_the_same_values),
         cmocka_unit_test(jpeg_stays_close),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
+        cmocka_unit_test(absurd_sizes_are_refused),
         cmocka_unit_test(pfm_is_read_bottom_up_in_either_order),
         cmocka_unit_test(bad_pfm_files_are_refused),
         cmocka_unit_test(npy_header_is_exact),

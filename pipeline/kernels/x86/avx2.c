@@ -1,5 +1,6 @@
 /* The templates for AVX2 (Haswell, Zen and later). */
 #if defined(__x86_64__)
+#include <immintrin.h>
 #include <math.h>
 #include <string.h>
 

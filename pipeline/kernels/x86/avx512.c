@@ -1,5 +1,6 @@
 /* The templates for AVX-512 with the byte, popcount and permute parts (Ice Lake, Zen 4 and later). */
 #if defined(__x86_64__)
+#include <immintrin.h>
 #include <math.h>
 #include <string.h>
 

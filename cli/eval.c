@@ -1,0 +1,202 @@
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/thread.h"
+#include "cli/cli.h"
+#include "pipeline/eval/report.h"
+
+static json_t *number(double v)
+{
+    return isfinite(v) ? json_real(v) : json_null();
+}
+
+static json_t *disparity_json(const struct sst_disparity_error *d, int views)
+{
+    const bool any = d->pixels > 0;
+
+    return json_pack("{s:i, s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", views, "pixels", (json_int_t)d->pixels,
+                     "bad05", number(any ? d->bad_half : NAN), "bad1", number(any ? d->bad1 : NAN),
+                     "bad2", number(any ? d->bad2 : NAN), "bad4", number(any ? d->bad4 : NAN),
+                     "rmse", number(any ? d->rmse : NAN), "mae", number(any ? d->mean_abs : NAN),
+                     "density", number(any ? d->density : NAN));
+}
+
+static json_t *labels_json(const struct sst_report *r)
+{
+    return json_pack("{s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", r->label_views,
+                     "miou_initial", number(r->initial.miou), "accuracy_initial", number(r->initial.accuracy),
+                     "miou_hcsm", number(r->hcsm.miou), "accuracy_hcsm", number(r->hcsm.accuracy),
+                     "coverage_hcsm", number(r->hcsm.coverage), "miou_refined", number(r->refined.miou),
+                     "accuracy_refined", number(r->refined.accuracy), "coverage_refined", number(r->refined.coverage));
+}
+
+static json_t *picture_json(const struct sst_picture_error *p)
+{
+    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "psnr", number(p->psnr), "ssim", number(p->ssim),
+                     "psnr_occluded", number(p->psnr_occluded), "ssim_occluded", number(p->ssim_occluded),
+                     "seconds", number(p->seconds));
+}
+
+static json_t *report_json(const struct sst_report *r, const struct sst_truth *truth)
+{
+    static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN };
+    json_t *disparity = disparity_json(&r->disparity, r->disparity_views), *list = json_array();
+
+    json_object_set_new(disparity, "nonocc", disparity_json(&r->disparity_nonocc, r->disparity_views));
+    for (int i = 0; i < r->occluders; i++) {
+        const struct sst_truth_occluder *o = &truth->occluders[i];
+
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o}", "name", o->name, "label", o->label,
+                                              "target", o->target, "focus_px", o->focus_px,
+                                              "covered", number(r->occluder[i].covered),
+                                              "render", picture_json(&r->occluder[i].render),
+                                              "refocus", picture_json(&r->occluder[i].refocus)));
+    }
+    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "disparity", disparity, "labels", labels_json(r),
+                     "render", picture_json(r->occluders ? &r->occluder[0].render : &none),
+                     "refocus", picture_json(r->occluders ? &r->occluder[0].refocus : &none), "occluders", list);
+}
+
+static int print_json(const struct sst_report *r, const struct sst_truth *truth)
+{
+    json_t *root = report_json(r, truth);
+    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
+
+    json_decref(root);
+    if (!text)
+        return CLI_MEMORY;
+    puts(text);
+    free(text);
+    return CLI_OK;
+}
+
+/* A figure in a column; what does not exist is a dash. */
+static void cell(double v, int digits)
+{
+    if (isfinite(v))
+        printf(" %10.*f", digits, v);
+    else
+        printf(" %10s", "-");
+}
+
+static void row(const char *name, const double *values, int n, int digits)
+{
+    printf("  %-24s", name);
+    for (int i = 0; i < n; i++)
+        cell(values[i], digits);
+    putchar('\n');
+}
+
+static void print_disparity(const struct sst_report *r)
+{
+    const struct sst_disparity_error *const sets[] = { &r->disparity, &r->disparity_nonocc };
+    static const char *const names[] = { "all pixels", "visible in a neighbour" };
+
+    printf("disparity, %d views       bad 0.5 %%  bad 1 %%    bad 2 %%    bad 4 %%    RMSE px    density %%\n",
+           r->disparity_views);
+    for (int i = 0; i < 2; i++) {
+        const struct sst_disparity_error *d = sets[i];
+
+        row(names[i], (double[]){ d->bad_half, d->bad1, d->bad2, d->bad4, d->rmse, d->density }, 6, 2);
+    }
+}
+
+static void print_labels(const struct sst_report *r)
+{
+    const struct sst_label_error *const stages[] = { &r->initial, &r->hcsm, &r->refined };
+    static const char *const names[] = { "network", "confident (HCSM)", "refined" };
+
+    printf("labels, %d views          mean IoU %%  right %%    covered %%\n", r->label_views);
+    for (int i = 0; i < 3; i++)
+        row(names[i], (double[]){ stages[i]->miou, stages[i]->accuracy, stages[i]->coverage }, 3, 2);
+}
+
+static void print_picture(const char *name, const struct sst_picture_error *p)
+{
+    row(name, (double[]){ p->psnr, p->ssim, p->psnr_occluded, p->ssim_occluded, p->seconds }, 5, 3);
+}
+
+static void print_table(const struct sst_report *r, const struct sst_truth *truth)
+{
+    if (r->disparity_views)
+        print_disparity(r);
+    if (r->label_views)
+        print_labels(r);
+    for (int i = 0; i < r->occluders; i++) {
+        const struct sst_truth_occluder *o = &truth->occluders[i];
+
+        printf("behind %s, focus %.2f px, %.1f %% of the picture\n", o->name, o->focus_px, r->occluder[i].covered);
+        printf("  %-24s    PSNR dB       SSIM   occluded   occluded    seconds\n", "");
+        print_picture("see-through", &r->occluder[i].render);
+        print_picture("plain refocus", &r->occluder[i].refocus);
+    }
+}
+
+/* Labels of a folder that has none are not a fault: the report says null. */
+static int measure(const char *dir, const char *truth_dir, const struct sst_render_config *cfg, int threads, bool json)
+{
+    struct sst_lightfield lf = { 0 };
+    struct sst_truth truth;
+    struct sst_report report;
+    unsigned what = SST_LOAD_DISPARITY | SST_LOAD_LABELS;
+    int err = sst_truth_read(&truth, truth_dir), code;
+
+    if (err)
+        return cli_exit_code(err);
+    if (truth.count)
+        what |= SST_LOAD_IMAGES;
+    err = sst_lightfield_load(&lf, dir, what, threads);
+    if (!err) {
+        err = sst_report_make(&report, &lf, dir, &truth, truth_dir, cfg, threads);
+        sst_lightfield_fini(&lf);
+    }
+    code = cli_exit_code(err);
+    if (err)
+        return code == CLI_USAGE ? CLI_INPUT : code; /* options were checked: a value out of range came from a file */
+    if (json)
+        return print_json(&report, &truth);
+    print_table(&report, &truth);
+    return CLI_OK;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    const char *dir, *truth_dir = NULL;
+    struct sst_render_config cfg;
+    bool json = false;
+    int threads = 0, r;
+
+    sst_render_config_defaults(&cfg);
+    {
+        const struct cli_option options[] = {
+            { "truth", 't', CLI_STRING, &truth_dir, "DIR", "folder with truth.json, rr_cc.pfm, rr_cc.png (required)", 0, 0 },
+            { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+            { "sigma", 0, CLI_DOUBLE, &cfg.sigma_px, "PX", "width of the depth weight, px; inf: depth has no say", 1e-6,
+              INFINITY },
+            { "c1", 0, CLI_DOUBLE, &cfg.c1, "C", "least depth weight", 0, 1 },
+            { "c2", 0, CLI_DOUBLE, &cfg.c2, "C", "least label weight", 0, 1 },
+            { "aperture", 0, CLI_DOUBLE, &cfg.aperture, "R", "radius of the aperture in spacings; inf: all views", 0, INFINITY },
+            { "threads", 0, CLI_INT, &threads, "N", "threads to use (default: all processors)", 1, 256 },
+        };
+
+        r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
+    }
+    if (r != CLI_GO_ON)
+        return r;
+    if (!truth_dir)
+        return cli_usage_error(cmd, "--truth DIR is missing");
+    return measure(dir, truth_dir, &cfg, sst_thread_count(threads), json);
+}
+
+const struct cli_command cli_eval = {
+    .name = "eval",
+    .usage = "LF --truth DIR [--json] [--sigma PX] [--c1 C] [--c2 C] [--aperture R] [--threads N]",
+    .summary = "disparity, labels and see-through pictures against the truth",
+    .detail = "Measures what the folder has truth for: disparity maps (rr_cc.pfm), label maps (rr_cc.png), and, by\n"
+              "truth.json, the picture behind each occluder against a rendering focused on it. PSNR is in dB, shares in\n"
+              "percent. What does not exist is a dash, or null.",
+    .example = "sst scene bush -o LF && sst process LF && sst eval LF --truth LF/truth --json",
+    .run = run,
+};

@@ -1,0 +1,63 @@
+#include <math.h>
+#include <stdio.h>
+
+#include "cli/cli.h"
+#include "cli/lightfield_line.h"
+#include "pipeline/lightfield/import.h"
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
+    int grid[2] = { 0, 0 };
+    const struct cli_option options[] = {
+        { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make", 0, 0 },
+        { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns; folder needs it, others may then have holes", 1, 256 },
+        { "spacing-px", 0, CLI_DOUBLE, &cfg.spacing_px, "P", "folder: focal length times spacing, kept as a note", 0,
+          1e12 },
+        { "disparity", 0, CLI_STRING, &cfg.disparity_dir, "DIR",
+          "folder: given disparity rr_cc.pfm, px per spacing, inf unknown", 0, 0 },
+        { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: given labels rr_cc.png, 0 unlabeled", 0, 0 },
+        { "range-min", 0, CLI_DOUBLE, &cfg.range_min_px, "D", "smallest disparity in the scene, px per spacing", -32768,
+          32768 },
+        { "range-max", 0, CLI_DOUBLE, &cfg.range_max_px, "D", "largest disparity in the scene", -32768, 32768 },
+        { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
+        { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field", 0, 0 },
+    };
+    struct sst_lightfield lf;
+    const char *args[2];
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 2);
+    int err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    if (!cfg.out)
+        return cli_usage_error(cmd, "-o LF is missing");
+    if (isnan(cfg.range_min_px) != isnan(cfg.range_max_px))
+        return cli_usage_error(cmd, "--range-min and --range-max belong together");
+    if (isnan(cfg.range_min_px))
+        cfg.range_min_px = cfg.range_max_px = 0;
+    cfg.format = args[0];
+    cfg.source = args[1];
+    cfg.rows = grid[0];
+    cfg.cols = grid[1];
+    err = sst_import(&cfg);
+    if (!err)
+        err = sst_lightfield_load(&lf, cfg.out, 0, 1);
+    if (err)
+        return cli_exit_code(err);
+    cli_print_lightfield(&lf, cfg.out);
+    sst_lightfield_fini(&lf);
+    return CLI_OK;
+}
+
+const struct cli_command cli_import = {
+    .name = "import",
+    .usage = "FORMAT SRC -o LF [options]",
+    .summary = "make a light field from another format",
+    .detail = "formats:\n"
+              "  stanford  positions in the names: out_09_12_-822.67_-3293.22_.png (row, column, y, x)\n"
+              "  hci       input_Cam040.png ..., parameters.cfg, gt_disp_lowres.pfm\n"
+              "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels take given maps",
+    .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf",
+    .run = run,
+};

@@ -1,0 +1,38 @@
+#include "cli/matching.h"
+
+#include <errno.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/network/model_path.h"
+
+int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_matching *m, char model_path[SST_PATH_MAX])
+{
+    int err = sst_disparity_preset(cfg, m->preset);
+
+    if (err)
+        return err;
+    if (m->cost && !strcmp(m->cost, "census")) {
+        cfg->cost = SST_COST_CENSUS;
+    } else if (m->cost && !strcmp(m->cost, "mccnn")) {
+        cfg->cost = SST_COST_MCCNN;
+    } else if (m->cost && !strcmp(m->cost, "both")) {
+        cfg->cost = SST_COST_BOTH;
+    } else if (m->cost) {
+        sst_log_error("there is no matching cost %s; choose census, mccnn or both", m->cost);
+        return -EINVAL;
+    }
+    cfg->paths = m->paths > 0 ? m->paths : cfg->paths;
+    cfg->p1 = m->p1 > 0 ? m->p1 : cfg->p1;
+    cfg->p2 = m->p2 > 0 ? m->p2 : cfg->p2;
+    cfg->scale = m->scale > 0 ? m->scale : cfg->scale;
+    cfg->fill = cfg->fill && !m->no_fill;
+    cfg->threads = sst_thread_count(m->threads);
+    cfg->model = m->model;
+    if (cfg->cost & SST_COST_MCCNN && !m->model) {
+        err = sst_model_path(model_path, "mccnn-fast.onnx");
+        cfg->model = model_path;
+    }
+    return err;
+}

@@ -1,0 +1,153 @@
+/* sst process: labels and disparity for all views of a light field. */
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "cli/matching.h"
+#include "pipeline/lightfield/given.h"
+#include "pipeline/network/model_path.h"
+#include "pipeline/process/process.h"
+
+static void progress(void *arg SST_UNUSED, const char *stage, double done)
+{
+    cli_progress((void *)(uintptr_t)stage, done);
+    if (done >= 1)
+        cli_progress_end();
+}
+
+static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r, double load_s, bool json)
+{
+    const double total = load_s + r->labels_s + r->disparity_s + r->refine_s + r->save_s;
+    json_t *root;
+    char *text;
+
+    if (!json) {
+        printf("%dx%d views of %dx%d: ", lf->rows, lf->cols, lf->width, lf->height);
+        if (r->disp_max_px > r->disp_min_px)
+            printf("disparity %g..%g px, ", r->disp_min_px, r->disp_max_px);
+        if (!isnan(r->coverage_refined))
+            printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined, r->coverage_hcsm);
+        printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load_s,
+               r->labels_s, r->disparity_s, r->refine_s, r->save_s);
+        return 0;
+    }
+    root = json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f}}", "rows", lf->rows,
+                     "cols", lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px,
+                     r->disp_max_px, "eps_h", isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
+                     isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
+                     isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds", "load", load_s,
+                     "labels", r->labels_s, "disparity", r->disparity_s, "refinement", r->refine_s, "saving", r->save_s,
+                     "total", total);
+    text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
+    json_decref(root);
+    if (!text)
+        return -ENOMEM;
+    puts(text);
+    free(text);
+    return 0;
+}
+
+/* What the command line asks for beyond the matching. */
+struct wanted {
+    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip;
+    double range_min, range_max;
+    bool no_labels, json;
+};
+
+/* Load the light field with the maps that came with it or are given now. */
+static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, int threads)
+{
+    struct sst_lightfield json = { 0 };
+    unsigned what = SST_LOAD_IMAGES;
+    int err = sst_lightfield_load(&json, dir, 0, threads);
+
+    if (err)
+        return err;
+    what |= json.labels_given && !w->labels_dir ? SST_LOAD_LABELS : 0;
+    what |= json.disparity_given && !w->disparity_dir ? SST_LOAD_DISPARITY | SST_LOAD_CONFIDENCE : 0;
+    sst_lightfield_fini(&json);
+    err = sst_lightfield_load(lf, dir, what, threads);
+    if (!err && w->disparity_dir)
+        err = sst_lightfield_give_disparity(lf, w->disparity_dir, threads);
+    if (!err && w->labels_dir)
+        err = sst_lightfield_give_labels(lf, w->labels_dir, threads);
+    return err;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct sst_process_config cfg = { .eps_h = -1, .accuracy_weight = 4, .refine = true, .progress = progress };
+    struct cli_matching m = CLI_MATCHING_DEFAULTS;
+    struct wanted w = { .range_min = NAN, .range_max = NAN };
+    bool no_refine = false;
+    const char *dir;
+    const struct cli_option options[] = {
+        CLI_MATCHING_OPTIONS(m),
+        { "range-min", 0, CLI_DOUBLE, &w.range_min, "PX", "smallest disparity searched; default: the light field's, else found",
+          -9999, 9999 },
+        { "range-max", 0, CLI_DOUBLE, &w.range_max, "PX", "largest disparity searched", -9999, 9999 },
+        { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "given label maps rr_cc.png, kept from then on", 0, 0 },
+        { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "given disparities rr_cc.pfm, kept from then on", 0, 0 },
+        { "model", 0, CLI_STRING, &w.model, "FILE", "segmentation network", 0, 0 },
+        { "no-labels", 0, CLI_FLAG, &w.no_labels, NULL, "disparity only", 0, 0 },
+        { "epsilon-h", 0, CLI_DOUBLE, &cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
+        { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE", "labels of the reference view, to find the threshold on", 0, 0 },
+        { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled", 0, 0 },
+        { "skip", 0, CLI_STRING, &w.skip, "LIST", "work to skip where a scene allows: none (the default)", 0, 0 },
+        { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object", 0, 0 },
+    };
+    struct sst_process_report report;
+    struct sst_lightfield lf = { 0 };
+    char mccnn[SST_PATH_MAX], pspnet[SST_PATH_MAX];
+    int64_t start = sst_clock_now_ns();
+    double load_s = 0;
+    int err, r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
+
+    if (r != CLI_GO_ON)
+        return r;
+    if (w.skip && strcmp(w.skip, "none"))
+        return cli_usage_error(cmd, "--skip %s is not known; this version computes everything: none", w.skip);
+    if (isnan(w.range_min) != isnan(w.range_max) || w.range_min >= w.range_max)
+        return cli_usage_error(cmd, "--range-min and --range-max go together, the first one smaller");
+    err = cli_matching_config(&cfg.disparity, &m, mccnn);
+    cfg.threads = cfg.disparity.threads;
+    cfg.disparity.disp_min_px = isnan(w.range_min) ? 0 : w.range_min;
+    cfg.disparity.disp_max_px = isnan(w.range_max) ? 0 : w.range_max;
+    cfg.hand_label = w.hand_label;
+    sst_refine_config_defaults(&cfg.refinement);
+    cfg.refinement.threads = cfg.threads;
+    cfg.refine = !no_refine;
+    err = err ? err : load(&lf, dir, &w, cfg.threads);
+    load_s = (double)(sst_clock_now_ns() - start) * 1e-9;
+    cfg.model = w.model;
+    if (!err && !w.model && !w.no_labels && !lf.labels_given) {
+        err = sst_model_path(pspnet, "pspnet-small.onnx");
+        cfg.model = pspnet;
+    }
+    if (!err) {
+        snprintf(lf.history, sizeof(lf.history), "preset %s, labels %s, disparity %s", m.preset,
+                 lf.labels_given ? "given" : w.no_labels ? "none" : sst_path_base(cfg.model),
+                 lf.disparity_given ? "given" : "matched");
+        err = sst_process(&lf, dir, &cfg, &report);
+    }
+    cli_progress_end();
+    err = err ? err : print_report(&lf, &report, load_s, w.json);
+    sst_lightfield_fini(&lf);
+    return cli_exit_code(err);
+}
+
+const struct cli_command cli_process = {
+    .name = "process",
+    .usage = "LF [--preset P] [--labels DIR] [--disparity DIR] [--threads N]",
+    .summary = "labels and disparity for all views",
+    .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
+              "entropy/ to explain the labels. Maps that are given are kept; gaps in given labels are refined.\n"
+              "Presets: preview (half-size census), balanced (census), accurate (census and MC-CNN, 8 paths).",
+    .example = "sst process garden --preset balanced",
+    .run = run,
+};

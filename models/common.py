@@ -1,0 +1,63 @@
+"""What both training scripts share: images, disparity files, light fields, seeds and checkpoints."""
+import os
+import random
+import re
+
+import numpy as np
+import torch
+from PIL import Image
+
+
+def seed_all(seed: int, threads: int) -> None:
+    """Fix every source of chance; one thread also fixes the order of the sums."""
+    random.seed(seed)
+    np.random.seed(seed)
+    torch.manual_seed(seed)
+    torch.set_num_threads(threads)
+
+
+def read_rgb(path: str) -> np.ndarray:
+    """[H,W,3] uint8."""
+    return np.asarray(Image.open(path).convert("RGB"))
+
+
+def luma(rgb: np.ndarray) -> np.ndarray:
+    """[H,W] float32 in the units of rgb."""
+    return (rgb.astype(np.float32) @ np.array([0.299, 0.587, 0.114], np.float32)).astype(np.float32)
+
+
+def standardise(x: np.ndarray) -> np.ndarray:
+    """Zero mean and unit deviation over the whole image; a flat image becomes all zero."""
+    deviation = float(x.std())
+    return ((x - x.mean()) / (deviation if deviation > 1e-6 else 1.0)).astype(np.float32)
+
+
+def read_pfm(path: str) -> np.ndarray:
+    """[H,W] float32, top row first; unknown values are infinite."""
+    with open(path, "rb") as f:
+        if f.readline().strip() != b"Pf":
+            raise ValueError(f"{path}: not a one-channel PFM file")
+        width, height = map(int, f.readline().split())
+        order = "<" if float(f.readline()) < 0 else ">"
+        data = np.frombuffer(f.read(4 * width * height), order + "f4")
+    return data.reshape(height, width)[::-1].astype(np.float32)
+
+
+def lightfield_views(folder: str) -> dict[tuple[int, int], str]:
+    """(row, col) -> picture of a simulated light field."""
+    views = {}
+    for name in sorted(os.listdir(os.path.join(folder, "views"))):
+        match = re.fullmatch(r"(\d+)_(\d+)\.(png|jpg)", name)
+        if match:
+            views[int(match[1]), int(match[2])] = os.path.join(folder, "views", name)
+    return views
+
+
+def save_checkpoint(path: str, **state) -> None:
+    """The file is whole or absent."""
+    torch.save(state, path + ".tmp")
+    os.replace(path + ".tmp", path)
+
+
+def load_checkpoint(path: str) -> dict | None:
+    return torch.load(path, map_location="cpu") if path and os.path.exists(path) else None

@@ -1,0 +1,366 @@
+#!/usr/bin/python3
+"""
+Trains the segmentation network: a compact dilated residual network at 1/8, pyramid pooling at four levels (Zhao et al.
+2017; DESIGN 5.1) and a light decoder to 1/4. Learns the 23 classes of pipeline/labels/classes.c from simulated scenes
+and CamVid, then fits temperature and entropy threshold on held-out pictures and writes the ONNX file.
+
+  /usr/bin/python3 models/train_pspnet.py --scenes DIR --camvid DIR --checkpoint /tmp/psp.pt --out models/pspnet-small.onnx
+"""
+import argparse
+import glob
+import os
+import re
+import time
+
+import numpy as np
+import torch
+import torch.nn as nn
+import torch.nn.functional as F
+from PIL import Image, ImageFilter
+
+import common
+import onnx_file
+
+CLASSES = ("Sky Building Pole Road Pavement Tree SignSymbol Fence Car Pedestrian Bicyclist Furniture Table Horse Bicycle "
+           "Motorcycle Toy Case Poster Cat Hen Membrane Nucleus").split()
+CAMVID = 11  # the first classes, in CamVid's order
+GROUND = "Road,Pavement,Table"
+VOID = 255
+MEAN, STD = (0.43, 0.44, 0.43), (0.26, 0.26, 0.27)
+WIDTH, HEIGHT = 480, 360
+
+
+class ConvNorm(nn.Module):
+    """Convolution and BatchNorm, without activation."""
+
+    def __init__(self, cin: int, cout: int, kernel: int = 3, stride: int = 1, dilation: int = 1):
+        super().__init__()
+        self.conv = nn.Conv2d(cin, cout, kernel, stride, dilation * (kernel // 2), dilation, bias=False)
+        self.norm = nn.BatchNorm2d(cout)
+
+    def forward(self, x):
+        return self.norm(self.conv(x))
+
+
+class Block(nn.Module):
+    """Residual block of two 3x3 convolutions; a 1x1 projection where the width changes."""
+
+    def __init__(self, cin: int, cout: int, dilation: int = 1):
+        super().__init__()
+        self.first, self.second = ConvNorm(cin, cout, dilation=dilation), ConvNorm(cout, cout, dilation=dilation)
+        self.project = ConvNorm(cin, cout, 1) if cin != cout else None
+
+    def forward(self, x):
+        y = self.second(F.relu(self.first(x)))
+        return F.relu(y + (x if self.project is None else self.project(x)))
+
+
+class PspNet(nn.Module):
+    """[1,3,H,W] -> logits [1,classes,H/4,W/4], sizes rounded up."""
+
+    def __init__(self, classes: int = len(CLASSES), widths=(24, 48, 80, 96), bins=(1, 2, 3, 6)):
+        super().__init__()
+        w0, w1, w2, w3 = widths
+        self.stem = nn.ModuleList([ConvNorm(3, w0, stride=2), ConvNorm(w0, w1, stride=2)])
+        self.fine = nn.ModuleList([Block(w1, w1)])
+        self.down = ConvNorm(w1, w2, stride=2)
+        self.coarse = nn.ModuleList([Block(w2, w2), Block(w2, w3, 2), Block(w3, w3, 2), Block(w3, w3, 4)])
+        self.aux_after = 2
+        self.aux = nn.Conv2d(w3, classes, 1)
+        self.bins = bins
+        self.pyramid = nn.ModuleList([ConvNorm(w3, 24, 1) for _ in bins])
+        self.merge = ConvNorm(w3 + 24 * len(bins), 64)
+        self.decode = ConvNorm(64 + w1, 48)
+        self.drop = nn.Dropout2d(0.1)
+        self.classify = nn.Conv2d(48, classes, 1)
+
+    def forward(self, x):
+        for layer in self.stem:
+            x = F.relu(layer(x))
+        for block in self.fine:
+            x = block(x)
+        fine, x, aux = x, F.relu(self.down(x)), None
+        for i, block in enumerate(self.coarse):
+            x = block(x)
+            if self.training and i + 1 == self.aux_after:
+                aux = self.aux(x)
+        pooled = [F.relu(layer(F.adaptive_avg_pool2d(x, size))) for layer, size in zip(self.pyramid, self.bins)]
+        x = torch.cat([x] + [F.interpolate(p, x.shape[2:], mode="bilinear", align_corners=False) for p in pooled], 1)
+        x = F.interpolate(F.relu(self.merge(x)), fine.shape[2:], mode="bilinear", align_corners=False)
+        x = F.relu(self.decode(torch.cat([x, fine], 1)))
+        x = self.classify(self.drop(x))
+        return (x, aux) if self.training else x
+
+
+def export(net: PspNet, path: str, metadata: dict[str, str]) -> None:
+    """Node by node: BatchNorm folded, the sizes that depend on the input in two operators of the domain "sst"."""
+    graph = onnx_file.GraphWriter()
+
+    def conv(x: str, layer: ConvNorm) -> str:
+        return graph.conv(x, layer.conv, layer.norm)
+
+    def relu(x: str) -> str:
+        return graph.node("Relu", [x])
+
+    def like(x: str, size_of: str) -> str:
+        return graph.node("ResizeLike", [x, size_of], domain="sst", align_corners=0)
+
+    def residual(x: str, block: Block) -> str:
+        y = conv(relu(conv(x, block.first)), block.second)
+        return relu(graph.node("Add", [y, x if block.project is None else conv(x, block.project)]))
+
+    x = "input"
+    for layer in net.stem:
+        x = relu(conv(x, layer))
+    for block in net.fine:
+        x = residual(x, block)
+    fine, x = x, relu(conv(x, net.down))
+    for block in net.coarse:
+        x = residual(x, block)
+    parts = [x]
+    for layer, size in zip(net.pyramid, net.bins):
+        pooled = graph.node("AdaptiveAveragePool", [x], domain="sst", output_size=[size, size])
+        parts.append(like(relu(conv(pooled, layer)), x))
+    x = like(relu(conv(graph.node("Concat", parts, axis=1), net.merge)), fine)
+    x = graph.node("Concat", [x, fine], axis=1)
+    x = graph.conv(relu(conv(x, net.decode)), net.classify)
+    graph.save(path, x, 3, len(CLASSES), metadata)
+    net.eval()
+    for size in ((HEIGHT, WIDTH), (251, 333)):  # odd sizes too
+        image = torch.randn(1, 3, *size)
+        with torch.no_grad():
+            onnx_file.check(path, image, net(image))
+
+
+# --- data ------------------------------------------------------------------------------------------------------------
+
+def camvid(folder: str, part: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(picture, class map) at the working size; CamVid's void (11) becomes VOID."""
+    data = []
+    for path in sorted(glob.glob(os.path.join(folder, part, "*.jpg"))):
+        labels = np.array(Image.open(os.path.join(folder, part + "annot", os.path.basename(path)[:-4] + ".png")))
+        labels[labels >= CAMVID] = VOID
+        data.append((common.read_rgb(path), labels))
+    return data
+
+
+def scenes(folder: str, seeds: range, per_scene: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(picture, class map) of some views of the light fields NAME-SEED in a folder; unlabeled (0) becomes VOID."""
+    data = []
+    for lightfield in sorted(glob.glob(os.path.join(folder, "*"))):
+        match = re.fullmatch(r".*-(\d+)", lightfield)
+        if not match or int(match[1]) not in seeds:
+            continue
+        views = common.lightfield_views(lightfield)
+        for key in sorted(views)[::max(1, len(views) // per_scene)][:per_scene]:
+            truth = os.path.join(lightfield, "truth", f"{key[0]:02d}_{key[1]:02d}.png")
+            data.append((common.read_rgb(views[key]), (np.array(Image.open(truth)) - 1).astype(np.uint8)))  # 0 wraps to VOID
+    return data
+
+
+def augment(rng: np.random.Generator, rgb: np.ndarray, labels: np.ndarray, size: tuple[int, int], frequent: np.ndarray):
+    """A crop at a random scale around a pixel whose class is drawn in favour of rare ones, mirrored, its colours changed."""
+    height, width = labels.shape
+    zoom = float(np.clip(2.0 ** rng.uniform(-0.74, 0.68), 0, None)) * WIDTH / width
+    crop = (min(size[0] / zoom, width), min(size[1] / zoom, height))
+    centre = (rng.uniform(0, width), rng.uniform(0, height))
+    if rng.random() < 0.5:
+        present = np.unique(labels[labels != VOID])
+        if present.size:
+            chance = 1 / np.sqrt(frequent[present])
+            rows, cols = np.nonzero(labels == rng.choice(present, p=chance / chance.sum()))
+            pick = rng.integers(rows.size)
+            centre = (cols[pick] + rng.normal(0, crop[0] / 4), rows[pick] + rng.normal(0, crop[1] / 4))
+    x0 = float(np.clip(centre[0] - crop[0] / 2, 0, width - crop[0]))
+    y0 = float(np.clip(centre[1] - crop[1] / 2, 0, height - crop[1]))
+    box = (x0, y0, x0 + crop[0], y0 + crop[1])
+    picture = Image.fromarray(rgb).resize(size, Image.Resampling.BILINEAR, box)
+    truth = np.asarray(Image.fromarray(labels).resize(size, Image.Resampling.NEAREST, box))
+    if rng.random() < 0.3:
+        picture = picture.filter(ImageFilter.GaussianBlur(rng.uniform(0.3, 1.5)))
+    x = np.asarray(picture, np.float32) / 255
+    x = np.clip(x, 0, 1) ** (2.0 ** rng.uniform(-0.4, 0.4))
+    x = (x - 0.5) * rng.uniform(0.7, 1.3) + 0.5 + rng.uniform(-0.12, 0.12)
+    grey = x.mean(2, keepdims=True)
+    x = grey + (x - grey) * rng.uniform(0.5, 1.5)
+    x = x * (1 + rng.normal(0, 0.05, 3)) + rng.normal(0, abs(rng.normal(0, 0.02)), x.shape)
+    if rng.random() < 0.5:
+        x, truth = x[:, ::-1], truth[:, ::-1]
+    return normalise(np.clip(x, 0, 1)), torch.from_numpy(truth.astype(np.int64))
+
+
+def normalise(x: np.ndarray) -> torch.Tensor:
+    """[H,W,3] in 0..1 -> [3,H,W] as the network wants it."""
+    return torch.from_numpy(((x - np.array(MEAN)) / np.array(STD)).astype(np.float32).transpose(2, 0, 1).copy())
+
+
+# --- measuring -------------------------------------------------------------------------------------------------------
+
+def logits(net: PspNet, rgb: np.ndarray) -> torch.Tensor:
+    """[classes, h/4, w/4] at the working size."""
+    small = Image.fromarray(rgb).resize((WIDTH, HEIGHT), Image.Resampling.BILINEAR) if rgb.shape[1] != WIDTH else rgb
+    with torch.no_grad():
+        return net(normalise(np.asarray(small, np.float32) / 255)[None].contiguous(memory_format=torch.channels_last))[0]
+
+
+def probabilities(logit: torch.Tensor, temperature: float, shape: tuple[int, int]) -> torch.Tensor:
+    return F.interpolate((logit / temperature).softmax(0)[None], shape, mode="bilinear", align_corners=False)[0]
+
+
+def confusion(net: PspNet, data) -> np.ndarray:
+    """[truth, given] pixel counts at the size of the truth."""
+    count = len(CLASSES)
+    total = np.zeros((count, count), np.int64)
+    for rgb, labels in data:
+        given = probabilities(logits(net, rgb), 1.0, labels.shape).argmax(0).numpy()
+        known = labels != VOID
+        total += np.bincount(labels[known].astype(np.int64) * count + given[known], minlength=count * count).reshape(count, count)
+    return total
+
+
+def iou(total: np.ndarray) -> np.ndarray:
+    """Per class; NaN where the truth has none."""
+    union = total.sum(0) + total.sum(1) - np.diag(total)
+    return np.where(total.sum(1) > 0, np.diag(total) / np.maximum(union, 1), np.nan)
+
+
+def report(name: str, total: np.ndarray, each: bool) -> float:
+    score = iou(total)
+    print(f"{name}: mIoU {100 * np.nanmean(score):.1f} %, pixels right {100 * np.trace(total) / total.sum():.1f} %", flush=True)
+    if each:
+        print("  " + ", ".join(f"{c} {100 * s:.0f}" for c, s in zip(CLASSES, score) if not np.isnan(s)), flush=True)
+    return float(np.nanmean(score))
+
+
+def sampled(net: PspNet, data, rng: np.random.Generator):
+    """Logits (bilinear at full size, one pixel in 60) and truth of held-out pictures."""
+    rows, truths = [], []
+    for rgb, labels in data:
+        full = F.interpolate(logits(net, rgb)[None], labels.shape, mode="bilinear", align_corners=False)[0]
+        pick = rng.permutation(np.flatnonzero(labels != VOID))[:labels.size // 60]
+        rows.append(full.flatten(1)[:, torch.from_numpy(pick)].T)
+        truths.append(torch.from_numpy(labels.ravel()[pick].astype(np.int64)))
+    return torch.cat(rows), torch.cat(truths)
+
+
+def fit_temperature(rows: torch.Tensor, truth: torch.Tensor) -> float:
+    """Smallest negative log likelihood over a fine grid: one parameter needs no more."""
+    grid = np.exp(np.linspace(np.log(0.4), np.log(4), 121))
+    loss = [float(F.cross_entropy(rows / t, truth)) for t in grid]
+    return float(grid[int(np.argmin(loss))])
+
+
+def fit_epsilon(rows: torch.Tensor, truth: torch.Tensor, temperature: float, power: int = 4) -> tuple[float, float, float]:
+    """Entropy threshold with the largest accuracy^m * coverage (DESIGN 5.1), with that accuracy and coverage."""
+    p = (rows / temperature).softmax(1)
+    entropy = -(p * p.clamp(min=1e-12).log()).sum(1)
+    order = entropy.argsort()
+    right = (p.argmax(1) == truth)[order].double().cumsum(0)
+    kept = torch.arange(1, len(order) + 1, dtype=torch.double)
+    accuracy, coverage = right / kept, right / (right + (len(order) - kept))
+    best = int((power * accuracy.log() + coverage.log()).argmax())
+    at = entropy[order]
+    limit = float(at[best] + at[min(best + 1, len(at) - 1)]) / 2
+    return limit, float(accuracy[best]), float(coverage[best])
+
+
+# --- training --------------------------------------------------------------------------------------------------------
+
+def class_weights(data) -> tuple[np.ndarray, torch.Tensor]:
+    """Share of each class among pixels, and its weight in the loss: square root of the inverse, within limits."""
+    share = sum(np.bincount(labels.ravel(), minlength=256)[:len(CLASSES)] / labels.size for _, labels in data) / len(data)
+    share = np.maximum(share, 1e-5)
+    return share, torch.from_numpy(np.clip(np.sqrt(np.median(share) / share), 0.5, 2.5).astype(np.float32))
+
+
+def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet:
+    net = PspNet().to(memory_format=torch.channels_last)
+    mean = PspNet().to(memory_format=torch.channels_last)  # running mean of the weights, which is what is exported
+    mean.load_state_dict(net.state_dict())
+    optimiser = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=0.02)
+    first = 0
+    saved = common.load_checkpoint(args.checkpoint)
+    if saved:
+        net.load_state_dict(saved["net"])
+        mean.load_state_dict(saved["mean"])
+        first = 0 if args.restart else saved["step"]
+        if first:
+            optimiser.load_state_dict(saved["optimiser"])
+    frequent, weight = class_weights([d for _, data in sources for d in data])
+    shares = np.array([s for s, _ in sources]) / sum(s for s, _ in sources)
+    started, running = time.time(), 0.0
+    net.train()
+    for step in range(first, args.steps):
+        rng = np.random.default_rng((args.seed, step))
+        torch.manual_seed(args.seed * 1000003 + step)
+        batch = []
+        for _ in range(args.batch):
+            data = sources[rng.choice(len(sources), p=shares)][1]
+            batch.append(augment(rng, *data[rng.integers(len(data))], (args.crop[0], args.crop[1]), frequent))
+        images = torch.stack([b[0] for b in batch]).contiguous(memory_format=torch.channels_last)
+        truth = torch.stack([b[1] for b in batch])
+        rate = args.rate * min(1.0, (step + 1) / 100) * (1 - step / args.steps) ** 0.9
+        for group in optimiser.param_groups:
+            group["lr"] = rate
+        out, aux = net(images)
+        half = truth[:, step % 2::2, (step // 2) % 2::2]
+        loss = F.cross_entropy(F.interpolate(out, half.shape[1:], mode="bilinear", align_corners=False), half, weight,
+                               ignore_index=VOID)
+        loss = loss + 0.4 * F.cross_entropy(aux, truth[:, 3::8, 3::8], weight, ignore_index=VOID)
+        optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        optimiser.step()
+        keep = min(0.995, (step + 1) / (step + 20))
+        with torch.no_grad():
+            for to, source in zip(mean.state_dict().values(), net.state_dict().values()):
+                to.copy_(to * keep + source * (1 - keep)) if to.is_floating_point() else to.copy_(source)
+        running += float(loss)
+        if (step + 1) % 50 == 0:
+            print(f"step {step + 1}/{args.steps} loss {running / 50:.4f} {time.time() - started:.0f} s", flush=True)
+            running = 0.0
+            common.save_checkpoint(args.checkpoint, net=net.state_dict(), mean=mean.state_dict(),
+                                   optimiser=optimiser.state_dict(), step=step + 1)
+    return mean.eval()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", help="folder of light fields NAME-SEED written by `sst scene`")
+    parser.add_argument("--camvid", help="folder with train, trainannot, val, valannot")
+    parser.add_argument("--checkpoint", required=True, help="written while training; training goes on from it")
+    parser.add_argument("--restart", action="store_true", help="keep the weights of the checkpoint, start the schedule again")
+    parser.add_argument("--out", help="ONNX file to write at the end")
+    parser.add_argument("--steps", type=int, default=2500)
+    parser.add_argument("--batch", type=int, default=6)
+    parser.add_argument("--crop", type=int, nargs=2, default=(320, 240), metavar=("W", "H"))
+    parser.add_argument("--rate", type=float, default=3e-3)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--views", type=int, default=4, help="views taken of each light field")
+    args = parser.parse_args()
+    common.seed_all(args.seed, args.threads)
+    sources, held = [], {}
+    if args.scenes:
+        sources.append((1.0, scenes(args.scenes, range(100, 150), args.views)))
+        held["scenes"] = scenes(args.scenes, range(150, 200), 2)
+    if args.camvid:
+        sources.append((0.7, camvid(args.camvid, "train")))
+        held["camvid val"] = camvid(args.camvid, "val")
+    print({"train": [len(d) for _, d in sources], "held out": {k: len(d) for k, d in held.items()}}, flush=True)
+    net = train(args, sources)
+    for name, data in held.items():
+        report(name, confusion(net, data), True)
+    if args.out:
+        fit_on = [sampled(net, data, np.random.default_rng(1)) for data in held.values()]
+        rows, truth = torch.cat([f[0] for f in fit_on]), torch.cat([f[1] for f in fit_on])
+        temperature = fit_temperature(rows, truth)
+        limit, accuracy, coverage = fit_epsilon(rows, truth, temperature)
+        print(f"temperature {temperature:.3f}, epsilon_h {limit:.3f}: accuracy {accuracy:.3f}, coverage {coverage:.3f}")
+        export(net, args.out, {
+            "sst.kind": "segmentation", "sst.classes": ",".join(CLASSES), "sst.ground": GROUND,
+            "sst.mean": ",".join(map(str, MEAN)), "sst.std": ",".join(map(str, STD)), "sst.size": f"{WIDTH}x{HEIGHT}",
+            "sst.epsilon_h": f"{limit:.4f}", "sst.temperature": f"{temperature:.4f}", "sst.output": "logits"})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/disparity/stage.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/network/network.h"
+
+#define CENSUS_MARGIN 8 /* columns repeated on each side; the census window reaches 4 */
+
+int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
+{
+    const int err = sst_map_u8_init(luma, img->width, img->height);
+
+    if (err)
+        return err;
+    for (int y = 0; y < img->height; y++) {
+        const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+        uint8_t *out = sst_map_u8_row(luma, y);
+
+        for (int x = 0; x < img->width; x++)
+            out[x] = (uint8_t)((77 * r[x] + 150 * g[x] + 29 * b[x] + 128) >> 8);
+    }
+    return 0;
+}
+
+static int make_census(struct sst_descriptor *desc)
+{
+    const size_t w = (size_t)desc->width, padded = sst_mem_stride(w + 2 * CENSUS_MARGIN, 1);
+    const struct sst_kernels *k = sst_kernels_get();
+    uint8_t *ring = sst_mem_alloc(7, padded);
+
+    desc->census_stride = sst_mem_stride(w, sizeof(uint64_t)) / sizeof(uint64_t);
+    desc->census = sst_mem_alloc_raw((size_t)desc->height * desc->census_stride, sizeof(uint64_t));
+    if (!ring || !desc->census) {
+        sst_mem_free(ring);
+        return -ENOMEM;
+    }
+    for (int y = -3, next = -3; y < desc->height; y++) {
+        const uint8_t *rows[7];
+
+        /* Row j of the image, borders repeated, lives in ring slot (j + 7) % 7. */
+        for (; next <= y + 3; next++) {
+            const uint8_t *from = sst_map_u8_row(&desc->luma, sst_clamp_int(next, 0, desc->height - 1));
+            uint8_t *to = ring + (size_t)((next + 7) % 7) * padded;
+
+            memset(to, from[0], CENSUS_MARGIN);
+            memcpy(to + CENSUS_MARGIN, from, w);
+            memset(to + CENSUS_MARGIN + w, from[w - 1], CENSUS_MARGIN);
+        }
+        if (y < 0)
+            continue;
+        for (int j = 0; j < 7; j++)
+            rows[j] = ring + (size_t)((y + j - 3 + 7) % 7) * padded + CENSUS_MARGIN;
+        k->census_row(desc->census + (size_t)y * desc->census_stride, rows, w);
+    }
+    sst_mem_free(ring);
+    return 0;
+}
+
+/* Luma with mean 0 and deviation 1 over the view: what the network was trained on. Constant views become 0. */
+static void normalise(float *out, const struct sst_map_u8 *luma)
+{
+    const int64_t n = (int64_t)luma->width * luma->height;
+    int64_t s1 = 0, s2 = 0;
+    double mean, deviation;
+
+    for (int y = 0; y < luma->height; y++) {
+        const uint8_t *row = sst_map_u8_row(luma, y);
+
+        for (int x = 0; x < luma->width; x++) {
+            s1 += row[x];
+            s2 += row[x] * row[x];
+        }
+    }
+    mean = (double)s1 / (double)n;
+    deviation = sqrt((double)(n * s2 - s1 * s1)) / (double)n;
+    for (int y = 0; y < luma->height; y++) {
+        const uint8_t *row = sst_map_u8_row(luma, y);
+
+        for (int x = 0; x < luma->width; x++)
+            *out++ = deviation > 0 ? (float)((row[x] - mean) / deviation) : 0.0f;
+    }
+}
+
+static int make_features(struct sst_descriptor *desc, struct sst_network *net)
+{
+    const size_t w = (size_t)desc->width, h = (size_t)desc->height;
+    float *in = sst_mem_alloc_raw(w * h, sizeof(float)), *out = NULL;
+    int channels, out_w, out_h, err = -ENOMEM;
+
+    if (!in)
+        goto done;
+    err = sst_network_out_shape(net, desc->width, desc->height, &channels, &out_w, &out_h);
+    if (err)
+        goto done;
+    if (channels != 64 || out_w != desc->width || out_h != desc->height) {
+        err = -EBADMSG;
+        goto done;
+    }
+    err = -ENOMEM;
+    out = sst_mem_alloc_raw(64 * w * h, sizeof(float));
+    desc->feature_stride = sst_mem_stride(w, 2);
+    desc->features = sst_mem_alloc(32 * h, desc->feature_stride);
+    if (!out || !desc->features)
+        goto done;
+    normalise(in, &desc->luma);
+    err = sst_network_run(net, in, desc->width, desc->height, out);
+    if (err)
+        goto done;
+    for (size_t c = 0; c < 64; c++) {
+        for (size_t y = 0; y < h; y++) {
+            const float *from = out + (c * h + y) * w;
+            int8_t *to = desc->features + (y * 32 + c / 2) * desc->feature_stride + c % 2;
+
+            for (size_t x = 0; x < w; x++) {
+                const float v = from[x] * SST_FEATURE_ONE;
+
+                /* Unit length bounds |v| by 127; a NaN fails both comparisons. */
+                to[2 * x] = (int8_t)(v > -127.5f && v < 127.5f ? (int)(v + (v < 0 ? -0.5f : 0.5f)) : 0);
+            }
+        }
+    }
+done:
+    sst_mem_free(in);
+    sst_mem_free(out);
+    return err;
+}
+
+int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale, enum sst_cost cost,
+                        struct sst_network *net)
+{
+    struct sst_descriptor made = { .image = *img };
+    int err = 0;
+
+    if (scale == 2) {
+        err = sst_image_halve(&made.image, img);
+        if (err)
+            return err;
+        made.image_owned = true;
+    }
+    made.width = made.image.width;
+    made.height = made.image.height;
+    err = sst_luma(&made.luma, &made.image);
+    if (!err && cost & SST_COST_CENSUS)
+        err = make_census(&made);
+    if (!err && cost & SST_COST_MCCNN)
+        err = make_features(&made, net);
+    if (err) {
+        sst_descriptor_fini(&made);
+        return err;
+    }
+    *desc = made;
+    return 0;
+}
+
+void sst_descriptor_fini(struct sst_descriptor *desc)
+{
+    if (desc->image_owned)
+        sst_image_fini(&desc->image);
+    sst_map_u8_fini(&desc->luma);
+    sst_mem_free(desc->census);
+    sst_mem_free(desc->features);
+    *desc = (struct sst_descriptor){ 0 };
+}

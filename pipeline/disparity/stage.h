@@ -1,0 +1,157 @@
+/* pipeline/disparity/stage.h - the steps of the disparity stage, for disparity.c and the tests. */
+#ifndef SST_PIPELINE_DISPARITY_STAGE_H
+#define SST_PIPELINE_DISPARITY_STAGE_H
+
+#include "pipeline/disparity/disparity.h"
+#include "pipeline/kernels/kernels.h"
+
+SST_EXTERN_C_BEGIN
+
+/** What matching needs of one view. Owner: whoever made it, with sst_descriptor_fini(). */
+struct sst_descriptor {
+    int width, height;
+    struct sst_image image;    /* borrowed, or half size and owned */
+    bool image_owned;
+    struct sst_map_u8 luma;    /* BT.601 */
+    uint64_t *census;          /* [height][census_stride], or NULL */
+    size_t census_stride;      /* elements */
+    int8_t *features;          /* [height][32][feature_stride / 2][2], or NULL */
+    size_t feature_stride;     /* bytes between channel pairs of one row */
+};
+
+struct sst_network;
+
+/** Luma of an image, (77 R + 150 G + 29 B + 128) >> 8. @param luma out, initialised here */
+SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
+
+/**
+ * Luma, and census or MC-CNN features or both.
+ * @param net    for features: normalised luma in, 64 unit-length channels out
+ * @param scale  1: img is borrowed and must outlive desc; 2: matched at half size
+ */
+SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,
+                                       enum sst_cost cost, struct sst_network *net);
+void sst_descriptor_fini(struct sst_descriptor *desc);
+
+/** A view to match with: a point at x in the reference is at x - d * b there. */
+struct sst_neighbour {
+    const struct sst_descriptor *desc;
+    double bx, by;
+};
+
+#define SST_MAX_NEIGHBOURS 12
+
+/** Cost volume of a view: [height][width_padded][steps_padded] uint8, entry i of a pixel is disparity disp_min + i. */
+struct sst_volume {
+    int width, height;
+    size_t width_padded;  /* multiple of 64 */
+    int disp_min, steps;
+    size_t steps_padded;  /* multiple of 32; the padding costs SST_COST_MAX */
+    uint8_t *cost;
+    uint16_t *sum;        /* the same shape: summed path costs; made by sst_sgm() */
+    void *scratch;        /* of the steps below, see volume.c */
+};
+
+SST_MUST_CHECK int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps);
+void sst_volume_fini(struct sst_volume *v);
+
+/** Bytes that a volume of this size takes. */
+size_t sst_volume_bytes(int width, int height, int steps);
+
+/**
+ * Fill the costs of `ref` against 1..4 neighbours. Of several, occluded ones are expected to be the dear ones: with three
+ * or four the mean of the two cheapest counts, with two the cheaper one three times the other. Pixels that no neighbour
+ * sees cost a constant.
+ */
+void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
+                     int count);
+
+/** Largest difference of a colour channel between pixels of two rows, n of them. */
+void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n);
+
+/** Arms of the cross-based support regions (Zhang et al. 2009), in colour: each [height][width], and the region's pixel
+ *  count. */
+struct sst_support {
+    struct sst_map_u8 left, right, up, down;
+    struct sst_map_u16 count;
+};
+
+SST_MUST_CHECK int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau);
+void sst_support_fini(struct sst_support *s);
+
+/** Replace every cost by its mean over the pixel's support region; `rounds` times. */
+SST_MUST_CHECK int sst_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds);
+
+/**
+ * Semi-global optimisation of v->cost into v->sum along 4 or 8 paths (paper: energy E(D); Hirschmueller 2008, with the
+ * minimum subtracted, so that L <= 255 + p2).
+ */
+SST_MUST_CHECK int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg);
+
+/** Put v->sum, less each pixel's minimum and cut at 255, back into v->cost for another aggregation. */
+void sst_volume_requantise(struct sst_volume *v);
+
+/**
+ * Winner takes all with the parabola through three costs (flat or border minimum: the integer).
+ *
+ * @param disp_q6     out, 1/64 px above v->disp_min
+ * @param confidence  out, 0..255: how far the second minimum is
+ * @param from_cost   read v->cost instead of v->sum
+ */
+SST_MUST_CHECK int sst_volume_winner(const struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,
+                                     struct sst_map_u8 *confidence);
+
+/** The parabola's minimum between three costs, in 1/64 steps from the middle one; 0 where it is flat. */
+int sst_parabola_q6(int before, int at, int after);
+
+/** 5x5 median, borders repeated. In place. */
+SST_MUST_CHECK int sst_median5(struct sst_map_u16 *map);
+
+/**
+ * Bilateral filter of the paper with g the standard normal density (radius 3):
+ * D(p) = sum D(q) g(|p-q|) 1(|I(p)-I(q)| < tau) / sum, over q with a known disparity within SST_BILATERAL_STEP_Q6 of D(p):
+ * averaging across a depth edge would put pixels where nothing is.
+ */
+SST_MUST_CHECK int sst_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
+
+/** Fuse two maps of a view by confidence: agreement within 1 px averages, else the surer one wins, ties to the first. */
+void sst_fuse(struct sst_map_u16 *disp, struct sst_map_u8 *confidence, const struct sst_map_u16 *other_disp,
+              const struct sst_map_u8 *other_confidence);
+
+/** Outcome of the multi-view check. */
+enum sst_check {
+    SST_CHECK_CORRECT = 0,
+    SST_CHECK_MISMATCH = 1,
+    SST_CHECK_OCCLUSION = 2,
+};
+
+/** A neighbouring view's disparities at offset b from the view under check. */
+struct sst_checked_view {
+    const struct sst_map_u16 *disp_q6; /* the same zero as the view's own */
+    const struct sst_map_u8 *status;   /* for filling; NULL while checking */
+    double bx, by;
+};
+
+/**
+ * DESIGN 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if that
+ * holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
+ *
+ * @param status  out, enum sst_check
+ * @param disp_min_px  disparity of stored value 0
+ */
+void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,
+                     const struct sst_checked_view *views, int count);
+
+/**
+ * DESIGN 5.2 step 5: occlusions take the disparity of a correct pixel of a neighbour that projects onto them (near views
+ * first, the foremost one where several do), mismatches the median of the nearest correct pixels in 16 directions, the rest
+ * the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel is correct.
+ *
+ * @param views  the nearer neighbours first; near_count of them are one spacing away
+ */
+void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, double disp_min_px,
+                    const struct sst_checked_view *views, int count, int near_count, struct sst_map_u16 *scratch);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,348 @@
+#include "pipeline/eval/report.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+
+/* The kinds of label maps. */
+enum stage { INITIAL, HCSM, REFINED, STAGES };
+
+/* Truth of one view, and what was measured there. */
+struct view_truth {
+    struct sst_map_f32 disp; /* empty: none */
+    struct sst_map_u8 label; /* likewise */
+    struct sst_disparity_error all, nonocc;
+    struct sst_confusion *confusion; /* [STAGES] */
+    bool measured[STAGES];
+};
+
+struct job {
+    const struct sst_lightfield *lf;
+    const char *lf_dir, *truth_dir;
+    struct view_truth *views; /* [rows * cols] */
+};
+
+static int check_size(const char *path, int width, int height, const struct sst_lightfield *lf)
+{
+    if (width == lf->width && height == lf->height)
+        return 0;
+    sst_log_error("%s: %dx%d pixels, but the light field has %dx%d; give maps of this light field", path, width,
+                  height, lf->width, lf->height);
+    return -EBADMSG;
+}
+
+/* Path of a view's map; an empty one where there is no such file. */
+static int map_path(char path[SST_PATH_MAX], const struct job *job, const char *dir, int view, const char *suffix)
+{
+    char name[16];
+    int n;
+
+    sst_view_name(job->lf, view, name);
+    n = snprintf(path, SST_PATH_MAX, "%s/%s%s", dir, name, suffix);
+    if (n >= SST_PATH_MAX) {
+        sst_log_error("%s: the path is too long; move the folder", dir);
+        return -ENAMETOOLONG;
+    }
+    if (!sst_path_exists(path))
+        path[0] = '\0';
+    return 0;
+}
+
+static int read_labels(struct sst_map_u8 *map, const struct job *job, const char *dir, int view)
+{
+    char path[SST_PATH_MAX];
+    int err = map_path(path, job, dir, view, ".png");
+
+    if (err || !path[0])
+        return err;
+    err = sst_map_u8_read_png(map, path);
+    return err ? err : check_size(path, map->width, map->height, job->lf);
+}
+
+static int load_view(void *arg, int index, int worker SST_UNUSED)
+{
+    struct job *job = arg;
+    struct view_truth *t = &job->views[index];
+    char path[SST_PATH_MAX];
+    int err;
+
+    if (!job->lf->views[index].present)
+        return 0;
+    err = map_path(path, job, job->truth_dir, index, ".pfm");
+    if (!err && path[0]) {
+        err = sst_map_f32_read_pfm(&t->disp, path);
+        if (!err)
+            err = check_size(path, t->disp.width, t->disp.height, job->lf);
+    }
+    return err ? err : read_labels(&t->label, job, job->truth_dir, index);
+}
+
+/* Pixels whose true surface at least one of the four neighbours sees. */
+static int mark_visible(struct sst_map_u8 *mask, const struct job *job, int index)
+{
+    static const int step[4][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 } };
+    const struct sst_lightfield *lf = job->lf;
+    int err = 0;
+
+    for (int i = 0; i < 4 && !err; i++) {
+        const int row = index / lf->cols + step[i][0], col = index % lf->cols + step[i][1], other = row * lf->cols + col;
+
+        if (row < 0 || col < 0 || row >= lf->rows || col >= lf->cols || !job->views[other].disp.data)
+            continue;
+        err = sst_eval_visible(mask, &job->views[index].disp, &job->views[other].disp,
+                               lf->views[other].bx - lf->views[index].bx, lf->views[other].by - lf->views[index].by);
+    }
+    return err;
+}
+
+static int measure_disparity(struct job *job, int index)
+{
+    const struct sst_lightfield *lf = job->lf;
+    const struct sst_view *v = &lf->views[index];
+    struct view_truth *t = &job->views[index];
+    struct sst_map_f32 estimate = { 0 };
+    struct sst_map_u8 mask = { 0 };
+    int err;
+
+    if (!v->disp.data) {
+        sst_log_error("%s: view %02d_%02d has truth but no disparities; run `sst process %s` first", job->lf_dir,
+                      index / lf->cols, index % lf->cols, job->lf_dir);
+        return -ENOENT;
+    }
+    err = sst_map_f32_init(&estimate, lf->width, lf->height);
+    if (!err)
+        err = sst_map_u8_init(&mask, lf->width, lf->height);
+    for (int y = 0; y < lf->height && !err; y++) {
+        const uint16_t *q = sst_map_u16_row(&v->disp, y);
+        float *e = sst_map_f32_row(&estimate, y);
+
+        for (int x = 0; x < lf->width; x++)
+            e[x] = q[x] == SST_DISP_NONE ? INFINITY : (float)sst_disp_px(lf, q[x]);
+    }
+    if (!err)
+        err = sst_eval_disparity(&t->all, &estimate, &t->disp, NULL);
+    if (!err)
+        err = mark_visible(&mask, job, index);
+    if (!err)
+        err = sst_eval_disparity(&t->nonocc, &estimate, &t->disp, &mask);
+    sst_map_f32_fini(&estimate);
+    sst_map_u8_fini(&mask);
+    return err;
+}
+
+static int measure_labels(struct job *job, int index)
+{
+    static const char *const folders[] = { "labels_initial", "labels_hcsm" };
+    struct view_truth *t = &job->views[index];
+    int err = 0;
+
+    t->confusion = sst_mem_alloc(STAGES, sizeof(*t->confusion));
+    if (!t->confusion)
+        return -ENOMEM;
+    for (int stage = 0; stage < STAGES && !err; stage++) {
+        struct sst_map_u8 read = { 0 };
+        const struct sst_map_u8 *map = stage == REFINED ? &job->lf->views[index].label : &read;
+        char dir[SST_PATH_MAX];
+
+        if (stage != REFINED)
+            err = sst_path_join(dir, job->lf_dir, folders[stage]);
+        if (!err && stage != REFINED)
+            err = read_labels(&read, job, dir, index);
+        if (!err && map->data) {
+            err = sst_confusion_add(&t->confusion[stage], map, &t->label);
+            t->measured[stage] = true;
+            if (err)
+                sst_log_error("%s: view %02d_%02d has a label above 64, or its truth has; give label maps", job->lf_dir,
+                              index / job->lf->cols, index % job->lf->cols);
+        }
+        sst_map_u8_fini(&read);
+    }
+    return err == -EINVAL ? -EBADMSG : err;
+}
+
+static int measure_view(void *arg, int index, int worker SST_UNUSED)
+{
+    struct job *job = arg;
+    int err = job->views[index].disp.data ? measure_disparity(job, index) : 0;
+
+    if (!err && job->views[index].label.data)
+        err = measure_labels(job, index);
+    return err;
+}
+
+static struct sst_label_error label_error(const struct job *job, int stage)
+{
+    struct sst_confusion *sum = sst_mem_alloc(1, sizeof(*sum));
+    struct sst_label_error result = { NAN, NAN, NAN };
+
+    for (int k = 0; k < job->lf->rows * job->lf->cols && sum; k++) {
+        for (int i = 0; i < 65 * 65 && job->views[k].measured[stage]; i++)
+            sum->count[i / 65][i % 65] += job->views[k].confusion[stage].count[i / 65][i % 65];
+    }
+    if (sum)
+        result = (struct sst_label_error){ sst_confusion_miou(sum), sst_confusion_accuracy(sum), sst_confusion_coverage(sum) };
+    sst_mem_free(sum);
+    return result;
+}
+
+/* Add up the views in order, so that the sums are the same for any number of threads. */
+static void sum_up(struct sst_report *out, const struct job *job)
+{
+    for (int k = 0; k < job->lf->rows * job->lf->cols; k++) {
+        const struct view_truth *t = &job->views[k];
+
+        out->label_views += t->label.data != NULL;
+        if (t->disp.data) {
+            out->disparity_views++;
+            sst_disparity_error_merge(&out->disparity, &t->all);
+            sst_disparity_error_merge(&out->disparity_nonocc, &t->nonocc);
+        }
+    }
+    out->initial = label_error(job, INITIAL);
+    out->hcsm = label_error(job, HCSM);
+    out->refined = label_error(job, REFINED);
+}
+
+static int measure_picture(struct sst_picture_error *out, struct sst_renderer *r, const struct sst_render_config *cfg,
+                           const struct sst_image *behind, const struct sst_map_u8 *mask)
+{
+    struct sst_image picture;
+    int64_t start_ns;
+    int err = sst_image_init(&picture, behind->width, behind->height);
+
+    if (err)
+        return err;
+    start_ns = sst_clock_now_ns();
+    err = sst_render(r, cfg, &picture, NULL);
+    out->seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
+    out->psnr = sst_psnr(&picture, behind, NULL);
+    out->psnr_occluded = sst_psnr(&picture, behind, mask);
+    if (!err)
+        err = sst_ssim(&out->ssim, &picture, behind, NULL);
+    if (!err)
+        err = sst_ssim(&out->ssim_occluded, &picture, behind, mask);
+    sst_image_fini(&picture);
+    return err;
+}
+
+static double covered(const struct sst_map_u8 *mask)
+{
+    int64_t n = 0;
+
+    for (int y = 0; y < mask->height; y++) {
+        const uint8_t *row = sst_map_u8_row(mask, y);
+
+        for (int x = 0; x < mask->width; x++)
+            n += row[x] != 0;
+    }
+    return 100.0 * (double)n / ((double)mask->width * mask->height);
+}
+
+static int measure_occluder(struct sst_report *out, int index, const struct job *job, const struct sst_truth *truth,
+                            struct sst_renderer *r, const struct sst_render_config *cfg)
+{
+    const struct sst_truth_occluder *o = &truth->occluders[index];
+    struct sst_render_config c = *cfg;
+    struct sst_image behind = { 0 };
+    struct sst_map_u8 mask = { 0 };
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, job->truth_dir, o->behind);
+
+    if (!err)
+        err = sst_image_read(&behind, path);
+    if (!err)
+        err = check_size(path, behind.width, behind.height, job->lf);
+    if (!err)
+        err = sst_path_join(path, job->truth_dir, o->mask);
+    if (!err)
+        err = sst_map_u8_read_png(&mask, path);
+    if (!err)
+        err = check_size(path, mask.width, mask.height, job->lf);
+    if (err)
+        goto done;
+    out->occluder[index].covered = covered(&mask);
+    c.focus_px = o->focus_px;
+    c.method = SST_RENDER_SST;
+    err = measure_picture(&out->occluder[index].render, r, &c, &behind, &mask);
+    c.method = SST_RENDER_REFOCUS;
+    if (!err)
+        err = measure_picture(&out->occluder[index].refocus, r, &c, &behind, &mask);
+done:
+    sst_image_fini(&behind);
+    sst_map_u8_fini(&mask);
+    return err;
+}
+
+static int measure_pictures(struct sst_report *out, const struct job *job, const struct sst_truth *truth,
+                            const struct sst_render_config *cfg, int threads)
+{
+    const struct sst_lightfield *lf = job->lf;
+    const int ref = truth->ref_row * lf->cols + truth->ref_col;
+    struct sst_render_config c = *cfg;
+    struct sst_renderer *r = NULL;
+    int err;
+
+    if (truth->count == 0)
+        return 0;
+    if (truth->ref_row >= lf->rows || truth->ref_col >= lf->cols || !lf->views[ref].present) {
+        sst_log_error("%s/truth.json: reference %02d_%02d is no view of %s; give the truth of this light field",
+                      job->truth_dir, truth->ref_row, truth->ref_col, job->lf_dir);
+        return -EBADMSG;
+    }
+    c.view_bx = lf->views[ref].bx;
+    c.view_by = lf->views[ref].by;
+    c.threads = threads;
+    err = sst_renderer_create(&r, lf, threads);
+    for (int i = 0; i < truth->count && !err; i++)
+        err = measure_occluder(out, i, job, truth, r, &c);
+    sst_renderer_destroy(r);
+    out->occluders = truth->count;
+    return err;
+}
+
+static void job_fini(struct job *job)
+{
+    for (int k = 0; job->views && k < job->lf->rows * job->lf->cols; k++) {
+        sst_map_f32_fini(&job->views[k].disp);
+        sst_map_u8_fini(&job->views[k].label);
+        sst_mem_free(job->views[k].confusion);
+    }
+    sst_mem_free(job->views);
+}
+
+int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, const char *lf_dir,
+                    const struct sst_truth *truth, const char *truth_dir, const struct sst_render_config *cfg, int threads)
+{
+    const int views = lf->rows * lf->cols;
+    struct job job = { .lf = lf, .lf_dir = lf_dir, .truth_dir = truth_dir };
+    struct sst_report made = { 0 };
+    int err = -ENOMEM;
+
+    job.views = sst_mem_alloc((size_t)views, sizeof(*job.views));
+    if (job.views)
+        err = sst_parallel_for(views, threads, load_view, &job);
+    if (!err)
+        err = sst_parallel_for(views, threads, measure_view, &job);
+    if (!err)
+        sum_up(&made, &job);
+    if (!err && !truth->described && made.disparity_views + made.label_views == 0) {
+        sst_log_error("%s holds no truth: neither truth.json nor rr_cc.pfm nor rr_cc.png of any view of %s; `sst scene` "
+                      "writes the truth of a light field to LF/truth", truth_dir, lf_dir);
+        err = -ENOENT;
+    }
+    if (!err)
+        err = measure_pictures(&made, &job, truth, cfg, threads);
+    job_fini(&job);
+    if (err == -ENOMEM)
+        sst_log_error("%s: no memory to measure %d views of %dx%d", lf_dir, views, lf->width, lf->height);
+    if (!err)
+        *out = made;
+    return err;
+}

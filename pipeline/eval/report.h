@@ -1,0 +1,73 @@
+/* pipeline/eval/report.h - a light-field folder measured against a truth folder. */
+#ifndef SST_PIPELINE_EVAL_REPORT_H
+#define SST_PIPELINE_EVAL_REPORT_H
+
+#include "pipeline/eval/eval.h"
+#include "pipeline/render/render.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_TRUTH_MAX_OCCLUDERS 16
+
+/** One see-through task: the picture that the reference view would show without this occluder. */
+struct sst_truth_occluder {
+    char name[64], label[SST_CLASS_NAME_MAX], target[SST_CLASS_NAME_MAX];
+    double focus_px;              /* disparity of the target, px per spacing */
+    char behind[256], mask[256];  /* file names in the truth folder; mask: not 0 where the occluder stands */
+};
+
+/** truth.json. The maps rr_cc.pfm (disparity, px per spacing) and rr_cc.png (labels) stand beside it. */
+struct sst_truth {
+    bool described;        /* false: there is no truth.json; the maps alone may be there */
+    int ref_row, ref_col;  /* view that the occluders' pictures belong to */
+    int count;
+    struct sst_truth_occluder occluders[SST_TRUTH_MAX_OCCLUDERS]; /* the first is the principal one */
+};
+
+/**
+ * Read DIR/truth.json: "reference": "rr_cc", "focus_px", "occluders": [{"name", "label", "target", "focus_px", "behind",
+ * "mask"}]. Without "occluders", focus_px with behind.png and occluder.png is the one task. Other keys are not looked at.
+ *
+ * @return 0 (also where the folder has no truth.json), -ENOENT (no such folder), -EBADMSG, -ENOMEM, -EIO; logged.
+ */
+SST_MUST_CHECK int sst_truth_read(struct sst_truth *truth, const char *dir);
+
+/** A rendered picture against the true one: all pixels, and those that the occluder covers. dB and 0..1; NaN: none. */
+struct sst_picture_error {
+    double psnr, ssim, psnr_occluded, ssim_occluded;
+    double seconds; /* that the rendering took */
+};
+
+/** Labels against the truth of all views, percent; NaN: there are none. */
+struct sst_label_error {
+    double miou, accuracy, coverage;
+};
+
+struct sst_report {
+    int disparity_views, label_views;            /* that have truth */
+    struct sst_disparity_error disparity;        /* pixels 0: no truth */
+    struct sst_disparity_error disparity_nonocc; /* pixels whose true surface a view beside, above or below sees too */
+    struct sst_label_error initial, hcsm, refined;
+    int occluders;
+    struct {
+        double covered; /* percent of the picture */
+        struct sst_picture_error render, refocus;
+    } occluder[SST_TRUTH_MAX_OCCLUDERS];
+};
+
+/**
+ * Measure all that there is truth for.
+ *
+ * @param lf      images loaded if truth->count > 0; disparity and labels where the folder has them
+ * @param lf_dir  its folder: labels_initial/ and labels_hcsm/ are read from there if present
+ * @param cfg     of the see-through rendering; focus and viewpoint are set here
+ * @return 0, -ENOENT (no truth; truth without an estimate; a file missing), -EBADMSG (a file does not fit), -ENOMEM, or what
+ *         sst_render() says; logged.
+ */
+SST_MUST_CHECK int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, const char *lf_dir,
+                                   const struct sst_truth *truth, const char *truth_dir,
+                                   const struct sst_render_config *cfg, int threads);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,23 @@
+#include "pipeline/kernels/kernels.h"
+
+void sst_bilateral_row_ref(uint16_t *out, const uint16_t *const disp[7], const uint8_t *const luma[7],
+                           const int16_t *weight, int tau, size_t n)
+{
+    for (size_t x = 0; x < n; x++) {
+        const int centre = disp[3][x], level = luma[3][x];
+        int sum = 0, total = 0;
+
+        for (int k = 0; k < 49; k++) {
+            const ptrdiff_t i = (ptrdiff_t)x + k % 7 - 3;
+            const int step = disp[k / 7][i] - centre, contrast = luma[k / 7][i] - level;
+
+            if (step < -SST_BILATERAL_STEP_Q6 || step > SST_BILATERAL_STEP_Q6 || contrast <= -tau || contrast >= tau)
+                continue;
+            sum += weight[k] * step;
+            total += weight[k];
+        }
+        /* |sum / total| <= 96: made positive, so that the conversion rounds down. The centre is always in: total > 0. */
+        out[x] = centre == 65535 ? (uint16_t)65535
+                                 : (uint16_t)(centre - 128 + (int)((float)sum / (float)total + 128.5f));
+    }
+}

@@ -1,0 +1,39 @@
+/* Cross-based support by prefix sums: along the row here, down the columns by the caller's ring of rows. */
+static void KERNEL(support_sum_row)(uint16_t *restrict vp, const uint16_t *restrict vp_above, uint16_t *restrict prefix,
+                                    const uint8_t *restrict cost, const uint8_t *left, const uint8_t *right, size_t n,
+                                    size_t nd)
+{
+    memset(prefix, 0, nd * sizeof(*prefix));
+    for (size_t x = 0; x < n; x++) {
+        const uint16_t *p = prefix + x * nd;
+        uint16_t *q = prefix + (x + 1) * nd;
+
+        for (size_t d = 0; d < nd; d++)
+            q[d] = (uint16_t)(p[d] + cost[x * nd + d]);
+    }
+    for (size_t x = 0; x < n; x++) {
+        const uint16_t *p = prefix + (x - left[x]) * nd, *q = prefix + (x + right[x] + 1) * nd;
+
+        for (size_t d = 0; d < nd; d++)
+            vp[x * nd + d] = (uint16_t)(vp_above[x * nd + d] + q[d] - p[d]);
+    }
+}
+
+static void KERNEL(support_mean_row)(uint8_t *restrict out, const uint16_t *const *rows, const uint8_t *up,
+                                     const uint8_t *down, const uint16_t *count, size_t n, size_t nd)
+{
+    for (size_t x = 0; x < n; x++) {
+        const uint16_t *lo = rows[down[x]] + x * nd, *hi = rows[-1 - up[x]] + x * nd;
+        const uint16_t half = (uint16_t)(count[x] / 2);
+        const uint16_t reciprocal = (uint16_t)(count[x] < 2 ? 0 : (65536u + count[x] - 1u) / count[x]);
+        uint8_t *o = out + x * nd;
+
+        if (count[x] < 2)
+            continue;
+        for (size_t d = 0; d < nd; d++) {
+            const uint16_t sum = (uint16_t)(lo[d] - hi[d] + half);
+
+            o[d] = (uint8_t)((uint32_t)sum * reciprocal >> 16);
+        }
+    }
+}

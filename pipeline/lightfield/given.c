@@ -1,0 +1,167 @@
+#include "pipeline/lightfield/given.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/store.h"
+
+struct given {
+    struct sst_lightfield *lf;
+    const char *dir;
+    bool store;       /* second pass over disparity: keep, not only measure */
+    double *min, *max; /* [views] of the finite values; min above max: none */
+    int *max_label;   /* [views] */
+};
+
+static int map_path(char out[SST_PATH_MAX], const struct given *g, int k, const char *extension)
+{
+    char name[32];
+
+    sst_view_name(g->lf, k, name);
+    strcat(name, extension);
+    return sst_path_join(out, g->dir, name);
+}
+
+static int check_size(const struct given *g, const char *path, int width, int height)
+{
+    if (width == g->lf->width && height == g->lf->height)
+        return 0;
+    sst_log_error("%s has %dx%d pixels, the views have %dx%d; give maps of the views' size", path, width, height,
+                  g->lf->width, g->lf->height);
+    return -EBADMSG;
+}
+
+/* Infinite values mean unknown. */
+static int measure(const struct sst_map_f32 *map, const char *path, double *min, double *max)
+{
+    *min = INFINITY;
+    *max = -INFINITY;
+    for (int y = 0; y < map->height; y++) {
+        const float *row = sst_map_f32_row(map, y);
+
+        for (int x = 0; x < map->width; x++) {
+            if (isinf(row[x]))
+                continue;
+            if (fabsf(row[x]) > (float)SST_DISP_ABS_MAX_PX) {
+                sst_log_error("%s has disparity %g at column %d, row %d, beyond %g; mark unknown values as inf", path,
+                              (double)row[x], x, y, SST_DISP_ABS_MAX_PX);
+                return -EBADMSG;
+            }
+            *min = fmin(*min, (double)row[x]);
+            *max = fmax(*max, (double)row[x]);
+        }
+    }
+    return 0;
+}
+
+static int store(struct sst_lightfield *lf, int k, const struct sst_map_f32 *map)
+{
+    struct sst_map_u16 *disp = &lf->views[k].disp;
+    int err = sst_map_u16_init(disp, map->width, map->height);
+
+    for (int y = 0; !err && y < map->height; y++) {
+        for (int x = 0; x < map->width; x++)
+            sst_map_u16_row(disp, y)[x] = sst_disp_q6(lf, (double)sst_map_f32_row(map, y)[x]);
+    }
+    return err;
+}
+
+static int disparity_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct given *g = arg;
+    struct sst_map_f32 map;
+    char path[SST_PATH_MAX];
+    int err = g->lf->views[k].present ? map_path(path, g, k, ".pfm") : 0;
+
+    if (err || !g->lf->views[k].present)
+        return err;
+    err = sst_map_f32_read_pfm(&map, path);
+    if (err)
+        return err;
+    err = check_size(g, path, map.width, map.height);
+    if (!err)
+        err = g->store ? store(g->lf, k, &map) : measure(&map, path, &g->min[k], &g->max[k]);
+    sst_map_f32_fini(&map);
+    return err;
+}
+
+int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, int threads)
+{
+    double min[SST_MAX_VIEWS], max[SST_MAX_VIEWS], lo = INFINITY, hi = -INFINITY;
+    struct given g = { .lf = lf, .dir = dir, .min = min, .max = max };
+    const int count = lf->rows * lf->cols;
+    int err = sst_parallel_for(count, threads, disparity_view, &g);
+
+    if (err)
+        return err;
+    for (int k = 0; k < count; k++) {
+        if (lf->views[k].present) {
+            lo = fmin(lo, min[k]);
+            hi = fmax(hi, max[k]);
+        }
+    }
+    if (lo > hi) {
+        sst_log_error("%s has no known disparity at all; leave --disparity away", dir);
+        return -EBADMSG;
+    }
+    if (hi - floor(lo) > SST_RANGE_MAX_PX) {
+        sst_log_error("the disparities in %s run from %g to %g px; more than %g px cannot be stored", dir, lo, hi,
+                      SST_RANGE_MAX_PX);
+        return -EBADMSG;
+    }
+    lf->disp_min_px = floor(lo);
+    if (lf->range_min_px == lf->range_max_px) {
+        lf->range_min_px = lo;
+        lf->range_max_px = hi;
+    }
+    lf->disparity_given = true;
+    g.store = true;
+    return sst_parallel_for(count, threads, disparity_view, &g);
+}
+
+static int labels_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct given *g = arg;
+    struct sst_map_u8 *label = &g->lf->views[k].label;
+    char path[SST_PATH_MAX];
+    int err = g->lf->views[k].present ? map_path(path, g, k, ".png") : 0;
+
+    if (err || !g->lf->views[k].present)
+        return err;
+    err = sst_map_u8_read_png(label, path);
+    if (!err)
+        err = check_size(g, path, label->width, label->height);
+    for (int y = 0; !err && y < label->height; y++) {
+        for (int x = 0; x < label->width; x++)
+            g->max_label[k] = sst_max_int(g->max_label[k], sst_map_u8_row(label, y)[x]);
+    }
+    if (!err && g->max_label[k] > SST_MAX_CLASSES) {
+        sst_log_error("%s has label %d; labels are 0 (unlabeled) to %d", path, g->max_label[k], SST_MAX_CLASSES);
+        err = -EBADMSG;
+    }
+    return err;
+}
+
+int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int threads)
+{
+    int max_label[SST_MAX_VIEWS] = { 0 };
+    struct given g = { .lf = lf, .dir = dir, .max_label = max_label };
+    struct sst_classes *classes = &lf->classes;
+    int err = sst_parallel_for(lf->rows * lf->cols, threads, labels_view, &g);
+
+    /* Labels that the list does not name get a number for a name. */
+    for (int k = 0; !err && k < lf->rows * lf->cols; k++) {
+        while (classes->count < max_label[k]) {
+            snprintf(classes->names[classes->count], SST_CLASS_NAME_MAX, "Label%d", classes->count + 1);
+            classes->count++;
+        }
+    }
+    if (!err)
+        lf->labels_given = true;
+    return err;
+}

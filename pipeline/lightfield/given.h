@@ -1,0 +1,21 @@
+/* pipeline/lightfield/given.h - maps that come with the images instead of being computed. */
+#ifndef SST_PIPELINE_LIGHTFIELD_GIVEN_H
+#define SST_PIPELINE_LIGHTFIELD_GIVEN_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+SST_EXTERN_C_BEGIN
+
+/**
+ * Take the disparity (rr_cc.pfm, px per unit spacing, inf unknown) or the labels (rr_cc.png, label values) of every present
+ * view from a folder; the views' size is known and their maps of this kind are empty. Labels that the class list does not
+ * name are added to it as "LabelN". Sets disparity_given or labels_given; processing keeps such maps.
+ *
+ * @return 0, -ENOENT, -EBADMSG (missing, other size, NaN, a range over 1023 px), -ENOMEM; logged
+ */
+SST_MUST_CHECK int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, int threads);
+SST_MUST_CHECK int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int threads);
+
+SST_EXTERN_C_END
+
+#endif

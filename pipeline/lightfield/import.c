@@ -1,0 +1,386 @@
+#include "pipeline/lightfield/import.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/given.h"
+#include "pipeline/lightfield/import_plan.h"
+#include "pipeline/lightfield/store.h"
+
+#define MAX_NAMED 4 /* files or views named in one message */
+
+static const struct {
+    const char *name;
+    int (*plan)(struct sst_import_plan *plan);
+} formats[] = {
+    { "stanford", sst_plan_stanford },
+    { "hci", sst_plan_hci },
+    { "folder", sst_plan_folder },
+};
+
+/* What the threads share: each writes only its own view's places. */
+struct job {
+    struct sst_import_plan *plan;
+    const char *out; /* the output's temporary folder */
+    int width[SST_MAX_VIEWS], height[SST_MAX_VIEWS];
+    double truth_min[SST_MAX_VIEWS], truth_max[SST_MAX_VIEWS]; /* min above max: none */
+};
+
+static int check_config(const struct sst_import_config *cfg)
+{
+    const bool folder = !strcmp(cfg->format, "folder");
+
+    if (!sst_path_is_dir(cfg->source)) {
+        sst_log_error("%s is no folder; name the folder with the images", cfg->source);
+        return -ENOENT;
+    }
+    if (folder && (cfg->rows < 1 || cfg->cols < 1)) {
+        sst_log_error("import folder needs the grid; add --grid ROWSxCOLUMNS");
+        return -EINVAL;
+    }
+    if (!folder && (cfg->disparity_dir || cfg->labels_dir || cfg->spacing_px > 0)) {
+        sst_log_error("--disparity, --labels and --spacing-px belong to the format folder, not to %s", cfg->format);
+        return -EINVAL;
+    }
+    if (!isfinite(cfg->range_min_px) || !isfinite(cfg->range_max_px) || cfg->range_min_px > cfg->range_max_px ||
+        cfg->range_max_px - floor(cfg->range_min_px) > SST_RANGE_MAX_PX || fabs(cfg->range_min_px) > SST_DISP_ABS_MAX_PX) {
+        sst_log_error("the range %g to %g px does not grow or is wider than the %g px that can be stored; correct "
+                      "--range-min and --range-max", cfg->range_min_px, cfg->range_max_px, SST_RANGE_MAX_PX);
+        return -EINVAL;
+    }
+    return 0;
+}
+
+/* --- the grid ----------------------------------------------------------------------------------------------------- */
+
+static bool has_neighbours(const struct sst_lightfield *lf)
+{
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (lf->views[k].present && ((k % lf->cols + 1 < lf->cols && lf->views[k + 1].present) ||
+                                     (k + lf->cols < lf->rows * lf->cols && lf->views[k + lf->cols].present)))
+            return true;
+    }
+    return false;
+}
+
+/* Holes are accepted where the user knows the grid: a file forgotten in a copy must not pass unseen. */
+static int check_holes(const struct sst_import_plan *plan)
+{
+    const struct sst_lightfield *lf = &plan->lf;
+    const int count = lf->rows * lf->cols;
+    char named[MAX_NAMED * 66 + 8] = "";
+    int missing = 0;
+
+    for (int k = 0; k < count; k++) {
+        if (lf->views[k].present || missing++ >= MAX_NAMED)
+            continue;
+        strcat(strcat(named, named[0] ? ", " : ""), plan->views[k].expected);
+    }
+    if (missing > MAX_NAMED)
+        strcat(named, " ...");
+    if (missing && !plan->cfg->rows) {
+        sst_log_error("%s lacks %d of %d views: %s; add the files, or --grid %dx%d to import without them",
+                      plan->cfg->source, missing, count, named, lf->rows, lf->cols);
+        return -EBADMSG;
+    }
+    if (count > 1 && !has_neighbours(lf)) {
+        sst_log_error("%s has no two neighbouring views of a grid of %dx%d; add files or correct --grid",
+                      plan->cfg->source, lf->rows, lf->cols);
+        return -EBADMSG;
+    }
+    if (missing)
+        sst_log_warning("%s lacks %d of %d views: %s", plan->cfg->source, missing, count, named);
+    return 0;
+}
+
+static void warn_unused(const struct sst_import_plan *plan)
+{
+    char named[MAX_NAMED * (SST_NAME_MAX + 2) + 8] = "";
+    int unused = 0;
+
+    for (int i = 0; i < plan->names.count; i++) {
+        if (plan->names.used[i] || !sst_name_is_image(plan->names.name[i]) || unused++ >= MAX_NAMED)
+            continue;
+        strcat(strcat(named, named[0] ? ", " : ""), plan->names.name[i]);
+    }
+    if (unused > MAX_NAMED)
+        strcat(named, " ...");
+    if (unused)
+        sst_log_warning("%s: %d images have no name of this format and are left out: %s", plan->cfg->source, unused,
+                        named);
+}
+
+/* Offsets in spacings from the reference view. */
+static int set_offsets(struct sst_import_plan *plan)
+{
+    struct sst_lightfield *lf = &plan->lf;
+    const struct sst_plan_view *ref;
+
+    if (!(plan->spacing > 0) || !isfinite(plan->spacing)) {
+        sst_log_error("%s: the spacing of the cameras comes out as %g; correct their positions", plan->cfg->source,
+                      plan->spacing);
+        return -EBADMSG;
+    }
+    if (sst_lightfield_choose_ref(lf))
+        return -EBADMSG;
+    ref = &plan->views[lf->ref_view];
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        lf->views[k].bx = (plan->views[k].pos_x - ref->pos_x) / plan->spacing;
+        lf->views[k].by = (plan->views[k].pos_y - ref->pos_y) / plan->spacing;
+    }
+    return 0;
+}
+
+/* --- views -------------------------------------------------------------------------------------------------------- */
+
+/* The true disparity that came with a view, in our unit, under the view's name. */
+static int copy_truth(struct job *job, int k)
+{
+    const struct sst_import_plan *plan = job->plan;
+    char path[SST_PATH_MAX], name[64], rr_cc[16];
+    struct sst_map_f32 map;
+    int err = sst_path_join(path, plan->cfg->source, plan->names.name[plan->views[k].truth]);
+
+    if (!err)
+        err = sst_map_f32_read_pfm(&map, path);
+    if (err)
+        return err;
+    if (map.width != job->width[k] || map.height != job->height[k]) {
+        sst_log_error("%s has %dx%d pixels, its view %dx%d; remove or correct it", path, map.width, map.height,
+                      job->width[k], job->height[k]);
+        err = -EBADMSG;
+        goto out;
+    }
+    for (int y = 0; y < map.height; y++) {
+        float *row = sst_map_f32_row(&map, y);
+
+        for (int x = 0; x < map.width; x++) {
+            row[x] = (float)(row[x] * plan->truth_scale);
+            if (isinf(row[x]))
+                continue;
+            job->truth_min[k] = fmin(job->truth_min[k], (double)row[x]);
+            job->truth_max[k] = fmax(job->truth_max[k], (double)row[x]);
+        }
+    }
+    sst_view_name(&plan->lf, k, rr_cc);
+    snprintf(name, sizeof(name), "truth/%s.pfm", rr_cc);
+    err = sst_path_join(path, job->out, name);
+    if (!err)
+        err = sst_map_f32_write_pfm(&map, path);
+
+out:
+    sst_map_f32_fini(&map);
+    return err;
+}
+
+/* Decode (so that a damaged image is refused now), hash and copy the bytes as they are. */
+static int copy_view(void *arg, int k, int worker SST_UNUSED)
+{
+    struct job *job = arg;
+    struct sst_import_plan *plan = job->plan;
+    struct sst_view *v = &plan->lf.views[k];
+    char path[SST_PATH_MAX], name[300];
+    struct sst_image img;
+    uint8_t *data = NULL;
+    size_t size;
+    int err;
+
+    job->truth_min[k] = INFINITY;
+    job->truth_max[k] = -INFINITY;
+    if (!v->present)
+        return 0;
+    err = sst_path_join(path, plan->cfg->source, plan->names.name[plan->views[k].name]);
+    if (!err)
+        err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    if (err)
+        return err;
+    err = sst_image_decode(&img, data, size, path);
+    if (err)
+        goto out;
+    job->width[k] = img.width;
+    job->height[k] = img.height;
+    sst_image_fini(&img);
+    sst_sha256_hex(v->sha256, data, size);
+    sst_view_name(&plan->lf, k, v->file);
+    strcat(v->file, data[0] == 0x89 ? ".png" : ".jpg"); /* the first byte tells, after decoding */
+    snprintf(name, sizeof(name), "views/%s", v->file);
+    err = sst_path_join(path, job->out, name);
+    if (!err)
+        err = sst_file_write(path, data, size);
+    if (!err && plan->views[k].truth >= 0)
+        err = copy_truth(job, k);
+
+out:
+    free(data);
+    return err;
+}
+
+static int check_sizes(const struct job *job)
+{
+    const struct sst_import_plan *plan = job->plan;
+    const int ref = plan->lf.ref_view;
+
+    for (int k = 0; k < plan->lf.rows * plan->lf.cols; k++) {
+        if (!plan->lf.views[k].present || (job->width[k] == job->width[ref] && job->height[k] == job->height[ref]))
+            continue;
+        sst_log_error("%s/%s has %dx%d pixels, but %s has %dx%d; all views must have one size", plan->cfg->source,
+                      plan->names.name[plan->views[k].name], job->width[k], job->height[k],
+                      plan->names.name[plan->views[ref].name], job->width[ref], job->height[ref]);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+/* --- all of it ---------------------------------------------------------------------------------------------------- */
+
+/* The user's word first, then the source's, then what the truth shows. */
+static void set_range(const struct job *job)
+{
+    const struct sst_import_config *cfg = job->plan->cfg;
+    struct sst_lightfield *lf = &job->plan->lf;
+    double lo = INFINITY, hi = -INFINITY;
+
+    if (cfg->range_min_px < cfg->range_max_px) {
+        lf->range_min_px = cfg->range_min_px;
+        lf->range_max_px = cfg->range_max_px;
+    }
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        lo = fmin(lo, job->truth_min[k]);
+        hi = fmax(hi, job->truth_max[k]);
+    }
+    if (lf->range_min_px == lf->range_max_px && lo <= hi) {
+        lf->range_min_px = lo;
+        lf->range_max_px = hi;
+    }
+    if (lf->range_min_px < lf->range_max_px)
+        lf->disp_min_px = floor(lf->range_min_px);
+}
+
+/* JSON holds UTF-8 only; a path may be anything. */
+static void set_source(struct sst_lightfield *lf, const struct sst_import_config *cfg)
+{
+    json_t *probe;
+    int n = snprintf(lf->source, sizeof(lf->source), "%s import of %.900s", cfg->format, cfg->source);
+
+    if (cfg->spacing_px > 0)
+        snprintf(lf->source + n, sizeof(lf->source) - (size_t)n, ", spacing %.17g px", cfg->spacing_px);
+    probe = json_string(lf->source);
+    for (char *p = lf->source; !probe && *p; p++) {
+        if ((unsigned char)*p >= 0x80)
+            *p = '?';
+    }
+    json_decref(probe);
+}
+
+static int make_folders(const struct job *job)
+{
+    char path[SST_PATH_MAX];
+    bool truth = false;
+    int err = sst_path_join(path, job->out, "views");
+
+    if (!err && mkdir(path, 0777))
+        goto fail;
+    for (int k = 0; k < job->plan->lf.rows * job->plan->lf.cols; k++)
+        truth |= job->plan->lf.views[k].present && job->plan->views[k].truth >= 0;
+    if (!err && truth)
+        err = sst_path_join(path, job->out, "truth");
+    if (err || !truth || !mkdir(path, 0777))
+        return err;
+
+fail:
+    err = -errno;
+    sst_log_error("cannot create %s: %s", path, strerror(-err));
+    return err == -ENOSPC || err == -EROFS || err == -EDQUOT ? err : -EIO;
+}
+
+static int fill(struct job *job)
+{
+    struct sst_import_plan *plan = job->plan;
+    const struct sst_import_config *cfg = plan->cfg;
+    const int threads = sst_thread_count(cfg->threads), ref = plan->lf.ref_view;
+    const char *fault;
+    int err = make_folders(job);
+
+    if (!err)
+        err = sst_parallel_for(plan->lf.rows * plan->lf.cols, threads, copy_view, job);
+    if (!err)
+        err = check_sizes(job);
+    if (err)
+        return err;
+    plan->lf.width = job->width[ref];
+    plan->lf.height = job->height[ref];
+    if (plan->focal_sides > 0)
+        plan->lf.focal_px = plan->focal_sides * sst_max_int(plan->lf.width, plan->lf.height);
+    set_range(job);
+    set_source(&plan->lf, cfg);
+    fault = sst_lightfield_fault(&plan->lf);
+    if (fault) {
+        sst_log_error("%s gives a light field that cannot be: %s; correct its names or parameters", cfg->source, fault);
+        return -EBADMSG;
+    }
+    if (cfg->disparity_dir)
+        err = sst_lightfield_give_disparity(&plan->lf, cfg->disparity_dir, threads);
+    if (!err && cfg->labels_dir)
+        err = sst_lightfield_give_labels(&plan->lf, cfg->labels_dir, threads);
+    return err ? err : sst_lightfield_write(&plan->lf, job->out, threads);
+}
+
+static int run(struct sst_import_plan *plan, int (*format)(struct sst_import_plan *), const char *out)
+{
+    struct job job = { .plan = plan, .out = out };
+    int err = sst_names_read(&plan->names, plan->cfg->source);
+
+    if (!err)
+        err = format(plan);
+    if (!err)
+        err = check_holes(plan);
+    if (!err)
+        err = set_offsets(plan);
+    if (err)
+        return err;
+    warn_unused(plan);
+    return fill(&job);
+}
+
+int sst_import(const struct sst_import_config *cfg)
+{
+    const char *inputs[] = { cfg->source, cfg->disparity_dir, cfg->labels_dir, NULL, NULL };
+    struct sst_import_plan plan = { .cfg = cfg, .spacing = 1, .truth_scale = 1 };
+    struct sst_outdir out;
+    size_t i = 0;
+    int err;
+
+    while (i < ARRAY_LEN(formats) && strcmp(cfg->format, formats[i].name))
+        i++;
+    if (i == ARRAY_LEN(formats)) {
+        sst_log_error("there is no import format %s; it is stanford, hci or folder", cfg->format);
+        return -EINVAL;
+    }
+    if (!inputs[1]) /* the list ends at the first NULL */
+        inputs[1] = inputs[2];
+    err = check_config(cfg);
+    if (!err)
+        err = sst_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
+    if (!err)
+        err = sst_outdir_open(&out, cfg->out, cfg->force);
+    if (err)
+        return err;
+    err = run(&plan, formats[i].plan, out.temporary);
+    if (err == -ENOMEM)
+        sst_log_error("no memory to import %s", cfg->source);
+    if (err)
+        sst_outdir_abort(&out);
+    else
+        err = sst_outdir_commit(&out);
+    sst_lightfield_fini(&plan.lf);
+    sst_names_fini(&plan.names);
+    free(plan.views);
+    return err;
+}

@@ -1,0 +1,252 @@
+#define _GNU_SOURCE
+#include "pipeline/lightfield/import_plan.h"
+
+#include <ctype.h>
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+
+#include "base/log.h"
+
+#define MAX_NAMES 65536
+
+static int compare_names(const void *a, const void *b)
+{
+    return strcmp(a, b);
+}
+
+/* Hidden files, folders and names too long to be a view are passed over. */
+static bool wanted(DIR *d, const char *name)
+{
+    struct stat st;
+
+    return name[0] != '.' && strlen(name) < SST_NAME_MAX && !fstatat(dirfd(d), name, &st, 0) && S_ISREG(st.st_mode);
+}
+
+int sst_names_read(struct sst_names *names, const char *dir)
+{
+    struct sst_names made = { 0 };
+    int capacity = 0, err = 0;
+    struct dirent *e;
+    DIR *d = opendir(dir);
+
+    if (!d) {
+        err = -errno;
+        sst_log_error("cannot read the folder %s: %s", dir, strerror(-err));
+        return err == -ENOTDIR || err == -EACCES ? err : -ENOENT;
+    }
+    while (!err && (e = readdir(d))) {
+        if (!wanted(d, e->d_name))
+            continue;
+        if (made.count == capacity) {
+            capacity = 2 * capacity + 64;
+            void *grown = capacity <= MAX_NAMES ? realloc(made.name, (size_t)capacity * SST_NAME_MAX) : NULL;
+
+            if (!grown) {
+                sst_log_error("the folder %s has more files than can be listed", dir);
+                err = -ENOMEM;
+                break;
+            }
+            made.name = grown;
+        }
+        snprintf(made.name[made.count++], SST_NAME_MAX, "%s", e->d_name);
+    }
+    closedir(d);
+    made.used = calloc((size_t)made.count + 1, sizeof(*made.used));
+    if (!err && !made.used)
+        err = -ENOMEM;
+    if (err) {
+        sst_names_fini(&made);
+        return err;
+    }
+    if (made.count)
+        qsort(made.name, (size_t)made.count, SST_NAME_MAX, compare_names);
+    *names = made;
+    return 0;
+}
+
+void sst_names_fini(struct sst_names *names)
+{
+    free(names->name);
+    free(names->used);
+    *names = (struct sst_names){ 0 };
+}
+
+int sst_names_find(const struct sst_names *names, const char *name)
+{
+    for (int i = 0; i < names->count; i++) {
+        if (!strcmp(names->name[i], name))
+            return i;
+    }
+    return -1;
+}
+
+bool sst_name_is_image(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+
+    return dot && (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
+}
+
+const char *sst_parse_index(const char *s, int *value)
+{
+    int v = 0;
+
+    if (!isdigit((unsigned char)*s))
+        return NULL;
+    for (; isdigit((unsigned char)*s); s++) {
+        v = v * 10 + (*s - '0');
+        if (v > 99999)
+            return NULL;
+    }
+    *value = v;
+    return s;
+}
+
+static int compare_ints(const void *a, const void *b)
+{
+    const int x = *(const int *)a, y = *(const int *)b;
+
+    return (x > y) - (x < y);
+}
+
+int sst_distinct(int *v, int n)
+{
+    int count = 0;
+
+    qsort(v, (size_t)n, sizeof(*v), compare_ints);
+    for (int i = 0; i < n; i++) {
+        if (!count || v[count - 1] != v[i])
+            v[count++] = v[i];
+    }
+    return count;
+}
+
+static int compare_doubles(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+double sst_median(double *v, int n)
+{
+    qsort(v, (size_t)n, sizeof(*v), compare_doubles);
+    return n % 2 ? v[n / 2] : v[n / 2 - 1] + (v[n / 2] - v[n / 2 - 1]) / 2;
+}
+
+int sst_params_number(const char *text, const char *path, const char *key, double *value)
+{
+    const size_t n = strlen(key);
+
+    for (const char *line = text; line; line = strchr(line, '\n'), line = line ? line + 1 : NULL) {
+        const char *p = line + strspn(line, " \t");
+        char *end;
+        double v;
+
+        if (strncmp(p, key, n))
+            continue;
+        p += n + strspn(p + n, " \t");
+        if (*p != '=' && *p != ':')
+            continue;
+        p += 1 + strspn(p + 1, " \t");
+        v = strtod(p, &end);
+        if (*p != '\n' && *p != '\r' && end != p && isfinite(v) && (!*end || isspace((unsigned char)*end))) {
+            *value = v;
+            return 1;
+        }
+        sst_log_error("%s: %s is not a number; write one behind the equals sign", path, key);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+int sst_plan_set_grid(struct sst_import_plan *plan, int rows, int cols)
+{
+    const struct sst_import_config *cfg = plan->cfg;
+    int err;
+
+    if (cfg->rows && (cfg->rows != rows || cfg->cols != cols)) {
+        sst_log_error("%s holds a grid of %dx%d views, not %dx%d; correct --grid or the files", cfg->source, rows, cols,
+                      cfg->rows, cfg->cols);
+        return -EBADMSG;
+    }
+    err = sst_lightfield_init(&plan->lf, rows, cols);
+    if (err == -EINVAL) {
+        sst_log_error("a grid of %dx%d views in %s is outside 1 to %d views; take fewer", rows, cols, cfg->source,
+                      SST_MAX_VIEWS);
+        return -EBADMSG;
+    }
+    if (!err)
+        plan->views = calloc((size_t)(rows * cols), sizeof(*plan->views));
+    if (!plan->views)
+        return -ENOMEM;
+    for (int k = 0; k < rows * cols; k++)
+        plan->views[k].name = plan->views[k].truth = -1;
+    return 0;
+}
+
+int sst_plan_place(struct sst_import_plan *plan, int row, int col, int i)
+{
+    struct sst_plan_view *v = &plan->views[row * plan->lf.cols + col];
+
+    if (v->name >= 0) {
+        sst_log_error("%s: %s and %s are both row %d, column %d; remove one of them", plan->cfg->source,
+                      plan->names.name[v->name], plan->names.name[i], row, col);
+        return -EBADMSG;
+    }
+    v->name = i;
+    plan->names.used[i] = true;
+    plan->lf.views[row * plan->lf.cols + col].present = true;
+    return 0;
+}
+
+/* Is the folder `inner` the folder `outer` or below it? Both must exist. */
+static bool is_inside(const char *inner, const char *outer)
+{
+    char *a = realpath(inner, NULL), *b = realpath(outer, NULL);
+    const size_t n = b ? strlen(b) : 0;
+    const bool inside = a && b && !strncmp(a, b, n) && (!a[n] || a[n] == '/' || !strcmp(b, "/"));
+
+    free(a);
+    free(b);
+    return inside;
+}
+
+static bool is_empty(const char *dir)
+{
+    DIR *d = opendir(dir);
+    struct dirent *e;
+    int n = 0;
+
+    while (d && n < 3 && (e = readdir(d)))
+        n++;
+    if (d)
+        closedir(d);
+    return d && n < 3; /* . and .. */
+}
+
+int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs)
+{
+    char path[SST_PATH_MAX];
+
+    if (!force || !sst_path_exists(out))
+        return 0; /* a name that exists is refused when the folder is opened */
+    for (; *inputs; inputs++) {
+        if (is_inside(*inputs, out)) {
+            sst_log_error("%s would be replaced, and %s with it; choose another output", out, *inputs);
+            return -EINVAL;
+        }
+    }
+    if (sst_path_join(path, out, marker))
+        return -EEXIST;
+    if (sst_path_exists(path) || is_empty(out))
+        return 0;
+    sst_log_error("%s holds no %s, so --force does not replace it; remove it yourself or choose another output", out,
+                  marker);
+    return -EEXIST;
+}

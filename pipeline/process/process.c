@@ -1,0 +1,310 @@
+#include "pipeline/process/process.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/labels/labels.h"
+
+/* Maps that only explain the result; written beside the main ones. */
+enum extra {
+    EXTRA_INITIAL = 0,
+    EXTRA_HCSM = 1,
+    EXTRA_ENTROPY = 2,
+    EXTRAS = 3,
+};
+
+static const char *const extra_names[EXTRAS] = { "labels_initial", "labels_hcsm", "entropy" };
+
+struct run {
+    struct sst_lightfield *lf;
+    const char *dir;
+    const struct sst_process_config *cfg;
+    struct sst_process_report *report;
+    struct sst_map_u8 *extra[EXTRAS];  /* [views] each */
+    struct sst_map_f32 *entropy;       /* [views] */
+    struct sst_outdir *out;            /* the folder being written */
+    int kind;                          /* of the extra being written */
+};
+
+static int views_of(const struct run *run)
+{
+    return run->lf->rows * run->lf->cols;
+}
+
+static void show_progress(const struct run *run, const char *stage, double done)
+{
+    if (run->cfg->progress)
+        run->cfg->progress(run->cfg->progress_arg, stage, done);
+}
+
+static int copy_map(struct sst_map_u8 *to, const struct sst_map_u8 *from)
+{
+    const int err = sst_map_u8_init(to, from->width, from->height);
+
+    if (!err)
+        memcpy(to->data, from->data, from->stride * (size_t)from->height);
+    return err;
+}
+
+/* Entropy as 8 bits, 255 at its largest possible value. */
+static int pack_entropy(struct sst_map_u8 *to, const struct sst_map_f32 *from, int classes)
+{
+    const float scale = classes > 1 ? 255.0f / logf((float)classes) : 0.0f;
+    const int err = sst_map_u8_init(to, from->width, from->height);
+
+    for (int y = 0; !err && y < from->height; y++) {
+        const float *in = sst_map_f32_row(from, y);
+        uint8_t *out = sst_map_u8_row(to, y);
+
+        for (int x = 0; x < from->width; x++) {
+            const float v = in[x] * scale + 0.5f;
+
+            out[x] = (uint8_t)(v < 255.0f ? v : 255.0f);
+        }
+    }
+    return err;
+}
+
+static int find_eps_h(const struct run *run, double *eps_h)
+{
+    const struct sst_view *ref = &run->lf->views[run->lf->ref_view];
+    struct sst_epsilon_result found;
+    struct sst_map_u8 truth = { 0 };
+    int err = sst_map_u8_read_png(&truth, run->cfg->hand_label);
+
+    if (err)
+        return err;
+    err = sst_epsilon_search(&found, &ref->label, &run->entropy[run->lf->ref_view], &truth, run->cfg->accuracy_weight);
+    sst_map_u8_fini(&truth);
+    if (!err) {
+        *eps_h = found.eps_h;
+        sst_log_info("eps_H %.4f: accuracy %.1f %%, coverage %.1f %% on the hand-labelled view", found.eps_h,
+                     100 * found.accuracy, 100 * found.coverage);
+    }
+    return err;
+}
+
+static double coverage(const struct run *run)
+{
+    int64_t labelled = 0, all = 0;
+
+    for (int view = 0; view < views_of(run); view++) {
+        const struct sst_map_u8 *map = &run->lf->views[view].label;
+
+        for (int y = 0; y < map->height; y++) {
+            const uint8_t *row = sst_map_u8_row(map, y);
+
+            for (int x = 0; x < map->width; x++)
+                labelled += row[x] != SST_LABEL_NONE;
+        }
+        all += (int64_t)map->width * map->height;
+    }
+    return all ? 100.0 * (double)labelled / (double)all : NAN;
+}
+
+static int segment_views(struct run *run, struct sst_segmenter *seg)
+{
+    int err = 0;
+
+    for (int view = 0; !err && view < views_of(run); view++) {
+        struct sst_view *v = &run->lf->views[view];
+
+        show_progress(run, "labels", (double)view / views_of(run));
+        if (!v->present)
+            continue;
+        sst_map_u8_fini(&v->label);
+        err = sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL);
+        err = err ? err : copy_map(&run->extra[EXTRA_INITIAL][view], &v->label);
+        err = err ? err : pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
+                                       sst_segmenter_classes(seg)->count);
+    }
+    return err;
+}
+
+static int label_views(struct run *run)
+{
+    struct sst_segmenter *seg;
+    double eps_h;
+    int err = sst_segmenter_open(&seg, run->cfg->model, run->cfg->threads);
+
+    if (err)
+        return err;
+    err = segment_views(run, seg);
+    run->lf->classes = *sst_segmenter_classes(seg);
+    eps_h = run->cfg->eps_h >= 0 ? run->cfg->eps_h : sst_segmenter_eps_h(seg);
+    sst_segmenter_close(seg);
+    if (!err && run->cfg->hand_label)
+        err = find_eps_h(run, &eps_h);
+    for (int view = 0; !err && view < views_of(run); view++) {
+        struct sst_view *v = &run->lf->views[view];
+
+        if (!v->present)
+            continue;
+        sst_hcsm(&v->label, &run->entropy[view], eps_h);
+        sst_map_f32_fini(&run->entropy[view]);
+        err = copy_map(&run->extra[EXTRA_HCSM][view], &v->label);
+    }
+    run->report->eps_h = eps_h;
+    return err;
+}
+
+static void disparity_progress(void *arg, double done)
+{
+    show_progress(arg, "disparity", done);
+}
+
+static int match_views(struct run *run)
+{
+    struct sst_disparity_config cfg = run->cfg->disparity;
+    struct sst_lightfield *lf = run->lf;
+    int err = 0;
+
+    if (!(cfg.disp_max_px > cfg.disp_min_px)) {
+        cfg.disp_min_px = lf->range_min_px;
+        cfg.disp_max_px = lf->range_max_px;
+    }
+    if (!(cfg.disp_max_px > cfg.disp_min_px)) {
+        err = sst_disparity_range(lf, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
+        if (!err)
+            sst_log_info("disparities found between %.0f and %.0f px", cfg.disp_min_px, cfg.disp_max_px);
+    }
+    run->report->disp_min_px = cfg.disp_min_px;
+    run->report->disp_max_px = cfg.disp_max_px;
+    return err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
+}
+
+static int write_extra(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct run *run = arg;
+    const struct sst_map_u8 *map = &run->extra[run->kind][view];
+    char name[16], file[32], path[SST_PATH_MAX];
+    int err;
+
+    if (!map->data)
+        return 0;
+    sst_view_name(run->lf, view, name);
+    snprintf(file, sizeof(file), "%s.png", name);
+    err = sst_path_join(path, run->out->temporary, file);
+    return err ? err : sst_map_u8_write_png(map, path, run->kind == EXTRA_ENTROPY ? NULL : sst_classes_palette());
+}
+
+/* The extra folders that this run has maps for; stale ones of an earlier run go. */
+static int save_extras(struct run *run)
+{
+    struct sst_outdir out[EXTRAS];
+    char path[SST_PATH_MAX];
+    int err = 0, opened = 0;
+
+    for (; !err && run->extra[0] && opened < EXTRAS; opened++) {
+        err = sst_path_join(path, run->dir, extra_names[opened]);
+        err = err ? err : sst_outdir_open(&out[opened], path, true);
+        if (err)
+            break;
+        run->kind = opened;
+        run->out = &out[opened];
+        err = sst_parallel_for(views_of(run), run->cfg->threads, write_extra, run);
+    }
+    for (int i = 0; i < opened; i++) {
+        err = err ? err : sst_outdir_commit(&out[i]);
+        sst_outdir_abort(&out[i]);
+    }
+    for (int i = 0; !err && !run->extra[0] && i < EXTRAS; i++) {
+        err = sst_path_join(path, run->dir, extra_names[i]);
+        if (!err)
+            sst_path_remove_tree(path);
+    }
+    return err;
+}
+
+static int allocate(struct run *run)
+{
+    const size_t views = (size_t)views_of(run);
+
+    run->entropy = calloc(views, sizeof(*run->entropy));
+    for (int i = 0; i < EXTRAS; i++) {
+        run->extra[i] = calloc(views, sizeof(*run->extra[i]));
+        if (!run->extra[i])
+            return -ENOMEM;
+    }
+    return run->entropy ? 0 : -ENOMEM;
+}
+
+static void release(struct run *run)
+{
+    for (int view = 0; view < views_of(run); view++) {
+        for (int i = 0; i < EXTRAS; i++) {
+            if (run->extra[i])
+                sst_map_u8_fini(&run->extra[i][view]);
+        }
+        if (run->entropy)
+            sst_map_f32_fini(&run->entropy[view]);
+    }
+    for (int i = 0; i < EXTRAS; i++)
+        free(run->extra[i]);
+    free(run->entropy);
+}
+
+static bool any_label(const struct sst_lightfield *lf)
+{
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        if (lf->views[view].label.data)
+            return true;
+    }
+    return false;
+}
+
+static int run_stages(struct run *run)
+{
+    struct sst_lightfield *lf = run->lf;
+    const struct sst_process_config *cfg = run->cfg;
+    int64_t start = sst_clock_now_ns(), now;
+    int err = 0;
+
+    if (!lf->labels_given && cfg->model) {
+        err = allocate(run);
+        err = err ? err : label_views(run);
+    }
+    now = sst_clock_now_ns();
+    run->report->labels_s = (double)(now - start) * 1e-9;
+    start = now;
+    if (!err && !lf->disparity_given)
+        err = match_views(run);
+    now = sst_clock_now_ns();
+    run->report->disparity_s = (double)(now - start) * 1e-9;
+    start = now;
+    if (!err && any_label(lf)) {
+        run->report->coverage_hcsm = coverage(run);
+        if (cfg->refine)
+            err = sst_refine_labels(lf, &cfg->refinement, NULL);
+        run->report->coverage_refined = coverage(run);
+    }
+    run->report->refine_s = (double)(sst_clock_now_ns() - start) * 1e-9;
+    return err;
+}
+
+int sst_process(struct sst_lightfield *lf, const char *dir, const struct sst_process_config *cfg,
+                struct sst_process_report *report)
+{
+    struct run run = { .lf = lf, .dir = dir, .cfg = cfg, .report = report };
+    int64_t start;
+    int err;
+
+    *report = (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN };
+    err = run_stages(&run);
+    start = sst_clock_now_ns();
+    show_progress(&run, "saving", 0.99);
+    err = err ? err : sst_lightfield_save_maps(lf, dir, cfg->threads);
+    err = err ? err : save_extras(&run);
+    report->save_s = (double)(sst_clock_now_ns() - start) * 1e-9;
+    if (err == -ENOMEM)
+        sst_log_error("not enough memory to process %s", dir);
+    release(&run);
+    return err;
+}

@@ -1,0 +1,306 @@
+/* Every kernel of the disparity stage, at every level this CPU has, against its plain reference. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/mem.h"
+#include "pipeline/kernels/kernels.h"
+
+static uint64_t seed = 0x9E3779B97F4A7C15ull;
+
+static uint32_t next_random(void)
+{
+    seed = seed * 6364136223846793005ull + 1442695040888963407ull;
+    return (uint32_t)(seed >> 32);
+}
+
+static void *random_bytes(size_t n)
+{
+    uint8_t *p = sst_mem_alloc(n, 1);
+
+    assert_non_null(p);
+    for (size_t i = 0; i < n; i++)
+        p[i] = (uint8_t)(next_random() >> 11);
+    return p;
+}
+
+static void *copy_of(const void *from, size_t n)
+{
+    void *p = sst_mem_alloc(n, 1);
+
+    assert_non_null(p);
+    memcpy(p, from, n);
+    return p;
+}
+
+static void same(const void *got, const void *want, size_t n, const char *what, int level, size_t size)
+{
+    if (memcmp(got, want, n))
+        fail_msg("%s at %s differs from its reference, n=%zu", what, sst_cpu_level_name((enum sst_cpu_level)level), size);
+}
+
+#define FOR_EACH_LEVEL(k, level)                                                                                       \
+    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++)                                                   \
+        if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
+
+static void census_and_hamming(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    for (size_t n = 1; n < 150; n++) {
+        uint8_t *base = random_bytes(7 * 256);
+        const uint8_t *rows[7];
+        uint64_t want[160], got[160];
+        uint8_t cost_want[160], cost_got[160];
+
+        for (size_t j = 0; j < 7; j++)
+            rows[j] = base + j * 256 + 8;
+        sst_census_row_ref(want, rows, n);
+        sst_hamming_row_ref(cost_want, want, want + n / 2, n - n / 2);
+        FOR_EACH_LEVEL(k, level) {
+            k.census_row(got, rows, n);
+            same(got, want, n * sizeof(*want), "census_row", level, n);
+            k.hamming_row(cost_got, want, want + n / 2, n - n / 2);
+            same(cost_got, cost_want, n - n / 2, "hamming_row", level, n);
+        }
+        sst_mem_free(base);
+    }
+}
+
+/* One centre of 10 with the row above darker: the three bits of rows 0-2 are set, all others are not. */
+static void census_of_known_pixels(void **state SST_UNUSED)
+{
+    uint8_t dark[16], bright[16];
+    const uint8_t *rows[7] = { dark + 4, dark + 4, dark + 4, bright + 4, bright + 4, bright + 4, bright + 4 };
+    uint64_t out;
+
+    memset(dark, 9, sizeof(dark));
+    memset(bright, 10, sizeof(bright));
+    sst_census_row_ref(&out, rows, 1);
+    assert_true(out == ((1ull << 27) - 1) << 35);
+}
+
+static void feature_cost(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    for (size_t n = 1; n < 150; n += 7) {
+        const size_t stride = 2 * 160;
+        int8_t *a = random_bytes(32 * stride), *b = random_bytes(32 * stride);
+        uint8_t want[160], got[160];
+
+        /* -128 never occurs in features. */
+        for (size_t i = 0; i < 32 * stride; i++) {
+            a[i] = (int8_t)(a[i] == -128 ? 0 : a[i] / 6);
+            b[i] = (int8_t)(b[i] == -128 ? 0 : b[i] / 6);
+        }
+        sst_feature_cost_row_ref(want, a, b, stride, n);
+        FOR_EACH_LEVEL(k, level) {
+            k.feature_cost_row(got, a, b, stride, n);
+            same(got, want, n, "feature_cost_row", level, n);
+        }
+        sst_mem_free(a);
+        sst_mem_free(b);
+    }
+}
+
+/* Equal unit vectors cost 0, orthogonal ones (127 * 127) >> 6 = 252. */
+static void feature_cost_of_known_vectors(void **state SST_UNUSED)
+{
+    int8_t a[64] = { 127 }, b[64] = { 0, 127 };
+    uint8_t cost;
+
+    sst_feature_cost_row_ref(&cost, a, a, 2, 1);
+    assert_int_equal(cost, 0);
+    sst_feature_cost_row_ref(&cost, a, b, 2, 1);
+    assert_int_equal(cost, 252);
+}
+
+static void transpose(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+    uint8_t *in = random_bytes(64 * 96), want[64 * 96], got[64 * 96];
+
+    sst_transpose_u8_ref(want, 64, in, 96, 96, 64);
+    FOR_EACH_LEVEL(k, level) {
+        k.transpose_u8(got, 64, in, 96, 96, 64);
+        same(got, want, sizeof(want), "transpose_u8", level, 96);
+    }
+    sst_mem_free(in);
+}
+
+static void support(void **state SST_UNUSED)
+{
+    enum { N = 37, ND = 32 };
+    struct sst_kernels k;
+    uint8_t *cost = random_bytes(N * ND), left[N], right[N], up[N], down[N];
+    uint16_t *sums = random_bytes(5 * N * ND * 2), prefix[(N + 1) * ND], want[N * ND], got[N * ND], count[N];
+    const uint16_t *rows[5];
+
+    for (int x = 0; x < N; x++) {
+        left[x] = (uint8_t)(x < 7 ? x : (int)(next_random() % 8));
+        right[x] = (uint8_t)(N - 1 - x < 7 ? N - 1 - x : (int)(next_random() % 8));
+        up[x] = (uint8_t)(next_random() % 2);
+        down[x] = (uint8_t)(next_random() % 3);
+        count[x] = (uint16_t)(1 + next_random() % 225);
+    }
+    for (int j = 0; j < 5; j++)
+        rows[j] = sums + j * N * ND;
+    sst_support_sum_row_ref(want, sums, prefix, cost, left, right, N, ND);
+    FOR_EACH_LEVEL(k, level) {
+        k.support_sum_row(got, sums, prefix, cost, left, right, N, ND);
+        same(got, want, sizeof(want), "support_sum_row", level, N);
+    }
+    {
+        uint8_t *mean_want = copy_of(cost, N * ND), *mean_got = copy_of(cost, N * ND);
+
+        sst_support_mean_row_ref(mean_want, rows + 2, up, down, count, N, ND);
+        FOR_EACH_LEVEL(k, level) {
+            memcpy(mean_got, cost, N * ND);
+            k.support_mean_row(mean_got, rows + 2, up, down, count, N, ND);
+            same(mean_got, mean_want, N * ND, "support_mean_row", level, N);
+        }
+        sst_mem_free(mean_want);
+        sst_mem_free(mean_got);
+    }
+    sst_mem_free(cost);
+    sst_mem_free(sums);
+}
+
+static void sgm(void **state SST_UNUSED)
+{
+    enum { N = 23, ND = 64, ENTRY = ND + 2 * SST_SGM_PAD };
+    const uint16_t p1[2] = { 10, 5 }, p2[2] = { 3000, 60 };
+    struct sst_kernels k;
+    uint8_t *cost = random_bytes(N * ND), penalty[N];
+    uint16_t *start = random_bytes(N * ND * 2), *want = copy_of(start, N * ND * 2), *got = copy_of(start, N * ND * 2);
+    uint16_t *prev = sst_mem_alloc((N + 2) * ENTRY, 2), *cur = sst_mem_alloc((N + 2) * ENTRY, 2);
+    uint16_t *line = sst_mem_alloc((N + 2) * ENTRY, 2);
+
+    for (int x = 0; x < N; x++)
+        penalty[x] = (uint8_t)(next_random() % 2);
+    memset(want, 0, N * ND * 2);
+    sst_sgm_along_row_ref(prev, want, cost, penalty, p1, p2, 1, 1, N, ND);
+    sst_sgm_across_row_ref(cur, prev, want, cost, penalty, p1, p2, 1, 0, N, ND);
+    sst_sgm_along_row_ref(line, want, cost, penalty, p1, p2, -1, 0, N, ND);
+    FOR_EACH_LEVEL(k, level) {
+        uint16_t *prev_got = sst_mem_alloc((N + 2) * ENTRY, 2);
+
+        memcpy(got, start, N * ND * 2);
+        k.sgm_along_row(prev_got, got, cost, penalty, p1, p2, 1, 1, N, ND);
+        k.sgm_across_row(cur, prev_got, got, cost, penalty, p1, p2, 1, 0, N, ND);
+        k.sgm_along_row(line, got, cost, penalty, p1, p2, -1, 0, N, ND);
+        same(got, want, N * ND * 2, "sgm rows", level, N);
+        sst_mem_free(prev_got);
+    }
+    sst_mem_free(cost);
+    sst_mem_free(start);
+    sst_mem_free(want);
+    sst_mem_free(got);
+    sst_mem_free(prev);
+    sst_mem_free(cur);
+    sst_mem_free(line);
+}
+
+/* Two pixels, costs {0, 9, 9} then {9, 9, 0}, P1 = 2, P2 = 5, left to right: L of the second pixel is
+ * C + min(P[d], P[d-1] + 2, P[d+1] + 2, 0 + 5) - 0 = 9 + 0, 9 + min(9, 2, 11, 5) = 11, 0 + min(9, 11, 5) = 5. */
+static void sgm_of_known_pixels(void **state SST_UNUSED)
+{
+    enum { ND = 3, ENTRY = ND + 2 * SST_SGM_PAD };
+    const uint8_t cost[6] = { 0, 9, 9, 9, 9, 0 }, penalty[2] = { 0, 0 };
+    const uint16_t p1 = 2, p2 = 5;
+    const uint16_t want[6] = { 0, 9, 9, 9, 11, 5 };
+    uint16_t sum[6], line[4 * ENTRY] = { 0 };
+
+    sst_sgm_along_row_ref(line, sum, cost, penalty, &p1, &p2, 1, 1, 2, ND);
+    assert_memory_equal(sum, want, sizeof(want));
+}
+
+static void winner_and_median(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+    static const size_t counts[] = { 1, 2, 3, 5, 31, 32, 33, 100 };
+    uint16_t *sum = random_bytes(50 * 128 * 2), want[128], got[128], want2[64], got2[64];
+
+    for (size_t i = 0; i < 50 * 128; i++)
+        sum[i] = (uint16_t)(sum[i] % 512); /* ties */
+    for (size_t i = 0; i < ARRAY_LEN(counts); i++) {
+        sst_winner_row_ref(want, want2, sum, 128, 50, counts[i]);
+        FOR_EACH_LEVEL(k, level) {
+            k.winner_row(got, got2, sum, 128, 50, counts[i]);
+            same(got, want, 100, "winner_row best", level, counts[i]);
+            same(got2, want2, 100, "winner_row second", level, counts[i]);
+        }
+    }
+    for (size_t n = 1; n < 100; n++) {
+        const uint16_t *rows[5];
+
+        for (size_t j = 0; j < 5; j++)
+            rows[j] = sum + j * 150 + 4;
+        sst_median5_row_ref(want, rows, n);
+        FOR_EACH_LEVEL(k, level) {
+            k.median5_row(got, rows, n);
+            same(got, want, n * 2, "median5_row", level, n);
+        }
+    }
+    sst_mem_free(sum);
+}
+
+static void bilateral(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+    uint16_t *disp = random_bytes(7 * 150 * 2);
+    uint8_t *luma = random_bytes(7 * 150);
+    int16_t weight[49];
+
+    for (int i = 0; i < 7 * 150; i++)
+        disp[i] = (uint16_t)(i % 31 == 0 ? 65535 : 1000 + disp[i] % 200);
+    for (int i = 0; i < 49; i++)
+        weight[i] = (int16_t)(i == 24 ? 4096 : next_random() % 600);
+    for (size_t n = 1; n < 130; n++) {
+        const uint16_t *d[7];
+        const uint8_t *l[7];
+        uint16_t want[140], got[140];
+
+        for (size_t j = 0; j < 7; j++) {
+            d[j] = disp + j * 150 + 4;
+            l[j] = luma + j * 150 + 4;
+        }
+        sst_bilateral_row_ref(want, d, l, weight, 100, n);
+        FOR_EACH_LEVEL(k, level) {
+            k.bilateral_row(got, d, l, weight, 100, n);
+            same(got, want, n * 2, "bilateral_row", level, n);
+        }
+    }
+    sst_mem_free(disp);
+    sst_mem_free(luma);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(census_and_hamming),
+        cmocka_unit_test(census_of_known_pixels),
+        cmocka_unit_test(feature_cost),
+        cmocka_unit_test(feature_cost_of_known_vectors),
+        cmocka_unit_test(transpose),
+        cmocka_unit_test(support),
+        cmocka_unit_test(sgm),
+        cmocka_unit_test(sgm_of_known_pixels),
+        cmocka_unit_test(winner_and_median),
+        cmocka_unit_test(bilateral),
+    };
+
+    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
+        struct sst_kernels k;
+
+        if (!sst_kernels_at((enum sst_cpu_level)level, &k))
+            printf("not run: %s, which this CPU lacks\n", sst_cpu_level_name((enum sst_cpu_level)level));
+    }
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,119 @@
+#!/usr/bin/env bash
+# `sst import` and `sst export` on real light fields, and on input that must be refused.
+set -u
+sst=$PWD/${SST_BUILD:-build}/sst
+data=$(cd ../shared/data 2>/dev/null && pwd) || { echo "../shared/data is absent"; exit 77; }
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+cd "$tmp" || exit 1
+failed=0
+
+fail() { echo "FAIL: $*"; failed=1; }
+
+# want CODE WORDS ARGS...: exit code, one line of error with these words, no output folder, no temporary one.
+want() {
+  local code=$1 words=$2 err rc
+  shift 2
+  err=$("$sst" "$@" 2>&1 >/dev/null); rc=$?
+  [ "$rc" -eq "$code" ] || fail "$*: exit $rc, not $code: $err"
+  [ "$(grep -c error <<<"$err")" -eq 1 ] || fail "$*: not one error: $err"
+  grep -q -- "$words" <<<"$err" || fail "$*: no '$words' in: $err"
+  [ ! -e bad ] || fail "$*: left an output"
+  [ -z "$(find . -name '*.tmp-*')" ] || fail "$*: left a temporary folder"
+  rm -rf bad
+}
+
+# same FILE FILE: the same bytes
+same() { cmp -s "$1" "$2" || fail "$1 is not $2"; }
+
+# is TEXT: the last line that was printed
+is() { [ "$line" = "$1" ] || fail "printed: $line"; }
+
+# --- known answers ---
+offsets="grid 6x6, offsets x -2.000..3.000, y -2.000..3.000"
+line=$("$sst" import stanford "$data/lf-stanford-chess-6x6" -o chess --threads 2) || fail "chess"
+is "chess: 36 views of 1024x640, grid 6x6, offsets x -1.975..3.079, y -1.963..2.794, disparity range unknown"
+# Row 15 of the gantry has the smallest y and is the top row; columns run to the right.
+same chess/views/00_00.png "$data"/lf-stanford-chess-6x6/out_15_00_*
+same chess/views/05_03.png "$data"/lf-stanford-chess-6x6/out_00_09_*
+line=$("$sst" import stanford "$data/lf-shop-6x6" -o shop --range-min -1 --range-max 31) || fail "shop"
+is "shop: 36 views of 960x640, $offsets, disparity -1.000..31.000 px per spacing"
+same shop/views/00_00.jpg "$data"/lf-shop-6x6/*_25_25_-369*
+same shop/views/00_05.jpg "$data"/lf-shop-6x6/*_25_00_-369*
+line=$("$sst" import hci "$data/lf-hci-backgammon-6x6" -o hci) || fail "hci"
+is "hci: 36 views of 512x512, $offsets, disparity -1.553..0.529 px per spacing"
+same hci/views/02_02.png "$data/lf-hci-backgammon-6x6/input_Cam030.png"
+tail -c 1048576 "$data/lf-hci-backgammon-6x6/gt_disp_lowres.pfm" >truth.raw # 512x512 floats; headers differ in form
+tail -c 1048576 hci/truth/03_03.pfm | cmp -s - truth.raw || fail "truth of view 40 is not at 03_03"
+
+# --- any number of threads, and there and back ---
+"$sst" import stanford "$data/lf-stanford-chess-6x6" -o one --threads 1 >/dev/null || fail "one thread"
+diff -r chess one >/dev/null || fail "threads change the result"
+"$sst" export stanford chess -o back >/dev/null || fail "export stanford"
+"$sst" import stanford back -o again >/dev/null || fail "import of the export"
+diff -r chess/views again/views >/dev/null || fail "views changed on the way"
+"$sst" export hci shop -o back-hci 2>/dev/null >&2 || fail "export hci"
+"$sst" import hci back-hci -o again-hci >/dev/null || fail "import of the hci export"
+[ -e back-hci/parameters.cfg ] && [ -e back-hci/input_Cam035.png ] || fail "hci export is incomplete"
+"$sst" import stanford "$data/lf-stanford-chess-6x6" -o chess --force >/dev/null || fail "--force"
+
+# --- what is refused ---
+src=src
+fresh() { rm -rf $src; cp -r --no-preserve=mode "$data/lf-shop-6x6" $src; }
+first="$src/Original Camera_00_00_400.000000_400.000000_30_36.jpg"
+fresh
+want 3 "no folder" import stanford none -o bad
+want 2 "no import format" import tiff $src -o bad
+want 2 "output\|-o LF" import stanford $src
+want 2 "needs the grid" import folder $src -o bad
+want 2 "belong to the format folder" import stanford $src --labels $src -o bad
+want 2 "range" import stanford $src --range-min 5 --range-max 3 -o bad
+want 4 "exists already" import stanford $src -o chess
+want 4 "cannot create" import stanford $src -o none/bad
+want 3 "another format" import hci $src -o bad
+want 3 "another format" import folder $src --grid 6x6 -o bad
+want 3 "6x6 views, not 5x6" import stanford $src --grid 5x6 -o bad
+rm "$first"
+want 3 "lacks 1 of 36 views: \*_00_00_\*" import stanford $src -o bad
+"$sst" import stanford $src --grid 6x6 -o hole 2>hole.err >/dev/null || fail "a hole in a known grid"
+grep -q "warning.*lacks 1 of 36" hole.err || fail "no warning of the hole"
+fresh
+cp "$first" "$src/copy_00_00_400.000000_400.000000_.jpg"
+want 3 "remove one of them" import stanford $src -o bad
+fresh
+head -c 20000 "$data/lf-shop-6x6/${first#*/}" >"$first"
+want 3 "truncated JPEG" import stanford $src -o bad
+echo "no image" >"$first"
+want 3 "neither a PNG nor a JPEG" import stanford $src -o bad
+: >"$first"
+want 3 "is empty" import stanford $src -o bad
+cp "$data/lf-hci-backgammon-6x6/input_Cam010.png" "$first"
+want 3 "512x512 pixels, but" import stanford $src -o bad
+rm -rf $src
+mkdir $src $src/maps
+cp "$data/lf-hci-backgammon-6x6/input_Cam010.png" $src/00_00.png
+cp "$data/lf-hci-backgammon-6x6/input_Cam011.png" $src/00_01.png
+want 3 "outside the grid of 1x1" import folder $src --grid 1x1 -o bad
+want 3 "maps/00_00.pfm" import folder $src --grid 1x2 --disparity $src/maps -o bad
+printf 'Pf\n100000 1\n-1\n' >$src/maps/00_00.pfm
+want 3 "100000x1" import folder $src --grid 1x2 --disparity $src/maps -o bad
+printf 'Pf\n1 1\n-1\n\x00\x00\xc0\x7f' >$src/maps/00_00.pfm
+want 3 "NaN at column 0, row 0" import folder $src --grid 1x2 --disparity $src/maps -o bad
+printf 'Pf\n1 1\n-1\n\x00\x00\x80\x3f' >$src/maps/00_00.pfm
+cp $src/maps/00_00.pfm $src/maps/00_01.pfm
+want 3 "1x1 pixels, the views have 512x512" import folder $src --grid 1x2 --disparity $src/maps -o bad
+want 3 "not a light field" export hci $src -o bad
+want 3 "no such folder" export hci none -o bad
+want 2 "no export format" export tiff chess -o bad
+
+# --- the disk is full, or the user interrupts ---
+(
+  ulimit -f 64
+  want 4 "File too large" import hci "$data/lf-hci-backgammon-6x6" -o bad --threads 1
+  exit $failed
+) || failed=1
+timeout -s INT 0.3 "$sst" import stanford "$data/lf-stanford-chess-6x6" -o int >/dev/null 2>&1
+[ -z "$(find . -name '*.tmp-*')" ] || fail "an interrupted import left a temporary folder"
+
+[ "$failed" -eq 0 ] && echo "import and export as documented"
+exit "$failed"

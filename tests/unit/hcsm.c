@@ -1,0 +1,238 @@
+/* Entropy, labels from probabilities, HCSM and the search for its threshold. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "pipeline/labels/labels.h"
+
+static void entropy_has_known_values(void **state SST_UNUSED)
+{
+    const float one_hot[] = { 0, 0, 1, 0 }, half[] = { 0.5f, 0.5f }, skew[] = { 0.25f, 0.75f }, single[] = { 1 };
+    float uniform[21];
+
+    assert_true(sst_entropy(one_hot, 4) == 0);
+    assert_true(sst_entropy(single, 1) == 0);
+    assert_true(fabs((double)sst_entropy(half, 2) - log(2)) < 1e-7);
+    /* -(1/4) log(1/4) - (3/4) log(3/4) */
+    assert_true(fabs((double)sst_entropy(skew, 2) - 0.56233514461880834) < 1e-7);
+    for (int n = 1; n <= 21; n++) {
+        for (int i = 0; i < n; i++)
+            uniform[i] = 1.0f / (float)n;
+        assert_true(fabs((double)sst_entropy(uniform, n) - log(n)) < 3e-7);
+        assert_true((double)sst_entropy(uniform, n) <= log(n) + 1e-7);
+    }
+}
+
+/* p = 1 - 1e-10 is 1 as a float: its entropy e (1 - log e) is only seen through the other class. */
+static void entropy_keeps_the_digits_of_near_certain_pixels(void **state SST_UNUSED)
+{
+    const float p[] = { 1, 1e-10f, 0 };
+    const double e = (double)1e-10f, want = e * (1 - log(e));
+
+    assert_true(fabs((double)sst_entropy(p, 3) / want - 1) < 1e-6);
+}
+
+static void entropy_of_what_is_no_probability_is_infinite(void **state SST_UNUSED)
+{
+    const float nan[] = { 0.5f, NAN }, negative[] = { 1.5f, -0.5f }, inf[] = { INFINITY, 0 };
+
+    assert_true(isinf(sst_entropy(nan, 2)));
+    assert_true(isinf(sst_entropy(negative, 2)));
+    assert_true(isinf(sst_entropy(inf, 2)));
+}
+
+static void labels_are_the_most_probable_classes(void **state SST_UNUSED)
+{
+    /* classes x pixels; the third pixel is a tie, the fourth holds a NaN */
+    const float prob[] = { 1, 0.25f, 0.5f, NAN, 0, 0.75f, 0.5f, 1 };
+    const uint8_t want[] = { 1, 2, 1, 0 };
+    struct sst_map_u8 label;
+    struct sst_map_f32 entropy;
+
+    assert_int_equal(sst_map_u8_init(&label, 4, 1), 0);
+    assert_int_equal(sst_map_f32_init(&entropy, 4, 1), 0);
+    sst_labels_from_prob(&label, &entropy, prob, 2);
+    assert_memory_equal(label.data, want, 4);
+    assert_true(entropy.data[0] == 0 && fabs((double)entropy.data[2] - log(2)) < 1e-7 && isinf(entropy.data[3]));
+    sst_hcsm(&label, &entropy, (double)entropy.data[1]); /* below, not at, the threshold */
+    assert_memory_equal(label.data, ((const uint8_t[]){ 1, 0, 0, 0 }), 4);
+    sst_map_u8_fini(&label);
+    sst_map_f32_fini(&entropy);
+}
+
+struct maps {
+    struct sst_map_u8 label, truth;
+    struct sst_map_f32 entropy;
+};
+
+static struct maps make_maps(int n, const uint8_t *label, const uint8_t *truth, const float *entropy)
+{
+    struct maps m;
+
+    assert_int_equal(sst_map_u8_init(&m.label, n, 1), 0);
+    assert_int_equal(sst_map_u8_init(&m.truth, n, 1), 0);
+    assert_int_equal(sst_map_f32_init(&m.entropy, n, 1), 0);
+    memcpy(m.label.data, label, (size_t)n);
+    memcpy(m.truth.data, truth, (size_t)n);
+    memcpy(m.entropy.data, entropy, (size_t)n * sizeof(float));
+    return m;
+}
+
+static void free_maps(struct maps *m)
+{
+    sst_map_u8_fini(&m->label);
+    sst_map_u8_fini(&m->truth);
+    sst_map_f32_fini(&m->entropy);
+}
+
+/* Sorted by entropy: right, right, wrong, right | the background pixel (truth 0) does not count. N = 4, m = 4:
+ * 1 pixel 1 * 1/4 = 0.25; 2 pixels 1 * 2/4 = 0.5; 3 pixels (2/3)^4 2/4 = 0.0988; 4 pixels (3/4)^4 3/4 = 0.237.
+ * m = 0 is coverage alone: all four. */
+static void search_finds_the_hand_worked_threshold(void **state SST_UNUSED)
+{
+    const uint8_t label[] = { 3, 1, 2, 2, 5 }, truth[] = { 3, 1, 1, 2, 0 };
+    const float entropy[] = { 0.2f, 0.1f, 0.4f, 0.8f, 0.3f };
+    struct maps m = make_maps(5, label, truth, entropy);
+    struct sst_epsilon_result r;
+
+    assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, 4), 0);
+    assert_true(fabs(r.score - 0.5) < 1e-12 && r.accuracy == 1 && r.coverage == 0.5);
+    assert_true(r.eps_h > (double)0.2f && r.eps_h <= (double)0.4f);
+    assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, 0), 0);
+    assert_true(r.accuracy == 0.75 && r.coverage == 0.75 && r.eps_h > (double)0.8f);
+    free_maps(&m);
+}
+
+static void search_refuses_what_has_no_answer(void **state SST_UNUSED)
+{
+    const uint8_t label[] = { 1, 2 }, wrong[] = { 2, 1 }, none[] = { 0, 0 };
+    const float entropy[] = { 0.1f, 0.2f }, nan[] = { 0.1f, NAN };
+    struct sst_epsilon_result r = { .eps_h = 42 };
+    struct maps m = make_maps(2, label, wrong, entropy);
+
+    assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, 4), -EBADMSG);
+    memcpy(m.truth.data, none, 2);
+    assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, 4), -EBADMSG);
+    memcpy(m.truth.data, label, 2);
+    assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, NAN), -EINVAL);
+    memcpy(m.entropy.data, nan, sizeof(nan));
+    assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, 4), -EBADMSG);
+    m.truth.width = 1;
+    assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, 4), -EBADMSG);
+    assert_true(r.eps_h == 42);
+    m.truth.width = 2;
+    free_maps(&m);
+}
+
+/* a score as the fraction correct^(m+1) / kept^m, exactly: true where a is above b */
+static bool above(int a_correct, int a_kept, int b_correct, int b_kept, int m)
+{
+    unsigned __int128 left = (unsigned)a_correct, right = (unsigned)b_correct;
+
+    for (int i = 0; i < m; i++) {
+        left *= (unsigned)a_correct * (unsigned)b_kept;
+        right *= (unsigned)b_correct * (unsigned)a_kept;
+    }
+    return left > right;
+}
+
+/* Every threshold that any pixel offers, counted anew for each. */
+static void brute_force(const struct maps *m, int exponent, int *correct_out, int *kept_out)
+{
+    int best_correct = 0, best_kept = 1;
+    float best_top = INFINITY;
+
+    for (int i = 0; i < m->label.width; i++) {
+        int correct = 0, kept = 0;
+
+        for (int k = 0; k < m->label.width; k++) {
+            if (!m->truth.data[k] || !m->label.data[k] || m->entropy.data[k] > m->entropy.data[i])
+                continue;
+            kept++;
+            correct += m->label.data[k] == m->truth.data[k];
+        }
+        if (!kept)
+            continue;
+        if (above(correct, kept, best_correct, best_kept, exponent) ||
+            (!above(best_correct, best_kept, correct, kept, exponent) && m->entropy.data[i] < best_top)) {
+            best_correct = correct;
+            best_kept = kept;
+            best_top = m->entropy.data[i];
+        }
+    }
+    *correct_out = best_correct;
+    *kept_out = best_kept;
+}
+
+static void search_equals_brute_force_on_data_with_ties(void **state SST_UNUSED)
+{
+    enum { N = 40 };
+
+    srand(7);
+    for (int round = 0; round < 2000; round++) {
+        const int levels = 1 + rand() % 30, classes = 1 + rand() % 3, exponent = rand() % 6;
+        uint8_t label[N], truth[N];
+        float entropy[N];
+        struct sst_epsilon_result r;
+        struct maps m;
+        int correct, kept, labelled = 0, got_kept = 0, got_correct = 0;
+
+        for (int i = 0; i < N; i++) {
+            label[i] = (uint8_t)(rand() % 8 ? 1 + rand() % classes : 0);
+            truth[i] = (uint8_t)(rand() % 5 ? 1 + rand() % classes : 0);
+            entropy[i] = (float)(rand() % levels) * 0.1f;
+            labelled += truth[i] != 0;
+        }
+        m = make_maps(N, label, truth, entropy);
+        brute_force(&m, exponent, &correct, &kept);
+        assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, exponent), correct ? 0 : -EBADMSG);
+        if (correct) {
+            assert_true(r.coverage == (double)correct / labelled && r.accuracy == (double)correct / kept);
+            sst_hcsm(&m.label, &m.entropy, r.eps_h); /* the threshold keeps just that prefix */
+            for (int i = 0; i < N; i++) {
+                got_kept += truth[i] && m.label.data[i];
+                got_correct += truth[i] && m.label.data[i] == truth[i];
+            }
+            assert_int_equal(got_kept, kept);
+            assert_int_equal(got_correct, correct);
+        }
+        free_maps(&m);
+    }
+}
+
+/* Neighbouring floats: the threshold must still lie between them. */
+static void search_separates_neighbouring_values(void **state SST_UNUSED)
+{
+    const float h = 0.1f, up = nextafterf(h, 1);
+    const uint8_t label[] = { 1, 1 }, truth[] = { 1, 2 };
+    const float entropy[] = { h, up };
+    struct maps m = make_maps(2, label, truth, entropy);
+    struct sst_epsilon_result r;
+
+    assert_int_equal(sst_epsilon_search(&r, &m.label, &m.entropy, &m.truth, 4), 0);
+    assert_true((double)h < r.eps_h && r.eps_h <= (double)up);
+    free_maps(&m);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(entropy_has_known_values),
+        cmocka_unit_test(entropy_keeps_the_digits_of_near_certain_pixels),
+        cmocka_unit_test(entropy_of_what_is_no_probability_is_infinite),
+        cmocka_unit_test(labels_are_the_most_probable_classes),
+        cmocka_unit_test(search_finds_the_hand_worked_threshold),
+        cmocka_unit_test(search_refuses_what_has_no_answer),
+        cmocka_unit_test(search_equals_brute_force_on_data_with_ties),
+        cmocka_unit_test(search_separates_neighbouring_values),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,486 @@
+/* pipeline/lightfield: import and export, each conversion with a known answer, and what is refused. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include <cmocka.h>
+
+#include "base/file.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/import.h"
+#include "pipeline/lightfield/import_plan.h"
+
+#define WIDTH 6
+#define HEIGHT 5
+
+static char top[] = "/tmp/sst-import-XXXXXX";
+static char dir[SST_PATH_MAX]; /* of one test */
+
+/* Good for the whole test: none asks for as many as there are places. */
+static const char *in_dir(const char *name)
+{
+    static char path[256][SST_PATH_MAX];
+    static int next;
+
+    next = (next + 1) % 256;
+    assert_int_equal(sst_path_join(path[next], dir, name), 0);
+    return path[next];
+}
+
+/* An image whose red is `tag` everywhere: tells which file a view came from. */
+static void put_image(const char *name, int tag, int width, int height)
+{
+    struct sst_image img;
+    const size_t n = strlen(name);
+
+    assert_int_equal(sst_image_init(&img, width, height), 0);
+    for (int y = 0; y < height; y++) {
+        memset(sst_image_row(&img, 0, y), tag, (size_t)width);
+        for (int x = 0; x < width; x++)
+            sst_image_row(&img, 1, y)[x] = (uint8_t)(x * 9 + y);
+    }
+    if (!strcmp(name + n - 3, "jpg"))
+        assert_int_equal(sst_image_write_jpeg(&img, in_dir(name), 95), 0);
+    else
+        assert_int_equal(sst_image_write_png(&img, in_dir(name)), 0);
+    sst_image_fini(&img);
+}
+
+static void put_text(const char *name, const char *text)
+{
+    assert_int_equal(sst_file_write(in_dir(name), text, strlen(text)), 0);
+}
+
+/* Disparity base + x / 64 at column x, unknown in row 0. */
+static void put_pfm(const char *name, double base, int width, int height)
+{
+    struct sst_map_f32 map;
+
+    assert_int_equal(sst_map_f32_init(&map, width, height), 0);
+    for (int y = 0; y < height; y++) {
+        for (int x = 0; x < width; x++)
+            sst_map_f32_row(&map, y)[x] = y ? (float)(base + x / 64.0) : INFINITY;
+    }
+    assert_int_equal(sst_map_f32_write_pfm(&map, in_dir(name)), 0);
+    sst_map_f32_fini(&map);
+}
+
+static struct sst_import_config config(const char *format, const char *source)
+{
+    return (struct sst_import_config){ .format = format, .source = in_dir(source), .out = in_dir("out"), .threads = 2 };
+}
+
+static void load(struct sst_lightfield *lf)
+{
+    assert_int_equal(sst_lightfield_load(lf, in_dir("out"), SST_LOAD_ALL, 2), 0);
+    assert_int_equal(sst_lightfield_verify(lf, in_dir("out"), 2), 0);
+}
+
+static void import_and_load(const struct sst_import_config *cfg, struct sst_lightfield *lf)
+{
+    assert_int_equal(sst_import(cfg), 0);
+    load(lf);
+}
+
+static void assert_view(const struct sst_lightfield *lf, int k, int tag, double bx, double by)
+{
+    assert_true(lf->views[k].present);
+    assert_int_equal(sst_image_row(&lf->views[k].image, 0, 0)[0], tag);
+    assert_true(fabs(lf->views[k].bx - bx) < 1e-12);
+    assert_true(fabs(lf->views[k].by - by) < 1e-12);
+}
+
+static void helpers_have_known_answers(void **state SST_UNUSED)
+{
+    static const char ini[] = "[a]\n# disp_min = 7\n disp_min=-1.5\r\nbaseline_mm : 50 # mm\nempty =\nbad = 1x\n"
+                              "inf = inf\n";
+    double odd[] = { 5, 1, 3 }, even[] = { 4, 1, 3, 2 }, v = 0;
+    int numbers[] = { 9, 3, 9, 0, 3 }, index = 0;
+
+    assert_true(sst_median(odd, 3) == 3 && sst_median(even, 4) == 2.5 && sst_median(odd, 1) == 1);
+    assert_int_equal(sst_distinct(numbers, 5), 3);
+    assert_true(numbers[0] == 0 && numbers[1] == 3 && numbers[2] == 9);
+    assert_string_equal(sst_parse_index("007_", &index), "_");
+    assert_int_equal(index, 7);
+    assert_null(sst_parse_index("100000", &index));
+    assert_null(sst_parse_index("-1", &index));
+    assert_int_equal(sst_params_number(ini, "ini", "disp_min", &v), 1);
+    assert_true(v == -1.5);
+    assert_int_equal(sst_params_number(ini, "ini", "baseline_mm", &v), 1);
+    assert_true(v == 50);
+    assert_int_equal(sst_params_number(ini, "ini", "disp", &v), 0);
+    assert_int_equal(sst_params_number(ini, "ini", "empty", &v), -EBADMSG);
+    assert_int_equal(sst_params_number(ini, "ini", "bad", &v), -EBADMSG);
+    assert_int_equal(sst_params_number(ini, "ini", "inf", &v), -EBADMSG);
+    assert_true(v == 50);
+}
+
+/* Both numberings run against the positions; every third line of a larger set; column spacing 10, row spacing 9. */
+static void stanford_positions_decide(void **state SST_UNUSED)
+{
+    struct sst_import_config cfg = config("stanford", "src");
+    struct sst_lightfield lf;
+
+    put_image("src/a 1_2_00_00_18.0_20.5_30_36.png", 1, WIDTH, HEIGHT); /* lowest, rightmost and off by 0.5 */
+    put_image("src/a 1_2_00_03_18.0_10.0_30_36.png", 2, WIDTH, HEIGHT);
+    put_image("src/a 1_2_00_06_18.0_0.0_30_36.png", 3, WIDTH, HEIGHT);
+    put_image("src/a 1_2_05_00_9.0_20.0_30_36.png", 4, WIDTH, HEIGHT);
+    put_image("src/a 1_2_05_03_9.9_10.0_30_36.png", 5, WIDTH, HEIGHT); /* 0.9 too low */
+    put_image("src/a 1_2_05_06_9.0_0.0_30_36.png", 6, WIDTH, HEIGHT);
+    import_and_load(&cfg, &lf);
+    assert_int_equal(lf.rows, 2);
+    assert_int_equal(lf.cols, 3);
+    assert_int_equal(lf.ref_view, 1);
+    assert_true(lf.spacing_mm == 10);
+    assert_view(&lf, 0, 6, -1, -0.09);
+    assert_view(&lf, 1, 5, 0, 0);
+    assert_view(&lf, 2, 4, 1, -0.09);
+    assert_view(&lf, 3, 3, -1, 0.81);
+    assert_view(&lf, 4, 2, 0, 0.81);
+    assert_view(&lf, 5, 1, 1.05, 0.81);
+    assert_true(lf.range_min_px == 0 && lf.range_max_px == 0);
+    sst_lightfield_fini(&lf);
+}
+
+static void a_hole_needs_a_known_grid(void **state SST_UNUSED)
+{
+    struct sst_import_config cfg = config("stanford", "src");
+    struct sst_lightfield lf;
+
+    put_image("src/out_00_00_0.0_0.0_.png", 1, WIDTH, HEIGHT);
+    put_image("src/out_00_01_0.0_1.0_.png", 2, WIDTH, HEIGHT);
+    put_image("src/out_01_00_1.0_0.0_.png", 3, WIDTH, HEIGHT);
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    assert_false(sst_path_exists(cfg.out));
+    cfg.rows = cfg.cols = 2;
+    import_and_load(&cfg, &lf);
+    assert_false(lf.views[3].present);
+    assert_true(lf.views[2].present);
+    sst_lightfield_fini(&lf);
+    cfg.cols = 3;
+    cfg.force = true;
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    load(&lf); /* the earlier one is still there */
+    sst_lightfield_fini(&lf);
+}
+
+/* A window of 2x3 out of 9x9: rows 3 and 4, columns 3 to 5; the centre of the whole is view 40 = (4, 4). */
+static void hci_window_keeps_its_truth(void **state SST_UNUSED)
+{
+    static const int index[] = { 30, 31, 32, 39, 40, 41 };
+    struct sst_import_config cfg = config("hci", "src");
+    struct sst_lightfield lf;
+    struct sst_map_f32 truth;
+    char name[64];
+
+    for (int i = 0; i < 6; i++) {
+        snprintf(name, sizeof(name), "src/input_Cam%03d.png", index[i]);
+        put_image(name, index[i], WIDTH, HEIGHT);
+    }
+    put_pfm("src/gt_disp_lowres.pfm", -1.5, WIDTH, HEIGHT);
+    import_and_load(&cfg, &lf);
+    assert_int_equal(lf.ref_view, 1);
+    for (int k = 0; k < 6; k++)
+        assert_view(&lf, k, index[k], k % 3 - 1, k / 3);
+    assert_true(lf.range_min_px == -1.5 && lf.range_max_px == -1.5 + 5 / 64.0 && lf.disp_min_px == -2);
+    assert_null(lf.views[4].disp.data); /* truth is for judging, not for use */
+    assert_int_equal(sst_map_f32_read_pfm(&truth, in_dir("out/truth/01_01.pfm")), 0);
+    assert_true(isinf(sst_map_f32_row(&truth, 0)[3]) && sst_map_f32_row(&truth, 1)[2] == -1.5f + 2 / 64.0f);
+    sst_map_f32_fini(&truth);
+    sst_lightfield_fini(&lf);
+}
+
+/* Every second camera of 4x4: a spacing is two of HCI's, so disparities double. */
+static void hci_parameters_are_converted(void **state SST_UNUSED)
+{
+    static const char params[] = "[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 40\n[extrinsics]\n"
+                                 "num_cams_x = 4\nnum_cams_y = 4\nbaseline_mm = 30\n[meta]\ndisp_min = -1\n"
+                                 "disp_max = 2.5\n";
+    static const int index[] = { 0, 2, 8, 10 };
+    struct sst_import_config cfg = config("hci", "src");
+    struct sst_lightfield lf;
+    struct sst_map_f32 truth;
+    char name[64];
+
+    for (int i = 0; i < 4; i++) {
+        snprintf(name, sizeof(name), "src/input_Cam%03d.png", index[i]);
+        put_image(name, index[i], WIDTH, HEIGHT);
+    }
+    put_text("src/parameters.cfg", params);
+    put_pfm("src/gt_disp_lowres_Cam010.pfm", 0.5, WIDTH, HEIGHT);
+    import_and_load(&cfg, &lf);
+    for (int k = 0; k < 4; k++)
+        assert_view(&lf, k, index[k], k % 2, k / 2);
+    assert_true(lf.spacing_mm == 60 && lf.range_min_px == -2 && lf.range_max_px == 5);
+    assert_true(lf.focal_px == 2.5 * WIDTH); /* 100 mm of a sensor of 40 mm, on the longer side */
+    assert_int_equal(sst_map_f32_read_pfm(&truth, in_dir("out/truth/01_01.pfm")), 0);
+    assert_true(sst_map_f32_row(&truth, 1)[2] == 1 + 4 / 64.0f);
+    sst_map_f32_fini(&truth);
+    sst_lightfield_fini(&lf);
+    put_text("src/parameters.cfg", "num_cams_x = 3\nnum_cams_y = 3\n");
+    cfg.force = true;
+    assert_int_equal(sst_import(&cfg), -EBADMSG); /* view 10 of 9 */
+    put_text("src/parameters.cfg", "num_cams_x = 4\nnum_cams_y = 4\ndisp_min = 3\ndisp_max = -3\n");
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+}
+
+static void put_folder(void)
+{
+    put_image("src/00_00.png", 10, WIDTH, HEIGHT);
+    put_image("src/00_01.jpg", 11, WIDTH, HEIGHT);
+    put_image("src/00_02.PNG", 12, WIDTH, HEIGHT);
+}
+
+static void folder_takes_given_maps(void **state SST_UNUSED)
+{
+    struct sst_import_config cfg = config("folder", "src");
+    struct sst_lightfield lf;
+    struct sst_map_u8 label;
+
+    put_folder();
+    cfg.rows = 1;
+    cfg.cols = 3;
+    cfg.disparity_dir = cfg.labels_dir = in_dir("maps");
+    put_pfm("maps/00_00.pfm", -2.25, WIDTH, HEIGHT);
+    put_pfm("maps/00_01.pfm", 3, WIDTH, HEIGHT);
+    put_pfm("maps/00_02.pfm", 4.0 + 1 / 100.0, WIDTH, HEIGHT);
+    assert_int_equal(sst_map_u8_init(&label, WIDTH, HEIGHT), 0);
+    for (int k = 0; k < 3; k++) {
+        char name[32];
+
+        sst_map_u8_row(&label, 0)[0] = (uint8_t)(20 + 3 * k); /* 20, 23, 26: three more than the list has */
+        snprintf(name, sizeof(name), "maps/00_%02d.png", k);
+        assert_int_equal(sst_map_u8_write_png(&label, in_dir(name), NULL), 0);
+    }
+    import_and_load(&cfg, &lf);
+    assert_view(&lf, 0, 10, -1, 0);
+    assert_view(&lf, 2, 12, 1, 0);
+    assert_string_equal(lf.views[1].file, "00_01.jpg");
+    assert_string_equal(lf.views[2].file, "00_02.png");
+    assert_true(lf.disparity_given && lf.labels_given);
+    assert_true(lf.disp_min_px == -3);
+    assert_true(lf.range_min_px == -2.25 && fabs(lf.range_max_px - (4.01 + 5 / 64.0)) < 1e-6);
+    assert_int_equal(sst_map_u16_row(&lf.views[0].disp, 0)[0], SST_DISP_NONE);
+    assert_int_equal(sst_map_u16_row(&lf.views[0].disp, 1)[2], 48 + 2);       /* (-2.25 + 3) * 64 + 2 */
+    assert_int_equal(sst_map_u16_row(&lf.views[2].disp, 1)[0], 7 * 64 + 1); /* 0.01 px rounds to 1/64 */
+    assert_int_equal(sst_map_u8_row(&lf.views[2].label, 0)[0], 26);
+    assert_int_equal(lf.classes.count, 26);
+    assert_string_equal(sst_classes_name(&lf.classes, 26), "Label26");
+    sst_lightfield_fini(&lf);
+    sst_map_u8_fini(&label);
+}
+
+static void folder_refuses(void **state SST_UNUSED)
+{
+    struct sst_import_config cfg = config("folder", "src");
+    struct sst_map_f32 map;
+    struct sst_lightfield lf;
+
+    put_folder();
+    assert_int_equal(sst_import(&cfg), -EINVAL); /* no grid */
+    cfg.rows = 1;
+    cfg.cols = 2;
+    assert_int_equal(sst_import(&cfg), -EBADMSG); /* 00_02 is outside */
+    cfg.cols = 4;
+    import_and_load(&cfg, &lf); /* 00_03 is a hole */
+    assert_int_equal(lf.ref_view, 1);
+    sst_lightfield_fini(&lf);
+    assert_int_equal(sst_import(&cfg), -EEXIST);
+    cfg.out = in_dir("out2");
+    cfg.cols = 300;
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    cfg.cols = 3;
+    put_image("src/00_00.jpg", 1, WIDTH, HEIGHT); /* twice */
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    assert_int_equal(remove(in_dir("src/00_00.jpg")), 0);
+    put_image("src/00_02.PNG", 1, WIDTH + 1, HEIGHT);
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    put_text("src/00_02.PNG", "no image");
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    put_image("src/00_02.PNG", 1, WIDTH, HEIGHT);
+    cfg.disparity_dir = in_dir("maps");
+    assert_int_equal(sst_import(&cfg), -ENOENT); /* no maps */
+    put_pfm("maps/00_00.pfm", 0, WIDTH, HEIGHT);
+    put_pfm("maps/00_01.pfm", 0, WIDTH, HEIGHT);
+    put_pfm("maps/00_02.pfm", 1023, WIDTH, HEIGHT); /* 1023 + 5/64 is too far from 0 */
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    put_pfm("maps/00_02.pfm", 1e6, WIDTH, HEIGHT);
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    put_pfm("maps/00_02.pfm", 1, HEIGHT, WIDTH);
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    assert_int_equal(sst_map_f32_init(&map, WIDTH, HEIGHT), 0);
+    sst_map_f32_row(&map, 2)[1] = NAN;
+    assert_int_equal(sst_map_f32_write_pfm(&map, in_dir("maps/00_02.pfm")), 0);
+    sst_map_f32_fini(&map);
+    assert_int_equal(sst_import(&cfg), -EBADMSG);
+    assert_false(sst_path_exists(cfg.out));
+    cfg = config("folder", "none");
+    cfg.rows = cfg.cols = 1;
+    assert_int_equal(sst_import(&cfg), -ENOENT);
+    cfg = config("tiff", "src");
+    assert_int_equal(sst_import(&cfg), -EINVAL);
+}
+
+static void replacing_is_refused_where_it_would_hurt(void **state SST_UNUSED)
+{
+    struct sst_import_config cfg = config("folder", "src");
+
+    put_folder();
+    cfg.rows = 1;
+    cfg.cols = 3;
+    cfg.force = true;
+    cfg.out = cfg.source;
+    assert_int_equal(sst_import(&cfg), -EINVAL);
+    cfg.out = in_dir("");
+    assert_int_equal(sst_import(&cfg), -EINVAL);
+    cfg.out = in_dir("maps");
+    assert_int_equal(sst_import(&cfg), 0); /* an empty folder may go */
+    assert_int_equal(remove(in_dir("maps/lightfield.json")), 0);
+    assert_int_equal(sst_import(&cfg), -EEXIST); /* a folder of something else may not */
+    assert_true(sst_path_exists(in_dir("src/00_00.png")));
+}
+
+/* A 2x3 light field with fractional offsets, a hole, a JPEG view and disparity, in dir/lf. */
+static void make_lightfield(struct sst_lightfield *lf)
+{
+    char name[300];
+
+    assert_int_equal(sst_lightfield_init(lf, 2, 3), 0);
+    assert_int_equal(mkdir(in_dir("lf"), 0777), 0);
+    assert_int_equal(mkdir(in_dir("lf/views"), 0777), 0);
+    lf->width = WIDTH;
+    lf->height = HEIGHT;
+    lf->spacing_mm = 37.5;
+    lf->focal_px = 1234.5;
+    lf->disp_min_px = -4;
+    lf->range_min_px = -3.75;
+    lf->range_max_px = 9;
+    for (int k = 0; k < 6; k++) {
+        struct sst_view *v = &lf->views[k];
+
+        v->present = k != 5;
+        if (!v->present)
+            continue;
+        if (k != lf->ref_view) {
+            v->bx += 0.0123456789 * (k + 1);
+            v->by += 1.0 / 3 * k;
+        }
+        snprintf(v->file, sizeof(v->file), "00_0%d.%s", k, k == 4 ? "jpg" : "png");
+        snprintf(name, sizeof(name), "lf/views/%s", v->file);
+        put_image(name, 30 + 10 * k, WIDTH, HEIGHT);
+        assert_int_equal(sst_map_u16_init(&v->disp, WIDTH, HEIGHT), 0);
+        for (int y = 0; y < HEIGHT; y++) {
+            for (int x = 0; x < WIDTH; x++)
+                sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(x == 2 ? (int)SST_DISP_NONE : 100 * k + 17 * x + y);
+        }
+    }
+    assert_int_equal(sst_lightfield_write(lf, in_dir("lf"), 2), 0);
+    sst_lightfield_fini(lf);
+    assert_int_equal(sst_lightfield_load(lf, in_dir("lf"), SST_LOAD_ALL, 2), 0);
+}
+
+static void export_gives_back_the_same(void **state SST_UNUSED)
+{
+    static const char *const formats[] = { "stanford", "hci" };
+    struct sst_lightfield lf, back;
+
+    make_lightfield(&lf);
+    for (int f = 0; f < 2; f++) {
+        struct sst_import_config cfg = config(formats[f], formats[f]);
+
+        assert_int_equal(sst_export(formats[f], in_dir("lf"), cfg.source, false, 2), 0);
+        cfg.rows = 2;
+        cfg.cols = 3;
+        cfg.force = f > 0;
+        import_and_load(&cfg, &back);
+        assert_int_equal(back.ref_view, lf.ref_view);
+        assert_true(back.spacing_mm == lf.spacing_mm && fabs(back.focal_px - lf.focal_px) < 1e-9);
+        assert_true(back.range_min_px == lf.range_min_px && back.range_max_px == lf.range_max_px);
+        for (int k = 0; k < 6; k++) {
+            const struct sst_view *v = &lf.views[k], *w = &back.views[k];
+
+            assert_int_equal(v->present, w->present);
+            if (!v->present)
+                continue;
+            assert_true(fabs(v->bx - w->bx) < 1e-6 && fabs(v->by - w->by) < 1e-6);
+            for (int c = 0; c < 3; c++) {
+                for (int y = 0; y < HEIGHT; y++)
+                    assert_memory_equal(sst_image_row(&v->image, c, y), sst_image_row(&w->image, c, y), WIDTH);
+            }
+        }
+        sst_lightfield_fini(&back);
+    }
+    /* HCI has disparity as well: exact in float. */
+    for (int k = 0; k < 5; k++) {
+        struct sst_map_f32 truth;
+        char name[64];
+
+        snprintf(name, sizeof(name), "out/truth/%02d_%02d.pfm", k / 3, k % 3);
+        assert_int_equal(sst_map_f32_read_pfm(&truth, in_dir(name)), 0);
+        for (int x = 0; x < WIDTH; x++) {
+            const uint16_t want = sst_map_u16_row(&lf.views[k].disp, 1)[x];
+
+            assert_int_equal(sst_disp_q6(&lf, (double)sst_map_f32_row(&truth, 1)[x]), want);
+            assert_int_equal(isinf(sst_map_f32_row(&truth, 1)[x]) != 0, want == SST_DISP_NONE);
+        }
+        sst_map_f32_fini(&truth);
+    }
+    sst_lightfield_fini(&lf);
+}
+
+static void export_refuses(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf;
+
+    make_lightfield(&lf);
+    assert_int_equal(sst_export("tiff", in_dir("lf"), in_dir("x"), false, 1), -EINVAL);
+    assert_int_equal(sst_export("hci", in_dir("src"), in_dir("x"), false, 1), -ENOENT);
+    assert_int_equal(sst_export("hci", in_dir("lf"), in_dir("lf"), true, 1), -EINVAL);
+    assert_int_equal(sst_export("hci", in_dir("lf"), in_dir("src"), false, 1), -EEXIST);
+    assert_int_equal(sst_export("hci", in_dir("lf"), in_dir("none/x"), false, 1), -EIO);
+    put_image("lf/views/00_01.png", 99, WIDTH, HEIGHT); /* no longer what its hash says */
+    assert_int_equal(sst_export("stanford", in_dir("lf"), in_dir("x"), false, 1), -EBADMSG);
+    assert_false(sst_path_exists(in_dir("x")));
+    sst_lightfield_fini(&lf);
+}
+
+/* A fresh folder with src/ and maps/ for each test. */
+static int setup(void **state SST_UNUSED)
+{
+    static int n;
+
+    if (!n && !mkdtemp(top))
+        return -1;
+    snprintf(dir, sizeof(dir), "%s/%d", top, n++);
+    return mkdir(dir, 0777) || mkdir(in_dir("src"), 0777) || mkdir(in_dir("maps"), 0777);
+}
+
+static int remove_all(void **state SST_UNUSED)
+{
+    sst_path_remove_tree(top);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(helpers_have_known_answers),
+        cmocka_unit_test_setup(stanford_positions_decide, setup),
+        cmocka_unit_test_setup(a_hole_needs_a_known_grid, setup),
+        cmocka_unit_test_setup(hci_window_keeps_its_truth, setup),
+        cmocka_unit_test_setup(hci_parameters_are_converted, setup),
+        cmocka_unit_test_setup(folder_takes_given_maps, setup),
+        cmocka_unit_test_setup(folder_refuses, setup),
+        cmocka_unit_test_setup(replacing_is_refused_where_it_would_hurt, setup),
+        cmocka_unit_test_setup(export_gives_back_the_same, setup),
+        cmocka_unit_test_setup(export_refuses, setup),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, remove_all);
+}

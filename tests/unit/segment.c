@@ -1,0 +1,266 @@
+/* The segmenter: metadata, scaling of the image and of the probabilities, errors. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/labels/labels.h"
+#include "pipeline/labels/resample.h"
+#include "pipeline/network/model_path.h"
+#include "tests/onnx_writer.h"
+
+struct entry {
+    const char *key, *value;
+};
+
+/* Three classes, whose logits are the normalised R, G and B; one more class than channels with `channels` 4. */
+/* The same with y = x + (the mean of windows of 64x48, brought back to 64x48): it runs at that size only. */
+static bool fixed_size;
+
+static int open_segmenter(struct sst_segmenter **seg, const struct entry *entries, size_t n, int channels, int threads)
+{
+    char path[] = "/tmp/sst-segment-XXXXXX";
+    const float w[4 * 3] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
+    struct ow_buf graph = { 0 }, attrs = { 0 }, model;
+    const int fd = mkstemp(path);
+    int err;
+
+    ow_value(&graph, 11, "x", 3);
+    ow_value(&graph, 12, "y", channels);
+    ow_floats(&graph, "w", w, channels, 3, 1, 1);
+    ow_attr_ints(&attrs, "kernel_shape", 2, 1, 1);
+    ow_node(&graph, "Conv", "x w", fixed_size ? "c" : "y", &attrs);
+    if (fixed_size) {
+        const int64_t sizes[] = { 1, channels, 48, 64 };
+
+        ow_attr_ints(&attrs, "kernel_shape", 2, 48, 64);
+        ow_node(&graph, "AveragePool", "c", "p", &attrs);
+        ow_int64s(&graph, "sizes", sizes, 4);
+        ow_attr_str(&attrs, "mode", "linear");
+        ow_node(&graph, "Resize", "p - - sizes", "r", &attrs);
+        ow_node(&graph, "Add", "c r", "y", NULL);
+    }
+    model = ow_model(&graph, 11);
+    for (size_t i = 0; i < n; i++)
+        ow_metadata(&model, entries[i].key, entries[i].value);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, model.p, model.n), (ssize_t)model.n);
+    close(fd);
+    err = sst_segmenter_open(seg, path, threads);
+    unlink(path);
+    free(model.p);
+    return err;
+}
+
+static struct sst_image new_image(int width, int height, int r, int g, int b)
+{
+    const int value[3] = { r, g, b };
+    struct sst_image img;
+
+    assert_int_equal(sst_image_init(&img, width, height), 0);
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < height; y++)
+            memset(sst_image_row(&img, c, y), value[c], (size_t)width);
+    }
+    return img;
+}
+
+static const struct entry good[] = {
+    { "sst.classes", "Sky, Road,Tree" }, { "sst.ground", "road" },    { "sst.mean", "0.5,0.5,0.25" },
+    { "sst.std", "0.25,0.5,0.25" },      { "sst.size", "64x48" },     { "sst.epsilon_h", "0.75" },
+    { "sst.temperature", "2" },          { "sst.output", "logits" },
+};
+
+/* R = 255, G = 51, B = 0: logits (1 - 0.5)/0.25 = 2, (0.2 - 0.5)/0.5 = -0.6, -1; halved by the temperature. */
+static void a_plain_image_gives_hand_worked_probabilities(void **state SST_UNUSED)
+{
+    const double sum = exp(1) + exp(-0.3) + exp(-0.5);
+    const double p[3] = { exp(1) / sum, exp(-0.3) / sum, exp(-0.5) / sum };
+    struct sst_image img = new_image(33, 17, 255, 51, 0);
+    struct sst_segmenter *seg;
+    struct sst_map_u8 label;
+    struct sst_map_f32 entropy;
+    float *prob;
+    double h = 0;
+
+    assert_int_equal(open_segmenter(&seg, good, ARRAY_LEN(good), 3, 1), 0);
+    assert_int_equal(sst_segmenter_classes(seg)->count, 3);
+    assert_string_equal(sst_segmenter_classes(seg)->names[1], "Road");
+    assert_true(sst_segmenter_classes(seg)->ground[1] && !sst_segmenter_classes(seg)->ground[0]);
+    assert_true(sst_segmenter_eps_h(seg) == 0.75);
+    assert_int_equal(sst_segment(seg, &img, &label, &entropy, &prob), 0);
+    for (int c = 0; c < 3; c++)
+        h -= p[c] * log(p[c]);
+    for (int i = 0; i < 33 * 17; i++) {
+        assert_int_equal(sst_map_u8_row(&label, i / 33)[i % 33], 1);
+        assert_true(fabs((double)sst_map_f32_row(&entropy, i / 33)[i % 33] - h) < 1e-5);
+        for (int c = 0; c < 3; c++)
+            assert_true(fabs((double)prob[c * 33 * 17 + i] - p[c]) < 1e-5);
+    }
+    free(prob);
+    sst_map_u8_fini(&label);
+    sst_map_f32_fini(&entropy);
+    sst_image_fini(&img);
+    sst_segmenter_close(seg);
+}
+
+/* Left half red, right half green: the border must come back where it was, at a size that is no multiple of anything. */
+static void labels_come_back_in_place(void **state SST_UNUSED)
+{
+    struct sst_image img = new_image(1001, 203, 0, 0, 0);
+    struct sst_segmenter *seg, *two;
+    struct sst_map_u8 label, again;
+    struct sst_map_f32 entropy;
+
+    for (int y = 0; y < 203; y++) {
+        memset(sst_image_row(&img, 0, y), 255, 500);
+        memset(sst_image_row(&img, 1, y) + 500, 255, 501);
+    }
+    assert_int_equal(open_segmenter(&seg, good, 1, 3, 1), 0);
+    assert_int_equal(open_segmenter(&two, good, 1, 3, 2), 0);
+    assert_true(isinf(sst_segmenter_eps_h(seg)));
+    assert_int_equal(sst_segment(seg, &img, &label, &entropy, NULL), 0);
+    assert_int_equal(sst_segment(two, &img, &again, NULL, NULL), 0);
+    for (int y = 0; y < 203; y++) {
+        for (int x = 0; x < 1001; x++) {
+            if (x < 498 || x >= 503)
+                assert_int_equal(sst_map_u8_row(&label, y)[x], x < 500 ? 1 : 2);
+        }
+        assert_memory_equal(sst_map_u8_row(&label, y), sst_map_u8_row(&again, y), 1001);
+        /* least certain at the border */
+        assert_true(sst_map_f32_row(&entropy, y)[500] > sst_map_f32_row(&entropy, y)[10]);
+    }
+    sst_map_u8_fini(&label);
+    sst_map_u8_fini(&again);
+    sst_map_f32_fini(&entropy);
+    sst_image_fini(&img);
+    sst_segmenter_close(seg);
+    sst_segmenter_close(two);
+}
+
+static void networks_of_one_size_see_a_stretched_image(void **state SST_UNUSED)
+{
+    struct sst_image img = new_image(50, 200, 0, 0, 255);
+    struct sst_segmenter *seg;
+    struct sst_map_u8 label;
+
+    fixed_size = true;
+    assert_int_equal(open_segmenter(&seg, good, ARRAY_LEN(good), 3, 1), 0);
+    fixed_size = false;
+    assert_int_equal(sst_segment(seg, &img, &label, NULL, NULL), 0);
+    assert_true(label.width == 50 && label.height == 200);
+    for (int y = 0; y < 200; y++)
+        assert_int_equal(sst_map_u8_row(&label, y)[y / 4], 3);
+    sst_map_u8_fini(&label);
+    sst_image_fini(&img);
+    sst_segmenter_close(seg);
+}
+
+static void probabilities_are_taken_as_they_are(void **state SST_UNUSED)
+{
+    const struct entry entries[] = { good[0], { "sst.output", "probabilities" } };
+    struct sst_image img = new_image(1, 1, 51, 153, 51), black = new_image(9, 9, 0, 0, 0);
+    struct sst_segmenter *seg;
+    struct sst_map_u8 label;
+    struct sst_map_f32 entropy;
+    float *prob;
+
+    assert_int_equal(open_segmenter(&seg, entries, 2, 3, 1), 0);
+    assert_int_equal(sst_segment(seg, &img, &label, &entropy, &prob), 0);
+    assert_int_equal(label.data[0], 2);
+    assert_true(fabs((double)prob[1] - 0.6) < 1e-6 && fabs((double)prob[0] - 0.2) < 1e-6);
+    free(prob);
+    sst_map_u8_fini(&label);
+    sst_map_f32_fini(&entropy);
+    /* all zero is no distribution */
+    assert_int_equal(sst_segment(seg, &black, &label, &entropy, NULL), -EBADMSG);
+    assert_null(label.data);
+    sst_image_fini(&img);
+    sst_image_fini(&black);
+    sst_segmenter_close(seg);
+}
+
+static void unfit_models_are_refused(void **state SST_UNUSED)
+{
+    static const struct entry bad[] = {
+        { "sst.classes", "" },          { "sst.classes", "a,b" },         { "sst.classes", "a,a,b" },
+        { "sst.classes", "a,,b" },      { "sst.ground", "Sea" },          { "sst.mean", "0.5,0.5" },
+        { "sst.mean", "1,2,3,4" },      { "sst.std", "0,1,1" },           { "sst.std", "nan,1,1" },
+        { "sst.size", "480" },          { "sst.size", "480x360 or so" },  { "sst.size", "1x1" },
+        { "sst.epsilon_h", "-1" },      { "sst.temperature", "0" },       { "sst.output", "classes" },
+        { "sst.classes", "a,b,a name that is longer than any class" },
+    };
+    struct sst_segmenter *seg = NULL;
+
+    for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
+        const struct entry entries[] = { bad[i], good[0] }; /* the first of two equal keys counts */
+
+        assert_int_equal(open_segmenter(&seg, entries, 2, 3, 1), -EBADMSG);
+    }
+    assert_int_equal(open_segmenter(&seg, good, 0, 3, 1), -EBADMSG); /* no classes at all */
+    assert_int_equal(open_segmenter(&seg, good, ARRAY_LEN(good), 4, 1), -EBADMSG);
+    assert_int_equal(sst_segmenter_open(&seg, "/nonexistent/model.onnx", 1), -ENOENT);
+    assert_null(seg);
+}
+
+/* Shrinking 5 to 2: means of [0, 2.5) and [2.5, 5). Growing 2 to 4: 0, 1/4, 3/4, 1 of the way. */
+static void resampling_has_known_values(void **state SST_UNUSED)
+{
+    static const double mean[3] = { 0, 0, 0.5 }, std[3] = { 1, 1, 0.5 };
+    struct sst_image img = new_image(5, 1, 0, 0, 0);
+    float out[3 * 4];
+
+    for (int c = 0; c < 3; c++)
+        memcpy(sst_image_row(&img, c, 0), (const uint8_t[]){ 10, 20, 30, 40, 255 }, 5);
+    assert_int_equal(sst_resample(out, 2, 1, &img, mean, std, 2), 0);
+    assert_true(fabs((double)out[0] - (10 + 20 + 15) / 2.5 / 255) < 1e-6);
+    assert_true(fabs((double)out[1] - (15 + 40 + 255) / 2.5 / 255) < 1e-6);
+    assert_true(fabs((double)out[4] - ((10 + 20 + 15) / 2.5 / 255 - 0.5) / 0.5) < 1e-6);
+    img.width = 2;
+    assert_int_equal(sst_resample(out, 4, 1, &img, mean, std, 1), 0);
+    for (int i = 0; i < 4; i++)
+        assert_true(fabs((double)out[i] - ((const double[]){ 10, 12.5, 17.5, 20 })[i] / 255) < 1e-6);
+    img.width = 5;
+    sst_image_fini(&img);
+}
+
+static void models_are_found_by_name(void **state SST_UNUSED)
+{
+    char dir[] = "/tmp/sst-models-XXXXXX", path[SST_PATH_MAX], found[SST_PATH_MAX] = "untouched";
+
+    assert_non_null(mkdtemp(dir));
+    assert_int_equal(sst_path_join(path, dir, "a.onnx"), 0);
+    assert_int_equal(sst_file_write(path, "x", 1), 0);
+    assert_int_equal(setenv("SST_MODELS", dir, 1), 0);
+    assert_int_equal(sst_model_path(found, "b.onnx"), -ENOPKG);
+    assert_string_equal(found, "untouched");
+    assert_int_equal(sst_model_path(found, "a.onnx"), 0);
+    assert_string_equal(found, path);
+    unsetenv("SST_MODELS");
+    assert_int_equal(sst_model_path(found, "a.onnx"), -ENOPKG);
+    sst_path_remove_tree(dir);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_plain_image_gives_hand_worked_probabilities),
+        cmocka_unit_test(labels_come_back_in_place),
+        cmocka_unit_test(networks_of_one_size_see_a_stretched_image),
+        cmocka_unit_test(probabilities_are_taken_as_they_are),
+        cmocka_unit_test(unfit_models_are_refused),
+        cmocka_unit_test(resampling_has_known_values),
+        cmocka_unit_test(models_are_found_by_name),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
