@@ -19,7 +19,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default) or refocus (all rays alike)", 0, 0 },
         { "label", 'l', CLI_STRING, &a->label, "NAME", "focus label: the other labels weigh less", 0, 0 },
         { "label-factor", 0, CLI_DOUBLE, &cfg->label_factor, "F", "by this factor (2)", 1, 1e6 },
-        { "sigma", 0, CLI_DOUBLE, &cfg->sigma_px, "S", "depth weight: width in px per spacing, or inf (range / 15)",
+        { "sigma", 0, CLI_DOUBLE, &cfg->sigma_px, "S", "depth weight: width in px per spacing, or inf (range / 10)",
           1e-6, INFINITY },
         { "c1", 0, CLI_DOUBLE, &cfg->c1, "C", "depth weight: least weight, 0..1 (0.005)", 0, 1 },
         { "c2", 0, CLI_DOUBLE, &cfg->c2, "C", "label weight: least weight, 0..1 (0.02; 1: no say)", 0, 1 },
