@@ -46,10 +46,15 @@ def held_out_scenes(folder: str):
         yield "scene " + os.path.basename(at), pair
 
 
-def winner(score, width: int, count: int) -> np.ndarray:
+def winner(score, count: int) -> np.ndarray:
     """argmax over d of score(d), which gives [H, W - d] for the left columns d.. on."""
-    volume = np.stack([np.pad(score(d), ((0, 0), (d, 0)), constant_values=-np.inf) for d in range(count)])
-    return volume.argmax(0)
+    best = score(0)
+    at = np.zeros(best.shape, np.int64)
+    for d in range(1, count):
+        now = score(d)
+        better = now > best[:, d:]
+        best[:, d:][better], at[:, d:][better] = now[better], d
+    return at
 
 
 def census(left: np.ndarray, right: np.ndarray, count: int) -> np.ndarray:
@@ -57,13 +62,13 @@ def census(left: np.ndarray, right: np.ndarray, count: int) -> np.ndarray:
         pad, (h, w) = np.pad(img, ((3, 3), (4, 4)), mode="edge"), img.shape
         return np.stack([pad[y:y + h, x:x + w] < img for y in range(7) for x in range(9) if (y, x) != (3, 4)])
     a, b = bits(left), bits(right)
-    return winner(lambda d: (a[:, :, d:] == b[:, :, :b.shape[2] - d]).sum(0).astype(np.float32), a.shape[2], count)
+    return winner(lambda d: (a[:, :, d:] == b[:, :, :b.shape[2] - d]).sum(0).astype(np.float32), count)
 
 
 def features(network, left: np.ndarray, right: np.ndarray, count: int) -> np.ndarray:
     with torch.no_grad():
         a, b = (network(torch.from_numpy(v)[None, None])[0] for v in (left, right))
-    return winner(lambda d: (a[:, :, d:] * b[:, :, :b.shape[2] - d]).sum(0).numpy(), a.shape[2], count)
+    return winner(lambda d: torch.einsum("cyx,cyx->yx", a[:, :, d:], b[:, :, :b.shape[2] - d]).numpy(), count)
 
 
 def state_dict_network(path: str):
