@@ -91,6 +91,9 @@ check-san: ## unit and kernel tests under address, undefined and thread sanitize
 check-includes: ## headers compile alone, includes go one way
 	scripts/check_includes.sh
 
+demo: deps all ## see through a simulated scene: pictures in sst-demo/
+	$(BUILD)/sst demo --once
+
 install: all ## install under DESTDIR/PREFIX
 	install -Dm755 $(BUILD)/sst $(DESTDIR)$(PREFIX)/bin/sst
 	for f in models/*.onnx; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
