@@ -105,6 +105,9 @@ bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/ben
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
+demo: deps all ## see through a simulated scene: pictures in sst-demo/
+	$(BUILD)/sst demo --once
+
 install: all ## install under DESTDIR/PREFIX
 	install -Dm755 $(BUILD)/sst $(DESTDIR)$(PREFIX)/bin/sst
 	for f in models/*.onnx; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done

@@ -159,6 +159,13 @@ static int output_error(const char *what, const char *path, int err)
     }
 }
 
+int sst_path_make_dir(const char *path)
+{
+    if (!mkdir(path, 0777) || (errno == EEXIST && sst_path_is_dir(path)))
+        return 0;
+    return output_error("create the folder", path, errno);
+}
+
 static int temporary_name(char out[SST_PATH_MAX], const char *path)
 {
     size_t n = strlen(path);

@@ -20,6 +20,9 @@ const char *sst_path_base(const char *path);
 bool sst_path_exists(const char *path);
 bool sst_path_is_dir(const char *path);
 
+/** Make a folder; one that exists is fine. @return 0 or what a failed output returns, logged. */
+SST_MUST_CHECK int sst_path_make_dir(const char *path);
+
 /**
  * Read a regular file into one buffer, with a NUL after its end.
  *

@@ -9,6 +9,7 @@
 #include "cli/cli.h"
 
 static const struct cli_command *const commands[] = {
+    &cli_demo,
     &cli_scene,
     &cli_import,
     &cli_export,

@@ -43,6 +43,19 @@ def read_pfm(path: str) -> np.ndarray:
     return data.reshape(height, width)[::-1].astype(np.float32)
 
 
+TRAIN_SEEDS, HELD_SEEDS = range(100, 150), range(150, 200)  # of simulated scenes; below 100 is left to tests
+
+
+def lightfields(folder: str, seeds: range) -> list[str]:
+    """The light fields NAME-SEED in a folder whose seed is among those given."""
+    found = []
+    for name in sorted(os.listdir(folder)):
+        match = re.fullmatch(r".*-(\d+)", name)
+        if match and int(match[1]) in seeds:
+            found.append(os.path.join(folder, name))
+    return found
+
+
 def lightfield_views(folder: str) -> dict[tuple[int, int], str]:
     """(row, col) -> picture of a simulated light field."""
     views = {}

@@ -7,7 +7,6 @@ thousands of matches; loss max(0, margin + s_neg - s_pos), half on a random and 
   /usr/bin/python3 models/train_mccnn.py --aloe DIR --scenes DIR --checkpoint /tmp/mccnn.pt --out models/mccnn-fast.onnx
 """
 import argparse
-import glob
 import os
 import time
 
@@ -71,20 +70,20 @@ def aloe_pairs(folder: str) -> list[Pair]:
     return pairs
 
 
-def scene_pairs(folder: str) -> list[Pair]:
-    """Neighbouring views of simulated light fields; vertical neighbours are turned so that they match along rows."""
+def scene_pairs(folder: str, seeds: range) -> list[Pair]:
+    """
+    The first view of each simulated light field with its right and its lower neighbour; the latter pair is turned so
+    that it matches along rows.
+    """
     pairs = []
-    for lightfield in sorted(glob.glob(os.path.join(folder, "*"))):
-        views = common.lightfield_views(lightfield)
+    for lightfield in common.lightfields(folder, seeds):
+        views = {k: v for k, v in common.lightfield_views(lightfield).items() if k in ((0, 0), (0, 1), (1, 0))}
         load = {k: common.standardise(common.luma(common.read_rgb(v))) for k, v in views.items()}
         disp = {k: common.read_pfm(os.path.join(lightfield, "truth", f"{k[0]:02d}_{k[1]:02d}.pfm")) for k in views}
-        for row, col in views:
-            for other, turn in (((row, col + 1), False), ((row + 1, col), True)):
-                if other not in views:
-                    continue
-                maps = [load[row, col], load[other], disp[row, col], disp[other]]
-                left, right, d_left, d_right = (np.ascontiguousarray(m.T) if turn else m for m in maps)
-                pairs.append(Pair(left, right, d_left, right_disparity_check(d_left, d_right)))
+        for other, turn in (((0, 1), False), ((1, 0), True)):
+            maps = [load[0, 0], load[other], disp[0, 0], disp[other]]
+            left, right, d_left, d_right = (np.ascontiguousarray(m.T) if turn else m for m in maps)
+            pairs.append(Pair(left, right, d_left, right_disparity_check(d_left, d_right)))
     return pairs
 
 
@@ -167,7 +166,7 @@ def sources(args: argparse.Namespace) -> list[tuple[float, list[Pair]]]:
     if args.aloe:
         mix.append((0.8, aloe_pairs(args.aloe)))
     if args.scenes:
-        mix.append((1.2, scene_pairs(args.scenes)))
+        mix.append((1.2, scene_pairs(args.scenes, common.TRAIN_SEEDS)))
     for share, pairs in mix:
         print(f"{len(pairs)} pairs, share {share}, valid {np.mean([p.valid.mean() for p in pairs]):.2f}")
     print(f"read in {time.time() - started:.0f} s", flush=True)

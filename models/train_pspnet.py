@@ -9,7 +9,6 @@ and CamVid, then fits temperature and entropy threshold on held-out pictures and
 import argparse
 import glob
 import os
-import re
 import time
 
 import numpy as np
@@ -147,10 +146,7 @@ def camvid(folder: str, part: str) -> list[tuple[np.ndarray, np.ndarray]]:
 def scenes(folder: str, seeds: range, per_scene: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """(picture, class map) of some views of the light fields NAME-SEED in a folder; unlabeled (0) becomes VOID."""
     data = []
-    for lightfield in sorted(glob.glob(os.path.join(folder, "*"))):
-        match = re.fullmatch(r".*-(\d+)", lightfield)
-        if not match or int(match[1]) not in seeds:
-            continue
+    for lightfield in common.lightfields(folder, seeds):
         views = common.lightfield_views(lightfield)
         for key in sorted(views)[::max(1, len(views) // per_scene)][:per_scene]:
             truth = os.path.join(lightfield, "truth", f"{key[0]:02d}_{key[1]:02d}.png")
@@ -198,24 +194,25 @@ def normalise(x: np.ndarray) -> torch.Tensor:
 
 def logits(net: PspNet, rgb: np.ndarray) -> torch.Tensor:
     """[classes, h/4, w/4] at the working size."""
-    small = Image.fromarray(rgb).resize((WIDTH, HEIGHT), Image.Resampling.BILINEAR) if rgb.shape[1] != WIDTH else rgb
+    small = Image.fromarray(rgb).resize((WIDTH, HEIGHT), Image.Resampling.BOX) if rgb.shape[1] != WIDTH else rgb
     with torch.no_grad():
         return net(normalise(np.asarray(small, np.float32) / 255)[None].contiguous(memory_format=torch.channels_last))[0]
 
 
-def probabilities(logit: torch.Tensor, temperature: float, shape: tuple[int, int]) -> torch.Tensor:
-    return F.interpolate((logit / temperature).softmax(0)[None], shape, mode="bilinear", align_corners=False)[0]
-
-
-def confusion(net: PspNet, data) -> np.ndarray:
-    """[truth, given] pixel counts at the size of the truth."""
+def measure(net: PspNet, data, rng: np.random.Generator) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
+    """[truth, given] pixel counts at the size of the truth; logits (bilinear) and truth of one known pixel in 60."""
     count = len(CLASSES)
     total = np.zeros((count, count), np.int64)
+    rows, truths = [], []
     for rgb, labels in data:
-        given = probabilities(logits(net, rgb), 1.0, labels.shape).argmax(0).numpy()
-        known = labels != VOID
-        total += np.bincount(labels[known].astype(np.int64) * count + given[known], minlength=count * count).reshape(count, count)
-    return total
+        full = F.interpolate(logits(net, rgb)[None], labels.shape, mode="bilinear", align_corners=False)[0].flatten(1)
+        truth, known = labels.ravel().astype(np.int64), np.flatnonzero(labels != VOID)
+        total += np.bincount(truth[known] * count + full.argmax(0).numpy()[known],
+                             minlength=count * count).reshape(count, count)
+        pick = rng.permutation(known)[:labels.size // 60]
+        rows.append(full[:, torch.from_numpy(pick)].T)
+        truths.append(torch.from_numpy(truth[pick]))
+    return total, torch.cat(rows), torch.cat(truths)
 
 
 def iou(total: np.ndarray) -> np.ndarray:
@@ -224,23 +221,11 @@ def iou(total: np.ndarray) -> np.ndarray:
     return np.where(total.sum(1) > 0, np.diag(total) / np.maximum(union, 1), np.nan)
 
 
-def report(name: str, total: np.ndarray, each: bool) -> float:
+def report(name: str, total: np.ndarray) -> None:
+    """mIoU over the classes that the truth has, pixel accuracy and each class."""
     score = iou(total)
     print(f"{name}: mIoU {100 * np.nanmean(score):.1f} %, pixels right {100 * np.trace(total) / total.sum():.1f} %", flush=True)
-    if each:
-        print("  " + ", ".join(f"{c} {100 * s:.0f}" for c, s in zip(CLASSES, score) if not np.isnan(s)), flush=True)
-    return float(np.nanmean(score))
-
-
-def sampled(net: PspNet, data, rng: np.random.Generator):
-    """Logits (bilinear at full size, one pixel in 60) and truth of held-out pictures."""
-    rows, truths = [], []
-    for rgb, labels in data:
-        full = F.interpolate(logits(net, rgb)[None], labels.shape, mode="bilinear", align_corners=False)[0]
-        pick = rng.permutation(np.flatnonzero(labels != VOID))[:labels.size // 60]
-        rows.append(full.flatten(1)[:, torch.from_numpy(pick)].T)
-        truths.append(torch.from_numpy(labels.ravel()[pick].astype(np.int64)))
-    return torch.cat(rows), torch.cat(truths)
+    print("  " + ", ".join(f"{c} {100 * s:.0f}" for c, s in zip(CLASSES, score) if not np.isnan(s)), flush=True)
 
 
 def fit_temperature(rows: torch.Tensor, truth: torch.Tensor) -> float:
@@ -257,7 +242,7 @@ def fit_epsilon(rows: torch.Tensor, truth: torch.Tensor, temperature: float, pow
     order = entropy.argsort()
     right = (p.argmax(1) == truth)[order].double().cumsum(0)
     kept = torch.arange(1, len(order) + 1, dtype=torch.double)
-    accuracy, coverage = right / kept, right / (right + (len(order) - kept))
+    accuracy, coverage = right / kept, right / len(order)
     best = int((power * accuracy.log() + coverage.log()).argmax())
     at = entropy[order]
     limit = float(at[best] + at[min(best + 1, len(at) - 1)]) / 2
@@ -341,18 +326,21 @@ def main() -> None:
     common.seed_all(args.seed, args.threads)
     sources, held = [], {}
     if args.scenes:
-        sources.append((1.0, scenes(args.scenes, range(100, 150), args.views)))
-        held["scenes"] = scenes(args.scenes, range(150, 200), 2)
+        sources.append((1.0, scenes(args.scenes, common.TRAIN_SEEDS, args.views)))
+        held["scenes"] = scenes(args.scenes, common.HELD_SEEDS, 2)
     if args.camvid:
-        sources.append((0.7, camvid(args.camvid, "train")))
+        sources.append((0.5, camvid(args.camvid, "train")))
         held["camvid val"] = camvid(args.camvid, "val")
     print({"train": [len(d) for _, d in sources], "held out": {k: len(d) for k, d in held.items()}}, flush=True)
     net = train(args, sources)
+    rows, truths = [], []
     for name, data in held.items():
-        report(name, confusion(net, data), True)
+        total, row, truth = measure(net, data, np.random.default_rng(1))
+        report(name, total)
+        rows.append(row)
+        truths.append(truth)
     if args.out:
-        fit_on = [sampled(net, data, np.random.default_rng(1)) for data in held.values()]
-        rows, truth = torch.cat([f[0] for f in fit_on]), torch.cat([f[1] for f in fit_on])
+        rows, truth = torch.cat(rows), torch.cat(truths)
         temperature = fit_temperature(rows, truth)
         limit, accuracy, coverage = fit_epsilon(rows, truth, temperature)
         print(f"temperature {temperature:.3f}, epsilon_h {limit:.3f}: accuracy {accuracy:.3f}, coverage {coverage:.3f}")

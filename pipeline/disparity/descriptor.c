@@ -25,38 +25,58 @@ int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
     return 0;
 }
 
-static int make_census(struct sst_descriptor *desc)
+/* Row y of the luma sampled at (x, y) + (px, py) / 4, with CENSUS_MARGIN columns repeated on both sides. */
+static void phase_row(uint8_t *out, const struct sst_map_u8 *luma, int y, int px, int py)
+{
+    const int w = luma->width, h = luma->height;
+    const uint8_t *a = sst_map_u8_row(luma, sst_clamp_int(y, 0, h - 1));
+    const uint8_t *b = sst_map_u8_row(luma, sst_clamp_int(y + 1, 0, h - 1));
+    uint8_t *o = out + CENSUS_MARGIN;
+
+    for (int x = 0; x + 1 < w; x++)
+        o[x] = (uint8_t)(((4 - py) * ((4 - px) * a[x] + px * a[x + 1]) + py * ((4 - px) * b[x] + px * b[x + 1]) + 8) >> 4);
+    o[w - 1] = (uint8_t)(((4 - py) * a[w - 1] + py * b[w - 1] + 2) >> 2);
+    memset(out, o[0], CENSUS_MARGIN);
+    memset(o + w, o[w - 1], CENSUS_MARGIN);
+}
+
+static int make_census(struct sst_descriptor *desc, int phase)
 {
     const size_t w = (size_t)desc->width, padded = sst_mem_stride(w + 2 * CENSUS_MARGIN, 1);
     const struct sst_kernels *k = sst_kernels_get();
     uint8_t *ring = sst_mem_alloc(7, padded);
+    uint64_t *census;
 
     desc->census_stride = sst_mem_stride(w, sizeof(uint64_t)) / sizeof(uint64_t);
-    desc->census = sst_mem_alloc_raw((size_t)desc->height * desc->census_stride, sizeof(uint64_t));
-    if (!ring || !desc->census) {
+    census = sst_mem_alloc_raw((size_t)desc->height * desc->census_stride, sizeof(uint64_t));
+    desc->census[phase] = census;
+    if (!ring || !census) {
         sst_mem_free(ring);
         return -ENOMEM;
     }
-    for (int y = -3, next = -3; y < desc->height; y++) {
+    for (int y = 0, next = -3; y < desc->height; y++) {
         const uint8_t *rows[7];
 
         /* Row j of the image, borders repeated, lives in ring slot (j + 7) % 7. */
-        for (; next <= y + 3; next++) {
-            const uint8_t *from = sst_map_u8_row(&desc->luma, sst_clamp_int(next, 0, desc->height - 1));
-            uint8_t *to = ring + (size_t)((next + 7) % 7) * padded;
-
-            memset(to, from[0], CENSUS_MARGIN);
-            memcpy(to + CENSUS_MARGIN, from, w);
-            memset(to + CENSUS_MARGIN + w, from[w - 1], CENSUS_MARGIN);
-        }
-        if (y < 0)
-            continue;
+        for (; next <= y + 3; next++)
+            phase_row(ring + (size_t)((next + 7) % 7) * padded, &desc->luma, next, phase % 4, phase / 4);
         for (int j = 0; j < 7; j++)
             rows[j] = ring + (size_t)((y + j - 3 + 7) % 7) * padded + CENSUS_MARGIN;
-        k->census_row(desc->census + (size_t)y * desc->census_stride, rows, w);
+        k->census_row(census + (size_t)y * desc->census_stride, rows, w);
     }
     sst_mem_free(ring);
     return 0;
+}
+
+int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases)
+{
+    int err = 0;
+
+    for (int p = 1; !err && desc->census[0] && p < SST_PHASES; p++) {
+        if (phases & 1u << p && !desc->census[p])
+            err = make_census(desc, p);
+    }
+    return err;
 }
 
 /* Luma with mean 0 and deviation 1 over the view: what the network was trained on. Constant views become 0. */
@@ -144,7 +164,7 @@ int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img
     made.height = made.image.height;
     err = sst_luma(&made.luma, &made.image);
     if (!err && cost & SST_COST_CENSUS)
-        err = make_census(&made);
+        err = make_census(&made, 0);
     if (!err && cost & SST_COST_MCCNN)
         err = make_features(&made, net);
     if (err) {
@@ -160,7 +180,8 @@ void sst_descriptor_fini(struct sst_descriptor *desc)
     if (desc->image_owned)
         sst_image_fini(&desc->image);
     sst_map_u8_fini(&desc->luma);
-    sst_mem_free(desc->census);
+    for (int p = 0; p < SST_PHASES; p++)
+        sst_mem_free(desc->census[p]);
     sst_mem_free(desc->features);
     *desc = (struct sst_descriptor){ 0 };
 }

@@ -13,6 +13,10 @@
 
 /* Cost volumes of views that are matched at once may take this much memory together. */
 #define VOLUME_BUDGET_BYTES ((size_t)6 << 30)
+/* Up to this range steps are quarter pixels, up to twice as much half ones. */
+#define FINE_RANGE_PX 24
+/* Up to this many pixels a view is matched in quarter-pixel phases. */
+#define FINE_PIXELS ((size_t)1200000)
 
 /* Everything of one run; descriptors live only while a grid row or its neighbours are matched. */
 struct run {
@@ -20,7 +24,9 @@ struct run {
     const struct sst_disparity_config *cfg;
     struct sst_network *net;
     int scale, width, height;      /* of the images that are matched */
-    int disp_min, steps;           /* in pixels of those images */
+    int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
+    int divisor;                   /* steps per pixel */
+    unsigned phases;               /* of the census that some pair of neighbours needs */
     struct sst_descriptor *desc;   /* [views] */
     struct sst_map_u16 *disp;      /* [views], at matching size */
     struct sst_map_u8 *confidence; /* [views] */
@@ -67,9 +73,12 @@ static int describe_job(void *arg, int index, int worker SST_UNUSED)
     const int view = run->first_view + index;
     const struct sst_view *v = &run->lf->views[view];
 
+    int err;
+
     if (run->desc[view].luma.data || !v->present)
         return 0;
-    return sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost, run->net);
+    err = sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost, run->net);
+    return err ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
 }
 
 /* View at (row + dr, col + dc), or -1. */
@@ -195,7 +204,7 @@ static int check_job(void *arg, int view, int worker SST_UNUSED)
     count = checked_views(run, view, views, &near);
     err = sst_map_u8_init(&run->status[view], run->width, run->height);
     if (!err)
-        sst_check_views(&run->status[view], &run->disp[view], run->disp_min, run->steps, views, count);
+        sst_check_views(&run->status[view], &run->disp[view], run->disp_min, run->range + 1, views, count);
     return err;
 }
 
@@ -275,10 +284,45 @@ static int match_all(struct run *run, int threads, sst_progress_fn *progress, vo
     return err;
 }
 
+static int steps_of(const struct run *run)
+{
+    return run->range * run->divisor + 1;
+}
+
+static int make_volume(const struct run *run, struct sst_volume *v)
+{
+    const int err = sst_volume_init(v, run->width, run->height, run->disp_min, steps_of(run));
+
+    if (!err) {
+        v->divisor = run->divisor;
+        /* Between pixels in quarters; in halves where the views are so large that 16 phases would not fit. */
+        v->phase_step = (size_t)run->width * (size_t)run->height > FINE_PIXELS ? 2 : 1;
+    }
+    return err;
+}
+
+/* Every phase that matching a view with one of its neighbours will ask for. */
+static unsigned phases_needed(const struct run *run)
+{
+    const struct sst_lightfield *lf = run->lf;
+    unsigned phases = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        for (int s = 0; lf->views[view].present && s < SST_MAX_NEIGHBOURS; s++) {
+            const int n = view_at(lf, view, sides[s][0], sides[s][1]);
+
+            if (n >= 0)
+                phases |= sst_volume_phases(&run->volumes[0], lf->views[n].bx - lf->views[view].bx,
+                                            lf->views[n].by - lf->views[view].by);
+        }
+    }
+    return phases;
+}
+
 static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
-    const size_t each = sst_volume_bytes(run->width, run->height, run->steps);
+    const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
     const int workers = sst_clamp_int((int)(VOLUME_BUDGET_BYTES / each), 1, sst_min_int(threads, run->lf->cols));
     int err = 0, made = 0;
 
@@ -286,7 +330,8 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     if (!run->volumes)
         return -ENOMEM;
     for (; !err && made < workers; made++)
-        err = sst_volume_init(&run->volumes[made], run->width, run->height, run->disp_min, run->steps);
+        err = make_volume(run, &run->volumes[made]);
+    run->phases = err ? 0 : phases_needed(run);
     err = err ? err : match_all(run, workers, progress, progress_arg);
     for (int i = 0; i < workers; i++)
         sst_volume_fini(&run->volumes[i]);
@@ -313,7 +358,9 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->width = (lf->width + cfg->scale - 1) / cfg->scale;
     run->height = (lf->height + cfg->scale - 1) / cfg->scale;
     run->disp_min = (int)floor(cfg->disp_min_px / cfg->scale);
-    run->steps = (int)ceil(cfg->disp_max_px / cfg->scale) - run->disp_min + 1;
+    run->range = (int)ceil(cfg->disp_max_px / cfg->scale) - run->disp_min;
+    /* Short ranges leave room for finer steps, and need them: their scenes' depth lies within few pixels. */
+    run->divisor = run->range <= FINE_RANGE_PX ? 4 : run->range <= 2 * FINE_RANGE_PX ? 2 : 1;
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));
@@ -359,8 +406,8 @@ int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_dispari
     if (!err)
         err = run_all(&run, threads, progress, progress_arg);
     if (err == -ENOMEM)
-        sst_log_error("not enough memory to match %d disparities at %dx%d; use fewer threads or a narrower range", run.steps,
-                      run.width, run.height);
+        sst_log_error("not enough memory to match %d disparities at %dx%d; use fewer threads or a narrower range",
+                      run.range + 1, run.width, run.height);
     run_fini(&run);
     return err;
 }

@@ -7,13 +7,20 @@
 
 SST_EXTERN_C_BEGIN
 
+/*
+ * Neighbours at fractional offsets, and steps of less than a pixel, fall between pixels. The census of a view is therefore
+ * made of the view shifted by quarter pixels, bilinearly: phase 4 * py + px stands for (px / 4, py / 4). Only phases that
+ * some disparity needs are made; phase 0 always is.
+ */
+#define SST_PHASES 16
+
 /** What matching needs of one view. Owner: whoever made it, with sst_descriptor_fini(). */
 struct sst_descriptor {
     int width, height;
     struct sst_image image;    /* borrowed, or half size and owned */
     bool image_owned;
     struct sst_map_u8 luma;    /* BT.601 */
-    uint64_t *census;          /* [height][census_stride], or NULL */
+    uint64_t *census[SST_PHASES]; /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
     size_t census_stride;      /* elements */
     int8_t *features;          /* [height][32][feature_stride / 2][2], or NULL */
     size_t feature_stride;     /* bytes between channel pairs of one row */
@@ -33,6 +40,9 @@ SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct
                                        enum sst_cost cost, struct sst_network *net);
 void sst_descriptor_fini(struct sst_descriptor *desc);
 
+/** Make the census of more phases (bit p of `phases`); a descriptor without census is left alone. */
+SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases);
+
 /** A view to match with: a point at x in the reference is at x - d * b there. */
 struct sst_neighbour {
     const struct sst_descriptor *desc;
@@ -41,11 +51,14 @@ struct sst_neighbour {
 
 #define SST_MAX_NEIGHBOURS 12
 
-/** Cost volume of a view: [height][width_padded][steps_padded] uint8, entry i of a pixel is disparity disp_min + i. */
+/** Cost volume of a view: [height][width_padded][steps_padded] uint8, entry i of a pixel is disparity
+ *  disp_min + i / divisor. */
 struct sst_volume {
     int width, height;
     size_t width_padded;  /* multiple of 64 */
     int disp_min, steps;
+    int divisor;          /* steps per pixel: 1 (set by init), 2 or 4 */
+    int phase_step;       /* quarter pixels that shifts are rounded to: 4 (whole pixels, set by init), 2 or 1 */
     size_t steps_padded;  /* multiple of 32; the padding costs SST_COST_MAX */
     uint8_t *cost;
     uint16_t *sum;        /* the same shape: summed path costs; made by sst_sgm() */
@@ -87,6 +100,9 @@ SST_MUST_CHECK int sst_support_aggregate(struct sst_volume *v, const struct sst_
  * minimum subtracted, so that L <= 255 + p2).
  */
 SST_MUST_CHECK int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg);
+
+/** The phases that matching against a neighbour at offset b needs of it. */
+unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by);
 
 /** Put v->sum, less each pixel's minimum and cut at 255, back into v->cost for another aggregation. */
 void sst_volume_requantise(struct sst_volume *v);

@@ -28,7 +28,8 @@ size_t sst_volume_bytes(int width, int height, int steps)
 
 int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps)
 {
-    struct sst_volume made = { .width = width, .height = height, .disp_min = disp_min, .steps = steps };
+    struct sst_volume made = { .width = width, .height = height, .disp_min = disp_min, .steps = steps, .divisor = 1,
+                               .phase_step = 4 };
     size_t cells, tile;
 
     made.width_padded = ((size_t)width + 63) / 64 * 64;
@@ -54,6 +55,29 @@ void sst_volume_fini(struct sst_volume *v)
     *v = (struct sst_volume){ 0 };
 }
 
+/* Where disparity step i puts a pixel in a neighbour at offset b along one axis: in quarter pixels from its own place. */
+static int shift_q2(const struct sst_volume *v, int i, double b)
+{
+    const double d = v->disp_min + (double)i / v->divisor;
+
+    return v->phase_step * (int)floor(-d * b * 4.0 / v->phase_step + 0.5);
+}
+
+/* Whole pixels, rounded down, and the quarters left over. */
+static int whole(int q2)
+{
+    return (q2 - (q2 & 3)) / 4;
+}
+
+unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by)
+{
+    unsigned phases = 0;
+
+    for (int i = 0; i < v->steps; i++)
+        phases |= 1u << (4 * (shift_q2(v, i, by) & 3) + (shift_q2(v, i, bx) & 3));
+    return phases;
+}
+
 /* Costs of row y against one neighbour: tile[i][x], i the disparity step. With both costs their mean. @param row  scratch */
 static void tile_row(uint8_t *tile, uint8_t *row, const struct sst_volume *v, const struct sst_descriptor *ref,
                      const struct sst_neighbour *n, int y)
@@ -63,22 +87,24 @@ static void tile_row(uint8_t *tile, uint8_t *row, const struct sst_volume *v, co
 
     memset(tile, ABSENT, v->width_padded * v->steps_padded);
     for (int i = 0; i < v->steps; i++) {
-        const double d = v->disp_min + i;
-        const int shift = (int)floor(d * n->bx + 0.5), yn = y - (int)floor(d * n->by + 0.5);
-        const int x0 = sst_max_int(0, shift), x1 = sst_min_int(w, w + shift), count = x1 - x0;
+        const int qx = shift_q2(v, i, n->bx), qy = shift_q2(v, i, n->by), phase = 4 * (qy & 3) + (qx & 3);
+        const int shift = whole(qx), yn = y + whole(qy);
+        /* Features are made for whole pixels only: the nearest ones. */
+        const int near_x = whole(qx + 2), near_y = y + whole(qy + 2);
+        const int x0 = sst_max_int(0, -sst_min_int(shift, near_x)), x1 = sst_min_int(w, w - sst_max_int(shift, near_x));
         uint8_t *out = tile + (size_t)i * v->width_padded + x0;
 
-        if (yn < 0 || yn >= v->height || count <= 0)
+        if (yn < 0 || near_y < 0 || yn >= v->height || near_y >= v->height || x1 <= x0)
             continue;
-        if (ref->census)
-            k->hamming_row(out, ref->census + (size_t)y * ref->census_stride + x0,
-                           n->desc->census + (size_t)yn * ref->census_stride + (x0 - shift), (size_t)count);
+        if (ref->census[0])
+            k->hamming_row(out, ref->census[0] + (size_t)y * ref->census_stride + x0,
+                           n->desc->census[phase] + (size_t)yn * ref->census_stride + (x0 + shift), (size_t)(x1 - x0));
         if (ref->features)
-            k->feature_cost_row(ref->census ? row : out,
+            k->feature_cost_row(ref->census[0] ? row : out,
                                 ref->features + (size_t)y * 32 * ref->feature_stride + 2 * (size_t)x0,
-                                n->desc->features + (size_t)yn * 32 * ref->feature_stride + 2 * (size_t)(x0 - shift),
-                                ref->feature_stride, (size_t)count);
-        for (int x = 0; ref->features && ref->census && x < count; x++)
+                                n->desc->features + (size_t)near_y * 32 * ref->feature_stride + 2 * (size_t)(x0 + near_x),
+                                ref->feature_stride, (size_t)(x1 - x0));
+        for (int x = 0; ref->features && ref->census[0] && x < x1 - x0; x++)
             out[x] = (uint8_t)((out[x] + row[x] + 1) >> 1);
     }
 }
@@ -196,7 +222,7 @@ int sst_volume_winner(const struct sst_volume *v, bool from_cost, struct sst_map
 
             if (b > 0 && b + 1 < v->steps)
                 offset = sst_parabola_q6(s[b - 1], s[b], s[b + 1]);
-            disp[x] = (uint16_t)(b * 64 + offset);
+            disp[x] = (uint16_t)((b * 64 + offset + v->divisor / 2) / v->divisor);
             /* Half of full confidence at a gap of 128 cost units. */
             conf[x] = (uint8_t)(gap > 0 ? 255 * gap / (gap + 128) : 0);
         }

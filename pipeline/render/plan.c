@@ -74,7 +74,7 @@ static int fit_to_disparities(struct sst_render_config *cfg, struct sst_renderer
         return -ERANGE;
     }
     if (cfg->sigma_px == 0)
-        cfg->sigma_px = fmax((hi - lo) / 20, 0.1);
+        cfg->sigma_px = fmax((hi - lo) / 10, 0.1);
     if (cfg->range_margin_px < 0)
         cfg->range_margin_px = (hi - lo) / 50;
     return 0;

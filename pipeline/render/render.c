@@ -14,7 +14,7 @@
 void sst_render_config_defaults(struct sst_render_config *cfg)
 {
     *cfg = (struct sst_render_config){
-        .method = SST_RENDER_SST, .sigma_px = 0, .c1 = 0.01, .c2 = 0.03, .label_factor = 2, .range = SST_RANGE_OBJECT,
+        .method = SST_RENDER_SST, .sigma_px = 0, .c1 = 0.005, .c2 = 0.02, .label_factor = 2, .range = SST_RANGE_OBJECT,
         .range_percentile = 0.01, .range_margin_px = -1, .unsupported = SST_UNSUPPORTED_REFOCUS, .aperture = INFINITY,
     };
 }

@@ -28,7 +28,7 @@ enum sst_render_unsupported {
 struct sst_render_config {
     enum sst_render_method method;
     double focus_px;        /* d_f, px per spacing */
-    double sigma_px;        /* sigma_d, at least 1e-6; infinity allowed; 0: 1/20 of the disparity range, at least 0.1 */
+    double sigma_px;        /* sigma_d, at least 1e-6; infinity allowed; 0: 1/10 of the disparity range, at least 0.1 */
     double c1, c2;          /* 0..1 */
     int focus_label;        /* 0: none */
     double label_factor;    /* weight of other labels is divided by this, >= 1 */

@@ -576,29 +576,37 @@ static void impossible_wishes_are_refused(void **state SST_UNUSED)
     free_views(&lf);
 }
 
-/* Disparities 2..42: sigma is 40 / 20 = 2, so a ray 2 off the focus weighs 0.99 e^-0.5 + 0.01. The range of its label,
- * one value, is widened by 40 / 50 = 0.8 at each end: half that off, 1 - 0.25, 0.97 * 0.75 + 0.03. */
+/* Disparities 2..47: sigma is 45 / 10 = 4.5, so a ray 4.5 off the focus weighs 0.995 e^-0.5 + 0.005. The range of its
+ * label, one value, is widened by 45 / 50 = 0.9 at each end: half that off, 1 - 0.25, 0.98 * 0.75 + 0.02. */
 static void defaults_follow_the_disparities(void **state SST_UNUSED)
 {
     struct sst_render_config cfg;
     struct sst_ray rays[SST_MAX_VIEWS];
     struct sst_renderer *r;
     struct sst_lightfield lf;
+    struct sst_map_f32 w_depth = { 0 }, w_label = { 0 };
     int count;
 
+    assert_int_equal(sst_map_f32_init(&w_depth, 3, 1), 0);
+    assert_int_equal(sst_map_f32_init(&w_label, 3, 1), 0);
     make_views(&lf, 1, 1, 3, 1);
     set_pixel(&lf, 0, 0, 0, 9, 2, 1);
     set_pixel(&lf, 0, 1, 0, 9, 8, 2);
-    set_pixel(&lf, 0, 2, 0, 9, 42, 3);
+    set_pixel(&lf, 0, 2, 0, 9, 47, 3);
     sst_render_config_defaults(&cfg);
     assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
-    cfg.focus_px = 10;
+    cfg.focus_px = 12.5;
     assert_int_equal(sst_render_rays(r, &cfg, 1, 0, rays, &count), 0);
-    assert_near(rays[0].w_depth, 0.99 * 0.60653066 + 0.01, 1e-8);
-    assert_near(rays[0].w_label, 0.03, 1e-8);
-    cfg.focus_px = 8.4;
+    assert_near(rays[0].w_depth, 0.995 * 0.60653066 + 0.005, 1e-8);
+    assert_near(rays[0].w_label, 0.02, 1e-8);
+    assert_int_equal(sst_render_weights(r, &cfg, 0, &w_depth, &w_label), 0);
+    assert_near(w_depth.data[1], 0.995 * 0.60653066 + 0.005, 1e-6);
+    assert_near(w_label.data[1], 0.02, 1e-6);
+    cfg.focus_px = 8.45;
     assert_int_equal(sst_render_rays(r, &cfg, 1, 0, rays, &count), 0);
-    assert_near(rays[0].w_label, 0.7575, 1e-7);
+    assert_near(rays[0].w_label, 0.755, 1e-7);
+    sst_map_f32_fini(&w_depth);
+    sst_map_f32_fini(&w_label);
     sst_renderer_destroy(r);
     free_views(&lf);
 }

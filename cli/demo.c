@@ -1,0 +1,138 @@
+/* sst demo: the whole way from a scene to a see-through picture, with the commands that a user would type. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "cli/cli.h"
+#include "pipeline/eval/report.h"
+#include "pipeline/image/codec.h"
+
+#define MAX_ARGS 12
+#define GAP 8 /* white pixels between the panels */
+
+/* Show a command line, then run it in this process. */
+static int step(const struct cli_command *cmd, const char *const *args)
+{
+    char *argv[MAX_ARGS + 1] = { (char *)(uintptr_t)cmd->name };
+    int argc = 1;
+
+    printf("$ sst %s", cmd->name);
+    for (; args[argc - 1]; argc++) {
+        printf(" %s", args[argc - 1]);
+        argv[argc] = (char *)(uintptr_t)args[argc - 1];
+    }
+    putchar('\n');
+    fflush(stdout);
+    return cmd->run(cmd, argc, argv);
+}
+
+/* Four pictures of one size, two by two on white. */
+static int montage(const char *out, const char *const files[4])
+{
+    struct sst_image panel = { 0 }, sheet = { 0 };
+    int err = 0;
+
+    for (int i = 0; !err && i < 4; i++) {
+        sst_image_fini(&panel);
+        err = sst_image_read(&panel, files[i]);
+        if (!err && !sheet.width) {
+            err = sst_image_init(&sheet, 2 * panel.width + GAP, 2 * panel.height + GAP);
+            if (!err)
+                memset(sheet.plane[0], 255, 3 * sheet.stride * (size_t)sheet.height);
+        }
+        for (int c = 0; !err && c < 3; c++) {
+            for (int y = 0; y < panel.height; y++)
+                memcpy(sst_image_row(&sheet, c, (i / 2) * (panel.height + GAP) + y) + (i % 2) * (panel.width + GAP),
+                       sst_image_row(&panel, c, y), (size_t)panel.width);
+        }
+    }
+    err = err ? err : sst_image_write_png(&sheet, out);
+    sst_image_fini(&panel);
+    sst_image_fini(&sheet);
+    return err;
+}
+
+struct demo {
+    char lf[SST_PATH_MAX], truth[SST_PATH_MAX], view[SST_PATH_MAX], behind[SST_PATH_MAX];
+    char see_through[SST_PATH_MAX], refocus[SST_PATH_MAX], sheet[SST_PATH_MAX];
+};
+
+static int name_files(struct demo *d, const char *out, const char *scene)
+{
+    int err = sst_path_join(d->lf, out, scene);
+
+    err = err ? err : sst_path_join(d->truth, d->lf, "truth");
+    err = err ? err : sst_path_join(d->behind, d->truth, "behind.png");
+    err = err ? err : sst_path_join(d->see_through, out, "see-through.png");
+    err = err ? err : sst_path_join(d->refocus, out, "refocus.png");
+    return err ? err : sst_path_join(d->sheet, out, "side-by-side.png");
+}
+
+static int run_steps(struct demo *d, const char *scene, const char *preset, const char *size)
+{
+    const char *const make[] = { scene, "-o", d->lf, "--size", size, "--force", NULL };
+    const char *const process[] = { d->lf, "--preset", preset, NULL };
+    const char *const eval[] = { d->lf, "--truth", d->truth, NULL };
+    struct sst_truth truth;
+    char focus[32], name[32];
+    int r = step(&cli_scene, make);
+
+    if (r == CLI_OK)
+        r = step(&cli_process, process);
+    if (r == CLI_OK)
+        r = cli_exit_code(sst_truth_read(&truth, d->truth));
+    if (r == CLI_OK) {
+        const char *const sst[] = { d->lf, "--focus", focus, "-o", d->see_through, NULL };
+        const char *const plain[] = { d->lf, "--focus", focus, "--method", "refocus", "-o", d->refocus, NULL };
+
+        snprintf(focus, sizeof(focus), "%.2f", truth.occluders[0].focus_px);
+        snprintf(name, sizeof(name), "views/%02d_%02d.png", truth.ref_row, truth.ref_col);
+        r = cli_exit_code(sst_path_join(d->view, d->lf, name));
+        r = r ? r : step(&cli_render, sst);
+        r = r ? r : step(&cli_render, plain);
+    }
+    return r ? r : step(&cli_eval, eval);
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    const char *scene = "bush", *out = "sst-demo", *preset = "balanced", *size = "1000x750";
+    bool once = false;
+    const struct cli_option options[] = {
+        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (bush)", 0, 0 },
+        { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit", 0, 0 },
+        { "output", 'o', CLI_STRING, &out, "DIR", "folder for the light field and the pictures (sst-demo)", 0, 0 },
+        { "preset", 'p', CLI_STRING, &preset, "NAME", "preview, balanced (default) or accurate", 0, 0 },
+        { "size", 0, CLI_STRING, &size, "WxH", "pixels of a view (1000x750)", 0, 0 },
+    };
+    struct demo d;
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+
+    if (r != CLI_GO_ON)
+        return r;
+    if (strchr(scene, '/') || !*scene)
+        return cli_usage_error(cmd, "there is no scene %s", scene);
+    r = cli_exit_code(name_files(&d, out, scene));
+    r = r ? r : cli_exit_code(sst_path_make_dir(out));
+    r = r ? r : run_steps(&d, scene, preset, size);
+    if (r == CLI_OK) {
+        const char *const panels[4] = { d.view, d.refocus, d.see_through, d.behind };
+
+        r = cli_exit_code(montage(d.sheet, panels));
+    }
+    if (r == CLI_OK)
+        printf("\nThe view in the middle, plain refocusing; see-through, and what really is behind:\n  %s\n", d.sheet);
+    return r;
+}
+
+const struct cli_command cli_demo = {
+    .name = "demo",
+    .usage = "[--scene S] [--once] [-o DIR]",
+    .summary = "from a simulated array to a see-through picture",
+    .detail = "Renders a scene as a 6x6 array sees it, computes labels and disparities, and looks behind the occluder.\n"
+              "Prints each command on the way. An earlier demo in the folder is replaced.",
+    .example = "sst demo --scene pedestrian --once",
+    .run = run,
+};

@@ -1,0 +1,76 @@
+#!/usr/bin/env bash
+# `sst render` and `sst sweep` on a simulated scene with its true maps, and wishes that must be refused.
+set -u
+sst=$PWD/${SST_BUILD:-build}/sst
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+cd "$tmp" || exit 1
+failed=0
+
+fail() { echo "FAIL: $*"; failed=1; }
+
+# want CODE WORDS ARGS...: exit code, one line of error with these words, nothing named bad* left.
+want() {
+  local code=$1 words=$2 err rc
+  shift 2
+  err=$("$sst" "$@" 2>&1 >/dev/null); rc=$?
+  [ "$rc" -eq "$code" ] || fail "$*: exit $rc, not $code: $err"
+  [ "$(grep -c error <<<"$err")" -eq 1 ] || fail "$*: not one error: $err"
+  grep -q -- "$words" <<<"$err" || fail "$*: no '$words' in: $err"
+  [ -z "$(find . -name '*.tmp-*' -o -name 'bad*')" ] || fail "$*: left an output"
+}
+
+"$sst" scene bush --size 200x150 -o world || exit 1
+"$sst" import folder world/views --grid 6x6 --disparity world/truth --labels world/truth -o lf >/dev/null || exit 1
+focus=$(sed -n 's/^  "focus_px": \([0-9.]*\).*/\1/p' world/truth/truth.json | head -n 1)
+
+# --- the same bytes for any number of threads and on any CPU level ---
+"$sst" render lf --focus "$focus" -o a.png || fail "render"
+"$sst" render lf --focus "$focus" --threads 1 -o b.png || fail "one thread"
+SST_CPU=ref "$sst" render lf --focus "$focus" --threads 3 -o c.png || fail "references"
+cmp -s a.png b.png && cmp -s a.png c.png || fail "threads or CPU level change the picture"
+
+# --- weights that are all alike are plain refocusing, to the byte ---
+"$sst" render lf --focus "$focus" --method refocus -o plain.png || fail "refocus"
+"$sst" render lf --focus "$focus" --sigma inf --c2 1 -o limit.png || fail "limit"
+cmp -s plain.png limit.png || fail "sigma inf, c2 1 is not plain refocusing"
+cmp -s plain.png a.png && fail "see-through is plain refocusing"
+
+# --- options, report, explanation ---
+"$sst" render lf --focus "$focus" --label Pedestrian --range minmax --aperture 2 --soft --view-x 0.5 -o d.jpg --json \
+  | grep -q '"label": "Pedestrian"' || fail "json"
+"$sst" render lf --focus "$focus" --f-stop 2 --max-views 9 --repeat 3 -o d.jpg | grep -q 'median of 3' || fail "repeat"
+"$sst" render lf --focus "$focus" --explain why --explain-pixel 100,70 -o d.jpg || fail "explain"
+for f in disparity labels weight_depth weight_label weight rays; do [ -s why/$f.png ] || fail "why/$f.png"; done
+grep -q '"share"' why/explain.json || fail "why/explain.json"
+
+# --- sweep ---
+"$sst" sweep lf --from "$focus" --to 12 --steps 3 --bounce -o frames || fail "sweep"
+[ "$(ls frames)" = "$(printf '0000.png\n0001.png\n0002.png\n0003.png\nsweep.json')" ] || fail "frames: $(ls frames)"
+cmp -s frames/0001.png frames/0003.png || fail "the way back differs"
+cmp -s frames/0000.png a.png || fail "the first frame is not the picture"
+if "$sst" version --json | grep -q '"libavformat": true'; then
+  "$sst" sweep lf --from 6 --to 12 --steps 4 -o sweep.mp4 || fail "video"
+  [ "$(dd if=sweep.mp4 bs=1 skip=4 count=4 2>/dev/null)" = ftyp ] || fail "sweep.mp4 is no MP4"
+else
+  want 5 "libavformat" sweep lf --from 6 --to 12 --steps 4 -o bad.mp4
+fi
+
+# --- refusals ---
+want 2 "outside the disparities" render lf --focus 900 -o bad.png
+want 2 "outside the disparities" sweep lf --from "$focus" --to 900 --steps 3 -o bad
+want 2 "Pedestrian" render lf --focus "$focus" --label Dog -o bad.png
+want 2 "focus" render lf -o bad.png
+want 2 "neither" render lf --focus "$focus" -o bad.gif
+want 2 "sigma" render lf --focus "$focus" --sigma -1 -o bad.png
+want 2 "twice" render lf --focus "$focus" --aperture 1 --f-stop 2 -o bad.png
+want 2 "outside the picture" render lf --focus "$focus" --explain bad --explain-pixel 200,0 -o bad.png
+want 3 "sst process" render world --focus "$focus" -o bad.png
+want 3 "no such folder" render missing --focus "$focus" -o bad.png
+want 4 "nowhere" render lf --focus "$focus" -o nowhere/bad.png
+want 4 "force" sweep lf --from 6 --to 12 --steps 2 -o frames
+"$sst" import folder world/views --grid 6x6 --disparity world/truth -o plain >/dev/null || fail "import"
+want 3 "no labels" render plain --focus "$focus" --label Pedestrian -o bad.png
+
+[ "$failed" -eq 0 ] && echo "all passed"
+exit "$failed"
