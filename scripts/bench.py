@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measure time against error from scratch and renew the tables and charts of docs/. `make bench` and `make bench-quick` run it.
+"""Measure time against error from scratch and renew the tables and charts of docs/: `make bench`, `make bench-quick`.
 
 Raw figures go to BUILD/bench/ (stereo.csv, render.csv, scenes.json), tables and charts to BUILD/bench/docs/ and from
 there, unless --quick, to docs/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
@@ -93,6 +93,8 @@ def main():
     args = parser.parse_args()
     os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
     os.environ.setdefault("SST_MODELS", os.path.abspath("models"))
+    if not shutil.which("gnuplot"):
+        sys.exit("bench: gnuplot, which draws the charts, is missing: install gnuplot-nox")
     out, start = f"{args.build}/bench" + ("-quick" if args.quick else ""), time.monotonic()
     os.makedirs(out, exist_ok=True)
     for name in ("stereo.csv", "render.csv", "scenes.json"):
@@ -106,10 +108,11 @@ def main():
         os.makedirs("docs", exist_ok=True)
         for path in made:
             shutil.copy(path, "docs")
-    say(f"{time.monotonic() - start:.0f} s; " + ", ".join(made if args.quick else [f"docs/{os.path.basename(p)}" for p in made]))
+    say(f"{time.monotonic() - start:.0f} s; tables and charts are in {f'{out}/docs' if args.quick else 'docs'}")
 
 
-try:
-    main()
-except (subprocess.CalledProcessError, FileNotFoundError) as error:
-    sys.exit(f"bench: stopped: {error}")
+if __name__ == "__main__":
+    try:
+        main()
+    except subprocess.CalledProcessError as error:
+        sys.exit(f"bench: stopped: {error}")

@@ -14,7 +14,6 @@ struct bench_blend {
     std::vector<cv::Mat> weight;       /* float; empty: all rays weigh 1 */
     std::vector<cv::Point2d> shift_px; /* of the view against the picture */
     cv::Mat out;
-    int threads;
 };
 
 static cv::Mat interleave(const struct sst_image *img)
@@ -47,8 +46,9 @@ static int weigh(struct bench_blend *b, struct sst_renderer *renderer, const str
 struct bench_blend *bench_blend_create(const struct sst_lightfield *lf, struct sst_renderer *renderer,
                                        const struct sst_render_config *cfg)
 {
-    struct bench_blend *b = new bench_blend{ lf->width, lf->height, {}, {}, {}, {}, cfg->threads };
+    struct bench_blend *b = new bench_blend{ lf->width, lf->height, {}, {}, {}, {} };
 
+    cv::setNumThreads(cfg->threads);
     for (int view = 0; view < lf->rows * lf->cols; view++) {
         const struct sst_view *v = &lf->views[view];
 
@@ -113,7 +113,6 @@ static void add_view(const struct bench_blend *b, size_t view, int y0, int y1, c
 
 void bench_blend_render(struct bench_blend *b)
 {
-    cv::setNumThreads(b->threads);
     cv::parallel_for_(cv::Range(0, (b->height + BAND_ROWS - 1) / BAND_ROWS), [b](const cv::Range &bands) {
         for (int band = bands.start; band < bands.end; band++) {
             const int y0 = band * BAND_ROWS, y1 = std::min(y0 + BAND_ROWS, b->height);

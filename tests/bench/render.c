@@ -128,8 +128,8 @@ static int measure(struct bench *b, int method, const struct sst_render_config *
             err = sst_render(b->renderer, cfg, &b->out[method], NULL);
         ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
         cpu_ms = (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6;
-        printf("%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,%.3f,%.0f\n", b->lf.width, b->lf.height, names[i % 2][method], i / 2 + 1,
-               ms, cpu_ms, b->lf_mib, mib, mean, max);
+        printf("%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,%.3f,%.0f\n", b->lf.width, b->lf.height, names[i % 2][method],
+               i / 2 + 1, ms, cpu_ms, b->lf_mib, mib, mean, max);
     }
     bench_blend_destroy(blend);
     return err;

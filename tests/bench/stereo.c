@@ -1,5 +1,5 @@
-/* Times matching of the Middlebury pairs by this project's presets and by OpenCV, interleaved: stereo DATA TRUTH ROUNDS.
- * Prints CSV, one line for each pair, round and method. */
+/* Times matching of the Middlebury pairs by this project's presets and by OpenCV, interleaved: stereo DATA TRUTH
+ * ROUNDS. Prints CSV, one line for each pair, round and method. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -83,8 +83,8 @@ static int measure(const struct pair *p, size_t index, size_t method, int round)
 
     err = err ? err : sst_eval_disparity(&e, &disp, &p->truth, NULL);
     if (!err && round)
-        printf("%s,%s,%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f,%d,%d\n", pairs[index].name, methods[method].name, round, ms,
-               cpu_ms, e.bad_half, e.bad1, e.bad2, e.bad4, e.rmse, p->left.width, p->left.height);
+        printf("%s,%s,%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f,%d,%d\n", pairs[index].name, methods[method].name, round,
+               ms, cpu_ms, e.bad_half, e.bad1, e.bad2, e.bad4, e.rmse, p->left.width, p->left.height);
     sst_map_f32_fini(&disp);
     return err;
 }
@@ -110,7 +110,7 @@ int main(int argc, char **argv)
     int err = 0;
 
     if (rounds < 1) {
-        fprintf(stderr, "usage: stereo DATA TRUTH ROUNDS: folders of the pairs and of their truth as PFM; rounds >= 1\n");
+        fprintf(stderr, "usage: stereo DATA TRUTH ROUNDS: folders of the pairs, of their truth (PFM); rounds >= 1\n");
         return 2;
     }
     printf("pair,method,round,ms,cpu_ms,bad05,bad1,bad2,bad4,rmse,width,height\n");
