@@ -149,7 +149,7 @@ def stereo(source, out, command):
 
 
 RENDER_TEXT = """\
-One picture from the simulated bush with its true maps, all views, exact mode, {rounds} interleaved rounds in one process.
+One picture from the simulated bush with its true maps, all views, exact mode, {rounds} interleaved rounds.
 OpenCV makes the same sums: bands of rows in parallel, each view by warpAffine (bilinear), blended in float; its views
 are interleaved beforehand, and for see-through it gets the weight of every ray ready-made, while `sst` forms the
 weights within its time. Time relative to OpenCV: median over the rounds. Peak: largest memory of the process while it
