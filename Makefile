@@ -7,6 +7,7 @@ BUILD ?= build$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 comma := ,
 CC ?= gcc
 CXX ?= g++
+PYTHON ?= /usr/bin/python3
 
 # --- optional parts: present packages are used, WITH_X=0 builds without -------------------------------------------
 have = $(shell pkg-config --exists $(1) 2>/dev/null && echo 1 || echo 0)
@@ -47,7 +48,7 @@ LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 
-.PHONY: all deps check check-unit check-cli check-includes check-san demo bench install help clean format tests
+.PHONY: all deps check check-unit check-cli check-includes check-san demo bench bench-quick install help clean format tests
 .SECONDARY:
 all: $(BUILD)/sst ## build the programs into build/
 
@@ -68,6 +69,13 @@ $(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst.a
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
+
+$(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
+$(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
+$(BUILD)/bench/stereo $(BUILD)/bench/render:
+	@mkdir -p $(@D)
+	@echo "  LD   $@"
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 
 tests: $(TESTS)
 
@@ -91,6 +99,12 @@ check-san: ## unit and kernel tests under address, undefined and thread sanitize
 check-includes: ## headers compile alone, includes go one way
 	scripts/check_includes.sh
 
+BENCH := $(BUILD)/sst $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
+bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/bench-* and docs/time-error-*
+	$(PYTHON) scripts/bench.py --build $(BUILD)
+bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
+	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
+
 demo: deps all ## see through a simulated scene: pictures in sst-demo/
 	$(BUILD)/sst demo --once
 
@@ -107,4 +121,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d)
+-include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(wildcard $(BUILD)/obj/tests/bench/*.d)

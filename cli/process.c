@@ -20,9 +20,17 @@ static void progress(void *arg SST_UNUSED, const char *stage, double done)
         cli_progress_end();
 }
 
-static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r, double load_s, bool json)
+static json_t *seconds_json(double load, double labels, double disparity, double refinement, double saving)
 {
-    const double total = load_s + r->labels_s + r->disparity_s + r->refine_s + r->save_s;
+    return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f}", "load", load, "labels", labels, "disparity", disparity,
+                     "refinement", refinement, "saving", saving, "total",
+                     load + labels + disparity + refinement + saving);
+}
+
+static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r, struct sst_stage_time load,
+                        bool json)
+{
+    const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + r->saving.wall_s;
     json_t *root;
     char *text;
 
@@ -32,17 +40,20 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
             printf("disparity %g..%g px, ", r->disp_min_px, r->disp_max_px);
         if (!isnan(r->coverage_refined))
             printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined, r->coverage_hcsm);
-        printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load_s,
-               r->labels_s, r->disparity_s, r->refine_s, r->save_s);
+        printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total,
+               load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, r->saving.wall_s);
         return 0;
     }
-    root = json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f}}", "rows", lf->rows,
-                     "cols", lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px,
-                     r->disp_max_px, "eps_h", isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
+    root = json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols,
+                     "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px, "eps_h",
+                     isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
                      isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
-                     isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds", "load", load_s,
-                     "labels", r->labels_s, "disparity", r->disparity_s, "refinement", r->refine_s, "saving", r->save_s,
-                     "total", total);
+                     isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
+                     seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s,
+                                  r->saving.wall_s),
+                     "cpu_seconds",
+                     seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s,
+                                  r->saving.cpu_s));
     text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
     json_decref(root);
     if (!text)
@@ -105,7 +116,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_lightfield lf = { 0 };
     char mccnn[SST_PATH_MAX], pspnet[SST_PATH_MAX];
     int64_t start = sst_clock_now_ns();
-    double load_s = 0;
+    struct sst_stage_time load_time = { 0 };
     int err, r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
 
     if (r != CLI_GO_ON)
@@ -123,7 +134,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cfg.refinement.threads = cfg.threads;
     cfg.refine = !no_refine;
     err = err ? err : load(&lf, dir, &w, cfg.threads);
-    load_s = (double)(sst_clock_now_ns() - start) * 1e-9;
+    load_time.wall_s = (double)(sst_clock_now_ns() - start) * 1e-9;
+    load_time.cpu_s = (double)sst_clock_cpu_ns() * 1e-9;
     cfg.model = w.model;
     if (!err && !w.model && !w.no_labels && !lf.labels_given) {
         err = sst_model_path(pspnet, "pspnet-small.onnx");
@@ -136,7 +148,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         err = sst_process(&lf, dir, &cfg, &report);
     }
     cli_progress_end();
-    err = err ? err : print_report(&lf, &report, load_s, w.json);
+    err = err ? err : print_report(&lf, &report, load_time, w.json);
     sst_lightfield_fini(&lf);
     return cli_exit_code(err);
 }

@@ -260,32 +260,37 @@ static bool any_label(const struct sst_lightfield *lf)
     return false;
 }
 
-static int run_stages(struct run *run)
+/* Time since `from`, which moves up to now. */
+static struct sst_stage_time lap(struct sst_stage_time *from)
+{
+    const struct sst_stage_time now = { (double)sst_clock_now_ns() * 1e-9, (double)sst_clock_cpu_ns() * 1e-9 };
+    const struct sst_stage_time took = { now.wall_s - from->wall_s, now.cpu_s - from->cpu_s };
+
+    *from = now;
+    return took;
+}
+
+static int run_stages(struct run *run, struct sst_stage_time *clock)
 {
     struct sst_lightfield *lf = run->lf;
     const struct sst_process_config *cfg = run->cfg;
-    int64_t start = sst_clock_now_ns(), now;
     int err = 0;
 
     if (!lf->labels_given && cfg->model) {
         err = allocate(run);
         err = err ? err : label_views(run);
     }
-    now = sst_clock_now_ns();
-    run->report->labels_s = (double)(now - start) * 1e-9;
-    start = now;
+    run->report->labels = lap(clock);
     if (!err && !lf->disparity_given)
         err = match_views(run);
-    now = sst_clock_now_ns();
-    run->report->disparity_s = (double)(now - start) * 1e-9;
-    start = now;
+    run->report->disparity = lap(clock);
     if (!err && any_label(lf)) {
         run->report->coverage_hcsm = coverage(run);
         if (cfg->refine)
             err = sst_refine_labels(lf, &cfg->refinement, NULL);
         run->report->coverage_refined = coverage(run);
     }
-    run->report->refine_s = (double)(sst_clock_now_ns() - start) * 1e-9;
+    run->report->refinement = lap(clock);
     return err;
 }
 
@@ -293,16 +298,16 @@ int sst_process(struct sst_lightfield *lf, const char *dir, const struct sst_pro
                 struct sst_process_report *report)
 {
     struct run run = { .lf = lf, .dir = dir, .cfg = cfg, .report = report };
-    int64_t start;
+    struct sst_stage_time clock = { 0 };
     int err;
 
     *report = (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN };
-    err = run_stages(&run);
-    start = sst_clock_now_ns();
+    lap(&clock);
+    err = run_stages(&run, &clock);
     show_progress(&run, "saving", 0.99);
     err = err ? err : sst_lightfield_save_maps(lf, dir, cfg->threads);
     err = err ? err : save_extras(&run);
-    report->save_s = (double)(sst_clock_now_ns() - start) * 1e-9;
+    report->saving = lap(&clock);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to process %s", dir);
     release(&run);

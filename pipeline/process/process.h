@@ -20,11 +20,16 @@ struct sst_process_config {
     void *progress_arg;
 };
 
-/** What happened, for the summary. Times are wall seconds. */
+/** What one stage took: wall seconds, and CPU seconds of all threads. */
+struct sst_stage_time {
+    double wall_s, cpu_s;
+};
+
+/** What happened, for the summary. */
 struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when the disparities were given */
-    double labels_s, disparity_s, refine_s, save_s;
+    struct sst_stage_time labels, disparity, refinement, saving;
 };
 
 /**

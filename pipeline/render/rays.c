@@ -148,7 +148,7 @@ int sst_render_weights(struct sst_renderer *r, const struct sst_render_config *c
             const int label = v->label.data ? sst_map_u8_row(&v->label, y)[x] : 0;
 
             sst_map_f32_row(w_depth, y)[x] =
-                p.weighted ? (float)sst_weight_depth(cfg->focus_px, d, cfg->sigma_px, cfg->c1) : 1;
+                p.weighted ? (float)sst_weight_depth(p.cfg.focus_px, d, p.cfg.sigma_px, p.cfg.c1) : 1;
             sst_map_f32_row(w_label, y)[x] = v->label.data ? (float)sst_plan_label_weight(&p, label, disp[x]) : 1;
         }
     }

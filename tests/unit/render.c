@@ -584,8 +584,11 @@ static void defaults_follow_the_disparities(void **state SST_UNUSED)
     struct sst_ray rays[SST_MAX_VIEWS];
     struct sst_renderer *r;
     struct sst_lightfield lf;
+    struct sst_map_f32 w_depth = { 0 }, w_label = { 0 };
     int count;
 
+    assert_int_equal(sst_map_f32_init(&w_depth, 3, 1), 0);
+    assert_int_equal(sst_map_f32_init(&w_label, 3, 1), 0);
     make_views(&lf, 1, 1, 3, 1);
     set_pixel(&lf, 0, 0, 0, 9, 2, 1);
     set_pixel(&lf, 0, 1, 0, 9, 8, 2);
@@ -596,9 +599,14 @@ static void defaults_follow_the_disparities(void **state SST_UNUSED)
     assert_int_equal(sst_render_rays(r, &cfg, 1, 0, rays, &count), 0);
     assert_near(rays[0].w_depth, 0.995 * 0.60653066 + 0.005, 1e-8);
     assert_near(rays[0].w_label, 0.02, 1e-8);
+    assert_int_equal(sst_render_weights(r, &cfg, 0, &w_depth, &w_label), 0);
+    assert_near(w_depth.data[1], 0.995 * 0.60653066 + 0.005, 1e-6);
+    assert_near(w_label.data[1], 0.02, 1e-6);
     cfg.focus_px = 8.45;
     assert_int_equal(sst_render_rays(r, &cfg, 1, 0, rays, &count), 0);
     assert_near(rays[0].w_label, 0.755, 1e-7);
+    sst_map_f32_fini(&w_depth);
+    sst_map_f32_fini(&w_label);
     sst_renderer_destroy(r);
     free_views(&lf);
 }

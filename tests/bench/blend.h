@@ -1,0 +1,29 @@
+/* tests/bench/blend.h - the weighted sum of shifted views as one writes it with OpenCV: remap each view, blend. */
+#ifndef SST_TESTS_BENCH_BLEND_H
+#define SST_TESTS_BENCH_BLEND_H
+
+#include "pipeline/render/render.h"
+
+SST_EXTERN_C_BEGIN
+
+struct bench_blend; /* the views as OpenCV holds them, interleaved, and a weight of every ray; opaque */
+
+/**
+ * Copy the views of a light field, all present. What is prepared here is not part of the picture's time: for
+ * see-through the weight maps, which OpenCV has no function for, come ready-made from sst_render_weights().
+ *
+ * @return NULL on failure, logged
+ */
+struct bench_blend *bench_blend_create(const struct sst_lightfield *lf, struct sst_renderer *renderer,
+                                       const struct sst_render_config *cfg);
+void bench_blend_destroy(struct bench_blend *b);
+
+/** Make the picture that cfg asks for, inside b: bands of rows in parallel, each view by warpAffine (bilinear). */
+void bench_blend_render(struct bench_blend *b);
+
+/** Absolute difference of that picture and another of its size, grey levels over all pixels and channels. */
+void bench_blend_compare(const struct bench_blend *b, const struct sst_image *other, double *mean, double *max);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,177 @@
+/* Times see-through and plain pictures against the same sums written with OpenCV, interleaved: render WxH ROUNDS.
+ * Prints CSV, one line for each round and method. The light field is the bush of the simulator with its true maps,
+ * 36 views, made in memory. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "simulators/scene/scene.h"
+#include "tests/bench/blend.h"
+
+#define THREADS 2
+#define MIB (1024.0 * 1024.0)
+
+struct bench {
+    int rounds;
+    struct sst_lightfield lf;
+    struct sst_scene *scene;
+    struct sst_renderer *renderer;
+    struct sst_image out[2]; /* of each method */
+    double lf_mib;           /* memory that the light field takes */
+};
+
+static const char *const names[2][2] = { { "refocus", "see-through" }, { "OpenCV refocus", "OpenCV see-through" } };
+
+static int make_view(void *arg, int view, int worker SST_UNUSED)
+{
+    struct bench *b = arg;
+    struct sst_view *v = &b->lf.views[view];
+    struct sst_map_f32 disp = { 0 };
+    int err = sst_image_init(&v->image, b->lf.width, b->lf.height);
+
+    err = err ? err : sst_map_u16_init(&v->disp, b->lf.width, b->lf.height);
+    err = err ? err : sst_map_u8_init(&v->label, b->lf.width, b->lf.height);
+    err = err ? err : sst_map_f32_init(&disp, b->lf.width, b->lf.height);
+    err = err ? err : sst_scene_render(b->scene, v->bx, v->by, 0, &v->image, &disp, &v->label);
+    for (int y = 0; !err && y < b->lf.height; y++) {
+        for (int x = 0; x < b->lf.width; x++)
+            sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(&b->lf, sst_map_f32_row(&disp, y)[x]);
+    }
+    sst_map_f32_fini(&disp);
+    v->present = true;
+    return err;
+}
+
+static int make_lightfield(struct bench *b, int width, int height)
+{
+    struct sst_scene_config cfg;
+    struct sst_lightfield *lf = &b->lf;
+    int err;
+
+    sst_scene_config_defaults(&cfg);
+    cfg.width = width;
+    cfg.height = height;
+    err = sst_scene_create(&b->scene, "bush", &cfg);
+    err = err ? err : sst_lightfield_init(lf, cfg.rows, cfg.cols);
+    if (err)
+        return err;
+    lf->width = width;
+    lf->height = height;
+    sst_scene_range(b->scene, &lf->range_min_px, &lf->range_max_px);
+    lf->disp_min_px = floor(lf->range_min_px);
+    lf->classes = sst_classes_default;
+    err = sst_parallel_for(lf->rows * lf->cols, THREADS, make_view, b);
+    for (int view = 0; !err && view < lf->rows * lf->cols; view++) {
+        const struct sst_view *v = &lf->views[view];
+
+        b->lf_mib += (double)(3 * v->image.stride + v->disp.stride + v->label.stride) * height / MIB;
+    }
+    return err ? err : sst_renderer_create(&b->renderer, lf, THREADS);
+}
+
+/* Largest memory of this process since the last reset; NaN where the system does not tell. */
+static double peak_mib(void)
+{
+    FILE *f = fopen("/proc/self/status", "r");
+    char line[256];
+    double kib = NAN;
+
+    while (f && fgets(line, sizeof(line), f))
+        sscanf(line, "VmHWM: %lf", &kib);
+    if (f)
+        fclose(f);
+    return kib / 1024;
+}
+
+static void reset_peak(void)
+{
+    FILE *f = fopen("/proc/self/clear_refs", "w");
+
+    if (!f || fputs("5", f) < 0 || fclose(f))
+        sst_log_warning("render bench: the peak of memory cannot be reset here and includes the making of the scene");
+}
+
+/* The first picture with each method, which also makes what later ones share; its memory is measured. */
+static int warm_up(struct bench *b, int method, const struct sst_render_config *cfg, double *mib)
+{
+    int err;
+
+    reset_peak();
+    err = sst_render(b->renderer, cfg, &b->out[method], NULL);
+    *mib = peak_mib();
+    return err;
+}
+
+/* Interleaved rounds of one method: ours, OpenCV's, ours, ... */
+static int measure(struct bench *b, int method, const struct sst_render_config *cfg, double mib)
+{
+    struct bench_blend *blend = bench_blend_create(&b->lf, b->renderer, cfg);
+    double mean, max;
+    int err = 0;
+
+    if (!blend)
+        return -ENOMEM;
+    bench_blend_render(blend);
+    bench_blend_compare(blend, &b->out[method], &mean, &max);
+    for (int i = 0; !err && i < 2 * b->rounds; i++) {
+        const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
+        double ms, cpu_ms;
+
+        if (i % 2)
+            bench_blend_render(blend);
+        else
+            err = sst_render(b->renderer, cfg, &b->out[method], NULL);
+        ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
+        cpu_ms = (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6;
+        printf("%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,%.3f,%.0f\n", b->lf.width, b->lf.height, names[i % 2][method], i / 2 + 1,
+               ms, cpu_ms, b->lf_mib, mib, mean, max);
+    }
+    bench_blend_destroy(blend);
+    return err;
+}
+
+static int run(struct bench *b, int width, int height)
+{
+    struct sst_render_config cfg[2];
+    double mib[2];
+    int err = make_lightfield(b, width, height);
+
+    for (int m = 0; !err && m < 2; m++) {
+        sst_render_config_defaults(&cfg[m]);
+        cfg[m].method = m ? SST_RENDER_SST : SST_RENDER_REFOCUS;
+        cfg[m].focus_px = sst_scene_occluder_at(b->scene, 0)->focus_px;
+        cfg[m].threads = THREADS;
+        err = sst_image_init(&b->out[m], width, height);
+        err = err ? err : warm_up(b, m, &cfg[m], &mib[m]);
+    }
+    for (int m = 0; !err && m < 2; m++)
+        err = measure(b, m, &cfg[m], mib[m]);
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    struct bench b = { 0 };
+    int width, height, err;
+
+    b.rounds = argc == 3 ? atoi(argv[2]) : 0;
+    if (b.rounds < 1 || sscanf(argv[1], "%dx%d", &width, &height) != 2) {
+        fprintf(stderr, "usage: render WxH ROUNDS: size of a view; rounds >= 1\n");
+        return 2;
+    }
+    printf("width,height,method,round,ms,cpu_ms,light_field_mib,peak_mib,mean_difference,max_difference\n");
+    err = run(&b, width, height);
+    if (err)
+        sst_log_error("render bench: %s", strerror(-err));
+    sst_image_fini(&b.out[0]);
+    sst_image_fini(&b.out[1]);
+    sst_renderer_destroy(b.renderer);
+    sst_scene_destroy(b.scene);
+    sst_lightfield_fini(&b.lf);
+    return err ? 1 : 0;
+}

@@ -1,0 +1,122 @@
+/* Times matching of the Middlebury pairs by this project's presets and by OpenCV, interleaved: stereo DATA TRUTH ROUNDS.
+ * Prints CSV, one line for each pair, round and method. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "pipeline/disparity/disparity.h"
+#include "pipeline/eval/eval.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/network/model_path.h"
+#include "tests/bench/sgbm.h"
+
+#define DISPARITIES 64 /* the truth of all pairs lies within 0..63 px */
+#define THREADS 2
+
+static const struct {
+    const char *name, *left, *right, *truth;
+} pairs[] = {
+    { "cones", "cones/im2.png", "cones/im6.png", "cones.pfm" },
+    { "teddy", "teddy/im2.png", "teddy/im6.png", "teddy.pfm" },
+    { "motorcycle", "motorcycle/motorcycle_left.png", "motorcycle/motorcycle_right.png", "motorcycle.pfm" },
+};
+
+static const struct {
+    const char *name, *preset; /* no preset: OpenCV in this mode */
+    enum bench_sgbm mode;
+} methods[] = {
+    { .name = "OpenCV SGBM 3WAY", .mode = BENCH_SGBM_3WAY },
+    { .name = "OpenCV SGBM HH", .mode = BENCH_SGBM_HH },
+    { .name = "sst preview", .preset = "preview" },
+    { .name = "sst balanced", .preset = "balanced" },
+    { .name = "sst accurate", .preset = "accurate" },
+};
+
+struct pair {
+    struct sst_image left, right;
+    struct sst_map_f32 truth;
+};
+
+static int load(struct pair *p, size_t index, const char *data, const char *truth)
+{
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, data, pairs[index].left);
+
+    err = err ? err : sst_image_read(&p->left, path);
+    err = err ? err : sst_path_join(path, data, pairs[index].right);
+    err = err ? err : sst_image_read(&p->right, path);
+    err = err ? err : sst_path_join(path, truth, pairs[index].truth);
+    return err ? err : sst_map_f32_read_pfm(&p->truth, path);
+}
+
+static int match(struct sst_map_f32 *disp, const struct pair *p, size_t method)
+{
+    struct sst_disparity_config cfg;
+    char model[SST_PATH_MAX];
+    int err;
+
+    if (!methods[method].preset) {
+        err = sst_map_f32_init(disp, p->left.width, p->left.height);
+        return err ? err : bench_sgbm(disp, &p->left, &p->right, DISPARITIES, methods[method].mode, THREADS);
+    }
+    err = sst_disparity_preset(&cfg, methods[method].preset);
+    if (!err && cfg.cost & SST_COST_MCCNN)
+        err = sst_model_path(model, "mccnn-fast.onnx");
+    cfg.model = model;
+    cfg.disp_min_px = 0;
+    cfg.disp_max_px = DISPARITIES - 1;
+    cfg.threads = THREADS;
+    return err ? err : sst_disparity_stereo(disp, &p->left, &p->right, &cfg);
+}
+
+/* One round of one method; round 0 only warms up. */
+static int measure(const struct pair *p, size_t index, size_t method, int round)
+{
+    const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
+    struct sst_map_f32 disp = { 0 };
+    struct sst_disparity_error e;
+    int err = match(&disp, p, method);
+    const double ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
+    const double cpu_ms = (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6;
+
+    err = err ? err : sst_eval_disparity(&e, &disp, &p->truth, NULL);
+    if (!err && round)
+        printf("%s,%s,%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.4f,%d,%d\n", pairs[index].name, methods[method].name, round, ms,
+               cpu_ms, e.bad_half, e.bad1, e.bad2, e.bad4, e.rmse, p->left.width, p->left.height);
+    sst_map_f32_fini(&disp);
+    return err;
+}
+
+static int measure_pair(size_t index, const char *data, const char *truth, int rounds)
+{
+    struct pair p = { 0 };
+    int err = load(&p, index, data, truth);
+
+    for (int round = 0; !err && round <= rounds; round++) {
+        for (size_t method = 0; !err && method < ARRAY_LEN(methods); method++)
+            err = measure(&p, index, method, round);
+    }
+    sst_image_fini(&p.left);
+    sst_image_fini(&p.right);
+    sst_map_f32_fini(&p.truth);
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    const int rounds = argc == 4 ? atoi(argv[3]) : 0;
+    int err = 0;
+
+    if (rounds < 1) {
+        fprintf(stderr, "usage: stereo DATA TRUTH ROUNDS: folders of the pairs and of their truth as PFM; rounds >= 1\n");
+        return 2;
+    }
+    printf("pair,method,round,ms,cpu_ms,bad05,bad1,bad2,bad4,rmse,width,height\n");
+    for (size_t i = 0; !err && i < ARRAY_LEN(pairs); i++)
+        err = measure_pair(i, argv[1], argv[2], rounds);
+    if (err)
+        sst_log_error("stereo bench: %s", strerror(-err));
+    return err ? 1 : 0;
+}
