@@ -162,8 +162,8 @@ static int match_job(void *arg, int index, int worker)
     if (!err && run->cfg->support_arm)
         err = sst_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
     if (!err)
-        err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support, &run->disp[view],
-                                            &run->confidence[view])
+        err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
+                                            &run->disp[view], &run->confidence[view])
                               : match_apart(run, &run->volumes[worker], view, &support);
     sst_support_fini(&support);
     if (err == -ENODATA) { /* a view on its own: unknown everywhere, filled from afar below */
@@ -340,12 +340,13 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
         err = err ? err : sst_parallel_for(views, threads, check_job, run);
         err = err ? err : sst_parallel_for(views, threads, fill_job, run);
     }
-    run->lf->disp_min_px = (double)run->disp_min * run->scale;
     for (int view = 0; !err && view < views; view++) {
         if (run->lf->views[view].present)
             err = deliver(run, view);
     }
-    if (progress)
+    if (!err)
+        run->lf->disp_min_px = (double)run->disp_min * run->scale;
+    if (!err && progress)
         progress(progress_arg, 1.0);
     return err;
 }

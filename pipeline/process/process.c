@@ -44,6 +44,14 @@ static void show_progress(const struct run *run, const char *stage, double done)
         run->cfg->progress(run->cfg->progress_arg, stage, done);
 }
 
+/* The stages tell of their own lack of memory; this does it for the maps that are made here. */
+static int told(const struct run *run, int err)
+{
+    if (err)
+        sst_log_error("not enough memory to process %s", run->dir);
+    return err;
+}
+
 static int copy_map(struct sst_map_u8 *to, const struct sst_map_u8 *from)
 {
     const int err = sst_map_u8_init(to, from->width, from->height);
@@ -121,9 +129,9 @@ static int segment_views(struct run *run, struct sst_segmenter *seg)
             continue;
         sst_map_u8_fini(&v->label);
         err = sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL);
-        err = err ? err : copy_map(&run->extra[EXTRA_INITIAL][view], &v->label);
-        err = err ? err : pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
-                                       sst_segmenter_classes(seg)->count);
+        err = err ? err : told(run, copy_map(&run->extra[EXTRA_INITIAL][view], &v->label));
+        err = err ? err : told(run, pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
+                                                 sst_segmenter_classes(seg)->count));
     }
     return err;
 }
@@ -149,7 +157,7 @@ static int label_views(struct run *run)
             continue;
         sst_hcsm(&v->label, &run->entropy[view], eps_h);
         sst_map_f32_fini(&run->entropy[view]);
-        err = copy_map(&run->extra[EXTRA_HCSM][view], &v->label);
+        err = told(run, copy_map(&run->extra[EXTRA_HCSM][view], &v->label));
     }
     run->report->eps_h = eps_h;
     return err;
@@ -195,8 +203,34 @@ static int write_extra(void *arg, int view, int worker SST_UNUSED)
     return err ? err : sst_map_u8_write_png(map, path, run->kind == EXTRA_ENTROPY ? NULL : sst_classes_palette());
 }
 
-/* The extra folders that this run has maps for; stale ones of an earlier run go. */
-static int save_extras(struct run *run)
+static void remove_folder(const struct run *run, const char *name)
+{
+    char path[SST_PATH_MAX];
+
+    if (!sst_path_join(path, run->dir, name))
+        sst_path_remove_tree(path);
+}
+
+static bool any_confidence(const struct sst_lightfield *lf)
+{
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        if (lf->views[view].confidence.data)
+            return true;
+    }
+    return false;
+}
+
+/* What an earlier run computed from maps that given ones have replaced. */
+static void remove_stale(const struct run *run)
+{
+    for (int i = 0; run->lf->labels_given && i < EXTRAS; i++)
+        remove_folder(run, extra_names[i]);
+    if (run->lf->disparity_given && !any_confidence(run->lf))
+        remove_folder(run, "confidence");
+}
+
+/* The maps and the extra folders that this run made; everything is written before anything is replaced. */
+static int save(struct run *run)
 {
     struct sst_outdir out[EXTRAS];
     char path[SST_PATH_MAX];
@@ -211,15 +245,13 @@ static int save_extras(struct run *run)
         run->out = &out[opened];
         err = sst_parallel_for(views_of(run), run->cfg->threads, write_extra, run);
     }
+    err = err ? err : sst_lightfield_save_maps(run->lf, run->dir, run->cfg->threads);
     for (int i = 0; i < opened; i++) {
         err = err ? err : sst_outdir_commit(&out[i]);
         sst_outdir_abort(&out[i]);
     }
-    for (int i = 0; !err && !run->extra[0] && i < EXTRAS; i++) {
-        err = sst_path_join(path, run->dir, extra_names[i]);
-        if (!err)
-            sst_path_remove_tree(path);
-    }
+    if (!err)
+        remove_stale(run);
     return err;
 }
 
@@ -277,7 +309,7 @@ static int run_stages(struct run *run, struct sst_stage_time *clock)
     int err = 0;
 
     if (!lf->labels_given && cfg->model) {
-        err = allocate(run);
+        err = told(run, allocate(run));
         err = err ? err : label_views(run);
     }
     run->report->labels = lap(clock);
@@ -304,12 +336,10 @@ int sst_process(struct sst_lightfield *lf, const char *dir, const struct sst_pro
     *report = (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN };
     lap(&clock);
     err = run_stages(&run, &clock);
-    show_progress(&run, "saving", 0.99);
-    err = err ? err : sst_lightfield_save_maps(lf, dir, cfg->threads);
-    err = err ? err : save_extras(&run);
+    if (!err)
+        show_progress(&run, "saving", 0.99);
+    err = err ? err : save(&run);
     report->saving = lap(&clock);
-    if (err == -ENOMEM)
-        sst_log_error("not enough memory to process %s", dir);
     release(&run);
     return err;
 }
