@@ -29,6 +29,7 @@ struct run {
     struct sst_process_report *report;
     struct sst_map_u8 *extra[EXTRAS];  /* [views] each */
     struct sst_map_f32 *entropy;       /* [views] */
+    struct sst_segmenter **segmenters; /* [threads], while views are labelled */
     struct sst_outdir *out;            /* the folder being written */
     int kind;                          /* of the extra being written */
 };
@@ -117,37 +118,55 @@ static double coverage(const struct run *run)
     return all ? 100.0 * (double)labelled / (double)all : NAN;
 }
 
-static int segment_views(struct run *run, struct sst_segmenter *seg)
+static int segment_view(void *arg, int view, int worker)
 {
-    int err = 0;
+    struct run *run = arg;
+    struct sst_segmenter *seg = run->segmenters[worker];
+    struct sst_view *v = &run->lf->views[view];
+    int err;
 
-    for (int view = 0; !err && view < views_of(run); view++) {
-        struct sst_view *v = &run->lf->views[view];
-
+    if (worker == 0)
         show_progress(run, "labels", (double)view / views_of(run));
-        if (!v->present)
-            continue;
-        sst_map_u8_fini(&v->label);
-        err = sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL);
-        err = err ? err : told(run, copy_map(&run->extra[EXTRA_INITIAL][view], &v->label));
-        err = err ? err : told(run, pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
-                                                 sst_segmenter_classes(seg)->count));
+    if (!v->present)
+        return 0;
+    sst_map_u8_fini(&v->label);
+    err = sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL);
+    err = err ? err : told(run, copy_map(&run->extra[EXTRA_INITIAL][view], &v->label));
+    return err ? err : told(run, pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
+                                              sst_segmenter_classes(seg)->count));
+}
+
+/* One segmenter per thread, each on one core: whole views side by side need no waiting between layers. */
+static int segment_views(struct run *run, double *eps_h)
+{
+    const int workers = sst_clamp_int(run->cfg->threads, 1, views_of(run));
+    int err = 0, opened = 0;
+
+    run->segmenters = calloc((size_t)workers, sizeof(*run->segmenters));
+    if (!run->segmenters)
+        return told(run, -ENOMEM);
+    while (!err && opened < workers) {
+        err = sst_segmenter_open(&run->segmenters[opened], run->cfg->model, 1);
+        opened += !err;
     }
+    err = err ? err : sst_parallel_for(views_of(run), workers, segment_view, run);
+    if (!err) {
+        run->lf->classes = *sst_segmenter_classes(run->segmenters[0]);
+        *eps_h = sst_segmenter_eps_h(run->segmenters[0]);
+    }
+    while (opened > 0)
+        sst_segmenter_close(run->segmenters[--opened]);
+    free(run->segmenters);
     return err;
 }
 
 static int label_views(struct run *run)
 {
-    struct sst_segmenter *seg;
-    double eps_h;
-    int err = sst_segmenter_open(&seg, run->cfg->model, run->cfg->threads);
+    double eps_h = 0;
+    int err = segment_views(run, &eps_h);
 
-    if (err)
-        return err;
-    err = segment_views(run, seg);
-    run->lf->classes = *sst_segmenter_classes(seg);
-    eps_h = run->cfg->eps_h >= 0 ? run->cfg->eps_h : sst_segmenter_eps_h(seg);
-    sst_segmenter_close(seg);
+    if (run->cfg->eps_h >= 0)
+        eps_h = run->cfg->eps_h;
     if (!err && run->cfg->hand_label)
         err = find_eps_h(run, &eps_h);
     for (int view = 0; !err && view < views_of(run); view++) {
