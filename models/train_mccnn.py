@@ -188,7 +188,7 @@ def train(args: argparse.Namespace) -> nn.Module:
     mix = sources(args) if first < args.steps else []
     share = np.array([m[0] for m in mix]) / sum(m[0] for m in mix) if mix else []
     offsets = torch.arange(-int(FAR), int(FAR) + 1)
-    started, running = time.time(), 0.0
+    started, losses = time.time(), []
     for step in range(first, args.steps):
         rng = np.random.default_rng((args.seed, step))
         batch = []
@@ -204,10 +204,10 @@ def train(args: argparse.Namespace) -> nn.Module:
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
         optimiser.step()
-        running += float(loss)
-        if (step + 1) % 50 == 0:
-            print(f"step {step + 1}/{args.steps} loss {running / 50:.4f} {time.time() - started:.0f} s", flush=True)
-            running = 0.0
+        losses.append(float(loss))
+        if (step + 1) % 50 == 0 or step + 1 == args.steps:
+            print(f"step {step + 1}/{args.steps} loss {np.mean(losses):.4f} {time.time() - started:.0f} s", flush=True)
+            losses.clear()
             common.save_checkpoint(args.checkpoint, net=net.state_dict(), optimiser=optimiser.state_dict(),
                                    step=step + 1)
     return net

@@ -278,7 +278,7 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet
         net.load_state_dict(torch.load(args.start, map_location="cpu")["net"])
     frequent, weight = class_weights([d for _, data in sources for d in data])
     shares = np.array([s for s, _ in sources]) / sum(s for s, _ in sources)
-    started, running = time.time(), 0.0
+    started, losses = time.time(), []
     net.train()
     for step in range(first, args.steps):
         rng = np.random.default_rng((args.seed, step))
@@ -304,10 +304,10 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet
         with torch.no_grad():
             for to, source in zip(mean.state_dict().values(), net.state_dict().values()):
                 to.copy_(to * keep + source * (1 - keep)) if to.is_floating_point() else to.copy_(source)
-        running += float(loss)
-        if (step + 1) % 50 == 0:
-            print(f"step {step + 1}/{args.steps} loss {running / 50:.4f} {time.time() - started:.0f} s", flush=True)
-            running = 0.0
+        losses.append(float(loss))
+        if (step + 1) % 50 == 0 or step + 1 == args.steps:
+            print(f"step {step + 1}/{args.steps} loss {np.mean(losses):.4f} {time.time() - started:.0f} s", flush=True)
+            losses.clear()
             common.save_checkpoint(args.checkpoint, net=net.state_dict(), mean=mean.state_dict(),
                                    optimiser=optimiser.state_dict(), step=step + 1)
     return mean.eval()
