@@ -1,0 +1,115 @@
+#!/usr/bin/python3
+"""Measure time against error from scratch and renew the tables and charts of docs/. `make bench` and `make bench-quick` run it.
+
+Raw figures go to BUILD/bench/ (stereo.csv, render.csv, scenes.json), tables and charts to BUILD/bench/docs/ and from
+there, unless --quick, to docs/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
+docs/ stays as it is.
+"""
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+import bench_report
+
+PAIRS = ("cones/disp2.png", "teddy/disp2.png", "motorcycle/motorcycle_disp.npz")
+SCENES = ("bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat")
+ALL_PRESETS = ("bush", "pedestrian")  # scenes that are matched with every preset
+THREADS = "2"
+
+
+def say(text):
+    print(f"bench: {text}", file=sys.stderr, flush=True)
+
+
+def call(*command, **options):
+    return subprocess.run([str(c) for c in command], check=True, text=True, **options)
+
+
+def to_file(path, *commands):
+    """Standard output of the commands, one after the other, as one file, whole or not at all."""
+    with open(path + ".part", "w") as f:
+        for command in commands:
+            f.flush()
+            call(*command, stdout=f)
+    os.replace(path + ".part", path)
+
+
+def stereo(build, out, data, rounds):
+    if not all(os.path.exists(os.path.join(data, p)) for p in PAIRS):
+        return say(f"skipped: stereo; {data} lacks the Middlebury pairs cones, teddy and motorcycle, give --data DIR")
+    if not os.path.exists(f"{build}/bench/stereo"):
+        return say("skipped: stereo; this build has no OpenCV to compare with, install libopencv-dev")
+    say(f"stereo: 3 pairs, 5 methods, {rounds} rounds")
+    call(sys.executable, "scripts/stereo_truth.py", data, out)
+    to_file(f"{out}/stereo.csv", [f"{build}/bench/stereo", data, out, rounds])
+
+
+def render(build, out, sizes, rounds):
+    if not os.path.exists(f"{build}/bench/render"):
+        return say("skipped: render; this build has no OpenCV to compare with, install libopencv-dev")
+    say(f"render: 36 views of {' and '.join(sizes)}, {rounds} rounds")
+    to_file(f"{out}/render.csv", *([f"{build}/bench/render", size, rounds] for size in sizes))
+
+
+def process(sst, lf, truth, *options):
+    """One run of sst process and what sst eval says of it."""
+    report = json.loads(call(sst, "process", lf, "--json", "--threads", THREADS, *options,
+                             stdout=subprocess.PIPE).stdout)
+    report.update(json.loads(call(sst, "eval", lf, "--truth", truth, "--json", "--threads", THREADS,
+                                  stdout=subprocess.PIPE).stdout))
+    return report
+
+
+def scene(sst, out, name, size, presets):
+    say(f"scene {name}, {size}")
+    lf, model = f"{out}/lf", os.path.exists(os.path.join(os.environ["SST_MODELS"], "pspnet-small.onnx"))
+    call(sst, "scene", name, "-o", lf, "--size", size, "--seed", 1, "--force")
+    truth, labels = f"{lf}/truth", [] if model else ["--labels", f"{lf}/truth"]
+    result = {"scene": name, "size": size, "labels": "network" if model else "given", "presets": {}}
+    result["presets"]["balanced"] = process(sst, lf, truth, "--preset", "balanced", *labels)
+    for preset in presets:
+        result["presets"][preset] = process(sst, lf, truth, "--preset", preset, "--no-labels")
+    result["truth"] = process(sst, lf, truth, "--labels", truth, "--disparity", truth)
+    shutil.rmtree(lf)
+    return result
+
+
+def scenes(build, out, names, size):
+    results = [scene(f"{build}/sst", out, n, size, ("preview", "accurate") if n in ALL_PRESETS else ()) for n in names]
+    with open(f"{out}/scenes.json.part", "w") as f:
+        json.dump(results, f, indent=1)
+    os.replace(f"{out}/scenes.json.part", f"{out}/scenes.json")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--build", default="build", help="folder with the built programs (build)")
+    parser.add_argument("--data", default="../shared/data/stereo-middlebury", help="Middlebury pairs (%(default)s)")
+    parser.add_argument("--quick", action="store_true", help="few rounds and small pictures; docs/ stays as it is")
+    args = parser.parse_args()
+    os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+    os.environ.setdefault("SST_MODELS", os.path.abspath("models"))
+    out, start = f"{args.build}/bench" + ("-quick" if args.quick else ""), time.monotonic()
+    os.makedirs(out, exist_ok=True)
+    for name in ("stereo.csv", "render.csv", "scenes.json"):
+        if os.path.exists(f"{out}/{name}"):
+            os.remove(f"{out}/{name}")
+    stereo(args.build, out, args.data, 3 if args.quick else 11)
+    render(args.build, out, ("500x375",) if args.quick else ("2000x1500", "1000x750"), 3 if args.quick else 11)
+    scenes(args.build, out, SCENES[:1] if args.quick else SCENES, "500x375" if args.quick else "1000x750")
+    made = bench_report.write(out, "make bench-quick" if args.quick else "make bench")
+    if not args.quick:
+        os.makedirs("docs", exist_ok=True)
+        for path in made:
+            shutil.copy(path, "docs")
+    say(f"{time.monotonic() - start:.0f} s; " + ", ".join(made if args.quick else [f"docs/{os.path.basename(p)}" for p in made]))
+
+
+try:
+    main()
+except (subprocess.CalledProcessError, FileNotFoundError) as error:
+    sys.exit(f"bench: stopped: {error}")
