@@ -177,15 +177,26 @@ static int temporary_name(char out[SST_PATH_MAX], const char *path)
     return output_error("create", path, ENAMETOOLONG);
 }
 
+static pthread_once_t mask_once = PTHREAD_ONCE_INIT;
+static mode_t mask; /* fixed after mask_once */
+
+/* Reading the mask sets it: threads that did so at the same time could leave it at 0. */
+static void read_mask(void)
+{
+    mask = umask(0);
+    umask(mask);
+}
+
 int sst_outfile_open(struct sst_outfile *out, const char *path)
 {
-    const mode_t mask = umask(0);
+    struct stat st;
     int err, fd;
 
-    umask(mask);
+    pthread_once(&mask_once, read_mask);
     *out = (struct sst_outfile){ 0 };
-    if (sst_path_is_dir(path)) {
-        sst_log_error("%s is a folder; name a file to write", path);
+    /* The rename at the end would put a file in the place of a device such as /dev/null. */
+    if (!stat(path, &st) && !S_ISREG(st.st_mode)) {
+        sst_log_error("%s is %s; name a file to write", path, S_ISDIR(st.st_mode) ? "a folder" : "not a regular file");
         return -EEXIST;
     }
     err = temporary_name(out->temporary, path);
@@ -277,10 +288,9 @@ int sst_file_write(const char *path, const void *data, size_t size)
 
 int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace)
 {
-    const mode_t mask = umask(0);
     int err;
 
-    umask(mask);
+    pthread_once(&mask_once, read_mask);
     *out = (struct sst_outdir){ .replace = replace };
     if (!replace && sst_path_exists(path)) {
         sst_log_error("%s exists already; remove it, choose another name or add --force", path);
@@ -322,6 +332,8 @@ int sst_outdir_commit(struct sst_outdir *out)
     char old[SST_PATH_MAX] = "";
     int err = nftw(out->temporary, sync_entry, 16, FTW_DEPTH | FTW_PHYS);
 
+    if (err < 0)
+        err = errno;
     if (!err && out->replace && sst_path_exists(out->path)) {
         if (snprintf(old, sizeof(old), "%s-old", out->temporary) >= (int)sizeof(old))
             err = ENAMETOOLONG;

@@ -20,6 +20,11 @@ static void emit(enum sst_log_level level, const char *fmt, va_list args)
     if ((int)level > level_shown)
         return;
     vsnprintf(text, sizeof(text), fmt, args);
+    /* A file name may hold a line break or an escape sequence. */
+    for (char *c = text; *c; c++) {
+        if ((unsigned char)*c < ' ' || *c == 127)
+            *c = '?';
+    }
     fprintf(stderr, "sst: %s: %s\n", names[level], text);
 }
 

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "cli/render_args.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/import.h"
 
 #define PATCH 15    /* pixels around a ray */
 #define MAGNIFY 4   /* each of them so wide */
@@ -244,8 +245,9 @@ int cli_render_explain(const struct render_input *in, const struct render_args *
 {
     struct explanation e = { .in = in, .args = a, .view = &in->lf.views[in->lf.ref_view] };
     struct sst_outdir out;
-    int err = sst_outdir_open(&out, dir, a->force);
+    int err = sst_check_output(dir, a->force, "explain.json", (const char *const[]){ in->path, NULL });
 
+    err = err ? err : sst_outdir_open(&out, dir, a->force);
     if (err)
         return err;
     e.dir = out.temporary;

@@ -28,6 +28,7 @@ int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_match
     cfg->p2 = m->p2 > 0 ? m->p2 : cfg->p2;
     cfg->scale = m->scale > 0 ? m->scale : cfg->scale;
     cfg->fill = cfg->fill && !m->no_fill;
+    cfg->joint = cfg->joint && !m->pairs;
     cfg->threads = sst_thread_count(m->threads);
     cfg->model = m->model;
     if (cfg->cost & SST_COST_MCCNN && !m->model) {

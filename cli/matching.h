@@ -9,7 +9,7 @@
 struct cli_matching {
     const char *preset, *cost, *model;
     int paths, p1, p2, scale, threads;
-    bool no_fill;
+    bool no_fill, pairs;
 };
 
 #define CLI_MATCHING_DEFAULTS { .preset = "balanced", .paths = -1, .p1 = -1, .p2 = -1, .scale = -1 }
@@ -23,6 +23,7 @@ struct cli_matching {
     { "p1", 0, CLI_INT, &(m).p1, "N", "penalty of a disparity step of 1 px", 1, SST_DISPARITY_MAX_PENALTY },           \
     { "p2", 0, CLI_INT, &(m).p2, "N", "penalty of a larger step", 1, SST_DISPARITY_MAX_PENALTY },                      \
     { "scale", 0, CLI_INT, &(m).scale, "N", "match at full (1) or half size (2)", 1, 2 },                              \
+    { "pairs", 0, CLI_FLAG, &(m).pairs, NULL, "match horizontal and vertical neighbours apart and fuse the maps", 0, 0 },\
     { "no-fill", 0, CLI_FLAG, &(m).no_fill, NULL, "skip the multi-view check and filling", 0, 0 },                     \
     { "threads", 't', CLI_INT, &(m).threads, "N", "threads; default: all processors", 1, 256 }
 

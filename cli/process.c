@@ -125,6 +125,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--skip %s is not known; this version computes everything: none", w.skip);
     if (isnan(w.range_min) != isnan(w.range_max) || w.range_min >= w.range_max)
         return cli_usage_error(cmd, "--range-min and --range-max go together, the first one smaller");
+    if (w.no_labels && (w.model || w.labels_dir || w.hand_label))
+        return cli_usage_error(cmd, "--no-labels and --%s contradict each other",
+                               w.model ? "model" : w.labels_dir ? "labels" : "hand-label");
     err = cli_matching_config(&cfg.disparity, &m, mccnn);
     cfg.threads = cfg.disparity.threads;
     cfg.disparity.disp_min_px = isnan(w.range_min) ? 0 : w.range_min;

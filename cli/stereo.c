@@ -9,7 +9,9 @@
 #include "cli/matching.h"
 #include "pipeline/image/codec.h"
 
-/* 16-bit PNG: 256 steps per pixel, 0 unknown, as KITTI does. */
+#define PNG_MAX_PX 255 /* what 16 bits hold */
+
+/* 16-bit PNG: 256 steps per pixel, 0 unknown, as KITTI does; a known disparity of 0 becomes the smallest step. */
 static int write_png16(const struct sst_map_f32 *disp, const char *path)
 {
     struct sst_map_u16 out = { 0 };
@@ -23,7 +25,7 @@ static int write_png16(const struct sst_map_f32 *disp, const char *path)
         for (int x = 0; x < out.width; x++) {
             const float q = d[x] * 256.0f + 0.5f;
 
-            sst_map_u16_row(&out, y)[x] = (uint16_t)(q >= 1.0f && q < 65536.0f ? q : 0.0f);
+            sst_map_u16_row(&out, y)[x] = (uint16_t)(q < 65536.0f ? fmaxf(q, 1.0f) : 0.0f);
         }
     }
     err = sst_map_u16_write_png(&out, path);
@@ -62,6 +64,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "%s is missing", out ? "--max-disparity N" : "-o out.pfm");
     if (!ends_with(out, ".pfm") && !ends_with(out, ".png"))
         return cli_usage_error(cmd, "-o %s must end in .pfm or .png", out);
+    if (ends_with(out, ".png") && (disp_min < 0 || disp_max > PNG_MAX_PX))
+        return cli_usage_error(cmd, "a .png holds disparities of 0..%d px; write -o out.pfm", PNG_MAX_PX);
     err = cli_matching_config(&cfg, &m, model);
     cfg.disp_min_px = disp_min;
     cfg.disp_max_px = disp_max;

@@ -7,6 +7,7 @@
 #include "cli/render_args.h"
 #include "cli/video.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/import.h"
 
 struct sweep {
     struct render_input in;
@@ -74,8 +75,9 @@ static int write_folder(const struct sweep *s, struct sst_image *img)
 {
     struct sst_outdir dir;
     char path[SST_PATH_MAX], name[32];
-    int err = sst_outdir_open(&dir, s->out, s->args.force);
+    int err = sst_check_output(s->out, s->args.force, "sweep.json", (const char *const[]){ s->in.path, NULL });
 
+    err = err ? err : sst_outdir_open(&dir, s->out, s->args.force);
     if (err)
         return err;
     for (int i = 0; i < frame_count(s) && !err; i++) {

@@ -73,4 +73,5 @@ def save_checkpoint(path: str, **state) -> None:
 
 
 def load_checkpoint(path: str) -> dict | None:
-    return torch.load(path, map_location="cpu") if path and os.path.exists(path) else None
+    """What save_checkpoint() wrote, or None."""
+    return torch.load(path, map_location="cpu") if os.path.exists(path) else None

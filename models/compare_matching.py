@@ -8,7 +8,6 @@ state dict.
 """
 import argparse
 import os
-import time
 
 import numpy as np
 import torch

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Writes the light fields that the networks learn from: make_scenes.sh SST FOLDER SCENE...
-# Seeds 100..120 are for training, 150..157 for choosing and fitting; 1..20 are left to tests and are never written here.
+# Seeds 100..120 are for training, 150..157 for choosing and fitting; 1..20 are left to tests and never written here.
 # What exists is kept.
 set -eu
 sst=$1 folder=$2
@@ -9,6 +9,7 @@ mkdir -p "$folder"
 for seed in $(seq 150 157) $(seq 100 120); do
     [ $((seed % 2)) -eq 0 ] && size=640x480 || size=480x360
     for scene; do
-        [ -e "$folder/$scene-$seed" ] || "$sst" scene "$scene" -o "$folder/$scene-$seed" --size $size --grid 2x2 --seed "$seed"
+        out=$folder/$scene-$seed
+        [ -e "$out" ] || "$sst" scene "$scene" -o "$out" --size $size --grid 2x2 --seed "$seed"
     done
 done

@@ -19,7 +19,8 @@ class GraphWriter:
 
     def node(self, op: str, inputs: list[str], domain: str = "", **attributes) -> str:
         name = f"t{len(self.nodes)}"
-        self.nodes.append(helper.make_node(op, inputs, [name], name=f"{op}_{len(self.nodes)}", domain=domain, **attributes))
+        title = f"{op}_{len(self.nodes)}"
+        self.nodes.append(helper.make_node(op, inputs, [name], name=title, domain=domain, **attributes))
         return name
 
     def constant(self, value: torch.Tensor) -> str:
@@ -40,12 +41,12 @@ class GraphWriter:
         return self.node("Conv", [x, self.constant(weight), self.constant(bias)], kernel_shape=list(conv.kernel_size),
                          strides=list(conv.stride), dilations=list(conv.dilation), pads=pad, group=conv.groups)
 
-    def save(self, path: str, output: str, in_channels: int, out_channels: int, metadata: dict[str, str]) -> None:
-        shape_in, shape_out = [1, in_channels, "height", "width"], [1, out_channels, "out_height", "out_width"]
+    def save(self, path: str, in_channels: int, out_channels: int, metadata: dict[str, str]) -> None:
+        """The last node added makes the output."""
         self.nodes[-1].output[0] = "output"
-        assert self.nodes[-1].name and output == f"t{len(self.nodes) - 1}"
-        graph = helper.make_graph(self.nodes, "sst", [helper.make_tensor_value_info("input", TensorProto.FLOAT, shape_in)],
-                                  [helper.make_tensor_value_info("output", TensorProto.FLOAT, shape_out)], self.weights)
+        ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in (
+            ("input", [1, in_channels, "height", "width"]), ("output", [1, out_channels, "out_height", "out_width"]))]
+        graph = helper.make_graph(self.nodes, "sst", ends[:1], ends[1:], self.weights)
         imports = [helper.make_opsetid("", OPSET)]
         if any(n.domain for n in self.nodes):
             imports.append(helper.make_opsetid("sst", 1))
@@ -63,8 +64,8 @@ def write_mccnn(path: str, convs: list[nn.Conv2d]) -> None:
         x = graph.conv(x, conv)
         if i + 1 < len(convs):
             x = graph.node("Relu", [x])
-    x = graph.node("LpNormalization", [x], axis=1, p=2)
-    graph.save(path, x, 1, convs[-1].out_channels, {"sst.kind": "mccnn-features", "sst.radius": str(len(convs))})
+    graph.node("LpNormalization", [x], axis=1, p=2)
+    graph.save(path, 1, convs[-1].out_channels, {"sst.kind": "mccnn-features", "sst.radius": str(len(convs))})
     image = torch.randn(1, 1, 61, 83)
     want = image
     for i, conv in enumerate(convs):

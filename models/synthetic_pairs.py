@@ -54,7 +54,8 @@ def grating(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
     period, angle = rng.uniform(8, 60), rng.uniform(0, np.pi)
     wave = np.sin(2 * np.pi * (x * np.cos(angle) + y * np.sin(angle) + bend) / period)
     if rng.random() < 0.5:
-        wave = wave * np.sin(2 * np.pi * (y * np.cos(angle) - x * np.sin(angle) + bend) / (period * rng.uniform(0.5, 2)))
+        across = y * np.cos(angle) - x * np.sin(angle) + bend
+        wave = wave * np.sin(2 * np.pi * across / (period * rng.uniform(0.5, 2)))
     return 0.5 + 0.5 * np.clip(wave * rng.uniform(1, 6), -1, 1)
 
 
@@ -62,9 +63,11 @@ def texture(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
     """One surface: a mix of two of the above with its own contrast, brightness and shading."""
     kinds = [spectral_noise, spectral_noise, shapes, grating]
     first, second = (kinds[rng.integers(len(kinds))](rng, height, width) for _ in range(2))
-    mix = first + (second - first) * (rng.uniform(0, 0.6) if rng.random() < 0.7 else (spectral_noise(rng, height, width) > 0.55))
+    share = rng.uniform(0, 0.6) if rng.random() < 0.7 else spectral_noise(rng, height, width) > 0.55
+    mix = first + (second - first) * share
     contrast = 2.0 ** rng.uniform(-3.5, 0)
-    shade = np.linspace(-1, 1, width)[None, :] * rng.normal(0, 0.08) + np.linspace(-1, 1, height)[:, None] * rng.normal(0, 0.08)
+    shade = np.linspace(-1, 1, width)[None, :] * rng.normal(0, 0.08)
+    shade = shade + np.linspace(-1, 1, height)[:, None] * rng.normal(0, 0.08)
     return np.clip(rng.uniform(0.15, 0.85) + contrast * (mix - 0.5) + shade, 0, 1)
 
 

@@ -65,7 +65,8 @@ def aloe_pairs(folder: str) -> list[Pair]:
         pick_y = ((np.arange(size[1]) + 0.5) / scale).astype(int).clip(0, left.height - 1)
         pick_x = ((np.arange(size[0]) + 0.5) / scale).astype(int).clip(0, left.width - 1)
         disp = truth[np.ix_(pick_y, pick_x)] * (size[0] / left.width)
-        views = [common.standardise(common.luma(np.asarray(v.resize(size, Image.Resampling.LANCZOS)))) for v in (left, right)]
+        views = [np.asarray(v.resize(size, Image.Resampling.LANCZOS)) for v in (left, right)]
+        views = [common.standardise(common.luma(v)) for v in views]
         pairs.append(Pair(views[0], views[1], disp, right_disparity_check(disp, forward_warp(disp))))
     return pairs
 
@@ -180,13 +181,14 @@ def train(args: argparse.Namespace) -> nn.Module:
     saved = common.load_checkpoint(args.checkpoint)
     if saved:
         net.load_state_dict(saved["net"])
-        first = 0 if args.restart else saved["step"]
-        if first:
-            optimiser.load_state_dict(saved["optimiser"])
+        optimiser.load_state_dict(saved["optimiser"])
+        first = saved["step"]
+    elif args.start:
+        net.load_state_dict(torch.load(args.start, map_location="cpu")["net"])
     mix = sources(args) if first < args.steps else []
     share = np.array([m[0] for m in mix]) / sum(m[0] for m in mix) if mix else []
     offsets = torch.arange(-int(FAR), int(FAR) + 1)
-    started, running = time.time(), 0.0
+    started, losses = time.time(), []
     for step in range(first, args.steps):
         rng = np.random.default_rng((args.seed, step))
         batch = []
@@ -202,11 +204,12 @@ def train(args: argparse.Namespace) -> nn.Module:
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
         optimiser.step()
-        running += float(loss)
-        if (step + 1) % 50 == 0:
-            print(f"step {step + 1}/{args.steps} loss {running / 50:.4f} {time.time() - started:.0f} s", flush=True)
-            running = 0.0
-            common.save_checkpoint(args.checkpoint, net=net.state_dict(), optimiser=optimiser.state_dict(), step=step + 1)
+        losses.append(float(loss))
+        if (step + 1) % 50 == 0 or step + 1 == args.steps:
+            print(f"step {step + 1}/{args.steps} loss {np.mean(losses):.4f} {time.time() - started:.0f} s", flush=True)
+            losses.clear()
+            common.save_checkpoint(args.checkpoint, net=net.state_dict(), optimiser=optimiser.state_dict(),
+                                   step=step + 1)
     return net
 
 
@@ -216,7 +219,7 @@ def main() -> None:
     parser.add_argument("--scenes", help="folder of light fields written by `sst scene`")
     parser.add_argument("--synthetic", type=int, default=240, help="drawn pairs to train on")
     parser.add_argument("--checkpoint", required=True, help="written while training; training goes on from it")
-    parser.add_argument("--restart", action="store_true", help="keep the weights of the checkpoint, start the schedule again")
+    parser.add_argument("--start", help="checkpoint of an earlier stage whose weights this one starts from")
     parser.add_argument("--out", help="ONNX file to write at the end")
     parser.add_argument("--layers", type=int, default=4)
     parser.add_argument("--width", type=int, default=64)

@@ -4,7 +4,7 @@ Trains the segmentation network: a compact dilated residual network at 1/8, pyra
 2017; DESIGN 5.1) and a light decoder to 1/4. Learns the 23 classes of pipeline/labels/classes.c from simulated scenes
 and CamVid, then fits temperature and entropy threshold on held-out pictures and writes the ONNX file.
 
-  /usr/bin/python3 models/train_pspnet.py --scenes DIR --camvid DIR --checkpoint /tmp/psp.pt --out models/pspnet-small.onnx
+  /usr/bin/python3 models/train_pspnet.py --scenes DIR --camvid DIR --checkpoint psp.pt --out models/pspnet-small.onnx
 """
 import argparse
 import glob
@@ -20,8 +20,8 @@ from PIL import Image, ImageFilter
 import common
 import onnx_file
 
-CLASSES = ("Sky Building Pole Road Pavement Tree SignSymbol Fence Car Pedestrian Bicyclist Furniture Table Horse Bicycle "
-           "Motorcycle Toy Case Poster Cat Hen Membrane Nucleus").split()
+CLASSES = ("Sky Building Pole Road Pavement Tree SignSymbol Fence Car Pedestrian Bicyclist Furniture Table Horse "
+           "Bicycle Motorcycle Toy Case Poster Cat Hen Membrane Nucleus").split()
 CAMVID = 11  # the first classes, in CamVid's order
 GROUND = "Road,Pavement,Table"
 VOID = 255
@@ -122,8 +122,8 @@ def export(net: PspNet, path: str, metadata: dict[str, str]) -> None:
         parts.append(like(relu(conv(pooled, layer)), x))
     x = like(relu(conv(graph.node("Concat", parts, axis=1), net.merge)), fine)
     x = graph.node("Concat", [x, fine], axis=1)
-    x = graph.conv(relu(conv(x, net.decode)), net.classify)
-    graph.save(path, x, 3, len(CLASSES), metadata)
+    graph.conv(relu(conv(x, net.decode)), net.classify)
+    graph.save(path, 3, len(CLASSES), metadata)
     net.eval()
     for size in ((HEIGHT, WIDTH), (251, 333)):  # odd sizes too
         image = torch.randn(1, 3, *size)
@@ -150,12 +150,13 @@ def scenes(folder: str, seeds: range, per_scene: int) -> list[tuple[np.ndarray, 
         views = common.lightfield_views(lightfield)
         for key in sorted(views)[::max(1, len(views) // per_scene)][:per_scene]:
             truth = os.path.join(lightfield, "truth", f"{key[0]:02d}_{key[1]:02d}.png")
-            data.append((common.read_rgb(views[key]), (np.array(Image.open(truth)) - 1).astype(np.uint8)))  # 0 wraps to VOID
+            labels = np.array(Image.open(truth)) - np.uint8(1)  # 0 wraps to VOID
+            data.append((common.read_rgb(views[key]), labels))
     return data
 
 
 def augment(rng: np.random.Generator, rgb: np.ndarray, labels: np.ndarray, size: tuple[int, int], frequent: np.ndarray):
-    """A crop at a random scale around a pixel whose class is drawn in favour of rare ones, mirrored, its colours changed."""
+    """A crop at a random scale, half of them around a pixel of a class drawn in favour of rare ones; colours changed."""
     height, width = labels.shape
     zoom = float(np.clip(2.0 ** rng.uniform(-0.74, 0.68), 0, None)) * WIDTH / width
     crop = (min(size[0] / zoom, width), min(size[1] / zoom, height))
@@ -194,9 +195,10 @@ def normalise(x: np.ndarray) -> torch.Tensor:
 
 def logits(net: PspNet, rgb: np.ndarray) -> torch.Tensor:
     """[classes, h/4, w/4] at the working size."""
-    small = Image.fromarray(rgb).resize((WIDTH, HEIGHT), Image.Resampling.BOX) if rgb.shape[1] != WIDTH else rgb
+    small = Image.fromarray(rgb).resize((WIDTH, HEIGHT), Image.Resampling.BOX)
+    image = normalise(np.asarray(small, np.float32) / 255)[None]
     with torch.no_grad():
-        return net(normalise(np.asarray(small, np.float32) / 255)[None].contiguous(memory_format=torch.channels_last))[0]
+        return net(image.contiguous(memory_format=torch.channels_last))[0]
 
 
 def measure(net: PspNet, data, rng: np.random.Generator) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
@@ -224,7 +226,8 @@ def iou(total: np.ndarray) -> np.ndarray:
 def report(name: str, total: np.ndarray) -> None:
     """mIoU over the classes that the truth has, pixel accuracy and each class."""
     score = iou(total)
-    print(f"{name}: mIoU {100 * np.nanmean(score):.1f} %, pixels right {100 * np.trace(total) / total.sum():.1f} %", flush=True)
+    right = np.trace(total) / total.sum()
+    print(f"{name}: mIoU {100 * np.nanmean(score):.1f} %, pixels right {100 * right:.1f} %", flush=True)
     print("  " + ", ".join(f"{c} {100 * s:.0f}" for c, s in zip(CLASSES, score) if not np.isnan(s)), flush=True)
 
 
@@ -235,7 +238,8 @@ def fit_temperature(rows: torch.Tensor, truth: torch.Tensor) -> float:
     return float(grid[int(np.argmin(loss))])
 
 
-def fit_epsilon(rows: torch.Tensor, truth: torch.Tensor, temperature: float, power: int = 4) -> tuple[float, float, float]:
+def fit_epsilon(rows: torch.Tensor, truth: torch.Tensor, temperature: float,
+                power: int = 4) -> tuple[float, float, float]:
     """Entropy threshold with the largest accuracy^m * coverage (DESIGN 5.1), with that accuracy and coverage."""
     p = (rows / temperature).softmax(1)
     entropy = -(p * p.clamp(min=1e-12).log()).sum(1)
@@ -253,8 +257,8 @@ def fit_epsilon(rows: torch.Tensor, truth: torch.Tensor, temperature: float, pow
 
 def class_weights(data) -> tuple[np.ndarray, torch.Tensor]:
     """Share of each class among pixels, and its weight in the loss: square root of the inverse, within limits."""
-    share = sum(np.bincount(labels.ravel(), minlength=256)[:len(CLASSES)] / labels.size for _, labels in data) / len(data)
-    share = np.maximum(share, 1e-5)
+    counts = [np.bincount(labels.ravel(), minlength=256)[:len(CLASSES)] / labels.size for _, labels in data]
+    share = np.maximum(np.mean(counts, 0), 1e-5)
     return share, torch.from_numpy(np.clip(np.sqrt(np.median(share) / share), 0.5, 2.5).astype(np.float32))
 
 
@@ -268,12 +272,13 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet
     if saved:
         net.load_state_dict(saved["net"])
         mean.load_state_dict(saved["mean"])
-        first = 0 if args.restart else saved["step"]
-        if first:
-            optimiser.load_state_dict(saved["optimiser"])
+        optimiser.load_state_dict(saved["optimiser"])
+        first = saved["step"]
+    elif args.start:
+        net.load_state_dict(torch.load(args.start, map_location="cpu")["net"])
     frequent, weight = class_weights([d for _, data in sources for d in data])
     shares = np.array([s for s, _ in sources]) / sum(s for s, _ in sources)
-    started, running = time.time(), 0.0
+    started, losses = time.time(), []
     net.train()
     for step in range(first, args.steps):
         rng = np.random.default_rng((args.seed, step))
@@ -299,10 +304,10 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet
         with torch.no_grad():
             for to, source in zip(mean.state_dict().values(), net.state_dict().values()):
                 to.copy_(to * keep + source * (1 - keep)) if to.is_floating_point() else to.copy_(source)
-        running += float(loss)
-        if (step + 1) % 50 == 0:
-            print(f"step {step + 1}/{args.steps} loss {running / 50:.4f} {time.time() - started:.0f} s", flush=True)
-            running = 0.0
+        losses.append(float(loss))
+        if (step + 1) % 50 == 0 or step + 1 == args.steps:
+            print(f"step {step + 1}/{args.steps} loss {np.mean(losses):.4f} {time.time() - started:.0f} s", flush=True)
+            losses.clear()
             common.save_checkpoint(args.checkpoint, net=net.state_dict(), mean=mean.state_dict(),
                                    optimiser=optimiser.state_dict(), step=step + 1)
     return mean.eval()
@@ -313,7 +318,7 @@ def main() -> None:
     parser.add_argument("--scenes", help="folder of light fields NAME-SEED written by `sst scene`")
     parser.add_argument("--camvid", help="folder with train, trainannot, val, valannot")
     parser.add_argument("--checkpoint", required=True, help="written while training; training goes on from it")
-    parser.add_argument("--restart", action="store_true", help="keep the weights of the checkpoint, start the schedule again")
+    parser.add_argument("--start", help="checkpoint of an earlier stage whose weights this one starts from")
     parser.add_argument("--out", help="ONNX file to write at the end")
     parser.add_argument("--steps", type=int, default=2500)
     parser.add_argument("--batch", type=int, default=6)

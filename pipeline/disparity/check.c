@@ -1,4 +1,3 @@
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,11 +6,17 @@
 #define AGREE_Q6 64 /* |d - D_n| <= 1 px */
 #define DIRECTIONS 16
 
+/* floor(v + 0.5) for |v| < 65536: a conversion instead of a library call. */
+static int nearest(double v)
+{
+    return (int)(v + 65536.5) - 65536;
+}
+
 /* Does view n hold disparity d (1/64 px) where pixel (x, y) falls with it? */
 static bool agrees(const struct sst_checked_view *n, int x, int y, int d_q6, double disp_min_px)
 {
     const double d = disp_min_px + d_q6 / 64.0;
-    const int xn = (int)floor(x - d * n->bx + 0.5), yn = (int)floor(y - d * n->by + 0.5);
+    const int xn = nearest(x - d * n->bx), yn = nearest(y - d * n->by);
     int there;
 
     if (xn < 0 || yn < 0 || xn >= n->disp_q6->width || yn >= n->disp_q6->height)
@@ -46,7 +51,7 @@ static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *
                 continue;
             for (int i = first; i <= last; i++) {
                 const double d = disp_min_px + i;
-                const int x = (int)floor(xn + d * n->bx + 0.5), y = (int)floor(yn + d * n->by + 0.5);
+                const int x = nearest(xn + d * n->bx), y = nearest(yn + d * n->by);
 
                 if (x >= 0 && y >= 0 && x < mark->width && y < mark->height)
                     sst_map_u8_row(mark, y)[x] = SST_CHECK_MISMATCH;
@@ -81,7 +86,7 @@ static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, d
 
         for (int xn = 0; xn < out->width; xn++) {
             const double dp = disp_min_px + d[xn] / 64.0;
-            const int x = (int)floor(xn + dp * n->bx + 0.5), y = (int)floor(yn + dp * n->by + 0.5);
+            const int x = nearest(xn + dp * n->bx), y = nearest(yn + dp * n->by);
             uint16_t *at;
 
             if (ok[xn] != SST_CHECK_CORRECT || x < 0 || y < 0 || x >= out->width || y >= out->height)

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "base/mem.h"
 #include "pipeline/disparity/stage.h"
 #include "pipeline/kernels/kernels.h"
@@ -95,7 +96,8 @@ static void normalise(float *out, const struct sst_map_u8 *luma)
         }
     }
     mean = (double)s1 / (double)n;
-    deviation = sqrt((double)(n * s2 - s1 * s1)) / (double)n;
+    /* In double: n * s2 passes 2^63 from 12 million bright pixels on. Equal pixels still give exactly 0. */
+    deviation = sqrt(fmax((double)n * (double)s2 - (double)s1 * (double)s1, 0)) / (double)n;
     for (int y = 0; y < luma->height; y++) {
         const uint8_t *row = sst_map_u8_row(luma, y);
 
@@ -116,6 +118,8 @@ static int make_features(struct sst_descriptor *desc, struct sst_network *net)
     if (err)
         goto done;
     if (channels != 64 || out_w != desc->width || out_h != desc->height) {
+        sst_log_error("the matching network makes %d channels of %dx%d from a view of %dx%d, not 64 of the same size; give "
+                      "--mccnn-model another one", channels, out_w, out_h, desc->width, desc->height);
         err = -EBADMSG;
         goto done;
     }

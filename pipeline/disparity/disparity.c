@@ -22,7 +22,7 @@
 struct run {
     struct sst_lightfield *lf;
     const struct sst_disparity_config *cfg;
-    struct sst_network *net;
+    struct sst_network **nets;     /* [workers]; NULL without features */
     int scale, width, height;      /* of the images that are matched */
     int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
     int divisor;                   /* steps per pixel */
@@ -67,7 +67,7 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     return 0;
 }
 
-static int describe_job(void *arg, int index, int worker SST_UNUSED)
+static int describe_job(void *arg, int index, int worker)
 {
     struct run *run = arg;
     const int view = run->first_view + index;
@@ -77,7 +77,8 @@ static int describe_job(void *arg, int index, int worker SST_UNUSED)
 
     if (run->desc[view].luma.data || !v->present)
         return 0;
-    err = sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost, run->net);
+    err = sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost,
+                              run->nets ? run->nets[worker] : NULL);
     return err ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
 }
 
@@ -162,8 +163,8 @@ static int match_job(void *arg, int index, int worker)
     if (!err && run->cfg->support_arm)
         err = sst_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
     if (!err)
-        err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support, &run->disp[view],
-                                            &run->confidence[view])
+        err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
+                                            &run->disp[view], &run->confidence[view])
                               : match_apart(run, &run->volumes[worker], view, &support);
     sst_support_fini(&support);
     if (err == -ENODATA) { /* a view on its own: unknown everywhere, filled from afar below */
@@ -271,8 +272,7 @@ static int match_all(struct run *run, int threads, sst_progress_fn *progress, vo
     for (int row = 0; !err && row < lf->rows; row++) {
         for (int r = row; !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
             run->first_view = r * lf->cols;
-            /* The network uses the threads itself and serves one view at a time. */
-            err = sst_parallel_for(lf->cols, run->net ? 1 : threads, describe_job, run);
+            err = sst_parallel_for(lf->cols, threads, describe_job, run);
         }
         run->first_view = row * lf->cols;
         err = err ? err : sst_parallel_for(lf->cols, threads, match_job, run);
@@ -319,6 +319,21 @@ static unsigned phases_needed(const struct run *run)
     return phases;
 }
 
+/* One network per worker, each with its share of the threads: views side by side need no waiting between layers. */
+static int open_networks(struct run *run, int workers, int threads)
+{
+    int err = 0;
+
+    if (!(run->cfg->cost & SST_COST_MCCNN))
+        return 0;
+    run->nets = calloc((size_t)workers, sizeof(*run->nets));
+    if (!run->nets)
+        return -ENOMEM;
+    for (int i = 0; !err && i < workers; i++)
+        err = sst_network_open(&run->nets[i], run->cfg->model, threads / workers);
+    return err;
+}
+
 static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
@@ -332,20 +347,26 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     for (; !err && made < workers; made++)
         err = make_volume(run, &run->volumes[made]);
     run->phases = err ? 0 : phases_needed(run);
+    err = err ? err : open_networks(run, workers, threads);
     err = err ? err : match_all(run, workers, progress, progress_arg);
-    for (int i = 0; i < workers; i++)
+    for (int i = 0; i < workers; i++) {
         sst_volume_fini(&run->volumes[i]);
+        if (run->nets)
+            sst_network_close(run->nets[i]);
+    }
     free(run->volumes);
+    free(run->nets);
     if (run->cfg->fill) {
         err = err ? err : sst_parallel_for(views, threads, check_job, run);
         err = err ? err : sst_parallel_for(views, threads, fill_job, run);
     }
-    run->lf->disp_min_px = (double)run->disp_min * run->scale;
     for (int view = 0; !err && view < views; view++) {
         if (run->lf->views[view].present)
             err = deliver(run, view);
     }
-    if (progress)
+    if (!err)
+        run->lf->disp_min_px = (double)run->disp_min * run->scale;
+    if (!err && progress)
         progress(progress_arg, 1.0);
     return err;
 }
@@ -388,7 +409,6 @@ static void run_fini(struct run *run)
     free(run->confidence);
     free(run->status);
     free(run->filled);
-    sst_network_close(run->net);
 }
 
 int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
@@ -401,8 +421,6 @@ int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_dispari
     if (err)
         return err;
     err = run_init(&run, lf, cfg);
-    if (!err && cfg->cost & SST_COST_MCCNN)
-        err = sst_network_open(&run.net, cfg->model, threads);
     if (!err)
         err = run_all(&run, threads, progress, progress_arg);
     if (err == -ENOMEM)

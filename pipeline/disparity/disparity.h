@@ -17,8 +17,9 @@ enum sst_cost {
  * 8 * (255 + 4000) = 34040 < 2^16 (see sgm.c). */
 #define SST_DISPARITY_MAX_STEPS 512
 #define SST_DISPARITY_MAX_PENALTY 4000
-/* Longest support arm: (2 * 7 + 1)^2 * 255 = 57375 < 2^16, so column sums modulo 2^16 are exact. */
-#define SST_SUPPORT_MAX_ARM 7
+/* Longest support arm: 11^2 * 255 < 2^16, so column sums modulo 2^16 are exact; so are the means of equal costs, which the
+ * rounded-up reciprocal of the kernel spoils from 151 pixels on. */
+#define SST_SUPPORT_MAX_ARM 5
 
 struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */

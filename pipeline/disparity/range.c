@@ -77,7 +77,7 @@ int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *mi
     cfg.threads = threads;
     for (int side = 0; !err && side < 4; side++) {
         const int c = col + (side == 0) - (side == 1), r = row + (side == 2) - (side == 3);
-        struct sst_lightfield pair;
+        struct sst_lightfield pair = { 0 };
 
         if (c < 0 || r < 0 || c >= lf->cols || r >= lf->rows || !lf->views[r * lf->cols + c].present)
             continue;

@@ -72,9 +72,9 @@ void sst_volume_fini(struct sst_volume *v);
 size_t sst_volume_bytes(int width, int height, int steps);
 
 /**
- * Fill the costs of `ref` against 1..4 neighbours. Of several, occluded ones are expected to be the dear ones: with three
- * or four the mean of the two cheapest counts, with two the cheaper one three times the other. Pixels that no neighbour
- * sees cost a constant.
+ * Fill the costs of `ref` against 1..SST_MAX_NEIGHBOURS neighbours. Of several, occluded ones are expected to be the dear
+ * ones: with two the cheaper one counts three times the other, with more the mean of the two cheapest. What one neighbour
+ * alone sees takes its cost, and what none sees a constant.
  */
 void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
                      int count);

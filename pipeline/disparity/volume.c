@@ -6,13 +6,11 @@
 #include "pipeline/disparity/stage.h"
 #include "pipeline/kernels/kernels.h"
 
-/* Real costs are at most 252, so that 255 can mark "the neighbour does not see this" inside the tiles. */
+/* Real costs are kept below it, so that it can mark "the neighbour does not see this" inside the tiles. */
 #define ABSENT 255
 /* Cost of what no neighbour sees: the same for every disparity, so that only smoothness decides. */
 #define COST_UNSEEN 96
-/* From this many neighbours on, the three cheapest count. */
-#define MANY 99
-#define TILES 4
+#define TILES 3
 
 static size_t padded_steps(int steps)
 {
@@ -78,6 +76,16 @@ unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by)
     return phases;
 }
 
+static uint8_t min_u8(uint8_t a, uint8_t b)
+{
+    return a < b ? a : b;
+}
+
+static uint8_t max_u8(uint8_t a, uint8_t b)
+{
+    return a > b ? a : b;
+}
+
 /* Costs of row y against one neighbour: tile[i][x], i the disparity step. With both costs their mean. @param row  scratch */
 static void tile_row(uint8_t *tile, uint8_t *row, const struct sst_volume *v, const struct sst_descriptor *ref,
                      const struct sst_neighbour *n, int y)
@@ -104,44 +112,30 @@ static void tile_row(uint8_t *tile, uint8_t *row, const struct sst_volume *v, co
                                 ref->features + (size_t)y * 32 * ref->feature_stride + 2 * (size_t)x0,
                                 n->desc->features + (size_t)near_y * 32 * ref->feature_stride + 2 * (size_t)(x0 + near_x),
                                 ref->feature_stride, (size_t)(x1 - x0));
-        for (int x = 0; ref->features && ref->census[0] && x < x1 - x0; x++)
-            out[x] = (uint8_t)((out[x] + row[x] + 1) >> 1);
+        for (int x = 0; ref->features && x < x1 - x0; x++)
+            out[x] = ref->census[0] ? (uint8_t)((out[x] + row[x] + 1) >> 1) : min_u8(out[x], ABSENT - 1);
     }
 }
 
-static uint8_t min_u8(uint8_t a, uint8_t b)
-{
-    return a < b ? a : b;
-}
-
-static uint8_t max_u8(uint8_t a, uint8_t b)
-{
-    return a > b ? a : b;
-}
-
-/* Keep the three cheapest of the costs seen so far, cell by cell. */
-static void keep_cheapest(uint8_t *restrict first, uint8_t *restrict second, uint8_t *restrict third,
-                          const uint8_t *restrict tile, size_t cells)
+/* Keep the two cheapest of the costs seen so far, cell by cell. */
+static void keep_cheapest(uint8_t *restrict first, uint8_t *restrict second, const uint8_t *restrict tile, size_t cells)
 {
     for (size_t i = 0; i < cells; i++) {
-        const uint8_t t = tile[i], over1 = max_u8(first[i], t), over2 = max_u8(second[i], over1);
+        const uint8_t t = tile[i], over = max_u8(first[i], t);
 
         first[i] = min_u8(first[i], t);
-        second[i] = min_u8(second[i], over1);
-        third[i] = min_u8(third[i], over2);
+        second[i] = min_u8(second[i], over);
     }
 }
 
-/* One cost from the cheapest ones, into the first. */
-static void merge(uint8_t *restrict first, const uint8_t *restrict second, const uint8_t *restrict third, int count,
-                  size_t cells)
+/* One cost from the two cheapest ones, into the first. */
+static void merge(uint8_t *restrict first, const uint8_t *restrict second, int count, size_t cells)
 {
     for (size_t i = 0; i < cells; i++) {
-        const unsigned a = first[i], b = second[i], c = third[i];
+        const unsigned a = first[i], b = second[i];
         const unsigned two = count == 2 ? (3 * a + b + 2) >> 2 : (a + b + 1) >> 1;
-        const unsigned merged = count >= MANY && c != ABSENT ? (a + b + 2 * c + 2) >> 2 : b == ABSENT ? a : two;
 
-        first[i] = (uint8_t)(a == ABSENT ? COST_UNSEEN : merged);
+        first[i] = (uint8_t)(a == ABSENT ? COST_UNSEEN : b == ABSENT ? a : two);
     }
 }
 
@@ -150,15 +144,15 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t cells = v->width_padded * v->steps_padded, real = v->width_padded * (size_t)v->steps;
-    uint8_t *first = v->scratch, *second = first + cells, *third = second + cells, *tile = third + cells;
+    uint8_t *first = v->scratch, *second = first + cells, *tile = second + cells;
 
     for (int y = 0; y < v->height; y++) {
-        memset(first, ABSENT, 3 * cells);
+        memset(first, ABSENT, 2 * cells);
         for (int i = 0; i < count; i++) {
             tile_row(tile, tile + cells, v, ref, &neighbours[i], y);
-            keep_cheapest(first, second, third, tile, real);
+            keep_cheapest(first, second, tile, real);
         }
-        merge(first, second, third, count, real);
+        merge(first, second, count, real);
         memset(first + real, SST_COST_MAX, cells - real);
         k->transpose_u8(v->cost + (size_t)y * cells, v->steps_padded, first, v->width_padded, v->width_padded,
                         v->steps_padded);

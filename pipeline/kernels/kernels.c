@@ -62,7 +62,7 @@ static void choose(void)
     const char *cap = getenv("SST_CPU");
     int level = SST_CPU_AVX512;
 
-    if (cap) {
+    if (cap && *cap) {
         for (level = SST_CPU_AVX512; level > SST_CPU_REF && strcasecmp(cap, level_names[level]); level--)
             ;
         if (strcasecmp(cap, level_names[level]))

@@ -71,10 +71,6 @@ double sst_median(double *v, int n);
  */
 SST_MUST_CHECK int sst_params_number(const char *text, const char *path, const char *key, double *value);
 
-/** Refuse (logged) an output that would replace the input or a folder that is not of this kind: with force, `out` may
- *  exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */
-SST_MUST_CHECK int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
-
 SST_EXTERN_C_END
 
 #endif

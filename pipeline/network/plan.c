@@ -171,6 +171,31 @@ static int allocate(struct sst_plan *p)
     return err;
 }
 
+static bool tiles_stay(struct sst_plan *p, int threads)
+{
+    omp_set_num_threads(threads);
+    for (int i = 0; i < p->graph->n_ops; i++) {
+        if (p->winograd[i] != plan_winograd_tile(p, &p->graph->ops[i]))
+            return false;
+    }
+    return true;
+}
+
+/* oneDNN chooses the tiles by the number of threads (smaller ones for many threads or small images, none for one thread), and
+ * they round differently. For the same bytes everywhere: the tiles of two threads, and as many threads as agree with them. */
+static void choose_winograd(struct sst_plan *p)
+{
+    int planned = sst_max_int(p->threads, 2);
+
+    omp_set_num_threads(2);
+    for (int i = 0; i < p->graph->n_ops; i++)
+        p->winograd[i] = plan_winograd_tile(p, &p->graph->ops[i]);
+    while (planned > 2 && !tiles_stay(p, planned))
+        planned--;
+    omp_set_num_threads(planned);
+    p->threads = sst_min_int(p->threads, planned);
+}
+
 /* --- life ----------------------------------------------------------------------------------------- */
 
 static int add_ops(struct sst_plan *p)
@@ -191,8 +216,7 @@ static int add_ops(struct sst_plan *p)
         return p->input;
     p->tensors[p->input].external = true;
     p->current[g->input] = p->input;
-    for (int i = 0; i < g->n_ops; i++)
-        p->winograd[i] = plan_is_winograd(p, &g->ops[i]);
+    choose_winograd(p);
     for (int i = 0; !err && i < g->n_ops; i++)
         err = plan_add_op(p, i);
     if (!err)
@@ -236,7 +260,6 @@ int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const 
 
     if (p) {
         *p = (struct sst_plan){ .graph = graph, .shapes = shapes, .threads = threads, .name = name };
-        omp_set_num_threads(threads);
         err = build(p);
         omp_set_num_threads(before);
     }

@@ -203,15 +203,18 @@ static int conv_desc(struct sst_plan *p, const struct sst_op *op, dnnl_alg_kind_
 
 /* Winograd halves the time of 3x3 layers with many channels (measured: 64 to 64 channels, 2.0x); oneDNN has it for some
  * machines only, and its "auto" passes it over in favour of slower code. */
-bool plan_is_winograd(struct sst_plan *p, const struct sst_op *op)
+uint8_t plan_winograd_tile(struct sst_plan *p, const struct sst_op *op)
 {
     dnnl_primitive_desc_t pd;
+    const char *name = NULL;
+    uint8_t tile;
 
     if (op->kind != SST_OP_CONV || op->group != 1 || op->group_in < 16 || op->channels < 16 || op->kernel[0] != 3 ||
         op->kernel[1] != 3 || conv_desc(p, op, dnnl_convolution_winograd, dnnl_format_tag_any, &pd))
-        return false;
+        return 0;
+    tile = !dnnl_primitive_desc_query(pd, dnnl_query_impl_info_str, 0, (void *)&name) && strstr(name, "4x3") ? 4 : 2;
     dnnl_primitive_desc_destroy(pd);
-    return true;
+    return tile;
 }
 
 static bool feeds_winograd(const struct sst_plan *p, int value)

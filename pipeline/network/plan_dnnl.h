@@ -45,7 +45,7 @@ struct sst_plan {
     int n_tensors, n_steps, tensors_room, steps_room;
     int *current;   /* [n_values] tensor that holds a value now, or -1 */
     int *last_use;  /* [n_values] last operation that reads it */
-    bool *winograd; /* [n_ops] convolutions that run as Winograd's */
+    uint8_t *winograd; /* [n_ops] tile side of the convolutions that run as Winograd's, else 0 */
     int input, output;
     void *arena, *scratch;
     size_t arena_bytes, scratch_bytes;
@@ -63,8 +63,8 @@ struct plan_step *plan_add_step(struct sst_plan *p, const struct sst_op *op);
 /** Number of a tensor that holds a value in a layout; a reorder is planned where it is in another one. */
 int plan_in_layout(struct sst_plan *p, int value, const dnnl_memory_desc_t *md);
 
-/** True where oneDNN can run an operation as a Winograd convolution. */
-bool plan_is_winograd(struct sst_plan *p, const struct sst_op *op);
+/** Tile side with which oneDNN runs an operation as a Winograd convolution on the present number of threads; 0: it cannot. */
+uint8_t plan_winograd_tile(struct sst_plan *p, const struct sst_op *op);
 
 /** Plan operation i of the graph. */
 SST_MUST_CHECK int plan_add_op(struct sst_plan *p, int i);

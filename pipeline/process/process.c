@@ -29,6 +29,7 @@ struct run {
     struct sst_process_report *report;
     struct sst_map_u8 *extra[EXTRAS];  /* [views] each */
     struct sst_map_f32 *entropy;       /* [views] */
+    struct sst_segmenter **segmenters; /* [threads], while views are labelled */
     struct sst_outdir *out;            /* the folder being written */
     int kind;                          /* of the extra being written */
 };
@@ -42,6 +43,14 @@ static void show_progress(const struct run *run, const char *stage, double done)
 {
     if (run->cfg->progress)
         run->cfg->progress(run->cfg->progress_arg, stage, done);
+}
+
+/* The stages tell of their own lack of memory; this does it for the maps that are made here. */
+static int told(const struct run *run, int err)
+{
+    if (err)
+        sst_log_error("not enough memory to process %s", run->dir);
+    return err;
 }
 
 static int copy_map(struct sst_map_u8 *to, const struct sst_map_u8 *from)
@@ -109,37 +118,55 @@ static double coverage(const struct run *run)
     return all ? 100.0 * (double)labelled / (double)all : NAN;
 }
 
-static int segment_views(struct run *run, struct sst_segmenter *seg)
+static int segment_view(void *arg, int view, int worker)
 {
-    int err = 0;
+    struct run *run = arg;
+    struct sst_segmenter *seg = run->segmenters[worker];
+    struct sst_view *v = &run->lf->views[view];
+    int err;
 
-    for (int view = 0; !err && view < views_of(run); view++) {
-        struct sst_view *v = &run->lf->views[view];
-
+    if (worker == 0)
         show_progress(run, "labels", (double)view / views_of(run));
-        if (!v->present)
-            continue;
-        sst_map_u8_fini(&v->label);
-        err = sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL);
-        err = err ? err : copy_map(&run->extra[EXTRA_INITIAL][view], &v->label);
-        err = err ? err : pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
-                                       sst_segmenter_classes(seg)->count);
+    if (!v->present)
+        return 0;
+    sst_map_u8_fini(&v->label);
+    err = sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL);
+    err = err ? err : told(run, copy_map(&run->extra[EXTRA_INITIAL][view], &v->label));
+    return err ? err : told(run, pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
+                                              sst_segmenter_classes(seg)->count));
+}
+
+/* One segmenter per thread, each on one core: whole views side by side need no waiting between layers. */
+static int segment_views(struct run *run, double *eps_h)
+{
+    const int workers = sst_clamp_int(run->cfg->threads, 1, views_of(run));
+    int err = 0, opened = 0;
+
+    run->segmenters = calloc((size_t)workers, sizeof(*run->segmenters));
+    if (!run->segmenters)
+        return told(run, -ENOMEM);
+    while (!err && opened < workers) {
+        err = sst_segmenter_open(&run->segmenters[opened], run->cfg->model, 1);
+        opened += !err;
     }
+    err = err ? err : sst_parallel_for(views_of(run), workers, segment_view, run);
+    if (!err) {
+        run->lf->classes = *sst_segmenter_classes(run->segmenters[0]);
+        *eps_h = sst_segmenter_eps_h(run->segmenters[0]);
+    }
+    while (opened > 0)
+        sst_segmenter_close(run->segmenters[--opened]);
+    free(run->segmenters);
     return err;
 }
 
 static int label_views(struct run *run)
 {
-    struct sst_segmenter *seg;
-    double eps_h;
-    int err = sst_segmenter_open(&seg, run->cfg->model, run->cfg->threads);
+    double eps_h = 0;
+    int err = segment_views(run, &eps_h);
 
-    if (err)
-        return err;
-    err = segment_views(run, seg);
-    run->lf->classes = *sst_segmenter_classes(seg);
-    eps_h = run->cfg->eps_h >= 0 ? run->cfg->eps_h : sst_segmenter_eps_h(seg);
-    sst_segmenter_close(seg);
+    if (run->cfg->eps_h >= 0)
+        eps_h = run->cfg->eps_h;
     if (!err && run->cfg->hand_label)
         err = find_eps_h(run, &eps_h);
     for (int view = 0; !err && view < views_of(run); view++) {
@@ -149,7 +176,7 @@ static int label_views(struct run *run)
             continue;
         sst_hcsm(&v->label, &run->entropy[view], eps_h);
         sst_map_f32_fini(&run->entropy[view]);
-        err = copy_map(&run->extra[EXTRA_HCSM][view], &v->label);
+        err = told(run, copy_map(&run->extra[EXTRA_HCSM][view], &v->label));
     }
     run->report->eps_h = eps_h;
     return err;
@@ -195,8 +222,34 @@ static int write_extra(void *arg, int view, int worker SST_UNUSED)
     return err ? err : sst_map_u8_write_png(map, path, run->kind == EXTRA_ENTROPY ? NULL : sst_classes_palette());
 }
 
-/* The extra folders that this run has maps for; stale ones of an earlier run go. */
-static int save_extras(struct run *run)
+static void remove_folder(const struct run *run, const char *name)
+{
+    char path[SST_PATH_MAX];
+
+    if (!sst_path_join(path, run->dir, name))
+        sst_path_remove_tree(path);
+}
+
+static bool any_confidence(const struct sst_lightfield *lf)
+{
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        if (lf->views[view].confidence.data)
+            return true;
+    }
+    return false;
+}
+
+/* What an earlier run computed from maps that given ones have replaced. */
+static void remove_stale(const struct run *run)
+{
+    for (int i = 0; run->lf->labels_given && i < EXTRAS; i++)
+        remove_folder(run, extra_names[i]);
+    if (run->lf->disparity_given && !any_confidence(run->lf))
+        remove_folder(run, "confidence");
+}
+
+/* The maps and the extra folders that this run made; everything is written before anything is replaced. */
+static int save(struct run *run)
 {
     struct sst_outdir out[EXTRAS];
     char path[SST_PATH_MAX];
@@ -211,15 +264,13 @@ static int save_extras(struct run *run)
         run->out = &out[opened];
         err = sst_parallel_for(views_of(run), run->cfg->threads, write_extra, run);
     }
+    err = err ? err : sst_lightfield_save_maps(run->lf, run->dir, run->cfg->threads);
     for (int i = 0; i < opened; i++) {
         err = err ? err : sst_outdir_commit(&out[i]);
         sst_outdir_abort(&out[i]);
     }
-    for (int i = 0; !err && !run->extra[0] && i < EXTRAS; i++) {
-        err = sst_path_join(path, run->dir, extra_names[i]);
-        if (!err)
-            sst_path_remove_tree(path);
-    }
+    if (!err)
+        remove_stale(run);
     return err;
 }
 
@@ -277,7 +328,7 @@ static int run_stages(struct run *run, struct sst_stage_time *clock)
     int err = 0;
 
     if (!lf->labels_given && cfg->model) {
-        err = allocate(run);
+        err = told(run, allocate(run));
         err = err ? err : label_views(run);
     }
     run->report->labels = lap(clock);
@@ -304,12 +355,10 @@ int sst_process(struct sst_lightfield *lf, const char *dir, const struct sst_pro
     *report = (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN };
     lap(&clock);
     err = run_stages(&run, &clock);
-    show_progress(&run, "saving", 0.99);
-    err = err ? err : sst_lightfield_save_maps(lf, dir, cfg->threads);
-    err = err ? err : save_extras(&run);
+    if (!err)
+        show_progress(&run, "saving", 0.99);
+    err = err ? err : save(&run);
     report->saving = lap(&clock);
-    if (err == -ENOMEM)
-        sst_log_error("not enough memory to process %s", dir);
     release(&run);
     return err;
 }

@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "simulators/scene/internal.h"
 
@@ -218,7 +219,9 @@ int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const 
     j.scene = scene;
     j.views = cfg->rows * cfg->cols;
     j.count = j.views + sst_scene_occluder_count(scene);
-    if ((err = describe(&lf, scene, name)) || (err = sst_outdir_open(&dir, out, force)))
+    if ((err = describe(&lf, scene, name)) ||
+        (err = sst_check_output(out, force, "lightfield.json", (const char *const[]){ NULL })) ||
+        (err = sst_outdir_open(&dir, out, force)))
         goto done;
     j.dir = dir.temporary;
     if ((err = make_folder(dir.temporary, "views")) || (err = make_folder(dir.temporary, "truth")) ||

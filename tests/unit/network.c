@@ -189,6 +189,36 @@ static void convolutions_equal_plain_loops(void **state SST_UNUSED)
     }
 }
 
+/* Sizes at which oneDNN would choose another algorithm for 1 thread than for 2, and for 16 than for 2. */
+static void convolutions_do_not_depend_on_threads(void **state SST_UNUSED)
+{
+    static const struct conv c = { 64, 64, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    static const int sizes[2][2] = { { 72, 96 }, { 240, 320 } }, threads[3] = { 2, 1, 16 };
+
+    for (int i = 0; i < 2; i++) {
+        float *w = random_floats(64 * 64 * 9);
+        struct image in = random_image(64, sizes[i][0], sizes[i][1]), out[3];
+        struct ow_buf graph = { 0 }, model;
+
+        ow_floats(&graph, "w", w, 64, 64, 3, 3);
+        ow_conv(&graph, &c, "x w", "y");
+        ow_value(&graph, 11, "x", 64);
+        ow_value(&graph, 12, "y", 64);
+        model = ow_model(&graph, 11);
+        for (int k = 0; k < 3; k++) {
+            struct ow_buf copy = { 0 };
+            struct sst_network *net;
+
+            ow_raw(&copy, model.p, model.n);
+            assert_int_equal(open_model(&net, &copy, threads[k]), 0);
+            out[k] = run_net(net, &in);
+            sst_network_close(net);
+            assert_memory_equal(out[k].d, out[0].d, 64 * (size_t)(in.h * in.w) * sizeof(float));
+        }
+        free(w), free(in.d), free(model.p), free(out[0].d), free(out[1].d), free(out[2].d);
+    }
+}
+
 /* conv 1x1 of the identity, so that the layer under test gets whatever layout oneDNN likes, from "x" to "blocked" */
 static void ow_identity_conv(struct ow_buf *graph, int channels)
 {
@@ -663,6 +693,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(convolutions_equal_plain_loops),
+        cmocka_unit_test(convolutions_do_not_depend_on_threads),
         cmocka_unit_test(residual_blocks_equal_plain_loops),
         cmocka_unit_test(shared_values_are_kept),
         cmocka_unit_test(padding_is_joined_with_the_convolution),
