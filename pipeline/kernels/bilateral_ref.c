@@ -5,7 +5,7 @@ void sst_bilateral_row_ref(uint16_t *out, const uint16_t *const disp[7], const u
 {
     for (size_t x = 0; x < n; x++) {
         const int centre = disp[3][x], level = luma[3][x];
-        int sum = 0, total = 0;
+        int sum = 0, total = 0, mean;
 
         for (int k = 0; k < 49; k++) {
             const ptrdiff_t i = (ptrdiff_t)x + k % 7 - 3;
@@ -16,8 +16,12 @@ void sst_bilateral_row_ref(uint16_t *out, const uint16_t *const disp[7], const u
             sum += weight[k] * step;
             total += weight[k];
         }
+        if (centre == 65535) {
+            out[x] = 65535;
+            continue;
+        }
         /* |sum / total| <= 96: made positive, so that the conversion rounds down. The centre is always in: total > 0. */
-        out[x] = centre == 65535 ? (uint16_t)65535
-                                 : (uint16_t)(centre - 128 + (int)((float)sum / (float)total + 128.5f));
+        mean = centre - 128 + (int)((float)sum / (float)total + 128.5f);
+        out[x] = (uint16_t)mean;
     }
 }
