@@ -3,8 +3,18 @@
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
+#include <string.h>
 
 static _Atomic int level_shown = SST_LOG_WARNING;
+static _Thread_local char *held;
+
+char *sst_log_hold_errors(char *text)
+{
+    char *before = held;
+
+    held = text;
+    return before;
+}
 
 void sst_log_set_level(enum sst_log_level level)
 {
@@ -15,7 +25,7 @@ void sst_log_set_level(enum sst_log_level level)
 static void emit(enum sst_log_level level, const char *fmt, va_list args)
 {
     static const char *const names[] = { "error", "warning", "info", "debug" };
-    char text[1024];
+    char text[SST_LOG_MAX];
 
     if ((int)level > level_shown)
         return;
@@ -25,7 +35,10 @@ static void emit(enum sst_log_level level, const char *fmt, va_list args)
         if ((unsigned char)*c < ' ' || *c == 127)
             *c = '?';
     }
-    fprintf(stderr, "sst: %s: %s\n", names[level], text);
+    if (level == SST_LOG_ERROR && held)
+        memcpy(held, text, sizeof(text));
+    else
+        fprintf(stderr, "sst: %s: %s\n", names[level], text);
 }
 
 #define DEFINE_LOG(name, level)                                                                    \

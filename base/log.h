@@ -27,6 +27,16 @@ void sst_log_warning(const char *fmt, ...) SST_PRINTF(1, 2);
 void sst_log_info(const char *fmt, ...) SST_PRINTF(1, 2);
 void sst_log_debug(const char *fmt, ...) SST_PRINTF(1, 2);
 
+/* Longest line that is shown, with its end. */
+#define SST_LOG_MAX 1024
+
+/**
+ * Keep this thread's errors in `text` [SST_LOG_MAX], the last one staying, instead of showing them; NULL shows them again.
+ * For work on several threads, of whose errors one is reported (base/thread.h).
+ * @return the text set before, or NULL
+ */
+char *sst_log_hold_errors(char *text);
+
 SST_EXTERN_C_END
 
 #endif

@@ -5,6 +5,9 @@
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
+#include <string.h>
+
+#include "base/log.h"
 
 #define MAX_THREADS 256
 
@@ -18,6 +21,7 @@ struct pool {
     /* under lock */
     pthread_mutex_t lock;
     int error;
+    char text[SST_LOG_MAX]; /* what was logged with it */
 };
 
 struct worker {
@@ -41,21 +45,26 @@ static void *work(void *arg)
 {
     struct worker *w = arg;
     struct pool *p = w->pool;
+    char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
     int i;
 
     /* Indices below a failed one are still run, so that the error reported is always the lowest one's. */
     while ((i = atomic_fetch_add(&p->next, 1)) < p->count && i < p->failed_index) {
-        int err = p->fn(p->arg, i, w->id);
+        int err;
 
+        text[0] = 0;
+        err = p->fn(p->arg, i, w->id);
         if (!err)
             continue;
         pthread_mutex_lock(&p->lock);
         if (i < p->failed_index) {
             p->failed_index = i;
             p->error = err;
+            memcpy(p->text, text, sizeof(text));
         }
         pthread_mutex_unlock(&p->lock);
     }
+    (void)sst_log_hold_errors(before);
     return NULL;
 }
 
@@ -76,5 +85,7 @@ int sst_parallel_for(int count, int threads, sst_work_fn *fn, void *arg)
     while (--started > 0)
         pthread_join(workers[started].thread, NULL);
     pthread_mutex_destroy(&pool.lock);
+    if (pool.text[0])
+        sst_log_error("%s", pool.text);
     return pool.error;
 }

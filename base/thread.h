@@ -20,7 +20,8 @@ int sst_thread_count(int requested);
 /**
  * Call fn for every index in 0 .. count-1, on `threads` threads (the caller's among them).
  *
- * @return 0, or the error of the lowest index that failed.  Thread: any; calls may nest.
+ * @return 0, or the error of the lowest index that failed; of the errors logged by fn only that one's is shown.
+ *         Thread: any; calls may nest.
  */
 SST_MUST_CHECK int sst_parallel_for(int count, int threads, sst_work_fn *fn, void *arg);
 

@@ -108,7 +108,7 @@ for size in 1x1 1x9 17x5 64x1; do
     ok scene bush -o odd --size $size --grid $grid
     ok process odd --labels odd/truth --preset preview
     ok process odd --labels odd/truth
-    ok render odd --focus 3 -o odd.png
+    ok render odd --focus 0 -o odd.png
   done
 done
 rm -rf odd

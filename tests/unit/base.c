@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "base/file.h"
+#include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
 
@@ -41,6 +42,28 @@ static void parallel_for_reports_the_lowest_error(void **state SST_UNUSED)
         assert_int_equal(sst_parallel_for(100, threads, fail_from_seven, NULL), -7);
 }
 
+static int complain_from_seven(void *arg SST_UNUSED, int index, int worker SST_UNUSED)
+{
+    if (index < 7)
+        return sst_parallel_for(3, 2, fail_from_seven, NULL);
+    sst_log_error("piece %d\n", index);
+    return -index;
+}
+
+/* One of many errors is shown, the same one for any number of threads, and through nested calls; without line breaks. */
+static void parallel_for_shows_one_error(void **state SST_UNUSED)
+{
+    char text[SST_LOG_MAX];
+
+    for (int threads = 1; threads < 9; threads++) {
+        text[0] = 0;
+        assert_null(sst_log_hold_errors(text));
+        assert_int_equal(sst_parallel_for(100, threads, complain_from_seven, NULL), -7);
+        assert_ptr_equal(sst_log_hold_errors(NULL), text);
+        assert_string_equal(text, "piece 7?");
+    }
+}
+
 static void alloc_refuses_overflow(void **state SST_UNUSED)
 {
     void *p = sst_mem_alloc(3, 5);
@@ -67,6 +90,7 @@ static void outfile_appears_whole_or_not(void **state SST_UNUSED)
     assert_false(sst_path_exists(path));
     assert_int_equal(sst_file_write(path, "hello", 5), 0);
     assert_true(sst_path_exists(path));
+    assert_int_equal(sst_outfile_open(&out, "/dev/null"), -EEXIST);
     assert_int_equal(sst_outdir_open(&folder, path, false), -EEXIST);
     assert_int_equal(sst_path_join(path, dir, "d/"), 0);
     assert_int_equal(sst_outdir_open(&folder, path, false), 0);
@@ -82,6 +106,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(parallel_for_runs_every_index),
         cmocka_unit_test(parallel_for_reports_the_lowest_error),
+        cmocka_unit_test(parallel_for_shows_one_error),
         cmocka_unit_test(alloc_refuses_overflow),
         cmocka_unit_test(outfile_appears_whole_or_not),
     };

@@ -1,0 +1,243 @@
+#!/usr/bin/env bash
+# What a command must refuse: the right exit code, one sentence that says what is wrong, nothing left behind, nothing lost.
+set -u
+cd "$(dirname "$0")/../.." || exit 1
+sst=$PWD/${SST_BUILD:-build}/sst
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+cd "$tmp" || exit 1
+failed=0
+
+fail() { echo "FAIL: $*"; failed=1; }
+
+# judge CODE WORDS RC WHAT: of a run whose standard error is in ./err; ./bad* must not exist afterwards
+judge() {
+  [ "$3" -eq "$1" ] || fail "$4: exit $3, not $1: $(head -c 300 err)"
+  [ "$(wc -l <err)" -eq 1 ] || fail "$4: not one line: $(head -c 600 err)"
+  case $(head -c 12 err) in "sst: error: ") ;; *) fail "$4: not an error: $(head -c 300 err)";; esac
+  grep -qi -- "$2" err || fail "$4: no '$2' in: $(head -c 300 err)"
+  [ -z "$(compgen -G 'bad*')" ] || fail "$4: left $(echo bad*)"
+  [ -z "$(find . -name '*.tmp-*')" ] || fail "$4: left $(find . -name '*.tmp-*')"
+  rm -rf bad*
+}
+
+# want CODE WORDS ARGS...
+want() {
+  local code=$1 words=$2
+  shift 2
+  "$sst" "$@" >/dev/null 2>err
+  judge "$code" "$words" $? "sst $*"
+}
+
+fresh() { rm -rf lf; cp -r good lf; }
+state() { find "$1" -type f -exec md5sum {} + | sort; }
+
+"$sst" scene pedestrian -o good --size 96x72 --grid 3x3 -q || exit 1
+"$sst" process good --labels good/truth --preset preview -q >/dev/null || exit 1
+"$sst" scene bush -o small --size 60x40 --grid 3x3 -q || exit 1
+left=good/views/01_01.png right=good/views/01_02.png
+printf 'no image at all\n' >text.txt
+
+# --- usage: exit 2 ---
+want 2 "no command" frobnicate
+want 2 "no command" Scene
+for command in scene import export process render sweep stereo segment eval; do
+  want 2 "unknown option --frobnicate" $command --frobnicate
+  want 2 "unknown option -Z" $command -Z
+  want 2 "argument is missing" $command
+  want 2 "too many" $command a b c d
+done
+want 2 "no scene\|there is no" scene forest -o bad
+want 2 "say where" scene bush
+for size in 0x0 100000x10 -1x10 10 10x 10x10x10 axb; do want 2 "size" scene bush -o bad --size $size; done
+for grid in 0x1 1x257 17x16 x; do want 2 "grid\|views" scene bush -o bad --grid $grid; done
+want 2 "whole number" scene bush -o bad --seed -1
+want 2 "threads" scene bush -o bad --threads 0
+fresh
+want 2 "preset" process lf --preset fast
+want 2 "cost" process lf --cost ncc
+want 2 "skip" process lf --skip all
+want 2 "go together" process lf --range-min 3
+want 2 "go together" process lf --range-min 3 --range-max 3
+want 2 "disparity range" process lf --no-labels --range-min 0 --range-max 600
+want 2 "contradict" process lf --no-labels --model text.txt
+want 2 "parameters" process lf --no-labels --p1 50 --p2 10
+want 2 "parameters" process lf --no-labels --paths 5
+want 2 "outside" process lf --threads 257
+for focus in 1000 -1000 -50; do want 2 "focus" render lf --focus $focus -o bad.png; done
+for focus in nan x ""; do want 2 "not a number" render lf --focus "$focus" -o bad.png; done
+for focus in inf 1e300; do want 2 "focus\|outside" render lf --focus $focus -o bad.png; done
+want 2 "focus" render lf -o bad.png
+want 2 "label" render lf --focus 3 --label Unicorn -o bad.png
+want 2 "method" render lf --focus 3 --method magic -o bad.png
+want 2 "sigma" render lf --focus 3 --sigma -1 -o bad.png
+want 2 "c1" render lf --focus 3 --c1 2 -o bad.png
+want 2 "png" render lf --focus 3 -o bad.tiff
+want 2 "steps" sweep lf --from 2 --to 5 --steps 0 -o bad
+want 2 "focus" sweep lf --from 2 --to 500 --steps 2 -o bad
+want 2 "missing" sweep lf --from 2 --steps 2 -o bad
+for n in 0 -3; do want 2 "disparity range" stereo $left $right -m $n -o bad.pfm; done
+for n in nan x 1e9 inf; do want 2 "max-disparity" stereo $left $right -m $n -o bad.pfm; done
+want 2 "disparity range" stereo $left $right -m 600 -o bad.pfm
+want 2 "png holds" stereo $left $right -m 300 -o bad.png
+want 2 "png holds" stereo $left $right -m 30 --min-disparity -2 -o bad.png
+want 2 "must end" stereo $left $right -m 30 -o bad.exr
+want 2 "missing" stereo $left $right -o bad.pfm
+
+# --- inputs that are missing or damaged: exit 3, and the light field stays as it is ---
+for command in "process none" "render none --focus 3 -o bad.png" "sweep none --from 2 --to 3 -o bad" \
+    "eval none --truth good/truth" "export hci none -o bad"; do
+  want 3 "no such folder" $command
+done
+want 3 "no folder\|no such" import folder none --grid 3x3 -o bad
+want 3 "not a folder\|no lightfield.json" render text.txt --focus 3 -o bad.png
+want 3 "no lightfield.json" process good/views
+want 3 "No such file" stereo none.png $right -m 9 -o bad.pfm
+want 3 "neither" stereo $left text.txt -m 9 -o bad.pfm
+want 3 "regular file" stereo $left good -m 9 -o bad.pfm
+want 3 "regular file" stereo $left /dev/null -m 9 -o bad.pfm
+want 3 "differs in size" stereo $left small/views/01_01.png -m 9 -o bad.pfm
+want 3 "text.txt" segment $left -o bad.png --model text.txt
+want 3 "none.onnx" segment $left -o bad.png --model none.onnx
+want 3 "text.txt" stereo $left $right -m 9 --cost mccnn --mccnn-model text.txt -o bad.pfm
+want 3 "outside the grid" import folder good/views --grid 2x2 -o bad
+
+# damaged WORDS COMMAND...: change lf as the command does, then every reader refuses it and it stays as it is
+damaged() {
+  local words=$1 before
+  shift
+  fresh
+  "$@" || fail "cannot prepare: $*"
+  before=$(state lf)
+  want 3 "$words" process lf --labels good/truth --threads 1
+  want 3 "$words" process lf --no-labels --threads 1
+  want 3 "$words" render lf --focus 4 --threads 1 -o bad.png
+  want 3 "$words" sweep lf --from 3 --to 4 --steps 2 --threads 1 -o bad
+  [ "$(state lf)" = "$before" ] || fail "$*: the light field changed"
+}
+replace_json() { sed -i "$1" lf/lightfield.json; }
+damaged "lightfield.json:1" sh -c 'printf "{" >lf/lightfield.json'
+damaged "lightfield.json" sh -c ': >lf/lightfield.json'
+damaged "lightfield.json" sh -c 'printf "\0\0\0" >lf/lightfield.json'
+damaged "not a JSON object" sh -c 'echo "[1]" >lf/lightfield.json'
+damaged "lightfield.json" sh -c 'head -c 900 good/lightfield.json >lf/lightfield.json'
+damaged "rows" replace_json 's/"rows": 3/"rows": 0/'
+damaged "row" replace_json 's/"rows": 3/"rows": 2/'
+damaged "width" replace_json 's/"width": 96/"width": 1e9/'
+damaged "version" replace_json 's/"version": 1/"version": 99/'
+damaged "pixels" replace_json 's/"width": 96/"width": 95/'
+damaged "plain file name" replace_json 's#"file": "01_01.png"#"file": "../../text.txt"#'
+damaged "01_02.png" rm lf/views/01_02.png
+damaged "01_02.png" truncate -s 500 lf/views/01_02.png
+damaged "01_02.png is empty" truncate -s 0 lf/views/01_02.png
+damaged "01_02.png is neither" cp text.txt lf/views/01_02.png
+damaged "60x40 pixels" cp small/views/01_01.png lf/views/01_02.png
+damaged "01_02.png" sh -c 'rm lf/views/01_02.png && mkdir lf/views/01_02.png'
+fresh
+rm -r lf/disparity
+want 3 "sst process" render lf --focus 3 -o bad.png
+fresh
+truncate -s 200 lf/disparity/00_00.png
+want 3 "disparity/00_00.png" render lf --focus 4 -o bad.png
+fresh
+cp small/truth/00_00.png lf/labels/00_00.png
+want 3 "labels/00_00.png" render lf --focus 4 -o bad.png
+
+# maps that are given
+mkdir maps
+given() { fresh; rm -f maps/*; cp good/truth/*.pfm good/truth/0?_0?.png maps; }
+given
+printf 'Pf\n96 72\n-1\n' >maps/01_01.pfm
+head -c 27648 /dev/zero | tr '\0' '\377' >>maps/01_01.pfm
+want 3 "NaN" process lf --disparity maps
+want 3 "NaN" import folder lf/views --grid 3x3 --disparity maps -o bad
+given
+cp small/truth/00_00.pfm maps/01_01.pfm
+want 3 "60x40" process lf --disparity maps
+given
+truncate -s 1000 maps/01_01.pfm
+want 3 "truncated" process lf --disparity maps
+given
+rm maps/02_02.png
+want 3 "02_02.png" process lf --labels maps
+cp text.txt maps/02_02.png
+want 3 "02_02.png" process lf --labels maps
+given
+want 3 "none" process lf --labels none
+[ "$(state lf)" = "$(state good | sed 's# good/# lf/#')" ] || fail "a refused map changed the light field"
+want 3 "text.txt" process small --model text.txt
+want 3 "none.onnx" process small --no-labels --preset accurate --mccnn-model none.onnx
+
+# --- models that are nowhere: exit 5 ---
+if [ ! -e /usr/local/share/sst/models ]; then
+  mkdir bin
+  cp "$sst" bin/sst
+  saved=$sst sst=$PWD/bin/sst
+  export SST_MODELS=/nonexistent
+  want 5 "pspnet-small.onnx.*SST_MODELS" process small
+  want 5 "mccnn-fast.onnx" process small --no-labels --preset accurate
+  want 5 "mccnn-fast.onnx" stereo $left $right -m 9 --preset accurate -o bad.pfm
+  want 5 "SST_MODELS" segment $left -o bad.png
+  unset SST_MODELS
+  sst=$saved
+fi
+[ "$(ls small)" = "$(printf 'lightfield.json\ntruth\nviews')" ] || fail "a process that failed left something in small"
+
+# --- outputs that cannot be: exit 4 ---
+want 4 "none" scene bush --size 20x20 -o none/bad
+want 4 "none" render good --focus 4 -o none/bad.png
+want 4 "none" stereo $left $right -m 9 -o none/bad.pfm
+want 4 "exists already" scene bush --size 20x20 -o good
+want 4 "exists already" sweep good --from 3 --to 4 --steps 1 -o small
+mkdir folder.png folder.pfm
+want 4 "folder" render good --focus 4 -o folder.png
+want 4 "folder" stereo $left $right -m 9 -o folder.pfm
+# A device is not replaced by a picture, nor a folder of another kind by a light field, --force or not.
+ln -s /dev/full full.png
+want 4 "not a regular file" render good --focus 4 -o full.png
+[ -c full.png ] && [ -c /dev/full ] || fail "a device was replaced"
+mkdir mine && echo precious >mine/file
+want 4 "does not replace" scene bush --size 20x20 -o mine --force
+want 4 "does not replace" sweep good --from 3 --to 4 --steps 1 -o mine --force
+want 4 "does not replace" render good --focus 4 -o pic.png --explain mine --force
+want 4 "does not replace" export hci good -o mine --force
+want 4 "does not replace" scene bush --size 20x20 -o text.txt --force
+want 2 "would be replaced" sweep good --from 3 --to 4 --steps 1 -o good --force
+[ "$(cat mine/file)" = precious ] || fail "--force took a folder that is not its own"
+rm -f pic.png
+"$sst" scene bush -o slow --size 500x375 --grid 3x3 -q || exit 1
+before=$(state slow)
+(
+  ulimit -f 8
+  want 4 "File too large" scene bush --size 200x150 --grid 2x2 -o bad --threads 1
+  want 4 "File too large" render good --focus 4 -o bad.png --threads 1
+  want 4 "File too large" stereo $left $right -m 9 -o bad.pfm
+  want 4 "File too large" process slow --no-labels --preset preview --threads 1
+  exit $failed
+) || failed=1
+[ "$(state slow)" = "$before" ] || fail "a process that could not write changed the light field"
+if [ "$(id -u)" -ne 0 ]; then
+  mkdir locked && chmod a-w locked
+  want 4 "Permission denied" scene bush --size 20x20 -o locked/bad
+  fresh && chmod a-w lf && want 4 "Permission denied" process lf --no-labels --preset preview; chmod u+w lf
+fi
+
+# --- a file name cannot break the line, nor write to the terminal ---
+want 3 "no such" render "$(printf 'a\nb\033[31m')" --focus 1 -o bad.png
+
+# --- interrupted: 130, the light field as it was, no temporary folders ---
+for delay in 0.05 0.2 0.5 0.9; do
+  timeout -s INT $delay "$sst" process slow --no-labels --preset balanced --threads 2 >/dev/null 2>err
+  rc=$?
+  [ $rc -eq 0 ] && break # faster than that
+  [ "$(state slow)" = "$before" ] || fail "interrupted after $delay s: the light field changed"
+  [ -z "$(find . -name '*.tmp-*')" ] || fail "interrupted after $delay s: left $(find . -name '*.tmp-*')"
+  [ "$(wc -l <err)" -eq 0 ] || fail "interrupted after $delay s: said $(cat err)"
+done
+"$sst" process slow --no-labels >/dev/null 2>err &
+pid=$!
+sleep 0.2
+kill -INT $pid 2>/dev/null && { wait $pid; rc=$?; [ $rc -eq 130 ] || [ $rc -eq 0 ] || fail "interrupted: exit $rc, not 130"; }
+
+[ "$failed" -eq 0 ] && echo "faults are named, nothing is lost"
+exit "$failed"
