@@ -87,13 +87,13 @@ check: deps ## build with warnings as errors and run every test, also under the 
 	$(MAKE) WERROR=1 check-san
 
 check-unit: $(BUILD)/sst $(TESTS)
-	scripts/run_tests.sh $(TESTS)
+	SST_BUILD=$(BUILD) scripts/run_tests.sh $(TESTS)
 
 check-cli: $(BUILD)/sst
-	scripts/run_tests.sh $(sort $(wildcard tests/system/*.sh))
+	SST_BUILD=$(BUILD) scripts/run_tests.sh $(sort $(wildcard tests/system/*.sh))
 
-check-san: ## unit and kernel tests under address, undefined and thread sanitizers
-	$(MAKE) SAN=address,undefined check-unit
+check-san: ## all tests under the address and undefined sanitizers, unit and kernel tests under the thread sanitizer
+	$(MAKE) SAN=address,undefined check-unit check-cli
 	$(MAKE) SAN=thread check-unit
 
 check-includes: ## headers compile alone, includes go one way
