@@ -31,7 +31,8 @@ void sst_log_debug(const char *fmt, ...) SST_PRINTF(1, 2);
 #define SST_LOG_MAX 1024
 
 /**
- * Keep this thread's errors in `text` [SST_LOG_MAX], the last one staying, instead of showing them; NULL shows them again.
+ * Keep this thread's errors in `text` [SST_LOG_MAX], the last one staying, instead of showing them; NULL shows
+ * them again.
  * For work on several threads, of whose errors one is reported (base/thread.h).
  * @return the text set before, or NULL
  */

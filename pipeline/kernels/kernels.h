@@ -113,8 +113,8 @@ typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], si
  * Bilateral filter over 7x7 (see sst_bilateral()): the mean of those disparities within SST_BILATERAL_STEP_Q6 of the centre's
  * whose luma differs by less than tau, weighted. Means are exact quotients of integers below 2^24, rounded half up.
  *
- * @param disp, luma  rows y-3 .. y+3, each readable from -3 to n+2; a disparity of 65535 takes no part and stays, all others
- *                    are below 65535 - SST_BILATERAL_STEP_Q6
+ * @param disp, luma  rows y-3 .. y+3, each readable from -3 to n+2; a disparity of 65535 takes no part and stays, all
+ *                    others are below 65535 - SST_BILATERAL_STEP_Q6
  * @param weight      [49], 0..4096 each with a sum below 2^15, weight[24] > 0
  */
 typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], const uint8_t *const luma[7],

@@ -27,7 +27,7 @@ SST_MUST_CHECK int sst_import(const struct sst_import_config *cfg);
 /** Write a light field in another format ("stanford", "hci"). The same errors. */
 SST_MUST_CHECK int sst_export(const char *format, const char *dir, const char *out, bool force, int threads);
 
-/** Refuse (logged) an output that would replace one of the inputs (NULL-terminated) or a folder that is not of this kind:
+/** Refuse (logged) an output that would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
  *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */
 SST_MUST_CHECK int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
 

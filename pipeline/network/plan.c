@@ -181,8 +181,9 @@ static bool tiles_stay(struct sst_plan *p, int threads)
     return true;
 }
 
-/* oneDNN chooses the tiles by the number of threads (smaller ones for many threads or small images, none for one thread), and
- * they round differently. For the same bytes everywhere: the tiles of two threads, and as many threads as agree with them. */
+/* oneDNN chooses the tiles by the number of threads (smaller ones for many threads or small images, none for one
+ * thread), and they round differently. For the same bytes everywhere: the tiles of two threads, and as many threads as
+ * agree with them. */
 static void choose_winograd(struct sst_plan *p)
 {
     int planned = sst_max_int(p->threads, 2);

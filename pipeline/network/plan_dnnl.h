@@ -63,7 +63,7 @@ struct plan_step *plan_add_step(struct sst_plan *p, const struct sst_op *op);
 /** Number of a tensor that holds a value in a layout; a reorder is planned where it is in another one. */
 int plan_in_layout(struct sst_plan *p, int value, const dnnl_memory_desc_t *md);
 
-/** Tile side with which oneDNN runs an operation as a Winograd convolution on the present number of threads; 0: it cannot. */
+/** Tile side with which oneDNN runs an operation as a Winograd convolution on as many threads as are set; 0: it cannot. */
 uint8_t plan_winograd_tile(struct sst_plan *p, const struct sst_op *op);
 
 /** Plan operation i of the graph. */

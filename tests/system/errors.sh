@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What a command must refuse: the right exit code, one sentence that says what is wrong, nothing left behind, nothing lost.
+# What a command must refuse: the right exit code, one sentence that says what is wrong, nothing left or lost.
 set -u
 cd "$(dirname "$0")/../.." || exit 1
 sst=$PWD/${SST_BUILD:-build}/sst
@@ -237,7 +237,10 @@ done
 "$sst" process slow --no-labels >/dev/null 2>err &
 pid=$!
 sleep 0.2
-kill -INT $pid 2>/dev/null && { wait $pid; rc=$?; [ $rc -eq 130 ] || [ $rc -eq 0 ] || fail "interrupted: exit $rc, not 130"; }
+kill -INT $pid 2>/dev/null
+wait $pid
+rc=$?
+[ $rc -eq 130 ] || [ $rc -eq 0 ] || fail "interrupted: exit $rc, not 130"
 
 [ "$failed" -eq 0 ] && echo "faults are named, nothing is lost"
 exit "$failed"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# From a scene to see-through pictures and back out, as a new user goes: scene, process, render, sweep, eval, export, import.
+# From a scene to see-through pictures and back out, as a user goes: scene, process, render, sweep, eval, export, import.
 set -u
 cd "$(dirname "$0")/../.." || exit 1
 sst=$PWD/${SST_BUILD:-build}/sst
@@ -57,7 +57,8 @@ cp -r again kept
 ok process kept --preset accurate
 same again/disparity kept/disparity
 ok process again --no-labels --json
-python3 -c 'import json, sys; assert json.load(open(sys.argv[1]))["searched_px"] == [0, 0]' out || fail "given maps were matched"
+python3 -c 'import json, sys; assert json.load(open(sys.argv[1]))["searched_px"] == [0, 0]' out ||
+  fail "given maps were matched"
 cp -r lf bare
 ok process bare --no-labels --range-min -1 --range-max 8
 [ ! -e bare/labels ] || fail "--no-labels made labels"

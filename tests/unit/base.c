@@ -50,7 +50,7 @@ static int complain_from_seven(void *arg SST_UNUSED, int index, int worker SST_U
     return -index;
 }
 
-/* One of many errors is shown, the same one for any number of threads, and through nested calls; without line breaks. */
+/* One of many errors is shown, the same one for any number of threads, and through nested calls; no line breaks. */
 static void parallel_for_shows_one_error(void **state SST_UNUSED)
 {
     char text[SST_LOG_MAX];

@@ -264,7 +264,7 @@ static void aggregation_of_three_pixels(void **state SST_UNUSED)
     sst_image_fini(&img);
 }
 
-/* Equal costs stay what they are in the largest region that there can be, 255 too; and rows far down use the ring again. */
+/* Equal costs stay what they are in the largest region there can be, 255 too; rows far down use the ring again. */
 static void aggregation_of_equal_costs(void **state SST_UNUSED)
 {
     struct sst_image img = grey_image(13, 40, 9);
@@ -292,8 +292,8 @@ static void aggregation_of_equal_costs(void **state SST_UNUSED)
 static void sgm_of_two_pixels(void **state SST_UNUSED)
 {
     static const uint8_t costs[2][3] = { { 0, 9, 9 }, { 9, 9, 0 } };
-    /* To the right: {0 9 9}, then 9 + 0, 9 + 2, 0 + 5. To the left: {9 9 0}, then 0 + 5, 9 + 2, 9 + 0. All other paths come
-     * from outside and are the costs: two of them with 4 paths, six with 8. */
+    /* To the right: {0 9 9}, then 9 + 0, 9 + 2, 0 + 5. To the left: {9 9 0}, then 0 + 5, 9 + 2, 9 + 0. All other
+     * paths come from outside and are the costs: two of them with 4 paths, six with 8. */
     static const uint16_t turns[2][3] = { { 0 + 5, 9 + 11, 9 + 9 }, { 9 + 9, 11 + 9, 5 + 0 } };
     struct sst_disparity_config cfg = { .p1 = 2, .p2 = 5 };
     struct sst_image img = grey_image(2, 1, 50);
@@ -365,7 +365,8 @@ static void naive_path(int *sum, const struct sst_volume *v, const struct sst_im
 
 static void same_as_naive(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg)
 {
-    static const int ways[8][2] = { { 1, 0 }, { -1, 0 }, { 0, 1 }, { 0, -1 }, { 1, 1 }, { -1, 1 }, { 1, -1 }, { -1, -1 } };
+    static const int ways[8][2] = { { 1, 0 }, { -1, 0 }, { 0, 1 },  { 0, -1 },
+                                   { 1, 1 }, { -1, 1 }, { 1, -1 }, { -1, -1 } };
     static int want[MAX_CELLS];
     const int cells = v->width * v->height * v->steps;
 
@@ -413,7 +414,8 @@ static void sgm_equals_a_naive_one_in_32_bits(void **state SST_UNUSED)
                 for (int paths = 4; paths <= 8; paths += 4)
                     same_as_naive(&v, &img,
                                   &(struct sst_disparity_config){ .paths = paths, .p1 = penalties[p][0],
-                                                                  .p2 = penalties[p][1], .edge_step = penalties[p][2] });
+                                                                  .p2 = penalties[p][1],
+                                                                  .edge_step = penalties[p][2] });
             }
         }
         sst_volume_fini(&v);
@@ -473,7 +475,7 @@ static void filtered(int width, int height, const uint16_t *in, const uint8_t *l
 /* Weights in 1/4096: centre 4096, next exp(-1/2) = 2484, two away exp(-2) = 554. */
 static void bilateral_of_small_maps(void **state SST_UNUSED)
 {
-    static const uint16_t near[2] = { 100, 120 }, met[2] = { 108, 112 };  /* 20 * 2484 / 6580 = 7.55 towards each other */
+    static const uint16_t near[2] = { 100, 120 }, met[2] = { 108, 112 };  /* 20 * 2484 / 6580 = 7.55 */
     static const uint16_t edge[2] = { 100, 197 }, touch[2] = { 100, 196 }, touched[2] = { 136, 160 }; /* 96 * 0.3775 */
     static const uint16_t hole[3] = { 100, NONE, 120 }, kept[3] = { 102, NONE, 118 }; /* 20 * 554 / 4650 = 2.38 */
     static const uint16_t low[2] = { 0, 65438 }; /* the largest that may occur */
@@ -491,7 +493,7 @@ static void bilateral_of_small_maps(void **state SST_UNUSED)
 
 static void fusion(void **state SST_UNUSED)
 {
-    /* Agreement within 64: weights 3 + 1 and 1 + 1: (64 * 4 + 128 * 2) / 6 = 85.3. Beyond: the surer one, the first at a tie. */
+    /* Agreement within 64: weights 3 + 1 and 1 + 1: (64 * 4 + 128 * 2) / 6 = 85.3. Else the surer one, the first at a tie. */
     static const uint16_t one[7] = { 64, 64, 64, 64, NONE, NONE, 0 }, two[7] = { 128, 129, 129, 129, 640, NONE, 64 };
     static const uint8_t sure1[7] = { 3, 3, 9, 4, 0, 0, 0 }, sure2[7] = { 1, 5, 4, 4, 5, 0, 0 };
     static const uint16_t want[7] = { 85, 129, 64, 64, 640, NONE, 32 };
@@ -575,8 +577,8 @@ struct known {
 };
 
 /*
- * Fill a row in which pixel 3 is an occlusion between 64 on its left and 320 on its right. Correct pixels of the view one
- * spacing to the left land at q - D, those two spacings to the left at q - 2 D.
+ * Fill a row in which pixel 3 is an occlusion between 64 on its left and 320 on its right. Correct pixels of the view
+ * one spacing to the left land at q - D, those two spacings to the left at q - 2 D.
  */
 static int filled_at_3(const struct known *near, int near_n, const struct known *far, int far_n, double near_b)
 {
@@ -621,7 +623,7 @@ static void occlusions(void **state SST_UNUSED)
     assert_int_equal(filled_at_3(both, 2, NULL, 0, -1), 192);   /* 5 - 2 and 6 - 3: the foremost */
     assert_int_equal(filled_at_3(NULL, 0, far, 1, -1), 128);    /* 7 - 2 * 2 */
     assert_int_equal(filled_at_3(NULL, 0, no_factor, 1, -1), 64); /* 5 - 2 * 2 = 1: not here; the background */
-    assert_int_equal(filled_at_3(back, 1, far, 1, -1), 64);     /* the near view first, though the far one is in front */
+    assert_int_equal(filled_at_3(back, 1, far, 1, -1), 64);     /* the near view first, though farther */
     assert_int_equal(filled_at_3(half, 1, NULL, 0, -0.5), 192); /* 4 - 1.5 = 2.5, nearest 3 */
     assert_int_equal(filled_at_3(NULL, 0, NULL, 0, -1), 64);    /* the farther side */
 }
