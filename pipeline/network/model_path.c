@@ -7,8 +7,8 @@
 
 #include "base/log.h"
 
-/* ../models seen from the folder of the running program; empty where that cannot be told. */
-static void beside_program(char out[SST_PATH_MAX])
+/* The folder `below` beside the program's own folder, or "". */
+static void beside_program(char out[SST_PATH_MAX], const char *below)
 {
     char exe[SST_PATH_MAX];
     const ssize_t n = readlink("/proc/self/exe", exe, sizeof(exe) - 1);
@@ -22,16 +22,17 @@ static void beside_program(char out[SST_PATH_MAX])
     if (!slash)
         return;
     *slash = 0;
-    if (sst_path_join(out, exe, "../models"))
+    if (sst_path_join(out, exe, below))
         out[0] = 0;
 }
 
-int sst_model_path(char out[SST_PATH_MAX], const char *name)
+int sst_model_find(char out[SST_PATH_MAX], const char *name)
 {
-    char built[SST_PATH_MAX], path[SST_PATH_MAX];
-    const char *folders[] = { getenv("SST_MODELS"), built, SST_DATADIR "/models" };
+    char built[SST_PATH_MAX], installed[SST_PATH_MAX], path[SST_PATH_MAX];
+    const char *folders[] = { getenv("SST_MODELS"), built, installed, SST_DATADIR "/models" };
 
-    beside_program(built);
+    beside_program(built, "../models");
+    beside_program(installed, "../share/sst/models");
     for (size_t i = 0; i < ARRAY_LEN(folders); i++) {
         int err;
 
@@ -45,9 +46,15 @@ int sst_model_path(char out[SST_PATH_MAX], const char *name)
             return 0;
         }
     }
-    sst_log_error("model %s is neither in $SST_MODELS nor in %s nor in " SST_DATADIR
-                  "/models; install the models or set"
-                  " SST_MODELS to their folder",
-                  name, *built ? built : "../models");
     return -ENOPKG;
+}
+
+int sst_model_path(char out[SST_PATH_MAX], const char *name)
+{
+    const int err = sst_model_find(out, name);
+
+    if (err == -ENOPKG)
+        sst_log_error("model %s is neither in $SST_MODELS, nor in ../models or ../share/sst/models beside the program, nor in "
+                      SST_DATADIR "/models; install the models or set SST_MODELS to their folder", name);
+    return err;
 }

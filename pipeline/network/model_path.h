@@ -8,10 +8,11 @@ SST_EXTERN_C_BEGIN
 
 /**
  * Find a network by its file name, first match of: $SST_MODELS, ../models beside the program's folder (a build tree),
- * the installed models.
+ * ../share/sst/models beside it (an installation), the folder that the build was configured for.
  *
- * @return 0, -ENOPKG (in none of them), -ENAMETOOLONG; logged.
+ * @return 0, -ENOPKG (in none of them; sst_model_path() logs it), -ENAMETOOLONG (logged)
  */
+SST_MUST_CHECK int sst_model_find(char out[SST_PATH_MAX], const char *name);
 SST_MUST_CHECK int sst_model_path(char out[SST_PATH_MAX], const char *name);
 
 SST_EXTERN_C_END
