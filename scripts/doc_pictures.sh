@@ -19,6 +19,10 @@ $sst render "$work/bush/bush" --focus "$focus" --explain "$work/why" -o "$work/s
 montage "$work"/why/{disparity,labels_hcsm,labels,weight}.png -tile 2x2 -geometry 500x375+3+3 "$work/explain.png"
 convert "$work/explain.png" -quality 85 docs/pictures/explain.jpg
 
+table=$work/transportation/transportation
+montage "$table"/{labels_initial,labels_hcsm,labels,truth}/02_02.png -tile 2x2 -geometry 500x375+3+3 "$work/table.png"
+convert "$work/table.png" -quality 85 docs/pictures/refinement.jpg
+
 real() { # name, format, folder, focus
   [ -d "$data/$3" ] || { echo "no $data/$3: docs/pictures/$1.jpg stays as it is"; return 0; }
   $sst import "$2" "$data/$3" -o "$work/$1"
