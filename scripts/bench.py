@@ -30,11 +30,13 @@ def call(*command, **options):
 
 
 def to_file(path, *commands):
-    """Standard output of the commands, one after the other, as one file, whole or not at all."""
+    """Tables that the commands print, one after the other under the first one's heading, as one file, whole or not."""
+    lines = []
+    for command in commands:
+        table = call(*command, stdout=subprocess.PIPE).stdout.splitlines(True)
+        lines += table[1:] if lines else table
     with open(path + ".part", "w") as f:
-        for command in commands:
-            f.flush()
-            call(*command, stdout=f)
+        f.writelines(lines)
     os.replace(path + ".part", path)
 
 
