@@ -4,6 +4,7 @@ set -u
 cd "$(dirname "$0")/.."
 bad=0
 deny() { # folder, regex of includes it must not have
+  [ -d "$1" ] || return 0
   if grep -rnE "^#include \"($2)/" "$1" --include='*.c' --include='*.h' --include='*.cc'; then
     echo "error: $1 must not include $2" >&2; bad=1
   fi
@@ -12,7 +13,7 @@ deny base 'config|drivers|pipeline|daemon|cli|simulators'
 deny pipeline 'drivers|daemon|cli|simulators'
 deny drivers 'pipeline|daemon|cli|simulators'
 deny simulators 'daemon|cli|drivers'
-for h in $(git ls-files '*.h'); do
+for h in $(find base config drivers pipeline daemon cli simulators tests -name '*.h' 2>/dev/null | sort); do
   case $h in *_tmpl.h|*/templates.h) continue;; esac
   echo "#include \"$h\"" | gcc -std=c11 -D_DEFAULT_SOURCE -I. -Wall -Werror -fsyntax-only -x c - || bad=1
   echo "#include \"$h\"" | g++ -std=c++17 -I. -Wall -Werror -fsyntax-only -x c++ - || bad=1
