@@ -48,15 +48,22 @@ LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 
-.PHONY: all deps check check-unit check-cli check-includes check-san demo bench bench-quick install help clean format tests
+.PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick install help clean format tests
 .SECONDARY:
 all: $(BUILD)/sst ## build the programs into build/
 
-$(BUILD)/obj/%.o: %.c
+# Objects of other flags or optional parts are made anew.
+FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS))
+$(BUILD)/flags: FORCE
+	@mkdir -p $(@D)
+	@echo '$(subst ','\'',$(FLAGS))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS))' > $@
+FORCE:
+
+$(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
-$(BUILD)/obj/%.o: %.cc
+$(BUILD)/obj/%.o: %.cc $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CXX  $<"
 	@$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
@@ -105,7 +112,9 @@ bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/ben
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
-demo: deps all ## see through a simulated scene: pictures in sst-demo/
+# What deps installs changes what the build finds, hence the second make.
+demo: deps ## see through a simulated scene: pictures in sst-demo/
+	$(MAKE) all
 	$(BUILD)/sst demo --once
 
 install: all ## install under DESTDIR/PREFIX
