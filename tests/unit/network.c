@@ -639,6 +639,7 @@ static void both_runners_agree_at_any_size(void **state SST_UNUSED)
     struct sst_network *net, *cv;
 
     if (!WITH_OPENCV) {
+        print_message("built without OpenCV: there is no other runner to agree with\n");
         free(model.p), free(with_sigmoid.p);
         skip();
     }
