@@ -54,24 +54,37 @@ class Block(nn.Module):
         return F.relu(y + (x if self.project is None else self.project(x)))
 
 
+def resized(x: torch.Tensor, size) -> torch.Tensor:
+    """Bilinear; in float32 whatever goes in, because bfloat16 has no fast kernel for it on CPUs."""
+    return F.interpolate(x.float(), size, mode="bilinear", align_corners=False).to(x.dtype)
+
+
+# channels at 1/2, 1/4, 1/8; blocks at 1/4; dilations of the blocks at 1/8; channels of a pooled level, merged, decoded
+SIZES = {
+    "small": dict(widths=(32, 64, 128), fine=1, dilations=(1, 2, 2, 4), pooled=32, merged=96, decoded=64),
+    "large": dict(widths=(48, 96, 160), fine=2, dilations=(1, 2, 4, 2, 4, 8), pooled=40, merged=128, decoded=80),
+}
+
+
 class PspNet(nn.Module):
     """[1,3,H,W] -> logits [1,classes,H/4,W/4], sizes rounded up."""
 
-    def __init__(self, classes: int = len(CLASSES), widths=(24, 48, 80, 96), bins=(1, 2, 3, 6)):
+    def __init__(self, size: str, classes: int = len(CLASSES), bins=(1, 2, 3, 6)):
         super().__init__()
-        w0, w1, w2, w3 = widths
+        shape = SIZES[size]
+        w0, w1, w2 = shape["widths"]
         self.stem = nn.ModuleList([ConvNorm(3, w0, stride=2), ConvNorm(w0, w1, stride=2)])
-        self.fine = nn.ModuleList([Block(w1, w1)])
+        self.fine = nn.ModuleList([Block(w1, w1) for _ in range(shape["fine"])])
         self.down = ConvNorm(w1, w2, stride=2)
-        self.coarse = nn.ModuleList([Block(w2, w2), Block(w2, w3, 2), Block(w3, w3, 2), Block(w3, w3, 4)])
-        self.aux_after = 2
-        self.aux = nn.Conv2d(w3, classes, 1)
+        self.coarse = nn.ModuleList([Block(w2, w2, dilation) for dilation in shape["dilations"]])
+        self.aux_after = (len(shape["dilations"]) + 1) // 2
+        self.aux = nn.Conv2d(w2, classes, 1)
         self.bins = bins
-        self.pyramid = nn.ModuleList([ConvNorm(w3, 24, 1) for _ in bins])
-        self.merge = ConvNorm(w3 + 24 * len(bins), 64)
-        self.decode = ConvNorm(64 + w1, 48)
+        self.pyramid = nn.ModuleList([ConvNorm(w2, shape["pooled"], 1) for _ in bins])
+        self.merge = ConvNorm(w2 + shape["pooled"] * len(bins), shape["merged"])
+        self.decode = ConvNorm(shape["merged"] + w1, shape["decoded"])
         self.drop = nn.Dropout2d(0.1)
-        self.classify = nn.Conv2d(48, classes, 1)
+        self.classify = nn.Conv2d(shape["decoded"], classes, 1)
 
     def forward(self, x):
         for layer in self.stem:
@@ -84,11 +97,11 @@ class PspNet(nn.Module):
             if self.training and i + 1 == self.aux_after:
                 aux = self.aux(x)
         pooled = [F.relu(layer(F.adaptive_avg_pool2d(x, size))) for layer, size in zip(self.pyramid, self.bins)]
-        x = torch.cat([x] + [F.interpolate(p, x.shape[2:], mode="bilinear", align_corners=False) for p in pooled], 1)
-        x = F.interpolate(F.relu(self.merge(x)), fine.shape[2:], mode="bilinear", align_corners=False)
+        x = torch.cat([x] + [resized(p, x.shape[2:]) for p in pooled], 1)
+        x = resized(F.relu(self.merge(x)), fine.shape[2:])
         x = F.relu(self.decode(torch.cat([x, fine], 1)))
         x = self.classify(self.drop(x))
-        return (x, aux) if self.training else x
+        return (x.float(), aux.float()) if self.training else x
 
 
 def export(net: PspNet, path: str, metadata: dict[str, str]) -> None:
@@ -198,7 +211,7 @@ def logits(net: PspNet, rgb: np.ndarray) -> torch.Tensor:
     small = Image.fromarray(rgb).resize((WIDTH, HEIGHT), Image.Resampling.BOX)
     image = normalise(np.asarray(small, np.float32) / 255)[None]
     with torch.no_grad():
-        return net(image.contiguous(memory_format=torch.channels_last))[0]
+        return net(image.to(net.classify.weight.device).contiguous(memory_format=torch.channels_last))[0].float().cpu()
 
 
 def measure(net: PspNet, data, rng: np.random.Generator) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
@@ -262,9 +275,10 @@ def class_weights(data) -> tuple[np.ndarray, torch.Tensor]:
     return share, torch.from_numpy(np.clip(np.sqrt(np.median(share) / share), 0.5, 2.5).astype(np.float32))
 
 
-def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet:
-    net = PspNet().to(memory_format=torch.channels_last)
-    mean = PspNet().to(memory_format=torch.channels_last)  # running mean of the weights, which is what is exported
+def train(args: argparse.Namespace, sources: list[tuple[float, list]], watched: list) -> PspNet:
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    net = PspNet(args.size).to(device, memory_format=torch.channels_last)
+    mean = PspNet(args.size).to(device, memory_format=torch.channels_last)  # running mean of the weights: is exported
     mean.load_state_dict(net.state_dict())
     optimiser = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=0.02)
     first = 0
@@ -275,8 +289,12 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet
         optimiser.load_state_dict(saved["optimiser"])
         first = saved["step"]
     elif args.start:
-        net.load_state_dict(torch.load(args.start, map_location="cpu")["net"])
+        start = torch.load(args.start, map_location="cpu")
+        net.load_state_dict(start["net"])
+        mean.load_state_dict(start["mean"])
+        optimiser.load_state_dict(start["optimiser"])
     frequent, weight = class_weights([d for _, data in sources for d in data])
+    weight = weight.to(device)
     shares = np.array([s for s, _ in sources]) / sum(s for s, _ in sources)
     started, losses = time.time(), []
     net.train()
@@ -287,20 +305,20 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet
         for _ in range(args.batch):
             data = sources[rng.choice(len(sources), p=shares)][1]
             batch.append(augment(rng, *data[rng.integers(len(data))], (args.crop[0], args.crop[1]), frequent))
-        images = torch.stack([b[0] for b in batch]).contiguous(memory_format=torch.channels_last)
-        truth = torch.stack([b[1] for b in batch])
-        rate = args.rate * min(1.0, (step + 1) / 100) * (1 - step / args.steps) ** 0.9
+        images = torch.stack([b[0] for b in batch]).to(device).contiguous(memory_format=torch.channels_last)
+        truth = torch.stack([b[1] for b in batch]).to(device)
+        rate = args.rate * min(1.0, (step + 1) / args.warm, (args.steps - step) / max(1, args.decay))
         for group in optimiser.param_groups:
             group["lr"] = rate
-        out, aux = net(images)
+        with torch.autocast(device, dtype=torch.bfloat16, enabled=args.bfloat16):
+            out, aux = net(images)
         half = truth[:, step % 2::2, (step // 2) % 2::2]
-        loss = F.cross_entropy(F.interpolate(out, half.shape[1:], mode="bilinear", align_corners=False), half, weight,
-                               ignore_index=VOID)
+        loss = F.cross_entropy(resized(out, half.shape[1:]), half, weight, ignore_index=VOID)
         loss = loss + 0.4 * F.cross_entropy(aux, truth[:, 3::8, 3::8], weight, ignore_index=VOID)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
         optimiser.step()
-        keep = min(0.995, (step + 1) / (step + 20))
+        keep = min(args.keep, (step + 1) / (step + 20))
         with torch.no_grad():
             for to, source in zip(mean.state_dict().values(), net.state_dict().values()):
                 to.copy_(to * keep + source * (1 - keep)) if to.is_floating_point() else to.copy_(source)
@@ -310,7 +328,10 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]]) -> PspNet
             losses.clear()
             common.save_checkpoint(args.checkpoint, net=net.state_dict(), mean=mean.state_dict(),
                                    optimiser=optimiser.state_dict(), step=step + 1)
-    return mean.eval()
+        if args.watch and (step + 1) % args.watch == 0:
+            mean.eval()
+            report("watched", measure(mean, watched, np.random.default_rng(1))[0])
+    return mean.to("cpu").eval()
 
 
 def main() -> None:
@@ -320,10 +341,18 @@ def main() -> None:
     parser.add_argument("--checkpoint", required=True, help="written while training; training goes on from it")
     parser.add_argument("--start", help="checkpoint of an earlier stage whose weights this one starts from")
     parser.add_argument("--out", help="ONNX file to write at the end")
+    parser.add_argument("--size", choices=SIZES, default="small")
     parser.add_argument("--steps", type=int, default=2500)
     parser.add_argument("--batch", type=int, default=6)
     parser.add_argument("--crop", type=int, nargs=2, default=(320, 240), metavar=("W", "H"))
-    parser.add_argument("--rate", type=float, default=3e-3)
+    parser.add_argument("--rate", type=float, default=3e-3, help="step rate between warm-up and decay")
+    parser.add_argument("--warm", type=int, default=100, help="steps over which the rate rises from 0")
+    parser.add_argument("--decay", type=int, default=0, help="last steps, over which the rate falls to 0")
+    parser.add_argument("--keep", type=float, default=0.995, help="share of the mean weights that a step leaves")
+    parser.add_argument("--bfloat16", action="store_true", help="convolutions in bfloat16: twice as fast where the "
+                        "CPU or GPU has it")
+    parser.add_argument("--scene-share", type=float, default=0.35, help="share of scenes in a batch")
+    parser.add_argument("--watch", type=int, default=0, help="print the error on CamVid val every so many steps")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--views", type=int, default=4, help="views taken of each light field")
@@ -331,13 +360,13 @@ def main() -> None:
     common.seed_all(args.seed, args.threads)
     sources, held = [], {}
     if args.scenes:
-        sources.append((1.0, scenes(args.scenes, common.TRAIN_SEEDS, args.views)))
+        sources.append((args.scene_share, scenes(args.scenes, common.TRAIN_SEEDS, args.views)))
         held["scenes"] = scenes(args.scenes, common.HELD_SEEDS, 2)
     if args.camvid:
-        sources.append((0.5, camvid(args.camvid, "train")))
+        sources.append((1 - args.scene_share, camvid(args.camvid, "train")))
         held["camvid val"] = camvid(args.camvid, "val")
     print({"train": [len(d) for _, d in sources], "held out": {k: len(d) for k, d in held.items()}}, flush=True)
-    net = train(args, sources)
+    net = train(args, sources, held.get("camvid val", []))
     rows, truths = [], []
     for name, data in held.items():
         total, row, truth = measure(net, data, np.random.default_rng(1))
