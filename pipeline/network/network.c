@@ -20,6 +20,7 @@ struct sst_network {
     /* fixed after open */
     char path[SST_PATH_MAX];
     int threads, in_channels, n_metadata;
+    enum sst_precision precision; /* never auto */
     struct metadata *metadata;
     struct sst_graph graph; /* of the runner oneDNN */
     struct sst_cv_net *cv;  /* of the runner OpenCV, else NULL */
@@ -70,6 +71,19 @@ static int input_channels(const struct sst_onnx *model)
     return 0;
 }
 
+/* Settle the precision for a network that oneDNN runs. */
+static int choose_precision(struct sst_network *net)
+{
+    if (net->precision == SST_PRECISION_INT8 && !net->graph.range) {
+        sst_log_error("model %s: it has no ranges to run on 8 bits; add them with models/quantise.py or use"
+                      " --precision f32", net->path);
+        return -ENOTSUP;
+    }
+    if (net->precision == SST_PRECISION_AUTO)
+        net->precision = net->graph.range && sst_plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+    return 0;
+}
+
 static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data SST_UNUSED,
                        size_t size SST_UNUSED, const char *reason)
 {
@@ -77,6 +91,11 @@ static int open_opencv(struct sst_network *net, const struct sst_onnx *model, co
     int err = -EINVAL;
 
     net->in_channels = input_channels(model);
+    if (net->precision == SST_PRECISION_INT8) {
+        sst_log_error("model %s: %s, and OpenCV runs networks on floats only; use --precision f32", net->path, reason);
+        return -ENOTSUP;
+    }
+    net->precision = SST_PRECISION_F32;
 #if WITH_OPENCV
     if (net->in_channels)
         err = sst_cv_net_open(&net->cv, data, size, why);
@@ -117,13 +136,15 @@ static int open_from_memory(struct sst_network *net, const uint8_t *data, size_t
 #endif
     if (err == -ENOTSUP)
         err = open_opencv(net, &model, data, size, reason);
+    else if (!err)
+        err = choose_precision(net);
     else if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory to read it", net->path);
     sst_onnx_fini(&model);
     return err;
 }
 
-int sst_network_open(struct sst_network **out, const char *path, int threads)
+int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision, int threads)
 {
     struct sst_network *net = calloc(1, sizeof(*net));
     uint8_t *data = NULL;
@@ -133,6 +154,7 @@ int sst_network_open(struct sst_network **out, const char *path, int threads)
     if (!net)
         return err;
     net->threads = threads;
+    net->precision = precision;
     err = sst_path_join(net->path, path, NULL);
     if (!err)
         err = sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
@@ -170,6 +192,11 @@ const char *sst_network_runner(const struct sst_network *net)
     return net->cv ? "opencv" : "onednn";
 }
 
+enum sst_precision sst_network_precision(const struct sst_network *net)
+{
+    return net->precision;
+}
+
 const char *sst_network_metadata(const struct sst_network *net, const char *key)
 {
     for (int i = 0; i < net->n_metadata; i++) {
@@ -194,7 +221,7 @@ static int plan_dnnl(struct sst_network *net, int width, int height)
 
     if (!err) {
         net->out = shapes[net->graph.output];
-        err = sst_plan_create(&net->plan, &net->graph, shapes, net->threads, net->path);
+        err = sst_plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
     }
     free(shapes);
     return err;

@@ -10,6 +10,13 @@ SST_EXTERN_C_BEGIN
 
 struct sst_network; /* one thread at a time */
 
+/** Numbers that a network computes with. */
+enum sst_precision {
+    SST_PRECISION_AUTO = 0, /* 8 bits where the file has ranges for them and the processor VNNI, else floats */
+    SST_PRECISION_F32 = 1,
+    SST_PRECISION_INT8 = 2,
+};
+
 /**
  * Load and check a network: at most 64 MiB, 4096 nodes, tensors of 2^28 numbers; data in other files is refused.
  *
@@ -25,11 +32,15 @@ struct sst_network; /* one thread at a time */
  * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights), -ENOTSUP (neither runner can),
  * -ENOMEM; logged in one sentence.
  */
-SST_MUST_CHECK int sst_network_open(struct sst_network **out, const char *path, int threads);
+SST_MUST_CHECK int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision,
+                                    int threads);
 void sst_network_close(struct sst_network *net);
 
 /** "onednn" or "opencv". */
 const char *sst_network_runner(const struct sst_network *net);
+
+/** What was chosen: never SST_PRECISION_AUTO. */
+enum sst_precision sst_network_precision(const struct sst_network *net);
 
 /** Value of a metadata_props entry of the ONNX file, or NULL. Owner: the network. */
 const char *sst_network_metadata(const struct sst_network *net, const char *key);

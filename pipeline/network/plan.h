@@ -3,6 +3,7 @@
 #define SST_PIPELINE_NETWORK_PLAN_H
 
 #include "pipeline/network/graph.h"
+#include "pipeline/network/network.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -10,12 +11,16 @@ struct sst_plan; /* one thread at a time */
 
 /**
  * @param graph, shapes  borrowed during the call and, the graph, until destroy; shapes of sst_graph_shapes()
+ * @param precision  not SST_PRECISION_AUTO
  * @param name  of the model, for messages; borrowed
  * @return 0, -ENOMEM, -ENOTSUP (oneDNN has no code for a layer on this machine); logged.
  */
 SST_MUST_CHECK int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes,
-                                   int threads, const char *name);
+                                   int threads, enum sst_precision precision, const char *name);
 void sst_plan_destroy(struct sst_plan *plan);
+
+/** True where this processor multiplies and adds bytes in one instruction (VNNI), as far as oneDNN may use it. */
+bool sst_plan_fast_int8(void);
 
 /** Run once; allocates nothing. @param in [c][h][w] @param out [c][h][w] of the graph's output. */
 SST_MUST_CHECK int sst_plan_run(struct sst_plan *plan, const float *in, float *out);

@@ -64,7 +64,7 @@ static int open_model(struct sst_network **net, struct ow_buf *model, int thread
     assert_true(fd >= 0);
     assert_int_equal(write(fd, model->p, model->n), (ssize_t)model->n);
     close(fd);
-    err = sst_network_open(net, path, threads);
+    err = sst_network_open(net, path, SST_PRECISION_F32, threads);
     unlink(path);
     free(model->p);
     *model = (struct ow_buf){ 0 };
