@@ -9,10 +9,6 @@
 #include "base/mem.h"
 #include "pipeline/network/plan_dnnl.h"
 
-/* omp.h is not there for every compiler; these two are OpenMP's C interface. The number is the calling thread's own. */
-extern void omp_set_num_threads(int n);
-extern int omp_get_max_threads(void);
-
 /* Layouts that ops.h works on: [c][h][w], channels in blocks of 16 or 8, [h][w][c]. */
 static void find_layout(struct plan_tensor *t)
 {
@@ -198,7 +194,8 @@ static bool tiles_stay(struct sst_plan *p, int threads)
 
 /* oneDNN chooses the tiles by the number of threads (smaller ones for many threads or small images, none for one
  * thread), and they round differently. For the same bytes everywhere: the tiles of two threads, and as many threads as
- * agree with them. */
+ * agree with them. Everything else is planned for the threads that run it: a primitive starts as many as it was
+ * planned for, even where fewer are set when it runs. */
 static void choose_winograd(struct sst_plan *p)
 {
     int planned = sst_max_int(p->threads, 2);
@@ -208,8 +205,9 @@ static void choose_winograd(struct sst_plan *p)
         p->winograd[i] = plan_winograd_tile(p, &p->graph->ops[i]);
     while (planned > 2 && !tiles_stay(p, planned))
         planned--;
-    omp_set_num_threads(planned);
+    p->winograd_threads = planned;
     p->threads = sst_min_int(p->threads, planned);
+    omp_set_num_threads(p->threads);
 }
 
 /* --- life ----------------------------------------------------------------------------------------- */
@@ -371,7 +369,7 @@ static int run_steps(struct sst_plan *p)
 
 int sst_plan_run(struct sst_plan *plan, const float *in, float *out)
 {
-    const int before = omp_get_max_threads();
+    const int before = omp_get_max_threads(), levels = omp_get_max_active_levels();
     int err = set_external(&plan->tensors[plan->input], (float *)(uintptr_t)in); /* only read */
 
     if (!err)
@@ -379,7 +377,11 @@ int sst_plan_run(struct sst_plan *plan, const float *in, float *out)
     if (err)
         return err;
     omp_set_num_threads(plan->threads);
+    /* On one thread a Winograd primitive would still start the threads that it was planned for. */
+    if (plan->threads == 1)
+        omp_set_max_active_levels(0);
     err = run_steps(plan);
+    omp_set_max_active_levels(levels);
     omp_set_num_threads(before);
     return err;
 }

@@ -132,8 +132,14 @@ static bool feeds_winograd(const struct sst_plan *p, int value)
 static int best_conv_desc(struct sst_plan *p, const struct sst_op *op, const struct quantised *q,
                           dnnl_primitive_desc_t *pd)
 {
-    if (p->winograd[op - p->graph->ops])
-        return conv_desc(p, op, dnnl_convolution_winograd, dnnl_format_tag_any, q, pd);
+    if (p->winograd[op - p->graph->ops]) {
+        int err;
+
+        omp_set_num_threads(p->winograd_threads);
+        err = conv_desc(p, op, dnnl_convolution_winograd, dnnl_format_tag_any, q, pd);
+        omp_set_num_threads(p->threads);
+        return err;
+    }
     if (feeds_winograd(p, op->out) && !conv_desc(p, op, dnnl_convolution_auto, dnnl_nChw16c, q, pd))
         return 0;
     return conv_desc(p, op, dnnl_convolution_auto, dnnl_format_tag_any, q, pd);

@@ -59,11 +59,18 @@ struct sst_plan {
     int n_tensors, n_steps, tensors_room, steps_room;
     int *current;   /* [n_values] tensor that holds a value now, or -1 */
     int *last_use;  /* [n_values] last operation that reads it */
+    int winograd_threads; /* that these are planned for; at least 2 */
     uint8_t *winograd; /* [n_ops] tile side of the convolutions that run as Winograd's, else 0 */
     int input, output;
     void *arena, *scratch;
     size_t arena_bytes, scratch_bytes;
 };
+
+/* omp.h is not there for every compiler; these are OpenMP's C interface. The number is the calling thread's own. */
+extern void omp_set_num_threads(int n);
+extern int omp_get_max_threads(void);
+extern void omp_set_max_active_levels(int n);
+extern int omp_get_max_active_levels(void);
 
 /* --- plan.c --- */
 
