@@ -48,7 +48,7 @@ LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 
-.PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick install help clean format tests
+.PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick bench-networks install help clean format tests
 .SECONDARY:
 all: $(BUILD)/sst ## build the programs into build/
 
@@ -79,7 +79,8 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render:
+$(BUILD)/bench/network: $(BUILD)/obj/tests/bench/network.o $(BUILD)/libsst.a
+$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network:
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -111,6 +112,9 @@ bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/ben
 	$(PYTHON) scripts/bench.py --build $(BUILD)
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
+
+bench-networks: $(BENCH) $(BUILD)/bench/network ## measure the networks by precision; renews docs/bench-runner.md and its chart
+	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.
 demo: deps ## see through a simulated scene: pictures in sst-demo/

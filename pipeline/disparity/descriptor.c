@@ -109,7 +109,8 @@ static void normalise(float *out, const struct sst_map_u8 *luma)
 static int make_features(struct sst_descriptor *desc, struct sst_network *net)
 {
     const size_t w = (size_t)desc->width, h = (size_t)desc->height;
-    float *in = sst_mem_alloc_raw(w * h, sizeof(float)), *out = NULL;
+    float *in = sst_mem_alloc_raw(w * h, sizeof(float));
+    int8_t *out = NULL;
     int channels, out_w, out_h, err = -ENOMEM;
 
     if (!in)
@@ -124,26 +125,22 @@ static int make_features(struct sst_descriptor *desc, struct sst_network *net)
         goto done;
     }
     err = -ENOMEM;
-    out = sst_mem_alloc_raw(64 * w * h, sizeof(float));
+    out = sst_mem_alloc_raw(64 * w * h, 1);
     desc->feature_stride = sst_mem_stride(w, 2);
     desc->features = sst_mem_alloc(32 * h, desc->feature_stride);
     if (!out || !desc->features)
         goto done;
     normalise(in, &desc->luma);
-    err = sst_network_run(net, in, desc->width, desc->height, out);
+    err = sst_network_run_s8(net, in, desc->width, desc->height, SST_FEATURE_ONE, out);
     if (err)
         goto done;
-    for (size_t c = 0; c < 64; c++) {
-        for (size_t y = 0; y < h; y++) {
-            const float *from = out + (c * h + y) * w;
+    for (size_t y = 0; y < h; y++) {
+        for (size_t c = 0; c < 64; c++) {
+            const int8_t *from = out + y * w * 64 + c;
             int8_t *to = desc->features + (y * 32 + c / 2) * desc->feature_stride + c % 2;
 
-            for (size_t x = 0; x < w; x++) {
-                const float v = from[x] * SST_FEATURE_ONE;
-
-                /* Unit length bounds |v| by 127; a NaN fails both comparisons. */
-                to[2 * x] = (int8_t)(v > -127.5f && v < 127.5f ? (int)(v + (v < 0 ? -0.5f : 0.5f)) : 0);
-            }
+            for (size_t x = 0; x < w; x++)
+                to[2 * x] = from[64 * x];
         }
     }
 done:

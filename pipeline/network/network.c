@@ -7,8 +7,10 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "pipeline/network/graph.h"
 #include "pipeline/network/onnx.h"
+#include "pipeline/network/ops.h"
 #include "pipeline/network/plan.h"
 #include "pipeline/opencv_shim.h"
 
@@ -336,4 +338,36 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
         sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
 #endif
     return err;
+}
+
+/* By way of floats. */
+static int run_rounded(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
+{
+    const size_t plane = (size_t)net->out.h * (size_t)net->out.w, c = (size_t)net->out.c;
+    float *values = sst_mem_alloc_raw(plane * c, sizeof(*values));
+    int err = values ? sst_network_run(net, in, width, height, values) : -ENOMEM;
+
+    if (!values)
+        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width, height);
+    for (size_t i = 0; !err && i < plane * c; i++)
+        out[i] = sst_op_to_byte(values[i % c * plane + i / c] * factor);
+    sst_mem_free(values);
+    return err;
+}
+
+int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
+{
+    int err = plan(net, width, height);
+
+    if (err)
+        return err;
+#if WITH_DNNL
+    if (!net->cv && sst_plan_has_s8(net->plan)) {
+        err = sst_plan_run_s8(net->plan, in, factor, out);
+        if (err)
+            sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
+        return err;
+    }
+#endif
+    return run_rounded(net, in, width, height, factor, out);
 }

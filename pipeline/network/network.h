@@ -69,6 +69,15 @@ SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int
  */
 SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out);
 
+/**
+ * Run once, with the result as bytes: factor times it to the nearest integer, halves away from 0, cut at -127 and 127; NaN
+ * gives 0. Takes less time and memory than floats where the network ends with a normalisation.
+ *
+ * @param out  [out_height][out_width][out_channels]
+ */
+SST_MUST_CHECK int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor,
+                                      int8_t *out);
+
 SST_EXTERN_C_END
 
 #endif

@@ -352,11 +352,11 @@ static int set_external(struct plan_tensor *t, float *data)
     return plan_errno(dnnl_memory_set_data_handle(t->memory, data));
 }
 
-static int run_steps(struct sst_plan *p)
+static int run_steps(struct sst_plan *p, int count)
 {
     int err = 0;
 
-    for (int i = 0; !err && i < p->n_steps; i++) {
+    for (int i = 0; !err && i < count; i++) {
         const struct plan_step *s = &p->steps[i];
 
         err = s->primitive ? plan_errno(dnnl_primitive_execute(s->primitive, p->stream, s->n_args, s->args))
@@ -367,22 +367,43 @@ static int run_steps(struct sst_plan *p)
     return err;
 }
 
-int sst_plan_run(struct sst_plan *plan, const float *in, float *out)
+/* The first `count` steps, on the plan's threads. */
+static int run(struct sst_plan *p, const float *in, int count)
 {
     const int before = omp_get_max_threads(), levels = omp_get_max_active_levels();
-    int err = set_external(&plan->tensors[plan->input], (float *)(uintptr_t)in); /* only read */
+    int err = set_external(&p->tensors[p->input], (float *)(uintptr_t)in); /* only read */
 
-    if (!err)
-        err = set_external(&plan->tensors[plan->output], out);
     if (err)
         return err;
-    omp_set_num_threads(plan->threads);
+    omp_set_num_threads(p->threads);
     /* On one thread a Winograd primitive would still start the threads that it was planned for. */
-    if (plan->threads == 1)
+    if (p->threads == 1)
         omp_set_max_active_levels(0);
-    err = run_steps(plan);
+    err = run_steps(p, count);
     omp_set_max_active_levels(levels);
     omp_set_num_threads(before);
     return err;
+}
+
+int sst_plan_run(struct sst_plan *plan, const float *in, float *out)
+{
+    const int err = set_external(&plan->tensors[plan->output], out);
+
+    return err ? err : run(plan, in, plan->n_steps);
+}
+
+bool sst_plan_has_s8(const struct sst_plan *plan)
+{
+    const struct plan_step *last = plan->n_steps ? &plan->steps[plan->n_steps - 1] : NULL;
+
+    return last && last->op && last->op->kind == SST_OP_NORMALIZE;
+}
+
+int sst_plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out)
+{
+    const struct plan_step *last = &plan->steps[plan->n_steps - 1];
+    const int err = run(plan, in, plan->n_steps - 1);
+
+    return err ? err : sst_op_normalize_s8(out, &plan->tensors[last->tensor[0]].view, last->op, factor, plan->threads);
 }
 #endif

@@ -25,6 +25,12 @@ bool sst_plan_fast_int8(void);
 /** Run once; allocates nothing. @param in [c][h][w] @param out [c][h][w] of the graph's output. */
 SST_MUST_CHECK int sst_plan_run(struct sst_plan *plan, const float *in, float *out);
 
+/** True where sst_plan_run_s8() can be used: the network ends with a normalisation. */
+bool sst_plan_has_s8(const struct sst_plan *plan);
+
+/** Run once, with the result times factor in bytes, see sst_op_normalize_s8(). @param out [h][w][c] of the output. */
+SST_MUST_CHECK int sst_plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out);
+
 SST_EXTERN_C_END
 
 #endif

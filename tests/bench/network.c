@@ -1,10 +1,12 @@
 /* Time of a network: the whole of it as the program runs it, beside its convolutions alone as bare oneDNN primitives in
- * the layouts that the library likes best. Interleaved rounds in one process, medians, one JSON object.
+ * the layouts that the library likes best. Interleaved rounds in one process, medians of wall and CPU time, one JSON
+ * object.
  *
  *   network MODEL.onnx WxH ROUNDS */
 #include <dnnl.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/clock.h"
 #include "base/file.h"
@@ -36,7 +38,7 @@ struct kind {
 };
 
 static const struct kind kinds[] = {
-    { false, SST_PRECISION_F32, 1 },  { true, SST_PRECISION_F32, 1 },  { false, SST_PRECISION_F32, 2 },
+    { false, SST_PRECISION_F32, 1 },  { true, SST_PRECISION_F32, 1 },   { false, SST_PRECISION_F32, 2 },
     { true, SST_PRECISION_F32, 2 },   { false, SST_PRECISION_INT8, 1 }, { true, SST_PRECISION_INT8, 1 },
     { false, SST_PRECISION_INT8, 2 }, { true, SST_PRECISION_INT8, 2 },
 };
@@ -46,7 +48,7 @@ struct runner {
     struct sst_network *net;
     float *in, *out;
     int width, height;
-    double ms[MAX_ROUNDS];
+    double ms[MAX_ROUNDS], cpu_ms[MAX_ROUNDS];
 };
 
 static void check(dnnl_status_t status, const char *what)
@@ -171,9 +173,9 @@ static int open_runner(struct runner *r, const char *model, const struct kind *k
     return sst_network_open(&r->net, model, kind->precision, kind->threads);
 }
 
-static int time_once(struct runner *r, const struct kind *kind, double *ms)
+static int time_once(struct runner *r, const struct kind *kind, double *ms, double *cpu_ms)
 {
-    const int64_t start = sst_clock_now_ns();
+    const int64_t start = sst_clock_now_ns(), start_cpu = sst_clock_cpu_ns();
     int err = 0;
 
     if (kind->whole)
@@ -181,6 +183,7 @@ static int time_once(struct runner *r, const struct kind *kind, double *ms)
     else
         run_bare(&r->bare, kind->threads);
     *ms = (double)(sst_clock_now_ns() - start) * 1e-6;
+    *cpu_ms = (double)(sst_clock_cpu_ns() - start_cpu) * 1e-6;
     return err;
 }
 
@@ -191,18 +194,23 @@ static int compare(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
+static double median(double *v, int n)
+{
+    qsort(v, (size_t)n, sizeof(*v), compare);
+    return (v[(n - 1) / 2] + v[n / 2]) / 2;
+}
+
 static void print(const char *model, struct runner *runners, int rounds)
 {
     printf("{\"model\": \"%s\", \"width\": %d, \"height\": %d, \"rounds\": %d, \"times\": [", model, runners[0].width,
            runners[0].height, rounds);
     for (size_t k = 0; k < ARRAY_LEN(kinds); k++) {
-        double *ms = runners[k].ms;
+        const double ms = median(runners[k].ms, rounds), cpu_ms = median(runners[k].cpu_ms, rounds);
 
-        qsort(ms, (size_t)rounds, sizeof(*ms), compare);
         printf("%s\n  {\"what\": \"%s\", \"precision\": \"%s\", \"threads\": %d, \"ms\": %.2f, \"min_ms\": %.2f,"
-               " \"max_ms\": %.2f}", k ? "," : "", kinds[k].whole ? "network" : "convolutions",
-               kinds[k].precision == SST_PRECISION_INT8 ? "int8" : "f32", kinds[k].threads,
-               (ms[(rounds - 1) / 2] + ms[rounds / 2]) / 2, ms[0], ms[rounds - 1]);
+               " \"max_ms\": %.2f, \"cpu_ms\": %.2f}", k ? "," : "", kinds[k].whole ? "network" : "convolutions",
+               kinds[k].precision == SST_PRECISION_INT8 ? "int8" : "f32", kinds[k].threads, ms, runners[k].ms[0],
+               runners[k].ms[rounds - 1], cpu_ms);
     }
     puts("]}");
 }
@@ -243,11 +251,11 @@ int main(int argc, char **argv)
     for (size_t k = 0; !err && k < ARRAY_LEN(kinds); k++) {
         err = open_runner(&runners[k], argv[1], &kinds[k], &graph, shapes);
         if (!err)
-            err = time_once(&runners[k], &kinds[k], &unused); /* to warm up */
+            err = time_once(&runners[k], &kinds[k], &unused, &unused); /* to warm up */
     }
     for (int i = 0; !err && i < rounds; i++) {
         for (size_t k = 0; !err && k < ARRAY_LEN(kinds); k++)
-            err = time_once(&runners[k], &kinds[k], &runners[k].ms[i]);
+            err = time_once(&runners[k], &kinds[k], &runners[k].ms[i], &runners[k].cpu_ms[i]);
     }
     if (!err)
         print(sst_path_base(argv[1]), runners, rounds);
