@@ -80,7 +80,8 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
 $(BUILD)/bench/network: $(BUILD)/obj/tests/bench/network.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network:
+$(BUILD)/bench/features: $(BUILD)/obj/tests/bench/features.o $(BUILD)/libsst.a
+$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features:
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -113,7 +114,7 @@ bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/ben
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
-bench-networks: $(BENCH) $(BUILD)/bench/network ## measure the networks by precision; renews docs/bench-runner.md and its chart
+bench-networks: $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features ## measure the networks by precision; renews docs/bench-runner.md and its chart
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.
