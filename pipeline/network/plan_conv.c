@@ -132,6 +132,9 @@ static bool feeds_winograd(const struct sst_plan *p, int value)
 static int best_conv_desc(struct sst_plan *p, const struct sst_op *op, const struct quantised *q,
                           dnnl_primitive_desc_t *pd)
 {
+    /* Not "auto", which takes a Winograd's on 8 bits where there is no VNNI: its sums are not exact. */
+    if (q->scales)
+        return conv_desc(p, op, dnnl_convolution_direct, dnnl_format_tag_any, q, pd);
     if (p->winograd[op - p->graph->ops]) {
         int err;
 
