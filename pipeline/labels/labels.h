@@ -57,6 +57,7 @@ struct sst_segmenter; /* a segmentation network with its class list; one thread 
  *                 (comma-separated names; ground may be missing), sst.mean and sst.std (three numbers for R, G, B in
  * 0..1; 0 and 1), sst.size (WxH of the nominal working size; 480x360), sst.epsilon_h (infinite), sst.temperature
  * (divides the logits; 1), sst.output (logits or probabilities; logits).
+ * @param precision  of the network, see sst_network_open()
  * @param threads  at least 1
  * @return 0, -EBADMSG (also: metadata that do not fit), -ENOMEM and what sst_network_open() returns; logged.
  */

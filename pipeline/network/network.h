@@ -20,7 +20,7 @@ enum sst_precision {
 /**
  * Load and check a network: at most 64 MiB, 4096 nodes, tensors of 2^28 numbers; data in other files is refused.
  *
- * Run on oneDNN (f32): Conv, Relu, BatchNormalization after Conv, Add, Concat of channels, MaxPool, AveragePool,
+ * Run on oneDNN: Conv, Relu, BatchNormalization after Conv, Add, Concat of channels, MaxPool, AveragePool,
  * GlobalAveragePool, Resize (bilinear, fixed scales or sizes), Softmax and LpNormalization over channels (also x / |x|
  * as exporters write it in single steps), Pad with zeros before Conv, Identity, Dropout, Constant; and of the domain
  * "sst" AdaptiveAveragePool (output_size) and ResizeLike (x, like; align_corners). Sizes of images are free: H and W
@@ -28,9 +28,13 @@ enum sst_precision {
  * digits between machines, as oneDNN takes other code on other processors. Other operators make the network fall back
  * to OpenCV's DNN, which is said in a warning.
  *
+ * On SST_PRECISION_INT8 convolutions behind the first one, and what lies between them, are computed on 8 bits in ranges
+ * that the file's metadata sst.ranges hold (see docs/method.md); sums are exact. Processors without VNNI use 7 of them for
+ * values that are never negative.
+ *
  * @param threads  used by runs; at least 1
- * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights), -ENOTSUP (neither runner can),
- * -ENOMEM; logged in one sentence.
+ * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit), -ENOTSUP
+ * (neither runner can, or SST_PRECISION_INT8 and no ranges), -ENOMEM; logged in one sentence.
  */
 SST_MUST_CHECK int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision,
                                     int threads);
