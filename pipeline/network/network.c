@@ -73,6 +73,7 @@ static int input_channels(const struct sst_onnx *model)
     return 0;
 }
 
+#if WITH_DNNL
 /* Settle the precision for a network that oneDNN runs. */
 static int choose_precision(struct sst_network *net)
 {
@@ -85,6 +86,7 @@ static int choose_precision(struct sst_network *net)
         net->precision = net->graph.range && sst_plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
     return 0;
 }
+#endif
 
 static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data SST_UNUSED,
                        size_t size SST_UNUSED, const char *reason)
@@ -138,8 +140,6 @@ static int open_from_memory(struct sst_network *net, const uint8_t *data, size_t
 #endif
     if (err == -ENOTSUP)
         err = open_opencv(net, &model, data, size, reason);
-    else if (!err)
-        err = choose_precision(net);
     else if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory to read it", net->path);
     sst_onnx_fini(&model);
@@ -162,6 +162,10 @@ int sst_network_open(struct sst_network **out, const char *path, enum sst_precis
         err = sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
     if (!err)
         err = open_from_memory(net, data, size);
+#if WITH_DNNL
+    if (!err && !net->cv)
+        err = choose_precision(net);
+#endif
     free(data);
     if (err)
         sst_network_close(net);
