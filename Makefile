@@ -114,7 +114,8 @@ bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/ben
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
-bench-networks: $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features ## measure the networks by precision; renews docs/bench-runner.md and its chart
+BENCH_NETWORKS := $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features
+bench-networks: $(BENCH_NETWORKS) ## measure the networks, time against error; renews docs/bench-runner.md
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.

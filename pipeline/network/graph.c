@@ -235,7 +235,8 @@ static int translate(struct sst_builder *b)
 
 static int bad_ranges(const struct sst_builder *b, const char *what)
 {
-    sst_log_error("model %s: its metadata " SST_RANGES_KEY " %s; write them again with models/quantise.py", b->name, what);
+    sst_log_error("model %s: its metadata " SST_RANGES_KEY " %s; write them again with models/quantise.py", b->name,
+                  what);
     return -EBADMSG;
 }
 

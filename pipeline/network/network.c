@@ -79,7 +79,8 @@ static int choose_precision(struct sst_network *net)
 {
     if (net->precision == SST_PRECISION_INT8 && !net->graph.range) {
         sst_log_error("model %s: it has no ranges to run on 8 bits; add them with models/quantise.py or use"
-                      " --precision f32", net->path);
+                      " --precision f32",
+                      net->path);
         return -ENOTSUP;
     }
     if (net->precision == SST_PRECISION_AUTO)
@@ -352,7 +353,8 @@ static int run_rounded(struct sst_network *net, const float *in, int width, int 
     int err = values ? sst_network_run(net, in, width, height, values) : -ENOMEM;
 
     if (!values)
-        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width, height);
+        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
+                      height);
     for (size_t i = 0; !err && i < plane * c; i++)
         out[i] = sst_op_to_byte(values[i % c * plane + i / c] * factor);
     sst_mem_free(values);

@@ -29,8 +29,8 @@ enum sst_precision {
  * to OpenCV's DNN, which is said in a warning.
  *
  * On SST_PRECISION_INT8 convolutions behind the first one, and what lies between them, are computed on 8 bits in ranges
- * that the file's metadata sst.ranges hold (see docs/method.md); sums are exact. Processors without VNNI use 7 of them for
- * values that are never negative.
+ * that the file's metadata sst.ranges hold (see docs/method.md); sums are exact. Processors without VNNI use 7 of them
+ * for values that are never negative.
  *
  * @param threads  used by runs; at least 1
  * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit), -ENOTSUP
@@ -74,8 +74,8 @@ SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int
 SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out);
 
 /**
- * Run once, with the result as bytes: factor times it to the nearest integer, halves away from 0, cut at -127 and 127; NaN
- * gives 0. Takes less time and memory than floats where the network ends with a normalisation.
+ * Run once, with the result as bytes: factor times it to the nearest integer, halves away from 0, cut at -127 and 127;
+ * NaN gives 0. Takes less time and memory than floats where the network ends with a normalisation.
  *
  * @param out  [out_height][out_width][out_channels]
  */

@@ -17,8 +17,8 @@ bool sst_plan_fast_int8(void)
     return (isa & vnni[0]) == vnni[0] || (isa & vnni[1]) == vnni[1];
 }
 
-/* Processors without VNNI multiply pairs of bytes into 16 bits, which 2 * 255 * 127 overflows and 2 * 127 * 127 does not:
- * u8 values use 7 bits there. (For s8 values oneDNN itself halves the weights.) */
+/* Processors without VNNI multiply pairs of bytes into 16 bits, which 2 * 255 * 127 overflows and 2 * 127 * 127 does
+ * not: u8 values use 7 bits there. (For s8 values oneDNN itself halves the weights.) */
 static float u8_max(void)
 {
     return sst_plan_fast_int8() ? 255.0f : 127.0f;

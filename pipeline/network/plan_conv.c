@@ -63,8 +63,7 @@ static int weights_desc(dnnl_memory_desc_t *md, const struct sst_op *op, dnnl_da
     const dnnl_dims_t dims = { op->channels, op->group_in, op->kernel[0], op->kernel[1] };
 
     if (g > 1)
-        return plan_errno(
-            dnnl_memory_desc_init_by_tag(md, 5, grouped, type, plain ? dnnl_goihw : dnnl_format_tag_any));
+        return plan_errno(dnnl_memory_desc_init_by_tag(md, 5, grouped, type, plain ? dnnl_goihw : dnnl_format_tag_any));
     return plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, type, plain ? dnnl_oihw : dnnl_format_tag_any));
 }
 
@@ -301,9 +300,10 @@ static int conv_result(struct sst_plan *p, const struct sst_op *op, const struct
 static int add_step(struct sst_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
                     dnnl_primitive_desc_t pd)
 {
-    const int src =
-        plan_in_layout(p, op->in[0], dnnl_primitive_desc_query_md(pd, dnnl_query_src_md, 0), q->scales ? q->src_scale : 1);
-    const int dst = src < 0 ? src : conv_result(p, op, q, residual, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0));
+    const int src = plan_in_layout(p, op->in[0], dnnl_primitive_desc_query_md(pd, dnnl_query_src_md, 0),
+                                   q->scales ? q->src_scale : 1);
+    const int dst =
+        src < 0 ? src : conv_result(p, op, q, residual, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0));
     struct plan_step *s = dst < 0 ? NULL : plan_add_step(p, op);
     int err = dst < 0 ? dst : -ENOMEM;
 

@@ -57,10 +57,10 @@ struct sst_plan {
     struct plan_tensor *tensors;
     struct plan_step *steps;
     int n_tensors, n_steps, tensors_room, steps_room;
-    int *current;   /* [n_values] tensor that holds a value now, or -1 */
-    int *last_use;  /* [n_values] last operation that reads it */
+    int *current;         /* [n_values] tensor that holds a value now, or -1 */
+    int *last_use;        /* [n_values] last operation that reads it */
     int winograd_threads; /* that these are planned for; at least 2 */
-    uint8_t *winograd; /* [n_ops] tile side of the convolutions that run as Winograd's, else 0 */
+    uint8_t *winograd;    /* [n_ops] tile side of the convolutions that run as Winograd's, else 0 */
     int input, output;
     void *arena, *scratch;
     size_t arena_bytes, scratch_bytes;
@@ -114,7 +114,8 @@ int plan_errno(dnnl_status_t status);
 
 SST_MUST_CHECK int plan_add_conv(struct sst_plan *p, const struct sst_op *op);
 
-/** Tile side with which oneDNN runs an operation as a Winograd convolution on as many threads as are set; 0: it cannot. */
+/** Tile side with which oneDNN runs an operation as a Winograd convolution on as many threads as are set; 0: it cannot.
+ */
 uint8_t plan_winograd_tile(struct sst_plan *p, const struct sst_op *op);
 
 /* --- plan_bits.c --- */

@@ -1,5 +1,5 @@
-/* Error of learned matching features on a pair with truth: of the raw winner (no aggregation, no optimisation) and of the
- * whole chain. Prints one JSON object.
+/* Error of learned matching features on a pair with truth: of the raw winner (no aggregation, no optimisation) and of
+ * the whole chain. Prints one JSON object.
  *
  *   features LEFT RIGHT TRUTH.pfm MODEL.onnx f32|int8 SCALE     SCALE 2: matched at half size */
 #include <stdio.h>
@@ -12,7 +12,7 @@
 #include "pipeline/image/codec.h"
 
 #define DISPARITIES 64 /* the truth of the Middlebury pairs lies within 0..63 px */
-#define THREADS 2
+#define THREADS     2
 
 struct pair {
     struct sst_image left, right;

@@ -91,7 +91,8 @@ static dnnl_status_t describe(dnnl_primitive_desc_t *pd, dnnl_engine_t engine, c
 
     check(dnnl_memory_desc_init_by_tag(&src, 4, src_dims, src_type, dnnl_format_tag_any), "source");
     check(dnnl_memory_desc_init_by_tag(&weights, g > 1 ? 5 : 4, g > 1 ? w5 : w4, int8 ? dnnl_s8 : dnnl_f32,
-                                       dnnl_format_tag_any), "weights");
+                                       dnnl_format_tag_any),
+          "weights");
     check(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x), "bias");
     check(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, dst_type, dnnl_format_tag_any), "result");
     check(dnnl_primitive_attr_create(&attr), "attributes");
@@ -102,7 +103,8 @@ static dnnl_status_t describe(dnnl_primitive_desc_t *pd, dnnl_engine_t engine, c
         check(dnnl_post_ops_append_eltwise(post, 1.0f, dnnl_eltwise_relu, 0.0f, 0.0f), "relu");
     check(dnnl_primitive_attr_set_post_ops(attr, post), "attributes");
     check(dnnl_dilated_convolution_forward_desc_init(&desc, dnnl_forward_inference, algorithm, &src, &weights, &bias,
-                                                     &dst, strides, dilation, before, after), "convolution");
+                                                     &dst, strides, dilation, before, after),
+          "convolution");
     status = dnnl_primitive_desc_create(pd, &desc, attr, engine, NULL);
     dnnl_post_ops_destroy(post);
     dnnl_primitive_attr_destroy(attr);
@@ -135,7 +137,8 @@ static void make_network(struct bare_network *b, const struct sst_graph *graph, 
         exit(1);
     for (int i = 0; i < graph->n_ops; i++) {
         if (graph->ops[i].kind == SST_OP_CONV)
-            make_bare(&b->convs[b->n_convs++], b->engine, &graph->ops[i], shapes, kind->precision == SST_PRECISION_INT8);
+            make_bare(&b->convs[b->n_convs++], b->engine, &graph->ops[i], shapes,
+                      kind->precision == SST_PRECISION_INT8);
     }
 }
 
@@ -144,8 +147,10 @@ static void run_bare(const struct bare_network *b, int threads)
     omp_set_num_threads(threads);
     for (int i = 0; i < b->n_convs; i++) {
         const struct bare *c = &b->convs[i];
-        const dnnl_exec_arg_t args[] = { { DNNL_ARG_SRC, c->src }, { DNNL_ARG_WEIGHTS, c->weights },
-                                         { DNNL_ARG_BIAS, c->bias }, { DNNL_ARG_DST, c->dst } };
+        const dnnl_exec_arg_t args[] = { { DNNL_ARG_SRC, c->src },
+                                         { DNNL_ARG_WEIGHTS, c->weights },
+                                         { DNNL_ARG_BIAS, c->bias },
+                                         { DNNL_ARG_DST, c->dst } };
 
         check(dnnl_primitive_execute(c->primitive, b->stream, (int)ARRAY_LEN(args), args), "convolution");
     }
@@ -208,7 +213,8 @@ static void print(const char *model, struct runner *runners, int rounds)
         const double ms = median(runners[k].ms, rounds), cpu_ms = median(runners[k].cpu_ms, rounds);
 
         printf("%s\n  {\"what\": \"%s\", \"precision\": \"%s\", \"threads\": %d, \"ms\": %.2f, \"min_ms\": %.2f,"
-               " \"max_ms\": %.2f, \"cpu_ms\": %.2f}", k ? "," : "", kinds[k].whole ? "network" : "convolutions",
+               " \"max_ms\": %.2f, \"cpu_ms\": %.2f}",
+               k ? "," : "", kinds[k].whole ? "network" : "convolutions",
                kinds[k].precision == SST_PRECISION_INT8 ? "int8" : "f32", kinds[k].threads, ms, runners[k].ms[0],
                runners[k].ms[rounds - 1], cpu_ms);
     }

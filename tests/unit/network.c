@@ -693,9 +693,9 @@ static struct image run_int8(const struct ow_buf *model, const struct image *in)
     return out[0];
 }
 
-/* Identity, relu, then y = 0.5 a + 0.25 b + 3, 127 a - b on 1x1. The first layer runs on floats; its result is stored in
- * steps of s = range / 255 (or / 127), so that a = 100.3 s, b = 7.6 s become 100 s and 8 s. Weights of output 0 are in steps
- * of 0.5 / 127: 127 and 63.5, which goes to the even 64; of output 1 in steps of 1: exact. */
+/* Identity, relu, then y = 0.5 a + 0.25 b + 3, 127 a - b on 1x1. The first layer runs on floats; its result is stored
+ * in steps of s = range / 255 (or / 127), so that a = 100.3 s, b = 7.6 s become 100 s and 8 s. Weights of output 0 are
+ * in steps of 0.5 / 127: 127 and 63.5, which goes to the even 64; of output 1 in steps of 1: exact. */
 static void eight_bits_equal_hand_worked_numbers(void **state SST_UNUSED)
 {
     const struct conv c = { 2, 2, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 };
@@ -806,7 +806,7 @@ static void eight_bits_stay_near_floats_in_branches(void **state SST_UNUSED)
 static void ranges_that_do_not_fit_are_refused(void **state SST_UNUSED)
 {
     static const char *const bad[] = { "1 x\n",       "one x\n", "1 x\n-2 y\n", "nan x\n",
-                                       "1 nowhere\n", "1\n",     "1e-30 x\n",    "\n" };
+                                       "1 nowhere\n", "1\n",     "1e-30 x\n",   "\n" };
     struct ow_buf model = branched_network(NULL);
     struct sst_network *net = NULL;
 
