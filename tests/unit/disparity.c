@@ -127,12 +127,16 @@ static void luma_is_bt601(void **state SST_UNUSED)
     sst_image_fini(&img);
 }
 
+enum { ONE_PIXEL_STRIDE = 320, ONE_PIXEL_BYTES = 18 * ONE_PIXEL_STRIDE };
+
 /* Views of one pixel whose features are `value` in channel `channel`: the costs between them are known. */
-static struct sst_descriptor one_pixel(int8_t features[64], int channel, int value)
+static struct sst_descriptor one_pixel(uint8_t memory[ONE_PIXEL_BYTES], int channel, int value)
 {
-    memset(features, 0, 64);
-    features[channel] = (int8_t)value;
-    return (struct sst_descriptor){ .width = 1, .height = 1, .features = features, .feature_stride = 2 };
+    uint8_t *features = memory + ONE_PIXEL_STRIDE;
+
+    memset(memory, SST_FEATURE_ZERO, ONE_PIXEL_BYTES);
+    features[channel / 4 * ONE_PIXEL_STRIDE + channel % 4] = (uint8_t)(SST_FEATURE_ZERO + value);
+    return (struct sst_descriptor){ .width = 1, .height = 1, .features = features, .feature_stride = ONE_PIXEL_STRIDE };
 }
 
 static int merged_cost(const struct sst_descriptor *ref, const struct sst_neighbour *n, int count)
@@ -150,9 +154,9 @@ static int merged_cost(const struct sst_descriptor *ref, const struct sst_neighb
 
 static void costs_of_several_neighbours(void **state SST_UNUSED)
 {
-    int8_t memory[4][64];
+    static uint8_t memory[4][ONE_PIXEL_BYTES];
     const struct sst_descriptor ref = one_pixel(memory[0], 0, 127), same = one_pixel(memory[1], 0, 127),
-                                other = one_pixel(memory[2], 1, 127), opposite = one_pixel(memory[3], 0, -127);
+                                other = one_pixel(memory[2], 63, 127), opposite = one_pixel(memory[3], 0, -127);
     const struct sst_neighbour near = { &same, 1, 0 }, far = { &other, -1, 0 }, worst = { &opposite, 0, 1 };
     const struct sst_neighbour list[3] = { far, near, worst };
 
