@@ -15,7 +15,7 @@
  * Costs are made in tiles: BAND rows of a strip of columns, one neighbour after the other. What a tile reads of a neighbour
  * (steps rows below each other for those above and below) then stays in the second-level cache for all rows of the band.
  */
-#define BAND 8
+#define BAND 16
 #define STRIP 128 /* multiple of 64 */
 
 /* Where a disparity step puts a pixel in a neighbour. */
