@@ -79,7 +79,8 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render:
+$(BUILD)/bench/feature_cost: $(BUILD)/obj/tests/bench/feature_cost.o $(BUILD)/libsst.a
+$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/feature_cost:
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
