@@ -186,6 +186,8 @@ static void find_needed(struct sst_builder *b)
     b->values[b->graph.output].users = 1;
     for (int n = b->model->n_nodes - 1; n >= 0; n--) {
         struct sst_raw_node *node = &b->nodes[n];
+        const bool resize = sst_graph_is(node->onnx, "Resize");
+        struct sst_resize_target to;
 
         for (int i = 0; i < node->onnx->n_out; i++)
             node->needed |= node->out[i] >= 0 && b->values[node->out[i]].users > 0;
@@ -196,8 +198,10 @@ static void find_needed(struct sst_builder *b)
             b->values[node->norm.x].users++;
             continue;
         }
-        /* Beyond its first input a resize reads only constants, or shapes that sst_graph_resize_sizes() understands. */
-        for (int i = 0; i < (sst_graph_is(node->onnx, "Resize") ? 1 : node->onnx->n_in); i++) {
+        /* Beyond its first input a resize reads constants, or the shape of an image. */
+        if (resize && sst_graph_resize_target(b, node, &to) && to.like >= 0)
+            b->values[to.like].users++;
+        for (int i = 0; i < (resize ? 1 : node->onnx->n_in); i++) {
             if (node->in[i] >= 0)
                 b->values[node->in[i]].users++;
         }

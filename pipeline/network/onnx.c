@@ -292,11 +292,13 @@ static int read_attr(struct sst_onnx_attr *a, struct sst_onnx_str *name, struct 
 {
     struct field f;
     int64_t n_ints = 0;
-    int r;
+    int r, n = 0;
 
     *a = (struct sst_onnx_attr){ 0 };
     *name = (struct sst_onnx_str){ 0 };
     while ((r = next_field(&bytes, &f)) > 0) {
+        if (n++ == SST_ONNX_MAX_FIELDS) /* attributes are searched again and again */
+            return -EBADMSG;
         if (f.number == 1)
             *name = f.bytes;
         else if (f.number == 2)
@@ -375,7 +377,7 @@ static int read_node_attr(struct sst_onnx_str bytes, const char *name)
         return err;
     }
     if (err)
-        return damaged(name, "an attribute ends early or holds a field of the wrong kind");
+        return damaged(name, "an attribute ends early, holds a field of the wrong kind or more than 4096 of them");
     if (!a.tensor.n)
         return 0;
     err = sst_onnx_tensor_read(&tensor, a.tensor, name);
@@ -388,7 +390,7 @@ static int read_node(struct sst_onnx *m, struct sst_onnx_str bytes, const char *
 {
     struct sst_onnx_node *node;
     struct field f;
-    int r, err = 0;
+    int r, n_attrs = 0, err = 0;
 
     node = add((void **)&m->nodes, &m->n_nodes, SST_ONNX_MAX_NODES, sizeof(*node), "nodes", name, &err);
     if (!node)
@@ -399,6 +401,8 @@ static int read_node(struct sst_onnx *m, struct sst_onnx_str bytes, const char *
             return damaged(name, "a node holds a field of the wrong kind or a name with control characters");
         if ((f.number == 1 && node->n_in == SST_ONNX_MAX_INS) || (f.number == 2 && node->n_out == SST_ONNX_MAX_OUTS))
             return damaged(name, "a node has more inputs (32) or outputs (8) than the limit");
+        if (f.number == 5 && n_attrs++ == SST_ONNX_MAX_ATTRS)
+            return damaged(name, "a node has more than 64 attributes");
         if (f.number == 1)
             node->in[node->n_in++] = f.bytes;
         else if (f.number == 2)

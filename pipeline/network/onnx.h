@@ -17,6 +17,8 @@ SST_EXTERN_C_BEGIN
 #define SST_ONNX_MAX_DIMS     8
 #define SST_ONNX_MAX_INS      32
 #define SST_ONNX_MAX_OUTS     8
+#define SST_ONNX_MAX_ATTRS    64   /* of a node */
+#define SST_ONNX_MAX_FIELDS   4096 /* of an attribute */
 
 /** Bytes inside the file, without a NUL. */
 struct sst_onnx_str {
