@@ -101,6 +101,16 @@ static void add_entry(json_t *o, const struct sst_manifest_entry *e)
     json_object_set_new(o, "figures", copy(e->figures));
 }
 
+/* A reason without the name of the file, which the list shows already. */
+static const char *bare_reason(const char *reason, const char *path)
+{
+    const size_t n = strlen(path);
+
+    if (!strncmp(reason, "model ", 6) && !strncmp(reason + 6, path, n))
+        reason += 6 + n;
+    return reason + strspn(reason, ": ");
+}
+
 json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry)
 {
     const char *file = sst_path_base(path), *status = "";
@@ -120,7 +130,7 @@ json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry
         add_entry(o, entry);
     json_object_set_new(o, "status", json_string(err ? status : "ok"));
     if (err)
-        json_object_set_new(o, "reason", json_text(reason));
+        json_object_set_new(o, "reason", json_text(bare_reason(reason, path)));
     return o;
 }
 
@@ -192,7 +202,9 @@ static int read_facts(json_t *o, const char *path, bool *matching)
         return err;
     json_object_set_new(o, "bytes", json_integer((json_int_t)size));
     json_object_set_new(o, "sha256", json_string(SHA256Data(data, size, hash)));
-    err = sst_onnx_parse(&model, data, size, path);
+    err = sst_manifest_check(path, data, size);
+    if (!err)
+        err = sst_onnx_parse(&model, data, size, path);
     if (!err) {
         add_summary(o, &model);
         for (int i = 0; i < model.n_metadata; i++)

@@ -84,6 +84,58 @@ for n in 1 100 5000 400000 446677; do
   head -c $n "$root/models/mccnn-fast.onnx" >mine/cut.onnx
   want 3 "cut.onnx" models cut
 done
+python3 - "$sst" <<'PY' || fail "memory or message"
+import resource, struct, subprocess, sys
+
+def varint(v):
+    out = b""
+    while v > 127:
+        out, v = out + bytes([v & 127 | 128]), v >> 7
+    return out + bytes([v])
+
+def num(field, v):
+    return varint(field << 3) + varint(v)
+
+def msg(field, body):
+    return varint(field << 3 | 2) + varint(len(body)) + body
+
+def value(field, name, channels):
+    dims = b"".join(msg(1, num(1, d) if d else b"") for d in (1, channels, 0, 0))
+    return msg(field, msg(1, name) + msg(2, msg(1, num(1, 1) + msg(2, dims))))
+
+def tensor(name, dims, kind, data):
+    return msg(5, b"".join(num(1, d) for d in dims) + num(2, kind) + msg(8, name) + data)
+
+def node(op, ins, out, *attrs):
+    return msg(1, b"".join(msg(1, i) for i in ins) + msg(2, out) + msg(4, op) + b"".join(attrs))
+
+def model(graph):
+    return num(1, 7) + msg(8, num(2, 13)) + msg(7, graph)
+
+def check(graph, words, times):
+    data = model(graph)
+    with open("mine/hostile.onnx", "wb") as f:
+        f.write(data)
+    run = subprocess.run([sys.argv[1], "models", "mine/hostile.onnx"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    said, peak = run.stderr.decode(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+    limit = times * len(data) + (200 << 20)
+    print(f"{len(data) >> 20} MiB file, peak {peak >> 20} MiB: {said}", end="")
+    assert run.returncode == 3 and said.count("\n") == 1 and words in said, said
+    assert peak < limit, (peak, limit)
+
+ends = value(11, b"x", 64) + value(12, b"y", 64)
+# numbers that take one byte in the file and eight in memory
+check(ends + tensor(b"i", [16 << 20], 7, msg(7, bytes(16 << 20))) + node(b"Relu", [b"x"], b"y"), "does not say which classes", 9)
+# one constant as the weights of many layers
+weights = tensor(b"w", [64, 64, 32, 16], 1, msg(9, struct.pack("<f", 0.5) * (64 * 64 * 32 * 16)))
+chain = b"".join(node(b"Conv", [b"x" if not i else b"v%d" % i, b"w"], b"y" if i == 49 else b"v%d" % (i + 1))
+                 for i in range(50))
+check(ends + weights + chain, "128 MiB", 20)
+# more numbers promised than there are
+check(ends + tensor(b"w", [1 << 14, 1 << 14], 1, msg(9, b"1234")) + node(b"Relu", [b"x"], b"y"), "does not hold", 9)
+check(ends + tensor(b"w", [1 << 40, 1 << 40], 1, b"") + node(b"Relu", [b"x"], b"y"), "too large dimension", 9)
+check(ends + node(b"Relu", [b"y"], b"y"), "a cycle", 9)
+PY
 truncate -s 65M mine/large.onnx
 want 3 "large.onnx" models large
 mkdir mine/folder.onnx
