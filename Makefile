@@ -116,7 +116,7 @@ build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
 	      $(filter-out -DWITH_OPENCV=%,$(DEFS)) -DWITH_OPENCV=0 $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
 fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks: FUZZ_SECONDS=60 for each of them
 	@for f in $(FUZZERS); do mkdir -p build/fuzz/corpus-$$f; \
-	  build/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=20 \
+	  build/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=120 \
 	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \
 	done
 
