@@ -56,8 +56,7 @@ static int segment(const struct options *o)
     int err = cli_precision(&precision, o->precision);
 
     if (!err)
-        err = o->model ? sst_path_join(path, o->model, NULL) : sst_model_path(path, "pspnet-small.onnx");
-
+        err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
     if (!err)
         err = sst_segmenter_open(&seg, path, precision, sst_thread_count(o->threads));
     if (!err)
@@ -77,7 +76,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &o.labels, "FILE", "labels as an indexed PNG: class index + 1, 0 = unlabeled", 0,
           0 },
-        { "model", 'm', CLI_STRING, &o.model, "FILE", "ONNX network (default: the one that ships)", 0, 0 },
+        { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file", 0, 0 },
         { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP, 0, 0 },
         { "prob", 0, CLI_STRING, &o.prob, "FILE", "write the probabilities as .npy [class][y][x]", 0, 0 },
         { "entropy", 0, CLI_STRING, &o.entropy, "FILE", "write the entropy as .pfm", 0, 0 },
@@ -96,7 +95,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_segment = {
     .name = "segment",
-    .usage = "IMAGE -o labels.png [--model FILE] [--hcsm | --epsilon-h V]",
+    .usage = "IMAGE -o labels.png [--model NAME] [--hcsm | --epsilon-h V]",
     .summary = "semantic labels of one image",
     .detail = "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose "
               "label\n"
