@@ -33,7 +33,9 @@ enum sst_cpu_level {
     X(bilateral_row)                                                                                                   \
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
-    X(blend_finish)
+    X(blend_finish)                                                                                                    \
+    X(stretch_row)                                                                                                     \
+    X(class_row)
 
 /* --- disparity (pipeline/disparity/) --- */
 
@@ -158,6 +160,23 @@ typedef void sst_blend_plain_fn(float *const acc[4], const struct sst_blend *b, 
 
 /** out = sum / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 weight but for rounding. */
 typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *weight, size_t n);
+
+/* --- labels (pipeline/labels/) --- */
+
+/** out[x] = row[left[x]] + part[x] * (row[left[x] + 1] - row[left[x]]): a row of samples at finer places. */
+typedef void sst_stretch_row_fn(float *out, const float *row, const int32_t *left, const float *part, size_t n);
+
+/**
+ * Most probable class of n pixels, ties to the smaller one, and the entropy of their distributions:
+ * H = -sum over the other classes of p log p - (1 - r) log(1 - r) with r the sum of the others, so that entropies near 0
+ * keep their digits. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings.
+ *
+ * @param top      out [n]
+ * @param entropy  out [n], 0 or more; or NULL
+ * @param p        in [count][stride], p >= 0; n at most SST_CLASS_ROW_MAX
+ */
+typedef void sst_class_row_fn(uint8_t *top, float *entropy, const float *p, size_t stride, size_t count, size_t n);
+#define SST_CLASS_ROW_MAX 128
 
 struct sst_kernels {
 #define X(name) sst_##name##_fn *name;
