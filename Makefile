@@ -15,7 +15,7 @@ WITH_OPENCV ?= $(call have,opencv4)
 WITH_AVFORMAT ?= $(call have,libavformat libavcodec libavutil libswscale)
 WITH_DNNL ?= $(shell echo '\#include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
 
-PACKAGES := libpng libturbojpeg jansson $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
+PACKAGES := libpng libturbojpeg jansson yaml-0.1 $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 
 # --- flags ---------------------------------------------------------------------------------------------------------
 WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion $(if $(WERROR),-Werror)
@@ -119,7 +119,7 @@ demo: deps ## see through a simulated scene: pictures in sst-demo/
 
 install: all ## install under DESTDIR/PREFIX
 	install -Dm755 $(BUILD)/sst $(DESTDIR)$(PREFIX)/bin/sst
-	for f in models/*.onnx; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
+	for f in models/*.onnx models/manifest.json; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
 
 format: ## lay out the sources by .clang-format
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cc')

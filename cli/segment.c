@@ -51,7 +51,7 @@ static int segment(const struct options *o)
     char path[SST_PATH_MAX];
     struct sst_segmenter *seg = NULL;
     struct result r = { 0 };
-    int err = o->model ? sst_path_join(path, o->model, NULL) : sst_model_path(path, "pspnet-small.onnx");
+    int err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
 
     if (!err)
         err = sst_segmenter_open(&seg, path, sst_thread_count(o->threads));
@@ -72,7 +72,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &o.labels, "FILE", "labels as an indexed PNG: class index + 1, 0 = unlabeled", 0,
           0 },
-        { "model", 'm', CLI_STRING, &o.model, "FILE", "ONNX network (default: the one that ships)", 0, 0 },
+        { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file", 0, 0 },
         { "prob", 0, CLI_STRING, &o.prob, "FILE", "write the probabilities as .npy [class][y][x]", 0, 0 },
         { "entropy", 0, CLI_STRING, &o.entropy, "FILE", "write the entropy as .pfm", 0, 0 },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold", 0, 0 },
@@ -90,7 +90,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_segment = {
     .name = "segment",
-    .usage = "IMAGE -o labels.png [--model FILE] [--hcsm | --epsilon-h V]",
+    .usage = "IMAGE -o labels.png [--model NAME] [--hcsm | --epsilon-h V]",
     .summary = "semantic labels of one image",
     .detail = "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose "
               "label\n"

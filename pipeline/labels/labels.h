@@ -52,16 +52,21 @@ SST_MUST_CHECK int sst_epsilon_search(struct sst_epsilon_result *out, const stru
 struct sst_segmenter; /* a segmentation network with its class list; one thread at a time */
 
 /**
- * @param model    ONNX path of a network from 3 channels to one per class. Its metadata: sst.classes and sst.ground
- *                 (comma-separated names; ground may be missing), sst.mean and sst.std (three numbers for R, G, B in
- * 0..1; 0 and 1), sst.size (WxH of the nominal working size; 480x360), sst.epsilon_h (infinite), sst.temperature
- * (divides the logits; 1), sst.output (logits or probabilities; logits).
+ * @param model    ONNX path of a network from 1 (luma) or 3 channels to one per class, described by its metadata or by a
+ *                 YAML file beside it (pipeline/labels/model_info.h).
  * @param threads  at least 1
- * @return 0, -EBADMSG (also: metadata that do not fit), -ENOMEM and what sst_network_open() returns; logged.
+ * @return 0, -EBADMSG (also: a description that is missing or does not fit), -ENOMEM and what sst_network_open() returns; logged.
  */
 SST_MUST_CHECK int sst_segmenter_open(struct sst_segmenter **out, const char *model, int threads);
 void sst_segmenter_close(struct sst_segmenter *seg);
 
+struct sst_model_info;
+
+struct sst_network;
+
+/** What the network says of itself, and the network. Owner: seg. */
+const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg);
+struct sst_network *sst_segmenter_network(const struct sst_segmenter *seg);
 const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg);
 
 /** Default entropy threshold that the model carries. */
@@ -71,7 +76,7 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg);
  * Label one image.
  *
  * The network sees the image at its own proportions with the area of the nominal working size, sides multiples of 8;
- * one with windows of fixed sizes sees it stretched to the nominal size. Its probabilities (softmax first) are brought
+ * one of a fixed size, or with windows of fixed sizes, sees it stretched to the nominal size. Its probabilities (softmax first) are brought
  * back bilinearly and normalised again. Beyond label and entropy, memory does not grow with the image unless prob is
  * wanted. Same bytes for any number of threads.
  *

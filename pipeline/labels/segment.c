@@ -3,7 +3,6 @@
  * them. */
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,168 +10,49 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/labels/labels.h"
+#include "pipeline/labels/model_info.h"
 #include "pipeline/labels/resample.h"
-#include "pipeline/network/network.h"
 
 struct sst_segmenter {
     struct sst_network *net;
     char *path;
     int threads;
-    struct sst_classes classes;
-    double mean[3], std[3], eps_h, temperature;
-    int width, height; /* nominal working size */
-    bool probabilities;
+    struct sst_model_info info;
 };
 
-/* --- metadata ------------------------------------------------------------------------------------- */
-
-static int bad_metadata(const struct sst_segmenter *seg, const char *key, const char *want)
+/* An output that covers the image must have its proportions, and a size between a 64th and 8 times its own. */
+static bool covers(int width, int height, int out_width, int out_height)
 {
-    const char *value = sst_network_metadata(seg->net, key);
-    char shown[80];
+    const double x = (double)out_width / width, y = (double)out_height / height;
 
-    snprintf(shown, sizeof(shown), "%s", value ? value : "missing");
-    for (char *p = shown; *p; p++)
-        *p = (unsigned char)*p < ' ' ? '?' : *p; /* the file may come from anywhere */
-    sst_log_error(
-        "model %s: its metadata %s is %s; it must be %s: use a segmentation network exported for this program",
-        seg->path, key, shown, want);
-    return -EBADMSG;
-}
-
-/* Exactly n numbers from min to max, separated by commas or blanks; a missing entry leaves the default. */
-static int read_numbers(struct sst_segmenter *seg, const char *key, double *out, int n, double min, double max,
-                        const char *want)
-{
-    const char *text = sst_network_metadata(seg->net, key);
-
-    if (!text)
-        return 0;
-    for (int i = 0; i < n; i++) {
-        char *end;
-        const double v = strtod(text, &end);
-
-        if (end == text || !(v >= min && v <= max))
-            return bad_metadata(seg, key, want);
-        out[i] = v;
-        text = end + strspn(end, ", ");
-    }
-    return *text ? bad_metadata(seg, key, want) : 0;
-}
-
-/* The next name of a comma-separated list without the blanks around it: its length, or 0 at the end or where it is
- * empty. */
-static size_t next_name(const char **list, const char **name)
-{
-    size_t n;
-
-    *list += strspn(*list, " ");
-    *name = *list;
-    n = strcspn(*list, ",");
-    *list += n + ((*list)[n] == ',');
-    while (n && (*name)[n - 1] == ' ')
-        n--;
-    return n;
-}
-
-static int read_classes(struct sst_segmenter *seg)
-{
-    const char *key = "sst.classes", *list = sst_network_metadata(seg->net, key), *name;
-    struct sst_classes *c = &seg->classes;
-
-    if (!list || !*list)
-        return bad_metadata(seg, key, "the comma-separated names of the classes");
-    while (*list) {
-        const size_t n = next_name(&list, &name);
-
-        if (!n || n >= SST_CLASS_NAME_MAX || c->count == SST_MAX_CLASSES)
-            return bad_metadata(seg, key, "at most 64 names of 1 to 31 characters");
-        memcpy(c->names[c->count], name, n);
-        if (sst_classes_find(c, c->names[c->count]))
-            return bad_metadata(seg, key, "a list of different names");
-        c->count++;
-    }
-    return 0;
-}
-
-static int read_ground(struct sst_segmenter *seg)
-{
-    const char *key = "sst.ground", *list = sst_network_metadata(seg->net, key), *name;
-
-    while (list && *list) {
-        const size_t n = next_name(&list, &name);
-        char text[SST_CLASS_NAME_MAX] = "";
-        int label = 0;
-
-        if (n && n < sizeof(text)) {
-            memcpy(text, name, n);
-            label = sst_classes_find(&seg->classes, text);
-        }
-        if (!label)
-            return bad_metadata(seg, key, "a list of names from sst.classes");
-        seg->classes.ground[label - 1] = true;
-    }
-    return 0;
-}
-
-static int read_size(struct sst_segmenter *seg)
-{
-    const char *key = "sst.size", *text = sst_network_metadata(seg->net, key);
-    int n = 0;
-
-    if (!text)
-        return 0;
-    if (sscanf(text, "%5dx%5d%n", &seg->width, &seg->height, &n) != 2 || text[n] || seg->width < 8 || seg->height < 8 ||
-        seg->width > 8192 || seg->height > 8192)
-        return bad_metadata(seg, key, "WxH with sides of 8..8192");
-    return 0;
-}
-
-static int read_output(struct sst_segmenter *seg)
-{
-    const char *key = "sst.output", *text = sst_network_metadata(seg->net, key);
-
-    seg->probabilities = text && !strcmp(text, "probabilities");
-    if (text && !seg->probabilities && strcmp(text, "logits") != 0)
-        return bad_metadata(seg, key, "logits or probabilities");
-    return 0;
-}
-
-static int read_metadata(struct sst_segmenter *seg)
-{
-    int err = read_classes(seg);
-
-    if (!err)
-        err = read_ground(seg);
-    if (!err)
-        err = read_numbers(seg, "sst.mean", seg->mean, 3, -10, 10, "three numbers in -10..10");
-    if (!err)
-        err = read_numbers(seg, "sst.std", seg->std, 3, 1e-3, 1e3, "three numbers in 0.001..1000");
-    if (!err)
-        err = read_numbers(seg, "sst.epsilon_h", &seg->eps_h, 1, 0, HUGE_VAL, "one number, 0 or more");
-    if (!err)
-        err = read_numbers(seg, "sst.temperature", &seg->temperature, 1, 1e-3, 1e3, "one number in 0.001..1000");
-    if (!err)
-        err = read_size(seg);
-    return err ? err : read_output(seg);
+    return fabs(x - y) <= 3.0 / sst_min_int(width, height) && x >= 1.0 / 64 && x <= 8 && y >= 1.0 / 64;
 }
 
 /* A network for other pictures, or with another number of classes, is told at once and not at the first image. */
 static int check_shape(struct sst_segmenter *seg)
 {
+    const struct sst_model_info *info = &seg->info;
+    const int in = sst_network_in_channels(seg->net);
     int c, w, h, err;
 
-    if (sst_network_in_channels(seg->net) != 3) {
-        sst_log_error("model %s takes %d channels, not the 3 of a colour image; use a segmentation network", seg->path,
-                      sst_network_in_channels(seg->net));
+    if (in != 3 && in != 1) {
+        sst_log_error("model %s takes %d channels, neither the 3 of a colour image nor 1 of a grey one; use a"
+                      " segmentation network",
+                      seg->path, in);
         return -EBADMSG;
     }
-    err = sst_network_out_shape(seg->net, seg->width, seg->height, &c, &w, &h);
+    err = sst_network_out_shape(seg->net, info->width, info->height, &c, &w, &h);
     if (err)
         return err == -EINVAL ? -EBADMSG : err;
-    if (c != seg->classes.count) {
-        sst_log_error("model %s gives %d channels for the %d classes that its metadata lists; export it again",
-                      seg->path, c, seg->classes.count);
+    if (c != info->channels) {
+        sst_log_error("model %s gives %d channels for the %d classes that its description lists; correct the list",
+                      seg->path, c, info->channels);
+        return -EBADMSG;
+    }
+    if (!covers(info->width, info->height, w, h)) {
+        sst_log_error("model %s gives %dx%d results for an image of %dx%d, which are no labels of its pixels; use a"
+                      " segmentation network",
+                      seg->path, w, h, info->width, info->height);
         return -EBADMSG;
     }
     return 0;
@@ -188,16 +68,11 @@ int sst_segmenter_open(struct sst_segmenter **out, const char *model, int thread
     *seg = (struct sst_segmenter){
         .path = strdup(model),
         .threads = threads,
-        .std = { 1, 1, 1 },
-        .eps_h = INFINITY,
-        .temperature = 1,
-        .width = 480,
-        .height = 360,
     };
     if (seg->path)
         err = sst_network_open(&seg->net, model, threads);
     if (!err)
-        err = read_metadata(seg);
+        err = sst_model_info_read(&seg->info, seg->net, model);
     if (!err)
         err = check_shape(seg);
     if (err)
@@ -216,14 +91,24 @@ void sst_segmenter_close(struct sst_segmenter *seg)
     free(seg);
 }
 
+const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg)
+{
+    return &seg->info;
+}
+
+struct sst_network *sst_segmenter_network(const struct sst_segmenter *seg)
+{
+    return seg->net;
+}
+
 const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg)
 {
-    return &seg->classes;
+    return &seg->info.classes;
 }
 
 double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 {
-    return seg->eps_h;
+    return seg->info.eps_h;
 }
 
 /* --- one image ------------------------------------------------------------------------------------ */
@@ -232,9 +117,10 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
  * the longer nominal side. */
 static int working_side(const struct sst_segmenter *seg, const struct sst_image *img, int side)
 {
-    const double scale = sqrt((double)seg->width * seg->height / ((double)img->width * img->height));
+    const int w = seg->info.width, h = seg->info.height;
+    const double scale = sqrt((double)w * h / ((double)img->width * img->height));
 
-    return (int)sst_clamp_double(8 * round(side * scale / 8), 8, 4 * sst_max_int(seg->width, seg->height) / 8 * 8);
+    return (int)sst_clamp_double(8 * round(side * scale / 8), 8, 4 * sst_max_int(w, h) / 8 * 8);
 }
 
 /* Logits or unnormalised probabilities of one pixel become probabilities; false if they cannot. */
@@ -243,13 +129,13 @@ static bool to_probabilities(float *p, int count, const struct sst_segmenter *se
     double max = -INFINITY, sum = 0;
 
     for (int c = 0; c < count; c++) {
-        if (!isfinite(p[c]) || (seg->probabilities && p[c] < 0))
+        if (!isfinite(p[c]) || (seg->info.probabilities && p[c] < 0))
             return false;
         max = p[c] > max ? p[c] : max;
     }
     for (int c = 0; c < count; c++) {
-        if (!seg->probabilities)
-            p[c] = expf((float)((p[c] - max) / seg->temperature));
+        if (!seg->info.probabilities)
+            p[c] = expf((float)((p[c] - max) / seg->info.temperature));
         sum += p[c];
     }
     if (!(sum > 0))
@@ -319,49 +205,74 @@ static int upsample_row(void *arg, int y, int worker)
     return 0;
 }
 
-/* [count][h][w] network output to [h][w][count] probabilities. */
-static int interleave(float *small, const float *out, int count, int h, int w, const struct sst_segmenter *seg)
+/* [channels][h][w] network output to [h][w][classes] probabilities: those of channels that are one class add up. */
+static int interleave(float *small, const float *out, int h, int w, const struct sst_segmenter *seg)
 {
-    const size_t plane = (size_t)h * (size_t)w;
+    const size_t plane = (size_t)h * (size_t)w, count = (size_t)seg->info.classes.count;
+    const int channels = seg->info.channels;
+    float p[SST_MODEL_MAX_CHANNELS];
 
+    memset(small, 0, plane * count * sizeof(*small));
     for (size_t i = 0; i < plane; i++) {
-        float *p = small + i * (size_t)count;
-
-        for (int c = 0; c < count; c++)
+        for (int c = 0; c < channels; c++)
             p[c] = out[(size_t)c * plane + i];
-        if (!to_probabilities(p, count, seg)) {
+        if (!to_probabilities(p, channels, seg)) {
             sst_log_error(
                 "model %s: its output at (%d, %d) is no probability (NaN, infinite or negative); use another model",
                 seg->path, (int)(i % (size_t)w), (int)(i / (size_t)w));
             return -EBADMSG;
         }
+        for (int c = 0; c < channels; c++)
+            small[i * count + seg->info.class_of[c]] += p[c];
     }
     return 0;
+}
+
+/* The image as the network wants it; a grey one is the luma of the three planes, each brought to the same mean. */
+static int make_input(float *in, int width, int height, const struct sst_image *img, const struct sst_segmenter *seg)
+{
+    const struct sst_model_info *info = &seg->info;
+    const size_t plane = (size_t)width * (size_t)height;
+    const bool grey = sst_network_in_channels(seg->net) == 1;
+    const double mean[3] = { info->mean[0], info->mean[grey ? 0 : 1], info->mean[grey ? 0 : 2] };
+    const double std[3] = { info->std[0], info->std[grey ? 0 : 1], info->std[grey ? 0 : 2] };
+    struct sst_image swapped = *img;
+    int err;
+
+    if (info->bgr && !grey) {
+        swapped.plane[0] = img->plane[2];
+        swapped.plane[2] = img->plane[0];
+    }
+    err = sst_resample(in, width, height, &swapped, mean, std, seg->threads);
+    for (size_t i = 0; !err && grey && i < plane; i++)
+        in[i] = 0.299f * in[i] + 0.587f * in[plane + i] + 0.114f * in[2 * plane + i];
+    return err;
 }
 
 /* Probabilities at the network's resolution, in u->small. */
 static int run_network(struct sst_segmenter *seg, const struct sst_image *img, struct upsample *u)
 {
-    int width = working_side(seg, img, img->width), height = working_side(seg, img, img->height), err;
+    int width = working_side(seg, img, img->width), height = working_side(seg, img, img->height), channels, err;
     float *in, *out, *small;
 
-    if (!sst_network_accepts(seg->net, width, height)) {
-        width = seg->width;
-        height = seg->height;
+    if (seg->info.fixed_size || !sst_network_accepts(seg->net, width, height)) {
+        width = seg->info.width;
+        height = seg->info.height;
     }
-    err = sst_network_out_shape(seg->net, width, height, &u->count, &u->w, &u->h);
+    err = sst_network_out_shape(seg->net, width, height, &channels, &u->w, &u->h);
     if (err)
         return err;
+    u->count = seg->info.classes.count;
     in = sst_mem_alloc_raw((size_t)3 * (size_t)width * (size_t)height, sizeof(*in));
-    out = sst_mem_alloc_raw((size_t)u->count * (size_t)u->w * (size_t)u->h, sizeof(*out));
+    out = sst_mem_alloc_raw((size_t)channels * (size_t)u->w * (size_t)u->h, sizeof(*out));
     small = sst_mem_alloc_raw((size_t)u->count * (size_t)u->w * (size_t)u->h, sizeof(*small));
-    err = in && out && small ? sst_resample(in, width, height, img, seg->mean, seg->std, seg->threads) : -ENOMEM;
+    err = in && out && small ? make_input(in, width, height, img, seg) : -ENOMEM;
     if (err)
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
     if (!err)
         err = sst_network_run(seg->net, in, width, height, out);
     if (!err)
-        err = interleave(small, out, u->count, u->h, u->w, seg);
+        err = interleave(small, out, u->h, u->w, seg);
     sst_mem_free(in);
     sst_mem_free(out);
     if (err)

@@ -134,10 +134,9 @@ static int resolve_input(struct sst_builder *b)
         }
         in = &m->ins[i];
     }
-    if (!in || in->n_dims != 4 || in->dims[0] > 1 || in->dims[1] < 1 || in->dims[1] > 4096) {
-        sst_log_error("model %s: its input is not 1 x C x height x width with a fixed C of 1..4096; export it so",
-                      b->name);
-        return -EBADMSG;
+    if (!in || in->n_dims != 4 || in->dims[1] < 1 || in->dims[1] > 4096) {
+        snprintf(b->why, 256, "an input that is not 1 x C x height x width");
+        return -ENOTSUP; /* not reached from sst_network_open(), which looks at the input first */
     }
     v = add_value(b, in->name);
     b->graph.input = v;
@@ -168,11 +167,10 @@ static int resolve(struct sst_builder *b)
     }
     if (err)
         return err;
-    if (m->n_outs != 1) {
-        snprintf(b->why, 256, "%d outputs where there should be one", m->n_outs);
-        return -ENOTSUP;
-    }
-    b->graph.output = find_value(b, m->outs[0].name);
+    if (m->n_outs > 1)
+        sst_log_info("model %s has %d outputs; the first one, %.*s, counts", b->name, m->n_outs,
+                     SST_ONNX_STR(m->outs[0].name));
+    b->graph.output = m->n_outs ? find_value(b, m->outs[0].name) : -1;
     if (b->graph.output < 0 || b->values[b->graph.output].node < 0) {
         sst_log_error("model %s: no node makes its output; the file is damaged", b->name);
         return -EBADMSG;

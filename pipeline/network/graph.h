@@ -31,6 +31,9 @@ enum sst_resize_mode {
 
 #define SST_GRAPH_MAX_OPS 1024
 
+/* Numbers in the weights of all operations: twice what a file can hold, as some may be shared. */
+#define SST_GRAPH_MAX_WEIGHTS ((int64_t)2 * (int64_t)(SST_ONNX_MAX_BYTES / sizeof(float)))
+
 /* Of softmax and normalisation. */
 #define SST_OP_MAX_CHANNELS 2048
 

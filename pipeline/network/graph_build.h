@@ -44,6 +44,7 @@ struct sst_builder {
     int bucket[SST_NAME_BUCKETS];
     struct sst_raw_node *nodes;
     struct sst_onnx_tensor *constants; /* of Constant nodes; [n_nodes] */
+    int64_t weights; /* numbers copied into operations */
     struct sst_graph graph;
 };
 

@@ -138,6 +138,9 @@ static int copy_weights(struct sst_builder *b, const struct sst_raw_node *node, 
 
     if (node->onnx->n_in > 2 && node->in[2] >= 0 && (!bias || !bias->f || bias->count != op->channels))
         return sst_graph_wrong(b, node->onnx, "has a bias that is not one constant per channel");
+    b->weights += w->count;
+    if (b->weights > SST_GRAPH_MAX_WEIGHTS)
+        return sst_graph_wrong(b, node->onnx, "uses constants again that others use, beyond 128 MiB in all");
     op->weights = malloc((size_t)w->count * sizeof(float));
     op->bias = calloc((size_t)op->channels, sizeof(float));
     if (!op->weights || !op->bias) {

@@ -46,9 +46,15 @@ struct sst_onnx_node {
     struct sst_onnx_str body; /* for sst_onnx_attr_find() */
 };
 
+/* Types of numbers (TensorProto.DataType) that matter at the ends of a network. */
+#define SST_ONNX_FLOAT 1
+#define SST_ONNX_INT64 7
+#define SST_ONNX_HALF  10
+
 /** Input or output of the graph. */
 struct sst_onnx_value {
     struct sst_onnx_str name;
+    int type; /* of its numbers; 0: not said */
     int n_dims;
     int64_t dims[SST_ONNX_MAX_DIMS]; /* 0: not fixed */
 };
