@@ -72,12 +72,22 @@ const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg)
 /** Default entropy threshold that the model carries. */
 double sst_segmenter_eps_h(const struct sst_segmenter *seg);
 
+/** How images meet the network. Zeroed: the default. */
+struct sst_segment_config {
+    double scale;     /* sides of what the network sees over those of the nominal working size; 0: by the image's size */
+    bool windows;     /* overlapping windows of the nominal size instead of one run */
+};
+
+/** For all images from now on. @param cfg  scale 0 or 0.1 .. 16 */
+void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment_config *cfg);
+
 /**
  * Label one image.
  *
- * The network sees the image at its own proportions with the area of the nominal working size, sides multiples of 8;
- * one of a fixed size, or with windows of fixed sizes, sees it stretched to the nominal size. Its probabilities (softmax first) are brought
- * back bilinearly and normalised again. Beyond label and entropy, memory does not grow with the image unless prob is
+ * The network sees the image at its own proportions, sides multiples of 8; one of a fixed size, or with windows of fixed
+ * sizes, sees it stretched to the nominal size. By default an image has the area of the nominal working size then, a
+ * larger one up to 1.5 times its sides (measured in docs/bench-labels.md). Windows are blended where they overlap.
+ * Probabilities are brought back bilinearly. Beyond label and entropy, memory does not grow with the image unless prob is
  * wanted. Same bytes for any number of threads.
  *
  * @param label, entropy  out, initialised here, of the image's size; entropy may be NULL
