@@ -162,17 +162,27 @@ static void result_fini(struct result *r)
     *r = (struct result){ 0 };
 }
 
-static int label_image(struct result *out, double *ms, struct sst_segmenter *seg, const char *path,
+/* Now, in wall and CPU time. */
+static void clocks(double ms[2])
+{
+    ms[0] = (double)sst_clock_now_ns() * 1e-6;
+    ms[1] = (double)sst_clock_cpu_ns() * 1e-6;
+}
+
+static int label_image(struct result *out, double ms[2], struct sst_segmenter *seg, const char *path,
                        const struct options *o)
 {
+    double end[2];
     const bool hcsm = o->hcsm || o->eps_h >= 0;
     struct sst_image img = { 0 };
     int err = sst_image_read(&img, path);
 
-    *ms = -(double)sst_clock_now_ns() * 1e-6;
+    clocks(ms);
     if (!err)
         err = sst_segment(seg, &img, &out->label, hcsm || o->entropy ? &out->entropy : NULL, o->prob ? &out->prob : NULL);
-    *ms += (double)sst_clock_now_ns() * 1e-6;
+    clocks(end);
+    for (int i = 0; i < 2; i++)
+        ms[i] = end[i] - ms[i];
     if (!err && hcsm)
         sst_hcsm(&out->label, &out->entropy, o->eps_h >= 0 ? o->eps_h : sst_segmenter_eps_h(seg));
     sst_image_fini(&img);
@@ -204,7 +214,8 @@ static int write_result(const struct result *r, int classes, const char *image, 
 }
 
 /* What was found, in percent of the pixels. */
-static json_t *image_json(const struct sst_map_u8 *label, const struct sst_classes *classes, const char *image, double ms)
+static json_t *image_json(const struct sst_map_u8 *label, const struct sst_classes *classes, const char *image,
+                          const double ms[2])
 {
     json_t *found = json_object();
     int64_t pixels[256] = { 0 };
@@ -220,8 +231,8 @@ static json_t *image_json(const struct sst_map_u8 *label, const struct sst_class
             json_object_set_new(found, sst_classes_name(classes, i),
                                 json_real(100.0 * (double)pixels[i] / ((double)label->width * label->height)));
     }
-    return json_pack("{s:s, s:i, s:i, s:f, s:o}", "image", image, "width", label->width, "height", label->height, "ms",
-                     ms, "percent", found);
+    return json_pack("{s:s, s:i, s:i, s:f, s:f, s:o}", "image", image, "width", label->width, "height", label->height,
+                     "ms", ms[0], "cpu_ms", ms[1], "percent", found);
 }
 
 /* --- all ------------------------------------------------------------------------------------------ */
@@ -234,11 +245,11 @@ static int label_all(json_t *list, struct sst_segmenter *seg, const struct input
 
     for (size_t i = 0; i < in->count; i++) {
         struct result r = { 0 };
-        double ms = 0;
+        double ms[2] = { 0, 0 };
         int err;
 
         cli_progress((void *)(uintptr_t)"labels", (double)i / (double)in->count);
-        err = label_image(&r, &ms, seg, in->paths[i], o);
+        err = label_image(&r, ms, seg, in->paths[i], o);
         err = err ? err : write_result(&r, classes->count, in->paths[i], o, in->batch);
         json_array_append_new(list, err ? json_pack("{s:s, s:s}", "image", in->paths[i], "error", strerror(-err))
                                         : image_json(&r.label, classes, in->paths[i], ms));
