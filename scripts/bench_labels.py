@@ -24,6 +24,7 @@ import labels_report
 import labels_scenes
 
 CAMVID = "Sky Building Pole Road Pavement Tree SignSymbol Fence Car Pedestrian Bicyclist".split()
+PARTS = ("quality", "calibration", "times", "layouts", "refinement", "sheets")
 CHUNK = 8  # images whose probabilities lie on the disk at a time
 
 
@@ -147,7 +148,7 @@ def main():
     parser.add_argument("--build", default="build", help="folder with the built programs (build)")
     parser.add_argument("--camvid", default="../shared/data/camvid", help="folder with val, valannot (%(default)s)")
     parser.add_argument("--every", type=int, default=1, help="one image in so many, for a first look; docs/ stays as it is")
-    parser.add_argument("--part", action="append", choices=("quality", "calibration", "times", "layouts", "refinement"),
+    parser.add_argument("--part", action="append", choices=PARTS,
                         help="measure again only these; the others stay as they are")
     parser.add_argument("--self-test", action="store_true", help="check the figures' formulas against hand-worked values")
     global ARGS
@@ -166,12 +167,18 @@ def main():
         sys.exit(f"bench: {ARGS.camvid} lacks val and valannot; give --camvid DIR")
     saved = f"{ARGS.out}/labels.json"
     result = json.load(open(saved)) if ARGS.part and os.path.exists(saved) else {}
-    for part in ARGS.part or ("quality", "calibration", "times", "layouts", "refinement"):
+    for part in ARGS.part or PARTS:
         say(f"labels: {part}")
         if part == "times":
             result[part] = times([image for image, _ in sets["CamVid val"][:6]], models, 5)
         elif part == "layouts":
             result[part] = labels_scenes.layouts(ARGS, quality, segment, sets["CamVid val"], models[0])
+        elif part == "sheets":  # CamVid's pictures are not ours to publish: they stay in the build folder
+            pick = [sets["CamVid val"][i * len(sets["CamVid val"]) // 6] for i in range(6)]
+            labels_scenes.sheet(pick, ARGS.out, segment, models[0], f"{ARGS.out}/labels-camvid.jpg")
+            labels_scenes.sheet(sets["scenes"][:7], ARGS.out, segment, models[0], f"{ARGS.out}/labels-scenes.jpg")
+            if ARGS.every == 1:
+                shutil.copy(f"{ARGS.out}/labels-scenes.jpg", "docs/pictures")
         elif part == "refinement":
             result[part] = labels_scenes.refinement(ARGS.sst, ARGS.out, call, shipped(models[0])[1])
         else:

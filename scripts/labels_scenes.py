@@ -132,6 +132,30 @@ def layouts(args, quality, segment, camvid_pairs, model):
     return result
 
 
+def sheet(pairs, out, segment, model, path, width=300):
+    """Rows of picture, truth, labels, labels that are sure enough (JPEG)."""
+    folder, height, rows = f"{out}/labels-run", width * 3 // 4, []
+    for image, truth in pairs:
+        os.makedirs(folder, exist_ok=True)
+        cells = [Image.open(image).convert("RGB")]
+        for options in ([], ["--hcsm"]):
+            segment([image], folder, model, *options)
+            cells.append(Image.open(glob.glob(f"{folder}/labels/*.png")[0]))
+        true = Image.fromarray(truth())
+        true.putpalette(cells[1].getpalette())
+        cells.insert(1, true)
+        row = Image.new("RGB", (4 * width, height))
+        for i, cell in enumerate(cells):
+            row.paste((cell if i == 0 else cell.convert("RGB")).resize((width, height), Image.Resampling.BOX), (i * width, 0))
+        rows.append(row)
+        shutil.rmtree(folder)
+    whole = Image.new("RGB", (4 * width, height * len(rows)))
+    for i, row in enumerate(rows):
+        whole.paste(row, (0, i * height))
+    whole.save(path, quality=82)
+    return path
+
+
 def refinement(sst, out, call, shipped):
     """Labels of light fields before and after refinement by disparity, for several entropy limits."""
     result = []

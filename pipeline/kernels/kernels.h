@@ -34,7 +34,7 @@ enum sst_cpu_level {
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
-    X(stretch_row)                                                                                                     \
+    X(guide_cells)                                                                                                     \
     X(class_row)
 
 /* --- disparity (pipeline/disparity/) --- */
@@ -163,8 +163,29 @@ typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *we
 
 /* --- labels (pipeline/labels/) --- */
 
-/** out[x] = row[left[x]] + part[x] * (row[left[x] + 1] - row[left[x]]): a row of samples at finer places. */
-typedef void sst_stretch_row_fn(float *out, const float *row, const int32_t *left, const float *part, size_t n);
+#define SST_GUIDE_CELLS 16 /* at most */
+#define SST_GUIDE_VALUES 8
+
+/** Pixels of one row between the same columns and rows of a coarse grid, and the cells around. */
+struct sst_guide {
+    size_t cells, values;               /* values of a cell: a multiple of SST_GUIDE_VALUES */
+    const float *cell[SST_GUIDE_CELLS]; /* [values] each */
+    float colour[3][SST_GUIDE_CELLS];   /* mean R, G, B of the image under each cell, 0..255 */
+    float down[SST_GUIDE_CELLS];        /* weight of each cell by its vertical distance, above 0 */
+    const float *across;                /* [n][SST_GUIDE_CELLS] by its horizontal one, of each pixel */
+    const uint8_t *pixel[3];            /* [n] R, G, B */
+};
+#define SST_GUIDE_SIGMA 20.0f   /* levels */
+#define SST_GUIDE_FLOOR 1e-3f   /* of the weight of colours: a pixel unlike all cells goes by their distance */
+
+/**
+ * Joint bilateral interpolation (Kopf et al. 2007): out[x][v] = sum over the cells of w cell[v],
+ * w = across down (exp(-|pixel - colour|^2 / (2 sigma^2)) + floor); not divided by the sum of weights. The exponential is
+ * sst_exp_neg(), its argument clamped to SST_EXP_NEG_MAX.
+ *
+ * @param out  [n][values]
+ */
+typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n);
 
 /**
  * Most probable class of n pixels, ties to the smaller one, and the entropy of their distributions:

@@ -10,7 +10,7 @@
 #include "pipeline/kernels/blend_finish_tmpl.h"
 #include "pipeline/kernels/blend_tmpl.h"
 #include "pipeline/kernels/class_row_tmpl.h"
-#include "pipeline/kernels/stretch_row_tmpl.h"
+#include "pipeline/kernels/guide_cells_tmpl.h"
 
 void KERNEL(sst_kernels_fill)(struct sst_kernels *k);
 

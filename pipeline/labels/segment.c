@@ -216,13 +216,13 @@ static bool to_probabilities(float *p, const struct sst_segmenter *seg)
 /* The network's result for window (i, j) into the grid, weighted: probabilities of channels that are one class add up. */
 static int add_window(struct sst_class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
 {
-    const size_t plane = (size_t)w->out_width * (size_t)w->out_height, width = (size_t)grid->width;
+    const size_t plane = (size_t)w->out_width * (size_t)w->out_height;
     const int x0 = sst_tiles_start(&w->across, i), y0 = sst_tiles_start(&w->down, j);
     float p[SST_MODEL_MAX_CHANNELS];
 
     for (int y = 0; y < w->out_height; y++) {
         const float down = sst_tiles_weight(&w->down, j, y);
-        float *row = grid->prob + (size_t)(y0 + y) * (size_t)grid->count * width + (size_t)x0;
+        float *row = grid->cell + ((size_t)(y0 + y) * (size_t)grid->width + (size_t)x0) * grid->values;
 
         for (int x = 0; x < w->out_width; x++) {
             const float weight = down * sst_tiles_weight(&w->across, i, x);
@@ -236,7 +236,7 @@ static int add_window(struct sst_class_grid *grid, const struct working *w, int 
                 return -EBADMSG;
             }
             for (int c = 0; c < seg->info.channels; c++)
-                row[seg->info.class_of[c] * width + (size_t)x] += weight * p[c];
+                row[(size_t)x * grid->values + seg->info.class_of[c]] += weight * p[c];
         }
     }
     return 0;
@@ -300,13 +300,15 @@ static int make_grid(struct sst_class_grid *grid, struct sst_segmenter *seg, con
 
     if (err)
         return err;
-    *grid = (struct sst_class_grid){ w.across.total, w.down.total, seg->info.classes.count, NULL };
+    *grid = (struct sst_class_grid){ .width = w.across.total, .height = w.down.total,
+                                     .count = seg->info.classes.count };
+    grid->values = sst_class_grid_values(grid->count);
     window = (size_t)w.window_width * (size_t)w.window_height;
     w.picture = sst_mem_alloc_raw((size_t)3 * (size_t)w.width * (size_t)w.height, sizeof(*w.picture));
     w.window = sst_mem_alloc_raw(3 * window, sizeof(*w.window));
     w.out = sst_mem_alloc_raw((size_t)seg->info.channels * (size_t)w.out_width * (size_t)w.out_height, sizeof(*w.out));
-    grid->prob = sst_mem_alloc((size_t)grid->count * (size_t)grid->width * (size_t)grid->height, sizeof(*grid->prob));
-    err = w.picture && w.window && w.out && grid->prob ? make_input(w.picture, w.width, w.height, img, seg) : -ENOMEM;
+    grid->cell = sst_mem_alloc(grid->values * (size_t)grid->width * (size_t)grid->height, sizeof(*grid->cell));
+    err = w.picture && w.window && w.out && grid->cell ? make_input(w.picture, w.width, w.height, img, seg) : -ENOMEM;
     if (err)
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
     if (!err)
@@ -335,12 +337,12 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     if (!err && entropy)
         err = sst_map_f32_init(&entropy_made, img->width, img->height);
     if (!err)
-        err = sst_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, seg->threads);
+        err = sst_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads);
     if (err) {
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
         goto fail;
     }
-    sst_mem_free(grid.prob);
+    sst_mem_free(grid.cell);
     *label = label_made;
     if (entropy)
         *entropy = entropy_made;
@@ -349,7 +351,7 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     return 0;
 
 fail:
-    sst_mem_free(grid.prob);
+    sst_mem_free(grid.cell);
     sst_map_u8_fini(&label_made);
     sst_map_f32_fini(&entropy_made);
     free(prob_made);

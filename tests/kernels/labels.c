@@ -75,14 +75,27 @@ static void entropies_have_known_values(void **state SST_UNUSED)
     }
 }
 
-static void stretched_rows_have_known_values(void **state SST_UNUSED)
+/* Two colours of cells, 15 + 1: a pixel of the first colour takes w (1 + floor) of 15 cells and w floor of the other. */
+static void guided_cells_have_known_values(void **state SST_UNUSED)
 {
-    const float row[] = { 1, 3, 2, 2 }, part[] = { 0, 0.25f, 0.5f, 0 };
-    const int32_t left[] = { 0, 0, 1, 2 };
-    float out[4];
+    static const float first[8] = { 1, 2 }, other[8] = { 1, 18 };
+    float across[16], out[8];
+    const uint8_t dark = 0;
+    struct sst_guide g = { .across = across, .pixel = { &dark, &dark, &dark }, .cells = 16, .values = 8 };
 
-    sst_stretch_row_ref(out, row, left, part, 4);
-    assert_memory_equal(out, ((const float[]){ 1, 1.5f, 2.5f, 2 }), sizeof(out));
+    for (int k = 0; k < 16; k++) {
+        across[k] = 0.5f;
+        g.down[k] = 2;
+        g.cell[k] = k == 5 ? other : first;
+        g.colour[0][k] = g.colour[1][k] = g.colour[2][k] = k == 5 ? 255 : 0;
+    }
+    sst_guide_cells_ref(out, &g, 1);
+    assert_true(fabs((double)out[0] - (15 * 1.001 + 0.001)) < 1e-5 && out[2] == 0);
+    assert_true(fabs((double)out[1] - (15 * 1.001 * 2 + 0.001 * 18)) < 1e-5);
+    g.colour[0][5] = SST_GUIDE_SIGMA; /* one deviation away in each channel: exp(-3/2) */
+    g.colour[1][5] = g.colour[2][5] = SST_GUIDE_SIGMA;
+    sst_guide_cells_ref(out, &g, 1);
+    assert_true(fabs((double)out[1] - (15 * 1.001 * 2 + (exp(-1.5) + 0.001) * 18)) < 1e-4);
 }
 
 /* Distributions from nearly certain to nearly even. */
@@ -99,10 +112,9 @@ static void random_distributions(float *p, size_t count, size_t n)
     }
 }
 
-static void check_level(const struct sst_kernels *k, size_t count, size_t n)
+static void check_classes(const struct sst_kernels *k, size_t count, size_t n)
 {
-    float *p = guarded(count * n), *want = guarded(n), *got = guarded(n), *row = guarded(n + 1), *part = guarded(n);
-    int32_t *left = (int32_t *)(void *)guarded(n);
+    float *p = guarded(count * n), *want = guarded(n), *got = guarded(n);
     uint8_t want_top[SST_CLASS_ROW_MAX], got_top[SST_CLASS_ROW_MAX];
 
     random_distributions(p, count, n);
@@ -116,17 +128,44 @@ static void check_level(const struct sst_kernels *k, size_t count, size_t n)
         for (size_t c = 0; c < count; c++)
             h -= p[c * n + x] > 0 ? (double)p[c * n + x] * log((double)p[c * n + x]) : 0;
         assert_true(fabs((double)got[x] - h) < 1e-6 + 1e-6 * h);
-        row[x] = next_random();
-        left[x] = (int32_t)((double)next_random() * (double)n);
-        part[x] = next_random();
     }
-    row[n] = 1;
     memset(got_top, 99, sizeof(got_top));
     k->class_row(got_top, NULL, p, n, count, n);
     assert_memory_equal(got_top, want_top, n);
-    sst_stretch_row_ref(want, row, left, part, n);
-    k->stretch_row(got, row, left, part, n);
-    assert_memory_equal(got, want, n * sizeof(*got));
+}
+
+static void check_guide(const struct sst_kernels *k, size_t values, size_t n)
+{
+    float *across = guarded(16 * n), *want = guarded(values * n), *got = guarded(values * n);
+    uint8_t *pixels = (uint8_t *)guarded(n); /* of which the last 3 n bytes are used */
+    struct sst_guide g = { .across = across, .cells = 16, .values = values };
+
+    pixels += n; /* n floats are 4 n bytes */
+    for (size_t i = 0; i < 3 * n; i++)
+        pixels[i] = (uint8_t)(255 * next_random());
+    for (int c = 0; c < 3; c++)
+        g.pixel[c] = pixels + (size_t)c * n;
+    for (size_t i = 0; i < 16 * n; i++)
+        across[i] = next_random();
+    for (size_t i = 0; i < 16; i++) {
+        float *cell = guarded(values);
+
+        for (size_t v = 0; v < values; v++)
+            cell[v] = next_random();
+        g.cell[i] = cell;
+        g.down[i] = next_random();
+        for (int c = 0; c < 3; c++)
+            g.colour[c][i] = 255 * next_random();
+    }
+    sst_guide_cells_ref(want, &g, n);
+    k->guide_cells(got, &g, n);
+    assert_memory_equal(got, want, values * n * sizeof(*got));
+}
+
+static void check_level(const struct sst_kernels *k, size_t count, size_t n)
+{
+    check_classes(k, count, n);
+    check_guide(k, SST_GUIDE_VALUES * (1 + count / SST_GUIDE_VALUES), n);
 }
 
 static void every_level_equals_the_reference(void **state SST_UNUSED)
@@ -152,7 +191,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(logarithms_are_those_of_libm),
         cmocka_unit_test(entropies_have_known_values),
-        cmocka_unit_test(stretched_rows_have_known_values),
+        cmocka_unit_test(guided_cells_have_known_values),
         cmocka_unit_test(every_level_equals_the_reference),
     };
 

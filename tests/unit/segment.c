@@ -251,28 +251,42 @@ static void windows_of_a_plain_image_agree(void **state SST_UNUSED)
     sst_segmenter_close(seg);
 }
 
-/* 2x1 cells with p = (1, 0) and (0.25, 0.75) on 4 pixels: 1, 3/4, 1/4, 0 of the first. p(0) = 1, 0.8125, 0.4375, 0.25. */
-static void upsampling_has_known_values(void **state SST_UNUSED)
+/* Two cells with p = (1, 0) and (0.25, 0.75) over 16 pixels, black up to pixel 6 and white from pixel 7 on, which is still
+ * nearer to the first cell: each pixel takes the distribution of the cell of its colour. The first cell is 32 levels from
+ * black (its mean holds one white pixel of eight), so exp(-3 * 32^2 / 800) = 0.021 of its weight is left; of the other
+ * cell's only the floor, 0.001, over a distance that never more than makes up for it on the black side. */
+static void upsampling_follows_the_picture(void **state SST_UNUSED)
 {
-    float p[] = { 1, 0.25f, 0, 0.75f }, prob[2 * 4 * 3];
-    const struct sst_class_grid grid = { 2, 1, 2, p };
+    struct sst_class_grid grid = { .width = 2, .height = 1, .count = 2, .values = sst_class_grid_values(2) };
+    struct sst_image img = new_image(16, 2, 0, 0, 0);
     struct sst_map_u8 label, alone;
     struct sst_map_f32 entropy;
+    float cells[16] = { 1, 0, 0, 0, 0, 0, 0, 0, 0.25f, 0.75f }, prob[2 * 16 * 2];
 
-    assert_int_equal(sst_map_u8_init(&label, 4, 3), 0);
-    assert_int_equal(sst_map_u8_init(&alone, 4, 3), 0);
-    assert_int_equal(sst_map_f32_init(&entropy, 4, 3), 0);
-    assert_int_equal(sst_upsample(&label, &entropy, prob, &grid, 1), 0);
-    assert_int_equal(sst_upsample(&alone, NULL, NULL, &grid, 2), 0);
-    for (int y = 0; y < 3; y++) {
-        assert_memory_equal(prob + 4 * y, ((const float[]){ 1, 0.8125f, 0.4375f, 0.25f }), 4 * sizeof(float));
-        assert_memory_equal(sst_map_u8_row(&label, y), ((const uint8_t[]){ 1, 1, 2, 2 }), 4);
-        assert_memory_equal(sst_map_u8_row(&alone, y), sst_map_u8_row(&label, y), 4);
-        assert_true(fabs((double)sst_map_f32_row(&entropy, y)[3] - 0.56233514461880834) < 1e-6);
+    assert_int_equal(grid.values, 8);
+    grid.cell = cells;
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < 2; y++)
+            memset(sst_image_row(&img, c, y) + 7, 255, 9);
+    }
+    assert_int_equal(sst_map_u8_init(&label, 16, 2), 0);
+    assert_int_equal(sst_map_u8_init(&alone, 16, 2), 0);
+    assert_int_equal(sst_map_f32_init(&entropy, 16, 2), 0);
+    assert_int_equal(sst_upsample(&label, &entropy, prob, &grid, &img, 1), 0);
+    assert_int_equal(sst_upsample(&alone, NULL, NULL, &grid, &img, 2), 0);
+    for (int i = 0; i < 32; i++) {
+        const bool white = i % 16 >= 7;
+
+        assert_int_equal(sst_map_u8_row(&label, i / 16)[i % 16], white ? 2 : 1);
+        assert_int_equal(sst_map_u8_row(&alone, i / 16)[i % 16], white ? 2 : 1);
+        assert_true(fabs((double)prob[i] + (double)prob[32 + i] - 1) < 1e-6);
+        assert_true(fabs((double)prob[i] - (white ? 0.25 : 1)) < 0.03);
+        assert_true(!white || fabs((double)sst_map_f32_row(&entropy, i / 16)[i % 16] - 0.5623) < 0.05);
     }
     sst_map_u8_fini(&label);
     sst_map_u8_fini(&alone);
     sst_map_f32_fini(&entropy);
+    sst_image_fini(&img);
 }
 
 static void networks_of_one_size_see_a_stretched_image(void **state SST_UNUSED)
@@ -389,7 +403,7 @@ int main(void)
         cmocka_unit_test(window_weights_sum_to_one_everywhere),
         cmocka_unit_test(windows_leave_no_seams),
         cmocka_unit_test(windows_of_a_plain_image_agree),
-        cmocka_unit_test(upsampling_has_known_values),
+        cmocka_unit_test(upsampling_follows_the_picture),
         cmocka_unit_test(networks_of_one_size_see_a_stretched_image),
         cmocka_unit_test(probabilities_are_taken_as_they_are),
         cmocka_unit_test(unfit_models_are_refused),
