@@ -147,6 +147,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", default="build", help="folder with the built programs (build)")
     parser.add_argument("--camvid", default="../shared/data/camvid", help="folder with val, valannot (%(default)s)")
+    parser.add_argument("--models", default="models", help="folder with the networks (%(default)s)")
     parser.add_argument("--every", type=int, default=1, help="one image in so many, for a first look; docs/ stays as it is")
     parser.add_argument("--part", action="append", choices=PARTS,
                         help="measure again only these; the others stay as they are")
@@ -157,10 +158,10 @@ def main():
         return labels_math.self_test()
     os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
     ARGS.sst, ARGS.out, start = f"{ARGS.build}/sst", f"{ARGS.build}/bench", time.monotonic()
-    os.environ.setdefault("SST_MODELS", os.path.abspath("models"))
+    os.environ["SST_MODELS"] = os.path.abspath(ARGS.models)
     os.makedirs(ARGS.out, exist_ok=True)
     labels_math.self_test()
-    models = sorted(glob.glob("models/pspnet-*.onnx"), key=os.path.getsize)
+    models = sorted(glob.glob(f"{ARGS.models}/pspnet-*.onnx"), key=os.path.getsize)
     sets = {"CamVid val": labels_scenes.camvid(ARGS.camvid)[::ARGS.every],
             "scenes": labels_scenes.scenes(ARGS.sst, ARGS.out, "640x480", range(150, 154))[::ARGS.every]}
     if not sets["CamVid val"]:
