@@ -106,24 +106,32 @@ static void normalise(float *out, const struct sst_map_u8 *luma)
     }
 }
 
+int sst_descriptor_check_network(struct sst_network *net, int width, int height)
+{
+    int channels, out_w, out_h, err;
+
+    if (sst_network_in_channels(net) != 1) {
+        sst_log_error("the matching network takes %d channels, not the luma alone; give --mccnn-model another one",
+                      sst_network_in_channels(net));
+        return -EBADMSG;
+    }
+    err = sst_network_out_shape(net, width, height, &channels, &out_w, &out_h);
+    if (!err && (channels != 64 || out_w != width || out_h != height)) {
+        sst_log_error("the matching network makes %d channels of %dx%d from a view of %dx%d, not 64 of the same size; "
+                      "give --mccnn-model another one", channels, out_w, out_h, width, height);
+        err = -EBADMSG;
+    }
+    return err;
+}
+
 static int make_features(struct sst_descriptor *desc, struct sst_network *net)
 {
     const size_t w = (size_t)desc->width, h = (size_t)desc->height;
     float *in = sst_mem_alloc_raw(w * h, sizeof(float)), *out = NULL;
-    int channels, out_w, out_h, err = -ENOMEM;
+    int err = -ENOMEM;
 
     if (!in)
         goto done;
-    err = sst_network_out_shape(net, desc->width, desc->height, &channels, &out_w, &out_h);
-    if (err)
-        goto done;
-    if (channels != 64 || out_w != desc->width || out_h != desc->height) {
-        sst_log_error("the matching network makes %d channels of %dx%d from a view of %dx%d, not 64 of the same size; give "
-                      "--mccnn-model another one", channels, out_w, out_h, desc->width, desc->height);
-        err = -EBADMSG;
-        goto done;
-    }
-    err = -ENOMEM;
     out = sst_mem_alloc_raw(64 * w * h, sizeof(float));
     desc->feature_stride = sst_mem_stride(w, 2);
     desc->features = sst_mem_alloc(32 * h, desc->feature_stride);
