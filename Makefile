@@ -48,7 +48,7 @@ LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 
-.PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick install help clean format tests
+.PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick bench-networks install help clean format tests
 .SECONDARY:
 all: $(BUILD)/sst ## build the programs into build/
 
@@ -111,6 +111,9 @@ bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/ben
 	$(PYTHON) scripts/bench.py --build $(BUILD)
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
+
+bench-networks: $(BUILD)/sst ## measure the networks; renews docs/bench-matching.md (about 5 minutes)
+	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.
 demo: deps ## see through a simulated scene: pictures in sst-demo/

@@ -336,7 +336,7 @@ static int open_networks(struct run *run, int workers, int threads)
         return -ENOMEM;
     for (int i = 0; !err && i < workers; i++)
         err = sst_network_open(&run->nets[i], run->cfg->model, threads / workers);
-    return err ? err : sst_descriptor_check_network(run->nets[0], run->width, run->height);
+    return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 
 static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)

@@ -33,9 +33,10 @@ SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img
 
 /**
  * Whether a network can make features of views of this size: one channel in, 64 of the same size out.
+ * @param name  of its file, for messages
  * @return 0, -EBADMSG (logged), errors of sst_network_out_shape()
  */
-SST_MUST_CHECK int sst_descriptor_check_network(struct sst_network *net, int width, int height);
+SST_MUST_CHECK int sst_descriptor_check_network(struct sst_network *net, const char *name, int width, int height);
 
 /**
  * Luma, and census or MC-CNN features or both.
