@@ -11,6 +11,7 @@ from synthetic_pairs import Pair
 MIDDLEBURY = ("cones", "teddy", "aloe", "motorcycle")
 SCALES = (1.0, 0.62, 0.4)
 REACH = 4   # of the blur, px
+ALIKE = 0.5  # share of the crops whose cameras hardly differ: else plain pairs pay for the hard ones
 BORDER = 6  # points this close to the edge of a crop are not used: the network sees beyond it
 
 
@@ -72,8 +73,8 @@ def middlebury_pairs(folder: str, left_out: str | None) -> list[Pair]:
             width, height = int(left.width * scale), int(left.height * scale)
             rows = ((np.arange(height) + 0.5) / scale).astype(int).clip(0, left.height - 1)
             cols = ((np.arange(width) + 0.5) / scale).astype(int).clip(0, left.width - 1)
-            views = (common.luma(np.asarray(v.resize((width, height), Image.Resampling.LANCZOS))) for v in (left, right))
-            pairs.append(Pair(*views, disp[np.ix_(rows, cols)] * np.float32(width / left.width),
+            small = (v.resize((width, height), Image.Resampling.LANCZOS) for v in (left, right))
+            pairs.append(Pair(*(common.luma(np.asarray(v)) for v in small), disp[np.ix_(rows, cols)] * np.float32(width / left.width),
                               valid[np.ix_(rows, cols)]))
     return pairs
 
@@ -113,9 +114,8 @@ class Camera:
         return 255 * (np.maximum(grey, 0) / 255) ** self.gamma * light + self.offset
 
 
-def draw_cameras(rng: np.random.Generator) -> tuple[Camera, Camera]:
-    """Two cameras that look at the same scene; one pair in four is alike but for a little noise."""
-    alike = rng.random() < 0.25
+def draw_cameras(rng: np.random.Generator, alike: bool) -> tuple[Camera, Camera]:
+    """Two cameras that look at the same scene; if alike, with little more than noise between them."""
     spread = 0.05 if alike else 1.0
     gain, gamma = 2.0 ** rng.normal(0, 0.3), 2.0 ** rng.normal(0, 0.2)
     noise = abs(rng.normal(0, 1.5)) if alike or rng.random() < 0.55 else rng.uniform(2, 12)
@@ -185,10 +185,11 @@ def draw_crop(rng: np.random.Generator, pair: Pair, size: int):
             break
     else:
         return None
-    cameras = draw_cameras(rng)
+    alike = rng.random() < ALIKE
+    cameras = draw_cameras(rng, alike)
     y, x = np.mgrid[-REACH:size + REACH, -REACH:size + REACH].astype(np.float64)
     left = look(rng, cameras[0], pair.left, x + x0, y + y0)
-    if rng.random() < 0.6:  # errors of calibration
+    if not alike and rng.random() < 0.6:  # errors of calibration
         scale, turn, down = rng.normal(0, 0.003), rng.normal(0, 0.003), rng.uniform(-1, 1)
         middle = (size - 1) / 2
         x, y = x + scale * (x - middle) + turn * (y - middle), y + down + scale * (y - middle) - turn * (x - middle)

@@ -2,9 +2,11 @@
 """
 Trains the matching network: siamese 3x3 convolutions, unit-length features, cost = -dot product
 (Zbontar and LeCun 2016, "fast" architecture; DESIGN 5.2). Whole crops go through the network, so one pass serves
-thousands of matches; loss max(0, margin + s_neg - s_pos), half on a random and half on the hardest wrong position.
+thousands of matches; loss max(0, margin + s_neg - s_pos), half the mean over the wrong positions, half the hardest one.
+First a base without the Middlebury pairs, then from it the network that ships, and one without each pair to measure by:
 
-  /usr/bin/python3 models/train_mccnn.py --aloe DIR --scenes DIR --checkpoint /tmp/mccnn.pt --out models/mccnn-fast.onnx
+  models/train_mccnn.py --scenes DIR --checkpoint base.pt
+  models/train_mccnn.py --scenes DIR --middlebury DIR --start base.pt --checkpoint all.pt --out models/mccnn-fast.onnx
 """
 import argparse
 import time
@@ -128,6 +130,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
     args = parser.parse_args()
+    if args.leave_out and not args.middlebury:
+        parser.error("--leave-out NAME leaves a pair of --middlebury DIR out: give that too")
     common.seed_all(args.seed, args.threads)
     net = train(args)
     if args.out:

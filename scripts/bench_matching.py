@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """Measure matching costs on pairs with known disparity, all through `sst stereo`, and renew docs/bench-matching.md.
 
-A network is judged on a pair that it has not seen: models/leave-one-out/ has one for each Middlebury pair. Compared with
-census and, where its weights are at hand (--cnes), the fast network of CNES, which becomes an ONNX file in BUILD.
+A network is judged on a pair that it has not seen: models/leave-one-out/ has one for each Middlebury pair. Compared
+with census and, where its weights are at hand (--cnes), the fast network of CNES, which becomes an ONNX file in BUILD.
 `make bench-networks` runs this. Needs python3-torch, python3-onnx, python3-pil, the Middlebury pairs.
 """
 import argparse
@@ -76,7 +76,7 @@ def simulated_scene(sst: str, out: str, name: str) -> Scene:
     """Two neighbouring views of a seed that no network was trained on."""
     lf = os.path.join(out, f"scene-{name}")
     subprocess.run([sst, "scene", name, "-o", lf, "--size", "640x480", "--grid", "2x2", "--seed", str(SCENE_SEED),
-                    "--force", "-q"], check=True)
+                    "--force", "-q"], check=True, stdout=subprocess.DEVNULL)
     disp, other = (common.read_pfm(os.path.join(lf, "truth", f"00_{c:02d}.pfm")) for c in (0, 1))
     views = common.lightfield_views(lf)
     return Scene(f"scene {name}", views[0, 0], views[0, 1], disp, seen_in_both(disp, other))
@@ -143,7 +143,8 @@ def accuracy_rows(sst: str, out: str, scene: Scene, methods: list[Method]) -> li
         if not method.fits(scene.name):
             continue
         runs = [error(sst, out, scene, method, options) for options in (("--raw",), ())]
-        figures = [f"{bad(run, mask, limit):.2f}" for run in runs for mask in (scene.seen, everywhere) for limit in (1, 2)]
+        masks = (scene.seen, everywhere)
+        figures = [f"{bad(run, mask, limit):.2f}" for run in runs for mask in masks for limit in (1, 2)]
         rows.append(f"| {scene.name} | {method.title} | " + " | ".join(figures) + " |")
     return rows
 
@@ -171,8 +172,8 @@ Everything is run by `sst stereo`. *Raw*: the cheapest disparity of each pixel (
 `accurate` with this cost. Percent of pixels more than 1 and 2 px off; *seen*: pixels that both views see; *all*: all
 with truth, hidden ones too. Searched: 0..63 px (aloe 0..127, at half size: {aloe}).
 
-- **mccnn, pair left out**: `models/leave-one-out/without-PAIR.onnx`, trained as the shipped network but never on the pair
-  of its row. These are the figures to expect of new pictures.
+- **mccnn, pair left out**: `models/leave-one-out/without-PAIR.onnx`, trained as the shipped network but never on the
+  pair of its row. These are the figures to expect of new pictures.
 - **mccnn shipped**: `models/mccnn-fast.onnx`. It was trained on all four pairs: on them its figures flatter it. Of the
   simulated scenes it knows the kinds, not these seeds.
 - **CNES**: MC-CNN fast of CNES Pandora, five layers, trained on Middlebury pairs of 2003 to 2014, so that it may have

@@ -111,14 +111,14 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
     int channels, out_w, out_h, err;
 
     if (sst_network_in_channels(net) != 1) {
-        sst_log_error("%s is no matching network: it takes %d channels, not the luma alone; give --mccnn-model another one",
-                      name, sst_network_in_channels(net));
+        sst_log_error("%s is no matching network: it takes %d channels, not the luma alone; give --mccnn-model "
+                      "another one", name, sst_network_in_channels(net));
         return -EBADMSG;
     }
     err = sst_network_out_shape(net, width, height, &channels, &out_w, &out_h);
     if (!err && (channels != 64 || out_w != width || out_h != height)) {
-        sst_log_error("%s is no matching network: it makes %d channels of %dx%d from a view of %dx%d, not 64 of the same "
-                      "size; give --mccnn-model another one", name, channels, out_w, out_h, width, height);
+        sst_log_error("%s is no matching network: it makes %d channels of %dx%d from a view of %dx%d, not 64 of "
+                      "the same size; give --mccnn-model another one", name, channels, out_w, out_h, width, height);
         err = -EBADMSG;
     }
     return err;
