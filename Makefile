@@ -79,7 +79,10 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render:
+$(BUILD)/bench/network: $(BUILD)/obj/tests/bench/network.o $(BUILD)/libsst.a
+$(BUILD)/bench/features: $(BUILD)/obj/tests/bench/features.o $(BUILD)/libsst.a
+$(BUILD)/bench/feature_cost: $(BUILD)/obj/tests/bench/feature_cost.o $(BUILD)/libsst.a
+$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost:
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -112,7 +115,9 @@ bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/ben
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
-bench-networks: $(BUILD)/sst ## measure the networks; renews docs/bench-matching.md (about 5 minutes)
+BENCH_NETWORKS := $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features
+bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; renews docs/bench-runner.md, docs/bench-matching.md
+	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.

@@ -23,6 +23,9 @@ int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_match
         sst_log_error("there is no matching cost %s; choose census, mccnn or both", m->cost);
         return -EINVAL;
     }
+    err = cli_precision(&cfg->precision, m->precision);
+    if (err)
+        return err;
     cfg->paths = m->paths > 0 ? m->paths : cfg->paths;
     cfg->p1 = m->p1 > 0 ? m->p1 : cfg->p1;
     cfg->p2 = m->p2 > 0 ? m->p2 : cfg->p2;

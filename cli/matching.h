@@ -3,11 +3,12 @@
 #define SST_CLI_MATCHING_H
 
 #include "cli/cli.h"
+#include "cli/precision.h"
 #include "pipeline/disparity/disparity.h"
 
 /** What the user said; unset numbers keep the preset's values. */
 struct cli_matching {
-    const char *preset, *cost, *model;
+    const char *preset, *cost, *model, *precision;
     int paths, p1, p2, scale, threads;
     bool no_fill, pairs;
 };
@@ -19,6 +20,7 @@ struct cli_matching {
     { "preset", 'p', CLI_STRING, &(m).preset, "NAME", "preview, balanced (default) or accurate", 0, 0 },               \
     { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both", 0, 0 },                              \
     { "mccnn-model", 0, CLI_STRING, &(m).model, "FILE", "features network of the mccnn cost", 0, 0 },                  \
+    { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP, 0, 0 },                                  \
     { "paths", 0, CLI_INT, &(m).paths, "N", "directions of the optimisation: 4 or 8", 4, 8 },                          \
     { "p1", 0, CLI_INT, &(m).p1, "N", "penalty of a disparity step of 1 px", 1, SST_DISPARITY_MAX_PENALTY },           \
     { "p2", 0, CLI_INT, &(m).p2, "N", "penalty of a larger step", 1, SST_DISPARITY_MAX_PENALTY },                      \

@@ -130,6 +130,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
                                w.model ? "model" : w.labels_dir ? "labels" : "hand-label");
     err = cli_matching_config(&cfg.disparity, &m, mccnn);
     cfg.threads = cfg.disparity.threads;
+    cfg.precision = cfg.disparity.precision;
     cfg.disparity.disp_min_px = isnan(w.range_min) ? 0 : w.range_min;
     cfg.disparity.disp_max_px = isnan(w.range_max) ? 0 : w.range_max;
     cfg.hand_label = w.hand_label;

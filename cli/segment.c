@@ -3,12 +3,13 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "cli/cli.h"
+#include "cli/precision.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/labels/labels.h"
 #include "pipeline/network/model_path.h"
 
 struct options {
-    const char *image, *model, *labels, *prob, *entropy;
+    const char *image, *precision, *model, *labels, *prob, *entropy;
     double eps_h; /* below 0: not given */
     bool hcsm;
     int threads;
@@ -51,10 +52,14 @@ static int segment(const struct options *o)
     char path[SST_PATH_MAX];
     struct sst_segmenter *seg = NULL;
     struct result r = { 0 };
-    int err = o->model ? sst_path_join(path, o->model, NULL) : sst_model_path(path, "pspnet-small.onnx");
+    enum sst_precision precision = SST_PRECISION_AUTO;
+    int err = cli_precision(&precision, o->precision);
 
     if (!err)
-        err = sst_segmenter_open(&seg, path, sst_thread_count(o->threads));
+        err = o->model ? sst_path_join(path, o->model, NULL) : sst_model_path(path, "pspnet-small.onnx");
+
+    if (!err)
+        err = sst_segmenter_open(&seg, path, precision, sst_thread_count(o->threads));
     if (!err)
         err = label_image(&r, seg, o);
     if (!err)
@@ -73,6 +78,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "output", 'o', CLI_STRING, &o.labels, "FILE", "labels as an indexed PNG: class index + 1, 0 = unlabeled", 0,
           0 },
         { "model", 'm', CLI_STRING, &o.model, "FILE", "ONNX network (default: the one that ships)", 0, 0 },
+        { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP, 0, 0 },
         { "prob", 0, CLI_STRING, &o.prob, "FILE", "write the probabilities as .npy [class][y][x]", 0, 0 },
         { "entropy", 0, CLI_STRING, &o.entropy, "FILE", "write the entropy as .pfm", 0, 0 },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold", 0, 0 },

@@ -26,6 +26,12 @@ def luma(rgb: np.ndarray) -> np.ndarray:
     return ((rgb.astype(np.int32) @ np.array([77, 150, 29]) + 128) >> 8).astype(np.uint8)
 
 
+def standardise(x: np.ndarray) -> np.ndarray:
+    """Zero mean and unit deviation over the whole image, float32; a flat image becomes all zero."""
+    deviation = float(x.std())
+    return ((x - x.mean()) / (deviation if deviation > 1e-6 else 1.0)).astype(np.float32)
+
+
 def read_pfm(path: str) -> np.ndarray:
     """[H,W] float32, top row first; unknown values are infinite."""
     with open(path, "rb") as f:

@@ -82,31 +82,100 @@ def check(path: str, image: torch.Tensor, want: torch.Tensor, tolerance: float =
     print(f"{path}: equals the trained network within {error:.1e}")
 
 
-def run(path: str, image: torch.Tensor) -> torch.Tensor:
-    """Evaluate a file that this module wrote."""
+def run(path: str, image: torch.Tensor, see=lambda name, value: None) -> torch.Tensor:
+    """Evaluate a file with the layers that the program runs; see() is shown the input and every value made."""
     model = onnx.load(path)
     values = {w.name: torch.from_numpy(numpy_helper.to_array(w).copy()) for w in model.graph.initializer}
-    values[model.graph.input[0].name] = image
+    source = next(i.name for i in model.graph.input if i.name not in values)
+    values[source] = image
+    see(source, image)
     for node in model.graph.node:
         attribute = {a.name: helper.get_attribute_value(a) for a in node.attribute}
-        values[node.output[0]] = evaluate(node.op_type, attribute, [values[i] for i in node.input])
+        values[node.output[0]] = evaluate(node.op_type, attribute, [values.get(i) for i in node.input])
+        see(node.output[0], values[node.output[0]])
     return values[model.graph.output[0].name]
 
 
-def evaluate(op: str, attribute: dict, x: list[torch.Tensor]) -> torch.Tensor:
-    if op == "Conv":
-        return F.conv2d(x[0], x[1], x[2], attribute["strides"], attribute["pads"][:2], attribute["dilations"],
-                        attribute["group"])
-    if op == "Relu":
-        return x[0].relu()
-    if op == "Add":
-        return x[0] + x[1]
+def evaluate(op: str, a: dict, x: list) -> torch.Tensor:
+    """One node with attributes a and inputs x; inputs that are left out are None or missing."""
+    def given(i: int, name: str):
+        """Input i, or the attribute that older files have instead."""
+        value = x[i] if i < len(x) else None
+        value = a.get(name) if value is None else value
+        return value.tolist() if isinstance(value, torch.Tensor) else value
+
+    if op in WINDOWED:
+        return WINDOWED[op](x, a)
+    if op in PLAIN:
+        return PLAIN[op](*x)
+    if op == "Constant":
+        return torch.from_numpy(numpy_helper.to_array(a["value"]).copy())
     if op == "Concat":
-        return torch.cat(x, attribute["axis"])
+        return torch.cat(x, a["axis"])
+    if op == "Softmax":
+        return x[0].softmax(a.get("axis", -1))
     if op == "LpNormalization":
-        return x[0] / x[0].norm(dim=attribute["axis"], keepdim=True)
+        return x[0] / x[0].norm(dim=a.get("axis", -1), keepdim=True).clamp(min=1e-30)
+    if op == "BatchNormalization":
+        return F.batch_norm(x[0], x[3], x[4], x[1], x[2], eps=a.get("epsilon", 1e-5))
     if op == "AdaptiveAveragePool":
-        return F.adaptive_avg_pool2d(x[0], attribute["output_size"])
+        return F.adaptive_avg_pool2d(x[0], a["output_size"])
     if op == "ResizeLike":
-        return F.interpolate(x[0], size=x[1].shape[2:], mode="bilinear", align_corners=bool(attribute["align_corners"]))
+        return F.interpolate(x[0], size=x[1].shape[2:], mode="bilinear", align_corners=bool(a.get("align_corners", 0)))
+    if op in ("Resize", "Upsample"):
+        scales, sizes = given(len(x) - 1 if op == "Upsample" else 2, "scales"), given(3, "sizes")
+        size = sizes[2:] if sizes else [int(n * s) for n, s in zip(x[0].shape[2:], scales[2:])]
+        align = a.get("coordinate_transformation_mode", b"") == b"align_corners"
+        return F.interpolate(x[0], size=size, mode="bilinear", align_corners=align)
+    if op == "Pad":
+        pads = given(1, "pads")
+        return F.pad(x[0], (pads[3], pads[7], pads[2], pads[6]))
+    if op == "Clip":
+        return x[0].clamp(min=given(1, "min"), max=given(2, "max"))
+    if op == "Slice":
+        return x[0][given(1, "starts")[0]:given(2, "ends")[0]]
+    if op.startswith("Reduce"):
+        x = x[0] if op == "ReduceSum" else x[0] ** 2
+        x = x.sum(1, keepdim=True)
+        return x.sqrt() if op == "ReduceL2" else x
     raise ValueError(f"unknown operator {op}")
+
+
+PLAIN = {
+    "Relu": torch.relu, "Add": torch.add, "Mul": torch.mul, "Div": torch.div, "Pow": torch.pow, "Sqrt": torch.sqrt,
+    "Max": torch.maximum, "Identity": lambda x: x, "Dropout": lambda x, *_: x,
+    "Shape": lambda x: torch.tensor(x.shape), "Expand": lambda x, shape: x.expand(tuple(shape)),
+    "GlobalAveragePool": lambda x: x.mean((2, 3), keepdim=True),
+}
+
+
+def windows(pool):
+    """A function of a padded image and attributes, behind the padding that ONNX writes for each side."""
+    def call(x: list, a: dict) -> torch.Tensor:
+        top, left, bottom, right = a.get("pads", (0, 0, 0, 0))
+        return pool(F.pad(x[0], (left, right, top, bottom), value=pool.fill), x, a)
+    return call
+
+
+def conv(padded: torch.Tensor, x: list, a: dict) -> torch.Tensor:
+    return F.conv2d(padded, x[1], x[2] if len(x) > 2 else None, a.get("strides", 1), 0, a.get("dilations", 1),
+                    a.get("group", 1))
+
+
+def max_pool(padded: torch.Tensor, x: list, a: dict) -> torch.Tensor:
+    return F.max_pool2d(padded, a["kernel_shape"], a.get("strides", 1), 0, a.get("dilations", 1),
+                        bool(a.get("ceil_mode", 0)))
+
+
+def average_pool(padded: torch.Tensor, x: list, a: dict) -> torch.Tensor:
+    """Padding counts as zeros or, by default, not at all."""
+    def mean(y: torch.Tensor) -> torch.Tensor:
+        return F.avg_pool2d(y, a["kernel_shape"], a.get("strides", 1), 0, bool(a.get("ceil_mode", 0)))
+    if a.get("count_include_pad", 0):
+        return mean(padded)
+    top, left, bottom, right = a.get("pads", (0, 0, 0, 0))
+    return mean(padded) / mean(F.pad(torch.ones_like(x[0]), (left, right, top, bottom)))
+
+
+conv.fill, max_pool.fill, average_pool.fill = 0.0, float("-inf"), 0.0
+WINDOWED = {"Conv": windows(conv), "MaxPool": windows(max_pool), "AveragePool": windows(average_pool)}

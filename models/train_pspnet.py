@@ -62,7 +62,7 @@ def resized(x: torch.Tensor, size) -> torch.Tensor:
 # channels at 1/2, 1/4, 1/8; blocks at 1/4; dilations of the blocks at 1/8; channels of a pooled level, merged, decoded
 SIZES = {
     "small": dict(widths=(32, 64, 128), fine=1, dilations=(1, 2, 2, 4), pooled=32, merged=96, decoded=64),
-    "large": dict(widths=(48, 96, 160), fine=2, dilations=(1, 2, 4, 2, 4, 8), pooled=40, merged=128, decoded=80),
+    "large": dict(widths=(32, 64, 128), fine=3, dilations=(1, 2, 2, 4, 1, 2, 4, 8, 1), pooled=32, merged=96, decoded=64),
 }
 
 
@@ -102,6 +102,19 @@ class PspNet(nn.Module):
         x = F.relu(self.decode(torch.cat([x, fine], 1)))
         x = self.classify(self.drop(x))
         return (x.float(), aux.float()) if self.training else x
+
+
+def grow(net: PspNet, weights: dict[str, torch.Tensor]) -> None:
+    """
+    Start a network from the weights of a smaller one of the same widths: the blocks that it has not (they follow the
+    others) begin as the identity, since the scale of their last BatchNorm is zero, so nothing learnt is lost.
+    """
+    missing, unexpected = net.load_state_dict(weights, strict=False)
+    if unexpected:
+        raise SystemExit(f"cannot grow from a network that has {unexpected[0]}")
+    for name in missing:
+        if name.endswith("second.norm.weight"):
+            nn.init.zeros_(net.get_parameter(name))
 
 
 def export(net: PspNet, path: str, metadata: dict[str, str]) -> None:
@@ -288,6 +301,9 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]], watched: 
         mean.load_state_dict(saved["mean"])
         optimiser.load_state_dict(saved["optimiser"])
         first = saved["step"]
+    elif args.grow:
+        grow(net, torch.load(args.grow, map_location="cpu")["net"])
+        mean.load_state_dict(net.state_dict())
     elif args.start:
         start = torch.load(args.start, map_location="cpu")
         net.load_state_dict(start["net"])
@@ -340,6 +356,7 @@ def main() -> None:
     parser.add_argument("--camvid", help="folder with train, trainannot, val, valannot")
     parser.add_argument("--checkpoint", required=True, help="written while training; training goes on from it")
     parser.add_argument("--start", help="checkpoint of an earlier stage whose weights this one starts from")
+    parser.add_argument("--grow", help="checkpoint of a smaller network that this one grows from")
     parser.add_argument("--out", help="ONNX file to write at the end")
     parser.add_argument("--size", choices=SIZES, default="small")
     parser.add_argument("--steps", type=int, default=2500)

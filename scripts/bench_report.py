@@ -12,7 +12,8 @@ import sys
 BASELINE = "OpenCV SGBM 3WAY"
 COLOURS = ("#0072B2", "#D55E00", "#009E73")  # of groups; told apart with any colour vision, and on light and dark
 # gnuplot point types of methods: open for others', full for ours
-SYMBOLS = {BASELINE: 4, "OpenCV SGBM HH": 12, "sst preview": 9, "sst balanced": 5, "sst accurate": 7}
+SYMBOLS = {"f32": 5, "int8": 7, "f32, half size": 4, "int8, half size": 6,
+           BASELINE: 4, "OpenCV SGBM HH": 12, "sst preview": 9, "sst balanced": 5, "sst accurate": 7}
 
 
 def cpu_name():

@@ -116,43 +116,57 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
         return -EBADMSG;
     }
     err = sst_network_out_shape(net, width, height, &channels, &out_w, &out_h);
-    if (!err && (channels != 64 || out_w != width || out_h != height)) {
-        sst_log_error("%s is no matching network: it makes %d channels of %dx%d from a view of %dx%d, not 64 of "
-                      "the same size; give --mccnn-model another one", name, channels, out_w, out_h, width, height);
+    if (!err && (channels != SST_FEATURE_CHANNELS || out_w != width || out_h != height)) {
+        sst_log_error("%s is no matching network: it makes %d channels of %dx%d from a view of %dx%d, not %d of "
+                      "the same size; give --mccnn-model another one", name, channels, out_w, out_h, width, height,
+                      SST_FEATURE_CHANNELS);
         err = -EBADMSG;
     }
     return err;
 }
 
+/* Bytes between groups of channels: every 64 pixels begun, and an odd number of cache lines, so that the groups of a pixel
+ * lie in different sets of the cache. */
+static size_t feature_stride(int width)
+{
+    const size_t stride = 4 * (((size_t)width + 63) / 64 * 64);
+
+    return stride + SST_ALIGN * (stride / SST_ALIGN % 2 == 0);
+}
+
+/* Four components of each pixel, from where they lie SST_FEATURE_CHANNELS apart to side by side. */
+static void gather(uint8_t *to, const int8_t *from, size_t n)
+{
+    for (size_t x = 0; x < n; x++) {
+        for (size_t c = 0; c < 4; c++)
+            to[4 * x + c] = (uint8_t)(SST_FEATURE_ZERO + from[SST_FEATURE_CHANNELS * x + c]);
+    }
+}
+
 static int make_features(struct sst_descriptor *desc, struct sst_network *net)
 {
+    enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
     const size_t w = (size_t)desc->width, h = (size_t)desc->height;
-    float *in = sst_mem_alloc_raw(w * h, sizeof(float)), *out = NULL;
+    float *in = sst_mem_alloc_raw(w * h, sizeof(float));
+    int8_t *out = NULL;
     int err = -ENOMEM;
 
     if (!in)
         goto done;
-    out = sst_mem_alloc_raw(64 * w * h, sizeof(float));
-    desc->feature_stride = sst_mem_stride(w, 2);
-    desc->features = sst_mem_alloc(32 * h, desc->feature_stride);
-    if (!out || !desc->features)
+    out = sst_mem_alloc_raw(SST_FEATURE_CHANNELS * w * h, 1);
+    desc->feature_stride = feature_stride(desc->width);
+    desc->feature_memory = sst_mem_alloc(GROUPS * h + 2, desc->feature_stride);
+    if (!out || !desc->feature_memory)
         goto done;
+    desc->features = (uint8_t *)desc->feature_memory + desc->feature_stride;
     normalise(in, &desc->luma);
-    err = sst_network_run(net, in, desc->width, desc->height, out);
+    err = sst_network_run_s8(net, in, desc->width, desc->height, SST_FEATURE_ONE, out);
     if (err)
         goto done;
-    for (size_t c = 0; c < 64; c++) {
-        for (size_t y = 0; y < h; y++) {
-            const float *from = out + (c * h + y) * w;
-            int8_t *to = desc->features + (y * 32 + c / 2) * desc->feature_stride + c % 2;
-
-            for (size_t x = 0; x < w; x++) {
-                const float v = from[x] * SST_FEATURE_ONE;
-
-                /* Unit length bounds |v| by 127; a NaN fails both comparisons. */
-                to[2 * x] = (int8_t)(v > -127.5f && v < 127.5f ? (int)(v + (v < 0 ? -0.5f : 0.5f)) : 0);
-            }
-        }
+    for (size_t y = 0; y < h; y++) {
+        for (size_t g = 0; g < GROUPS; g++)
+            gather(desc->features + (y * GROUPS + g) * desc->feature_stride,
+                   out + SST_FEATURE_CHANNELS * w * y + 4 * g, w);
     }
 done:
     sst_mem_free(in);
@@ -194,6 +208,6 @@ void sst_descriptor_fini(struct sst_descriptor *desc)
     sst_map_u8_fini(&desc->luma);
     for (int p = 0; p < SST_PHASES; p++)
         sst_mem_free(desc->census[p]);
-    sst_mem_free(desc->features);
+    sst_mem_free(desc->feature_memory);
     *desc = (struct sst_descriptor){ 0 };
 }

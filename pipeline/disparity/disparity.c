@@ -335,7 +335,7 @@ static int open_networks(struct run *run, int workers, int threads)
     if (!run->nets)
         return -ENOMEM;
     for (int i = 0; !err && i < workers; i++)
-        err = sst_network_open(&run->nets[i], run->cfg->model, threads / workers);
+        err = sst_network_open(&run->nets[i], run->cfg->model, run->cfg->precision, threads / workers);
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 

@@ -3,6 +3,7 @@
 #define SST_PIPELINE_DISPARITY_DISPARITY_H
 
 #include "pipeline/lightfield/lightfield.h"
+#include "pipeline/network/network.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -25,6 +26,7 @@ struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
     const char *model;      /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
+    enum sst_precision precision; /* of that network */
     int paths;              /* of the semi-global optimisation: 4 or 8 */
     int p1, p2;             /* smoothness penalties in cost units (costs are 0..255); 0 < p1 <= p2 */
     int edge_step;          /* intensity step (0..255) at which p2 is halved; larger steps weaken it further */

@@ -22,8 +22,10 @@ struct sst_descriptor {
     struct sst_map_u8 luma;    /* BT.601 */
     uint64_t *census[SST_PHASES]; /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
     size_t census_stride;      /* elements */
-    int8_t *features;          /* [height][32][feature_stride / 2][2], or NULL */
-    size_t feature_stride;     /* bytes between channel pairs of one row */
+    uint8_t *features;         /* [height][16][feature_stride / 4][4] (see sst_feature_cost_rows_fn), or NULL;
+                                * feature_stride bytes before and after it are readable */
+    size_t feature_stride;     /* bytes between groups of four channels of one row */
+    void *feature_memory;      /* what holds them */
 };
 
 struct sst_network;

@@ -1,5 +1,6 @@
 #include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/mem.h"
@@ -10,7 +11,20 @@
 #define ABSENT 255
 /* Cost of what no neighbour sees: the same for every disparity, so that only smoothness decides. */
 #define COST_UNSEEN 96
-#define TILES 3
+/*
+ * Costs are made in tiles: BAND rows of a strip of columns, one neighbour after the other. What a tile reads of a neighbour
+ * (steps rows below each other for those above and below) then stays in the second-level cache for all rows of the band.
+ */
+#define BAND 16
+#define STRIP 128 /* multiple of 64 */
+
+/* Where a disparity step puts a pixel in a neighbour. */
+struct step {
+    int x, y;           /* whole pixels, rounded down ... */
+    int phase;          /* ... and which quarters */
+    int near_x, near_y; /* nearest whole pixels: features are made for those only */
+    int place;          /* row of feature costs: steps that share the nearest pixel share it */
+};
 
 static size_t padded_steps(int steps)
 {
@@ -24,19 +38,30 @@ size_t sst_volume_bytes(int width, int height, int steps)
     return 3 * cells;
 }
 
+/* Two costs of a tile, feature costs of a row of it, one row of census costs; then places and steps. */
+static size_t tile_bytes(const struct sst_volume *v)
+{
+    return STRIP * ((2 * BAND + 1) * v->steps_padded + 1);
+}
+
+static size_t scratch_bytes(const struct sst_volume *v)
+{
+    return tile_bytes(v) +
+           v->steps_padded * (sizeof(const uint8_t *) + SST_MAX_NEIGHBOURS * sizeof(struct step));
+}
+
 int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps)
 {
     struct sst_volume made = { .width = width, .height = height, .disp_min = disp_min, .steps = steps, .divisor = 1,
                                .phase_step = 4 };
-    size_t cells, tile;
+    size_t cells;
 
     made.width_padded = ((size_t)width + 63) / 64 * 64;
     made.steps_padded = padded_steps(steps);
     cells = made.width_padded * (size_t)height * made.steps_padded;
-    tile = made.width_padded * made.steps_padded;
     made.cost = sst_mem_alloc_raw(cells, 1);
     made.sum = sst_mem_alloc_raw(cells, sizeof(uint16_t));
-    made.scratch = sst_mem_alloc_raw(TILES * tile + made.width_padded, 1);
+    made.scratch = sst_mem_alloc_raw(1, scratch_bytes(&made));
     if (!made.cost || !made.sum || !made.scratch) {
         sst_volume_fini(&made);
         return -ENOMEM;
@@ -76,55 +101,81 @@ unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by)
     return phases;
 }
 
-static uint8_t min_u8(uint8_t a, uint8_t b)
+static void set_steps(struct step *steps, const struct sst_volume *v, const struct sst_neighbour *n)
 {
-    return a < b ? a : b;
-}
-
-static uint8_t max_u8(uint8_t a, uint8_t b)
-{
-    return a > b ? a : b;
-}
-
-/* Costs of row y against one neighbour: tile[i][x], i the disparity step. With both costs their mean. @param row  scratch */
-static void tile_row(uint8_t *tile, uint8_t *row, const struct sst_volume *v, const struct sst_descriptor *ref,
-                     const struct sst_neighbour *n, int y)
-{
-    const struct sst_kernels *k = sst_kernels_get();
-    const int w = v->width;
-
-    memset(tile, ABSENT, v->width_padded * v->steps_padded);
     for (int i = 0; i < v->steps; i++) {
-        const int qx = shift_q2(v, i, n->bx), qy = shift_q2(v, i, n->by), phase = 4 * (qy & 3) + (qx & 3);
-        const int shift = whole(qx), yn = y + whole(qy);
-        /* Features are made for whole pixels only: the nearest ones. */
-        const int near_x = whole(qx + 2), near_y = y + whole(qy + 2);
-        const int x0 = sst_max_int(0, -sst_min_int(shift, near_x)), x1 = sst_min_int(w, w - sst_max_int(shift, near_x));
-        uint8_t *out = tile + (size_t)i * v->width_padded + x0;
+        const int qx = shift_q2(v, i, n->bx), qy = shift_q2(v, i, n->by);
+        struct step *s = &steps[i];
 
-        if (yn < 0 || near_y < 0 || yn >= v->height || near_y >= v->height || x1 <= x0)
-            continue;
-        if (ref->census[0])
-            k->hamming_row(out, ref->census[0] + (size_t)y * ref->census_stride + x0,
-                           n->desc->census[phase] + (size_t)yn * ref->census_stride + (x0 + shift), (size_t)(x1 - x0));
-        if (ref->features)
-            k->feature_cost_row(ref->census[0] ? row : out,
-                                ref->features + (size_t)y * 32 * ref->feature_stride + 2 * (size_t)x0,
-                                n->desc->features + (size_t)near_y * 32 * ref->feature_stride + 2 * (size_t)(x0 + near_x),
-                                ref->feature_stride, (size_t)(x1 - x0));
-        for (int x = 0; ref->features && x < x1 - x0; x++)
-            out[x] = ref->census[0] ? (uint8_t)((out[x] + row[x] + 1) >> 1) : min_u8(out[x], ABSENT - 1);
+        *s = (struct step){ .x = whole(qx), .y = whole(qy), .phase = 4 * (qy & 3) + (qx & 3), .near_x = whole(qx + 2),
+                            .near_y = whole(qy + 2) };
+        if (i > 0)
+            s->place = s[-1].place + (s->near_x != s[-1].near_x || s->near_y != s[-1].near_y);
     }
 }
 
-/* Keep the two cheapest of the costs seen so far, cell by cell. */
-static void keep_cheapest(uint8_t *restrict first, uint8_t *restrict second, const uint8_t *restrict tile, size_t cells)
+static const uint8_t *features_at(const struct sst_descriptor *d, int x, int y)
 {
-    for (size_t i = 0; i < cells; i++) {
-        const uint8_t t = tile[i], over = max_u8(first[i], t);
+    return d->features + (ptrdiff_t)y * SST_FEATURE_CHANNELS / 4 * (ptrdiff_t)d->feature_stride + 4 * (ptrdiff_t)x;
+}
 
-        first[i] = min_u8(first[i], t);
-        second[i] = min_u8(second[i], over);
+/* A strip of one view's columns. */
+struct strip {
+    const struct sst_volume *v;
+    const struct sst_descriptor *ref;
+    int x0, x1;
+    size_t padded;               /* x1 - x0, rounded up to 64 */
+    uint8_t *first, *second;     /* [BAND][steps][padded] cheapest costs so far */
+    uint8_t *features, *census;  /* [place][STRIP], [STRIP]: costs of one row */
+    const uint8_t **places;
+};
+
+/* Costs of row y against every place of a neighbour's features. */
+static void feature_costs(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y)
+{
+    const struct sst_volume *v = s->v;
+    const uint8_t *here = features_at(s->ref, s->x0, y);
+    int count = 0;
+
+    for (int i = 0; i < v->steps; i++) {
+        const struct step *at = &steps[i];
+        /* What lies beside the row within its width may be read (see struct sst_descriptor); what is farther off, and
+         * other rows, no step will ask for: any features do. */
+        const bool inside = y + at->near_y >= 0 && y + at->near_y < v->height && abs(at->near_x) < v->width;
+
+        if (at->place == count)
+            s->places[count++] = inside ? features_at(n->desc, s->x0 + at->near_x, y + at->near_y) : here;
+    }
+    sst_kernels_get()->feature_cost_rows(s->features, STRIP, here, s->places, (size_t)count, s->ref->feature_stride,
+                                         s->padded);
+}
+
+/* Take row y of one neighbour into the two cheapest costs, [steps][padded] each. */
+static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y,
+                      uint8_t *first, uint8_t *second)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+    const struct sst_volume *v = s->v;
+    const struct sst_descriptor *ref = s->ref;
+    const int h = v->height;
+
+    if (ref->features)
+        feature_costs(s, n, steps, y);
+    for (int i = 0; i < v->steps; i++, first += s->padded, second += s->padded) {
+        const struct step *at = &steps[i];
+        const int yn = y + at->y, near_y = y + at->near_y;
+        const int x0 = sst_max_int(s->x0, -sst_min_int(at->x, at->near_x));
+        const int x1 = sst_min_int(s->x1, v->width - sst_max_int(at->x, at->near_x));
+        const uint8_t *features = s->features + (size_t)at->place * STRIP + (x0 - s->x0);
+
+        if (yn < 0 || near_y < 0 || yn >= h || near_y >= h || x1 <= x0)
+            continue;
+        if (ref->census[0])
+            k->hamming_row(s->census, ref->census[0] + (size_t)y * ref->census_stride + x0,
+                           n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (x0 + at->x),
+                           (size_t)(x1 - x0));
+        k->cheapest_row(first + (x0 - s->x0), second + (x0 - s->x0), ref->census[0] ? s->census : features,
+                        ref->features ? features : s->census, (size_t)(x1 - x0));
     }
 }
 
@@ -139,23 +190,49 @@ static void merge(uint8_t *restrict first, const uint8_t *restrict second, int c
     }
 }
 
+/* Rows y0 .. y1-1 of a strip. @param steps  [neighbour][v->steps] */
+static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours, const struct step *steps, int count,
+                      int y0, int y1)
+{
+    const struct sst_volume *v = s->v;
+    const size_t cells = s->padded * v->steps_padded, real = s->padded * (size_t)v->steps;
+
+    memset(s->first, ABSENT, (size_t)(y1 - y0) * cells);
+    memset(s->second, ABSENT, (size_t)(y1 - y0) * cells);
+    for (int i = 0; i < count; i++) {
+        for (int y = y0; y < y1; y++)
+            match_row(s, &neighbours[i], steps + (size_t)i * (size_t)v->steps, y, s->first + (size_t)(y - y0) * cells,
+                      s->second + (size_t)(y - y0) * cells);
+    }
+    for (int y = y0; y < y1; y++) {
+        uint8_t *first = s->first + (size_t)(y - y0) * cells;
+        uint8_t *out = v->cost + ((size_t)y * v->width_padded + (size_t)s->x0) * v->steps_padded;
+
+        merge(first, s->second + (size_t)(y - y0) * cells, count, real);
+        memset(first + real, SST_COST_MAX, cells - real);
+        sst_kernels_get()->transpose_u8(out, v->steps_padded, first, s->padded, s->padded, v->steps_padded);
+    }
+}
+
 void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
                      int count)
 {
-    const struct sst_kernels *k = sst_kernels_get();
-    const size_t cells = v->width_padded * v->steps_padded, real = v->width_padded * (size_t)v->steps;
-    uint8_t *first = v->scratch, *second = first + cells, *tile = second + cells;
+    const size_t tile = STRIP * BAND * v->steps_padded;
+    struct strip s = { .v = v, .ref = ref, .first = v->scratch };
+    struct step *steps;
 
-    for (int y = 0; y < v->height; y++) {
-        memset(first, ABSENT, 2 * cells);
-        for (int i = 0; i < count; i++) {
-            tile_row(tile, tile + cells, v, ref, &neighbours[i], y);
-            keep_cheapest(first, second, tile, real);
-        }
-        merge(first, second, count, real);
-        memset(first + real, SST_COST_MAX, cells - real);
-        k->transpose_u8(v->cost + (size_t)y * cells, v->steps_padded, first, v->width_padded, v->width_padded,
-                        v->steps_padded);
+    s.second = s.first + tile;
+    s.features = s.second + tile;
+    s.census = s.features + STRIP * v->steps_padded;
+    s.places = (const uint8_t **)(void *)(s.first + tile_bytes(v));
+    steps = (struct step *)(void *)(s.places + v->steps_padded);
+    for (int i = 0; i < count; i++)
+        set_steps(steps + (size_t)i * (size_t)v->steps, v, &neighbours[i]);
+    for (s.x0 = 0; s.x0 < v->width; s.x0 += STRIP) {
+        s.x1 = sst_min_int(s.x0 + STRIP, v->width);
+        s.padded = ((size_t)(s.x1 - s.x0) + 63) / 64 * 64;
+        for (int y = 0; y < v->height; y += BAND)
+            fill_tile(&s, neighbours, steps, count, y, sst_min_int(y + BAND, v->height));
     }
 }
 

@@ -1,30 +1,29 @@
-/* Census: 32-bit halves so that comparisons and shifts fill wide lanes; rows 0-2 and half of row 3 first. */
+/* Census: eight planes of bytes, so that comparisons and shifts fill wide lanes; the topmost holds the first six bits. */
 static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows[7], size_t n)
 {
     enum { BLOCK = 64 };
-    uint32_t hi[BLOCK], lo[BLOCK];
+    uint8_t plane[8][BLOCK];
     const uint8_t *rest[7];
     size_t start = 0;
 
     for (; n - start >= BLOCK; start += BLOCK) {
         const uint8_t *centre = rows[3] + start;
 
-        memset(hi, 0, sizeof(hi));
-        memset(lo, 0, sizeof(lo));
-        for (int k = 0; k < 31; k++) {
+        memset(plane, 0, sizeof(plane));
+        for (int k = 0; k < 63; k++) {
             const uint8_t *p = rows[k / 9] + start + k % 9 - 4;
+            uint8_t *bits = plane[(k + 2 - (k > 31)) / 8];
 
-            for (int x = 0; x < BLOCK; x++)
-                hi[x] = hi[x] << 1 | (uint32_t)(p[x] < centre[x]);
+            for (int x = 0; k != 31 && x < BLOCK; x++)
+                bits[x] = (uint8_t)(bits[x] << 1 | (p[x] < centre[x]));
         }
-        for (int k = 32; k < 63; k++) {
-            const uint8_t *p = rows[k / 9] + start + k % 9 - 4;
+        for (int x = 0; x < BLOCK; x++) {
+            uint64_t bits = 0;
 
-            for (int x = 0; x < BLOCK; x++)
-                lo[x] = lo[x] << 1 | (uint32_t)(p[x] < centre[x]);
+            for (int i = 0; i < 8; i++)
+                bits = bits << 8 | plane[i][x];
+            out[start + (size_t)x] = bits;
         }
-        for (int x = 0; x < BLOCK; x++)
-            out[start + (size_t)x] = (uint64_t)hi[x] << 31 | lo[x];
     }
     for (int j = 0; j < 7; j++)
         rest[j] = rows[j] + start;

@@ -1,15 +1,19 @@
 #include "pipeline/kernels/kernels.h"
 
-void sst_feature_cost_row_ref(uint8_t *cost, const int8_t *a, const int8_t *b, size_t stride, size_t n)
+void sst_feature_cost_rows_ref(uint8_t *cost, size_t cost_stride, const uint8_t *a, const uint8_t *const *b,
+                               size_t count, size_t stride, size_t n)
 {
-    for (size_t x = 0; x < n; x++) {
-        int dot = 0, c;
+    for (size_t j = 0; j < count; j++) {
+        for (size_t x = 0; x < n; x++) {
+            int dot = 0, c;
 
-        for (size_t k = 0; k < 32; k++) {
-            dot += a[k * stride + 2 * x] * b[k * stride + 2 * x];
-            dot += a[k * stride + 2 * x + 1] * b[k * stride + 2 * x + 1];
+            for (size_t i = 0; i < SST_FEATURE_CHANNELS; i++) {
+                const size_t at = i / 4 * stride + 4 * x + i % 4;
+
+                dot += (a[at] - SST_FEATURE_ZERO) * (b[j][at] - SST_FEATURE_ZERO);
+            }
+            c = (SST_FEATURE_ONE * SST_FEATURE_ONE - dot) >> SST_FEATURE_SHIFT;
+            cost[j * cost_stride + x] = (uint8_t)(c < 0 ? 0 : c > SST_COST_MAX ? SST_COST_MAX : c);
         }
-        c = (SST_FEATURE_ONE * SST_FEATURE_ONE - dot) >> SST_FEATURE_SHIFT;
-        cost[x] = (uint8_t)(c < 0 ? 0 : c > SST_COST_MAX ? SST_COST_MAX : c);
     }
 }

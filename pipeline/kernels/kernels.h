@@ -15,14 +15,16 @@ enum sst_cpu_level {
     SST_CPU_REF = 0,    /* plain references */
     SST_CPU_BASE = 1,   /* templates for the compiler's default target */
     SST_CPU_AVX2 = 2,
-    SST_CPU_AVX512 = 3, /* F, BW, DQ, VL, VPOPCNTDQ, BITALG, VBMI: Ice Lake, Zen 4 and later */
+    SST_CPU_AVXVNNI = 3, /* AVX2 with byte dot products: Alder Lake, Sierra Forest, Zen 5 and later */
+    SST_CPU_AVX512 = 4, /* F, BW, DQ, VL, VPOPCNTDQ, BITALG, VBMI, VNNI: Ice Lake, Zen 4 and later */
 };
 
 /** One line per kernel: X(name). Its type sst_<name>_fn, contract and arguments are declared below. */
 #define SST_KERNEL_LIST(X)                                                                                             \
     X(census_row)                                                                                                      \
     X(hamming_row)                                                                                                     \
-    X(feature_cost_row)                                                                                                \
+    X(feature_cost_rows)                                                                                               \
+    X(cheapest_row)                                                                                                    \
     X(transpose_u8)                                                                                                    \
     X(support_sum_row)                                                                                                 \
     X(support_mean_row)                                                                                                \
@@ -48,12 +50,25 @@ typedef void sst_census_row_fn(uint64_t *out, const uint8_t *const rows[7], size
 typedef void sst_hamming_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t *b, size_t n);
 
 /**
- * Cost of unit-length feature vectors of 64 components in steps of 1/SST_FEATURE_ONE, stored [32][.][2] with `stride` bytes
- * between channel pairs: cost = clamp((SST_FEATURE_ONE^2 - <a, b>) >> SST_FEATURE_SHIFT, 0, SST_COST_MAX).
+ * Costs of a stretch of one row of feature vectors against `count` other stretches: with a and b[j] at pixel x,
+ * cost[j * cost_stride + x] = clamp((SST_FEATURE_ONE^2 - <a, b[j]>) >> SST_FEATURE_SHIFT, 0, SST_COST_MAX).
+ *
+ * Vectors have unit length, in steps of 1/SST_FEATURE_ONE, plus SST_FEATURE_ZERO; a row is [16][.][4] with `stride` bytes
+ * between groups of four channels (no multiple of 4096: the groups would fight for the same lines of the cache).
+ *
+ * @param b  [count] stretches, which need no alignment and may overlap
+ * @param n  pixels, a multiple of 16
  */
-typedef void sst_feature_cost_row_fn(uint8_t *cost, const int8_t *a, const int8_t *b, size_t stride, size_t n);
+typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const uint8_t *a, const uint8_t *const *b,
+                                      size_t count, size_t stride, size_t n);
+#define SST_FEATURE_CHANNELS 64
+#define SST_FEATURE_ZERO 128
 #define SST_FEATURE_ONE 127
 #define SST_FEATURE_SHIFT 6 /* 127^2 >> 6 = 252: a dot product of 0 or less costs about the maximum */
+
+/** The mean of two costs, rounded up and at most SST_COST_MAX - 1, among the two cheapest ones so far:
+ *  first <= second are those of the values before and of the mean. a and b may be the same. */
+typedef void sst_cheapest_row_fn(uint8_t *first, uint8_t *second, const uint8_t *a, const uint8_t *b, size_t n);
 
 /** out[x * out_stride + d] = in[d * in_stride + x]; nx and nd multiples of 8. */
 typedef void sst_transpose_u8_fn(uint8_t *out, size_t out_stride, const uint8_t *in, size_t in_stride, size_t nx,
@@ -169,7 +184,7 @@ struct sst_kernels {
 SST_KERNEL_LIST(X)
 #undef X
 
-/** The kernels for this CPU; the environment variable SST_CPU=ref|base|avx2|avx512 caps the level. Thread: any. */
+/** The kernels for this CPU. SST_CPU=ref|base|avx2|avxvnni|avx512 in the environment caps the level. Thread: any. */
 const struct sst_kernels *sst_kernels_get(void);
 
 /** The table of one level. @return false where this CPU or build lacks it. */
@@ -182,6 +197,7 @@ const char *sst_cpu_level_name(enum sst_cpu_level level);
 /* Fill functions of the levels, made by templates.h. */
 void sst_kernels_fill_base(struct sst_kernels *k);
 void sst_kernels_fill_avx2(struct sst_kernels *k);
+void sst_kernels_fill_avxvnni(struct sst_kernels *k);
 void sst_kernels_fill_avx512(struct sst_kernels *k);
 
 SST_EXTERN_C_END

@@ -1,6 +1,7 @@
 /* pipeline/kernels/templates.h - every kernel template, compiled by each level's .c with KERNEL(name) set. */
 #include "pipeline/kernels/bilateral_tmpl.h"
 #include "pipeline/kernels/census_tmpl.h"
+#include "pipeline/kernels/cheapest_tmpl.h"
 #include "pipeline/kernels/feature_cost_tmpl.h"
 #include "pipeline/kernels/median_tmpl.h"
 #include "pipeline/kernels/sgm_tmpl.h"

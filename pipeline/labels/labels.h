@@ -4,6 +4,7 @@
 
 #include "pipeline/image/image.h"
 #include "pipeline/labels/classes.h"
+#include "pipeline/network/network.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -56,10 +57,12 @@ struct sst_segmenter; /* a segmentation network with its class list; one thread 
  *                 (comma-separated names; ground may be missing), sst.mean and sst.std (three numbers for R, G, B in
  * 0..1; 0 and 1), sst.size (WxH of the nominal working size; 480x360), sst.epsilon_h (infinite), sst.temperature
  * (divides the logits; 1), sst.output (logits or probabilities; logits).
+ * @param precision  of the network, see sst_network_open()
  * @param threads  at least 1
  * @return 0, -EBADMSG (also: metadata that do not fit), -ENOMEM and what sst_network_open() returns; logged.
  */
-SST_MUST_CHECK int sst_segmenter_open(struct sst_segmenter **out, const char *model, int threads);
+SST_MUST_CHECK int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_precision precision,
+                                      int threads);
 void sst_segmenter_close(struct sst_segmenter *seg);
 
 const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg);

@@ -178,7 +178,7 @@ static int check_shape(struct sst_segmenter *seg)
     return 0;
 }
 
-int sst_segmenter_open(struct sst_segmenter **out, const char *model, int threads)
+int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_precision precision, int threads)
 {
     struct sst_segmenter *seg = malloc(sizeof(*seg));
     int err = -ENOMEM;
@@ -195,7 +195,7 @@ int sst_segmenter_open(struct sst_segmenter **out, const char *model, int thread
         .height = 360,
     };
     if (seg->path)
-        err = sst_network_open(&seg->net, model, threads);
+        err = sst_network_open(&seg->net, model, precision, threads);
     if (!err)
         err = read_metadata(seg);
     if (!err)

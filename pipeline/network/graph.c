@@ -231,6 +231,68 @@ static int translate(struct sst_builder *b)
     return 0;
 }
 
+/* --- ranges for 8 bits ---------------------------------------------------------------------------- */
+
+static int bad_ranges(const struct sst_builder *b, const char *what)
+{
+    sst_log_error("model %s: its metadata " SST_RANGES_KEY " %s; write them again with models/quantise.py", b->name,
+                  what);
+    return -EBADMSG;
+}
+
+/* One line "number name". Its length with the line's end, or a negative errno. */
+static int read_range(struct sst_builder *b, struct sst_onnx_str text)
+{
+    const char *end = memchr(text.p, '\n', text.n), *blank = memchr(text.p, ' ', text.n);
+    const size_t n = end ? (size_t)(end - text.p) : text.n, digits = blank ? (size_t)(blank - text.p) : n;
+    char number[32] = "", *rest;
+    double range;
+    int v;
+
+    if (digits >= n || digits >= sizeof(number))
+        return bad_ranges(b, "are not lines of a number and a name");
+    memcpy(number, text.p, digits);
+    range = strtod(number, &rest);
+    if (rest != number + digits || !(range >= 1e-20 && range <= 1e20))
+        return bad_ranges(b, "have a number outside 1e-20..1e20");
+    v = find_value(b, (struct sst_onnx_str){ text.p + digits + 1, n - digits - 1 });
+    if (v < 0)
+        return bad_ranges(b, "name a value that the network lacks");
+    while (b->values[v].alias >= 0)
+        v = b->values[v].alias;
+    b->graph.range[v] = (float)range;
+    return (int)n + (end ? 1 : 0);
+}
+
+static int read_ranges(struct sst_builder *b)
+{
+    const struct sst_graph *g = &b->graph;
+    struct sst_onnx_str text = { 0 };
+
+    for (int i = 0; i < b->model->n_metadata; i++) {
+        if (sst_onnx_str_is(b->model->metadata[i].key, SST_RANGES_KEY))
+            text = b->model->metadata[i].value;
+    }
+    if (!text.n)
+        return 0;
+    b->graph.range = calloc((size_t)b->n_values, sizeof(*b->graph.range));
+    if (!b->graph.range)
+        return -ENOMEM;
+    while (text.n) {
+        const int n = read_range(b, text);
+
+        if (n < 0)
+            return n;
+        text.p += n;
+        text.n -= (size_t)n;
+    }
+    for (int i = 0; i < g->n_ops; i++) {
+        if (!(g->range[g->ops[i].out] > 0) || !(g->range[g->ops[i].in[0]] > 0))
+            return bad_ranges(b, "leave out a layer");
+    }
+    return 0;
+}
+
 static int allocate(struct sst_builder *b)
 {
     const struct sst_onnx *m = b->model;
@@ -262,6 +324,8 @@ int sst_graph_build(struct sst_graph *out, const struct sst_onnx *model, const c
         err = resolve(b);
     if (!err)
         err = translate(b);
+    if (!err)
+        err = read_ranges(b);
     if (err)
         sst_graph_fini(&b->graph);
     else
@@ -282,5 +346,6 @@ void sst_graph_fini(struct sst_graph *graph)
         free(graph->ops[i].bias);
     }
     free(graph->ops);
+    free(graph->range);
     *graph = (struct sst_graph){ 0 };
 }

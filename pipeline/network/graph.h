@@ -31,6 +31,9 @@ enum sst_resize_mode {
 
 #define SST_GRAPH_MAX_OPS 1024
 
+/* Metadata: for the input and every node's result a line of the largest |x| that 8 bits are to hold, and its name. */
+#define SST_RANGES_KEY "sst.ranges"
+
 /* Of softmax and normalisation. */
 #define SST_OP_MAX_CHANNELS 2048
 
@@ -61,6 +64,7 @@ struct sst_graph {
     struct sst_op *ops; /* in an order in which they can run */
     int input, output;  /* values */
     int in_channels, out_channels;
+    float *range; /* [n_values] largest |x| for 8 bits, 0: not known; NULL: the file has none */
 };
 
 /**

@@ -7,8 +7,10 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "pipeline/network/graph.h"
 #include "pipeline/network/onnx.h"
+#include "pipeline/network/ops.h"
 #include "pipeline/network/plan.h"
 #include "pipeline/opencv_shim.h"
 
@@ -20,6 +22,7 @@ struct sst_network {
     /* fixed after open */
     char path[SST_PATH_MAX];
     int threads, in_channels, n_metadata;
+    enum sst_precision precision; /* never auto */
     struct metadata *metadata;
     struct sst_graph graph; /* of the runner oneDNN */
     struct sst_cv_net *cv;  /* of the runner OpenCV, else NULL */
@@ -70,6 +73,22 @@ static int input_channels(const struct sst_onnx *model)
     return 0;
 }
 
+#if WITH_DNNL
+/* Settle the precision for a network that oneDNN runs. */
+static int choose_precision(struct sst_network *net)
+{
+    if (net->precision == SST_PRECISION_INT8 && !net->graph.range) {
+        sst_log_error("model %s: it has no ranges to run on 8 bits; add them with models/quantise.py or use"
+                      " --precision f32",
+                      net->path);
+        return -ENOTSUP;
+    }
+    if (net->precision == SST_PRECISION_AUTO)
+        net->precision = net->graph.range && sst_plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+    return 0;
+}
+#endif
+
 static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data SST_UNUSED,
                        size_t size SST_UNUSED, const char *reason)
 {
@@ -77,6 +96,11 @@ static int open_opencv(struct sst_network *net, const struct sst_onnx *model, co
     int err = -EINVAL;
 
     net->in_channels = input_channels(model);
+    if (net->precision == SST_PRECISION_INT8) {
+        sst_log_error("model %s: %s, and OpenCV runs networks on floats only; use --precision f32", net->path, reason);
+        return -ENOTSUP;
+    }
+    net->precision = SST_PRECISION_F32;
 #if WITH_OPENCV
     if (net->in_channels)
         err = sst_cv_net_open(&net->cv, data, size, why);
@@ -123,7 +147,7 @@ static int open_from_memory(struct sst_network *net, const uint8_t *data, size_t
     return err;
 }
 
-int sst_network_open(struct sst_network **out, const char *path, int threads)
+int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision, int threads)
 {
     struct sst_network *net = calloc(1, sizeof(*net));
     uint8_t *data = NULL;
@@ -133,11 +157,16 @@ int sst_network_open(struct sst_network **out, const char *path, int threads)
     if (!net)
         return err;
     net->threads = threads;
+    net->precision = precision;
     err = sst_path_join(net->path, path, NULL);
     if (!err)
         err = sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
     if (!err)
         err = open_from_memory(net, data, size);
+#if WITH_DNNL
+    if (!err && !net->cv)
+        err = choose_precision(net);
+#endif
     free(data);
     if (err)
         sst_network_close(net);
@@ -170,6 +199,11 @@ const char *sst_network_runner(const struct sst_network *net)
     return net->cv ? "opencv" : "onednn";
 }
 
+enum sst_precision sst_network_precision(const struct sst_network *net)
+{
+    return net->precision;
+}
+
 const char *sst_network_metadata(const struct sst_network *net, const char *key)
 {
     for (int i = 0; i < net->n_metadata; i++) {
@@ -194,7 +228,7 @@ static int plan_dnnl(struct sst_network *net, int width, int height)
 
     if (!err) {
         net->out = shapes[net->graph.output];
-        err = sst_plan_create(&net->plan, &net->graph, shapes, net->threads, net->path);
+        err = sst_plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
     }
     free(shapes);
     return err;
@@ -309,4 +343,37 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
         sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
 #endif
     return err;
+}
+
+/* By way of floats. */
+static int run_rounded(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
+{
+    const size_t plane = (size_t)net->out.h * (size_t)net->out.w, c = (size_t)net->out.c;
+    float *values = sst_mem_alloc_raw(plane * c, sizeof(*values));
+    int err = values ? sst_network_run(net, in, width, height, values) : -ENOMEM;
+
+    if (!values)
+        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
+                      height);
+    for (size_t i = 0; !err && i < plane * c; i++)
+        out[i] = sst_op_to_byte(values[i % c * plane + i / c] * factor);
+    sst_mem_free(values);
+    return err;
+}
+
+int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
+{
+    int err = plan(net, width, height);
+
+    if (err)
+        return err;
+#if WITH_DNNL
+    if (!net->cv && sst_plan_has_s8(net->plan)) {
+        err = sst_plan_run_s8(net->plan, in, factor, out);
+        if (err)
+            sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
+        return err;
+    }
+#endif
+    return run_rounded(net, in, width, height, factor, out);
 }

@@ -10,6 +10,8 @@ struct job {
     const struct sst_tensor *dst, *src;
     const struct sst_tap *taps_y, *taps_x;
     const struct sst_op *op;
+    int8_t *bytes; /* of normalisation to bytes */
+    float factor;
 };
 
 static size_t offset(const struct sst_tensor *t, int c, int y, int x)
@@ -182,6 +184,11 @@ static void softmax_tile(float (*tile)[TILE], int channels)
     }
 }
 
+static double length_of(double sum, const struct sst_op *op)
+{
+    return fmax(sqrt(fmax(sum + op->norm_in_add, op->norm_in_min)) + op->norm_add, op->norm_min);
+}
+
 static void normalize_tile(float (*tile)[TILE], int channels, const struct sst_op *op)
 {
     double scale[TILE] = { 0 };
@@ -191,8 +198,7 @@ static void normalize_tile(float (*tile)[TILE], int channels, const struct sst_o
             scale[i] += (double)tile[c][i] * tile[c][i];
     }
     for (int i = 0; i < TILE; i++) {
-        const double length =
-            fmax(sqrt(fmax(scale[i] + op->norm_in_add, op->norm_in_min)) + op->norm_add, op->norm_min);
+        const double length = length_of(scale[i], op);
 
         scale[i] = length > 0 ? 1 / length : 0;
     }
@@ -232,4 +238,58 @@ int sst_op_normalize(const struct sst_tensor *dst, const struct sst_tensor *src,
     struct job job = { .dst = dst, .src = src, .op = op };
 
     return sst_parallel_for(dst->h, threads, tile_row, &job);
+}
+
+/* Sum of squares of n numbers, in eight lanes; in double where floats would lose it. */
+static double sum_of_squares(const float *x, int n)
+{
+    float lanes[8] = { 0 };
+    double sum = 0;
+    int i = 0;
+
+    for (; i + 8 <= n; i += 8) {
+        for (int l = 0; l < 8; l++)
+            lanes[l] += x[i + l] * x[i + l];
+    }
+    for (int l = 0; l < 8; l++)
+        sum += (double)lanes[l];
+    if (!(sum > 1e-20 && sum < 1e30)) {
+        sum = 0;
+        i = 0;
+    }
+    for (; i < n; i++)
+        sum += (double)x[i] * (double)x[i];
+    return sum;
+}
+
+static int byte_row(void *arg, int y, int worker SST_UNUSED)
+{
+    const struct job *j = arg;
+    const struct sst_tensor *src = j->src;
+    int8_t *out = j->bytes + (size_t)y * (size_t)src->w * (size_t)src->c;
+
+    for (int x = 0; x < src->w; x++, out += src->c) {
+        double sum = 0, length;
+        float scale;
+
+        for (int c = 0; c < src->c; c += src->block)
+            sum += sum_of_squares(src->data + offset(src, c, y, x), sst_min_int(src->block, src->c - c));
+        length = length_of(sum, j->op);
+        scale = length > 0 ? (float)((double)j->factor / length) : 0;
+        for (int c = 0; c < src->c; c += src->block) {
+            const float *run = src->data + offset(src, c, y, x);
+            const int n = sst_min_int(src->block, src->c - c);
+
+            for (int i = 0; i < n; i++)
+                out[c + i] = sst_op_to_byte(run[i] * scale);
+        }
+    }
+    return 0;
+}
+
+int sst_op_normalize_s8(int8_t *out, const struct sst_tensor *src, const struct sst_op *op, float factor, int threads)
+{
+    struct job job = { .src = src, .op = op, .bytes = out, .factor = factor };
+
+    return sst_parallel_for(src->h, threads, byte_row, &job);
 }

@@ -43,6 +43,17 @@ SST_MUST_CHECK int sst_op_softmax(const struct sst_tensor *dst, const struct sst
 SST_MUST_CHECK int sst_op_normalize(const struct sst_tensor *dst, const struct sst_tensor *src, const struct sst_op *op,
                                     int threads);
 
+/** The same, rounded to bytes: out[(y w + x) c + channel] as of sst_op_to_byte(factor x / |x|). */
+SST_MUST_CHECK int sst_op_normalize_s8(int8_t *out, const struct sst_tensor *src, const struct sst_op *op, float factor,
+                                       int threads);
+
+/** Nearest integer, halves away from 0, between -127 and 127; NaN gives 0. */
+static inline int8_t sst_op_to_byte(float v)
+{
+    v = v < -127.0f ? -127.0f : v > 127.0f ? 127.0f : v;
+    return (int8_t)(v == v ? (int)(v + (v < 0 ? -0.5f : 0.5f)) : 0);
+}
+
 SST_EXTERN_C_END
 
 #endif

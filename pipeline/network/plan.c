@@ -9,10 +9,6 @@
 #include "base/mem.h"
 #include "pipeline/network/plan_dnnl.h"
 
-/* omp.h is not there for every compiler; these two are OpenMP's C interface. The number is the calling thread's own. */
-extern void omp_set_num_threads(int n);
-extern int omp_get_max_threads(void);
-
 /* Layouts that ops.h works on: [c][h][w], channels in blocks of 16 or 8, [h][w][c]. */
 static void find_layout(struct plan_tensor *t)
 {
@@ -33,8 +29,9 @@ static void find_layout(struct plan_tensor *t)
     }
 }
 
-int plan_add_tensor(struct sst_plan *p, const dnnl_memory_desc_t *md, struct sst_shape shape)
+int plan_add_tensor(struct sst_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
 {
+    const struct sst_shape shape = p->shapes[value];
     struct plan_tensor *t;
 
     if (p->n_tensors == p->tensors_room) {
@@ -48,6 +45,9 @@ int plan_add_tensor(struct sst_plan *p, const dnnl_memory_desc_t *md, struct sst
     }
     t = &p->tensors[p->n_tensors];
     *t = (struct plan_tensor){
+        .value = value,
+        .place_of = -1,
+        .scale = scale,
         .md = *md,
         .bytes = sst_mem_stride(dnnl_memory_desc_get_size(md), 1),
         .first = -1,
@@ -90,11 +90,18 @@ static void find_lifetimes(struct sst_plan *p)
             t->last = i;
         }
     }
+    /* Later tensors lie in the place of earlier ones. */
+    for (int i = p->n_tensors - 1; i >= 0; i--) {
+        const struct plan_tensor *t = &p->tensors[i];
+
+        if (t->place_of >= 0)
+            p->tensors[t->place_of].last = sst_max_int(p->tensors[t->place_of].last, t->last);
+    }
 }
 
 static bool in_arena(const struct plan_tensor *t)
 {
-    return !t->external && t->first >= 0;
+    return !t->external && t->first >= 0 && t->place_of < 0;
 }
 
 /* Lowest place where a tensor meets none of those that are placed already (marked) and alive with it. Each try either
@@ -136,6 +143,10 @@ static int place_tensors(struct sst_plan *p)
         if (t->offset + t->bytes > p->arena_bytes)
             p->arena_bytes = t->offset + t->bytes;
     }
+    for (int i = 0; i < p->n_tensors; i++) {
+        if (p->tensors[i].place_of >= 0)
+            p->tensors[i].offset = p->tensors[p->tensors[i].place_of].offset;
+    }
     free(placed);
     return 0;
 }
@@ -153,10 +164,10 @@ static int allocate(struct sst_plan *p)
     for (int i = 0; !err && i < p->n_tensors; i++) {
         struct plan_tensor *t = &p->tensors[i];
 
-        if (in_arena(t))
+        if (!t->external)
             t->view.data = (float *)(void *)((char *)p->arena + t->offset);
         err = plan_errno(
-            dnnl_memory_create(&t->memory, &t->md, p->engine, in_arena(t) ? t->view.data : DNNL_MEMORY_NONE));
+            dnnl_memory_create(&t->memory, &t->md, p->engine, t->external ? DNNL_MEMORY_NONE : t->view.data));
     }
     for (int i = 0; !err && i < p->n_steps; i++) {
         struct plan_step *s = &p->steps[i];
@@ -183,7 +194,8 @@ static bool tiles_stay(struct sst_plan *p, int threads)
 
 /* oneDNN chooses the tiles by the number of threads (smaller ones for many threads or small images, none for one
  * thread), and they round differently. For the same bytes everywhere: the tiles of two threads, and as many threads as
- * agree with them. */
+ * agree with them. Everything else is planned for the threads that run it: a primitive starts as many as it was
+ * planned for, even where fewer are set when it runs. */
 static void choose_winograd(struct sst_plan *p)
 {
     int planned = sst_max_int(p->threads, 2);
@@ -193,8 +205,9 @@ static void choose_winograd(struct sst_plan *p)
         p->winograd[i] = plan_winograd_tile(p, &p->graph->ops[i]);
     while (planned > 2 && !tiles_stay(p, planned))
         planned--;
-    omp_set_num_threads(planned);
+    p->winograd_threads = planned;
     p->threads = sst_min_int(p->threads, planned);
+    omp_set_num_threads(p->threads);
 }
 
 /* --- life ----------------------------------------------------------------------------------------- */
@@ -203,7 +216,7 @@ static int add_ops(struct sst_plan *p)
 {
     const struct sst_graph *g = p->graph;
     dnnl_memory_desc_t md;
-    int err = plan_plain(&md, p->shapes[g->input]);
+    int err = plan_desc(&md, p->shapes[g->input], dnnl_f32, dnnl_nchw);
 
     if (err)
         return err;
@@ -212,19 +225,20 @@ static int add_ops(struct sst_plan *p)
             p->last_use[g->ops[i].in[k]] = i;
     }
     p->last_use[g->output] = g->n_ops;
-    p->input = plan_add_tensor(p, &md, p->shapes[g->input]);
+    p->input = plan_add_tensor(p, g->input, &md, 1);
     if (p->input < 0)
         return p->input;
     p->tensors[p->input].external = true;
     p->current[g->input] = p->input;
+    plan_choose_bits(p);
     choose_winograd(p);
     for (int i = 0; !err && i < g->n_ops; i++)
         err = plan_add_op(p, i);
     if (!err)
-        err = plan_plain(&md, p->shapes[g->output]);
+        err = plan_desc(&md, p->shapes[g->output], dnnl_f32, dnnl_nchw);
     if (err)
         return err;
-    p->output = plan_in_layout(p, g->output, &md);
+    p->output = plan_in_layout(p, g->output, &md, 1);
     if (p->output < 0)
         return p->output;
     p->tensors[p->output].external = true;
@@ -241,7 +255,8 @@ static int build(struct sst_plan *p)
     p->current = malloc(n * sizeof(*p->current));
     p->last_use = calloc(n, sizeof(*p->last_use));
     p->winograd = calloc((size_t)p->graph->n_ops, sizeof(*p->winograd));
-    if (!p->current || !p->last_use || !p->winograd)
+    p->values = calloc(n, sizeof(*p->values));
+    if (!p->values || !p->current || !p->last_use || !p->winograd)
         return -ENOMEM;
     memset(p->current, 0xff, n * sizeof(*p->current));
     if (!err)
@@ -253,14 +268,16 @@ static int build(struct sst_plan *p)
 }
 
 int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes, int threads,
-                    const char *name)
+                    enum sst_precision precision, const char *name)
 {
     const int before = omp_get_max_threads();
     struct sst_plan *p = calloc(1, sizeof(*p));
     int err = -ENOMEM;
 
     if (p) {
-        *p = (struct sst_plan){ .graph = graph, .shapes = shapes, .threads = threads, .name = name };
+        *p = (struct sst_plan){
+            .graph = graph, .shapes = shapes, .threads = threads, .precision = precision, .name = name
+        };
         err = build(p);
         omp_set_num_threads(before);
     }
@@ -294,6 +311,7 @@ void sst_plan_destroy(struct sst_plan *plan)
         dnnl_memory_destroy(s->bias);
         dnnl_memory_destroy(s->scratch);
         sst_mem_free(s->weights_data);
+        free(s->bias_data);
         free(s->taps_y);
         free(s->taps_x);
     }
@@ -308,6 +326,7 @@ void sst_plan_destroy(struct sst_plan *plan)
     free(plan->current);
     free(plan->last_use);
     free(plan->winograd);
+    free(plan->values);
     free(plan);
 }
 
@@ -333,11 +352,11 @@ static int set_external(struct plan_tensor *t, float *data)
     return plan_errno(dnnl_memory_set_data_handle(t->memory, data));
 }
 
-static int run_steps(struct sst_plan *p)
+static int run_steps(struct sst_plan *p, int count)
 {
     int err = 0;
 
-    for (int i = 0; !err && i < p->n_steps; i++) {
+    for (int i = 0; !err && i < count; i++) {
         const struct plan_step *s = &p->steps[i];
 
         err = s->primitive ? plan_errno(dnnl_primitive_execute(s->primitive, p->stream, s->n_args, s->args))
@@ -348,18 +367,43 @@ static int run_steps(struct sst_plan *p)
     return err;
 }
 
-int sst_plan_run(struct sst_plan *plan, const float *in, float *out)
+/* The first `count` steps, on the plan's threads. */
+static int run(struct sst_plan *p, const float *in, int count)
 {
-    const int before = omp_get_max_threads();
-    int err = set_external(&plan->tensors[plan->input], (float *)(uintptr_t)in); /* only read */
+    const int before = omp_get_max_threads(), levels = omp_get_max_active_levels();
+    int err = set_external(&p->tensors[p->input], (float *)(uintptr_t)in); /* only read */
 
-    if (!err)
-        err = set_external(&plan->tensors[plan->output], out);
     if (err)
         return err;
-    omp_set_num_threads(plan->threads);
-    err = run_steps(plan);
+    omp_set_num_threads(p->threads);
+    /* On one thread a Winograd primitive would still start the threads that it was planned for. */
+    if (p->threads == 1)
+        omp_set_max_active_levels(0);
+    err = run_steps(p, count);
+    omp_set_max_active_levels(levels);
     omp_set_num_threads(before);
     return err;
+}
+
+int sst_plan_run(struct sst_plan *plan, const float *in, float *out)
+{
+    const int err = set_external(&plan->tensors[plan->output], out);
+
+    return err ? err : run(plan, in, plan->n_steps);
+}
+
+bool sst_plan_has_s8(const struct sst_plan *plan)
+{
+    const struct plan_step *last = plan->n_steps ? &plan->steps[plan->n_steps - 1] : NULL;
+
+    return last && last->op && last->op->kind == SST_OP_NORMALIZE;
+}
+
+int sst_plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out)
+{
+    const struct plan_step *last = &plan->steps[plan->n_steps - 1];
+    const int err = run(plan, in, plan->n_steps - 1);
+
+    return err ? err : sst_op_normalize_s8(out, &plan->tensors[last->tensor[0]].view, last->op, factor, plan->threads);
 }
 #endif

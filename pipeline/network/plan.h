@@ -3,6 +3,7 @@
 #define SST_PIPELINE_NETWORK_PLAN_H
 
 #include "pipeline/network/graph.h"
+#include "pipeline/network/network.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -10,15 +11,25 @@ struct sst_plan; /* one thread at a time */
 
 /**
  * @param graph, shapes  borrowed during the call and, the graph, until destroy; shapes of sst_graph_shapes()
+ * @param precision  not SST_PRECISION_AUTO
  * @param name  of the model, for messages; borrowed
  * @return 0, -ENOMEM, -ENOTSUP (oneDNN has no code for a layer on this machine); logged.
  */
 SST_MUST_CHECK int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes,
-                                   int threads, const char *name);
+                                   int threads, enum sst_precision precision, const char *name);
 void sst_plan_destroy(struct sst_plan *plan);
+
+/** True where this processor multiplies and adds bytes in one instruction (VNNI), as far as oneDNN may use it. */
+bool sst_plan_fast_int8(void);
 
 /** Run once; allocates nothing. @param in [c][h][w] @param out [c][h][w] of the graph's output. */
 SST_MUST_CHECK int sst_plan_run(struct sst_plan *plan, const float *in, float *out);
+
+/** True where sst_plan_run_s8() can be used: the network ends with a normalisation. */
+bool sst_plan_has_s8(const struct sst_plan *plan);
+
+/** Run once, with the result times factor in bytes, see sst_op_normalize_s8(). @param out [h][w][c] of the output. */
+SST_MUST_CHECK int sst_plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out);
 
 SST_EXTERN_C_END
 

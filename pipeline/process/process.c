@@ -146,7 +146,7 @@ static int segment_views(struct run *run, double *eps_h)
     if (!run->segmenters)
         return told(run, -ENOMEM);
     while (!err && opened < workers) {
-        err = sst_segmenter_open(&run->segmenters[opened], run->cfg->model, 1);
+        err = sst_segmenter_open(&run->segmenters[opened], run->cfg->model, run->cfg->precision, 1);
         opened += !err;
     }
     err = err ? err : sst_parallel_for(views_of(run), workers, segment_view, run);

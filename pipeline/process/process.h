@@ -3,12 +3,14 @@
 #define SST_PIPELINE_PROCESS_PROCESS_H
 
 #include "pipeline/disparity/disparity.h"
+#include "pipeline/network/network.h"
 #include "pipeline/refine/refine.h"
 
 SST_EXTERN_C_BEGIN
 
 struct sst_process_config {
     const char *model;           /* segmentation network; NULL: no labels are computed */
+    enum sst_precision precision; /* of that network */
     double eps_h;                /* entropy threshold; negative: the model's own */
     const char *hand_label;      /* label map of the reference view to find eps_h on, or NULL */
     double accuracy_weight;      /* m of the score Acc^m Cvg */

@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -85,40 +87,123 @@ static void census_of_known_pixels(void **state SST_UNUSED)
     assert_true(out == ((1ull << 27) - 1) << 35);
 }
 
-static void feature_cost(void **state SST_UNUSED)
+enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
+
+/* Rows end where memory does: what a kernel reads or writes past its last pixel is caught. */
+static uint8_t *guarded(size_t n)
 {
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE), bytes = (n + page - 1) / page * page;
+    uint8_t *p = mmap(NULL, bytes + page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+
+    assert_true(p != MAP_FAILED);
+    assert_int_equal(mprotect(p + bytes, page, PROT_NONE), 0);
+    for (size_t i = 0; i < bytes; i++)
+        p[i] = (uint8_t)(next_random() >> 11);
+    return p + bytes - n;
+}
+
+static void unguard(uint8_t *p, size_t n)
+{
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE), bytes = (n + page - 1) / page * page;
+
+    munmap(p + n - bytes, bytes + page);
+}
+
+/* Vectors of about unit length, whose costs fill the range; every fourth place any bytes at all. */
+static void feature_costs(void **state SST_UNUSED)
+{
+    static const size_t sizes[] = { 16, 48, 64, 144 }, counts[] = { 1, 2, 3, 4, 5, 8, 17 };
     struct sst_kernels k;
 
-    for (size_t n = 1; n < 150; n += 7) {
-        const size_t stride = 2 * 160;
-        int8_t *a = random_bytes(32 * stride), *b = random_bytes(32 * stride);
-        uint8_t want[160], got[160];
+    for (size_t i = 0; i < ARRAY_LEN(sizes) * ARRAY_LEN(counts); i++) {
+        const size_t n = sizes[i % ARRAY_LEN(sizes)], count = counts[i / ARRAY_LEN(sizes)], stride = 4 * n + 12;
+        const size_t bytes = (GROUPS - 1) * stride + 4 * n, out = (count - 1) * (n + 5) + n;
+        uint8_t *a = guarded(bytes), *want = guarded(out), *got = guarded(out), *rows[17];
+        const uint8_t *b[17];
 
-        /* -128 never occurs in features. */
-        for (size_t i = 0; i < 32 * stride; i++) {
-            a[i] = (int8_t)(a[i] == -128 ? 0 : a[i] / 6);
-            b[i] = (int8_t)(b[i] == -128 ? 0 : b[i] / 6);
+        for (size_t at = 0; at < bytes; at++)
+            a[at] = (uint8_t)(SST_FEATURE_ZERO + a[at] % 64 - 32);
+        for (size_t j = 0; j < count; j++) {
+            b[j] = rows[j] = guarded(bytes);
+            for (size_t at = 0; at < bytes && j % 4 != 3; at++)
+                rows[j][at] = (uint8_t)(a[at] + rows[j][at] % (8 * j + 1));
         }
-        sst_feature_cost_row_ref(want, a, b, stride, n);
+        memcpy(want, got, out);
+        sst_feature_cost_rows_ref(want, n + 5, a, b, count, stride, n);
         FOR_EACH_LEVEL(k, level) {
-            k.feature_cost_row(got, a, b, stride, n);
-            same(got, want, n, "feature_cost_row", level, n);
+            k.feature_cost_rows(got, n + 5, a, b, count, stride, n);
+            same(got, want, out, "feature_cost_rows", level, n);
         }
-        sst_mem_free(a);
-        sst_mem_free(b);
+        for (size_t j = 0; j < count; j++)
+            unguard(rows[j], bytes);
+        unguard(a, bytes);
+        unguard(want, out);
+        unguard(got, out);
     }
 }
 
-/* Equal unit vectors cost 0, orthogonal ones (127 * 127) >> 6 = 252. */
-static void feature_cost_of_known_vectors(void **state SST_UNUSED)
+/* Unit vectors: equal ones cost 0, orthogonal ones (127 * 127) >> 6 = 252, opposite ones the most; one of half the length
+ * costs (127 * 127 - 127 * 64) >> 6 = 125. */
+static void feature_costs_of_known_vectors(void **state SST_UNUSED)
 {
-    int8_t a[64] = { 127 }, b[64] = { 0, 127 };
-    uint8_t cost;
+    uint8_t a[GROUPS * 4], half[GROUPS * 4], orthogonal[GROUPS * 4], opposite[GROUPS * 4], cost[4];
+    const uint8_t *b[4] = { a, half, orthogonal, opposite };
 
-    sst_feature_cost_row_ref(&cost, a, a, 2, 1);
-    assert_int_equal(cost, 0);
-    sst_feature_cost_row_ref(&cost, a, b, 2, 1);
-    assert_int_equal(cost, 252);
+    memset(a, SST_FEATURE_ZERO, sizeof(a));
+    memset(half, SST_FEATURE_ZERO, sizeof(a));
+    memset(orthogonal, SST_FEATURE_ZERO, sizeof(a));
+    memset(opposite, SST_FEATURE_ZERO, sizeof(a));
+    a[62] = SST_FEATURE_ZERO + 127;
+    half[62] = SST_FEATURE_ZERO + 64;
+    orthogonal[1] = SST_FEATURE_ZERO + 127;
+    opposite[62] = SST_FEATURE_ZERO - 127;
+    sst_feature_cost_rows_ref(cost, 1, a, b, 4, 4, 1);
+    assert_int_equal(cost[0], 0);
+    assert_int_equal(cost[1], 125);
+    assert_int_equal(cost[2], 252);
+    assert_int_equal(cost[3], SST_COST_MAX);
+}
+
+static void cheapest(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    for (size_t n = 1; n < 150; n++) {
+        uint8_t *first = guarded(n), *second = guarded(n), *a = guarded(n), *b = guarded(n);
+        uint8_t want[2][150], got[2][150];
+
+        for (size_t x = 0; x < n; x++) {
+            second[x] = first[x] > second[x] ? first[x] : second[x];
+            a[x] = x % 7 ? a[x] : 255;
+            b[x] = x % 7 ? b[x] : 255;
+        }
+        memcpy(want[0], first, n);
+        memcpy(want[1], second, n);
+        sst_cheapest_row_ref(want[0], want[1], a, b, n);
+        FOR_EACH_LEVEL(k, level) {
+            memcpy(got[0], first, n);
+            memcpy(got[1], second, n);
+            k.cheapest_row(got[0], got[1], a, b, n);
+            same(got[0], want[0], n, "cheapest_row first", level, n);
+            same(got[1], want[1], n, "cheapest_row second", level, n);
+        }
+        unguard(first, n);
+        unguard(second, n);
+        unguard(a, n);
+        unguard(b, n);
+    }
+}
+
+/* Means 3 (of 2 and 3, rounded up), 5, 254 (of 255 twice: never the mark of what is unseen) and 7 (equal to both). */
+static void cheapest_of_known_costs(void **state SST_UNUSED)
+{
+    const uint8_t a[4] = { 2, 5, 255, 7 }, b[4] = { 3, 5, 255, 7 };
+    const uint8_t want_first[4] = { 3, 4, 254, 7 }, want_second[4] = { 4, 5, 255, 7 };
+    uint8_t first[4] = { 4, 4, 255, 7 }, second[4] = { 9, 6, 255, 7 };
+
+    sst_cheapest_row_ref(first, second, a, b, 4);
+    assert_memory_equal(first, want_first, 4);
+    assert_memory_equal(second, want_second, 4);
 }
 
 static void transpose(void **state SST_UNUSED)
@@ -286,8 +371,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(census_and_hamming),
         cmocka_unit_test(census_of_known_pixels),
-        cmocka_unit_test(feature_cost),
-        cmocka_unit_test(feature_cost_of_known_vectors),
+        cmocka_unit_test(feature_costs),
+        cmocka_unit_test(feature_costs_of_known_vectors),
+        cmocka_unit_test(cheapest),
+        cmocka_unit_test(cheapest_of_known_costs),
         cmocka_unit_test(transpose),
         cmocka_unit_test(support),
         cmocka_unit_test(sgm),

@@ -127,12 +127,16 @@ static void luma_is_bt601(void **state SST_UNUSED)
     sst_image_fini(&img);
 }
 
+enum { ONE_PIXEL_STRIDE = 320, ONE_PIXEL_BYTES = 18 * ONE_PIXEL_STRIDE };
+
 /* Views of one pixel whose features are `value` in channel `channel`: the costs between them are known. */
-static struct sst_descriptor one_pixel(int8_t features[64], int channel, int value)
+static struct sst_descriptor one_pixel(uint8_t memory[ONE_PIXEL_BYTES], int channel, int value)
 {
-    memset(features, 0, 64);
-    features[channel] = (int8_t)value;
-    return (struct sst_descriptor){ .width = 1, .height = 1, .features = features, .feature_stride = 2 };
+    uint8_t *features = memory + ONE_PIXEL_STRIDE;
+
+    memset(memory, SST_FEATURE_ZERO, ONE_PIXEL_BYTES);
+    features[channel / 4 * ONE_PIXEL_STRIDE + channel % 4] = (uint8_t)(SST_FEATURE_ZERO + value);
+    return (struct sst_descriptor){ .width = 1, .height = 1, .features = features, .feature_stride = ONE_PIXEL_STRIDE };
 }
 
 static int merged_cost(const struct sst_descriptor *ref, const struct sst_neighbour *n, int count)
@@ -150,9 +154,9 @@ static int merged_cost(const struct sst_descriptor *ref, const struct sst_neighb
 
 static void costs_of_several_neighbours(void **state SST_UNUSED)
 {
-    int8_t memory[4][64];
+    static uint8_t memory[4][ONE_PIXEL_BYTES];
     const struct sst_descriptor ref = one_pixel(memory[0], 0, 127), same = one_pixel(memory[1], 0, 127),
-                                other = one_pixel(memory[2], 1, 127), opposite = one_pixel(memory[3], 0, -127);
+                                other = one_pixel(memory[2], 63, 127), opposite = one_pixel(memory[3], 0, -127);
     const struct sst_neighbour near = { &same, 1, 0 }, far = { &other, -1, 0 }, worst = { &opposite, 0, 1 };
     const struct sst_neighbour list[3] = { far, near, worst };
 
@@ -161,6 +165,45 @@ static void costs_of_several_neighbours(void **state SST_UNUSED)
     assert_int_equal(merged_cost(&ref, &worst, 1), 254);  /* the dearest, never "unseen" */
     assert_int_equal(merged_cost(&ref, list, 2), 63);     /* (3 * 0 + 252) / 4 */
     assert_int_equal(merged_cost(&ref, list, 3), 126);    /* (0 + 252) / 2 */
+}
+
+/*
+ * Three rows and a neighbour below: at disparities 0, 0.5, 1, 1.5 row y meets y, y - 0.5, y - 1, y - 1.5, whose features are
+ * those of the nearest rows y, y, y - 1, y - 1. Features lie along one axis: 127 in the view, 127, 0, -127 in the rows of
+ * the neighbour, which cost 0, 252, 254. What begins above row 0 is unseen: 96.
+ */
+static void learned_costs_between_pixels(void **state SST_UNUSED)
+{
+    enum { W = 3, H = 3, GROUPS = SST_FEATURE_CHANNELS / 4, BYTES = (H * GROUPS + 2) * ONE_PIXEL_STRIDE };
+    static const int value[H] = { 127, 0, -127 };
+    static uint8_t memory[2][BYTES];
+    struct sst_descriptor view[2];
+    struct sst_neighbour below = { &view[1], 0, 1 };
+    struct sst_volume v;
+
+    for (int i = 0; i < 2; i++) {
+        uint8_t *features = memory[i] + ONE_PIXEL_STRIDE;
+
+        memset(memory[i], SST_FEATURE_ZERO, BYTES);
+        for (int y = 0; y < H; y++) {
+            for (int x = 0; x < W; x++)
+                features[(y * GROUPS + 9) * ONE_PIXEL_STRIDE + 4 * x + 2] =
+                    (uint8_t)(SST_FEATURE_ZERO + (i ? value[y] : 127));
+        }
+        view[i] = (struct sst_descriptor){ .width = W, .height = H, .features = features,
+                                           .feature_stride = ONE_PIXEL_STRIDE };
+    }
+    assert_int_equal(sst_volume_init(&v, W, H, 0, 4), 0);
+    v.divisor = 2;
+    v.phase_step = 1;
+    sst_volume_fill(&v, &view[0], &below, 1);
+    for (int x = 0; x < W; x++) {
+        static const uint8_t want[H][4] = { { 0, 96, 96, 96 }, { 252, 252, 0, 96 }, { 254, 254, 252, 252 } };
+
+        for (int y = 0; y < H; y++)
+            assert_memory_equal(cost_at(&v, x, y), want[y], 4);
+    }
+    sst_volume_fini(&v);
 }
 
 /* Right view of a pair shifted by 2: the cost at 2 is 0 where both see; what the neighbour does not see costs 96. */
@@ -681,6 +724,7 @@ int main(void)
         cmocka_unit_test(winner_keeps_the_integer_at_the_border),
         cmocka_unit_test(luma_is_bt601),
         cmocka_unit_test(costs_of_several_neighbours),
+        cmocka_unit_test(learned_costs_between_pixels),
         cmocka_unit_test(census_costs_of_a_shifted_pair),
         cmocka_unit_test(support_arms),
         cmocka_unit_test(aggregation_of_three_pixels),

@@ -55,7 +55,7 @@ static int open_segmenter(struct sst_segmenter **seg, const struct entry *entrie
     assert_true(fd >= 0);
     assert_int_equal(write(fd, model.p, model.n), (ssize_t)model.n);
     close(fd);
-    err = sst_segmenter_open(seg, path, threads);
+    err = sst_segmenter_open(seg, path, SST_PRECISION_F32, threads);
     unlink(path);
     free(model.p);
     return err;
@@ -211,7 +211,7 @@ static void unfit_models_are_refused(void **state SST_UNUSED)
     }
     assert_int_equal(open_segmenter(&seg, good, 0, 3, 1), -EBADMSG); /* no classes at all */
     assert_int_equal(open_segmenter(&seg, good, ARRAY_LEN(good), 4, 1), -EBADMSG);
-    assert_int_equal(sst_segmenter_open(&seg, "/nonexistent/model.onnx", 1), -ENOENT);
+    assert_int_equal(sst_segmenter_open(&seg, "/nonexistent/model.onnx", SST_PRECISION_F32, 1), -ENOENT);
     assert_null(seg);
 }
 

@@ -1,4 +1,4 @@
-/* The templates for AVX-512 with the byte, popcount and permute parts (Ice Lake, Zen 4 and later). */
+/* The templates for AVX-512 with the byte, popcount, permute and dot-product parts (Ice Lake, Zen 4 and later). */
 #if defined(__x86_64__)
 #include <immintrin.h>
 #include <math.h>
@@ -7,7 +7,7 @@
 #include "pipeline/kernels/kernels.h"
 
 #pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c,avx512f,avx512bw,avx512dq,avx512vl,avx512cd," \
-                   "avx512vpopcntdq,avx512bitalg,avx512vbmi,prefer-vector-width=512")
+                   "avx512vpopcntdq,avx512bitalg,avx512vbmi,avx512vnni,prefer-vector-width=512")
 #define KERNEL(name) name##_avx512
 #include "pipeline/kernels/templates.h"
 #endif

@@ -1,0 +1,15 @@
+#include "pipeline/kernels/kernels.h"
+
+void sst_cheapest_row_ref(uint8_t *first, uint8_t *second, const uint8_t *a, const uint8_t *b, size_t n)
+{
+    for (size_t x = 0; x < n; x++) {
+        const int mean = (a[x] + b[x] + 1) >> 1, cost = mean < SST_COST_MAX ? mean : SST_COST_MAX - 1;
+
+        if (cost < first[x]) {
+            second[x] = first[x];
+            first[x] = (uint8_t)cost;
+        } else if (cost < second[x]) {
+            second[x] = (uint8_t)cost;
+        }
+    }
+}

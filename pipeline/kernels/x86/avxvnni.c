@@ -1,0 +1,12 @@
+/* The templates for AVX2 with AVX-VNNI (Alder Lake, Zen 5 and later). */
+#if defined(__x86_64__)
+#include <immintrin.h>
+#include <math.h>
+#include <string.h>
+
+#include "pipeline/kernels/kernels.h"
+
+#pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c,avxvnni")
+#define KERNEL(name) name##_avxvnni
+#include "pipeline/kernels/templates.h"
+#endif

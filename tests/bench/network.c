@@ -1,0 +1,269 @@
+/* Time of a network: the whole of it as the program runs it, beside its convolutions alone as bare oneDNN primitives in
+ * the layouts that the library likes best. Interleaved rounds in one process, medians of wall and CPU time, one JSON
+ * object.
+ *
+ *   network MODEL.onnx WxH ROUNDS */
+#include <dnnl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/mem.h"
+#include "pipeline/network/graph.h"
+#include "pipeline/network/network.h"
+
+extern void omp_set_num_threads(int n);
+
+#define MAX_ROUNDS 101
+
+/* A convolution with memory of its own; scales are 1, for only the time counts. */
+struct bare {
+    dnnl_primitive_t primitive;
+    dnnl_memory_t src, weights, bias, dst;
+};
+
+struct bare_network {
+    dnnl_engine_t engine;
+    dnnl_stream_t stream;
+    struct bare *convs;
+    int n_convs;
+};
+
+struct kind {
+    bool whole;
+    enum sst_precision precision;
+    int threads;
+};
+
+static const struct kind kinds[] = {
+    { false, SST_PRECISION_F32, 1 },  { true, SST_PRECISION_F32, 1 },   { false, SST_PRECISION_F32, 2 },
+    { true, SST_PRECISION_F32, 2 },   { false, SST_PRECISION_INT8, 1 }, { true, SST_PRECISION_INT8, 1 },
+    { false, SST_PRECISION_INT8, 2 }, { true, SST_PRECISION_INT8, 2 },
+};
+
+struct runner {
+    struct bare_network bare;
+    struct sst_network *net;
+    float *in, *out;
+    int width, height;
+    double ms[MAX_ROUNDS], cpu_ms[MAX_ROUNDS];
+};
+
+static void check(dnnl_status_t status, const char *what)
+{
+    if (status) {
+        fprintf(stderr, "network: oneDNN: %s failed (%d)\n", what, (int)status);
+        exit(1);
+    }
+}
+
+static dnnl_memory_t memory_of(dnnl_engine_t engine, const dnnl_memory_desc_t *md)
+{
+    dnnl_memory_t m;
+    float *data;
+
+    check(dnnl_memory_create(&m, md, engine, DNNL_MEMORY_ALLOCATE), "memory");
+    check(dnnl_memory_get_data_handle(m, (void **)&data), "memory");
+    memset(data, 0, dnnl_memory_desc_get_size(md));
+    return m;
+}
+
+static dnnl_status_t describe(dnnl_primitive_desc_t *pd, dnnl_engine_t engine, const struct sst_op *op,
+                              const struct sst_shape *shapes, dnnl_alg_kind_t algorithm, bool int8)
+{
+    const struct sst_shape in = shapes[op->in[0]], out = shapes[op->out];
+    const int g = op->group;
+    const dnnl_dims_t src_dims = { 1, in.c, in.h, in.w }, dst_dims = { 1, out.c, out.h, out.w }, bias_dims = { out.c };
+    const dnnl_dims_t w4 = { out.c, in.c, op->kernel[0], op->kernel[1] };
+    const dnnl_dims_t w5 = { g, out.c / g, in.c / g, op->kernel[0], op->kernel[1] };
+    const dnnl_dims_t strides = { op->stride[0], op->stride[1] };
+    const dnnl_dims_t dilation = { op->dilation[0] - 1, op->dilation[1] - 1 };
+    const dnnl_dims_t before = { op->pad_before[0], op->pad_before[1] }, after = { op->pad_after[0], op->pad_after[1] };
+    const dnnl_data_type_t src_type = !int8 ? dnnl_f32 : in.c < 4 ? dnnl_s8 : dnnl_u8;
+    const dnnl_data_type_t dst_type = !int8 ? dnnl_f32 : op->relu ? dnnl_u8 : dnnl_s8;
+    dnnl_memory_desc_t src, weights, bias, dst;
+    dnnl_convolution_desc_t desc;
+    dnnl_primitive_attr_t attr;
+    dnnl_post_ops_t post;
+    dnnl_status_t status;
+
+    check(dnnl_memory_desc_init_by_tag(&src, 4, src_dims, src_type, dnnl_format_tag_any), "source");
+    check(dnnl_memory_desc_init_by_tag(&weights, g > 1 ? 5 : 4, g > 1 ? w5 : w4, int8 ? dnnl_s8 : dnnl_f32,
+                                       dnnl_format_tag_any),
+          "weights");
+    check(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x), "bias");
+    check(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, dst_type, dnnl_format_tag_any), "result");
+    check(dnnl_primitive_attr_create(&attr), "attributes");
+    check(dnnl_post_ops_create(&post), "attributes");
+    if (op->residual)
+        check(dnnl_post_ops_append_sum(post, 1.0f), "sum");
+    if (op->relu)
+        check(dnnl_post_ops_append_eltwise(post, 1.0f, dnnl_eltwise_relu, 0.0f, 0.0f), "relu");
+    check(dnnl_primitive_attr_set_post_ops(attr, post), "attributes");
+    check(dnnl_dilated_convolution_forward_desc_init(&desc, dnnl_forward_inference, algorithm, &src, &weights, &bias,
+                                                     &dst, strides, dilation, before, after),
+          "convolution");
+    status = dnnl_primitive_desc_create(pd, &desc, attr, engine, NULL);
+    dnnl_post_ops_destroy(post);
+    dnnl_primitive_attr_destroy(attr);
+    return status;
+}
+
+static void make_bare(struct bare *b, dnnl_engine_t engine, const struct sst_op *op, const struct sst_shape *shapes,
+                      bool int8)
+{
+    dnnl_primitive_desc_t pd;
+
+    if (int8 || describe(&pd, engine, op, shapes, dnnl_convolution_winograd, false))
+        check(describe(&pd, engine, op, shapes, dnnl_convolution_auto, int8), "convolution");
+    check(dnnl_primitive_create(&b->primitive, pd), "primitive");
+    b->src = memory_of(engine, dnnl_primitive_desc_query_md(pd, dnnl_query_src_md, 0));
+    b->weights = memory_of(engine, dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 0));
+    b->bias = memory_of(engine, dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 1));
+    b->dst = memory_of(engine, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0));
+    dnnl_primitive_desc_destroy(pd);
+}
+
+static void make_network(struct bare_network *b, const struct sst_graph *graph, const struct sst_shape *shapes,
+                         const struct kind *kind)
+{
+    omp_set_num_threads(kind->threads);
+    check(dnnl_engine_create(&b->engine, dnnl_cpu, 0), "engine");
+    check(dnnl_stream_create(&b->stream, b->engine, dnnl_stream_default_flags), "stream");
+    b->convs = calloc((size_t)graph->n_ops, sizeof(*b->convs));
+    if (!b->convs)
+        exit(1);
+    for (int i = 0; i < graph->n_ops; i++) {
+        if (graph->ops[i].kind == SST_OP_CONV)
+            make_bare(&b->convs[b->n_convs++], b->engine, &graph->ops[i], shapes,
+                      kind->precision == SST_PRECISION_INT8);
+    }
+}
+
+static void run_bare(const struct bare_network *b, int threads)
+{
+    omp_set_num_threads(threads);
+    for (int i = 0; i < b->n_convs; i++) {
+        const struct bare *c = &b->convs[i];
+        const dnnl_exec_arg_t args[] = { { DNNL_ARG_SRC, c->src },
+                                         { DNNL_ARG_WEIGHTS, c->weights },
+                                         { DNNL_ARG_BIAS, c->bias },
+                                         { DNNL_ARG_DST, c->dst } };
+
+        check(dnnl_primitive_execute(c->primitive, b->stream, (int)ARRAY_LEN(args), args), "convolution");
+    }
+    check(dnnl_stream_wait(b->stream), "convolution");
+}
+
+static int open_runner(struct runner *r, const char *model, const struct kind *kind, const struct sst_graph *graph,
+                       const struct sst_shape *shapes)
+{
+    const struct sst_shape in = shapes[graph->input], out = shapes[graph->output];
+    const size_t n = (size_t)in.c * (size_t)in.h * (size_t)in.w;
+
+    r->width = in.w;
+    r->height = in.h;
+    if (!kind->whole) {
+        make_network(&r->bare, graph, shapes, kind);
+        return 0;
+    }
+    r->in = sst_mem_alloc_raw(n, sizeof(*r->in));
+    r->out = sst_mem_alloc_raw((size_t)out.c * (size_t)out.h, (size_t)out.w * sizeof(*r->out));
+    if (!r->in || !r->out)
+        return -1;
+    for (size_t i = 0; i < n; i++)
+        r->in[i] = (float)(i * 2654435761u % 65536) / 16384 - 2;
+    return sst_network_open(&r->net, model, kind->precision, kind->threads);
+}
+
+static int time_once(struct runner *r, const struct kind *kind, double *ms, double *cpu_ms)
+{
+    const int64_t start = sst_clock_now_ns(), start_cpu = sst_clock_cpu_ns();
+    int err = 0;
+
+    if (kind->whole)
+        err = sst_network_run(r->net, r->in, r->width, r->height, r->out);
+    else
+        run_bare(&r->bare, kind->threads);
+    *ms = (double)(sst_clock_now_ns() - start) * 1e-6;
+    *cpu_ms = (double)(sst_clock_cpu_ns() - start_cpu) * 1e-6;
+    return err;
+}
+
+static int compare(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return x < y ? -1 : x > y;
+}
+
+static double median(double *v, int n)
+{
+    qsort(v, (size_t)n, sizeof(*v), compare);
+    return (v[(n - 1) / 2] + v[n / 2]) / 2;
+}
+
+static void print(const char *model, struct runner *runners, int rounds)
+{
+    printf("{\"model\": \"%s\", \"width\": %d, \"height\": %d, \"rounds\": %d, \"times\": [", model, runners[0].width,
+           runners[0].height, rounds);
+    for (size_t k = 0; k < ARRAY_LEN(kinds); k++) {
+        const double ms = median(runners[k].ms, rounds), cpu_ms = median(runners[k].cpu_ms, rounds);
+
+        printf("%s\n  {\"what\": \"%s\", \"precision\": \"%s\", \"threads\": %d, \"ms\": %.2f, \"min_ms\": %.2f,"
+               " \"max_ms\": %.2f, \"cpu_ms\": %.2f}",
+               k ? "," : "", kinds[k].whole ? "network" : "convolutions",
+               kinds[k].precision == SST_PRECISION_INT8 ? "int8" : "f32", kinds[k].threads, ms, runners[k].ms[0],
+               runners[k].ms[rounds - 1], cpu_ms);
+    }
+    puts("]}");
+}
+
+static int load_graph(struct sst_graph *graph, struct sst_shape **shapes, const char *model, int width, int height)
+{
+    struct sst_onnx onnx;
+    uint8_t *data;
+    size_t size;
+    char why[256] = "";
+    int err = sst_file_read(model, SST_ONNX_MAX_BYTES, &data, &size);
+
+    if (!err)
+        err = sst_onnx_parse(&onnx, data, size, model);
+    if (!err)
+        err = sst_graph_build(graph, &onnx, model, why);
+    if (*why)
+        fprintf(stderr, "network: %s: %s is not supported on oneDNN\n", model, why);
+    if (!err)
+        *shapes = calloc((size_t)graph->n_values, sizeof(**shapes));
+    return err ? err : sst_graph_shapes(graph, width, height, *shapes, model);
+}
+
+int main(int argc, char **argv)
+{
+    const int rounds = argc == 4 ? atoi(argv[3]) : 0;
+    struct runner runners[ARRAY_LEN(kinds)] = { 0 };
+    struct sst_shape *shapes;
+    struct sst_graph graph;
+    int width, height, err;
+    double unused;
+
+    if (argc != 4 || sscanf(argv[2], "%dx%d", &width, &height) != 2 || rounds < 1 || rounds > MAX_ROUNDS) {
+        fprintf(stderr, "usage: network MODEL.onnx WxH ROUNDS (1..%d)\n", MAX_ROUNDS);
+        return 2;
+    }
+    err = load_graph(&graph, &shapes, argv[1], width, height);
+    for (size_t k = 0; !err && k < ARRAY_LEN(kinds); k++) {
+        err = open_runner(&runners[k], argv[1], &kinds[k], &graph, shapes);
+        if (!err)
+            err = time_once(&runners[k], &kinds[k], &unused, &unused); /* to warm up */
+    }
+    for (int i = 0; !err && i < rounds; i++) {
+        for (size_t k = 0; !err && k < ARRAY_LEN(kinds); k++)
+            err = time_once(&runners[k], &kinds[k], &runners[k].ms[i], &runners[k].cpu_ms[i]);
+    }
+    if (!err)
+        print(sst_path_base(argv[1]), runners, rounds);
+    return err ? 1 : 0;
+}
