@@ -207,6 +207,9 @@ Whole chain:
 def measure(args: argparse.Namespace, out: str) -> None:
     sst, start = f"{args.build}/sst", time.monotonic()
     left_out = Method("mccnn, pair left out", "mccnn", "models/leave-one-out/without-{}.onnx")
+    missing = [left_out.file(name) for name in MIDDLEBURY if not os.path.exists(left_out.file(name))]
+    if missing:
+        sys.exit(f"bench: {', '.join(missing)} are missing; models/README.md says how to train them")
     shipped = Method("mccnn shipped", "mccnn", "models/mccnn-fast.onnx")
     census, others = Method("census", "census"), [Method(os.path.basename(f), "mccnn", f) for f in args.also]
     if os.path.exists(args.cnes):
