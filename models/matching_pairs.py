@@ -74,8 +74,9 @@ def middlebury_pairs(folder: str, left_out: str | None) -> list[Pair]:
             rows = ((np.arange(height) + 0.5) / scale).astype(int).clip(0, left.height - 1)
             cols = ((np.arange(width) + 0.5) / scale).astype(int).clip(0, left.width - 1)
             small = (v.resize((width, height), Image.Resampling.LANCZOS) for v in (left, right))
-            pairs.append(Pair(*(common.luma(np.asarray(v)) for v in small), disp[np.ix_(rows, cols)] * np.float32(width / left.width),
-                              valid[np.ix_(rows, cols)]))
+            pick = np.ix_(rows, cols)
+            pairs.append(Pair(*(common.luma(np.asarray(v)) for v in small),
+                              disp[pick] * np.float32(width / left.width), valid[pick]))
     return pairs
 
 
