@@ -133,9 +133,10 @@ bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in bui
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
 BENCH_NETWORKS := $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features
-bench-networks: $(BENCH_NETWORKS) ## measure the networks: quality, calibration, time; renews docs/bench-{labels,runner}.md
+bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; renews docs/bench-{labels,matching,runner}.md
 	$(PYTHON) scripts/bench_labels.py --build $(BUILD)
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
+	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.
 demo: deps ## see through a simulated scene: pictures in sst-demo/

@@ -45,10 +45,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
     const char *files[2], *out = NULL;
     double disp_max = NAN, disp_min = 0;
+    bool raw = false;
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &out, "FILE", "disparity map: .pfm (px, inf unknown) or 16-bit .png (1/256 px)", 0, 0 },
         { "max-disparity", 'm', CLI_DOUBLE, &disp_max, "N", "largest disparity searched, px", -9999, 9999 },
         { "min-disparity", 0, CLI_DOUBLE, &disp_min, "N", "smallest disparity searched, px (0)", -9999, 9999 },
+        { "raw", 0, CLI_FLAG, &raw, NULL, "the cheapest disparity of each pixel as matched: no optimisation, no filling", 0, 0 },
         CLI_MATCHING_OPTIONS(m),
     };
     struct sst_image left = { 0 }, right = { 0 };
@@ -67,6 +69,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (ends_with(out, ".png") && (disp_min < 0 || disp_max > PNG_MAX_PX))
         return cli_usage_error(cmd, "a .png holds disparities of 0..%d px; write -o out.pfm", PNG_MAX_PX);
     err = cli_matching_config(&cfg, &m, model);
+    cfg.raw = raw;
     cfg.disp_min_px = disp_min;
     cfg.disp_max_px = disp_max;
     err = err ? err : sst_image_read(&left, files[0]);
@@ -86,7 +89,8 @@ const struct cli_command cli_stereo = {
     .name = "stereo",
     .usage = "LEFT RIGHT --max-disparity N -o out.pfm [--preset P]",
     .summary = "disparity of one rectified pair",
-    .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: what one image hides is filled.",
+    .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: what one image hides is filled.\n"
+              "--raw leaves out all that follows the matching cost: for comparing costs and networks.",
     .example = "sst stereo left.png right.png --max-disparity 64 --preset accurate -o disparity.pfm",
     .run = run,
 };

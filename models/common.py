@@ -22,12 +22,12 @@ def read_rgb(path: str) -> np.ndarray:
 
 
 def luma(rgb: np.ndarray) -> np.ndarray:
-    """[H,W] float32 in the units of rgb."""
-    return (rgb.astype(np.float32) @ np.array([0.299, 0.587, 0.114], np.float32)).astype(np.float32)
+    """[H,W] uint8, the same numbers as sst_luma() of pipeline/disparity."""
+    return ((rgb.astype(np.int32) @ np.array([77, 150, 29]) + 128) >> 8).astype(np.uint8)
 
 
 def standardise(x: np.ndarray) -> np.ndarray:
-    """Zero mean and unit deviation over the whole image; a flat image becomes all zero."""
+    """Zero mean and unit deviation over the whole image, float32; a flat image becomes all zero."""
     deviation = float(x.std())
     return ((x - x.mean()) / (deviation if deviation > 1e-6 else 1.0)).astype(np.float32)
 

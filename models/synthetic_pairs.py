@@ -11,7 +11,7 @@ SUPER = 2  # both views are drawn at twice the size and averaged, so that neithe
 
 @dataclass
 class Pair:
-    """left(x) matches right(x - disp) where valid; left and right standardised [H,W]."""
+    """left(x) matches right(x - disp) where valid; left and right are luma [H,W] uint8."""
     left: np.ndarray
     right: np.ndarray
     disp: np.ndarray
@@ -132,8 +132,5 @@ def make_pair(seed: int, height: int = 224, width: int = 288) -> Pair:
     # a pixel counts when all its samples are of one surface
     block = owner[0].reshape(height, SUPER, width, SUPER)
     one = (block.max((1, 3)) == block.min((1, 3))) & valid.reshape(height, SUPER, width, SUPER).all((1, 3))
-    joint = np.stack(shrink)
-    mean, deviation = joint.mean(), max(float(joint.std()), 1e-3)
-    left, right = ((v - mean) / deviation for v in shrink)
-    return Pair(left.astype(np.float32), right.astype(np.float32),
-                disp.reshape(height, SUPER, width, SUPER).mean((1, 3)).astype(np.float32), one)
+    left, right = (np.rint(255 * v).astype(np.uint8) for v in shrink)
+    return Pair(left, right, disp.reshape(height, SUPER, width, SUPER).mean((1, 3)).astype(np.float32), one)

@@ -106,6 +106,25 @@ static void normalise(float *out, const struct sst_map_u8 *luma)
     }
 }
 
+int sst_descriptor_check_network(struct sst_network *net, const char *name, int width, int height)
+{
+    int channels, out_w, out_h, err;
+
+    if (sst_network_in_channels(net) != 1) {
+        sst_log_error("%s is no matching network: it takes %d channels, not the luma alone; give --mccnn-model "
+                      "another one", name, sst_network_in_channels(net));
+        return -EBADMSG;
+    }
+    err = sst_network_out_shape(net, width, height, &channels, &out_w, &out_h);
+    if (!err && (channels != SST_FEATURE_CHANNELS || out_w != width || out_h != height)) {
+        sst_log_error("%s is no matching network: it makes %d channels of %dx%d from a view of %dx%d, not %d of "
+                      "the same size; give --mccnn-model another one", name, channels, out_w, out_h, width, height,
+                      SST_FEATURE_CHANNELS);
+        err = -EBADMSG;
+    }
+    return err;
+}
+
 /* Bytes between groups of channels: every 64 pixels begun, and an odd number of cache lines, so that the groups of a pixel
  * lie in different sets of the cache. */
 static size_t feature_stride(int width)
@@ -130,21 +149,10 @@ static int make_features(struct sst_descriptor *desc, struct sst_network *net)
     const size_t w = (size_t)desc->width, h = (size_t)desc->height;
     float *in = sst_mem_alloc_raw(w * h, sizeof(float));
     int8_t *out = NULL;
-    int channels, out_w, out_h, err = -ENOMEM;
+    int err = -ENOMEM;
 
     if (!in)
         goto done;
-    err = sst_network_out_shape(net, desc->width, desc->height, &channels, &out_w, &out_h);
-    if (err)
-        goto done;
-    if (channels != SST_FEATURE_CHANNELS || out_w != desc->width || out_h != desc->height) {
-        sst_log_error("the matching network makes %d channels of %dx%d from a view of %dx%d, not %d of the same size; "
-                      "give --mccnn-model another one", channels, out_w, out_h, desc->width, desc->height,
-                      SST_FEATURE_CHANNELS);
-        err = -EBADMSG;
-        goto done;
-    }
-    err = -ENOMEM;
     out = sst_mem_alloc_raw(SST_FEATURE_CHANNELS * w * h, 1);
     desc->feature_stride = feature_stride(desc->width);
     desc->feature_memory = sst_mem_alloc(GROUPS * h + 2, desc->feature_stride);

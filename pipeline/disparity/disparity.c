@@ -23,6 +23,7 @@ struct run {
     struct sst_lightfield *lf;
     const struct sst_disparity_config *cfg;
     struct sst_network **nets;     /* [workers]; NULL without features */
+    bool fill;
     int scale, width, height;      /* of the images that are matched */
     int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
     int divisor;                   /* steps per pixel */
@@ -115,6 +116,8 @@ static int match_sides(struct run *run, struct sst_volume *v, int view, int firs
     if (!count)
         return -ENODATA;
     sst_volume_fill(v, &run->desc[view], neighbours, count);
+    if (cfg->raw)
+        return sst_volume_winner(v, true, disp, confidence);
     err = sst_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
     err = err ? err : sst_sgm(v, &run->desc[view].image, cfg);
     if (!err && cfg->support_arm && cfg->support_after) {
@@ -160,7 +163,7 @@ static int match_job(void *arg, int index, int worker)
         return 0;
     err = sst_map_u16_init(&run->disp[view], run->width, run->height);
     err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
-    if (!err && run->cfg->support_arm)
+    if (!err && run->cfg->support_arm && !run->cfg->raw)
         err = sst_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
     if (!err)
         err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
@@ -171,7 +174,9 @@ static int match_job(void *arg, int index, int worker)
         memset(run->disp[view].data, 0xFF, run->disp[view].stride * (size_t)run->height);
         return 0;
     }
-    err = err ? err : sst_median5(&run->disp[view]);
+    if (err || run->cfg->raw)
+        return err;
+    err = sst_median5(&run->disp[view]);
     return err ? err : sst_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
 }
 
@@ -234,7 +239,7 @@ static int fill_job(void *arg, int view, int worker SST_UNUSED)
 static int deliver(struct run *run, int view)
 {
     struct sst_view *v = &run->lf->views[view];
-    struct sst_map_u16 *from = run->cfg->fill ? &run->filled[view] : &run->disp[view], disp = { 0 };
+    struct sst_map_u16 *from = run->fill ? &run->filled[view] : &run->disp[view], disp = { 0 };
     const struct sst_map_u8 *conf_from = &run->confidence[view];
     struct sst_map_u8 conf = { 0 };
     int err = sst_map_u16_init(&disp, run->lf->width, run->lf->height);
@@ -247,7 +252,7 @@ static int deliver(struct run *run, int view)
     for (int y = 0; y < disp.height; y++) {
         const uint16_t *in = sst_map_u16_row(from, y / run->scale);
         const uint8_t *conf_in = sst_map_u8_row(conf_from, y / run->scale);
-        const uint8_t *status = run->cfg->fill ? sst_map_u8_row(&run->status[view], y / run->scale) : NULL;
+        const uint8_t *status = run->fill ? sst_map_u8_row(&run->status[view], y / run->scale) : NULL;
 
         for (int x = 0; x < disp.width; x++) {
             const unsigned d = in[x / run->scale];
@@ -331,7 +336,7 @@ static int open_networks(struct run *run, int workers, int threads)
         return -ENOMEM;
     for (int i = 0; !err && i < workers; i++)
         err = sst_network_open(&run->nets[i], run->cfg->model, run->cfg->precision, threads / workers);
-    return err;
+    return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 
 static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
@@ -356,7 +361,7 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     }
     free(run->volumes);
     free(run->nets);
-    if (run->cfg->fill) {
+    if (run->fill) {
         err = err ? err : sst_parallel_for(views, threads, check_job, run);
         err = err ? err : sst_parallel_for(views, threads, fill_job, run);
     }
@@ -375,7 +380,7 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
 
-    *run = (struct run){ .lf = lf, .cfg = cfg, .scale = cfg->scale };
+    *run = (struct run){ .lf = lf, .cfg = cfg, .scale = cfg->scale, .fill = cfg->fill && !cfg->raw };
     run->width = (lf->width + cfg->scale - 1) / cfg->scale;
     run->height = (lf->height + cfg->scale - 1) / cfg->scale;
     run->disp_min = (int)floor(cfg->disp_min_px / cfg->scale);

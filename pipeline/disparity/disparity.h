@@ -34,6 +34,8 @@ struct sst_disparity_config {
     int support_tau;        /* largest intensity step inside an arm, 1..255 */
     int support_before, support_after; /* rounds of aggregation before and after the optimisation */
     int bilateral_tau;      /* eps_I of the bilateral filter, 1..255; 0 switches it off */
+    bool raw;               /* the cheapest disparity of each pixel as matched, to judge costs by: no aggregation,
+                               optimisation, filter or filling; what these need is ignored */
     bool fill;              /* check and fill: the result is dense */
     bool joint;             /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
     int neighbours;         /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */

@@ -34,8 +34,15 @@ struct sst_network;
 SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 
 /**
+ * Whether a network can make features of views of this size: one channel in, 64 of the same size out.
+ * @param name  of its file, for messages
+ * @return 0, -EBADMSG (logged), errors of sst_network_out_shape()
+ */
+SST_MUST_CHECK int sst_descriptor_check_network(struct sst_network *net, const char *name, int width, int height);
+
+/**
  * Luma, and census or MC-CNN features or both.
- * @param net    for features: normalised luma in, 64 unit-length channels out
+ * @param net    for features: passed sst_descriptor_check_network(); normalised luma in, 64 unit-length channels out
  * @param scale  1: img is borrowed and must outlive desc; 2: matched at half size
  */
 SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,

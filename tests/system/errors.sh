@@ -76,6 +76,8 @@ want 3 "differs in size" stereo $left small/views/01_01.png -m 9 -o bad.pfm
 want 3 "text.txt" segment $left -o bad.png --model text.txt
 want 3 "none.onnx" segment $left -o bad.png --model none.onnx
 want 3 "text.txt" stereo $left $right -m 9 --cost mccnn --mccnn-model text.txt -o bad.pfm
+[ ! -e "$root/models/pspnet-small.onnx" ] || want 3 "3 channels, not the luma" \
+  stereo $left $right -m 9 --cost mccnn --mccnn-model "$root/models/pspnet-small.onnx" -o bad.pfm
 want 3 "outside the grid" import folder good/views --grid 2x2 -o bad
 
 # damaged WORDS COMMAND...: change lf as the command does, then every reader refuses it and it stays as it is
