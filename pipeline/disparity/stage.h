@@ -45,24 +45,29 @@ void sst_descriptor_fini(struct sst_descriptor *desc);
 /** Make the census of more phases (bit p of `phases`); a descriptor without census is left alone. */
 SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases);
 
+#define SST_FEATURE_TILE 4
+
 /**
  * The bands of rows in which the matching network is run over a view: a function of the view's size alone, so that the
- * features never depend on threads. Band i keeps the rows i * kept .. (i + 1) * kept - 1 (the last one what is left) of a
- * run over `height` rows that starts at sst_feature_band_start(). Starts are multiples of SST_FEATURE_TILE: Winograd's
- * tiles lie where they lie in the whole view.
+ * features never depend on threads. Bands are of one height. Each starts `step` rows below the one before, but the last
+ * one, which ends with the view; all starts are multiples of SST_FEATURE_TILE, so Winograd's tiles lie where they lie in
+ * the whole view.
  */
 struct sst_feature_bands {
-    int count, kept, height;
+    int count, step, height;
 };
 
-#define SST_FEATURE_TILE 4
+/** Rows first .. end - 1 are kept of a run over those from start on. */
+struct sst_feature_band {
+    int start, first, end;
+};
 
 /**
  * @param rows    of the view, at least 1
  * @param radius  of the network: rows above and below that a result depends on; negative: not known, one band of all
  */
 struct sst_feature_bands sst_feature_bands(int rows, int radius);
-int sst_feature_band_start(const struct sst_feature_bands *bands, int rows, int radius, int i);
+struct sst_feature_band sst_feature_band(const struct sst_feature_bands *bands, int rows, int radius, int i);
 
 /**
  * Make the features of a descriptor that has its luma: standardised over the whole view, the network run band by band
