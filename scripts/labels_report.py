@@ -123,7 +123,8 @@ TEXT = """\
 What the networks of `models/` give through `sst segment`, on CamVid's validation part (480x360, 11 classes, void left out)
 and on simulated scenes of seeds 150 to 153 (one view of 640x480 each). Both sets were held out from training. The shipped
 temperature and epsilon_H, however, were fitted on held-out pictures, these among them. So below, what is called *fitted*
-was fitted on every other picture, and all figures of calibration and coverage are those of the **other half**.
+was fitted on the first half of the pictures (of the drive; of the seeds), and all figures of calibration and coverage are
+those of the **second half**.
 
 ## Quality
 
@@ -162,7 +163,7 @@ views. A smaller epsilon_H keeps fewer, surer labels; disparity spreads them aga
 ## Size of what the network sees
 
 `--scale` is the side of what the network sees over its nominal size (480x360 by area). By default a picture keeps its own
-pixels where that is 0.7 to 1.5, else it is resized to the nearer of the two.
+pixels where that is 1 to 1.5, else it is resized to the nearer of the two.
 
 {layouts}"""
 

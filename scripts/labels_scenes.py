@@ -122,11 +122,11 @@ def layouts(args, quality, segment, camvid_pairs, model):
     few = camvid_pairs[::4]
     for name, (width, height) in CROPS.items():
         pairs = cropped(few, f"{args.out}/crops", width, height)
-        result["crops"][name] = [[" ".join(way), quality(pairs, model, *way)] for way in ([], ["--scale", "1"], ["--scale", "1.5"])]
+        result["crops"][name] = [[" ".join(way), quality(pairs, model, *way)] for way in ([], ["--scale", "0.7"], ["--scale", "1.5"])]
     pairs = cropped(few, f"{args.out}/crops", 480, 360, (240, 180))
     pairs = [(p, lambda t=t: t()[1::2, 1::2]) for p, t in pairs]
     result["crops"]["whole, shrunk to 240x180"] = [[" ".join(way), quality(pairs, model, *way)]
-                                                   for way in ([], ["--scale", "0.5"], ["--scale", "1"])]
+                                                   for way in ([], ["--scale", "0.5"], ["--scale", "0.7"])]
     shutil.rmtree(f"{args.out}/crops")
     result["seams"] = seams(scenes(args.sst, args.out, "1000x750", (150,))[::args.every], args.out, segment, model)
     return result

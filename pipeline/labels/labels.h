@@ -71,7 +71,7 @@ void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment
  *
  * The network sees the image at its own proportions, sides multiples of 8; one of a fixed size, or with windows of fixed
  * sizes, sees it stretched to the nominal size. By default an image keeps its own pixels where their area is that of the
- * nominal working size with 0.7 to 1.5 times its sides, and is resized to the nearer of these two otherwise: objects then
+ * nominal working size with 1 to 1.5 times its sides, and is resized to the nearer of these two otherwise: objects then
  * have the sizes that networks learn (measured: docs/bench-labels.md). Windows are blended where they overlap.
  * Probabilities are brought back along the outlines of the image (upsample.h). Beyond label and entropy, memory does not grow with the image unless prob is
  * wanted. Same bytes for any number of threads.

@@ -121,8 +121,7 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 /* --- one image ------------------------------------------------------------------------------------ */
 
 #define UNIT 8 /* sides of working pictures and places of windows are multiples of it */
-#define LEAST_SCALE 0.7 /* of the sides of the nominal area, where the image's size decides: docs/bench-labels.md */
-#define MOST_SCALE 1.5
+#define MOST_SCALE 1.5 /* of the sides of the nominal area, where the image's size decides: docs/bench-labels.md */
 #define LONGEST 8 /* a strip is at most so many times longer than the longer nominal side */
 
 /* The picture that the network sees, whole or window by window, and where the windows' results go. */
@@ -138,7 +137,7 @@ static void working_size(struct working *w, const struct sst_segmenter *seg, con
 {
     const double nominal = (double)seg->info.width * seg->info.height, area = (double)img->width * img->height;
     const double longest = LONGEST * (double)sst_max_int(seg->info.width, seg->info.height);
-    const double own = sst_clamp_double(sqrt(area / nominal), LEAST_SCALE, MOST_SCALE);
+    const double own = sst_clamp_double(sqrt(area / nominal), 1, MOST_SCALE);
     const double scale = fmin((seg->cfg.scale > 0 ? seg->cfg.scale : own) * sqrt(nominal / area), longest / sst_max_int(img->width, img->height));
 
     w->width = sst_max_int(UNIT, UNIT * (int)lround(img->width * scale / UNIT));
