@@ -15,7 +15,7 @@ WITH_OPENCV ?= $(call have,opencv4)
 WITH_AVFORMAT ?= $(call have,libavformat libavcodec libavutil libswscale)
 WITH_DNNL ?= $(shell echo '\#include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
 
-PACKAGES := libpng libturbojpeg jansson $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
+PACKAGES := libpng libturbojpeg jansson yaml-0.1 $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 
 # --- flags ---------------------------------------------------------------------------------------------------------
 WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion $(if $(WERROR),-Werror)
@@ -48,7 +48,7 @@ LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 
-.PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick bench-networks install help clean format tests
+.PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick bench-networks fuzz install help clean format tests
 .SECONDARY:
 all: $(BUILD)/sst ## build the programs into build/
 
@@ -106,6 +106,23 @@ check-san: ## all tests under the address and undefined sanitizers, unit and ker
 	$(MAKE) SAN=address,undefined check-unit check-cli
 	$(MAKE) SAN=thread check-unit
 
+# libFuzzer finds inputs that crash, leak or hang; what it found is kept in build/fuzz/. Needs clang and oneDNN.
+FUZZ_SECONDS ?= 60
+FUZZERS := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
+FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/network/graph*.c pipeline/network/ops.c pipeline/network/plan*.c) \
+            pipeline/network/onnx.c pipeline/network/summary.c pipeline/network/manifest.c pipeline/network/network.c \
+            pipeline/labels/model_info.c pipeline/labels/classes.c
+build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
+	@mkdir -p $(@D)
+	@echo "  FUZZ $@"
+	@clang -g -O1 -std=c11 -D_DEFAULT_SOURCE -I. -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+	      $(filter-out -DWITH_OPENCV=%,$(DEFS)) -DWITH_OPENCV=0 $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
+fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks: FUZZ_SECONDS=60 for each of them
+	@for f in $(FUZZERS); do mkdir -p build/fuzz/corpus-$$f; \
+	  build/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=120 \
+	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \
+	done
+
 check-includes: ## headers compile alone, includes go one way
 	scripts/check_includes.sh
 
@@ -116,7 +133,8 @@ bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in bui
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
 BENCH_NETWORKS := $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features
-bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; renews docs/bench-runner.md, docs/bench-matching.md
+bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; renews docs/bench-{labels,matching,runner}.md
+	$(PYTHON) scripts/bench_labels.py --build $(BUILD)
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
 
@@ -127,7 +145,7 @@ demo: deps ## see through a simulated scene: pictures in sst-demo/
 
 install: all ## install under DESTDIR/PREFIX
 	install -Dm755 $(BUILD)/sst $(DESTDIR)$(PREFIX)/bin/sst
-	for f in models/*.onnx; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
+	for f in models/*.onnx models/manifest.json; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
 
 format: ## lay out the sources by .clang-format
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cc')

@@ -18,6 +18,7 @@ static const struct cli_command *const commands[] = {
     &cli_sweep,
     &cli_stereo,
     &cli_segment,
+    &cli_models,
     &cli_eval,
     &cli_version,
 };

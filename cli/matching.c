@@ -33,9 +33,8 @@ int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_match
     cfg->fill = cfg->fill && !m->no_fill;
     cfg->joint = cfg->joint && !m->pairs;
     cfg->threads = sst_thread_count(m->threads);
-    cfg->model = m->model;
-    if (cfg->cost & SST_COST_MCCNN && !m->model) {
-        err = sst_model_path(model_path, "mccnn-fast.onnx");
+    if (cfg->cost & SST_COST_MCCNN) {
+        err = m->model ? sst_model_resolve(model_path, m->model) : sst_model_path(model_path, "mccnn-fast.onnx");
         cfg->model = model_path;
     }
     return err;

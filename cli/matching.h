@@ -19,7 +19,7 @@ struct cli_matching {
 #define CLI_MATCHING_OPTIONS(m)                                                                                        \
     { "preset", 'p', CLI_STRING, &(m).preset, "NAME", "preview, balanced (default) or accurate", 0, 0 },               \
     { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both", 0, 0 },                              \
-    { "mccnn-model", 0, CLI_STRING, &(m).model, "FILE", "features network of the mccnn cost", 0, 0 },                  \
+    { "mccnn-model", 0, CLI_STRING, &(m).model, "NAME", "features network of the mccnn cost", 0, 0 },                  \
     { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP, 0, 0 },                                  \
     { "paths", 0, CLI_INT, &(m).paths, "N", "directions of the optimisation: 4 or 8", 4, 8 },                          \
     { "p1", 0, CLI_INT, &(m).p1, "N", "penalty of a disparity step of 1 px", 1, SST_DISPARITY_MAX_PENALTY },           \

@@ -104,7 +104,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "range-max", 0, CLI_DOUBLE, &w.range_max, "PX", "largest disparity searched", -9999, 9999 },
         { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "given label maps rr_cc.png, kept from then on", 0, 0 },
         { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "given disparities rr_cc.pfm, kept from then on", 0, 0 },
-        { "model", 0, CLI_STRING, &w.model, "FILE", "segmentation network", 0, 0 },
+        { "model", 0, CLI_STRING, &w.model, "NAME", "segmentation network: an installed one or an ONNX file", 0, 0 },
         { "no-labels", 0, CLI_FLAG, &w.no_labels, NULL, "disparity only", 0, 0 },
         { "epsilon-h", 0, CLI_DOUBLE, &cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
         { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE", "labels of the reference view, to find the threshold on", 0, 0 },
@@ -140,9 +140,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     err = err ? err : load(&lf, dir, &w, cfg.threads);
     load_time.wall_s = (double)(sst_clock_now_ns() - start) * 1e-9;
     load_time.cpu_s = (double)sst_clock_cpu_ns() * 1e-9;
-    cfg.model = w.model;
-    if (!err && !w.model && !w.no_labels && !lf.labels_given) {
-        err = sst_model_path(pspnet, "pspnet-small.onnx");
+    if (!err && (w.model || (!w.no_labels && !lf.labels_given))) {
+        err = w.model ? sst_model_resolve(pspnet, w.model) : sst_model_path(pspnet, "pspnet-small.onnx");
         cfg.model = pspnet;
     }
     if (!err) {

@@ -1,5 +1,14 @@
+/* sst segment: labels of images with one load of the network. */
+#include <dirent.h>
+#include <errno.h>
+#include <jansson.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <strings.h>
 
+#include "base/clock.h"
+#include "base/file.h"
 #include "base/log.h"
 #include "base/thread.h"
 #include "cli/cli.h"
@@ -9,10 +18,18 @@
 #include "pipeline/network/model_path.h"
 
 struct options {
-    const char *image, *precision, *model, *labels, *prob, *entropy;
+    const char *model, *precision, *output, *prob, *entropy, *scale;
     double eps_h; /* below 0: not given */
-    bool hcsm;
+    struct sst_segment_config layout;
+    bool hcsm, json;
     int threads;
+};
+
+/* Images to label. */
+struct inputs {
+    char **paths;
+    size_t count, room;
+    bool batch; /* -o, --prob and --entropy name folders */
 };
 
 struct result {
@@ -21,86 +38,323 @@ struct result {
     float *prob;
 };
 
-static int label_image(struct result *out, struct sst_segmenter *seg, const struct options *o)
-{
-    struct sst_image img = { 0 };
-    int err = sst_image_read(&img, o->image);
+/* --- which images, and where the results go -------------------------------------------------------- */
 
+static int add_path(struct inputs *in, const char *dir, const char *name)
+{
+    char path[SST_PATH_MAX];
+
+    if (sst_path_join(path, dir, name))
+        return -ENAMETOOLONG;
+    if (in->count == in->room) {
+        char **more = realloc(in->paths, (2 * in->room + 16) * sizeof(*more));
+
+        if (!more)
+            return -ENOMEM;
+        in->paths = more;
+        in->room = 2 * in->room + 16;
+    }
+    in->paths[in->count] = strdup(path);
+    return in->paths[in->count++] ? 0 : -ENOMEM;
+}
+
+static bool is_picture(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+
+    return dot && dot != name && (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
+}
+
+static int compare(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+/* The PNG and JPEG files of a folder, by name. */
+static int add_folder(struct inputs *in, const char *dir)
+{
+    const size_t first = in->count;
+    DIR *d = opendir(dir);
+    const struct dirent *entry;
+    int err = d ? 0 : -errno;
+
+    while (!err && (entry = readdir(d))) {
+        if (is_picture(entry->d_name))
+            err = add_path(in, dir, entry->d_name);
+    }
+    if (d)
+        closedir(d);
+    if (!err && in->count == first)
+        err = -ENODATA;
+    if (err)
+        sst_log_error("%s: %s; give images or a folder with PNG or JPEG files", dir,
+                      err == -ENODATA ? "no PNG or JPEG file in it" : strerror(-err));
+    else
+        qsort(in->paths + first, in->count - first, sizeof(*in->paths), compare);
+    return err;
+}
+
+/* DIR/NAME without its ending, and `ending`. */
+static int result_path(char out[SST_PATH_MAX], const char *dir, const char *image, const char *ending)
+{
+    const char *base = sst_path_base(image), *dot = strrchr(base, '.');
+    const int n = dot && dot != base ? (int)(dot - base) : (int)strlen(base);
+
+    if (snprintf(out, SST_PATH_MAX, "%s/%.*s%s", dir, n, base, ending) < SST_PATH_MAX)
+        return 0;
+    sst_log_error("%s: the path of the result in %s is too long; choose a shorter one", image, dir);
+    return -ENAMETOOLONG;
+}
+
+/* Two images of one name would overwrite each other's result. */
+static int check_names(const struct inputs *in, const char *dir)
+{
+    char **names = calloc(in->count, sizeof(*names)), path[SST_PATH_MAX];
+    int err = names ? 0 : -ENOMEM;
+
+    for (size_t i = 0; !err && i < in->count; i++) {
+        err = result_path(path, dir, in->paths[i], ".png");
+        names[i] = err ? NULL : strdup(path);
+        err = err || names[i] ? err : -ENOMEM;
+    }
     if (!err)
-        err = sst_segment(seg, &img, &out->label, &out->entropy, o->prob ? &out->prob : NULL);
-    if (!err && (o->hcsm || o->eps_h >= 0))
+        qsort(names, in->count, sizeof(*names), compare);
+    for (size_t i = 1; !err && i < in->count; i++) {
+        if (!strcmp(names[i - 1], names[i])) {
+            sst_log_error("%s would be written twice: two of the images have this name; label them one folder at a time",
+                          names[i]);
+            err = -EINVAL;
+        }
+    }
+    for (size_t i = 0; names && i < in->count; i++)
+        free(names[i]);
+    free(names);
+    return err;
+}
+
+static int find_inputs(struct inputs *in, const char *const *args, const struct options *o)
+{
+    int err = 0;
+
+    for (; *args && !err; args++) {
+        const bool folder = sst_path_is_dir(*args);
+
+        err = folder ? add_folder(in, *args) : add_path(in, *args, NULL);
+        in->batch |= folder;
+    }
+    in->batch |= in->count > 1 || sst_path_is_dir(o->output);
+    if (!err && in->batch) {
+        const char *const folders[] = { o->output, o->prob, o->entropy };
+
+        err = check_names(in, o->output);
+        for (size_t i = 0; i < ARRAY_LEN(folders) && !err; i++)
+            err = folders[i] ? sst_path_make_dir(folders[i]) : 0;
+    }
+    return err;
+}
+
+/* --- one image ------------------------------------------------------------------------------------ */
+
+static void result_fini(struct result *r)
+{
+    sst_map_u8_fini(&r->label);
+    sst_map_f32_fini(&r->entropy);
+    free(r->prob);
+    *r = (struct result){ 0 };
+}
+
+/* Now, in wall and CPU time. */
+static void clocks(double ms[2])
+{
+    ms[0] = (double)sst_clock_now_ns() * 1e-6;
+    ms[1] = (double)sst_clock_cpu_ns() * 1e-6;
+}
+
+static int label_image(struct result *out, double ms[2], struct sst_segmenter *seg, const char *path,
+                       const struct options *o)
+{
+    double end[2];
+    const bool hcsm = o->hcsm || o->eps_h >= 0;
+    struct sst_image img = { 0 };
+    int err = sst_image_read(&img, path);
+
+    clocks(ms);
+    if (!err)
+        err = sst_segment(seg, &img, &out->label, hcsm || o->entropy ? &out->entropy : NULL, o->prob ? &out->prob : NULL);
+    clocks(end);
+    for (int i = 0; i < 2; i++)
+        ms[i] = end[i] - ms[i];
+    if (!err && hcsm)
         sst_hcsm(&out->label, &out->entropy, o->eps_h >= 0 ? o->eps_h : sst_segmenter_eps_h(seg));
     sst_image_fini(&img);
     return err;
 }
 
-static int write_result(const struct result *r, const struct sst_segmenter *seg, const struct options *o)
+/* Where a result of this kind goes: the file that was named, or one in the folder that was. */
+static int place(char out[SST_PATH_MAX], const char *given, const char *image, const char *ending, bool batch)
 {
-    const size_t dims[3] = { (size_t)sst_segmenter_classes(seg)->count, (size_t)r->label.height,
-                             (size_t)r->label.width };
-    int err = 0;
-
-    if (o->prob)
-        err = sst_npy_write_f32(r->prob, dims, 3, o->prob);
-    if (!err && o->entropy)
-        err = sst_map_f32_write_pfm(&r->entropy, o->entropy);
-    return err ? err : sst_map_u8_write_png(&r->label, o->labels, sst_classes_palette());
+    return batch ? result_path(out, given, image, ending) : sst_path_join(out, given, NULL);
 }
 
-static int segment(const struct options *o)
+static int write_result(const struct result *r, int classes, const char *image, const struct options *o, bool batch)
 {
+    const size_t dims[3] = { (size_t)classes, (size_t)r->label.height, (size_t)r->label.width };
+    char path[SST_PATH_MAX];
+    int err = 0;
+
+    if (o->prob) {
+        err = place(path, o->prob, image, ".npy", batch);
+        err = err ? err : sst_npy_write_f32(r->prob, dims, 3, path);
+    }
+    if (!err && o->entropy) {
+        err = place(path, o->entropy, image, ".pfm", batch);
+        err = err ? err : sst_map_f32_write_pfm(&r->entropy, path);
+    }
+    err = err ? err : place(path, o->output, image, ".png", batch);
+    return err ? err : sst_map_u8_write_png(&r->label, path, sst_classes_palette());
+}
+
+/* What was found, in percent of the pixels. */
+static json_t *image_json(const struct sst_map_u8 *label, const struct sst_classes *classes, const char *image,
+                          const double ms[2])
+{
+    json_t *found = json_object();
+    int64_t pixels[256] = { 0 };
+
+    for (int y = 0; y < label->height; y++) {
+        const uint8_t *row = sst_map_u8_row(label, y);
+
+        for (int x = 0; x < label->width; x++)
+            pixels[row[x]]++;
+    }
+    for (int i = 0; i <= classes->count; i++) {
+        if (pixels[i])
+            json_object_set_new(found, sst_classes_name(classes, i),
+                                json_real(100.0 * (double)pixels[i] / ((double)label->width * label->height)));
+    }
+    return json_pack("{s:s, s:i, s:i, s:f, s:f, s:o}", "image", image, "width", label->width, "height", label->height,
+                     "ms", ms[0], "cpu_ms", ms[1], "percent", found);
+}
+
+/* --- all ------------------------------------------------------------------------------------------ */
+
+/* A damaged image is told and the others are labelled; a full disk or a lack of memory ends it. */
+static int label_all(json_t *list, struct sst_segmenter *seg, const struct inputs *in, const struct options *o)
+{
+    const struct sst_classes *classes = sst_segmenter_classes(seg);
+    int first = 0;
+
+    for (size_t i = 0; i < in->count; i++) {
+        struct result r = { 0 };
+        double ms[2] = { 0, 0 };
+        int err;
+
+        cli_progress((void *)(uintptr_t)"labels", (double)i / (double)in->count);
+        err = label_image(&r, ms, seg, in->paths[i], o);
+        err = err ? err : write_result(&r, classes->count, in->paths[i], o, in->batch);
+        json_array_append_new(list, err ? json_pack("{s:s, s:s}", "image", in->paths[i], "error", strerror(-err))
+                                        : image_json(&r.label, classes, in->paths[i], ms));
+        result_fini(&r);
+        first = first ? first : err;
+        if (err && cli_exit_code(err) != CLI_INPUT)
+            break;
+    }
+    cli_progress_end();
+    return first;
+}
+
+static int print_json(json_t *images, const char *model, double load_ms)
+{
+    json_t *root = json_pack("{s:s, s:f, s:O}", "model", model, "load_ms", load_ms, "images", images);
+    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
+
+    json_decref(root);
+    if (!text)
+        return -ENOMEM;
+    puts(text);
+    free(text);
+    return 0;
+}
+
+static int segment(const char *const *args, const struct options *o)
+{
+    const int64_t start_ns = sst_clock_now_ns();
     char path[SST_PATH_MAX];
     struct sst_segmenter *seg = NULL;
-    struct result r = { 0 };
+    struct inputs in = { 0 };
     enum sst_precision precision = SST_PRECISION_AUTO;
-    int err = cli_precision(&precision, o->precision);
+    json_t *images = json_array();
+    double load_ms;
+    int err = cli_precision(&precision, o->precision), told;
 
     if (!err)
-        err = o->model ? sst_path_join(path, o->model, NULL) : sst_model_path(path, "pspnet-small.onnx");
-
+        err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
     if (!err)
         err = sst_segmenter_open(&seg, path, precision, sst_thread_count(o->threads));
+    load_ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
     if (!err)
-        err = label_image(&r, seg, o);
-    if (!err)
-        err = write_result(&r, seg, o);
-    sst_map_u8_fini(&r.label);
-    sst_map_f32_fini(&r.entropy);
-    free(r.prob);
+        err = find_inputs(&in, args, o);
+    if (!err) {
+        sst_segmenter_configure(seg, &o->layout);
+        err = label_all(images, seg, &in, o);
+        told = o->json ? print_json(images, path, load_ms) : 0;
+        err = err ? err : told;
+    }
+    json_decref(images);
+    for (size_t i = 0; i < in.count; i++)
+        free(in.paths[i]);
+    free(in.paths);
     sst_segmenter_close(seg);
     return err;
+}
+
+static int read_scale(const struct cli_command *cmd, struct options *o)
+{
+    char *end;
+
+    if (!o->scale || !strcmp(o->scale, "auto"))
+        return CLI_GO_ON;
+    o->layout.scale = strtod(o->scale, &end);
+    if (end == o->scale || *end || !(o->layout.scale >= 0.1 && o->layout.scale <= 16))
+        return cli_usage_error(cmd, "--scale %s is neither auto nor a number in 0.1..16", o->scale);
+    return CLI_GO_ON;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct options o = { .eps_h = -1 };
+    const char **args = calloc((size_t)argc + 1, sizeof(*args));
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.labels, "FILE", "labels as an indexed PNG: class index + 1, 0 = unlabeled", 0,
-          0 },
-        { "model", 'm', CLI_STRING, &o.model, "FILE", "ONNX network (default: the one that ships)", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled", 0, 0 },
+        { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file", 0, 0 },
         { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP, 0, 0 },
-        { "prob", 0, CLI_STRING, &o.prob, "FILE", "write the probabilities as .npy [class][y][x]", 0, 0 },
-        { "entropy", 0, CLI_STRING, &o.entropy, "FILE", "write the entropy as .pfm", 0, 0 },
+        { "prob", 0, CLI_STRING, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]", 0, 0 },
+        { "entropy", 0, CLI_STRING, &o.entropy, "FILE|DIR", "write the entropy as .pfm", 0, 0 },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold", 0, 0 },
         { "epsilon-h", 0, CLI_DOUBLE, &o.eps_h, "V", "drop labels whose entropy is not below V", 0, 1e9 },
+        { "scale", 0, CLI_STRING, &o.scale, "S", "size of what the network sees: auto, or 1 = its own size", 0, 0 },
+        { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's own size", 0, 0 },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print one JSON object: time and classes of each image", 0, 0 },
         { "threads", 't', CLI_INT, &o.threads, "N", "threads (0: all processors)", 0, 256 },
     };
-    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &o.image, 1, 1);
+    int r = args ? cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 1, argc) : CLI_MEMORY;
 
-    if (r != CLI_GO_ON)
-        return r;
-    if (!o.labels)
-        return cli_usage_error(cmd, "-o FILE is missing");
-    return cli_exit_code(segment(&o));
+    if (r == CLI_GO_ON)
+        r = o.output ? read_scale(cmd, &o) : cli_usage_error(cmd, "-o FILE or -o DIR is missing");
+    if (r == CLI_GO_ON)
+        r = cli_exit_code(segment(args, &o));
+    free(args);
+    return r;
 }
 
 const struct cli_command cli_segment = {
     .name = "segment",
-    .usage = "IMAGE -o labels.png [--model FILE] [--hcsm | --epsilon-h V]",
-    .summary = "semantic labels of one image",
-    .detail = "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose "
-              "label\n"
+    .usage = "IMAGE... -o labels.png|DIR [--model NAME] [--hcsm | --epsilon-h V]",
+    .summary = "semantic labels of images",
+    .detail = "One IMAGE and a file: its labels. Several, or folders of PNG and JPEG files: NAME.png in DIR for each, and\n"
+              "--prob and --entropy name folders, too. A damaged image is told and left out.\n"
+              "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose label\n"
               "distribution has an entropy (natural log) at or above the threshold stay unlabeled.",
-    .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy",
+    .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy\n  sst segment photos -o labels --json",
     .run = run,
 };

@@ -6,6 +6,8 @@ import torch.nn as nn
 import torch.nn.functional as F
 from onnx import TensorProto, helper, numpy_helper
 
+import manifest
+
 OPSET = 13
 PRODUCER = "sst models"
 
@@ -55,6 +57,7 @@ class GraphWriter:
         onnx.checker.check_model(model)
         with open(path, "wb") as f:
             f.write(model.SerializeToString())
+        manifest.renew(path)
 
 
 def write_mccnn(path: str, convs: list[nn.Conv2d]) -> None:

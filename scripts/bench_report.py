@@ -105,11 +105,16 @@ def chart(out, name, title, labels, groups, command, log_y=False):
                   f"$g{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle"]
     for method in dict.fromkeys(p[0] for p in points):
         plots.append(f"keyentry with points pt {SYMBOLS[method]} ps 1.4 lw 2 lc rgb '#444444' title \"{method}\"")
+    return draw(out, name, lines + ["plot " + ", \\\n".join(plots)])
+
+
+def draw(out, name, lines):
+    """What gnuplot's commands draw, as OUT/NAME.svg and .png. Returns both paths."""
     made = []
     for kind, terminal in (("svg", 'svg size 860,520 font "sans,12" background "#ffffff"'),
                            ("png", 'pngcairo size 1290,780 font "sans,12" fontscale 1.4 background "#ffffff"')):
         made.append(f"{out}/{name}.{kind}")
-        script = [f"set terminal {terminal}", f"set output '{made[-1]}'"] + lines + ["plot " + ", \\\n".join(plots)]
+        script = [f"set terminal {terminal}", f"set output '{made[-1]}'"] + lines
         subprocess.run(["gnuplot"], input="\n".join(script) + "\n", text=True, check=True)
     return made
 

@@ -10,6 +10,7 @@ deny() { # folder, regex of includes it must not have
   fi
 }
 deny base 'config|drivers|pipeline|daemon|cli|simulators'
+deny config 'drivers|pipeline|daemon|cli|simulators'
 deny pipeline 'drivers|daemon|cli|simulators'
 deny drivers 'pipeline|daemon|cli|simulators'
 deny simulators 'daemon|cli|drivers'

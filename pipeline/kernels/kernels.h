@@ -35,7 +35,9 @@ enum sst_cpu_level {
     X(bilateral_row)                                                                                                   \
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
-    X(blend_finish)
+    X(blend_finish)                                                                                                    \
+    X(guide_cells)                                                                                                     \
+    X(class_row)
 
 /* --- disparity (pipeline/disparity/) --- */
 
@@ -173,6 +175,44 @@ typedef void sst_blend_plain_fn(float *const acc[4], const struct sst_blend *b, 
 
 /** out = sum / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 weight but for rounding. */
 typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *weight, size_t n);
+
+/* --- labels (pipeline/labels/) --- */
+
+#define SST_GUIDE_CELLS 16 /* at most */
+#define SST_GUIDE_VALUES 8
+
+/** Pixels of one row between the same columns and rows of a coarse grid, and the cells around. */
+struct sst_guide {
+    size_t cells, values;               /* values of a cell: a multiple of SST_GUIDE_VALUES */
+    const float *cell[SST_GUIDE_CELLS]; /* [values] each */
+    float colour[3][SST_GUIDE_CELLS];   /* mean R, G, B of the image under each cell, 0..255 */
+    float down[SST_GUIDE_CELLS];        /* weight of each cell by its vertical distance, above 0 */
+    const float *across;                /* [n][SST_GUIDE_CELLS] by its horizontal one, of each pixel */
+    const uint8_t *pixel[3];            /* [n] R, G, B */
+};
+#define SST_GUIDE_SIGMA 20.0f   /* levels */
+#define SST_GUIDE_FLOOR 1e-3f   /* of the weight of colours: a pixel unlike all cells goes by their distance */
+
+/**
+ * Joint bilateral interpolation (Kopf et al. 2007): out[x][v] = sum over the cells of w cell[v],
+ * w = across down (exp(-|pixel - colour|^2 / (2 sigma^2)) + floor); not divided by the sum of weights. The exponential is
+ * sst_exp_neg(), its argument clamped to SST_EXP_NEG_MAX.
+ *
+ * @param out  [n][values]
+ */
+typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n);
+
+/**
+ * Most probable class of n pixels, ties to the smaller one, and the entropy of their distributions:
+ * H = -sum over the other classes of p log p - (1 - r) log(1 - r) with r the sum of the others, so that entropies near 0
+ * keep their digits. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings.
+ *
+ * @param top      out [n]
+ * @param entropy  out [n], 0 or more; or NULL
+ * @param p        in [count][stride], p >= 0; n at most SST_CLASS_ROW_MAX
+ */
+typedef void sst_class_row_fn(uint8_t *top, float *entropy, const float *p, size_t stride, size_t count, size_t n);
+#define SST_CLASS_ROW_MAX 128
 
 struct sst_kernels {
 #define X(name) sst_##name##_fn *name;

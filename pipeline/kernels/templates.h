@@ -10,6 +10,8 @@
 #include "pipeline/kernels/winner_tmpl.h"
 #include "pipeline/kernels/blend_finish_tmpl.h"
 #include "pipeline/kernels/blend_tmpl.h"
+#include "pipeline/kernels/class_row_tmpl.h"
+#include "pipeline/kernels/guide_cells_tmpl.h"
 
 void KERNEL(sst_kernels_fill)(struct sst_kernels *k);
 

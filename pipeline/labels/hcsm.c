@@ -6,52 +6,6 @@
 #include "base/log.h"
 #include "pipeline/labels/labels.h"
 
-/* Near-certain pixels: p = 1 - s, with s the sum of the others, and log p = log1p(-s) keeps the digits that p has lost.
- */
-float sst_entropy(const float *p, int count)
-{
-    double rest = 0, h = 0;
-    int top = 0;
-
-    for (int i = 0; i < count; i++) {
-        if (!(p[i] >= 0 && p[i] <= 2)) /* far above 1: not a probability */
-            return INFINITY;
-        if (p[i] > p[top])
-            top = i;
-    }
-    for (int i = 0; i < count; i++) {
-        if (i == top || p[i] == 0)
-            continue;
-        rest += p[i];
-        h -= (double)p[i] * (double)logf(p[i]);
-    }
-    h -= rest < 0.5 ? (1 - rest) * log1p(-rest) : p[top] > 0 ? (double)p[top] * (double)logf(p[top]) : 0;
-    return (float)sst_clamp_double(h, 0, log(count));
-}
-
-void sst_labels_from_prob(struct sst_map_u8 *label, struct sst_map_f32 *entropy, const float *prob, int count)
-{
-    const size_t plane = (size_t)label->width * (size_t)label->height;
-    float p[SST_MAX_CLASSES];
-
-    for (int y = 0; y < label->height; y++) {
-        for (int x = 0; x < label->width; x++) {
-            int top = 0;
-            float h;
-
-            for (int c = 0; c < count; c++) {
-                p[c] = prob[(size_t)c * plane + (size_t)y * (size_t)label->width + (size_t)x];
-                if (p[c] > p[top])
-                    top = c;
-            }
-            h = sst_entropy(p, count);
-            sst_map_u8_row(label, y)[x] = isfinite(h) ? (uint8_t)(top + 1) : SST_LABEL_NONE;
-            if (entropy)
-                sst_map_f32_row(entropy, y)[x] = h;
-        }
-    }
-}
-
 void sst_hcsm(struct sst_map_u8 *label, const struct sst_map_f32 *entropy, double eps_h)
 {
     for (int y = 0; y < label->height; y++) {

@@ -8,24 +8,6 @@
 
 SST_EXTERN_C_BEGIN
 
-/**
- * H = -sum p log p, natural log, 0 log 0 = 0 (DESIGN 5.1). In 0 .. log(count); for near-certain pixels the largest p is
- * taken as 1 - (sum of the others), so that entropies down to 1e-38 stay apart.
- *
- * @param p  [count], >= 0, sum 1; where one is NaN, negative or above 2 the result is INFINITY, which no threshold
- * keeps
- */
-float sst_entropy(const float *p, int count);
-
-/**
- * Map of labels and entropy from per-class probabilities.
- *
- * @param label    out: argmax + 1, ties to the smaller class; SST_LABEL_NONE where the entropy is infinite
- * @param entropy  out, or NULL
- * @param prob     in [count][height][width]
- */
-void sst_labels_from_prob(struct sst_map_u8 *label, struct sst_map_f32 *entropy, const float *prob, int count);
-
 /** Keep a label where entropy < eps_h, else SST_LABEL_NONE. Thread: any. In place. */
 void sst_hcsm(struct sst_map_u8 *label, const struct sst_map_f32 *entropy, double eps_h);
 
@@ -53,29 +35,45 @@ SST_MUST_CHECK int sst_epsilon_search(struct sst_epsilon_result *out, const stru
 struct sst_segmenter; /* a segmentation network with its class list; one thread at a time */
 
 /**
- * @param model    ONNX path of a network from 3 channels to one per class. Its metadata: sst.classes and sst.ground
- *                 (comma-separated names; ground may be missing), sst.mean and sst.std (three numbers for R, G, B in
- * 0..1; 0 and 1), sst.size (WxH of the nominal working size; 480x360), sst.epsilon_h (infinite), sst.temperature
- * (divides the logits; 1), sst.output (logits or probabilities; logits).
+ * @param model    ONNX path of a network from 1 (luma) or 3 channels to one per class, described by its metadata or by a
+ *                 YAML file beside it (pipeline/labels/model_info.h).
  * @param precision  of the network, see sst_network_open()
  * @param threads  at least 1
- * @return 0, -EBADMSG (also: metadata that do not fit), -ENOMEM and what sst_network_open() returns; logged.
+ * @return 0, -EBADMSG (also: a description that is missing or does not fit), -ENOMEM and what sst_network_open() returns; logged.
  */
 SST_MUST_CHECK int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_precision precision,
                                       int threads);
 void sst_segmenter_close(struct sst_segmenter *seg);
 
+struct sst_model_info;
+
+struct sst_network;
+
+/** What the network says of itself, and the network. Owner: seg. */
+const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg);
+struct sst_network *sst_segmenter_network(const struct sst_segmenter *seg);
 const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg);
 
 /** Default entropy threshold that the model carries. */
 double sst_segmenter_eps_h(const struct sst_segmenter *seg);
 
+/** How images meet the network. Zeroed: the default. */
+struct sst_segment_config {
+    double scale;     /* sides of what the network sees over those of the nominal working size; 0: by the image's size */
+    bool windows;     /* overlapping windows of the nominal size instead of one run */
+};
+
+/** For all images from now on. @param cfg  scale 0 or 0.1 .. 16 */
+void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment_config *cfg);
+
 /**
  * Label one image.
  *
- * The network sees the image at its own proportions with the area of the nominal working size, sides multiples of 8;
- * one with windows of fixed sizes sees it stretched to the nominal size. Its probabilities (softmax first) are brought
- * back bilinearly and normalised again. Beyond label and entropy, memory does not grow with the image unless prob is
+ * The network sees the image at its own proportions, sides multiples of 8; one of a fixed size, or with windows of fixed
+ * sizes, sees it stretched to the nominal size. By default an image keeps its own pixels where their area is that of the
+ * nominal working size with 0.7 to 1.5 times its sides, and is resized to the nearer of these two otherwise: objects then
+ * have the sizes that networks learn (measured: docs/bench-labels.md). Windows are blended where they overlap.
+ * Probabilities are brought back along the outlines of the image (upsample.h). Beyond label and entropy, memory does not grow with the image unless prob is
  * wanted. Same bytes for any number of threads.
  *
  * @param label, entropy  out, initialised here, of the image's size; entropy may be NULL

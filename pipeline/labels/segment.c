@@ -1,9 +1,7 @@
-/* Image -> working size -> network -> probabilities at the network's resolution -> labels and entropy at the image's
- * size. The last step goes pixel by pixel, so that the probabilities of a large image exist only where the caller wants
- * them. */
+/* Image -> working size -> network, whole or in windows -> probabilities at the network's resolution -> labels and
+ * entropy at the image's size (upsample.c). */
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,168 +9,52 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/labels/labels.h"
+#include "pipeline/labels/model_info.h"
 #include "pipeline/labels/resample.h"
-#include "pipeline/network/network.h"
+#include "pipeline/labels/tiles.h"
+#include "pipeline/labels/upsample.h"
 
 struct sst_segmenter {
     struct sst_network *net;
     char *path;
     int threads;
-    struct sst_classes classes;
-    double mean[3], std[3], eps_h, temperature;
-    int width, height; /* nominal working size */
-    bool probabilities;
+    struct sst_model_info info;
+    struct sst_segment_config cfg;
 };
 
-/* --- metadata ------------------------------------------------------------------------------------- */
-
-static int bad_metadata(const struct sst_segmenter *seg, const char *key, const char *want)
+/* An output that covers the image must have its proportions, and a size between a 64th and 8 times its own. */
+static bool covers(int width, int height, int out_width, int out_height)
 {
-    const char *value = sst_network_metadata(seg->net, key);
-    char shown[80];
+    const double x = (double)out_width / width, y = (double)out_height / height;
 
-    snprintf(shown, sizeof(shown), "%s", value ? value : "missing");
-    for (char *p = shown; *p; p++)
-        *p = (unsigned char)*p < ' ' ? '?' : *p; /* the file may come from anywhere */
-    sst_log_error(
-        "model %s: its metadata %s is %s; it must be %s: use a segmentation network exported for this program",
-        seg->path, key, shown, want);
-    return -EBADMSG;
-}
-
-/* Exactly n numbers from min to max, separated by commas or blanks; a missing entry leaves the default. */
-static int read_numbers(struct sst_segmenter *seg, const char *key, double *out, int n, double min, double max,
-                        const char *want)
-{
-    const char *text = sst_network_metadata(seg->net, key);
-
-    if (!text)
-        return 0;
-    for (int i = 0; i < n; i++) {
-        char *end;
-        const double v = strtod(text, &end);
-
-        if (end == text || !(v >= min && v <= max))
-            return bad_metadata(seg, key, want);
-        out[i] = v;
-        text = end + strspn(end, ", ");
-    }
-    return *text ? bad_metadata(seg, key, want) : 0;
-}
-
-/* The next name of a comma-separated list without the blanks around it: its length, or 0 at the end or where it is
- * empty. */
-static size_t next_name(const char **list, const char **name)
-{
-    size_t n;
-
-    *list += strspn(*list, " ");
-    *name = *list;
-    n = strcspn(*list, ",");
-    *list += n + ((*list)[n] == ',');
-    while (n && (*name)[n - 1] == ' ')
-        n--;
-    return n;
-}
-
-static int read_classes(struct sst_segmenter *seg)
-{
-    const char *key = "sst.classes", *list = sst_network_metadata(seg->net, key), *name;
-    struct sst_classes *c = &seg->classes;
-
-    if (!list || !*list)
-        return bad_metadata(seg, key, "the comma-separated names of the classes");
-    while (*list) {
-        const size_t n = next_name(&list, &name);
-
-        if (!n || n >= SST_CLASS_NAME_MAX || c->count == SST_MAX_CLASSES)
-            return bad_metadata(seg, key, "at most 64 names of 1 to 31 characters");
-        memcpy(c->names[c->count], name, n);
-        if (sst_classes_find(c, c->names[c->count]))
-            return bad_metadata(seg, key, "a list of different names");
-        c->count++;
-    }
-    return 0;
-}
-
-static int read_ground(struct sst_segmenter *seg)
-{
-    const char *key = "sst.ground", *list = sst_network_metadata(seg->net, key), *name;
-
-    while (list && *list) {
-        const size_t n = next_name(&list, &name);
-        char text[SST_CLASS_NAME_MAX] = "";
-        int label = 0;
-
-        if (n && n < sizeof(text)) {
-            memcpy(text, name, n);
-            label = sst_classes_find(&seg->classes, text);
-        }
-        if (!label)
-            return bad_metadata(seg, key, "a list of names from sst.classes");
-        seg->classes.ground[label - 1] = true;
-    }
-    return 0;
-}
-
-static int read_size(struct sst_segmenter *seg)
-{
-    const char *key = "sst.size", *text = sst_network_metadata(seg->net, key);
-    int n = 0;
-
-    if (!text)
-        return 0;
-    if (sscanf(text, "%5dx%5d%n", &seg->width, &seg->height, &n) != 2 || text[n] || seg->width < 8 || seg->height < 8 ||
-        seg->width > 8192 || seg->height > 8192)
-        return bad_metadata(seg, key, "WxH with sides of 8..8192");
-    return 0;
-}
-
-static int read_output(struct sst_segmenter *seg)
-{
-    const char *key = "sst.output", *text = sst_network_metadata(seg->net, key);
-
-    seg->probabilities = text && !strcmp(text, "probabilities");
-    if (text && !seg->probabilities && strcmp(text, "logits") != 0)
-        return bad_metadata(seg, key, "logits or probabilities");
-    return 0;
-}
-
-static int read_metadata(struct sst_segmenter *seg)
-{
-    int err = read_classes(seg);
-
-    if (!err)
-        err = read_ground(seg);
-    if (!err)
-        err = read_numbers(seg, "sst.mean", seg->mean, 3, -10, 10, "three numbers in -10..10");
-    if (!err)
-        err = read_numbers(seg, "sst.std", seg->std, 3, 1e-3, 1e3, "three numbers in 0.001..1000");
-    if (!err)
-        err = read_numbers(seg, "sst.epsilon_h", &seg->eps_h, 1, 0, HUGE_VAL, "one number, 0 or more");
-    if (!err)
-        err = read_numbers(seg, "sst.temperature", &seg->temperature, 1, 1e-3, 1e3, "one number in 0.001..1000");
-    if (!err)
-        err = read_size(seg);
-    return err ? err : read_output(seg);
+    return fabs(x - y) <= 3.0 / sst_min_int(width, height) && x >= 1.0 / 64 && x <= 8 && y >= 1.0 / 64;
 }
 
 /* A network for other pictures, or with another number of classes, is told at once and not at the first image. */
 static int check_shape(struct sst_segmenter *seg)
 {
+    const struct sst_model_info *info = &seg->info;
+    const int in = sst_network_in_channels(seg->net);
     int c, w, h, err;
 
-    if (sst_network_in_channels(seg->net) != 3) {
-        sst_log_error("model %s takes %d channels, not the 3 of a colour image; use a segmentation network", seg->path,
-                      sst_network_in_channels(seg->net));
+    if (in != 3 && in != 1) {
+        sst_log_error("model %s takes %d channels, neither the 3 of a colour image nor 1 of a grey one; use a"
+                      " segmentation network",
+                      seg->path, in);
         return -EBADMSG;
     }
-    err = sst_network_out_shape(seg->net, seg->width, seg->height, &c, &w, &h);
+    err = sst_network_out_shape(seg->net, info->width, info->height, &c, &w, &h);
     if (err)
         return err == -EINVAL ? -EBADMSG : err;
-    if (c != seg->classes.count) {
-        sst_log_error("model %s gives %d channels for the %d classes that its metadata lists; export it again",
-                      seg->path, c, seg->classes.count);
+    if (c != info->channels) {
+        sst_log_error("model %s gives %d channels for the %d classes that its description lists; correct the list",
+                      seg->path, c, info->channels);
+        return -EBADMSG;
+    }
+    if (!covers(info->width, info->height, w, h)) {
+        sst_log_error("model %s gives %dx%d results for an image of %dx%d, which are no labels of its pixels; use a"
+                      " segmentation network",
+                      seg->path, w, h, info->width, info->height);
         return -EBADMSG;
     }
     return 0;
@@ -188,16 +70,11 @@ int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_p
     *seg = (struct sst_segmenter){
         .path = strdup(model),
         .threads = threads,
-        .std = { 1, 1, 1 },
-        .eps_h = INFINITY,
-        .temperature = 1,
-        .width = 480,
-        .height = 360,
     };
     if (seg->path)
         err = sst_network_open(&seg->net, model, precision, threads);
     if (!err)
-        err = read_metadata(seg);
+        err = sst_model_info_read(&seg->info, seg->net, model);
     if (!err)
         err = check_shape(seg);
     if (err)
@@ -216,158 +93,229 @@ void sst_segmenter_close(struct sst_segmenter *seg)
     free(seg);
 }
 
+const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg)
+{
+    return &seg->info;
+}
+
+struct sst_network *sst_segmenter_network(const struct sst_segmenter *seg)
+{
+    return seg->net;
+}
+
 const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg)
 {
-    return &seg->classes;
+    return &seg->info.classes;
+}
+
+void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment_config *cfg)
+{
+    seg->cfg = *cfg;
 }
 
 double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 {
-    return seg->eps_h;
+    return seg->info.eps_h;
 }
 
 /* --- one image ------------------------------------------------------------------------------------ */
 
-/* A side of the working size: the image's proportions, the nominal area, multiples of 8; a strip is cut at four times
- * the longer nominal side. */
-static int working_side(const struct sst_segmenter *seg, const struct sst_image *img, int side)
-{
-    const double scale = sqrt((double)seg->width * seg->height / ((double)img->width * img->height));
+#define UNIT 8 /* sides of working pictures and places of windows are multiples of it */
+#define LEAST_SCALE 0.7 /* of the sides of the nominal area, where the image's size decides: docs/bench-labels.md */
+#define MOST_SCALE 1.5
+#define LONGEST 8 /* a strip is at most so many times longer than the longer nominal side */
 
-    return (int)sst_clamp_double(8 * round(side * scale / 8), 8, 4 * sst_max_int(seg->width, seg->height) / 8 * 8);
+/* The picture that the network sees, whole or window by window, and where the windows' results go. */
+struct working {
+    int width, height;             /* pixels */
+    int window_width, window_height, out_width, out_height; /* of a window and of the network's result for it */
+    struct sst_tiles across, down; /* windows in cells of the result */
+    float *picture, *window, *out; /* [3][height][width], the part that a window sees, its result */
+};
+
+/* Sides at the image's proportions: `scale` times those of the nominal area. */
+static void working_size(struct working *w, const struct sst_segmenter *seg, const struct sst_image *img)
+{
+    const double nominal = (double)seg->info.width * seg->info.height, area = (double)img->width * img->height;
+    const double longest = LONGEST * (double)sst_max_int(seg->info.width, seg->info.height);
+    const double own = sst_clamp_double(sqrt(area / nominal), LEAST_SCALE, MOST_SCALE);
+    const double scale = fmin((seg->cfg.scale > 0 ? seg->cfg.scale : own) * sqrt(nominal / area), longest / sst_max_int(img->width, img->height));
+
+    w->width = sst_max_int(UNIT, UNIT * (int)lround(img->width * scale / UNIT));
+    w->height = sst_max_int(UNIT, UNIT * (int)lround(img->height * scale / UNIT));
+    if (seg->info.fixed_size || !sst_network_accepts(seg->net, w->width, w->height)) {
+        w->width = seg->info.width;
+        w->height = seg->info.height;
+    }
+}
+
+/* Windows of the nominal size. They need results whose cells are 1, 2, 4 or 8 pixels wide. */
+static int plan_windows(struct working *w, struct sst_segmenter *seg)
+{
+    const int width = sst_min_int(w->width, seg->info.width / UNIT * UNIT);
+    const int height = sst_min_int(w->height, seg->info.height / UNIT * UNIT);
+    int channels, x, y, err = sst_network_out_shape(seg->net, width, height, &channels, &x, &y);
+
+    if (err)
+        return err;
+    if (UNIT * x % width || UNIT * y % height || seg->info.fixed_size) {
+        sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is taken whole", seg->path,
+                        width, height, x, y);
+        return 0;
+    }
+    w->window_width = width;
+    w->window_height = height;
+    w->out_width = x;
+    w->out_height = y;
+    w->across = sst_tiles_plan(w->width / UNIT * (UNIT * x / width), x, UNIT * x / width);
+    w->down = sst_tiles_plan(w->height / UNIT * (UNIT * y / height), y, UNIT * y / height);
+    return 0;
+}
+
+static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_image *img)
+{
+    int channels, err;
+
+    working_size(w, seg, img);
+    if (seg->cfg.windows) {
+        err = plan_windows(w, seg);
+        if (err || w->across.count)
+            return err;
+    }
+    w->window_width = w->width;
+    w->window_height = w->height;
+    err = sst_network_out_shape(seg->net, w->width, w->height, &channels, &w->out_width, &w->out_height);
+    w->across = sst_tiles_plan(w->out_width, w->out_width, 1);
+    w->down = sst_tiles_plan(w->out_height, w->out_height, 1);
+    return err;
 }
 
 /* Logits or unnormalised probabilities of one pixel become probabilities; false if they cannot. */
-static bool to_probabilities(float *p, int count, const struct sst_segmenter *seg)
+static bool to_probabilities(float *p, const struct sst_segmenter *seg)
 {
+    const struct sst_model_info *info = &seg->info;
     double max = -INFINITY, sum = 0;
 
-    for (int c = 0; c < count; c++) {
-        if (!isfinite(p[c]) || (seg->probabilities && p[c] < 0))
+    for (int c = 0; c < info->channels; c++) {
+        if (!isfinite(p[c]) || (info->probabilities && p[c] < 0))
             return false;
         max = p[c] > max ? p[c] : max;
     }
-    for (int c = 0; c < count; c++) {
-        if (!seg->probabilities)
-            p[c] = expf((float)((p[c] - max) / seg->temperature));
+    for (int c = 0; c < info->channels; c++) {
+        if (!info->probabilities)
+            p[c] = expf((float)((p[c] - max) / info->temperature));
         sum += p[c];
     }
     if (!(sum > 0))
         return false;
-    for (int c = 0; c < count; c++)
+    for (int c = 0; c < info->channels; c++)
         p[c] = (float)(p[c] / sum);
     return true;
 }
 
-struct upsample {
-    const struct sst_segmenter *seg;
-    const float *small; /* [h][w][count] probabilities */
-    int w, h, count;
-    struct sst_map_u8 *label;
-    struct sst_map_f32 *entropy; /* or NULL */
-    float *prob;                 /* [count][height][width] or NULL */
-    float *rows;                 /* [worker][w][count] */
-};
-
-/* Half-pixel centres: lower neighbour of output i among `from` samples, and the way to the next. */
-static int neighbour(int i, int from, int to, float *part)
+/* The network's result for window (i, j) into the grid, weighted: probabilities of channels that are one class add up. */
+static int add_window(struct sst_class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
 {
-    const double at = sst_clamp_double((i + 0.5) * from / to - 0.5, 0, from - 1);
-    const int lo = sst_max_int(sst_min_int((int)at, from - 2), 0);
+    const size_t plane = (size_t)w->out_width * (size_t)w->out_height;
+    const int x0 = sst_tiles_start(&w->across, i), y0 = sst_tiles_start(&w->down, j);
+    float p[SST_MODEL_MAX_CHANNELS];
 
-    *part = (float)(at - lo);
-    return lo;
-}
+    for (int y = 0; y < w->out_height; y++) {
+        const float down = sst_tiles_weight(&w->down, j, y);
+        float *row = grid->cell + ((size_t)(y0 + y) * (size_t)grid->width + (size_t)x0) * grid->values;
 
-static void store_pixel(const struct upsample *u, const float *p, int x, int y)
-{
-    const size_t plane = (size_t)u->label->width * (size_t)u->label->height;
-    int top = 0;
+        for (int x = 0; x < w->out_width; x++) {
+            const float weight = down * sst_tiles_weight(&w->across, i, x);
 
-    for (int c = 1; c < u->count; c++)
-        top = p[c] > p[top] ? c : top;
-    sst_map_u8_row(u->label, y)[x] = (uint8_t)(top + 1);
-    if (u->entropy)
-        sst_map_f32_row(u->entropy, y)[x] = sst_entropy(p, u->count);
-    for (int c = 0; u->prob && c < u->count; c++)
-        u->prob[(size_t)c * plane + (size_t)y * (size_t)u->label->width + (size_t)x] = p[c];
-}
-
-static int upsample_row(void *arg, int y, int worker)
-{
-    const struct upsample *u = arg;
-    const size_t n = (size_t)u->w * (size_t)u->count;
-    float *row = u->rows + (size_t)worker * n, part;
-    const int y0 = neighbour(y, u->h, u->label->height, &part);
-    const float *a = u->small + (size_t)y0 * n, *b = u->h > 1 ? a + n : a;
-
-    for (size_t i = 0; i < n; i++)
-        row[i] = a[i] + part * (b[i] - a[i]);
-    for (int x = 0; x < u->label->width; x++) {
-        const int x0 = neighbour(x, u->w, u->label->width, &part);
-        const float *l = row + (size_t)x0 * (size_t)u->count, *r = u->w > 1 ? l + u->count : l;
-        float p[SST_MAX_CLASSES], sum = 0;
-
-        for (int c = 0; c < u->count; c++) {
-            p[c] = l[c] + part * (r[c] - l[c]);
-            sum += p[c];
-        }
-        for (int c = 0; c < u->count; c++)
-            p[c] /= sum;
-        store_pixel(u, p, x, y);
-    }
-    return 0;
-}
-
-/* [count][h][w] network output to [h][w][count] probabilities. */
-static int interleave(float *small, const float *out, int count, int h, int w, const struct sst_segmenter *seg)
-{
-    const size_t plane = (size_t)h * (size_t)w;
-
-    for (size_t i = 0; i < plane; i++) {
-        float *p = small + i * (size_t)count;
-
-        for (int c = 0; c < count; c++)
-            p[c] = out[(size_t)c * plane + i];
-        if (!to_probabilities(p, count, seg)) {
-            sst_log_error(
-                "model %s: its output at (%d, %d) is no probability (NaN, infinite or negative); use another model",
-                seg->path, (int)(i % (size_t)w), (int)(i / (size_t)w));
-            return -EBADMSG;
+            for (int c = 0; c < seg->info.channels; c++)
+                p[c] = w->out[(size_t)c * plane + (size_t)y * (size_t)w->out_width + (size_t)x];
+            if (!to_probabilities(p, seg)) {
+                sst_log_error("model %s: its output at (%d, %d) is no probability (NaN, infinite or negative); use"
+                              " another model",
+                              seg->path, x0 + x, y0 + y);
+                return -EBADMSG;
+            }
+            for (int c = 0; c < seg->info.channels; c++)
+                row[(size_t)x * grid->values + seg->info.class_of[c]] += weight * p[c];
         }
     }
     return 0;
 }
 
-/* Probabilities at the network's resolution, in u->small. */
-static int run_network(struct sst_segmenter *seg, const struct sst_image *img, struct upsample *u)
+/* The image as the network wants it; a grey one is the luma of the three planes, each brought to the same mean. */
+static int make_input(float *in, int width, int height, const struct sst_image *img, const struct sst_segmenter *seg)
 {
-    int width = working_side(seg, img, img->width), height = working_side(seg, img, img->height), err;
-    float *in, *out, *small;
+    const struct sst_model_info *info = &seg->info;
+    const size_t plane = (size_t)width * (size_t)height;
+    const bool grey = sst_network_in_channels(seg->net) == 1;
+    const double mean[3] = { info->mean[0], info->mean[grey ? 0 : 1], info->mean[grey ? 0 : 2] };
+    const double std[3] = { info->std[0], info->std[grey ? 0 : 1], info->std[grey ? 0 : 2] };
+    struct sst_image swapped = *img;
+    int err;
 
-    if (!sst_network_accepts(seg->net, width, height)) {
-        width = seg->width;
-        height = seg->height;
+    if (info->bgr && !grey) {
+        swapped.plane[0] = img->plane[2];
+        swapped.plane[2] = img->plane[0];
     }
-    err = sst_network_out_shape(seg->net, width, height, &u->count, &u->w, &u->h);
+    err = sst_resample(in, width, height, &swapped, mean, std, seg->threads);
+    for (size_t i = 0; !err && grey && i < plane; i++)
+        in[i] = 0.299f * in[i] + 0.587f * in[plane + i] + 0.114f * in[2 * plane + i];
+    return err;
+}
+
+/* Copy what window (i, j) sees out of the whole picture. */
+static void cut_window(const struct working *w, int i, int j)
+{
+    const int x0 = sst_tiles_start(&w->across, i) * w->window_width / w->out_width;
+    const int y0 = sst_tiles_start(&w->down, j) * w->window_height / w->out_height;
+    float *to = w->window;
+
+    for (int c = 0; c < 3; c++) {
+        for (int y = y0; y < y0 + w->window_height; y++, to += w->window_width)
+            memcpy(to, w->picture + ((size_t)c * (size_t)w->height + (size_t)y) * (size_t)w->width + x0,
+                   (size_t)w->window_width * sizeof(*to));
+    }
+}
+
+static int run_windows(struct sst_class_grid *grid, const struct working *w, struct sst_segmenter *seg)
+{
+    int err = 0;
+
+    for (int j = 0; j < w->down.count && !err; j++) {
+        for (int i = 0; i < w->across.count && !err; i++) {
+            cut_window(w, i, j);
+            err = sst_network_run(seg->net, w->window, w->window_width, w->window_height, w->out);
+            err = err ? err : add_window(grid, w, i, j, seg);
+        }
+    }
+    return err;
+}
+
+/* Distributions at the network's resolution. */
+static int make_grid(struct sst_class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img)
+{
+    struct working w = { 0 };
+    size_t window;
+    int err = plan(&w, seg, img);
+
     if (err)
         return err;
-    in = sst_mem_alloc_raw((size_t)3 * (size_t)width * (size_t)height, sizeof(*in));
-    out = sst_mem_alloc_raw((size_t)u->count * (size_t)u->w * (size_t)u->h, sizeof(*out));
-    small = sst_mem_alloc_raw((size_t)u->count * (size_t)u->w * (size_t)u->h, sizeof(*small));
-    err = in && out && small ? sst_resample(in, width, height, img, seg->mean, seg->std, seg->threads) : -ENOMEM;
+    *grid = (struct sst_class_grid){ .width = w.across.total, .height = w.down.total,
+                                     .count = seg->info.classes.count };
+    grid->values = sst_class_grid_values(grid->count);
+    window = (size_t)w.window_width * (size_t)w.window_height;
+    w.picture = sst_mem_alloc_raw((size_t)3 * (size_t)w.width * (size_t)w.height, sizeof(*w.picture));
+    w.window = sst_mem_alloc_raw(3 * window, sizeof(*w.window));
+    w.out = sst_mem_alloc_raw((size_t)seg->info.channels * (size_t)w.out_width * (size_t)w.out_height, sizeof(*w.out));
+    grid->cell = sst_mem_alloc(grid->values * (size_t)grid->width * (size_t)grid->height, sizeof(*grid->cell));
+    err = w.picture && w.window && w.out && grid->cell ? make_input(w.picture, w.width, w.height, img, seg) : -ENOMEM;
     if (err)
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
     if (!err)
-        err = sst_network_run(seg->net, in, width, height, out);
-    if (!err)
-        err = interleave(small, out, u->count, u->h, u->w, seg);
-    sst_mem_free(in);
-    sst_mem_free(out);
-    if (err)
-        sst_mem_free(small);
-    else
-        u->small = small;
+        err = run_windows(grid, &w, seg);
+    sst_mem_free(w.picture);
+    sst_mem_free(w.window);
+    sst_mem_free(w.out);
     return err;
 }
 
@@ -377,33 +325,35 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     const size_t pixels = (size_t)img->width * (size_t)img->height;
     struct sst_map_u8 label_made = { 0 };
     struct sst_map_f32 entropy_made = { 0 };
-    struct upsample u = { .seg = seg, .label = &label_made, .entropy = entropy ? &entropy_made : NULL };
-    int err = run_network(seg, img, &u);
+    struct sst_class_grid grid = { 0 };
+    float *prob_made = NULL;
+    int err = make_grid(&grid, seg, img);
 
     if (err)
-        return err;
-    u.rows = sst_mem_alloc_raw((size_t)sst_thread_count(seg->threads) * (size_t)u.w * (size_t)u.count, sizeof(*u.rows));
+        goto fail;
     if (prob)
-        u.prob = malloc((size_t)u.count * pixels * sizeof(*u.prob));
-    err = u.rows && (!prob || u.prob) ? sst_map_u8_init(&label_made, img->width, img->height) : -ENOMEM;
+        prob_made = malloc((size_t)grid.count * pixels * sizeof(*prob_made));
+    err = prob && !prob_made ? -ENOMEM : sst_map_u8_init(&label_made, img->width, img->height);
     if (!err && entropy)
         err = sst_map_f32_init(&entropy_made, img->width, img->height);
-    if (err)
-        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
-    else
-        err = sst_parallel_for(img->height, seg->threads, upsample_row, &u);
-    sst_mem_free((void *)(uintptr_t)u.small);
-    sst_mem_free(u.rows);
+    if (!err)
+        err = sst_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads);
     if (err) {
-        sst_map_u8_fini(&label_made);
-        sst_map_f32_fini(&entropy_made);
-        free(u.prob);
-        return err;
+        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
+        goto fail;
     }
+    sst_mem_free(grid.cell);
     *label = label_made;
     if (entropy)
         *entropy = entropy_made;
     if (prob)
-        *prob = u.prob;
+        *prob = prob_made;
     return 0;
+
+fail:
+    sst_mem_free(grid.cell);
+    sst_map_u8_fini(&label_made);
+    sst_map_f32_fini(&entropy_made);
+    free(prob_made);
+    return err;
 }

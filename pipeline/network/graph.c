@@ -134,10 +134,9 @@ static int resolve_input(struct sst_builder *b)
         }
         in = &m->ins[i];
     }
-    if (!in || in->n_dims != 4 || in->dims[0] > 1 || in->dims[1] < 1 || in->dims[1] > 4096) {
-        sst_log_error("model %s: its input is not 1 x C x height x width with a fixed C of 1..4096; export it so",
-                      b->name);
-        return -EBADMSG;
+    if (!in || in->n_dims != 4 || in->dims[1] < 1 || in->dims[1] > 4096) {
+        snprintf(b->why, 256, "an input that is not 1 x C x height x width");
+        return -ENOTSUP; /* not reached from sst_network_open(), which looks at the input first */
     }
     v = add_value(b, in->name);
     b->graph.input = v;
@@ -168,11 +167,10 @@ static int resolve(struct sst_builder *b)
     }
     if (err)
         return err;
-    if (m->n_outs != 1) {
-        snprintf(b->why, 256, "%d outputs where there should be one", m->n_outs);
-        return -ENOTSUP;
-    }
-    b->graph.output = find_value(b, m->outs[0].name);
+    if (m->n_outs > 1)
+        sst_log_info("model %s has %d outputs; the first one, %.*s, counts", b->name, m->n_outs,
+                     SST_ONNX_STR(m->outs[0].name));
+    b->graph.output = m->n_outs ? find_value(b, m->outs[0].name) : -1;
     if (b->graph.output < 0 || b->values[b->graph.output].node < 0) {
         sst_log_error("model %s: no node makes its output; the file is damaged", b->name);
         return -EBADMSG;
@@ -188,6 +186,8 @@ static void find_needed(struct sst_builder *b)
     b->values[b->graph.output].users = 1;
     for (int n = b->model->n_nodes - 1; n >= 0; n--) {
         struct sst_raw_node *node = &b->nodes[n];
+        const bool resize = sst_graph_is(node->onnx, "Resize");
+        struct sst_resize_target to;
 
         for (int i = 0; i < node->onnx->n_out; i++)
             node->needed |= node->out[i] >= 0 && b->values[node->out[i]].users > 0;
@@ -198,8 +198,10 @@ static void find_needed(struct sst_builder *b)
             b->values[node->norm.x].users++;
             continue;
         }
-        /* Beyond its first input a resize reads only constants, or shapes that sst_graph_resize_sizes() understands. */
-        for (int i = 0; i < (sst_graph_is(node->onnx, "Resize") ? 1 : node->onnx->n_in); i++) {
+        /* Beyond its first input a resize reads constants, or the shape of an image. */
+        if (resize && sst_graph_resize_target(b, node, &to) && to.like >= 0)
+            b->values[to.like].users++;
+        for (int i = 0; i < (resize ? 1 : node->onnx->n_in); i++) {
             if (node->in[i] >= 0)
                 b->values[node->in[i]].users++;
         }

@@ -33,6 +33,8 @@ enum sst_resize_mode {
 
 /* Metadata: for the input and every node's result a line of the largest |x| that 8 bits are to hold, and its name. */
 #define SST_RANGES_KEY "sst.ranges"
+/* Numbers in the weights of all operations: twice what a file can hold, as some may be shared. */
+#define SST_GRAPH_MAX_WEIGHTS ((int64_t)2 * (int64_t)(SST_ONNX_MAX_BYTES / sizeof(float)))
 
 /* Of softmax and normalisation. */
 #define SST_OP_MAX_CHANNELS 2048

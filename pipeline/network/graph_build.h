@@ -44,6 +44,7 @@ struct sst_builder {
     int bucket[SST_NAME_BUCKETS];
     struct sst_raw_node *nodes;
     struct sst_onnx_tensor *constants; /* of Constant nodes; [n_nodes] */
+    int64_t weights; /* numbers copied into operations */
     struct sst_graph graph;
 };
 
@@ -60,9 +61,14 @@ bool sst_graph_is(const struct sst_onnx_node *node, const char *op);
  */
 struct sst_norm sst_graph_find_norm(const struct sst_builder *b, const struct sst_raw_node *node);
 
-/** The constant height and width among the sizes of a Resize, or NULL; exporters wrap them into arithmetic on shapes.
- */
-const int64_t *sst_graph_resize_sizes(const struct sst_builder *b, const struct sst_raw_node *node);
+struct sst_resize_target {
+    int64_t size[2]; /* height and width, where like is -1 */
+    int like;        /* value whose height and width it takes, or -1 */
+};
+
+/** Where the sizes of a Resize lead; exporters wrap them into arithmetic on shapes. False where they cannot be told. */
+bool sst_graph_resize_target(const struct sst_builder *b, const struct sst_raw_node *node,
+                             struct sst_resize_target *out);
 
 /** Turn one node into an operation, fuse it into an earlier one, or make its output an alias. */
 SST_MUST_CHECK int sst_graph_translate(struct sst_builder *b, const struct sst_raw_node *node);

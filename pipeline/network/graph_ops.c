@@ -18,20 +18,26 @@ static int resolve_alias(const struct sst_builder *b, int v)
     return v;
 }
 
-/* Input `in` as a value with channels; padding is put there by a Pad node that only convolutions understand. */
-static int input_value(struct sst_builder *b, const struct sst_raw_node *node, int in, bool padding_is_fine, int *out)
+/* A value that a node reads, with channels; padding is put there by a Pad node that only convolutions understand. */
+static int image_value(struct sst_builder *b, const struct sst_raw_node *node, int v, bool padding_is_fine, int *out)
 {
-    const int v = in < node->onnx->n_in && node->in[in] >= 0 ? resolve_alias(b, node->in[in]) : -1;
-    const struct sst_raw_value *value = v >= 0 ? &b->values[v] : NULL;
+    const struct sst_raw_value *value;
 
-    if (!value)
-        return sst_graph_wrong(b, node->onnx, "lacks an input");
+    v = resolve_alias(b, v);
+    value = &b->values[v];
     if (!value->channels)
         return sst_graph_unsupported(b, node->onnx, "of a constant or of something that is not an image");
     if (!padding_is_fine && value->unpadded >= 0)
         return sst_graph_unsupported(b, node->onnx, "after Pad");
     *out = v;
     return 0;
+}
+
+static int input_value(struct sst_builder *b, const struct sst_raw_node *node, int in, bool padding_is_fine, int *out)
+{
+    if (in >= node->onnx->n_in || node->in[in] < 0)
+        return sst_graph_wrong(b, node->onnx, "lacks an input");
+    return image_value(b, node, node->in[in], padding_is_fine, out);
 }
 
 /* A new operation with input 0 set and the channels of that input; there is room for one per node. */
@@ -138,6 +144,9 @@ static int copy_weights(struct sst_builder *b, const struct sst_raw_node *node, 
 
     if (node->onnx->n_in > 2 && node->in[2] >= 0 && (!bias || !bias->f || bias->count != op->channels))
         return sst_graph_wrong(b, node->onnx, "has a bias that is not one constant per channel");
+    b->weights += w->count;
+    if (b->weights > SST_GRAPH_MAX_WEIGHTS)
+        return sst_graph_wrong(b, node->onnx, "uses constants again that others use, beyond 128 MiB in all");
     op->weights = malloc((size_t)w->count * sizeof(float));
     op->bias = calloc((size_t)op->channels, sizeof(float));
     if (!op->weights || !op->bias) {
@@ -376,7 +385,7 @@ static int resize(struct sst_builder *b, const struct sst_raw_node *node)
 {
     const int at = sst_graph_is(node->onnx, "Upsample") || b->model->opset < 11 ? 1 : 2;
     const struct sst_onnx_tensor *scales = sst_graph_constant(b, node, at);
-    const int64_t *sizes = sst_graph_resize_sizes(b, node);
+    struct sst_resize_target to;
     struct sst_op *op = NULL;
     int err = new_op(b, node, SST_OP_RESIZE, &op);
 
@@ -392,16 +401,21 @@ static int resize(struct sst_builder *b, const struct sst_raw_node *node)
             if (!(op->scale[i] >= 1e-4 && op->scale[i] <= 1e4))
                 return sst_graph_wrong(b, node->onnx, "has a scale outside 0.0001..10000");
         }
-    } else if (sizes) {
-        for (int i = 0; i < 2; i++) {
-            if (sizes[i] < 1 || sizes[i] > 65536)
-                return sst_graph_wrong(b, node->onnx, "has a size outside 1..65536");
-            op->size[i] = (int)sizes[i];
-        }
-    } else {
+    } else if (!sst_graph_resize_target(b, node, &to)) {
         return sst_graph_unsupported(b, node->onnx,
-                                     "to a size that is computed; export it with fixed scales or as"
-                                     " sst.ResizeLike");
+                                     "to a size that is computed; export it with fixed scales, a fixed size or the size"
+                                     " of another image");
+    } else if (to.like >= 0) {
+        op->n_in = 2;
+        err = image_value(b, node, to.like, false, &op->in[1]);
+        if (err)
+            return err;
+    } else {
+        for (int i = 0; i < 2; i++) {
+            if (to.size[i] < 1 || to.size[i] > 65536)
+                return sst_graph_wrong(b, node->onnx, "has a size outside 1..65536");
+            op->size[i] = (int)to.size[i];
+        }
     }
     return commit_op(b, op);
 }

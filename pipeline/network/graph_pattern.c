@@ -102,27 +102,134 @@ struct sst_norm sst_graph_find_norm(const struct sst_builder *b, const struct ss
     return norm;
 }
 
-static bool one_integer(const struct sst_onnx_tensor *t, int64_t value)
+/* --- sizes of a Resize: x.shape[2:] comes as Concat(Slice(Shape(y), 0, 2), Cast(Concat(Unsqueeze(Gather(Shape(x), 2)),
+ * ...))), a fixed size as Concat(Slice(Shape(y), 0, 2), [h, w]) --------------------------------------------------- */
+
+/* One element of such an integer list: a constant, or the size of an image along an axis. */
+struct element {
+    int value; /* -1: a constant */
+    int64_t n; /* the constant, or the axis */
+};
+
+/* Nested lists could make the search endless in practice; real ones take about 20 steps. */
+struct search {
+    const struct sst_builder *b;
+    int steps_left;
+};
+
+static const struct sst_onnx_tensor *integers(const struct sst_onnx_tensor *t)
 {
-    return t && t->count == 1 && t->i && t->i[0] == value;
+    return t && t->i && t->count ? t : NULL;
 }
 
-/* A resize to a fixed size h x w comes with sizes = Concat(Slice(Shape(x), 0, 2), [h, w]). */
-const int64_t *sst_graph_resize_sizes(const struct sst_builder *b, const struct sst_raw_node *node)
+/* The first number of a constant input, or of the attribute that older files have instead. */
+static bool first_of(const struct sst_builder *b, const struct sst_raw_node *node, int in, const char *attr, int64_t *out)
 {
-    const struct sst_onnx_tensor *sizes = sst_graph_constant(b, node, 3);
-    const struct sst_raw_node *concat = maker(b, node, 3), *slice, *shape;
+    const struct sst_onnx_tensor *t = integers(sst_graph_constant(b, node, in));
+    struct sst_onnx_attr a;
 
-    if (sizes)
-        return sizes->i && sizes->count == 4 ? sizes->i + 2 : NULL;
-    if (!concat || !sst_graph_is(concat->onnx, "Concat") || concat->onnx->n_in != 2)
-        return NULL;
-    sizes = sst_graph_constant(b, concat, 1);
-    slice = maker(b, concat, 0);
-    shape = slice && sst_graph_is(slice->onnx, "Slice") ? maker(b, slice, 0) : NULL;
-    if (!shape || !sst_graph_is(shape->onnx, "Shape") || shape->in[0] != node->in[0] || !sizes || !sizes->i ||
-        sizes->count != 2 || !one_integer(sst_graph_constant(b, slice, 1), 0) ||
-        !one_integer(sst_graph_constant(b, slice, 2), 2))
-        return NULL;
-    return sizes->i;
+    if (t)
+        *out = t->i[0];
+    else if (sst_onnx_attr_find(node->onnx, attr, &a) && a.n_ints > 0)
+        *out = a.ints[0];
+    else
+        return false;
+    return true;
+}
+
+static bool is_wrapper(const struct sst_onnx_node *onnx)
+{
+    return sst_graph_is(onnx, "Unsqueeze") || sst_graph_is(onnx, "Squeeze") || sst_graph_is(onnx, "Cast") ||
+           sst_graph_is(onnx, "Identity");
+}
+
+/* A list that input `in` of a node is: a constant, or what another node makes. */
+static const struct sst_raw_node *list_of(const struct sst_builder *b, const struct sst_raw_node *node, int in,
+                                          const struct sst_onnx_tensor **constant)
+{
+    *constant = integers(sst_graph_constant(b, node, in));
+    return *constant ? NULL : maker(b, node, in);
+}
+
+/* Elements of a list; 0: not known. */
+static int64_t list_length(struct search *s, const struct sst_raw_node *node, int in)
+{
+    const struct sst_onnx_tensor *t;
+    const struct sst_raw_node *n = list_of(s->b, node, in, &t);
+    int64_t from, to, sum = 0;
+
+    if (t)
+        return t->count;
+    if (!n || s->steps_left-- <= 0)
+        return 0;
+    if (sst_graph_is(n->onnx, "Shape"))
+        return 4; /* of an image; sst_graph_resize_target() makes sure that it is one */
+    if (is_wrapper(n->onnx))
+        return list_length(s, n, 0);
+    if (sst_graph_is(n->onnx, "Gather"))
+        return integers(sst_graph_constant(s->b, n, 1)) ? sst_graph_constant(s->b, n, 1)->count : 0;
+    if (sst_graph_is(n->onnx, "Slice") && first_of(s->b, n, 1, "starts", &from) && first_of(s->b, n, 2, "ends", &to) &&
+        from >= 0 && from <= 4)
+        return (to < 0 ? to + 4 : to > 4 ? 4 : to) - from;
+    for (int i = 0; sst_graph_is(n->onnx, "Concat") && i < n->onnx->n_in; i++) {
+        const int64_t part = list_length(s, n, i);
+
+        if (part < 1 || part > 4)
+            return 0;
+        sum += part;
+    }
+    return sum;
+}
+
+static bool list_element(struct search *s, const struct sst_raw_node *node, int in, int64_t i, struct element *out)
+{
+    const struct sst_onnx_tensor *t;
+    const struct sst_raw_node *n = list_of(s->b, node, in, &t);
+    int64_t from;
+
+    if (t) {
+        *out = (struct element){ -1, i >= 0 && i < t->count ? t->i[i] : 0 };
+        return i >= 0 && i < t->count;
+    }
+    if (!n || i < 0 || i > 3 || s->steps_left-- <= 0)
+        return false;
+    if (sst_graph_is(n->onnx, "Shape")) {
+        *out = (struct element){ n->in[0], i };
+        return n->onnx->n_in == 1 && n->onnx->n_out == 1 && n->in[0] >= 0;
+    }
+    if (is_wrapper(n->onnx))
+        return list_element(s, n, 0, i, out);
+    if (sst_graph_is(n->onnx, "Gather")) {
+        t = integers(sst_graph_constant(s->b, n, 1));
+        return t && i < t->count && t->i[i] >= -4 && t->i[i] < 4 &&
+               list_element(s, n, 0, t->i[i] < 0 ? t->i[i] + 4 : t->i[i], out);
+    }
+    if (sst_graph_is(n->onnx, "Slice"))
+        return first_of(s->b, n, 1, "starts", &from) && from >= -4 && from < 4 &&
+               list_element(s, n, 0, (from < 0 ? from + 4 : from) + i, out);
+    for (int k = 0; sst_graph_is(n->onnx, "Concat") && k < n->onnx->n_in; k++) {
+        const int64_t part = list_length(s, n, k);
+
+        if (part < 1)
+            return false;
+        if (i < part)
+            return list_element(s, n, k, i, out);
+        i -= part;
+    }
+    return false;
+}
+
+bool sst_graph_resize_target(const struct sst_builder *b, const struct sst_raw_node *node,
+                             struct sst_resize_target *out)
+{
+    struct search s = { b, 256 };
+    struct element h, w;
+
+    if (!list_element(&s, node, 3, 2, &h) || !list_element(&s, node, 3, 3, &w) || h.value != w.value)
+        return false;
+    if (h.value < 0)
+        *out = (struct sst_resize_target){ { h.n, w.n }, -1 };
+    else
+        *out = (struct sst_resize_target){ { 0, 0 }, h.value };
+    return h.value < 0 || (h.n == 2 && w.n == 3);
 }

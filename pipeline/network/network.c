@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "pipeline/network/graph.h"
+#include "pipeline/network/manifest.h"
 #include "pipeline/network/onnx.h"
 #include "pipeline/network/ops.h"
 #include "pipeline/network/plan.h"
@@ -21,7 +22,7 @@ struct metadata {
 struct sst_network {
     /* fixed after open */
     char path[SST_PATH_MAX];
-    int threads, in_channels, n_metadata;
+    int threads, in_channels, in_width, in_height, n_metadata;
     enum sst_precision precision; /* never auto */
     struct metadata *metadata;
     struct sst_graph graph; /* of the runner oneDNN */
@@ -59,8 +60,8 @@ static int copy_metadata(struct sst_network *net, const struct sst_onnx *model)
     return 0;
 }
 
-/* Channels that OpenCV's runner must be given: those of the only input that is not a constant. */
-static int input_channels(const struct sst_onnx *model)
+/* The first input that is not a constant (old files list those, too), or NULL. */
+static const struct sst_onnx_value *find_input(const struct sst_onnx *model)
 {
     for (int i = 0; i < model->n_ins; i++) {
         bool constant = false;
@@ -68,7 +69,38 @@ static int input_channels(const struct sst_onnx *model)
         for (int k = 0; k < model->n_tensors && !constant; k++)
             constant = sst_onnx_str_same(model->tensors[k].name, model->ins[i].name);
         if (!constant)
-            return model->ins[i].n_dims == 4 && model->ins[i].dims[1] <= 4096 ? (int)model->ins[i].dims[1] : 0;
+            return &model->ins[i];
+    }
+    return NULL;
+}
+
+static int unfit(const struct sst_network *net, const char *what)
+{
+    sst_log_error("model %s: %s", net->path, what);
+    return -EBADMSG;
+}
+
+/* What goes in and comes out must be images of numbers, channels first. */
+static int check_ends(struct sst_network *net, const struct sst_onnx *model)
+{
+    const struct sst_onnx_value *in = find_input(model), *out = model->n_outs ? &model->outs[0] : NULL;
+
+    if (out && out->type != SST_ONNX_FLOAT && out->type != SST_ONNX_HALF && out->type != 0)
+        return unfit(net, "its output holds whole numbers (classes, by an ArgMax at its end?), not one value per class; export the"
+                          " network up to its logits");
+    if (!in)
+        return unfit(net, "it has no input; export the network with its image as the input");
+    if (in->type != SST_ONNX_FLOAT && in->type != 0)
+        return unfit(net, "its input is not of 32-bit floats; export it for float32 images");
+    if (in->n_dims == 4 && in->dims[3] >= 1 && in->dims[3] <= 4 && (in->dims[1] == 0 || in->dims[1] > 4))
+        return unfit(net, "its input is height x width x channels (NHWC); export it as channels x height x width"
+                          " (NCHW)");
+    if (in->n_dims != 4 || in->dims[0] > 1 || in->dims[1] < 1 || in->dims[1] > 4096)
+        return unfit(net, "its input is not 1 x C x height x width with a fixed C of 1..4096; export it so");
+    net->in_channels = (int)in->dims[1];
+    if (in->dims[2] && in->dims[3]) {
+        net->in_height = (int)in->dims[2];
+        net->in_width = (int)in->dims[3];
     }
     return 0;
 }
@@ -95,17 +127,16 @@ static int open_opencv(struct sst_network *net, const struct sst_onnx *model, co
     char why[256] = "it is not built in";
     int err = -EINVAL;
 
-    net->in_channels = input_channels(model);
     if (net->precision == SST_PRECISION_INT8) {
         sst_log_error("model %s: %s, and OpenCV runs networks on floats only; use --precision f32", net->path, reason);
         return -ENOTSUP;
     }
     net->precision = SST_PRECISION_F32;
 #if WITH_OPENCV
-    if (net->in_channels)
+    if (model->n_outs == 1)
         err = sst_cv_net_open(&net->cv, data, size, why);
     else
-        strcpy(why, "the input is not 1 x C x height x width");
+        strcpy(why, "it has several outputs");
 #endif
     if (!err) {
         sst_log_warning("model %s: %s, so OpenCV runs the network, several times slower", net->path, reason);
@@ -128,21 +159,25 @@ static int open_from_memory(struct sst_network *net, const uint8_t *data, size_t
     if (err)
         return err;
     err = copy_metadata(net, &model);
+    if (err == -ENOMEM)
+        sst_log_error("model %s: not enough memory to read it", net->path);
+    if (!err)
+        err = check_ends(net, &model);
+    if (err)
+        goto done;
 #if WITH_DNNL
     char why[256] = "";
 
-    if (!err)
-        err = sst_graph_build(&net->graph, &model, net->path, why);
-    net->in_channels = net->graph.in_channels;
+    err = sst_graph_build(&net->graph, &model, net->path, why);
     snprintf(reason, sizeof(reason), "%s is not supported on oneDNN", why);
 #else
-    if (!err)
-        err = -ENOTSUP;
+    err = -ENOTSUP;
 #endif
     if (err == -ENOTSUP)
         err = open_opencv(net, &model, data, size, reason);
     else if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory to read it", net->path);
+done:
     sst_onnx_fini(&model);
     return err;
 }
@@ -161,6 +196,8 @@ int sst_network_open(struct sst_network **out, const char *path, enum sst_precis
     err = sst_path_join(net->path, path, NULL);
     if (!err)
         err = sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
+    if (!err)
+        err = sst_manifest_check(path, data, size);
     if (!err)
         err = open_from_memory(net, data, size);
 #if WITH_DNNL
@@ -216,6 +253,12 @@ const char *sst_network_metadata(const struct sst_network *net, const char *key)
 int sst_network_in_channels(const struct sst_network *net)
 {
     return net->in_channels;
+}
+
+void sst_network_in_size(const struct sst_network *net, int *width, int *height)
+{
+    *width = net->in_width;
+    *height = net->in_height;
 }
 
 /* --- one size at a time --------------------------------------------------------------------------- */

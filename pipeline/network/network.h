@@ -24,7 +24,8 @@ enum sst_precision {
  * GlobalAveragePool, Resize (bilinear, fixed scales or sizes), Softmax and LpNormalization over channels (also x / |x|
  * as exporters write it in single steps), Pad with zeros before Conv, Identity, Dropout, Constant; and of the domain
  * "sst" AdaptiveAveragePool (output_size) and ResizeLike (x, like; align_corners). Sizes of images are free: H and W
- * that the file gives are ignored. The result is the same for any number of threads (tested); it may differ in the last
+ * that the file gives are told by sst_network_in_size(). Of several outputs the first one counts. A network whose folder
+ * has a manifest.json that lists it must be the file that is listed there. The result is the same for any number of threads (tested); it may differ in the last
  * digits between machines, as oneDNN takes other code on other processors. Other operators make the network fall back
  * to OpenCV's DNN, which is said in a warning.
  *
@@ -33,8 +34,8 @@ enum sst_precision {
  * for values that are never negative.
  *
  * @param threads  used by runs; at least 1
- * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit), -ENOTSUP
- * (neither runner can, or SST_PRECISION_INT8 and no ranges), -ENOMEM; logged in one sentence.
+ * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit, not the file
+ * of the manifest), -ENOTSUP (neither runner can, or SST_PRECISION_INT8 and no ranges), -ENOMEM; logged in one sentence.
  */
 SST_MUST_CHECK int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision,
                                     int threads);
@@ -54,6 +55,9 @@ const char *sst_network_metadata(const struct sst_network *net, const char *key)
  * Input and output are NCHW with N = 1.
  */
 int sst_network_in_channels(const struct sst_network *net);
+
+/** Size that the file fixes for its input; 0 and 0 where it leaves one of the two free. */
+void sst_network_in_size(const struct sst_network *net, int *width, int *height);
 
 /**
  * False where the layers rule out this input size, as fixed windows do that must fit each other. Nothing is logged.

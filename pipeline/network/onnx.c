@@ -10,7 +10,6 @@
 #include "base/log.h"
 
 enum wire { WIRE_VARINT = 0, WIRE_64 = 1, WIRE_BYTES = 2, WIRE_32 = 5 };
-enum tensor_type { TENSOR_FLOAT = 1, TENSOR_INT64 = 7 };
 
 /* Bytes of one number of each tensor type; 0: strings and types that no network of ours has. */
 static const uint8_t type_bytes[] = { 0, 4, 1, 1, 2, 2, 4, 8, 0, 1, 2, 8, 4, 8 };
@@ -211,13 +210,13 @@ static bool count_elements(struct sst_onnx_tensor *t)
 
 static int fill_tensor(struct sst_onnx_tensor *t, const struct tensor_parts *p, struct sst_onnx_str bytes)
 {
-    const size_t size = p->type == TENSOR_FLOAT ? sizeof(*t->f) : sizeof(*t->i);
+    const size_t size = p->type == SST_ONNX_FLOAT ? sizeof(*t->f) : sizeof(*t->i);
     void *data = malloc((size_t)t->count * size);
     struct tensor_parts again = { 0 };
 
     if (!data)
         return -ENOMEM;
-    if (p->type == TENSOR_FLOAT)
+    if (p->type == SST_ONNX_FLOAT)
         t->f = data;
     else
         t->i = data;
@@ -259,14 +258,14 @@ int sst_onnx_tensor_read(struct sst_onnx_tensor *out, struct sst_onnx_str bytes,
         return -EBADMSG;
     }
     width = p.type < ARRAY_LEN(type_bytes) ? type_bytes[p.type] : 0;
-    stored = p.type == TENSOR_FLOAT ? p.n_floats : p.type == TENSOR_INT64 ? p.n_ints : 0;
+    stored = p.type == SST_ONNX_FLOAT ? p.n_floats : p.type == SST_ONNX_INT64 ? p.n_ints : 0;
     if (!width || (p.has_raw ? stored || p.raw.n != (size_t)t.count * width : stored != t.count)) {
         sst_log_error("model %s: tensor %.*s does not hold the %lld numbers that its type and dimensions say; the file"
                       " is damaged",
                       name, SST_ONNX_STR(t.name), (long long)t.count);
         return -EBADMSG;
     }
-    if ((p.type == TENSOR_FLOAT || p.type == TENSOR_INT64) && t.count)
+    if ((p.type == SST_ONNX_FLOAT || p.type == SST_ONNX_INT64) && t.count)
         err = fill_tensor(&t, &p, bytes);
     if (err == -EDOM) {
         sst_log_error("model %s: tensor %.*s holds NaN or an infinity; train or export the model again", name,
@@ -293,11 +292,13 @@ static int read_attr(struct sst_onnx_attr *a, struct sst_onnx_str *name, struct 
 {
     struct field f;
     int64_t n_ints = 0;
-    int r;
+    int r, n = 0;
 
     *a = (struct sst_onnx_attr){ 0 };
     *name = (struct sst_onnx_str){ 0 };
     while ((r = next_field(&bytes, &f)) > 0) {
+        if (n++ == SST_ONNX_MAX_FIELDS) /* attributes are searched again and again */
+            return -EBADMSG;
         if (f.number == 1)
             *name = f.bytes;
         else if (f.number == 2)
@@ -376,7 +377,7 @@ static int read_node_attr(struct sst_onnx_str bytes, const char *name)
         return err;
     }
     if (err)
-        return damaged(name, "an attribute ends early or holds a field of the wrong kind");
+        return damaged(name, "an attribute ends early, holds a field of the wrong kind or more than 4096 of them");
     if (!a.tensor.n)
         return 0;
     err = sst_onnx_tensor_read(&tensor, a.tensor, name);
@@ -389,7 +390,7 @@ static int read_node(struct sst_onnx *m, struct sst_onnx_str bytes, const char *
 {
     struct sst_onnx_node *node;
     struct field f;
-    int r, err = 0;
+    int r, n_attrs = 0, err = 0;
 
     node = add((void **)&m->nodes, &m->n_nodes, SST_ONNX_MAX_NODES, sizeof(*node), "nodes", name, &err);
     if (!node)
@@ -400,6 +401,8 @@ static int read_node(struct sst_onnx *m, struct sst_onnx_str bytes, const char *
             return damaged(name, "a node holds a field of the wrong kind or a name with control characters");
         if ((f.number == 1 && node->n_in == SST_ONNX_MAX_INS) || (f.number == 2 && node->n_out == SST_ONNX_MAX_OUTS))
             return damaged(name, "a node has more inputs (32) or outputs (8) than the limit");
+        if (f.number == 5 && n_attrs++ == SST_ONNX_MAX_ATTRS)
+            return damaged(name, "a node has more than 64 attributes");
         if (f.number == 1)
             node->in[node->n_in++] = f.bytes;
         else if (f.number == 2)
@@ -433,12 +436,18 @@ static int descend(struct sst_onnx_str *bytes, unsigned number)
 
 static int read_value(struct sst_onnx_value *v, struct sst_onnx_str bytes, const char *name)
 {
-    struct sst_onnx_str label = bytes, type = bytes;
+    struct sst_onnx_str label = bytes, type = bytes, tensor;
     struct field f;
     int r;
 
-    /* ValueInfo.type.tensor_type.shape is a list of dim */
-    if (descend(&label, 1) || descend(&type, 2) || descend(&type, 1) || descend(&type, 2))
+    /* ValueInfo.type.tensor_type holds elem_type and shape, which is a list of dim */
+    if (descend(&label, 1) || descend(&type, 2) || descend(&type, 1))
+        return damaged(name, "an input or output ends early");
+    for (tensor = type; next_field(&tensor, &f) > 0;) {
+        if (f.number == 1 && f.wire == WIRE_VARINT)
+            v->type = f.value <= INT32_MAX ? (int)f.value : -1;
+    }
+    if (descend(&type, 2))
         return damaged(name, "an input or output ends early");
     v->name = label;
     while ((r = next_field(&type, &f)) > 0) {

@@ -17,6 +17,8 @@ SST_EXTERN_C_BEGIN
 #define SST_ONNX_MAX_DIMS     8
 #define SST_ONNX_MAX_INS      32
 #define SST_ONNX_MAX_OUTS     8
+#define SST_ONNX_MAX_ATTRS    64   /* of a node */
+#define SST_ONNX_MAX_FIELDS   4096 /* of an attribute */
 
 /** Bytes inside the file, without a NUL. */
 struct sst_onnx_str {
@@ -46,9 +48,15 @@ struct sst_onnx_node {
     struct sst_onnx_str body; /* for sst_onnx_attr_find() */
 };
 
+/* Types of numbers (TensorProto.DataType) that matter at the ends of a network. */
+#define SST_ONNX_FLOAT 1
+#define SST_ONNX_INT64 7
+#define SST_ONNX_HALF  10
+
 /** Input or output of the graph. */
 struct sst_onnx_value {
     struct sst_onnx_str name;
+    int type; /* of its numbers; 0: not said */
     int n_dims;
     int64_t dims[SST_ONNX_MAX_DIMS]; /* 0: not fixed */
 };

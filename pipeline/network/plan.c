@@ -153,10 +153,17 @@ static int place_tensors(struct sst_plan *p)
 
 static int allocate(struct sst_plan *p)
 {
+    const struct sst_shape in = p->shapes[p->graph->input];
     int err = place_tensors(p);
 
     if (err)
         return err;
+    if (p->arena_bytes + p->scratch_bytes > SST_PLAN_MAX_BYTES((int64_t)in.w * in.h)) {
+        sst_log_error("model %s wants %zu MiB for an image of %d x %d, more than the 64 MiB and 16 KiB per pixel that any"
+                      " sane network needs; use another one",
+                      p->name, (p->arena_bytes + p->scratch_bytes) >> 20, in.w, in.h);
+        return -EINVAL;
+    }
     p->arena = sst_mem_alloc_raw(1, p->arena_bytes + 1);
     p->scratch = sst_mem_alloc_raw(1, p->scratch_bytes + 1);
     if (!p->arena || !p->scratch)
@@ -292,7 +299,7 @@ int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const 
     if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", name,
                       shapes[graph->input].w, shapes[graph->input].h);
-    else
+    else if (err != -EINVAL)
         sst_log_error("model %s: oneDNN cannot run one of its layers on an image of %d x %d; use another size or model",
                       name, shapes[graph->input].w, shapes[graph->input].h);
     sst_plan_destroy(p);

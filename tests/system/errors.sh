@@ -1,34 +1,7 @@
 #!/usr/bin/env bash
 # What a command must refuse: the right exit code, one sentence that says what is wrong, nothing left or lost.
 set -u
-cd "$(dirname "$0")/../.." || exit 1
-sst=$PWD/${SST_BUILD:-build}/sst
-models=$PWD/models
-tmp=$(mktemp -d)
-trap 'rm -rf "$tmp"' EXIT
-cd "$tmp" || exit 1
-failed=0
-
-fail() { echo "FAIL: $*"; failed=1; }
-
-# judge CODE WORDS RC WHAT: of a run whose standard error is in ./err; ./bad* must not exist afterwards
-judge() {
-  [ "$3" -eq "$1" ] || fail "$4: exit $3, not $1: $(head -c 300 err)"
-  [ "$(wc -l <err)" -eq 1 ] || fail "$4: not one line: $(head -c 600 err)"
-  case $(head -c 12 err) in "sst: error: ") ;; *) fail "$4: not an error: $(head -c 300 err)";; esac
-  grep -qi -- "$2" err || fail "$4: no '$2' in: $(head -c 300 err)"
-  [ -z "$(compgen -G 'bad*')" ] || fail "$4: left $(echo bad*)"
-  [ -z "$(find . -name '*.tmp-*')" ] || fail "$4: left $(find . -name '*.tmp-*')"
-  rm -rf bad*
-}
-
-# want CODE WORDS ARGS...
-want() {
-  local code=$1 words=$2
-  shift 2
-  "$sst" "$@" >/dev/null 2>err
-  judge "$code" "$words" $? "sst $*"
-}
+. "$(dirname "$0")/../lib.sh"
 
 fresh() { rm -rf lf; cp -r good lf; }
 state() { find "$1" -type f -exec md5sum {} + | sort; }
@@ -103,8 +76,8 @@ want 3 "differs in size" stereo $left small/views/01_01.png -m 9 -o bad.pfm
 want 3 "text.txt" segment $left -o bad.png --model text.txt
 want 3 "none.onnx" segment $left -o bad.png --model none.onnx
 want 3 "text.txt" stereo $left $right -m 9 --cost mccnn --mccnn-model text.txt -o bad.pfm
-[ ! -e "$models/pspnet-small.onnx" ] || want 3 "3 channels, not the luma" \
-  stereo $left $right -m 9 --cost mccnn --mccnn-model "$models/pspnet-small.onnx" -o bad.pfm
+[ ! -e "$root/models/pspnet-small.onnx" ] || want 3 "3 channels, not the luma" \
+  stereo $left $right -m 9 --cost mccnn --mccnn-model "$root/models/pspnet-small.onnx" -o bad.pfm
 want 3 "outside the grid" import folder good/views --grid 2x2 -o bad
 
 # damaged WORDS COMMAND...: change lf as the command does, then every reader refuses it and it stays as it is

@@ -1,27 +1,8 @@
 #!/usr/bin/env bash
 # `sst import` and `sst export` on real light fields, and on input that must be refused.
 set -u
-sst=$PWD/${SST_BUILD:-build}/sst
-data=$(cd ../shared/data 2>/dev/null && pwd) || { echo "../shared/data is absent"; exit 77; }
-tmp=$(mktemp -d)
-trap 'rm -rf "$tmp"' EXIT
-cd "$tmp" || exit 1
-failed=0
-
-fail() { echo "FAIL: $*"; failed=1; }
-
-# want CODE WORDS ARGS...: exit code, one line of error with these words, no output folder, no temporary one.
-want() {
-  local code=$1 words=$2 err rc
-  shift 2
-  err=$("$sst" "$@" 2>&1 >/dev/null); rc=$?
-  [ "$rc" -eq "$code" ] || fail "$*: exit $rc, not $code: $err"
-  [ "$(grep -c error <<<"$err")" -eq 1 ] || fail "$*: not one error: $err"
-  grep -q -- "$words" <<<"$err" || fail "$*: no '$words' in: $err"
-  [ ! -e bad ] || fail "$*: left an output"
-  [ -z "$(find . -name '*.tmp-*')" ] || fail "$*: left a temporary folder"
-  rm -rf bad
-}
+. "$(dirname "$0")/../lib.sh"
+data=$(cd "$root/../shared/data" 2>/dev/null && pwd) || { echo "../shared/data is absent"; exit 77; }
 
 # same FILE FILE: the same bytes
 same() { cmp -s "$1" "$2" || fail "$1 is not $2"; }

@@ -1,24 +1,7 @@
 #!/usr/bin/env bash
 # `sst render` and `sst sweep` on a simulated scene with its true maps, and wishes that must be refused.
 set -u
-sst=$PWD/${SST_BUILD:-build}/sst
-tmp=$(mktemp -d)
-trap 'rm -rf "$tmp"' EXIT
-cd "$tmp" || exit 1
-failed=0
-
-fail() { echo "FAIL: $*"; failed=1; }
-
-# want CODE WORDS ARGS...: exit code, one line of error with these words, nothing named bad* left.
-want() {
-  local code=$1 words=$2 err rc
-  shift 2
-  err=$("$sst" "$@" 2>&1 >/dev/null); rc=$?
-  [ "$rc" -eq "$code" ] || fail "$*: exit $rc, not $code: $err"
-  [ "$(grep -c error <<<"$err")" -eq 1 ] || fail "$*: not one error: $err"
-  grep -q -- "$words" <<<"$err" || fail "$*: no '$words' in: $err"
-  [ -z "$(find . -name '*.tmp-*' -o -name 'bad*')" ] || fail "$*: left an output"
-}
+. "$(dirname "$0")/../lib.sh"
 
 "$sst" scene bush --size 200x150 -o world || exit 1
 "$sst" import folder world/views --grid 6x6 --disparity world/truth --labels world/truth -o lf >/dev/null || exit 1

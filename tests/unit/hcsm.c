@@ -1,4 +1,4 @@
-/* Entropy, labels from probabilities, HCSM and the search for its threshold. */
+/* HCSM and the search for its threshold. */
 #include <errno.h>
 #include <math.h>
 #include <setjmp.h>
@@ -12,57 +12,19 @@
 
 #include "pipeline/labels/labels.h"
 
-static void entropy_has_known_values(void **state SST_UNUSED)
+/* Entropies below, at and above the threshold, and one that is infinite. */
+static void labels_below_the_threshold_are_kept(void **state SST_UNUSED)
 {
-    const float one_hot[] = { 0, 0, 1, 0 }, half[] = { 0.5f, 0.5f }, skew[] = { 0.25f, 0.75f }, single[] = { 1 };
-    float uniform[21];
-
-    assert_true(sst_entropy(one_hot, 4) == 0);
-    assert_true(sst_entropy(single, 1) == 0);
-    assert_true(fabs((double)sst_entropy(half, 2) - log(2)) < 1e-7);
-    /* -(1/4) log(1/4) - (3/4) log(3/4) */
-    assert_true(fabs((double)sst_entropy(skew, 2) - 0.56233514461880834) < 1e-7);
-    for (int n = 1; n <= 21; n++) {
-        for (int i = 0; i < n; i++)
-            uniform[i] = 1.0f / (float)n;
-        assert_true(fabs((double)sst_entropy(uniform, n) - log(n)) < 3e-7);
-        assert_true((double)sst_entropy(uniform, n) <= log(n) + 1e-7);
-    }
-}
-
-/* p = 1 - 1e-10 is 1 as a float: its entropy e (1 - log e) is only seen through the other class. */
-static void entropy_keeps_the_digits_of_near_certain_pixels(void **state SST_UNUSED)
-{
-    const float p[] = { 1, 1e-10f, 0 };
-    const double e = (double)1e-10f, want = e * (1 - log(e));
-
-    assert_true(fabs((double)sst_entropy(p, 3) / want - 1) < 1e-6);
-}
-
-static void entropy_of_what_is_no_probability_is_infinite(void **state SST_UNUSED)
-{
-    const float nan[] = { 0.5f, NAN }, negative[] = { 1.5f, -0.5f }, inf[] = { INFINITY, 0 };
-
-    assert_true(isinf(sst_entropy(nan, 2)));
-    assert_true(isinf(sst_entropy(negative, 2)));
-    assert_true(isinf(sst_entropy(inf, 2)));
-}
-
-static void labels_are_the_most_probable_classes(void **state SST_UNUSED)
-{
-    /* classes x pixels; the third pixel is a tie, the fourth holds a NaN */
-    const float prob[] = { 1, 0.25f, 0.5f, NAN, 0, 0.75f, 0.5f, 1 };
-    const uint8_t want[] = { 1, 2, 1, 0 };
+    const float h[] = { 0.1f, 0.5f, 0.7f, INFINITY };
     struct sst_map_u8 label;
     struct sst_map_f32 entropy;
 
     assert_int_equal(sst_map_u8_init(&label, 4, 1), 0);
     assert_int_equal(sst_map_f32_init(&entropy, 4, 1), 0);
-    sst_labels_from_prob(&label, &entropy, prob, 2);
-    assert_memory_equal(label.data, want, 4);
-    assert_true(entropy.data[0] == 0 && fabs((double)entropy.data[2] - log(2)) < 1e-7 && isinf(entropy.data[3]));
-    sst_hcsm(&label, &entropy, (double)entropy.data[1]); /* below, not at, the threshold */
-    assert_memory_equal(label.data, ((const uint8_t[]){ 1, 0, 0, 0 }), 4);
+    memset(label.data, 3, 4);
+    memcpy(entropy.data, h, sizeof(h));
+    sst_hcsm(&label, &entropy, 0.5);
+    assert_memory_equal(label.data, ((const uint8_t[]){ 3, 0, 0, 0 }), 4);
     sst_map_u8_fini(&label);
     sst_map_f32_fini(&entropy);
 }
@@ -224,10 +186,7 @@ static void search_separates_neighbouring_values(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(entropy_has_known_values),
-        cmocka_unit_test(entropy_keeps_the_digits_of_near_certain_pixels),
-        cmocka_unit_test(entropy_of_what_is_no_probability_is_infinite),
-        cmocka_unit_test(labels_are_the_most_probable_classes),
+        cmocka_unit_test(labels_below_the_threshold_are_kept),
         cmocka_unit_test(search_finds_the_hand_worked_threshold),
         cmocka_unit_test(search_refuses_what_has_no_answer),
         cmocka_unit_test(search_equals_brute_force_on_data_with_ties),

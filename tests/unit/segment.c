@@ -15,6 +15,8 @@
 #include "base/log.h"
 #include "pipeline/labels/labels.h"
 #include "pipeline/labels/resample.h"
+#include "pipeline/labels/tiles.h"
+#include "pipeline/labels/upsample.h"
 #include "pipeline/network/model_path.h"
 #include "tests/onnx_writer.h"
 
@@ -148,6 +150,145 @@ static void labels_come_back_in_place(void **state SST_UNUSED)
     sst_segmenter_close(two);
 }
 
+/* 100 samples in windows of 40 that share 10 and start at multiples of 4: spacing at most 40 - 10 - 4 = 26, so
+ * 1 + ceil(60 / 26) = 4 windows, at 0, 20, 40, 60. Neighbours share 20 samples; the change takes the middle 10 of them:
+ * between windows 0 and 1 from 25 to 35, with u = (at - 25) / 10. */
+static void window_weights_have_known_values(void **state SST_UNUSED)
+{
+    const struct sst_tiles t = sst_tiles_plan(100, 40, 4), one = sst_tiles_plan(40, 40, 8);
+
+    assert_true(t.count == 4 && t.overlap == 10);
+    for (int k = 0; k < 4; k++)
+        assert_int_equal(sst_tiles_start(&t, k), 20 * k);
+    assert_true(sst_tiles_weight(&t, 0, 0) == 1 && sst_tiles_weight(&t, 0, 24) == 1 && sst_tiles_weight(&t, 1, 4) == 0);
+    /* sample 27: u = 0.25, 3/16 - 2/64 = 0.15625 */
+    assert_true(fabs((double)sst_tiles_weight(&t, 1, 7) - 0.15625) < 1e-7);
+    assert_true(fabs((double)sst_tiles_weight(&t, 0, 27) - 0.84375) < 1e-7);
+    assert_true(sst_tiles_weight(&t, 0, 35) == 0 && sst_tiles_weight(&t, 1, 15) == 1);
+    assert_true(one.count == 1 && sst_tiles_start(&one, 0) == 0 && sst_tiles_weight(&one, 0, 39) == 1);
+}
+
+static void window_weights_sum_to_one_everywhere(void **state SST_UNUSED)
+{
+    for (int unit = 1; unit <= 8; unit *= 2) {
+        for (int total = unit; total < 700; total += unit) {
+            for (int length = 8 * unit; length <= 16 * unit; length += unit) {
+                const struct sst_tiles t = sst_tiles_plan(total, length, unit);
+                double sum[700] = { 0 };
+
+                assert_int_equal(sst_tiles_start(&t, t.count - 1) + t.length, total);
+                for (int k = 0; k < t.count; k++) {
+                    const int start = sst_tiles_start(&t, k);
+
+                    assert_true(start % unit == 0 && (k == 0 || start - sst_tiles_start(&t, k - 1) <= length - t.overlap));
+                    for (int i = 0; i < t.length; i++) {
+                        assert_true(sst_tiles_weight(&t, k, i) >= 0);
+                        sum[start + i] += (double)sst_tiles_weight(&t, k, i);
+                    }
+                }
+                for (int i = 0; i < total; i++)
+                    assert_true(fabs(sum[i] - 1) < 1e-6);
+            }
+        }
+    }
+}
+
+/* The network sees single pixels: windows must give what one run gives, wherever their borders lie. */
+static void windows_leave_no_seams(void **state SST_UNUSED)
+{
+    static const int sizes[][2] = { { 300, 200 }, { 333, 77 }, { 3000, 40 }, { 40, 3000 }, { 64, 48 }, { 5, 5 } };
+    struct sst_segmenter *seg;
+
+    assert_int_equal(open_segmenter(&seg, good, ARRAY_LEN(good), 3, 2), 0);
+    for (size_t i = 0; i < ARRAY_LEN(sizes); i++) {
+        const int w = sizes[i][0], h = sizes[i][1];
+        struct sst_image img = new_image(w, h, 0, 0, 90);
+        struct sst_map_u8 label[2];
+        struct sst_map_f32 entropy[2];
+
+        for (int y = 0; y < h; y++) {
+            for (int x = 0; x < w; x++) {
+                sst_image_row(&img, 0, y)[x] = (uint8_t)(x * 255 / w);
+                sst_image_row(&img, 1, y)[x] = (uint8_t)(y * 255 / h);
+            }
+        }
+        for (int windows = 0; windows < 2; windows++) {
+            sst_segmenter_configure(seg, &(struct sst_segment_config){ .scale = 3, .windows = windows });
+            assert_int_equal(sst_segment(seg, &img, &label[windows], &entropy[windows], NULL), 0);
+        }
+        for (int y = 0; y < h; y++) {
+            for (int x = 0; x < w; x++)
+                assert_true(fabsf(sst_map_f32_row(&entropy[0], y)[x] - sst_map_f32_row(&entropy[1], y)[x]) < 1e-5f);
+        }
+        for (int windows = 0; windows < 2; windows++) {
+            sst_map_u8_fini(&label[windows]);
+            sst_map_f32_fini(&entropy[windows]);
+        }
+        sst_image_fini(&img);
+    }
+    sst_segmenter_close(seg);
+}
+
+/* One image gives one distribution: with windows its labels are the same everywhere. */
+static void windows_of_a_plain_image_agree(void **state SST_UNUSED)
+{
+    struct sst_image img = new_image(517, 301, 200, 100, 30);
+    struct sst_segmenter *seg;
+    struct sst_map_u8 label;
+    float *prob;
+
+    assert_int_equal(open_segmenter(&seg, good, ARRAY_LEN(good), 3, 1), 0);
+    sst_segmenter_configure(seg, &(struct sst_segment_config){ .scale = 5, .windows = true });
+    assert_int_equal(sst_segment(seg, &img, &label, NULL, &prob), 0);
+    for (int i = 0; i < 517 * 301; i++) {
+        assert_int_equal(sst_map_u8_row(&label, i / 517)[i % 517], 1);
+        for (int c = 0; c < 3; c++)
+            assert_true(fabsf(prob[c * 517 * 301 + i] - prob[c * 517 * 301]) < 1e-6f);
+    }
+    free(prob);
+    sst_map_u8_fini(&label);
+    sst_image_fini(&img);
+    sst_segmenter_close(seg);
+}
+
+/* Two cells with p = (1, 0) and (0.25, 0.75) over 16 pixels, black up to pixel 6 and white from pixel 7 on, which is still
+ * nearer to the first cell: each pixel takes the distribution of the cell of its colour. The first cell is 32 levels from
+ * black (its mean holds one white pixel of eight), so exp(-3 * 32^2 / 800) = 0.021 of its weight is left; of the other
+ * cell's only the floor, 0.001, over a distance that never more than makes up for it on the black side. */
+static void upsampling_follows_the_picture(void **state SST_UNUSED)
+{
+    struct sst_class_grid grid = { .width = 2, .height = 1, .count = 2, .values = sst_class_grid_values(2) };
+    struct sst_image img = new_image(16, 2, 0, 0, 0);
+    struct sst_map_u8 label, alone;
+    struct sst_map_f32 entropy;
+    float cells[16] = { 1, 0, 0, 0, 0, 0, 0, 0, 0.25f, 0.75f }, prob[2 * 16 * 2];
+
+    assert_int_equal(grid.values, 8);
+    grid.cell = cells;
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < 2; y++)
+            memset(sst_image_row(&img, c, y) + 7, 255, 9);
+    }
+    assert_int_equal(sst_map_u8_init(&label, 16, 2), 0);
+    assert_int_equal(sst_map_u8_init(&alone, 16, 2), 0);
+    assert_int_equal(sst_map_f32_init(&entropy, 16, 2), 0);
+    assert_int_equal(sst_upsample(&label, &entropy, prob, &grid, &img, 1), 0);
+    assert_int_equal(sst_upsample(&alone, NULL, NULL, &grid, &img, 2), 0);
+    for (int i = 0; i < 32; i++) {
+        const bool white = i % 16 >= 7;
+
+        assert_int_equal(sst_map_u8_row(&label, i / 16)[i % 16], white ? 2 : 1);
+        assert_int_equal(sst_map_u8_row(&alone, i / 16)[i % 16], white ? 2 : 1);
+        assert_true(fabs((double)prob[i] + (double)prob[32 + i] - 1) < 1e-6);
+        assert_true(fabs((double)prob[i] - (white ? 0.25 : 1)) < 0.03);
+        assert_true(!white || fabs((double)sst_map_f32_row(&entropy, i / 16)[i % 16] - 0.5623) < 0.05);
+    }
+    sst_map_u8_fini(&label);
+    sst_map_u8_fini(&alone);
+    sst_map_f32_fini(&entropy);
+    sst_image_fini(&img);
+}
+
 static void networks_of_one_size_see_a_stretched_image(void **state SST_UNUSED)
 {
     struct sst_image img = new_image(50, 200, 0, 0, 255);
@@ -258,6 +399,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_plain_image_gives_hand_worked_probabilities),
         cmocka_unit_test(labels_come_back_in_place),
+        cmocka_unit_test(window_weights_have_known_values),
+        cmocka_unit_test(window_weights_sum_to_one_everywhere),
+        cmocka_unit_test(windows_leave_no_seams),
+        cmocka_unit_test(windows_of_a_plain_image_agree),
+        cmocka_unit_test(upsampling_follows_the_picture),
         cmocka_unit_test(networks_of_one_size_see_a_stretched_image),
         cmocka_unit_test(probabilities_are_taken_as_they_are),
         cmocka_unit_test(unfit_models_are_refused),

@@ -1,0 +1,339 @@
+#include "cli/model_facts.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <sha2.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/labels/labels.h"
+#include "pipeline/labels/model_info.h"
+#include "pipeline/network/graph.h"
+#include "pipeline/network/manifest.h"
+#include "pipeline/network/onnx.h"
+#include "pipeline/network/summary.h"
+
+#define KIND_METADATA "sst.kind"
+#define KIND_MATCHING "mccnn-features" /* value of that metadata entry */
+
+/* A text from outside as JSON, with '?' for what is not ASCII where it is not UTF-8. */
+static json_t *json_text(const char *text)
+{
+    json_t *made = json_string(text);
+    char plain[SST_PATH_MAX];
+
+    if (made)
+        return made;
+    snprintf(plain, sizeof(plain), "%s", text);
+    for (char *c = plain; *c; c++)
+        *c = (unsigned char)*c > 126 ? '?' : *c;
+    return json_string(plain);
+}
+
+/* --- the list ----------------------------------------------------------------------------------------------------- */
+
+static const char *kind_of(const struct sst_network *net)
+{
+    const char *kind = sst_network_metadata(net, KIND_METADATA);
+
+    return kind && !strcmp(kind, KIND_MATCHING) ? "matching" : "labels";
+}
+
+/* Open a network as its user would: 0 and what runs it, or an error whose sentence is held. */
+static int try_open(json_t *o, const char *path)
+{
+    struct sst_network *net = NULL;
+    struct sst_model_info info;
+    int err = sst_network_open(&net, path, SST_PRECISION_AUTO, 1);
+
+    if (err)
+        return err;
+    json_object_set_new(o, "kind", json_string(kind_of(net)));
+    json_object_set_new(o, "runner", json_string(sst_network_runner(net)));
+    if (sst_network_metadata(net, SST_RANGES_KEY))
+        json_array_append_new(json_object_get(o, "precision"), json_string("int8"));
+    if (strcmp(kind_of(net), "labels") == 0) {
+        err = sst_model_info_read(&info, net, path);
+        if (!err)
+            json_object_set_new(o, "classes", json_integer(info.classes.count));
+    }
+    sst_network_close(net);
+    return err;
+}
+
+static int check_file(json_t *o, const char *path, const struct sst_manifest_entry *entry, const char **status)
+{
+    uint8_t *data = NULL;
+    size_t size = 0;
+    int err;
+
+    if (!sst_path_exists(path)) {
+        *status = "missing";
+        sst_log_error("the manifest lists it, but it is not there; install the networks again");
+        return -ENOENT;
+    }
+    *status = "unreadable";
+    err = sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
+    if (err)
+        return err;
+    json_object_set_new(o, "bytes", json_integer((json_int_t)size));
+    if (entry && !sst_manifest_matches(entry, data, size)) {
+        *status = "hash mismatch";
+        sst_log_error("not the file that the manifest lists; install the networks again");
+        err = -EBADMSG;
+    }
+    free(data);
+    return err ? err : try_open(o, path);
+}
+
+static json_t *copy(const json_t *value)
+{
+    return json_deep_copy((json_t *)(uintptr_t)value);
+}
+
+static void add_entry(json_t *o, const struct sst_manifest_entry *e)
+{
+    json_object_set_new(o, "kind", json_string(e->kind));
+    json_object_set_new(o, "licence", json_string(e->licence));
+    json_object_set_new(o, "training_data", json_string(e->training_data));
+    json_object_set_new(o, "description", json_string(e->description));
+    json_object_set_new(o, "figures", copy(e->figures));
+}
+
+/* A reason without the name of the file, which the list shows already. */
+static const char *bare_reason(const char *reason, const char *path)
+{
+    const size_t n = strlen(path);
+
+    if (!strncmp(reason, "model ", 6) && !strncmp(reason + 6, path, n))
+        reason += 6 + n;
+    return reason + strspn(reason, ": ");
+}
+
+json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry)
+{
+    const char *file = sst_path_base(path), *status = "";
+    char reason[SST_LOG_MAX] = "", folder[SST_PATH_MAX], *before;
+    json_t *o;
+    int err;
+
+    snprintf(folder, sizeof(folder), "%.*s", file > path ? (int)(file - path - 1) : 0, path);
+    o = json_pack("{s:o, s:o, s:i, s:[s], s:s, s:b, s:b}", "file", json_text(file), "folder", json_text(folder), "bytes",
+                  0, "precision", "f32", "kind", "", "listed", entry != NULL, "shadowed", false);
+    if (!o)
+        return NULL;
+    before = sst_log_hold_errors(reason);
+    err = check_file(o, path, entry, &status);
+    sst_log_hold_errors(before);
+    if (entry)
+        add_entry(o, entry);
+    json_object_set_new(o, "status", json_string(err ? status : "ok"));
+    if (err)
+        json_object_set_new(o, "reason", json_text(bare_reason(reason, path)));
+    return o;
+}
+
+int cli_model_print(json_t *object)
+{
+    char *text = object ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
+
+    json_decref(object);
+    if (!text)
+        return -ENOMEM;
+    puts(text);
+    free(text);
+    return 0;
+}
+
+/* --- one network -------------------------------------------------------------------------------------------------- */
+
+/* "image 1 x 3 x ? x ?" */
+static json_t *value_text(const struct sst_onnx_value *v)
+{
+    char text[320];
+    int at = snprintf(text, sizeof(text), "%.*s", SST_ONNX_STR(v->name));
+
+    for (int i = 0; i < v->n_dims; i++) {
+        if (v->dims[i])
+            at += snprintf(text + at, sizeof(text) - (size_t)at, "%s%lld", i ? " x " : " ", (long long)v->dims[i]);
+        else
+            at += snprintf(text + at, sizeof(text) - (size_t)at, "%s?", i ? " x " : " ");
+    }
+    return json_text(text);
+}
+
+static void add_summary(json_t *o, const struct sst_onnx *model)
+{
+    json_t *ops = json_object(), *inputs = json_array(), *outputs = json_array();
+    struct sst_summary s;
+
+    sst_onnx_summary(&s, model);
+    for (int i = 0; i < s.n_ops; i++)
+        json_object_set_new(ops, s.ops[i].name, json_integer(s.ops[i].count));
+    for (int i = 0; i < model->n_ins; i++) {
+        bool constant = false;
+
+        for (int k = 0; k < model->n_tensors && !constant; k++)
+            constant = sst_onnx_str_same(model->tensors[k].name, model->ins[i].name);
+        if (!constant)
+            json_array_append_new(inputs, value_text(&model->ins[i]));
+    }
+    for (int i = 0; i < model->n_outs; i++)
+        json_array_append_new(outputs, value_text(&model->outs[i]));
+    json_object_set_new(o, "opset", json_integer(s.opset));
+    json_object_set_new(o, "parameters", json_integer(s.parameters));
+    json_object_set_new(o, "nodes", json_integer(s.n_nodes));
+    json_object_set_new(o, "operators", ops);
+    json_object_set_new(o, "inputs", inputs);
+    json_object_set_new(o, "outputs", outputs);
+}
+
+/* Size, hash and content of the file, with nothing run. */
+static int read_facts(json_t *o, const char *path, bool *matching)
+{
+    char hash[SHA256_DIGEST_STRING_LENGTH];
+    struct sst_onnx model;
+    uint8_t *data = NULL;
+    size_t size;
+    int err = sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
+
+    if (err)
+        return err;
+    json_object_set_new(o, "bytes", json_integer((json_int_t)size));
+    json_object_set_new(o, "sha256", json_string(SHA256Data(data, size, hash)));
+    err = sst_manifest_check(path, data, size);
+    if (!err)
+        err = sst_onnx_parse(&model, data, size, path);
+    if (!err) {
+        add_summary(o, &model);
+        for (int i = 0; i < model.n_metadata; i++)
+            *matching |= sst_onnx_str_is(model.metadata[i].key, KIND_METADATA) &&
+                         sst_onnx_str_is(model.metadata[i].value, KIND_MATCHING);
+        sst_onnx_fini(&model);
+    }
+    free(data);
+    return err;
+}
+
+static void add_info(json_t *o, const struct sst_model_info *info)
+{
+    json_t *names = json_array(), *ground = json_array();
+
+    for (int i = 0; i < info->classes.count; i++) {
+        json_array_append_new(names, json_text(info->classes.names[i]));
+        if (info->classes.ground[i])
+            json_array_append_new(ground, json_text(info->classes.names[i]));
+    }
+    json_object_set_new(o, "classes", names);
+    json_object_set_new(o, "ground", ground);
+    json_object_set_new(o, "channels", json_integer(info->channels));
+    json_object_set_new(o, "colour", json_string(info->bgr ? "bgr" : "rgb"));
+    json_object_set_new(o, "mean", json_pack("[f, f, f]", info->mean[0], info->mean[1], info->mean[2]));
+    json_object_set_new(o, "std", json_pack("[f, f, f]", info->std[0], info->std[1], info->std[2]));
+    json_object_set_new(o, "size", json_pack("[i, i]", info->width, info->height));
+    json_object_set_new(o, "fixed_size", json_boolean(info->fixed_size));
+    json_object_set_new(o, "output", json_string(info->probabilities ? "probabilities" : "logits"));
+    json_object_set_new(o, "temperature", json_real(info->temperature));
+    json_object_set_new(o, "epsilon_h", isfinite(info->eps_h) ? json_real(info->eps_h) : json_null());
+}
+
+static int shape_of(json_t *o, struct sst_network *net, int width, int height)
+{
+    int c, w, h, err = sst_network_out_shape(net, width, height, &c, &w, &h);
+
+    if (!err) {
+        json_object_set_new(o, "runner", json_string(sst_network_runner(net)));
+        json_object_set_new(o, "runs_at", json_pack("[i, i]", width, height));
+        json_object_set_new(o, "gives", json_pack("[i, i, i]", c, w, h));
+    }
+    return err;
+}
+
+/* Open it the way its users do, which finds what is wrong with it. */
+static int use_facts(json_t *o, const char *path, bool matching)
+{
+    char sidecar[SST_PATH_MAX];
+    struct sst_segmenter *seg = NULL;
+    struct sst_network *net = NULL;
+    int err;
+
+    json_object_set_new(o, "kind", json_string(matching ? "matching" : "labels"));
+    if (matching) {
+        err = sst_network_open(&net, path, SST_PRECISION_AUTO, 1);
+        err = err ? err : shape_of(o, net, 640, 480);
+        sst_network_close(net);
+        return err;
+    }
+    err = sst_segmenter_open(&seg, path, SST_PRECISION_AUTO, 1);
+    if (!err) {
+        const struct sst_model_info *info = sst_segmenter_info(seg);
+
+        add_info(o, info);
+        if (!sst_model_sidecar(sidecar, path))
+            json_object_set_new(o, "described_by", json_text(sidecar));
+        err = shape_of(o, sst_segmenter_network(seg), info->width, info->height);
+    }
+    sst_segmenter_close(seg);
+    return err;
+}
+
+static void print_line(const json_t *o, const char *title, const char *key)
+{
+    json_t *v = json_object_get(o, key), *one;
+    const char *name;
+    size_t i;
+
+    if (!v || (json_is_array(v) && !json_array_size(v)))
+        return;
+    printf("  %-13s", title);
+    if (json_is_string(v))
+        printf(" %s", json_string_value(v));
+    else if (json_is_real(v))
+        printf(" %.6g", json_real_value(v));
+    else if (json_is_integer(v))
+        printf(" %" JSON_INTEGER_FORMAT, json_integer_value(v));
+    json_array_foreach(v, i, one) {
+        if (json_is_string(one))
+            printf("%s %s", i ? "," : "", json_string_value(one));
+        else
+            printf("%s%.4g", i ? " x " : " ", json_number_value(one));
+    }
+    json_object_foreach(v, name, one) {
+        printf(" %s %" JSON_INTEGER_FORMAT, name, json_integer_value(one));
+    }
+    putchar('\n');
+}
+
+int cli_model_inspect(const char *path, bool json)
+{
+    static const char *const lines[][2] = {
+        { "bytes", "bytes" },         { "sha256", "sha256" },       { "input", "inputs" },
+        { "output", "outputs" },      { "opset", "opset" },         { "parameters", "parameters" },
+        { "operators", "operators" }, { "kind", "kind" },           { "described by", "described_by" },
+        { "runner", "runner" },       { "runs at", "runs_at" },     { "gives c,w,h", "gives" },
+        { "classes", "classes" },     { "ground", "ground" },       { "values are", "output" },
+        { "colour", "colour" },       { "temperature", "temperature" }, { "epsilon_h", "epsilon_h" },
+    };
+    const size_t n_file = 7;
+    json_t *o = json_pack("{s:o}", "file", json_text(path));
+    bool matching = false;
+    int err = o ? read_facts(o, path, &matching) : -ENOMEM;
+
+    if (!json && !err) {
+        printf("%s\n", path);
+        for (size_t i = 0; i < n_file; i++)
+            print_line(o, lines[i][0], lines[i][1]);
+        fflush(stdout);
+    }
+    if (!err)
+        err = use_facts(o, path, matching);
+    for (size_t i = n_file; !json && !err && i < ARRAY_LEN(lines); i++)
+        print_line(o, lines[i][0], lines[i][1]);
+    if (json && !err)
+        return cli_model_print(o);
+    json_decref(o);
+    return err;
+}

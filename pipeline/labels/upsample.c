@@ -1,0 +1,206 @@
+#include "pipeline/labels/upsample.h"
+
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/labels/classes.h"
+#include "pipeline/labels/resample.h"
+
+#define BLOCK SST_CLASS_ROW_MAX
+#define SPREAD 0.7 /* cells: deviation of the weight of distance; with SST_GUIDE_SIGMA the best of docs/method.md */
+
+/* Scratch of one worker. */
+struct scratch {
+    float cells[BLOCK * (SST_MAX_CLASSES + SST_GUIDE_VALUES)]; /* [pixel][values] */
+    float prob[SST_MAX_CLASSES * BLOCK], entropy[BLOCK];       /* [class][pixel] */
+    uint8_t top[BLOCK];
+};
+
+struct job {
+    const struct sst_kernels *kernels;
+    const struct sst_class_grid *grid;
+    const struct sst_image *img;
+    struct sst_map_u8 *label;
+    struct sst_map_f32 *entropy; /* or NULL */
+    float *prob;                 /* or NULL */
+    float *colour;               /* [3][height of the grid][width of the grid] */
+    int32_t *left;               /* [width] column of the grid at or before a pixel */
+    float *across;               /* [width][16] weights of the columns, the same in every row of four */
+    uint8_t *winner;             /* [height of the grid][width of the grid] label */
+    uint8_t *sure;               /* [worker][width of the grid]: label of all pixels from a column to the next, or 0 */
+    struct scratch *scratch;     /* [worker] */
+};
+
+size_t sst_class_grid_values(int count)
+{
+    return ((size_t)count + SST_GUIDE_VALUES) / SST_GUIDE_VALUES * SST_GUIDE_VALUES;
+}
+
+/* Half-pixel centres: cell at or before output i, and the weights of it, the one before it and the two after it. */
+static int place(int i, int from, int to, float weight[4])
+{
+    const double at = sst_clamp_double((i + 0.5) * from / to - 0.5, 0, from - 1);
+    const int lo = (int)at;
+
+    for (int k = 0; k < 4; k++) {
+        const double d = at - (lo - 1 + k);
+
+        weight[k] = (float)exp(-d * d / (2 * SPREAD * SPREAD));
+    }
+    return lo;
+}
+
+/* Cells outside the grid are the nearest ones inside. */
+static size_t cell_at(const struct sst_class_grid *g, int x, int y)
+{
+    return (size_t)sst_clamp_int(y, 0, g->height - 1) * (size_t)g->width + (size_t)sst_clamp_int(x, 0, g->width - 1);
+}
+
+static void find_sure(uint8_t *sure, const struct job *j, int y)
+{
+    for (int x = 0; x < j->grid->width; x++) {
+        sure[x] = j->winner[cell_at(j->grid, x, y)];
+        for (int k = 0; k < 16; k++)
+            sure[x] = j->winner[cell_at(j->grid, x - 1 + k % 4, y - 1 + k / 4)] == sure[x] ? sure[x] : 0;
+    }
+}
+
+/* The cells around the pixels between column x, row y of the grid and the next. */
+static void set_cells(struct sst_guide *g, const struct job *j, int x, int y)
+{
+    const size_t plane = (size_t)j->grid->width * (size_t)j->grid->height;
+
+    for (int k = 0; k < 16; k++) {
+        const size_t at = cell_at(j->grid, x - 1 + k % 4, y - 1 + k / 4);
+
+        g->cell[k] = j->grid->cell + at * g->values;
+        for (size_t c = 0; c < 3; c++)
+            g->colour[c][k] = j->colour[c * plane + at];
+    }
+}
+
+/* Distributions of n pixels of row y from column x on, into s->prob. */
+static void mix_cells(const struct job *j, struct scratch *s, struct sst_guide *g, int cell_y, int y, int x, int n)
+{
+    const size_t count = (size_t)j->grid->count;
+
+    for (int i = 0, run; i < n; i += run) {
+        for (run = 1; i + run < n && j->left[x + i + run] == j->left[x + i];)
+            run++;
+        set_cells(g, j, j->left[x + i], cell_y);
+        g->across = j->across + 16 * (size_t)(x + i);
+        for (int c = 0; c < 3; c++)
+            g->pixel[c] = sst_image_row(j->img, c, y) + x + i;
+        j->kernels->guide_cells(s->cells + (size_t)i * g->values, g, (size_t)run);
+    }
+    for (int i = 0; i < n; i++) {
+        const float *cell = s->cells + (size_t)i * g->values, scale = 1 / cell[count]; /* weights are above 0 */
+
+        for (size_t c = 0; c < count; c++)
+            s->prob[c * BLOCK + (size_t)i] = cell[c] * scale;
+    }
+}
+
+/* Classes and entropies of n pixels of row y from column x on. */
+static void finish_block(const struct job *j, struct scratch *s, struct sst_guide *g, const uint8_t *sure, int cell_y,
+                         int y, int x, int n)
+{
+    uint8_t *label = sst_map_u8_row(j->label, y) + x;
+    const size_t count = (size_t)j->grid->count;
+    bool all_sure = true;
+
+    for (int i = 0; i < n; i++) {
+        label[i] = sure[j->left[x + i]];
+        all_sure &= label[i] != 0;
+    }
+    if (all_sure && !j->entropy && !j->prob)
+        return;
+    mix_cells(j, s, g, cell_y, y, x, n);
+    j->kernels->class_row(s->top, j->entropy ? s->entropy : NULL, s->prob, BLOCK, count, (size_t)n);
+    for (int i = 0; i < n; i++)
+        label[i] = label[i] ? label[i] : (uint8_t)(s->top[i] + 1);
+    if (j->entropy)
+        memcpy(sst_map_f32_row(j->entropy, y) + x, s->entropy, (size_t)n * sizeof(float));
+    for (size_t c = 0; j->prob && c < count; c++)
+        memcpy(j->prob + (c * (size_t)j->label->height + (size_t)y) * (size_t)j->label->width + (size_t)x,
+               s->prob + c * BLOCK, (size_t)n * sizeof(float));
+}
+
+static int finish_row(void *arg, int y, int worker)
+{
+    const struct job *j = arg;
+    uint8_t *sure = j->sure + (size_t)worker * (size_t)j->grid->width;
+    struct sst_guide guide = { .cells = SST_GUIDE_CELLS, .values = j->grid->values };
+    float down[4];
+    const int cell_y = place(y, j->grid->height, j->label->height, down);
+
+    for (int k = 0; k < 16; k++)
+        guide.down[k] = down[k / 4];
+    find_sure(sure, j, cell_y);
+    for (int x = 0; x < j->label->width; x += BLOCK)
+        finish_block(j, &j->scratch[worker], &guide, sure, cell_y, y, x, sst_min_int(BLOCK, j->label->width - x));
+    return 0;
+}
+
+/* Winners of the cells; the sum of weights is formed like a class of probability 1. */
+static void prepare_cells(const struct job *j)
+{
+    const struct sst_class_grid *g = j->grid;
+
+    for (size_t i = 0; i < (size_t)g->width * (size_t)g->height; i++) {
+        float *cell = g->cell + i * g->values;
+        int top = 0;
+
+        for (int c = 1; c < g->count; c++)
+            top = cell[c] > cell[top] ? c : top;
+        j->winner[i] = (uint8_t)(top + 1);
+        for (size_t v = (size_t)g->count; v < g->values; v++)
+            cell[v] = 1;
+    }
+}
+
+static void prepare_columns(const struct job *j)
+{
+    for (int x = 0; x < j->label->width; x++) {
+        float *across = j->across + 16 * (size_t)x;
+
+        j->left[x] = place(x, j->grid->width, j->label->width, across);
+        for (int k = 4; k < 16; k++)
+            across[k] = across[k % 4];
+    }
+}
+
+int sst_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob, struct sst_class_grid *grid,
+                 const struct sst_image *img, int threads)
+{
+    static const double mean[3] = { 0, 0, 0 }, std[3] = { 1 / 255.0, 1 / 255.0, 1 / 255.0 };
+    const size_t workers = (size_t)sst_thread_count(threads), cells = (size_t)grid->width * (size_t)grid->height;
+    struct job j = { .kernels = sst_kernels_get(), .grid = grid, .img = img, .label = label, .entropy = entropy,
+                     .prob = prob };
+    int err = -ENOMEM;
+
+    j.colour = sst_mem_alloc_raw(3 * cells, sizeof(*j.colour));
+    j.left = sst_mem_alloc_raw((size_t)label->width, sizeof(*j.left));
+    j.across = sst_mem_alloc_raw(16 * (size_t)label->width, sizeof(*j.across));
+    j.winner = sst_mem_alloc_raw(cells, 1);
+    j.sure = sst_mem_alloc_raw(workers * (size_t)grid->width, 1);
+    j.scratch = sst_mem_alloc_raw(workers, sizeof(*j.scratch));
+    if (j.colour && j.left && j.across && j.winner && j.sure && j.scratch)
+        err = sst_resample(j.colour, grid->width, grid->height, img, mean, std, threads);
+    if (!err) {
+        prepare_cells(&j);
+        prepare_columns(&j);
+        err = sst_parallel_for(label->height, threads, finish_row, &j);
+    }
+    sst_mem_free(j.colour);
+    sst_mem_free(j.left);
+    sst_mem_free(j.across);
+    sst_mem_free(j.winner);
+    sst_mem_free(j.sure);
+    sst_mem_free(j.scratch);
+    return err;
+}

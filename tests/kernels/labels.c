@@ -1,0 +1,199 @@
+/* Kernels of the labels: known values of the reference, every level equal to it, buffers ending at an unmapped page. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/kernels/log_pos.h"
+
+static uint32_t seed = 1;
+
+static float next_random(void)
+{
+    seed = seed * 1664525u + 1013904223u;
+    return (float)(seed >> 8) / (float)(1 << 24);
+}
+
+/* n floats that end where the next page faults; freed with the process. */
+static float *guarded(size_t n)
+{
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE), size = (n * sizeof(float) + page - 1) / page * page + page;
+    uint8_t *map = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+
+    assert_true(map != MAP_FAILED);
+    assert_int_equal(mprotect(map + size - page, page, PROT_NONE), 0);
+    return (float *)(void *)(map + size - page - n * sizeof(float));
+}
+
+static void logarithms_are_those_of_libm(void **state SST_UNUSED)
+{
+    assert_true(sst_log_pos(1) == 0);
+    for (double x = 1.2e-38; x < 3; x *= 1.003) {
+        const float v = (float)x;
+
+        assert_true(fabs((double)sst_log_pos(v) - log((double)v)) < 1e-7 + 1e-7 * fabs(log((double)v)));
+    }
+    for (float z = -1.0f / 3; z < 1.0f / 3; z += 1e-4f)
+        assert_true(fabs((double)sst_atanh2(z) - 2 * atanh((double)z)) <= 3e-7 * fabs(atanh((double)z)));
+}
+
+/* One pixel of `count` classes. */
+static float entropy_of(const float *p, size_t count, int top)
+{
+    uint8_t found;
+    float h;
+
+    sst_class_row_ref(&found, &h, p, 1, count, 1);
+    assert_int_equal(found, top);
+    return h;
+}
+
+static void entropies_have_known_values(void **state SST_UNUSED)
+{
+    const float one_hot[] = { 0, 0, 1, 0 }, half[] = { 0.5f, 0.5f }, skew[] = { 0.25f, 0.75f }, single[] = { 1 };
+    const float sure[] = { 1, 1e-10f, 0 }; /* the other class alone tells that p is not 1 */
+    const double e = (double)1e-10f, want = e * (1 - log(e));
+    float uniform[23];
+
+    assert_true(entropy_of(one_hot, 4, 2) == 0 && entropy_of(single, 1, 0) == 0);
+    assert_true(fabs((double)entropy_of(half, 2, 0) - log(2)) < 2e-7); /* a tie: the smaller class */
+    /* -(1/4) log(1/4) - (3/4) log(3/4) */
+    assert_true(fabs((double)entropy_of(skew, 2, 1) - 0.56233514461880834) < 2e-7);
+    assert_true(fabs((double)entropy_of(sure, 3, 0) / want - 1) < 1e-6);
+    for (size_t n = 1; n <= 23; n++) {
+        for (size_t i = 0; i < n; i++)
+            uniform[i] = 1.0f / (float)n;
+        assert_true(fabs((double)entropy_of(uniform, n, 0) - log((double)n)) < 1e-6 + 1e-6 * log((double)n));
+    }
+}
+
+/* Two colours of cells, 15 + 1: a pixel of the first colour takes w (1 + floor) of 15 cells and w floor of the other. */
+static void guided_cells_have_known_values(void **state SST_UNUSED)
+{
+    static const float first[8] = { 1, 2 }, other[8] = { 1, 18 };
+    float across[16], out[8];
+    const uint8_t dark = 0;
+    struct sst_guide g = { .across = across, .pixel = { &dark, &dark, &dark }, .cells = 16, .values = 8 };
+
+    for (int k = 0; k < 16; k++) {
+        across[k] = 0.5f;
+        g.down[k] = 2;
+        g.cell[k] = k == 5 ? other : first;
+        g.colour[0][k] = g.colour[1][k] = g.colour[2][k] = k == 5 ? 255 : 0;
+    }
+    sst_guide_cells_ref(out, &g, 1);
+    assert_true(fabs((double)out[0] - (15 * 1.001 + 0.001)) < 1e-5 && out[2] == 0);
+    assert_true(fabs((double)out[1] - (15 * 1.001 * 2 + 0.001 * 18)) < 1e-5);
+    g.colour[0][5] = SST_GUIDE_SIGMA; /* one deviation away in each channel: exp(-3/2) */
+    g.colour[1][5] = g.colour[2][5] = SST_GUIDE_SIGMA;
+    sst_guide_cells_ref(out, &g, 1);
+    assert_true(fabs((double)out[1] - (15 * 1.001 * 2 + (exp(-1.5) + 0.001) * 18)) < 1e-4);
+}
+
+/* Distributions from nearly certain to nearly even. */
+static void random_distributions(float *p, size_t count, size_t n)
+{
+    for (size_t x = 0; x < n; x++) {
+        const float power = 60 * next_random() * next_random();
+        float sum = 0;
+
+        for (size_t c = 0; c < count; c++)
+            sum += p[c * n + x] = powf(next_random(), power);
+        for (size_t c = 0; c < count && sum > 0; c++)
+            p[c * n + x] /= sum;
+    }
+}
+
+static void check_classes(const struct sst_kernels *k, size_t count, size_t n)
+{
+    float *p = guarded(count * n), *want = guarded(n), *got = guarded(n);
+    uint8_t want_top[SST_CLASS_ROW_MAX], got_top[SST_CLASS_ROW_MAX];
+
+    random_distributions(p, count, n);
+    sst_class_row_ref(want_top, want, p, n, count, n);
+    k->class_row(got_top, got, p, n, count, n);
+    assert_memory_equal(got_top, want_top, n);
+    assert_memory_equal(got, want, n * sizeof(*got));
+    for (size_t x = 0; x < n; x++) {
+        double h = 0;
+
+        for (size_t c = 0; c < count; c++)
+            h -= p[c * n + x] > 0 ? (double)p[c * n + x] * log((double)p[c * n + x]) : 0;
+        assert_true(fabs((double)got[x] - h) < 1e-6 + 1e-6 * h);
+    }
+    memset(got_top, 99, sizeof(got_top));
+    k->class_row(got_top, NULL, p, n, count, n);
+    assert_memory_equal(got_top, want_top, n);
+}
+
+static void check_guide(const struct sst_kernels *k, size_t values, size_t n)
+{
+    float *across = guarded(16 * n), *want = guarded(values * n), *got = guarded(values * n);
+    uint8_t *pixels = (uint8_t *)guarded(n); /* of which the last 3 n bytes are used */
+    struct sst_guide g = { .across = across, .cells = 16, .values = values };
+
+    pixels += n; /* n floats are 4 n bytes */
+    for (size_t i = 0; i < 3 * n; i++)
+        pixels[i] = (uint8_t)(255 * next_random());
+    for (int c = 0; c < 3; c++)
+        g.pixel[c] = pixels + (size_t)c * n;
+    for (size_t i = 0; i < 16 * n; i++)
+        across[i] = next_random();
+    for (size_t i = 0; i < 16; i++) {
+        float *cell = guarded(values);
+
+        for (size_t v = 0; v < values; v++)
+            cell[v] = next_random();
+        g.cell[i] = cell;
+        g.down[i] = next_random();
+        for (int c = 0; c < 3; c++)
+            g.colour[c][i] = 255 * next_random();
+    }
+    sst_guide_cells_ref(want, &g, n);
+    k->guide_cells(got, &g, n);
+    assert_memory_equal(got, want, values * n * sizeof(*got));
+}
+
+static void check_level(const struct sst_kernels *k, size_t count, size_t n)
+{
+    check_classes(k, count, n);
+    check_guide(k, SST_GUIDE_VALUES * (1 + count / SST_GUIDE_VALUES), n);
+}
+
+static void every_level_equals_the_reference(void **state SST_UNUSED)
+{
+    static const size_t widths[] = { 1, 3, 7, 16, 33, 64, 127, SST_CLASS_ROW_MAX };
+
+    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
+        struct sst_kernels k;
+
+        if (!sst_kernels_at((enum sst_cpu_level)level, &k)) {
+            printf("not run: %s\n", sst_cpu_level_name((enum sst_cpu_level)level));
+            continue;
+        }
+        for (size_t i = 0; i < ARRAY_LEN(widths); i++) {
+            check_level(&k, 23, widths[i]);
+            check_level(&k, 1 + i, widths[i]);
+        }
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(logarithms_are_those_of_libm),
+        cmocka_unit_test(entropies_have_known_values),
+        cmocka_unit_test(guided_cells_have_known_values),
+        cmocka_unit_test(every_level_equals_the_reference),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
