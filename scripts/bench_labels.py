@@ -189,6 +189,9 @@ def main():
         with open(f"{saved}.part", "w") as f:
             json.dump(result, f, indent=1)
         os.replace(f"{saved}.part", saved)
+    missing = sorted(set(PARTS) - {"sheets"} - set(result))
+    if missing:
+        return say(f"labels: no page before these are measured: {', '.join(missing)}")
     os.makedirs(f"{ARGS.out}/docs", exist_ok=True)
     made = labels_report.write(result, f"{ARGS.out}/docs", "make bench-networks")
     for path in made if ARGS.every == 1 else ():
