@@ -21,6 +21,7 @@ import torch
 from PIL import Image
 
 import common
+import manifest
 import onnx_file
 
 KEY = "sst.ranges"  # SST_RANGES_KEY of pipeline/network/graph.h
@@ -120,6 +121,7 @@ def main() -> None:
     with open(out + ".part", "wb") as f:
         f.write(model.SerializeToString())
     os.replace(out + ".part", out)
+    manifest.renew(out)
     print(f"{out}: ranges of {len(values)} values from {len(files)} pictures")
 
 

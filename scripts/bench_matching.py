@@ -179,8 +179,7 @@ with truth, hidden ones too. Searched: 0..63 px (aloe 0..127, at half size: {alo
   pair of its row. These are the figures to expect of new pictures.
 - **mccnn shipped**: `models/mccnn-fast.onnx`. It was trained on all four pairs: on them its figures flatter it. Of the
   simulated scenes it knows the kinds, not these seeds.
-- **CNES**: MC-CNN fast of CNES Pandora, five layers, trained on Middlebury pairs of 2003 to 2014, so that it may have
-  seen some of these.
+- **CNES**: MC-CNN fast of CNES Pandora, five layers, trained on Middlebury pairs, perhaps on some of these.
 - **+ census**: the mean of both costs, which preset `accurate` takes.
 
 ## Accuracy

@@ -81,7 +81,7 @@ def coverage_chart(out, model, sets, refinement, command):
     lines = axes(f"{{/*1.3 Fewer labels, but right ones: the entropy threshold}}\\n{{/*0.9 {model}; points: "
                  "the threshold that ships, and light fields before and after refinement}",
                  "pixels that keep a label, %", "of these right, %", "0:100", "*:100", command)
-    lines += ["set key left bottom Left reverse samplen 2", "set xrange [40:102]"]
+    lines += ["set key left bottom Left reverse samplen 2", "set xrange [40:115]", "set xtics 40, 10, 100"]
     plots = []
     for i, (name, c) in enumerate(sets.items()):
         run = c["runs"]["shipped"]
@@ -92,10 +92,10 @@ def coverage_chart(out, model, sets, refinement, command):
     shipped = [(r["scene"], r["labels"]) for r in refinement if r["shipped"]]
     if shipped:
         lines += data("a", [(l["coverage_hcsm"], l["accuracy_hcsm"], l["coverage_refined"] - l["coverage_hcsm"],
-                             l["accuracy_refined"] - l["accuracy_hcsm"], f'"{scene} "') for scene, l in shipped])
+                             l["accuracy_refined"] - l["accuracy_hcsm"], f'" {scene}"') for scene, l in shipped])
         lines += data("n", [(100, l["accuracy_initial"]) for _, l in shipped])
         plots += [f"$a with vectors head filled lw 1.5 lc rgb '{COLOURS[2]}' title 'light fields: confident, then refined'",
-                  f"$a using 1:2:5 with labels right tc rgb '{COLOURS[2]}' notitle",
+                  f"$a using ($1+$3):($2+$4):5 with labels left tc rgb '{COLOURS[2]}' notitle",
                   f"$n with points pt 2 ps 1.2 lw 2 lc rgb '{COLOURS[2]}' title 'light fields: all labels of the network'"]
     return draw(out, "labels-coverage", lines + ["plot " + ", \\\n".join(plots)])
 

@@ -52,6 +52,40 @@ void sst_descriptor_fini(struct sst_descriptor *desc);
 /** Make the census of more phases (bit p of `phases`); a descriptor without census is left alone. */
 SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases);
 
+#define SST_FEATURE_TILE 4
+
+/**
+ * The bands of rows in which the matching network is run over a view: a function of the view's size alone, so that the
+ * features never depend on threads. Bands are of one height. Each starts `step` rows below the one before, but the last
+ * one, which ends with the view; all starts are multiples of SST_FEATURE_TILE, so Winograd's tiles lie where they lie in
+ * the whole view.
+ */
+struct sst_feature_bands {
+    int count, step, height;
+};
+
+/** Rows first .. end - 1 are kept of a run over those from start on. */
+struct sst_feature_band {
+    int start, first, end;
+};
+
+/**
+ * @param rows    of the view, at least 1
+ * @param radius  of the network: rows above and below that a result depends on; negative: not known, one band of all
+ */
+struct sst_feature_bands sst_feature_bands(int rows, int radius);
+struct sst_feature_band sst_feature_band(const struct sst_feature_bands *bands, int rows, int radius, int i);
+
+/**
+ * Make the features of a descriptor that has its luma: standardised over the whole view, the network run band by band
+ * where its metadata sst.radius tells its radius. The values of a run over the whole view, but for the last digits of
+ * Winograd's floats, which depend on up to five rows beyond the radius: at most one step of a component, rarely.
+ *
+ * @return 0, -EBADMSG (not a matching network: one channel in, SST_FEATURE_CHANNELS of the same size out; a radius that is
+ * no number; logged), -ENOMEM and what sst_network_run_s8() returns
+ */
+SST_MUST_CHECK int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net);
+
 /** A view to match with: a point at x in the reference is at x - d * b there. */
 struct sst_neighbour {
     const struct sst_descriptor *desc;

@@ -13,7 +13,7 @@ void sst_feature_cost_rows_ref(uint8_t *cost, size_t cost_stride, const uint8_t 
                 dot += (a[at] - SST_FEATURE_ZERO) * (b[j][at] - SST_FEATURE_ZERO);
             }
             c = (SST_FEATURE_ONE * SST_FEATURE_ONE - dot) >> SST_FEATURE_SHIFT;
-            cost[j * cost_stride + x] = (uint8_t)(c < 0 ? 0 : c > SST_COST_MAX ? SST_COST_MAX : c);
+            cost[j * cost_stride + x] = (uint8_t)(c < 0 ? 0 : c > SST_FEATURE_COST_MAX ? SST_FEATURE_COST_MAX : c);
         }
     }
 }

@@ -30,19 +30,21 @@
 #if defined(FEATURE_DOT)
 #define FEATURE_PLACES 8
 
-/* (whole - dot) >> shift, cut to a byte. */
+/* (whole - dot) >> shift, cut at both ends. */
 static inline void KERNEL(feature_store)(uint8_t *cost, FEATURE_VEC whole, FEATURE_VEC dot)
 {
     const FEATURE_VEC left = FEATURE_SUB(whole, dot);
 #if FEATURE_PIXELS == 16
     const __m512i c = _mm512_max_epi32(_mm512_srai_epi32(left, SST_FEATURE_SHIFT), _mm512_setzero_si512());
 
-    _mm_storeu_si128((__m128i *)(void *)cost, _mm512_cvtusepi32_epi8(c));
+    _mm_storeu_si128((__m128i *)(void *)cost,
+                     _mm_min_epu8(_mm512_cvtusepi32_epi8(c), _mm_set1_epi8((char)SST_FEATURE_COST_MAX)));
 #else
     const __m256i c = _mm256_srai_epi32(left, SST_FEATURE_SHIFT);
     const __m128i half = _mm_packs_epi32(_mm256_castsi256_si128(c), _mm256_extracti128_si256(c, 1));
 
-    _mm_storel_epi64((__m128i *)(void *)cost, _mm_packus_epi16(half, half));
+    _mm_storel_epi64((__m128i *)(void *)cost,
+                     _mm_min_epu8(_mm_packus_epi16(half, half), _mm_set1_epi8((char)SST_FEATURE_COST_MAX)));
 #endif
 }
 
@@ -137,7 +139,8 @@ static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride
             c = _mm256_srai_epi32(_mm256_sub_epi32(sum, _mm256_hadd_epi32(d0, d1)), SST_FEATURE_SHIFT);
             c = _mm256_permute4x64_epi64(c, 0xD8);
             half = _mm_packs_epi32(_mm256_castsi256_si128(c), _mm256_extracti128_si256(c, 1));
-            _mm_storel_epi64((__m128i *)(void *)(cost + j * cost_stride + x), _mm_packus_epi16(half, half));
+            _mm_storel_epi64((__m128i *)(void *)(cost + j * cost_stride + x),
+                             _mm_min_epu8(_mm_packus_epi16(half, half), _mm_set1_epi8((char)SST_FEATURE_COST_MAX)));
         }
     }
 }

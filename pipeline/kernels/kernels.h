@@ -53,7 +53,7 @@ typedef void sst_hamming_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t
 
 /**
  * Costs of a stretch of one row of feature vectors against `count` other stretches: with a and b[j] at pixel x,
- * cost[j * cost_stride + x] = clamp((SST_FEATURE_ONE^2 - <a, b[j]>) >> SST_FEATURE_SHIFT, 0, SST_COST_MAX).
+ * cost[j * cost_stride + x] = clamp((SST_FEATURE_ONE^2 - <a, b[j]>) >> SST_FEATURE_SHIFT, 0, SST_FEATURE_COST_MAX).
  *
  * Vectors have unit length, in steps of 1/SST_FEATURE_ONE, plus SST_FEATURE_ZERO; a row is [16][.][4] with `stride` bytes
  * between groups of four channels (no multiple of 4096: the groups would fight for the same lines of the cache).
@@ -66,7 +66,8 @@ typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const u
 #define SST_FEATURE_CHANNELS 64
 #define SST_FEATURE_ZERO 128
 #define SST_FEATURE_ONE 127
-#define SST_FEATURE_SHIFT 6 /* 127^2 >> 6 = 252: a dot product of 0 or less costs about the maximum */
+#define SST_FEATURE_SHIFT 6
+#define SST_FEATURE_COST_MAX 128 /* a dot product of 0.49: beyond, one wrong place is as wrong as another (docs/method.md) */
 
 /** The mean of two costs, rounded up and at most SST_COST_MAX - 1, among the two cheapest ones so far:
  *  first <= second are those of the values before and of the mean. a and b may be the same. */

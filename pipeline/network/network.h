@@ -21,13 +21,15 @@ enum sst_precision {
  * Load and check a network: at most 64 MiB, 4096 nodes, tensors of 2^28 numbers; data in other files is refused.
  *
  * Run on oneDNN: Conv, Relu, BatchNormalization after Conv, Add, Concat of channels, MaxPool, AveragePool,
- * GlobalAveragePool, Resize (bilinear, fixed scales or sizes), Softmax and LpNormalization over channels (also x / |x|
- * as exporters write it in single steps), Pad with zeros before Conv, Identity, Dropout, Constant; and of the domain
- * "sst" AdaptiveAveragePool (output_size) and ResizeLike (x, like; align_corners). Sizes of images are free: H and W
- * that the file gives are told by sst_network_in_size(). Of several outputs the first one counts. A network whose folder
- * has a manifest.json that lists it must be the file that is listed there. The result is the same for any number of threads (tested); it may differ in the last
+ * GlobalAveragePool, Resize (bilinear; to fixed scales or sizes, or to the size of another image), Softmax and
+ * LpNormalization over channels (also x / |x| as exporters write it in single steps), Pad with zeros before Conv,
+ * Identity, Dropout, Constant; and of the domain "sst" AdaptiveAveragePool (output_size) and ResizeLike (x, like;
+ * align_corners). Sizes of images are free: H and W that the file gives are told by sst_network_in_size(). Of several
+ * outputs the first one counts. The result is the same for any number of threads (tested); it may differ in the last
  * digits between machines, as oneDNN takes other code on other processors. Other operators make the network fall back
  * to OpenCV's DNN, which is said in a warning.
+ *
+ * A network that the manifest.json beside it lists must be the file that is listed there (pipeline/network/manifest.h).
  *
  * On SST_PRECISION_INT8 convolutions behind the first one, and what lies between them, are computed on 8 bits in ranges
  * that the file's metadata sst.ranges hold (see docs/method.md); sums are exact. Processors without VNNI use 7 of them

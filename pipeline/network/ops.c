@@ -262,6 +262,13 @@ static double sum_of_squares(const float *x, int n)
     return sum;
 }
 
+/* Runs on vectors: `restrict`, as bytes may lie anywhere. */
+static void to_bytes(int8_t *restrict out, const float *restrict in, float scale, int n)
+{
+    for (int i = 0; i < n; i++)
+        out[i] = sst_op_to_byte(in[i] * scale);
+}
+
 static int byte_row(void *arg, int y, int worker SST_UNUSED)
 {
     const struct job *j = arg;
@@ -280,8 +287,7 @@ static int byte_row(void *arg, int y, int worker SST_UNUSED)
             const float *run = src->data + offset(src, c, y, x);
             const int n = sst_min_int(src->block, src->c - c);
 
-            for (int i = 0; i < n; i++)
-                out[c + i] = sst_op_to_byte(run[i] * scale);
+            to_bytes(out + c, run, scale, n);
         }
     }
     return 0;

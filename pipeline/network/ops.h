@@ -3,6 +3,8 @@
 #ifndef SST_PIPELINE_NETWORK_OPS_H
 #define SST_PIPELINE_NETWORK_OPS_H
 
+#include <math.h>
+
 #include "pipeline/network/graph.h"
 
 SST_EXTERN_C_BEGIN
@@ -50,8 +52,11 @@ SST_MUST_CHECK int sst_op_normalize_s8(int8_t *out, const struct sst_tensor *src
 /** Nearest integer, halves away from 0, between -127 and 127; NaN gives 0. */
 static inline int8_t sst_op_to_byte(float v)
 {
-    v = v < -127.0f ? -127.0f : v > 127.0f ? 127.0f : v;
-    return (int8_t)(v == v ? (int)(v + (v < 0 ? -0.5f : 0.5f)) : 0);
+    /* Each step one instruction on vectors of floats. */
+    v = v < -127.0f ? -127.0f : v;
+    v = v > 127.0f ? 127.0f : v;
+    v = v == v ? v : 0.0f;
+    return (int8_t)(int)(v + copysignf(0.5f, v));
 }
 
 SST_EXTERN_C_END

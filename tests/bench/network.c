@@ -1,4 +1,5 @@
-/* Time of a network: the whole of it as the program runs it, beside its convolutions alone as bare oneDNN primitives in
+/* Time of a network: the whole of it as the program runs it (a matching network: from the picture to the features, band by
+ * band), beside its convolutions alone as bare oneDNN primitives in
  * the layouts that the library likes best. Interleaved rounds in one process, medians of wall and CPU time, one JSON
  * object.
  *
@@ -11,6 +12,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/mem.h"
+#include "pipeline/disparity/stage.h"
 #include "pipeline/network/graph.h"
 #include "pipeline/network/network.h"
 
@@ -46,6 +48,7 @@ static const struct kind kinds[] = {
 struct runner {
     struct bare_network bare;
     struct sst_network *net;
+    struct sst_image picture; /* of a matching network, else empty */
     float *in, *out;
     int width, height;
     double ms[MAX_ROUNDS], cpu_ms[MAX_ROUNDS];
@@ -157,11 +160,38 @@ static void run_bare(const struct bare_network *b, int threads)
     check(dnnl_stream_wait(b->stream), "convolution");
 }
 
+/* A picture of noise, from 0 to 255. */
+static int make_picture(struct sst_image *img, int width, int height)
+{
+    const int err = sst_image_init(img, width, height);
+
+    for (int c = 0; !err && c < 3; c++) {
+        for (int y = 0; y < height; y++) {
+            for (int x = 0; x < width; x++)
+                sst_image_row(img, c, y)[x] = (uint8_t)((uint32_t)(y * width + x) * 2654435761u >> 20);
+        }
+    }
+    return err;
+}
+
+static int make_tensors(struct runner *r, struct sst_shape in, struct sst_shape out)
+{
+    const size_t n = (size_t)in.c * (size_t)in.h * (size_t)in.w;
+
+    r->in = sst_mem_alloc_raw(n, sizeof(*r->in));
+    r->out = sst_mem_alloc_raw((size_t)out.c * (size_t)out.h, (size_t)out.w * sizeof(*r->out));
+    if (!r->in || !r->out)
+        return -1;
+    for (size_t i = 0; i < n; i++)
+        r->in[i] = (float)(i * 2654435761u % 65536) / 16384 - 2;
+    return 0;
+}
+
 static int open_runner(struct runner *r, const char *model, const struct kind *kind, const struct sst_graph *graph,
                        const struct sst_shape *shapes)
 {
     const struct sst_shape in = shapes[graph->input], out = shapes[graph->output];
-    const size_t n = (size_t)in.c * (size_t)in.h * (size_t)in.w;
+    int err;
 
     r->width = in.w;
     r->height = in.h;
@@ -169,13 +199,24 @@ static int open_runner(struct runner *r, const char *model, const struct kind *k
         make_network(&r->bare, graph, shapes, kind);
         return 0;
     }
-    r->in = sst_mem_alloc_raw(n, sizeof(*r->in));
-    r->out = sst_mem_alloc_raw((size_t)out.c * (size_t)out.h, (size_t)out.w * sizeof(*r->out));
-    if (!r->in || !r->out)
-        return -1;
-    for (size_t i = 0; i < n; i++)
-        r->in[i] = (float)(i * 2654435761u % 65536) / 16384 - 2;
-    return sst_network_open(&r->net, model, kind->precision, kind->threads);
+    err = sst_network_open(&r->net, model, kind->precision, kind->threads);
+    if (err)
+        return err;
+    return sst_network_metadata(r->net, "sst.radius") ? make_picture(&r->picture, in.w, in.h)
+                                                      : make_tensors(r, in, out);
+}
+
+static int run_whole(struct runner *r)
+{
+    struct sst_descriptor desc;
+    int err;
+
+    if (!r->picture.width)
+        return sst_network_run(r->net, r->in, r->width, r->height, r->out);
+    err = sst_descriptor_init(&desc, &r->picture, 1, SST_COST_MCCNN, r->net);
+    if (!err)
+        sst_descriptor_fini(&desc);
+    return err;
 }
 
 static int time_once(struct runner *r, const struct kind *kind, double *ms, double *cpu_ms)
@@ -184,7 +225,7 @@ static int time_once(struct runner *r, const struct kind *kind, double *ms, doub
     int err = 0;
 
     if (kind->whole)
-        err = sst_network_run(r->net, r->in, r->width, r->height, r->out);
+        err = run_whole(r);
     else
         run_bare(&r->bare, kind->threads);
     *ms = (double)(sst_clock_now_ns() - start) * 1e-6;

@@ -161,10 +161,10 @@ static void costs_of_several_neighbours(void **state SST_UNUSED)
     const struct sst_neighbour list[3] = { far, near, worst };
 
     assert_int_equal(merged_cost(&ref, &near, 1), 0);
-    assert_int_equal(merged_cost(&ref, &far, 1), 252);    /* 127^2 / 64 */
-    assert_int_equal(merged_cost(&ref, &worst, 1), 254);  /* the dearest, never "unseen" */
-    assert_int_equal(merged_cost(&ref, list, 2), 63);     /* (3 * 0 + 252) / 4 */
-    assert_int_equal(merged_cost(&ref, list, 3), 126);    /* (0 + 252) / 2 */
+    assert_int_equal(merged_cost(&ref, &far, 1), 128);   /* 127^2 / 64 = 252, cut */
+    assert_int_equal(merged_cost(&ref, &worst, 1), 128); /* as wrong as unrelated */
+    assert_int_equal(merged_cost(&ref, list, 2), 32);     /* (3 * 0 + 128) / 4 */
+    assert_int_equal(merged_cost(&ref, list, 3), 64);     /* (0 + 128) / 2 */
 }
 
 /*
@@ -198,7 +198,7 @@ static void learned_costs_between_pixels(void **state SST_UNUSED)
     v.phase_step = 1;
     sst_volume_fill(&v, &view[0], &below, 1);
     for (int x = 0; x < W; x++) {
-        static const uint8_t want[H][4] = { { 0, 96, 96, 96 }, { 252, 252, 0, 96 }, { 254, 254, 252, 252 } };
+        static const uint8_t want[H][4] = { { 0, 96, 96, 96 }, { 128, 128, 0, 96 }, { 128, 128, 128, 128 } };
 
         for (int y = 0; y < H; y++)
             assert_memory_equal(cost_at(&v, x, y), want[y], 4);
