@@ -118,7 +118,7 @@ def quality(pairs, model, *options):
         for i, (image, truth) in enumerate(pairs[first:first + CHUNK]):
             os.makedirs(f"{folder}/in", exist_ok=True)
             shutil.copy(image, f"{folder}/in/{i}{os.path.splitext(image)[1]}")
-        said = segment([f"{folder}/in"], folder, model, *options)["images"]
+        said = segment([f"{folder}/in"], folder, model, "--threads", "1", *options)["images"]
         taken += [i["cpu_ms"] for i in said[1:] or said]  # the first of a run plans its memory
         for i, (_, truth) in enumerate(pairs[first:first + CHUNK]):
             total = total + labels_math.confusion(labels_scenes.read_labels(f"{folder}/labels/{i}.png"), truth(),

@@ -132,7 +132,7 @@ def layouts(args, quality, segment, camvid_pairs, model):
     return result
 
 
-def sheet(pairs, out, segment, model, path, width=300):
+def sheet(pairs, out, segment, model, path, width=256):
     """Rows of picture, truth, labels, labels that are sure enough (JPEG)."""
     folder, height, rows = f"{out}/labels-run", width * 3 // 4, []
     for image, truth in pairs:
@@ -144,15 +144,16 @@ def sheet(pairs, out, segment, model, path, width=300):
         true = Image.fromarray(truth())
         true.putpalette(cells[1].getpalette())
         cells.insert(1, true)
-        row = Image.new("RGB", (4 * width, height))
+        row = Image.new("RGB", (4 * width, height), "white")
         for i, cell in enumerate(cells):
-            row.paste((cell if i == 0 else cell.convert("RGB")).resize((width, height), Image.Resampling.BOX), (i * width, 0))
+            row.paste((cell if i == 0 else cell.convert("RGB")).resize((width - 4, height - 4), Image.Resampling.BOX),
+                      (i * width, 0))
         rows.append(row)
         shutil.rmtree(folder)
     whole = Image.new("RGB", (4 * width, height * len(rows)))
     for i, row in enumerate(rows):
         whole.paste(row, (0, i * height))
-    whole.save(path, quality=82)
+    whole.save(path, quality=80)
     return path
 
 

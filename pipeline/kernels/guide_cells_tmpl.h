@@ -20,24 +20,34 @@ static inline void KERNEL(guide_weights)(float *restrict w, const struct sst_gui
         w[k] = across[k] * g->down[k] * (sst_exp_neg(t[k]) + SST_GUIDE_FLOOR);
 }
 
-static void KERNEL(guide_cells)(float *restrict out, const struct sst_guide *g, size_t n)
+static inline void KERNEL(guide_mix)(float *restrict out, const float *restrict w, const struct sst_guide *g)
 {
     typedef float eight __attribute__((vector_size(SST_GUIDE_VALUES * sizeof(float))));
 
-    for (size_t x = 0; x < n; x++, out += g->values) {
-        float w[SST_GUIDE_CELLS];
+    for (size_t v = 0; v < g->values; v += SST_GUIDE_VALUES) {
+        eight sum = { 0 };
 
-        KERNEL(guide_weights)(w, g, x);
-        for (size_t v = 0; v < g->values; v += SST_GUIDE_VALUES) {
-            eight sum = { 0 };
+        for (size_t k = 0; k < g->cells; k++) {
+            eight cell;
 
-            for (size_t k = 0; k < g->cells; k++) {
-                eight cell;
-
-                memcpy(&cell, g->cell[k] + v, sizeof(cell));
-                sum += w[k] * cell;
-            }
-            memcpy(out + v, &sum, sizeof(sum));
+            memcpy(&cell, g->cell[k] + v, sizeof(cell));
+            sum += w[k] * cell;
         }
+        memcpy(out + v, &sum, sizeof(sum));
+    }
+}
+
+/* Weights of several pixels first: those of one would be read back before they are stored. */
+static void KERNEL(guide_cells)(float *restrict out, const struct sst_guide *g, size_t n)
+{
+    float w[8][SST_GUIDE_CELLS];
+
+    for (size_t x = 0; x < n; x += 8) {
+        const size_t m = n - x < 8 ? n - x : 8;
+
+        for (size_t i = 0; i < m; i++)
+            KERNEL(guide_weights)(w[i], g, x + i);
+        for (size_t i = 0; i < m; i++)
+            KERNEL(guide_mix)(out + (x + i) * g->values, w[i], g);
     }
 }

@@ -130,6 +130,19 @@ static void finish_block(const struct job *j, struct scratch *s, struct sst_guid
                s->prob + c * BLOCK, (size_t)n * sizeof(float));
 }
 
+/* Pixels from column x on that one step takes: where labels alone are wanted, those that are all sure or all not. */
+static int run_length(const struct job *j, const uint8_t *sure, int x)
+{
+    const int most = sst_min_int(BLOCK, j->label->width - x);
+    int n = 1;
+
+    if (j->entropy || j->prob)
+        return most;
+    while (n < most && !sure[j->left[x + n]] == !sure[j->left[x]])
+        n++;
+    return n;
+}
+
 static int finish_row(void *arg, int y, int worker)
 {
     const struct job *j = arg;
@@ -141,8 +154,10 @@ static int finish_row(void *arg, int y, int worker)
     for (int k = 0; k < 16; k++)
         guide.down[k] = down[k / 4];
     find_sure(sure, j, cell_y);
-    for (int x = 0; x < j->label->width; x += BLOCK)
-        finish_block(j, &j->scratch[worker], &guide, sure, cell_y, y, x, sst_min_int(BLOCK, j->label->width - x));
+    for (int x = 0, n; x < j->label->width; x += n) {
+        n = run_length(j, sure, x);
+        finish_block(j, &j->scratch[worker], &guide, sure, cell_y, y, x, n);
+    }
     return 0;
 }
 
