@@ -14,8 +14,16 @@ have = $(shell pkg-config --exists $(1) 2>/dev/null && echo 1 || echo 0)
 WITH_OPENCV ?= $(call have,opencv4)
 WITH_AVFORMAT ?= $(call have,libavformat libavcodec libavutil libswscale)
 WITH_DNNL ?= $(shell echo '\#include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
+WITH_UDEV ?= $(call have,libudev)
+WITH_USB ?= $(call have,libusb-1.0)
+WITH_MODBUS ?= $(call have,libmodbus)
+# Which API libgpiod has: 1, 2 or 0 for none.
+WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod && echo 1 || echo 0; })
 
-PACKAGES := libpng libturbojpeg jansson yaml-0.1 $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
+PACKAGES := libpng libturbojpeg jansson yaml-0.1 \
+            $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale) \
+            $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
+            $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
 
 # --- flags ---------------------------------------------------------------------------------------------------------
 WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion $(if $(WERROR),-Werror)
@@ -28,7 +36,8 @@ ifneq (,$(findstring undefined,$(SAN)))
 SANFLAGS += -fsanitize=float-divide-by-zero,float-cast-overflow -fno-sanitize-recover=all
 endif
 DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMAT=$(WITH_AVFORMAT) \
-        -DWITH_DNNL=$(WITH_DNNL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
+        -DWITH_GPIOD=$(WITH_GPIOD) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 BASEFLAGS := -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
              $(shell pkg-config --cflags $(PACKAGES)) $(CFLAGS)
@@ -40,17 +49,23 @@ LIBS = $(shell pkg-config --libs $(PACKAGES)) -lmd -lm \
 LDFLAGS_ALL = -pie -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 
 # --- sources -------------------------------------------------------------------------------------------------------
-LIB_SRC := $(sort $(wildcard base/*.c config/*.c drivers/*/*.c pipeline/*/*.c pipeline/*/*/*.c simulators/*/*.c))
+# Simulated devices go into sst-sim and the library that it preloads, never into the product.
+SIM_SRC := $(sort $(wildcard simulators/devices/*.c))
+PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
+LIB_SRC := $(sort $(filter-out $(SIM_SRC),$(wildcard base/*.c config/*.c drivers/*/*.c pipeline/*/*.c pipeline/*/*/*.c \
+           daemon/*/*.c simulators/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(wildcard pipeline/*.cc))
 CLI_SRC := $(sort $(wildcard cli/*.c))
-TEST_SRC := $(sort $(wildcard tests/unit/*.c tests/kernels/*.c))
+TEST_SRC := $(sort $(wildcard tests/unit/*.c tests/kernels/*.c tests/sim/*.c))
+SIM_OBJ := $(SIM_SRC:%.c=$(BUILD)/obj/%.o)
 LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 
 .PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick bench-networks fuzz install help clean format tests
 .SECONDARY:
-all: $(BUILD)/sst ## build the programs into build/
+PROGRAMS := $(BUILD)/sst $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
+all: $(PROGRAMS) ## build the programs into build/
 
 # Objects of other flags or optional parts are made anew.
 FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS))
@@ -73,6 +88,14 @@ $(BUILD)/libsst.a: $(LIB_OBJ)
 $(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+$(BUILD)/sst-sim: $(SIM_OBJ) $(BUILD)/libsst.a
+	@echo "  LD   $@"
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+# Loaded into other people's programs: libc alone, never a sanitizer.
+$(BUILD)/libsst-sim-preload.so: $(PRELOAD_SRC) $(wildcard simulators/devices/*.h simulators/devices/preload/*.h) base/base.h
+	@mkdir -p $(@D)
+	@echo "  LD   $@"
+	@$(CC) -std=gnu11 -I. -O2 -g -fPIC -shared -fvisibility=hidden -pthread $(CWARN) $(PRELOAD_SRC) -ldl -o $@
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
@@ -96,10 +119,10 @@ check: deps ## build with warnings as errors and run every test, also under the 
 	$(MAKE) WERROR=1 all check-includes check-unit check-cli
 	$(MAKE) WERROR=1 check-san
 
-check-unit: $(BUILD)/sst $(TESTS)
+check-unit: $(PROGRAMS) $(TESTS)
 	SST_BUILD=$(BUILD) scripts/run_tests.sh $(TESTS)
 
-check-cli: $(BUILD)/sst
+check-cli: $(PROGRAMS)
 	SST_BUILD=$(BUILD) scripts/run_tests.sh $(sort $(wildcard tests/system/*.sh))
 
 check-san: ## all tests under the address and undefined sanitizers, unit and kernel tests under the thread sanitizer
@@ -156,4 +179,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(wildcard $(BUILD)/obj/tests/bench/*.d)
+-include $(LIB_OBJ:.o=.d) $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(wildcard $(BUILD)/obj/tests/bench/*.d)

@@ -13,6 +13,8 @@ deny base 'config|drivers|pipeline|daemon|cli|simulators'
 deny config 'drivers|pipeline|daemon|cli|simulators'
 deny pipeline 'drivers|daemon|cli|simulators'
 deny drivers 'pipeline|daemon|cli|simulators'
+deny daemon 'cli|simulators'
+deny cli 'simulators/(world|devices|rig)'
 deny simulators 'daemon|cli|drivers'
 for h in $(find base config drivers pipeline daemon cli simulators tests -name '*.h' 2>/dev/null | sort); do
   case $h in *_tmpl.h|*/templates.h) continue;; esac

@@ -1,0 +1,45 @@
+/* base/frame.h - one camera frame as the driver delivered it, with what is known about it. */
+#ifndef SST_BASE_FRAME_H
+#define SST_BASE_FRAME_H
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_CAMERAS_MAX 256
+
+/** What is wrong with a frame; bits. A frame with none of the bits up to FRAME_BAD is good. */
+enum sst_frame_fault {
+    SST_FRAME_FLAGGED = 1 << 0,   /* the driver set V4L2_BUF_FLAG_ERROR */
+    SST_FRAME_EMPTY = 1 << 1,     /* no bytes */
+    SST_FRAME_SHORT = 1 << 2,     /* fewer bytes than width, height and format need */
+    SST_FRAME_NO_SOI = 1 << 3,    /* JPEG: does not start with a start-of-image marker */
+    SST_FRAME_NO_EOI = 1 << 4,    /* JPEG: ends early */
+    SST_FRAME_MARKER = 1 << 5,    /* JPEG: broken marker structure, or another size than negotiated */
+    SST_FRAME_BACKWARDS = 1 << 6, /* time stamp not after that of the frame before */
+    SST_FRAME_BAD = (1 << 7) - 1,
+    SST_FRAME_FROZEN = 1 << 7, /* same bytes as the frame before: kept, but told */
+};
+
+/**
+ * A frame, borrowed from its driver's pool until released there; nothing is copied.
+ * Times are ns on CLOCK_MONOTONIC.
+ */
+struct sst_frame {
+    int cam;            /* index among the configured cameras */
+    uint32_t fourcc;    /* V4L2 pixel format */
+    int width, height;  /* px */
+    size_t stride;      /* bytes; 0 for compressed formats */
+    const uint8_t *data;
+    size_t bytes;
+    uint32_t sequence;    /* the driver's count */
+    uint32_t lost_before; /* frames that a gap in the sequence says were lost just before this one */
+    int64_t t_ns;         /* start of exposure, by the driver */
+    int64_t arrival_ns;   /* when it was dequeued */
+    unsigned faults;      /* sst_frame_fault */
+    void *pool;           /* the driver's; nobody else's business */
+};
+
+SST_EXTERN_C_END
+
+#endif

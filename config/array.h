@@ -1,0 +1,75 @@
+/* config/array.h - what an array is and how it captures: the keys that sst capture and sstd read from one file. */
+#ifndef SST_CONFIG_ARRAY_H
+#define SST_CONFIG_ARRAY_H
+
+#include <stdbool.h>
+
+#include "base/frame.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_CONFIG_TEXT_MAX 256
+#define SST_CONFIG_CONTROLS_MAX 32
+#define SST_CONFIG_LINES_MAX 64
+
+enum sst_config_source {
+    SST_CONFIG_GPIO = 0,
+    SST_CONFIG_SOFTWARE = 1,
+    SST_CONFIG_FREE_RUN = 2,
+};
+
+struct sst_config_camera {
+    int row, col;
+    char serial[64], port[64]; /* one of both */
+};
+
+struct sst_array_config {
+    /* array: */
+    int rows, cols;
+    double spacing_mm;
+    /* cameras: */
+    uint32_t fourcc;
+    int width, height, buffers, stall_ms;
+    double rate_hz;
+    bool port_power, check_frozen;
+    int controls;
+    struct {
+        char name[64];
+        int64_t value;
+    } control[SST_CONFIG_CONTROLS_MAX];
+    int bound; /* cameras given by `bind`; 0: all that are there, by port, in grid order */
+    struct sst_config_camera camera[SST_CAMERAS_MAX];
+    /* trigger: */
+    enum sst_config_source source;
+    char chip[64];
+    int lines;
+    char line[SST_CONFIG_LINES_MAX][64];
+    int delay_us[SST_CONFIG_LINES_MAX];
+    char loopback[64];
+    bool active_low;
+    int pulse_us;
+    double trigger_hz;
+    /* sets: */
+    int window_us; /* a frame within this of the trigger (plus delay) belongs to it */
+    int wait_ms;   /* a set is closed this long after its trigger, complete or not */
+    int skew_limit_us;
+    /* rig: */
+    char rig_bus[SST_CONFIG_TEXT_MAX], rig_profile[SST_CONFIG_TEXT_MAX];
+    int rig_axes, rig_unit[3];
+    double rig_travel_min_mm[3], rig_travel_max_mm[3], rig_um_per_count[3], rig_tolerance_um;
+    int rig_response_ms, rig_retries, rig_reconnect_ms, rig_settle_ms;
+};
+
+void sst_array_config_defaults(struct sst_array_config *cfg);
+
+/**
+ * Read a configuration file (YAML; config/sstd.yaml explains every key) over the defaults.
+ *
+ * @param path  NULL: /etc/sst/sstd.yaml if it is there, else the defaults alone
+ * @return 0, -ENOENT/-EACCES, -EBADMSG (all faults logged with file:line:column), -ENOMEM; cfg untouched on failure.
+ */
+SST_MUST_CHECK int sst_array_config_read(struct sst_array_config *cfg, const char *path);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,51 @@
+/* drivers/usb/usb.h - the tree of controllers, hubs and cameras; who can stream with whom; resets and port power. */
+#ifndef SST_DRIVERS_USB_USB_H
+#define SST_DRIVERS_USB_USB_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_USB_TEXT_MAX 64
+#define SST_USB_ALTS_MAX 32
+
+/** One alternate setting of a streaming interface. */
+struct sst_usb_alt {
+    int number;
+    bool isochronous;
+    int packet_bytes; /* per (micro)frame, all transactions of it: wMaxPacketSize & 0x7ff times its multiplier;
+                         SuperSpeed: wBytesPerInterval */
+    int interval_us;  /* between packets */
+};
+
+struct sst_usb_device {
+    char port[SST_USB_TEXT_MAX]; /* "1-2.3" as in sysfs; "usb1" for a root hub */
+    char controller[SST_USB_TEXT_MAX]; /* PCI address or platform name of the host controller */
+    int bus, address, parent;          /* parent: index in the list, -1 for a root hub */
+    int speed_mbit;                    /* 1.5 is told as 1; 12, 480, 5000, 10000, 20000 */
+    bool hub;
+    int hub_ports;
+    bool single_tt; /* hub: one transaction translator for all low- and full-speed devices */
+    int vendor, product;
+    char maker[SST_USB_TEXT_MAX], name[SST_USB_TEXT_MAX], serial[SST_USB_TEXT_MAX];
+    char node[SST_USB_TEXT_MAX]; /* /dev/videoN of a camera; "" */
+    int alts;
+    struct sst_usb_alt alt[SST_USB_ALTS_MAX]; /* of its video streaming interface */
+};
+
+/** All devices, parents before children. *devices to free with free(). @return 0 or -errno, logged. */
+SST_MUST_CHECK int sst_usb_list(struct sst_usb_device **devices, int *count);
+
+/** Reset the port's device, as a re-plug; its nodes may be renumbered. @return 0, -ENODEV, -EACCES, -EIO, -ETIMEDOUT. */
+SST_MUST_CHECK int sst_usb_reset(const char *port);
+/** Write sysfs `authorized` 0, then 1. */
+SST_MUST_CHECK int sst_usb_reauthorise(const char *port);
+/** Switch the hub port (and that of the hub's twin of the other speed) off, wait, on.
+ *  @return also -ENOTSUP: the hub cannot switch ports by itself. */
+SST_MUST_CHECK int sst_usb_power_cycle(const char *port, int off_ms);
+
+SST_EXTERN_C_END
+
+#endif
