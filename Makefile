@@ -61,8 +61,9 @@ SIM_OBJ := $(SIM_SRC:%.c=$(BUILD)/obj/%.o)
 LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
+GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick bench-networks fuzz install help clean format tests
+.PHONY: FORCE all deps check check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks fuzz install help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
 all: $(PROGRAMS) ## build the programs into build/
@@ -110,7 +111,7 @@ $(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/benc
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 
-tests: $(TESTS)
+tests: $(TESTS) $(GUEST_TESTS)
 
 deps: ## install what building and testing needs (Debian 12; root or sudo)
 	scripts/deps.sh
@@ -128,6 +129,9 @@ check-cli: $(PROGRAMS)
 check-san: ## all tests under the address and undefined sanitizers, unit and kernel tests under the thread sanitizer
 	$(MAKE) SAN=address,undefined check-unit check-cli
 	$(MAKE) SAN=thread check-unit
+
+check-kernel: $(BUILD)/sst $(GUEST_TESTS) ## boot a stock Debian kernel in an emulator and test on its devices; GUEST=name for one test
+	SST_BUILD=$(BUILD) scripts/kernel/check.sh $(GUEST)
 
 # libFuzzer finds inputs that crash, leak or hang; what it found is kept in build/fuzz/. Needs clang and oneDNN.
 FUZZ_SECONDS ?= 60
@@ -179,4 +183,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(wildcard $(BUILD)/obj/tests/bench/*.d)
+-include $(LIB_OBJ:.o=.d) $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)

@@ -1,0 +1,40 @@
+# Sourced by tests/guest/*.sh, which run in the emulated machine as root, in the repository (read-only), with a kernel of
+# their own: they load what modules they need and leave none that another test needs otherwise.
+# Afterwards: $sst, $bin (programs of tests/guest), the current folder is $tmp (in memory), fail, skip, wait_for.
+sst=$PWD/${SST_BUILD:-build}/sst
+bin=$PWD/${SST_BUILD:-build}/tests/guest
+tmp=$(mktemp -d)
+failed=0
+cd "$tmp" || exit 1
+
+fail() { echo "FAIL: $*"; failed=1; }
+skip() { echo "$*"; exit 77; }
+
+# wait_for SECONDS COMMAND...: until it succeeds
+wait_for() {
+  local until=$((SECONDS + $1))
+  shift
+  until "$@" >/dev/null 2>&1; do
+    [ $SECONDS -lt $until ] || return 1
+    sleep 0.1
+  done
+}
+
+# load MODULE [OPTION...]; what udev has to do about it is done afterwards
+load() {
+  modprobe "$@" || { fail "modprobe $*"; exit 1; }
+  udevadm settle --timeout=30 || fail "udev does not come to rest after $1"
+}
+
+# json FILE EXPRESSION: print a Python expression over the document j
+json() { python3 -c 'import json,sys; j = json.load(open(sys.argv[1])); print(eval(sys.argv[2]))' "$1" "$2"; }
+
+# is WHAT GOT WANTED
+is() { [ "$2" = "$3" ] || fail "$1: $2, not $3"; }
+
+# says FILE WORDS...: all of them are in the file
+says() {
+  local file=$1 w
+  shift
+  for w in "$@"; do grep -qiF -- "$w" "$file" || fail "no '$w' in: $(head -c 1000 "$file")"; done
+}

@@ -1,0 +1,85 @@
+# Pulse trains on GPIO lines of a real kernel (gpio-sim): chips found by label or line name, edges seen on the lines, time
+# stamps of a loop-back line, a line in use is named with its user, a chip that vanishes ends the train.
+. tests/guest/lib.sh
+
+load gpio-sim
+cd /sys/kernel/config/gpio-sim && mkdir decoy decoy/bank array array/bank && cd "$tmp" || exit 1
+chip() { # NAME LABEL LINES...: a chip with these line names
+  local c=/sys/kernel/config/gpio-sim/$1 label=$2 n=0 name
+  shift 2
+  echo $# >"$c/bank/num_lines"
+  echo "$label" >"$c/bank/label"
+  for name in "$@"; do
+    mkdir "$c/bank/line$n"
+    echo "$name" >"$c/bank/line$n/name"
+    n=$((n + 1))
+  done
+  echo 1 >"$c/live" || fail "chip $label does not come alive"
+}
+# The decoy takes the low number: who goes by numbers is wrong.
+chip decoy decoy OTHER0 OTHER1
+chip array sst-trigger TRIG0 TRIG1 TRIG2 TRIG3 TRIG4 TRIG5 LOOP0
+udevadm settle --timeout=20
+lines=/sys/devices/platform/$(cat /sys/kernel/config/gpio-sim/array/dev_name)/$(cat /sys/kernel/config/gpio-sim/array/bank/chip_name)
+gpiodetect >chips
+cat chips
+says chips "[sst-trigger] (7 lines)" "[decoy] (2 lines)"
+
+# A train: the pulses arrive on the last line, and each edge lies where it was said to lie.
+"$bin/wire" "$lines/sim_gpio5/value" "$lines/sim_gpio6/pull" >pulses & wire=$!
+"$bin/trigger" 10 30 20000 sst-trigger LOOP0 TRIG0 TRIG1 TRIG2 TRIG3 TRIG4 TRIG5 >train 2>&1 || fail "the train failed"
+kill $wire
+wait $wire
+cat train
+is "pulses on the line" "$(cat pulses)" 30
+is "end of the train" "$(tail -n 1 train)" "end 0 fired 30 skipped 0 missing 0"
+awk '$1 == "edge" {
+  n++
+  if (!($4 <= $6 && $6 <= $8)) { print "FAIL: not in order: " $0 }
+  if (last && $4 - last != 100000000) { print "FAIL: not 100 ms after the beat before: " $0 }
+  if ($10 < $6 || $10 > $8 + 20000000) { print "FAIL: no loop-back stamp within 20 ms: " $0 }
+  late = $6 - $4; if (late > worst) worst = late
+  last = $4
+}
+END {
+  if (n != 30) print "FAIL: " n " edges, not 30"
+  printf "%d beats, at most %.2f ms after they were due\n", n, worst / 1e6
+}' train | tee judged
+! grep -q FAIL judged || failed=1
+for l in 0 1 2 3 4 5; do is "line $l after the train" "$(cat "$lines/sim_gpio$l/value")" 0; done
+! gpioinfo sst-trigger | grep -q used.*sst || fail "lines are still held: $(gpioinfo sst-trigger)"
+
+# By line names alone, active low: idle is high, a pulse is low.
+"$bin/trigger" -l 1 3 100000 "" "" TRIG1 >low 2>&1 & train=$!
+wait_for 10 grep -q open low || fail "no train"
+wait_for 5 grep -q 0 "$lines/sim_gpio1/value" || fail "no pulse on a line that is active low"
+sleep 0.5
+is "an idle line that is active low" "$(cat "$lines/sim_gpio1/value")" 1
+wait $train || fail "by line name: $(cat low)"
+
+# Who is in the way is named.
+gpioset --mode=signal sst-trigger 2=0 & holder=$!
+wait_for 10 sh -c "gpioinfo sst-trigger | grep -q gpioset" || fail "gpioset holds nothing"
+"$bin/trigger" 10 1 1000 sst-trigger "" TRIG1 TRIG2 >busy 2>&1 && fail "a busy line was taken"
+cat busy
+says busy TRIG2 gpioset "open -16"
+! grep -q TRIG1 busy || fail "blames a line that is free"
+kill $holder
+wait $holder
+"$bin/trigger" 10 1 1000 nosuch "" TRIG1 >missing 2>&1 && fail "a chip that is not there was found"
+cat missing
+says missing nosuch decoy sst-trigger "open -19"
+"$bin/trigger" 10 1 1000 sst-trigger "" TRIG9 >missing 2>&1 && fail "a line that is not there was found"
+cat missing
+says missing TRIG9 TRIG5 "open -19"
+
+# The chip goes away under the train: told, not hung.
+"$bin/trigger" 20 0 5000 sst-trigger "" TRIG0 >gone 2>&1 & train=$!
+wait_for 10 grep -q open gone
+sleep 0.5
+echo 0 >/sys/kernel/config/gpio-sim/array/live
+wait $train && fail "a train on a chip that is gone ended well"
+tail -n 3 gone
+says gone "end -"
+is "lines of error" "$(grep -c 'sst: error' gone)" 1
+exit $failed
