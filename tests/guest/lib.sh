@@ -5,7 +5,17 @@ sst=$PWD/${SST_BUILD:-build}/sst
 bin=$PWD/${SST_BUILD:-build}/tests/guest
 tmp=$(mktemp -d)
 failed=0
+loaded=()
 cd "$tmp" || exit 1
+
+# What was started and loaded goes again, whatever happened.
+leave() {
+  local j m
+  for j in $(jobs -p); do kill "$j" 2>/dev/null; done
+  wait
+  for m in "${loaded[@]}"; do modprobe -r "$m" || echo "FAIL: module $m is still in use"; done
+}
+trap leave EXIT
 
 fail() { echo "FAIL: $*"; failed=1; }
 skip() { echo "$*"; exit 77; }
@@ -23,6 +33,7 @@ wait_for() {
 # load MODULE [OPTION...]; what udev has to do about it is done afterwards
 load() {
   modprobe "$@" || { fail "modprobe $*"; exit 1; }
+  loaded=("$1" "${loaded[@]}")
   udevadm settle --timeout=30 || fail "udev does not come to rest after $1"
 }
 

@@ -16,6 +16,13 @@ chip() { # NAME LABEL LINES...: a chip with these line names
   done
   echo 1 >"$c/live" || fail "chip $label does not come alive"
 }
+unplug_chips() {
+  local c=/sys/kernel/config/gpio-sim
+  echo 0 | tee $c/*/live >/dev/null
+  rmdir $c/*/bank/line* $c/*/bank $c/*
+  leave
+}
+trap unplug_chips EXIT
 # The decoy takes the low number: who goes by numbers is wrong.
 chip decoy decoy OTHER0 OTHER1
 chip array sst-trigger TRIG0 TRIG1 TRIG2 TRIG3 TRIG4 TRIG5 LOOP0
