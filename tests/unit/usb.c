@@ -243,7 +243,7 @@ static int add(struct bench *b, const char *port, int parent, int speed, bool hu
     struct sst_usb_device *d = &b->d[b->n];
 
     memset(d, 0, sizeof(*d));
-    snprintf(d->port, sizeof(d->port), "%s", port);
+    snprintf(d->port, sizeof(d->port), "%.60s", port);
     strcpy(d->controller, "0000:00:14.0");
     d->parent = parent;
     d->bus = atoi(!strncmp(port, "usb", 3) ? port + 3 : port);
