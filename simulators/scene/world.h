@@ -216,6 +216,14 @@ typedef void sst_build_fn(struct sst_world *w);
 sst_build_fn sst_build_bush, sst_build_pedestrian, sst_build_transportation, sst_build_cell, sst_build_humvee,
     sst_build_cd_cases, sst_build_cat;
 
+/**
+ * Build a scene's surfaces at cfg->time_s, without what sst_scene_create() learns by looking at them.
+ *
+ * @return 0, -EINVAL (unknown name or absurd size, logged), -ENOMEM
+ */
+SST_MUST_CHECK int sst_world_build(struct sst_world *w, const char *name, const struct sst_scene_config *cfg);
+void sst_world_fini(struct sst_world *w);
+
 /* --- the renderer ------------------------------------------------------------------------------------------------ */
 
 /** A picture whose pixels look elsewhere than an ideal camera's: a lens with distortion, a turned camera. */
