@@ -41,6 +41,7 @@ struct sst_trigger {
     struct sst_trigger_counters counters;
     /* atomic; changed under lock */
     _Atomic bool running, lost;
+    _Atomic uint64_t skipped;
     /* trigger's thread only, once it runs */
     struct sst_gpio_chip *chip;
     uint64_t index;
@@ -272,7 +273,7 @@ static int run_train_locked(struct sst_trigger *t)
         if (count && next > count)
             next = count;
         if (next > n) {
-            t->counters.skipped += next - n;
+            t->skipped += next - n;
             n = next - 1;
             continue;
         }
@@ -485,6 +486,11 @@ int sst_trigger_stop(struct sst_trigger *t)
 bool sst_trigger_idle(const struct sst_trigger *t)
 {
     return !t->running;
+}
+
+uint64_t sst_trigger_skipped(const struct sst_trigger *t)
+{
+    return t->skipped;
 }
 
 void sst_trigger_counters(struct sst_trigger *t, struct sst_trigger_counters *out)

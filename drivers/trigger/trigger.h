@@ -72,10 +72,12 @@ int sst_trigger_stop(struct sst_trigger *trigger);
 /** Has the train ended (count reached or error)? */
 bool sst_trigger_idle(const struct sst_trigger *trigger);
 
+/** Beats that came too late to fire (the thread was held up for over half a period). */
+uint64_t sst_trigger_skipped(const struct sst_trigger *trigger);
+
 /** Since open. */
 struct sst_trigger_counters {
     uint64_t fired;
-    uint64_t skipped;       /* beats that came too late to fire (the thread was held up for over half a period) */
     uint64_t edges_missing; /* beats whose edge the loop-back line did not show; told at the first of a row */
     uint64_t edges_lost;    /* edges that the kernel dropped, by its sequence numbers (libgpiod 2) */
     uint64_t chip_lost, chip_found;
