@@ -22,7 +22,7 @@ void sst_intake_begin(struct sst_grab *g SST_UNUSED, struct sst_camera *cam)
     cam->heard_ns = cam->good_ns = sst_clock_now_ns();
     cam->history = (struct sst_history){ 0 };
     cam->owed_ns = 0;
-    cam->bad_row = cam->eio_row = 0;
+    cam->bad_row = cam->eio_row = cam->fresh = 0;
     cam->told_starved = false;
 }
 
@@ -115,6 +115,13 @@ void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
         return;
     if (!err) {
         cam->eio_row = 0;
+        /* v4l2loopback enters a waiter only while it has no frame for it. Until those that waited at the start are
+           taken, it is asked again. */
+        if (cam->fresh < g->cfg.buffers) {
+            cam->fresh++;
+            sst_recovery_disarm(g, cam);
+            sst_recovery_arm(g, cam);
+        }
         take(g, cam, frame, &stamp);
     } else if (err == -ENODEV) {
         sst_plug_strike(g, cam->number, true);
@@ -149,10 +156,12 @@ int64_t sst_intake_due(const struct sst_grab *g, const struct sst_camera *cam)
 
 void sst_intake_silence(struct sst_grab *g, struct sst_camera *cam, int64_t now_ns)
 {
+    const bool refused = !sst_stream_queued(cam->stream) && !sst_stream_lent(cam->stream);
     char why[96];
 
-    if (sst_stream_queued(cam->stream) > 0) {
-        snprintf(why, sizeof(why), "no frame for %.1f s", (double)(now_ns - cam->heard_ns) * 1e-9);
+    if (refused || sst_stream_queued(cam->stream) > 0) {
+        snprintf(why, sizeof(why), "no frame for %.1f s%s", (double)(now_ns - cam->heard_ns) * 1e-9,
+                 refused ? ", and its driver takes no buffer" : "");
         sst_recovery_fault(g, cam, why);
         return;
     }

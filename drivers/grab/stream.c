@@ -195,6 +195,15 @@ static int queue_locked(struct sst_stream *s, struct slot *slot)
     return err;
 }
 
+/* Also those that the driver refused before: it may take them now. One that takes none falls silent, and is found so. */
+static void queue_idle_locked(struct sst_stream *s)
+{
+    for (int i = 0; i < s->count; i++) {
+        if (s->slot[i].place == SLOT_IDLE)
+            (void)queue_locked(s, &s->slot[i]);
+    }
+}
+
 int sst_stream_start(struct sst_stream *s, char *why)
 {
     int type = V4L2_BUF_TYPE_VIDEO_CAPTURE, err = 0;
@@ -214,10 +223,8 @@ int sst_stream_start(struct sst_stream *s, char *why)
     pthread_mutex_lock(&s->lock);
     s->live = !err;
     /* Released between the loop above and here. */
-    for (int i = 0; s->live && i < s->count; i++) {
-        if (s->slot[i].place == SLOT_IDLE)
-            (void)queue_locked(s, &s->slot[i]);
-    }
+    if (s->live)
+        queue_idle_locked(s);
     pthread_mutex_unlock(&s->lock);
     return err;
 }
@@ -260,12 +267,23 @@ int sst_stream_queued(struct sst_stream *s)
     return queued;
 }
 
+int sst_stream_lent(struct sst_stream *s)
+{
+    int lent;
+
+    pthread_mutex_lock(&s->lock);
+    lent = s->lent;
+    pthread_mutex_unlock(&s->lock);
+    return lent;
+}
+
 int sst_stream_take(struct sst_stream *s, struct sst_frame **out, struct sst_stream_stamp *stamp)
 {
     struct v4l2_buffer b = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
     const int err = sst_node_ioctl(s->fd, VIDIOC_DQBUF, &b);
     struct sst_frame *frame;
     struct slot *slot;
+    bool lent;
 
     if (err)
         return err;
@@ -273,10 +291,16 @@ int sst_stream_take(struct sst_stream *s, struct sst_frame **out, struct sst_str
         return -EIO;
     slot = &s->slot[b.index];
     pthread_mutex_lock(&s->lock);
-    slot->place = SLOT_LENT;
-    s->queued--;
-    s->lent++;
+    /* v4l2loopback hands out what it was not given; the receiver's stays, and the gap in the sequence tells of this one. */
+    lent = slot->place == SLOT_LENT;
+    if (!lent) {
+        s->queued -= slot->place == SLOT_QUEUED;
+        s->lent++;
+        slot->place = SLOT_LENT;
+    }
     pthread_mutex_unlock(&s->lock);
+    if (lent)
+        return -EAGAIN;
     frame = &slot->frame;
     frame->bytes = b.bytesused < slot->map_bytes ? b.bytesused : slot->map_bytes;
     frame->sequence = b.sequence;
@@ -300,9 +324,8 @@ void sst_stream_release(struct sst_frame *frame)
     pthread_mutex_lock(&s->lock);
     slot->place = SLOT_IDLE;
     s->lent--;
-    /* A camera that refuses its buffer is broken or gone: the polling thread finds that out. */
     if (s->live)
-        (void)queue_locked(s, slot);
+        queue_idle_locked(s);
     last = s->closed && !s->lent;
     pthread_mutex_unlock(&s->lock);
     if (last)

@@ -52,6 +52,9 @@ SST_MUST_CHECK int sst_stream_take(struct sst_stream *stream, struct sst_frame *
 /** Buffers that the camera can fill. */
 int sst_stream_queued(struct sst_stream *stream);
 
+/** Frames that the receiver has not given back. */
+int sst_stream_lent(struct sst_stream *stream);
+
 /** Give a frame back.  Thread: any. */
 void sst_stream_release(struct sst_frame *frame);
 

@@ -20,7 +20,7 @@ trap leave EXIT
 fail() { echo "FAIL: $*"; failed=1; }
 skip() { echo "$*"; exit 77; }
 
-# wait_for SECONDS COMMAND...: until it succeeds
+# wait_for SECONDS COMMAND...: until it succeeds; in the emulator one look takes about 0.2 s
 wait_for() {
   local until=$((SECONDS + $1))
   shift

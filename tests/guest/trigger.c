@@ -61,8 +61,8 @@ int main(int argc, char **argv)
     if (!err)
         err = sst_trigger_stop(trigger);
     sst_trigger_counters(trigger, &sum);
-    printf("end %d fired %" PRIu64 " skipped %" PRIu64 " missing %" PRIu64 "\n", err, sum.fired, sum.skipped,
-           sum.edges_missing);
+    printf("end %d fired %" PRIu64 " skipped %" PRIu64 " missing %" PRIu64 "\n", err, sum.fired,
+           sst_trigger_skipped(trigger), sum.edges_missing);
     sst_trigger_close(trigger);
     return err ? 1 : 0;
 }
