@@ -20,6 +20,8 @@ static const struct cli_command *const commands[] = {
     &cli_segment,
     &cli_models,
     &cli_eval,
+    &cli_cameras,
+    &cli_identify,
     &cli_topology,
     &cli_plan,
     &cli_doctor,

@@ -41,6 +41,7 @@ struct sst_camera {
 
     struct sst_history history;
     int bad_row; /* bad frames one after another */
+    int eio_row; /* failures of DQBUF one after another */
     struct sst_grab_counters counters;
 
     /* told already, so that a fault that stays is told once */
@@ -55,6 +56,7 @@ struct sst_grab {
     struct sst_jobs *jobs;
     struct sst_grab_watch *watch;
     bool started, closing;
+    int64_t timer_ns; /* what timer_fd is set to */
 
     struct sst_grab_node *nodes; /* [SST_GRAB_NODES_MAX], in order */
     int node_count;
