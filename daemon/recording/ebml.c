@@ -22,7 +22,7 @@ size_t sst_ebml_number(const uint8_t *data, size_t n, uint64_t *value)
     v = data[0] & (0x7Fu >> (bytes - 1));
     for (size_t i = 1; i < bytes; i++)
         v = v << 8 | data[i];
-    *value = v == ((uint64_t)1 << (7 * bytes)) - 1 ? SST_EBML_UNKNOWN : v;
+    *value = v;
     return bytes;
 }
 
@@ -40,6 +40,8 @@ int sst_ebml_head(const uint8_t *data, size_t n, struct sst_ebml *out)
     size_bytes = sst_ebml_number(data + id_bytes, n - id_bytes, &size);
     if (!size_bytes)
         return -EBADMSG;
+    if (size == ((uint64_t)1 << (7 * size_bytes)) - 1)
+        size = SST_EBML_UNKNOWN;
     *out = (struct sst_ebml){ .id = id, .size = size, .head = id_bytes + size_bytes };
     return 0;
 }
