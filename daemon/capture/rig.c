@@ -106,7 +106,7 @@ static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
     if (err == -EAGAIN) {
         j->report->moved++;
         j->known = false;
-        sst_log_warning("view row %d, column %d: the rig did not stand still during the exposure; the frame is thrown away",
+        sst_log_warning("view row %d, column %d: the rig was not seen standing still before and after the exposure; no frame is kept",
                         view / j->cfg->cols, view % j->cfg->cols);
     }
     if (err)

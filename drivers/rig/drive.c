@@ -11,6 +11,7 @@
 
 #define POLL_MS 5
 #define BUSY_MS 30
+#define TELL_NS 10000000000 /* between two warnings of faults that were mended */
 
 const char *sst_rig_axis_name(const struct sst_rig *rig, int a, char text[32])
 {
@@ -46,15 +47,17 @@ static int registers_of(const struct sst_rig_register *reg)
     return reg->type == SST_RIG_U32 || reg->type == SST_RIG_S32 ? 2 : 1;
 }
 
-/* Tell the first fault of a row; the row ends with the next answer. */
+/* A fault that another attempt may mend. A bad cable brings them all the time: they are counted, and told now and then. */
 static void tell_fault(struct sst_rig *rig, int a, const char *doing, const char *reg)
 {
+    const int64_t now_ns = sst_clock_now_ns();
+    const bool again = rig->told_ns && now_ns - rig->told_ns < TELL_NS;
     char name[32];
 
-    if (!rig->told)
-        sst_log_warning("rig %s: %s: %s while %s %s; trying again", rig->cfg.bus, sst_rig_axis_name(rig, a, name),
-                        sst_rig_bus_why(rig->bus), doing, reg);
-    rig->told = true;
+    (again ? sst_log_debug : sst_log_warning)("rig %s: %s: %s while %s %s; trying again", rig->cfg.bus,
+                                              sst_rig_axis_name(rig, a, name), sst_rig_bus_why(rig->bus), doing, reg);
+    if (!again)
+        rig->told_ns = now_ns;
 }
 
 static int give_up(struct sst_rig *rig, int a, const char *doing, const char *reg, int err)
@@ -63,7 +66,6 @@ static int give_up(struct sst_rig *rig, int a, const char *doing, const char *re
 
     sst_log_error("rig %s: %s: %s while %s %s; check cable, unit number and the drive's profile %s", rig->cfg.bus,
                   sst_rig_axis_name(rig, a, name), sst_rig_bus_why(rig->bus), doing, reg, rig->profile.path);
-    rig->told = false;
     return err == -ETIMEDOUT ? -ETIMEDOUT : err == -EPROTO ? -EPROTO : -EIO;
 }
 
@@ -72,19 +74,12 @@ static int before_retry(struct sst_rig *rig, int a, int err, const char *doing, 
 {
     if (err == -EPROTO || err == -EREMOTEIO)
         return err;
-    tell_fault(rig, a, doing, reg);
-    if (err == -EAGAIN) {
+    if (err == -EAGAIN) { /* as the standard has it: no fault */
         sst_rig_sleep_ms(rig, BUSY_MS);
         return 0;
     }
+    tell_fault(rig, a, doing, reg);
     return sst_rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, cancelled, rig);
-}
-
-static void answered(struct sst_rig *rig)
-{
-    if (rig->told)
-        sst_log_info("rig %s: answers again", rig->cfg.bus);
-    rig->told = false;
 }
 
 static int read_words(struct sst_rig *rig, int a, const struct sst_rig_register *reg, uint16_t out[2])
@@ -93,10 +88,8 @@ static int read_words(struct sst_rig *rig, int a, const struct sst_rig_register 
 
     for (int i = 0; i <= rig->cfg.retries; i++) {
         err = sst_rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), out);
-        if (!err) {
-            answered(rig);
+        if (!err)
             return 0;
-        }
         again = before_retry(rig, a, err, "reading", reg->name);
         if (again)
             break;
@@ -235,8 +228,6 @@ static int write_words(struct sst_rig *rig, int a, const struct sst_rig_step *st
         int there = 0;
 
         err = sst_rig_bus_write(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), words);
-        if (!err)
-            answered(rig);
         if (!err || before_retry(rig, a, err, "writing", reg->name))
             break;
         if (err == -EAGAIN)

@@ -29,7 +29,7 @@ struct sst_rig {
     struct sst_rig_axis axis[SST_RIG_AXES];
     struct sst_rig_counters count; /* of motions; those of the bus are there */
     bool moving, doubt;            /* doubt: the axes may not be where they say until they are homed */
-    bool told;                     /* a fault of the bus was told and is not over */
+    int64_t told_ns;               /* a fault of the bus was last told; 0: never */
     atomic_bool cancel;
 };
 

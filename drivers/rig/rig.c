@@ -359,7 +359,7 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t now_n
         return err;
     sst_rig_axis_name(rig, a, name);
     if (abs(s->um - w->last_um) > still_um(rig, a)) {
-        if (says && off_um > rig->cfg.tolerance_um && !w->lied) {
+        if (says && off_um > rig->cfg.tolerance_um && abs(s->um - w->last_um) > rig->cfg.tolerance_um && !w->lied) {
             sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is watched instead", name,
                             s->um / 1000.0);
             rig->count.lies++;
