@@ -61,6 +61,7 @@ enum sst_grab_state {
     SST_GRAB_RECOVERING = 2, /* on the ladder, or waiting for its next rung */
     SST_GRAB_REFUSED = 3,    /* there, but cannot do what is asked (format, bandwidth, rights); tried again at plug-in
                                 and with back-off */
+    SST_GRAB_READY = 4,      /* open and set up, not started */
 };
 
 /** Rungs of the recovery ladder, each tried when the one before did not bring a frame (DESIGN section 6). */
@@ -110,7 +111,7 @@ SST_MUST_CHECK int sst_grab_poll(struct sst_grab *grab, int timeout_ms);
 /** Readable when sst_grab_poll(grab, 0) has work, timers included: for a caller's own event loop. */
 int sst_grab_fd(const struct sst_grab *grab);
 
-/** A trigger was fired at t_ns: from now each camera owes a frame. */
+/** A trigger was fired at t_ns: from now each camera owes a frame.  Thread: any. */
 void sst_grab_expect(struct sst_grab *grab, int64_t t_ns);
 
 /** Give a frame back to its camera's queue.  Thread: any. Frames of a camera that was lost since are fine. */
