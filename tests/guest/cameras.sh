@@ -13,6 +13,11 @@ is "cameras listed" "$(wc -l <list)" 36
 is "the first and the last" "$(sed -n '1p;$p' list | tr '\n' ' ')" \
   "/dev/video0|platform:vivid-000||vivid|vivid|0 /dev/video35|platform:vivid-035||vivid|vivid|0 "
 
+"$sst" cameras --json >cameras.json 2>err || fail "sst cameras: $(cat err)"
+is "cameras by sst cameras" "$(json cameras.json 'len(j["cameras"])')" 36
+is "their ports" "$(json cameras.json 'sum(c["port"] == "platform:vivid-%03d" % i for i, c in enumerate(j["cameras"]))')" 36
+head -c 600 cameras.json
+
 ports=$(cut -d'|' -f2 list)
 # The webcam input has fixed sizes and rates; 320x180 YUYV is its smallest. GREY is half of that.
 "$bin/grab" GREY 320 180 5 10 $ports >all 2>&1 || fail "36 cameras do not stream: $(tail -n 3 all)"

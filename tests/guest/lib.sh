@@ -10,10 +10,13 @@ cd "$tmp" || exit 1
 
 # What was started and loaded goes again, whatever happened.
 leave() {
-  local j m
+  local rc=$? j m
   for j in $(jobs -p); do kill "$j" 2>/dev/null; done
   wait
-  for m in "${loaded[@]}"; do modprobe -r "$m" || echo "FAIL: module $m is still in use"; done
+  for m in "${loaded[@]}"; do
+    [ ! -e "/sys/module/$m" ] || modprobe -r "$m" || { echo "FAIL: module $m is still in use"; rc=1; }
+  done
+  exit $rc
 }
 trap leave EXIT
 
