@@ -22,6 +22,9 @@ static const struct cli_command *const commands[] = {
     &cli_eval,
     &cli_cameras,
     &cli_identify,
+    &cli_topology,
+    &cli_plan,
+    &cli_doctor,
     &cli_version,
 };
 

@@ -260,12 +260,11 @@ int sst_gpio_find(struct sst_gpio_chip **out, struct sst_gpio_request *request, 
     return err;
 }
 
-/* Which of the lines is in use, and by whom. */
-static void name_holder(struct sst_gpio_chip *chip, const struct sst_gpio_request *r, char *why, size_t size)
+/* Which of the lines is in use, and by whom. @return -EBUSY, or 0 where none seems to be */
+static int name_holder(struct sst_gpio_chip *chip, const struct sst_gpio_request *r, char *why, size_t size)
 {
     struct sst_gpio_line line;
 
-    snprintf(why, size, "a line of chip \"%s\" is in use", sst_gpio_chip_label(chip));
     for (int i = 0; i <= r->outputs; i++) {
         const int offset = i < r->outputs ? (int)r->output[i] : r->loopback;
 
@@ -275,8 +274,25 @@ static void name_holder(struct sst_gpio_chip *chip, const struct sst_gpio_reques
                             "line",
                  line.name[0] ? line.name : "without a name", offset, sst_gpio_chip_label(chip),
                  line.consumer[0] ? line.consumer : "the kernel");
-        return;
+        return -EBUSY;
     }
+    return 0;
+}
+
+int sst_gpio_probe(const struct sst_gpio_wanted *wanted, char *why, size_t size)
+{
+    struct sst_gpio_request request;
+    struct sst_gpio_chip *chip;
+    int err = sst_gpio_find(&chip, &request, wanted, why, size);
+
+    if (err)
+        return err;
+    err = name_holder(chip, &request, why, size);
+    if (!err)
+        snprintf(why, size, "chip \"%s\" has all %d lines, and they are free", sst_gpio_chip_label(chip),
+                 request.outputs + (request.loopback >= 0));
+    sst_gpio_chip_close(chip);
+    return err;
 }
 
 int sst_gpio_open(struct sst_gpio_chip **out, const struct sst_gpio_wanted *wanted, char *why, size_t size)
@@ -292,14 +308,16 @@ int sst_gpio_open(struct sst_gpio_chip **out, const struct sst_gpio_wanted *want
         *out = chip;
         return 0;
     }
-    if (err == -EBUSY)
-        name_holder(chip, &request, why, size);
-    else if (err == -EPERM || err == -EACCES)
+    if (err == -EBUSY) {
+        if (!name_holder(chip, &request, why, size))
+            snprintf(why, size, "a line of chip \"%s\" was in use a moment ago: try again", sst_gpio_chip_label(chip));
+    } else if (err == -EPERM || err == -EACCES) {
         snprintf(why, size, "no right to hold the lines of chip \"%s\": they are reserved or the system denies it (%s)",
                  sst_gpio_chip_label(chip), strerror(-err));
-    else
+    } else {
         snprintf(why, size, "requesting the lines of chip \"%s\": %s%s", sst_gpio_chip_label(chip), strerror(-err),
                  request.loopback >= 0 ? "; the loop-back line must be able to report edges (interrupts)" : "");
+    }
     sst_gpio_chip_close(chip);
     return err == -EPERM ? -EACCES : err;
 }

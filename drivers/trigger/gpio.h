@@ -81,6 +81,9 @@ SST_MUST_CHECK int sst_gpio_find(struct sst_gpio_chip **chip, struct sst_gpio_re
 SST_MUST_CHECK int sst_gpio_open(struct sst_gpio_chip **chip, const struct sst_gpio_wanted *wanted, char *why,
                                  size_t why_size);
 
+/** As open, but nothing is held, and `why` also names the chip that would be taken. */
+SST_MUST_CHECK int sst_gpio_probe(const struct sst_gpio_wanted *wanted, char *why, size_t why_size);
+
 /** How to get the right to open a GPIO chip, from the owner and mode that `path` has. */
 void sst_gpio_access_remedy(const char *path, char *text, size_t size);
 

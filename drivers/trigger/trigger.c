@@ -4,6 +4,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -202,17 +203,24 @@ static int beat(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
 
 /* --- the thread ----------------------------------------------------------------------------------------------------- */
 
-static int open_chip(struct sst_trigger *t, char *why, size_t size)
+static struct sst_gpio_wanted wanted_lines(const struct sst_trigger_config *cfg)
 {
     struct sst_gpio_wanted wanted = {
-        .chip = t->cfg.chip,
-        .outputs = t->cfg.lines,
-        .loopback = t->cfg.loopback,
-        .active_low = t->cfg.active_low,
+        .chip = cfg->chip,
+        .outputs = cfg->lines,
+        .loopback = cfg->loopback,
+        .active_low = cfg->active_low,
     };
 
-    for (int i = 0; i < t->cfg.lines; i++)
-        wanted.output[i] = t->cfg.line[i];
+    for (int i = 0; i < cfg->lines; i++)
+        wanted.output[i] = cfg->line[i];
+    return wanted;
+}
+
+static int open_chip(struct sst_trigger *t, char *why, size_t size)
+{
+    const struct sst_gpio_wanted wanted = wanted_lines(&t->cfg);
+
     t->sequence = 0;
     return sst_gpio_open(&t->chip, &wanted, why, size);
 }
@@ -331,32 +339,45 @@ static int start_thread(struct sst_trigger *t)
 
 /* --- calls ---------------------------------------------------------------------------------------------------------- */
 
-static int check_config(const struct sst_trigger_config *cfg)
+/* @return 0 or -EINVAL with the reason */
+static int check_config(const struct sst_trigger_config *cfg, char *why, size_t size)
 {
     if (cfg->source != SST_TRIGGER_GPIO)
         return 0;
     if (cfg->lines < 1 || cfg->lines > SST_TRIGGER_LINES_MAX) {
-        sst_log_error("trigger: %d lines, not 1..%d: name the lines that expose the cameras", cfg->lines,
-                      SST_TRIGGER_LINES_MAX);
+        snprintf(why, size, "%d lines, not 1..%d: name the lines that expose the cameras", cfg->lines,
+                 SST_TRIGGER_LINES_MAX);
         return -EINVAL;
     }
     if (cfg->pulse_us < 10 || cfg->pulse_us > 1000000) {
-        sst_log_error("trigger: a pulse of %d us is outside 10..1000000", cfg->pulse_us);
+        snprintf(why, size, "a pulse of %d us is outside 10..1000000", cfg->pulse_us);
         return -EINVAL;
     }
     for (int i = 0; i < cfg->lines; i++) {
         if (cfg->delay_us[i] < 0 || cfg->delay_us[i] > 1000000) {
-            sst_log_error("trigger: line %s: a delay of %d us is outside 0..1000000", cfg->line[i], cfg->delay_us[i]);
+            snprintf(why, size, "line %s: a delay of %d us is outside 0..1000000", cfg->line[i], cfg->delay_us[i]);
             return -EINVAL;
         }
         for (int j = 0; j <= i; j++) {
             if (!strcmp(cfg->line[i], j < i ? cfg->line[j] : cfg->loopback)) {
-                sst_log_error("trigger: line %s is named twice", cfg->line[i]);
+                snprintf(why, size, "line %s is named twice", cfg->line[i]);
                 return -EINVAL;
             }
         }
     }
     return 0;
+}
+
+int sst_trigger_check(const struct sst_trigger_config *cfg, char *why, size_t size)
+{
+    const struct sst_gpio_wanted wanted = wanted_lines(cfg);
+    int err = check_config(cfg, why, size);
+
+    if (!err && cfg->source == SST_TRIGGER_GPIO)
+        err = sst_gpio_probe(&wanted, why, size);
+    else if (!err)
+        snprintf(why, size, "no GPIO line is needed");
+    return err;
 }
 
 static int init_lock(struct sst_trigger *t)
@@ -378,10 +399,12 @@ int sst_trigger_open(struct sst_trigger **out, const struct sst_trigger_config *
 {
     struct sst_trigger *t;
     char why[SST_LOG_MAX] = "";
-    int err = check_config(cfg);
+    int err = check_config(cfg, why, sizeof(why));
 
-    if (err)
+    if (err) {
+        sst_log_error("trigger: %s", why);
         return err;
+    }
     t = calloc(1, sizeof(*t));
     if (!t || init_lock(t)) {
         free(t);

@@ -54,6 +54,10 @@ void sst_trigger_config_defaults(struct sst_trigger_config *cfg);
 SST_MUST_CHECK int sst_trigger_open(struct sst_trigger **out, const struct sst_trigger_config *cfg,
                                     sst_trigger_edge_fn *edge, void *arg);
 
+/** Would open work now? Nothing is requested, nothing logged; `why` is one sentence, also of success.
+ *  @return as sst_trigger_open() */
+SST_MUST_CHECK int sst_trigger_check(const struct sst_trigger_config *cfg, char *why, size_t size);
+
 /** Fire once now and wait until the pulse has ended. @return 0, -EBUSY (a train runs), -EIO/-ENODEV (chip is away). */
 SST_MUST_CHECK int sst_trigger_fire(struct sst_trigger *trigger);
 
