@@ -140,7 +140,7 @@ static int cam_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
 {
     struct sst_sim_open *o = h->state;
     struct sst_sim_cam *cam = h->device;
-    uint32_t bytes = _IOC_SIZE(r->call.cmd);
+    uint32_t bytes = _IOC_DIR(r->call.cmd) == _IOC_NONE ? 0 : _IOC_SIZE(r->call.cmd);
     int result;
 
     if (r->bytes < bytes)

@@ -323,7 +323,7 @@ int sim_ioctl_areas(int device_fd, const struct sim_id *id, unsigned long reques
                     const struct sim_area *areas, int count, int *fd)
 {
     const int saved = errno;
-    const size_t bytes = _IOC_SIZE(request);
+    const size_t bytes = _IOC_DIR(request) == _IOC_NONE ? 0 : _IOC_SIZE(request);
     char in_pointer[sizeof(void *)];
     struct sim_exchange x = {
         .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle, .arg = (uintptr_t)arg },
