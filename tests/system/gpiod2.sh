@@ -8,6 +8,7 @@ skip() { echo "$*"; exit 77; }
 pkg-config --atleast-version=2 libgpiod && skip "libgpiod here is 2.x: the build itself uses it"
 [ "$(dpkg --print-architecture 2>/dev/null)" ] || skip "no dpkg: Debian's packages of libgpiod 2.x cannot be unpacked"
 cache=$root/build/gpiod2
+export SST_BUILD=$root/${SST_BUILD:-build} # the tests run in another folder
 arch=$(dpkg-architecture -qDEB_HOST_MULTIARCH 2>/dev/null || gcc -print-multiarch)
 
 fetch() {
@@ -38,7 +39,7 @@ build() { # NAME SOURCES...
   shift
   gcc -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -O2 -g -pthread -Wall -Wextra -Wshadow -Wvla -Wundef \
       -Wconversion -Wno-sign-conversion -Wstrict-prototypes -Wmissing-prototypes -Werror -DWITH_GPIOD=2 \
-      "-DSST_BUILD_DIR=\"$root/${SST_BUILD:-build}\"" -I"$include" -I"$root" "$@" "$root"/drivers/trigger/*.c \
+      -I"$include" -I"$root" "$@" "$root"/drivers/trigger/*.c \
       "$root/base/log.c" "$root/base/clock.c" "$lib"/libgpiod.so.3 -lcmocka -lm -o "$name" 2>gcc.log ||
     { fail "$name against libgpiod 2.x: $(head -c 2000 gcc.log)"; return 1; }
 }
