@@ -43,6 +43,20 @@ load() {
 # json FILE EXPRESSION: print a Python expression over the document j
 json() { python3 -c 'import json,sys; j = json.load(open(sys.argv[1])); print(eval(sys.argv[2]))' "$1" "$2"; }
 
+# holds FILE EXPRESSION...: Python expressions over the document j; those that are false fail
+holds() {
+  python3 - "$@" <<'P' || failed=1
+import json, sys
+j = json.load(open(sys.argv[1]))
+wrong = [e for e in sys.argv[2:] if eval(e) is not True]
+for e in wrong:
+    print("FAIL: %s: not %s" % (sys.argv[1], e))
+if wrong:
+    print(j)
+sys.exit(bool(wrong))
+P
+}
+
 # is WHAT GOT WANTED
 is() { [ "$2" = "$3" ] || fail "$1: $2, not $3"; }
 

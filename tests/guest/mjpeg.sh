@@ -45,4 +45,21 @@ if exact + padded != len(kept) or padded > 8 or exact < 60:
     print("FAIL: frames differ from those fed")
     sys.exit(1)
 P
+
+# The same through a recording: what was fed comes out of it.
+feed
+"$sst" capture array --grid 2x2 --format MJPEG --size 640x480 --trigger free-run --rate 10 -n 30 -o rec --json >rec.json \
+  2>err || fail "capture: exit $?: $(cat err)"
+holds rec.json 'j["sets"] == 30' 'j["frames"]["unexplained"] == 0' 'j["frames"]["buckets"]["corrupt"] >= 12' \
+  'j["complete"] >= 12'
+"$sst" recording rec --verify || fail "the recording is damaged"
+"$sst" import recording rec --sets last --allow-partial -o lf 2>err || fail "import: $(cat err)"
+same=0
+for view in lf/views/*; do
+  for n in 0 1 2 3 4 5 6 7; do
+    cmp -s "$view" $n && same=$((same + 1))
+  done
+done
+is "views that are as they were fed" "$same" "$(ls lf/views | wc -l)"
+[ "$same" -ge 1 ] || fail "no view"
 exit $failed
