@@ -41,7 +41,7 @@ struct sst_camera {
 
     struct sst_history history;
     int bad_row; /* bad frames one after another */
-    int fresh;   /* frames since the start, up to the number of buffers */
+    bool wakes;  /* it is known that epoll is told of its frames */
     int eio_row; /* failures of DQBUF one after another */
     struct sst_grab_counters counters;
 

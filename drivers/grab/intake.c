@@ -1,5 +1,6 @@
 /* Frames as they come: checked, compared with those before, counted, handed on. */
 #include <errno.h>
+#include <poll.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -22,7 +23,8 @@ void sst_intake_begin(struct sst_grab *g SST_UNUSED, struct sst_camera *cam)
     cam->heard_ns = cam->good_ns = sst_clock_now_ns();
     cam->history = (struct sst_history){ 0 };
     cam->owed_ns = 0;
-    cam->bad_row = cam->eio_row = cam->fresh = 0;
+    cam->bad_row = cam->eio_row = 0;
+    cam->wakes = false;
     cam->told_starved = false;
 }
 
@@ -104,6 +106,17 @@ static void take(struct sst_grab *g, struct sst_camera *cam, struct sst_frame *f
         sst_recovery_fault(g, cam, "it sends damaged frames only");
 }
 
+/* v4l2loopback enters a waiter only while it has no frame for it, so epoll may be deaf to it. Nothing readable after it
+   was added: it had none then, and wakes us from now on. */
+static void listen_again(struct sst_grab *g, struct sst_camera *cam)
+{
+    struct pollfd p = { .fd = sst_stream_fd(cam->stream), .events = POLLIN };
+
+    sst_recovery_disarm(g, cam);
+    sst_recovery_arm(g, cam);
+    cam->wakes = !poll(&p, 1, 0);
+}
+
 void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
 {
     struct sst_stream_stamp stamp;
@@ -115,14 +128,9 @@ void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
         return;
     if (!err) {
         cam->eio_row = 0;
-        /* v4l2loopback enters a waiter only while it has no frame for it. Until those that waited at the start are
-           taken, it is asked again. */
-        if (cam->fresh < g->cfg.buffers) {
-            cam->fresh++;
-            sst_recovery_disarm(g, cam);
-            sst_recovery_arm(g, cam);
-        }
         take(g, cam, frame, &stamp);
+        if (!cam->wakes && cam->armed)
+            listen_again(g, cam);
     } else if (err == -ENODEV) {
         sst_plug_strike(g, cam->number, true);
         sst_recovery_lost(g, cam);

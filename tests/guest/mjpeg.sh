@@ -5,7 +5,7 @@
 load v4l2loopback devices=4 max_buffers=8
 wait_for 10 test -e /dev/video3 || fail "4 nodes do not appear"
 feed() {
-  "$bin/feed" 640 480 10 5 /dev/video0 /dev/video1 /dev/video2 /dev/video3 >fed 2>&1 & feed=$!
+  "$bin/feed" 640 480 8 5 /dev/video0 /dev/video1 /dev/video2 /dev/video3 >fed 2>&1 & feed=$!
   wait_for 20 grep -q feeding fed || fail "the feeder does not feed: $(cat fed)"
 }
 feed
@@ -13,7 +13,7 @@ feed
 cat list
 is "nodes by port" "$(cut -d'|' -f2,5 list | head -n 1)" "platform:v4l2loopback-000|v4l2 loopback"
 mkdir kept
-"$bin/grab" -o kept MJPG 640 480 10 20 $(cut -d'|' -f2 list) >out 2>&1 & grab=$!
+"$bin/grab" -o kept MJPG 640 480 8 20 $(cut -d'|' -f2 list) >out 2>&1 & grab=$!
 wait_for 20 grep -q ^started out || fail "nothing started"
 sleep 6
 kill $feed
@@ -22,10 +22,10 @@ sleep 4
 feed
 wait $grab || fail "no capture"
 cat out
-# About 150 frames each were fed, 4 s of silence not counted; every fifth ends early.
+# About 120 frames each were fed, 4 s of silence not counted; every fifth ends early.
 awk '$1 == "sum" {
   n++
-  if ($4 < 80) print "FAIL: camera " $2 " gave " $4 " frames"
+  if ($4 < 60) print "FAIL: camera " $2 " gave " $4 " frames"
   if ($6 < $4 / 5 - 4 || $6 > $4 / 5 + 4) print "FAIL: camera " $2 ": " $6 " bad frames of " $4 ", not a fifth"
   if ($6 != $12) print "FAIL: camera " $2 ": " $6 " bad frames, but " $12 " by their structure"
 }
@@ -41,17 +41,18 @@ kept = [open("kept/" + n, "rb").read() for n in sorted(os.listdir("kept"))]
 exact = sum(k in fed for k in kept)
 padded = sum(k not in fed and any(k.startswith(f) for f in fed) for k in kept)
 print(f"{len(kept)} good frames of the first camera: {exact} byte for byte as fed, {padded} with bytes behind their end")
-if exact + padded != len(kept) or padded > 8 or exact < 60:
+# The driver writes on into a picture that is being read when it is a round ahead, as on a busy machine.
+if exact + padded < len(kept) - 3 or padded > 8 or exact < 50:
     print("FAIL: frames differ from those fed")
     sys.exit(1)
 P
 
 # The same through a recording: what was fed comes out of it.
 feed
-"$sst" capture array --grid 2x2 --format MJPEG --size 640x480 --trigger free-run --rate 10 -n 30 -o rec --json >rec.json \
+"$sst" capture array --grid 2x2 --format MJPEG --size 640x480 --trigger free-run --rate 8 -n 30 -o rec --json >rec.json \
   2>err || fail "capture: exit $?: $(cat err)"
 holds rec.json 'j["sets"] == 30' 'j["frames"]["unexplained"] == 0' 'j["frames"]["buckets"]["corrupt"] >= 12' \
-  'j["complete"] >= 12'
+  'j["complete"] >= 12' 'all(c["frames"] >= 24 for c in j["array"])'
 "$sst" recording rec --verify || fail "the recording is damaged"
 "$sst" import recording rec --sets last --allow-partial -o lf 2>err || fail "import: $(cat err)"
 same=0
