@@ -111,6 +111,11 @@ $(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/benc
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 
+$(BUILD)/bench/frames $(BUILD)/bench/unplug: $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
+	@mkdir -p $(@D)
+	@echo "  LD   $@"
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+
 tests: $(TESTS)
 
 deps: ## install what building and testing needs (Debian 12; root or sudo)

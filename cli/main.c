@@ -23,6 +23,9 @@ static const struct cli_command *const commands[] = {
     &cli_topology,
     &cli_plan,
     &cli_doctor,
+    &cli_capture,
+    &cli_cameras,
+    &cli_identify,
     &cli_version,
 };
 

@@ -41,6 +41,7 @@ struct sst_camera {
 
     struct sst_history history;
     int bad_row; /* bad frames one after another */
+    int eio_row; /* failures of DQBUF one after another */
     struct sst_grab_counters counters;
 
     /* told already, so that a fault that stays is told once */

@@ -2,6 +2,7 @@
 #include "drivers/grab/devices.h"
 
 #include <errno.h>
+#include <linux/videodev2.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,6 +16,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "drivers/grab/format.h"
 #include "drivers/grab/job.h"
 #include "drivers/grab/node.h"
 
@@ -39,15 +41,23 @@ static int node_number(const char *name)
     return *end || n > 65535 ? -1 : (int)n;
 }
 
-/* Ask the driver. Off USB a device's bus_info is its port, and asking for it does not reach for hardware that may hang. */
-static void probe_node(struct sst_grab_node *node)
+/* @return descriptor or -errno */
+static int probe_node(struct sst_grab_node *node)
 {
     const int fd = sst_node_open(&node->device);
 
-    if (fd >= 0)
-        close(fd);
     node->device.error = fd < 0 ? -fd : 0;
     node->capture = fd >= 0 ? 1 : fd == -ENOTTY ? 0 : node->capture;
+    return fd;
+}
+
+/* Off USB a device's bus_info is its port, and asking for it does not reach for hardware that may hang. */
+static void identify_off_usb(struct sst_grab_node *node)
+{
+    const int fd = probe_node(node);
+
+    if (fd >= 0)
+        close(fd);
 }
 
 struct node_list {
@@ -68,7 +78,7 @@ static void list_sort(struct node_list *list)
 {
     for (int i = 0; i < list->count; i++) {
         if (!*list->node[i].device.port)
-            probe_node(&list->node[i]);
+            identify_off_usb(&list->node[i]);
     }
     qsort(list->node, (size_t)list->count, sizeof(*list->node), sst_grab_node_order);
 }
@@ -195,7 +205,7 @@ int sst_grab_watch_next(struct sst_grab_watch *watch, struct sst_grab_node *node
         udev_device_unref(d);
     }
     if (what == 1 && !*node->device.port)
-        probe_node(node);
+        identify_off_usb(node);
     return what;
 }
 
@@ -309,7 +319,15 @@ struct probe_result {
 
 static void probe_run(struct sst_job *job)
 {
-    probe_node(&((struct probe *)job)->node);
+    struct v4l2_requestbuffers none = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
+    struct sst_grab_device *d = &((struct probe *)job)->node.device;
+    const int fd = probe_node(&((struct probe *)job)->node);
+
+    if (fd < 0)
+        return;
+    sst_format_summary(fd, d->formats, sizeof(d->formats));
+    d->busy = sst_node_ioctl(fd, VIDIOC_REQBUFS, &none) == -EBUSY;
+    close(fd);
 }
 
 static void probe_ended(struct sst_job *job, void *owner)

@@ -11,6 +11,9 @@
 /* A camera that sends damaged frames only is treated as silent after this many, and three times the usual patience. */
 #define BAD_ROW 10
 
+/* DQBUF may fail for a moment and go on (EIO: "signal loss"); this often in a row, the stream is broken for good. */
+#define EIO_ROW 8
+
 /* A driver that polls as broken while it has no buffer is asked again after this. */
 #define REARM_NS (20 * SST_MS)
 
@@ -19,7 +22,7 @@ void sst_intake_begin(struct sst_grab *g SST_UNUSED, struct sst_camera *cam)
     cam->heard_ns = cam->good_ns = sst_clock_now_ns();
     cam->history = (struct sst_history){ 0 };
     cam->owed_ns = 0;
-    cam->bad_row = 0;
+    cam->bad_row = cam->eio_row = 0;
     cam->told_starved = false;
 }
 
@@ -108,7 +111,10 @@ void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
     const int err = sst_stream_take(cam->stream, &frame, &stamp);
     char why[96];
 
+    if (err == -EIO && ++cam->eio_row < EIO_ROW)
+        return;
     if (!err) {
+        cam->eio_row = 0;
         take(g, cam, frame, &stamp);
     } else if (err == -ENODEV) {
         sst_plug_strike(g, cam->number, true);

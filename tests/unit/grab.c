@@ -70,7 +70,8 @@ static void jpeg_structure_is_walked(void **state SST_UNUSED)
     assert_int_equal(check_changed(16, 17), SST_FRAME_MARKER);   /* width */
     assert_int_equal(check_changed(17, 2), SST_FRAME_MARKER);    /* components against length */
     assert_int_equal(check_changed(25, 2), SST_FRAME_MARKER);    /* the same of the scan */
-    assert_int_equal(check_changed(33, 0xc0), SST_FRAME_MARKER); /* a frame header within the data */
+    assert_int_equal(check_changed(33, 0x02), SST_FRAME_MARKER); /* a reserved one within the data */
+    assert_int_equal(check_changed(33, 0xc0), SST_FRAME_NO_EOI); /* a segment there, longer than the file */
     assert_int_equal(check_changed(43, 0), SST_FRAME_NO_EOI);
     assert_int_equal(check_changed(22, 0xd9), SST_FRAME_MARKER); /* the end without a scan */
 }
