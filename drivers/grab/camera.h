@@ -56,6 +56,7 @@ struct sst_grab {
     struct sst_jobs *jobs;
     struct sst_grab_watch *watch;
     bool started, closing;
+    int64_t timer_ns; /* what timer_fd is set to */
 
     struct sst_grab_node *nodes; /* [SST_GRAB_NODES_MAX], in order */
     int node_count;

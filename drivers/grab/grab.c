@@ -250,7 +250,7 @@ static void serve_time(struct sst_grab *g)
     sst_plug_time(g, now_ns);
 }
 
-static void set_timer(struct sst_grab *g)
+static void set_timer(struct sst_grab *g, int64_t now_ns)
 {
     struct itimerspec t = { 0 };
     int64_t due_ns = sst_plug_due(g);
@@ -263,7 +263,10 @@ static void set_timer(struct sst_grab *g)
                 due_ns = due[k];
         }
     }
-    /* 0 disarms. */
+    /* Most frames move it back: waking up once too often is cheaper than setting it for each. */
+    if (!due_ns || (g->timer_ns > now_ns && g->timer_ns <= due_ns))
+        return;
+    g->timer_ns = due_ns;
     t.it_value.tv_sec = due_ns / 1000000000;
     t.it_value.tv_nsec = due_ns % 1000000000;
     (void)timerfd_settime(g->timer_fd, TFD_TIMER_ABSTIME, &t, NULL);
@@ -279,7 +282,7 @@ static void serve(struct sst_grab *g, int timeout_ms, int *err)
     for (int i = 0; i < n; i++)
         serve_one(g, &events[i]);
     serve_time(g);
-    set_timer(g);
+    set_timer(g, sst_clock_now_ns());
 }
 
 int sst_grab_poll(struct sst_grab *g, int timeout_ms)
