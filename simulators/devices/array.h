@@ -2,6 +2,7 @@
 #ifndef SST_SIMULATORS_DEVICES_ARRAY_H
 #define SST_SIMULATORS_DEVICES_ARRAY_H
 
+#include <jansson.h>
 #include <stdbool.h>
 
 #include "simulators/devices/faults.h"
@@ -25,7 +26,7 @@ struct sst_sim_identity {
     char card[32];        /* name of the product and of the video node */
     char controller[32];  /* PCI address, "0000:00:14.0" */
     char port[32];        /* path of ports as sysfs writes it, "1-2.3": bus 1, port 2, hub port 3 */
-    char bus_info[32];    /* as V4L2 writes it, "usb-0000:00:14.0-2.3" */
+    char bus_info[64];    /* as V4L2 writes it, "usb-0000:00:14.0-2.3" */
     int bus;              /* number of the USB bus */
 };
 
@@ -65,6 +66,9 @@ enum sst_sim_topology sst_sim_array_topology(const struct sst_sim_array *a);
 /** N of /dev/videoN, -1: unplugged. */
 int sst_sim_array_node(const struct sst_sim_array *a, int cam);
 
+/** Which camera is plugged in where camera `cam` should be: another one with fault "swap". */
+int sst_sim_array_body(const struct sst_sim_array *a, int cam);
+
 /**
  * A rising edge on a trigger line at t_ns (CLOCK_MONOTONIC): cameras in trigger mode 1 expose after their delay.
  *
@@ -93,8 +97,8 @@ void sst_sim_array_rung(struct sst_sim_array *a, int cam, enum sst_sim_rung rung
 /** Frames made since open. */
 uint64_t sst_sim_array_frames(const struct sst_sim_array *a);
 
-/** Member "cameras" of the status, as one JSON value. @return bytes written, NUL left out; 0: no room. */
-size_t sst_sim_array_status(const struct sst_sim_array *a, char *out, size_t size);
+/** Member "cameras" of the status: an array of objects, the caller's; NULL: no memory. */
+json_t *sst_sim_array_status(const struct sst_sim_array *a);
 
 SST_EXTERN_C_END
 

@@ -1,4 +1,5 @@
 /* The simulator's event loop: connections of programs and their calls. */
+#define _GNU_SOURCE
 #include "simulators/devices/server.h"
 
 #include <errno.h>
