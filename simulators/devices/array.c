@@ -18,7 +18,8 @@ struct sst_sim_array {
     int cameras, scope;
     int64_t opened_ns;
     struct sst_sim_bus bus;
-    int32_t pose_um[3];
+    void (*pose)(void *arg, int64_t t_ns, int32_t pose_um[3]); /* NULL: no rig */
+    void *pose_arg;
     FILE *truth;
     struct sst_sim_cam *cam; /* [cameras] */
 };
@@ -82,9 +83,10 @@ double sst_sim_cam_gauss(struct sst_sim_cam *cam)
     return radius * cos(2 * 3.14159265358979323846 * uniform(cam));
 }
 
-const int32_t *sst_sim_array_pose(const struct sst_sim_array *a)
+void sst_sim_array_pose(const struct sst_sim_array *a, int64_t t_ns, int32_t pose_um[3])
 {
-    return a->pose_um;
+    if (a->pose)
+        a->pose(a->pose_arg, t_ns, pose_um);
 }
 
 int64_t sst_sim_array_opened_ns(const struct sst_sim_array *a)
@@ -287,9 +289,10 @@ void sst_sim_array_edge(struct sst_sim_array *a, int first, int count, uint64_t 
             sst_sim_cam_edge(&a->cam[i], trigger, t_ns);
 }
 
-void sst_sim_array_set_pose(struct sst_sim_array *a, const int32_t pose_um[3])
+void sst_sim_array_set_rig(struct sst_sim_array *a, void (*pose)(void *arg, int64_t t_ns, int32_t pose_um[3]), void *arg)
 {
-    memcpy(a->pose_um, pose_um, sizeof(a->pose_um));
+    a->pose = pose;
+    a->pose_arg = arg;
 }
 
 uint64_t sst_sim_array_frames(const struct sst_sim_array *a)

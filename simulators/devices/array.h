@@ -77,8 +77,9 @@ int sst_sim_array_body(const struct sst_sim_array *a, int cam);
  */
 void sst_sim_array_edge(struct sst_sim_array *a, int first, int count, uint64_t trigger, int64_t t_ns);
 
-/** Pose of the rig from now on; exposures that begin later show it. */
-void sst_sim_array_set_pose(struct sst_sim_array *a, const int32_t pose_um[3]);
+/** Ask this where the rig is whenever an exposure begins (CLOCK_MONOTONIC). */
+void sst_sim_array_set_rig(struct sst_sim_array *a, void (*pose)(void *arg, int64_t t_ns, int32_t pose_um[3]),
+                           void *arg);
 
 /** Take a camera away or bring it back (also fault "camera.N.unplug"); its node gets the lowest free number.
  *  Handles of a camera that goes are dropped. No change is fine. @return 0 or -errno. */

@@ -28,6 +28,8 @@ static const char help[] =
     "  --world W        scene or world file (default: pedestrian)\n"
     "  --cache DIR      prepared worlds (default: ~/.cache/sst-sim)\n"
     "  --usb NAME       wide: enough controllers for all cameras (default); tight: all on one, behind hubs\n"
+    "  --rig-port P     a motor rig with Modbus TCP on this port; worlds of a rig have one anyway (status tells the port),\n"
+    "                   Modbus RTU is $SST_SIM_DIR/rig\n"
     "  --fault N=V      a fault from the start; may be repeated\n"
     "  --truth FILE     write what really happened: one JSON object a line for each exposure\n"
     "  --stats FILE     write frames made and CPU time of the simulation itself as JSON at the end\n"
@@ -57,6 +59,7 @@ static int read_options(int argc, char **argv, struct arguments *a)
         { "world", required_argument, NULL, 'w' }, { "cache", required_argument, NULL, 'c' },
         { "usb", required_argument, NULL, 'u' },   { "fault", required_argument, NULL, 'f' },
         { "truth", required_argument, NULL, 't' }, { "stats", required_argument, NULL, 's' },
+        { "rig-port", required_argument, NULL, 'r' },
         { "quiet", no_argument, NULL, 'q' },       { "serve", required_argument, NULL, 'S' },
         { "join", required_argument, NULL, 'J' },  { "dir", required_argument, NULL, 'd' },
         { "list", no_argument, NULL, 'l' },        { "json", no_argument, NULL, 'j' },
@@ -70,6 +73,12 @@ static int read_options(int argc, char **argv, struct arguments *a)
         case 'c': a->options.cache = optarg; break;
         case 't': a->options.truth = optarg; break;
         case 's': a->options.stats = optarg; break;
+        case 'r':
+            a->options.rig = true;
+            a->options.rig_port = atoi(optarg);
+            if (a->options.rig_port < 1 || a->options.rig_port > 65535)
+                return usage("--rig-port takes a port, 1 to 65535") + 1;
+            break;
         case 'q': a->options.quiet = true; break;
         case 'S': a->serve = optarg; break;
         case 'J': a->join = optarg; break;

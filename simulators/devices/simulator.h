@@ -10,6 +10,8 @@ struct sst_sim_options {
     const char *world, *cache; /* as for sst_sim_world_open() */
     const char *truth;         /* or NULL */
     const char *stats;         /* file for figures at the end, JSON; or NULL */
+    bool rig;                  /* a rig in a world of an array too: it carries all cameras */
+    int rig_port;              /* of its Modbus TCP; 0: any free one */
     enum sst_sim_topology topology;
     const char *const *faults; /* [fault_count] "NAME=VALUE" from the start */
     int fault_count;
