@@ -1,5 +1,6 @@
 /* sst identify: a picture of every camera, so that a person sees which one sits where. */
 #include <errno.h>
+#include <jansson.h>
 #include <linux/videodev2.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -254,33 +255,90 @@ static void file_name(char *out, size_t size, const struct shot *shot)
     }
 }
 
-static int write_pictures(const struct session *s, const struct sst_array_config *cfg, const char *dir)
+/* `files` gets the name of each picture, NULL where none came; to free. @return 0 or -errno */
+static int write_pictures(const struct session *s, const char *dir, char **files)
 {
-    char path[SST_PATH_MAX], name[2 * SST_GRAB_NAME_MAX + 8], at[16];
+    char path[SST_PATH_MAX], name[2 * SST_GRAB_NAME_MAX + 8];
     int err = sst_path_make_dir(dir), got = 0;
 
-    printf("%-6s %-10s %-14s %s\n", "PLACE", "PORT", "SERIAL", "PICTURE");
     for (int i = 0; !err && i < s->count; i++) {
+        if (!s->shots[i].image.width)
+            continue;
+        file_name(name, sizeof(name), &s->shots[i]);
+        err = sst_path_join(path, dir, name);
+        err = err ? err : sst_image_write_png(&s->shots[i].image, path);
+        files[i] = err ? NULL : strdup(path);
+        got++;
+    }
+    if (err || got)
+        return err;
+    sst_log_error("no camera sent a picture; `sst doctor` looks for the reason");
+    return -ENODATA;
+}
+
+static const char *why_none(const struct shot *shot)
+{
+    return *shot->why ? shot->why : "no picture came";
+}
+
+static void print_table(const struct session *s, char *const *files, const char *sheet)
+{
+    char at[16];
+
+    printf("%-6s %-10s %-14s %s\n", "PLACE", "PORT", "SERIAL", "PICTURE");
+    for (int i = 0; i < s->count; i++) {
         const struct shot *shot = &s->shots[i];
 
-        file_name(name, sizeof(name), shot);
-        if (shot->image.width) {
-            err = sst_path_join(path, dir, name);
-            err = err ? err : sst_image_write_png(&shot->image, path);
-            got++;
-        }
         printf("%-6s %-10s %-14s %s\n", cli_place_text(at, shot->place), shot->device.port,
-               *shot->device.serial ? shot->device.serial : "-",
-               shot->image.width ? name : *shot->why ? shot->why : "no picture came");
+               *shot->device.serial ? shot->device.serial : "-", files[i] ? files[i] : why_none(shot));
     }
-    if (!err && !got) {
-        sst_log_error("no camera sent a picture; `sst doctor` looks for the reason");
-        return -ENODATA;
+    printf("\nall in their places: %s\n", sheet);
+}
+
+static int print_json(const struct session *s, char *const *files, const char *sheet)
+{
+    json_t *list = json_array(), *object = NULL;
+    int err = list ? 0 : -ENOMEM;
+
+    for (int i = 0; !err && i < s->count; i++) {
+        const struct shot *shot = &s->shots[i];
+        json_t *one = json_pack("{s:s, s:s, s:s, s:s}", "port", shot->device.port, "serial", shot->device.serial,
+                                files[i] ? "picture" : "missing", files[i] ? files[i] : why_none(shot), "name",
+                                shot->device.name);
+
+        if (one && shot->place.row >= 0 && (json_object_set_new(one, "row", json_integer(shot->place.row)) ||
+                                            json_object_set_new(one, "col", json_integer(shot->place.col))))
+            err = -ENOMEM;
+        if (!one || json_array_append_new(list, one))
+            err = -ENOMEM;
     }
-    err = err ? err : sst_path_join(path, dir, "identify.png");
-    err = err ? err : write_sheet(s, cfg, path);
     if (!err)
-        printf("\nall in their places: %s\n", path);
+        object = json_pack("{s:O, s:s}", "cameras", list, "sheet", sheet);
+    if (!object || json_dumpf(object, stdout, JSON_INDENT(2))) {
+        sst_log_error("no memory for the list of pictures");
+        err = -ENOMEM;
+    }
+    putchar('\n');
+    json_decref(object);
+    json_decref(list);
+    return err;
+}
+
+/* Everything that is to be seen afterwards. */
+static int show(const struct session *s, const struct sst_array_config *cfg, const char *dir, bool json)
+{
+    char **files = calloc((size_t)s->count, sizeof(*files)), sheet[SST_PATH_MAX];
+    int err = files ? sst_path_join(sheet, dir, "identify.png") : -ENOMEM;
+
+    err = err ? err : write_pictures(s, dir, files);
+    err = err ? err : write_sheet(s, cfg, sheet);
+    if (!err && json)
+        err = print_json(s, files, sheet);
+    else if (!err)
+        print_table(s, files, sheet);
+    for (int i = 0; files && i < s->count; i++)
+        free(files[i]);
+    free(files);
     return err;
 }
 
@@ -350,12 +408,14 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     const char *serial = NULL, *port = NULL, *dir = "identify", *write = NULL, *config = NULL;
+    bool json = false;
     const struct cli_option options[] = {
         { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial", 0, 0 },
         { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port", 0, 0 },
         { "output", 'o', CLI_STRING, &dir, "DIR", "folder for the pictures (identify)", 0, 0 },
         { "write", 0, CLI_STRING, &write, "FILE", "write a `bind:` section in the order of ports", 0, 0 },
         { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     struct session s = { 0 };
@@ -370,7 +430,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (!err && write)
         err = write_bindings(&s, &cfg, write);
     err = err ? err : take_pictures(&s, &cfg);
-    err = err ? err : write_pictures(&s, &cfg, dir);
+    err = err ? err : show(&s, &cfg, dir, json);
     for (int i = 0; i < s.count; i++)
         sst_image_fini(&s.shots[i].image);
     free(s.shots);
@@ -379,7 +439,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_identify = {
     .name = "identify",
-    .usage = "[--serial S | --port P] [-o DIR] [--write FILE] [--config FILE]",
+    .usage = "[--serial S | --port P] [-o DIR] [--write FILE] [--config FILE] [--json]",
     .summary = "a picture of every camera: which one is which",
     .detail = "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all of them laid out as the array\n"
               "is as DIR/identify.png. Hold something in front of one camera to see which picture it is.\n"

@@ -12,6 +12,7 @@ static const struct cli_command *const commands[] = {
     &cli_demo,
     &cli_scene,
     &cli_import,
+    &cli_recording,
     &cli_export,
     &cli_process,
     &cli_render,

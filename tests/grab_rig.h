@@ -66,6 +66,23 @@ static inline int rig_fault(const char *fmt, int cam)
     return system(command);
 }
 
+/** Take back all faults that a test here sets. @return 0 */
+static inline int rig_fault_reset(void)
+{
+    static const char *const names[] = { "unplug", "eio", "error_flag", "gap", "frozen", "truncated", "corrupt_soi",
+                                         "corrupt_eoi", "corrupt_mid", "short", "stall", "busy", "nospace",
+                                         "sequence_wrap", "time_wrap", "backwards", "swap", "control_stuck",
+                                         "slow_open_ms" };
+    char fault[64];
+    int err = 0;
+
+    for (size_t i = 0; !err && i < ARRAY_LEN(names); i++) {
+        snprintf(fault, sizeof(fault), "camera.*.%s=0", names[i]);
+        err = rig_fault(fault, 0);
+    }
+    return err;
+}
+
 static inline void rig_on_frame(void *arg, struct sst_frame *f)
 {
     struct rig *r = arg;
@@ -95,7 +112,7 @@ static inline void rig_on_state(void *arg, int cam, enum sst_grab_state state, c
     snprintf(c->why, sizeof(c->why), "%s", why);
 }
 
-/** Cameras SIM0000 ... by serial, MJPEG of the smallest size that the first one offers, running on their own. */
+/** Cameras SIM0000 ... by serial, MJPEG of the native size, running on their own. */
 static inline int rig_config(struct rig *r, int cameras)
 {
     struct sst_grab_device *devices;
@@ -111,14 +128,16 @@ static inline int rig_config(struct rig *r, int cameras)
     r->cfg.bindings = r->bindings;
     r->cfg.rate_hz = 10;
     r->cfg.check_frozen = true;
-    for (int i = 0; i < cameras; i++)
-        snprintf(r->bindings[i].serial, sizeof(r->bindings[i].serial), "SIM%04d", i);
-    if (!count || !(size = strstr(devices[0].formats, "MJPG ")))
-        err = -1;
-    else {
-        size[strcspn(size, ",")] = 0;
-        err = sscanf(strrchr(size, ' '), "%dx%d", &r->cfg.width, &r->cfg.height) == 2 ? 0 : -1;
+    /* Ports stand for cameras where this build does not learn of serials, and are in their order. */
+    for (int i = 0; i < cameras && i < count; i++) {
+        if (*devices[i].serial)
+            snprintf(r->bindings[i].serial, sizeof(r->bindings[i].serial), "SIM%04d", i);
+        else
+            memcpy(r->bindings[i].port, devices[i].port, sizeof(devices[i].port));
     }
+    size = count < cameras ? NULL : strstr(devices[0].formats, "MJPG ");
+    if (!size || sscanf(size + 5, "%dx%d", &r->cfg.width, &r->cfg.height) != 2)
+        err = -1;
     free(devices);
     return err;
 }

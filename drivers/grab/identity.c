@@ -1,6 +1,7 @@
 #define _GNU_SOURCE /* strverscmp */
 #include "drivers/grab/identity.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -16,6 +17,11 @@ int sst_grab_node_order(const void *pa, const void *pb)
 void sst_grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_binding *b)
 {
     snprintf(out, size, "camera %d (%s %s)", cam, *b->serial ? "serial" : "port", *b->serial ? b->serial : b->port);
+}
+
+bool sst_grab_is_usb_port(const char *port)
+{
+    return isdigit((unsigned char)*port) && strchr(port, '-') && !port[strspn(port, "0123456789-.")];
 }
 
 static int find(const struct sst_grab_node *nodes, int count, int from, const char *serial, const char *port)

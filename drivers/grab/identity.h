@@ -30,6 +30,9 @@ int sst_grab_node_order(const void *a, const void *b);
 SST_MUST_CHECK int sst_grab_match(const struct sst_grab_binding *binding, const struct sst_grab_node *nodes, int count,
                                   char *why);
 
+/** "1-2.3", and not the bus_info of a device elsewhere. */
+bool sst_grab_is_usb_port(const char *port);
+
 /** "camera 3 (serial A1)" or "camera 3 (port 1-2.4)" for messages. */
 void sst_grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_binding *binding);
 

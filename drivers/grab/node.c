@@ -23,7 +23,7 @@ static bool same_port(const char *port, const char *bus_info)
 {
     const char *a = strchr(port, '-'), *b = strrchr(bus_info, '-');
 
-    return strncmp(bus_info, "usb-", 4) != 0 || !a || !b || !strcmp(a, b);
+    return !sst_grab_is_usb_port(port) || strncmp(bus_info, "usb-", 4) != 0 || !a || !b || !strcmp(a, b);
 }
 
 int sst_node_open(struct sst_grab_device *d)

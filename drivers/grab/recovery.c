@@ -1,5 +1,4 @@
 /* Opening, restarting, resetting and closing cameras: decided here, carried out by jobs on threads of their own. */
-#include <ctype.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -151,11 +150,6 @@ void sst_camera_say(struct sst_grab *g, struct sst_camera *cam, enum sst_grab_st
         g->events.state(g->events.arg, (int)(cam - g->camera), state, why);
 }
 
-static bool is_usb_port(const char *port)
-{
-    return isdigit((unsigned char)*port) && strchr(port, '-') && !port[strspn(port, "0123456789-.")];
-}
-
 static void climbed(struct sst_grab *g, struct sst_camera *cam, int rung);
 
 static void step(struct sst_grab *g, struct sst_camera *cam, enum sst_ladder_event event)
@@ -279,7 +273,7 @@ void sst_recovery_found(struct sst_grab *g, struct sst_camera *cam, const struct
     snprintf(cam->serial_seen, sizeof(cam->serial_seen), "%s", node->device.serial);
     cam->device = node->device;
     cam->number = node->number;
-    cam->ladder.usb = is_usb_port(node->device.port);
+    cam->ladder.usb = sst_grab_is_usb_port(node->device.port);
     if (cam->state == SST_GRAB_ABSENT)
         cam->counters.found_devices++;
     /* A reset may still be at its end: its job tells. */

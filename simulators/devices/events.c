@@ -72,17 +72,15 @@ void sst_sim_cam_control_event(struct sst_sim_cam *cam, const struct sst_sim_ope
 int sst_sim_cam_subscribe(struct sst_sim_open *o, const struct v4l2_event_subscription *s)
 {
     const int control = s->type == V4L2_EVENT_CTRL ? sst_sim_cam_control_find(s->id) : -1;
-    struct v4l2_event e = { 0 };
 
     if (control < 0)
         return -EINVAL;
     if (find_subscription(o, s->id) >= 0)
         return 0;
     o->subscribed[o->subscriptions++] = *s; /* one for each control at most: there is room */
-    sst_sim_cam_control_state(o->cam, control, 0, &e);
-    if (s->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL)
-        put(o, control, V4L2_EVENT_CTRL_CH_FLAGS |
-                            (e.u.ctrl.flags & V4L2_CTRL_FLAG_WRITE_ONLY ? 0 : V4L2_EVENT_CTRL_CH_VALUE));
+    /* The heading of a class has no state to tell. */
+    if ((s->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL) && sst_sim_cam_control_find(V4L2_CTRL_ID2WHICH(s->id) | 1) != control)
+        put(o, control, V4L2_EVENT_CTRL_CH_FLAGS | V4L2_EVENT_CTRL_CH_VALUE);
     return 0;
 }
 

@@ -51,6 +51,19 @@ struct sst_sim_call {
     uint64_t arg, length;
 };
 
+/* What is opened in place of a netlink socket for kernel events. */
+#define SST_SIM_UEVENTS "/uevents"
+
+#define SST_SIM_USB_TRANSFER_MAX 4096 /* bytes that a control transfer carries */
+
+/** A USB transfer between program and simulator, followed by its data. */
+struct sst_sim_usb_transfer {
+    uint64_t user;    /* the program's name for it: where it keeps the URB */
+    uint8_t setup[8]; /* of control transfers */
+    uint8_t type, endpoint;
+    int32_t status, actual; /* answer */
+};
+
 enum sst_sim_answer_flag {
     SST_SIM_TAKE_URGENT = 1 << 0, /* take the out-of-band byte from the descriptor, then send SST_SIM_READY */
 };

@@ -33,7 +33,7 @@ static int buffer_make(struct sst_sim_buffer *b, uint32_t bytes)
     const uint32_t length = (bytes + page - 1) / page * page;
     void *data = MAP_FAILED;
 
-    *b = (struct sst_sim_buffer){ .length = length, .dmabuf = -1 };
+    *b = (struct sst_sim_buffer){ .length = length, .user_length = bytes, .dmabuf = -1, .dmabuf_number = -1 };
     b->memory = memfd_create("sst-sim-frame", MFD_CLOEXEC);
     if (b->memory >= 0 && ftruncate(b->memory, length) == 0)
         data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, b->memory, 0);

@@ -61,7 +61,8 @@ struct sst_sim_request {
 /** What a device does; each may be NULL (-ENOTTY, -ENODEV for map, -EINVAL for read and write).
  *  Return a negative errno, a result, or SST_SIM_LATER. On a negative result out_bytes is 0 unless set by the device. */
 struct sst_sim_ops {
-    char letter; /* of the class, in the descriptor's name: v V4L2, g GPIO, u USB */
+    char letter;  /* of the class, in the descriptor's name: v V4L2, g GPIO, u USB, s attribute in /sys, n kernel events */
+    bool packets; /* what the program reads keeps its boundaries */
     int (*open)(struct sst_sim_handle *h, struct sst_sim_request *r); /* its answer is the new descriptor */
     void (*close)(struct sst_sim_handle *h); /* last copy closed, or sst_sim_handle_drop() */
     int (*ioctl)(struct sst_sim_handle *h, struct sst_sim_request *r);
@@ -100,7 +101,7 @@ void sst_sim_handle_urgent(struct sst_sim_handle *h);
  * Make a device node appear.
  *
  * @param path  "/dev/video0": appears in the session; another absolute path: found by open() in programs only if
- *              their preload library asks for it (struct sim_class, preload/core.h), with no entry in the file system
+ *              their preload library asks for it, with no entry made in the file system
  * @return 0, -EEXIST, -ENOMEM or -errno of the file system.
  */
 SST_MUST_CHECK int sst_sim_node_add(struct sst_sim_server *s, struct sst_sim_node **node, const char *path,

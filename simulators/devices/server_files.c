@@ -58,7 +58,7 @@ static int make_pair(const struct sst_sim_ops *ops, uint32_t id, int pair[2])
     const int n = snprintf(name.sun_path + 1, sizeof(name.sun_path) - 1, SST_SIM_NAME "%c/%u", ops->letter, id);
     int err = 0;
 
-    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) < 0)
+    if (socketpair(AF_UNIX, (ops->packets ? SOCK_SEQPACKET : SOCK_STREAM) | SOCK_CLOEXEC, 0, pair) < 0)
         return -errno;
     /* A byte that is never read makes the close of our end an error at the other: POLLERR besides POLLHUP. */
     if (bind(pair[1], (const struct sockaddr *)&name, (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + n)) < 0 ||

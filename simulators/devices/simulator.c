@@ -9,15 +9,14 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "simulators/devices/rig.h"
 
 struct sst_sim_simulator {
     struct sst_sim_options options;
     struct sst_sim_world *world;
     struct sst_sim_faults *faults;
     struct sst_sim_server *server;
+    struct sst_sim_wires *wires;
     struct sst_sim_array *array;
-    struct sst_sim_rig *rig; /* NULL: none */
     int64_t opened_ns, opened_cpu_ns;
 };
 
@@ -51,8 +50,6 @@ static json_t *status(const struct sst_sim_simulator *sim)
     (void)json_object_set_new(all, "dir", json_string(sst_sim_server_dir(sim->server)));
     (void)json_object_set_new(all, "faults", faults);
     (void)json_object_set_new(all, "cameras", sst_sim_array_status(sim->array));
-    if (sim->rig)
-        (void)json_object_set_new(all, "rig", sst_sim_rig_status(sim->rig));
     return all;
 }
 
@@ -70,13 +67,6 @@ static int answer_status(const struct sst_sim_simulator *sim, struct sst_sim_req
     return 0;
 }
 
-static int set_fault(struct sst_sim_simulator *sim, const char *text, char *message, size_t size)
-{
-    if (sim->rig && !strncmp(text, "rig.", 4))
-        return sst_sim_rig_fault(sim->rig, text, message, size);
-    return sst_sim_faults_set(sim->faults, text, message, size);
-}
-
 static int answer_fault(struct sst_sim_simulator *sim, struct sst_sim_request *r)
 {
     char text[256], message[512] = "";
@@ -86,20 +76,10 @@ static int answer_fault(struct sst_sim_simulator *sim, struct sst_sim_request *r
         return -EINVAL;
     memcpy(text, r->data, r->bytes);
     text[r->bytes] = 0;
-    err = set_fault(sim, text, message, sizeof(message));
+    err = sst_sim_faults_set(sim->faults, text, message, sizeof(message));
     r->out_bytes = (uint32_t)strlen(message);
     memcpy(r->data, message, r->out_bytes);
     return err;
-}
-
-static int answer_faults(const struct sst_sim_simulator *sim, struct sst_sim_request *r)
-{
-    size_t n = sst_sim_faults_list(sim->faults, (char *)r->data, SST_SIM_PAYLOAD_MAX);
-
-    if (sim->rig)
-        n += (size_t)snprintf((char *)r->data + n, SST_SIM_PAYLOAD_MAX - n, "%s", sst_sim_rig_faults);
-    r->out_bytes = (uint32_t)(n < SST_SIM_PAYLOAD_MAX ? n : SST_SIM_PAYLOAD_MAX - 1);
-    return 0;
 }
 
 static int answer(void *arg, struct sst_sim_request *r)
@@ -109,7 +89,8 @@ static int answer(void *arg, struct sst_sim_request *r)
     switch (r->call.op) {
     case SST_SIM_FAULT: return answer_fault(sim, r);
     case SST_SIM_FAULTS:
-        return answer_faults(sim, r);
+        r->out_bytes = (uint32_t)sst_sim_faults_list(sim->faults, (char *)r->data, SST_SIM_PAYLOAD_MAX);
+        return 0;
     case SST_SIM_STATUS: return answer_status(sim, r);
     default: sst_sim_server_stop(sim->server); return 0;
     }
@@ -121,7 +102,7 @@ static int set_faults(struct sst_sim_simulator *sim)
 {
     for (int i = 0; i < sim->options.fault_count; i++) {
         char message[512];
-        const int err = set_fault(sim, sim->options.faults[i], message, sizeof(message));
+        const int err = sst_sim_faults_set(sim->faults, sim->options.faults[i], message, sizeof(message));
 
         if (err) {
             sst_log_error("%s", message);
@@ -146,13 +127,18 @@ int sst_sim_simulator_open(struct sst_sim_simulator **out, const char *dir, cons
     if (!err)
         err = sst_sim_server_open(&sim->server, dir, &control);
     if (!err)
+        err = sst_sim_wires_open(&sim->wires, &(struct sst_sim_wires_config){ .options = options->wires,
+                                                                              .server = sim->server,
+                                                                              .faults = sim->faults,
+                                                                              .world = sim->world });
+    if (!err)
         err = sst_sim_array_open(&sim->array, &(struct sst_sim_array_config){ .world = sim->world,
                                                                               .server = sim->server,
                                                                               .faults = sim->faults,
-                                                                              .topology = options->topology,
+                                                                              .usb = sst_sim_wires_usb(sim->wires),
                                                                               .truth = options->truth });
-    if (!err && (options->rig || sst_sim_world_cameras(sim->world) == 1))
-        err = sst_sim_rig_open(&sim->rig, sim->array, dir, options->rig_port, sst_sim_world_seed(sim->world));
+    if (!err)
+        err = sst_sim_wires_attach(sim->wires, sim->array);
     if (!err)
         err = set_faults(sim);
     if (err) {
@@ -190,8 +176,8 @@ void sst_sim_simulator_close(struct sst_sim_simulator *sim)
         return;
     if (sim->array)
         tell_cost(sim);
-    sst_sim_rig_close(sim->rig);
     sst_sim_array_close(sim->array);
+    sst_sim_wires_close(sim->wires);
     sst_sim_server_close(sim->server);
     sst_sim_faults_destroy(sim->faults);
     sst_sim_world_close(sim->world);

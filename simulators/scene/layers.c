@@ -40,14 +40,13 @@ static void restore(struct sst_layers *l)
     struct sst_band *to = &l->work;
     const size_t n = (size_t)(to->x1 - to->x0);
 
-    for (int k = 0; k < SST_SAMPLES; k++) {
+    for (int k = 0; k < SST_COLOURS; k++) {
         for (int y = to->y0; y < to->y0 + to->rows; y++) {
             const size_t at = sst_band_cell(to, k, y, to->x0), from = sst_band_cell(&l->fixed, k, y, to->x0);
 
             memcpy(to->inv_z + at, l->fixed.inv_z + from, n * sizeof(*to->inv_z));
             memcpy(to->owner + at, l->fixed.owner + from, n * sizeof(*to->owner));
-            if (k < SST_COLOURS)
-                memcpy(to->colour + at, l->fixed.colour + from, n * sizeof(*to->colour));
+            memcpy(to->colour + at, l->fixed.colour + from, n * sizeof(*to->colour));
         }
     }
 }

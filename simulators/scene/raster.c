@@ -229,6 +229,12 @@ static int first_sample(const struct sst_band *b)
     return b->colour ? 0 : SST_CENTRE;
 }
 
+/* The centre is for the truth alone. */
+static int last_sample(const struct sst_band *b)
+{
+    return b->r->disp || b->r->label || b->r->owner ? SST_SAMPLES : SST_COLOURS;
+}
+
 void sst_band_opaque(struct sst_band *b, uint32_t index)
 {
     const struct sst_raster *r = b->r;
@@ -237,7 +243,7 @@ void sst_band_opaque(struct sst_band *b, uint32_t index)
     const int y0 = sst_max_int(g->y0, b->y0), y1 = sst_min_int(g->y1, b->y0 + b->rows);
     const int x0 = sst_max_int(g->x0, b->x0), x1 = sst_min_int(g->x1, b->x1);
 
-    for (int k = first_sample(b); k < SST_SAMPLES; k++) {
+    for (int k = first_sample(b); k < last_sample(b); k++) {
         for (int y = y0; y < y1; y++) {
             float *inv_z = b->inv_z + sst_band_cell(b, k, y, 0);
             uint32_t *owner = b->owner + sst_band_cell(b, k, y, 0);
@@ -286,7 +292,7 @@ void sst_band_translucent(struct sst_band *b, uint32_t index)
     const int y0 = sst_max_int(g->y0, b->y0), y1 = sst_min_int(g->y1, b->y0 + b->rows);
     const int x0 = sst_max_int(g->x0, b->x0), x1 = sst_min_int(g->x1, b->x1);
 
-    for (int k = first_sample(b); k < SST_SAMPLES; k++) {
+    for (int k = first_sample(b); k < last_sample(b); k++) {
         for (int y = y0; y < y1; y++) {
             for (int x = x0; x < x1; x++) {
                 const size_t i = sst_band_cell(b, k, y, x);
@@ -313,22 +319,28 @@ static uint8_t to_byte(float sum)
     return (uint8_t)(v <= 0 ? 0 : v >= 255 ? 255 : v);
 }
 
+static void store_truth(const struct sst_band *b, int x, int y)
+{
+    const struct sst_raster *r = b->r;
+    const size_t i = sst_band_cell(b, SST_CENTRE, y, x);
+    const struct sst_surface *s = b->owner[i] == SST_NOTHING ? NULL : &r->world->surfaces[b->owner[i]];
+
+    if (r->disp)
+        sst_map_f32_row(r->disp, y)[x] = (float)(r->focal_px * r->world->spacing_mm * b->inv_z[i]);
+    if (r->label)
+        sst_map_u8_row(r->label, y)[x] = s ? s->label : 0;
+    if (r->owner)
+        sst_map_u8_row(r->owner, y)[x] = s ? (uint8_t)s->hide : 0;
+}
+
 void sst_band_store(const struct sst_band *b)
 {
     const struct sst_raster *r = b->r;
-    const double disp_scale = r->focal_px * r->world->spacing_mm;
 
     for (int y = b->y0; y < b->y0 + b->rows; y++) {
         for (int x = b->x0; x < b->x1; x++) {
-            const size_t i = sst_band_cell(b, SST_CENTRE, y, x);
-            const struct sst_surface *s = b->owner[i] == SST_NOTHING ? NULL : &r->world->surfaces[b->owner[i]];
-
-            if (r->disp)
-                sst_map_f32_row(r->disp, y)[x] = (float)(disp_scale * b->inv_z[i]);
-            if (r->label)
-                sst_map_u8_row(r->label, y)[x] = s ? s->label : 0;
-            if (r->owner)
-                sst_map_u8_row(r->owner, y)[x] = s ? (uint8_t)s->hide : 0;
+            if (last_sample(b) > SST_CENTRE)
+                store_truth(b, x, y);
             if (r->image) {
                 struct sst_rgb c = { 0, 0, 0 };
 

@@ -101,23 +101,32 @@ void sst_sim_board_size(const struct sst_sim_board *b, double *width_mm, double 
     *height_mm = (b->rows * pitch + more) * b->square_mm;
 }
 
-void sst_sim_board_seed_poses(struct sst_sim_board *b, uint64_t seed, double focal, double spacing_mm)
+/* Half of what is left of the picture beside the board, at a distance where a design pixel spans mm, so that the outermost
+ * cameras still see most of it. */
+static double room(double picture, double mm, double board_mm, int cameras, double spacing_mm)
 {
-    uint64_t rng = seed ^ 0x626F617264ull;
+    return fmax(0, (picture * mm - 0.9 * board_mm - (cameras - 1) * spacing_mm) / 2);
+}
+
+void sst_sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings *s, const struct sst_world *w)
+{
+    uint64_t rng = s->seed ^ 0x626F617264ull;
     double width, height;
 
     sst_sim_board_size(b, &width, &height);
     for (int i = 0; i < b->poses; i++) {
         const double share = sst_random_in(&rng, 0.3, 0.55); /* of the picture's width */
-        const double z = fmax(focal * width / (share * PICTURE_WIDTH), 5 * spacing_mm), mm = z / focal;
-        const double free_x = fmax(0, PICTURE_WIDTH * mm - width) / 2, free_y = fmax(0, PICTURE_HEIGHT * mm - height) / 2;
+        const double z = w->focal * width / (share * PICTURE_WIDTH), mm = z / w->focal;
+        const double x = room(PICTURE_WIDTH, mm, width, s->cols, w->spacing_mm);
+        const double y = room(PICTURE_HEIGHT, mm, height, s->rows, w->spacing_mm);
+        struct sst_sim_pose *p = &b->pose[i];
 
-        b->pose[i].position_mm[0] = sst_random_in(&rng, -0.6, 0.6) * free_x + spacing_mm / 2;
-        b->pose[i].position_mm[1] = sst_random_in(&rng, -0.6, 0.6) * free_y + spacing_mm / 2;
-        b->pose[i].position_mm[2] = z;
-        b->pose[i].rotation_deg[0] = sst_random_in(&rng, -32, 32);
-        b->pose[i].rotation_deg[1] = sst_random_in(&rng, -32, 32);
-        b->pose[i].rotation_deg[2] = sst_random_in(&rng, -25, 25);
+        p->position_mm[0] = sst_random_in(&rng, -x, x) + ((s->cols - 1) / 2.0 - (s->cols - 1) / 2) * w->spacing_mm;
+        p->position_mm[1] = sst_random_in(&rng, -y, y) + ((s->rows - 1) / 2.0 - (s->rows - 1) / 2) * w->spacing_mm;
+        p->position_mm[2] = z;
+        p->rotation_deg[0] = sst_random_in(&rng, -32, 32);
+        p->rotation_deg[1] = sst_random_in(&rng, -32, 32);
+        p->rotation_deg[2] = sst_random_in(&rng, -25, 25);
     }
 }
 

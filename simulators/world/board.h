@@ -24,8 +24,9 @@ SST_EXTERN_C_BEGIN
 /** Size of the board without its margin. */
 void sst_sim_board_size(const struct sst_sim_board *board, double *width_mm, double *height_mm);
 
-/** Fill in poses 0 .. board->poses-1 from the seed: before the array, turned every way, large enough to be read. */
-void sst_sim_board_seed_poses(struct sst_sim_board *board, uint64_t seed, double focal, double spacing_mm);
+/** Fill in poses 0 .. board->poses-1 from the seed: before the array, turned every way, a third to half of a picture. */
+void sst_sim_board_seed_poses(struct sst_sim_board *board, const struct sst_sim_settings *settings,
+                              const struct sst_world *world);
 
 /** Add the board in one of its poses to a world. */
 void sst_sim_board_add(struct sst_world *w, const struct sst_sim_board *board, int pose);

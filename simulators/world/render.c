@@ -213,7 +213,7 @@ int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings
     find_optics(s);
     s->board = settings->board;
     if (s->board.seeded)
-        sst_sim_board_seed_poses(&s->board, settings->seed, s->first.focal, s->first.spacing_mm);
+        sst_sim_board_seed_poses(&s->board, settings, &s->first);
     sst_world_fini(&s->first);
     err = build(s, 0, 0, &s->first);
     if (!err)

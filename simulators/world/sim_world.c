@@ -18,6 +18,7 @@
 #include "simulators/world/made.h"
 #include "simulators/world/photo.h"
 #include "simulators/world/render.h"
+#include "simulators/world/truth.h"
 
 #define VERSION     1 /* part of the cache's key: raise it when the same settings give other bytes */
 #define SIZES_MAX   4
@@ -204,6 +205,11 @@ int sst_sim_world_sizes(const struct sst_sim_world *w, const int (**sizes)[2])
 {
     *sizes = w->sizes;
     return w->size_count;
+}
+
+int sst_sim_world_truth(const struct sst_sim_world *w, const char *path)
+{
+    return sst_sim_truth_write(&w->settings, w->stage, path);
 }
 
 /* --- frames ------------------------------------------------------------------------------------------------------ */

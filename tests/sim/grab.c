@@ -34,6 +34,14 @@ static struct sst_grab_counters counters(int cam)
     return c;
 }
 
+/* Also after a test that failed half-way. */
+static int clean_up(void **state SST_UNUSED)
+{
+    if (rig.grab)
+        rig_stop(&rig);
+    return rig_fault_reset();
+}
+
 /* --- tests -------------------------------------------------------------------------------------------------------- */
 
 static void all_cameras_stream(void **state SST_UNUSED)
@@ -48,8 +56,9 @@ static void all_cameras_stream(void **state SST_UNUSED)
 
         assert_in_range(c.frames, 8, 20);
         assert_int_equal(c.frames, rig.cam[i].frames);
-        assert_int_equal(c.bad + c.lost, 0);
-        assert_int_equal(rig.cam[i].faults, 0);
+        if (c.bad || c.lost || rig.cam[i].faults)
+            fail_msg("camera %d: %u of %u frames bad, %u lost, faults 0x%x", i, (unsigned)c.bad, (unsigned)c.frames,
+                     (unsigned)c.lost, rig.cam[i].faults);
         assert_int_equal(sst_grab_camera_state(rig.grab, i), SST_GRAB_STREAMING);
     }
     rig_stop(&rig);
@@ -295,15 +304,15 @@ static void controls_are_read_back(void **state SST_UNUSED)
 int main(int argc SST_UNUSED, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(all_cameras_stream),
-        cmocka_unit_test(damage_is_told_by_kind),
-        cmocka_unit_test(each_rung_brings_back_what_it_can),
-        cmocka_unit_test(a_camera_comes_back),
-        cmocka_unit_test(refusals_give_their_reason),
-        cmocka_unit_test(a_slow_receiver_is_no_fault_of_the_camera),
-        cmocka_unit_test(slowness_stays_with_its_camera),
-        cmocka_unit_test(two_devices_of_one_serial_are_refused),
-        cmocka_unit_test(controls_are_read_back),
+        cmocka_unit_test_teardown(all_cameras_stream, clean_up),
+        cmocka_unit_test_teardown(damage_is_told_by_kind, clean_up),
+        cmocka_unit_test_teardown(each_rung_brings_back_what_it_can, clean_up),
+        cmocka_unit_test_teardown(a_camera_comes_back, clean_up),
+        cmocka_unit_test_teardown(refusals_give_their_reason, clean_up),
+        cmocka_unit_test_teardown(a_slow_receiver_is_no_fault_of_the_camera, clean_up),
+        cmocka_unit_test_teardown(slowness_stays_with_its_camera, clean_up),
+        cmocka_unit_test_teardown(two_devices_of_one_serial_are_refused, clean_up),
+        cmocka_unit_test_teardown(controls_are_read_back, clean_up),
     };
 
     rig_enter_session(argv);

@@ -277,8 +277,7 @@ int sim_exchange(struct sim_exchange *x)
     return result;
 }
 
-/* What the answer says about the readiness of the descriptor. */
-static void settle(int fd, const struct sim_id *id, const struct sst_sim_answer *answer)
+void sim_settle(int fd, const struct sim_id *id, const struct sst_sim_answer *answer)
 {
     char gone[64];
 
@@ -324,7 +323,7 @@ int sim_ioctl_areas(int device_fd, const struct sim_id *id, unsigned long reques
                     const struct sim_area *areas, int count, int *fd)
 {
     const int saved = errno;
-    const size_t bytes = _IOC_SIZE(request);
+    const size_t bytes = _IOC_DIR(request) == _IOC_NONE ? 0 : _IOC_SIZE(request);
     char in_pointer[sizeof(void *)];
     struct sim_exchange x = {
         .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle, .arg = (uintptr_t)arg },
@@ -346,7 +345,7 @@ int sim_ioctl_areas(int device_fd, const struct sim_id *id, unsigned long reques
         x.out[i + 1] = x.in[i + 1];
     }
     result = sim_exchange(&x);
-    settle(device_fd, id, &x.answer);
+    sim_settle(device_fd, id, &x.answer);
     if (fd)
         *fd = x.fd;
     else if (x.fd >= 0)

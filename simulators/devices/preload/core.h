@@ -57,6 +57,9 @@ struct sim_exchange {
 /** @return the answer's result, or -errno. A signal without SA_RESTART ends it with -EINTR, as the kernel does. */
 int sim_exchange(struct sim_exchange *x);
 
+/** Do to the descriptor what the answer says about its readiness. */
+void sim_settle(int fd, const struct sim_id *id, const struct sst_sim_answer *answer);
+
 /** A part of the program's memory that an ioctl's argument points to. */
 struct sim_area {
     size_t pointer_at; /* offset of the pointer in the argument */
@@ -77,11 +80,10 @@ int sim_peek(void *out, const void *from, size_t bytes);
 struct sim_class {
     char letter;
     char ioctl_type; /* _IOC_TYPE of its requests; others are -ENOTTY */
+    /** NULL: there are none */
     int (*ioctl)(int fd, const struct sim_id *id, unsigned long request, void *arg);
     /** read() and write() ask the simulator (sst_sim_ops) instead of the socket. */
     bool read_calls, write_calls;
-    /** Shall open(path, flags) ask the simulator although the path is not in /dev? NULL: no. */
-    bool (*wants)(const char *path, int flags);
 };
 
 extern const struct sim_class *const sim_classes[];
@@ -97,17 +99,27 @@ enum sim_path_kind {
     SIM_PATH_NODE = 1,   /* device node of the session */
     SIM_PATH_PLAIN = 2,  /* exists in the session's /dev as something else: use `real` instead */
     SIM_PATH_MISSING = 3, /* of a kind that the session has of its own, and not there */
+    SIM_PATH_ATTRIBUTE = 4, /* of sysfs, and writable: as SIM_PATH_PLAIN for reading; writing asks the simulator */
 };
 
 struct sim_path {
     enum sim_path_kind kind;
     char real[SIM_PATH_MAX]; /* in the session's folder */
-    char node[SIM_PATH_MAX]; /* of a node: its path under /dev, links followed */
+    char node[SIM_PATH_MAX]; /* of a node or attribute: its path, links followed */
     unsigned dev_major, dev_minor;
 };
 
 /** Where a path leads. dirfd as in openat(). */
 void sim_path_resolve(int dirfd, const char *path, bool follow, struct sim_path *out);
+
+/** Does a resolved path lie in the session's /sys? */
+bool sim_path_in_sysfs(const struct sim_path *path);
+
+/** open() as programs see it. @return descriptor, or -1 with errno set */
+int sim_open_hook(int dirfd, const char *path, int flags, mode_t mode);
+
+/** The path that a descriptor leads to; false if that is not to be had or too long. */
+bool sim_path_of(int fd, char out[SIM_PATH_MAX]);
 
 /** Open a device file of the session. @param node  path as the simulator knows it  @return descriptor or -errno */
 int sim_open_node(const char *node, int flags);

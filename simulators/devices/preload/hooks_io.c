@@ -24,26 +24,12 @@ static int libc_result(int result)
 
 /* --- open --------------------------------------------------------------------------------------------------------- */
 
-static bool wanted(const char *path, int flags)
-{
-    if (sim_dir() && path)
-        for (int i = 0; i < sim_class_count; i++)
-            if (sim_classes[i]->wants && sim_classes[i]->wants(path, flags))
-                return true;
-    return false;
-}
-
 /* @return true: *fd is the result, errno set if it is negative; false: *path (perhaps another) is the next one's. */
 static bool open_ours(int dirfd, const char **path, int flags, struct sim_path *p, int *fd)
 {
-    if (wanted(*path, flags)) {
-        const int result = sim_open_node(*path, flags);
-
-        *fd = libc_result(result);
-        return result != -ENXIO;
-    }
     sim_path_resolve(dirfd, *path, !(flags & O_NOFOLLOW), p);
-    if (p->kind == SIM_PATH_NODE && !(flags & O_PATH)) {
+    if ((p->kind == SIM_PATH_NODE || (p->kind == SIM_PATH_ATTRIBUTE && (flags & O_ACCMODE) != O_RDONLY)) &&
+        !(flags & O_PATH)) {
         *fd = libc_result(flags & O_DIRECTORY ? -ENOTDIR : sim_open_node(p->node, flags));
         return true;
     }
@@ -51,12 +37,16 @@ static bool open_ours(int dirfd, const char **path, int flags, struct sim_path *
         *fd = libc_result(-ENOENT);
         return true;
     }
-    if (p->kind == SIM_PATH_PLAIN || p->kind == SIM_PATH_NODE)
+    if (p->kind != SIM_PATH_OTHER && (flags & O_ACCMODE) != O_RDONLY && sim_path_in_sysfs(p)) {
+        *fd = libc_result(-EACCES); /* nothing else there can be written or made */
+        return true;
+    }
+    if (p->kind != SIM_PATH_OTHER)
         *path = p->real;
     return false;
 }
 
-static int open_hook(int dirfd, const char *path, int flags, mode_t mode)
+int sim_open_hook(int dirfd, const char *path, int flags, mode_t mode)
 {
     struct sim_path p;
     int fd;
@@ -80,49 +70,49 @@ static int open_hook(int dirfd, const char *path, int flags, mode_t mode)
 HOOK int open(const char *path, int flags, ...)
 {
     MODE_OF(flags, mode)
-    return open_hook(AT_FDCWD, path, flags, mode);
+    return sim_open_hook(AT_FDCWD, path, flags, mode);
 }
 
 HOOK int open64(const char *path, int flags, ...)
 {
     MODE_OF(flags, mode)
-    return open_hook(AT_FDCWD, path, flags | O_LARGEFILE, mode);
+    return sim_open_hook(AT_FDCWD, path, flags | O_LARGEFILE, mode);
 }
 
 HOOK int openat(int dirfd, const char *path, int flags, ...)
 {
     MODE_OF(flags, mode)
-    return open_hook(dirfd, path, flags, mode);
+    return sim_open_hook(dirfd, path, flags, mode);
 }
 
 HOOK int openat64(int dirfd, const char *path, int flags, ...)
 {
     MODE_OF(flags, mode)
-    return open_hook(dirfd, path, flags | O_LARGEFILE, mode);
+    return sim_open_hook(dirfd, path, flags | O_LARGEFILE, mode);
 }
 
 HOOK int __open_2(const char *path, int flags);
 HOOK int __open_2(const char *path, int flags)
 {
-    return open_hook(AT_FDCWD, path, flags, 0);
+    return sim_open_hook(AT_FDCWD, path, flags, 0);
 }
 
 HOOK int __open64_2(const char *path, int flags);
 HOOK int __open64_2(const char *path, int flags)
 {
-    return open_hook(AT_FDCWD, path, flags | O_LARGEFILE, 0);
+    return sim_open_hook(AT_FDCWD, path, flags | O_LARGEFILE, 0);
 }
 
 HOOK int __openat_2(int dirfd, const char *path, int flags);
 HOOK int __openat_2(int dirfd, const char *path, int flags)
 {
-    return open_hook(dirfd, path, flags, 0);
+    return sim_open_hook(dirfd, path, flags, 0);
 }
 
 HOOK int __openat64_2(int dirfd, const char *path, int flags);
 HOOK int __openat64_2(int dirfd, const char *path, int flags)
 {
-    return open_hook(dirfd, path, flags | O_LARGEFILE, 0);
+    return sim_open_hook(dirfd, path, flags | O_LARGEFILE, 0);
 }
 
 /* --- descriptors -------------------------------------------------------------------------------------------------- */
@@ -194,7 +184,7 @@ static const struct sim_class *class_of(int fd, struct sim_id *id)
 static bool our_type(unsigned long request)
 {
     for (int i = 0; i < sim_class_count; i++)
-        if ((unsigned char)sim_classes[i]->ioctl_type == _IOC_TYPE(request))
+        if (sim_classes[i]->ioctl && (unsigned char)sim_classes[i]->ioctl_type == _IOC_TYPE(request))
             return true;
     return false;
 }
@@ -211,7 +201,7 @@ HOOK int ioctl(int fd, unsigned long request, ...)
     va_end(args);
     request &= 0xffffffff; /* some programs keep it in an int */
     if (our_type(request) && (class = class_of(fd, &id)))
-        return libc_result((unsigned char)class->ioctl_type == _IOC_TYPE(request) ?
+        return libc_result(class->ioctl && (unsigned char)class->ioctl_type == _IOC_TYPE(request) ?
                                class->ioctl(fd, &id, request, arg) : -ENOTTY);
     return sim_next()->ioctl_(fd, request, arg);
 }
@@ -226,6 +216,7 @@ static ssize_t transfer(int fd, const struct sim_id *id, uint32_t op, void *data
         x.call.flags |= SST_SIM_NONBLOCK;
     *(op == SST_SIM_WRITE ? &x.in[0] : &x.out[0]) = (struct iovec){ data, part };
     result = sim_exchange(&x);
+    sim_settle(fd, id, &x.answer);
     return libc_result(result);
 }
 
@@ -300,9 +291,9 @@ HOOK long syscall(long number, ...)
     if (sim_dir())
         switch (number) {
 #ifdef SYS_open
-        case SYS_open: return open_hook(AT_FDCWD, (const char *)a[0], (int)a[1], (mode_t)a[2]);
+        case SYS_open: return sim_open_hook(AT_FDCWD, (const char *)a[0], (int)a[1], (mode_t)a[2]);
 #endif
-        case SYS_openat: return open_hook((int)a[0], (const char *)a[1], (int)a[2], (mode_t)a[3]);
+        case SYS_openat: return sim_open_hook((int)a[0], (const char *)a[1], (int)a[2], (mode_t)a[3]);
         case SYS_ioctl: return ioctl((int)a[0], (unsigned long)a[1], a[2]);
         case SYS_read: return read((int)a[0], (void *)a[1], (size_t)a[2]);
         case SYS_write: return write((int)a[0], (const void *)a[1], (size_t)a[2]);

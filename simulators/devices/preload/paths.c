@@ -1,4 +1,4 @@
-/* Where paths lead in a session: /dev is looked up in the session's folder first. */
+/* Where paths lead in a session: /dev, /sys and udev's data are looked up in the session's folder first. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <stdio.h>
@@ -15,8 +15,7 @@ static long raw(long number, long a, const void *b, long c, long d)
     return sim_next()->syscall_(number, a, b, c, d, 0L, 0L);
 }
 
-/* The path that a descriptor leads to; false if that is not to be had or too long. */
-static bool path_of(int fd, char out[SIM_PATH_MAX])
+bool sim_path_of(int fd, char out[SIM_PATH_MAX])
 {
     char link[40];
     long n;
@@ -29,8 +28,23 @@ static bool path_of(int fd, char out[SIM_PATH_MAX])
     return true;
 }
 
-/* "/dev/..." for a path that means an entry of /dev, with doubled slashes gone; else false. */
-static bool dev_path(int dirfd, const char *path, char out[SIM_PATH_MAX])
+/* What a session has of its own. */
+static const char *const trees[] = { "/dev", "/sys", "/run/udev" };
+
+/* @return which of them a path lies in, or -1 */
+static int tree_of(const char *path)
+{
+    for (int i = 0; i < (int)ARRAY_LEN(trees); i++) {
+        const size_t bytes = strlen(trees[i]);
+
+        if (strncmp(path, trees[i], bytes) == 0 && (path[bytes] == '/' || !path[bytes]))
+            return i;
+    }
+    return -1;
+}
+
+/* "/dev/..." for a path that means an entry of one of the trees, with doubled slashes gone; else false. */
+static bool own_path(int dirfd, const char *path, char out[SIM_PATH_MAX])
 {
     const char *dir = sim_dir();
     const size_t dir_bytes = strlen(dir);
@@ -39,27 +53,32 @@ static bool dev_path(int dirfd, const char *path, char out[SIM_PATH_MAX])
     if (path[0] != '/') {
         char folder[SIM_PATH_MAX];
 
-        /* Relative to a folder that is the session's own: what opendir("/dev") really opened. */
-        if (dirfd == AT_FDCWD || !path[0] || !path_of(dirfd, folder) || strncmp(folder, dir, dir_bytes) != 0 ||
-            strncmp(folder + dir_bytes, "/dev", 4) != 0)
+        if (dirfd == AT_FDCWD || !path[0] || !sim_path_of(dirfd, folder))
             return false;
-        return snprintf(out, SIM_PATH_MAX, "%s/%s", folder + dir_bytes, path) < SIM_PATH_MAX;
+        /* From the root, as libudev walks; or from the session's own: what opendir("/dev") really opened. */
+        if (strcmp(folder, "/") == 0)
+            return snprintf(out, SIM_PATH_MAX, "/%s", path) < SIM_PATH_MAX && tree_of(out) >= 0;
+        return strncmp(folder, dir, dir_bytes) == 0 && tree_of(folder + dir_bytes) >= 0 &&
+               snprintf(out, SIM_PATH_MAX, "%s/%s", folder + dir_bytes, path) < SIM_PATH_MAX;
     }
-    if (strncmp(path, dir, dir_bytes) == 0 && strncmp(path + dir_bytes, "/dev/", 5) == 0)
+    if (strncmp(path, dir, dir_bytes) == 0 && tree_of(path + dir_bytes) >= 0)
         path += dir_bytes; /* resolved before, by realpath() */
     for (; *path && n + 1 < SIM_PATH_MAX; path++)
         if (*path != '/' || !n || out[n - 1] != '/')
             out[n++] = *path;
     out[n] = 0;
-    return !*path && strncmp(out, "/dev", 4) == 0 && (out[4] == '/' || !out[4]);
+    return !*path && tree_of(out) >= 0;
 }
 
-static bool own_kind(const char *dev)
+/* Nothing real shows through in /sys and udev's data, in /dev all but these. */
+static bool own_kind(const char *path)
 {
     static const char *const kinds[] = { SST_SIM_OWN_KINDS };
 
+    if (tree_of(path) != 0)
+        return true;
     for (size_t i = 0; i < ARRAY_LEN(kinds); i++)
-        if (strncmp(dev + strlen("/dev/"), kinds[i], strlen(kinds[i])) == 0)
+        if (path[4] && strncmp(path + strlen("/dev/"), kinds[i], strlen(kinds[i])) == 0)
             return true;
     return false;
 }
@@ -78,7 +97,7 @@ static bool read_node(const char *real, struct sim_path *out)
     return n > 0 && sscanf(text, "%u %u", &out->dev_major, &out->dev_minor) == 2;
 }
 
-static void look(const char *dev, bool follow, struct sim_path *out)
+static void look(const char *path, bool follow, struct sim_path *out)
 {
     const char *dir = sim_dir();
     const size_t dir_bytes = strlen(dir);
@@ -88,33 +107,44 @@ static void look(const char *dev, bool follow, struct sim_path *out)
     bool known;
 
     if (fd < 0) {
-        out->kind = dev[4] && dev[5] && own_kind(dev) ? SIM_PATH_MISSING : SIM_PATH_OTHER;
+        out->kind = own_kind(path) ? SIM_PATH_MISSING : SIM_PATH_OTHER;
         return;
     }
-    known = sim_next()->syscall_(SYS_newfstatat, fd, "", &st, (long)AT_EMPTY_PATH) == 0 && path_of((int)fd, target);
+    known = sim_next()->syscall_(SYS_newfstatat, fd, "", &st, (long)AT_EMPTY_PATH) == 0 && sim_path_of((int)fd, target);
     (void)sim_next()->close_((int)fd);
     out->kind = SIM_PATH_OTHER;
     if (!known)
         return;
-    if (strncmp(target, dir, dir_bytes) != 0 || strncmp(target + dir_bytes, "/dev", 4) != 0)
-        return; /* by link to the real entry */
-    if (S_ISLNK(st.st_mode) && !own_kind(dev))
+    if (strncmp(target, dir, dir_bytes) != 0 || tree_of(target + dir_bytes) < 0) {
+        /* by link to a real entry, perhaps under another name: a drive's serial line */
+        out->kind = own_kind(path) ? SIM_PATH_PLAIN : SIM_PATH_OTHER;
+        return;
+    }
+    if (S_ISLNK(st.st_mode) && !own_kind(path))
         return;
     out->kind = SIM_PATH_PLAIN;
-    if (S_ISREG(st.st_mode) && (st.st_mode & S_ISVTX) && read_node(target, out)) {
+    if (!S_ISREG(st.st_mode) || !(st.st_mode & S_ISVTX))
+        return;
+    (void)snprintf(out->node, sizeof(out->node), "%s", target + dir_bytes);
+    if (tree_of(out->node) > 0)
+        out->kind = SIM_PATH_ATTRIBUTE;
+    else if (read_node(target, out))
         out->kind = SIM_PATH_NODE;
-        (void)snprintf(out->node, sizeof(out->node), "%s", target + dir_bytes);
-    }
+}
+
+bool sim_path_in_sysfs(const struct sim_path *path)
+{
+    return path->kind != SIM_PATH_OTHER && strncmp(path->real + strlen(sim_dir()), "/sys", 4) == 0;
 }
 
 void sim_path_resolve(int dirfd, const char *path, bool follow, struct sim_path *out)
 {
     const int saved = errno;
-    char dev[SIM_PATH_MAX];
+    char own[SIM_PATH_MAX];
 
     out->kind = SIM_PATH_OTHER;
-    if (sim_dir() && path && dev_path(dirfd, path, dev) &&
-        snprintf(out->real, sizeof(out->real), "%s%s", sim_dir(), dev) < SIM_PATH_MAX)
-        look(dev, follow, out);
+    if (sim_dir() && path && own_path(dirfd, path, own) &&
+        snprintf(out->real, sizeof(out->real), "%s%s", sim_dir(), own) < SIM_PATH_MAX)
+        look(own, follow, out);
     errno = saved;
 }
