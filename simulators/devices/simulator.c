@@ -15,6 +15,7 @@ struct sst_sim_simulator {
     struct sst_sim_world *world;
     struct sst_sim_faults *faults;
     struct sst_sim_server *server;
+    struct sst_sim_wires *wires;
     struct sst_sim_array *array;
     int64_t opened_ns, opened_cpu_ns;
 };
@@ -126,11 +127,18 @@ int sst_sim_simulator_open(struct sst_sim_simulator **out, const char *dir, cons
     if (!err)
         err = sst_sim_server_open(&sim->server, dir, &control);
     if (!err)
+        err = sst_sim_wires_open(&sim->wires, &(struct sst_sim_wires_config){ .options = options->wires,
+                                                                              .server = sim->server,
+                                                                              .faults = sim->faults,
+                                                                              .world = sim->world });
+    if (!err)
         err = sst_sim_array_open(&sim->array, &(struct sst_sim_array_config){ .world = sim->world,
                                                                               .server = sim->server,
                                                                               .faults = sim->faults,
-                                                                              .topology = options->topology,
+                                                                              .usb = sst_sim_wires_usb(sim->wires),
                                                                               .truth = options->truth });
+    if (!err)
+        err = sst_sim_wires_attach(sim->wires, sim->array);
     if (!err)
         err = set_faults(sim);
     if (err) {
@@ -169,6 +177,7 @@ void sst_sim_simulator_close(struct sst_sim_simulator *sim)
     if (sim->array)
         tell_cost(sim);
     sst_sim_array_close(sim->array);
+    sst_sim_wires_close(sim->wires);
     sst_sim_server_close(sim->server);
     sst_sim_faults_destroy(sim->faults);
     sst_sim_world_close(sim->world);
