@@ -164,6 +164,21 @@ void doctor_check_cameras(struct doctor *d)
 
 /* --- USB ------------------------------------------------------------------------------------------------------------ */
 
+/* A camera that no driver has taken. */
+static void check_nodes(struct doctor *d, const struct cli_usb *u)
+{
+    struct names idle = { .count = 0 };
+
+    for (int i = 0; i < u->count; i++) {
+        if (u->devices[i].alts && !u->devices[i].node[0])
+            add_name(&idle, u->devices[i].port);
+    }
+    if (idle.count)
+        doctor_say(d, DOCTOR_WARNING, "cameras", "%d cameras have no /dev/video node (ports %s): load their driver "
+                                                 "(modprobe uvcvideo), or see in `dmesg` why it refused them",
+                   idle.count, text_of(&idle));
+}
+
 /* What recovery needs: the device's own node for a reset, sysfs for what comes after. */
 static void check_recovery(struct doctor *d, const struct cli_usb *u)
 {
@@ -194,6 +209,7 @@ void doctor_check_bandwidth(struct doctor *d)
         doctor_say(d, DOCTOR_PROBLEM, "bandwidth", "the USB tree cannot be read (see above)");
         return;
     }
+    check_nodes(d, &usb);
     check_recovery(d, &usb);
     cli_usb_advise(&usb, d->cfg, advice, sizeof(advice));
     if (usb.plan.refused)

@@ -1,4 +1,4 @@
-/* daemon/recording/pixel_format.h - the formats that are recorded. Inside daemon/recording only. */
+/* daemon/recording/pixel_format.h - the formats that are recorded, and their names. */
 #ifndef SST_DAEMON_RECORDING_PIXEL_FORMAT_H
 #define SST_DAEMON_RECORDING_PIXEL_FORMAT_H
 

@@ -4,8 +4,9 @@
  *   record_writer check DIR [name=value ...]   exit 0: every set is what was written; prints how many there are
  *   record_writer bench DIR [name=value ...]   prints the cost of a set
  * cameras=36 bytes=40000 sets=100 rate=10 sync=1 segment_s=60 segment_bytes=0 append=0 holes=1 exact=0 pace=0
- * yuyv=0: 640x480 frames; pace: one set each period instead of as fast as it goes; first=0: index of the first set;
- * stay=0: after an error go on with the next set, and wait 20 ms. */
+ * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0
+ * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; first: index of the
+ * first set; stay: after an error go on with the next set 20 ms later. */
 #include <errno.h>
 #include <stdio.h>
 #include <time.h>
@@ -14,8 +15,10 @@
 #include <linux/videodev2.h>
 
 #include "base/clock.h"
-#include "base/log.h"
+#include "base/file.h"
+#include "daemon/recording/pixel_format.h"
 #include "daemon/recording/recording.h"
+#include "pipeline/image/codec.h"
 #include "tests/synthetic_sets.h"
 
 static struct {
@@ -23,9 +26,10 @@ static struct {
     double value;
 } options[] = {
     { "cameras", 36 }, { "bytes", 40000 }, { "sets", 100 }, { "rate", 10 }, { "sync", 1 }, { "segment_s", 60 },
-    { "segment_bytes", 0 }, { "append", 0 }, { "holes", 1 }, { "exact", 0 }, { "pace", 0 }, { "yuyv", 0 }, { "first", 0 },
-    { "stay", 0 },
+    { "segment_bytes", 0 }, { "append", 0 }, { "holes", 1 }, { "exact", 0 }, { "pace", 0 }, { "width", 640 },
+    { "height", 480 }, { "jpeg", 0 }, { "first", 0 }, { "stay", 0 },
 };
+static const char *format = "MJPG";
 
 static double option(const char *name)
 {
@@ -42,6 +46,10 @@ static void read_options(int argc, char **argv)
         const char *eq = strchr(argv[a], '=');
         size_t i = 0;
 
+        if (!strncmp(argv[a], "format=", 7)) {
+            format = argv[a] + 7;
+            continue;
+        }
         while (i < ARRAY_LEN(options) && !(eq && strlen(options[i].name) == (size_t)(eq - argv[a]) &&
                                            !strncmp(options[i].name, argv[a], (size_t)(eq - argv[a]))))
             i++;
@@ -50,6 +58,41 @@ static void read_options(int argc, char **argv)
             exit(2);
         }
         options[i].value = atof(eq + 1);
+    }
+}
+
+/* Camera cam's picture in set `index`: columns of different brightness, red by camera, blue by set. */
+static size_t make_jpeg(struct synthetic *s, int index, int cam, uint8_t *data)
+{
+    struct sst_image img;
+    char path[] = "/tmp/sst-jpeg-XXXXXX";
+    const int fd = mkstemp(path);
+    uint8_t *file;
+    size_t n;
+
+    if (fd < 0 || sst_image_init(&img, s->width, s->height))
+        abort();
+    for (int y = 0; y < s->height; y++) {
+        memset(sst_image_row(&img, 0, y), cam * 7 % 256, (size_t)s->width);
+        memset(sst_image_row(&img, 2, y), index * 11 % 256, (size_t)s->width);
+        for (int x = 0; x < s->width; x++)
+            sst_image_row(&img, 1, y)[x] = (uint8_t)(x * 3 + cam);
+    }
+    if (sst_image_write_jpeg(&img, path, 90) || sst_file_read(path, s->bytes, &file, &n))
+        abort();
+    memcpy(data, file, n);
+    free(file);
+    sst_image_fini(&img);
+    unlink(path);
+    close(fd);
+    return n;
+}
+
+static void put_pictures(struct synthetic *s, int index, struct sst_set *set)
+{
+    for (int k = 0; k < s->cameras; k++) {
+        if (set->frame[k])
+            set->frame[k]->bytes = make_jpeg(s, index, k, s->data + (size_t)k * s->bytes);
     }
 }
 
@@ -72,6 +115,8 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
         int64_t c0, t0, took;
 
         synthetic_set(s, (uint64_t)i, &set);
+        if (option("jpeg") != 0)
+            put_pictures(s, i, &set);
         c0 = sst_clock_cpu_ns();
         t0 = sst_clock_now_ns();
         err = sst_recorder_write(r, &set);
@@ -150,18 +195,25 @@ static int check_sets(struct synthetic *s, const char *dir)
 
 int main(int argc, char **argv)
 {
-    struct synthetic s = { .width = 640, .height = 480 };
+    struct synthetic s = { 0 };
     int rc = 2;
 
     if (argc < 3)
         return 2;
     read_options(argc, argv);
     s.cameras = (int)option("cameras");
-    s.bytes = option("yuyv") != 0 ? 640 * 480 * 2 : (size_t)option("bytes");
-    s.fourcc = option("yuyv") != 0 ? V4L2_PIX_FMT_YUYV : V4L2_PIX_FMT_MJPEG;
+    s.width = (int)option("width");
+    s.height = (int)option("height");
+    s.fourcc = sst_pixel_format_parse(format);
+    s.bytes = (size_t)option("bytes");
+    s.exact = option("exact") != 0;
+    if (s.fourcc != V4L2_PIX_FMT_MJPEG) {
+        s.bytes = (size_t)s.width * (size_t)s.height *
+                  (s.fourcc == V4L2_PIX_FMT_YUYV || s.fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1);
+        s.exact = true;
+    }
     s.period_ns = (int64_t)(1e9 / option("rate"));
     s.holes = option("holes") != 0;
-    s.exact = option("exact") != 0;
     synthetic_init(&s);
     if (!strcmp(argv[1], "write") || !strcmp(argv[1], "bench"))
         rc = write_sets(&s, argv[2], argv[1][0] == 'b');
