@@ -111,10 +111,9 @@ static int set_faults(struct sst_sim_simulator *sim)
     return 0;
 }
 
-int sst_sim_simulator_open(struct sst_sim_simulator **out, const char *dir, const struct sst_sim_options *options)
+int sst_sim_simulator_open(struct sst_sim_simulator **out, const struct sst_sim_options *options)
 {
     struct sst_sim_simulator *sim = calloc(1, sizeof(*sim));
-    const struct sst_sim_control control = { .arg = sim, .call = answer };
     int err = -ENOMEM;
 
     if (!sim)
@@ -123,26 +122,35 @@ int sst_sim_simulator_open(struct sst_sim_simulator **out, const char *dir, cons
     err = sst_sim_world_open(&sim->world, options->world, options->cache);
     if (!err)
         err = sst_sim_faults_create(&sim->faults);
-    if (!err)
-        err = sst_sim_server_open(&sim->server, dir, &control);
-    if (!err)
-        err = sst_sim_array_open(&sim->array, &(struct sst_sim_array_config){ .world = sim->world,
-                                                                              .server = sim->server,
-                                                                              .faults = sim->faults,
-                                                                              .topology = options->topology,
-                                                                              .truth = options->truth });
-    if (!err)
-        err = set_faults(sim);
     if (err) {
-        sim->options.quiet = true;
-        sim->options.stats = NULL;
         sst_sim_simulator_close(sim);
         return err;
     }
-    sim->opened_ns = sst_clock_now_ns();
-    sim->opened_cpu_ns = sst_clock_cpu_ns();
     *out = sim;
     return 0;
+}
+
+int sst_sim_simulator_start(struct sst_sim_simulator *sim, const char *dir)
+{
+    const struct sst_sim_control control = { .arg = sim, .call = answer };
+    struct sst_sim_array *array = NULL;
+    int err = sst_sim_server_open(&sim->server, dir, &control);
+
+    if (!err)
+        err = sst_sim_array_open(&array, &(struct sst_sim_array_config){ .world = sim->world,
+                                                                         .server = sim->server,
+                                                                         .faults = sim->faults,
+                                                                         .topology = sim->options.topology,
+                                                                         .truth = sim->options.truth });
+    if (err)
+        return err;
+    sim->array = array;
+    sim->opened_ns = sst_clock_now_ns();
+    sim->opened_cpu_ns = sst_clock_cpu_ns();
+    err = set_faults(sim);
+    if (err)
+        sim->options = (struct sst_sim_options){ .quiet = true };
+    return err;
 }
 
 /* So that the cost of the simulation is not taken for the cost of what ran in it. */
