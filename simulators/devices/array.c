@@ -18,32 +18,22 @@ struct sst_sim_array {
     int cameras, scope;
     int64_t opened_ns;
     struct sst_sim_bus bus;
-    int32_t pose_um[3];
     FILE *truth;
     struct sst_sim_cam *cam; /* [cameras] */
 };
 
 /* --- identity ----------------------------------------------------------------------------------------------------- */
 
-/*
- * Wide: controllers with four cameras each, on root ports 1..4 of a bus of their own.
- * Tight: one controller; its four root ports carry 4-port hubs, whose ports carry 4-port hubs with the cameras.
- */
-void sst_sim_identity(enum sst_sim_topology topology, int cam, struct sst_sim_identity *out)
+void sst_sim_identity(const struct sst_sim_usb *usb, int cam, struct sst_sim_identity *out)
 {
-    const int controller = topology == SST_SIM_WIDE ? cam / 4 : cam / 64;
-    char ports[24];
+    const struct sst_sim_usb_device *d = sst_sim_usb_device(usb, sst_sim_usb_camera(usb, cam));
 
-    if (topology == SST_SIM_WIDE)
-        (void)snprintf(ports, sizeof(ports), "%d", cam % 4 + 1);
-    else
-        (void)snprintf(ports, sizeof(ports), "%d.%d.%d", cam / 16 % 4 + 1, cam / 4 % 4 + 1, cam % 4 + 1);
-    *out = (struct sst_sim_identity){ .bus = controller + 1 };
-    (void)snprintf(out->serial, sizeof(out->serial), "SIM%04d", cam);
-    (void)snprintf(out->card, sizeof(out->card), "SST Array Camera");
-    (void)snprintf(out->controller, sizeof(out->controller), "0000:%02x:14.0", controller);
-    (void)snprintf(out->port, sizeof(out->port), "%d-%s", out->bus, ports);
-    (void)snprintf(out->bus_info, sizeof(out->bus_info), "usb-%s-%s", out->controller, ports);
+    *out = (struct sst_sim_identity){ .bus = d->bus };
+    (void)snprintf(out->serial, sizeof(out->serial), "%.15s", d->serial);
+    (void)snprintf(out->card, sizeof(out->card), "%.31s", sst_sim_usb_product(d));
+    (void)snprintf(out->controller, sizeof(out->controller), "%.31s", d->controller);
+    (void)snprintf(out->port, sizeof(out->port), "%.31s", d->path);
+    (void)snprintf(out->bus_info, sizeof(out->bus_info), "usb-%.31s-%.24s", d->controller, strchr(d->path, '-') + 1);
 }
 
 /* --- what cameras ask --------------------------------------------------------------------------------------------- */
@@ -80,11 +70,6 @@ double sst_sim_cam_gauss(struct sst_sim_cam *cam)
     const double radius = sqrt(-2 * log(uniform(cam)));
 
     return radius * cos(2 * 3.14159265358979323846 * uniform(cam));
-}
-
-const int32_t *sst_sim_array_pose(const struct sst_sim_array *a)
-{
-    return a->pose_um;
 }
 
 int64_t sst_sim_array_opened_ns(const struct sst_sim_array *a)
@@ -179,6 +164,8 @@ static int fault_changed(void *arg, int instance, int fault, double value)
     if (fault == SST_SIM_FAULT_UNPLUG)
         return sst_sim_array_plug(a, instance, value == 0);
     sst_sim_cam_fault_set(&a->cam[instance], fault, value);
+    if (fault == SST_SIM_FAULT_SWAP && a->bus.swapped)
+        a->bus.swapped(a->bus.arg, instance, sst_sim_array_body(a, instance));
     return 0;
 }
 
@@ -270,9 +257,9 @@ int sst_sim_array_cameras(const struct sst_sim_array *a)
     return a->cameras;
 }
 
-enum sst_sim_topology sst_sim_array_topology(const struct sst_sim_array *a)
+const struct sst_sim_usb *sst_sim_array_usb(const struct sst_sim_array *a)
 {
-    return a->cfg.topology;
+    return a->cfg.usb;
 }
 
 int sst_sim_array_node(const struct sst_sim_array *a, int cam)
@@ -285,11 +272,6 @@ void sst_sim_array_edge(struct sst_sim_array *a, int first, int count, uint64_t 
     for (int i = first; i < first + count && i < a->cameras; i++)
         if (a->cam[i].node)
             sst_sim_cam_edge(&a->cam[i], trigger, t_ns);
-}
-
-void sst_sim_array_set_pose(struct sst_sim_array *a, const int32_t pose_um[3])
-{
-    memcpy(a->pose_um, pose_um, sizeof(a->pose_um));
 }
 
 uint64_t sst_sim_array_frames(const struct sst_sim_array *a)
@@ -309,7 +291,7 @@ json_t *sst_sim_array_status(const struct sst_sim_array *a)
         const struct sst_sim_cam *cam = &a->cam[i];
         struct sst_sim_identity identity;
 
-        sst_sim_identity(a->cfg.topology, i, &identity);
+        sst_sim_identity(a->cfg.usb, i, &identity);
         (void)json_array_append_new(
             all, json_pack("{s:i, s:s, s:s, s:b, s:b, s:I, s:I, s:I, s:I}", "node", sst_sim_array_node(a, i), "serial",
                            identity.serial, "port", identity.port, "streaming", cam->queue.streaming, "triggered",

@@ -7,19 +7,12 @@
 
 #include "simulators/devices/faults.h"
 #include "simulators/devices/server.h"
+#include "simulators/usb/usb_model.h"
 #include "simulators/world/sim_world.h"
 
 SST_EXTERN_C_BEGIN
 
 /* --- identity: the one place that V4L2, USB and udev agree on ----------------------------------------------------- */
-
-#define SST_SIM_VENDOR 0x1d6b /* Linux Foundation's, with a product of nobody */
-#define SST_SIM_PRODUCT 0x5357
-
-enum sst_sim_topology {
-    SST_SIM_WIDE = 0,  /* a controller for every camera's needs: four cameras on each, a root port each */
-    SST_SIM_TIGHT = 1, /* all cameras behind 4-port hubs on one controller */
-};
 
 struct sst_sim_identity {
     char serial[16];      /* "SIM0007" */
@@ -30,8 +23,8 @@ struct sst_sim_identity {
     int bus;              /* number of the USB bus */
 };
 
-/** Who camera cam is. */
-void sst_sim_identity(enum sst_sim_topology topology, int cam, struct sst_sim_identity *out);
+/** Who camera cam is: as it is plugged in. */
+void sst_sim_identity(const struct sst_sim_usb *usb, int cam, struct sst_sim_identity *out);
 
 /* --- the array ---------------------------------------------------------------------------------------------------- */
 
@@ -45,13 +38,17 @@ struct sst_sim_bus {
     void (*release)(void *arg, int cam);
     /** Camera came or went by sst_sim_array_plug(); node: N of /dev/videoN, which it has, or had. */
     void (*plugged)(void *arg, int cam, bool present, int node);
+    /** By fault "swap": another camera is at this place. */
+    void (*swapped)(void *arg, int cam, int body);
+    /** Pose of the rig that the camera is on, at a time. */
+    void (*pose)(void *arg, int64_t t_ns, int32_t pose_um[3]);
 };
 
 struct sst_sim_array_config {
     struct sst_sim_world *world; /* borrowed */
     struct sst_sim_server *server;
     struct sst_sim_faults *faults;
-    enum sst_sim_topology topology;
+    const struct sst_sim_usb *usb; /* borrowed: what the cameras are plugged into */
     const char *truth; /* file for the log of what really happened, JSON lines; NULL: none */
 };
 
@@ -62,7 +59,7 @@ void sst_sim_array_close(struct sst_sim_array *a);
 void sst_sim_array_set_bus(struct sst_sim_array *a, const struct sst_sim_bus *bus);
 
 int sst_sim_array_cameras(const struct sst_sim_array *a);
-enum sst_sim_topology sst_sim_array_topology(const struct sst_sim_array *a);
+const struct sst_sim_usb *sst_sim_array_usb(const struct sst_sim_array *a);
 /** N of /dev/videoN, -1: unplugged. */
 int sst_sim_array_node(const struct sst_sim_array *a, int cam);
 
@@ -76,9 +73,6 @@ int sst_sim_array_body(const struct sst_sim_array *a, int cam);
  * @param trigger       index of the edge on its line; goes into the frames
  */
 void sst_sim_array_edge(struct sst_sim_array *a, int first, int count, uint64_t trigger, int64_t t_ns);
-
-/** Pose of the rig from now on; exposures that begin later show it. */
-void sst_sim_array_set_pose(struct sst_sim_array *a, const int32_t pose_um[3]);
 
 /** Take a camera away or bring it back (also fault "camera.N.unplug"); its node gets the lowest free number.
  *  Handles of a camera that goes are dropped. No change is fine. @return 0 or -errno. */

@@ -198,7 +198,6 @@ void sst_sim_cam_fault_set(struct sst_sim_cam *cam, int fault, double value);
 double sst_sim_cam_fault(const struct sst_sim_cam *cam, enum sst_sim_cam_fault fault);
 bool sst_sim_cam_chance(struct sst_sim_cam *cam, double probability);
 double sst_sim_cam_gauss(struct sst_sim_cam *cam);
-const int32_t *sst_sim_array_pose(const struct sst_sim_array *a);
 int64_t sst_sim_array_opened_ns(const struct sst_sim_array *a);
 const struct sst_sim_bus *sst_sim_array_bus(const struct sst_sim_array *a);
 /** The camera that stands behind this one's cable: another one with fault "swap". */

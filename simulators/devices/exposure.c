@@ -58,13 +58,15 @@ static void expose(struct sst_sim_cam *cam, uint64_t trigger, int64_t start_ns)
     struct sst_sim_shot lost = { .cam = cam }, *shot = free_shot(cam);
     const double late_ms = sst_sim_cam_fault(cam, SST_SIM_FAULT_LATE_MS);
     const double late_p = sst_sim_cam_fault(cam, SST_SIM_FAULT_LATE_P);
+    const struct sst_sim_bus *bus = sst_sim_array_bus(cam->array);
     struct sst_sim_shot *s = shot ? shot : &lost;
     int64_t due;
 
     s->exposure = (struct sst_sim_exposure){ .cam = sst_sim_cam_body(cam), .trigger = trigger, .t_ns = start_ns,
                                              .exposure_us = exposure_us(cam),
                                              .gain = cam->control[SST_SIM_CONTROL_GAIN] / 100.0 };
-    memcpy(s->exposure.pose_um, sst_sim_array_pose(cam->array), sizeof(s->exposure.pose_um));
+    if (bus->pose)
+        bus->pose(bus->arg, start_ns, s->exposure.pose_um);
     s->sequence = cam->sequence++;
     cam->counters.exposures++;
     cam->busy_until_ns = start_ns + s->exposure.exposure_us * 1000LL + READOUT_NS;

@@ -28,7 +28,11 @@ static const char help[] =
     "\n"
     "  --world W        scene or world file (default: pedestrian)\n"
     "  --cache DIR      prepared worlds (default: ~/.cache/sst-sim)\n"
-    "  --usb NAME       wide: enough controllers for all cameras (default); tight: all on one, behind hubs\n"
+    "  --usb NAME       wide: a controller for each camera (default); tight: all on one, behind hubs;\n"
+    "                   single-tt, multi-tt: full-speed cameras behind hubs with one translator, or one a port\n"
+    "  --triggers WHAT  rows: line TRIG<row> of chip sst-trigger exposes a row (default); one: TRIG0 exposes all\n"
+    "  --rig            three drives on Modbus TCP and RTU (/dev/serial/by-id/usb-sst_sim_rig) carry the camera\n"
+    "  --rig-port N     TCP port of the drives on 127.0.0.1 (default: 1502; 0: a free one, see sst-sim status)\n"
     "  --fault N=V      a fault from the start; may be repeated\n"
     "  --truth FILE     write what really happened: one JSON object a line for each exposure\n"
     "  --stats FILE     write frames made and CPU time of the simulation itself as JSON at the end\n"
@@ -51,12 +55,23 @@ static int usage(const char *text)
     return EXIT_USAGE;
 }
 
+/* @return -1: not a port */
+static int read_port(const char *text)
+{
+    char *end;
+    const long port = strtol(text, &end, 10);
+
+    return end == text || *end || port < 0 || port > 65535 ? -1 : (int)port;
+}
+
 /* @return 0, or exit status + 1 */
 static int read_options(int argc, char **argv, struct arguments *a)
 {
     static const struct option options[] = {
         { "world", required_argument, NULL, 'w' }, { "cache", required_argument, NULL, 'c' },
         { "usb", required_argument, NULL, 'u' },   { "fault", required_argument, NULL, 'f' },
+        { "rig", no_argument, NULL, 'r' },         { "rig-port", required_argument, NULL, 'p' },
+        { "triggers", required_argument, NULL, 'T' },
         { "truth", required_argument, NULL, 't' }, { "stats", required_argument, NULL, 's' },
         { "quiet", no_argument, NULL, 'q' },       { "serve", required_argument, NULL, 'S' },
         { "join", required_argument, NULL, 'J' },  { "dir", required_argument, NULL, 'd' },
@@ -78,9 +93,18 @@ static int read_options(int argc, char **argv, struct arguments *a)
         case 'l': a->list = true; break;
         case 'j': a->json = true; break;
         case 'u':
-            if (strcmp(optarg, "wide") != 0 && strcmp(optarg, "tight") != 0)
-                return usage("--usb takes wide or tight") + 1;
-            a->options.topology = strcmp(optarg, "tight") == 0 ? SST_SIM_TIGHT : SST_SIM_WIDE;
+            a->options.wires.usb = optarg;
+            break;
+        case 'T':
+            if (strcmp(optarg, "rows") != 0 && strcmp(optarg, "one") != 0)
+                return usage("--triggers takes rows or one") + 1;
+            a->options.wires.one_trigger = strcmp(optarg, "one") == 0;
+            break;
+        case 'r': a->options.wires.rig = true; break;
+        case 'p':
+            a->options.wires.rig_port = read_port(optarg);
+            if (a->options.wires.rig_port < 0)
+                return usage("--rig-port takes 0 to 65535") + 1;
             break;
         case 'f':
             if (a->options.fault_count == FAULTS_MAX)
@@ -125,16 +149,15 @@ static void raise_limit(void)
 static int serve(struct sst_sim_simulator *sim, const char *dir, char *const argv[])
 {
     struct run run = { .command.signals = -1 };
-    int err = sst_sim_simulator_start(sim, dir), status;
+    int err = sst_sim_command_prepare(&run.command), status;
 
+    if (!err)
+        err = sst_sim_simulator_start(sim, dir);
     if (!err && argv)
         err = sst_sim_session_enter(dir, NULL);
-    if (err)
-        return EXIT_FAILURE;
+    if (!err && argv && sst_sim_command_start(&run.command, argv))
+        run.command.status = err = 127;
     run.server = sst_sim_simulator_server(sim);
-    err = sst_sim_command_start(&run.command, argv);
-    if (err)
-        run.command.status = 127;
     if (!err)
         err = sst_sim_watch(run.server, run.command.signals, signalled, &run);
     if (!err) {

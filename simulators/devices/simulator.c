@@ -15,6 +15,7 @@ struct sst_sim_simulator {
     struct sst_sim_world *world;
     struct sst_sim_faults *faults;
     struct sst_sim_server *server;
+    struct sst_sim_wires *wires;
     struct sst_sim_array *array;
     int64_t opened_ns, opened_cpu_ns;
 };
@@ -133,23 +134,30 @@ int sst_sim_simulator_open(struct sst_sim_simulator **out, const struct sst_sim_
 int sst_sim_simulator_start(struct sst_sim_simulator *sim, const char *dir)
 {
     const struct sst_sim_control control = { .arg = sim, .call = answer };
-    struct sst_sim_array *array = NULL;
     int err = sst_sim_server_open(&sim->server, dir, &control);
 
     if (!err)
-        err = sst_sim_array_open(&array, &(struct sst_sim_array_config){ .world = sim->world,
-                                                                         .server = sim->server,
-                                                                         .faults = sim->faults,
-                                                                         .topology = sim->options.topology,
-                                                                         .truth = sim->options.truth });
-    if (err)
-        return err;
-    sim->array = array;
+        err = sst_sim_wires_open(&sim->wires, &(struct sst_sim_wires_config){ .options = sim->options.wires,
+                                                                              .server = sim->server,
+                                                                              .faults = sim->faults,
+                                                                              .world = sim->world });
+    if (!err)
+        err = sst_sim_array_open(&sim->array, &(struct sst_sim_array_config){ .world = sim->world,
+                                                                              .server = sim->server,
+                                                                              .faults = sim->faults,
+                                                                              .usb = sst_sim_wires_usb(sim->wires),
+                                                                              .truth = sim->options.truth });
+    if (!err)
+        err = sst_sim_wires_attach(sim->wires, sim->array);
+    if (!err)
+        err = set_faults(sim);
+    if (err) {
+        /* nothing was simulated that could be told of */
+        sim->options.quiet = true;
+        sim->options.stats = NULL;
+    }
     sim->opened_ns = sst_clock_now_ns();
     sim->opened_cpu_ns = sst_clock_cpu_ns();
-    err = set_faults(sim);
-    if (err)
-        sim->options = (struct sst_sim_options){ .quiet = true };
     return err;
 }
 
@@ -177,6 +185,7 @@ void sst_sim_simulator_close(struct sst_sim_simulator *sim)
     if (sim->array)
         tell_cost(sim);
     sst_sim_array_close(sim->array);
+    sst_sim_wires_close(sim->wires);
     sst_sim_server_close(sim->server);
     sst_sim_faults_destroy(sim->faults);
     sst_sim_world_close(sim->world);

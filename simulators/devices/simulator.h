@@ -2,7 +2,7 @@
 #ifndef SST_SIMULATORS_DEVICES_SIMULATOR_H
 #define SST_SIMULATORS_DEVICES_SIMULATOR_H
 
-#include "simulators/devices/array.h"
+#include "simulators/devices/wires.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -10,7 +10,7 @@ struct sst_sim_options {
     const char *world, *cache; /* as for sst_sim_world_open() */
     const char *truth;         /* or NULL */
     const char *stats;         /* file for figures at the end, JSON; or NULL */
-    enum sst_sim_topology topology;
+    struct sst_sim_wires_options wires;
     const char *const *faults; /* [fault_count] "NAME=VALUE" from the start */
     int fault_count;
     bool quiet;

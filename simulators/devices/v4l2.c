@@ -36,10 +36,11 @@ static void cam_close(struct sst_sim_handle *h)
             *p = o->next;
             break;
         }
-    if (cam->queue.owner == o) {
+    if (cam->queue.owner == o)
         sst_sim_cam_queue_free(cam);
+    /* The last one: the driver lets the camera go. Its buffers may have been given up before. */
+    if (!cam->opens)
         sst_sim_array_rung(cam->array, cam->index, SST_SIM_REOPEN);
-    }
     free(o);
 }
 
@@ -47,7 +48,7 @@ static int query_capabilities(const struct sst_sim_cam *cam, struct v4l2_capabil
 {
     struct sst_sim_identity identity;
 
-    sst_sim_identity(sst_sim_array_topology(cam->array), cam->index, &identity);
+    sst_sim_identity(sst_sim_array_usb(cam->array), cam->index, &identity);
     *c = (struct v4l2_capability){ .driver = "uvcvideo", .version = KERNEL_VERSION_SHOWN,
                                    .device_caps = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_EXT_PIX_FORMAT };
     c->capabilities = c->device_caps | V4L2_CAP_DEVICE_CAPS;

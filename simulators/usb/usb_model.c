@@ -2,6 +2,7 @@
 #include "simulators/usb/usb_model.h"
 
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -118,6 +119,20 @@ void sst_sim_usb_plug(struct sst_sim_usb *usb, int device, bool plugged)
     if (d->twin >= 0)
         usb->device[d->twin].plugged = plugged;
     usb_refresh(usb);
+}
+
+static void set_serial(struct sst_sim_usb_device *d, int camera)
+{
+    snprintf(d->serial, sizeof(d->serial), "SIM%04d", camera);
+}
+
+void sst_sim_usb_swap(struct sst_sim_usb *usb, int device, int body)
+{
+    const bool plugged = usb->device[device].plugged;
+
+    sst_sim_usb_plug(usb, device, false);
+    set_serial(&usb->device[device], body);
+    sst_sim_usb_plug(usb, device, plugged);
 }
 
 int sst_sim_usb_authorize(struct sst_sim_usb *usb, int device, bool authorized)
@@ -288,7 +303,7 @@ const char *sst_sim_usb_driver(const struct sst_sim_usb_device *device)
 const char *sst_sim_usb_product(const struct sst_sim_usb_device *device)
 {
     if (device->kind == SST_SIM_USB_CAMERA)
-        return "Simulated camera";
+        return "SST Array Camera";
     if (device->kind == SST_SIM_USB_ROOT)
         return "xHCI Host Controller";
     return device->speed_mbit >= 5000 ? "USB3.0 Hub" : "USB2.0 Hub";

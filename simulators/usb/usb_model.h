@@ -94,6 +94,8 @@ void sst_sim_usb_fault(struct sst_sim_usb *usb, enum sst_sim_usb_fault fault, bo
 /* --- what happens to devices; all return 0 or -errno ---------------------------------------------------------------- */
 
 void sst_sim_usb_plug(struct sst_sim_usb *usb, int device, bool plugged);
+/** Plug another camera into this one's place: it has the serial of camera `body`. */
+void sst_sim_usb_swap(struct sst_sim_usb *usb, int device, int body);
 /** -EINVAL: a root hub; -ENODEV: away. */
 SST_MUST_CHECK int sst_sim_usb_authorize(struct sst_sim_usb *usb, int device, bool authorized);
 /** -ENODEV: away, not authorised or no such interface; -EBUSY: bound already. */

@@ -115,8 +115,11 @@ static void look(const char *path, bool follow, struct sim_path *out)
     out->kind = SIM_PATH_OTHER;
     if (!known)
         return;
-    if (strncmp(target, dir, dir_bytes) != 0 || tree_of(target + dir_bytes) < 0)
-        return; /* by link to the real entry */
+    if (strncmp(target, dir, dir_bytes) != 0 || tree_of(target + dir_bytes) < 0) {
+        /* by link to a real entry, perhaps under another name: a drive's serial line */
+        out->kind = own_kind(path) ? SIM_PATH_PLAIN : SIM_PATH_OTHER;
+        return;
+    }
     if (S_ISLNK(st.st_mode) && !own_kind(path))
         return;
     out->kind = SIM_PATH_PLAIN;
