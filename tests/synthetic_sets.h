@@ -2,6 +2,7 @@
 #ifndef SST_TESTS_SYNTHETIC_SETS_H
 #define SST_TESTS_SYNTHETIC_SETS_H
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
