@@ -308,6 +308,7 @@ static void rolls_over(void **state)
     struct sst_recording_set set;
     struct sst_recording *rec;
     struct sst_recorder *r;
+    struct sst_set next;
 
     (void)state;
     cfg.segment_s = 0.5; /* five sets of 100 ms */
@@ -328,6 +329,15 @@ static void rolls_over(void **state)
     assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 4)), 0);
     assert_recording(dir, &s, 4);
     assert_true(sst_path_exists(in(dir, "segments/000003.mkv")) && !sst_path_exists(in(dir, "segments/000004.mkv")));
+    /* A file that is there already is never written to. */
+    cfg.append = true;
+    r = record(&s, &cfg, 4, 5);
+    assert_int_equal(sst_file_write(in(dir, "segments/000005.mkv"), "left", 4), 0);
+    synthetic_set(&s, 5, &next);
+    assert_int_equal(sst_recorder_write(r, &next), 0);
+    assert_int_equal(sst_recorder_close(r), 0);
+    assert_recording(dir, &s, 6);
+    assert_int_equal(size_of(in(dir, "segments/000005.mkv")), 4);
     synthetic_fini(&s);
 }
 
