@@ -24,6 +24,7 @@
 #include "base/log.h"
 #include "daemon/recording/ebml.h"
 #include "daemon/recording/recording.h"
+#include "daemon/recording/setlist.h"
 #include "tests/synthetic_sets.h"
 
 #define DEADLINE_S 300 /* of the whole program, also under a sanitizer on a busy machine */
@@ -217,6 +218,56 @@ static void reads_element_heads(void **state)
         assert_int_equal(sst_ebml_head(cluster, n, &e), -EBADMSG);
     assert_int_equal(sst_ebml_head((const uint8_t[]){ 0x00, 0x81 }, 2, &e), -EBADMSG);
     assert_int_equal(sst_ebml_head((const uint8_t[]){ 0xA3, 0x00 }, 2, &e), -EBADMSG);
+}
+
+#define SET_HEAD "{\"set\":1,\"t_ns\":5,\"wall_ns\":6,\"edge\":true,\"spread_ns\":0,\"from_edge_ns\":0,\"worst_cam\":-1,"
+
+/* Lines whose checksum is right and whose content is not, as another program could write them. */
+static void lines_are_read_strictly(void **state)
+{
+    static const struct {
+        int want;
+        const char *line;
+    } cases[] = {
+        { 1, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0,4294967295]],\"missing\":[0]}" },
+        { 0, "{\"segment\":3,\"session\":1,\"start_ns\":-5,\"wall_ns\":6}" },
+        { -EBADMSG, "" },
+        { -EBADMSG, "[]" },
+        { -EBADMSG, "{}" },
+        { -EBADMSG, "{\"segment\":1000000,\"session\":1,\"start_ns\":5}" },
+        { -EBADMSG, "{\"segment\":-1,\"session\":1,\"start_ns\":5}" },
+        { -EBADMSG, "{\"segment\":1,\"session\":1,\"start_ns\":\"5\"}" },
+        { -EBADMSG, "{\"set\":1}" },
+        { -EBADMSG, SET_HEAD "\"frames\":7,\"missing\":[0,1]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[2,7,0,-2,9,100,40,0,0,1]],\"missing\":[0]}" },  /* no such camera */
+        { -EBADMSG, SET_HEAD "\"frames\":[[-1,7,0,-2,9,100,40,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0,1],[1,7,0,-2,9,100,40,0,0,1]],\"missing\":[]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,-1,40,0,0,1]],\"missing\":[0]}" },   /* bytes, but nowhere */
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,9223372036854775807,40,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,4294967296,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0,4294967296]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,9223372036854775807,9,100,40,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2.5,9,100,40,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0]],\"missing\":[0]}" },
+    };
+    struct sst_setlist_segment segment;
+    struct sst_recording_set set;
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        const int got = sst_setlist_parse(cases[i].line, strlen(cases[i].line), 2, &segment, &set);
+
+        if (got != cases[i].want)
+            fail_msg("%d, not %d: %s", got, cases[i].want, cases[i].line);
+    }
+    assert_true(segment.segment == 3 && segment.session == 1 && segment.start_ns == -5);
+    assert_true(set.present == 1 && set.frame[1].t_ns == 3 && set.frame[1].arrival_ns == 12 &&
+                set.frame[1].crc32 == UINT32_MAX && set.frame[1].offset == 100 && set.frame[1].bytes == 40);
+    /* The checksum is zlib.crc32(b'{"a":1') of Python. */
+    assert_true(sst_setlist_line_whole("{\"a\":1,\"crc\":\"a702fc6e\"}", 24));
+    assert_false(sst_setlist_line_whole("{\"a\":2,\"crc\":\"a702fc6e\"}", 24));
+    assert_false(sst_setlist_line_whole("", 0));
 }
 
 static void round_trip(void **state)
@@ -777,6 +828,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(reads_element_heads),
+        TEST(lines_are_read_strictly),
         TEST(round_trip),
         TEST(odd_frames),
         TEST(rolls_over),
