@@ -111,21 +111,22 @@ static bool find_corner(const uint8_t *luma, int width, int height, double at[2]
 static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
 {
     struct sst_sim_world *w = sim_open(
-        "scene: board\ngrid: [2, 3]\nsize: [640, 480]\nseed: 5\njpeg_quality: 95\n"
+        "scene: board\ngrid: [1, 2]\nsize: [640, 480]\nseed: 5\njpeg_quality: 95\n"
         "optics: {distortion: [-0.2, 0.08, 0.001, -0.002, -0.01], distortion_spread: [0.02, 0.01, 0.001, 0.001, 0.002],\n"
         "  focal_spread_percent: 1, principal_spread_px: 6}\nmounting: {rotation_spread_deg: 1, position_spread_mm: 4}\n"
         "board: {kind: chessboard, squares: [9, 7], square_mm: 45, poses: 2}\n");
     json_t *truth = truth_of(w), *board = json_object_get(truth, "board");
-    double worst = 0, sum = 0, moved = 0;
-    int found = 0;
+    double sum = 0, moved = 0;
+    int found = 0, near = 0;
 
-    for (int i = 0; i < 12; i++) {
+    for (int i = 0; i < 4; i++) {
         const struct sst_sim_exposure e = { .cam = i / 2, .trigger = (uint64_t)i, .t_ns = i % 2 * 1000000000LL + 1,
                                             .exposure_us = 5000, .gain = 1 };
         const json_t *pose = json_array_get(json_object_get(board, "poses"), (size_t)i % 2);
         uint8_t *luma = sim_luma(w, &e);
-        double turn[3][3], centre[3];
+        double turn[3][3], centre[3], shift[2] = { 0, 0 };
         struct view v, plain;
+        const int before = found;
 
         read_view(truth, (size_t)i / 2, &v);
         plain = v;
@@ -145,18 +146,22 @@ static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
             if (want[1] < 36 || !find_corner(luma, 640, 480, at))
                 continue;
             found++;
-            worst = fmax(worst, hypot(at[0] - want[0], at[1] - want[1]));
+            near += hypot(at[0] - want[0], at[1] - want[1]) < 0.1;
             sum += hypot(at[0] - want[0], at[1] - want[1]);
             moved = fmax(moved, hypot(want[0] - without[0], want[1] - without[1]));
+            shift[0] += at[0] - want[0];
+            shift[1] += at[1] - want[1];
         }
+        assert_true(found > before);
+        assert_true(hypot(shift[0], shift[1]) / (found - before) < 0.025); /* no picture is displaced */
         free(luma);
     }
-    print_message("%d corners, mean %.3f px, worst %.3f px off; distortion up to %.1f px\n", found, sum / found, worst,
+    print_message("%d of %d corners within 0.1 px, mean %.3f px off; distortion up to %.1f px\n", near, found, sum / found,
                   moved);
-    assert_true(found > 400);
-    assert_true(moved > 5); /* or the distortion was not tried */
-    assert_true(worst < 0.1);
-    assert_true(sum / found < 0.04);
+    assert_true(found > 150);
+    assert_true(moved > 4); /* or the distortion was not tried */
+    assert_true(near > 0.97 * found);
+    assert_true(sum / found < 0.06);
     json_decref(truth);
     sst_sim_world_close(w);
 }
@@ -373,8 +378,8 @@ static void the_rigs_pose_decides_the_view(void **state SST_UNUSED)
 /* Frames of each kind of board are left in the folder, and OpenCV's Python module looks for the boards in them. */
 static void opencv_reads_the_boards(void **state SST_UNUSED)
 {
-    static const char *const boards[] = { "{kind: chessboard, squares: [8, 7], poses: 4}", "{kind: charuco, poses: 4}",
-                                          "{kind: aprilgrid, square_mm: 60, poses: 4}" };
+    static const char *const boards[] = { "{kind: chessboard, squares: [8, 7], poses: 2}", "{kind: charuco, poses: 2}",
+                                          "{kind: aprilgrid, squares: [5, 4], poses: 2}" };
     char command[256];
     int status;
 
@@ -386,13 +391,13 @@ static void opencv_reads_the_boards(void **state SST_UNUSED)
         char text[512], name[32];
         struct sst_sim_world *w;
 
-        snprintf(text, sizeof(text), "scene: board\ngrid: [1, 2]\nsize: [960, 720]\nseed: %d\n"
+        snprintf(text, sizeof(text), "scene: board\ngrid: [1, 1]\nsize: [800, 600]\nseed: %d\n"
                  "optics: {distortion: [-0.1, 0, 0, 0, 0]}\nsensor: {full_well_e: 10000}\nboard: %s\n", i + 1, boards[i]);
         w = sim_open(text);
-        for (int k = 0; k < 4; k++) {
-            const struct sst_sim_exposure e = { .cam = k % 2, .trigger = (uint64_t)k, .t_ns = k * 1000000000LL,
+        for (int k = 0; k < 2; k++) {
+            const struct sst_sim_exposure e = { .trigger = (uint64_t)k, .t_ns = k * 1000000000LL,
                                                 .exposure_us = 5000, .gain = 1 };
-            const size_t bytes = sim_frame(w, &e, V4L2_PIX_FMT_MJPEG, 960, 720);
+            const size_t bytes = sim_frame(w, &e, V4L2_PIX_FMT_MJPEG, 800, 600);
 
             snprintf(name, sizeof(name), "%d-%d.jpg", i, k);
             assert_int_equal(sst_file_write(sim_path(name), sim_out, bytes), 0);

@@ -8,6 +8,7 @@
 
 #include "simulators/world/convert.h"
 #include "simulators/world/jpeg.h"
+#include "simulators/world/settings.h"
 
 static const struct sst_sim_exposure example = { .cam = 1, .trigger = 7, .t_ns = 123456789012, .exposure_us = 5000,
                                                  .gain = 1 };
@@ -364,6 +365,21 @@ static void a_fault_in_a_world_file_is_named_with_its_place(void **state SST_UNU
     }
 }
 
+static void the_examples_can_be_read(void **state SST_UNUSED)
+{
+    static const char *const names[] = { "array", "board", "rig", "small" };
+
+    for (size_t i = 0; i < ARRAY_LEN(names); i++) {
+        struct sst_sim_settings settings = { 0 };
+        char path[64];
+
+        snprintf(path, sizeof(path), "simulators/world/worlds/%s.yaml", names[i]);
+        assert_int_equal(sst_sim_settings_read(&settings, path), 0);
+        assert_int_equal(settings.rig, !strcmp(names[i], "rig"));
+        assert_int_equal(settings.camera[7].given, !strcmp(names[i], "array") ? SST_SIM_DELAY : 0);
+    }
+}
+
 static void an_unknown_world_and_an_unwritable_cache_are_told(void **state SST_UNUSED)
 {
     char said[SST_LOG_MAX] = "", *before = sst_log_hold_errors(said);
@@ -392,6 +408,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(the_same_seed_gives_the_same_bytes, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_damaged_cache_is_made_again, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_fault_in_a_world_file_is_named_with_its_place, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(the_examples_can_be_read, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(an_unknown_world_and_an_unwritable_cache_are_told, sim_set_up, sim_tear_down),
     };
 
