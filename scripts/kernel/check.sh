@@ -7,10 +7,13 @@ out=build/kernel results=build/kernel/results
 accel=${GUEST_ACCEL:-tcg,thread=multi}
 limit=${GUEST_LIMIT:-1200}
 
-command -v qemu-system-x86_64 >/dev/null || {
-  echo "check-kernel: qemu-system-x86_64 is missing: apt-get install qemu-system-x86" >&2
-  exit 1
-}
+need() { [ -e "$(command -v "$1")" ] || { echo "check-kernel: $1 is missing: apt-get install $2" >&2; exit 1; }; }
+need qemu-system-x86_64 qemu-system-x86
+need busybox busybox-static
+need /lib/systemd/systemd-udevd udev
+need v4l2-ctl v4l-utils
+need gpiodetect gpiod
+need lsusb usbutils
 scripts/kernel/prepare.sh
 
 # What the machine needs before it has the host's files: busybox, the modules on the way to them in the order of loading,
@@ -49,9 +52,9 @@ initramfs
 share() { echo "-virtfs local,path=$1,mount_tag=$2,security_model=none,multidevs=remap,id=$2,readonly=$3"; }
 start=$SECONDS rc=0
 # shellcheck disable=SC2046
-nice -n 10 timeout -k 10 "$limit" qemu-system-x86_64 -accel "$accel" -cpu max -smp 2 -m "${GUEST_MB:-3072}" \
+nice -n 10 timeout --foreground -k 10 "$limit" qemu-system-x86_64 -accel "$accel" -cpu max -smp 2 -m "${GUEST_MB:-3072}" \
   -display none -no-reboot -nic none -monitor none -serial file:$results/console.log -serial stdio \
-  -kernel $out/vmlinuz -initrd $out/initramfs.gz -append "console=ttyS0 quiet panic=-1 oops=panic" \
+  -kernel $out/vmlinuz -initrd $out/initramfs.gz -append "console=ttyS0 quiet panic=-1 oops=panic SST_BUILD=${SST_BUILD:-build} GUEST_DEADLINE=${GUEST_DEADLINE:-300}" \
   $(share /usr usr on) $(share "$PWD" repo on) $(share "$PWD/$results" results off) </dev/null || rc=$?
 
 passed=0 failed=0 skipped=0

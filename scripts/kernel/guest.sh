@@ -6,7 +6,7 @@ show() { echo "$*" >/dev/ttyS1; }
 run() { # NAME: tests/guest/NAME.sh
   local name=$1 rc start=$SECONDS took
   dmesg -c >/dev/null
-  timeout -k 10 "${GUEST_DEADLINE:-300}" bash "tests/guest/$name.sh" >"/results/$name.log" 2>&1 </dev/null
+  timeout -k 10 "$GUEST_DEADLINE" bash "tests/guest/$name.sh" >"/results/$name.log" 2>&1 </dev/null
   rc=$?
   took=$((SECONDS - start))
   dmesg >"/results/$name.dmesg"

@@ -64,7 +64,6 @@ kernel() {
   rm -rf image
 }
 
-command -v busybox >/dev/null || stop "busybox is missing: apt-get install busybox-static"
 if ! [ -e release ] || [ "$source/irqsim.c" -nt release ] || [ "$source/Kbuild" -nt release ]; then
   kernel
   modules

@@ -66,3 +66,14 @@ says() {
   shift
   for w in "$@"; do grep -qiF -- "$w" "$file" || fail "no '$w' in: $(head -c 1000 "$file")"; done
 }
+
+# wire_up FROM/value TO/pull: in the background until cut; then $pulses
+wire_up() {
+  "$bin/wire" "$1" "$2" >wired & wire=$!
+  wait_for 10 grep -q wired wired || fail "no wire"
+}
+cut_wire() {
+  kill $wire
+  wait $wire
+  pulses=$(tail -n 1 wired)
+}

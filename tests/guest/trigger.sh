@@ -26,37 +26,35 @@ cat chips
 says chips "[sst-trigger] (7 lines)" "[decoy] (2 lines)"
 
 # A train: the pulses arrive on the last line, and each edge lies where it was said to lie.
-"$bin/wire" "$lines/sim_gpio5/value" "$lines/sim_gpio6/pull" >pulses & wire=$!
-"$bin/trigger" 10 30 20000 sst-trigger LOOP0 TRIG0 TRIG1 TRIG2 TRIG3 TRIG4 TRIG5 >train 2>&1 || fail "the train failed"
-kill $wire
-wait $wire
+wire_up "$lines/sim_gpio5/value" "$lines/sim_gpio6/pull"
+"$bin/trigger" 5 30 80000 sst-trigger LOOP0 TRIG0 TRIG1 TRIG2 TRIG3 TRIG4 TRIG5 >train 2>&1 || fail "the train failed"
+cut_wire
 cat train
-is "pulses on the line" "$(cat pulses)" 30
-is "end of the train" "$(tail -n 1 train)" "end 0 fired 30 skipped 0 missing 0"
+set -- $(tail -n 1 train) # end 0 fired N skipped N missing N
+is "beats fired and skipped" "$1 $2 $(($4 + $6))" "end 0 30"
+[ "$4" -ge 28 ] || fail "only $4 of 30 beats were in time"
+[ "$pulses" -ge $(($4 - 1)) ] && [ "$pulses" -le "$4" ] || fail "$pulses pulses on the line of $4 that were fired"
+[ "$8" -le $(($4 - pulses)) ] || fail "$8 edges are missing, although the line showed $pulses of $4 pulses"
 awk '$1 == "edge" {
   n++
   if (!($4 <= $6 && $6 <= $8)) { print "FAIL: not in order: " $0 }
-  if (last && $4 - last != 100000000) { print "FAIL: not 100 ms after the beat before: " $0 }
-  if ($10 < $6 || $10 > $8 + 20000000) { print "FAIL: no loop-back stamp within 20 ms: " $0 }
+  if (last && ($4 - last) % 200000000 != 0) { print "FAIL: not a multiple of 200 ms after the beat before: " $0 }
+  if ($10 && ($10 < $6 || $10 > $8 + 80000000)) { print "FAIL: a loop-back stamp outside of its pulse: " $0 }
   late = $6 - $4; if (late > worst) worst = late
   last = $4
 }
-END {
-  if (n != 30) print "FAIL: " n " edges, not 30"
-  printf "%d beats, at most %.2f ms after they were due\n", n, worst / 1e6
-}' train | tee judged
+END { printf "%d beats, at most %.2f ms after they were due\n", n, worst / 1e6 }' train | tee judged
 ! grep -q FAIL judged || failed=1
 for l in 0 1 2 3 4 5; do is "line $l after the train" "$(cat "$lines/sim_gpio$l/value")" 0; done
 ! gpioinfo sst-trigger | grep -q used.*sst || fail "lines are still held: $(gpioinfo sst-trigger)"
 
 # By line names alone, active low: idle is high from the opening on, a pulse is low. It rises once to idle, thrice after a
 # pulse, and falls when it is let go.
-"$bin/wire" "$lines/sim_gpio1/value" "" >pulses & wire=$!
-"$bin/trigger" -l 2 3 100000 "" "" TRIG1 >low 2>&1 || fail "by line name"
+wire_up "$lines/sim_gpio1/value" ""
+"$bin/trigger" -l 1 3 300000 "" "" TRIG1 >low 2>&1 || fail "by line name"
 cat low
-kill $wire
-wait $wire
-is "rises of a line that is active low" "$(cat pulses)" 4
+cut_wire
+is "rises of a line that is active low" "$pulses" 4
 
 # Who is in the way is named.
 gpioset --mode=signal sst-trigger 2=0 & holder=$!
@@ -83,4 +81,6 @@ wait $train && fail "a train on a chip that is gone ended well"
 tail -n 3 gone
 says gone "end -"
 is "lines of error" "$(grep -c 'sst: error' gone)" 1
+echo 0 >/sys/kernel/config/gpio-sim/decoy/live
+cd /sys/kernel/config/gpio-sim && rmdir ./*/bank/line* ./*/bank ./* || fail "the chips do not go"
 exit $failed

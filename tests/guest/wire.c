@@ -1,5 +1,6 @@
 /* A wire between two lines of gpio-sim, which has none: copies the level of one to the other until SIGTERM, then prints
-   how many pulses there were.   wire FROM/value TO/pull   (TO: "" only counts) */
+   how many pulses there were.   wire FROM/value TO/pull   (TO: "" only counts)
+   It looks ten thousand times a second, but an emulator on a busy machine may stand still for longer than a pulse. */
 #include <fcntl.h>
 #include <signal.h>
 #include <stdio.h>
@@ -26,6 +27,8 @@ int main(int argc, char **argv)
         return 1;
     }
     signal(SIGTERM, end);
+    puts("wired");
+    fflush(stdout);
     while (!ended && pread(from, &level, 1, 0) == 1) {
         if (level != last) {
             const char *pull = level == '1' ? "pull-up" : "pull-down";
