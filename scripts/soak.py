@@ -17,7 +17,7 @@ import time
 CONFIG = """array: {{ rows: 6, cols: 6, spacing_mm: 40 }}
 cameras:
   rate_hz: 30
-  controls: {{ auto_exposure: 1, exposure_time_absolute: 80, trigger_mode: 1 }}
+  controls: {{ auto_exposure: 1, exposure_time_absolute: 50, trigger_mode: 1 }}
 trigger:
   source: gpio
   chip: sst-trigger
@@ -75,6 +75,8 @@ def skew_error_ns(recording, truth):
     with open(os.path.join(recording, "sets.jsonl")) as f:
         for line in f:
             s = json.loads(line)
+            if "frames" not in s:
+                continue  # a run of the recorder begins
             at = [true[frame[0], s["t_ns"] + frame[3]] for frame in s["frames"]]
             if len(at) > 1:
                 spread = max(at) - min(at)
