@@ -191,6 +191,11 @@ const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *w,
     return &sst_sim_stage_camera(w->stage, cam)->timing;
 }
 
+int sst_sim_world_exposure_us(const struct sst_sim_world *world)
+{
+    return world->settings.exposure_us;
+}
+
 uint64_t sst_sim_world_seed(const struct sst_sim_world *w)
 {
     return w->settings.seed;

@@ -44,6 +44,7 @@ int sst_sim_world_cameras(const struct sst_sim_world *world); /* 36 for an array
 void sst_sim_world_grid(const struct sst_sim_world *world, int *rows, int *cols);
 void sst_sim_world_size(const struct sst_sim_world *world, int *width, int *height); /* native */
 const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *world, int cam);
+int sst_sim_world_exposure_us(const struct sst_sim_world *world); /* nominal: what an automatic exposure settles on */
 uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
 
 /**

@@ -1,0 +1,217 @@
+/* Names and values of faults. */
+#include "simulators/devices/faults.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SCOPES 16
+
+struct scope {
+    struct sst_sim_fault_scope scope;
+    double *values; /* [instances or 1][count] */
+};
+
+struct sst_sim_faults {
+    struct scope scopes[SCOPES];
+    int count;
+};
+
+int sst_sim_faults_create(struct sst_sim_faults **out)
+{
+    struct sst_sim_faults *f = calloc(1, sizeof(*f));
+
+    if (!f)
+        return -ENOMEM;
+    *out = f;
+    return 0;
+}
+
+void sst_sim_faults_destroy(struct sst_sim_faults *f)
+{
+    if (!f)
+        return;
+    for (int i = 0; i < f->count; i++)
+        free(f->scopes[i].values);
+    free(f);
+}
+
+int sst_sim_faults_add(struct sst_sim_faults *f, const struct sst_sim_fault_scope *scope)
+{
+    struct scope *s = &f->scopes[f->count];
+
+    if (f->count == SCOPES)
+        return -ENOMEM;
+    s->scope = *scope;
+    s->values = calloc((size_t)(sst_max_int(scope->instances, 1) * scope->count), sizeof(double));
+    return s->values ? f->count++ : -ENOMEM;
+}
+
+static double *value_at(const struct sst_sim_faults *f, int scope, int instance, int fault)
+{
+    const struct scope *s = &f->scopes[scope];
+
+    return &s->values[instance * s->scope.count + fault];
+}
+
+double sst_sim_fault_value(const struct sst_sim_faults *f, int scope, int instance, int fault)
+{
+    return *value_at(f, scope, instance, fault);
+}
+
+void sst_sim_fault_reset(struct sst_sim_faults *f, int scope, int instance, int fault)
+{
+    *value_at(f, scope, instance, fault) = 0;
+}
+
+SST_PRINTF(4, 5) static int refuse(int err, char *message, size_t size, const char *fmt, ...)
+{
+    va_list args;
+
+    va_start(args, fmt);
+    (void)vsnprintf(message, size, fmt, args);
+    va_end(args);
+    return err;
+}
+
+/* The instances that "3." or "*." means: *first .. *last; the rest of the name follows. */
+static const char *read_instance(const struct sst_sim_fault_scope *scope, const char *name, int *first, int *last)
+{
+    char *end;
+    long n;
+
+    *first = *last = 0;
+    if (!scope->instances)
+        return name;
+    if (name[0] == '*' && name[1] == '.') {
+        *last = scope->instances - 1;
+        return name + 2;
+    }
+    n = strtol(name, &end, 10);
+    if (name[0] < '0' || name[0] > '9' || *end != '.' || n >= scope->instances)
+        return NULL;
+    *first = *last = (int)n;
+    return end + 1;
+}
+
+static int find_fault(const struct sst_sim_fault_scope *scope, const char *name, size_t bytes)
+{
+    for (int i = 0; i < scope->count; i++)
+        if (strlen(scope->faults[i].name) == bytes && memcmp(scope->faults[i].name, name, bytes) == 0)
+            return i;
+    return -1;
+}
+
+int sst_sim_faults_set(struct sst_sim_faults *f, const char *text, char *message, size_t size)
+{
+    const char *equals = strchr(text, '=');
+    char *end = NULL;
+    const double value = equals ? strtod(equals + 1, &end) : 0;
+
+    if (!equals || end == equals + 1 || *end || !isfinite(value))
+        return refuse(-EINVAL, message, size, "fault '%s': write NAME=NUMBER", text);
+    for (int i = 0; i < f->count; i++) {
+        const struct sst_sim_fault_scope *scope = &f->scopes[i].scope;
+        const size_t head = strlen(scope->name);
+        const char *name = text + head + 1;
+        int first, last, k;
+
+        if (strncmp(text, scope->name, head) != 0 || text[head] != '.')
+            continue;
+        name = read_instance(scope, name, &first, &last);
+        if (!name)
+            return refuse(-EINVAL, message, size, "fault '%s': write %s.N.NAME=NUMBER with N from 0 to %d, or *", text,
+                          scope->name, scope->instances - 1);
+        k = find_fault(scope, name, (size_t)(equals > name ? equals - name : 0));
+        if (k < 0)
+            break;
+        if (value < scope->faults[k].min || value > scope->faults[k].max)
+            return refuse(-ERANGE, message, size, "fault '%s': the value must lie in %g to %g", text,
+                          scope->faults[k].min, scope->faults[k].max);
+        for (int n = first; n <= last; n++) {
+            const double old = *value_at(f, i, n, k);
+            int err;
+
+            *value_at(f, i, n, k) = value;
+            err = scope->changed ? scope->changed(scope->arg, n, k, value) : 0;
+            if (err) {
+                *value_at(f, i, n, k) = old;
+                return refuse(err, message, size, "fault '%s': %s", text, strerror(-err));
+            }
+        }
+        return 0;
+    }
+    return refuse(-EINVAL, message, size, "fault '%s': no such fault; 'sst-sim fault --list' shows all", text);
+}
+
+void sst_sim_faults_each(const struct sst_sim_faults *f, void (*fn)(void *arg, const char *name, double value),
+                         void *arg)
+{
+    for (int i = 0; i < f->count; i++) {
+        const struct sst_sim_fault_scope *s = &f->scopes[i].scope;
+
+        for (int n = 0; n < sst_max_int(s->instances, 1); n++)
+            for (int k = 0; k < s->count; k++) {
+                const double value = *value_at(f, i, n, k);
+                char name[128];
+
+                if (value == 0)
+                    continue;
+                if (s->instances)
+                    (void)snprintf(name, sizeof(name), "%s.%d.%s", s->name, n, s->faults[k].name);
+                else
+                    (void)snprintf(name, sizeof(name), "%s.%s", s->name, s->faults[k].name);
+                fn(arg, name, value);
+            }
+    }
+}
+
+struct text {
+    char *out;
+    size_t size, used;
+};
+
+SST_PRINTF(2, 3) static void append(struct text *t, const char *fmt, ...)
+{
+    va_list args;
+    int n;
+
+    va_start(args, fmt);
+    n = vsnprintf(t->out + t->used, t->size - t->used, fmt, args);
+    va_end(args);
+    if (n > 0)
+        t->used += (size_t)sst_min_int(n, (int)(t->size - t->used - 1));
+}
+
+static void append_value(void *arg, const char *name, double value)
+{
+    append(arg, "%s=%g\n", name, value);
+}
+
+size_t sst_sim_faults_list(const struct sst_sim_faults *f, char *out, size_t size)
+{
+    struct text t = { .out = out, .size = size };
+    size_t before;
+
+    out[0] = 0;
+    for (int i = 0; i < f->count; i++) {
+        const struct sst_sim_fault_scope *s = &f->scopes[i].scope;
+
+        for (int k = 0; k < s->count; k++) {
+            char name[96];
+
+            (void)snprintf(name, sizeof(name), "%s.%s%s", s->name, s->instances ? "N." : "", s->faults[k].name);
+            append(&t, "%-26s %g..%g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
+        }
+    }
+    append(&t, "set now:\n");
+    before = t.used;
+    sst_sim_faults_each(f, append_value, &t);
+    if (t.used == before)
+        append(&t, "none\n");
+    return t.used;
+}

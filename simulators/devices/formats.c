@@ -1,0 +1,202 @@
+/* Pixel formats, sizes and frame rates of a simulated camera. */
+#include <errno.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "simulators/devices/camera.h"
+
+struct format {
+    uint32_t fourcc;
+    const char *name; /* as the kernel calls it */
+    int bits;         /* per pixel; 0: compressed */
+};
+
+static const struct format formats[] = {
+    { V4L2_PIX_FMT_MJPEG, "Motion-JPEG", 0 },
+    { V4L2_PIX_FMT_YUYV, "YUYV 4:2:2", 16 },
+    { V4L2_PIX_FMT_GREY, "8-bit Greyscale", 8 },
+    { V4L2_PIX_FMT_Y16, "16-bit Greyscale", 16 },
+    { V4L2_PIX_FMT_SBGGR8, "8-bit Bayer BGBG/GRGR", 8 },
+    { V4L2_PIX_FMT_SGBRG8, "8-bit Bayer GBGB/RGRG", 8 },
+    { V4L2_PIX_FMT_SGRBG8, "8-bit Bayer GRGR/BGBG", 8 },
+    { V4L2_PIX_FMT_SRGGB8, "8-bit Bayer RGRG/GBGB", 8 },
+};
+
+static const uint32_t rates[] = { 30, 25, 20, 15, 10, 5, 2, 1 };
+
+static const struct format *find_format(uint32_t fourcc)
+{
+    for (size_t i = 0; i < ARRAY_LEN(formats); i++)
+        if (formats[i].fourcc == fourcc)
+            return &formats[i];
+    return NULL;
+}
+
+/* The offered size nearest to a wish. */
+static void nearest_size(const struct sst_sim_cam *cam, uint32_t *width, uint32_t *height)
+{
+    const int(*sizes)[2];
+    const int count = sst_sim_world_sizes(cam->world, &sizes);
+    int64_t best = INT64_MAX;
+    int at = 0;
+
+    for (int i = 0; i < count; i++) {
+        const int64_t off = llabs((int64_t)sizes[i][0] - *width) + llabs((int64_t)sizes[i][1] - *height);
+
+        if (off < best) {
+            best = off;
+            at = i;
+        }
+    }
+    *width = (uint32_t)sizes[at][0];
+    *height = (uint32_t)sizes[at][1];
+}
+
+static bool is_size(const struct sst_sim_cam *cam, uint32_t width, uint32_t height)
+{
+    uint32_t w = width, h = height;
+
+    nearest_size(cam, &w, &h);
+    return w == width && h == height;
+}
+
+/* What the camera makes of a wish: an offered format, never an error. */
+static void adjust(const struct sst_sim_cam *cam, struct v4l2_pix_format *p)
+{
+    const struct format *f = find_format(p->pixelformat);
+    struct v4l2_pix_format out = { .width = p->width, .height = p->height, .field = V4L2_FIELD_NONE,
+                                   .colorspace = V4L2_COLORSPACE_SRGB, .priv = V4L2_PIX_FMT_PRIV_MAGIC,
+                                   .ycbcr_enc = V4L2_YCBCR_ENC_601, .quantization = V4L2_QUANTIZATION_DEFAULT,
+                                   .xfer_func = V4L2_XFER_FUNC_SRGB };
+
+    if (!f)
+        f = &formats[0];
+    nearest_size(cam, &out.width, &out.height);
+    out.pixelformat = f->fourcc;
+    out.bytesperline = out.width * (uint32_t)f->bits / 8;
+    out.sizeimage = f->bits ? out.bytesperline * out.height : out.width * out.height * 2;
+    *p = out;
+}
+
+void sst_sim_cam_formats_reset(struct sst_sim_cam *cam)
+{
+    int width, height;
+
+    sst_sim_world_size(cam->world, &width, &height);
+    cam->format = (struct v4l2_pix_format){ .pixelformat = V4L2_PIX_FMT_MJPEG, .width = (uint32_t)width,
+                                            .height = (uint32_t)height };
+    adjust(cam, &cam->format);
+    cam->interval = (struct v4l2_fract){ 1, 30 };
+}
+
+static int enum_format(struct v4l2_fmtdesc *d)
+{
+    const uint32_t index = d->index;
+
+    if (d->type != V4L2_BUF_TYPE_VIDEO_CAPTURE || index >= ARRAY_LEN(formats))
+        return -EINVAL;
+    *d = (struct v4l2_fmtdesc){ .index = index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .pixelformat = formats[index].fourcc,
+                                .flags = formats[index].bits ? 0 : V4L2_FMT_FLAG_COMPRESSED };
+    (void)snprintf((char *)d->description, sizeof(d->description), "%s", formats[index].name);
+    return 0;
+}
+
+static int enum_size(const struct sst_sim_cam *cam, struct v4l2_frmsizeenum *e)
+{
+    const int(*sizes)[2];
+    const int count = sst_sim_world_sizes(cam->world, &sizes);
+
+    if (!find_format(e->pixel_format) || e->index >= (uint32_t)count)
+        return -EINVAL;
+    *e = (struct v4l2_frmsizeenum){ .index = e->index, .pixel_format = e->pixel_format,
+                                    .type = V4L2_FRMSIZE_TYPE_DISCRETE,
+                                    .discrete = { (uint32_t)sizes[e->index][0], (uint32_t)sizes[e->index][1] } };
+    return 0;
+}
+
+static int enum_interval(const struct sst_sim_cam *cam, struct v4l2_frmivalenum *e)
+{
+    if (!find_format(e->pixel_format) || !is_size(cam, e->width, e->height) || e->index >= ARRAY_LEN(rates))
+        return -EINVAL;
+    *e = (struct v4l2_frmivalenum){ .index = e->index, .pixel_format = e->pixel_format, .width = e->width,
+                                    .height = e->height, .type = V4L2_FRMIVAL_TYPE_DISCRETE,
+                                    .discrete = { 1, rates[e->index] } };
+    return 0;
+}
+
+static int set_format(struct sst_sim_cam *cam, struct v4l2_format *f, bool keep)
+{
+    if (f->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        return -EINVAL;
+    adjust(cam, &f->fmt.pix);
+    if (!keep)
+        return 0;
+    if (cam->queue.count || sst_sim_cam_fault(cam, SST_SIM_FAULT_BUSY) > 0)
+        return -EBUSY;
+    cam->format = f->fmt.pix;
+    return 0;
+}
+
+static int get_format(const struct sst_sim_cam *cam, struct v4l2_format *f)
+{
+    if (f->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        return -EINVAL;
+    memset(f, 0, sizeof(*f));
+    f->type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    f->fmt.pix = cam->format;
+    return 0;
+}
+
+static int get_rate(const struct sst_sim_cam *cam, struct v4l2_streamparm *p)
+{
+    if (p->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        return -EINVAL;
+    memset(&p->parm, 0, sizeof(p->parm));
+    p->parm.capture.capability = V4L2_CAP_TIMEPERFRAME;
+    p->parm.capture.timeperframe = cam->interval;
+    return 0;
+}
+
+static int set_rate(struct sst_sim_cam *cam, struct v4l2_streamparm *p)
+{
+    const struct v4l2_fract want = p->parm.capture.timeperframe;
+    double best = 1e300;
+
+    if (p->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        return -EINVAL;
+    if (cam->queue.streaming)
+        return -EBUSY;
+    /* The nearest interval; one that is nothing is the camera's own choice. */
+    for (size_t i = 0; i < ARRAY_LEN(rates); i++) {
+        const double seconds = want.numerator && want.denominator ? (double)want.numerator / want.denominator : 1.0 / 30;
+        const double off = seconds > 1.0 / rates[i] ? seconds - 1.0 / rates[i] : 1.0 / rates[i] - seconds;
+
+        if (off < best) {
+            best = off;
+            cam->interval = (struct v4l2_fract){ 1, rates[i] };
+        }
+    }
+    return get_rate(cam, p);
+}
+
+int sst_sim_cam_formats_ioctl(struct sst_sim_cam *cam, struct sst_sim_request *r)
+{
+    void *a = r->data;
+    int err;
+
+    switch (r->call.cmd) {
+    case VIDIOC_ENUM_FMT: err = enum_format(a); break;
+    case VIDIOC_ENUM_FRAMESIZES: err = enum_size(cam, a); break;
+    case VIDIOC_ENUM_FRAMEINTERVALS: err = enum_interval(cam, a); break;
+    case VIDIOC_G_FMT: err = get_format(cam, a); break;
+    case VIDIOC_TRY_FMT: err = set_format(cam, a, false); break;
+    case VIDIOC_S_FMT: err = set_format(cam, a, true); break;
+    case VIDIOC_G_PARM: err = get_rate(cam, a); break;
+    case VIDIOC_S_PARM: err = set_rate(cam, a); break;
+    default: return -ENOTTY;
+    }
+    if (!err)
+        r->out_bytes = _IOC_SIZE(r->call.cmd);
+    return err;
+}

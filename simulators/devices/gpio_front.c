@@ -1,0 +1,389 @@
+/* simulators/devices/gpio_front.c - the model of simulators/gpio behind /dev/gpiochipN. */
+#include "simulators/devices/gpio_front.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <time.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "simulators/gpio/gpio_model.h"
+
+#define CHIPS 2
+#define TRIGGER_CHIP 1
+#define TRIGGER_MAX 16
+#define TRIGGER_LINES (TRIGGER_MAX + 8) /* LOOP0, spare lines and nameless ones after the triggers */
+#define CHARDEV_MAJOR 254
+#define READERS 8 /* threads that wait for one file's events */
+
+struct chip {
+    struct sst_sim_gpio_front *front;
+    int number;
+    struct sst_sim_node *node; /* NULL: vanished */
+};
+
+/** An open file of a program: of a chip, or of requested lines. */
+struct open_file {
+    struct open_file *next;
+    struct sst_sim_gpio_front *front;
+    struct sst_sim_handle *handle;
+    struct sst_sim_gpio_file *file;
+    bool told; /* a byte in the socket says that there are events */
+    struct sst_sim_request *waiting[READERS];
+    int readers;
+};
+
+struct sst_sim_gpio_front {
+    struct sst_sim_gpio_front_config cfg;
+    struct sst_sim_gpio *gpio;
+    struct chip chip[CHIPS];
+    struct open_file *files;
+    struct sst_sim_timer debounce;
+};
+
+static const struct sst_sim_ops chip_ops, lines_ops;
+static const char *const labels[CHIPS] = { "sst-board", "sst-trigger" };
+
+/* --- reading -------------------------------------------------------------------------------------------------------- */
+
+/** @return bytes or -errno; told says whether the socket still has its byte */
+static int read_now(struct open_file *f, struct sst_sim_request *r)
+{
+    const size_t want = r->call.length < SST_SIM_PAYLOAD_MAX ? r->call.length : SST_SIM_PAYLOAD_MAX;
+    const int n = sst_sim_gpio_read(f->file, r->data, want);
+
+    r->out_bytes = n > 0 ? (uint32_t)n : 0;
+    if (f->told && !sst_sim_gpio_readable(f->file)) {
+        r->drain = 1;
+        f->told = false;
+    }
+    return n;
+}
+
+/** Events came: those who wait take them; for what is left poll() shall tell. */
+static void wake(void *arg, struct sst_sim_gpio_file *file)
+{
+    struct open_file *f = sst_sim_gpio_user(file);
+
+    (void)arg;
+    while (f && f->readers > 0 && sst_sim_gpio_readable(file)) {
+        struct sst_sim_request *r = f->waiting[0];
+
+        memmove(f->waiting, f->waiting + 1, (size_t)--f->readers * sizeof(f->waiting[0]));
+        sst_sim_answer(f->handle->server, r, read_now(f, r));
+    }
+    if (f && !f->told && sst_sim_gpio_readable(file))
+        f->told = sst_sim_handle_readable(f->handle, "", 1) == 0;
+}
+
+static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct open_file *f = h->state;
+    const int n = read_now(f, r);
+
+    if (n != -EAGAIN || (r->call.flags & SST_SIM_NONBLOCK))
+        return n;
+    if (f->readers == READERS)
+        return -ENOMEM;
+    f->waiting[f->readers++] = r;
+    return SST_SIM_LATER;
+}
+
+static void file_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct open_file *f = h->state;
+
+    for (int i = 0; i < f->readers; i++)
+        if (f->waiting[i] == r)
+            f->waiting[i--] = f->waiting[--f->readers];
+}
+
+/* --- files ---------------------------------------------------------------------------------------------------------- */
+
+static void after_call(struct sst_sim_gpio_front *front)
+{
+    const int64_t due = sst_sim_gpio_due(front->gpio);
+
+    if (due == INT64_MAX)
+        sst_sim_timer_stop(sst_sim_sysfs_server(front->cfg.sysfs), &front->debounce);
+    else if (sst_sim_timer_set(sst_sim_sysfs_server(front->cfg.sysfs), &front->debounce, due) < 0)
+        sst_log_warning("GPIO: debouncing is late: no memory");
+}
+
+static void debounce_over(void *arg)
+{
+    struct sst_sim_gpio_front *front = arg;
+
+    sst_sim_gpio_tick(front->gpio, sst_clock_now_ns());
+    after_call(front);
+}
+
+/** Book-keeping of a model's file that a program now holds. On failure the file is closed. */
+static int adopt(struct sst_sim_gpio_front *front, struct sst_sim_handle *h, struct sst_sim_gpio_file *file)
+{
+    struct open_file *f = calloc(1, sizeof(*f));
+
+    if (!f) {
+        sst_sim_gpio_close(file, sst_clock_now_ns());
+        return -ENOMEM;
+    }
+    *f = (struct open_file){ .front = front, .handle = h, .file = file, .next = front->files };
+    front->files = f;
+    h->state = f;
+    sst_sim_gpio_set_user(file, f);
+    return 0;
+}
+
+static int chip_open(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct chip *chip = h->device;
+    struct sst_sim_gpio_file *file;
+    const int err = sst_sim_gpio_open(chip->front->gpio, chip->number, &file);
+
+    (void)r;
+    return err ? err : adopt(chip->front, h, file);
+}
+
+static void file_close(struct sst_sim_handle *h)
+{
+    struct open_file *f = h->state, **link;
+
+    if (!f)
+        return; /* never got its lines */
+    for (link = &f->front->files; *link != f; link = &(*link)->next)
+        ;
+    *link = f->next;
+    sst_sim_gpio_set_user(f->file, NULL);
+    sst_sim_gpio_close(f->file, sst_clock_now_ns());
+    after_call(f->front);
+    free(f);
+}
+
+static int hand_out(struct open_file *chip, struct sst_sim_gpio_file *file, struct sst_sim_request *r)
+{
+    struct sst_sim_handle *h;
+    int fd, err = sst_sim_handle_create(chip->handle->server, &lines_ops, NULL, &h, &fd);
+
+    if (err) {
+        sst_sim_gpio_close(file, sst_clock_now_ns());
+        return err;
+    }
+    r->out_fd = fd;
+    r->out_fd_close = true;
+    err = adopt(chip->front, h, file);
+    if (err)
+        sst_sim_handle_drop(h);
+    return err;
+}
+
+static int file_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct open_file *f = h->state;
+    struct sst_sim_gpio_file *opened;
+    int result;
+
+    if (r->bytes < _IOC_SIZE(r->call.cmd))
+        return -EINVAL;
+    result = sst_sim_gpio_ioctl(f->file, r->call.cmd, r->data, &opened, sst_clock_now_ns());
+    if (result == 0 && opened)
+        result = hand_out(f, opened, r);
+    if (result == 0)
+        r->out_bytes = _IOC_SIZE(r->call.cmd);
+    after_call(f->front);
+    return result;
+}
+
+static const struct sst_sim_ops chip_ops = {
+    .letter = 'g', .open = chip_open, .close = file_close, .ioctl = file_ioctl, .read = file_read, .cancel = file_cancel
+};
+static const struct sst_sim_ops lines_ops = {
+    .letter = 'g', .close = file_close, .ioctl = file_ioctl, .read = file_read, .cancel = file_cancel
+};
+
+/* --- trigger -------------------------------------------------------------------------------------------------------- */
+
+static void pin(void *arg, int chip, int line, bool level, int64_t t_ns)
+{
+    struct sst_sim_gpio_front *front = arg;
+
+    if (chip == TRIGGER_CHIP && line < front->cfg.lines && level)
+        front->cfg.edge(front->cfg.arg, line, t_ns);
+}
+
+/* --- chips in /dev and /sys ----------------------------------------------------------------------------------------- */
+
+static void show_in_sysfs(struct chip *chip, bool present)
+{
+    struct sst_sim_sysfs *fs = chip->front->cfg.sysfs;
+    struct sst_sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
+    char dir[128], link[128], number[128], id[32];
+
+    snprintf(dir, sizeof(dir), "/sys/devices/pci0000:00/0000:00:1f.0/gpiochip%d", chip->number);
+    snprintf(link, sizeof(link), "/sys/bus/gpio/devices/gpiochip%d", chip->number);
+    snprintf(number, sizeof(number), "/sys/dev/char/%d:%d", CHARDEV_MAJOR, chip->number);
+    snprintf(id, sizeof(id), "c%d:%d", CHARDEV_MAJOR, chip->number);
+    sst_sim_props_add(&props, "MAJOR=%d", CHARDEV_MAJOR);
+    sst_sim_props_add(&props, "MINOR=%d", chip->number);
+    sst_sim_props_add(&props, "DEVNAME=gpiochip%d", chip->number);
+    if (present) {
+        char subsystem[160];
+
+        sst_sim_sysfs_attr(fs, dir, "dev", "%d:%d", CHARDEV_MAJOR, chip->number);
+        sst_sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
+        snprintf(subsystem, sizeof(subsystem), "%s/subsystem", dir);
+        sst_sim_sysfs_link(fs, subsystem, "/sys/bus/gpio");
+        sst_sim_sysfs_link(fs, link, dir);
+        sst_sim_sysfs_link(fs, number, dir);
+    } else {
+        sst_sim_sysfs_remove(fs, link);
+        sst_sim_sysfs_remove(fs, number);
+        sst_sim_sysfs_remove(fs, dir);
+    }
+    sst_sim_props_add(&props, "SUBSYSTEM=gpio");
+    sst_sim_uevent(fs, present ? "add" : "remove", dir + strlen("/sys"), &props, id, &udev);
+}
+
+static int appear(struct chip *chip)
+{
+    char path[64];
+    int err;
+
+    snprintf(path, sizeof(path), "/dev/gpiochip%d", chip->number);
+    err = sst_sim_node_add(sst_sim_sysfs_server(chip->front->cfg.sysfs), &chip->node, path, CHARDEV_MAJOR,
+                           (unsigned)chip->number, &chip_ops, chip);
+    if (!err)
+        show_in_sysfs(chip, true);
+    return err;
+}
+
+/** The chip is gone: what programs hold of it hangs up. */
+static void disappear(struct chip *chip)
+{
+    struct open_file *f = chip->front->files;
+
+    sst_sim_node_remove(sst_sim_sysfs_server(chip->front->cfg.sysfs), chip->node);
+    chip->node = NULL;
+    show_in_sysfs(chip, false);
+    for (f = chip->front->files; f;) {
+        struct open_file *next = f->next;
+
+        if (sst_sim_gpio_gone(f->file))
+            sst_sim_handle_drop(f->handle);
+        f = next;
+    }
+}
+
+/* --- faults: all of the trigger chip -------------------------------------------------------------------------------- */
+
+static const struct sst_sim_fault faults[SST_SIM_GPIO_FAULTS] = {
+    [SST_SIM_GPIO_BUSY] = { "busy", 0, 1, "1: another driver holds the named lines of sst-trigger (EBUSY)" },
+    [SST_SIM_GPIO_DENIED] = { "denied", 0, 2, "opening sst-trigger gives 1: EACCES, 2: EPERM" },
+    [SST_SIM_GPIO_VANISH] = { "vanish", 0, 1, "1: sst-trigger is gone (ENODEV), 0: it is back" },
+    [SST_SIM_GPIO_STUCK] = { "stuck", 0, 1, "1: outputs of sst-trigger take values, their pins do not follow" },
+    [SST_SIM_GPIO_LOST_EDGES] = { "lost_edges", 0, 1, "probability that an edge event of an input is lost" },
+};
+
+static int fault_changed(void *arg, int instance, int fault, double value)
+{
+    struct sst_sim_gpio_front *front = arg;
+    struct chip *chip = &front->chip[TRIGGER_CHIP];
+    int err = sst_sim_gpio_fault(front->gpio, TRIGGER_CHIP, (enum sst_sim_gpio_fault)fault, value, sst_clock_now_ns());
+
+    (void)instance;
+    if (!err && fault == SST_SIM_GPIO_VANISH) {
+        if (value != 0 && chip->node)
+            disappear(chip);
+        else if (value == 0 && !chip->node)
+            err = appear(chip);
+    }
+    after_call(front);
+    return err;
+}
+
+/* --- the whole ------------------------------------------------------------------------------------------------------ */
+
+static int create_model(struct sst_sim_gpio_front *front)
+{
+    static const char *const board[] = { "PWR_LED", "FAN", NULL, "DOOR", NULL, NULL, NULL, NULL };
+    char triggers[TRIGGER_MAX][SST_SIM_GPIO_NAME];
+    const char *names[TRIGGER_LINES] = { NULL };
+    const int n = front->cfg.lines;
+    const struct sst_sim_gpio_wire wire = { TRIGGER_CHIP, 0, TRIGGER_CHIP, n };
+    const struct sst_sim_gpio_chip chip[CHIPS] = { { "gpiochip0", labels[0], (int)ARRAY_LEN(board), board },
+                                                   { "gpiochip1", labels[1], n + 8, names } };
+    struct timespec real;
+
+    (void)clock_gettime(CLOCK_REALTIME, &real);
+    for (int i = 0; i < n; i++) {
+        snprintf(triggers[i], sizeof(triggers[i]), "TRIG%d", i);
+        names[i] = triggers[i];
+    }
+    names[n] = "LOOP0";
+    names[n + 1] = "STROBE";
+    names[n + 2] = "AUX0";
+    names[n + 3] = "AUX1";
+    return sst_sim_gpio_create(&front->gpio,
+                               &(struct sst_sim_gpio_config){
+                                   .chips = CHIPS,
+                                   .wires = 1,
+                                   .chip = chip,
+                                   .wire = &wire,
+                                   .realtime_ns = real.tv_sec * 1000000000LL + real.tv_nsec - sst_clock_now_ns(),
+                                   .seed = front->cfg.seed,
+                                   .hooks = { .arg = front, .pin = pin, .wake = wake },
+                               });
+}
+
+int sst_sim_gpio_front_open(struct sst_sim_gpio_front **out, const struct sst_sim_gpio_front_config *cfg)
+{
+    struct sst_sim_gpio_front *front;
+    int err;
+
+    if (cfg->lines < 1 || cfg->lines > TRIGGER_MAX) {
+        sst_log_error("GPIO: %d trigger lines; 1 to %d are possible", cfg->lines, TRIGGER_MAX);
+        return -EINVAL;
+    }
+    front = calloc(1, sizeof(*front));
+    if (!front)
+        return -ENOMEM;
+    front->cfg = *cfg;
+    front->debounce = (struct sst_sim_timer){ .fire = debounce_over, .arg = front };
+    err = create_model(front);
+    for (int i = 0; !err && i < CHIPS; i++) {
+        front->chip[i] = (struct chip){ .front = front, .number = i };
+        err = appear(&front->chip[i]);
+    }
+    if (!err) {
+        err = sst_sim_faults_add(cfg->faults, &(struct sst_sim_fault_scope){ .name = "gpio",
+                                                                             .faults = faults,
+                                                                             .count = SST_SIM_GPIO_FAULTS,
+                                                                             .changed = fault_changed,
+                                                                             .arg = front });
+        err = err < 0 ? err : 0;
+    }
+    if (err) {
+        sst_log_error("GPIO: the simulated chips cannot be made: %s", strerror(-err));
+        sst_sim_gpio_front_close(front);
+        return err;
+    }
+    *out = front;
+    return 0;
+}
+
+void sst_sim_gpio_front_close(struct sst_sim_gpio_front *front)
+{
+    if (!front)
+        return;
+    for (int i = 0; i < CHIPS; i++)
+        if (front->chip[i].node)
+            sst_sim_node_remove(sst_sim_sysfs_server(front->cfg.sysfs), front->chip[i].node);
+    while (front->files)
+        sst_sim_handle_drop(front->files->handle);
+    sst_sim_timer_stop(sst_sim_sysfs_server(front->cfg.sysfs), &front->debounce);
+    sst_sim_gpio_destroy(front->gpio);
+    free(front);
+}

@@ -1,0 +1,319 @@
+/* sst-sim: runs any program on simulated devices. */
+#include <errno.h>
+#include <getopt.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "simulators/devices/session.h"
+#include "simulators/devices/simulator.h"
+
+#define EXIT_USAGE 2
+#define FAULTS_MAX 64
+
+static const char help[] =
+    "usage: sst-sim [OPTIONS] -- COMMAND [ARGUMENTS]   run COMMAND with simulated cameras; its exit status is ours\n"
+    "       sst-sim [OPTIONS] --serve DIR               keep a session in DIR until 'sst-sim stop --dir DIR'\n"
+    "       sst-sim --join DIR -- COMMAND               run COMMAND in a session that is served\n"
+    "       sst-sim fault NAME=VALUE ... | --list       set faults in a running session, or show all there are\n"
+    "       sst-sim status [--json]                     what the session does\n"
+    "       sst-sim stop                                end a served session\n"
+    "\n"
+    "Programs see /dev/video0 ... of an array as Linux would show them; V4L2 programs run unchanged.\n"
+    "\n"
+    "  --world W        scene or world file (default: pedestrian)\n"
+    "  --cache DIR      prepared worlds (default: ~/.cache/sst-sim)\n"
+    "  --usb NAME       wide: a controller for each camera (default); tight: all on one, behind hubs;\n"
+    "                   single-tt, multi-tt: full-speed cameras behind hubs with one translator, or one a port\n"
+    "  --triggers WHAT  rows: line TRIG<row> of chip sst-trigger exposes a row (default); one: TRIG0 exposes all\n"
+    "  --rig            three drives on Modbus TCP and RTU (/dev/serial/by-id/usb-sst_sim_rig) carry the camera\n"
+    "  --rig-port N     TCP port of the drives on 127.0.0.1 (default: 1502; 0: a free one, see sst-sim status)\n"
+    "  --fault N=V      a fault from the start; may be repeated\n"
+    "  --truth FILE     write what really happened: one JSON object a line for each exposure\n"
+    "  --stats FILE     write frames made and CPU time of the simulation itself as JSON at the end\n"
+    "  --quiet          do not tell them on standard error\n"
+    "  --dir DIR        for fault, status and stop: the session (default: the one this runs in, $SST_SIM_DIR)\n"
+    "\n"
+    "example: sst-sim -- v4l2-ctl -d /dev/video7 --stream-mmap --stream-count=20 --stream-to=frames.mjpeg\n"
+    "         sst-sim --fault camera.3.eio=0.1 -- sh -c 'ffmpeg -f v4l2 -i /dev/video3 -frames 50 out.mp4'\n";
+
+struct arguments {
+    struct sst_sim_options options;
+    const char *faults[FAULTS_MAX];
+    const char *serve, *join, *dir;
+    bool list, json;
+};
+
+static int usage(const char *text)
+{
+    fprintf(stderr, "sst-sim: error: %s; see 'sst-sim --help'\n", text);
+    return EXIT_USAGE;
+}
+
+/* @return -1: not a port */
+static int read_port(const char *text)
+{
+    char *end;
+    const long port = strtol(text, &end, 10);
+
+    return end == text || *end || port < 0 || port > 65535 ? -1 : (int)port;
+}
+
+/* @return 0, or exit status + 1 */
+static int read_options(int argc, char **argv, struct arguments *a)
+{
+    static const struct option options[] = {
+        { "world", required_argument, NULL, 'w' }, { "cache", required_argument, NULL, 'c' },
+        { "usb", required_argument, NULL, 'u' },   { "fault", required_argument, NULL, 'f' },
+        { "rig", no_argument, NULL, 'r' },         { "rig-port", required_argument, NULL, 'p' },
+        { "triggers", required_argument, NULL, 'T' },
+        { "truth", required_argument, NULL, 't' }, { "stats", required_argument, NULL, 's' },
+        { "quiet", no_argument, NULL, 'q' },       { "serve", required_argument, NULL, 'S' },
+        { "join", required_argument, NULL, 'J' },  { "dir", required_argument, NULL, 'd' },
+        { "list", no_argument, NULL, 'l' },        { "json", no_argument, NULL, 'j' },
+        { "help", no_argument, NULL, 'h' },        { NULL, 0, NULL, 0 },
+    };
+    int c;
+
+    while ((c = getopt_long(argc, argv, "+h", options, NULL)) != -1) {
+        switch (c) {
+        case 'w': a->options.world = optarg; break;
+        case 'c': a->options.cache = optarg; break;
+        case 't': a->options.truth = optarg; break;
+        case 's': a->options.stats = optarg; break;
+        case 'q': a->options.quiet = true; break;
+        case 'S': a->serve = optarg; break;
+        case 'J': a->join = optarg; break;
+        case 'd': a->dir = optarg; break;
+        case 'l': a->list = true; break;
+        case 'j': a->json = true; break;
+        case 'u':
+            a->options.wires.usb = optarg;
+            break;
+        case 'T':
+            if (strcmp(optarg, "rows") != 0 && strcmp(optarg, "one") != 0)
+                return usage("--triggers takes rows or one") + 1;
+            a->options.wires.one_trigger = strcmp(optarg, "one") == 0;
+            break;
+        case 'r': a->options.wires.rig = true; break;
+        case 'p':
+            a->options.wires.rig_port = read_port(optarg);
+            if (a->options.wires.rig_port < 0)
+                return usage("--rig-port takes 0 to 65535") + 1;
+            break;
+        case 'f':
+            if (a->options.fault_count == FAULTS_MAX)
+                return usage("too many --fault") + 1;
+            a->faults[a->options.fault_count++] = optarg;
+            break;
+        case 'h': (void)fputs(help, stdout); return 1;
+        default: return usage("unknown option or a value is missing") + 1;
+        }
+    }
+    a->options.faults = a->faults;
+    return 0;
+}
+
+/* --- a session ---------------------------------------------------------------------------------------------------- */
+
+struct run {
+    struct sst_sim_command command;
+    struct sst_sim_server *server;
+};
+
+static void signalled(void *arg)
+{
+    struct run *run = arg;
+
+    if (sst_sim_command_signal(&run->command))
+        sst_sim_server_stop(run->server);
+}
+
+/* Memory of every buffer is a descriptor here. The command, started before, keeps the limit that it has. */
+static void raise_limit(void)
+{
+    struct rlimit limit;
+
+    if (getrlimit(RLIMIT_NOFILE, &limit) == 0) {
+        limit.rlim_cur = limit.rlim_max;
+        (void)setrlimit(RLIMIT_NOFILE, &limit);
+    }
+}
+
+/* Serve in a folder, with a command or until a signal or 'stop'. @return exit status */
+static int serve(struct sst_sim_simulator *sim, const char *dir, char *const argv[])
+{
+    struct run run = { .command.signals = -1 };
+    int err = sst_sim_command_prepare(&run.command), status;
+
+    if (!err)
+        err = sst_sim_simulator_start(sim, dir);
+    if (!err && argv)
+        err = sst_sim_session_enter(dir, NULL);
+    if (!err && argv && sst_sim_command_start(&run.command, argv))
+        run.command.status = err = 127;
+    run.server = sst_sim_simulator_server(sim);
+    if (!err)
+        err = sst_sim_watch(run.server, run.command.signals, signalled, &run);
+    if (!err) {
+        raise_limit();
+        err = sst_sim_server_run(run.server);
+    }
+    status = err && !run.command.status ? EXIT_FAILURE : run.command.status;
+    sst_sim_command_close(&run.command);
+    return status;
+}
+
+/* The folder is removed at the end: never one that holds something else. */
+static int take_folder(const char *name, char dir[SST_PATH_MAX])
+{
+    if (!name)
+        return sst_sim_session_make(dir);
+    if ((rmdir(name) < 0 && errno != ENOENT) || mkdir(name, 0700) < 0 || !realpath(name, dir)) {
+        sst_log_error("session folder '%s': %s; name one that is not there yet, or empty", name, strerror(errno));
+        return -EEXIST;
+    }
+    return 0;
+}
+
+static void stop_early(int sig)
+{
+    if (sst_file_abort_all())
+        _exit(128 + sig);
+}
+
+static int run_session(const struct arguments *a, char *const argv[])
+{
+    struct sst_sim_simulator *sim = NULL;
+    char dir[SST_PATH_MAX];
+    int status = EXIT_FAILURE;
+
+    /* While the world is prepared; later they are blocked and come by the event loop. */
+    (void)signal(SIGINT, stop_early);
+    (void)signal(SIGTERM, stop_early);
+    if (sst_sim_simulator_open(&sim, &a->options))
+        return EXIT_FAILURE;
+    if (take_folder(a->serve, dir) == 0) {
+        status = serve(sim, dir, argv);
+        sst_sim_simulator_close(sim);
+        sst_path_remove_tree(dir);
+    } else {
+        sst_sim_simulator_close(sim);
+    }
+    return status;
+}
+
+static int join(const char *folder, char *const argv[])
+{
+    char dir[SST_PATH_MAX], answer[SST_SIM_PAYLOAD_MAX];
+
+    if (!realpath(folder, dir)) {
+        sst_log_error("session '%s': %s; start it with 'sst-sim --serve %s'", folder, strerror(errno), folder);
+        return EXIT_FAILURE;
+    }
+    if (sst_sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0 || sst_sim_session_enter(dir, NULL))
+        return EXIT_FAILURE;
+    (void)execvp(argv[0], argv);
+    sst_log_error("command '%s': cannot be run: %s", argv[0], strerror(errno));
+    return 127;
+}
+
+/* --- questions ---------------------------------------------------------------------------------------------------- */
+
+static int set_faults(const char *dir, int argc, char **argv)
+{
+    char answer[SST_SIM_PAYLOAD_MAX];
+
+    if (!argc)
+        return usage("fault needs NAME=VALUE or --list");
+    for (int i = 0; i < argc; i++) {
+        const int err = sst_sim_session_ask(dir, SST_SIM_FAULT, argv[i], answer, sizeof(answer));
+
+        if (err < 0) {
+            if (*answer)
+                sst_log_error("%s", answer);
+            return EXIT_FAILURE;
+        }
+    }
+    return 0;
+}
+
+static int ask(const char *dir, unsigned op)
+{
+    char answer[SST_SIM_PAYLOAD_MAX] = "";
+    const int err = sst_sim_session_ask(dir, op, "", answer, sizeof(answer));
+
+    if (err >= 0 && *answer)
+        printf("%s%s", answer, answer[strlen(answer) - 1] == '\n' ? "" : "\n");
+    return err < 0 ? EXIT_FAILURE : 0;
+}
+
+static int status(const char *dir, bool json)
+{
+    char answer[SST_SIM_PAYLOAD_MAX] = "";
+    json_t *all;
+    int present = 0;
+    size_t i;
+    json_t *cam;
+
+    if (json)
+        return ask(dir, SST_SIM_STATUS);
+    if (sst_sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0)
+        return EXIT_FAILURE;
+    all = json_loads(answer, 0, NULL);
+    json_array_foreach(json_object_get(all, "cameras"), i, cam)
+        present += json_integer_value(json_object_get(cam, "node")) >= 0;
+    printf("session %s: %d of %d cameras there, %lld frames made in %.1f s, %.1f %% of one core\n", dir, present,
+           (int)json_array_size(json_object_get(all, "cameras")),
+           (long long)json_integer_value(json_object_get(all, "frames")),
+           json_real_value(json_object_get(all, "seconds")), json_real_value(json_object_get(all, "cpu_percent")));
+    json_decref(all);
+    return ask(dir, SST_SIM_FAULTS);
+}
+
+/* fault, status, stop */
+static int question(int argc, char **argv)
+{
+    struct arguments a = { 0 };
+    const char *verb = argv[0];
+    int bad;
+
+    bad = read_options(argc, argv, &a);
+    if (bad)
+        return bad - 1;
+    if (!a.dir)
+        a.dir = getenv(SST_SIM_DIR_ENV);
+    if (!a.dir)
+        return usage("not inside a session: give --dir DIR");
+    argc -= optind;
+    argv += optind;
+    if (strcmp(verb, "fault") == 0)
+        return a.list ? ask(a.dir, SST_SIM_FAULTS) : set_faults(a.dir, argc, argv);
+    if (argc)
+        return usage("too many arguments");
+    return strcmp(verb, "status") == 0 ? status(a.dir, a.json) : ask(a.dir, SST_SIM_STOP);
+}
+
+int main(int argc, char **argv)
+{
+    struct arguments a = { 0 };
+    int bad;
+
+    if (argc > 1 && (strcmp(argv[1], "fault") == 0 || strcmp(argv[1], "status") == 0 || strcmp(argv[1], "stop") == 0))
+        return question(argc - 1, argv + 1);
+    bad = read_options(argc, argv, &a);
+    if (bad)
+        return bad - 1;
+    if (optind > 1 && strcmp(argv[optind - 1], "--") != 0 && optind < argc)
+        return usage("write -- before the command");
+    if (a.serve)
+        return optind < argc ? usage("--serve takes no command") : run_session(&a, NULL);
+    if (optind >= argc)
+        return usage("no command given");
+    return a.join ? join(a.join, argv + optind) : run_session(&a, argv + optind);
+}

@@ -1,0 +1,157 @@
+/* simulators/devices/preload/usb.c - usbfs in the program: transfers with their buffers. */
+#define _GNU_SOURCE
+#include <linux/usbdevice_fs.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+
+#include "simulators/devices/preload/classes.h"
+
+/* A transfer goes to the simulator as struct sst_sim_usb_transfer and its data, and comes back the same way. */
+static int exchange(const struct sim_id *id, unsigned long request, struct sst_sim_usb_transfer *t, void *data,
+                    size_t bytes)
+{
+    struct sim_exchange x = {
+        .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
+        .in = { { t, sizeof(*t) }, { data, bytes } },
+        .out = { { t, sizeof(*t) }, { data, bytes } },
+        .send_fd = -1,
+    };
+
+    return sim_exchange(&x);
+}
+
+static int control(const struct sim_id *id, void *arg)
+{
+    struct usbdevfs_ctrltransfer c;
+    struct sst_sim_usb_transfer t = { 0 };
+
+    if (sim_peek(&c, arg, sizeof(c)))
+        return -EFAULT;
+    t.setup[0] = c.bRequestType;
+    t.setup[1] = c.bRequest;
+    memcpy(t.setup + 2, &c.wValue, 2);
+    memcpy(t.setup + 4, &c.wIndex, 2);
+    memcpy(t.setup + 6, &c.wLength, 2);
+    return exchange(id, USBDEVFS_CONTROL, &t, c.data, c.wLength);
+}
+
+static int submit(const struct sim_id *id, void *arg)
+{
+    struct usbdevfs_urb urb;
+    struct sst_sim_usb_transfer t = { .user = (uint64_t)(uintptr_t)arg };
+
+    if (sim_peek(&urb, arg, sizeof(urb)))
+        return -EFAULT;
+    t.type = urb.type;
+    t.endpoint = urb.endpoint;
+    if (urb.type != USBDEVFS_URB_TYPE_CONTROL)
+        return exchange(id, USBDEVFS_SUBMITURB, &t, NULL, 0);
+    if (urb.buffer_length < 8 || urb.buffer_length > SST_SIM_USB_TRANSFER_MAX + 8)
+        return -EINVAL;
+    if (sim_peek(t.setup, urb.buffer, sizeof(t.setup)))
+        return -EFAULT;
+    return exchange(id, USBDEVFS_SUBMITURB, &t, (char *)urb.buffer + 8, (size_t)urb.buffer_length - 8);
+}
+
+/* The simulator names the transfer that ended; its data go where the program keeps them. */
+static int reap_one(const struct sim_id *id, unsigned long request, void *arg)
+{
+    struct sst_sim_usb_transfer t = { 0 };
+    uint8_t data[SST_SIM_USB_TRANSFER_MAX];
+    struct sim_exchange x = {
+        .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
+        .out = { { &t, sizeof(t) }, { data, sizeof(data) } },
+        .send_fd = -1,
+    };
+    const int result = sim_exchange(&x);
+    struct usbdevfs_urb *urb;
+
+    if (result < 0)
+        return result;
+    urb = (struct usbdevfs_urb *)(uintptr_t)t.user;
+    urb->status = t.status;
+    urb->actual_length = t.actual;
+    urb->error_count = 0;
+    if (t.actual > 0 && (t.setup[0] & 0x80))
+        memcpy((char *)urb->buffer + 8, data, (size_t)t.actual);
+    memcpy(arg, &urb, sizeof(urb));
+    return 0;
+}
+
+/*
+ * usbfs is writable for poll() when a transfer waits to be reaped. Here the socket is full otherwise, and the simulator
+ * empties it when a transfer ends. Nothing left: fill it again, then look once more for what ended in between.
+ */
+static int reap(int fd, const struct sim_id *id, unsigned long request, void *arg)
+{
+    static const char filler[1024];
+    const int saved = errno;
+    int result = reap_one(id, request, arg);
+
+    if (result == -EAGAIN) {
+        while (send(fd, filler, sizeof(filler), MSG_DONTWAIT | MSG_NOSIGNAL) > 0)
+            ;
+        errno = saved;
+        result = reap_one(id, request, arg);
+    }
+    return result;
+}
+
+/* USBDEVFS_IOCTL wraps what is meant for an interface: its driver shall let go or come back. */
+static int interface_ioctl(int fd, const struct sim_id *id, void *arg)
+{
+    struct usbdevfs_ioctl c;
+
+    if (sim_peek(&c, arg, sizeof(c)))
+        return -EFAULT;
+    c.data = NULL;
+    return sim_ioctl_areas(fd, id, USBDEVFS_IOCTL, &c, NULL, 0, NULL);
+}
+
+static int usb_ioctl(int fd, const struct sim_id *id, unsigned long request, void *arg)
+{
+    switch (request) {
+    case USBDEVFS_CONTROL: return control(id, arg);
+    case USBDEVFS_SUBMITURB: return submit(id, arg);
+    case USBDEVFS_REAPURB:
+    case USBDEVFS_REAPURBNDELAY: return reap(fd, id, request, arg);
+    case USBDEVFS_IOCTL: return interface_ioctl(fd, id, arg);
+    case USBDEVFS_DISCARDURB: {
+        /* The number says that nothing is passed, yet the argument names the transfer. */
+        struct sst_sim_usb_transfer t = { .user = (uint64_t)(uintptr_t)arg };
+
+        return exchange(id, request, &t, NULL, 0);
+    }
+    case USBDEVFS_GETDRIVER: {
+        /* The number says "written"; the answer is read. */
+        struct sim_exchange x = {
+            .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
+            .in = { { arg, sizeof(struct usbdevfs_getdriver) } },
+            .out = { { arg, sizeof(struct usbdevfs_getdriver) } },
+            .send_fd = -1,
+        };
+
+        return sim_exchange(&x);
+    }
+    case USBDEVFS_CONNECTINFO: {
+        struct sim_exchange x = {
+            .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
+            .out = { { arg, sizeof(struct usbdevfs_connectinfo) } },
+            .send_fd = -1,
+        };
+
+        return sim_exchange(&x);
+    }
+    default: return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
+    }
+}
+
+const struct sim_class sim_class_usb = {
+    .letter = 'u',
+    .ioctl_type = 'U',
+    .ioctl = usb_ioctl,
+    .read_calls = true,
+};

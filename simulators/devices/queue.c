@@ -1,0 +1,421 @@
+/* Buffers of a simulated camera: the rules of the kernel's videobuf2, with each buffer's memory in a memfd. */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "simulators/devices/camera.h"
+
+#define OFFSET_SHIFT 26 /* mmap offsets of buffers lie this far apart; larger than any buffer */
+#define CAPABILITIES                                                                                       \
+    (V4L2_BUF_CAP_SUPPORTS_MMAP | V4L2_BUF_CAP_SUPPORTS_USERPTR | V4L2_BUF_CAP_SUPPORTS_DMABUF |            \
+     V4L2_BUF_CAP_SUPPORTS_ORPHANED_BUFS)
+
+/* --- memory ------------------------------------------------------------------------------------------------------- */
+
+static void buffer_free(struct sst_sim_buffer *b)
+{
+    if (b->data)
+        (void)munmap(b->data, b->length);
+    if (b->memory >= 0)
+        close(b->memory); /* programs that still map it keep it */
+    if (b->dmabuf >= 0)
+        close(b->dmabuf);
+    *b = (struct sst_sim_buffer){ .memory = -1, .dmabuf = -1 };
+}
+
+static int buffer_make(struct sst_sim_buffer *b, uint32_t bytes)
+{
+    const uint32_t page = (uint32_t)sysconf(_SC_PAGESIZE);
+    const uint32_t length = (bytes + page - 1) / page * page;
+    void *data = MAP_FAILED;
+
+    *b = (struct sst_sim_buffer){ .length = length, .user_length = bytes, .dmabuf = -1, .dmabuf_number = -1 };
+    b->memory = memfd_create("sst-sim-frame", MFD_CLOEXEC);
+    if (b->memory >= 0 && ftruncate(b->memory, length) == 0)
+        data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, b->memory, 0);
+    if (data == MAP_FAILED) {
+        buffer_free(b);
+        return -ENOMEM;
+    }
+    b->data = data;
+    return 0;
+}
+
+/* @return buffers made, or -ENOMEM if not one could be */
+static int make_buffers(struct sst_sim_queue *q, uint32_t count, uint32_t bytes)
+{
+    uint32_t made = 0;
+
+    while (made < count && q->count < SST_SIM_CAM_BUFFERS && buffer_make(&q->buffer[q->count], bytes) == 0) {
+        q->count++;
+        made++;
+    }
+    return made ? (int)made : -ENOMEM;
+}
+
+static void free_buffers(struct sst_sim_queue *q)
+{
+    for (uint32_t i = 0; i < q->count; i++)
+        buffer_free(&q->buffer[i]);
+    q->count = q->memory = 0;
+    q->queued_count = q->done_count = 0;
+}
+
+/* --- lists -------------------------------------------------------------------------------------------------------- */
+
+static uint32_t shift(uint32_t *list, int *count)
+{
+    const uint32_t first = list[0];
+
+    (*count)--;
+    memmove(list, list + 1, (size_t)*count * sizeof(*list));
+    return first;
+}
+
+/* --- what programs are told --------------------------------------------------------------------------------------- */
+
+static void describe(const struct sst_sim_queue *q, uint32_t index, struct v4l2_buffer *out)
+{
+    const struct sst_sim_buffer *b = &q->buffer[index];
+    int64_t us = b->stamp_ns / 1000;
+
+    *out = (struct v4l2_buffer){ .index = index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = q->memory,
+                                 .field = V4L2_FIELD_NONE, .length = b->length, .bytesused = b->bytesused,
+                                 .sequence = b->sequence,
+                                 .flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE };
+    out->timestamp.tv_sec = us / 1000000 - (us % 1000000 < 0);
+    out->timestamp.tv_usec = us % 1000000 + (us % 1000000 < 0 ? 1000000 : 0);
+    switch (q->memory) {
+    case V4L2_MEMORY_MMAP: out->m.offset = index << OFFSET_SHIFT; break;
+    case V4L2_MEMORY_USERPTR:
+        out->m.userptr = b->userptr;
+        out->length = b->user_length;
+        break;
+    default:
+        out->m.fd = b->dmabuf_number;
+        out->length = b->user_length;
+    }
+    if (b->mapped)
+        out->flags |= V4L2_BUF_FLAG_MAPPED;
+    if (b->prepared)
+        out->flags |= V4L2_BUF_FLAG_PREPARED;
+    if (b->state == SST_SIM_BUFFER_QUEUED)
+        out->flags |= V4L2_BUF_FLAG_QUEUED;
+    if (b->state == SST_SIM_BUFFER_DONE)
+        out->flags |= V4L2_BUF_FLAG_DONE | (b->error ? V4L2_BUF_FLAG_ERROR : 0);
+}
+
+/* --- frames ------------------------------------------------------------------------------------------------------- */
+
+struct sst_sim_buffer *sst_sim_cam_queue_next(struct sst_sim_cam *cam)
+{
+    struct sst_sim_queue *q = &cam->queue;
+
+    return q->streaming && q->queued_count ? &q->buffer[q->queued[0]] : NULL;
+}
+
+/* Take the oldest frame out and write the answer to its DQBUF. */
+static void take(struct sst_sim_queue *q, struct sst_sim_request *r)
+{
+    struct v4l2_buffer *out = (struct v4l2_buffer *)r->data;
+    const uint32_t index = shift(q->done, &q->done_count);
+    struct sst_sim_buffer *b = &q->buffer[index];
+
+    describe(q, index, out);
+    out->flags &= ~(uint32_t)V4L2_BUF_FLAG_DONE;
+    r->out_bytes = sizeof(*out);
+    b->state = SST_SIM_BUFFER_DEQUEUED;
+    b->error = false;
+    if (q->memory == V4L2_MEMORY_USERPTR)
+        r->out_fd = b->memory;
+    if (b->dmabuf >= 0)
+        close(b->dmabuf);
+    b->dmabuf = -1;
+}
+
+void sst_sim_cam_queue_done(struct sst_sim_cam *cam)
+{
+    struct sst_sim_queue *q = &cam->queue;
+    const uint32_t index = shift(q->queued, &q->queued_count);
+    struct sst_sim_request *waiter = q->waiter;
+
+    q->buffer[index].state = SST_SIM_BUFFER_DONE;
+    q->buffer[index].prepared = false;
+    q->done[q->done_count++] = index;
+    if (waiter) {
+        q->waiter = NULL;
+        take(q, waiter);
+        sst_sim_answer(cam->server, waiter, 0);
+    } else if (q->owner) {
+        /* One byte for each frame that is there. 32 always fit. */
+        (void)!sst_sim_handle_readable(q->owner->handle, "", 1);
+    }
+}
+
+void sst_sim_cam_queue_stop(struct sst_sim_cam *cam, struct sst_sim_request *r)
+{
+    struct sst_sim_queue *q = &cam->queue;
+    struct sst_sim_request *waiter = q->waiter;
+
+    if (q->streaming)
+        sst_sim_cam_stop(cam);
+    q->streaming = false;
+    if (r)
+        r->drain = (uint32_t)q->done_count;
+    q->queued_count = q->done_count = 0;
+    for (uint32_t i = 0; i < q->count; i++) {
+        q->buffer[i].state = SST_SIM_BUFFER_DEQUEUED;
+        q->buffer[i].prepared = q->buffer[i].error = false;
+    }
+    q->waiter = NULL;
+    if (waiter)
+        sst_sim_answer(cam->server, waiter, -EINVAL);
+}
+
+void sst_sim_cam_queue_free(struct sst_sim_cam *cam)
+{
+    sst_sim_cam_queue_stop(cam, NULL);
+    free_buffers(&cam->queue);
+    cam->queue.owner = NULL;
+}
+
+/* --- ioctls ------------------------------------------------------------------------------------------------------- */
+
+static bool wrong_type(uint32_t type)
+{
+    return type != V4L2_BUF_TYPE_VIDEO_CAPTURE;
+}
+
+static bool wrong_memory(uint32_t memory)
+{
+    return memory != V4L2_MEMORY_MMAP && memory != V4L2_MEMORY_USERPTR && memory != V4L2_MEMORY_DMABUF;
+}
+
+static int request_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+{
+    struct v4l2_requestbuffers *a = (struct v4l2_requestbuffers *)r->data;
+    struct sst_sim_queue *q = &cam->queue;
+    int made = 0;
+
+    if (wrong_type(a->type) || wrong_memory(a->memory))
+        return -EINVAL;
+    a->capabilities = CAPABILITIES;
+    a->flags = 0;
+    memset(a->reserved, 0, sizeof(a->reserved));
+    if ((q->owner && q->owner != o) || q->streaming || sst_sim_cam_fault(cam, SST_SIM_FAULT_BUSY) > 0)
+        return -EBUSY;
+    sst_sim_cam_queue_stop(cam, r);
+    free_buffers(q);
+    q->owner = NULL;
+    if (a->count) {
+        made = make_buffers(q, a->count, cam->format.sizeimage);
+        if (made < 0)
+            return made;
+        q->memory = a->memory;
+        q->owner = o;
+    }
+    a->count = (uint32_t)made;
+    return 0;
+}
+
+static int create_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+{
+    struct v4l2_create_buffers *a = (struct v4l2_create_buffers *)r->data;
+    struct sst_sim_queue *q = &cam->queue;
+    const uint32_t bytes = a->format.fmt.pix.sizeimage;
+    int made;
+
+    if (wrong_type(a->format.type) || wrong_memory(a->memory))
+        return -EINVAL;
+    a->index = q->count;
+    a->capabilities = CAPABILITIES;
+    a->flags = 0;
+    memset(a->reserved, 0, sizeof(a->reserved));
+    if (!a->count)
+        return 0;
+    if (q->owner && q->owner != o)
+        return -EBUSY;
+    if (q->count == SST_SIM_CAM_BUFFERS)
+        return -ENOBUFS;
+    if ((q->count && q->memory != a->memory) || bytes < cam->format.sizeimage || bytes > 1u << OFFSET_SHIFT)
+        return -EINVAL;
+    made = make_buffers(q, a->count, bytes);
+    if (made < 0)
+        return made;
+    q->memory = a->memory;
+    q->owner = o;
+    a->count = (uint32_t)made;
+    return 0;
+}
+
+static int query_buffer(struct sst_sim_queue *q, struct v4l2_buffer *a)
+{
+    if (wrong_type(a->type) || a->index >= q->count)
+        return -EINVAL;
+    describe(q, a->index, a);
+    return 0;
+}
+
+/* The memory that the program gives for a frame. */
+static int take_memory(const struct sst_sim_cam *cam, struct sst_sim_buffer *b, const struct v4l2_buffer *a,
+                       struct sst_sim_request *r)
+{
+    struct stat st;
+
+    if (a->memory == V4L2_MEMORY_USERPTR) {
+        if (a->length < cam->format.sizeimage)
+            return -EINVAL;
+        b->userptr = a->m.userptr;
+        b->user_length = a->length;
+    } else if (a->memory == V4L2_MEMORY_DMABUF) {
+        if (r->fd < 0 || fstat(r->fd, &st) < 0 || !S_ISREG(st.st_mode) || st.st_size < (off_t)cam->format.sizeimage)
+            return -EINVAL;
+        if (b->dmabuf >= 0)
+            close(b->dmabuf);
+        b->dmabuf = r->fd;
+        r->fd = -1;
+        b->dmabuf_number = a->m.fd;
+        b->user_length = (uint32_t)st.st_size;
+    }
+    return 0;
+}
+
+static int queue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r, bool prepare)
+{
+    struct v4l2_buffer *a = (struct v4l2_buffer *)r->data;
+    struct sst_sim_queue *q = &cam->queue;
+    struct sst_sim_buffer *b;
+    int err;
+
+    if (q->owner && q->owner != o)
+        return -EBUSY;
+    if (wrong_type(a->type) || a->index >= q->count || a->memory != q->memory)
+        return -EINVAL;
+    b = &q->buffer[a->index];
+    if (a->flags & V4L2_BUF_FLAG_REQUEST_FD)
+        return prepare ? -EINVAL : -EBADR;
+    if (b->state != SST_SIM_BUFFER_DEQUEUED || (prepare && b->prepared))
+        return -EINVAL;
+    err = b->prepared ? 0 : take_memory(cam, b, a, r);
+    if (err)
+        return err;
+    if (prepare) {
+        b->prepared = true;
+    } else {
+        b->state = SST_SIM_BUFFER_QUEUED;
+        b->prepared = false;
+        q->queued[q->queued_count++] = a->index;
+    }
+    describe(q, a->index, a);
+    return 0;
+}
+
+static int dequeue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+{
+    const struct v4l2_buffer *a = (const struct v4l2_buffer *)r->data;
+    struct sst_sim_queue *q = &cam->queue;
+
+    if (q->owner && q->owner != o)
+        return -EBUSY;
+    if (wrong_type(a->type) || !q->streaming || (q->count && a->memory != q->memory))
+        return -EINVAL;
+    if (q->waiter)
+        return -EBUSY; /* another thread waits for a frame */
+    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_EIO)))
+        return -EIO;
+    if (q->done_count) {
+        take(q, r);
+        r->drain = 1;
+        return 0;
+    }
+    if (r->call.flags & SST_SIM_NONBLOCK)
+        return -EAGAIN;
+    q->waiter = r;
+    return SST_SIM_LATER;
+}
+
+static int export_buffer(struct sst_sim_queue *q, struct sst_sim_open *o, struct sst_sim_request *r)
+{
+    const struct v4l2_exportbuffer *a = (const struct v4l2_exportbuffer *)r->data;
+
+    if (q->owner && q->owner != o)
+        return -EBUSY;
+    if (wrong_type(a->type) || q->memory != V4L2_MEMORY_MMAP || a->index >= q->count || a->plane ||
+        (a->flags & ~(uint32_t)(O_CLOEXEC | O_ACCMODE)))
+        return -EINVAL;
+    r->out_fd = q->buffer[a->index].memory;
+    r->out_bytes = sizeof(*a);
+    return 0;
+}
+
+static int stream_on(struct sst_sim_cam *cam, struct sst_sim_open *o, int type)
+{
+    struct sst_sim_queue *q = &cam->queue;
+    int err;
+
+    if (q->owner && q->owner != o)
+        return -EBUSY;
+    if (wrong_type((uint32_t)type) || !q->count)
+        return -EINVAL;
+    if (q->streaming)
+        return 0;
+    q->streaming = true;
+    err = sst_sim_cam_start(cam);
+    if (err)
+        q->streaming = false;
+    return err;
+}
+
+static int stream_off(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r, int type)
+{
+    if (cam->queue.owner && cam->queue.owner != o)
+        return -EBUSY;
+    if (wrong_type((uint32_t)type))
+        return -EINVAL;
+    sst_sim_cam_queue_stop(cam, r);
+    sst_sim_array_rung(cam->array, cam->index, SST_SIM_RESTREAM);
+    return 0;
+}
+
+int sst_sim_cam_queue_ioctl(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+{
+    int type, err;
+
+    memcpy(&type, r->data, sizeof(type));
+    switch (r->call.cmd) {
+    case VIDIOC_DQBUF: return dequeue_buffer(cam, o, r);
+    case VIDIOC_EXPBUF: return export_buffer(&cam->queue, o, r);
+    case VIDIOC_STREAMON: return stream_on(cam, o, type);
+    case VIDIOC_STREAMOFF: return stream_off(cam, o, r, type);
+    case VIDIOC_REQBUFS: err = request_buffers(cam, o, r); break;
+    case VIDIOC_CREATE_BUFS: err = create_buffers(cam, o, r); break;
+    case VIDIOC_QUERYBUF: err = query_buffer(&cam->queue, (struct v4l2_buffer *)r->data); break;
+    case VIDIOC_QBUF: err = queue_buffer(cam, o, r, false); break;
+    case VIDIOC_PREPARE_BUF: err = queue_buffer(cam, o, r, true); break;
+    default: return -ENOTTY;
+    }
+    if (!err)
+        r->out_bytes = _IOC_SIZE(r->call.cmd);
+    return err;
+}
+
+int sst_sim_cam_queue_map(struct sst_sim_cam *cam, struct sst_sim_request *r)
+{
+    const uint64_t index = r->call.arg >> OFFSET_SHIFT;
+    const int prot = (int)(r->call.cmd >> 16), flags = (int)(r->call.cmd & 0xffff);
+    struct sst_sim_queue *q = &cam->queue;
+    struct sst_sim_buffer *b;
+
+    if (q->memory != V4L2_MEMORY_MMAP || index >= q->count || (r->call.arg & ((1u << OFFSET_SHIFT) - 1)))
+        return -EINVAL;
+    b = &q->buffer[index];
+    if (!(flags & MAP_SHARED) || !(prot & PROT_READ) || r->call.length > b->length)
+        return -EINVAL;
+    b->mapped = true;
+    r->out_fd = b->memory;
+    return 0;
+}

@@ -1,0 +1,432 @@
+/* The simulator's event loop: connections of programs and their calls. */
+#define _GNU_SOURCE
+#include "simulators/devices/server.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/timerfd.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "simulators/devices/server_internal.h"
+
+int sst_sim_source_add(struct sst_sim_server *s, int fd, uint32_t events, struct sst_sim_source *source)
+{
+    struct epoll_event ev = { .events = events, .data.ptr = source };
+
+    return epoll_ctl(s->epoll, EPOLL_CTL_ADD, fd, &ev) < 0 ? -errno : 0;
+}
+
+/* --- answers ------------------------------------------------------------------------------------------------------ */
+
+static struct sst_sim_conn *conn_of(struct sst_sim_request *r)
+{
+    return (struct sst_sim_conn *)((char *)r - offsetof(struct sst_sim_conn, request));
+}
+
+static void put_fd(struct msghdr *msg, char *room, int fd)
+{
+    struct cmsghdr *c;
+
+    msg->msg_control = room;
+    msg->msg_controllen = CMSG_SPACE(sizeof(int));
+    c = CMSG_FIRSTHDR(msg);
+    c->cmsg_level = SOL_SOCKET;
+    c->cmsg_type = SCM_RIGHTS;
+    c->cmsg_len = CMSG_LEN(sizeof(int));
+    memcpy(CMSG_DATA(c), &fd, sizeof(fd));
+}
+
+static void request_end(struct sst_sim_conn *c)
+{
+    struct sst_sim_request *r = &c->request;
+
+    if (r->out_fd >= 0 && r->out_fd_close)
+        close(r->out_fd);
+    if (r->fd >= 0)
+        close(r->fd);
+    r->fd = r->out_fd = -1;
+    c->pending = false;
+}
+
+void sst_sim_answer(struct sst_sim_server *s, struct sst_sim_request *r, int result)
+{
+    struct sst_sim_conn *c = conn_of(r);
+    struct sst_sim_answer answer = { .result = result, .drain = r->drain, .flags = r->out_flags, .arg = r->out_arg };
+    struct iovec iov[2] = { { &answer, sizeof(answer) }, { r->data, r->out_bytes } };
+    struct msghdr msg = { .msg_iov = iov, .msg_iovlen = r->out_bytes ? 2 : 1 };
+    _Alignas(struct cmsghdr) char room[CMSG_SPACE(sizeof(int))] = { 0 };
+
+    sst_sim_timer_stop(s, &c->delay);
+    if (result >= 0 && r->out_fd >= 0)
+        put_fd(&msg, room, r->out_fd);
+    /* The program waits for this one message: a full socket means that it does not play by the rules. */
+    if (sendmsg(c->fd, &msg, MSG_DONTWAIT | MSG_NOSIGNAL) < 0)
+        (void)shutdown(c->fd, SHUT_RDWR);
+    request_end(c);
+}
+
+static void delay_over(void *arg)
+{
+    struct sst_sim_conn *c = arg;
+
+    sst_sim_answer(c->server, &c->request, c->delayed_result);
+}
+
+int sst_sim_answer_at(struct sst_sim_server *s, struct sst_sim_request *r, int result, int64_t due_ns)
+{
+    struct sst_sim_conn *c = conn_of(r);
+    const int err = sst_sim_timer_set(s, &c->delay, due_ns);
+
+    c->delayed_result = result;
+    return err ? err : SST_SIM_LATER;
+}
+
+/* Forget what a device was to answer later. */
+static void request_cancel(struct sst_sim_server *s, struct sst_sim_conn *c)
+{
+    struct sst_sim_handle *h = c->request.handle;
+
+    if (c->delay.slot)
+        sst_sim_timer_stop(s, &c->delay);
+    else if (h && h->ops->cancel)
+        h->ops->cancel(h, &c->request);
+}
+
+void sst_sim_requests_fail(struct sst_sim_server *s, struct sst_sim_handle *h, int err)
+{
+    for (struct sst_sim_conn *c = s->conns; c; c = c->next)
+        if (c->pending && c->request.handle == h) {
+            request_cancel(s, c);
+            c->request.handle = NULL;
+            c->request.out_bytes = 0;
+            sst_sim_answer(s, &c->request, err);
+        }
+}
+
+/* --- calls -------------------------------------------------------------------------------------------------------- */
+
+static int serve_file(struct sst_sim_server *s, struct sst_sim_request *r)
+{
+    struct sst_sim_open_file *f = sst_sim_file_find(s, r->call.handle);
+    const struct sst_sim_ops *ops = f ? f->handle.ops : NULL;
+
+    if (!f)
+        return -ENODEV;
+    r->handle = &f->handle;
+    switch (r->call.op) {
+    case SST_SIM_IOCTL: return ops->ioctl ? ops->ioctl(&f->handle, r) : -ENOTTY;
+    case SST_SIM_MAP: return ops->map ? ops->map(&f->handle, r) : -ENODEV;
+    case SST_SIM_STAT: r->out_arg = sst_sim_file_device(f); return 0;
+    case SST_SIM_READ: return ops->read ? ops->read(&f->handle, r) : -EINVAL;
+    default: return ops->write ? ops->write(&f->handle, r) : -EINVAL;
+    }
+}
+
+static void serve_ready(struct sst_sim_server *s, const struct sst_sim_call *call)
+{
+    struct sst_sim_open_file *f = sst_sim_file_find(s, call->handle);
+
+    if (f) {
+        f->handle.urgent = false;
+        if (f->handle.ops->ready)
+            f->handle.ops->ready(&f->handle);
+    }
+}
+
+static void serve(struct sst_sim_server *s, struct sst_sim_conn *c)
+{
+    struct sst_sim_request *r = &c->request;
+    int result;
+
+    c->pending = true;
+    switch (r->call.op) {
+    case SST_SIM_OPEN: result = sst_sim_file_open(s, r); break;
+    case SST_SIM_IOCTL:
+    case SST_SIM_MAP:
+    case SST_SIM_STAT:
+    case SST_SIM_READ:
+    case SST_SIM_WRITE: result = serve_file(s, r); break;
+    case SST_SIM_FAULT:
+    case SST_SIM_FAULTS:
+    case SST_SIM_STATUS:
+    case SST_SIM_STOP: result = s->control.call(s->control.arg, r); break;
+    default: result = -ENOSYS;
+    }
+    if (result != SST_SIM_LATER)
+        sst_sim_answer(s, r, result);
+}
+
+static void conn_close(struct sst_sim_server *s, struct sst_sim_conn *c)
+{
+    if (c->pending) {
+        request_cancel(s, c);
+        request_end(c);
+    }
+    for (struct sst_sim_conn **p = &s->conns; *p; p = &(*p)->next)
+        if (*p == c) {
+            *p = c->next;
+            break;
+        }
+    close(c->fd);
+    free(c);
+}
+
+static int take_fd(struct msghdr *msg)
+{
+    int fd = -1;
+
+    for (struct cmsghdr *c = CMSG_FIRSTHDR(msg); c; c = CMSG_NXTHDR(msg, c))
+        if (c->cmsg_level == SOL_SOCKET && c->cmsg_type == SCM_RIGHTS && c->cmsg_len == CMSG_LEN(sizeof(int)))
+            memcpy(&fd, CMSG_DATA(c), sizeof(fd));
+    return fd;
+}
+
+/* One message: a call, or the cancel of a pending one. @return false: the connection is at its end. */
+static bool receive(struct sst_sim_server *s, struct sst_sim_conn *c)
+{
+    struct sst_sim_call call;
+    _Alignas(struct cmsghdr) char room[CMSG_SPACE(sizeof(int))];
+    uint8_t *data = c->pending ? NULL : c->data;
+    struct iovec iov[2] = { { &call, sizeof(call) }, { data, data ? sizeof(c->data) : 0 } };
+    struct msghdr msg = { .msg_iov = iov, .msg_iovlen = 2, .msg_control = room, .msg_controllen = sizeof(room) };
+    const ssize_t n = recvmsg(c->fd, &msg, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+    int fd;
+
+    if (n < 0)
+        return errno == EAGAIN || errno == EINTR;
+    fd = take_fd(&msg);
+    if (n < (ssize_t)sizeof(call) || (msg.msg_flags & MSG_TRUNC) || (c->pending && call.op != SST_SIM_CANCEL)) {
+        if (fd >= 0)
+            close(fd);
+        return false;
+    }
+    if (call.op == SST_SIM_CANCEL) {
+        if (c->pending) {
+            request_cancel(s, c);
+            c->request.out_bytes = 0;
+            sst_sim_answer(s, &c->request, -EINTR);
+        }
+        return true;
+    }
+    if (call.op == SST_SIM_READY) {
+        serve_ready(s, &call);
+        return true;
+    }
+    c->request = (struct sst_sim_request){ .call = call, .data = c->data, .fd = fd, .out_fd = -1,
+                                           .bytes = (uint32_t)((size_t)n - sizeof(call)) };
+    serve(s, c);
+    return true;
+}
+
+static void conn_ready(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+{
+    struct sst_sim_conn *c = (struct sst_sim_conn *)source;
+
+    if (!(events & EPOLLIN) || !receive(s, c))
+        conn_close(s, c);
+}
+
+static void accept_one(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+{
+    const int fd = accept4(s->listener, NULL, NULL, SOCK_CLOEXEC);
+    struct sst_sim_conn *c;
+
+    (void)source;
+    (void)events;
+    if (fd < 0)
+        return;
+    c = calloc(1, sizeof(*c));
+    if (!c) {
+        close(fd);
+        return;
+    }
+    c->source.ready = conn_ready;
+    c->fd = fd;
+    c->server = s;
+    c->request.fd = c->request.out_fd = -1;
+    c->delay = (struct sst_sim_timer){ .fire = delay_over, .arg = c };
+    if (sst_sim_source_add(s, fd, EPOLLIN, &c->source)) {
+        close(fd);
+        free(c);
+        return;
+    }
+    c->next = s->conns;
+    s->conns = c;
+}
+
+/* --- the loop ----------------------------------------------------------------------------------------------------- */
+
+static void timers_due(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+{
+    uint64_t expirations;
+
+    (void)source;
+    (void)events;
+    (void)!read(s->timerfd, &expirations, sizeof(expirations));
+    sst_sim_timers_fire(s);
+}
+
+static void watched_ready(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+{
+    struct sst_sim_watched *w = (struct sst_sim_watched *)source;
+
+    (void)s;
+    (void)events;
+    if (w->fn)
+        w->fn(w->arg);
+}
+
+int sst_sim_watch(struct sst_sim_server *s, int fd, void (*fn)(void *arg), void *arg)
+{
+    struct sst_sim_watched *w = s->watched;
+    int err;
+
+    while (w && w->fd != fd)
+        w = w->next;
+    if (w) {
+        w->fn = fn;
+        w->arg = arg;
+        if (fn)
+            return 0;
+        w->fd = -1; /* the record stays: an event may point to it */
+        return epoll_ctl(s->epoll, EPOLL_CTL_DEL, fd, NULL) < 0 ? -errno : 0;
+    }
+    if (!fn)
+        return 0;
+    w = calloc(1, sizeof(*w));
+    if (!w)
+        return -ENOMEM;
+    *w = (struct sst_sim_watched){ .source.ready = watched_ready, .fd = fd, .fn = fn, .arg = arg, .next = s->watched };
+    err = sst_sim_source_add(s, fd, EPOLLIN, &w->source);
+    if (err)
+        free(w);
+    else
+        s->watched = w;
+    return err;
+}
+
+int sst_sim_server_run(struct sst_sim_server *s)
+{
+    struct epoll_event ev[64];
+
+    s->stop = false;
+    while (!s->stop) {
+        int n;
+
+        sst_sim_timers_arm(s);
+        /* Serving an event frees nothing that another points to: files wait in dead_files, a connection is only
+         * freed by its own event. */
+        n = epoll_wait(s->epoll, ev, ARRAY_LEN(ev), -1);
+        if (n < 0 && errno != EINTR) {
+            const int err = -errno;
+
+            sst_log_error("simulator: waiting for events: %s", strerror(-err));
+            return err;
+        }
+        for (int i = 0; i < n && !s->stop; i++) {
+            struct sst_sim_source *source = ev[i].data.ptr;
+
+            source->ready(s, source, ev[i].events);
+        }
+        sst_sim_files_free_dead(s);
+    }
+    return 0;
+}
+
+void sst_sim_server_stop(struct sst_sim_server *s)
+{
+    s->stop = true;
+}
+
+static int listen_at(struct sst_sim_server *s)
+{
+    struct sockaddr_un name = { .sun_family = AF_UNIX };
+
+    if (snprintf(name.sun_path, sizeof(name.sun_path), "%s/%s", s->dir, SST_SIM_SOCKET) >= (int)sizeof(name.sun_path))
+        return -ENAMETOOLONG;
+    s->listener = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (s->listener < 0 || bind(s->listener, (const struct sockaddr *)&name, sizeof(name)) < 0 ||
+        listen(s->listener, 1024) < 0)
+        return -errno;
+    return 0;
+}
+
+int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const struct sst_sim_control *control)
+{
+    struct sst_sim_server *s = calloc(1, sizeof(*s));
+    int err = -ENOMEM;
+
+    if (!s)
+        return err;
+    s->control = *control;
+    s->listener = s->epoll = s->timerfd = -1;
+    s->listener_source.ready = accept_one;
+    s->timer_source.ready = timers_due;
+    err = sst_path_join(s->dir, dir, NULL);
+    if (!err)
+        err = sst_sim_dev_open(s);
+    if (err)
+        goto fail;
+    err = listen_at(s);
+    if (err) {
+        sst_log_error("session folder '%s': no socket in it: %s; is it in use, or its name too long?", dir,
+                      strerror(-err));
+        goto fail;
+    }
+    s->epoll = epoll_create1(EPOLL_CLOEXEC);
+    s->timerfd = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
+    if (s->epoll < 0 || s->timerfd < 0)
+        err = -errno;
+    if (!err)
+        err = sst_sim_source_add(s, s->listener, EPOLLIN, &s->listener_source);
+    if (!err)
+        err = sst_sim_source_add(s, s->timerfd, EPOLLIN, &s->timer_source);
+    if (err) {
+        sst_log_error("simulator: no event loop: %s", strerror(-err));
+        goto fail;
+    }
+    *out = s;
+    return 0;
+
+fail:
+    sst_sim_server_close(s);
+    return err;
+}
+
+void sst_sim_server_close(struct sst_sim_server *s)
+{
+    if (!s)
+        return;
+    while (s->nodes)
+        sst_sim_node_remove(s, s->nodes);
+    sst_sim_files_drop(s, NULL);
+    while (s->conns)
+        conn_close(s, s->conns);
+    sst_sim_files_free_dead(s);
+    while (s->watched) {
+        struct sst_sim_watched *w = s->watched;
+
+        s->watched = w->next;
+        free(w);
+    }
+    if (s->listener >= 0)
+        close(s->listener);
+    if (s->epoll >= 0)
+        close(s->epoll);
+    if (s->timerfd >= 0)
+        close(s->timerfd);
+    free(s->files);
+    free(s->heap);
+    free(s);
+}
+
+const char *sst_sim_server_dir(const struct sst_sim_server *s)
+{
+    return s->dir;
+}

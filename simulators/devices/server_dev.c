@@ -1,0 +1,150 @@
+/* What /dev looks like in a session: real entries by link, simulated nodes as small files that the preload library
+ * shows as devices. */
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "simulators/devices/server_internal.h"
+
+static bool hidden(const char *name)
+{
+    static const char *const kinds[] = { SST_SIM_OWN_KINDS };
+
+    for (size_t i = 0; i < ARRAY_LEN(kinds); i++)
+        if (strncmp(name, kinds[i], strlen(kinds[i])) == 0)
+            return true;
+    return name[0] == '.';
+}
+
+int sst_sim_dev_open(struct sst_sim_server *s)
+{
+    char path[SST_PATH_MAX], target[SST_PATH_MAX];
+    int err = sst_path_join(path, s->dir, "dev");
+    const size_t base = strlen(path);
+    DIR *real = NULL;
+
+    if (!err && mkdir(path, 0700) < 0 && errno != EEXIST)
+        err = -errno;
+    if (!err && !(real = opendir("/dev")))
+        err = -errno;
+    for (struct dirent *e; !err && (e = readdir(real));) {
+        if (hidden(e->d_name))
+            continue;
+        if (snprintf(path + base, sizeof(path) - base, "/%s", e->d_name) < (int)(sizeof(path) - base) &&
+            snprintf(target, sizeof(target), "/dev/%s", e->d_name) < (int)sizeof(target) &&
+            symlink(target, path) < 0 && errno != EEXIST)
+            err = -errno;
+    }
+    if (real)
+        closedir(real);
+    if (err)
+        sst_log_error("session folder '%s': making dev/ failed: %s", s->dir, strerror(-err));
+    return err;
+}
+
+struct sst_sim_node *sst_sim_node_find(struct sst_sim_server *s, const char *path)
+{
+    for (struct sst_sim_node *n = s->nodes; n; n = n->next)
+        if (strcmp(n->path, path) == 0)
+            return n;
+    return NULL;
+}
+
+/* Where an entry of /dev lies in the session; its folders are made. */
+static int place(struct sst_sim_server *s, const char *path, char out[SST_PATH_MAX])
+{
+    if (snprintf(out, SST_PATH_MAX, "%s%s", s->dir, path) >= SST_PATH_MAX)
+        return -ENAMETOOLONG;
+    for (char *p = out + strlen(s->dir) + 5; (p = strchr(p, '/')); p++) {
+        *p = 0;
+        if (mkdir(out, 0700) < 0 && errno != EEXIST)
+            return -errno;
+        *p = '/';
+    }
+    return 0;
+}
+
+static int write_node(struct sst_sim_server *s, const struct sst_sim_node *n)
+{
+    char path[SST_PATH_MAX], temporary[SST_PATH_MAX];
+    int err = place(s, n->path, path);
+    FILE *f;
+
+    if (err)
+        return err;
+    /* appears whole: others look at any time */
+    if (snprintf(temporary, sizeof(temporary), "%s/.node", s->dir) >= (int)sizeof(temporary))
+        return -ENAMETOOLONG;
+    f = fopen(temporary, "w");
+    if (!f)
+        return -errno;
+    if (fprintf(f, "%u %u\n", n->dev_major, n->dev_minor) < 0 || fchmod(fileno(f), S_ISVTX | 0600) < 0)
+        err = -errno;
+    if (fclose(f) != 0 && !err)
+        err = -errno;
+    if (!err && rename(temporary, path) < 0)
+        err = -errno;
+    return err;
+}
+
+int sst_sim_node_add(struct sst_sim_server *s, struct sst_sim_node **node, const char *path, unsigned dev_major,
+                     unsigned dev_minor, const struct sst_sim_ops *ops, void *device)
+{
+    struct sst_sim_node *n;
+    int err = 0;
+
+    if (sst_sim_node_find(s, path))
+        return -EEXIST;
+    n = calloc(1, sizeof(*n));
+    if (!n)
+        return -ENOMEM;
+    *n = (struct sst_sim_node){ .dev_major = dev_major, .dev_minor = dev_minor, .ops = ops, .device = device };
+    if (snprintf(n->path, sizeof(n->path), "%s", path) >= (int)sizeof(n->path))
+        err = -ENAMETOOLONG;
+    else if (strncmp(path, "/dev/", 5) == 0)
+        err = write_node(s, n);
+    if (err) {
+        sst_log_error("device '%s': no entry in session '%s': %s", path, s->dir, strerror(-err));
+        free(n);
+        return err;
+    }
+    n->next = s->nodes;
+    s->nodes = n;
+    *node = n;
+    return 0;
+}
+
+void sst_sim_node_remove(struct sst_sim_server *s, struct sst_sim_node *node)
+{
+    char path[SST_PATH_MAX];
+
+    if (!node)
+        return;
+    for (struct sst_sim_node **p = &s->nodes; *p; p = &(*p)->next)
+        if (*p == node) {
+            *p = node->next;
+            break;
+        }
+    if (strncmp(node->path, "/dev/", 5) == 0 && place(s, node->path, path) == 0)
+        (void)unlink(path);
+    sst_sim_files_drop(s, node);
+    free(node);
+}
+
+int sst_sim_link(struct sst_sim_server *s, const char *path, const char *target)
+{
+    char entry[SST_PATH_MAX];
+    int err = place(s, path, entry);
+
+    if (err)
+        return err;
+    if (unlink(entry) < 0 && errno != ENOENT)
+        return -errno;
+    return target && symlink(target, entry) < 0 ? -errno : 0;
+}

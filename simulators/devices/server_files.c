@@ -1,0 +1,198 @@
+/* Open files of the programs: socket pairs, their names, their end. */
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "simulators/devices/server_internal.h"
+
+#define SLOT_BITS 14 /* SST_SIM_HANDLES_MAX */
+
+struct sst_sim_open_file *sst_sim_file_find(struct sst_sim_server *s, uint32_t id)
+{
+    const uint32_t slot = id & (SST_SIM_HANDLES_MAX - 1);
+    struct sst_sim_open_file *f = slot < (uint32_t)s->file_slots ? s->files[slot] : NULL;
+
+    return f && f->handle.id == id ? f : NULL;
+}
+
+static void hung_up(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+{
+    struct sst_sim_open_file *f = (struct sst_sim_open_file *)source;
+
+    (void)s;
+    (void)events;
+    if (!f->dead)
+        sst_sim_handle_drop(&f->handle);
+}
+
+static int free_slot(struct sst_sim_server *s)
+{
+    struct sst_sim_open_file **files;
+    int slot = 0, slots;
+
+    while (slot < s->file_slots && s->files[slot])
+        slot++;
+    if (slot < s->file_slots)
+        return slot;
+    slots = s->file_slots ? 2 * s->file_slots : 64;
+    if (slots > SST_SIM_HANDLES_MAX)
+        return -ENFILE;
+    files = realloc(s->files, (size_t)slots * sizeof(*files));
+    if (!files)
+        return -ENOMEM;
+    memset(files + s->file_slots, 0, (size_t)(slots - s->file_slots) * sizeof(*files));
+    s->files = files;
+    s->file_slots = slots;
+    return slot;
+}
+
+static int make_pair(const struct sst_sim_ops *ops, uint32_t id, int pair[2])
+{
+    struct sockaddr_un name = { .sun_family = AF_UNIX };
+    const int n = snprintf(name.sun_path + 1, sizeof(name.sun_path) - 1, SST_SIM_NAME "%c/%u", ops->letter, id);
+    int err = 0;
+
+    if (socketpair(AF_UNIX, (ops->packets ? SOCK_SEQPACKET : SOCK_STREAM) | SOCK_CLOEXEC, 0, pair) < 0)
+        return -errno;
+    /* A byte that is never read makes the close of our end an error at the other: POLLERR besides POLLHUP. */
+    if (bind(pair[1], (const struct sockaddr *)&name, (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + n)) < 0 ||
+        write(pair[1], "", 1) != 1)
+        err = -errno;
+    if (err) {
+        close(pair[0]);
+        close(pair[1]);
+    }
+    return err;
+}
+
+int sst_sim_handle_create(struct sst_sim_server *s, const struct sst_sim_ops *ops, void *device,
+                          struct sst_sim_handle **handle, int *client_fd)
+{
+    const int slot = free_slot(s);
+    struct sst_sim_open_file *f;
+    int pair[2], err;
+    uint32_t id;
+
+    if (slot < 0)
+        return slot;
+    f = calloc(1, sizeof(*f));
+    if (!f)
+        return -ENOMEM;
+    /* The name of a file that was dropped lives as long as the program holds it. */
+    do {
+        id = (uint32_t)slot | ++s->generation << SLOT_BITS;
+        err = make_pair(ops, id, pair);
+    } while (err == -EADDRINUSE);
+    if (err) {
+        free(f);
+        return err;
+    }
+    f->source.ready = hung_up;
+    f->handle = (struct sst_sim_handle){ .server = s, .ops = ops, .device = device, .id = id, .fd = pair[0] };
+    err = sst_sim_source_add(s, pair[0], EPOLLRDHUP, &f->source);
+    if (err) {
+        close(pair[0]);
+        close(pair[1]);
+        free(f);
+        return err;
+    }
+    s->files[slot] = f;
+    *handle = &f->handle;
+    *client_fd = pair[1];
+    return 0;
+}
+
+uint64_t sst_sim_file_device(const struct sst_sim_open_file *f)
+{
+    return f->node ? (uint64_t)f->node->dev_major << 32 | f->node->dev_minor : 0;
+}
+
+static struct sst_sim_open_file *file_of(struct sst_sim_handle *h)
+{
+    return (struct sst_sim_open_file *)((char *)h - offsetof(struct sst_sim_open_file, handle));
+}
+
+void sst_sim_handle_drop(struct sst_sim_handle *h)
+{
+    struct sst_sim_server *s = h->server;
+    struct sst_sim_open_file *f = file_of(h);
+
+    s->files[h->id & (SST_SIM_HANDLES_MAX - 1)] = NULL;
+    f->dead = true;
+    sst_sim_requests_fail(s, h, -ENODEV);
+    if (h->ops->close)
+        h->ops->close(h);
+    close(h->fd);
+    f->next_dead = s->dead_files;
+    s->dead_files = f;
+}
+
+void sst_sim_files_free_dead(struct sst_sim_server *s)
+{
+    while (s->dead_files) {
+        struct sst_sim_open_file *f = s->dead_files;
+
+        s->dead_files = f->next_dead;
+        free(f);
+    }
+}
+
+void sst_sim_files_drop(struct sst_sim_server *s, const struct sst_sim_node *node)
+{
+    for (int i = 0; i < s->file_slots; i++)
+        if (s->files[i] && (!node || s->files[i]->node == node))
+            sst_sim_handle_drop(&s->files[i]->handle);
+}
+
+int sst_sim_file_open(struct sst_sim_server *s, struct sst_sim_request *r)
+{
+    struct sst_sim_node *node;
+    struct sst_sim_handle *h;
+    int err, fd;
+
+    r->data[sst_min_int((int)r->bytes, SST_SIM_PAYLOAD_MAX - 1)] = 0;
+    node = sst_sim_node_find(s, (const char *)r->data);
+    if (!node)
+        return -ENXIO;
+    err = sst_sim_handle_create(s, node->ops, node->device, &h, &fd);
+    if (err)
+        return err;
+    file_of(h)->node = node;
+    h->open_flags = (int)r->call.cmd;
+    if ((h->open_flags & O_NONBLOCK) && fcntl(fd, F_SETFL, O_NONBLOCK) < 0)
+        err = -errno;
+    r->out_fd = fd;
+    r->out_fd_close = true;
+    r->handle = h;
+    if (!err && node->ops->open)
+        err = node->ops->open(h, r);
+    if (err < 0) {
+        r->handle = NULL;
+        r->out_fd = -1;
+        close(fd);
+        /* never was open: the device is not told that it closes */
+        h->ops = &(const struct sst_sim_ops){ .letter = node->ops->letter };
+        sst_sim_handle_drop(h);
+    }
+    return err;
+}
+
+int sst_sim_handle_readable(struct sst_sim_handle *h, const void *data, size_t bytes)
+{
+    const ssize_t n = send(h->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL);
+
+    return n < 0 ? -errno : n == (ssize_t)bytes ? 0 : -EAGAIN;
+}
+
+void sst_sim_handle_urgent(struct sst_sim_handle *h)
+{
+    /* Only one at a time: a second would turn the first into common data. */
+    if (!h->urgent && send(h->fd, "", 1, MSG_OOB | MSG_DONTWAIT | MSG_NOSIGNAL) == 1)
+        h->urgent = true;
+}

@@ -1,0 +1,263 @@
+/* Sessions as their programs see them: folder, environment, command, questions. */
+#define _GNU_SOURCE
+#include "simulators/devices/session.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/signalfd.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "simulators/devices/proto.h"
+
+#define PRELOAD "libsst-sim-preload.so"
+
+int sst_sim_session_make(char dir[SST_PATH_MAX])
+{
+    const char *runtime = getenv("XDG_RUNTIME_DIR");
+
+    /* A socket's path holds 107 characters. */
+    if (!runtime || runtime[0] != '/' || strlen(runtime) > 64 || access(runtime, W_OK) < 0)
+        runtime = "/tmp";
+    (void)snprintf(dir, SST_PATH_MAX, "%s/sst-sim-XXXXXX", runtime);
+    if (!mkdtemp(dir)) {
+        const int err = -errno;
+
+        sst_log_error("session folder in '%s': %s", runtime, strerror(-err));
+        return err;
+    }
+    return 0;
+}
+
+/* --- environment -------------------------------------------------------------------------------------------------- */
+
+static int find_preload(char out[SST_PATH_MAX])
+{
+    char self[SST_PATH_MAX];
+    const ssize_t n = readlink("/proc/self/exe", self, sizeof(self) - 1);
+    int err;
+
+    if (n < 0)
+        return -errno;
+    self[n] = 0;
+    self[n - (ssize_t)strlen(sst_path_base(self))] = 0;
+    err = sst_path_join(out, self, PRELOAD);
+    if (!err && !sst_path_exists(out))
+        err = sst_path_join(out, self, "../lib/" PRELOAD); /* as installed */
+    if (!err && !sst_path_exists(out)) {
+        sst_log_error("preload library '%s' is not beside the program in '%s'; build it with 'make'", PRELOAD, self);
+        return -ENOENT;
+    }
+    return err;
+}
+
+#if defined(__SANITIZE_ADDRESS__)
+/* Programs of a sanitized build must accept that a library comes before their sanitizer's. */
+static int allow_preload(void)
+{
+    const char *old = getenv("ASAN_OPTIONS");
+    char text[1024];
+
+    (void)snprintf(text, sizeof(text), "%s%sverify_asan_link_order=0", old ? old : "", old ? ":" : "");
+    return setenv("ASAN_OPTIONS", text, 1) < 0 ? -errno : 0;
+}
+#else
+static int allow_preload(void)
+{
+    return 0;
+}
+#endif
+
+int sst_sim_session_enter(const char *dir, const char *further)
+{
+    const char *old = getenv("LD_PRELOAD");
+    char preload[SST_PATH_MAX], all[3 * SST_PATH_MAX];
+    int err = find_preload(preload);
+
+    if (err)
+        return err;
+    if (snprintf(all, sizeof(all), "%s%s%s%s%s", preload, further ? ":" : "", further ? further : "",
+                 old && *old ? ":" : "", old ? old : "") >= (int)sizeof(all))
+        return -ENAMETOOLONG;
+    if (setenv("LD_PRELOAD", all, 1) < 0 || setenv(SST_SIM_DIR_ENV, dir, 1) < 0)
+        err = -errno;
+    return err ? err : allow_preload();
+}
+
+/* --- the command -------------------------------------------------------------------------------------------------- */
+
+static void forwarded(sigset_t *set)
+{
+    sigemptyset(set);
+    sigaddset(set, SIGINT);
+    sigaddset(set, SIGTERM);
+    sigaddset(set, SIGHUP);
+    sigaddset(set, SIGQUIT);
+    sigaddset(set, SIGUSR1);
+    sigaddset(set, SIGUSR2);
+}
+
+/* Give the terminal to a process group; we may be in the background then, which must not stop us. */
+static void give_terminal(int group)
+{
+    sigset_t out, old;
+
+    sigemptyset(&out);
+    sigaddset(&out, SIGTTOU);
+    (void)sigprocmask(SIG_BLOCK, &out, &old);
+    (void)tcsetpgrp(STDIN_FILENO, group);
+    (void)sigprocmask(SIG_SETMASK, &old, NULL);
+}
+
+static void run_child(char *const argv[], bool terminal, int report, const sigset_t *mask)
+{
+    int err;
+
+    (void)setpgid(0, 0);
+    if (terminal)
+        give_terminal(getpid());
+    (void)sigprocmask(SIG_SETMASK, mask, NULL);
+    (void)execvp(argv[0], argv);
+    err = errno;
+    (void)!write(report, &err, sizeof(err));
+    _exit(127);
+}
+
+int sst_sim_command_prepare(struct sst_sim_command *c)
+{
+    sigset_t set;
+    int err;
+
+    *c = (struct sst_sim_command){ .signals = -1 };
+    forwarded(&set);
+    sigaddset(&set, SIGCHLD);
+    if (sigprocmask(SIG_BLOCK, &set, &c->mask) == 0 &&
+        (c->signals = signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK)) >= 0)
+        return 0;
+    err = -errno;
+    sst_log_error("simulator: no descriptor for signals: %s", strerror(-err));
+    return err;
+}
+
+int sst_sim_command_start(struct sst_sim_command *c, char *const argv[])
+{
+    int report[2], err = 0, why;
+
+    if (pipe2(report, O_CLOEXEC) < 0)
+        return -errno;
+    c->terminal = isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
+    c->pid = fork();
+    if (c->pid == 0)
+        run_child(argv, c->terminal, report[1], &c->mask);
+    if (c->pid < 0) {
+        err = -errno;
+        c->pid = 0;
+    } else {
+        (void)setpgid(c->pid, c->pid);
+    }
+    close(report[1]);
+    if (!err && read(report[0], &why, sizeof(why)) == sizeof(why))
+        err = -why;
+    close(report[0]);
+    if (err)
+        sst_log_error("command '%s': cannot be run: %s", argv[0], strerror(-err));
+    return err;
+}
+
+/* Stopped by the terminal: let the shell that started us have it back, and go on together. */
+static void stop_together(const struct sst_sim_command *c)
+{
+    if (!c->terminal)
+        return;
+    give_terminal(getpgrp());
+    (void)raise(SIGSTOP);
+    give_terminal(c->pid);
+    (void)kill(-c->pid, SIGCONT);
+}
+
+static bool reap(struct sst_sim_command *c)
+{
+    int status;
+
+    if (!c->pid || waitpid(c->pid, &status, WNOHANG | WUNTRACED) != c->pid)
+        return false;
+    if (WIFSTOPPED(status)) {
+        stop_together(c);
+        return false;
+    }
+    c->status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    c->pid = 0;
+    return true;
+}
+
+bool sst_sim_command_signal(struct sst_sim_command *c)
+{
+    struct signalfd_siginfo info;
+    bool ended = false;
+
+    while (read(c->signals, &info, sizeof(info)) == sizeof(info)) {
+        if (info.ssi_signo == SIGCHLD)
+            ended = reap(c) || ended;
+        else if (c->pid)
+            (void)kill(-c->pid, (int)info.ssi_signo);
+        else if (info.ssi_signo != SIGUSR1 && info.ssi_signo != SIGUSR2)
+            ended = true;
+    }
+    return ended;
+}
+
+void sst_sim_command_close(struct sst_sim_command *c)
+{
+    if (c->pid > 0) {
+        (void)kill(-c->pid, SIGKILL);
+        (void)waitpid(c->pid, NULL, 0);
+    }
+    if (c->terminal)
+        give_terminal(getpgrp());
+    if (c->signals > 0)
+        close(c->signals);
+    *c = (struct sst_sim_command){ 0 };
+}
+
+/* --- questions ---------------------------------------------------------------------------------------------------- */
+
+int sst_sim_session_ask(const char *dir, unsigned op, const char *text, char *answer, size_t size)
+{
+    struct sockaddr_un name = { .sun_family = AF_UNIX };
+    struct sst_sim_call call = { .op = op };
+    struct sst_sim_answer head;
+    struct iovec out[2] = { { &call, sizeof(call) }, { (void *)text, strlen(text) } };
+    struct iovec in[2] = { { &head, sizeof(head) }, { answer, size - 1 } };
+    struct msghdr msg = { .msg_iov = out, .msg_iovlen = 2 };
+    const struct timeval limit = { .tv_sec = 5 };
+    ssize_t n;
+    int err = 0, fd;
+
+    if (snprintf(name.sun_path, sizeof(name.sun_path), "%s/" SST_SIM_SOCKET, dir) >= (int)sizeof(name.sun_path))
+        return -ENAMETOOLONG;
+    fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+    if (fd < 0)
+        return -errno;
+    (void)setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
+    if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) < 0 || sendmsg(fd, &msg, MSG_NOSIGNAL) < 0)
+        err = -errno;
+    msg = (struct msghdr){ .msg_iov = in, .msg_iovlen = 2 };
+    if (!err && (n = recvmsg(fd, &msg, 0)) < (ssize_t)sizeof(head))
+        err = n < 0 ? -errno : -EPIPE;
+    close(fd);
+    if (err) {
+        sst_log_error("session '%s': no answer: %s; does its sst-sim still run?", dir, strerror(-err));
+        return err;
+    }
+    answer[n - (ssize_t)sizeof(head)] = 0;
+    return head.result;
+}

@@ -1,0 +1,218 @@
+/* World, server and devices: opened in order, closed in reverse; what a session answers about itself. */
+#include "simulators/devices/simulator.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+
+struct sst_sim_simulator {
+    struct sst_sim_options options;
+    struct sst_sim_world *world;
+    struct sst_sim_faults *faults;
+    struct sst_sim_server *server;
+    struct sst_sim_wires *wires;
+    struct sst_sim_array *array;
+    int64_t opened_ns, opened_cpu_ns;
+};
+
+/* --- what a session answers --------------------------------------------------------------------------------------- */
+
+static void add_fault(void *arg, const char *name, double value)
+{
+    (void)json_object_set_new(arg, name, json_real(value));
+}
+
+/* What the simulation did and cost since the devices are there. */
+static json_t *figures(const struct sst_sim_simulator *sim)
+{
+    const double wall = (double)(sst_clock_now_ns() - sim->opened_ns) * 1e-9;
+    const double cpu = (double)(sst_clock_cpu_ns() - sim->opened_cpu_ns) * 1e-9;
+
+    return json_pack("{s:I, s:f, s:f, s:f}", "frames", (json_int_t)sst_sim_array_frames(sim->array), "seconds", wall,
+                     "cpu_seconds", cpu, "cpu_percent", wall > 0 ? 100 * cpu / wall : 0.0);
+}
+
+static json_t *status(const struct sst_sim_simulator *sim)
+{
+    json_t *all = figures(sim), *faults = json_object();
+
+    if (!all || !faults) {
+        json_decref(all);
+        json_decref(faults);
+        return NULL;
+    }
+    sst_sim_faults_each(sim->faults, add_fault, faults);
+    (void)json_object_set_new(all, "dir", json_string(sst_sim_server_dir(sim->server)));
+    (void)json_object_set_new(all, "faults", faults);
+    (void)json_object_set_new(all, "cameras", sst_sim_array_status(sim->array));
+    if (sst_sim_wires_rig(sim->wires))
+        (void)json_object_set_new(all, "rig", sst_sim_rig_status(sst_sim_wires_rig(sim->wires)));
+    return all;
+}
+
+static int answer_status(const struct sst_sim_simulator *sim, struct sst_sim_request *r)
+{
+    json_t *all = status(sim);
+    size_t n = 0;
+
+    if (all)
+        n = json_dumpb(all, (char *)r->data, SST_SIM_PAYLOAD_MAX, JSON_COMPACT);
+    json_decref(all);
+    if (!n || n > SST_SIM_PAYLOAD_MAX)
+        return -ENOMEM;
+    r->out_bytes = (uint32_t)n;
+    return 0;
+}
+
+static int set_fault(struct sst_sim_simulator *sim, const char *text, char *message, size_t size)
+{
+    struct sst_sim_rig *rig = sst_sim_wires_rig(sim->wires);
+
+    if (rig && !strncmp(text, "rig.", 4))
+        return sst_sim_rig_fault(rig, text, message, size);
+    return sst_sim_faults_set(sim->faults, text, message, size);
+}
+
+static int answer_fault(struct sst_sim_simulator *sim, struct sst_sim_request *r)
+{
+    char text[256], message[512] = "";
+    int err;
+
+    if (r->bytes >= sizeof(text))
+        return -EINVAL;
+    memcpy(text, r->data, r->bytes);
+    text[r->bytes] = 0;
+    err = set_fault(sim, text, message, sizeof(message));
+    r->out_bytes = (uint32_t)strlen(message);
+    memcpy(r->data, message, r->out_bytes);
+    return err;
+}
+
+static int answer_faults(const struct sst_sim_simulator *sim, struct sst_sim_request *r)
+{
+    size_t n = sst_sim_faults_list(sim->faults, (char *)r->data, SST_SIM_PAYLOAD_MAX);
+
+    if (sst_sim_wires_rig(sim->wires))
+        n += (size_t)snprintf((char *)r->data + n, SST_SIM_PAYLOAD_MAX - n, "%s", sst_sim_rig_faults);
+    r->out_bytes = (uint32_t)(n < SST_SIM_PAYLOAD_MAX ? n : SST_SIM_PAYLOAD_MAX - 1);
+    return 0;
+}
+
+static int answer(void *arg, struct sst_sim_request *r)
+{
+    struct sst_sim_simulator *sim = arg;
+
+    switch (r->call.op) {
+    case SST_SIM_FAULT: return answer_fault(sim, r);
+    case SST_SIM_FAULTS:
+        return answer_faults(sim, r);
+    case SST_SIM_STATUS: return answer_status(sim, r);
+    default: sst_sim_server_stop(sim->server); return 0;
+    }
+}
+
+/* --- open and close ----------------------------------------------------------------------------------------------- */
+
+static int set_faults(struct sst_sim_simulator *sim)
+{
+    for (int i = 0; i < sim->options.fault_count; i++) {
+        char message[512];
+        const int err = set_fault(sim, sim->options.faults[i], message, sizeof(message));
+
+        if (err) {
+            sst_log_error("%s", message);
+            return err;
+        }
+    }
+    return 0;
+}
+
+int sst_sim_simulator_open(struct sst_sim_simulator **out, const struct sst_sim_options *options)
+{
+    struct sst_sim_simulator *sim = calloc(1, sizeof(*sim));
+    int err = -ENOMEM;
+
+    if (!sim)
+        return err;
+    sim->options = *options;
+    err = sst_sim_world_open(&sim->world, options->world, options->cache);
+    if (!err)
+        err = sst_sim_faults_create(&sim->faults);
+    if (err) {
+        sst_sim_simulator_close(sim);
+        return err;
+    }
+    *out = sim;
+    return 0;
+}
+
+int sst_sim_simulator_start(struct sst_sim_simulator *sim, const char *dir)
+{
+    const struct sst_sim_control control = { .arg = sim, .call = answer };
+    int err = sst_sim_server_open(&sim->server, dir, &control);
+
+    if (!err)
+        err = sst_sim_wires_open(&sim->wires, &(struct sst_sim_wires_config){ .options = sim->options.wires,
+                                                                              .server = sim->server,
+                                                                              .faults = sim->faults,
+                                                                              .world = sim->world });
+    if (!err)
+        err = sst_sim_array_open(&sim->array, &(struct sst_sim_array_config){ .world = sim->world,
+                                                                              .server = sim->server,
+                                                                              .faults = sim->faults,
+                                                                              .usb = sst_sim_wires_usb(sim->wires),
+                                                                              .truth = sim->options.truth });
+    if (!err)
+        err = sst_sim_wires_attach(sim->wires, sim->array);
+    if (!err)
+        err = set_faults(sim);
+    if (err) {
+        /* nothing was simulated that could be told of */
+        sim->options.quiet = true;
+        sim->options.stats = NULL;
+    }
+    sim->opened_ns = sst_clock_now_ns();
+    sim->opened_cpu_ns = sst_clock_cpu_ns();
+    return err;
+}
+
+/* So that the cost of the simulation is not taken for the cost of what ran in it. */
+static void tell_cost(const struct sst_sim_simulator *sim)
+{
+    json_t *f = figures(sim);
+    char *text = f ? json_dumps(f, JSON_INDENT(2)) : NULL;
+
+    if (f && !sim->options.quiet)
+        fprintf(stderr, "sst-sim: %lld frames made in %.1f s; the simulation itself took %.2f s of CPU, %.1f %% of one core\n",
+                (long long)json_integer_value(json_object_get(f, "frames")),
+                json_real_value(json_object_get(f, "seconds")), json_real_value(json_object_get(f, "cpu_seconds")),
+                json_real_value(json_object_get(f, "cpu_percent")));
+    if (text && sim->options.stats)
+        (void)!sst_file_write(sim->options.stats, text, strlen(text));
+    free(text);
+    json_decref(f);
+}
+
+void sst_sim_simulator_close(struct sst_sim_simulator *sim)
+{
+    if (!sim)
+        return;
+    if (sim->array)
+        tell_cost(sim);
+    sst_sim_array_close(sim->array);
+    sst_sim_wires_close(sim->wires);
+    sst_sim_server_close(sim->server);
+    sst_sim_faults_destroy(sim->faults);
+    sst_sim_world_close(sim->world);
+    free(sim);
+}
+
+struct sst_sim_server *sst_sim_simulator_server(const struct sst_sim_simulator *sim)
+{
+    return sim->server;
+}

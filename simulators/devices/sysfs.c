@@ -1,0 +1,239 @@
+/* simulators/devices/sysfs.c - files and links of a session's /sys. */
+#define _XOPEN_SOURCE 700
+#include "simulators/devices/sysfs.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <ftw.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "simulators/devices/sysfs_internal.h"
+
+static void failed(struct sst_sim_sysfs *fs, const char *path, int err)
+{
+    if (fs->err)
+        return;
+    fs->err = err;
+    sst_log_error("session: cannot write '%s%s': %s; is there room, and the folder still there?", fs->root, path,
+                  strerror(-err));
+}
+
+/** The real path, its folders made. @return false: it cannot be, told */
+static bool place(struct sst_sim_sysfs *fs, const char *path, char out[SST_PATH_MAX])
+{
+    int err = 0;
+
+    if (snprintf(out, SST_PATH_MAX, "%s%s", fs->root, path) >= SST_PATH_MAX)
+        err = -ENAMETOOLONG;
+    /* Mostly the folder is there: only then walk. */
+    for (char *p = out + strlen(fs->root) + 1; !err && (p = strchr(p, '/')); p++) {
+        *p = '\0';
+        if (mkdir(out, 0700) < 0 && errno != EEXIST)
+            err = -errno;
+        *p = '/';
+    }
+    if (err)
+        failed(fs, path, err);
+    return !err;
+}
+
+/** Replace a file: readers find the old one or the new one. */
+static void put_file(struct sst_sim_sysfs *fs, const char *path, const void *data, size_t bytes)
+{
+    char real[SST_PATH_MAX], temporary[SST_PATH_MAX];
+    struct stat st;
+    mode_t mode = 0444;
+    int fd, err = 0;
+
+    if (!place(fs, path, real))
+        return;
+    if (snprintf(temporary, sizeof(temporary), "%s/.attribute", fs->root) >= (int)sizeof(temporary))
+        return failed(fs, path, -ENAMETOOLONG);
+    if (lstat(real, &st) == 0 && S_ISREG(st.st_mode))
+        mode = st.st_mode & 07777; /* stays writable */
+    fd = open(temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    if (fd < 0)
+        return failed(fs, path, -errno);
+    if (write(fd, data, bytes) != (ssize_t)bytes || fchmod(fd, mode) < 0)
+        err = errno ? -errno : -EIO;
+    if (close(fd) < 0 && !err)
+        err = -errno;
+    if (!err && rename(temporary, real) < 0)
+        err = -errno;
+    if (err)
+        failed(fs, path, err);
+}
+
+void sst_sim_sysfs_bytes(struct sst_sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes)
+{
+    char path[SST_PATH_MAX];
+
+    if (snprintf(path, sizeof(path), "%s/%s", dir, name) >= (int)sizeof(path))
+        return failed(fs, dir, -ENAMETOOLONG);
+    put_file(fs, path, data, bytes);
+}
+
+void sst_sim_sysfs_attr(struct sst_sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...)
+{
+    char text[4096];
+    va_list args;
+    int n;
+
+    va_start(args, fmt);
+    n = vsnprintf(text, sizeof(text) - 1, fmt, args);
+    va_end(args);
+    if (n < 0 || n >= (int)sizeof(text) - 1)
+        return failed(fs, dir, -E2BIG);
+    text[n++] = '\n';
+    sst_sim_sysfs_bytes(fs, dir, name, text, (size_t)n);
+}
+
+void sst_sim_sysfs_writable(struct sst_sim_sysfs *fs, struct sst_sim_node **node, const char *path,
+                            const struct sst_sim_ops *ops, void *device)
+{
+    char real[SST_PATH_MAX];
+    int err;
+
+    if (!place(fs, path, real))
+        return;
+    /* The preload library knows by the sticky bit that writing asks the simulator. */
+    err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sst_sim_node_add(fs->server, node, path, 0, 0, ops, device);
+    if (err)
+        failed(fs, path, err);
+}
+
+void sst_sim_sysfs_link(struct sst_sim_sysfs *fs, const char *path, const char *target)
+{
+    char real[SST_PATH_MAX], relative[SST_PATH_MAX] = "";
+    size_t common = 0;
+
+    if (!place(fs, path, real))
+        return;
+    for (size_t i = 0; path[i] && path[i] == target[i]; i++)
+        if (path[i] == '/')
+            common = i + 1;
+    for (const char *p = path + common; (p = strchr(p, '/')); p++)
+        if (strlen(relative) + 4 < sizeof(relative))
+            strcat(relative, "../");
+    if (strlen(relative) + strlen(target + common) >= sizeof(relative))
+        return failed(fs, path, -ENAMETOOLONG);
+    strcat(relative, target + common);
+    (void)unlink(real);
+    if (symlink(relative, real) < 0)
+        failed(fs, path, -errno);
+}
+
+static int remove_entry(const char *path, const struct stat *st, int type, struct FTW *walk)
+{
+    (void)st;
+    (void)type;
+    (void)walk;
+    (void)remove(path);
+    return 0;
+}
+
+void sst_sim_sysfs_remove(struct sst_sim_sysfs *fs, const char *path)
+{
+    char real[SST_PATH_MAX];
+
+    if (snprintf(real, sizeof(real), "%s%s", fs->root, path) < (int)sizeof(real))
+        (void)nftw(real, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+}
+
+/* --- the machine's own ---------------------------------------------------------------------------------------------- */
+
+/** Link a real folder's entries, but for some. */
+static void show_through(struct sst_sim_sysfs *fs, const char *dir, const char *const *without)
+{
+    DIR *real = opendir(dir);
+
+    if (!real)
+        return; /* not there, nothing to show */
+    for (struct dirent *e; (e = readdir(real));) {
+        char path[SST_PATH_MAX], target[SST_PATH_MAX], at[SST_PATH_MAX];
+        bool own = e->d_name[0] == '.';
+
+        for (int i = 0; without[i]; i++)
+            own = own || strcmp(e->d_name, without[i]) == 0;
+        if (own || snprintf(target, sizeof(target), "%s/%s", dir, e->d_name) >= (int)sizeof(target) ||
+            snprintf(path, sizeof(path), "%s", target) >= (int)sizeof(path) || !place(fs, path, at))
+            continue;
+        if (symlink(target, at) < 0 && errno != EEXIST)
+            failed(fs, path, -errno);
+    }
+    closedir(real);
+}
+
+/** Real devices by number, but those of the kinds that the session has of its own. */
+static void show_numbers(struct sst_sim_sysfs *fs)
+{
+    static const char *const none[] = { NULL };
+    static const char *const own[] = { "81:", "189:", "254:" };
+    char real[SST_PATH_MAX];
+    DIR *dir;
+
+    show_through(fs, "/sys/dev/char", none);
+    if (!place(fs, "/sys/dev/char/.", real) || !(dir = opendir(real)))
+        return;
+    for (struct dirent *e; (e = readdir(dir));)
+        for (size_t i = 0; i < ARRAY_LEN(own); i++)
+            if (strncmp(e->d_name, own[i], strlen(own[i])) == 0)
+                (void)unlinkat(dirfd(dir), e->d_name, 0);
+    closedir(dir);
+}
+
+int sst_sim_sysfs_open(struct sst_sim_sysfs **out, struct sst_sim_server *server)
+{
+    static const char *const top[] = { "bus", "class", "dev", "devices", NULL };
+    static const char *const bus[] = { "usb", "gpio", "pci", NULL };
+    static const char *const class[] = { "video4linux", "gpio", NULL };
+    static const char *const devices[] = { "pci0000:00", NULL };
+    static const char *const dev[] = { "char", NULL };
+    struct sst_sim_sysfs *fs = calloc(1, sizeof(*fs));
+    int err;
+
+    if (!fs)
+        return -ENOMEM;
+    fs->server = server;
+    snprintf(fs->root, sizeof(fs->root), "%s", sst_sim_server_dir(server));
+    show_through(fs, "/sys", top);
+    show_through(fs, "/sys/bus", bus);
+    show_through(fs, "/sys/class", class);
+    show_through(fs, "/sys/devices", devices);
+    show_through(fs, "/sys/dev", dev);
+    show_numbers(fs);
+    /* libudev looks whether udev runs: by this socket's name. */
+    sst_sim_sysfs_bytes(fs, "/run/udev", "control", "", 0);
+    err = fs->err ? fs->err : sst_sim_events_open(fs);
+    if (err) {
+        sst_sim_sysfs_close(fs);
+        return err;
+    }
+    *out = fs;
+    return 0;
+}
+
+void sst_sim_sysfs_close(struct sst_sim_sysfs *fs)
+{
+    if (!fs)
+        return;
+    sst_sim_events_close(fs);
+    free(fs);
+}
+
+struct sst_sim_server *sst_sim_sysfs_server(const struct sst_sim_sysfs *fs)
+{
+    return fs->server;
+}
+
+int sst_sim_sysfs_error(const struct sst_sim_sysfs *fs)
+{
+    return fs->err;
+}

@@ -1,0 +1,77 @@
+/* simulators/devices/usb_attributes.c - what programs write into /sys: authorized, disable, bind, unbind. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+#include "simulators/devices/usb_front_internal.h"
+
+/* --- a device's ----------------------------------------------------------------------------------------------------- */
+
+static int write_attribute(struct usb_attribute *a, const char *text)
+{
+    char *end;
+    const long value = strtol(text, &end, 10);
+
+    if (end == text || value < 0 || value > 1)
+        return -EINVAL;
+    if (a->port > 0)
+        return sst_sim_usb_disable(a->front->usb, a->device, a->port, value == 1);
+    return sst_sim_usb_authorize(a->front->usb, a->device, value == 1);
+}
+
+/* --- a driver's ----------------------------------------------------------------------------------------------------- */
+
+/** text: the name of an interface, "1-2:1.0" */
+static int write_driver_file(struct usb_driver_file *f, const char *text)
+{
+    struct sst_sim_usb *usb = f->front->usb;
+
+    for (int i = 0; i < sst_sim_usb_count(usb); i++) {
+        const struct sst_sim_usb_device *d = sst_sim_usb_device(usb, i);
+
+        if (strcmp(sst_sim_usb_driver(d), f->driver) != 0)
+            continue;
+        for (int k = 0; k < d->interfaces; k++) {
+            char name[96];
+
+            usb_interface_name(d, k, name, sizeof(name));
+            if (strncmp(text, name, strlen(name)) == 0 && strchr("\n", text[strlen(name)]))
+                return sst_sim_usb_bind(usb, i, k, f->bind);
+        }
+    }
+    return -ENODEV;
+}
+
+/* --- both ----------------------------------------------------------------------------------------------------------- */
+
+static int write_text(struct sst_sim_handle *h, const uint8_t *data, size_t bytes)
+{
+    char text[128];
+    int err;
+
+    if (bytes >= sizeof(text))
+        return -EINVAL;
+    memcpy(text, data, bytes);
+    text[bytes] = '\0';
+    err = h->ops == &usb_driver_ops ? write_driver_file(h->device, text) : write_attribute(h->device, text);
+    return err ? err : (int)bytes;
+}
+
+static int attribute_write(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    return write_text(h, r->data, r->bytes);
+}
+
+/** What libc's own streams wrote went past the preload library and lies in the socket, after the byte of its making. */
+static void attribute_close(struct sst_sim_handle *h)
+{
+    uint8_t data[256];
+    const ssize_t n = recv(h->fd, data, sizeof(data), MSG_DONTWAIT);
+
+    if (n > 1)
+        (void)!write_text(h, data + 1, (size_t)n - 1);
+}
+
+const struct sst_sim_ops usb_attribute_ops = { .letter = 's', .close = attribute_close, .write = attribute_write };
+const struct sst_sim_ops usb_driver_ops = { .letter = 's', .close = attribute_close, .write = attribute_write };

@@ -1,0 +1,252 @@
+/* simulators/devices/usb_front.c - the model of simulators/usb, shown to programs; and its faults. */
+#include "simulators/devices/usb_front.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "simulators/devices/usb_front_internal.h"
+
+/* --- events of the model -------------------------------------------------------------------------------------------- */
+
+static void add_node(struct sst_sim_usb_front *front, int device)
+{
+    const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
+    char path[64];
+
+    /* Its failure is logged; the device is then seen in /sys, but not to be opened. */
+    snprintf(path, sizeof(path), "/dev/bus/usb/%03d/%03d", d->bus, d->address);
+    (void)!sst_sim_node_add(front->server, &front->shown[device].node, path, SST_SIM_USB_MAJOR,
+                            (unsigned)((d->bus - 1) * 128 + d->address - 1), &usb_file_ops, &front->shown[device]);
+}
+
+static void remove_node(struct sst_sim_usb_front *front, int device)
+{
+    sst_sim_node_remove(front->server, front->shown[device].node);
+    front->shown[device].node = NULL;
+}
+
+/** The control interface is what the video node hangs at. */
+static void camera_bound(struct sst_sim_usb_front *front, int device, int interface, bool bound)
+{
+    const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
+
+    if (d->kind == SST_SIM_USB_CAMERA && interface == 0 && front->cfg.works)
+        front->cfg.works(front->cfg.arg, d->camera, bound);
+}
+
+static void handle(struct sst_sim_usb_front *front, int device, enum sst_sim_usb_event event, int interface)
+{
+    const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
+
+    switch (event) {
+    case SST_SIM_USB_ADDED:
+        add_node(front, device);
+        usb_sysfs_add(front, device);
+        break;
+    case SST_SIM_USB_REMOVED:
+        remove_node(front, device);
+        usb_sysfs_remove(front, device);
+        break;
+    case SST_SIM_USB_BOUND:
+        camera_bound(front, device, interface, true);
+        usb_sysfs_bound(front, device, interface, true);
+        break;
+    case SST_SIM_USB_UNBOUND:
+        camera_bound(front, device, interface, false);
+        usb_sysfs_bound(front, device, interface, false);
+        break;
+    case SST_SIM_USB_CHANGED:
+        usb_sysfs_changed(front, device);
+        break;
+    case SST_SIM_USB_RESET:
+    case SST_SIM_USB_REAUTHORISED:
+    case SST_SIM_USB_POWERED:
+        if (d->camera >= 0 && front->cfg.rung)
+            front->cfg.rung(front->cfg.arg, d->camera, event);
+        break;
+    }
+}
+
+static void event(void *arg, int device, enum sst_sim_usb_event what, int interface)
+{
+    struct sst_sim_usb_front *front = arg;
+    const bool telling = front->telling;
+
+    front->telling = true;
+    handle(front, device, what, interface);
+    front->telling = telling;
+}
+
+/* --- what the array asks and tells ---------------------------------------------------------------------------------- */
+
+bool sst_sim_usb_front_video(struct sst_sim_usb_front *front, int cam, bool present, int node)
+{
+    const int device = sst_sim_usb_camera(front->usb, cam);
+    struct usb_shown *shown = &front->shown[device];
+
+    if (present && !front->telling && !sst_sim_usb_device(front->usb, device)->plugged) {
+        sst_sim_usb_plug(front->usb, device, true);
+        if (!sst_sim_usb_works(front->usb, device))
+            return false;
+    }
+    if (present && shown->video < 0) {
+        shown->video = node;
+        usb_sysfs_video(front, device, true, node);
+    } else if (!present && shown->video >= 0) {
+        usb_sysfs_video(front, device, false, shown->video);
+        shown->video = -1;
+    }
+    if (!present && !front->telling)
+        sst_sim_usb_plug(front->usb, device, false);
+    return true;
+}
+
+struct sst_sim_usb *sst_sim_usb_front_model(struct sst_sim_usb_front *front)
+{
+    return front->usb;
+}
+
+/* --- faults --------------------------------------------------------------------------------------------------------- */
+
+static const struct sst_sim_fault bus_faults[SST_SIM_USB_FAULTS] = {
+    [SST_SIM_USB_RESET_FAILS] = { "reset_fails", 0, 1, "1: USB resets end with ETIMEDOUT" },
+    [SST_SIM_USB_NO_PORT_POWER] = { "no_port_power", 0, 1, "1: hubs cannot switch the power of a port" },
+};
+static const struct sst_sim_fault hub_faults[] = {
+    { "unplug", 0, 1, "1: the hub and all below it are away, 0: they are back" },
+};
+
+static int bus_changed(void *arg, int instance, int fault, double value)
+{
+    struct sst_sim_usb_front *front = arg;
+
+    (void)instance;
+    sst_sim_usb_fault(front->usb, (enum sst_sim_usb_fault)fault, value != 0);
+    return 0;
+}
+
+/** Hubs as people count them: boxes, by order in the tree. @return the n-th, or -1 */
+static int hub_device(const struct sst_sim_usb *usb, int n)
+{
+    for (int i = 0; i < sst_sim_usb_count(usb); i++) {
+        const struct sst_sim_usb_device *d = sst_sim_usb_device(usb, i);
+
+        if (d->kind == SST_SIM_USB_HUB && d->speed_mbit == 480 && n-- == 0)
+            return i;
+    }
+    return -1;
+}
+
+static int hub_changed(void *arg, int instance, int fault, double value)
+{
+    struct sst_sim_usb_front *front = arg;
+
+    (void)fault;
+    sst_sim_usb_plug(front->usb, hub_device(front->usb, instance), value == 0);
+    return 0;
+}
+
+static int add_faults(struct sst_sim_usb_front *front)
+{
+    struct sst_sim_fault_scope scope = {
+        .name = "usb", .faults = bus_faults, .count = SST_SIM_USB_FAULTS, .changed = bus_changed, .arg = front
+    };
+    int err = sst_sim_faults_add(front->cfg.faults, &scope), hubs = 0;
+
+    while (hub_device(front->usb, hubs) >= 0)
+        hubs++;
+    if (err >= 0 && hubs > 0) {
+        scope = (struct sst_sim_fault_scope){ .name = "hub",
+                                              .faults = hub_faults,
+                                              .count = (int)ARRAY_LEN(hub_faults),
+                                              .instances = hubs,
+                                              .changed = hub_changed,
+                                              .arg = front };
+        err = sst_sim_faults_add(front->cfg.faults, &scope);
+    }
+    return err < 0 ? err : 0;
+}
+
+/* --- the whole ------------------------------------------------------------------------------------------------------ */
+
+static void no_layout(const char *layout)
+{
+    char names[256] = "";
+    const char *name, *help;
+
+    for (int i = 0; sst_sim_usb_layout(i, &name, &help); i++)
+        snprintf(names + strlen(names), sizeof(names) - strlen(names), "%s%s", i ? ", " : "", name);
+    sst_log_error("USB layout '%s' is not known or has no room for so many cameras; there are %s", layout, names);
+}
+
+static int show_all(struct sst_sim_usb_front *front)
+{
+    usb_sysfs_drivers(front);
+    front->telling = true;
+    for (int i = 0; i < sst_sim_usb_count(front->usb); i++) {
+        const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, i);
+
+        add_node(front, i);
+        usb_sysfs_add(front, i);
+        for (int k = 0; k < d->interfaces; k++)
+            usb_sysfs_bound(front, i, k, true);
+    }
+    front->telling = false;
+    return sst_sim_sysfs_error(front->cfg.sysfs);
+}
+
+int sst_sim_usb_front_open(struct sst_sim_usb_front **out, const struct sst_sim_usb_front_config *cfg)
+{
+    struct sst_sim_usb_front *front = calloc(1, sizeof(*front));
+    struct sst_sim_usb_config model = {
+        .layout = cfg->layout, .cameras = cfg->cameras, .sizes = cfg->sizes, .size_count = cfg->size_count, .event = event
+    };
+    int err = -ENOMEM;
+
+    if (!front)
+        return err;
+    model.arg = front;
+    front->cfg = *cfg;
+    front->server = sst_sim_sysfs_server(cfg->sysfs);
+    err = sst_sim_usb_create(&front->usb, &model);
+    if (err == -EINVAL)
+        no_layout(cfg->layout ? cfg->layout : "(default)");
+    if (!err) {
+        front->shown = calloc((size_t)sst_sim_usb_count(front->usb), sizeof(*front->shown));
+        err = front->shown ? 0 : -ENOMEM;
+    }
+    for (int i = 0; !err && i < sst_sim_usb_count(front->usb); i++) {
+        front->shown[i].video = -1;
+        front->shown[i].front = front;
+        front->shown[i].device = i;
+    }
+    if (!err)
+        err = show_all(front);
+    if (!err)
+        err = add_faults(front);
+    if (err) {
+        sst_sim_usb_front_close(front);
+        return err;
+    }
+    *out = front;
+    return 0;
+}
+
+void sst_sim_usb_front_close(struct sst_sim_usb_front *front)
+{
+    if (!front)
+        return;
+    for (int i = 0; front->shown && i < sst_sim_usb_count(front->usb); i++) {
+        remove_node(front, i);
+        for (int p = 0; p <= SST_SIM_USB_PORTS; p++)
+            sst_sim_node_remove(front->server, front->shown[i].attribute[p].node);
+    }
+    for (size_t i = 0; i < ARRAY_LEN(front->driver_file); i++)
+        sst_sim_node_remove(front->server, front->driver_file[i].node);
+    sst_sim_usb_destroy(front->usb);
+    free(front->shown);
+    free(front);
+}

@@ -1,0 +1,393 @@
+/* simulators/devices/usbfs.c - /dev/bus/usb/BBB/DDD: claims, control transfers, resets. */
+#include <linux/usbdevice_fs.h>
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "simulators/devices/usb_front_internal.h"
+
+#define REAPERS 8 /* threads that wait in USBDEVFS_REAPURB */
+
+struct transfer {
+    struct transfer *next;
+    struct sst_sim_usb_transfer t;
+    bool done;
+    uint8_t data[SST_SIM_USB_TRANSFER_MAX];
+};
+
+struct usb_file {
+    struct usb_shown *shown;
+    struct sst_sim_handle *handle;
+    struct transfer *transfers; /* in the order of their submission */
+    struct sst_sim_request *waiting[REAPERS];
+    int reapers;
+    size_t position; /* of read() */
+};
+
+static const struct sst_sim_usb_device *device_of(const struct usb_file *f)
+{
+    return sst_sim_usb_device(f->shown->front->usb, f->shown->device);
+}
+
+/* --- transfers ------------------------------------------------------------------------------------------------------ */
+
+/** The oldest that ended goes to the program. @return 0 or -EAGAIN */
+static int reap(struct usb_file *f, struct sst_sim_request *r)
+{
+    for (struct transfer **link = &f->transfers; *link; link = &(*link)->next) {
+        struct transfer *t = *link;
+
+        if (!t->done)
+            continue;
+        memcpy(r->data, &t->t, sizeof(t->t));
+        memcpy(r->data + sizeof(t->t), t->data, (size_t)t->t.actual);
+        r->out_bytes = (uint32_t)(sizeof(t->t) + (size_t)t->t.actual);
+        *link = t->next;
+        free(t);
+        return 0;
+    }
+    return -EAGAIN;
+}
+
+/** Emptying the socket makes it writable for poll(): see the preload library's part. */
+static void tell_done(struct usb_file *f)
+{
+    char gone[4096];
+
+    if (f->reapers > 0) {
+        struct sst_sim_request *r = f->waiting[--f->reapers];
+
+        sst_sim_answer(f->handle->server, r, reap(f, r));
+        return;
+    }
+    while (recv(f->handle->fd, gone, sizeof(gone), MSG_DONTWAIT) > 0)
+        ;
+}
+
+static int submit(struct usb_file *f, struct sst_sim_request *r)
+{
+    struct transfer *t;
+    size_t length;
+    int n;
+
+    if (r->bytes < sizeof(t->t))
+        return -EINVAL;
+    t = calloc(1, sizeof(*t));
+    if (!t)
+        return -ENOMEM;
+    memcpy(&t->t, r->data, sizeof(t->t));
+    length = (size_t)t->t.setup[6] | (size_t)t->t.setup[7] << 8;
+    if (t->t.type != USBDEVFS_URB_TYPE_CONTROL && t->t.type != USBDEVFS_URB_TYPE_INTERRUPT) {
+        free(t);
+        return -EINVAL; /* pictures come through the video node */
+    }
+    if (t->t.type == USBDEVFS_URB_TYPE_CONTROL) {
+        if (length > sizeof(t->data) || (!(t->t.setup[0] & 0x80) && r->bytes < sizeof(t->t) + length)) {
+            free(t);
+            return -EINVAL;
+        }
+        memcpy(t->data, r->data + sizeof(t->t), t->t.setup[0] & 0x80 ? 0 : length);
+    }
+    for (struct transfer **link = &f->transfers;; link = &(*link)->next) {
+        if (!*link) {
+            *link = t;
+            break;
+        }
+    }
+    if (t->t.type == USBDEVFS_URB_TYPE_INTERRUPT)
+        return 0; /* there is nothing to report: it waits until it is discarded */
+    n = sst_sim_usb_control(f->shown->front->usb, f->shown->device, t->t.setup, t->data);
+    t->t.status = n < 0 ? n : 0;
+    t->t.actual = n < 0 ? 0 : n;
+    t->done = true;
+    tell_done(f);
+    return 0;
+}
+
+static int discard(struct usb_file *f, const struct sst_sim_request *r)
+{
+    struct sst_sim_usb_transfer which;
+
+    if (r->bytes < sizeof(which))
+        return -EINVAL;
+    memcpy(&which, r->data, sizeof(which));
+    for (struct transfer *t = f->transfers; t; t = t->next) {
+        if (t->t.user == which.user && !t->done) {
+            t->t.status = -ENOENT;
+            t->done = true;
+            tell_done(f);
+            return 0;
+        }
+    }
+    return -EINVAL;
+}
+
+/** USBDEVFS_CONTROL: the same at once. */
+static int control(struct usb_file *f, struct sst_sim_request *r)
+{
+    struct sst_sim_usb_transfer t;
+    uint8_t data[SST_SIM_USB_TRANSFER_MAX];
+    size_t length;
+    int n;
+
+    if (r->bytes < sizeof(t))
+        return -EINVAL;
+    memcpy(&t, r->data, sizeof(t));
+    length = (size_t)t.setup[6] | (size_t)t.setup[7] << 8;
+    if (length > sizeof(data) || r->bytes < sizeof(t) + length)
+        return -EINVAL;
+    memcpy(data, r->data + sizeof(t), length);
+    n = sst_sim_usb_control(f->shown->front->usb, f->shown->device, t.setup, data);
+    if (n >= 0 && (t.setup[0] & 0x80)) {
+        memcpy(r->data + sizeof(t), data, (size_t)n);
+        r->out_bytes = (uint32_t)(sizeof(t) + (size_t)n);
+    }
+    return n;
+}
+
+/* --- interfaces ----------------------------------------------------------------------------------------------------- */
+
+static bool has_interface(const struct usb_file *f, unsigned interface)
+{
+    return interface < (unsigned)device_of(f)->interfaces;
+}
+
+static int claim(struct usb_file *f, unsigned interface)
+{
+    if (!has_interface(f, interface))
+        return -EINVAL;
+    if (f->shown->claims[interface] == f)
+        return 0;
+    if (f->shown->claims[interface] || (device_of(f)->bound >> interface & 1))
+        return -EBUSY;
+    f->shown->claims[interface] = f;
+    return 0;
+}
+
+static int release(struct usb_file *f, unsigned interface)
+{
+    if (!has_interface(f, interface) || f->shown->claims[interface] != f)
+        return -EINVAL;
+    f->shown->claims[interface] = NULL;
+    return 0;
+}
+
+/** The kernel's driver lets go (-ENODATA: there is none) or comes back. */
+static int drive(struct usb_file *f, unsigned interface, bool on)
+{
+    int err;
+
+    if (!has_interface(f, interface))
+        return -EINVAL;
+    if (on && f->shown->claims[interface])
+        return -EBUSY;
+    err = sst_sim_usb_bind(f->shown->front->usb, f->shown->device, (int)interface, on);
+    return err == -ENODEV && !on ? -ENODATA : err == -EBUSY ? 0 : err;
+}
+
+static int disconnect_claim(struct usb_file *f, const struct usbdevfs_disconnect_claim *c)
+{
+    const bool same = strncmp(c->driver, sst_sim_usb_driver(device_of(f)), sizeof(c->driver)) == 0;
+
+    if (!has_interface(f, c->interface))
+        return -EINVAL;
+    if (device_of(f)->bound >> c->interface & 1) {
+        if (((c->flags & USBDEVFS_DISCONNECT_CLAIM_IF_DRIVER) && !same) ||
+            ((c->flags & USBDEVFS_DISCONNECT_CLAIM_EXCEPT_DRIVER) && same))
+            return -EBUSY;
+        (void)!drive(f, c->interface, false);
+    }
+    return claim(f, c->interface);
+}
+
+static int get_driver(const struct usb_file *f, struct sst_sim_request *r)
+{
+    struct usbdevfs_getdriver *g = (void *)r->data;
+
+    if (r->bytes < sizeof(*g) || !has_interface(f, g->interface))
+        return -EINVAL;
+    memset(g->driver, 0, sizeof(g->driver));
+    if (f->shown->claims[g->interface])
+        strcpy(g->driver, "usbfs");
+    else if (device_of(f)->bound >> g->interface & 1)
+        strcpy(g->driver, sst_sim_usb_driver(device_of(f)));
+    else
+        return -ENODATA;
+    r->out_bytes = sizeof(*g);
+    return 0;
+}
+
+/* --- about the device ----------------------------------------------------------------------------------------------- */
+
+static int give(struct sst_sim_request *r, const void *data, size_t bytes)
+{
+    memcpy(r->data, data, bytes);
+    r->out_bytes = (uint32_t)bytes;
+    return 0;
+}
+
+static int speed_of(const struct sst_sim_usb_device *d)
+{
+    return d->speed_mbit >= 5000 ? 5 : d->speed_mbit >= 480 ? 3 : 2; /* enum usb_device_speed of the kernel */
+}
+
+static int connection(const struct usb_file *f, struct sst_sim_request *r)
+{
+    const struct sst_sim_usb_device *d = device_of(f);
+    struct usbdevfs_conninfo_ex c = { .size = sizeof(c), .busnum = (uint32_t)d->bus, .devnum = (uint32_t)d->address,
+                                      .speed = (uint32_t)speed_of(d) };
+    const char *p = strchr(d->path, '-');
+
+    while (d->kind != SST_SIM_USB_ROOT && p && c.num_ports < sizeof(c.ports)) {
+        c.ports[c.num_ports++] = (uint8_t)atoi(p + 1);
+        p = strchr(p + 1, '.');
+    }
+    return give(r, &c, _IOC_SIZE(r->call.cmd) < sizeof(c) ? _IOC_SIZE(r->call.cmd) : sizeof(c));
+}
+
+static int set_interface(struct usb_file *f, const struct usbdevfs_setinterface *s)
+{
+    const struct sst_sim_usb_alt *alts;
+    const int count = sst_sim_usb_alts(device_of(f)->speed_mbit, &alts);
+
+    if (!has_interface(f, s->interface) || f->shown->claims[s->interface] != f)
+        return -EINVAL;
+    if (s->altsetting > (unsigned)(s->interface == 1 ? count : 0))
+        return -EINVAL;
+    return 0;
+}
+
+static int reset(struct usb_file *f)
+{
+    return sst_sim_usb_reset(f->shown->front->usb, f->shown->device);
+}
+
+/* --- the file ------------------------------------------------------------------------------------------------------- */
+
+static int wrapped(struct usb_file *f, const struct usbdevfs_ioctl *c)
+{
+    if (c->ioctl_code == (int)USBDEVFS_DISCONNECT || c->ioctl_code == (int)USBDEVFS_CONNECT)
+        return drive(f, (unsigned)c->ifno, c->ioctl_code == (int)USBDEVFS_CONNECT);
+    return -ENOTTY;
+}
+
+static int reap_or_wait(struct usb_file *f, struct sst_sim_request *r)
+{
+    const int result = reap(f, r);
+
+    if (result != -EAGAIN || r->call.cmd != (uint32_t)USBDEVFS_REAPURB)
+        return result;
+    if (f->reapers == REAPERS)
+        return -ENOMEM;
+    f->waiting[f->reapers++] = r;
+    return SST_SIM_LATER;
+}
+
+static int file_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct usb_file *f = h->state;
+    const uint32_t capabilities = USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM | USBDEVFS_CAP_CONNINFO_EX |
+                                  USBDEVFS_CAP_DROP_PRIVILEGES;
+    const struct sst_sim_usb_device *d = device_of(f);
+    const struct usbdevfs_connectinfo info = { .devnum = (unsigned)d->address };
+    unsigned number = 0;
+
+    if (r->bytes >= sizeof(number))
+        memcpy(&number, r->data, sizeof(number));
+    if ((r->call.cmd & ~((uint32_t)_IOC_SIZEMASK << _IOC_SIZESHIFT)) == (USBDEVFS_CONNINFO_EX(0) & ~((uint32_t)_IOC_SIZEMASK << _IOC_SIZESHIFT)))
+        return connection(f, r);
+    switch (r->call.cmd) {
+    case (uint32_t)USBDEVFS_CONTROL: return control(f, r);
+    case (uint32_t)USBDEVFS_SUBMITURB: return submit(f, r);
+    case (uint32_t)USBDEVFS_DISCARDURB: return discard(f, r);
+    case (uint32_t)USBDEVFS_REAPURB:
+    case (uint32_t)USBDEVFS_REAPURBNDELAY: return reap_or_wait(f, r);
+    case (uint32_t)USBDEVFS_GET_CAPABILITIES: return give(r, &capabilities, sizeof(capabilities));
+    case (uint32_t)USBDEVFS_CONNECTINFO: return give(r, &info, sizeof(info));
+    case (uint32_t)USBDEVFS_GET_SPEED: return speed_of(d);
+    case (uint32_t)USBDEVFS_GETDRIVER: return get_driver(f, r);
+    case (uint32_t)USBDEVFS_CLAIMINTERFACE: return claim(f, number);
+    case (uint32_t)USBDEVFS_RELEASEINTERFACE: return release(f, number);
+    case (uint32_t)USBDEVFS_RESET: return reset(f);
+    case (uint32_t)USBDEVFS_SETCONFIGURATION: return number <= 1 ? 0 : -EINVAL;
+    case (uint32_t)USBDEVFS_CLEAR_HALT:
+    case (uint32_t)USBDEVFS_RESETEP:
+    case (uint32_t)USBDEVFS_DROP_PRIVILEGES: return 0;
+    default: break;
+    }
+    if (r->bytes < _IOC_SIZE(r->call.cmd))
+        return -EINVAL;
+    switch (r->call.cmd) {
+    case (uint32_t)USBDEVFS_IOCTL: return wrapped(f, (const void *)r->data);
+    case (uint32_t)USBDEVFS_DISCONNECT_CLAIM: return disconnect_claim(f, (const void *)r->data);
+    case (uint32_t)USBDEVFS_SETINTERFACE: return set_interface(f, (const void *)r->data);
+    default: return -ENOTTY;
+    }
+}
+
+/** The file's contents are the descriptors. */
+static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct usb_file *f = h->state;
+    uint8_t all[4096];
+    const int bytes = sst_sim_usb_descriptors(f->shown->front->usb, f->shown->device, all, sizeof(all));
+    size_t count;
+
+    if (bytes < 0)
+        return bytes;
+    count = f->position < (size_t)bytes ? (size_t)bytes - f->position : 0;
+    count = count < r->call.length ? count : r->call.length;
+    memcpy(r->data, all + f->position, count);
+    f->position += count;
+    r->out_bytes = (uint32_t)count;
+    return (int)count;
+}
+
+static int file_open(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    static const char filler[1024];
+    struct usb_file *f = calloc(1, sizeof(*f));
+
+    if (!f)
+        return -ENOMEM;
+    f->shown = h->device;
+    f->handle = h;
+    h->state = f;
+    /* A full socket is not writable, which would mean that a transfer ended. */
+    while (send(r->out_fd, filler, sizeof(filler), MSG_DONTWAIT | MSG_NOSIGNAL) > 0)
+        ;
+    return 0;
+}
+
+static void file_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct usb_file *f = h->state;
+
+    for (int i = 0; i < f->reapers; i++)
+        if (f->waiting[i] == r)
+            f->waiting[i--] = f->waiting[--f->reapers];
+}
+
+static void file_close(struct sst_sim_handle *h)
+{
+    struct usb_file *f = h->state;
+
+    for (size_t i = 0; i < ARRAY_LEN(f->shown->claims); i++)
+        if (f->shown->claims[i] == f)
+            f->shown->claims[i] = NULL;
+    while (f->transfers) {
+        struct transfer *t = f->transfers;
+
+        f->transfers = t->next;
+        free(t);
+    }
+    free(f);
+}
+
+const struct sst_sim_ops usb_file_ops = {
+    .letter = 'u', .open = file_open, .close = file_close, .ioctl = file_ioctl, .read = file_read, .cancel = file_cancel
+};
