@@ -1,8 +1,8 @@
-/* tests/recording_tests.h - what the tests of recordings share: a folder per test, a small array, comparisons. Included by
- * one .c each. */
+/* tests/recording_tests.h - what the tests of recordings share: a folder per test, a small array, comparisons. */
 #ifndef SST_TESTS_RECORDING_TESTS_H
 #define SST_TESTS_RECORDING_TESTS_H
 
+#include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -139,9 +139,9 @@ static inline int remove_all(void **state)
 #define TEST(f) cmocka_unit_test_setup_teardown(f, each_setup, each_teardown)
 
 /* Of each main(): what must be before the tests run. @return 0, else the exit code */
-static inline int begin_tests(void)
+static inline int begin_tests(bool can_record)
 {
-    if (!WITH_AVFORMAT) {
+    if (!can_record) {
         puts("built without libavformat: nothing can be recorded");
         return 77;
     }

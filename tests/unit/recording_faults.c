@@ -1,5 +1,4 @@
 /* daemon/recording: whatever was cut off or failed in between, what was taken is there and nothing else. */
-#include <errno.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 
@@ -42,7 +41,7 @@ int fsync(int fd SST_UNUSED)
     return 0;
 }
 
-/* --- helpers ------------------------------------------------------------------------------------------------------- */
+/* --- helpers ------------------------------------------------------------------------------------------------------ */
 
 static void copy_file(const char *from, const char *to)
 {
@@ -319,7 +318,7 @@ int main(void)
         TEST(a_full_disk_is_told_once),
         TEST(syncs_beside_the_writer),
     };
-    const int rc = begin_tests();
+    const int rc = begin_tests(WITH_AVFORMAT);
 
     return rc ? rc : cmocka_run_group_tests(tests, NULL, remove_all);
 }
