@@ -116,7 +116,7 @@ static void faults_are_told(void **state SST_UNUSED)
     refuse("{ pause_ms: 5 }", "{ }", "must be a step");
     refuse("wait: moving", "wait: enabled", "not listed under flags");
     refuse("move: [ { write: c, value: target } ]", "move: 5", "list");
-    refuse("flags:\n", "flaggs:\n", "flaggs");
+    refuse("flags:\n", "flaggs:\n", "flag");
     refuse("sequences:\n  move", "sequences:\n  dance: []\n  move", "dance");
 }
 
