@@ -54,7 +54,7 @@ void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
     s->rows = s->cols = 6;
     s->width = 640;
     s->height = 480;
-    s->quality = 85;
+    s->quality = 75;
     s->exposure_us = 5000;
     s->strip = true;
     s->line_us = 20;
@@ -97,7 +97,7 @@ static void read_shutter(struct sst_yaml *doc, struct sst_yaml_node *map, struct
 
     sst_yaml_choice(doc, sst_yaml_get(map, "kind"), kinds, 2, &kind);
     s->rolling = kind == 1;
-    sst_yaml_double(doc, sst_yaml_get(map, "line_us"), 0, 1000, &s->line_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "line_us"), 0, 100000, &s->line_us);
 }
 
 static void read_optics(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
