@@ -20,7 +20,7 @@ WITH_MODBUS ?= $(call have,libmodbus)
 # Which API libgpiod has: 1, 2 or 0 for none.
 WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod && echo 1 || echo 0; })
 
-PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 \
+PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale) \
             $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
             $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
@@ -61,6 +61,8 @@ SIM_OBJ := $(SIM_SRC:%.c=$(BUILD)/obj/%.o)
 LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
+# Programs that tests/system runs beside sst.
+TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 
 .PHONY: FORCE all deps check check-unit check-cli check-includes check-san demo bench bench-quick bench-networks fuzz install help clean format tests
 .SECONDARY:
@@ -111,7 +113,12 @@ $(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/benc
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 
-tests: $(TESTS)
+$(BUILD)/bench/frames $(BUILD)/bench/unplug: $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
+	@mkdir -p $(@D)
+	@echo "  LD   $@"
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+
+tests: $(TESTS) $(TOOLS)
 
 deps: ## install what building and testing needs (Debian 12; root or sudo)
 	scripts/deps.sh
@@ -123,7 +130,7 @@ check: deps ## build with warnings as errors and run every test, also under the 
 check-unit: $(PROGRAMS) $(TESTS)
 	SST_BUILD=$(BUILD) scripts/run_tests.sh $(TESTS)
 
-check-cli: $(PROGRAMS)
+check-cli: $(PROGRAMS) $(TOOLS)
 	SST_BUILD=$(BUILD) scripts/run_tests.sh $(sort $(wildcard tests/system/*.sh))
 
 check-san: ## all tests under the address and undefined sanitizers, unit and kernel tests under the thread sanitizer

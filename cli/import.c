@@ -1,13 +1,16 @@
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "cli/cli.h"
+#include "cli/import_recording.h"
 #include "cli/lightfield_line.h"
 #include "pipeline/lightfield/import.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
+    struct import_recording recording = { 0 };
     int grid[2] = { 0, 0 };
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make", 0, 0 },
@@ -17,6 +20,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "disparity", 0, CLI_STRING, &cfg.disparity_dir, "DIR",
           "folder: given disparity rr_cc.pfm, px per spacing, inf unknown", 0, 0 },
         { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: given labels rr_cc.png, 0 unlabeled", 0, 0 },
+        { "sets", 0, CLI_STRING, &recording.sets, "LIST",
+          "recording: 0,5-9, first, last or all; more than one: LF/set-NNNNNN each", 0, 0 },
+        { "allow-partial", 0, CLI_FLAG, &recording.allow_partial, NULL,
+          "recording: sets may lack views; the light field then has holes", 0, 0 },
         { "range-min", 0, CLI_DOUBLE, &cfg.range_min_px, "D", "smallest disparity in the scene, px per spacing", -32768,
           32768 },
         { "range-max", 0, CLI_DOUBLE, &cfg.range_max_px, "D", "largest disparity in the scene", -32768, 32768 },
@@ -36,6 +43,20 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--range-min and --range-max belong together");
     if (isnan(cfg.range_min_px))
         cfg.range_min_px = cfg.range_max_px = 0;
+    if (!strcmp(args[0], "recording")) {
+        if (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir)
+            return cli_usage_error(cmd, "--grid, --spacing-px, --disparity and --labels are not for a recording: it "
+                                        "says its grid and spacing itself");
+        recording.source = args[1];
+        recording.out = cfg.out;
+        recording.force = cfg.force;
+        recording.range_min_px = cfg.range_min_px;
+        recording.range_max_px = cfg.range_max_px;
+        recording.threads = cfg.threads;
+        return cli_run_import_recording(cmd, &recording);
+    }
+    if (recording.sets || recording.allow_partial)
+        return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
     cfg.format = args[0];
     cfg.source = args[1];
     cfg.rows = grid[0];
@@ -57,7 +78,9 @@ const struct cli_command cli_import = {
     .detail = "formats:\n"
               "  stanford  positions in the names: out_09_12_-822.67_-3293.22_.png (row, column, y, x)\n"
               "  hci       input_Cam040.png ..., parameters.cfg, gt_disp_lowres.pfm\n"
-              "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels take given maps",
-    .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf",
+              "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels take given maps\n"
+              "  recording sets that `sst capture array` recorded; `sst recording DIR` shows what is in it",
+    .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf\n"
+               "  sst import recording night --sets 0,10-19 -o night.lf",
     .run = run,
 };

@@ -12,6 +12,7 @@ static const struct cli_command *const commands[] = {
     &cli_demo,
     &cli_scene,
     &cli_import,
+    &cli_recording,
     &cli_export,
     &cli_process,
     &cli_render,
@@ -20,6 +21,12 @@ static const struct cli_command *const commands[] = {
     &cli_segment,
     &cli_models,
     &cli_eval,
+    &cli_capture,
+    &cli_cameras,
+    &cli_identify,
+    &cli_topology,
+    &cli_plan,
+    &cli_doctor,
     &cli_version,
 };
 

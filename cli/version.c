@@ -14,6 +14,10 @@ static const struct {
     { "onednn", WITH_DNNL },
     { "opencv", WITH_OPENCV },
     { "libavformat", WITH_AVFORMAT },
+    { "libudev", WITH_UDEV },
+    { "libusb", WITH_USB },
+    { "libmodbus", WITH_MODBUS },
+    { "libgpiod", WITH_GPIOD > 0 },
 };
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };

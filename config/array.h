@@ -21,6 +21,7 @@ enum sst_config_source {
 struct sst_config_camera {
     int row, col;
     char serial[64], port[64]; /* one of both */
+    int line;                  /* index of the trigger line that exposes it */
 };
 
 struct sst_array_config {
@@ -50,8 +51,8 @@ struct sst_array_config {
     int pulse_us;
     double trigger_hz;
     /* sets: */
-    int window_us; /* a frame within this of the trigger (plus delay) belongs to it */
-    int wait_ms;   /* a set is closed this long after its trigger, complete or not */
+    int window_us; /* a frame within this of the trigger (plus delay) belongs to it; 0: 0.4 of the period */
+    int wait_ms;   /* a set is closed this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
     int skew_limit_us;
     /* rig: */
     char rig_bus[SST_CONFIG_TEXT_MAX], rig_profile[SST_CONFIG_TEXT_MAX];
@@ -69,6 +70,11 @@ void sst_array_config_defaults(struct sst_array_config *cfg);
  * @return 0, -ENOENT/-EACCES, -EBADMSG (all faults logged with file:line:column), -ENOMEM; cfg untouched on failure.
  */
 SST_MUST_CHECK int sst_array_config_read(struct sst_array_config *cfg, const char *path);
+
+/** V4L2 pixel format of a name ("MJPEG", "YUYV", "GREY", "Y16", "RGGB8" ...) or its four characters; 0: unknown. */
+uint32_t sst_array_format(const char *name);
+/** The name of a format; NULL: not one of ours. */
+const char *sst_array_format_name(uint32_t fourcc);
 
 SST_EXTERN_C_END
 

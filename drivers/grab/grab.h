@@ -10,6 +10,7 @@ SST_EXTERN_C_BEGIN
 
 #define SST_GRAB_NAME_MAX 64
 #define SST_GRAB_CONTROLS_MAX 32
+#define SST_GRAB_FORMATS_MAX 256
 
 /* --- discovery ---------------------------------------------------------------------------------------------------- */
 
@@ -20,10 +21,14 @@ struct sst_grab_device {
     char driver[SST_GRAB_NAME_MAX];
     char serial[SST_GRAB_NAME_MAX]; /* ID_SERIAL_SHORT; "" if none */
     char port[SST_GRAB_NAME_MAX];   /* USB port path, "1-2.3" as in sysfs; else the bus_info of the device */
-    int error;                      /* errno of opening it, 0: it answered */
+    /* of sst_grab_list() only */
+    int error;                          /* errno of opening it, ETIMEDOUT: it hangs, 0: it answered */
+    bool busy;                          /* a program streams from it */
+    char formats[SST_GRAB_FORMATS_MAX]; /* "MJPG 1280x720 640x480, YUYV 640x480"; cut off where it does not fit */
 };
 
-/** List capture nodes by port (natural order). *devices to free with free(). @return 0 or -errno, logged. */
+/** List capture nodes by port (natural order), within 2 s whatever hangs. *devices to free with free().
+ *  @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_grab_list(struct sst_grab_device **devices, int *count);
 
 /* --- grabbing ----------------------------------------------------------------------------------------------------- */
@@ -61,6 +66,7 @@ enum sst_grab_state {
     SST_GRAB_RECOVERING = 2, /* on the ladder, or waiting for its next rung */
     SST_GRAB_REFUSED = 3,    /* there, but cannot do what is asked (format, bandwidth, rights); tried again at plug-in
                                 and with back-off */
+    SST_GRAB_READY = 4,      /* open and set up, not started */
 };
 
 /** Rungs of the recovery ladder, each tried when the one before did not bring a frame (DESIGN section 6). */
@@ -110,7 +116,7 @@ SST_MUST_CHECK int sst_grab_poll(struct sst_grab *grab, int timeout_ms);
 /** Readable when sst_grab_poll(grab, 0) has work, timers included: for a caller's own event loop. */
 int sst_grab_fd(const struct sst_grab *grab);
 
-/** A trigger was fired at t_ns: from now each camera owes a frame. */
+/** A trigger was fired at t_ns: from now each camera owes a frame.  Thread: any. */
 void sst_grab_expect(struct sst_grab *grab, int64_t t_ns);
 
 /** Give a frame back to its camera's queue.  Thread: any. Frames of a camera that was lost since are fine. */

@@ -30,18 +30,30 @@ struct sst_rig_config {
     int reconnect_ms; /* give up a lost bus after this */
     int settle_ms;    /* stand still after in-position */
     int32_t tolerance_um;
+    double speed_mm_s, accel_mm_s2; /* 0: what the drive is set to */
+};
+
+/** Since open. */
+struct sst_rig_counters {
+    uint64_t requests, timeouts, garbled, exceptions, lost, reconnects; /* of the bus */
+    uint64_t moves, homings, stops, stalls, limits, alarms, missed, lies; /* missed: stood beside the target; lies: said to be
+                                                                           in position while it moved */
 };
 
 void sst_rig_config_defaults(struct sst_rig_config *cfg);
 
 /**
  * Connect, read the status of all axes; nothing moves. A rig that was homed before stays homed.
- * @return 0, -EHOSTUNREACH/-ECONNREFUSED/-ENODEV (bus), -EPROTO (not such a drive), -EIO, -EINVAL; logged.
+ * @return 0, -EHOSTUNREACH/-ECONNREFUSED/-ENODEV/-EACCES/-EBUSY (bus), -EPROTO (not such a drive), -EIO, -EINVAL, -ENOENT/
+ *         -EBADMSG (profile), -ENOSYS (built without libmodbus); logged.
  */
 SST_MUST_CHECK int sst_rig_open(struct sst_rig **out, const struct sst_rig_config *cfg);
 
-/** Home all axes (z first, away from the scene) and wait. @return 0, -ETIMEDOUT, -EIO, -ECANCELED (stopped). */
+/** Clear alarms, home all axes (z first, away from the scene) and wait. @return 0, -ETIMEDOUT, -EIO, -ECANCELED (stopped). */
 SST_MUST_CHECK int sst_rig_home(struct sst_rig *rig, int timeout_ms);
+
+/** Do the axes know where they are, by what was last read? Not after an alarm, a limit switch, a stall or a target that was
+ *  missed: from then on only homing helps. */
 bool sst_rig_homed(const struct sst_rig *rig);
 
 /**
@@ -54,7 +66,7 @@ SST_MUST_CHECK int sst_rig_move(struct sst_rig *rig, struct sst_rig_pos target);
 /**
  * Wait until every axis reports in-position, stands still, is within tolerance of the target by its own read-back, and
  * has settled. On a stall, alarm, limit switch, exception or time-out the motion is stopped and the reason logged.
- * @return 0, -ETIMEDOUT, -EIO, -ERANGE (limit switch), -ECANCELED (sst_rig_stop from a signal handler)
+ * @return 0, -ETIMEDOUT, -EIO, -ERANGE (limit switch), -ENOTCONN (an axis lost its home), -ECANCELED (sst_rig_cancel)
  */
 SST_MUST_CHECK int sst_rig_wait(struct sst_rig *rig, int timeout_ms);
 
@@ -66,7 +78,9 @@ bool sst_rig_still(struct sst_rig *rig);
 /** Stop all axes now. */
 int sst_rig_stop(struct sst_rig *rig);
 
-/** Ask a waiting call to stop the motion and return -ECANCELED; async-signal-safe. */
+void sst_rig_counters(const struct sst_rig *rig, struct sst_rig_counters *out);
+
+/** Ask a waiting call, now or the next one, to stop the motion and return -ECANCELED; async-signal-safe. */
 void sst_rig_cancel(struct sst_rig *rig);
 
 /** Stops what moves. NULL is fine. */

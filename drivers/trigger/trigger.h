@@ -48,16 +48,26 @@ void sst_trigger_config_defaults(struct sst_trigger_config *cfg);
  * Find the chip by label or line names (never by number), request all lines in one request, driven inactive.
  *
  * @param edge  told of every beat, on the trigger's thread; may be NULL
- * @return 0, -ENODEV (no such chip or line: what exists is listed), -EBUSY (line in use: by whom), -EACCES (group and
- *         rule named), -EINVAL, -ENOSYS (built without libgpiod); logged.
+ * @return 0, -ENODEV (no such chip or line: what exists is listed), -ENOTUNIQ (two chips of that label), -EBUSY (line
+ *         in use: by whom), -EACCES (group and rule named), -EINVAL, -ENOSYS (built without libgpiod); logged.
  */
 SST_MUST_CHECK int sst_trigger_open(struct sst_trigger **out, const struct sst_trigger_config *cfg,
                                     sst_trigger_edge_fn *edge, void *arg);
 
-/** Fire once now and wait until the pulse has ended. @return 0, -EBUSY (a train runs), -EIO/-ENODEV. */
+/** Would open work now? Nothing is requested, nothing logged; `why` is one sentence, also of success.
+ *  @return as sst_trigger_open() */
+SST_MUST_CHECK int sst_trigger_check(const struct sst_trigger_config *cfg, char *why, size_t size);
+
+/** Fire once now and wait until the pulse has ended. @return 0, -EBUSY (a train runs), -EIO/-ENODEV (chip is away). */
 SST_MUST_CHECK int sst_trigger_fire(struct sst_trigger *trigger);
 
-/** Start a train of `count` beats (0: until stopped) at rate_hz, 0.01..1000. The beat is absolute: no drift. */
+/**
+ * Start a train of `count` beats (0: until stopped) at rate_hz, 0.01..1000. The beat is absolute: no drift.
+ *
+ * A chip that fails or vanishes ends the train (logged; sst_trigger_stop() returns the error). The trigger's thread then
+ * looks for it with back-off up to 5 s, and once it is back (logged) a train can be started again.
+ * @return 0, -EBUSY (a train runs), -ENODEV (chip is away, not logged again), -EINVAL (rate, or no room for the pulse)
+ */
 SST_MUST_CHECK int sst_trigger_start(struct sst_trigger *trigger, double rate_hz, uint64_t count);
 
 /** End the train after the pulse in flight; lines are inactive afterwards. @return 0 or the error that ended it. */
@@ -69,6 +79,17 @@ bool sst_trigger_idle(const struct sst_trigger *trigger);
 /** Beats that came too late to fire (the thread was held up for over half a period). */
 uint64_t sst_trigger_skipped(const struct sst_trigger *trigger);
 
+/** Since open. */
+struct sst_trigger_counters {
+    uint64_t fired;
+    uint64_t edges_missing; /* beats whose edge the loop-back line did not show; told at the first of a row */
+    uint64_t edges_lost;    /* edges that the kernel dropped, by its sequence numbers (libgpiod 2) */
+    uint64_t chip_lost, chip_found;
+};
+
+void sst_trigger_counters(struct sst_trigger *trigger, struct sst_trigger_counters *out);
+
+/** Ends a train after the pulse in flight. NULL is fine. */
 void sst_trigger_close(struct sst_trigger *trigger);
 
 SST_EXTERN_C_END

@@ -1,6 +1,7 @@
 /* sst-sim: runs any program on simulated devices. */
 #include <errno.h>
 #include <getopt.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -144,55 +145,66 @@ static void raise_limit(void)
     }
 }
 
-/* Serve, with a command or until a signal or 'stop'. @return exit status */
-static int serve(const char *dir, const struct sst_sim_options *options, char *const argv[])
+/* Serve in a folder, with a command or until a signal or 'stop'. @return exit status */
+static int serve(struct sst_sim_simulator *sim, const char *dir, char *const argv[])
 {
-    struct sst_sim_simulator *sim = NULL;
     struct run run = { .command.signals = -1 };
-    int err = sst_sim_simulator_open(&sim, dir, options);
+    int err = sst_sim_command_prepare(&run.command), status;
 
-    if (err)
-        return EXIT_FAILURE;
-    run.server = sst_sim_simulator_server(sim);
-    if (argv)
-        err = sst_sim_session_enter(dir, NULL);
     if (!err)
-        err = sst_sim_command_start(&run.command, argv);
+        err = sst_sim_simulator_start(sim, dir);
+    if (!err && argv)
+        err = sst_sim_session_enter(dir, NULL);
+    if (!err && argv && sst_sim_command_start(&run.command, argv))
+        run.command.status = err = 127;
+    run.server = sst_sim_simulator_server(sim);
     if (!err)
         err = sst_sim_watch(run.server, run.command.signals, signalled, &run);
     if (!err) {
         raise_limit();
         err = sst_sim_server_run(run.server);
     }
-    sst_sim_simulator_close(sim);
+    status = err && !run.command.status ? EXIT_FAILURE : run.command.status;
     sst_sim_command_close(&run.command);
-    return err ? (argv && (err == -ENOENT || err == -EACCES) ? 127 : EXIT_FAILURE) : run.command.status;
-}
-
-static int run_command(const struct sst_sim_options *options, char *const argv[])
-{
-    char dir[SST_PATH_MAX];
-    int status;
-
-    if (sst_sim_session_make(dir))
-        return EXIT_FAILURE;
-    status = serve(dir, options, argv);
-    sst_path_remove_tree(dir);
     return status;
 }
 
-static int run_served(const struct arguments *a)
+/* The folder is removed at the end: never one that holds something else. */
+static int take_folder(const char *name, char dir[SST_PATH_MAX])
 {
-    char dir[SST_PATH_MAX];
-    int status;
-
-    /* It is removed at the end: never one that holds something else. */
-    if ((rmdir(a->serve) < 0 && errno != ENOENT) || mkdir(a->serve, 0700) < 0 || !realpath(a->serve, dir)) {
-        sst_log_error("session folder '%s': %s; name one that is not there yet, or empty", a->serve, strerror(errno));
-        return EXIT_FAILURE;
+    if (!name)
+        return sst_sim_session_make(dir);
+    if ((rmdir(name) < 0 && errno != ENOENT) || mkdir(name, 0700) < 0 || !realpath(name, dir)) {
+        sst_log_error("session folder '%s': %s; name one that is not there yet, or empty", name, strerror(errno));
+        return -EEXIST;
     }
-    status = serve(dir, &a->options, NULL);
-    sst_path_remove_tree(dir);
+    return 0;
+}
+
+static void stop_early(int sig)
+{
+    if (sst_file_abort_all())
+        _exit(128 + sig);
+}
+
+static int run_session(const struct arguments *a, char *const argv[])
+{
+    struct sst_sim_simulator *sim = NULL;
+    char dir[SST_PATH_MAX];
+    int status = EXIT_FAILURE;
+
+    /* While the world is prepared; later they are blocked and come by the event loop. */
+    (void)signal(SIGINT, stop_early);
+    (void)signal(SIGTERM, stop_early);
+    if (sst_sim_simulator_open(&sim, &a->options))
+        return EXIT_FAILURE;
+    if (take_folder(a->serve, dir) == 0) {
+        status = serve(sim, dir, argv);
+        sst_sim_simulator_close(sim);
+        sst_path_remove_tree(dir);
+    } else {
+        sst_sim_simulator_close(sim);
+    }
     return status;
 }
 
@@ -300,8 +312,8 @@ int main(int argc, char **argv)
     if (optind > 1 && strcmp(argv[optind - 1], "--") != 0 && optind < argc)
         return usage("write -- before the command");
     if (a.serve)
-        return optind < argc ? usage("--serve takes no command") : run_served(&a);
+        return optind < argc ? usage("--serve takes no command") : run_session(&a, NULL);
     if (optind >= argc)
         return usage("no command given");
-    return a.join ? join(a.join, argv + optind) : run_command(&a.options, argv + optind);
+    return a.join ? join(a.join, argv + optind) : run_session(&a, argv + optind);
 }

@@ -132,24 +132,32 @@ static void run_child(char *const argv[], bool terminal, int report, const sigse
     _exit(127);
 }
 
-int sst_sim_command_start(struct sst_sim_command *c, char *const argv[])
+int sst_sim_command_prepare(struct sst_sim_command *c)
 {
-    sigset_t set, old;
-    int report[2], err = 0, why;
+    sigset_t set;
+    int err;
 
     *c = (struct sst_sim_command){ .signals = -1 };
     forwarded(&set);
     sigaddset(&set, SIGCHLD);
-    if (sigprocmask(SIG_BLOCK, &set, &old) < 0 || (c->signals = signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK)) < 0)
-        return -errno;
-    if (!argv)
+    if (sigprocmask(SIG_BLOCK, &set, &c->mask) == 0 &&
+        (c->signals = signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK)) >= 0)
         return 0;
+    err = -errno;
+    sst_log_error("simulator: no descriptor for signals: %s", strerror(-err));
+    return err;
+}
+
+int sst_sim_command_start(struct sst_sim_command *c, char *const argv[])
+{
+    int report[2], err = 0, why;
+
     if (pipe2(report, O_CLOEXEC) < 0)
         return -errno;
     c->terminal = isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
     c->pid = fork();
     if (c->pid == 0)
-        run_child(argv, c->terminal, report[1], &old);
+        run_child(argv, c->terminal, report[1], &c->mask);
     if (c->pid < 0) {
         err = -errno;
         c->pid = 0;

@@ -2,6 +2,7 @@
 #ifndef SST_SIMULATORS_DEVICES_SESSION_H
 #define SST_SIMULATORS_DEVICES_SESSION_H
 
+#include <signal.h>
 #include <stdbool.h>
 
 #include "base/file.h"
@@ -24,13 +25,14 @@ struct sst_sim_command {
     int signals;  /* signalfd: readable when sst_sim_command_signal() has something to do */
     bool terminal; /* it was given the terminal */
     int status;   /* exit status, 128 + signal */
+    sigset_t mask; /* signals blocked before */
 };
 
-/**
- * Block the signals that end programs and have them, and the end of children, told by c->signals; then start argv
- * (NULL: only the signals) in a process group of its own.
- * @return 0, -ENOENT/-EACCES... (it cannot be executed) or -errno; logged.
- */
+/** Block the signals that end programs, before there are threads, and have them and the end of children told by
+ *  c->signals. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sst_sim_command_prepare(struct sst_sim_command *c);
+
+/** Start argv in a process group of its own. @return 0, -ENOENT/-EACCES... (it cannot be executed) or -errno; logged. */
 SST_MUST_CHECK int sst_sim_command_start(struct sst_sim_command *c, char *const argv[]);
 
 /** Pass a signal on, or take the command's end. @return true: it has ended (or, without a command, a signal came). */

@@ -112,10 +112,9 @@ static int set_faults(struct sst_sim_simulator *sim)
     return 0;
 }
 
-int sst_sim_simulator_open(struct sst_sim_simulator **out, const char *dir, const struct sst_sim_options *options)
+int sst_sim_simulator_open(struct sst_sim_simulator **out, const struct sst_sim_options *options)
 {
     struct sst_sim_simulator *sim = calloc(1, sizeof(*sim));
-    const struct sst_sim_control control = { .arg = sim, .call = answer };
     int err = -ENOMEM;
 
     if (!sim)
@@ -124,10 +123,21 @@ int sst_sim_simulator_open(struct sst_sim_simulator **out, const char *dir, cons
     err = sst_sim_world_open(&sim->world, options->world, options->cache);
     if (!err)
         err = sst_sim_faults_create(&sim->faults);
+    if (err) {
+        sst_sim_simulator_close(sim);
+        return err;
+    }
+    *out = sim;
+    return 0;
+}
+
+int sst_sim_simulator_start(struct sst_sim_simulator *sim, const char *dir)
+{
+    const struct sst_sim_control control = { .arg = sim, .call = answer };
+    int err = sst_sim_server_open(&sim->server, dir, &control);
+
     if (!err)
-        err = sst_sim_server_open(&sim->server, dir, &control);
-    if (!err)
-        err = sst_sim_wires_open(&sim->wires, &(struct sst_sim_wires_config){ .options = options->wires,
+        err = sst_sim_wires_open(&sim->wires, &(struct sst_sim_wires_config){ .options = sim->options.wires,
                                                                               .server = sim->server,
                                                                               .faults = sim->faults,
                                                                               .world = sim->world });
@@ -136,21 +146,19 @@ int sst_sim_simulator_open(struct sst_sim_simulator **out, const char *dir, cons
                                                                               .server = sim->server,
                                                                               .faults = sim->faults,
                                                                               .usb = sst_sim_wires_usb(sim->wires),
-                                                                              .truth = options->truth });
+                                                                              .truth = sim->options.truth });
     if (!err)
         err = sst_sim_wires_attach(sim->wires, sim->array);
     if (!err)
         err = set_faults(sim);
     if (err) {
+        /* nothing was simulated that could be told of */
         sim->options.quiet = true;
         sim->options.stats = NULL;
-        sst_sim_simulator_close(sim);
-        return err;
     }
     sim->opened_ns = sst_clock_now_ns();
     sim->opened_cpu_ns = sst_clock_cpu_ns();
-    *out = sim;
-    return 0;
+    return err;
 }
 
 /* So that the cost of the simulation is not taken for the cost of what ran in it. */

@@ -18,9 +18,10 @@ struct sst_sim_options {
 
 struct sst_sim_simulator; /* opaque */
 
-/** Open the world and make the devices appear in a session's folder. @return 0 or -errno, logged. */
-SST_MUST_CHECK int sst_sim_simulator_open(struct sst_sim_simulator **out, const char *dir,
-                                          const struct sst_sim_options *options);
+/** Open the world, which may take a while. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sst_sim_simulator_open(struct sst_sim_simulator **out, const struct sst_sim_options *options);
+/** Make the devices appear in a session's folder. @return 0 or -errno, logged; close it then. */
+SST_MUST_CHECK int sst_sim_simulator_start(struct sst_sim_simulator *sim, const char *dir);
 /** Also tells what the simulation cost. NULL is fine. */
 void sst_sim_simulator_close(struct sst_sim_simulator *sim);
 struct sst_sim_server *sst_sim_simulator_server(const struct sst_sim_simulator *sim);

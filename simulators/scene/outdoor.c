@@ -84,7 +84,10 @@ void sst_build_bush(struct sst_world *w)
     sst_add_foliage(w, 400, all_x, low_y, disp, 17);
 }
 
-#define WALK_MM 4600.0 /* length of the path of the walker */
+#define WALK_MM 4600.0 /* length of the path of the walker; he takes WALK_S for it, and a whole number of strides */
+#define WALK_S  4.0
+#define STRIDES 3
+#define TURN    6.283185307179586
 
 /* --- pedestrian: a walker before a parked van, a house front behind ---------------------------------------------- */
 
@@ -152,7 +155,7 @@ static void add_walker(struct sst_world *w, struct sst_vec3 base, unsigned hide)
         .base = base,
         .scale = 1,
         .yaw = 1.45,
-        .stride = 0.42 * sin(0.9 + 5.2 * w->time_s),
+        .stride = 0.42 * sin(0.9 + TURN * STRIDES / WALK_S * w->time_s),
         .skin = sst_mat(sst_paint_fbm, 0xb98262, 0xd9a684, 60),
         .face = sst_mat(sst_paint_face, 0xcf9c7a, 0x2b1d16, 40),
         .shirt = top,
@@ -172,7 +175,7 @@ void sst_build_pedestrian(struct sst_world *w)
     const double road = 8 * 161;
     struct sst_vec3 rear, walker;
     unsigned person, cars;
-    const double walk = 1150 * w->time_s / WALK_MM;
+    const double walk = w->time_s / WALK_S;
     double front;
 
     w->focal = 1800;

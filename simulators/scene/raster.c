@@ -10,55 +10,28 @@
 #include <float.h>
 
 #include "base/mem.h"
-#include "simulators/scene/world.h"
+#include "simulators/scene/raster.h"
 
-#define BAND_ROWS  16
-#define COLOURS    4
-#define CENTRE     4
-#define SAMPLES    5
-#define NOTHING    UINT32_MAX
 #define NEAREST_MM 1.0 /* corners nearer than this (or behind the camera) give no bounds */
 
-static const double offset_x[SAMPLES] = { 0.125, 0.375, -0.125, -0.375, 0 };
-static const double offset_y[SAMPLES] = { -0.375, 0.125, 0.375, -0.125, 0 };
+static const double offset_x[SST_SAMPLES] = { 0.125, 0.375, -0.125, -0.375, 0 };
+static const double offset_y[SST_SAMPLES] = { -0.375, 0.125, 0.375, -0.125, 0 };
 
-/* c + x * pixel x + y * pixel y */
-struct affine {
-    double x, y, c;
-};
-
-/* A surface as one view sees it. */
-struct seen {
-    struct affine inv_z;   /* patch */
-    struct affine axis[3]; /* patch: s/Z, t/Z; ellipsoid: the ray in units of the half-axes */
-    double eye[3];         /* ellipsoid: the camera in units of the half-axes */
-    int x0, x1, y0, y1;    /* output pixels it may cover, ends excluded; empty: not seen */
-};
-
-struct band {
-    const struct sst_raster *r;
-    const struct seen *seen;
-    int y0, rows;
-    float *inv_z;           /* [SAMPLES][BAND_ROWS][width], 0: nothing */
-    uint32_t *owner;        /* the same, surface index */
-    struct sst_rgb *colour; /* [COLOURS][BAND_ROWS][width] */
-};
-
-static struct affine along_ray(const struct sst_raster *r, struct sst_vec3 a)
+static struct sst_affine along_ray(const struct sst_raster *r, struct sst_vec3 a)
 {
     const double x = a.x / r->focal_px, y = a.y / r->focal_px;
 
-    return (struct affine){ x, y, a.z - x * r->cx - y * r->cy };
+    return (struct sst_affine){ x, y, a.z - x * r->cx - y * r->cy };
 }
 
-static inline double at(struct affine a, double x, double y)
+static inline double at(struct sst_affine a, double x, double y)
 {
     return a.x * x + a.y * y + a.c;
 }
 
 /* --- one surface in one view ------------------------------------------------------------------------------------- */
 
-static void bounds(const struct sst_raster *r, const struct sst_surface *s, struct sst_vec3 e, struct seen *out)
+static void bounds(const struct sst_raster *r, const struct sst_surface *s, struct sst_vec3 e, struct sst_seen *out)
 {
     const double x[3] = { s->u.x, s->v.x, s->w.x }, y[3] = { s->u.y, s->v.y, s->w.y };
     const double z[3] = { s->u.z, s->v.z, s->w.z };
@@ -74,7 +47,7 @@ static void bounds(const struct sst_raster *r, const struct sst_surface *s, stru
             sst_add(e, s->ellipsoid ? sst_v(a * hx, b * hy, c * hz) : sst_add(sst_mul(s->u, a), sst_mul(s->v, b)));
 
         if (p.z < NEAREST_MM) {
-            *out = (struct seen){ .x1 = r->width, .y1 = r->height };
+            *out = (struct sst_seen){ .x1 = r->width, .y1 = r->height };
             return;
         }
         lo_x = fmin(lo_x, r->cx + r->focal_px * p.x / p.z);
@@ -82,6 +55,8 @@ static void bounds(const struct sst_raster *r, const struct sst_surface *s, stru
         lo_y = fmin(lo_y, r->cy + r->focal_px * p.y / p.z);
         hi_y = fmax(hi_y, r->cy + r->focal_px * p.y / p.z);
     }
+    if (r->warp)
+        sst_warp_box(r->warp, &lo_x, &hi_x, &lo_y, &hi_y);
     out->x0 = (int)sst_clamp_double(floor((lo_x - 0.5) / r->step_x), 0, r->width);
     out->x1 = (int)sst_clamp_double(ceil((hi_x + 0.5) / r->step_x) + 1, 0, r->width);
     out->y0 = (int)sst_clamp_double(floor((lo_y - 0.5) / r->step_y), 0, r->height);
@@ -93,13 +68,13 @@ static struct sst_vec3 patch_normal(const struct sst_surface *s)
     return sst_cross(s->u, s->v);
 }
 
-static void set_up(const struct sst_raster *r, const struct sst_surface *s, struct seen *out)
+void sst_surface_see(const struct sst_raster *r, const struct sst_surface *s, struct sst_seen *out)
 {
-    const struct sst_vec3 eye = sst_v(r->bx * r->world->spacing_mm, r->by * r->world->spacing_mm, 0);
+    const struct sst_vec3 eye = sst_v(r->bx * r->world->spacing_mm, r->by * r->world->spacing_mm, r->eye_z_mm);
     const struct sst_vec3 e = sst_sub(s->origin, eye);
     const struct sst_vec3 n = patch_normal(s), axis[3] = { s->u, s->v, s->w };
 
-    *out = (struct seen){ 0 };
+    *out = (struct sst_seen){ 0 };
     if (s->hide & r->hidden)
         return;
     bounds(r, s, e, out);
@@ -113,21 +88,21 @@ static void set_up(const struct sst_raster *r, const struct sst_surface *s, stru
         return;
     }
     if (sst_dot(n, e) == 0) { /* exactly edge on */
-        *out = (struct seen){ 0 };
+        *out = (struct sst_seen){ 0 };
         return;
     }
     out->inv_z = along_ray(r, sst_mul(n, 1 / sst_dot(n, e)));
     for (int i = 0; i < 2; i++) {
         const struct sst_vec3 dual = sst_mul(i ? sst_cross(n, s->u) : sst_cross(s->v, n), 1 / sst_dot(n, n));
-        const struct affine a = along_ray(r, dual);
+        const struct sst_affine a = along_ray(r, dual);
         const double k = sst_dot(dual, e);
 
-        out->axis[i] = (struct affine){ a.x - k * out->inv_z.x, a.y - k * out->inv_z.y, a.c - k * out->inv_z.c };
+        out->axis[i] = (struct sst_affine){ a.x - k * out->inv_z.x, a.y - k * out->inv_z.y, a.c - k * out->inv_z.c };
     }
 }
 
 /* 1/Z where the ray of picture position (x, y) meets the surface nearer than 1/nearer_than, and there q; else 0. */
-static inline double meet(const struct sst_surface *s, const struct seen *g, double x, double y, double nearer_than,
+static inline double meet(const struct sst_surface *s, const struct sst_seen *g, double x, double y, double nearer_than,
                           double q[3])
 {
     if (s->ellipsoid) {
@@ -206,27 +181,76 @@ static float shade(const struct sst_surface *s, const double q[3], struct sst_rg
 
 /* --- a band ------------------------------------------------------------------------------------------------------ */
 
-static size_t cell(const struct band *b, int sample, int y, int x)
+int sst_band_init(struct sst_band *b, const struct sst_raster *r, int capacity)
 {
-    return ((size_t)sample * BAND_ROWS + (size_t)(y - b->y0)) * (size_t)b->r->width + (size_t)x;
+    const size_t cells = (size_t)capacity * (size_t)r->width;
+
+    *b = (struct sst_band){
+        .r = r,
+        .x1 = r->width,
+        .capacity = capacity,
+        .inv_z = sst_mem_alloc_raw(SST_SAMPLES * cells, sizeof(float)),
+        .owner = sst_mem_alloc_raw(SST_SAMPLES * cells, sizeof(uint32_t)),
+        .colour = r->image ? sst_mem_alloc_raw(SST_COLOURS * cells, sizeof(struct sst_rgb)) : NULL,
+    };
+    return b->inv_z && b->owner && (b->colour || !r->image) ? 0 : -ENOMEM;
 }
 
-static void draw_opaque(struct band *b, uint32_t index, int first_sample)
+void sst_band_fini(struct sst_band *b)
+{
+    sst_mem_free(b->colour);
+    sst_mem_free(b->owner);
+    sst_mem_free(b->inv_z);
+}
+
+void sst_band_clear(struct sst_band *b)
+{
+    const size_t cells = (size_t)SST_SAMPLES * (size_t)b->capacity * (size_t)b->r->width;
+
+    for (size_t i = 0; i < cells; i++) {
+        b->inv_z[i] = 0;
+        b->owner[i] = SST_NOTHING;
+    }
+}
+
+/* Where sample k of output pixel (x, y) looks in the ideal picture. */
+static inline double look_x(const struct sst_raster *r, int x, int y, int k)
+{
+    return (r->warp ? sst_warp_x(r->warp, x, y) : x * r->step_x) + offset_x[k];
+}
+
+static inline double look_y(const struct sst_raster *r, int x, int y, int k)
+{
+    return (r->warp ? sst_warp_y(r->warp, x, y) : y * r->step_y) + offset_y[k];
+}
+
+static int first_sample(const struct sst_band *b)
+{
+    return b->colour ? 0 : SST_CENTRE;
+}
+
+/* The centre is for the truth alone. */
+static int last_sample(const struct sst_band *b)
+{
+    return b->r->disp || b->r->label || b->r->owner ? SST_SAMPLES : SST_COLOURS;
+}
+
+void sst_band_opaque(struct sst_band *b, uint32_t index)
 {
     const struct sst_raster *r = b->r;
     const struct sst_surface *s = &r->world->surfaces[index];
-    const struct seen *g = &b->seen[index];
+    const struct sst_seen *g = &b->seen[index];
     const int y0 = sst_max_int(g->y0, b->y0), y1 = sst_min_int(g->y1, b->y0 + b->rows);
+    const int x0 = sst_max_int(g->x0, b->x0), x1 = sst_min_int(g->x1, b->x1);
 
-    for (int k = first_sample; k < SAMPLES; k++) {
+    for (int k = first_sample(b); k < last_sample(b); k++) {
         for (int y = y0; y < y1; y++) {
-            float *inv_z = b->inv_z + cell(b, k, y, 0);
-            uint32_t *owner = b->owner + cell(b, k, y, 0);
-            const double py = y * r->step_y + offset_y[k];
+            float *inv_z = b->inv_z + sst_band_cell(b, k, y, 0);
+            uint32_t *owner = b->owner + sst_band_cell(b, k, y, 0);
 
-            for (int x = g->x0; x < g->x1; x++) {
+            for (int x = x0; x < x1; x++) {
                 double q[3];
-                const double iz = meet(s, g, x * r->step_x + offset_x[k], py, inv_z[x], q);
+                const double iz = meet(s, g, look_x(r, x, y, k), look_y(r, x, y, k), inv_z[x], q);
 
                 if (iz > 0) {
                     inv_z[x] = (float)iz;
@@ -237,45 +261,49 @@ static void draw_opaque(struct band *b, uint32_t index, int first_sample)
     }
 }
 
-static void colour_opaque(struct band *b)
+void sst_band_colour(struct sst_band *b, const bool *only)
 {
     const struct sst_raster *r = b->r;
 
-    for (int k = 0; k < COLOURS; k++) {
+    for (int k = 0; k < SST_COLOURS; k++) {
         for (int y = b->y0; y < b->y0 + b->rows; y++) {
-            for (int x = 0; x < r->width; x++) {
-                const size_t i = cell(b, k, y, x);
+            for (int x = b->x0; x < b->x1; x++) {
+                const size_t i = sst_band_cell(b, k, y, x);
+                const uint32_t owner = b->owner[i];
                 double q[3];
 
-                b->colour[i] = (struct sst_rgb){ 0.6f, 0.65f, 0.7f };
-                if (b->owner[i] == NOTHING)
+                if (only && (owner == SST_NOTHING || !only[owner]))
                     continue;
-                meet(&r->world->surfaces[b->owner[i]], &b->seen[b->owner[i]], x + offset_x[k], y + offset_y[k], 0, q);
-                shade(&r->world->surfaces[b->owner[i]], q, &b->colour[i]);
+                b->colour[i] = (struct sst_rgb){ 0.6f, 0.65f, 0.7f };
+                if (owner == SST_NOTHING)
+                    continue;
+                meet(&r->world->surfaces[owner], &b->seen[owner], look_x(r, x, y, k), look_y(r, x, y, k), 0, q);
+                shade(&r->world->surfaces[owner], q, &b->colour[i]);
             }
         }
     }
 }
 
-static void draw_translucent(struct band *b, uint32_t index, int first_sample)
+void sst_band_translucent(struct sst_band *b, uint32_t index)
 {
     const struct sst_raster *r = b->r;
     const struct sst_surface *s = &r->world->surfaces[index];
-    const struct seen *g = &b->seen[index];
+    const struct sst_seen *g = &b->seen[index];
     const int y0 = sst_max_int(g->y0, b->y0), y1 = sst_min_int(g->y1, b->y0 + b->rows);
+    const int x0 = sst_max_int(g->x0, b->x0), x1 = sst_min_int(g->x1, b->x1);
 
-    for (int k = first_sample; k < SAMPLES; k++) {
+    for (int k = first_sample(b); k < last_sample(b); k++) {
         for (int y = y0; y < y1; y++) {
-            for (int x = g->x0; x < g->x1; x++) {
-                const size_t i = cell(b, k, y, x);
+            for (int x = x0; x < x1; x++) {
+                const size_t i = sst_band_cell(b, k, y, x);
                 struct sst_rgb c;
                 double q[3];
-                const double iz = meet(s, g, x * r->step_x + offset_x[k], y * r->step_y + offset_y[k], b->inv_z[i], q);
+                const double iz = meet(s, g, look_x(r, x, y, k), look_y(r, x, y, k), b->inv_z[i], q);
                 const float alpha = iz > 0 ? shade(s, q, &c) : 0;
 
-                if (k < COLOURS && alpha > 0)
+                if (k < SST_COLOURS && alpha > 0)
                     b->colour[i] = sst_blend(b->colour[i], c, alpha);
-                if (k == CENTRE && alpha > 0.5f) {
+                if (k == SST_CENTRE && alpha > 0.5f) {
                     b->inv_z[i] = (float)iz;
                     b->owner[i] = index;
                 }
@@ -286,32 +314,38 @@ static void draw_translucent(struct band *b, uint32_t index, int first_sample)
 
 static uint8_t to_byte(float sum)
 {
-    const float v = sum * (255.0f / COLOURS) + 0.5f;
+    const float v = sum * (255.0f / SST_COLOURS) + 0.5f;
 
     return (uint8_t)(v <= 0 ? 0 : v >= 255 ? 255 : v);
 }
 
-static void store(const struct band *b)
+static void store_truth(const struct sst_band *b, int x, int y)
 {
     const struct sst_raster *r = b->r;
-    const double disp_scale = r->focal_px * r->world->spacing_mm;
+    const size_t i = sst_band_cell(b, SST_CENTRE, y, x);
+    const struct sst_surface *s = b->owner[i] == SST_NOTHING ? NULL : &r->world->surfaces[b->owner[i]];
+
+    if (r->disp)
+        sst_map_f32_row(r->disp, y)[x] = (float)(r->focal_px * r->world->spacing_mm * b->inv_z[i]);
+    if (r->label)
+        sst_map_u8_row(r->label, y)[x] = s ? s->label : 0;
+    if (r->owner)
+        sst_map_u8_row(r->owner, y)[x] = s ? (uint8_t)s->hide : 0;
+}
+
+void sst_band_store(const struct sst_band *b)
+{
+    const struct sst_raster *r = b->r;
 
     for (int y = b->y0; y < b->y0 + b->rows; y++) {
-        for (int x = 0; x < r->width; x++) {
-            const size_t i = cell(b, CENTRE, y, x);
-            const struct sst_surface *s = b->owner[i] == NOTHING ? NULL : &r->world->surfaces[b->owner[i]];
-
-            if (r->disp)
-                sst_map_f32_row(r->disp, y)[x] = (float)(disp_scale * b->inv_z[i]);
-            if (r->label)
-                sst_map_u8_row(r->label, y)[x] = s ? s->label : 0;
-            if (r->owner)
-                sst_map_u8_row(r->owner, y)[x] = s ? (uint8_t)s->hide : 0;
+        for (int x = b->x0; x < b->x1; x++) {
+            if (last_sample(b) > SST_CENTRE)
+                store_truth(b, x, y);
             if (r->image) {
                 struct sst_rgb c = { 0, 0, 0 };
 
-                for (int k = 0; k < COLOURS; k++) {
-                    const struct sst_rgb *p = &b->colour[cell(b, k, y, x)];
+                for (int k = 0; k < SST_COLOURS; k++) {
+                    const struct sst_rgb *p = &b->colour[sst_band_cell(b, k, y, x)];
 
                     c = (struct sst_rgb){ c.r + p->r, c.g + p->g, c.b + p->b };
                 }
@@ -323,56 +357,44 @@ static void store(const struct band *b)
     }
 }
 
-static void run_band(struct band *b)
+static void run_band(struct sst_band *b)
 {
-    const struct sst_raster *r = b->r;
-    const size_t cells = (size_t)SAMPLES * BAND_ROWS * (size_t)r->width;
-    const int first_sample = r->image ? 0 : CENTRE;
+    const struct sst_world *w = b->r->world;
 
-    for (size_t i = 0; i < cells; i++) {
-        b->inv_z[i] = 0;
-        b->owner[i] = NOTHING;
+    sst_band_clear(b);
+    for (int i = 0; i < w->count; i++) {
+        if (!w->surfaces[i].translucent)
+            sst_band_opaque(b, (uint32_t)i);
     }
-    for (int i = 0; i < r->world->count; i++) {
-        if (!r->world->surfaces[i].translucent)
-            draw_opaque(b, (uint32_t)i, first_sample);
+    if (b->colour)
+        sst_band_colour(b, NULL);
+    for (int i = 0; i < w->count; i++) {
+        if (w->surfaces[i].translucent)
+            sst_band_translucent(b, (uint32_t)i);
     }
-    if (r->image)
-        colour_opaque(b);
-    for (int i = 0; i < r->world->count; i++) {
-        if (r->world->surfaces[i].translucent)
-            draw_translucent(b, (uint32_t)i, first_sample);
-    }
-    store(b);
+    sst_band_store(b);
 }
 
 int sst_raster_run(const struct sst_raster *r)
 {
-    const size_t cells = (size_t)BAND_ROWS * (size_t)r->width;
-    struct seen *seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*seen));
-    struct band b = {
-        .r = r,
-        .seen = seen,
-        .inv_z = sst_mem_alloc_raw(SAMPLES * cells, sizeof(float)),
-        .owner = sst_mem_alloc_raw(SAMPLES * cells, sizeof(uint32_t)),
-        .colour = r->image ? sst_mem_alloc_raw(COLOURS * cells, sizeof(struct sst_rgb)) : NULL,
-    };
-    int err = -ENOMEM;
+    struct sst_seen *seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*seen));
+    struct sst_band b;
+    int err = sst_band_init(&b, r, SST_BAND_ROWS);
 
-    if (!seen || !b.inv_z || !b.owner || (r->image && !b.colour))
+    if (!seen)
+        err = -ENOMEM;
+    if (err)
         goto done;
+    b.seen = seen;
     for (int i = 0; i < r->world->count; i++)
-        set_up(r, &r->world->surfaces[i], &seen[i]);
-    for (b.y0 = 0; b.y0 < r->height; b.y0 += BAND_ROWS) {
-        b.rows = sst_min_int(BAND_ROWS, r->height - b.y0);
+        sst_surface_see(r, &r->world->surfaces[i], &seen[i]);
+    for (b.y0 = 0; b.y0 < r->height; b.y0 += SST_BAND_ROWS) {
+        b.rows = sst_min_int(SST_BAND_ROWS, r->height - b.y0);
         run_band(&b);
     }
-    err = 0;
 
 done:
-    sst_mem_free(b.colour);
-    sst_mem_free(b.owner);
-    sst_mem_free(b.inv_z);
+    sst_band_fini(&b);
     sst_mem_free(seen);
     return err;
 }

@@ -193,24 +193,38 @@ static int find_focus(struct sst_scene *s)
 
 /* --- the public face --------------------------------------------------------------------------------------------- */
 
-int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg)
+int sst_world_build(struct sst_world *w, const char *name, const struct sst_scene_config *cfg)
 {
     const int which = find(name), longest = sst_max_int(cfg->rows, cfg->cols) - 1;
-    struct sst_scene *s;
-    int err = which < 0 ? which : check(cfg);
+    const int err = which < 0 ? which : check(cfg);
 
     if (err)
         return err;
-    s = calloc(1, sizeof(*s));
-    if (!s)
-        return -ENOMEM;
-    s->cfg = *cfg;
-    s->world.rng = cfg->seed;
-    s->world.time_s = cfg->time_s;
-    builders[which](&s->world);
+    *w = (struct sst_world){ .rng = cfg->seed, .time_s = cfg->time_s };
+    builders[which](w);
     /* A finer grid divides the same aperture, so that it neither leaves the scene nor goes underground. */
-    s->world.spacing_mm *= longest > 5 ? 5.0 / longest : 1;
-    err = s->world.failed ? -ENOMEM : find_range(s);
+    w->spacing_mm *= longest > 5 ? 5.0 / longest : 1;
+    if (!w->failed)
+        return 0;
+    sst_world_fini(w);
+    return -ENOMEM;
+}
+
+void sst_world_fini(struct sst_world *w)
+{
+    free(w->surfaces);
+    *w = (struct sst_world){ 0 };
+}
+
+int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg)
+{
+    struct sst_scene *s = calloc(1, sizeof(*s));
+    int err = s ? sst_world_build(&s->world, name, cfg) : -ENOMEM;
+
+    if (!err) {
+        s->cfg = *cfg;
+        err = find_range(s);
+    }
     if (!err)
         err = find_focus(s);
     if (err) {
@@ -225,7 +239,7 @@ void sst_scene_destroy(struct sst_scene *s)
 {
     if (!s)
         return;
-    free(s->world.surfaces);
+    sst_world_fini(&s->world);
     free(s);
 }
 

@@ -11,7 +11,7 @@ SST_EXTERN_C_BEGIN
 struct sst_scene_config {
     int width, height, rows, cols;
     uint64_t seed; /* moves and recolours what may vary; the same seed gives the same bytes */
-    double time_s; /* motion: the pedestrian walks, leaves sway */
+    double time_s; /* motion: the pedestrian walks by in 4 s, leaves sway in 2 s, again and again */
     int threads;
     void (*progress)(void *arg, double done); /* told 0..1 by sst_scene_write, one call at a time; or NULL */
     void *progress_arg;

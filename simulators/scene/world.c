@@ -7,6 +7,7 @@
 #define GRAIN_PX 2.6 /* design pixels between the values of the fine texture */
 #define TINT     0.05
 #define TURN     6.283185307179586
+#define SWAY_S   2.0 /* leaves are back after this */
 
 struct sst_vec3 sst_world_at(const struct sst_world *w, double x, double y, double disp_px)
 {
@@ -177,7 +178,7 @@ static void add_leaf(struct sst_world *w, struct sst_vec3 centre, double half_mm
 {
     const double turn = TURN * sst_random(&w->rng), tilt = sst_random_in(&w->rng, -0.9, 0.9);
     const double roll = sst_random_in(&w->rng, -0.8, 0.8), phase = TURN * sst_random(&w->rng);
-    const double sway = 0.3 * sin(2.1 * w->time_s + phase) - 0.3 * sin(phase);
+    const double sway = 0.3 * sin(TURN / SWAY_S * w->time_s + phase) - 0.3 * sin(phase);
     const double length = half_mm * sst_random_in(&w->rng, 1.7, 2.3);
     const size_t pick = (size_t)(sst_random(&w->rng) * ARRAY_LEN(leaf_colours));
     const double a = turn + 0.4 * sway;

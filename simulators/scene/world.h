@@ -216,24 +216,82 @@ typedef void sst_build_fn(struct sst_world *w);
 sst_build_fn sst_build_bush, sst_build_pedestrian, sst_build_transportation, sst_build_cell, sst_build_humvee,
     sst_build_cd_cases, sst_build_cat;
 
+/**
+ * Build a scene's surfaces at cfg->time_s, without what sst_scene_create() learns by looking at them.
+ *
+ * @return 0, -EINVAL (unknown name or absurd size, logged), -ENOMEM
+ */
+SST_MUST_CHECK int sst_world_build(struct sst_world *w, const char *name, const struct sst_scene_config *cfg);
+void sst_world_fini(struct sst_world *w);
+
 /* --- the renderer ------------------------------------------------------------------------------------------------ */
 
-/** One view of a world. Pixel (i, j) of the outputs looks at picture position (i * step_x, j * step_y). */
+/** A picture whose pixels look elsewhere than an ideal camera's: a lens with distortion, a turned camera. */
+struct sst_warp {
+    int width, height, columns, rows;
+    float *x, *y;       /* [height][width]: position in the ideal picture that a pixel's centre looks at */
+    float (*tiles)[4];  /* [rows][columns]: least and greatest of x - column, and of y - row, in a tile of pixels */
+    float all[4];       /* the same of the whole picture */
+};
+
+/** Room for the positions, which the caller fills in. @return 0 or -ENOMEM */
+SST_MUST_CHECK int sst_warp_init(struct sst_warp *warp, int width, int height);
+void sst_warp_fini(struct sst_warp *warp);
+/** To be called once x and y are filled in; they are bounds, no holes are looked for. */
+void sst_warp_index(struct sst_warp *warp);
+
+/** From a box in the ideal picture to one that holds all pixels that look into it, as far as there are any. */
+void sst_warp_box(const struct sst_warp *warp, double *lo_x, double *hi_x, double *lo_y, double *hi_y);
+
+static inline double sst_warp_x(const struct sst_warp *warp, int x, int y)
+{
+    return warp->x[(size_t)y * (size_t)warp->width + (size_t)x];
+}
+
+static inline double sst_warp_y(const struct sst_warp *warp, int x, int y)
+{
+    return warp->y[(size_t)y * (size_t)warp->width + (size_t)x];
+}
+
+/** One view of a world. Pixel (i, j) of the outputs looks at picture position (i * step_x, j * step_y), or where the
+ *  warp says. */
 struct sst_raster {
     const struct sst_world *world;
     double focal_px, cx, cy;
     int width, height;     /* of the outputs */
-    double step_x, step_y; /* 1: the picture itself; image needs 1 */
-    double bx, by;
+    double step_x, step_y; /* 1: the picture itself; image and warp need 1 */
+    double bx, by, eye_z_mm;
     unsigned hidden;
-    struct sst_image *image;  /* or NULL */
-    struct sst_map_f32 *disp; /* or NULL */
-    struct sst_map_u8 *label; /* or NULL */
-    struct sst_map_u8 *owner; /* hide bits of what is seen; or NULL */
+    const struct sst_warp *warp; /* of the outputs' size; or NULL */
+    struct sst_image *image;     /* or NULL */
+    struct sst_map_f32 *disp;    /* or NULL */
+    struct sst_map_u8 *label;    /* or NULL */
+    struct sst_map_u8 *owner;    /* hide bits of what is seen; or NULL */
 };
 
 /** @return 0 or -ENOMEM. */
 SST_MUST_CHECK int sst_raster_run(const struct sst_raster *r);
+
+/* --- many pictures of a world in which little moves -------------------------------------------------------------- */
+
+/** Names the surfaces that differ between two states of a world. @param moving in and out, [count]: set, never cleared */
+void sst_world_compare(const struct sst_world *a, const struct sst_world *b, bool *moving);
+
+struct sst_layers; /* opaque; one thread at a time */
+
+/**
+ * Render all that does not move, once.
+ *
+ * @param r       its world, which must stay, and its warp and image; the image is used by draw alone
+ * @param moving  [count of surfaces]; must stay
+ * @return 0 or -ENOMEM
+ */
+SST_MUST_CHECK int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const bool *moving);
+void sst_layers_destroy(struct sst_layers *layers);
+
+/** Draw rows y0 .. y1-1 of the image as they are in another state of the world: the same bytes as by sst_raster_run().
+ */
+void sst_layers_draw(struct sst_layers *layers, const struct sst_world *world, int y0, int y1);
 
 SST_EXTERN_C_END
 

@@ -32,6 +32,18 @@ struct sst_sim_camera {
 void sst_sim_camera_make(struct sst_sim_camera *out, const struct sst_sim_settings *s,
                          const struct sst_sim_optics *ideal, int cam);
 
+/**
+ * Take the distortion away (Newton's method).
+ *
+ * @param u,v  distorted: (x - cx) / fx, (y - cy) / fy
+ * @return false: no point is seen there, the lens folds over before it
+ */
+SST_MUST_CHECK bool sst_sim_camera_undistort(const struct sst_sim_camera *camera, double u, double v, double *a,
+                                             double *b);
+
+/** A number of the normal distribution. */
+double sst_sim_normal(uint64_t *rng);
+
 /** Turns about x, then y, then z, in degrees, as a matrix. */
 void sst_sim_rotation(const double deg[3], double matrix[9]);
 

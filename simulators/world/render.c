@@ -1,78 +1,356 @@
 #include "simulators/world/render.h"
 
+#include <errno.h>
+#include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
-#include "simulators/scene/scene.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "simulators/world/board.h"
+#include "simulators/world/photo.h"
+
+#define TURN      6.283185307179586
+#define BAND_ROWS 16 /* of one time, where the shutter rolls */
 
 struct sst_sim_stage {
     const struct sst_sim_settings *settings;
     struct sst_sim_optics optics;
     struct sst_sim_camera camera[SST_CAMERAS_MAX];
+    struct sst_sim_board board; /* with its poses */
+    struct sst_world first;     /* at the loop's begin */
+    bool *moving;               /* [surfaces] */
     int frames;
+    int fine;             /* pixels rendered for one, along each side: edges of boards are finer than four samples */
+    struct sst_warp warp; /* of the rig's camera */
+    struct sst_sim_photo *photo;
 };
+
+/* --- the surfaces at a time -------------------------------------------------------------------------------------- */
+
+static int build(const struct sst_sim_stage *s, int frame, double late_s, struct sst_world *w)
+{
+    const struct sst_sim_settings *c = s->settings;
+    struct sst_scene_config cfg;
+    int err = 0;
+
+    sst_scene_config_defaults(&cfg);
+    cfg.width = c->width;
+    cfg.height = c->height;
+    cfg.rows = c->rows;
+    cfg.cols = c->cols;
+    cfg.seed = c->seed;
+    cfg.time_s = frame / c->rate_hz + late_s;
+    if (strcmp(c->scene, "board")) {
+        err = sst_world_build(w, c->scene, &cfg);
+    } else {
+        *w = (struct sst_world){ .rng = c->seed };
+        sst_sim_board_backdrop(w);
+    }
+    if (!err && s->board.kind && s->board.poses)
+        sst_sim_board_add(w, &s->board, frame % s->board.poses);
+    if (!err && w->failed) {
+        sst_world_fini(w);
+        err = -ENOMEM;
+    }
+    return err;
+}
+
+/* How much later than the first row these rows are exposed. */
+static double late_s(const struct sst_sim_settings *c, int row)
+{
+    return c->rolling ? row * c->line_us / 1e6 : 0;
+}
+
+/* What moves; and a loop in which nothing changes is one frame long. */
+static int find_motion(struct sst_sim_stage *s)
+{
+    const struct sst_sim_settings *c = s->settings;
+    bool still = !(c->light_percent > 0) && !(c->full_well_e > 0);
+
+    s->moving = calloc((size_t)s->first.count + 1, sizeof(*s->moving));
+    if (!s->moving)
+        return -ENOMEM;
+    for (int i = 0; i < 2 * s->frames; i++) {
+        struct sst_world w;
+        const int err = build(s, i / 2, i & 1 ? late_s(c, c->height) : 0, &w);
+
+        if (err)
+            return err;
+        sst_world_compare(&s->first, &w, s->moving);
+        sst_world_fini(&w);
+    }
+    for (int i = 0; i < s->first.count; i++)
+        still = still && !s->moving[i];
+    if (still)
+        s->frames = 1;
+    return 0;
+}
+
+/* --- where a camera's pixels look -------------------------------------------------------------------------------- */
+
+static bool is_ideal(const struct sst_sim_stage *s, const struct sst_sim_camera *c)
+{
+    static const double none[5], straight[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
+    const struct sst_sim_optics *o = &s->optics;
+
+    for (int i = 0; i < 9; i++) {
+        if (c->rotation[i] != straight[i] || (i < 5 && c->distortion[i] != none[i]))
+            return false;
+    }
+    return c->fx == o->focal_px && c->fy == o->focal_px && c->cx == o->cx && c->cy == o->cy;
+}
+
+/* Position in the ideal picture of what the camera sees at (x, y). @return false: the lens folds over before it */
+static bool look(const struct sst_sim_optics *o, const struct sst_sim_camera *c, double x, double y, double out[2])
+{
+    const double *r = c->rotation;
+    double a, b, ray[3];
+
+    if (!sst_sim_camera_undistort(c, (x - c->cx) / c->fx, (y - c->cy) / c->fy, &a, &b))
+        return false;
+    for (int i = 0; i < 3; i++)
+        ray[i] = r[i] * a + r[3 + i] * b + r[6 + i];
+    if (!(ray[2] > 0))
+        return false;
+    out[0] = o->focal_px * ray[0] / ray[2] + o->cx;
+    out[1] = o->focal_px * ray[1] / ray[2] + o->cy;
+    return true;
+}
+
+/* A lattice over the picture: where no pixel of it folds, none between does. */
+static int check_lens(const struct sst_sim_stage *s, int cam)
+{
+    const int steps = 16;
+
+    for (int i = 0; i <= steps; i++) {
+        for (int j = 0; j <= steps; j++) {
+            double at[2];
+
+            if (look(&s->optics, &s->camera[cam], (s->settings->width - 1) * (double)i / steps,
+                     (s->settings->height - 1) * (double)j / steps, at))
+                continue;
+            sst_log_error("the distortion or rotation of camera %d folds its picture over; choose smaller ones", cam);
+            return -EINVAL;
+        }
+    }
+    return 0;
+}
+
+/* @return 0 (warp left alone for an ideal camera), -ENOMEM, -EINVAL */
+static int make_warp(const struct sst_sim_stage *s, int cam, struct sst_warp *warp)
+{
+    const int fine = s->fine, width = s->settings->width * fine, height = s->settings->height * fine;
+    int err = is_ideal(s, &s->camera[cam]) ? 0 : sst_warp_init(warp, width, height);
+
+    for (int y = 0; warp->x && y < height; y++) {
+        for (int x = 0; x < width; x++) {
+            const size_t i = (size_t)y * (size_t)width + (size_t)x;
+            double at[2];
+
+            if (!look(&s->optics, &s->camera[cam], (x + 0.5) / fine - 0.5, (y + 0.5) / fine - 0.5, at))
+                return -EINVAL;
+            warp->x[i] = (float)((at[0] + 0.5) * fine - 0.5);
+            warp->y[i] = (float)((at[1] + 0.5) * fine - 0.5);
+        }
+    }
+    if (warp->x)
+        sst_warp_index(warp);
+    return err;
+}
+
+static void aim(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3], const struct sst_warp *warp,
+                struct sst_image *image, struct sst_raster *out)
+{
+    const struct sst_sim_optics *o = &s->optics;
+    const double *at = s->camera[cam].position_mm;
+
+    *out = (struct sst_raster){
+        .world = &s->first,
+        .focal_px = o->focal_px * s->fine,
+        .cx = (o->cx + 0.5) * s->fine - 0.5,
+        .cy = (o->cy + 0.5) * s->fine - 0.5,
+        .width = image->width,
+        .height = image->height,
+        .step_x = 1,
+        .step_y = 1,
+        .bx = (at[0] + pose_um[0] / 1000.0) / o->spacing_mm,
+        .by = (at[1] + pose_um[1] / 1000.0) / o->spacing_mm,
+        .eye_z_mm = at[2] + pose_um[2] / 1000.0,
+        .warp = warp->x ? warp : NULL,
+        .image = image,
+    };
+}
+
+/* --- opening ----------------------------------------------------------------------------------------------------- */
+
+static void find_optics(struct sst_sim_stage *s)
+{
+    const struct sst_sim_settings *c = s->settings;
+
+    s->optics = (struct sst_sim_optics){
+        .focal_px = s->first.focal * c->width / 1000,
+        .cx = (c->width - 1) / 2.0,
+        .cy = (c->height - 1) / 2.0 + s->first.shift * c->width / 1000,
+        .spacing_mm = s->first.spacing_mm,
+    };
+}
 
 int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings *settings)
 {
     struct sst_sim_stage *s = calloc(1, sizeof(*s));
-    struct sst_scene_config cfg = { settings->width, settings->height, settings->rows, settings->cols,
-                                    settings->seed, 0, 1, NULL, NULL };
-    struct sst_scene *scene;
+    const int cams = settings->rig ? 1 : settings->rows * settings->cols;
+    int err = -ENOMEM;
 
     if (!s)
-        return -12;
-    const int err = sst_scene_create(&scene, settings->scene, &cfg);
-    if (err)
         return err;
     s->settings = settings;
-    s->optics.focal_px = sst_scene_focal_px(scene);
-    s->optics.spacing_mm = sst_scene_spacing_mm(scene);
-    s->frames = 4;
-    for (int i = 0; i < SST_CAMERAS_MAX; i++)
-        sst_sim_camera_make(&s->camera[i], settings, &s->optics, i);
-    sst_scene_destroy(scene);
+    s->fine = settings->board.kind ? 2 : 1;
+    s->frames = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
+    err = build(s, 0, 0, &s->first); /* without the board, whose poses may follow from the scene's size */
+    if (err)
+        goto fail;
+    find_optics(s);
+    s->board = settings->board;
+    if (s->board.seeded)
+        sst_sim_board_seed_poses(&s->board, settings, &s->first);
+    sst_world_fini(&s->first);
+    err = build(s, 0, 0, &s->first);
+    if (!err)
+        err = find_motion(s);
+    for (int cam = 0; cam < cams && !err; cam++) {
+        sst_sim_camera_make(&s->camera[cam], settings, &s->optics, cam);
+        err = check_lens(s, cam);
+    }
+    if (!err)
+        err = sst_sim_photo_create(&s->photo, settings);
+    if (!err && settings->rig)
+        err = make_warp(s, 0, &s->warp);
+    if (err)
+        goto fail;
     *out = s;
     return 0;
+
+fail:
+    sst_sim_stage_close(s);
+    return err;
 }
 
 void sst_sim_stage_close(struct sst_sim_stage *s)
 {
+    if (!s)
+        return;
+    sst_sim_photo_destroy(s->photo);
+    sst_warp_fini(&s->warp);
+    sst_world_fini(&s->first);
+    free(s->moving);
     free(s);
 }
 
-const struct sst_sim_optics *sst_sim_stage_optics(const struct sst_sim_stage *s) { return &s->optics; }
-const struct sst_sim_camera *sst_sim_stage_camera(const struct sst_sim_stage *s, int cam) { return &s->camera[cam]; }
-int sst_sim_stage_frames(const struct sst_sim_stage *s) { return s->frames; }
-
-static int render(const struct sst_sim_stage *s, double bx, double by, int frame, struct sst_image *image)
+const struct sst_sim_optics *sst_sim_stage_optics(const struct sst_sim_stage *s)
 {
-    struct sst_scene_config cfg = { s->settings->width, s->settings->height, s->settings->rows, s->settings->cols,
-                                    s->settings->seed, frame, 1, NULL, NULL };
-    struct sst_scene *scene;
-    int err = sst_scene_create(&scene, s->settings->scene, &cfg);
+    return &s->optics;
+}
 
-    if (err)
-        return err;
-    err = sst_scene_render(scene, bx, by, 0, image, NULL, NULL);
-    sst_scene_destroy(scene);
+const struct sst_sim_camera *sst_sim_stage_camera(const struct sst_sim_stage *s, int cam)
+{
+    return &s->camera[cam];
+}
+
+const struct sst_sim_board *sst_sim_stage_board(const struct sst_sim_stage *s)
+{
+    return &s->board;
+}
+
+int sst_sim_stage_frames(const struct sst_sim_stage *s)
+{
+    return s->frames;
+}
+
+/* --- pictures ---------------------------------------------------------------------------------------------------- */
+
+/* From the rendered picture to the sensor's. @param out  of native size; may be the same as in where fine is 1 */
+static int expose(const struct sst_sim_stage *s, int cam, int frame, struct sst_image *in, struct sst_image *out)
+{
+    const struct sst_sim_exposing e = {
+        .camera = &s->camera[cam],
+        .light = 1 + s->settings->light_percent / 100 * sin(TURN * frame / s->frames),
+        .seed = s->settings->seed * 7919 + (uint64_t)(frame * SST_CAMERAS_MAX + cam),
+    };
+    struct sst_image half;
+    int err;
+
+    if (s->fine == 2) {
+        err = sst_image_halve(&half, in);
+        if (err)
+            return err;
+        sst_sim_photo_expose(s->photo, &e, &half, out);
+        sst_image_fini(&half);
+        return 0;
+    }
+    sst_sim_photo_expose(s->photo, &e, in, out);
+    return 0;
+}
+
+/* All rows at once, or band by band where the shutter rolls. */
+static int draw(const struct sst_sim_stage *s, struct sst_layers *layers, int frame)
+{
+    const int height = s->settings->height, step = s->settings->rolling ? BAND_ROWS : height;
+
+    for (int y = 0; y < height; y += step) {
+        struct sst_world w;
+        const int err = build(s, frame, late_s(s->settings, y), &w);
+
+        if (err)
+            return err;
+        sst_layers_draw(layers, &w, y * s->fine, sst_min_int(y + step, height) * s->fine);
+        sst_world_fini(&w);
+    }
+    return 0;
+}
+
+/* Frames first .. last-1 of a camera at a pose. */
+static int shoot(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3], const struct sst_warp *warp,
+                 int first, int last, sst_sim_picture_fn *fn, void *arg)
+{
+    struct sst_image fine = { 0 }, native = { 0 };
+    struct sst_layers *layers = NULL;
+    struct sst_raster r;
+    int err = sst_image_init(&native, s->settings->width, s->settings->height);
+
+    if (!err)
+        err = sst_image_init(&fine, s->settings->width * s->fine, s->settings->height * s->fine);
+    if (!err) {
+        aim(s, cam, pose_um, warp, &fine, &r);
+        err = sst_layers_create(&layers, &r, s->moving);
+    }
+    for (int i = first; i < last && !err; i++) {
+        err = draw(s, layers, i);
+        if (!err)
+            err = expose(s, cam, i, &fine, &native);
+        if (!err)
+            err = fn(arg, i, &native);
+    }
+    sst_layers_destroy(layers);
+    sst_image_fini(&fine);
+    sst_image_fini(&native);
     return err;
 }
 
 int sst_sim_stage_loop(const struct sst_sim_stage *s, int cam, sst_sim_picture_fn *fn, void *arg)
 {
-    struct sst_image image = { 0 };
-    int err = sst_image_init(&image, s->settings->width, s->settings->height);
+    static const int32_t nowhere[3];
+    struct sst_warp warp = { 0 };
+    int err = make_warp(s, cam, &warp);
 
-    for (int i = 0; i < s->frames && !err; i++) {
-        err = render(s, cam % s->settings->cols - 2, cam / s->settings->cols - 2, i, &image);
-        if (!err)
-            err = fn(arg, i, &image);
-    }
-    sst_image_fini(&image);
+    if (!err)
+        err = shoot(s, cam, nowhere, &warp, 0, s->frames, fn, arg);
+    sst_warp_fini(&warp);
     return err;
 }
 
-int sst_sim_stage_pose(const struct sst_sim_stage *s, const int32_t pose_um[3], int frame, struct sst_image *image)
+int sst_sim_stage_pose(const struct sst_sim_stage *s, const int32_t pose_um[3], int frame, sst_sim_picture_fn *fn,
+                       void *arg)
 {
-    return render(s, pose_um[0] / 1000.0 / s->optics.spacing_mm - 2, pose_um[1] / 1000.0 / s->optics.spacing_mm - 2,
-                  frame, image);
+    return shoot(s, 0, pose_um, &s->warp, frame, frame + 1, fn, arg);
 }

@@ -10,24 +10,29 @@ SST_EXTERN_C_BEGIN
 
 struct sst_sim_stage; /* opaque; read-only after open */
 
-/** @return 0, -EINVAL (a scene that is not there, a lens that folds the picture over; logged), -ENOMEM */
+/**
+ * @param settings  must stay
+ * @return 0, -EINVAL (a scene that is not there, a lens that folds the picture over; logged), -ENOMEM
+ */
 SST_MUST_CHECK int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings *settings);
 void sst_sim_stage_close(struct sst_sim_stage *stage);
 
 const struct sst_sim_optics *sst_sim_stage_optics(const struct sst_sim_stage *stage);
 const struct sst_sim_camera *sst_sim_stage_camera(const struct sst_sim_stage *stage, int cam);
+/** The board with all its poses; kind SST_SIM_NO_BOARD: there is none. */
+const struct sst_sim_board *sst_sim_stage_board(const struct sst_sim_stage *stage);
 /** How long the loop is. */
 int sst_sim_stage_frames(const struct sst_sim_stage *stage);
 
-/** What is told each picture of a loop, in order. @return 0 or a negative errno, which ends the loop. */
+/** What is told each picture, in order; it is of native size and lent. @return 0 or a negative errno, which ends. */
 typedef int sst_sim_picture_fn(void *arg, int frame, const struct sst_image *image);
 
 /** Render the whole loop of a camera of an array. @return 0, -ENOMEM or what fn returned.   Thread: any. */
 SST_MUST_CHECK int sst_sim_stage_loop(const struct sst_sim_stage *stage, int cam, sst_sim_picture_fn *fn, void *arg);
 
-/** Render one picture of the rig's camera. @param image  out, initialised to the native size */
+/** Render one picture of the rig's camera. @return as above.   Thread: any. */
 SST_MUST_CHECK int sst_sim_stage_pose(const struct sst_sim_stage *stage, const int32_t pose_um[3], int frame,
-                                      struct sst_image *image);
+                                      sst_sim_picture_fn *fn, void *arg);
 
 SST_EXTERN_C_END
 

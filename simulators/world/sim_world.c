@@ -18,6 +18,7 @@
 #include "simulators/world/made.h"
 #include "simulators/world/photo.h"
 #include "simulators/world/render.h"
+#include "simulators/world/truth.h"
 
 #define VERSION     1 /* part of the cache's key: raise it when the same settings give other bytes */
 #define SIZES_MAX   4
@@ -94,23 +95,24 @@ static int cache_folder(char out[SST_PATH_MAX], const char *cache)
 }
 
 struct encoding {
-    const struct sst_sim_world *world;
-    int cam;
-    struct sst_sim_jpeg *frames;
+    const struct sst_sim_settings *settings;
+    struct sst_sim_jpeg *frames; /* the first of them is the loop's frame `first` */
+    int first;
 };
 
 static int encode(void *arg, int frame, const struct sst_image *image)
 {
     const struct encoding *e = arg;
 
-    return sst_sim_jpeg_encode(image, e->world->settings.quality, e->world->settings.strip, &e->frames[frame]);
+    return sst_sim_jpeg_encode(image, e->settings->quality, e->settings->strip, &e->frames[frame - e->first]);
 }
 
 static int render_camera(void *arg, int cam, struct sst_sim_jpeg *frames)
 {
-    struct encoding e = { arg, cam, frames };
+    const struct sst_sim_world *w = arg;
+    struct encoding e = { &w->settings, frames, 0 };
 
-    return sst_sim_stage_loop(e.world->stage, cam, encode, &e);
+    return sst_sim_stage_loop(w->stage, cam, encode, &e);
 }
 
 static int open_loop(struct sst_sim_world *w, const char *cache)
@@ -205,6 +207,11 @@ int sst_sim_world_sizes(const struct sst_sim_world *w, const int (**sizes)[2])
     return w->size_count;
 }
 
+int sst_sim_world_truth(const struct sst_sim_world *w, const char *path)
+{
+    return sst_sim_truth_write(&w->settings, w->stage, path);
+}
+
 /* --- frames ------------------------------------------------------------------------------------------------------ */
 
 /*
@@ -232,7 +239,7 @@ static int native(struct sst_sim_world *w, const struct sst_sim_made_key *wanted
 {
     struct sst_sim_made_key key = *wanted;
     const struct sst_sim_jpeg *found;
-    struct sst_image image = { 0 };
+    struct encoding e;
     int err;
 
     if (w->loop) {
@@ -248,15 +255,9 @@ static int native(struct sst_sim_world *w, const struct sst_sim_made_key *wanted
         *out = *found;
         return 0;
     }
-    err = sst_image_init(&image, w->settings.width, w->settings.height);
-    if (!err)
-        err = sst_sim_stage_pose(w->stage, key.pose_um, key.frame, &image);
-    if (!err)
-        err = sst_sim_jpeg_encode(&image, w->settings.quality, w->settings.strip, out);
-    if (!err)
-        err = sst_sim_made_keep(w->made, &key, out);
-    sst_image_fini(&image);
-    return err;
+    e = (struct encoding){ &w->settings, out, key.frame };
+    err = sst_sim_stage_pose(w->stage, key.pose_um, key.frame, encode, &e);
+    return err ? err : sst_sim_made_keep(w->made, &key, out);
 }
 
 /* The slow way: decode, light, scale, encode or pack. */
@@ -270,7 +271,7 @@ static int make(struct sst_sim_world *w, const struct sst_sim_made_key *key, str
     if (!err)
         err = sst_image_decode(&full, from.data, from.bytes, "a simulated frame");
     if (!err && key->light != LIGHT_ONE)
-        sst_sim_expose(&full, (double)key->light / LIGHT_ONE);
+        sst_sim_light(&full, (double)key->light / LIGHT_ONE);
     if (!err && !native_size && !(err = sst_image_init(&small, key->width, key->height)))
         sst_sim_shrink(&full, &small);
     if (err)

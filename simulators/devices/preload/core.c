@@ -22,6 +22,7 @@
 static struct sim_next next;
 static char session[SIM_PATH_MAX];
 static atomic_uchar maybe[FDS];
+static atomic_uchar hidden[FDS]; /* connections: not the program's to close */
 static atomic_int idle[IDLE]; /* connections to use again, plus 1; 0: none */
 
 static void resolve(void *pointer, const char *name)
@@ -70,6 +71,19 @@ bool sim_maybe(int fd)
     return fd >= FDS || (fd >= 0 && atomic_load_explicit(&maybe[fd], memory_order_relaxed));
 }
 
+bool sim_hidden(int fd)
+{
+    return fd >= 0 && fd < FDS && atomic_load_explicit(&hidden[fd], memory_order_relaxed);
+}
+
+/* Our own way to close. */
+static void close_connection(int fd)
+{
+    if (fd < FDS)
+        atomic_store_explicit(&hidden[fd], 0, memory_order_relaxed);
+    (void)sim_next()->close_(fd);
+}
+
 bool sim_identify(int fd, struct sim_id *id)
 {
     struct sockaddr_un name;
@@ -96,7 +110,7 @@ static void drop_connections(void)
         const int fd = atomic_exchange(&idle[i], 0) - 1;
 
         if (fd >= 0)
-            (void)sim_next()->close_(fd);
+            close_connection(fd);
     }
 }
 
@@ -126,10 +140,13 @@ static int move_up(int fd)
 
     if (getrlimit(RLIMIT_NOFILE, &limit) == 0)
         high = sim_next()->fcntl_(fd, F_DUPFD_CLOEXEC, (int)(limit.rlim_cur < FDS ? limit.rlim_cur : FDS) - 2 * IDLE);
-    if (high < 0)
-        return fd;
-    (void)sim_next()->close_(fd);
-    return high;
+    if (high >= 0) {
+        (void)sim_next()->close_(fd);
+        fd = high;
+    }
+    if (fd < FDS)
+        atomic_store_explicit(&hidden[fd], 1, memory_order_relaxed);
+    return fd;
 }
 
 static int connect_new(void)
@@ -145,7 +162,7 @@ static int connect_new(void)
     fd = move_up(fd);
     while (connect(fd, (const struct sockaddr *)&name, sizeof(name)) < 0)
         if (errno != EINTR) {
-            (void)sim_next()->close_(fd);
+            close_connection(fd);
             return -ENODEV; /* the simulator is gone, and all devices with it */
         }
     return fd;
@@ -173,7 +190,7 @@ static void give_connection(int fd)
         if (atomic_compare_exchange_strong(&idle[i], &none, fd + 1))
             return;
     }
-    (void)sim_next()->close_(fd);
+    close_connection(fd);
 }
 
 /* --- calls -------------------------------------------------------------------------------------------------------- */
@@ -260,7 +277,7 @@ int sim_exchange(struct sim_exchange *x)
             errno = saved;
             return result == -EMSGSIZE ? -EINVAL : result;
         }
-        (void)sim_next()->close_(conn);
+        close_connection(conn);
         conn = -1;
     }
     if (conn >= 0) {
@@ -270,7 +287,7 @@ int sim_exchange(struct sim_exchange *x)
             result = n == -EFAULT ? -EFAULT : x->answer.result;
             x->got = n > 0 ? (size_t)n - sizeof(x->answer) : 0;
         } else {
-            (void)sim_next()->close_(conn);
+            close_connection(conn);
         }
     }
     errno = saved;
@@ -299,7 +316,7 @@ void sim_settle(int fd, const struct sim_id *id, const struct sst_sim_answer *an
         if (conn >= 0 && send_parts(conn, &ready, NULL, -1) >= 0)
             give_connection(conn);
         else if (conn >= 0)
-            (void)sim_next()->close_(conn);
+            close_connection(conn);
     }
 }
 

@@ -127,6 +127,9 @@ int sim_open_node(const char *node, int flags);
 /** The session's folder, or NULL outside a session. */
 const char *sim_dir(void);
 
+/** Is fd a connection to the simulator? Programs that close whatever is open must not close it. */
+bool sim_hidden(int fd);
+
 /** fd may be one of ours from now on. */
 void sim_mark(int fd);
 

@@ -124,6 +124,15 @@ static int inherit(int from, int to)
     return to;
 }
 
+HOOK int close(int fd)
+{
+    if (sim_hidden(fd)) {
+        errno = EBADF;
+        return -1;
+    }
+    return sim_next()->close_(fd);
+}
+
 HOOK int dup(int fd)
 {
     NEXT(int, dup, int);

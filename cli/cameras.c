@@ -1,0 +1,217 @@
+/* sst cameras: the cameras that are there, who they are, where they belong, and whether they can be used. */
+#include <ctype.h>
+#include <dirent.h>
+#include <errno.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "cli/cli.h"
+#include "cli/places.h"
+
+#define USER_MAX 64
+
+/* "ffmpeg (1234)" if a process that we may look into has the node open; "" else. */
+static bool has_open(const char *pid, const char *node)
+{
+    char dir[300], link[600], target[64];
+    struct dirent *entry;
+    bool found = false;
+    DIR *fds;
+
+    snprintf(dir, sizeof(dir), "/proc/%s/fd", pid);
+    fds = opendir(dir);
+    while (fds && !found && (entry = readdir(fds))) {
+        ssize_t n;
+
+        snprintf(link, sizeof(link), "%s/%s", dir, entry->d_name);
+        n = readlink(link, target, sizeof(target) - 1);
+        target[n > 0 ? n : 0] = 0;
+        found = !strcmp(target, node);
+    }
+    if (fds)
+        closedir(fds);
+    return found;
+}
+
+static void find_user(char user[USER_MAX], const char *node)
+{
+    DIR *proc = opendir("/proc");
+    struct dirent *entry;
+
+    *user = 0;
+    while (proc && !*user && (entry = readdir(proc))) {
+        char path[300], name[32] = "";
+        FILE *f;
+
+        if (!isdigit((unsigned char)*entry->d_name) || !has_open(entry->d_name, node))
+            continue;
+        snprintf(path, sizeof(path), "/proc/%s/comm", entry->d_name);
+        f = fopen(path, "re");
+        if (f && fgets(name, sizeof(name), f))
+            name[strcspn(name, "\n")] = 0;
+        if (f)
+            fclose(f);
+        snprintf(user, USER_MAX, "%s (%.12s)", name, entry->d_name);
+    }
+    if (proc)
+        closedir(proc);
+}
+
+static void state_text(char *text, size_t size, const struct sst_grab_device *d)
+{
+    char user[USER_MAX];
+
+    if (d->error == EACCES || d->error == EPERM) {
+        snprintf(text, size, "no rights: add this user to the group of the node (video)");
+    } else if (d->error == ETIMEDOUT) {
+        snprintf(text, size, "hangs: it does not answer");
+    } else if (d->error) {
+        snprintf(text, size, "cannot be opened: %s", strerror(d->error));
+    } else if (d->busy) {
+        find_user(user, d->node);
+        snprintf(text, size, "busy%s%s", *user ? ": " : "", user);
+    } else {
+        snprintf(text, size, "free");
+    }
+}
+
+/* --- output ------------------------------------------------------------------------------------------------------- */
+
+static int print_json(const struct sst_grab_device *devices, const struct cli_place *place, int count)
+{
+    json_t *list = json_array();
+    int err = list ? 0 : -ENOMEM;
+
+    for (int i = 0; !err && i < count; i++) {
+        const struct sst_grab_device *d = &devices[i];
+        char state[128];
+        json_t *one;
+
+        state_text(state, sizeof(state), d);
+        one = json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:s}", "node", d->node, "name", d->name, "serial", d->serial,
+                        "port", d->port, "driver", d->driver, "formats", d->formats, "state", state);
+        if (place[i].row >= 0 && one)
+            err = json_object_set_new(one, "row", json_integer(place[i].row)) ||
+                          json_object_set_new(one, "col", json_integer(place[i].col))
+                      ? -ENOMEM
+                      : 0;
+        if (!one || json_array_append_new(list, one))
+            err = -ENOMEM;
+    }
+    if (!err) {
+        json_t *object = json_pack("{s:O}", "cameras", list);
+
+        err = object && !json_dumpf(object, stdout, JSON_INDENT(2)) ? 0 : -ENOMEM;
+        putchar('\n');
+        json_decref(object);
+    }
+    json_decref(list);
+    if (err)
+        sst_log_error("the list of cameras cannot be printed: %s", strerror(-err));
+    return err;
+}
+
+static void print_table(const struct sst_grab_device *devices, const struct cli_place *place, int count)
+{
+    if (!count) {
+        puts("no cameras are there: plug one in (`dmesg` tells what the system made of it)");
+        return;
+    }
+    printf("%-6s %-12s %-14s %-10s %-12s %-24s %-20s %s\n", "PLACE", "NODE", "SERIAL", "PORT", "DRIVER", "NAME", "STATE",
+           "FORMATS");
+    for (int i = 0; i < count; i++) {
+        const struct sst_grab_device *d = &devices[i];
+        char state[128], at[16];
+
+        state_text(state, sizeof(state), d);
+        printf("%-6s %-12s %-14s %-10s %-12s %-24s %-20s %s\n", cli_place_text(at, place[i]), d->node,
+               *d->serial ? d->serial : "-", d->port, *d->driver ? d->driver : "-", d->name, state, d->formats);
+    }
+}
+
+/* Bound cameras that are not there, two devices of one serial: worth a word in both forms. */
+static void tell_missing(const struct sst_array_config *cfg, const struct cli_place *place, int count)
+{
+    int missing = 0;
+
+    for (int k = 0; k < cfg->bound; k++) {
+        const struct sst_config_camera *c = &cfg->camera[k];
+        bool there = false;
+
+        for (int i = 0; i < count; i++)
+            there |= place[i].row == c->row && place[i].col == c->col;
+        if (!there && ++missing <= 8)
+            sst_log_warning("row %d col %d: there is no camera of %s %s", c->row, c->col,
+                            *c->serial ? "serial" : "port", *c->serial ? c->serial : c->port);
+    }
+    if (missing > 8)
+        sst_log_warning("and %d more cameras are missing", missing - 8);
+}
+
+static void tell_twins(const struct sst_grab_device *devices, int count)
+{
+    for (int i = 0; i < count; i++) {
+        for (int k = 0; k < i; k++) {
+            if (*devices[i].serial && !strcmp(devices[i].serial, devices[k].serial) &&
+                strcmp(devices[i].port, devices[k].port) != 0)
+                sst_log_warning("serial %s is claimed by two devices, at port %s and at port %s; bind both by port",
+                                devices[i].serial, devices[k].port, devices[i].port);
+        }
+    }
+}
+
+/* --- command ------------------------------------------------------------------------------------------------------ */
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    const char *config = NULL;
+    bool json = false;
+    const struct cli_option options[] = {
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration with the places (/etc/sst/sstd.yaml)", 0, 0 },
+    };
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    struct sst_array_config cfg;
+    struct sst_grab_device *devices = NULL;
+    struct cli_place *place = NULL;
+    int count = 0, err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    sst_array_config_defaults(&cfg);
+    err = sst_array_config_read(&cfg, config);
+    err = err ? err : sst_grab_list(&devices, &count);
+    if (err)
+        return cli_exit_code(err);
+    place = calloc((size_t)count + 1, sizeof(*place));
+    if (!place) {
+        sst_log_error("no memory for a list of cameras");
+        free(devices);
+        return CLI_MEMORY;
+    }
+    cli_places(place, &cfg, devices, count);
+    tell_missing(&cfg, place, count);
+    tell_twins(devices, count);
+    if (json)
+        err = print_json(devices, place, count);
+    else
+        print_table(devices, place, count);
+    free(place);
+    free(devices);
+    return cli_exit_code(err);
+}
+
+const struct cli_command cli_cameras = {
+    .name = "cameras",
+    .usage = "[--config FILE] [--json]",
+    .summary = "cameras that are there, and where they belong",
+    .detail = "Lists V4L2 capture devices by USB port: serial, port, driver, what they offer, their place in the array by\n"
+              "the configuration, and whether they are free, busy (and with whom), or may not be opened. Bind cameras by\n"
+              "serial, or by port where serials are missing or the same; /dev/videoN changes with the order of plugging.",
+    .example = "sst cameras --config array.yaml",
+    .run = run,
+};

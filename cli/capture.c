@@ -1,0 +1,32 @@
+/* sst capture: finds what is to be captured from. */
+#include "cli/capture.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "base/log.h"
+
+static const struct cli_command *const kinds[] = { &cli_capture_array };
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    for (size_t i = 0; argc > 1 && i < ARRAY_LEN(kinds); i++) {
+        if (!strcmp(argv[1], kinds[i]->name + strlen("capture ")))
+            return kinds[i]->run(kinds[i], argc - 1, argv + 1);
+    }
+    if (argc > 1 && strcmp(argv[1], "--help") != 0 && strcmp(argv[1], "-h") != 0)
+        return cli_usage_error(cmd, "there is no capture %s", argv[1]);
+    printf("sst capture - %s\n\nusage: sst capture KIND ...\n\nkinds:\n", cmd->summary);
+    for (size_t i = 0; i < ARRAY_LEN(kinds); i++)
+        printf("  %-10s %s\n", kinds[i]->name + strlen("capture "), kinds[i]->summary);
+    printf("\n`sst capture KIND --help` explains one with an example.\n\nexample:\n  %s\n", cmd->example);
+    return argc > 1 ? CLI_OK : CLI_USAGE;
+}
+
+const struct cli_command cli_capture = {
+    .name = "capture",
+    .usage = "KIND ...",
+    .summary = "capture a light field from cameras",
+    .example = "sst capture array -n 10 -o garden.rec",
+    .run = run,
+};

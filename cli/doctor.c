@@ -1,0 +1,106 @@
+/* sst doctor: what stands in the way of capturing, each in one sentence with its remedy. */
+#include "cli/doctor.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "cli/cli.h"
+
+static const char *const level_names[] = { "OK", "WARNING", "PROBLEM" };
+
+void doctor_say(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...)
+{
+    struct doctor_finding *f;
+    va_list args;
+
+    if (d->count == DOCTOR_FINDINGS_MAX)
+        return; /* 36 cameras make one finding a kind, not one each: far from full */
+    f = &d->finding[d->count++];
+    f->level = level;
+    f->area = area;
+    va_start(args, fmt);
+    vsnprintf(f->text, sizeof(f->text), fmt, args);
+    va_end(args);
+}
+
+static int count(const struct doctor *d, enum doctor_level level)
+{
+    int n = 0;
+
+    for (int i = 0; i < d->count; i++)
+        n += d->finding[i].level == level;
+    return n;
+}
+
+static void print_json(const struct doctor *d)
+{
+    json_t *findings = json_array();
+    json_t *root = json_pack("{s:i, s:i, s:o}", "problems", count(d, DOCTOR_PROBLEM), "warnings",
+                             count(d, DOCTOR_WARNING), "findings", findings);
+    char *text;
+
+    for (int i = 0; i < d->count; i++) {
+        const struct doctor_finding *f = &d->finding[i];
+
+        json_array_append_new(findings, json_pack("{s:s, s:s, s:o}", "level", level_names[f->level], "area", f->area,
+                                                  "text", cli_text_json(f->text)));
+    }
+    text = json_dumps(root, JSON_INDENT(2));
+    puts(text ? text : "{}");
+    free(text);
+    json_decref(root);
+}
+
+static void print_text(const struct doctor *d)
+{
+    for (int i = 0; i < d->count; i++)
+        printf("%-8s %-10s %s\n", level_names[d->finding[i].level], d->finding[i].area, d->finding[i].text);
+    printf("\n%d problems, %d warnings\n", count(d, DOCTOR_PROBLEM), count(d, DOCTOR_WARNING));
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    static struct sst_array_config cfg; /* large */
+    static struct doctor doctor;
+    const char *config = NULL, *folder = NULL;
+    bool json = false;
+    const struct cli_option options[] = {
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it is there)", 0, 0 },
+        { "output", 'o', CLI_STRING, &folder, "DIR", "folder that recordings will go to: is tried for 1 s", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+    };
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    int err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    sst_array_config_defaults(&cfg);
+    err = sst_array_config_read(&cfg, config);
+    if (err)
+        return cli_exit_code(err);
+    doctor = (struct doctor){ .cfg = &cfg, .folder = folder };
+    doctor_check_cameras(&doctor);
+    doctor_check_bandwidth(&doctor);
+    doctor_check_trigger(&doctor);
+    doctor_check_rig(&doctor);
+    doctor_check_disk(&doctor);
+    doctor_check_limits(&doctor);
+    doctor_check_clock(&doctor);
+    doctor_check_uvcvideo(&doctor);
+    if (json)
+        print_json(&doctor);
+    else
+        print_text(&doctor);
+    return count(&doctor, DOCTOR_PROBLEM) ? CLI_INPUT : CLI_OK;
+}
+
+const struct cli_command cli_doctor = {
+    .name = "doctor",
+    .usage = "[--config FILE] [-o DIR] [--json]",
+    .summary = "what stands in the way of capturing: rights, cameras, bandwidth, lines, disk, clock",
+    .detail = "Looks at what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in one\n"
+              "sentence with its remedy. Exit code 3 when there is a problem.",
+    .example = "sst doctor --config array.yaml -o /var/lib/sst",
+    .run = run,
+};

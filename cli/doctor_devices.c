@@ -1,0 +1,267 @@
+/* Checks of cameras, USB, trigger lines and the rig's bus. */
+#include <errno.h>
+#include <grp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "cli/doctor.h"
+#include "drivers/grab/grab.h"
+#include "drivers/trigger/trigger.h"
+
+#define LIST_MAX 200
+
+/* Names joined by commas; what does not fit is only counted. */
+struct names {
+    char text[LIST_MAX];
+    int count, shown;
+};
+
+static void add_name(struct names *n, const char *name)
+{
+    const size_t used = strlen(n->text);
+
+    if (n->shown == n->count++ && used + strlen(name) + 24 < sizeof(n->text)) {
+        snprintf(n->text + used, sizeof(n->text) - used, "%s%s", used ? ", " : "", name);
+        n->shown++;
+    }
+}
+
+static const char *text_of(struct names *n)
+{
+    const size_t used = strlen(n->text);
+
+    if (n->shown < n->count)
+        snprintf(n->text + used, sizeof(n->text) - used, " and %d more", n->count - n->shown);
+    n->shown = n->count;
+    return n->text;
+}
+
+/* "adduser USER video", or what else it takes to open a node. */
+static void remedy_of_rights(const char *node, char *text, size_t size)
+{
+    struct stat st;
+    const struct group *group = stat(node, &st) ? NULL : getgrgid(st.st_gid);
+
+    if (group && st.st_gid && (st.st_mode & 0060) == 0060)
+        snprintf(text, size, "add the user to group %s (adduser USER %s) and log in again", group->gr_name,
+                 group->gr_name);
+    else
+        snprintf(text, size, "install systemd/60-sst.rules, which gives it to a group");
+}
+
+/* --- cameras -------------------------------------------------------------------------------------------------------- */
+
+static void check_answers(struct doctor *d, const struct sst_grab_device *list, int n)
+{
+    struct names denied = { .count = 0 }, silent = { .count = 0 };
+    const char *node = "";
+    char remedy[160];
+    int error = 0;
+
+    for (int i = 0; i < n; i++) {
+        if (list[i].error == EACCES || list[i].error == EPERM) {
+            add_name(&denied, list[i].node);
+            node = list[i].node;
+        } else if (list[i].error) {
+            add_name(&silent, list[i].node);
+            error = list[i].error;
+        }
+    }
+    if (denied.count) {
+        remedy_of_rights(node, remedy, sizeof(remedy));
+        doctor_say(d, DOCTOR_PROBLEM, "rights", "no right to open %s: %s", text_of(&denied), remedy);
+    }
+    if (silent.count)
+        doctor_say(d, DOCTOR_PROBLEM, "cameras", "%s cannot be opened (%s): unplug and plug it in again", text_of(&silent),
+                   strerror(error));
+    if (n && !denied.count && !silent.count)
+        doctor_say(d, DOCTOR_OK, "rights", "%d camera%s can be opened", n, n == 1 ? "" : "s");
+}
+
+static void check_serials(struct doctor *d, const struct sst_grab_device *list, int n)
+{
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j < i && list[i].serial[0]; j++) {
+            if (strcmp(list[i].serial, list[j].serial))
+                continue;
+            doctor_say(d, DOCTOR_WARNING, "cameras", "the cameras on ports %s and %s both say serial %s: bind them by port",
+                       list[j].port, list[i].port, list[i].serial);
+            return; /* one pair tells how it is */
+        }
+    }
+}
+
+static int devices_of(const struct sst_config_camera *c, const struct sst_grab_device *list, int n)
+{
+    int found = 0;
+
+    for (int i = 0; i < n; i++)
+        found += c->serial[0] ? !strcmp(c->serial, list[i].serial) : !strcmp(c->port, list[i].port);
+    return found;
+}
+
+static void check_places(struct doctor *d, const struct sst_grab_device *list, int n)
+{
+    struct names missing = { .count = 0 }, twice = { .count = 0 };
+
+    for (int b = 0; b < d->cfg->bound; b++) {
+        const struct sst_config_camera *c = &d->cfg->camera[b];
+        const int found = devices_of(c, list, n);
+        char name[96];
+
+        snprintf(name, sizeof(name), "r%dc%d (%s %s)", c->row, c->col, c->serial[0] ? "serial" : "port",
+                 c->serial[0] ? c->serial : c->port);
+        if (!found)
+            add_name(&missing, name);
+        if (found > 1)
+            add_name(&twice, name);
+        d->cameras += found > 0;
+    }
+    if (missing.count)
+        doctor_say(d, DOCTOR_PROBLEM, "cameras", "%d of %d cameras are missing, %s: plug them in, or correct `bind` "
+                                                 "(`sst cameras` lists what is there)",
+                   missing.count, d->cfg->bound, text_of(&missing));
+    if (twice.count)
+        doctor_say(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port", text_of(&twice));
+    if (!missing.count && !twice.count)
+        doctor_say(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are there", d->cfg->bound);
+    if (n > d->cfg->bound)
+        doctor_say(d, DOCTOR_OK, "cameras", "%d more cameras are plugged in than the configuration binds",
+                   n - d->cfg->bound);
+}
+
+void doctor_check_cameras(struct doctor *d)
+{
+    const int places = d->cfg->rows * d->cfg->cols;
+    struct sst_grab_device *list = NULL;
+    int n = 0, err = sst_grab_list(&list, &n);
+
+    if (err) {
+        doctor_say(d, DOCTOR_PROBLEM, "cameras", "listing cameras: %s", strerror(-err));
+        return;
+    }
+    check_answers(d, list, n);
+    check_serials(d, list, n);
+    if (d->cfg->bound) {
+        check_places(d, list, n);
+    } else {
+        d->cameras = sst_min_int(n, places);
+        if (!n)
+            doctor_say(d, DOCTOR_PROBLEM, "cameras", "no camera is plugged in: connect one, and look at `sst topology`");
+        else if (n < places)
+            doctor_say(d, DOCTOR_WARNING, "cameras", "%d cameras for %dx%d places: the last places stay empty; bind "
+                                                     "cameras to places, or correct rows and cols",
+                       n, d->cfg->rows, d->cfg->cols);
+        else
+            doctor_say(d, DOCTOR_OK, "cameras", "%d cameras for %dx%d places, in the order of their ports", n,
+                       d->cfg->rows, d->cfg->cols);
+    }
+    free(list);
+}
+
+/* --- USB ------------------------------------------------------------------------------------------------------------ */
+
+/* A camera that no driver has taken. */
+static void check_nodes(struct doctor *d, const struct cli_usb *u)
+{
+    struct names idle = { .count = 0 };
+
+    for (int i = 0; i < u->count; i++) {
+        if (u->devices[i].alts && !u->devices[i].node[0])
+            add_name(&idle, u->devices[i].port);
+    }
+    if (idle.count)
+        doctor_say(d, DOCTOR_WARNING, "cameras", "%d cameras have no /dev/video node (ports %s): load their driver "
+                                                 "(modprobe uvcvideo), or see in `dmesg` why it refused them",
+                   idle.count, text_of(&idle));
+}
+
+/* What recovery needs: the device's own node for a reset, sysfs for what comes after. */
+static void check_recovery(struct doctor *d, const struct cli_usb *u)
+{
+    struct names denied = { .count = 0 };
+
+    for (int i = 0; i < u->stream_count; i++) {
+        const struct sst_usb_device *dev = &u->devices[u->streams[i].device];
+        char node[64];
+
+        snprintf(node, sizeof(node), "/dev/bus/usb/%03d/%03d", dev->bus, dev->address);
+        if (access(node, W_OK))
+            add_name(&denied, node);
+    }
+    if (denied.count)
+        doctor_say(d, DOCTOR_WARNING, "rights", "no right to reset cameras that hang (%s): install "
+                                                "systemd/60-sst.rules; without it recovery ends at reopening them",
+                   text_of(&denied));
+    else if (u->stream_count)
+        doctor_say(d, DOCTOR_OK, "rights", "cameras that hang can be reset over USB");
+}
+
+void doctor_check_bandwidth(struct doctor *d)
+{
+    char advice[400];
+    struct cli_usb usb;
+
+    if (cli_usb_open(&usb, d->cfg)) {
+        doctor_say(d, DOCTOR_PROBLEM, "bandwidth", "the USB tree cannot be read (see above)");
+        return;
+    }
+    check_nodes(d, &usb);
+    check_recovery(d, &usb);
+    cli_usb_advise(&usb, d->cfg, advice, sizeof(advice));
+    if (usb.plan.refused)
+        doctor_say(d, DOCTOR_PROBLEM, "bandwidth", "USB has no bandwidth for %d of %d cameras (`sst plan` shows which): %s",
+                   usb.plan.refused, usb.stream_count, advice);
+    else if (usb.stream_count)
+        doctor_say(d, DOCTOR_OK, "bandwidth", "USB carries all %d cameras", usb.stream_count);
+    cli_usb_close(&usb);
+}
+
+/* --- trigger and rig ------------------------------------------------------------------------------------------------ */
+
+void doctor_check_trigger(struct doctor *d)
+{
+    const struct sst_array_config *a = d->cfg;
+    struct sst_trigger_config cfg;
+    char why[500];
+
+    sst_trigger_config_defaults(&cfg);
+    cfg.source = a->source == SST_CONFIG_GPIO       ? SST_TRIGGER_GPIO
+                 : a->source == SST_CONFIG_SOFTWARE ? SST_TRIGGER_SOFTWARE
+                                                    : SST_TRIGGER_FREE_RUN;
+    snprintf(cfg.chip, sizeof(cfg.chip), "%s", a->chip);
+    snprintf(cfg.loopback, sizeof(cfg.loopback), "%s", a->loopback);
+    cfg.lines = a->lines;
+    for (int i = 0; i < a->lines; i++) {
+        snprintf(cfg.line[i], sizeof(cfg.line[i]), "%s", a->line[i]);
+        cfg.delay_us[i] = a->delay_us[i];
+    }
+    cfg.active_low = a->active_low;
+    cfg.pulse_us = a->pulse_us;
+    if (sst_trigger_check(&cfg, why, sizeof(why)))
+        doctor_say(d, DOCTOR_PROBLEM, "trigger", "%s", why);
+    else
+        doctor_say(d, DOCTOR_OK, "trigger", "%s", why);
+}
+
+/* A serial line can be looked at; a drive on the network answers to `sst capture rig` itself. */
+void doctor_check_rig(struct doctor *d)
+{
+    char path[SST_CONFIG_TEXT_MAX], remedy[160];
+
+    if (strncmp(d->cfg->rig_bus, "rtu:", 4))
+        return;
+    snprintf(path, sizeof(path), "%.*s", (int)strcspn(d->cfg->rig_bus + 4, ","), d->cfg->rig_bus + 4);
+    if (!access(path, R_OK | W_OK)) {
+        doctor_say(d, DOCTOR_OK, "rig", "serial line %s can be opened", path);
+    } else if (errno == EACCES) {
+        remedy_of_rights(path, remedy, sizeof(remedy));
+        doctor_say(d, DOCTOR_PROBLEM, "rig", "no right to open serial line %s: %s", path, remedy);
+    } else {
+        doctor_say(d, DOCTOR_PROBLEM, "rig", "serial line %s: %s: plug the adapter in, or correct the rig's bus", path,
+                   strerror(errno));
+    }
+}

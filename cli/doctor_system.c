@@ -1,0 +1,203 @@
+/* Checks of the machine: disk, limits, clock, camera driver. */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <sched.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/statvfs.h>
+#include <sys/timex.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "cli/doctor.h"
+
+#define AREA_DISK "disk"
+#define TRY_NS 1000000000  /* of writing */
+#define TRY_BYTES (256 << 20)
+#define CHUNK (4 << 20)
+#define JPEG_BYTES_PER_PX 0.25 /* of a detailed picture at high quality; half of it for plain ones */
+#define QUIRK_FIX_BANDWIDTH 0x80
+
+/* --- disk ----------------------------------------------------------------------------------------------------------- */
+
+/* What a recording takes, all cameras together. */
+static double needed_mb_s(const struct doctor *d)
+{
+    const struct sst_array_config *a = d->cfg;
+    const double rate_hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
+    const int64_t raw = sst_usb_format_bytes_s(a->fourcc, a->width, a->height, rate_hz);
+    const double one = raw ? (double)raw : (double)a->width * a->height * JPEG_BYTES_PER_PX * rate_hz;
+
+    return one * d->cameras / 1e6;
+}
+
+/* Write a file that has no name, so that nothing is left whatever happens. @return MB/s, or -errno */
+static double try_writing(const char *folder, double most_bytes)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    char *chunk = malloc(CHUNK);
+    int fd = open(folder, O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600), err = 0;
+    double bytes = 0;
+
+    if (fd < 0)
+        err = errno;
+    else if (!chunk)
+        err = ENOMEM;
+    for (uint32_t i = 0; !err && i < CHUNK / 4; i++) /* nothing that a file system could store as less */
+        memcpy(chunk + 4 * (size_t)i, &(uint32_t){ i * 2654435761u }, 4);
+    while (!err && bytes < most_bytes && sst_clock_now_ns() - start_ns < TRY_NS) {
+        const ssize_t n = write(fd, chunk, CHUNK);
+
+        if (n < 0 && errno != EINTR)
+            err = errno;
+        bytes += n > 0 ? (double)n : 0;
+        if (!err && fdatasync(fd))
+            err = errno;
+    }
+    if (fd >= 0)
+        close(fd);
+    free(chunk);
+    return err ? -err : bytes * 1e3 / (double)(sst_clock_now_ns() - start_ns);
+}
+
+static void judge_speed(struct doctor *d, double free_bytes)
+{
+    const double needed = needed_mb_s(d);
+    const double speed = try_writing(d->folder, free_bytes / 4 < TRY_BYTES ? free_bytes / 4 : TRY_BYTES);
+    const double hours = needed > 0 ? free_bytes / 1e6 / needed / 3600 : 0;
+
+    if (speed == -EOPNOTSUPP)
+        doctor_say(d, DOCTOR_WARNING, AREA_DISK, "%s cannot be tried without leaving a file: %.1f GB are free", d->folder,
+                   free_bytes / 1e9);
+    else if (speed <= 0)
+        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "writing to %s: %s: free space, or choose another folder", d->folder,
+                   strerror(speed < 0 ? (int)-speed : ENOSPC));
+    else if (speed < needed)
+        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "%s takes %.0f MB/s, but %d cameras give %.0f: use a faster disk, or "
+                                                 "lower size or rate",
+                   d->folder, speed, d->cameras, needed);
+    else if (speed < 1.5 * needed)
+        doctor_say(d, DOCTOR_WARNING, AREA_DISK, "%s takes %.0f MB/s and %d cameras give %.0f: little is left for "
+                                                 "moments when the disk is slow",
+                   d->folder, speed, d->cameras, needed);
+    else
+        doctor_say(d, DOCTOR_OK, AREA_DISK, "%s takes %.0f MB/s, %d cameras give %.0f", d->folder, speed, d->cameras,
+                   needed);
+    if (needed > 0)
+        doctor_say(d, hours < 1 ? DOCTOR_WARNING : DOCTOR_OK, AREA_DISK, "%.1f GB are free in %s: %.1f hours of recording",
+                   free_bytes / 1e9, d->folder, hours);
+}
+
+void doctor_check_disk(struct doctor *d)
+{
+    struct statvfs fs;
+
+    if (!d->folder)
+        return;
+    if (statvfs(d->folder, &fs)) {
+        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "folder %s: %s: make it, or name another with -o", d->folder,
+                   strerror(errno));
+        return;
+    }
+    if (fs.f_flag & ST_RDONLY)
+        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "%s is on a file system that is mounted read-only: remount it, after "
+                                                 "looking for its errors in `dmesg`",
+                   d->folder);
+    else if (access(d->folder, W_OK | X_OK))
+        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "no right to write to %s: change its owner, or name another with -o",
+                   d->folder);
+    else if ((double)fs.f_bavail * (double)fs.f_frsize < CHUNK)
+        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "the file system of %s is full: remove old recordings", d->folder);
+    else
+        judge_speed(d, (double)fs.f_bavail * (double)fs.f_frsize);
+}
+
+/* --- limits --------------------------------------------------------------------------------------------------------- */
+
+/* Asking is the only sure test: rights come from root, capabilities or limits. */
+static bool may_be_real_time(void)
+{
+    const struct sched_param wanted = { .sched_priority = 50 };
+    struct sched_param before;
+    const int policy = sched_getscheduler(0);
+
+    if (policy < 0 || sched_getparam(0, &before) || sched_setscheduler(0, SCHED_FIFO, &wanted))
+        return false;
+    (void)sched_setscheduler(0, policy, &before);
+    return true;
+}
+
+void doctor_check_limits(struct doctor *d)
+{
+    struct rlimit files;
+
+    if (may_be_real_time())
+        doctor_say(d, DOCTOR_OK, "limits", "threads may have real-time priority");
+    else
+        doctor_say(d, DOCTOR_WARNING, "limits", "no right to real-time priority: triggers may be late on a busy machine; "
+                                                "set `@video - rtprio 60` in /etc/security/limits.d/sst.conf");
+    /* A camera takes its node, its buffers' maps need none; the rest is for files, timers and the bus. */
+    if (!getrlimit(RLIMIT_NOFILE, &files) && files.rlim_cur < (rlim_t)(2 * d->cameras + 64))
+        doctor_say(d, DOCTOR_PROBLEM, "limits", "only %llu files may be open, too few for %d cameras: `ulimit -n 1024`",
+                   (unsigned long long)files.rlim_cur, d->cameras);
+}
+
+/* --- clock ---------------------------------------------------------------------------------------------------------- */
+
+void doctor_check_clock(struct doctor *d)
+{
+    struct timex state = { .modes = 0 };
+    const int r = adjtimex(&state);
+    struct timespec resolution;
+
+    if (r < 0)
+        doctor_say(d, DOCTOR_WARNING, "clock", "whether the clock is synchronised cannot be read: %s", strerror(errno));
+    else if (r == TIME_ERROR || (state.status & STA_UNSYNC))
+        doctor_say(d, DOCTOR_WARNING, "clock", "the wall clock is not synchronised, so the times in recordings may be "
+                                               "wrong: enable systemd-timesyncd or chrony");
+    else
+        doctor_say(d, DOCTOR_OK, "clock", "the wall clock is synchronised, error at most %.1f ms",
+                   (double)state.maxerror / 1e3);
+    if (clock_getres(CLOCK_MONOTONIC, &resolution) || resolution.tv_sec || resolution.tv_nsec > 1000)
+        doctor_say(d, DOCTOR_WARNING, "clock", "timers have a resolution of %ld ns: boot with highres=on, or triggers "
+                                               "are late by as much",
+                   resolution.tv_nsec);
+}
+
+/* --- camera driver -------------------------------------------------------------------------------------------------- */
+
+static long read_parameter(const char *name)
+{
+    char path[SST_PATH_MAX], text[32];
+    long value = -1;
+    FILE *f;
+
+    snprintf(path, sizeof(path), "/sys/module/uvcvideo/parameters/%s", name);
+    f = fopen(path, "re");
+    if (!f)
+        return -1;
+    if (fgets(text, sizeof(text), f))
+        value = strtol(text, NULL, 0);
+    fclose(f);
+    return value;
+}
+
+void doctor_check_uvcvideo(struct doctor *d)
+{
+    const long quirks = read_parameter("quirks"), drop = read_parameter("nodrop");
+    const bool raw = sst_usb_format_bytes_s(d->cfg->fourcc, 1, 1, 1) > 0;
+
+    if (quirks > 0 && quirks != 0xffffffffL && (quirks & QUIRK_FIX_BANDWIDTH) && !raw)
+        doctor_say(d, DOCTOR_WARNING, "uvcvideo", "quirk FIX_BANDWIDTH (0x80) is set, but has no effect on compressed "
+                                                  "formats such as %s",
+                   sst_array_format_name(d->cfg->fourcc) ? sst_array_format_name(d->cfg->fourcc) : "this one");
+    else if (quirks > 0 && quirks != 0xffffffffL)
+        doctor_say(d, DOCTOR_OK, "uvcvideo", "quirks 0x%lx are set for all cameras", (unsigned long)quirks);
+    if (drop > 0)
+        doctor_say(d, DOCTOR_OK, "uvcvideo", "parameter nodrop is set: damaged frames arrive, and are counted as such");
+}

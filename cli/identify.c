@@ -1,0 +1,449 @@
+/* sst identify: a picture of every camera, so that a person sees which one sits where. */
+#include <errno.h>
+#include <jansson.h>
+#include <linux/videodev2.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "cli/cli.h"
+#include "cli/places.h"
+#include "pipeline/image/codec.h"
+
+/* The first frames after a start are often damaged or not yet exposed. */
+#define SKIP_FRAMES 2
+#define PICTURE_NS INT64_C(6000000000)
+#define TILE_WIDTH 400
+#define GAP 8
+
+struct shot {
+    struct sst_grab_device device;
+    struct cli_place place;
+    struct sst_image image; /* no plane: none came */
+    int good;
+    char why[256];
+};
+
+struct session {
+    struct shot *shots; /* [count], in the order of ports */
+    int count;
+    /* of the grab that runs now */
+    struct sst_grab *grab;
+    int index[SST_CAMERAS_MAX], missing;
+};
+
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
+
+static uint8_t clamp_u8(int v)
+{
+    return (uint8_t)sst_clamp_int(v, 0, 255);
+}
+
+/* BT.601, limited range, as V4L2 has it for YUYV. */
+static void yuyv_row(struct sst_image *img, int y, const uint8_t *row)
+{
+    for (int x = 0; x < img->width; x++) {
+        const uint8_t *pair = row + (x & ~1) * 2;
+        const int l = 298 * (row[2 * x] - 16) + 128, u = pair[1] - 128, v = pair[3] - 128;
+
+        sst_image_row(img, 0, y)[x] = clamp_u8((l + 409 * v) >> 8);
+        sst_image_row(img, 1, y)[x] = clamp_u8((l - 100 * u - 208 * v) >> 8);
+        sst_image_row(img, 2, y)[x] = clamp_u8((l + 516 * u) >> 8);
+    }
+}
+
+/* One sample of `bytes` a pixel, the last byte its highest: grey, or a Bayer pattern shown as it is. */
+static void grey_row(struct sst_image *img, int y, const uint8_t *row, int bytes)
+{
+    for (int c = 0; c < 3; c++) {
+        for (int x = 0; x < img->width; x++)
+            sst_image_row(img, c, y)[x] = row[x * bytes + bytes - 1];
+    }
+}
+
+static int decode(struct sst_image *img, const struct sst_frame *f, const char *name)
+{
+    const bool yuyv = f->fourcc == V4L2_PIX_FMT_YUYV;
+    int err;
+
+    if (f->fourcc == V4L2_PIX_FMT_MJPEG || f->fourcc == V4L2_PIX_FMT_JPEG)
+        return sst_image_decode(img, f->data, f->bytes, name);
+    err = sst_image_init(img, f->width, f->height);
+    if (err)
+        sst_log_error("no memory for a picture of %s", name);
+    for (int y = 0; !err && y < f->height; y++) {
+        const uint8_t *row = f->data + (size_t)y * f->stride;
+
+        if (yuyv)
+            yuyv_row(img, y, row);
+        else
+            grey_row(img, y, row, f->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1);
+    }
+    return err;
+}
+
+/* --- grabbing ----------------------------------------------------------------------------------------------------- */
+
+static void on_frame(void *arg, struct sst_frame *f)
+{
+    struct session *s = arg;
+    struct shot *shot = &s->shots[s->index[f->cam]];
+
+    if (!(f->faults & SST_FRAME_BAD) && !shot->image.width && shot->good++ >= SKIP_FRAMES &&
+        !decode(&shot->image, f, shot->device.node))
+        s->missing--;
+    sst_grab_release(s->grab, f);
+}
+
+static void on_state(void *arg, int cam, enum sst_grab_state state, const char *why)
+{
+    struct session *s = arg;
+    struct shot *shot = &s->shots[s->index[cam]];
+
+    if (state != SST_GRAB_STREAMING && state != SST_GRAB_READY)
+        snprintf(shot->why, sizeof(shot->why), "%s", why);
+}
+
+static bool any_waiting(const struct session *s, const struct sst_grab_config *cfg)
+{
+    for (int i = 0; i < cfg->cameras; i++) {
+        if (!s->shots[s->index[i]].image.width && sst_grab_camera_state(s->grab, i) != SST_GRAB_REFUSED)
+            return true;
+    }
+    return false;
+}
+
+/* A picture of each of the cameras in s->index. What does not come is told by its shot. @return 0 or -errno */
+static int grab_pictures(struct session *s, struct sst_grab_config *cfg)
+{
+    const struct sst_grab_events events = { s, on_frame, on_state };
+    int64_t end_ns;
+    int err = sst_grab_open(&s->grab, cfg, &events);
+
+    if (err)
+        return err;
+    s->missing = cfg->cameras;
+    err = sst_grab_start(s->grab);
+    end_ns = sst_clock_now_ns() + PICTURE_NS;
+    while (err >= 0 && s->missing && any_waiting(s, cfg) && sst_clock_now_ns() < end_ns)
+        err = sst_grab_poll(s->grab, 100);
+    sst_grab_close(s->grab);
+    s->grab = NULL;
+    return err < 0 ? err : 0;
+}
+
+/* Of cameras first .. first+n-1 those that can be opened and have no picture yet. */
+static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst_grab_binding *bindings, int first, int n)
+{
+    cfg->cameras = 0;
+    for (int i = first; i < first + n; i++) {
+        if (s->shots[i].image.width || s->shots[i].device.error)
+            continue;
+        memcpy(bindings[cfg->cameras].port, s->shots[i].device.port, sizeof(bindings->port));
+        s->index[cfg->cameras++] = i;
+    }
+    return cfg->cameras ? grab_pictures(s, cfg) : 0;
+}
+
+/* All at once; then those that found no room on the bus beside the others, one by one. */
+static int take_pictures(struct session *s, const struct sst_array_config *array)
+{
+    struct sst_grab_binding *bindings = calloc((size_t)s->count, sizeof(*bindings));
+    struct sst_grab_config cfg;
+    int err;
+
+    if (!bindings) {
+        sst_log_error("no memory for %d cameras", s->count);
+        return -ENOMEM;
+    }
+    cli_grab_config(&cfg, array);
+    cfg.bindings = bindings;
+    err = take_round(s, &cfg, bindings, 0, s->count);
+    for (int i = 0; !err && s->count > 1 && i < s->count; i++)
+        err = take_round(s, &cfg, bindings, i, 1);
+    free(bindings);
+    return err;
+}
+
+/* --- output ------------------------------------------------------------------------------------------------------- */
+
+static int shrink(struct sst_image *out, const struct sst_image *in)
+{
+    struct sst_image half;
+    int err = sst_image_halve(out, in);
+
+    while (!err && out->width > TILE_WIDTH) {
+        err = sst_image_halve(&half, out);
+        if (err)
+            break;
+        sst_image_fini(out);
+        *out = half;
+    }
+    return err;
+}
+
+static void paste(struct sst_image *sheet, const struct sst_image *tile, int left, int top)
+{
+    const int width = sst_min_int(tile->width, sheet->width - left);
+
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < tile->height && top + y < sheet->height; y++)
+            memcpy(sst_image_row(sheet, c, top + y) + left, sst_image_row(tile, c, y), (size_t)width);
+    }
+}
+
+/* Where a camera's picture is in the sheet: its place in the array, or after the array's rows in the order of ports. */
+static int lay_out(const struct session *s, const struct sst_array_config *cfg, struct cli_place *at)
+{
+    int rows = 0, more = 0;
+
+    for (int i = 0; i < s->count; i++) {
+        at[i] = s->shots[i].place;
+        rows = sst_max_int(rows, at[i].row + 1);
+    }
+    for (int i = 0; i < s->count; i++) {
+        if (at[i].row < 0) {
+            at[i] = (struct cli_place){ rows + more / cfg->cols, more % cfg->cols };
+            more++;
+        }
+    }
+    return rows + (more + cfg->cols - 1) / cfg->cols;
+}
+
+static int write_sheet(const struct session *s, const struct sst_array_config *cfg, const char *path)
+{
+    struct cli_place *at = calloc((size_t)s->count, sizeof(*at));
+    struct sst_image sheet = { 0 };
+    const int rows = at ? lay_out(s, cfg, at) : 0;
+    int err = at ? 0 : -ENOMEM;
+
+    for (int i = 0; !err && i < s->count; i++) {
+        struct sst_image tile = { 0 };
+
+        if (!s->shots[i].image.width)
+            continue;
+        err = shrink(&tile, &s->shots[i].image);
+        if (!err && !sheet.width) {
+            err = sst_image_init(&sheet, cfg->cols * (tile.width + GAP), rows * (tile.height + GAP));
+            if (!err)
+                memset(sheet.plane[0], 255, 3 * sheet.stride * (size_t)sheet.height);
+        }
+        if (!err)
+            paste(&sheet, &tile, at[i].col * (tile.width + GAP), at[i].row * (tile.height + GAP));
+        sst_image_fini(&tile);
+    }
+    if (!err)
+        err = sst_image_write_png(&sheet, path);
+    else
+        sst_log_error("no memory for the sheet of pictures %s", path);
+    sst_image_fini(&sheet);
+    free(at);
+    return err;
+}
+
+/* Ports of devices off USB hold colons. */
+static void file_name(char *out, size_t size, const struct shot *shot)
+{
+    snprintf(out, size, "%s%s%s.png", shot->device.port, *shot->device.serial ? "_" : "", shot->device.serial);
+    for (char *c = out; *c; c++) {
+        if (*c == '/' || *c == ':' || *c == ' ')
+            *c = '-';
+    }
+}
+
+/* `files` gets the name of each picture, NULL where none came; to free. @return 0 or -errno */
+static int write_pictures(const struct session *s, const char *dir, char **files)
+{
+    char path[SST_PATH_MAX], name[2 * SST_GRAB_NAME_MAX + 8];
+    int err = sst_path_make_dir(dir), got = 0;
+
+    for (int i = 0; !err && i < s->count; i++) {
+        if (!s->shots[i].image.width)
+            continue;
+        file_name(name, sizeof(name), &s->shots[i]);
+        err = sst_path_join(path, dir, name);
+        err = err ? err : sst_image_write_png(&s->shots[i].image, path);
+        files[i] = err ? NULL : strdup(path);
+        got++;
+    }
+    if (err || got)
+        return err;
+    sst_log_error("no camera sent a picture; `sst doctor` looks for the reason");
+    return -ENODATA;
+}
+
+static const char *why_none(const struct shot *shot)
+{
+    return *shot->why ? shot->why : "no picture came";
+}
+
+static void print_table(const struct session *s, char *const *files, const char *sheet)
+{
+    char at[16];
+
+    printf("%-6s %-10s %-14s %s\n", "PLACE", "PORT", "SERIAL", "PICTURE");
+    for (int i = 0; i < s->count; i++) {
+        const struct shot *shot = &s->shots[i];
+
+        printf("%-6s %-10s %-14s %s\n", cli_place_text(at, shot->place), shot->device.port,
+               *shot->device.serial ? shot->device.serial : "-", files[i] ? files[i] : why_none(shot));
+    }
+    printf("\nall in their places: %s\n", sheet);
+}
+
+static int print_json(const struct session *s, char *const *files, const char *sheet)
+{
+    json_t *list = json_array(), *object = NULL;
+    int err = list ? 0 : -ENOMEM;
+
+    for (int i = 0; !err && i < s->count; i++) {
+        const struct shot *shot = &s->shots[i];
+        json_t *one = json_pack("{s:s, s:s, s:s, s:s}", "port", shot->device.port, "serial", shot->device.serial,
+                                files[i] ? "picture" : "missing", files[i] ? files[i] : why_none(shot), "name",
+                                shot->device.name);
+
+        if (one && shot->place.row >= 0 && (json_object_set_new(one, "row", json_integer(shot->place.row)) ||
+                                            json_object_set_new(one, "col", json_integer(shot->place.col))))
+            err = -ENOMEM;
+        if (!one || json_array_append_new(list, one))
+            err = -ENOMEM;
+    }
+    if (!err)
+        object = json_pack("{s:O, s:s}", "cameras", list, "sheet", sheet);
+    if (!object || json_dumpf(object, stdout, JSON_INDENT(2))) {
+        sst_log_error("no memory for the list of pictures");
+        err = -ENOMEM;
+    }
+    putchar('\n');
+    json_decref(object);
+    json_decref(list);
+    return err;
+}
+
+/* Everything that is to be seen afterwards. */
+static int show(const struct session *s, const struct sst_array_config *cfg, const char *dir, bool json)
+{
+    char **files = calloc((size_t)s->count, sizeof(*files)), sheet[SST_PATH_MAX];
+    int err = files ? sst_path_join(sheet, dir, "identify.png") : -ENOMEM;
+
+    err = err ? err : write_pictures(s, dir, files);
+    err = err ? err : write_sheet(s, cfg, sheet);
+    if (!err && json)
+        err = print_json(s, files, sheet);
+    else if (!err)
+        print_table(s, files, sheet);
+    for (int i = 0; files && i < s->count; i++)
+        free(files[i]);
+    free(files);
+    return err;
+}
+
+static bool serial_is_unique(const struct session *s, int index)
+{
+    for (int i = 0; i < s->count; i++) {
+        if (i != index && !strcmp(s->shots[i].device.serial, s->shots[index].device.serial) &&
+            strcmp(s->shots[i].device.port, s->shots[index].device.port) != 0)
+            return false;
+    }
+    return *s->shots[index].device.serial != 0;
+}
+
+/* The cameras in the order of their ports, row by row: to be put right by hand with the pictures. */
+static int write_bindings(const struct session *s, const struct sst_array_config *cfg, const char *path)
+{
+    struct sst_outfile out = { 0 };
+    int err = sst_outfile_open(&out, path);
+
+    if (err)
+        return err;
+    fprintf(out.stream, "# Proposed by the order of USB ports; change rows and columns to where the cameras are.\n"
+            "cameras:\n  bind:\n");
+    for (int i = 0; i < s->count && i < cfg->rows * cfg->cols; i++) {
+        const bool serial = serial_is_unique(s, i);
+
+        fprintf(out.stream, "    - { row: %d, col: %d, %s: \"%s\" }\n", i / cfg->cols, i % cfg->cols,
+                serial ? "serial" : "port", serial ? s->shots[i].device.serial : s->shots[i].device.port);
+    }
+    return sst_outfile_commit(&out);
+}
+
+/* --- command ------------------------------------------------------------------------------------------------------ */
+
+/* The cameras asked for; nodes of one device beyond the first are left out. */
+static int choose(struct session *s, const struct sst_array_config *cfg, const char *serial, const char *port)
+{
+    struct sst_grab_device *devices;
+    struct cli_place *place = NULL;
+    int count, err = sst_grab_list(&devices, &count);
+
+    if (err)
+        return err;
+    s->shots = calloc((size_t)count + 1, sizeof(*s->shots));
+    place = calloc((size_t)count + 1, sizeof(*place));
+    err = s->shots && place ? 0 : -ENOMEM;
+    if (!err)
+        cli_places(place, cfg, devices, count);
+    for (int i = 0; !err && i < count && s->count < SST_CAMERAS_MAX; i++) {
+        if ((serial && strcmp(serial, devices[i].serial) != 0) || (port && strcmp(port, devices[i].port) != 0) ||
+            (s->count && !strcmp(s->shots[s->count - 1].device.port, devices[i].port)))
+            continue;
+        s->shots[s->count] = (struct shot){ .device = devices[i], .place = place[i] };
+        if (devices[i].error)
+            snprintf(s->shots[s->count].why, sizeof(s->shots->why), "%s", strerror(devices[i].error));
+        s->count++;
+    }
+    free(place);
+    free(devices);
+    if (!err && s->count)
+        return 0;
+    sst_log_error("%s; see `sst cameras`", err ? "no memory for a list of cameras"
+                  : serial || port ? "there is no such camera" : "no camera is plugged in");
+    return err ? err : -ENODATA;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    const char *serial = NULL, *port = NULL, *dir = "identify", *write = NULL, *config = NULL;
+    bool json = false;
+    const struct cli_option options[] = {
+        { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial", 0, 0 },
+        { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port", 0, 0 },
+        { "output", 'o', CLI_STRING, &dir, "DIR", "folder for the pictures (identify)", 0, 0 },
+        { "write", 0, CLI_STRING, &write, "FILE", "write a `bind:` section in the order of ports", 0, 0 },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+    };
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    struct session s = { 0 };
+    struct sst_array_config cfg;
+    int err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    sst_array_config_defaults(&cfg);
+    err = sst_array_config_read(&cfg, config);
+    err = err ? err : choose(&s, &cfg, serial, port);
+    if (!err && write)
+        err = write_bindings(&s, &cfg, write);
+    err = err ? err : take_pictures(&s, &cfg);
+    err = err ? err : show(&s, &cfg, dir, json);
+    for (int i = 0; i < s.count; i++)
+        sst_image_fini(&s.shots[i].image);
+    free(s.shots);
+    return cli_exit_code(err);
+}
+
+const struct cli_command cli_identify = {
+    .name = "identify",
+    .usage = "[--serial S | --port P] [-o DIR] [--write FILE] [--config FILE] [--json]",
+    .summary = "a picture of every camera: which one is which",
+    .detail = "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all of them laid out as the array\n"
+              "is as DIR/identify.png. Hold something in front of one camera to see which picture it is.\n"
+              "--write proposes the `bind:` section of the configuration in the order of USB ports.",
+    .example = "sst identify --write bind.yaml",
+    .run = run,
+};

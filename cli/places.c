@@ -1,0 +1,49 @@
+#include "cli/places.h"
+
+#include <stdio.h>
+#include <string.h>
+
+/* The serial wins where a binding has both, as in the grab. */
+static bool is_bound(const struct sst_config_camera *c, const struct sst_grab_device *d)
+{
+    return *c->serial ? !strcmp(c->serial, d->serial) : *c->port && !strcmp(c->port, d->port);
+}
+
+void cli_places(struct cli_place *place, const struct sst_array_config *cfg, const struct sst_grab_device *devices,
+                int count)
+{
+    for (int i = 0; i < count; i++) {
+        place[i] = (struct cli_place){ -1, -1 };
+        if (!cfg->bound && i < cfg->rows * cfg->cols)
+            place[i] = (struct cli_place){ i / cfg->cols, i % cfg->cols };
+        for (int k = 0; k < cfg->bound; k++) {
+            if (is_bound(&cfg->camera[k], &devices[i]))
+                place[i] = (struct cli_place){ cfg->camera[k].row, cfg->camera[k].col };
+        }
+    }
+}
+
+const char *cli_place_text(char text[16], struct cli_place place)
+{
+    if (place.row < 0)
+        return "-";
+    snprintf(text, 16, "r%dc%d", place.row, place.col);
+    return text;
+}
+
+void cli_grab_config(struct sst_grab_config *grab, const struct sst_array_config *cfg)
+{
+    sst_grab_config_defaults(grab);
+    grab->fourcc = cfg->fourcc;
+    grab->width = cfg->width;
+    grab->height = cfg->height;
+    grab->rate_hz = cfg->rate_hz;
+    grab->stall_ms = cfg->stall_ms;
+    /* Cameras that were left waiting for a trigger would send nothing. */
+    for (int i = 0; i < cfg->controls; i++) {
+        if (strcmp(cfg->control[i].name, "trigger_mode") != 0)
+            continue;
+        snprintf(grab->control[0].name, sizeof(grab->control[0].name), "%s", cfg->control[i].name);
+        grab->controls = 1;
+    }
+}

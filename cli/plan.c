@@ -1,0 +1,131 @@
+/* sst plan: which cameras can stream together, before one of them is refused. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "cli/cli.h"
+#include "cli/usb.h"
+
+#define ADVICE_MAX 1024
+
+static json_t *camera_json(const struct cli_usb *u, const struct sst_usb_stream *s)
+{
+    const struct sst_usb_device *d = &u->devices[s->device];
+
+    return json_pack("{s:s, s:o, s:s, s:i, s:i, s:f, s:s, s:b}", "port", d->port, "serial", cli_text_json(d->serial), "node",
+                     d->node, "speed_mbit", d->speed_mbit, "setting", s->alt, "reserved_mbit", s->reserved_mbit,
+                     "segment", u->plan.segments[s->segment].name, "fits", s->fits);
+}
+
+static void print_json(const struct cli_usb *u, const struct sst_array_config *cfg, const char *advice)
+{
+    json_t *cameras = json_array(), *segments = json_array(), *root;
+    const char *format = sst_array_format_name(cfg->fourcc);
+    char *text;
+
+    for (int i = 0; i < u->stream_count; i++)
+        json_array_append_new(cameras, camera_json(u, &u->streams[i]));
+    for (int i = 0; i < u->plan.segment_count; i++) {
+        const struct sst_usb_segment *s = &u->plan.segments[i];
+
+        json_array_append_new(segments, json_pack("{s:s, s:f, s:f, s:i, s:i}", "name", s->name, "reserved_mbit",
+                                                  s->reserved_mbit, "limit_mbit", s->limit_mbit, "cameras", s->streams,
+                                                  "refused", s->refused));
+    }
+    root = json_pack("{s:s?, s:i, s:i, s:f, s:I, s:i, s:o, s:o, s:s}", "format", format, "width", cfg->width, "height",
+                     cfg->height, "rate_hz", cfg->rate_hz, "needed_bytes_s", (json_int_t)u->needed_bytes_s, "refused",
+                     u->plan.refused, "cameras", cameras, "segments", segments, "advice", advice);
+    text = json_dumps(root, JSON_INDENT(2));
+    puts(text ? text : "{}");
+    free(text);
+    json_decref(root);
+}
+
+static void print_text(const struct cli_usb *u, const struct sst_array_config *cfg, const char *advice)
+{
+    const char *format = sst_array_format_name(cfg->fourcc);
+
+    printf("%d cameras, %s %dx%d at %g/s: ", u->stream_count, format ? format : "?", cfg->width, cfg->height,
+           cfg->rate_hz);
+    if (u->needed_bytes_s)
+        printf("%.1f MB/s each\n", (double)u->needed_bytes_s / 1e6);
+    else
+        printf("compressed, so each is taken to ask for its largest packets\n");
+    printf("\n%-52s %9s %9s %8s %8s\n", "wire", "Mbit/s", "of", "cameras", "refused");
+    for (int i = 0; i < u->plan.segment_count; i++) {
+        const struct sst_usb_segment *s = &u->plan.segments[i];
+
+        printf("%-52s %9.1f %9.1f %8d %8d\n", s->name, s->reserved_mbit, s->limit_mbit, s->streams, s->refused);
+    }
+    printf("\n%-12s %-20s %-14s %7s %9s\n", "port", "serial", "node", "setting", "Mbit/s");
+    for (int i = 0; i < u->stream_count; i++) {
+        const struct sst_usb_stream *s = &u->streams[i];
+        const struct sst_usb_device *d = &u->devices[s->device];
+
+        printf("%-12s %-20s %-14s %7d %9.1f  %s\n", d->port, d->serial, d->node, s->alt, s->reserved_mbit,
+               s->fits ? "fits" : "refused: \"No space left on device\" at its start");
+    }
+    if (*advice)
+        printf("\n%s\n", advice);
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    static struct sst_array_config cfg; /* large */
+    const char *config = NULL, *format = NULL;
+    char advice[ADVICE_MAX];
+    int size[2] = { 0 };
+    double rate_hz = 0;
+    bool json = false;
+    struct cli_usb usb;
+    const struct cli_option options[] = {
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it is there)", 0, 0 },
+        { "format", 'f', CLI_STRING, &format, "F", "instead of the configured one: MJPEG YUYV GREY ...", 0, 0 },
+        { "size", 0, CLI_SIZE, size, "WxH", "instead of the configured one", 1, 16384 },
+        { "rate", 'r', CLI_DOUBLE, &rate_hz, "R", "frames/s, instead of the configured ones", 0.01, 1000 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+    };
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    int refused, err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    sst_array_config_defaults(&cfg);
+    err = sst_array_config_read(&cfg, config);
+    if (err)
+        return cli_exit_code(err);
+    if (format && !sst_array_format(format))
+        return cli_usage_error(cmd, "--format %s is not known; choose MJPEG, YUYV, GREY, Y16 or four characters", format);
+    cfg.fourcc = format ? sst_array_format(format) : cfg.fourcc;
+    cfg.width = size[0] ? size[0] : cfg.width;
+    cfg.height = size[1] ? size[1] : cfg.height;
+    cfg.rate_hz = rate_hz > 0 ? rate_hz : cfg.rate_hz;
+    err = cli_usb_open(&usb, &cfg);
+    if (err)
+        return cli_exit_code(err);
+    if (!usb.stream_count) {
+        sst_log_error("plan: none of %d USB devices is %s; `sst topology` shows what is plugged in", usb.count,
+                      cfg.bound ? "a camera of the configuration" : "a camera");
+        cli_usb_close(&usb);
+        return CLI_INPUT;
+    }
+    cli_usb_advise(&usb, &cfg, advice, sizeof(advice));
+    if (json)
+        print_json(&usb, &cfg, advice);
+    else
+        print_text(&usb, &cfg, advice);
+    refused = usb.plan.refused;
+    cli_usb_close(&usb);
+    return refused ? CLI_INPUT : CLI_OK;
+}
+
+const struct cli_command cli_plan = {
+    .name = "plan",
+    .usage = "[--config FILE] [--format F --size WxH --rate R] [--json]",
+    .summary = "whether USB has the bandwidth for all cameras, before they stream",
+    .detail = "Adds up what each camera reserves on each wire, as the kernel does, and says who would be refused and what\n"
+              "to change. docs/hardware.md says what is assumed. Exit code 3 when a camera would be refused.",
+    .example = "sst plan --format YUYV --size 640x480 --rate 10",
+    .run = run,
+};

@@ -1,0 +1,267 @@
+/* sst recording: what a recording holds, how well its cameras were together, and what of it is damaged. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <jansson.h>
+
+#include "base/log.h"
+#include "cli/cli.h"
+#include "daemon/recording/pixel_format.h"
+#include "daemon/recording/recording.h"
+
+#define MAX_NAMED 8 /* cameras or sets named in one line */
+
+struct summary {
+    const struct sst_recording_info *info;
+    int sets, complete, damaged, runs;
+    int missing[SST_CAMERAS_MAX], bad[SST_CAMERAS_MAX];
+    int64_t bytes, lost_before;
+    int spreads, periods;              /* how many there are of: */
+    int64_t *spread_ns;                /* sets with two frames or more */
+    int64_t *period_ns;                /* from one set to the next of the same run */
+    int worst[SST_CAMERAS_MAX];        /* sets in which the camera was the one farthest off */
+    int gaps;                          /* periods of more than one and a half of the usual */
+    json_t *damage;                    /* [{"set":, "cam":}]; cam -1: the line */
+};
+
+static int compare(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* Smallest of the sorted v[0..n) that p of 100 values do not exceed; 0 of none. */
+static int64_t percentile(const int64_t *v, int n, int p)
+{
+    return n ? v[((int64_t)n * p + 99) / 100 - 1] : 0;
+}
+
+static void add_set(struct summary *s, const struct sst_recording_set *set)
+{
+    int good = 0;
+
+    for (int k = 0; k < s->info->cameras; k++) {
+        const struct sst_recording_frame *f = &set->frame[k];
+        const bool bad = f->present && (f->faults & SST_FRAME_BAD);
+
+        s->missing[k] += !f->present;
+        s->bad[k] += bad;
+        good += f->present && !bad;
+        s->bytes += f->present ? (int64_t)f->bytes : 0;
+        s->lost_before += f->present ? f->lost_before : 0;
+    }
+    s->complete += good == s->info->cameras;
+    if (set->present > 1)
+        s->spread_ns[s->spreads++] = set->skew.spread_ns;
+    if (set->skew.worst_cam >= 0 && set->skew.worst_cam < s->info->cameras)
+        s->worst[set->skew.worst_cam]++;
+}
+
+static void count_gaps(struct summary *s)
+{
+    const double usual = s->info->rate_hz > 0 ? 1e9 / s->info->rate_hz
+                                              : (double)percentile(s->period_ns, s->periods, 50);
+
+    for (int i = 0; i < s->periods; i++)
+        s->gaps += (double)s->period_ns[i] > 1.5 * usual;
+}
+
+static int note_damage(struct summary *s, int set, int cam)
+{
+    s->damaged++;
+    return json_array_append_new(s->damage, json_pack("{s:i, s:i}", "set", set, "cam", cam)) ? -ENOMEM : 0;
+}
+
+/* All lines, and with `verify` all bytes. */
+static int look(struct summary *s, const struct sst_recording *recording, bool verify)
+{
+    struct sst_recording_set set, before = { .session = -1 };
+    int err = 0;
+
+    for (int i = 0; !err && i < s->sets; i++) {
+        int cam = -1;
+
+        err = sst_recording_set(recording, i, &set);
+        if (!err) {
+            add_set(s, &set);
+            if (set.session == before.session)
+                s->period_ns[s->periods++] = set.t_ns - before.t_ns;
+            s->runs += set.session != before.session;
+            before = set;
+            err = verify ? sst_recording_check(recording, i, &cam) : 0;
+        }
+        if (err == -EBADMSG)
+            err = note_damage(s, i, cam);
+        else if (err)
+            sst_log_error("cannot read set %d of %s; check the disk", i, sst_recording_dir(recording));
+        if (verify)
+            cli_progress((void *)(uintptr_t)"verify", (i + 1.0) / s->sets);
+    }
+    cli_progress_end();
+    qsort(s->spread_ns, (size_t)s->spreads, sizeof(*s->spread_ns), compare);
+    qsort(s->period_ns, (size_t)s->periods, sizeof(*s->period_ns), compare);
+    count_gaps(s);
+    return err;
+}
+
+/* --- what is said --------------------------------------------------------------------------------------------------- */
+
+static int worst_camera(const struct summary *s)
+{
+    int k = 0;
+
+    for (int i = 1; i < s->info->cameras; i++)
+        k = s->worst[i] > s->worst[k] ? i : k;
+    return s->worst[k] ? k : -1;
+}
+
+static void print_cameras(const struct summary *s, const char *what, const int *count)
+{
+    int named = 0;
+
+    for (int k = 0; k < s->info->cameras; k++) {
+        const struct sst_recorder_track *t = &s->info->track[k];
+
+        if (!count[k] || named++ >= MAX_NAMED)
+            continue;
+        printf("%s r%02d c%02d %s: %d", named == 1 ? what : ",", t->row, t->col, t->serial[0] ? t->serial : t->port,
+               count[k]);
+    }
+    if (named)
+        printf("%s\n", named > MAX_NAMED ? ", ..." : "");
+}
+
+static void print_text(const struct summary *s, const struct sst_recording *recording, bool verify)
+{
+    const struct sst_recording_info *i = s->info;
+    const int64_t period = percentile(s->period_ns, s->periods, 50);
+    const int worst = worst_camera(s);
+    char format[5];
+
+    sst_pixel_format_name(i->fourcc, format);
+    printf("%s: %d cameras on %dx%d, %s %dx%d, nominal %g Hz\n", sst_recording_dir(recording), i->cameras, i->rows,
+           i->cols, format, i->width, i->height, i->rate_hz);
+    printf("sets      %d in %d runs, %d complete, %d with missing or bad frames, %.3f GB\n", s->sets, s->runs, s->complete,
+           s->sets - s->damaged - s->complete, (double)s->bytes * 1e-9);
+    printf("rate      %.3f Hz (median), %d gaps, longest distance %.3f s\n", period > 0 ? 1e9 / (double)period : 0, s->gaps,
+           (double)percentile(s->period_ns, s->periods, 100) * 1e-9);
+    printf("skew      p50 %.1f us, p99 %.1f us, max %.1f us", (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3,
+           (double)percentile(s->spread_ns, s->spreads, 99) * 1e-3,
+           (double)percentile(s->spread_ns, s->spreads, 100) * 1e-3);
+    if (worst >= 0)
+        printf(", most often farthest off: r%02d c%02d", i->track[worst].row, i->track[worst].col);
+    printf("\n");
+    print_cameras(s, "missing  ", s->missing);
+    print_cameras(s, "bad      ", s->bad);
+    printf("damage    %d sets%s\n", s->damaged, verify ? "" : " (lines only; --verify reads all frames)");
+    for (int d = 0; d < s->damaged && d < MAX_NAMED; d++) {
+        const json_t *one = json_array_get(s->damage, (size_t)d);
+        const int cam = (int)json_integer_value(json_object_get(one, "cam"));
+
+        printf("          set %d: %s", (int)json_integer_value(json_object_get(one, "set")), cam < 0 ? "its line" : "");
+        if (cam >= 0)
+            printf("camera r%02d c%02d", i->track[cam].row, i->track[cam].col);
+        printf("\n");
+    }
+    if (sst_recording_torn_bytes(recording))
+        printf("torn end  %lld bytes of a set that was being written\n", (long long)sst_recording_torn_bytes(recording));
+}
+
+static json_t *cameras_to_json(const struct summary *s)
+{
+    json_t *list = json_array();
+
+    for (int k = 0; k < s->info->cameras; k++) {
+        const struct sst_recorder_track *t = &s->info->track[k];
+
+        (void)json_array_append_new(list, json_pack("{s:i, s:i, s:s, s:s, s:i, s:i, s:i}", "row", t->row, "col", t->col,
+                                                    "serial", t->serial, "port", t->port, "missing", s->missing[k], "bad",
+                                                    s->bad[k], "farthest_off", s->worst[k]));
+    }
+    return list;
+}
+
+static int print_json(const struct summary *s, const struct sst_recording *recording, bool verify)
+{
+    const int64_t period = percentile(s->period_ns, s->periods, 50);
+    char format[5], *text = NULL;
+    json_t *root;
+
+    sst_pixel_format_name(s->info->fourcc, format);
+    root = json_pack("{s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:i, s:i, s:i, s:i, s:I, s:I, s:f, s:i, s:f,"
+                     " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:o}",
+                     "rows", s->info->rows, "cols", s->info->cols, "cameras", s->info->cameras, "pixel_format", format,
+                     "width", s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets", s->sets,
+                     "runs", s->runs, "complete", s->complete, "partial", s->sets - s->damaged - s->complete, "bytes",
+                     (json_int_t)s->bytes, "lost_before", (json_int_t)s->lost_before, "median_hz",
+                     period > 0 ? 1e9 / (double)period : 0.0, "gaps", s->gaps, "longest_s",
+                     (double)percentile(s->period_ns, s->periods, 100) * 1e-9, "skew_us", "p50",
+                     (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3, "p99",
+                     (double)percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
+                     (double)percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s), "verified",
+                     verify, "damaged", s->damaged, "damage", s->damage, "torn_bytes",
+                     (json_int_t)sst_recording_torn_bytes(recording), "tracks", cameras_to_json(s));
+    text = root ? json_dumps(root, JSON_COMPACT) : NULL;
+    json_decref(root);
+    if (!text)
+        return -ENOMEM;
+    puts(text);
+    free(text);
+    return 0;
+}
+
+static int tell(const struct sst_recording *recording, bool verify, bool json)
+{
+    const int n = sst_recording_sets(recording);
+    struct summary s = { .info = sst_recording_info(recording), .sets = n, .damage = json_array() };
+    int err = -ENOMEM;
+
+    s.spread_ns = malloc(((size_t)n + 1) * sizeof(*s.spread_ns));
+    s.period_ns = malloc(((size_t)n + 1) * sizeof(*s.period_ns));
+    if (s.spread_ns && s.period_ns && s.damage)
+        err = look(&s, recording, verify);
+    if (!err && json)
+        err = print_json(&s, recording, verify);
+    else if (!err)
+        print_text(&s, recording, verify);
+    if (!err && s.damaged)
+        err = -EBADMSG; /* was printed; scripts go by the exit code */
+    free(s.spread_ns);
+    free(s.period_ns);
+    json_decref(s.damage);
+    return err;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    bool json = false, verify = false;
+    const struct cli_option options[] = {
+        { "verify", 0, CLI_FLAG, &verify, NULL, "read all frames and compare them with their checksums", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "one object for machines", 0, 0 },
+    };
+    struct sst_recording *recording;
+    const char *dir;
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
+    int err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    err = sst_recording_open(&recording, dir);
+    if (!err) {
+        err = tell(recording, verify, json);
+        sst_recording_close(recording);
+    }
+    return cli_exit_code(err);
+}
+
+const struct cli_command cli_recording = {
+    .name = "recording",
+    .usage = "DIR [--verify] [--json]",
+    .summary = "what a recording holds: sets, skew, gaps, damage",
+    .detail = "Sets are counted from 0 in the order of recording, as `sst import recording --sets` takes them. A set is complete\n"
+              "when every camera's frame is there and good. Exit code 3 when a set is damaged.",
+    .example = "sst recording night --verify",
+    .run = run,
+};

@@ -1,0 +1,231 @@
+#include "cli/usb.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+
+static bool is_camera(const struct sst_usb_device *d)
+{
+    return d->alts || d->node[0];
+}
+
+static bool is_bound(const struct sst_usb_device *d, const struct sst_config_camera *c)
+{
+    return c->serial[0] ? !strcmp(c->serial, d->serial) : !strcmp(c->port, d->port);
+}
+
+static void add_stream(struct cli_usb *u, int device)
+{
+    u->streams[u->stream_count++] = (struct sst_usb_stream){ .device = device, .needed_bytes_s = u->needed_bytes_s };
+}
+
+/* Two devices of one serial are both taken: that they are two is for others to tell. */
+static void choose_cameras(struct cli_usb *u, const struct sst_array_config *cfg)
+{
+    for (int b = 0; b < cfg->bound; b++) {
+        for (int i = 0; i < u->count && u->stream_count < u->count; i++) {
+            if (is_camera(&u->devices[i]) && is_bound(&u->devices[i], &cfg->camera[b]))
+                add_stream(u, i);
+        }
+    }
+    for (int i = 0; i < u->count && !cfg->bound; i++) {
+        if (is_camera(&u->devices[i]))
+            add_stream(u, i);
+    }
+}
+
+int cli_usb_open(struct cli_usb *u, const struct sst_array_config *cfg)
+{
+    int err;
+
+    memset(u, 0, sizeof(*u));
+    err = sst_usb_list(&u->devices, &u->count);
+    if (err)
+        return err;
+    u->streams = calloc((size_t)u->count + 1, sizeof(*u->streams));
+    if (!u->streams) {
+        sst_log_error("listing cameras: out of memory");
+        cli_usb_close(u);
+        return -ENOMEM;
+    }
+    u->needed_bytes_s = sst_usb_format_bytes_s(cfg->fourcc, cfg->width, cfg->height, cfg->rate_hz);
+    choose_cameras(u, cfg);
+    err = sst_usb_plan(&u->plan, u->devices, u->count, u->streams, u->stream_count);
+    if (err)
+        cli_usb_close(u);
+    return err;
+}
+
+void cli_usb_close(struct cli_usb *u)
+{
+    free(u->plan.segments);
+    free(u->streams);
+    free(u->devices);
+    memset(u, 0, sizeof(*u));
+}
+
+json_t *cli_text_json(const char *text)
+{
+    json_t *json = json_string(text);
+
+    return json ? json : json_string("?");
+}
+
+/* --- advice --------------------------------------------------------------------------------------------------------- */
+
+static void say(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
+
+static void say(char *text, size_t size, const char *fmt, ...)
+{
+    const size_t used = strlen(text);
+    va_list args;
+
+    va_start(args, fmt);
+    vsnprintf(text + used, size - used, fmt, args);
+    va_end(args);
+}
+
+/* How many are refused if each camera takes this much. -1: out of memory */
+static int refused_at(const struct cli_usb *u, int64_t bytes_s)
+{
+    struct sst_usb_stream *streams = calloc((size_t)u->stream_count + 1, sizeof(*streams));
+    struct sst_usb_plan plan;
+    int refused = -1;
+
+    for (int i = 0; streams && i < u->stream_count; i++)
+        streams[i] = (struct sst_usb_stream){ .device = u->streams[i].device, .needed_bytes_s = bytes_s };
+    if (streams && !sst_usb_plan(&plan, u->devices, u->count, streams, u->stream_count)) {
+        refused = plan.refused;
+        free(plan.segments);
+    }
+    free(streams);
+    return refused;
+}
+
+/* What the largest setting of any camera carries. */
+static int64_t largest_bytes_s(const struct cli_usb *u)
+{
+    int64_t largest = 3072 * 8000;
+
+    for (int i = 0; i < u->stream_count; i++) {
+        const struct sst_usb_device *d = &u->devices[u->streams[i].device];
+
+        for (int k = 0; k < d->alts; k++) {
+            const int64_t bytes_s = (int64_t)d->alt[k].packet_bytes * 1000000 / d->alt[k].interval_us;
+
+            largest = bytes_s > largest ? bytes_s : largest;
+        }
+    }
+    return largest;
+}
+
+/* The most that each camera may take for all to fit; 0: nothing is little enough. */
+static int64_t most_bytes_s(const struct cli_usb *u)
+{
+    int64_t low = 0, high = u->needed_bytes_s ? u->needed_bytes_s : largest_bytes_s(u);
+
+    while (high - low > 1000) {
+        const int64_t middle = low + (high - low) / 2;
+
+        if (refused_at(u, middle))
+            high = middle;
+        else
+            low = middle;
+    }
+    return low;
+}
+
+/* A free port of a root hub of the camera's speed; @return its number, 0: none is free */
+static int free_port(const struct cli_usb *u, int hub)
+{
+    for (int port = 1; port <= u->devices[hub].hub_ports; port++) {
+        char name[SST_USB_TEXT_MAX];
+        bool taken = false;
+
+        snprintf(name, sizeof(name), "%d-%d", u->devices[hub].bus, port);
+        for (int i = 0; i < u->count; i++)
+            taken = taken || !strcmp(u->devices[i].port, name);
+        if (!taken)
+            return port;
+    }
+    return 0;
+}
+
+/* Would the stream fit if its camera were plugged in there? */
+static bool fits_at(struct cli_usb *u, int stream, int hub, int port)
+{
+    struct sst_usb_device *d = &u->devices[u->streams[stream].device];
+    const struct sst_usb_device before = *d;
+    struct sst_usb_stream *streams = calloc((size_t)u->stream_count, sizeof(*streams));
+    struct sst_usb_plan plan;
+    bool fits = false;
+
+    if (!streams)
+        return false;
+    for (int i = 0; i < u->stream_count; i++)
+        streams[i] = u->streams[i];
+    d->parent = hub;
+    d->port_buses = u->devices[hub].port_buses;
+    snprintf(d->port, sizeof(d->port), "%d-%d", u->devices[hub].bus, port);
+    if (!sst_usb_plan(&plan, u->devices, u->count, streams, u->stream_count)) {
+        fits = streams[stream].fits && plan.refused < u->plan.refused;
+        free(plan.segments);
+    }
+    free(streams);
+    *d = before;
+    return fits;
+}
+
+static void advise_port(struct cli_usb *u, int stream, char *text, size_t size)
+{
+    const struct sst_usb_device *d = &u->devices[u->streams[stream].device];
+
+    for (int hub = 0; hub < u->count; hub++) {
+        const struct sst_usb_device *h = &u->devices[hub];
+        const int port = h->parent < 0 && h->speed_mbit == (d->speed_mbit >= 5000 ? h->speed_mbit : 480) &&
+                                 h->speed_mbit >= d->speed_mbit
+                             ? free_port(u, hub)
+                             : 0;
+
+        if (port && fits_at(u, stream, hub, port)) {
+            say(text, size, "Plug %s into the free port %d-%d of controller %s. ", d->port, h->bus, port,
+                h->controller);
+            return;
+        }
+    }
+    say(text, size, "No free port of this machine has room for %s: add a controller (a card with one for each port). ",
+        d->port);
+}
+
+void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cfg, char *text, size_t size)
+{
+    struct cli_usb copy = *usb;
+    const double frame_bytes = usb->needed_bytes_s ? (double)usb->needed_bytes_s / cfg->rate_hz : 0;
+    int64_t most;
+    int stream = 0;
+
+    *text = 0;
+    if (!usb->plan.refused)
+        return;
+    while (usb->streams[stream].fits)
+        stream++;
+    if (usb->streams[stream].alt < 0 && usb->devices[usb->streams[stream].device].alts)
+        say(text, size, "No setting of %s carries %.1f MB/s. ", usb->devices[usb->streams[stream].device].port,
+            (double)usb->needed_bytes_s / 1e6);
+    else
+        advise_port(&copy, stream, text, size);
+    most = most_bytes_s(usb);
+    if (most && frame_bytes > 0)
+        say(text, size, "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
+            (double)most / frame_bytes, (double)most / 1e6);
+    else if (most)
+        say(text, size, "Or make each camera ask for at most %.1f MB/s: a smaller size or a lower rate, if this camera "
+                        "then asks for less (many ask for the worst case whatever the picture is).",
+            (double)most / 1e6);
+    else
+        say(text, size, "No rate is low enough for so many cameras on these wires.");
+}

@@ -1,0 +1,30 @@
+/* daemon/recording/index.h - where the lines of a recording are. Inside daemon/recording only. */
+#ifndef SST_DAEMON_RECORDING_INDEX_H
+#define SST_DAEMON_RECORDING_INDEX_H
+
+#include "daemon/recording/setlist.h"
+
+SST_EXTERN_C_BEGIN
+
+struct sst_index_line {
+    int64_t at;     /* first byte in sets.jsonl */
+    uint32_t bytes; /* without the line's end */
+    int segment, session;
+    bool damaged; /* its checksum is wrong: a set of which nothing is known */
+};
+
+/* Fixed after open. */
+struct sst_recording {
+    char *dir;
+    int fd; /* of sets.jsonl */
+    struct sst_recording_info info;
+    struct sst_index_line *line; /* [count], one a set */
+    int count, capacity;
+    int segment, session; /* of the last segment's line; -1 and 0: none */
+    int64_t good_bytes;   /* behind the last line that is whole */
+    int64_t size;         /* as far as it was read */
+};
+
+SST_EXTERN_C_END
+
+#endif

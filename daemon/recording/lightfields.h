@@ -1,0 +1,35 @@
+/* daemon/recording/lightfields.h - sets of a recording as light fields, for everything that works on pictures. */
+#ifndef SST_DAEMON_RECORDING_LIGHTFIELDS_H
+#define SST_DAEMON_RECORDING_LIGHTFIELDS_H
+
+#include "daemon/recording/recording.h"
+
+SST_EXTERN_C_BEGIN
+
+struct sst_lightfields_config {
+    const char *out;
+    const int *sets; /* [count] numbers in the recording */
+    int count;
+    bool each;          /* one folder out/set-NNNNNN per set and out/sets.json, even of one set; else out is the light field */
+    bool allow_partial; /* views may be missing or damaged; the light field then has holes */
+    bool force;         /* replace an output made before */
+    double range_min_px, range_max_px; /* disparities in the scene; equal: unknown */
+    int threads;
+    void (*progress)(void *arg, double done); /* or NULL */
+    void *progress_arg;
+};
+
+/**
+ * Make light fields of sets. JPEG stays as the camera sent it; other formats become PNG (pipeline/image/raw.h). Each light
+ * field also gets set.json, the set's line of the recording. The views are as the cameras saw them: not rectified.
+ *
+ * A view is missing where its frame is missing, damaged, marked bad by the driver, or no picture of the recording's size.
+ * @return 0, -EINVAL (cfg), -EBADMSG (a set is damaged or, without allow_partial, has missing views), -EEXIST, -ENOSPC,
+ *         -EIO, -ENOMEM; logged. All light fields appear or none.
+ */
+SST_MUST_CHECK int sst_recording_to_lightfields(const struct sst_recording *recording,
+                                                const struct sst_lightfields_config *cfg);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,20 @@
+/* daemon/recording/pixel_format.h - the formats that are recorded, and their names. */
+#ifndef SST_DAEMON_RECORDING_PIXEL_FORMAT_H
+#define SST_DAEMON_RECORDING_PIXEL_FORMAT_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+/** Can frames of this V4L2 format be recorded? MJPG, JPEG, YUYV, GREY, Y16 and 8-bit Bayer are. */
+bool sst_pixel_format_known(uint32_t fourcc);
+
+/** "MJPG", "Y16" ... (trailing blanks dropped; what cannot be printed is '?'), and the way back; 0: not four letters. */
+void sst_pixel_format_name(uint32_t fourcc, char out[5]);
+uint32_t sst_pixel_format_parse(const char *name);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,139 @@
+/* What the bytes of a frame show by themselves: the size of a raw frame, the marker structure of a JPEG. */
+#include <linux/videodev2.h>
+#include <string.h>
+
+#include "drivers/grab/grab.h"
+#include "drivers/grab/raw.h"
+
+/* JPEG markers, ITU T.81 table B.1. */
+enum {
+    MARK_TEM = 0x01,
+    MARK_SOF0 = 0xc0,
+    MARK_DHT = 0xc4,
+    MARK_JPG = 0xc8,
+    MARK_DAC = 0xcc,
+    MARK_SOF15 = 0xcf,
+    MARK_RST0 = 0xd0,
+    MARK_RST7 = 0xd7,
+    MARK_SOI = 0xd8,
+    MARK_EOI = 0xd9,
+    MARK_SOS = 0xda,
+};
+
+struct walk {
+    const uint8_t *at, *end;
+    int width, height;
+    bool sized, scanned; /* a frame header and a scan were seen */
+};
+
+static unsigned be16(const uint8_t *p)
+{
+    return (unsigned)p[0] << 8 | p[1];
+}
+
+static bool is_frame_header(uint8_t mark)
+{
+    return mark >= MARK_SOF0 && mark <= MARK_SOF15 && mark != MARK_DHT && mark != MARK_JPG && mark != MARK_DAC;
+}
+
+/* Height and width of the frame header whose length field is at p; its length is checked against its components. */
+static bool frame_header_fits(const struct walk *w, const uint8_t *p, size_t length)
+{
+    return !w->sized && length >= 8 && length == 8 + 3 * (size_t)p[7] && p[7] >= 1 && p[7] <= 4 &&
+           be16(p + 3) == (unsigned)w->height && be16(p + 5) == (unsigned)w->width;
+}
+
+static bool scan_header_fits(const struct walk *w, const uint8_t *p, size_t length)
+{
+    return w->sized && length >= 6 && length == 6 + 2 * (size_t)p[2] && p[2] >= 1 && p[2] <= 4;
+}
+
+/* From the first byte of coded data to the marker that ends it: FF 00 is a stuffed byte, FF D0..D7 restarts. */
+static void skip_scan(struct walk *w)
+{
+    while (w->at < w->end) {
+        const uint8_t *ff = memchr(w->at, 0xff, (size_t)(w->end - w->at));
+
+        if (!ff || w->end - ff < 2) {
+            w->at = w->end;
+            return;
+        }
+        w->at = ff;
+        if (ff[1] == 0xff) /* fill byte */
+            w->at++;
+        else if (ff[1] == 0 || (ff[1] >= MARK_RST0 && ff[1] <= MARK_RST7))
+            w->at += 2;
+        else
+            return;
+    }
+}
+
+/* One marker segment, w->at on its length field. */
+static unsigned walk_segment(struct walk *w, uint8_t mark)
+{
+    const uint8_t *p = w->at;
+    size_t length;
+
+    if (w->end - p < 2)
+        return SST_FRAME_NO_EOI;
+    length = be16(p);
+    if (length < 2)
+        return SST_FRAME_MARKER;
+    if ((size_t)(w->end - p) < length)
+        return SST_FRAME_NO_EOI;
+    w->at += length;
+    if (is_frame_header(mark)) {
+        if (!frame_header_fits(w, p, length))
+            return SST_FRAME_MARKER;
+        w->sized = true;
+    } else if (mark == MARK_SOS) {
+        if (!scan_header_fits(w, p, length))
+            return SST_FRAME_MARKER;
+        w->scanned = true;
+        skip_scan(w);
+    }
+    return 0;
+}
+
+/* Tables of Huffman codes may be missing, as UVC allows; what follows the end marker is padding. */
+static unsigned check_jpeg(int width, int height, const uint8_t *data, size_t bytes)
+{
+    struct walk w = { data + 2, data + bytes, width, height, false, false };
+
+    if (bytes < 2 || data[0] != 0xff || data[1] != MARK_SOI)
+        return SST_FRAME_NO_SOI;
+    while (w.end - w.at >= 2) {
+        const uint8_t mark = w.at[1];
+        unsigned faults;
+
+        if (w.at[0] != 0xff)
+            return SST_FRAME_MARKER;
+        if (mark == 0xff) {
+            w.at++;
+            continue;
+        }
+        w.at += 2;
+        if (mark == MARK_EOI)
+            return w.scanned ? 0 : SST_FRAME_MARKER;
+        if (mark == MARK_TEM)
+            continue;
+        if (mark < MARK_SOF0 || (mark >= MARK_RST0 && mark <= MARK_SOI))
+            return SST_FRAME_MARKER;
+        faults = walk_segment(&w, mark);
+        if (faults)
+            return faults;
+    }
+    return SST_FRAME_NO_EOI;
+}
+
+unsigned sst_frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes)
+{
+    size_t need;
+
+    if (!bytes)
+        return SST_FRAME_EMPTY;
+    if (fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG)
+        return check_jpeg(width, height, data, bytes);
+    need = sst_raw_bytes(fourcc, width, height, stride);
+    return bytes < need ? SST_FRAME_SHORT : 0;
+}

@@ -1,0 +1,404 @@
+/* Discovery and hot-plug: by libudev, or without it by what sysfs says of /dev/video*. */
+#include "drivers/grab/devices.h"
+
+#include <errno.h>
+#include <linux/videodev2.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#if WITH_UDEV
+#include <libudev.h>
+#else
+#include <dirent.h>
+#include <limits.h>
+#endif
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "drivers/grab/format.h"
+#include "drivers/grab/job.h"
+#include "drivers/grab/node.h"
+
+/* A node that does not answer within this is listed with -ETIMEDOUT. */
+#define PROBE_MS 2000
+
+static void copy(char out[SST_GRAB_NAME_MAX], const char *text)
+{
+    snprintf(out, SST_GRAB_NAME_MAX, "%s", text ? text : "");
+}
+
+/* Number of "video12" or "/dev/video12", -1 for other names. */
+static int node_number(const char *name)
+{
+    const char *digits = strstr(name, "video");
+    char *end;
+    long n;
+
+    if (!digits || digits[5] < '0' || digits[5] > '9')
+        return -1;
+    n = strtol(digits + 5, &end, 10);
+    return *end || n > 65535 ? -1 : (int)n;
+}
+
+/* @return descriptor or -errno */
+static int probe_node(struct sst_grab_node *node)
+{
+    const int fd = sst_node_open(&node->device);
+
+    node->device.error = fd < 0 ? -fd : 0;
+    node->capture = fd >= 0 ? 1 : fd == -ENOTTY ? 0 : node->capture;
+    return fd;
+}
+
+/* Off USB a device's bus_info is its port, and asking for it does not reach for hardware that may hang. */
+static void identify_off_usb(struct sst_grab_node *node)
+{
+    const int fd = probe_node(node);
+
+    if (fd >= 0)
+        close(fd);
+}
+
+struct node_list {
+    struct sst_grab_node *node;
+    int count;
+};
+
+static int list_init(struct node_list *list)
+{
+    list->count = 0;
+    list->node = calloc(SST_GRAB_NODES_MAX, sizeof(*list->node));
+    if (!list->node)
+        sst_log_error("no memory for a list of cameras");
+    return list->node ? 0 : -ENOMEM;
+}
+
+static void list_sort(struct node_list *list)
+{
+    for (int i = 0; i < list->count; i++) {
+        if (!*list->node[i].device.port)
+            identify_off_usb(&list->node[i]);
+    }
+    qsort(list->node, (size_t)list->count, sizeof(*list->node), sst_grab_node_order);
+}
+
+#if WITH_UDEV
+
+struct sst_grab_watch {
+    struct udev *udev;
+    struct udev_monitor *monitor;
+};
+
+/* Also where no udevd runs (an initramfs, a container): then the USB device's own serial, and nothing about capture. */
+static bool node_from_udev(struct sst_grab_node *node, struct udev_device *d)
+{
+    const char *path = udev_device_get_devnode(d);
+    const char *caps = udev_device_get_property_value(d, "ID_V4L_CAPABILITIES");
+    const char *serial = udev_device_get_property_value(d, "ID_SERIAL_SHORT");
+    struct udev_device *usb = udev_device_get_parent_with_subsystem_devtype(d, "usb", "usb_device");
+
+    if (!path || node_number(udev_device_get_sysname(d)) < 0)
+        return false;
+    *node = (struct sst_grab_node){ .number = node_number(udev_device_get_sysname(d)), .capture = -1 };
+    if (!serial && usb)
+        serial = udev_device_get_sysattr_value(usb, "serial");
+    copy(node->device.node, path);
+    copy(node->device.name, udev_device_get_sysattr_value(d, "name"));
+    copy(node->device.serial, serial);
+    copy(node->device.port, usb ? udev_device_get_sysname(usb) : "");
+    if (caps)
+        node->capture = strstr(caps, ":capture:") != NULL;
+    return true;
+}
+
+static int scan_udev(struct udev *udev, struct node_list *list)
+{
+    struct udev_enumerate *e = udev_enumerate_new(udev);
+    struct udev_list_entry *entry;
+    int err = e ? udev_enumerate_add_match_subsystem(e, "video4linux") : -ENOMEM;
+
+    err = err < 0 ? err : udev_enumerate_scan_devices(e);
+    if (err < 0) {
+        sst_log_error("cameras cannot be listed: udev: %s; is /sys mounted?", strerror(-err));
+        udev_enumerate_unref(e);
+        return err;
+    }
+    udev_list_entry_foreach(entry, udev_enumerate_get_list_entry(e)) {
+        struct udev_device *d = udev_device_new_from_syspath(udev, udev_list_entry_get_name(entry));
+
+        if (d && list->count < SST_GRAB_NODES_MAX && node_from_udev(&list->node[list->count], d))
+            list->count++;
+        udev_device_unref(d);
+    }
+    udev_enumerate_unref(e);
+    return 0;
+}
+
+int sst_grab_scan(struct sst_grab_node **nodes, int *count)
+{
+    struct udev *udev = udev_new();
+    struct node_list list = { 0 };
+    int err = udev ? list_init(&list) : -ENOMEM;
+
+    if (!err)
+        err = scan_udev(udev, &list);
+    udev_unref(udev);
+    if (err) {
+        free(list.node);
+        return err;
+    }
+    list_sort(&list);
+    *nodes = list.node;
+    *count = list.count;
+    return 0;
+}
+
+int sst_grab_watch_open(struct sst_grab_watch **out)
+{
+    struct sst_grab_watch *w = calloc(1, sizeof(*w));
+    int err = -ENOMEM;
+
+    if (!w || !(w->udev = udev_new()))
+        goto fail;
+    /* After udev's rules, so that rights and serials are there; the kernel's own events where no udevd runs. */
+    w->monitor = udev_monitor_new_from_netlink(w->udev, access("/run/udev/control", F_OK) ? "kernel" : "udev");
+    if (!w->monitor)
+        goto fail;
+    /* 36 cameras on a hub whose power fails are 72 events and more at once. */
+    (void)udev_monitor_set_receive_buffer_size(w->monitor, 4 << 20);
+    err = udev_monitor_filter_add_match_subsystem_devtype(w->monitor, "video4linux", NULL);
+    err = err < 0 ? err : udev_monitor_enable_receiving(w->monitor);
+    if (err < 0)
+        goto fail;
+    *out = w;
+    return 0;
+
+fail:
+    sst_log_error("plugging of cameras cannot be watched: udev: %s; a sandbox must allow netlink sockets",
+                  strerror(-err));
+    sst_grab_watch_close(w);
+    return err;
+}
+
+int sst_grab_watch_fd(const struct sst_grab_watch *watch)
+{
+    return udev_monitor_get_fd(watch->monitor);
+}
+
+int sst_grab_watch_next(struct sst_grab_watch *watch, struct sst_grab_node *node)
+{
+    struct udev_device *d;
+    int what = 0;
+
+    /* Events of other kinds (change, bind) are passed over. */
+    while (!what) {
+        const char *action;
+
+        errno = 0;
+        d = udev_monitor_receive_device(watch->monitor);
+        if (!d)
+            return errno == ENOBUFS ? -ENOBUFS : 0;
+        action = udev_device_get_action(d);
+        if (action && node_from_udev(node, d))
+            what = !strcmp(action, "add") ? 1 : !strcmp(action, "remove") ? 2 : 0;
+        udev_device_unref(d);
+    }
+    if (what == 1 && !*node->device.port)
+        identify_off_usb(node);
+    return what;
+}
+
+void sst_grab_watch_close(struct sst_grab_watch *watch)
+{
+    if (!watch)
+        return;
+    udev_monitor_unref(watch->monitor);
+    udev_unref(watch->udev);
+    free(watch);
+}
+
+#else
+
+/* First line of a small file below a folder of sysfs; "" where it cannot be read. */
+static void read_attribute(char out[SST_GRAB_NAME_MAX], const char *dir, const char *name)
+{
+    char path[PATH_MAX + 32];
+    FILE *f;
+
+    *out = 0;
+    snprintf(path, sizeof(path), "%s/%s", dir, name);
+    f = fopen(path, "re");
+    if (!f)
+        return;
+    if (fgets(out, SST_GRAB_NAME_MAX, f))
+        out[strcspn(out, "\n")] = 0;
+    fclose(f);
+}
+
+/* ".../1-2/1-2.3/1-2.3:1.0" is the interface of a USB device; its folder's parent is the device. */
+static void node_from_sysfs(struct sst_grab_node *node, int number)
+{
+    char link[64], dir[PATH_MAX];
+    char *slash;
+
+    *node = (struct sst_grab_node){ .number = number, .capture = -1 };
+    snprintf(node->device.node, sizeof(node->device.node), "/dev/video%d", number);
+    snprintf(link, sizeof(link), "/sys/class/video4linux/video%d", number);
+    read_attribute(node->device.name, link, "name");
+    snprintf(link, sizeof(link), "/sys/class/video4linux/video%d/device", number);
+    if (!realpath(link, dir) || !(slash = strrchr(dir, '/')) || !strchr(slash, ':'))
+        return;
+    *slash = 0;
+    slash = strrchr(dir, '/');
+    copy(node->device.port, slash ? slash + 1 : "");
+    read_attribute(node->device.serial, dir, "serial");
+}
+
+int sst_grab_scan(struct sst_grab_node **nodes, int *count)
+{
+    struct node_list list;
+    struct dirent *entry;
+    int err = list_init(&list);
+    DIR *dev;
+
+    if (err)
+        return err;
+    dev = opendir("/dev");
+    if (!dev) {
+        err = -errno;
+        sst_log_error("cameras cannot be listed: /dev: %s", strerror(-err));
+        free(list.node);
+        return err;
+    }
+    while ((entry = readdir(dev)) && list.count < SST_GRAB_NODES_MAX) {
+        if (!strncmp(entry->d_name, "video", 5) && node_number(entry->d_name) >= 0)
+            node_from_sysfs(&list.node[list.count++], node_number(entry->d_name));
+    }
+    closedir(dev);
+    list_sort(&list);
+    *nodes = list.node;
+    *count = list.count;
+    return 0;
+}
+
+int sst_grab_watch_open(struct sst_grab_watch **out)
+{
+    *out = NULL;
+    return 0;
+}
+
+int sst_grab_watch_fd(const struct sst_grab_watch *watch SST_UNUSED)
+{
+    return -1;
+}
+
+int sst_grab_watch_next(struct sst_grab_watch *watch SST_UNUSED, struct sst_grab_node *node SST_UNUSED)
+{
+    return 0;
+}
+
+void sst_grab_watch_close(struct sst_grab_watch *watch SST_UNUSED)
+{
+}
+
+#endif
+
+/* --- the list for people ------------------------------------------------------------------------------------------ */
+
+struct probe {
+    struct sst_job job;
+    int index;
+    struct sst_grab_node node;
+};
+
+struct probe_result {
+    struct sst_grab_node *nodes;
+    int running;
+};
+
+static void probe_run(struct sst_job *job)
+{
+    struct v4l2_requestbuffers none = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
+    struct sst_grab_device *d = &((struct probe *)job)->node.device;
+    const int fd = probe_node(&((struct probe *)job)->node);
+
+    if (fd < 0)
+        return;
+    sst_format_summary(fd, d->formats, sizeof(d->formats));
+    d->busy = sst_node_ioctl(fd, VIDIOC_REQBUFS, &none) == -EBUSY;
+    close(fd);
+}
+
+static void probe_ended(struct sst_job *job, void *owner)
+{
+    struct probe *p = (struct probe *)job;
+    struct probe_result *result = owner;
+
+    result->nodes[p->index] = p->node;
+    result->running--;
+    free(p);
+}
+
+static void probe_discard(struct sst_job *job)
+{
+    free(job);
+}
+
+/* Ask all nodes at once, each on a thread of its own: one that hangs delays nobody beyond PROBE_MS. */
+static int probe_all(struct sst_grab_node *nodes, int count)
+{
+    const int64_t end_ns = sst_clock_now_ns() + PROBE_MS * INT64_C(1000000);
+    struct probe_result result = { nodes, 0 };
+    struct sst_jobs *jobs;
+    int err = sst_jobs_create(&jobs);
+
+    if (err)
+        return err;
+    for (int i = 0; !err && i < count; i++) {
+        struct probe *p = calloc(1, sizeof(*p));
+
+        err = p ? 0 : -ENOMEM;
+        if (err)
+            break;
+        *p = (struct probe){ { .run = probe_run, .ended = probe_ended, .discard = probe_discard }, i, nodes[i] };
+        nodes[i].device.error = ETIMEDOUT;
+        err = sst_jobs_start(jobs, &p->job);
+        if (err)
+            free(p);
+        else
+            result.running++;
+    }
+    while (!err && result.running && sst_clock_now_ns() < end_ns) {
+        sst_jobs_wait(jobs, 100);
+        sst_jobs_collect(jobs, &result);
+    }
+    sst_jobs_destroy(jobs);
+    return err;
+}
+
+int sst_grab_list(struct sst_grab_device **devices, int *count)
+{
+    struct sst_grab_node *nodes = NULL;
+    struct sst_grab_device *list;
+    int found = 0, n = 0, err = sst_grab_scan(&nodes, &found);
+
+    if (err)
+        return err;
+    list = calloc((size_t)found + 1, sizeof(*list));
+    err = list ? probe_all(nodes, found) : -ENOMEM;
+    if (err) {
+        sst_log_error("cameras cannot be listed: %s", strerror(-err));
+        free(nodes);
+        free(list);
+        return err;
+    }
+    for (int i = 0; i < found; i++) {
+        if (nodes[i].capture)
+            list[n++] = nodes[i].device;
+    }
+    free(nodes);
+    *devices = list;
+    *count = n;
+    return 0;
+}

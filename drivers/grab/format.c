@@ -1,0 +1,225 @@
+#include "drivers/grab/format.h"
+
+#include <errno.h>
+#include <linux/videodev2.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "drivers/grab/node.h"
+#include "drivers/grab/raw.h"
+#include "drivers/grab/text.h"
+
+/* Bounds for enumerations that a broken driver never ends. */
+#define FORMATS_MAX 64
+#define SIZES_MAX 256
+#define RATES_MAX 64
+
+/* A rate that is read back is the one asked for within this: 29.97 is 30. */
+#define RATE_TOLERANCE 0.005
+
+/* --- what there is ------------------------------------------------------------------------------------------------ */
+
+static bool format_at(int fd, uint32_t index, struct v4l2_fmtdesc *f)
+{
+    *f = (struct v4l2_fmtdesc){ .index = index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
+    return index < FORMATS_MAX && !sst_node_ioctl(fd, VIDIOC_ENUM_FMT, f);
+}
+
+static bool size_at(int fd, uint32_t fourcc, uint32_t index, struct v4l2_frmsizeenum *s)
+{
+    *s = (struct v4l2_frmsizeenum){ .index = index, .pixel_format = fourcc };
+    return index < SIZES_MAX && !sst_node_ioctl(fd, VIDIOC_ENUM_FRAMESIZES, s);
+}
+
+static bool interval_at(int fd, uint32_t fourcc, int width, int height, uint32_t index, struct v4l2_frmivalenum *v)
+{
+    *v = (struct v4l2_frmivalenum){ .index = index, .pixel_format = fourcc, .width = (uint32_t)width,
+                                    .height = (uint32_t)height };
+    return index < RATES_MAX && !sst_node_ioctl(fd, VIDIOC_ENUM_FRAMEINTERVALS, v);
+}
+
+static void add_format_names(int fd, char *out, size_t size)
+{
+    struct v4l2_fmtdesc f;
+
+    for (uint32_t i = 0; format_at(fd, i, &f); i++) {
+        char name[5];
+
+        sst_fourcc_name(name, f.pixelformat);
+        sst_text_add(out, size, "%s%s", i ? ", " : "", name);
+    }
+}
+
+/* The multiple of step from lo that is nearest to v, within lo..hi. */
+static int nearest_step(int v, uint32_t lo, uint32_t hi, uint32_t step)
+{
+    const int64_t s = step ? step : 1, n = ((int64_t)v - lo + s / 2) / s;
+    const int64_t x = lo + (n < 0 ? 0 : n) * s;
+
+    return (int)(x > hi ? hi - (hi - lo) % s : x);
+}
+
+/* The nearest size by sides, -1 where the camera lists none. */
+static void nearest_size(int fd, const struct sst_grab_config *cfg, int best[2], char *list, size_t size)
+{
+    struct v4l2_frmsizeenum s;
+    int64_t best_off = -1;
+
+    for (uint32_t i = 0; size_at(fd, cfg->fourcc, i, &s); i++) {
+        const bool discrete = s.type == V4L2_FRMSIZE_TYPE_DISCRETE;
+        const int w = discrete ? (int)s.discrete.width
+                               : nearest_step(cfg->width, s.stepwise.min_width, s.stepwise.max_width, s.stepwise.step_width);
+        const int h = discrete ? (int)s.discrete.height
+                               : nearest_step(cfg->height, s.stepwise.min_height, s.stepwise.max_height,
+                                              s.stepwise.step_height);
+        const int64_t off = llabs((long long)w - cfg->width) + llabs((long long)h - cfg->height);
+
+        if (discrete)
+            sst_text_add(list, size, "%s%dx%d", i ? ", " : "", w, h);
+        else
+            sst_text_add(list, size, "%ux%u to %ux%u", s.stepwise.min_width, s.stepwise.min_height,
+                         s.stepwise.max_width, s.stepwise.max_height);
+        if (best_off < 0 || off < best_off) {
+            best_off = off;
+            best[0] = w;
+            best[1] = h;
+        }
+        if (!discrete)
+            return;
+    }
+}
+
+static double hz(struct v4l2_fract interval)
+{
+    return interval.numerator ? (double)interval.denominator / interval.numerator : 0;
+}
+
+static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size_t size)
+{
+    struct v4l2_frmivalenum v;
+    double best = 0;
+
+    for (uint32_t i = 0; interval_at(fd, cfg->fourcc, cfg->width, cfg->height, i, &v); i++) {
+        const bool discrete = v.type == V4L2_FRMIVAL_TYPE_DISCRETE;
+        const double rate = discrete ? hz(v.discrete)
+                                     : fmin(fmax(cfg->rate_hz, hz(v.stepwise.max)), hz(v.stepwise.min));
+
+        if (discrete)
+            sst_text_add(out, size, "%s%.4g", i ? ", " : "; it offers ", rate);
+        else
+            sst_text_add(out, size, "; it offers %.4g to %.4g", hz(v.stepwise.max), hz(v.stepwise.min));
+        if (!best || fabs(rate - cfg->rate_hz) < fabs(best - cfg->rate_hz))
+            best = rate;
+        if (!discrete)
+            break;
+    }
+    if (best)
+        sst_text_add(out, size, " Hz, nearest %.4g", best);
+}
+
+/* --- asking ------------------------------------------------------------------------------------------------------- */
+
+static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_pix_format *got, char *why, size_t size)
+{
+    char want[5], is[5], sizes[384] = "";
+    int best[2] = { -1, -1 };
+
+    sst_fourcc_name(want, cfg->fourcc);
+    sst_fourcc_name(is, got->pixelformat);
+    if (got->pixelformat != cfg->fourcc) {
+        sst_text_add(why, size, "it has no format %s, it offers ", want);
+        add_format_names(fd, why, size);
+        return -EINVAL;
+    }
+    nearest_size(fd, cfg, best, sizes, sizeof(sizes));
+    sst_text_add(why, size, "it has no %s of %dx%d, nearest is %dx%d", want, cfg->width, cfg->height,
+                 best[0] < 0 ? (int)got->width : best[0], best[0] < 0 ? (int)got->height : best[1]);
+    if (*sizes)
+        sst_text_add(why, size, " of %s", sizes);
+    return -EINVAL;
+}
+
+static int set_picture(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size)
+{
+    struct v4l2_format f = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
+    struct v4l2_pix_format *pix = &f.fmt.pix;
+    int err;
+
+    pix->width = (uint32_t)cfg->width;
+    pix->height = (uint32_t)cfg->height;
+    pix->pixelformat = cfg->fourcc;
+    pix->field = V4L2_FIELD_NONE;
+    err = sst_node_ioctl(fd, VIDIOC_S_FMT, &f);
+    /* Drivers that refuse instead of offering something near: ask what they would give. */
+    if (err == -EINVAL) {
+        f = (struct v4l2_format){ .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
+        if (!sst_node_ioctl(fd, VIDIOC_G_FMT, &f))
+            return refuse(fd, cfg, pix, why, size);
+    }
+    if (err)
+        return err;
+    if (pix->pixelformat != cfg->fourcc || (int)pix->width != cfg->width || (int)pix->height != cfg->height)
+        return refuse(fd, cfg, pix, why, size);
+    *stride = sst_raw_bytes(cfg->fourcc, cfg->width, cfg->height, 0) ? pix->bytesperline : 0;
+    return 0;
+}
+
+static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t size)
+{
+    struct v4l2_streamparm p = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
+    struct v4l2_captureparm *c = &p.parm.capture;
+    double got;
+    int err = sst_node_ioctl(fd, VIDIOC_G_PARM, &p);
+
+    if (err == -ENODEV || err == -EIO)
+        return err;
+    if (err || !(c->capability & V4L2_CAP_TIMEPERFRAME)) {
+        sst_text_add(why, size, "it does not let its rate be set; %.4g Hz is what it makes of it", cfg->rate_hz);
+        return 0;
+    }
+    c->timeperframe.numerator = 10000;
+    c->timeperframe.denominator = (uint32_t)lround(cfg->rate_hz * 10000);
+    err = sst_node_ioctl(fd, VIDIOC_S_PARM, &p);
+    if (err)
+        return err;
+    got = hz(c->timeperframe);
+    if (fabs(got - cfg->rate_hz) <= RATE_TOLERANCE * cfg->rate_hz)
+        return 0;
+    sst_text_add(why, size, "at %dx%d it makes %.4g Hz and not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
+    add_rates(fd, cfg, why, size);
+    return cfg->triggered ? 0 : -EINVAL;
+}
+
+int sst_format_set(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size)
+{
+    int err;
+
+    *why = 0;
+    err = set_picture(fd, cfg, stride, why, size);
+    return err || cfg->rate_hz <= 0 ? err : set_rate(fd, cfg, why, size);
+}
+
+void sst_format_summary(int fd, char *out, size_t size)
+{
+    struct v4l2_fmtdesc f;
+
+    *out = 0;
+    for (uint32_t i = 0; format_at(fd, i, &f); i++) {
+        struct v4l2_frmsizeenum s;
+        char name[5];
+
+        sst_fourcc_name(name, f.pixelformat);
+        sst_text_add(out, size, "%s%s", i ? ", " : "", name);
+        for (uint32_t j = 0; size_at(fd, f.pixelformat, j, &s); j++) {
+            if (s.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
+                sst_text_add(out, size, " %ux%u", s.discrete.width, s.discrete.height);
+                continue;
+            }
+            sst_text_add(out, size, " %ux%u-%ux%u", s.stepwise.min_width, s.stepwise.min_height, s.stepwise.max_width,
+                         s.stepwise.max_height);
+            break;
+        }
+    }
+}

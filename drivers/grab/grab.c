@@ -1,0 +1,363 @@
+#include "drivers/grab/grab.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <linux/videodev2.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "drivers/grab/camera.h"
+
+/* Cameras that have not answered by then are started when they do. */
+#define OPEN_WAIT_NS (8000 * SST_MS)
+#define CLOSE_WAIT_NS (1500 * SST_MS)
+/* From STREAMON to the first frame sensors take this, on top of the usual patience. */
+#define WAKE_UP_NS (1500 * SST_MS)
+#define EVENTS_MAX 128
+
+/* What epoll tells besides the cameras, which are their index. */
+enum {
+    TAG_TIMER = SST_CAMERAS_MAX,
+    TAG_WAKE,
+    TAG_JOBS,
+    TAG_PLUG,
+};
+
+void sst_grab_config_defaults(struct sst_grab_config *cfg)
+{
+    *cfg = (struct sst_grab_config){
+        .fourcc = V4L2_PIX_FMT_MJPEG,
+        .width = 640,
+        .height = 480,
+        .buffers = 4,
+        .stall_ms = 1000,
+    };
+}
+
+/* --- open --------------------------------------------------------------------------------------------------------- */
+
+static int check_config(const struct sst_grab_config *cfg)
+{
+    const char *bad = cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX             ? "cameras"
+                      : cfg->width < 1 || cfg->height < 1                            ? "size"
+                      : cfg->width > 65535 || cfg->height > 65535                    ? "size"
+                      : cfg->buffers < 2 || cfg->buffers > SST_STREAM_BUFFERS_MAX    ? "buffers"
+                      : cfg->controls < 0 || cfg->controls > SST_GRAB_CONTROLS_MAX   ? "controls"
+                      : !(cfg->rate_hz >= 0 && cfg->rate_hz <= 100000)               ? "rate"
+                      : cfg->stall_ms < 0 || cfg->stall_ms > 3600000                 ? "stall time"
+                                                                                     : NULL;
+
+    if (bad) {
+        sst_log_error("cameras cannot be grabbed: the %s is out of range; see the configuration", bad);
+        return -EINVAL;
+    }
+    for (int i = 0; i < cfg->cameras; i++) {
+        const struct sst_grab_binding *a = &cfg->bindings[i];
+
+        if (!*a->serial && !*a->port) {
+            sst_log_error("camera %d is bound to nothing; give its serial or port, as `sst cameras` lists them", i);
+            return -EINVAL;
+        }
+        for (int k = 0; k < i; k++) {
+            const struct sst_grab_binding *b = &cfg->bindings[k];
+
+            if (*a->serial ? strcmp(a->serial, b->serial) != 0 : *b->serial || strcmp(a->port, b->port) != 0)
+                continue;
+            sst_log_error("cameras %d and %d are both bound to %s %s; each device is one camera", k, i,
+                          *a->serial ? "serial" : "port", *a->serial ? a->serial : a->port);
+            return -EINVAL;
+        }
+    }
+    return 0;
+}
+
+static int watch_fd(struct sst_grab *g, int fd, int tag)
+{
+    struct epoll_event e = { .events = EPOLLIN, .data = { .u64 = (uint64_t)tag } };
+
+    return epoll_ctl(g->epoll_fd, EPOLL_CTL_ADD, fd, &e) ? -errno : 0;
+}
+
+static int open_descriptors(struct sst_grab *g)
+{
+    int err;
+
+    g->epoll_fd = epoll_create1(EPOLL_CLOEXEC);
+    g->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    g->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    if (g->epoll_fd < 0 || g->timer_fd < 0 || g->wake_fd < 0)
+        err = -errno;
+    else
+        err = sst_jobs_create(&g->jobs);
+    err = err ? err : watch_fd(g, g->timer_fd, TAG_TIMER);
+    err = err ? err : watch_fd(g, g->wake_fd, TAG_WAKE);
+    err = err ? err : watch_fd(g, sst_jobs_fd(g->jobs), TAG_JOBS);
+    if (err)
+        sst_log_error("cameras cannot be polled: %s; raise the limit of open files (ulimit -n)", strerror(-err));
+    return err;
+}
+
+static struct sst_grab *create(const struct sst_grab_config *cfg, const struct sst_grab_events *events)
+{
+    struct sst_grab *g = calloc(1, sizeof(*g));
+
+    if (!g)
+        return NULL;
+    g->epoll_fd = g->timer_fd = g->wake_fd = -1;
+    g->cfg = *cfg;
+    g->cfg.bindings = NULL;
+    g->cfg.stall_ms = cfg->stall_ms ? cfg->stall_ms : 1000;
+    g->events = *events;
+    g->nodes = calloc(SST_GRAB_NODES_MAX, sizeof(*g->nodes));
+    g->camera = calloc((size_t)cfg->cameras, sizeof(*g->camera));
+    for (int i = 0; g->camera && i < cfg->cameras; i++) {
+        struct sst_camera *cam = &g->camera[i];
+
+        cam->binding = cfg->bindings[i];
+        cam->number = -1;
+        sst_ladder_init(&cam->ladder, g->cfg.stall_ms * SST_MS + WAKE_UP_NS, false, cfg->port_power);
+        sst_grab_camera_name(cam->name, sizeof(cam->name), i, &cam->binding);
+    }
+    return g;
+}
+
+static void serve(struct sst_grab *g, int timeout_ms, int *err);
+
+static bool any_job(const struct sst_grab *g)
+{
+    for (int i = 0; i < g->cfg.cameras; i++) {
+        if (g->camera[i].job)
+            return true;
+    }
+    return false;
+}
+
+static void wait_for_jobs(struct sst_grab *g)
+{
+    const int64_t end_ns = sst_clock_now_ns() + OPEN_WAIT_NS;
+
+    while (any_job(g) && sst_clock_now_ns() < end_ns) {
+        int err;
+
+        serve(g, 100, &err);
+    }
+}
+
+static void tell_absent(struct sst_grab *g)
+{
+    for (int i = 0; i < g->cfg.cameras; i++) {
+        if (g->camera[i].number < 0 && !*g->camera[i].why)
+            sst_camera_say(g, &g->camera[i], SST_GRAB_ABSENT, "is not there; it starts when it is plugged in");
+    }
+}
+
+int sst_grab_open(struct sst_grab **out, const struct sst_grab_config *cfg, const struct sst_grab_events *events)
+{
+    struct sst_grab *g;
+    int err = check_config(cfg);
+
+    if (err)
+        return err;
+    g = create(cfg, events);
+    if (!g || !g->nodes || !g->camera) {
+        sst_log_error("no memory for %d cameras", cfg->cameras);
+        err = -ENOMEM;
+        goto fail;
+    }
+    err = open_descriptors(g);
+    err = err ? err : sst_grab_watch_open(&g->watch);
+    if (!err && g->watch)
+        err = watch_fd(g, sst_grab_watch_fd(g->watch), TAG_PLUG);
+    err = err ? err : sst_plug_read(g);
+    err = err ? err : sst_plug_assign(g);
+    if (err)
+        goto fail;
+    wait_for_jobs(g);
+    tell_absent(g);
+    *out = g;
+    return 0;
+
+fail:
+    sst_grab_close(g);
+    return err;
+}
+
+int sst_grab_start(struct sst_grab *g)
+{
+    int streaming = 0;
+
+    g->started = true;
+    for (int i = 0; i < g->cfg.cameras; i++)
+        sst_recovery_start(g, &g->camera[i]);
+    wait_for_jobs(g);
+    for (int i = 0; i < g->cfg.cameras; i++)
+        streaming += g->camera[i].state == SST_GRAB_STREAMING;
+    return streaming;
+}
+
+/* --- poll --------------------------------------------------------------------------------------------------------- */
+
+/* A trigger's time, taken over by those cameras that have sent nothing since. */
+static void take_trigger(struct sst_grab *g)
+{
+    const int64_t fired_ns = atomic_exchange(&g->fired_ns, 0);
+
+    for (int i = 0; fired_ns && i < g->cfg.cameras; i++) {
+        struct sst_camera *cam = &g->camera[i];
+
+        if (cam->running && !cam->owed_ns && cam->heard_ns < fired_ns)
+            cam->owed_ns = fired_ns;
+    }
+}
+
+static void serve_one(struct sst_grab *g, const struct epoll_event *e)
+{
+    const int tag = (int)e->data.u64;
+    uint64_t count;
+
+    if (tag == TAG_JOBS) {
+        sst_jobs_collect(g->jobs, g);
+    } else if (tag == TAG_PLUG) {
+        sst_plug_events(g);
+    } else if (tag == TAG_TIMER || tag == TAG_WAKE) {
+        (void)!read(tag == TAG_TIMER ? g->timer_fd : g->wake_fd, &count, sizeof(count));
+    } else if (g->camera[tag].armed) {
+        /* Else something before it in this round has closed it. */
+        sst_intake(g, &g->camera[tag], !(e->events & EPOLLIN));
+    }
+}
+
+static void serve_time(struct sst_grab *g)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+
+    for (int i = 0; i < g->cfg.cameras; i++) {
+        struct sst_camera *cam = &g->camera[i];
+        const int64_t silent_ns = sst_intake_due(g, cam);
+
+        if (silent_ns && now_ns >= silent_ns)
+            sst_intake_silence(g, cam, now_ns);
+        sst_recovery_time(g, cam, now_ns);
+    }
+    sst_plug_time(g, now_ns);
+}
+
+static void set_timer(struct sst_grab *g, int64_t now_ns)
+{
+    struct itimerspec t = { 0 };
+    int64_t due_ns = sst_plug_due(g);
+
+    for (int i = 0; i < g->cfg.cameras; i++) {
+        const int64_t due[2] = { sst_recovery_due(g, &g->camera[i]), sst_intake_due(g, &g->camera[i]) };
+
+        for (int k = 0; k < 2; k++) {
+            if (due[k] && (!due_ns || due[k] < due_ns))
+                due_ns = due[k];
+        }
+    }
+    /* Most frames move it back: waking up once too often is cheaper than setting it for each. */
+    if (!due_ns || (g->timer_ns > now_ns && g->timer_ns <= due_ns))
+        return;
+    g->timer_ns = due_ns;
+    t.it_value.tv_sec = due_ns / 1000000000;
+    t.it_value.tv_nsec = due_ns % 1000000000;
+    (void)timerfd_settime(g->timer_fd, TFD_TIMER_ABSTIME, &t, NULL);
+}
+
+static void serve(struct sst_grab *g, int timeout_ms, int *err)
+{
+    struct epoll_event events[EVENTS_MAX];
+    const int n = epoll_wait(g->epoll_fd, events, EVENTS_MAX, timeout_ms);
+
+    *err = n < 0 ? -errno : 0;
+    take_trigger(g);
+    for (int i = 0; i < n; i++)
+        serve_one(g, &events[i]);
+    serve_time(g);
+    set_timer(g, sst_clock_now_ns());
+}
+
+int sst_grab_poll(struct sst_grab *g, int timeout_ms)
+{
+    int err;
+
+    serve(g, timeout_ms, &err);
+    return err;
+}
+
+int sst_grab_fd(const struct sst_grab *g)
+{
+    return g->epoll_fd;
+}
+
+void sst_grab_expect(struct sst_grab *g, int64_t t_ns)
+{
+    const uint64_t one = 1;
+
+    atomic_store(&g->fired_ns, t_ns);
+    (void)!write(g->wake_fd, &one, sizeof(one));
+}
+
+void sst_grab_release(struct sst_grab *g SST_UNUSED, struct sst_frame *frame)
+{
+    sst_stream_release(frame);
+}
+
+enum sst_grab_state sst_grab_camera_state(const struct sst_grab *g, int cam)
+{
+    return g->camera[cam].state;
+}
+
+const struct sst_grab_device *sst_grab_camera_device(const struct sst_grab *g, int cam)
+{
+    return &g->camera[cam].device;
+}
+
+void sst_grab_counters(const struct sst_grab *g, int cam, struct sst_grab_counters *out)
+{
+    *out = g->camera[cam].counters;
+}
+
+/* --- close -------------------------------------------------------------------------------------------------------- */
+
+static void close_fd(int fd)
+{
+    if (fd >= 0)
+        close(fd);
+}
+
+void sst_grab_close(struct sst_grab *g)
+{
+    const int64_t end_ns = sst_clock_now_ns() + CLOSE_WAIT_NS;
+
+    if (!g)
+        return;
+    g->closing = true;
+    for (int i = 0; g->jobs && g->camera && i < g->cfg.cameras; i++) {
+        g->camera[i].job = NULL;
+        sst_recovery_drop(g, &g->camera[i]);
+    }
+    while (g->jobs && sst_jobs_running(g->jobs) && sst_clock_now_ns() < end_ns) {
+        sst_jobs_wait(g->jobs, 50);
+        sst_jobs_collect(g->jobs, g);
+    }
+    if (g->jobs && sst_jobs_running(g->jobs))
+        sst_log_warning("%d cameras hang in the system while they are closed; they are left to it",
+                        sst_jobs_running(g->jobs));
+    sst_jobs_destroy(g->jobs);
+    sst_grab_watch_close(g->watch);
+    close_fd(g->epoll_fd);
+    close_fd(g->timer_fd);
+    close_fd(g->wake_fd);
+    free(g->nodes);
+    free(g->camera);
+    free(g);
+}

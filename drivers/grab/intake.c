@@ -1,0 +1,167 @@
+/* Frames as they come: checked, compared with those before, counted, handed on. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "drivers/grab/camera.h"
+#include "drivers/grab/raw.h"
+
+/* A camera that sends damaged frames only is treated as silent after this many, and three times the usual patience. */
+#define BAD_ROW 10
+
+/* DQBUF may fail for a moment and go on (EIO: "signal loss"); this often in a row, the stream is broken for good. */
+#define EIO_ROW 8
+
+/* A driver that polls as broken while it has no buffer is asked again after this. */
+#define REARM_NS (20 * SST_MS)
+
+void sst_intake_begin(struct sst_grab *g SST_UNUSED, struct sst_camera *cam)
+{
+    cam->heard_ns = cam->good_ns = sst_clock_now_ns();
+    cam->history = (struct sst_history){ 0 };
+    cam->owed_ns = 0;
+    cam->bad_row = cam->eio_row = 0;
+    cam->told_starved = false;
+}
+
+/* Frames between two counts; 2^32 wraps. A count that stands still or runs back is a driver's that does not count. */
+static uint32_t lost_between(uint32_t before, uint32_t now)
+{
+    const uint32_t step = now - before;
+
+    return step == 0 || step > UINT32_MAX / 2 ? 0 : step - 1;
+}
+
+static void compare(struct sst_grab *g, struct sst_camera *cam, struct sst_frame *f)
+{
+    struct sst_history *h = &cam->history;
+    const uint64_t hash = g->cfg.check_frozen ? sst_frame_hash(f->data, f->bytes) : 0;
+
+    if (h->any) {
+        f->lost_before = lost_between(h->sequence, f->sequence);
+        if (f->t_ns <= h->t_ns)
+            f->faults |= SST_FRAME_BACKWARDS;
+        if (g->cfg.check_frozen && f->bytes && hash == h->hash)
+            f->faults |= SST_FRAME_FROZEN;
+    }
+    *h = (struct sst_history){ true, f->sequence, f->t_ns, hash };
+}
+
+static void count(struct sst_camera *cam, const struct sst_frame *f)
+{
+    struct sst_grab_counters *c = &cam->counters;
+
+    c->frames++;
+    c->bad += (f->faults & SST_FRAME_BAD) != 0;
+    c->lost += f->lost_before;
+    for (size_t i = 0; i < ARRAY_LEN(c->fault); i++)
+        c->fault[i] += f->faults >> i & 1;
+}
+
+/* What the stamps mean is said once per camera: sets are put together by them. */
+static void tell_stamp(struct sst_camera *cam, const struct sst_stream_stamp *stamp)
+{
+    if (cam->told_stamp)
+        return;
+    cam->told_stamp = true;
+    if (!stamp->monotonic)
+        sst_log_warning("%s: driver %s does not stamp frames by the monotonic clock; their time of arrival is taken, "
+                        "which is later and uneven", cam->name, cam->device.driver);
+    else if (stamp->end_of_frame)
+        sst_log_info("%s: driver %s stamps the end of a frame and not the start of its exposure", cam->name,
+                     cam->device.driver);
+}
+
+static void alive(struct sst_grab *g, struct sst_camera *cam, const struct sst_frame *f)
+{
+    const bool good = !(f->faults & SST_FRAME_BAD);
+    char why[96];
+
+    cam->heard_ns = f->arrival_ns;
+    cam->owed_ns = 0;
+    cam->told_starved = false;
+    cam->bad_row = good ? 0 : cam->bad_row + 1;
+    if (good)
+        cam->good_ns = f->arrival_ns;
+    (void)sst_ladder_step(&cam->ladder, SST_LADDER_FRAME, f->arrival_ns, true);
+    if (cam->state == SST_GRAB_STREAMING)
+        return;
+    snprintf(why, sizeof(why), "frames again after %.1f s", (double)(f->arrival_ns - cam->down_ns) * 1e-9);
+    sst_camera_say(g, cam, SST_GRAB_STREAMING, why);
+}
+
+static void take(struct sst_grab *g, struct sst_camera *cam, struct sst_frame *f, const struct sst_stream_stamp *stamp)
+{
+    f->faults |= sst_frame_check(f->fourcc, f->width, f->height, f->stride, f->data, f->bytes);
+    compare(g, cam, f);
+    count(cam, f);
+    tell_stamp(cam, stamp);
+    alive(g, cam, f);
+    g->events.frame(g->events.arg, f);
+    if (cam->bad_row >= BAD_ROW && cam->heard_ns - cam->good_ns > 3 * g->cfg.stall_ms * SST_MS)
+        sst_recovery_fault(g, cam, "it sends damaged frames only");
+}
+
+void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
+{
+    struct sst_stream_stamp stamp;
+    struct sst_frame *frame;
+    const int err = sst_stream_take(cam->stream, &frame, &stamp);
+    char why[96];
+
+    if (err == -EIO && ++cam->eio_row < EIO_ROW)
+        return;
+    if (!err) {
+        cam->eio_row = 0;
+        take(g, cam, frame, &stamp);
+    } else if (err == -ENODEV) {
+        sst_plug_strike(g, cam->number, true);
+        sst_recovery_lost(g, cam);
+    } else if (err != -EAGAIN) {
+        snprintf(why, sizeof(why), "its stream broke: %s", strerror(-err));
+        sst_recovery_fault(g, cam, why);
+    } else if (broken) {
+        sst_recovery_disarm(g, cam);
+        cam->rearm_ns = sst_clock_now_ns() + REARM_NS;
+    }
+}
+
+/* --- silence ------------------------------------------------------------------------------------------------------ */
+
+static int64_t patience_ns(const struct sst_grab *g)
+{
+    const int64_t stall = g->cfg.stall_ms * SST_MS;
+    const int64_t three = g->cfg.rate_hz > 0 && !g->cfg.triggered ? (int64_t)(3e9 / g->cfg.rate_hz) : 0;
+
+    return stall > three ? stall : three;
+}
+
+int64_t sst_intake_due(const struct sst_grab *g, const struct sst_camera *cam)
+{
+    if (!cam->running || !cam->stream || cam->ladder.phase != SST_LADDER_QUIET)
+        return 0;
+    if (g->cfg.triggered)
+        return cam->owed_ns ? cam->owed_ns + patience_ns(g) : 0;
+    return cam->heard_ns + patience_ns(g);
+}
+
+void sst_intake_silence(struct sst_grab *g, struct sst_camera *cam, int64_t now_ns)
+{
+    char why[96];
+
+    if (sst_stream_queued(cam->stream) > 0) {
+        snprintf(why, sizeof(why), "no frame for %.1f s", (double)(now_ns - cam->heard_ns) * 1e-9);
+        sst_recovery_fault(g, cam, why);
+        return;
+    }
+    /* It cannot speak: every buffer is with the receiver. The gap in the sequence will tell what was lost. */
+    if (!cam->told_starved)
+        sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; give them back sooner, "
+                        "or raise `buffers`", cam->name, g->cfg.buffers);
+    cam->told_starved = true;
+    cam->heard_ns = now_ns;
+    if (cam->owed_ns)
+        cam->owed_ns = now_ns;
+}

@@ -1,0 +1,167 @@
+#include "drivers/grab/job.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+struct sst_jobs {
+    /* fixed after create */
+    int fd;
+    /* the owner's thread only */
+    int running;
+    /* under lock */
+    pthread_mutex_t lock;
+    struct sst_job *done;
+    int users; /* the owner and every job that runs: the last one frees */
+    bool abandoned;
+};
+
+int sst_jobs_create(struct sst_jobs **out)
+{
+    struct sst_jobs *jobs = calloc(1, sizeof(*jobs));
+
+    if (!jobs)
+        return -ENOMEM;
+    jobs->fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    if (jobs->fd < 0) {
+        free(jobs);
+        return -errno;
+    }
+    pthread_mutex_init(&jobs->lock, NULL);
+    jobs->users = 1;
+    *out = jobs;
+    return 0;
+}
+
+int sst_jobs_fd(const struct sst_jobs *jobs)
+{
+    return jobs->fd;
+}
+
+static void unref(struct sst_jobs *jobs)
+{
+    bool last;
+
+    pthread_mutex_lock(&jobs->lock);
+    last = --jobs->users == 0;
+    pthread_mutex_unlock(&jobs->lock);
+    if (!last)
+        return;
+    close(jobs->fd);
+    pthread_mutex_destroy(&jobs->lock);
+    free(jobs);
+}
+
+static void *thread_main(void *arg)
+{
+    struct sst_job *job = arg;
+    struct sst_jobs *jobs = job->jobs;
+    const uint64_t one = 1;
+    bool abandoned;
+
+    job->run(job);
+    pthread_mutex_lock(&jobs->lock);
+    abandoned = jobs->abandoned;
+    if (!abandoned) {
+        job->next = jobs->done;
+        jobs->done = job;
+        /* The counter of an eventfd that nobody reads does not overflow in a lifetime. */
+        (void)!write(jobs->fd, &one, sizeof(one));
+    }
+    pthread_mutex_unlock(&jobs->lock);
+    if (abandoned)
+        job->discard(job);
+    unref(jobs);
+    return NULL;
+}
+
+int sst_jobs_start(struct sst_jobs *jobs, struct sst_job *job)
+{
+    sigset_t all, before;
+    pthread_t thread;
+    int err;
+
+    job->jobs = jobs;
+    pthread_mutex_lock(&jobs->lock);
+    jobs->users++;
+    pthread_mutex_unlock(&jobs->lock);
+    /* Signals are the caller's business: its handlers run on its threads. */
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    err = pthread_create(&thread, NULL, thread_main, job);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (err) {
+        unref(jobs);
+        return -err;
+    }
+    pthread_detach(thread);
+    jobs->running++;
+    return 0;
+}
+
+static struct sst_job *take(struct sst_jobs *jobs)
+{
+    struct sst_job *job;
+    uint64_t count;
+
+    pthread_mutex_lock(&jobs->lock);
+    job = jobs->done;
+    if (job)
+        jobs->done = job->next;
+    else
+        (void)!read(jobs->fd, &count, sizeof(count));
+    pthread_mutex_unlock(&jobs->lock);
+    return job;
+}
+
+void sst_jobs_collect(struct sst_jobs *jobs, void *owner)
+{
+    struct sst_job *job;
+
+    while ((job = take(jobs))) {
+        jobs->running--;
+        job->ended(job, owner);
+    }
+}
+
+int sst_jobs_running(const struct sst_jobs *jobs)
+{
+    return jobs->running;
+}
+
+void sst_jobs_wait(struct sst_jobs *jobs, int timeout_ms)
+{
+    struct pollfd p = { .fd = jobs->fd, .events = POLLIN };
+
+    (void)poll(&p, 1, timeout_ms);
+}
+
+static void discard_all(struct sst_job *job)
+{
+    while (job) {
+        struct sst_job *next = job->next;
+
+        job->discard(job);
+        job = next;
+    }
+}
+
+void sst_jobs_destroy(struct sst_jobs *jobs)
+{
+    struct sst_job *done;
+
+    if (!jobs)
+        return;
+    pthread_mutex_lock(&jobs->lock);
+    jobs->abandoned = true;
+    done = jobs->done;
+    jobs->done = NULL;
+    pthread_mutex_unlock(&jobs->lock);
+    discard_all(done);
+    unref(jobs);
+}

@@ -1,0 +1,53 @@
+#include "drivers/grab/node.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/videodev2.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+int sst_node_ioctl(int fd, unsigned long request, void *arg)
+{
+    int r;
+
+    do
+        r = ioctl(fd, request, arg);
+    while (r < 0 && errno == EINTR);
+    return r < 0 ? -errno : 0;
+}
+
+/* A node's number passes to another camera when both are re-plugged: "usb-0000:00:14.0-2.3" must end as "1-2.3" does. */
+static bool same_port(const char *port, const char *bus_info)
+{
+    const char *a = strchr(port, '-'), *b = strrchr(bus_info, '-');
+
+    return !sst_grab_is_usb_port(port) || strncmp(bus_info, "usb-", 4) != 0 || !a || !b || !strcmp(a, b);
+}
+
+int sst_node_open(struct sst_grab_device *d)
+{
+    const int fd = open(d->node, O_RDWR | O_NONBLOCK | O_CLOEXEC);
+    struct v4l2_capability cap = { 0 };
+    uint32_t caps;
+    int err;
+
+    if (fd < 0)
+        return errno == ENOENT || errno == ENXIO ? -ENODEV : -errno;
+    err = sst_node_ioctl(fd, VIDIOC_QUERYCAP, &cap);
+    caps = cap.capabilities & V4L2_CAP_DEVICE_CAPS ? cap.device_caps : cap.capabilities;
+    if (!err && !((caps & V4L2_CAP_VIDEO_CAPTURE) && (caps & V4L2_CAP_STREAMING)))
+        err = -ENOTTY;
+    if (!err && *d->port && !same_port(d->port, (const char *)cap.bus_info))
+        err = -ENODEV;
+    if (err) {
+        close(fd);
+        return err;
+    }
+    snprintf(d->name, sizeof(d->name), "%.*s", (int)sizeof(cap.card), (const char *)cap.card);
+    snprintf(d->driver, sizeof(d->driver), "%.*s", (int)sizeof(cap.driver), (const char *)cap.driver);
+    if (!*d->port)
+        snprintf(d->port, sizeof(d->port), "%.*s", (int)sizeof(cap.bus_info), (const char *)cap.bus_info);
+    return fd;
+}

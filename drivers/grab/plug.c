@@ -1,0 +1,216 @@
+/* Nodes that come and go, and whose they are. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "drivers/grab/camera.h"
+
+/* While a camera is missing the list is read anew: events do get lost. Without udev that is all there is. */
+#define RESCAN_NS (5000 * SST_MS)
+#define RESCAN_WITHOUT_EVENTS_NS (1000 * SST_MS)
+
+static struct sst_camera *camera_of(struct sst_grab *g, int number)
+{
+    for (int i = 0; i < g->cfg.cameras; i++) {
+        if (g->camera[i].number == number)
+            return &g->camera[i];
+    }
+    return NULL;
+}
+
+static int node_index(const struct sst_grab *g, int number)
+{
+    for (int i = 0; i < g->node_count; i++) {
+        if (g->nodes[i].number == number)
+            return i;
+    }
+    return -1;
+}
+
+static void remove_node(struct sst_grab *g, int number)
+{
+    const int i = node_index(g, number);
+
+    if (i >= 0)
+        memmove(&g->nodes[i], &g->nodes[i + 1], (size_t)(--g->node_count - i) * sizeof(*g->nodes));
+}
+
+static void add_node(struct sst_grab *g, const struct sst_grab_node *node)
+{
+    remove_node(g, node->number);
+    if (g->node_count == SST_GRAB_NODES_MAX)
+        return;
+    g->nodes[g->node_count++] = *node;
+    qsort(g->nodes, (size_t)g->node_count, sizeof(*g->nodes), sst_grab_node_order);
+}
+
+void sst_plug_strike(struct sst_grab *g, int number, bool gone)
+{
+    const int i = node_index(g, number);
+
+    if (gone)
+        remove_node(g, number);
+    else if (i >= 0)
+        g->nodes[i].capture = 0;
+}
+
+/* Something odd about a camera's identity, once. */
+static void tell_odd(struct sst_camera *cam, const char *why, bool fault)
+{
+    if (!strcmp(cam->odd, why))
+        return;
+    memcpy(cam->odd, why, sizeof(cam->odd));
+    if (*why && fault)
+        sst_log_error("%s: %s", cam->name, why);
+    else if (*why)
+        sst_log_warning("%s: %s", cam->name, why);
+}
+
+int sst_plug_assign(struct sst_grab *g)
+{
+    int worst = 0;
+
+    for (int i = 0; i < g->cfg.cameras; i++) {
+        struct sst_camera *cam = &g->camera[i];
+        char why[SST_WHY_MAX];
+        int at;
+
+        /* Also of those that stream: a second device of their serial is told when it is plugged in. */
+        at = sst_grab_match(&cam->binding, g->nodes, g->node_count, why);
+        tell_odd(cam, why, at == -ENOTUNIQ);
+        if (at == -ENOTUNIQ)
+            worst = at;
+        if (cam->number >= 0)
+            continue;
+        if (at >= 0 && camera_of(g, g->nodes[at].number)) /* the other binding names the same device by port */
+            continue;
+        if (at >= 0)
+            sst_recovery_found(g, cam, &g->nodes[at]);
+    }
+    return worst;
+}
+
+void sst_plug_events(struct sst_grab *g)
+{
+    struct sst_grab_node node;
+    bool added = false;
+    int what;
+
+    while ((what = sst_grab_watch_next(g->watch, &node)) > 0) {
+        struct sst_camera *cam = camera_of(g, node.number);
+
+        g->changes++;
+        added |= what == 1;
+        /* The number of a node that is added is free: whoever had it is gone, whether its event came or not. */
+        if (cam)
+            sst_recovery_lost(g, cam);
+        if (what == 1)
+            add_node(g, &node);
+        else
+            remove_node(g, node.number);
+    }
+    if (what == -ENOBUFS) {
+        sst_log_warning("events of cameras that were plugged got lost; looking again");
+        g->scan_ns = sst_clock_now_ns();
+    }
+    if (added)
+        (void)sst_plug_assign(g);
+}
+
+/* --- reading the list --------------------------------------------------------------------------------------------- */
+
+static void take_list(struct sst_grab *g, const struct sst_grab_node *nodes, int count)
+{
+    for (int i = 0; i < g->cfg.cameras; i++) {
+        struct sst_camera *cam = &g->camera[i];
+        bool there = false;
+
+        for (int k = 0; k < count; k++)
+            there |= nodes[k].number == cam->number && !strcmp(nodes[k].device.port, cam->device.port);
+        if (cam->number >= 0 && !there)
+            sst_recovery_lost(g, cam);
+    }
+    memcpy(g->nodes, nodes, (size_t)count * sizeof(*nodes));
+    g->node_count = count;
+}
+
+int sst_plug_read(struct sst_grab *g)
+{
+    struct sst_grab_node *nodes;
+    int count, err = sst_grab_scan(&nodes, &count);
+
+    if (err)
+        return err;
+    take_list(g, nodes, count);
+    free(nodes);
+    return 0;
+}
+
+struct scan_job {
+    struct sst_job job;
+    struct sst_grab_node *nodes;
+    int count, err;
+    unsigned changes; /* when it began */
+};
+
+static void scan_run(struct sst_job *job)
+{
+    struct scan_job *s = (struct scan_job *)job;
+
+    s->err = sst_grab_scan(&s->nodes, &s->count);
+}
+
+static void scan_discard(struct sst_job *job)
+{
+    free(((struct scan_job *)job)->nodes);
+    free(job);
+}
+
+static void scan_ended(struct sst_job *job, void *owner)
+{
+    struct scan_job *s = (struct scan_job *)job;
+    struct sst_grab *g = owner;
+
+    g->scanning = false;
+    /* Events that came meanwhile know better. */
+    if (!s->err && !g->closing && s->changes == g->changes) {
+        take_list(g, s->nodes, s->count);
+        (void)sst_plug_assign(g);
+    }
+    scan_discard(job);
+}
+
+static bool any_missing(const struct sst_grab *g)
+{
+    for (int i = 0; i < g->cfg.cameras; i++) {
+        if (g->camera[i].number < 0)
+            return true;
+    }
+    return false;
+}
+
+int64_t sst_plug_due(const struct sst_grab *g)
+{
+    return g->scanning || !any_missing(g) ? 0 : g->scan_ns;
+}
+
+void sst_plug_time(struct sst_grab *g, int64_t now_ns)
+{
+    struct scan_job *s;
+
+    if (g->scanning || now_ns < g->scan_ns)
+        return;
+    g->scan_ns = now_ns + (g->watch ? RESCAN_NS : RESCAN_WITHOUT_EVENTS_NS);
+    if (!any_missing(g))
+        return;
+    s = calloc(1, sizeof(*s));
+    if (!s)
+        return;
+    *s = (struct scan_job){ .job = { .run = scan_run, .ended = scan_ended, .discard = scan_discard },
+                            .changes = g->changes };
+    g->scanning = !sst_jobs_start(g->jobs, &s->job);
+    if (!g->scanning)
+        free(s);
+}

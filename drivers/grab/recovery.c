@@ -1,0 +1,422 @@
+/* Opening, restarting, resetting and closing cameras: decided here, carried out by jobs on threads of their own. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "drivers/grab/camera.h"
+#include "drivers/usb/usb.h"
+
+/* A job that takes longer hangs in the kernel; the camera goes on without it. */
+#define JOB_NS (15000 * SST_MS)
+/* After a reset the node comes back by an event; without one it is opened after this. */
+#define RESET_NS (300 * SST_MS)
+#define POWER_OFF_MS 2000
+
+enum task {
+    TASK_RESTREAM = SST_GRAB_RESTREAM,
+    TASK_REOPEN = SST_GRAB_REOPEN, /* also the first opening */
+    TASK_RESET = SST_GRAB_RESET,
+    TASK_REAUTHORISE = SST_GRAB_REAUTHORISE,
+    TASK_POWER = SST_GRAB_POWER,
+    TASK_START,
+    TASK_CLOSE,
+};
+
+static const char *const task_names[] = { "restart of its stream", "opening it anew", "USB reset", "USB authorisation",
+                                          "port power", "start", "close" };
+
+struct camera_job {
+    struct sst_job job;
+    struct sst_grab_config cfg;
+    struct sst_grab_device device;
+    struct sst_stream *stream; /* in and out */
+    int cam, err;
+    enum task task;
+    bool start;
+    char why[SST_WHY_MAX], note[SST_WHY_MAX];
+};
+
+/* --- on the job's thread ------------------------------------------------------------------------------------------ */
+
+static int reopen(struct camera_job *j)
+{
+    int err;
+
+    sst_stream_close(j->stream);
+    j->stream = NULL;
+    err = sst_stream_open(&j->stream, &j->device, &j->cfg, j->cam, j->why, j->note);
+    if (!err && j->start)
+        err = sst_stream_start(j->stream, j->why);
+    return err;
+}
+
+static int reset(struct camera_job *j)
+{
+    int err;
+
+    sst_stream_close(j->stream);
+    j->stream = NULL;
+    err = j->task == TASK_RESET         ? sst_usb_reset(j->device.port)
+          : j->task == TASK_REAUTHORISE ? sst_usb_reauthorise(j->device.port)
+                                        : sst_usb_power_cycle(j->device.port, POWER_OFF_MS);
+    if (err)
+        snprintf(j->why, sizeof(j->why), "%s: %s", task_names[j->task], strerror(-err));
+    return err;
+}
+
+static void job_run(struct sst_job *job)
+{
+    struct camera_job *j = (struct camera_job *)job;
+
+    switch (j->task) {
+    case TASK_RESTREAM:
+        sst_stream_stop(j->stream);
+        j->err = sst_stream_start(j->stream, j->why);
+        break;
+    case TASK_START:
+        j->err = sst_stream_start(j->stream, j->why);
+        break;
+    case TASK_REOPEN:
+        j->err = reopen(j);
+        break;
+    case TASK_RESET:
+    case TASK_REAUTHORISE:
+    case TASK_POWER:
+        j->err = reset(j);
+        break;
+    case TASK_CLOSE:
+        sst_stream_close(j->stream);
+        j->stream = NULL;
+        break;
+    }
+}
+
+static void job_discard(struct sst_job *job)
+{
+    struct camera_job *j = (struct camera_job *)job;
+
+    sst_stream_close(j->stream);
+    free(j);
+}
+
+static void job_ended(struct sst_job *job, void *owner);
+
+static const struct sst_job job_calls = { .run = job_run, .ended = job_ended, .discard = job_discard };
+
+/* --- on the polling thread ---------------------------------------------------------------------------------------- */
+
+void sst_recovery_arm(struct sst_grab *g, struct sst_camera *cam)
+{
+    struct epoll_event e = { .events = EPOLLIN, .data = { .u64 = (uint64_t)(cam - g->camera) } };
+
+    cam->rearm_ns = 0;
+    if (cam->armed || !cam->stream || !cam->running)
+        return;
+    cam->armed = !epoll_ctl(g->epoll_fd, EPOLL_CTL_ADD, sst_stream_fd(cam->stream), &e);
+    if (!cam->armed)
+        sst_log_error("%s cannot be polled: %s", cam->name, strerror(errno));
+}
+
+void sst_recovery_disarm(struct sst_grab *g, struct sst_camera *cam)
+{
+    if (cam->armed)
+        (void)epoll_ctl(g->epoll_fd, EPOLL_CTL_DEL, sst_stream_fd(cam->stream), NULL);
+    cam->armed = false;
+    cam->rearm_ns = 0;
+}
+
+void sst_camera_say(struct sst_grab *g, struct sst_camera *cam, enum sst_grab_state state, const char *why)
+{
+    const bool changed = cam->state != state;
+
+    if (!changed && !strcmp(cam->why, why))
+        return;
+    if (changed && state != SST_GRAB_STREAMING && (cam->state == SST_GRAB_STREAMING || !cam->down_ns))
+        cam->down_ns = sst_clock_now_ns();
+    if (state == SST_GRAB_REFUSED)
+        sst_log_error("%s: %s", cam->name, why);
+    else if (state == SST_GRAB_ABSENT || (changed && state == SST_GRAB_RECOVERING) ||
+             (state == SST_GRAB_STREAMING && cam->state == SST_GRAB_RECOVERING))
+        sst_log_warning("%s: %s", cam->name, why);
+    else
+        sst_log_info("%s: %s", cam->name, why);
+    cam->state = state;
+    snprintf(cam->why, sizeof(cam->why), "%s", why);
+    if (g->events.state)
+        g->events.state(g->events.arg, (int)(cam - g->camera), state, why);
+}
+
+static void climbed(struct sst_grab *g, struct sst_camera *cam, int rung);
+
+static void step(struct sst_grab *g, struct sst_camera *cam, enum sst_ladder_event event)
+{
+    climbed(g, cam, sst_ladder_step(&cam->ladder, event, sst_clock_now_ns(), cam->stream && cam->running));
+}
+
+/* Nobody waits for a close, which hangs where the camera does. */
+static void close_stream(struct sst_grab *g, struct sst_stream *stream)
+{
+    struct camera_job *j = calloc(1, sizeof(*j));
+
+    sst_stream_detach(stream);
+    if (j)
+        *j = (struct camera_job){ .job = job_calls, .stream = stream, .task = TASK_CLOSE };
+    /* Without memory or a thread there is no way but to wait here. */
+    if (!j || sst_jobs_start(g->jobs, &j->job)) {
+        sst_stream_close(stream);
+        free(j);
+    }
+}
+
+void sst_recovery_drop(struct sst_grab *g, struct sst_camera *cam)
+{
+    sst_recovery_disarm(g, cam);
+    if (cam->stream)
+        close_stream(g, cam->stream);
+    cam->stream = NULL;
+    cam->running = false;
+}
+
+/* The camera's stream goes with the job. @return 0 or -errno (the stream stays) */
+static int start_job(struct sst_grab *g, struct sst_camera *cam, enum task task)
+{
+    struct camera_job *j = calloc(1, sizeof(*j));
+    int err = -ENOMEM;
+
+    if (j) {
+        *j = (struct camera_job){ .job = job_calls, .cfg = g->cfg, .device = cam->device,
+                                  .stream = cam->stream, .cam = (int)(cam - g->camera), .task = task,
+                                  .start = g->started };
+        if (cam->stream)
+            sst_stream_detach(cam->stream);
+        sst_recovery_disarm(g, cam);
+        err = sst_jobs_start(g->jobs, &j->job);
+    }
+    if (err) {
+        sst_log_error("%s: no thread for the %s: %s", cam->name, task_names[task], strerror(-err));
+        free(j);
+        return err;
+    }
+    cam->stream = NULL;
+    cam->running = false;
+    cam->job = j;
+    cam->job_end_ns = sst_clock_now_ns() + JOB_NS;
+    return 0;
+}
+
+/* Carry out a rung that the ladder tells. */
+static void climbed(struct sst_grab *g, struct sst_camera *cam, int rung)
+{
+    char why[SST_WHY_MAX + 64];
+
+    if (rung < 0)
+        return;
+    cam->counters.rung[rung]++;
+    if (rung == SST_GRAB_BACK_OFF) {
+        sst_recovery_drop(g, cam);
+        if (cam->state == SST_GRAB_RECOVERING && !cam->told_hopeless)
+            sst_log_error("%s: nothing brings it back; check its cable, hub and power: it is tried again now and then",
+                          cam->name);
+        cam->told_hopeless |= cam->state == SST_GRAB_RECOVERING;
+        return;
+    }
+    if (cam->state != SST_GRAB_REFUSED) {
+        snprintf(why, sizeof(why), "%s; next: %s", cam->state == SST_GRAB_RECOVERING ? "still no frame" : cam->why,
+                 task_names[rung]);
+        sst_camera_say(g, cam, SST_GRAB_RECOVERING, why);
+    }
+    if (start_job(g, cam, (enum task)rung))
+        step(g, cam, SST_LADDER_FAILED);
+}
+
+void sst_recovery_fault(struct sst_grab *g, struct sst_camera *cam, const char *why)
+{
+    if (cam->ladder.phase != SST_LADDER_QUIET && cam->ladder.phase != SST_LADDER_WAITING)
+        return;
+    sst_camera_say(g, cam, SST_GRAB_RECOVERING, why);
+    step(g, cam, SST_LADDER_FAULT);
+}
+
+void sst_recovery_lost(struct sst_grab *g, struct sst_camera *cam)
+{
+    const bool expected = sst_ladder_expects_loss(&cam->ladder);
+
+    sst_recovery_drop(g, cam);
+    cam->number = -1;
+    cam->open_ns = 0;
+    (void)sst_ladder_step(&cam->ladder, SST_LADDER_LOST, sst_clock_now_ns(), false);
+    if (expected)
+        return;
+    cam->job = NULL; /* what it brings is closed when it ends */
+    cam->job_end_ns = 0;
+    cam->counters.lost_devices++;
+    sst_camera_say(g, cam, SST_GRAB_ABSENT, "unplugged; it goes on when it is back");
+}
+
+static void open_now(struct sst_grab *g, struct sst_camera *cam)
+{
+    cam->open_ns = 0;
+    if (start_job(g, cam, TASK_REOPEN))
+        cam->open_ns = sst_clock_now_ns() + RESET_NS;
+}
+
+void sst_recovery_found(struct sst_grab *g, struct sst_camera *cam, const struct sst_grab_node *node)
+{
+    if (*cam->serial_seen && strcmp(cam->serial_seen, node->device.serial) != 0)
+        sst_log_warning("%s: the device there is another one now, serial %s instead of %s; if cameras were swapped, plug "
+                        "them back or change the binding", cam->name,
+                        *node->device.serial ? node->device.serial : "none", cam->serial_seen);
+    snprintf(cam->serial_seen, sizeof(cam->serial_seen), "%s", node->device.serial);
+    cam->device = node->device;
+    cam->number = node->number;
+    cam->ladder.usb = sst_grab_is_usb_port(node->device.port);
+    if (cam->state == SST_GRAB_ABSENT)
+        cam->counters.found_devices++;
+    /* A reset may still be at its end: its job tells. */
+    if (!cam->job)
+        open_now(g, cam);
+}
+
+void sst_recovery_start(struct sst_grab *g, struct sst_camera *cam)
+{
+    if (cam->stream && !cam->running && !cam->job && start_job(g, cam, TASK_START))
+        step(g, cam, SST_LADDER_FAILED);
+}
+
+/* --- the ends of jobs --------------------------------------------------------------------------------------------- */
+
+static void opened(struct sst_grab *g, struct sst_camera *cam, struct camera_job *j)
+{
+    cam->running = j->start || j->task == TASK_START;
+    snprintf(cam->device.name, sizeof(cam->device.name), "%s", j->device.name);
+    snprintf(cam->device.driver, sizeof(cam->device.driver), "%s", j->device.driver);
+    if (strcmp(cam->note, j->note) != 0 && j->task == TASK_REOPEN) {
+        snprintf(cam->note, sizeof(cam->note), "%s", j->note);
+        if (*j->note)
+            sst_log_warning("%s: %s", cam->name, j->note);
+    }
+    if (!cam->running) {
+        sst_ladder_init(&cam->ladder, cam->ladder.patience_ns, cam->ladder.usb, cam->ladder.port_power);
+        sst_camera_say(g, cam, SST_GRAB_READY, "ready");
+        if (g->started) /* while it was being opened */
+            sst_recovery_start(g, cam);
+        return;
+    }
+    sst_intake_begin(g, cam);
+    sst_recovery_arm(g, cam);
+    if (cam->ladder.phase == SST_LADDER_WORKING)
+        step(g, cam, SST_LADDER_DONE);
+    else
+        step(g, cam, SST_LADDER_OPENED);
+    if (cam->ladder.rung < 0 || cam->state == SST_GRAB_REFUSED)
+        sst_camera_say(g, cam, SST_GRAB_STREAMING, "streaming");
+}
+
+static bool is_refusal(int err)
+{
+    return err == -EINVAL || err == -EBUSY || err == -EACCES || err == -EPERM || err == -ENOSPC || err == -ENOMEM;
+}
+
+static void failed(struct sst_grab *g, struct sst_camera *cam, struct camera_job *j)
+{
+    const bool opening = j->task == TASK_REOPEN || j->task == TASK_START || j->task == TASK_RESTREAM;
+
+    if (opening && j->err == -ENOTTY) {
+        sst_plug_strike(g, cam->number, false);
+        cam->number = -1;
+        (void)sst_plug_assign(g);
+    } else if (opening && j->err == -ENODEV) {
+        sst_plug_strike(g, cam->number, true);
+        sst_recovery_lost(g, cam);
+    } else if (opening && is_refusal(j->err)) {
+        sst_camera_say(g, cam, SST_GRAB_REFUSED, j->why);
+        step(g, cam, SST_LADDER_REFUSED);
+    } else {
+        sst_camera_say(g, cam, SST_GRAB_RECOVERING, j->why);
+        step(g, cam, SST_LADDER_FAILED);
+    }
+}
+
+static void ended(struct sst_grab *g, struct sst_camera *cam, struct camera_job *j)
+{
+    cam->job = NULL;
+    cam->job_end_ns = 0;
+    cam->stream = j->stream;
+    j->stream = NULL;
+    if (j->err) {
+        failed(g, cam, j);
+    } else if (cam->stream) {
+        opened(g, cam, j);
+    } else {
+        step(g, cam, SST_LADDER_DONE);
+        /* Back already? Else the plug-in event opens it. */
+        cam->open_ns = sst_clock_now_ns() + RESET_NS;
+    }
+}
+
+static void job_ended(struct sst_job *job, void *owner)
+{
+    struct camera_job *j = (struct camera_job *)job;
+    struct sst_grab *g = owner;
+    struct sst_camera *cam = &g->camera[j->cam];
+
+    if (cam->job == j)
+        ended(g, cam, j);
+    if (j->stream) /* given up meanwhile */
+        close_stream(g, j->stream);
+    free(j);
+}
+
+/* --- time --------------------------------------------------------------------------------------------------------- */
+
+/* Where frames follow triggers only, a camera that was brought back owes one from the next trigger on. */
+static int64_t ladder_due(const struct sst_grab *g, const struct sst_camera *cam)
+{
+    const int64_t due = cam->ladder.due_ns;
+
+    if (!due || cam->ladder.phase != SST_LADDER_WAITING || !g->cfg.triggered || !cam->running)
+        return due;
+    if (!cam->owed_ns)
+        return 0;
+    return cam->owed_ns + g->cfg.stall_ms * SST_MS > due ? cam->owed_ns + g->cfg.stall_ms * SST_MS : due;
+}
+
+static int64_t sooner(int64_t a, int64_t b)
+{
+    return !a ? b : !b ? a : a < b ? a : b;
+}
+
+int64_t sst_recovery_due(const struct sst_grab *g, const struct sst_camera *cam)
+{
+    return sooner(sooner(cam->job_end_ns, cam->open_ns), sooner(cam->rearm_ns, ladder_due(g, cam)));
+}
+
+void sst_recovery_time(struct sst_grab *g, struct sst_camera *cam, int64_t now_ns)
+{
+    const int64_t due = ladder_due(g, cam);
+
+    if (cam->rearm_ns && now_ns >= cam->rearm_ns)
+        sst_recovery_arm(g, cam);
+    if (cam->job_end_ns && now_ns >= cam->job_end_ns) {
+        sst_log_warning("%s: the %s hangs in the system; going on without it", cam->name,
+                        task_names[cam->job->task]);
+        cam->job = NULL;
+        cam->job_end_ns = 0;
+        step(g, cam, SST_LADDER_FAILED);
+    }
+    if (cam->open_ns && now_ns >= cam->open_ns) {
+        cam->open_ns = 0;
+        if (cam->number >= 0 && !cam->job && !cam->stream)
+            open_now(g, cam);
+    }
+    if (!due || now_ns < due)
+        return;
+    if (cam->running && cam->stream && cam->ladder.phase == SST_LADDER_WAITING && !sst_stream_queued(cam->stream))
+        cam->ladder.due_ns = now_ns + g->cfg.stall_ms * SST_MS; /* the receiver has all buffers: it cannot speak */
+    else
+        step(g, cam, SST_LADDER_TIME);
+}

@@ -1,0 +1,310 @@
+#include "drivers/grab/stream.h"
+
+#include <errno.h>
+#include <linux/videodev2.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "drivers/grab/control.h"
+#include "drivers/grab/format.h"
+#include "drivers/grab/node.h"
+#include "drivers/grab/text.h"
+
+enum slot_place {
+    SLOT_IDLE = 0,   /* with neither */
+    SLOT_QUEUED = 1, /* the driver's */
+    SLOT_LENT = 2,   /* the receiver's */
+};
+
+struct slot {
+    struct sst_frame frame; /* its pool is the slot */
+    struct sst_stream *stream;
+    uint32_t index;
+    enum slot_place place; /* under lock */
+    uint8_t *map;
+    size_t map_bytes;
+};
+
+struct sst_stream {
+    /* fixed after open */
+    int fd, count;
+    struct slot slot[SST_STREAM_BUFFERS_MAX];
+    /* under lock */
+    pthread_mutex_t lock;
+    bool live;       /* streaming: what comes back is queued at once */
+    bool closed;     /* the descriptor is gone */
+    int queued;
+    int lent;
+};
+
+/* --- open and close ----------------------------------------------------------------------------------------------- */
+
+static void destroy(struct sst_stream *s)
+{
+    for (int i = 0; i < s->count; i++) {
+        if (s->slot[i].map)
+            munmap(s->slot[i].map, s->slot[i].map_bytes);
+    }
+    pthread_mutex_destroy(&s->lock);
+    free(s);
+}
+
+static int map_buffer(struct sst_stream *s, int index)
+{
+    struct slot *slot = &s->slot[index];
+    struct v4l2_buffer b = { .index = (uint32_t)index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+                             .memory = V4L2_MEMORY_MMAP };
+    const int err = sst_node_ioctl(s->fd, VIDIOC_QUERYBUF, &b);
+    void *map;
+
+    if (err)
+        return err;
+    map = mmap(NULL, b.length, PROT_READ | PROT_WRITE, MAP_SHARED, s->fd, b.m.offset);
+    if (map == MAP_FAILED)
+        return -errno;
+    slot->map = map;
+    slot->map_bytes = b.length;
+    return 0;
+}
+
+static int map_buffers(struct sst_stream *s, const struct sst_grab_config *cfg, int cam, size_t stride, char *why)
+{
+    struct v4l2_requestbuffers r = { .count = (uint32_t)cfg->buffers, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+                                     .memory = V4L2_MEMORY_MMAP };
+    int err = sst_node_ioctl(s->fd, VIDIOC_REQBUFS, &r);
+
+    if (!err && (r.count < 2 || r.count > SST_STREAM_BUFFERS_MAX))
+        err = -ENOMEM;
+    if (err) {
+        snprintf(why, SST_WHY_MAX, "%d buffers cannot be had: %s", cfg->buffers,
+                 err == -EBUSY ? "another program streams from it; `sst cameras` says which" : strerror(-err));
+        return err;
+    }
+    for (int i = 0; i < (int)r.count; i++) {
+        struct slot *slot = &s->slot[i];
+
+        s->count = i + 1;
+        slot->stream = s;
+        slot->index = (uint32_t)i;
+        err = map_buffer(s, i);
+        if (err) {
+            snprintf(why, SST_WHY_MAX, "buffer %d cannot be mapped: %s", i, strerror(-err));
+            return err;
+        }
+        slot->frame = (struct sst_frame){ .cam = cam, .fourcc = cfg->fourcc, .width = cfg->width,
+                                          .height = cfg->height, .stride = stride, .data = slot->map, .pool = slot };
+    }
+    return 0;
+}
+
+static int open_node(struct sst_grab_device *device, char *why)
+{
+    const int fd = sst_node_open(device);
+
+    if (fd == -EACCES || fd == -EPERM)
+        snprintf(why, SST_WHY_MAX, "%s may not be opened; add this user to the group of the node (video)",
+                 device->node);
+    else if (fd < 0)
+        snprintf(why, SST_WHY_MAX, "%s cannot be opened: %s", device->node, strerror(-fd));
+    return fd;
+}
+
+static int set_up(struct sst_stream *s, const struct sst_grab_device *device, const struct sst_grab_config *cfg,
+                  int cam, char *why, char *note)
+{
+    char controls[SST_WHY_MAX];
+    size_t stride = 0;
+    int err = sst_format_set(s->fd, cfg, &stride, note, SST_WHY_MAX);
+
+    if (err) {
+        snprintf(why, SST_WHY_MAX, "%s", err == -EINVAL ? note : err == -EBUSY
+                 ? "another program streams from it; `sst cameras` says which" : strerror(-err));
+        *note = 0;
+        return err;
+    }
+    sst_controls_apply(s->fd, cfg->control, cfg->controls, controls, sizeof(controls));
+    if (*controls)
+        sst_text_add(note, SST_WHY_MAX, "%s%s", *note ? "; " : "", controls);
+    if (*note)
+        sst_text_add(note, SST_WHY_MAX, " [%s]", device->node);
+    return map_buffers(s, cfg, cam, stride, why);
+}
+
+int sst_stream_open(struct sst_stream **out, struct sst_grab_device *device, const struct sst_grab_config *cfg, int cam,
+                    char *why, char *note)
+{
+    struct sst_stream *s = calloc(1, sizeof(*s));
+    int err;
+
+    *why = *note = 0;
+    if (!s) {
+        snprintf(why, SST_WHY_MAX, "no memory for its stream");
+        return -ENOMEM;
+    }
+    pthread_mutex_init(&s->lock, NULL);
+    s->fd = open_node(device, why);
+    if (s->fd < 0) {
+        err = s->fd;
+        s->closed = true;
+        destroy(s);
+        return err;
+    }
+    err = set_up(s, device, cfg, cam, why, note);
+    if (err) {
+        sst_stream_close(s);
+        return err;
+    }
+    *out = s;
+    return 0;
+}
+
+void sst_stream_close(struct sst_stream *s)
+{
+    struct v4l2_requestbuffers none = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
+    bool last;
+
+    if (!s)
+        return;
+    sst_stream_stop(s);
+    /* A mapped buffer keeps the file open behind close(), and the driver's queue with it: give the queue up first. */
+    (void)sst_node_ioctl(s->fd, VIDIOC_REQBUFS, &none);
+    close(s->fd);
+    pthread_mutex_lock(&s->lock);
+    s->closed = true;
+    last = !s->lent;
+    pthread_mutex_unlock(&s->lock);
+    if (last)
+        destroy(s);
+}
+
+/* --- streaming ---------------------------------------------------------------------------------------------------- */
+
+static int queue_locked(struct sst_stream *s, struct slot *slot)
+{
+    struct v4l2_buffer b = { .index = slot->index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
+    const int err = sst_node_ioctl(s->fd, VIDIOC_QBUF, &b);
+
+    slot->place = err ? SLOT_IDLE : SLOT_QUEUED;
+    if (!err)
+        s->queued++;
+    return err;
+}
+
+int sst_stream_start(struct sst_stream *s, char *why)
+{
+    int type = V4L2_BUF_TYPE_VIDEO_CAPTURE, err = 0;
+
+    pthread_mutex_lock(&s->lock);
+    for (int i = 0; !err && i < s->count; i++) {
+        if (s->slot[i].place == SLOT_IDLE)
+            err = queue_locked(s, &s->slot[i]);
+    }
+    pthread_mutex_unlock(&s->lock);
+    err = err ? err : sst_node_ioctl(s->fd, VIDIOC_STREAMON, &type);
+    if (err == -ENOSPC)
+        snprintf(why, SST_WHY_MAX, "no USB bandwidth is left for it (no disk is meant); `sst plan` shows what fits, put "
+                 "it on another controller or lower size, rate or cameras");
+    else if (err)
+        snprintf(why, SST_WHY_MAX, "it does not start to stream: %s", strerror(-err));
+    pthread_mutex_lock(&s->lock);
+    s->live = !err;
+    /* Released between the loop above and here. */
+    for (int i = 0; s->live && i < s->count; i++) {
+        if (s->slot[i].place == SLOT_IDLE)
+            (void)queue_locked(s, &s->slot[i]);
+    }
+    pthread_mutex_unlock(&s->lock);
+    return err;
+}
+
+void sst_stream_detach(struct sst_stream *s)
+{
+    pthread_mutex_lock(&s->lock);
+    s->live = false;
+    pthread_mutex_unlock(&s->lock);
+}
+
+void sst_stream_stop(struct sst_stream *s)
+{
+    int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+
+    sst_stream_detach(s);
+    /* A camera that is gone says so; there is nothing left to stop then. */
+    (void)sst_node_ioctl(s->fd, VIDIOC_STREAMOFF, &type);
+    pthread_mutex_lock(&s->lock);
+    s->queued = 0;
+    for (int i = 0; i < s->count; i++) {
+        if (s->slot[i].place == SLOT_QUEUED)
+            s->slot[i].place = SLOT_IDLE;
+    }
+    pthread_mutex_unlock(&s->lock);
+}
+
+int sst_stream_fd(const struct sst_stream *s)
+{
+    return s->fd;
+}
+
+int sst_stream_queued(struct sst_stream *s)
+{
+    int queued;
+
+    pthread_mutex_lock(&s->lock);
+    queued = s->queued;
+    pthread_mutex_unlock(&s->lock);
+    return queued;
+}
+
+int sst_stream_take(struct sst_stream *s, struct sst_frame **out, struct sst_stream_stamp *stamp)
+{
+    struct v4l2_buffer b = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
+    const int err = sst_node_ioctl(s->fd, VIDIOC_DQBUF, &b);
+    struct sst_frame *frame;
+    struct slot *slot;
+
+    if (err)
+        return err;
+    if (b.index >= (uint32_t)s->count)
+        return -EIO;
+    slot = &s->slot[b.index];
+    pthread_mutex_lock(&s->lock);
+    slot->place = SLOT_LENT;
+    s->queued--;
+    s->lent++;
+    pthread_mutex_unlock(&s->lock);
+    frame = &slot->frame;
+    frame->bytes = b.bytesused < slot->map_bytes ? b.bytesused : slot->map_bytes;
+    frame->sequence = b.sequence;
+    frame->arrival_ns = sst_clock_now_ns();
+    frame->faults = b.flags & V4L2_BUF_FLAG_ERROR ? SST_FRAME_FLAGGED : 0;
+    frame->lost_before = 0;
+    stamp->monotonic = (b.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+    stamp->end_of_frame = (b.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) != V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
+    frame->t_ns = stamp->monotonic ? (int64_t)b.timestamp.tv_sec * 1000000000 + (int64_t)b.timestamp.tv_usec * 1000
+                                   : frame->arrival_ns;
+    *out = frame;
+    return 0;
+}
+
+void sst_stream_release(struct sst_frame *frame)
+{
+    struct slot *slot = frame->pool;
+    struct sst_stream *s = slot->stream;
+    bool last;
+
+    pthread_mutex_lock(&s->lock);
+    slot->place = SLOT_IDLE;
+    s->lent--;
+    /* A camera that refuses its buffer is broken or gone: the polling thread finds that out. */
+    if (s->live)
+        (void)queue_locked(s, slot);
+    last = s->closed && !s->lent;
+    pthread_mutex_unlock(&s->lock);
+    if (last)
+        destroy(s);
+}

@@ -1,0 +1,373 @@
+/* libmodbus with bounds: its own recovery would replay writes and may never return, so it stays off. */
+#include "drivers/rig/bus.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/select.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+
+#if WITH_MODBUS
+#include <modbus.h>
+
+#define BYTE_TIMEOUT_US 100000
+#define RETRY_NS 100000000
+#define DRAIN_MAX_NS 2000000000
+
+struct sst_rig_bus {
+    modbus_t *ctx;
+    bool serial, open;
+    int response_ms, gap_ms;
+    int64_t last_ns; /* end of the last request */
+    char name[SST_RIG_TEXT_MAX], device[SST_RIG_TEXT_MAX], why[128];
+    struct sst_rig_counters count;
+};
+
+static void sleep_ns(int64_t ns)
+{
+    const struct timespec t = { .tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000 };
+
+    if (ns > 0)
+        (void)nanosleep(&t, NULL);
+}
+
+/* --- opening ------------------------------------------------------------------------------------------------------ */
+
+static int bad_name(const char *bus)
+{
+    sst_log_error("the rig's bus %.80s is not of the form tcp:HOST:PORT or rtu:DEVICE,BAUD,8E1", bus);
+    return -EINVAL;
+}
+
+static int make_tcp(struct sst_rig_bus *b)
+{
+    char host[SST_RIG_TEXT_MAX];
+    const char *port = strrchr(b->name, ':');
+    char *end;
+
+    snprintf(host, sizeof(host), "%.*s", (int)(port - (b->name + 4)), b->name + 4);
+    if (!host[0] || strtol(port + 1, &end, 10) < 1 || strtol(port + 1, &end, 10) > 65535 || *end)
+        return bad_name(b->name);
+    b->ctx = modbus_new_tcp_pi(host, port + 1);
+    return b->ctx ? 0 : -ENOMEM;
+}
+
+static int make_rtu(struct sst_rig_bus *b)
+{
+    int baud = 0, data = 0, stop = 0, n = 0;
+    char parity = 0;
+    const char *comma = strchr(b->name, ',');
+
+    if (!comma || sscanf(comma, ",%7d,%1d%1[EON]%1d%n", &baud, &data, &parity, &stop, &n) != 4 || comma[n] || baud < 300 ||
+        (data != 7 && data != 8) || (stop != 1 && stop != 2))
+        return bad_name(b->name);
+    snprintf(b->device, sizeof(b->device), "%.*s", (int)(comma - (b->name + 4)), b->name + 4);
+    b->serial = true;
+    b->ctx = modbus_new_rtu(b->device, baud, parity, data, stop);
+    return b->ctx ? 0 : -ENOMEM;
+}
+
+/* libmodbus 3.1.6 and some later ones put the descriptor into an fd_set without looking: it must be a small one, and that
+ * must be known before they open it. */
+static int check_descriptors(struct sst_rig_bus *b)
+{
+    const int fd = open("/dev/null", O_RDONLY | O_CLOEXEC);
+
+    if (fd >= 0)
+        close(fd);
+    if (fd >= 0 && fd < FD_SETSIZE - 8)
+        return 0;
+    snprintf(b->why, sizeof(b->why), "no descriptor below %d is free; open the rig before the cameras", FD_SETSIZE);
+    return -EMFILE;
+}
+
+static int connect_errno(int e)
+{
+    switch (e) {
+    case ECONNREFUSED: case EACCES: case EBUSY: case EMFILE: case ENOMEM:
+        return -e;
+    case ENOENT: case ENODEV: case ENXIO: case EIO: case ENOTTY: case EPERM:
+        return -ENODEV;
+    default:
+        return -EHOSTUNREACH;
+    }
+}
+
+static int connect_once(struct sst_rig_bus *b)
+{
+    int err = check_descriptors(b), fd;
+
+    if (err)
+        return err;
+    errno = 0;
+    if (modbus_connect(b->ctx)) {
+        err = connect_errno(errno);
+        snprintf(b->why, sizeof(b->why), "%s", errno ? modbus_strerror(errno) : "no connection");
+        return err;
+    }
+    fd = modbus_get_socket(b->ctx);
+    if (fd >= FD_SETSIZE)
+        err = check_descriptors(b);
+    /* Two programs on one serial line would take each other's replies. The lock goes with the process. */
+    if (!err && b->serial && flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK) {
+        err = -EBUSY;
+        snprintf(b->why, sizeof(b->why), "another program uses it");
+    }
+    if (err) {
+        modbus_close(b->ctx);
+        return err;
+    }
+    b->open = true;
+    return 0;
+}
+
+int sst_rig_bus_open(struct sst_rig_bus **out, const char *bus, int response_ms, int gap_ms)
+{
+    struct sst_rig_bus *b = calloc(1, sizeof(*b));
+    int err;
+
+    if (!b)
+        return -ENOMEM;
+    b->response_ms = response_ms;
+    b->gap_ms = gap_ms;
+    if (snprintf(b->name, sizeof(b->name), "%s", bus) >= (int)sizeof(b->name))
+        err = bad_name(bus);
+    else if (!strncmp(bus, "tcp:", 4) && strrchr(bus, ':') > bus + 4)
+        err = make_tcp(b);
+    else if (!strncmp(bus, "rtu:", 4))
+        err = make_rtu(b);
+    else
+        err = bad_name(bus);
+    if (err)
+        goto fail;
+    (void)modbus_set_error_recovery(b->ctx, MODBUS_ERROR_RECOVERY_NONE);
+    (void)modbus_set_response_timeout(b->ctx, (uint32_t)response_ms / 1000, (uint32_t)(response_ms % 1000) * 1000);
+    (void)modbus_set_byte_timeout(b->ctx, 0, BYTE_TIMEOUT_US);
+    err = connect_once(b);
+    if (err) {
+        sst_log_error("rig %s: cannot connect: %s; check cable, power and the bus in the configuration", b->name, b->why);
+        goto fail;
+    }
+    *out = b;
+    return 0;
+
+fail:
+    sst_rig_bus_close(b);
+    return err;
+}
+
+void sst_rig_bus_close(struct sst_rig_bus *b)
+{
+    if (!b)
+        return;
+    if (b->open)
+        modbus_close(b->ctx);
+    modbus_free(b->ctx);
+    free(b);
+}
+
+/* --- requests ----------------------------------------------------------------------------------------------------- */
+
+static int exception(struct sst_rig_bus *b, int code)
+{
+    b->count.exceptions++;
+    snprintf(b->why, sizeof(b->why), "exception %d (%s)", code, modbus_strerror(MODBUS_ENOBASE + code));
+    switch (code) {
+    case MODBUS_EXCEPTION_ILLEGAL_FUNCTION: case MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS:
+    case MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE:
+        return -EPROTO;
+    case MODBUS_EXCEPTION_ACKNOWLEDGE: case MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY:
+        return -EAGAIN;
+    default:
+        return -EREMOTEIO;
+    }
+}
+
+static int request_errno(struct sst_rig_bus *b, int e)
+{
+    if (e > MODBUS_ENOBASE && e < MODBUS_ENOBASE + MODBUS_EXCEPTION_MAX)
+        return exception(b, e - MODBUS_ENOBASE);
+    if (e == ETIMEDOUT) {
+        b->count.timeouts++;
+        snprintf(b->why, sizeof(b->why), "no reply within %d ms", b->response_ms);
+        return -ETIMEDOUT;
+    }
+    if (e >= MODBUS_ENOBASE) {
+        b->count.garbled++;
+        snprintf(b->why, sizeof(b->why), "a garbled reply (%s)", modbus_strerror(e));
+        return -EBADMSG;
+    }
+    b->count.lost++;
+    snprintf(b->why, sizeof(b->why), "the line is lost (%s)", strerror(e));
+    return -ENOTCONN;
+}
+
+static int begin(struct sst_rig_bus *b, int unit)
+{
+    if (!b->open) {
+        snprintf(b->why, sizeof(b->why), "the line is lost");
+        return -ENOTCONN;
+    }
+    sleep_ns(b->last_ns + (int64_t)b->gap_ms * 1000000 - sst_clock_now_ns());
+    b->count.requests++;
+    return modbus_set_slave(b->ctx, unit) ? -EINVAL : 0;
+}
+
+int sst_rig_bus_read(struct sst_rig_bus *b, int unit, enum sst_rig_table table, int address, int count, uint16_t *out)
+{
+    /* Room for whatever a reply can hold. */
+    uint16_t words[MODBUS_MAX_READ_REGISTERS + 3] = { 0 };
+    uint8_t bits[MODBUS_MAX_READ_BITS] = { 0 };
+    int n = -1, err = begin(b, unit);
+
+    if (err)
+        return err;
+    switch (table) {
+    case SST_RIG_HOLDING:
+        n = modbus_read_registers(b->ctx, address, count, words);
+        break;
+    case SST_RIG_INPUT:
+        n = modbus_read_input_registers(b->ctx, address, count, words);
+        break;
+    case SST_RIG_COIL:
+        n = modbus_read_bits(b->ctx, address, count, bits);
+        break;
+    case SST_RIG_DISCRETE:
+        n = modbus_read_input_bits(b->ctx, address, count, bits);
+        break;
+    }
+    err = errno;
+    b->last_ns = sst_clock_now_ns();
+    if (n != count)
+        return request_errno(b, n < 0 ? err : EMBBADDATA);
+    for (int i = 0; i < count; i++)
+        out[i] = table == SST_RIG_COIL || table == SST_RIG_DISCRETE ? bits[i] : words[i];
+    return 0;
+}
+
+int sst_rig_bus_write(struct sst_rig_bus *b, int unit, enum sst_rig_table table, int address, int count,
+                      const uint16_t *values)
+{
+    int n, err = begin(b, unit);
+
+    if (err)
+        return err;
+    if (table == SST_RIG_COIL)
+        n = modbus_write_bit(b->ctx, address, values[0]);
+    else
+        n = count == 1 ? modbus_write_register(b->ctx, address, values[0])
+                       : modbus_write_registers(b->ctx, address, count, values);
+    err = errno;
+    b->last_ns = sst_clock_now_ns();
+    return n == count ? 0 : request_errno(b, n < 0 ? err : EMBBADDATA);
+}
+
+const char *sst_rig_bus_why(const struct sst_rig_bus *b)
+{
+    return b->why;
+}
+
+/* --- after a failure ---------------------------------------------------------------------------------------------- */
+
+/* Read until the line was silent for one response time. @return 0 or -ENOTCONN */
+static int drain(struct sst_rig_bus *b)
+{
+    const int64_t end_ns = sst_clock_now_ns() + DRAIN_MAX_NS;
+    struct pollfd p = { .fd = modbus_get_socket(b->ctx), .events = POLLIN };
+    char rubbish[256];
+
+    while (sst_clock_now_ns() < end_ns) {
+        const int n = poll(&p, 1, b->response_ms);
+
+        if (!n || (n < 0 && errno == EINTR))
+            return 0;
+        if (n < 0 || read(p.fd, rubbish, sizeof(rubbish)) <= 0)
+            return -ENOTCONN;
+    }
+    return 0;
+}
+
+int sst_rig_bus_restore(struct sst_rig_bus *b, int reconnect_ms, bool (*cancelled)(void *arg), void *arg)
+{
+    const int64_t end_ns = sst_clock_now_ns() + (int64_t)reconnect_ms * 1000000;
+    bool told = false;
+    int err;
+
+    if (b->open && b->serial && !drain(b))
+        return 0;
+    if (b->open)
+        modbus_close(b->ctx);
+    b->open = false;
+    for (;;) {
+        err = connect_once(b);
+        if (!err)
+            break;
+        if (!told)
+            sst_log_warning("rig %s: lost, cannot connect: %s; trying for %d ms", b->name, b->why, reconnect_ms);
+        told = true;
+        if (sst_clock_now_ns() >= end_ns || cancelled(arg))
+            return err;
+        sleep_ns(RETRY_NS);
+    }
+    b->count.reconnects++;
+    if (told)
+        sst_log_warning("rig %s: connected again", b->name);
+    return 0;
+}
+
+void sst_rig_bus_counters(const struct sst_rig_bus *b, struct sst_rig_counters *out)
+{
+    *out = b->count;
+}
+
+#else
+
+int sst_rig_bus_open(struct sst_rig_bus **out SST_UNUSED, const char *bus, int response_ms SST_UNUSED,
+                     int gap_ms SST_UNUSED)
+{
+    sst_log_error("rig %s: this sst was built without libmodbus; install libmodbus-dev and build again", bus);
+    return -ENOSYS;
+}
+
+/* Never called: without an open there is no bus. */
+void sst_rig_bus_close(struct sst_rig_bus *b SST_UNUSED)
+{
+}
+
+int sst_rig_bus_read(struct sst_rig_bus *b SST_UNUSED, int unit SST_UNUSED, enum sst_rig_table table SST_UNUSED,
+                     int address SST_UNUSED, int count SST_UNUSED, uint16_t *out SST_UNUSED)
+{
+    return -ENOSYS;
+}
+
+int sst_rig_bus_write(struct sst_rig_bus *b SST_UNUSED, int unit SST_UNUSED, enum sst_rig_table table SST_UNUSED,
+                      int address SST_UNUSED, int count SST_UNUSED, const uint16_t *values SST_UNUSED)
+{
+    return -ENOSYS;
+}
+
+const char *sst_rig_bus_why(const struct sst_rig_bus *b SST_UNUSED)
+{
+    return "built without libmodbus";
+}
+
+int sst_rig_bus_restore(struct sst_rig_bus *b SST_UNUSED, int reconnect_ms SST_UNUSED,
+                        bool (*cancelled)(void *arg) SST_UNUSED, void *arg SST_UNUSED)
+{
+    return -ENOSYS;
+}
+
+void sst_rig_bus_counters(const struct sst_rig_bus *b SST_UNUSED, struct sst_rig_counters *out)
+{
+    *out = (struct sst_rig_counters){ 0 };
+}
+
+#endif

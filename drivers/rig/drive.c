@@ -1,0 +1,319 @@
+#include "drivers/rig/drive.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+
+#define POLL_MS 5
+#define BUSY_MS 30
+#define TELL_NS 10000000000 /* between two warnings of faults that were mended */
+
+const char *sst_rig_axis_name(const struct sst_rig *rig, int a, char text[32])
+{
+    snprintf(text, 32, "axis %c (unit %d)", 'x' + a, rig->cfg.unit[a]);
+    return text;
+}
+
+void sst_rig_sleep_ms(struct sst_rig *rig, int ms)
+{
+    const int64_t end_ns = sst_clock_now_ns() + (int64_t)ms * 1000000;
+
+    for (;;) {
+        const int64_t left_ns = end_ns - sst_clock_now_ns(), part_ns = left_ns < 20000000 ? left_ns : 20000000;
+        const struct timespec t = { .tv_nsec = part_ns };
+
+        if (left_ns <= 0 || atomic_load(&rig->cancel))
+            return;
+        (void)nanosleep(&t, NULL);
+    }
+}
+
+static bool cancelled(void *arg)
+{
+    struct sst_rig *rig = arg;
+
+    return atomic_load(&rig->cancel);
+}
+
+/* --- requests, retried -------------------------------------------------------------------------------------------- */
+
+static int registers_of(const struct sst_rig_register *reg)
+{
+    return reg->type == SST_RIG_U32 || reg->type == SST_RIG_S32 ? 2 : 1;
+}
+
+/* A fault that another attempt may mend. A bad cable brings them all the time: they are counted, and told now and then. */
+static void tell_fault(struct sst_rig *rig, int a, const char *doing, const char *reg)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+    const bool again = rig->told_ns && now_ns - rig->told_ns < TELL_NS;
+    char name[32];
+
+    (again ? sst_log_debug : sst_log_warning)("rig %s: %s: %s while %s %s; trying again", rig->cfg.bus,
+                                              sst_rig_axis_name(rig, a, name), sst_rig_bus_why(rig->bus), doing, reg);
+    if (!again)
+        rig->told_ns = now_ns;
+}
+
+static int give_up(struct sst_rig *rig, int a, const char *doing, const char *reg, int err)
+{
+    char name[32];
+
+    sst_log_error("rig %s: %s: %s while %s %s; check cable, unit number and the drive's profile %s", rig->cfg.bus,
+                  sst_rig_axis_name(rig, a, name), sst_rig_bus_why(rig->bus), doing, reg, rig->profile.path);
+    return err == -ETIMEDOUT ? -ETIMEDOUT : err == -EPROTO ? -EPROTO : -EIO;
+}
+
+/* What to do before a request is tried again. @return 0: try */
+static int before_retry(struct sst_rig *rig, int a, int err, const char *doing, const char *reg)
+{
+    if (err == -EPROTO || err == -EREMOTEIO)
+        return err;
+    if (err == -EAGAIN) { /* as the standard has it: no fault */
+        sst_rig_sleep_ms(rig, BUSY_MS);
+        return 0;
+    }
+    tell_fault(rig, a, doing, reg);
+    return sst_rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, cancelled, rig);
+}
+
+static int read_words(struct sst_rig *rig, int a, const struct sst_rig_register *reg, uint16_t out[2])
+{
+    int err = 0, again = 0;
+
+    for (int i = 0; i <= rig->cfg.retries; i++) {
+        err = sst_rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), out);
+        if (!err)
+            return 0;
+        again = before_retry(rig, a, err, "reading", reg->name);
+        if (again)
+            break;
+    }
+    if (again == -ECANCELED || atomic_load(&rig->cancel))
+        return -ECANCELED;
+    return give_up(rig, a, "reading", reg->name, err);
+}
+
+static double value_of(const struct sst_rig_register *reg, const uint16_t words[2])
+{
+    const uint32_t both = reg->low_first ? (uint32_t)words[1] << 16 | words[0] : (uint32_t)words[0] << 16 | words[1];
+
+    switch (reg->type) {
+    case SST_RIG_S16:
+        return (int16_t)words[0];
+    case SST_RIG_U32:
+        return both;
+    case SST_RIG_S32:
+        return (int32_t)both;
+    case SST_RIG_U16:
+    case SST_RIG_BIT:
+        break;
+    }
+    return words[0];
+}
+
+/* @return 0 or -ERANGE */
+static int words_of(const struct sst_rig_register *reg, double value, uint16_t words[2])
+{
+    static const double limits[][2] = { { 0, 65535 }, { -32768, 65535 }, { 0, 4294967295.0 },
+                                        { -2147483648.0, 4294967295.0 }, { 0, 1 } };
+    uint32_t both;
+
+    if (!(value >= limits[reg->type][0] && value <= limits[reg->type][1]))
+        return -ERANGE;
+    both = (uint32_t)llround(value);
+    words[0] = (uint16_t)(reg->low_first || registers_of(reg) == 1 ? both & 0xFFFF : both >> 16);
+    words[1] = (uint16_t)(reg->low_first ? both >> 16 : both & 0xFFFF);
+    return 0;
+}
+
+/* --- status ------------------------------------------------------------------------------------------------------- */
+
+static int read_flags(struct sst_rig *rig, int a, bool out[SST_RIG_FLAGS])
+{
+    const struct sst_rig_profile *p = &rig->profile;
+    bool have[SST_RIG_REGISTERS_MAX] = { false };
+    uint32_t value[SST_RIG_REGISTERS_MAX];
+
+    for (int i = 0; i < SST_RIG_FLAGS; i++) {
+        const struct sst_rig_bit *b = &p->bit[i];
+        uint16_t words[2];
+
+        out[i] = false;
+        if (b->reg < 0)
+            continue;
+        if (!have[b->reg]) {
+            const int err = read_words(rig, a, &p->reg[b->reg], words);
+
+            if (err)
+                return err;
+            value[b->reg] = (uint32_t)(int64_t)value_of(&p->reg[b->reg], words);
+            have[b->reg] = true;
+        }
+        out[i] = ((value[b->reg] & b->mask) == b->equals) != b->inverted;
+    }
+    return 0;
+}
+
+static int32_t um_of(const struct sst_rig *rig, int a, double counts)
+{
+    return (int32_t)lround(sst_clamp_double(counts * rig->cfg.um_per_count[a], -2e9, 2e9));
+}
+
+int sst_rig_drive_status(struct sst_rig *rig, int a)
+{
+    const struct sst_rig_profile *p = &rig->profile;
+    struct sst_rig_status now = { .alarm = 0 };
+    uint16_t words[2];
+    int err = read_flags(rig, a, now.flag);
+
+    if (!err)
+        err = read_words(rig, a, &p->reg[p->position], words);
+    if (err)
+        return err;
+    now.um = um_of(rig, a, value_of(&p->reg[p->position], words) * p->reg[p->position].scale);
+    if (now.flag[SST_RIG_ALARM] && p->alarm_code >= 0 && !read_words(rig, a, &p->reg[p->alarm_code], words))
+        now.alarm = (long)value_of(&p->reg[p->alarm_code], words);
+    rig->axis[a].now = now;
+    return 0;
+}
+
+int sst_rig_drive_identity(struct sst_rig *rig, int a, long *value)
+{
+    const struct sst_rig_profile *p = &rig->profile;
+    uint16_t words[2];
+    int err;
+
+    *value = -1;
+    if (p->identity < 0)
+        return 0;
+    err = read_words(rig, a, &p->reg[p->identity], words);
+    if (!err)
+        *value = (long)value_of(&p->reg[p->identity], words);
+    return err;
+}
+
+/* --- sequences ---------------------------------------------------------------------------------------------------- */
+
+/* Did a write arrive whose reply did not come? @return 1, 0, or -ETIMEDOUT: nobody can tell */
+static int arrived(struct sst_rig *rig, int a, const struct sst_rig_step *step, const uint16_t words[2])
+{
+    const struct sst_rig_register *reg = &rig->profile.reg[step->reg];
+    bool flag[SST_RIG_FLAGS];
+    uint16_t back[2];
+
+    if (reg->read_back) {
+        const int err = sst_rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), back);
+
+        if (err)
+            return -ETIMEDOUT;
+        return back[0] == words[0] && (registers_of(reg) == 1 || back[1] == words[1]);
+    }
+    if (step->flag < SST_RIG_FLAGS && !read_flags(rig, a, flag))
+        return flag[step->flag];
+    return -ETIMEDOUT;
+}
+
+static int write_words(struct sst_rig *rig, int a, const struct sst_rig_step *step, const uint16_t words[2])
+{
+    const struct sst_rig_register *reg = &rig->profile.reg[step->reg];
+    int err = 0;
+
+    for (int i = 0; i <= rig->cfg.retries; i++) {
+        int there = 0;
+
+        err = sst_rig_bus_write(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), words);
+        if (!err || before_retry(rig, a, err, "writing", reg->name))
+            break;
+        if (err == -EAGAIN)
+            continue;
+        there = arrived(rig, a, step, words);
+        if (there > 0)
+            return 0;
+        if (there < 0)
+            break;
+    }
+    return err ? give_up(rig, a, "writing", reg->name, err) : 0;
+}
+
+static int run_write(struct sst_rig *rig, int a, const struct sst_rig_step *step, int32_t um)
+{
+    const struct sst_rig_register *reg = &rig->profile.reg[step->reg];
+    const double counts_per_mm = 1000.0 / fabs(rig->cfg.um_per_count[a]);
+    double value = step->number;
+    uint16_t words[2];
+    char name[32];
+
+    switch (step->value) {
+    case SST_RIG_NUMBER:
+        break;
+    case SST_RIG_TARGET:
+        value = round(um / rig->cfg.um_per_count[a]) / reg->scale;
+        break;
+    case SST_RIG_SPEED:
+        value = rig->cfg.speed_mm_s * counts_per_mm / reg->scale;
+        break;
+    case SST_RIG_ACCEL:
+        value = rig->cfg.accel_mm_s2 * counts_per_mm / reg->scale;
+        break;
+    }
+    if (step->value >= SST_RIG_SPEED && value <= 0)
+        return 0;
+    if (words_of(reg, round(value), words)) {
+        sst_log_error("rig: %s: %.0f does not fit its register %s; check um per count, speed and travel",
+                      sst_rig_axis_name(rig, a, name), value, reg->name);
+        return -EIO;
+    }
+    return write_words(rig, a, step, words);
+}
+
+static int run_wait(struct sst_rig *rig, int a, const struct sst_rig_step *step)
+{
+    static const char *const names[SST_RIG_FLAGS] = { "moving",  "in position", "homed",      "alarm",
+                                                      "enabled", "limit low",   "limit high", "acknowledge" };
+    const int64_t end_ns = sst_clock_now_ns() + (int64_t)step->ms * 1000000;
+    bool flag[SST_RIG_FLAGS];
+    char name[32];
+
+    for (;;) {
+        const int err = read_flags(rig, a, flag);
+
+        if (err)
+            return err;
+        if (flag[step->flag] == step->is)
+            return 0;
+        if (sst_clock_now_ns() >= end_ns)
+            break;
+        sst_rig_sleep_ms(rig, POLL_MS);
+    }
+    sst_log_error("rig: %s did not report '%s' as %s within %d ms; look at the drive", sst_rig_axis_name(rig, a, name),
+                  names[step->flag], step->is ? "true" : "false", step->ms);
+    return -ETIMEDOUT;
+}
+
+int sst_rig_drive_run(struct sst_rig *rig, int a, enum sst_rig_sequence which, int32_t um)
+{
+    int err = 0;
+
+    for (int i = 0; !err && i < rig->profile.steps[which]; i++) {
+        const struct sst_rig_step *step = &rig->profile.step[which][i];
+
+        switch (step->what) {
+        case SST_RIG_WRITE:
+            err = run_write(rig, a, step, um);
+            break;
+        case SST_RIG_WAIT:
+            err = run_wait(rig, a, step);
+            break;
+        case SST_RIG_PAUSE:
+            sst_rig_sleep_ms(rig, step->ms);
+            break;
+        }
+    }
+    return err;
+}

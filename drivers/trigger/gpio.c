@@ -1,0 +1,323 @@
+#include "drivers/trigger/gpio.h"
+
+#include <ctype.h>
+#include <dirent.h>
+#include <errno.h>
+#include <grp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+/* Appends to a sentence of limited length; what does not fit is left out. */
+static void add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
+
+static void add(char *text, size_t size, const char *fmt, ...)
+{
+    const size_t used = strlen(text);
+    va_list args;
+
+    va_start(args, fmt);
+    vsnprintf(text + used, size - used, fmt, args);
+    va_end(args);
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const struct sst_gpio_listed *x = a, *y = b;
+    const size_t m = strlen(x->path), n = strlen(y->path);
+
+    return m != n ? (m < n ? -1 : 1) : strcmp(x->path, y->path);
+}
+
+/* opendir, because a GPIO chip needs no udev to be there. Links beside the nodes (old names of a chip) are left out. */
+static int scan(struct sst_gpio_listed **out)
+{
+    DIR *dir = opendir("/dev");
+    struct sst_gpio_listed *list = NULL;
+    struct dirent *entry;
+    int n = 0;
+
+    while (dir && (entry = readdir(dir))) {
+        struct sst_gpio_listed *more;
+
+        if (strncmp(entry->d_name, "gpiochip", 8) || !isdigit((unsigned char)entry->d_name[8]) ||
+            entry->d_type == DT_LNK || strlen(entry->d_name) > 32)
+            continue;
+        more = realloc(list, (size_t)(n + 1) * sizeof(*list));
+        if (!more) {
+            free(list);
+            closedir(dir);
+            return -ENOMEM;
+        }
+        list = more;
+        memset(&list[n], 0, sizeof(list[n]));
+        snprintf(list[n++].path, sizeof(list->path), "/dev/%.32s", entry->d_name);
+    }
+    if (dir)
+        closedir(dir);
+    if (n)
+        qsort(list, (size_t)n, sizeof(*list), by_number);
+    *out = list;
+    return n;
+}
+
+int sst_gpio_list(struct sst_gpio_listed **out)
+{
+    struct sst_gpio_listed *list;
+    const int n = WITH_GPIOD ? scan(&list) : -ENOSYS;
+
+    for (int i = 0; i < n; i++) {
+        struct sst_gpio_chip *chip;
+        const int err = sst_gpio_chip_open(&chip, list[i].path);
+
+        list[i].error = -err;
+        if (err)
+            continue;
+        snprintf(list[i].label, sizeof(list[i].label), "%s", sst_gpio_chip_label(chip));
+        list[i].lines = sst_gpio_chip_lines(chip);
+        sst_gpio_chip_close(chip);
+    }
+    if (n >= 0)
+        *out = list;
+    return n;
+}
+
+/* @return the offset of a line name, or of digits where no line has that name; -ENODEV or what reading a line returns */
+static int offset_of(struct sst_gpio_chip *chip, const char *name)
+{
+    const int lines = sst_gpio_chip_lines(chip);
+    char *end;
+    long number;
+
+    for (int i = 0; i < lines; i++) {
+        struct sst_gpio_line line;
+        const int err = sst_gpio_chip_line(chip, (unsigned)i, &line);
+
+        if (err)
+            return err;
+        if (!strcmp(line.name, name))
+            return i;
+    }
+    number = strtol(name, &end, 10);
+    return isdigit((unsigned char)*name) && !*end && number < lines ? (int)number : -ENODEV;
+}
+
+/* @return 0, or an error with the name of the line that stands in the way */
+static int resolve(struct sst_gpio_chip *chip, struct sst_gpio_request *request, const struct sst_gpio_wanted *wanted,
+                   const char **missing)
+{
+    request->outputs = wanted->outputs;
+    request->active_low = wanted->active_low;
+    request->loopback = -1;
+    for (int i = 0; i < wanted->outputs; i++) {
+        const int offset = offset_of(chip, *missing = wanted->output[i]);
+
+        if (offset < 0)
+            return offset;
+        request->output[i] = (unsigned)offset;
+    }
+    if (wanted->loopback[0]) {
+        request->loopback = offset_of(chip, *missing = wanted->loopback);
+        if (request->loopback < 0)
+            return request->loopback;
+    }
+    return 0;
+}
+
+static void list_lines(struct sst_gpio_chip *chip, char *text, size_t size)
+{
+    const int lines = sst_gpio_chip_lines(chip);
+    const char *comma = "";
+    struct sst_gpio_line line;
+
+    for (int i = 0; i < lines && strlen(text) + 80 < size; i++) {
+        if (sst_gpio_chip_line(chip, (unsigned)i, &line) || !line.name[0])
+            continue;
+        add(text, size, "%s%s", comma, line.name);
+        comma = ", ";
+    }
+    add(text, size, *comma ? "" : "without names: give offsets 0..%d", lines - 1);
+}
+
+static void list_chips(const struct sst_gpio_listed *list, int n, char *text, size_t size)
+{
+    for (int i = 0; i < n; i++) {
+        if (list[i].error)
+            add(text, size, "%s%s (%s)", i ? ", " : "", list[i].path, strerror(list[i].error));
+        else
+            add(text, size, "%s%s \"%s\"", i ? ", " : "", list[i].path, list[i].label);
+    }
+}
+
+void sst_gpio_access_remedy(const char *path, char *text, size_t size)
+{
+    struct stat st;
+    const struct group *group = stat(path, &st) ? NULL : getgrgid(st.st_gid);
+
+    if (group && st.st_gid && (st.st_mode & 0060) == 0060)
+        snprintf(text, size, "it belongs to group %s: add the user to it (adduser USER %s) and log in again",
+                 group->gr_name, group->gr_name);
+    else
+        snprintf(text, size, "only root may open it: install systemd/60-sst.rules, which gives GPIO chips to group gpio, "
+                             "and add the user to that group");
+}
+
+/* Why no chip is it. */
+static int explain(const struct sst_gpio_listed *list, int n, const struct sst_gpio_wanted *wanted, char *why,
+                   size_t size)
+{
+    char remedy[256];
+
+    for (int i = 0; i < n; i++) {
+        if (list[i].error != EACCES && list[i].error != EPERM)
+            continue;
+        sst_gpio_access_remedy(list[i].path, remedy, sizeof(remedy));
+        snprintf(why, size, "no right to open %s: %s", list[i].path, remedy);
+        return -EACCES;
+    }
+    if (!n) {
+        snprintf(why, size, "this machine has no GPIO chip (/dev/gpiochip*): connect it or load its driver, or set "
+                            "trigger source software or free-run");
+        return -ENODEV;
+    }
+    if (wanted->chip[0])
+        snprintf(why, size, "no GPIO chip is labelled \"%s\"; there are ", wanted->chip);
+    else
+        snprintf(why, size, "no GPIO chip has line \"%s\" and all others that are configured; there are ",
+                 wanted->outputs ? wanted->output[0] : wanted->loopback);
+    list_chips(list, n, why, size);
+    return -ENODEV;
+}
+
+/* Look at one chip. @return 1 (it is the one), 0 (another one), or an error with `why` */
+static int consider(struct sst_gpio_listed *listed, struct sst_gpio_chip **chip, struct sst_gpio_request *request,
+                    const struct sst_gpio_wanted *wanted, char *why, size_t size)
+{
+    const char *missing = "";
+    int err;
+
+    if (listed->error || (wanted->chip[0] && strcmp(listed->label, wanted->chip)))
+        return 0;
+    err = sst_gpio_chip_open(chip, listed->path);
+    if (!err) {
+        err = resolve(*chip, request, wanted, &missing);
+        if (!err)
+            return 1;
+    } else {
+        *chip = NULL;
+    }
+    if (err == -ENODEV && *chip && !wanted->chip[0]) {
+        err = 0;
+    } else if (err == -ENODEV && *chip) {
+        snprintf(why, size, "chip %s \"%s\" has no line \"%s\"; its lines are ", listed->path, listed->label, missing);
+        list_lines(*chip, why, size);
+    } else {
+        snprintf(why, size, "reading chip %s: %s", listed->path, strerror(-err));
+    }
+    sst_gpio_chip_close(*chip);
+    return err;
+}
+
+int sst_gpio_find(struct sst_gpio_chip **out, struct sst_gpio_request *request, const struct sst_gpio_wanted *wanted,
+                  char *why, size_t size)
+{
+    struct sst_gpio_request other;
+    struct sst_gpio_chip *found = NULL, *chip;
+    struct sst_gpio_listed *list = NULL;
+    int first = -1, err = 0, n = sst_gpio_list(&list);
+
+    if (n < 0) {
+        snprintf(why, size, n == -ENOSYS ? "this build has no libgpiod: build with libgpiod-dev, or set trigger source "
+                                           "software or free-run"
+                                         : "out of memory");
+        return n;
+    }
+    for (int i = 0; i < n && !err; i++) {
+        const int r = consider(&list[i], &chip, found ? &other : request, wanted, why, size);
+
+        if (r == 1 && found) {
+            snprintf(why, size, "both %s and %s have what is configured: give the label of one as trigger chip, or "
+                                "take the other away",
+                     list[first].path, list[i].path);
+            sst_gpio_chip_close(chip);
+            err = -ENOTUNIQ;
+        } else if (r == 1) {
+            found = chip;
+            first = i;
+        } else {
+            err = r;
+        }
+    }
+    if (!err && !found)
+        err = explain(list, n, wanted, why, size);
+    if (err)
+        sst_gpio_chip_close(found);
+    else
+        *out = found;
+    free(list);
+    return err;
+}
+
+/* Which of the lines is in use, and by whom. @return -EBUSY, or 0 where none seems to be */
+static int name_holder(struct sst_gpio_chip *chip, const struct sst_gpio_request *r, char *why, size_t size)
+{
+    struct sst_gpio_line line;
+
+    for (int i = 0; i <= r->outputs; i++) {
+        const int offset = i < r->outputs ? (int)r->output[i] : r->loopback;
+
+        if (offset < 0 || sst_gpio_chip_line(chip, (unsigned)offset, &line) || !line.used)
+            continue;
+        snprintf(why, size, "line %s (offset %d) of chip \"%s\" is in use by \"%s\": end that program, or choose another "
+                            "line",
+                 line.name[0] ? line.name : "without a name", offset, sst_gpio_chip_label(chip),
+                 line.consumer[0] ? line.consumer : "the kernel");
+        return -EBUSY;
+    }
+    return 0;
+}
+
+int sst_gpio_probe(const struct sst_gpio_wanted *wanted, char *why, size_t size)
+{
+    struct sst_gpio_request request;
+    struct sst_gpio_chip *chip;
+    int err = sst_gpio_find(&chip, &request, wanted, why, size);
+
+    if (err)
+        return err;
+    err = name_holder(chip, &request, why, size);
+    if (!err)
+        snprintf(why, size, "chip \"%s\" has all %d lines, and they are free", sst_gpio_chip_label(chip),
+                 request.outputs + (request.loopback >= 0));
+    sst_gpio_chip_close(chip);
+    return err;
+}
+
+int sst_gpio_open(struct sst_gpio_chip **out, const struct sst_gpio_wanted *wanted, char *why, size_t size)
+{
+    struct sst_gpio_chip *chip;
+    struct sst_gpio_request request;
+    int err = sst_gpio_find(&chip, &request, wanted, why, size);
+
+    if (err)
+        return err;
+    err = sst_gpio_chip_request(chip, &request);
+    if (!err) {
+        *out = chip;
+        return 0;
+    }
+    if (err == -EBUSY) {
+        if (!name_holder(chip, &request, why, size))
+            snprintf(why, size, "a line of chip \"%s\" was in use a moment ago: try again", sst_gpio_chip_label(chip));
+    } else if (err == -EPERM || err == -EACCES) {
+        snprintf(why, size, "no right to hold the lines of chip \"%s\": they are reserved or the system denies it (%s)",
+                 sst_gpio_chip_label(chip), strerror(-err));
+    } else {
+        snprintf(why, size, "requesting the lines of chip \"%s\": %s%s", sst_gpio_chip_label(chip), strerror(-err),
+                 request.loopback >= 0 ? "; the loop-back line must be able to report edges (interrupts)" : "");
+    }
+    sst_gpio_chip_close(chip);
+    return err == -EPERM ? -EACCES : err;
+}

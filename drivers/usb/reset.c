@@ -1,0 +1,244 @@
+/* Resets of a device from the gentlest on: USB reset, re-authorisation, power of its hub port. */
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "drivers/usb/deadline.h"
+#include "drivers/usb/hub.h"
+#include "drivers/usb/sysfs.h"
+
+#define DEVICES "/sys/bus/usb/devices"
+#define DEADLINE_MS 10000
+
+struct write_job {
+    char path[SST_PATH_MAX], text[2];
+};
+
+struct port_job {
+    int bus, address, number;
+    bool on;
+};
+
+static int write_text(void *arg)
+{
+    const struct write_job *job = arg;
+    const int fd = open(job->path, O_WRONLY | O_CLOEXEC);
+    int err = 0;
+
+    if (fd < 0)
+        return -errno;
+    if (write(fd, job->text, strlen(job->text)) < 0)
+        err = -errno;
+    close(fd);
+    return err;
+}
+
+static int write_attribute(const char *folder, const char *attribute, char digit)
+{
+    struct write_job job = { .text = { digit, 0 } };
+    const int err = sst_path_join(job.path, folder, attribute);
+
+    return err ? err : sst_deadline_call(write_text, &job, sizeof(job), DEADLINE_MS);
+}
+
+static const char *remedy(int err)
+{
+    switch (-err) {
+    case EACCES: case EPERM:
+        return "; run as root or install systemd/60-sst.rules";
+    case ETIMEDOUT:
+        return "; the device or its hub hangs: unplug it";
+    case ENODEV: case ENOENT:
+        return "; nothing is plugged in there";
+    case ENOSYS:
+        return "; build with libusb-1.0-0-dev";
+    default:
+        return "";
+    }
+}
+
+static int failed(const char *what, const char *port, int err)
+{
+    err = err == -EPERM ? -EACCES : err == -ENOENT ? -ENODEV : err;
+    sst_log_warning("%s of USB port %s: %s%s", what, port, strerror(-err), remedy(err));
+    return err;
+}
+
+static int device_folder(char folder[SST_PATH_MAX], const char *port)
+{
+    char hub[SST_USB_TEXT_MAX];
+    int number;
+
+    /* Ports come from a configuration: no path may hide in one. */
+    return sst_usb_split_port(port, hub, &number) ? -EINVAL : sst_path_join(folder, DEVICES, port);
+}
+
+static int reset_job(void *arg)
+{
+    const struct port_job *job = arg;
+
+    return sst_hub_reset_device(job->bus, job->address);
+}
+
+int sst_usb_reset(const char *port)
+{
+    char folder[SST_PATH_MAX];
+    struct port_job job;
+    int err = device_folder(folder, port);
+
+    if (!err) {
+        job = (struct port_job){ .bus = sst_sysfs_int(folder, "busnum", 10, -1),
+                                 .address = sst_sysfs_int(folder, "devnum", 10, -1) };
+        err = job.bus < 0 || job.address < 0 ? -ENODEV
+                                             : sst_deadline_call(reset_job, &job, sizeof(job), DEADLINE_MS);
+    }
+    return err ? failed("reset", port, err) : 0;
+}
+
+int sst_usb_reauthorise(const char *port)
+{
+    char folder[SST_PATH_MAX];
+    int err = device_folder(folder, port);
+
+    if (!err)
+        err = write_attribute(folder, "authorized", '0');
+    if (!err)
+        err = write_attribute(folder, "authorized", '1');
+    return err ? failed("re-authorising the device", port, err) : 0;
+}
+
+/* --- port power ----------------------------------------------------------------------------------------------------- */
+
+/* One port of one hub. */
+struct power_port {
+    char hub[SST_USB_TEXT_MAX];
+    int number;
+    char folder[SST_PATH_MAX]; /* of the port in sysfs */
+    bool attribute;            /* it has `disable` (Linux 6.0) */
+};
+
+/* Root hub usb1 has interface 1-0:1.0, hub 1-2 has 1-2:1.0. */
+static int find_port(struct power_port *p)
+{
+    char name[4 * SST_USB_TEXT_MAX], disable[SST_PATH_MAX];
+    int err;
+
+    if (!strncmp(p->hub, "usb", 3))
+        snprintf(name, sizeof(name), "%s/%s-0:1.0/%s-port%d", p->hub, p->hub + 3, p->hub, p->number);
+    else
+        snprintf(name, sizeof(name), "%s/%s:1.0/%s-port%d", p->hub, p->hub, p->hub, p->number);
+    err = sst_path_join(p->folder, DEVICES, name);
+    if (!err)
+        err = sst_path_join(disable, p->folder, "disable");
+    p->attribute = !err && sst_path_exists(disable);
+    return err;
+}
+
+/* The port of the hub's other half (USB 2 and 3), which shares the plug and its power. @return false: it has none */
+static bool find_twin(struct power_port *twin, const struct power_port *port)
+{
+    char link[SST_PATH_MAX], real[PATH_MAX];
+    const char *name, *dash;
+
+    if (sst_path_join(link, port->folder, "peer") || !realpath(link, real))
+        return false;
+    name = sst_path_base(real);
+    dash = strstr(name, "-port");
+    if (!dash || (size_t)(dash - name) >= sizeof(twin->hub))
+        return false;
+    snprintf(twin->hub, sizeof(twin->hub), "%.*s", (int)(dash - name), name);
+    twin->number = atoi(dash + 5);
+    return !find_port(twin);
+}
+
+static int set_port_job(void *arg)
+{
+    const struct port_job *job = arg;
+
+    return sst_hub_set_port_power(job->bus, job->address, job->number, job->on);
+}
+
+static int hub_address(const struct power_port *p, struct port_job *job)
+{
+    char folder[SST_PATH_MAX];
+    const int err = sst_path_join(folder, DEVICES, p->hub);
+
+    if (err)
+        return err;
+    job->bus = sst_sysfs_int(folder, "busnum", 10, -1);
+    job->address = sst_sysfs_int(folder, "devnum", 10, -1);
+    job->number = p->number;
+    return job->bus < 0 || job->address < 0 ? -ENODEV : 0;
+}
+
+static int switch_port(const struct power_port *p, bool on)
+{
+    struct port_job job = { .on = on };
+    int err;
+
+    if (p->attribute)
+        return write_attribute(p->folder, "disable", on ? '0' : '1');
+    err = hub_address(p, &job);
+    return err ? err : sst_deadline_call(set_port_job, &job, sizeof(job), DEADLINE_MS);
+}
+
+/* A hub that says it cannot is not asked to; one that may not be asked is tried. */
+static int check_switching(const struct power_port *p)
+{
+    struct port_job job;
+    const int err = hub_address(p, &job);
+
+    if (err)
+        return err;
+    switch (sst_hub_switching(job.bus, job.address)) {
+    case SST_USB_POWER_ALWAYS: case SST_USB_POWER_GANGED:
+        return -ENOTSUP;
+    case SST_USB_POWER_UNKNOWN: case SST_USB_POWER_PORTS:
+        break;
+    }
+    return 0;
+}
+
+static void sleep_ms(int ms)
+{
+    struct timespec left = { ms / 1000, ms % 1000 * 1000000L };
+
+    while (nanosleep(&left, &left) && errno == EINTR)
+        ;
+}
+
+int sst_usb_power_cycle(const char *port, int off_ms)
+{
+    struct power_port half[2];
+    int halves = 1, err = sst_usb_split_port(port, half[0].hub, &half[0].number);
+
+    if (!err)
+        err = find_port(&half[0]);
+    if (!err)
+        err = check_switching(&half[0]);
+    if (err)
+        return failed("switching the power", port, err);
+    halves += find_twin(&half[1], &half[0]);
+    for (int i = 0; i < halves && !err; i++)
+        err = switch_port(&half[i], false);
+    if (!err)
+        sleep_ms(off_ms);
+    /* On again in every case, also where only one half went off. */
+    for (int i = 0; i < halves; i++) {
+        const int on = switch_port(&half[i], true);
+
+        err = err ? err : on;
+    }
+    return err ? failed("switching the power", port, err) : 0;
+}
+
+enum sst_usb_switching sst_usb_hub_switching(const struct sst_usb_device *hub)
+{
+    return hub->hub ? sst_hub_switching(hub->bus, hub->address) : SST_USB_POWER_UNKNOWN;
+}

@@ -1,0 +1,209 @@
+#include "pipeline/image/raw.h"
+
+#include <errno.h>
+#include <string.h>
+
+#include <linux/videodev2.h>
+
+#include "base/log.h"
+#include "pipeline/image/codec.h"
+
+static size_t row_bytes(const struct sst_raw *raw)
+{
+    return (size_t)raw->width * (raw->fourcc == V4L2_PIX_FMT_Y16 || raw->fourcc == V4L2_PIX_FMT_YUYV ? 2 : 1);
+}
+
+static size_t stride_of(const struct sst_raw *raw)
+{
+    return raw->stride ? raw->stride : row_bytes(raw);
+}
+
+static int check(const struct sst_raw *raw)
+{
+    const size_t row = row_bytes(raw);
+
+    if (raw->width < 1 || raw->height < 1 || (raw->fourcc == V4L2_PIX_FMT_YUYV && raw->width % 2) ||
+        stride_of(raw) < row || (raw->bytes < row) || (raw->bytes - row) / stride_of(raw) < (size_t)raw->height - 1)
+        return -EBADMSG;
+    return 0;
+}
+
+/* --- YUYV --------------------------------------------------------------------------------------------------------- */
+
+static uint8_t to_byte(int v_q16)
+{
+    return (uint8_t)sst_clamp_int((v_q16 + 32768) >> 16, 0, 255);
+}
+
+static void yuyv_row(struct sst_image *img, int y, const uint8_t *row)
+{
+    for (int x = 0; x < img->width; x++) {
+        const uint8_t *a = row + x / 2 * 4, *b = x % 2 && x + 1 < img->width ? a + 4 : a;
+        const int luma = 76309 * (row[2 * x] - 16); /* 255/219 in 1/65536 */
+        const int u2 = a[1] + b[1] - 256, v2 = a[3] + b[3] - 256; /* twice the chroma */
+
+        sst_image_row(img, 0, y)[x] = to_byte(luma + 52299 * v2);             /* 1.596027 / 2 */
+        sst_image_row(img, 1, y)[x] = to_byte(luma - 12837 * u2 - 26639 * v2); /* 0.391762 / 2, 0.812968 / 2 */
+        sst_image_row(img, 2, y)[x] = to_byte(luma + 66101 * u2);             /* 2.017232 / 2 */
+    }
+}
+
+/* --- Bayer -------------------------------------------------------------------------------------------------------- */
+
+/* Mirroring at the edge keeps odd and even, so every sample keeps its colour. */
+static int mirror(int i, int n)
+{
+    if (n == 1)
+        return 0;
+    while (i < 0 || i >= n)
+        i = i < 0 ? -i : 2 * (n - 1) - i;
+    return i;
+}
+
+struct neighbours {
+    int centre;
+    int h1, v1, h2, v2; /* sums of two: at distance 1 and 2, horizontally and vertically */
+    int diagonal;       /* sum of four */
+};
+
+static struct neighbours look(const struct sst_raw *raw, int x, int y)
+{
+    const size_t stride = stride_of(raw);
+    const uint8_t *row[5];
+    int col[5];
+
+    for (int i = 0; i < 5; i++) {
+        row[i] = raw->data + (size_t)mirror(y + i - 2, raw->height) * stride;
+        col[i] = mirror(x + i - 2, raw->width);
+    }
+    return (struct neighbours){
+        .centre = row[2][col[2]],
+        .h1 = row[2][col[1]] + row[2][col[3]],
+        .v1 = row[1][col[2]] + row[3][col[2]],
+        .h2 = row[2][col[0]] + row[2][col[4]],
+        .v2 = row[0][col[2]] + row[4][col[2]],
+        .diagonal = row[1][col[1]] + row[1][col[3]] + row[3][col[1]] + row[3][col[3]],
+    };
+}
+
+static uint8_t sixteenth(int v)
+{
+    return (uint8_t)sst_clamp_int((v + 8) >> 4, 0, 255);
+}
+
+/* The colour of each sample is exact; the two others come from the paper's 5x5 filters, here in sixteenths. */
+static void bayer_pixel(struct sst_image *img, const struct sst_raw *raw, int x, int y, int red_x, int red_y)
+{
+    const struct neighbours n = look(raw, x, y);
+    const bool red_col = x % 2 == red_x, red_row = y % 2 == red_y;
+    uint8_t *rgb[3];
+
+    for (int c = 0; c < 3; c++)
+        rgb[c] = sst_image_row(img, c, y) + x;
+    if (red_col == red_row) { /* a red or blue sample */
+        const int own = red_row ? 0 : 2;
+
+        *rgb[own] = (uint8_t)n.centre;
+        *rgb[1] = sixteenth(8 * n.centre + 4 * (n.h1 + n.v1) - 2 * (n.h2 + n.v2));
+        *rgb[2 - own] = sixteenth(12 * n.centre + 4 * n.diagonal - 3 * (n.h2 + n.v2));
+    } else { /* green: one colour lies beside it, the other above and below */
+        const int beside = red_row ? 0 : 2;
+
+        *rgb[1] = (uint8_t)n.centre;
+        *rgb[beside] = sixteenth(10 * n.centre + 8 * n.h1 - 2 * n.diagonal - 2 * n.h2 + n.v2);
+        *rgb[2 - beside] = sixteenth(10 * n.centre + 8 * n.v1 - 2 * n.diagonal - 2 * n.v2 + n.h2);
+    }
+}
+
+/* Where in each 2x2 the red sample is. */
+static bool red_of(uint32_t fourcc, int *x, int *y)
+{
+    switch (fourcc) {
+    case V4L2_PIX_FMT_SRGGB8: *x = 0; *y = 0; return true;
+    case V4L2_PIX_FMT_SGRBG8: *x = 1; *y = 0; return true;
+    case V4L2_PIX_FMT_SGBRG8: *x = 0; *y = 1; return true;
+    case V4L2_PIX_FMT_SBGGR8: *x = 1; *y = 1; return true;
+    default: return false;
+    }
+}
+
+int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
+{
+    const size_t stride = stride_of(raw);
+    struct sst_image made;
+    int err = check(raw), red_x = 0, red_y = 0;
+    const bool bayer = red_of(raw->fourcc, &red_x, &red_y);
+
+    if (!bayer && raw->fourcc != V4L2_PIX_FMT_YUYV)
+        return -EINVAL;
+    if (!err)
+        err = sst_image_init(&made, raw->width, raw->height);
+    if (err)
+        return err == -EINVAL ? -EBADMSG : err;
+    for (int y = 0; y < raw->height; y++) {
+        if (!bayer)
+            yuyv_row(&made, y, raw->data + (size_t)y * stride);
+        for (int x = 0; bayer && x < raw->width; x++)
+            bayer_pixel(&made, raw, x, y, red_x, red_y);
+    }
+    *img = made;
+    return 0;
+}
+
+/* --- files -------------------------------------------------------------------------------------------------------- */
+
+static int write_grey(const struct sst_raw *raw, const char *path)
+{
+    struct sst_map_u8 map;
+    int err = sst_map_u8_init(&map, raw->width, raw->height);
+
+    if (err)
+        return err;
+    for (int y = 0; y < raw->height; y++)
+        memcpy(sst_map_u8_row(&map, y), raw->data + (size_t)y * stride_of(raw), (size_t)raw->width);
+    err = sst_map_u8_write_png(&map, path, NULL);
+    sst_map_u8_fini(&map);
+    return err;
+}
+
+static int write_y16(const struct sst_raw *raw, const char *path)
+{
+    struct sst_map_u16 map;
+    int err = sst_map_u16_init(&map, raw->width, raw->height);
+
+    if (err)
+        return err;
+    for (int y = 0; y < raw->height; y++) {
+        const uint8_t *row = raw->data + (size_t)y * stride_of(raw);
+
+        for (int x = 0; x < raw->width; x++)
+            sst_map_u16_row(&map, y)[x] = (uint16_t)(row[2 * x] | row[2 * x + 1] << 8);
+    }
+    err = sst_map_u16_write_png(&map, path);
+    sst_map_u16_fini(&map);
+    return err;
+}
+
+int sst_raw_write_png(const struct sst_raw *raw, const char *path)
+{
+    struct sst_image img;
+    int err = check(raw);
+
+    if (err) {
+        sst_log_error("the frame for %s has %zu bytes, which do not make %dx%d pixels", path, raw->bytes, raw->width,
+                      raw->height);
+        return err;
+    }
+    if (raw->fourcc == V4L2_PIX_FMT_GREY)
+        return write_grey(raw, path);
+    if (raw->fourcc == V4L2_PIX_FMT_Y16)
+        return write_y16(raw, path);
+    err = sst_raw_to_image(&img, raw);
+    if (err) {
+        sst_log_error("cannot make %s of a raw frame: %s", path, err == -EINVAL ? "its format is unknown" : strerror(-err));
+        return err;
+    }
+    err = sst_image_write_png(&img, path);
+    sst_image_fini(&img);
+    return err;
+}

@@ -1,0 +1,38 @@
+/* pipeline/image/raw.h - uncompressed camera frames as pictures. */
+#ifndef SST_PIPELINE_IMAGE_RAW_H
+#define SST_PIPELINE_IMAGE_RAW_H
+
+#include "pipeline/image/image.h"
+
+SST_EXTERN_C_BEGIN
+
+/** An uncompressed frame as V4L2 describes it. */
+struct sst_raw {
+    uint32_t fourcc; /* V4L2: GREY, Y16, YUYV, BA81, GBRG, GRBG, RGGB */
+    int width, height;
+    size_t stride; /* bytes; 0: rows without padding */
+    const uint8_t *data;
+    size_t bytes;
+};
+
+/**
+ * Write a frame as PNG: GREY and Y16 value for value (8 and 16 bits), YUYV and Bayer as sst_raw_to_image() makes them.
+ * @return 0, -EINVAL (format), -EBADMSG (fewer bytes than the size needs; an odd width of YUYV), or a writer's error; logged.
+ */
+SST_MUST_CHECK int sst_raw_write_png(const struct sst_raw *raw, const char *path);
+
+/**
+ * RGB of a YUYV or Bayer frame.
+ *
+ * YUYV: BT.601, limited range, as V4L2 defines cameras' default; chroma lies on even columns, odd ones take the mean of
+ * both neighbours. The conversion rounds, so the way back is not exact.
+ * Bayer: Malvar, He, Cutler, High-quality linear interpolation for demosaicing of Bayer-patterned color images, ICASSP
+ * 2004; the frame is mirrored at its edges. Recorded samples stay as they are.
+ * @param img  out, initialised here
+ * @return 0, -EINVAL, -EBADMSG, -ENOMEM; not logged.
+ */
+SST_MUST_CHECK int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw);
+
+SST_EXTERN_C_END
+
+#endif

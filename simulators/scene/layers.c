@@ -1,0 +1,168 @@
+/*
+ * Colour is spent on what does not move once a camera, not once a picture: the samples of all fixed opaque surfaces are
+ * kept, and for each picture the moving ones are drawn over a copy of them, band by band and only in the columns that
+ * they touch. Translucent surfaces blend with what is behind them, so in those columns all of them are drawn again.
+ */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "simulators/scene/raster.h"
+
+struct sst_layers {
+    struct sst_raster r;   /* its world changes from picture to picture */
+    const bool *moving;    /* [count] */
+    struct sst_seen *seen; /* [count] */
+    struct sst_band fixed; /* the whole picture before translucent surfaces */
+    struct sst_band work;
+    struct sst_image picture; /* of all that is fixed */
+};
+
+static bool same_vec(struct sst_vec3 a, struct sst_vec3 b)
+{
+    return a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+void sst_world_compare(const struct sst_world *a, const struct sst_world *b, bool *moving)
+{
+    for (int i = 0; i < a->count; i++) {
+        const struct sst_surface *s = &a->surfaces[i], *t = &b->surfaces[i];
+
+        if (!same_vec(s->origin, t->origin) || !same_vec(s->u, t->u) || !same_vec(s->v, t->v) || !same_vec(s->w, t->w))
+            moving[i] = true;
+    }
+}
+
+/* Columns x0 .. x1-1 of the work band as they are without what moves. */
+static void restore(struct sst_layers *l)
+{
+    struct sst_band *to = &l->work;
+    const size_t n = (size_t)(to->x1 - to->x0);
+
+    for (int k = 0; k < SST_COLOURS; k++) {
+        for (int y = to->y0; y < to->y0 + to->rows; y++) {
+            const size_t at = sst_band_cell(to, k, y, to->x0), from = sst_band_cell(&l->fixed, k, y, to->x0);
+
+            memcpy(to->inv_z + at, l->fixed.inv_z + from, n * sizeof(*to->inv_z));
+            memcpy(to->owner + at, l->fixed.owner + from, n * sizeof(*to->owner));
+            memcpy(to->colour + at, l->fixed.colour + from, n * sizeof(*to->colour));
+        }
+    }
+}
+
+static void draw_translucent(struct sst_layers *l, bool with_moving)
+{
+    for (int i = 0; i < l->r.world->count; i++) {
+        if (l->r.world->surfaces[i].translucent && (with_moving || !l->moving[i]))
+            sst_band_translucent(&l->work, (uint32_t)i);
+    }
+}
+
+/* The picture of all that is fixed, from its samples. */
+static void finish_fixed(struct sst_layers *l)
+{
+    struct sst_image *image = l->r.image;
+
+    l->r.image = &l->picture;
+    l->work.x0 = 0;
+    l->work.x1 = l->r.width;
+    for (l->work.y0 = 0; l->work.y0 < l->r.height; l->work.y0 += SST_BAND_ROWS) {
+        l->work.rows = sst_min_int(SST_BAND_ROWS, l->r.height - l->work.y0);
+        restore(l);
+        draw_translucent(l, false);
+        sst_band_store(&l->work);
+    }
+    l->r.image = image;
+}
+
+int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const bool *moving)
+{
+    struct sst_layers *l = calloc(1, sizeof(*l));
+    int err = -ENOMEM;
+
+    if (!l)
+        return err;
+    l->r = *r;
+    l->moving = moving;
+    l->seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*l->seen));
+    if (!l->seen || (err = sst_band_init(&l->fixed, &l->r, r->height)) ||
+        (err = sst_band_init(&l->work, &l->r, SST_BAND_ROWS)) ||
+        (err = sst_image_init(&l->picture, r->width, r->height))) {
+        sst_layers_destroy(l);
+        return err;
+    }
+    l->fixed.seen = l->work.seen = l->seen;
+    l->fixed.rows = r->height;
+    for (int i = 0; i < r->world->count; i++)
+        sst_surface_see(r, &r->world->surfaces[i], &l->seen[i]);
+    sst_band_clear(&l->fixed);
+    for (int i = 0; i < r->world->count; i++) {
+        if (!moving[i] && !r->world->surfaces[i].translucent)
+            sst_band_opaque(&l->fixed, (uint32_t)i);
+    }
+    sst_band_colour(&l->fixed, NULL);
+    finish_fixed(l);
+    *out = l;
+    return 0;
+}
+
+void sst_layers_destroy(struct sst_layers *l)
+{
+    if (!l)
+        return;
+    sst_image_fini(&l->picture);
+    sst_band_fini(&l->work);
+    sst_band_fini(&l->fixed);
+    sst_mem_free(l->seen);
+    free(l);
+}
+
+/* Columns of the band that moving surfaces may touch. */
+static void find_columns(struct sst_layers *l)
+{
+    struct sst_band *b = &l->work;
+
+    b->x0 = l->r.width;
+    b->x1 = 0;
+    for (int i = 0; i < l->r.world->count; i++) {
+        const struct sst_seen *g = &l->seen[i];
+
+        if (!l->moving[i] || g->x0 >= g->x1 || g->y0 >= b->y0 + b->rows || g->y1 <= b->y0)
+            continue;
+        b->x0 = sst_min_int(b->x0, g->x0);
+        b->x1 = sst_max_int(b->x1, g->x1);
+    }
+}
+
+static void draw_band(struct sst_layers *l)
+{
+    for (int c = 0; c < 3; c++) {
+        for (int y = l->work.y0; y < l->work.y0 + l->work.rows; y++)
+            memcpy(sst_image_row(l->r.image, c, y), sst_image_row(&l->picture, c, y), (size_t)l->r.width);
+    }
+    find_columns(l);
+    if (l->work.x0 >= l->work.x1)
+        return;
+    restore(l);
+    for (int i = 0; i < l->r.world->count; i++) {
+        if (l->moving[i] && !l->r.world->surfaces[i].translucent)
+            sst_band_opaque(&l->work, (uint32_t)i);
+    }
+    sst_band_colour(&l->work, l->moving);
+    draw_translucent(l, true);
+    sst_band_store(&l->work);
+}
+
+void sst_layers_draw(struct sst_layers *l, const struct sst_world *world, int y0, int y1)
+{
+    l->r.world = world;
+    for (int i = 0; i < world->count; i++) {
+        if (l->moving[i])
+            sst_surface_see(&l->r, &world->surfaces[i], &l->seen[i]);
+    }
+    for (l->work.y0 = y0; l->work.y0 < y1; l->work.y0 += SST_BAND_ROWS) {
+        l->work.rows = sst_min_int(SST_BAND_ROWS, y1 - l->work.y0);
+        draw_band(l);
+    }
+}

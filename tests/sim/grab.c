@@ -1,0 +1,321 @@
+/* drivers/grab on simulated cameras: every fault that a camera can have, plugging, recovery. Runs itself in sst-sim. */
+#include <dirent.h>
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+
+#include "base/log.h"
+#include "drivers/grab/stream.h"
+#include "tests/grab_rig.h"
+
+#define DEADLINE_S 120 /* for the whole program, under a sanitizer on a busy machine */
+
+static struct rig rig;
+
+static int open_descriptors(void)
+{
+    DIR *dir = opendir("/proc/self/fd");
+    int n = 0;
+
+    while (readdir(dir))
+        n++;
+    closedir(dir);
+    return n;
+}
+
+static struct sst_grab_counters counters(int cam)
+{
+    struct sst_grab_counters c;
+
+    sst_grab_counters(rig.grab, cam, &c);
+    return c;
+}
+
+/* Also after a test that failed half-way. */
+static int clean_up(void **state SST_UNUSED)
+{
+    if (rig.grab)
+        rig_stop(&rig);
+    return rig_fault_reset();
+}
+
+/* --- tests -------------------------------------------------------------------------------------------------------- */
+
+static void all_cameras_stream(void **state SST_UNUSED)
+{
+    const int before = open_descriptors();
+
+    assert_int_equal(rig_config(&rig, 36), 0);
+    assert_int_equal(rig_start(&rig), 36);
+    assert_int_equal(rig_run(&rig, 1500), 0);
+    for (int i = 0; i < 36; i++) {
+        const struct sst_grab_counters c = counters(i);
+
+        assert_in_range(c.frames, 8, 20);
+        assert_int_equal(c.frames, rig.cam[i].frames);
+        if (c.bad || c.lost || rig.cam[i].faults)
+            fail_msg("camera %d: %u of %u frames bad, %u lost, faults 0x%x", i, (unsigned)c.bad, (unsigned)c.frames,
+                     (unsigned)c.lost, rig.cam[i].faults);
+        assert_int_equal(sst_grab_camera_state(rig.grab, i), SST_GRAB_STREAMING);
+    }
+    rig_stop(&rig);
+    assert_int_equal(open_descriptors(), before);
+}
+
+/* Damaged frames are told by what is wrong with them, and cost no camera its stream. */
+static void damage_is_told_by_kind(void **state SST_UNUSED)
+{
+    static const struct {
+        const char *fault;
+        unsigned any_of, none_of;
+    } kinds[] = {
+        { "camera.%d.error_flag=0.5", SST_FRAME_FLAGGED, SST_FRAME_FROZEN },
+        { "camera.%d.truncated=0.5", SST_FRAME_NO_EOI, SST_FRAME_NO_SOI },
+        { "camera.%d.corrupt_soi=0.5", SST_FRAME_NO_SOI, SST_FRAME_NO_EOI },
+        { "camera.%d.corrupt_eoi=0.5", SST_FRAME_NO_EOI, SST_FRAME_NO_SOI },
+        { "camera.%d.short=0.5", SST_FRAME_NO_EOI, SST_FRAME_NO_SOI },
+        { "camera.%d.backwards=0.5", SST_FRAME_BACKWARDS, SST_FRAME_NO_EOI },
+        { "camera.%d.frozen=1", SST_FRAME_FROZEN, SST_FRAME_BAD },
+        { "camera.%d.time_wrap=1", SST_FRAME_BACKWARDS, SST_FRAME_FLAGGED },
+        { "camera.%d.sequence_wrap=1", 0, SST_FRAME_BAD },
+        { "camera.%d.gap=0.3", 0, SST_FRAME_BAD },
+        { "camera.%d.eio=0.2", 0, SST_FRAME_BAD },
+        { "camera.%d.corrupt_mid=0", 0, SST_FRAME_BAD },
+    };
+    const int n = (int)ARRAY_LEN(kinds);
+
+    assert_int_equal(rig_config(&rig, n), 0);
+    assert_int_equal(rig_start(&rig), n);
+    for (int i = 0; i < n; i++)
+        assert_int_equal(rig_fault(kinds[i].fault, i), 0);
+    assert_int_equal(rig_run(&rig, 3500), 0);
+    for (int i = 0; i < n; i++) {
+        const struct sst_grab_counters c = counters(i);
+
+        if (kinds[i].any_of && !(rig.cam[i].faults & kinds[i].any_of))
+            fail_msg("%s: faults 0x%x", kinds[i].fault, rig.cam[i].faults);
+        if (rig.cam[i].faults & kinds[i].none_of)
+            fail_msg("%s: faults 0x%x", kinds[i].fault, rig.cam[i].faults);
+        assert_int_equal(c.rung[SST_GRAB_RESTREAM] + c.rung[SST_GRAB_REOPEN], 0);
+        assert_int_equal(c.lost > 0, strstr(kinds[i].fault, "gap") != NULL);
+        assert_int_equal(c.lost, rig.cam[i].lost);
+        assert_int_equal(rig_fault("camera.%d.frozen=0", i), 0);
+    }
+    rig_stop(&rig);
+    for (int i = 0; i < n; i++) {
+        char off[64];
+
+        snprintf(off, sizeof(off), "%s", kinds[i].fault);
+        strcpy(strchr(off, '=') + 1, "0");
+        assert_int_equal(rig_fault(off, i), 0);
+    }
+}
+
+/* Cameras that hang until a rung of the ladder: the rung brings them back, and the others lose nothing. */
+static void each_rung_brings_back_what_it_can(void **state SST_UNUSED)
+{
+    static const int stalled[] = { 2, 4, 6 };
+
+    assert_int_equal(rig_config(&rig, 8), 0);
+    rig.cfg.stall_ms = 400;
+    assert_int_equal(rig_start(&rig), 8);
+    assert_int_equal(rig_run(&rig, 500), 0);
+    assert_int_equal(rig_fault("camera.%d.stall=1", 2), 0);
+    assert_int_equal(rig_fault("camera.%d.stall=2", 4), 0);
+    assert_int_equal(rig_fault("camera.%d.stall=3", 6), 0);
+    assert_int_equal(rig_run(&rig, 300), 0);
+    for (int i = 0; i < 3; i++) {
+        assert_true(rig_until(&rig, stalled[i], SST_GRAB_RECOVERING, 2000) >= 0);
+        assert_true(rig_until(&rig, stalled[i], SST_GRAB_STREAMING, 12000) >= 0);
+    }
+    assert_int_equal(counters(2).rung[SST_GRAB_RESTREAM], 1);
+    assert_int_equal(counters(2).rung[SST_GRAB_REOPEN], 0);
+    assert_int_equal(counters(4).rung[SST_GRAB_REOPEN], 1);
+    assert_int_equal(counters(4).rung[SST_GRAB_RESET], 0);
+    assert_int_equal(counters(6).rung[SST_GRAB_RESET], 1);
+    for (int i = 0; i < 8; i++) {
+        const struct sst_grab_counters c = counters(i);
+
+        if (i != 2 && i != 4 && i != 6)
+            assert_int_equal(c.lost + c.bad + c.rung[SST_GRAB_RESTREAM], 0);
+    }
+    rig_stop(&rig);
+}
+
+/* Unplugged with frames still lent out, back under another number: the same camera, and quickly. */
+static void a_camera_comes_back(void **state SST_UNUSED)
+{
+    char before[SST_GRAB_NAME_MAX];
+    int ms;
+
+    assert_int_equal(rig_config(&rig, 6), 0);
+    assert_int_equal(rig_start(&rig), 6);
+    rig.hold_cam = 3;
+    assert_int_equal(rig_run(&rig, 250), 0);
+    assert_true(rig.held_count > 0);
+    strcpy(before, sst_grab_camera_device(rig.grab, 3)->node);
+    assert_int_equal(rig_fault("camera.%d.unplug=1", 1), 0);
+    assert_int_equal(rig_fault("camera.%d.unplug=1", 3), 0);
+    assert_true(rig_until(&rig, 3, SST_GRAB_ABSENT, 3000) >= 0);
+    assert_int_equal(rig.held[0]->data[0], 0xff); /* what is lent out stays readable */
+    assert_int_equal(rig_run(&rig, 300), 0);
+    assert_int_equal(rig_fault("camera.%d.unplug=0", 3), 0); /* takes the lower number of camera 1 */
+    ms = rig_until(&rig, 3, SST_GRAB_STREAMING, 4000);
+    assert_in_range(ms, 0, 2000);
+    rig_release_held(&rig);
+    assert_string_not_equal(before, sst_grab_camera_device(rig.grab, 3)->node);
+    assert_string_equal(sst_grab_camera_device(rig.grab, 3)->serial, "SIM0003");
+    assert_int_equal(rig_fault("camera.%d.unplug=0", 1), 0);
+    assert_true(rig_until(&rig, 1, SST_GRAB_STREAMING, 4000) >= 0);
+    assert_int_equal(counters(3).lost_devices, 1);
+    assert_int_equal(counters(3).found_devices, 2); /* at the start, and again */
+    assert_int_equal(rig_run(&rig, 500), 0);
+    assert_int_equal(counters(0).lost + counters(0).bad, 0);
+    rig_stop(&rig);
+}
+
+/* What a camera refuses is told with its reason, does not climb to a reset, and is tried again. */
+static void refusals_give_their_reason(void **state SST_UNUSED)
+{
+    assert_int_equal(rig_config(&rig, 3), 0);
+    assert_int_equal(rig_fault("camera.%d.busy=1", 0), 0);
+    assert_int_equal(rig_fault("camera.%d.nospace=1", 1), 0);
+    assert_int_equal(rig_start(&rig), 1);
+    assert_int_equal(rig.cam[0].state, SST_GRAB_REFUSED);
+    assert_non_null(strstr(rig.cam[0].why, "another program"));
+    assert_int_equal(rig.cam[1].state, SST_GRAB_REFUSED);
+    assert_non_null(strstr(rig.cam[1].why, "USB bandwidth"));
+    assert_non_null(strstr(rig.cam[1].why, "sst plan"));
+    assert_int_equal(rig_fault("camera.%d.busy=0", 0), 0);
+    assert_int_equal(rig_fault("camera.%d.nospace=0", 1), 0);
+    assert_true(rig_until(&rig, 0, SST_GRAB_STREAMING, 6000) >= 0);
+    assert_true(rig_until(&rig, 1, SST_GRAB_STREAMING, 6000) >= 0);
+    assert_int_equal(counters(0).rung[SST_GRAB_RESET] + counters(1).rung[SST_GRAB_RESET], 0);
+    rig_stop(&rig);
+
+    assert_int_equal(rig_config(&rig, 1), 0);
+    rig.cfg.width += 2;
+    assert_int_equal(rig_start(&rig), 0);
+    assert_int_equal(rig.cam[0].state, SST_GRAB_REFUSED);
+    assert_non_null(strstr(rig.cam[0].why, "nearest"));
+    rig_stop(&rig);
+
+    assert_int_equal(rig_config(&rig, 1), 0);
+    rig.cfg.fourcc = 0x30313050; /* P010 */
+    assert_int_equal(rig_start(&rig), 0);
+    assert_non_null(strstr(rig.cam[0].why, "MJPG"));
+    rig_stop(&rig);
+}
+
+/* A receiver that keeps everything loses frames, which are counted, and harms no other camera. */
+static void a_slow_receiver_is_no_fault_of_the_camera(void **state SST_UNUSED)
+{
+    assert_int_equal(rig_config(&rig, 2), 0);
+    rig.cfg.stall_ms = 300;
+    rig.cfg.rate_hz = 20;
+    assert_int_equal(rig_start(&rig), 2);
+    rig.hold_cam = 0;
+    assert_int_equal(rig_run(&rig, 1200), 0);
+    assert_int_equal(rig.held_count, rig.cfg.buffers);
+    assert_int_equal(counters(0).rung[SST_GRAB_RESTREAM], 0);
+    rig_release_held(&rig);
+    assert_int_equal(rig_run(&rig, 400), 0);
+    assert_true(counters(0).lost >= 10);
+    assert_true(counters(0).frames > (uint64_t)rig.cfg.buffers);
+    assert_int_equal(counters(1).lost, 0);
+    rig_stop(&rig);
+}
+
+/* A camera that takes seconds to open holds up neither the others nor the end. */
+static void slowness_stays_with_its_camera(void **state SST_UNUSED)
+{
+    int64_t begin_ns;
+
+    assert_int_equal(rig_config(&rig, 4), 0);
+    assert_int_equal(rig_start(&rig), 4);
+    assert_int_equal(rig_fault("camera.%d.slow_open_ms=4000", 2), 0);
+    assert_int_equal(rig_fault("camera.%d.unplug=1", 2), 0);
+    assert_true(rig_until(&rig, 2, SST_GRAB_ABSENT, 3000) >= 0);
+    assert_int_equal(rig_fault("camera.%d.unplug=0", 2), 0);
+    for (int i = 0; i < 4; i++)
+        rig.cam[i].longest_gap_ns = rig.cam[i].last_ns = 0;
+    assert_int_equal(rig_run(&rig, 1500), 0);
+    for (int i = 0; i < 4; i++)
+        assert_true(rig.cam[i].longest_gap_ns < 1000 * RIG_MS);
+    assert_int_equal(counters(0).lost, 0);
+    begin_ns = sst_clock_now_ns();
+    rig_stop(&rig);
+    assert_true(sst_clock_now_ns() - begin_ns < 2000 * RIG_MS);
+    assert_int_equal(rig_fault("camera.%d.slow_open_ms=0", 2), 0);
+}
+
+static void two_devices_of_one_serial_are_refused(void **state SST_UNUSED)
+{
+    char text[SST_LOG_MAX] = "";
+
+    assert_int_equal(rig_config(&rig, 6), 0);
+    assert_int_equal(rig_fault("camera.%d.swap=1", 3), 0); /* SIM0004 twice */
+    (void)sst_log_hold_errors(text);
+    assert_int_equal(rig_start(&rig), -ENOTUNIQ);
+    (void)sst_log_hold_errors(NULL);
+    assert_non_null(strstr(text, "SIM0004"));
+    assert_non_null(strstr(text, "port"));
+    assert_int_equal(rig_fault("camera.%d.swap=0", 3), 0);
+}
+
+/* Controls are set modes first and read back; what did not take is named. */
+static void controls_are_read_back(void **state SST_UNUSED)
+{
+    char why[SST_WHY_MAX], note[SST_WHY_MAX];
+    struct sst_grab_device *devices;
+    struct sst_stream *stream;
+    int count;
+
+    assert_int_equal(rig_config(&rig, 1), 0);
+    assert_int_equal(sst_grab_list(&devices, &count), 0);
+    rig.cfg.controls = 3;
+    rig.cfg.control[0] = (struct sst_grab_control){ "exposure_time_absolute", 120 };
+    rig.cfg.control[1] = (struct sst_grab_control){ "auto_exposure", 1 };
+    rig.cfg.control[2] = (struct sst_grab_control){ "gain", 20 };
+    assert_int_equal(sst_stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
+    assert_string_equal(note, "");
+    sst_stream_close(stream);
+
+    rig.cfg.control[2].value = 1000000;
+    snprintf(rig.cfg.control[0].name, SST_GRAB_NAME_MAX, "exposure");
+    assert_int_equal(sst_stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
+    assert_non_null(strstr(note, "there is no control exposure"));
+    assert_non_null(strstr(note, "gain cannot be 1000000"));
+    sst_stream_close(stream);
+
+    assert_int_equal(rig_fault("camera.%d.control_stuck=1", 0), 0);
+    rig.cfg.controls = 1;
+    rig.cfg.control[0] = (struct sst_grab_control){ "gain", 33 };
+    assert_int_equal(sst_stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
+    assert_non_null(strstr(note, "gain reads back as"));
+    sst_stream_close(stream);
+    assert_int_equal(rig_fault("camera.%d.control_stuck=0", 0), 0);
+    free(devices);
+}
+
+int main(int argc SST_UNUSED, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_teardown(all_cameras_stream, clean_up),
+        cmocka_unit_test_teardown(damage_is_told_by_kind, clean_up),
+        cmocka_unit_test_teardown(each_rung_brings_back_what_it_can, clean_up),
+        cmocka_unit_test_teardown(a_camera_comes_back, clean_up),
+        cmocka_unit_test_teardown(refusals_give_their_reason, clean_up),
+        cmocka_unit_test_teardown(a_slow_receiver_is_no_fault_of_the_camera, clean_up),
+        cmocka_unit_test_teardown(slowness_stays_with_its_camera, clean_up),
+        cmocka_unit_test_teardown(two_devices_of_one_serial_are_refused, clean_up),
+        cmocka_unit_test_teardown(controls_are_read_back, clean_up),
+    };
+
+    rig_enter_session(argv);
+    alarm(DEADLINE_S);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,297 @@
+/* drivers/trigger on the simulated GPIO chip: trains with loop-back stamps, groups, and every fault by its name. */
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "drivers/trigger/trigger.h"
+
+static const char *build_dir(void)
+{
+    const char *dir = getenv("SST_BUILD");
+
+    return dir ? dir : "build";
+}
+
+static void set_fault(const char *fault)
+{
+    char command[512];
+
+    snprintf(command, sizeof(command), "%s/sst-sim fault %s", build_dir(), fault);
+    assert_int_equal(system(command), 0);
+}
+
+static struct sst_trigger_config config(int lines, const char *loopback)
+{
+    struct sst_trigger_config cfg;
+
+    sst_trigger_config_defaults(&cfg);
+    strcpy(cfg.chip, "sst-trigger");
+    cfg.lines = lines;
+    for (int i = 0; i < lines; i++)
+        snprintf(cfg.line[i], sizeof(cfg.line[i]), "TRIG%d", i);
+    strcpy(cfg.loopback, loopback);
+    return cfg;
+}
+
+struct edges {
+    _Atomic int n;
+    struct sst_trigger_edge edge[256];
+};
+
+static void note(void *arg, const struct sst_trigger_edge *edge)
+{
+    struct edges *e = arg;
+
+    if (e->n < 256) {
+        e->edge[e->n] = *edge;
+        e->n++;
+    }
+}
+
+static bool wait_idle(const struct sst_trigger *t, int timeout_ms)
+{
+    for (int i = 0; i < timeout_ms && !sst_trigger_idle(t); i++)
+        usleep(1000);
+    return sst_trigger_idle(t);
+}
+
+/* 10/s for 3 s: 30 edges, each stamped by the chip between the reads around the ioctl, near its beat. */
+static void train_of_three_seconds(void **state SST_UNUSED)
+{
+    const struct sst_trigger_config cfg = config(6, "LOOP0");
+    struct edges edges = { .n = 0 };
+    struct sst_trigger_counters counters;
+    struct sst_trigger *t;
+    int near = 0;
+
+    assert_int_equal(sst_trigger_open(&t, &cfg, note, &edges), 0);
+    assert_int_equal(sst_trigger_start(t, 10, 30), 0);
+    assert_true(wait_idle(t, 10000));
+    assert_int_equal(sst_trigger_stop(t), 0);
+    sst_trigger_counters(t, &counters);
+    assert_int_equal(counters.fired + sst_trigger_skipped(t), 30);
+    assert_int_equal(edges.n, counters.fired);
+    for (int i = 0; i < edges.n; i++) {
+        const struct sst_trigger_edge *e = &edges.edge[i];
+
+        assert_int_equal((e->due_ns - edges.edge[0].due_ns) % 100000000, 0);
+        assert_true(e->before_ns >= e->due_ns);
+        assert_true(e->kernel_ns >= e->before_ns && e->kernel_ns <= e->after_ns);
+        near += e->kernel_ns - e->due_ns < 1000000;
+    }
+    if (near < edges.n)
+        print_message("%d of %d beats within 1 ms\n", near, edges.n);
+    assert_true(near * 10 >= edges.n * 8); /* the machine may be busy with other things for a while */
+    assert_int_equal(counters.edges_missing, 0);
+    sst_trigger_close(t);
+}
+
+/* Two groups, 2 ms apart; the loop-back line hangs on the first one. */
+static void groups_fire_one_after_the_other(void **state SST_UNUSED)
+{
+    struct sst_trigger_config cfg = config(4, "LOOP0");
+    struct edges edges = { .n = 0 };
+    struct sst_trigger *t;
+
+    cfg.delay_us[2] = cfg.delay_us[3] = 2000;
+    assert_int_equal(sst_trigger_open(&t, &cfg, note, &edges), 0);
+    assert_int_equal(sst_trigger_start(t, 50, 10), 0);
+    assert_true(wait_idle(t, 5000));
+    assert_true(edges.n > 0);
+    assert_true(edges.edge[0].kernel_ns >= edges.edge[0].before_ns);
+    assert_int_equal(sst_trigger_fire(t), 0);
+    sst_trigger_close(t);
+}
+
+static void offsets_and_names_alone_will_do(void **state SST_UNUSED)
+{
+    struct sst_trigger_config cfg = config(1, "");
+    struct sst_trigger *t;
+
+    cfg.chip[0] = 0;
+    assert_int_equal(sst_trigger_open(&t, &cfg, NULL, NULL), 0);
+    assert_int_equal(sst_trigger_fire(t), 0);
+    sst_trigger_close(t);
+    strcpy(cfg.chip, "sst-trigger");
+    strcpy(cfg.line[0], "1");
+    assert_int_equal(sst_trigger_open(&t, &cfg, NULL, NULL), 0);
+    sst_trigger_close(t);
+}
+
+/* What open says when it refuses. */
+static int refusal(const struct sst_trigger_config *cfg, char text[SST_LOG_MAX])
+{
+    struct sst_trigger *t = NULL;
+    char *before = sst_log_hold_errors(text);
+    int err;
+
+    text[0] = 0;
+    err = sst_trigger_open(&t, cfg, NULL, NULL);
+    (void)sst_log_hold_errors(before);
+    sst_trigger_close(t);
+    return err;
+}
+
+static void what_is_not_there_is_named(void **state SST_UNUSED)
+{
+    struct sst_trigger_config cfg = config(2, "LOOP0");
+    char text[SST_LOG_MAX];
+
+    strcpy(cfg.line[1], "TRIG99");
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+    assert_non_null(strstr(text, "TRIG99"));
+    assert_non_null(strstr(text, "TRIG0"));
+    strcpy(cfg.chip, "other-chip");
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+    assert_non_null(strstr(text, "other-chip"));
+    assert_non_null(strstr(text, "\"sst-trigger\""));
+    strcpy(cfg.chip, "sst-trigger");
+    strcpy(cfg.line[1], "999");
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+    cfg.chip[0] = 0;
+    assert_int_equal(refusal(&cfg, text), -ENODEV);
+}
+
+static void line_in_use_names_its_holder(void **state SST_UNUSED)
+{
+    const struct sst_trigger_config cfg = config(2, "LOOP0");
+    char text[SST_LOG_MAX];
+    struct sst_trigger *t;
+
+    assert_int_equal(sst_trigger_open(&t, &cfg, NULL, NULL), 0);
+    assert_int_equal(refusal(&cfg, text), -EBUSY);
+    assert_non_null(strstr(text, "TRIG0"));
+    assert_non_null(strstr(text, "in use by \"sst-trigger\""));
+    sst_trigger_close(t);
+    set_fault("gpio.busy=1");
+    assert_int_equal(refusal(&cfg, text), -EBUSY);
+    set_fault("gpio.busy=0");
+    assert_int_equal(refusal(&cfg, text), 0);
+}
+
+static void missing_rights_are_named(void **state SST_UNUSED)
+{
+    const struct sst_trigger_config cfg = config(2, "LOOP0");
+    char text[SST_LOG_MAX];
+
+    set_fault("gpio.denied=1");
+    assert_int_equal(refusal(&cfg, text), -EACCES);
+    assert_non_null(strstr(text, "no right"));
+    assert_non_null(strstr(text, "group"));
+    set_fault("gpio.denied=0");
+    assert_int_equal(refusal(&cfg, text), 0);
+}
+
+static void lost_edges_are_counted(void **state SST_UNUSED)
+{
+    const struct sst_trigger_config cfg = config(1, "LOOP0");
+    struct edges edges = { .n = 0 };
+    struct sst_trigger_counters counters;
+    struct sst_trigger *t;
+
+    set_fault("gpio.lost_edges=1");
+    assert_int_equal(sst_trigger_open(&t, &cfg, note, &edges), 0);
+    assert_int_equal(sst_trigger_start(t, 50, 10), 0);
+    assert_true(wait_idle(t, 5000));
+    sst_trigger_counters(t, &counters);
+    assert_int_equal(counters.edges_missing, counters.fired);
+    assert_int_equal(edges.n, counters.fired);
+    for (int i = 0; i < edges.n; i++)
+        assert_int_equal(edges.edge[i].kernel_ns, 0);
+    set_fault("gpio.lost_edges=0");
+    assert_int_equal(sst_trigger_fire(t), 0);
+    assert_true(edges.edge[edges.n - 1].kernel_ns > 0);
+    sst_trigger_close(t);
+}
+
+/* The chip goes while a train runs, and comes back: the train has ended with an error, and another one can be started. */
+static void vanished_chip_is_found_again(void **state SST_UNUSED)
+{
+    const struct sst_trigger_config cfg = config(6, "LOOP0");
+    struct edges edges = { .n = 0 };
+    struct sst_trigger_counters counters;
+    struct sst_trigger *t;
+    int err = -ENODEV;
+
+    assert_int_equal(sst_trigger_open(&t, &cfg, note, &edges), 0);
+    assert_int_equal(sst_trigger_start(t, 50, 0), 0);
+    usleep(100000);
+    set_fault("gpio.vanish=1");
+    assert_true(wait_idle(t, 5000));
+    assert_true(sst_trigger_stop(t) < 0);
+    assert_int_equal(sst_trigger_start(t, 50, 5), -ENODEV);
+    assert_int_equal(sst_trigger_fire(t), -ENODEV);
+    set_fault("gpio.vanish=0");
+    for (int i = 0; i < 100 && err == -ENODEV; i++) {
+        usleep(100000);
+        err = sst_trigger_start(t, 50, 5);
+    }
+    assert_int_equal(err, 0);
+    assert_true(wait_idle(t, 5000));
+    assert_int_equal(sst_trigger_stop(t), 0);
+    sst_trigger_counters(t, &counters);
+    assert_int_equal(counters.chip_lost, 1);
+    assert_int_equal(counters.chip_found, 1);
+    for (int i = 0; i < edges.n; i++)
+        assert_int_equal(edges.edge[i].index, i);
+    sst_trigger_close(t);
+}
+
+/* Looking without taking: what doctor asks. */
+static void check_holds_nothing(void **state SST_UNUSED)
+{
+    struct sst_trigger_config cfg = config(6, "LOOP0");
+    struct sst_trigger *t;
+    char why[512];
+
+    assert_int_equal(sst_trigger_check(&cfg, why, sizeof(why)), 0);
+    assert_non_null(strstr(why, "all 7 lines"));
+    assert_int_equal(sst_trigger_open(&t, &cfg, NULL, NULL), 0);
+    assert_int_equal(sst_trigger_check(&cfg, why, sizeof(why)), -EBUSY);
+    sst_trigger_close(t);
+    strcpy(cfg.chip, "none");
+    assert_int_equal(sst_trigger_check(&cfg, why, sizeof(why)), -ENODEV);
+}
+
+int main(int argc SST_UNUSED, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(train_of_three_seconds),
+        cmocka_unit_test(groups_fire_one_after_the_other),
+        cmocka_unit_test(offsets_and_names_alone_will_do),
+        cmocka_unit_test(what_is_not_there_is_named),
+        cmocka_unit_test(line_in_use_names_its_holder),
+        cmocka_unit_test(missing_rights_are_named),
+        cmocka_unit_test(lost_edges_are_counted),
+        cmocka_unit_test(vanished_chip_is_found_again),
+        cmocka_unit_test(check_holds_nothing),
+    };
+    char program[512];
+
+    if (!WITH_GPIOD) {
+        puts("built without libgpiod");
+        return 77;
+    }
+    snprintf(program, sizeof(program), "%s/sst-sim", build_dir());
+    if (!getenv("SST_SIM_DIR")) { /* outside a session: run once more inside one */
+        if (access(program, X_OK)) {
+            printf("%s is not built\n", program);
+            return 77;
+        }
+        execl(program, "sst-sim", "--quiet", "--", argv[0], (char *)NULL);
+        perror(program);
+        return 1;
+    }
+    alarm(120);
+    return cmocka_run_group_tests_name("trigger on a simulated chip", tests, NULL, NULL);
+}

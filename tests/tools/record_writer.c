@@ -1,0 +1,224 @@
+/* Records synthetic sets, to be killed, starved and measured; and checks what it recorded by content.
+ *
+ *   record_writer write DIR [name=value ...]   prints the number of sets written after each one
+ *   record_writer check DIR [name=value ...]   exit 0: every set is what was written; prints how many there are
+ *   record_writer bench DIR [name=value ...]   prints the cost of a set
+ * cameras=36 bytes=40000 sets=100 rate=10 sync=1 segment_s=60 segment_bytes=0 append=0 holes=1 exact=0 pace=0
+ * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0
+ * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; first: index of the
+ * first set; stay: after an error go on with the next set 20 ms later. */
+#include <errno.h>
+#include <stdio.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <linux/videodev2.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "daemon/recording/pixel_format.h"
+#include "daemon/recording/recording.h"
+#include "pipeline/image/codec.h"
+#include "tests/synthetic_sets.h"
+
+static struct {
+    const char *name;
+    double value;
+} options[] = {
+    { "cameras", 36 }, { "bytes", 40000 }, { "sets", 100 }, { "rate", 10 }, { "sync", 1 }, { "segment_s", 60 },
+    { "segment_bytes", 0 }, { "append", 0 }, { "holes", 1 }, { "exact", 0 }, { "pace", 0 }, { "width", 640 },
+    { "height", 480 }, { "jpeg", 0 }, { "first", 0 }, { "stay", 0 },
+};
+static const char *format = "MJPG";
+
+static double option(const char *name)
+{
+    for (size_t i = 0; i < ARRAY_LEN(options); i++) {
+        if (!strcmp(options[i].name, name))
+            return options[i].value;
+    }
+    abort();
+}
+
+static void read_options(int argc, char **argv)
+{
+    for (int a = 3; a < argc; a++) {
+        const char *eq = strchr(argv[a], '=');
+        size_t i = 0;
+
+        if (!strncmp(argv[a], "format=", 7)) {
+            format = argv[a] + 7;
+            continue;
+        }
+        while (i < ARRAY_LEN(options) && !(eq && strlen(options[i].name) == (size_t)(eq - argv[a]) &&
+                                           !strncmp(options[i].name, argv[a], (size_t)(eq - argv[a]))))
+            i++;
+        if (i == ARRAY_LEN(options)) {
+            fprintf(stderr, "unknown option %s\n", argv[a]);
+            exit(2);
+        }
+        options[i].value = atof(eq + 1);
+    }
+}
+
+/* Camera cam's picture in set `index`: columns of different brightness, red by camera, blue by set. */
+static size_t make_jpeg(struct synthetic *s, int index, int cam, uint8_t *data)
+{
+    struct sst_image img;
+    char path[] = "/tmp/sst-jpeg-XXXXXX";
+    const int fd = mkstemp(path);
+    uint8_t *file;
+    size_t n;
+
+    if (fd < 0 || sst_image_init(&img, s->width, s->height))
+        abort();
+    for (int y = 0; y < s->height; y++) {
+        memset(sst_image_row(&img, 0, y), cam * 7 % 256, (size_t)s->width);
+        memset(sst_image_row(&img, 2, y), index * 11 % 256, (size_t)s->width);
+        for (int x = 0; x < s->width; x++)
+            sst_image_row(&img, 1, y)[x] = (uint8_t)(x * 3 + cam);
+    }
+    if (sst_image_write_jpeg(&img, path, 90) || sst_file_read(path, s->bytes, &file, &n))
+        abort();
+    memcpy(data, file, n);
+    free(file);
+    sst_image_fini(&img);
+    unlink(path);
+    close(fd);
+    return n;
+}
+
+static void put_pictures(struct synthetic *s, int index, struct sst_set *set)
+{
+    for (int k = 0; k < s->cameras; k++) {
+        if (set->frame[k])
+            set->frame[k]->bytes = make_jpeg(s, index, k, s->data + (size_t)k * s->bytes);
+    }
+}
+
+static int write_sets(struct synthetic *s, const char *dir, bool bench)
+{
+    struct sst_recorder_config cfg = synthetic_config(s, dir);
+    struct sst_recorder_counters c;
+    const int first = (int)option("first"), n = (int)option("sets");
+    int64_t cpu = 0, wall = 0, longest = 0, due = sst_clock_now_ns();
+    struct sst_recorder *r;
+    int err;
+
+    cfg.append = option("append") != 0;
+    cfg.sync_s = option("sync");
+    cfg.segment_s = option("segment_s");
+    cfg.segment_bytes = (int64_t)option("segment_bytes");
+    err = sst_recorder_open(&r, &cfg);
+    for (int i = first; !err && i < first + n; i++) {
+        struct sst_set set;
+        int64_t c0, t0, took;
+
+        synthetic_set(s, (uint64_t)i, &set);
+        if (option("jpeg") != 0)
+            put_pictures(s, i, &set);
+        c0 = sst_clock_cpu_ns();
+        t0 = sst_clock_now_ns();
+        err = sst_recorder_write(r, &set);
+        took = sst_clock_now_ns() - t0;
+        cpu += sst_clock_cpu_ns() - c0;
+        wall += took;
+        longest = took > longest ? took : longest;
+        if (!bench && !err) {
+            printf("%d\n", i + 1);
+            fflush(stdout);
+        }
+        if (err && option("stay") != 0) {
+            usleep(20000);
+            err = 0;
+        }
+        due += s->period_ns;
+        if (option("pace") != 0 && due > sst_clock_now_ns())
+            usleep((useconds_t)((due - sst_clock_now_ns()) / 1000));
+    }
+    if (err)
+        return 1;
+    sst_recorder_counters(r, &c);
+    if (sst_recorder_close(r))
+        return 1;
+    if (bench)
+        printf("%d sets of %d cameras, %.3f MB each: CPU %.3f ms, wall %.3f ms, longest %.1f ms per set; "
+               "%llu syncs, longest %.1f ms; %llu segments\n", n, s->cameras, (double)c.bytes * 1e-6 / n,
+               (double)cpu * 1e-6 / n, (double)wall * 1e-6 / n, (double)longest * 1e-6, (unsigned long long)c.syncs,
+               (double)c.sync_max_ns * 1e-6, (unsigned long long)c.segments);
+    return 0;
+}
+
+static bool frame_is(const struct sst_recording *r, const struct sst_recording_set *set, struct synthetic *s, int k)
+{
+    const struct sst_recording_frame *f = &set->frame[k];
+    bool same;
+    uint8_t *data;
+
+    if (f->present == synthetic_missing(s, set->index, k))
+        return false;
+    if (!f->present)
+        return true;
+    if (f->bytes != synthetic_bytes(s, set->index, k) || f->t_ns != set->t_ns + synthetic_dt_ns(set->index, k) ||
+        sst_recording_frame(r, set, k, &data))
+        return false;
+    synthetic_fill(s->data, f->bytes, set->index, k);
+    same = !memcmp(data, s->data, f->bytes);
+    free(data);
+    return same;
+}
+
+/* Indices grow by one: a set lost between two runs of the writer would show here, and the caller counts the end. */
+static int check_sets(struct synthetic *s, const char *dir)
+{
+    struct sst_recording *r;
+    struct sst_recording_set set;
+    int n;
+
+    if (sst_recording_open(&r, dir))
+        return 1;
+    n = sst_recording_sets(r);
+    for (int i = 0; i < n; i++) {
+        bool good = !sst_recording_set(r, i, &set) && set.index == (uint64_t)i;
+
+        for (int k = 0; good && k < s->cameras; k++)
+            good = frame_is(r, &set, s, k);
+        if (!good) {
+            fprintf(stderr, "set %d is not what was written\n", i);
+            return 1;
+        }
+    }
+    printf("%d\n", n);
+    sst_recording_close(r);
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    struct synthetic s = { 0 };
+    int rc = 2;
+
+    if (argc < 3)
+        return 2;
+    read_options(argc, argv);
+    s.cameras = (int)option("cameras");
+    s.width = (int)option("width");
+    s.height = (int)option("height");
+    s.fourcc = sst_pixel_format_parse(format);
+    s.bytes = (size_t)option("bytes");
+    s.exact = option("exact") != 0;
+    if (s.fourcc != V4L2_PIX_FMT_MJPEG) {
+        s.bytes = (size_t)s.width * (size_t)s.height *
+                  (s.fourcc == V4L2_PIX_FMT_YUYV || s.fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1);
+        s.exact = true;
+    }
+    s.period_ns = (int64_t)(1e9 / option("rate"));
+    s.holes = option("holes") != 0;
+    synthetic_init(&s);
+    if (!strcmp(argv[1], "write") || !strcmp(argv[1], "bench"))
+        rc = write_sets(&s, argv[2], argv[1][0] == 'b');
+    else if (!strcmp(argv[1], "check"))
+        rc = check_sets(&s, argv[2]);
+    synthetic_fini(&s);
+    return rc;
+}

@@ -1,0 +1,253 @@
+/* drivers/grab without devices: what a frame's bytes show, which device is which camera, names of controls. */
+#include <errno.h>
+#include <linux/videodev2.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <turbojpeg.h>
+
+#include <cmocka.h>
+
+#include "drivers/grab/control.h"
+#include "drivers/grab/identity.h"
+#include "drivers/grab/raw.h"
+
+/* --- frames ------------------------------------------------------------------------------------------------------- */
+
+/* The smallest file with all that counts: frame header of 16x8, one scan with a stuffed byte and a restart. */
+static const uint8_t tiny[] = {
+    0xff, 0xd8,                                                                         /* 0: SOI */
+    0xff, 0xe0, 0x00, 0x04, 'a', 'b',                                                   /* 2: APP0 */
+    0xff, 0xc0, 0x00, 0x0b, 8, 0x00, 0x08, 0x00, 0x10, 1, 1, 0x11, 0,                   /* 8: SOF0 */
+    0xff, 0xda, 0x00, 0x08, 1, 1, 0, 0, 0x3f, 0,                                        /* 21: SOS */
+    0x12, 0xff, 0x00, 0x34, 0xff, 0xd0, 0x56, 0xff, 0xff, 0xd1, 0x78,                   /* 31: coded data */
+    0xff, 0xd9,                                                                         /* 42: EOI */
+};
+
+/* From the heap, so that the address sanitizer sees a byte too many. */
+static unsigned check_jpeg(const uint8_t *data, size_t bytes)
+{
+    uint8_t *copy = malloc(bytes ? bytes : 1);
+    unsigned faults;
+
+    assert_non_null(copy);
+    memcpy(copy, data, bytes);
+    faults = sst_frame_check(V4L2_PIX_FMT_MJPEG, 16, 8, 0, copy, bytes);
+    free(copy);
+    return faults;
+}
+
+static unsigned check_changed(size_t at, uint8_t value)
+{
+    uint8_t jpeg[sizeof(tiny)];
+
+    memcpy(jpeg, tiny, sizeof(tiny));
+    jpeg[at] = value;
+    return check_jpeg(jpeg, sizeof(jpeg));
+}
+
+static void jpeg_structure_is_walked(void **state SST_UNUSED)
+{
+    uint8_t padded[sizeof(tiny) + 9] = { 0 };
+
+    assert_int_equal(check_jpeg(tiny, sizeof(tiny)), 0);
+    memcpy(padded, tiny, sizeof(tiny));
+    assert_int_equal(check_jpeg(padded, sizeof(padded)), 0); /* padding after the end is usual */
+    assert_int_equal(check_jpeg(tiny, 0), SST_FRAME_EMPTY);
+    assert_int_equal(check_changed(0, 0), SST_FRAME_NO_SOI);
+    assert_int_equal(check_changed(1, 0xd9), SST_FRAME_NO_SOI);
+    assert_int_equal(check_changed(2, 0), SST_FRAME_MARKER);     /* no marker where one must be */
+    assert_int_equal(check_changed(3, 0x02), SST_FRAME_MARKER);  /* reserved */
+    assert_int_equal(check_changed(3, 0xd8), SST_FRAME_MARKER);  /* a second start */
+    assert_int_equal(check_changed(5, 1), SST_FRAME_MARKER);     /* a length below its own two bytes */
+    assert_int_equal(check_changed(4, 0xff), SST_FRAME_NO_EOI);  /* a length beyond the end */
+    assert_int_equal(check_changed(9, 0xda), SST_FRAME_MARKER);  /* scan before the frame header */
+    assert_int_equal(check_changed(9, 0xc4), SST_FRAME_MARKER);  /* no frame header at all */
+    assert_int_equal(check_changed(14, 9), SST_FRAME_MARKER);    /* height */
+    assert_int_equal(check_changed(16, 17), SST_FRAME_MARKER);   /* width */
+    assert_int_equal(check_changed(17, 2), SST_FRAME_MARKER);    /* components against length */
+    assert_int_equal(check_changed(25, 2), SST_FRAME_MARKER);    /* the same of the scan */
+    assert_int_equal(check_changed(33, 0x02), SST_FRAME_MARKER); /* a reserved one within the data */
+    assert_int_equal(check_changed(33, 0xc0), SST_FRAME_NO_EOI); /* a segment there, longer than the file */
+    assert_int_equal(check_changed(43, 0), SST_FRAME_NO_EOI);
+    assert_int_equal(check_changed(22, 0xd9), SST_FRAME_MARKER); /* the end without a scan */
+}
+
+/* Cut anywhere, the file is damaged, and no byte beyond the cut is read. */
+static void jpeg_cut_anywhere_is_damaged(void **state SST_UNUSED)
+{
+    for (size_t n = 0; n < sizeof(tiny); n++)
+        assert_int_not_equal(check_jpeg(tiny, n), 0);
+    assert_int_equal(check_jpeg(tiny, sizeof(tiny) - 1), SST_FRAME_NO_EOI);
+    assert_int_equal(check_jpeg(tiny, 35), SST_FRAME_NO_EOI);
+    assert_int_equal(check_jpeg(tiny, 12), SST_FRAME_NO_EOI);
+}
+
+/* A camera's Huffman tables may be left out (UVC); what an encoder writes passes, progressive too. */
+static void jpeg_of_an_encoder_passes(void **state SST_UNUSED)
+{
+    uint8_t rgb[48 * 64 * 3];
+    tjhandle tj = tjInitCompress();
+
+    for (size_t i = 0; i < sizeof(rgb); i++)
+        rgb[i] = (uint8_t)(i * 2654435761u >> 13);
+    for (int progressive = 0; progressive < 2; progressive++) {
+        unsigned char *jpeg = NULL;
+        unsigned long bytes = 0;
+
+        assert_int_equal(tjCompress2(tj, rgb, 64, 0, 48, TJPF_RGB, &jpeg, &bytes, TJSAMP_422, 95,
+                                     progressive ? TJFLAG_PROGRESSIVE : 0), 0);
+        assert_int_equal(sst_frame_check(V4L2_PIX_FMT_MJPEG, 64, 48, 0, jpeg, bytes), 0);
+        assert_int_equal(sst_frame_check(V4L2_PIX_FMT_MJPEG, 48, 64, 0, jpeg, bytes), SST_FRAME_MARKER);
+        for (unsigned long n = 2; n < bytes - 1; n += 97)
+            assert_int_equal(sst_frame_check(V4L2_PIX_FMT_JPEG, 64, 48, 0, jpeg, n), SST_FRAME_NO_EOI);
+        tjFree(jpeg);
+    }
+    tjDestroy(tj);
+}
+
+static void raw_frames_must_be_whole(void **state SST_UNUSED)
+{
+    static const uint8_t data[1] = { 0 };
+
+    /* YUYV 6x4 with rows of 16 bytes: 3 whole rows and 12 bytes of the last. */
+    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_YUYV, 6, 4, 16), 60);
+    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_YUYV, 6, 4, 0), 48);
+    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_GREY, 5, 3, 0), 15);
+    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_Y10P, 8, 2, 0), 20); /* 4 pixels in 5 bytes */
+    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_NV12, 8, 4, 16), 96);
+    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_MJPEG, 8, 4, 0), 0);
+    assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 59), SST_FRAME_SHORT);
+    assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 60), 0);
+    assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 64), 0);
+    assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 0), SST_FRAME_EMPTY);
+}
+
+/* Any one bit that differs, anywhere, and any other length, gives another hash. */
+static void hash_sees_every_bit(void **state SST_UNUSED)
+{
+    uint8_t data[100];
+    uint64_t same;
+
+    for (size_t i = 0; i < sizeof(data); i++)
+        data[i] = (uint8_t)(i * 37);
+    same = sst_frame_hash(data, sizeof(data));
+    assert_true(same == sst_frame_hash(data, sizeof(data)));
+    for (size_t bit = 0; bit < 8 * sizeof(data); bit++) {
+        data[bit / 8] ^= (uint8_t)(1 << bit % 8);
+        assert_true(sst_frame_hash(data, sizeof(data)) != same);
+        data[bit / 8] ^= (uint8_t)(1 << bit % 8);
+    }
+    memset(data, 0, sizeof(data));
+    for (size_t n = 1; n < sizeof(data); n++)
+        assert_true(sst_frame_hash(data, n) != sst_frame_hash(data, n - 1));
+}
+
+/* --- identity ----------------------------------------------------------------------------------------------------- */
+
+static struct sst_grab_node node(int number, const char *serial, const char *port, int capture)
+{
+    struct sst_grab_node n = { .number = number, .capture = capture };
+
+    snprintf(n.device.serial, sizeof(n.device.serial), "%s", serial);
+    snprintf(n.device.port, sizeof(n.device.port), "%s", port);
+    return n;
+}
+
+static void ports_are_ordered_as_people_read_them(void **state SST_UNUSED)
+{
+    struct sst_grab_node n[] = { node(0, "", "1-2.10", 1), node(3, "", "1-2.9", 1), node(2, "", "1-2.9", 1),
+                                 node(1, "", "10-1", 1), node(4, "", "2-1", 1) };
+    static const int want[] = { 2, 3, 0, 4, 1 };
+
+    qsort(n, ARRAY_LEN(n), sizeof(*n), sst_grab_node_order);
+    for (size_t i = 0; i < ARRAY_LEN(n); i++)
+        assert_int_equal(n[i].number, want[i]);
+}
+
+static int match(const char *serial, const char *port, const struct sst_grab_node *n, int count, char *why)
+{
+    struct sst_grab_binding b = { "", "" };
+
+    snprintf(b.serial, sizeof(b.serial), "%s", serial);
+    snprintf(b.port, sizeof(b.port), "%s", port);
+    return sst_grab_match(&b, n, count, why);
+}
+
+static void bindings_find_their_devices(void **state SST_UNUSED)
+{
+    /* One camera with its metadata node first, one with two pictures, one without a serial. */
+    const struct sst_grab_node n[] = { node(1, "A", "1-1", 0), node(0, "A", "1-1", -1), node(2, "B", "1-2", 1),
+                                       node(3, "B", "1-2", 1), node(4, "", "1-3", 1) };
+    char why[SST_WHY_MAX];
+
+    assert_int_equal(match("A", "", n, 5, why), 1);
+    assert_string_equal(why, "");
+    assert_int_equal(match("B", "", n, 5, why), 2); /* two nodes of one device are no doubt */
+    assert_string_equal(why, "");
+    assert_int_equal(match("", "1-3", n, 5, why), 4);
+    assert_int_equal(match("", "1-30", n, 5, why), -ENODEV);
+    assert_int_equal(match("C", "", n, 5, why), -ENODEV);
+    assert_string_equal(why, "");
+}
+
+static void odd_identities_are_named(void **state SST_UNUSED)
+{
+    const struct sst_grab_node n[] = { node(0, "A", "1-1", 1), node(1, "A", "1-2", 1), node(2, "B", "1-3", 1) };
+    char why[SST_WHY_MAX];
+
+    assert_int_equal(match("A", "", n, 3, why), -ENOTUNIQ);
+    assert_non_null(strstr(why, "1-1"));
+    assert_non_null(strstr(why, "1-2"));
+    assert_int_equal(match("", "1-2", n, 3, why), 1); /* by port there is no doubt */
+    assert_string_equal(why, "");
+    /* B was plugged where A belongs: found by its serial, and told. */
+    assert_int_equal(match("B", "1-1", n, 3, why), 2);
+    assert_non_null(strstr(why, "1-3"));
+    assert_non_null(strstr(why, "holds serial A"));
+    assert_int_equal(match("C", "1-3", n, 3, why), -ENODEV);
+    assert_non_null(strstr(why, "holds serial B"));
+}
+
+/* --- controls ----------------------------------------------------------------------------------------------------- */
+
+static void control_names_are_those_of_v4l2_ctl(void **state SST_UNUSED)
+{
+    static const char *const names[][2] = {
+        { "White Balance, Automatic", "white_balance_automatic" },
+        { "Exposure Time, Absolute", "exposure_time_absolute" },
+        { "Exposure (Absolute)", "exposure_absolute" },
+        { "  Gain ", "gain" },
+        { "3D Noise-Reduction (Y)", "3d_noise_reduction_y" },
+        { "", "" },
+        { "(---)", "" },
+    };
+    char out[64], small[6];
+
+    for (size_t i = 0; i < ARRAY_LEN(names); i++) {
+        sst_control_name(out, sizeof(out), names[i][0]);
+        assert_string_equal(out, names[i][1]);
+    }
+    sst_control_name(small, sizeof(small), "Exposure");
+    assert_int_equal(strnlen(small, sizeof(small)) < sizeof(small), 1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(jpeg_structure_is_walked),
+        cmocka_unit_test(jpeg_cut_anywhere_is_damaged),
+        cmocka_unit_test(jpeg_of_an_encoder_passes),
+        cmocka_unit_test(raw_frames_must_be_whole),
+        cmocka_unit_test(hash_sees_every_bit),
+        cmocka_unit_test(ports_are_ordered_as_people_read_them),
+        cmocka_unit_test(bindings_find_their_devices),
+        cmocka_unit_test(odd_identities_are_named),
+        cmocka_unit_test(control_names_are_those_of_v4l2_ctl),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
