@@ -14,9 +14,11 @@
 #define ARRAY_LEN(a) (sizeof(a) / sizeof((a)[0]))
 
 #ifdef __cplusplus
+#define SST_ATOMIC(type) type /* C++ only looks at the headers */
 #define SST_EXTERN_C_BEGIN extern "C" {
 #define SST_EXTERN_C_END }
 #else
+#define SST_ATOMIC(type) _Atomic(type)
 #define SST_EXTERN_C_BEGIN
 #define SST_EXTERN_C_END
 #endif

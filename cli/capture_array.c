@@ -148,6 +148,9 @@ static void print_text(const struct array_capture *a, const struct sst_capture *
         if (i == SST_BUCKET_SET || r->sets.bucket[i])
             printf("%s %" PRIu64 " %s", i ? "," : "", r->sets.bucket[i], sst_bucket_name((enum sst_bucket)i));
     printf("\n");
+    if (r->sets.dropped || r->beats_skipped)
+        printf("triggers without a set: %" PRIu64 " found all sets with the writer, %" PRIu64 " came too late to fire\n",
+               r->sets.dropped, r->beats_skipped);
     if (r->unexplained)
         printf("%" PRIu64 " frames are unexplained: please report this as a bug\n", r->unexplained);
     for (int i = 0; i < c->bound; i++) {

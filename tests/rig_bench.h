@@ -2,6 +2,7 @@
 #ifndef SST_TESTS_RIG_BENCH_H
 #define SST_TESTS_RIG_BENCH_H
 
+#include <errno.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,6 +2,7 @@
 #ifndef SST_TESTS_SYNTHETIC_SETS_H
 #define SST_TESTS_SYNTHETIC_SETS_H
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -59,8 +60,8 @@ static inline int64_t synthetic_dt_ns(uint64_t index, int cam)
 
 static inline void synthetic_init(struct synthetic *s)
 {
-    s->data = malloc((size_t)s->cameras * s->bytes);
-    s->frame = calloc((size_t)s->cameras, sizeof(*s->frame));
+    s->data = (uint8_t *)malloc((size_t)s->cameras * s->bytes);
+    s->frame = (struct sst_frame *)calloc((size_t)s->cameras, sizeof(*s->frame));
     for (int k = 0; k < s->cameras; k++) {
         s->track[k].row = k / 6;
         s->track[k].col = k % 6;

@@ -16,6 +16,8 @@
 #define EDGES 64         /* told by the trigger's thread and not yet taken */
 #define START_WAIT_MS 3000 /* for cameras that need recovery at the start */
 #define LAST_WAIT_NS 2000000000
+#define CHIP_WAIT_NS 30000000000 /* for a trigger's chip that went, to come back */
+#define CHIP_RETRY_NS 200000000
 
 struct sst_capture {
     /* fixed after open */
@@ -29,6 +31,7 @@ struct sst_capture {
     /* capturing thread */
     uint64_t wanted;
     bool skewed;
+    int64_t idle_ns; /* since then the train has failed; 0: it runs */
     struct sst_capture_report report;
     /* under lock */
     pthread_mutex_t lock;
@@ -281,6 +284,21 @@ static int open_grab(struct sst_capture *c)
     return err;
 }
 
+void sst_capture_trigger_config(struct sst_trigger_config *cfg, const struct sst_array_config *a)
+{
+    sst_trigger_config_defaults(cfg);
+    cfg->source = a->source == SST_CONFIG_GPIO ? SST_TRIGGER_GPIO : SST_TRIGGER_SOFTWARE;
+    memcpy(cfg->chip, a->chip, sizeof(cfg->chip));
+    cfg->lines = a->lines;
+    for (int i = 0; i < a->lines; i++) {
+        memcpy(cfg->line[i], a->line[i], sizeof(cfg->line[i]));
+        cfg->delay_us[i] = a->delay_us[i];
+    }
+    memcpy(cfg->loopback, a->loopback, sizeof(cfg->loopback));
+    cfg->active_low = a->active_low;
+    cfg->pulse_us = a->pulse_us;
+}
+
 static int open_trigger(struct sst_capture *c)
 {
     const struct sst_array_config *a = c->array;
@@ -288,17 +306,7 @@ static int open_trigger(struct sst_capture *c)
 
     if (a->source == SST_CONFIG_FREE_RUN)
         return 0;
-    sst_trigger_config_defaults(&cfg);
-    cfg.source = a->source == SST_CONFIG_GPIO ? SST_TRIGGER_GPIO : SST_TRIGGER_SOFTWARE;
-    memcpy(cfg.chip, a->chip, sizeof(cfg.chip));
-    cfg.lines = a->lines;
-    for (int i = 0; i < a->lines; i++) {
-        memcpy(cfg.line[i], a->line[i], sizeof(cfg.line[i]));
-        cfg.delay_us[i] = a->delay_us[i];
-    }
-    memcpy(cfg.loopback, a->loopback, sizeof(cfg.loopback));
-    cfg.active_low = a->active_low;
-    cfg.pulse_us = a->pulse_us;
+    sst_capture_trigger_config(&cfg, a);
     return sst_trigger_open(&c->trigger, &cfg, on_edge, c);
 }
 
@@ -368,26 +376,47 @@ static int start_cameras(struct sst_capture *c)
     return -ENODEV;
 }
 
-static bool trigger_ended(const struct sst_capture *c)
-{
-    return c->trigger && sst_trigger_idle(c->trigger);
-}
-
 /** One round: wait for frames, edges or the next deadline. */
 static int serve(struct sst_capture *c, int64_t until_ns)
 {
     struct pollfd fds[2] = { { .fd = sst_grab_fd(c->grab), .events = POLLIN },
                              { .fd = c->wake_fd, .events = POLLIN } };
     const int64_t now_ns = sst_clock_now_ns(), due_ns = sst_sets_tick(c->sets, now_ns);
-    const int64_t wait_ns = (due_ns < until_ns ? due_ns : until_ns) - now_ns;
+    int64_t wait_ns = (due_ns < until_ns ? due_ns : until_ns) - now_ns;
     int err;
 
+    if (c->trigger && sst_trigger_idle(c->trigger) && wait_ns > CHIP_RETRY_NS)
+        wait_ns = CHIP_RETRY_NS;
     if (poll(fds, 2, wait_ns <= 0 ? 0 : (int)sst_clamp_double((double)wait_ns / 1e6 + 1, 1, 1000)) < 0 &&
         errno != EINTR)
         return -errno;
     take_edges(c);
     err = sst_grab_poll(c->grab, 0);
     return err == -EINTR ? 0 : err;
+}
+
+/** Begin the train again when a failed chip is back. @return its error when it stays away */
+static int renew_trigger(struct sst_capture *c, int64_t now_ns)
+{
+    const uint64_t left = c->wanted ? c->wanted - c->report.edges : 0;
+    const int err = sst_trigger_start(c->trigger, c->array->trigger_hz, left);
+
+    if (!err) {
+        c->idle_ns = 0;
+        return 0;
+    }
+    if (!c->idle_ns)
+        c->idle_ns = now_ns;
+    return now_ns - c->idle_ns < CHIP_WAIT_NS ? 0 : err;
+}
+
+/** All pulses that were wanted have been fired. */
+static bool all_fired(struct sst_capture *c)
+{
+    if (!c->trigger || !sst_trigger_idle(c->trigger))
+        return false;
+    take_edges(c);
+    return c->wanted && c->report.edges >= c->wanted;
 }
 
 /** All that was triggered is in sets that were handed on. */
@@ -411,6 +440,18 @@ static void end_writer(struct sst_capture *c)
     c->writer_runs = false;
 }
 
+/** Stop exposing. @return until when to wait for what was exposed */
+static int64_t begin_end(struct sst_capture *c, int64_t now_ns)
+{
+    if (!c->trigger)
+        return now_ns;
+    if (sst_trigger_stop(c->trigger)) {
+        /* told by the trigger; its train was to be renewed */
+    }
+    take_edges(c);
+    return now_ns + (int64_t)c->array->wait_ms * 1000000 + LAST_WAIT_NS;
+}
+
 int sst_capture_run(struct sst_capture *c, uint64_t sets)
 {
     int64_t told_ns = sst_clock_now_ns(), end_ns = INT64_MAX;
@@ -424,13 +465,11 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
     while (!err) {
         const int64_t now_ns = sst_clock_now_ns(), next_ns = told_ns + 1000000000;
 
-        if (end_ns == INT64_MAX && (c->stop || trigger_ended(c) || (sets && c->report.handed == sets))) {
-            end_ns = now_ns;
-            if (c->trigger) { /* what was exposed still comes in; the sets themselves say when that was long enough */
-                trigger_err = sst_trigger_stop(c->trigger);
-                end_ns += (int64_t)c->array->wait_ms * 1000000 + LAST_WAIT_NS;
-                take_edges(c);
-            }
+        if (end_ns == INT64_MAX) {
+            if (c->stop || trigger_err || all_fired(c) || (sets && c->report.handed == sets))
+                end_ns = begin_end(c, now_ns);
+            else if (c->trigger && sst_trigger_idle(c->trigger))
+                trigger_err = renew_trigger(c, now_ns);
         }
         if (end_ns != INT64_MAX && (now_ns >= end_ns || (c->trigger && all_in(c))))
             break;

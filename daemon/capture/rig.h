@@ -36,7 +36,7 @@ struct sst_rig_capture_config {
     int width, height;
     double rate_hz;           /* of the camera, for the estimate; 0 unknown */
     const char *controls;     /* of the camera, as text: part of the settings; may be NULL */
-    const atomic_bool *cancel; /* set from a signal handler along with sst_rig_cancel(); may be NULL */
+    const SST_ATOMIC(bool) *cancel; /* set from a signal handler along with sst_rig_cancel(); may be NULL */
     void (*progress)(void *arg, double done);
     void *progress_arg;
 };

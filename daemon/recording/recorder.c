@@ -30,7 +30,7 @@ struct sst_recorder {
     /* fixed after open */
     struct sst_recorder_config cfg;
     struct sst_recorder_track *tracks;
-    char dir[SST_PATH_MAX], manifest[SST_PATH_MAX];
+    char dir[SST_PATH_MAX], manifest[SST_PATH_MAX], folder[SST_PATH_MAX]; /* folder: of the segments */
     int lock_fd; /* of the folder, locked against other recorders */
     int session;
     struct sst_sync *sync; /* NULL: every set is synced here */
@@ -181,6 +181,16 @@ static int open_files(struct sst_recorder *r)
     return 0;
 }
 
+/* The names of the list and of the segments' folder, in the recording's. */
+static int sync_names(const struct sst_recorder *r)
+{
+    const int err = sst_sync_folder(r->dir);
+
+    if (err)
+        sst_log_error("cannot sync the folder %s: %s", r->dir, strerror(-err));
+    return err ? code_of(err) : 0;
+}
+
 static int copy_config(struct sst_recorder *r, const struct sst_recorder_config *cfg)
 {
     const size_t bytes = (size_t)cfg->cameras * sizeof(*r->tracks);
@@ -189,6 +199,8 @@ static int copy_config(struct sst_recorder *r, const struct sst_recorder_config 
 
     if (!err)
         err = sst_path_join(r->manifest, cfg->dir, "sets.jsonl");
+    if (!err)
+        err = sst_path_join(r->folder, cfg->dir, "segments");
     if (err)
         return err;
     r->tracks = malloc(bytes);
@@ -208,7 +220,6 @@ static int copy_config(struct sst_recorder *r, const struct sst_recorder_config 
 
 int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_config *cfg)
 {
-    char folder[SST_PATH_MAX];
     struct sst_recorder *r;
     int err = check_config(cfg);
 
@@ -224,19 +235,19 @@ int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_confi
     r->lock_fd = r->manifest_fd = -1;
     err = copy_config(r, cfg);
     if (!err)
-        err = sst_path_join(folder, r->dir, "segments");
-    if (!err)
         err = sst_path_make_dir(r->dir);
     if (!err)
         err = lock_folder(r);
     if (!err)
         err = open_files(r);
     if (!err)
-        err = sst_path_make_dir(folder);
+        err = sst_path_make_dir(r->folder);
+    if (!err)
+        err = sync_names(r);
     if (!err && r->cfg.sync_s > 0)
-        err = sst_sync_start(&r->sync, folder, r->cfg.sync_s);
+        err = sst_sync_start(&r->sync, r->folder, r->cfg.sync_s);
     if (err) {
-        (void)sst_recorder_close(r); /* says what is wrong with a file only where one was begun */
+        (void)sst_recorder_close(r); /* no set was written: there is nothing that closing could lose */
         return err;
     }
     *out = r;
@@ -267,7 +278,7 @@ static int finish_segment(struct sst_recorder *r)
         return 0;
     err = sst_segment_finish(r->segment, !r->sync);
     if (err)
-        sst_log_warning("segment %06d of %s stays without an index: %s; its sets are all there", r->number, r->dir,
+        sst_log_warning("segment %06d of %s cannot be finished: %s; its sets are all there, but no index to seek by", r->number, r->dir,
                         strerror(-err));
     r->segment = NULL;
     r->number++;
@@ -285,11 +296,18 @@ static bool segment_is_full(struct sst_recorder *r, const struct sst_set *set)
 static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
 {
     char path[SST_PATH_MAX];
-    int err = r->number > SEGMENT_NUMBER_MAX ? -ENOSPC : sst_segment_path(path, r->dir, r->number);
+    int err;
 
     r->segment_start_ns = earliest(set);
     r->watched = false;
-    return err ? err : sst_segment_open(&r->segment, path, &r->cfg, r->segment_start_ns);
+    /* A file of that number is one that could not be removed when the disk failed. */
+    for (;; r->number++) {
+        err = r->number > SEGMENT_NUMBER_MAX ? -ENOSPC : sst_segment_path(path, r->dir, r->number);
+        if (!err)
+            err = sst_segment_open(&r->segment, path, &r->cfg, r->segment_start_ns);
+        if (err != -EEXIST)
+            return err;
+    }
 }
 
 /* --- sets ----------------------------------------------------------------------------------------------------------- */
@@ -357,6 +375,8 @@ static int add_set(struct sst_recorder *r, const struct sst_set *set)
         err = sst_segment_add(r->segment, set, r->offset);
     if (!err && !r->sync)
         err = sync_here(r, sst_segment_fd(r->segment));
+    if (!err && !r->sync && !r->watched)
+        err = sst_sync_folder(r->folder);
     if (err)
         return err;
     for (int k = 0; k < set->cameras; k++)

@@ -11,6 +11,7 @@
 #include <jansson.h>
 #include <zlib.h>
 
+#define OFFSET_MAX ((json_int_t)1 << 60)
 #define CRC_BYTES 18 /* ,"crc":"01234567"} */
 
 /* --- writing lines: no memory is asked for -------------------------------------------------------------------------- */
@@ -104,7 +105,7 @@ static int read_frame(const json_t *row, int cameras, struct sst_recording_set *
         v[i] = json_integer_value(json_array_get(row, i));
     }
     if (v[0] < 0 || v[0] >= cameras || set->frame[v[0]].present || v[1] < 0 || v[1] > UINT32_MAX || v[2] < 0 ||
-        v[2] > UINT32_MAX || v[5] < -1 || v[6] < 0 || v[6] > INT32_MAX || v[7] < 0 || v[7] > INT32_MAX || v[8] < 0 ||
+        v[2] > UINT32_MAX || v[5] < -1 || v[5] > OFFSET_MAX || v[6] < 0 || v[6] > INT32_MAX || v[7] < 0 || v[7] > INT32_MAX || v[8] < 0 ||
         v[8] > UINT16_MAX || v[9] < 0 || v[9] > UINT32_MAX || (v[5] < 0) != (v[6] == 0))
         return -EBADMSG;
     f = &set->frame[v[0]];

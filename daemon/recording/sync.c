@@ -41,7 +41,7 @@ struct sst_sync {
     int64_t max_ns;
 };
 
-static int sync_folder(const char *folder)
+int sst_sync_folder(const char *folder)
 {
     const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     const int err = fd < 0 || (fsync(fd) && errno != EINVAL) ? -errno : 0;
@@ -57,7 +57,7 @@ static int sync_pair(const struct sst_sync *s, const struct pair *p)
     int err = fdatasync(p->segment_fd) ? -errno : 0;
 
     if (!err && p->fresh)
-        err = sync_folder(s->folder);
+        err = sst_sync_folder(s->folder);
     if (!err && fdatasync(p->manifest_fd))
         err = -errno;
     return err;

@@ -6,6 +6,9 @@
 
 SST_EXTERN_C_BEGIN
 
+/** Make the names in a folder durable. @return 0 or -errno, not logged. */
+SST_MUST_CHECK int sst_sync_folder(const char *folder);
+
 struct sst_sync; /* opaque */
 
 /** Start the thread. @param folder  of the segments: synced when a new one is watched. @return 0, -ENOMEM, -errno. */

@@ -64,7 +64,7 @@ struct sst_grab {
     unsigned changes, changes_at_scan; /* of the nodes: a scan that one of them overtook is void */
     int64_t scan_ns;                   /* when to scan next; 0: not needed */
 
-    _Atomic int64_t fired_ns; /* sst_grab_expect(), not yet seen by the polling thread */
+    SST_ATOMIC(int64_t) fired_ns; /* sst_grab_expect(), not yet seen by the polling thread */
     struct sst_camera *camera; /* [cfg.cameras] */
 };
 

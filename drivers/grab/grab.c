@@ -350,7 +350,7 @@ void sst_grab_close(struct sst_grab *g)
         sst_jobs_collect(g->jobs, g);
     }
     if (g->jobs && sst_jobs_running(g->jobs))
-        sst_log_warning("%d cameras hang in the system while they are closed; they are left to it",
+        sst_log_warning("cameras hang in the system while they are closed (%d); they are left to it",
                         sst_jobs_running(g->jobs));
     sst_jobs_destroy(g->jobs);
     sst_grab_watch_close(g->watch);

@@ -30,7 +30,7 @@ struct sst_rig {
     struct sst_rig_counters count; /* of motions; those of the bus are there */
     bool moving, doubt;            /* doubt: the axes may not be where they say until they are homed */
     int64_t told_ns;               /* a fault of the bus was last told; 0: never */
-    atomic_bool cancel;
+    SST_ATOMIC(bool) cancel;
 };
 
 /** "axis x (unit 1)" for messages. */

@@ -268,9 +268,9 @@ static int run_train_locked(struct sst_trigger *t)
     const int64_t start_ns = t->start_ns, half_ns = (int64_t)(0.5e9 / rate_hz);
     const int64_t span_ns = t->steps ? t->step[t->steps - 1].at_ns : 0;
     const int64_t spare_ns = half_ns > span_ns / 2 ? half_ns - span_ns / 2 : 0;
-    const uint64_t count = t->count;
+    uint64_t fired = 0;
 
-    for (uint64_t n = 0; !count || n < count; n++) {
+    for (uint64_t n = 0; !t->count || fired < t->count; n++) {
         const int64_t due_ns = sst_beat_due_ns(start_ns, rate_hz, n);
         uint64_t next;
         int err;
@@ -278,8 +278,6 @@ static int run_train_locked(struct sst_trigger *t)
         if (!wait_until_locked(t, due_ns))
             return 0;
         next = sst_beat_next(start_ns, rate_hz, n, sst_clock_now_ns());
-        if (count && next > count)
-            next = count;
         if (next > n) {
             t->skipped += next - n;
             n = next - 1;
@@ -291,6 +289,7 @@ static int run_train_locked(struct sst_trigger *t)
         if (err)
             return err;
         t->counters.fired++;
+        fired++;
     }
     return 0;
 }

@@ -62,7 +62,7 @@ SST_MUST_CHECK int sst_trigger_check(const struct sst_trigger_config *cfg, char 
 SST_MUST_CHECK int sst_trigger_fire(struct sst_trigger *trigger);
 
 /**
- * Start a train of `count` beats (0: until stopped) at rate_hz, 0.01..1000. The beat is absolute: no drift.
+ * Start a train of `count` pulses (0: until stopped) at rate_hz, 0.01..1000. The beat is absolute: no drift.
  *
  * A chip that fails or vanishes ends the train (logged; sst_trigger_stop() returns the error). The trigger's thread then
  * looks for it with back-off up to 5 s, and once it is back (logged) a train can be started again.

@@ -1,7 +1,6 @@
 /* Resets of a device from the gentlest on: USB reset, re-authorisation, power of its hub port. */
 #include <errno.h>
 #include <fcntl.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -143,12 +142,14 @@ static int find_port(struct power_port *p)
 /* The port of the hub's other half (USB 2 and 3), which shares the plug and its power. @return false: it has none */
 static bool find_twin(struct power_port *twin, const struct power_port *port)
 {
-    char link[SST_PATH_MAX], real[PATH_MAX];
+    char link[SST_PATH_MAX], target[SST_PATH_MAX];
     const char *name, *dash;
+    ssize_t n;
 
-    if (sst_path_join(link, port->folder, "peer") || !realpath(link, real))
+    if (sst_path_join(link, port->folder, "peer") || (n = readlink(link, target, sizeof(target) - 1)) < 0)
         return false;
-    name = sst_path_base(real);
+    target[n] = 0;
+    name = sst_path_base(target);
     dash = strstr(name, "-port");
     if (!dash || (size_t)(dash - name) >= sizeof(twin->hub))
         return false;

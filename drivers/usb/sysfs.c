@@ -4,7 +4,6 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -114,19 +113,22 @@ int sst_usb_split_port(const char *port, char hub[SST_USB_TEXT_MAX], int *number
 
 /* --- devices -------------------------------------------------------------------------------------------------------- */
 
-/* The folder that holds the root hub's is the controller's, with the vendor of a PCI device. */
-static void read_controller(struct sst_usb_device *d, const char *folder)
+/* A root hub's entry is a link, ".../0000:00:14.0/usb1": what holds it is the controller, with a PCI device's vendor. */
+static void read_controller(struct sst_usb_device *d, const char *devices, const char *folder)
 {
-    char real[PATH_MAX], *slash;
+    char link[SST_PATH_MAX], real[SST_PATH_MAX], *slash;
+    const ssize_t n = readlink(folder, link, sizeof(link) - 1);
 
-    if (!realpath(folder, real))
+    if (n < 0)
         return;
-    slash = strrchr(real, '/');
+    link[n] = 0;
+    slash = strrchr(link, '/');
     if (!slash)
         return;
     *slash = 0;
-    snprintf(d->controller, sizeof(d->controller), "%.63s", sst_path_base(real));
-    d->port_buses = sst_sysfs_int(real, "vendor", 16, 0) == VENDOR_INTEL && strstr(d->maker, "xhci");
+    snprintf(d->controller, sizeof(d->controller), "%.63s", sst_path_base(link));
+    if (!sst_path_join(real, devices, link))
+        d->port_buses = sst_sysfs_int(real, "vendor", 16, 0) == VENDOR_INTEL && strstr(d->maker, "xhci");
 }
 
 static void read_alts(struct sst_usb_device *d, const char *folder)
@@ -162,7 +164,7 @@ static int read_device(struct sst_usb_device *d, const char *devices, const char
     if (sst_sysfs_read(d->serial, sizeof(d->serial), folder, "serial") < 0)
         d->serial[0] = 0;
     if (!strncmp(name, "usb", 3))
-        read_controller(d, folder);
+        read_controller(d, devices, folder);
     else
         read_alts(d, folder);
     return 0;

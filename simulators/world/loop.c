@@ -72,8 +72,10 @@ static int map_file(struct sst_sim_loop **out, const char *path, const uint8_t k
 
     if (fd < 0)
         return err;
-    if (fstat(fd, &st) || st.st_size < (off_t)sizeof(struct head))
+    if (fstat(fd, &st) || st.st_size < (off_t)sizeof(struct head)) {
+        sst_log_warning("the prepared world %s is damaged; it is made again", path);
         goto done;
+    }
     l = calloc(1, sizeof(*l));
     map = l ? mmap(NULL, (size_t)st.st_size, PROT_READ, MAP_SHARED, fd, 0) : MAP_FAILED;
     if (map == MAP_FAILED) {

@@ -107,7 +107,7 @@ void sst_sim_photo_expose(const struct sst_sim_photo *p, const struct sst_sim_ex
             const double dy = y + 0.5 - half_y;
 
             if (is_ideal(p, e)) {
-                memcpy(sst_image_row(out, c, y), sst_image_row(in, c, y), (size_t)in->width);
+                memmove(sst_image_row(out, c, y), sst_image_row(in, c, y), (size_t)in->width);
                 continue;
             }
             for (int x = 0; x < in->width; x++) {

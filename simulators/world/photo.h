@@ -26,7 +26,7 @@ struct sst_sim_exposing {
  * noise of standard deviation sqrt(e + read^2) electrons where white is full_well_e, then sRGB. An ideal camera's
  * picture is copied as it is.
  *
- * @param out  of the size of in, initialised by the caller
+ * @param out  of the size of in, initialised by the caller; may be in itself
  */
 void sst_sim_photo_expose(const struct sst_sim_photo *photo, const struct sst_sim_exposing *e,
                           const struct sst_image *in, struct sst_image *out);

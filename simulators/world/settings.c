@@ -97,7 +97,7 @@ static void read_shutter(struct sst_yaml *doc, struct sst_yaml_node *map, struct
 
     sst_yaml_choice(doc, sst_yaml_get(map, "kind"), kinds, 2, &kind);
     s->rolling = kind == 1;
-    sst_yaml_double(doc, sst_yaml_get(map, "line_us"), 0, 1000, &s->line_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "line_us"), 0, 100000, &s->line_us);
 }
 
 static void read_optics(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)

@@ -35,6 +35,9 @@ for row in json.loads(line)["frames"]:
     jpeg = data[f["offset"]:f["offset"] + f["bytes"]]
     assert jpeg[:2] == b"\xff\xd8" and zlib.crc32(jpeg) == f["crc32"], f
     assert open(f"lf/views/00_{f['cam']:02d}.jpg", "rb").read() == jpeg, f
+# A finished segment says its size and has cues.
+at = data.index(b"\x18\x53\x80\x67")
+assert at + 12 + int.from_bytes(data[at + 4:at + 12], "big") - (1 << 56) == len(data) and b"\x1c\x53\xbb\x6b" in data
 lf = json.load(open("lf/lightfield.json"))
 assert lf["spacing_mm"] == 40, lf
 for word in ("set 7", "trigger 7 of run 0", "2023-11-14T22:13:20.700Z", "edge of the trigger", "skew 3.999 us", "6 of 6 views"):

@@ -24,6 +24,7 @@
 #include "base/log.h"
 #include "daemon/recording/ebml.h"
 #include "daemon/recording/recording.h"
+#include "daemon/recording/setlist.h"
 #include "tests/synthetic_sets.h"
 
 #define DEADLINE_S 300 /* of the whole program, also under a sanitizer on a busy machine */
@@ -219,6 +220,56 @@ static void reads_element_heads(void **state)
     assert_int_equal(sst_ebml_head((const uint8_t[]){ 0xA3, 0x00 }, 2, &e), -EBADMSG);
 }
 
+#define SET_HEAD "{\"set\":1,\"t_ns\":5,\"wall_ns\":6,\"edge\":true,\"spread_ns\":0,\"from_edge_ns\":0,\"worst_cam\":-1,"
+
+/* Lines whose checksum is right and whose content is not, as another program could write them. */
+static void lines_are_read_strictly(void **state)
+{
+    static const struct {
+        int want;
+        const char *line;
+    } cases[] = {
+        { 1, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0,4294967295]],\"missing\":[0]}" },
+        { 0, "{\"segment\":3,\"session\":1,\"start_ns\":-5,\"wall_ns\":6}" },
+        { -EBADMSG, "" },
+        { -EBADMSG, "[]" },
+        { -EBADMSG, "{}" },
+        { -EBADMSG, "{\"segment\":1000000,\"session\":1,\"start_ns\":5}" },
+        { -EBADMSG, "{\"segment\":-1,\"session\":1,\"start_ns\":5}" },
+        { -EBADMSG, "{\"segment\":1,\"session\":1,\"start_ns\":\"5\"}" },
+        { -EBADMSG, "{\"set\":1}" },
+        { -EBADMSG, SET_HEAD "\"frames\":7,\"missing\":[0,1]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[2,7,0,-2,9,100,40,0,0,1]],\"missing\":[0]}" },  /* no such camera */
+        { -EBADMSG, SET_HEAD "\"frames\":[[-1,7,0,-2,9,100,40,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0,1],[1,7,0,-2,9,100,40,0,0,1]],\"missing\":[]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,-1,40,0,0,1]],\"missing\":[0]}" },   /* bytes, but nowhere */
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,9223372036854775807,40,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,4294967296,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0,4294967296]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,9223372036854775807,9,100,40,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2.5,9,100,40,0,0,1]],\"missing\":[0]}" },
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0]],\"missing\":[0]}" },
+    };
+    struct sst_setlist_segment segment;
+    struct sst_recording_set set;
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        const int got = sst_setlist_parse(cases[i].line, strlen(cases[i].line), 2, &segment, &set);
+
+        if (got != cases[i].want)
+            fail_msg("%d, not %d: %s", got, cases[i].want, cases[i].line);
+    }
+    assert_true(segment.segment == 3 && segment.session == 1 && segment.start_ns == -5);
+    assert_true(set.present == 1 && set.frame[1].t_ns == 3 && set.frame[1].arrival_ns == 12 &&
+                set.frame[1].crc32 == UINT32_MAX && set.frame[1].offset == 100 && set.frame[1].bytes == 40);
+    /* The checksum is zlib.crc32(b'{"a":1') of Python. */
+    assert_true(sst_setlist_line_whole("{\"a\":1,\"crc\":\"a702fc6e\"}", 24));
+    assert_false(sst_setlist_line_whole("{\"a\":2,\"crc\":\"a702fc6e\"}", 24));
+    assert_false(sst_setlist_line_whole("", 0));
+}
+
 static void round_trip(void **state)
 {
     static const struct {
@@ -308,6 +359,7 @@ static void rolls_over(void **state)
     struct sst_recording_set set;
     struct sst_recording *rec;
     struct sst_recorder *r;
+    struct sst_set next;
 
     (void)state;
     cfg.segment_s = 0.5; /* five sets of 100 ms */
@@ -328,6 +380,15 @@ static void rolls_over(void **state)
     assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 4)), 0);
     assert_recording(dir, &s, 4);
     assert_true(sst_path_exists(in(dir, "segments/000003.mkv")) && !sst_path_exists(in(dir, "segments/000004.mkv")));
+    /* A file that is there already is never written to. */
+    cfg.append = true;
+    r = record(&s, &cfg, 4, 5);
+    assert_int_equal(sst_file_write(in(dir, "segments/000005.mkv"), "left", 4), 0);
+    synthetic_set(&s, 5, &next);
+    assert_int_equal(sst_recorder_write(r, &next), 0);
+    assert_int_equal(sst_recorder_close(r), 0);
+    assert_recording(dir, &s, 6);
+    assert_int_equal(size_of(in(dir, "segments/000005.mkv")), 4);
     synthetic_fini(&s);
 }
 
@@ -767,6 +828,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(reads_element_heads),
+        TEST(lines_are_read_strictly),
         TEST(round_trip),
         TEST(odd_frames),
         TEST(rolls_over),

@@ -129,7 +129,7 @@ static void software_train_marks_absolute_beats(void **state SST_UNUSED)
     assert_int_equal(sst_trigger_fire(t), -EBUSY);
     assert_true(wait_idle(t, 5000));
     sst_trigger_counters(t, &counters);
-    assert_int_equal(counters.fired + sst_trigger_skipped(t), 20);
+    assert_int_equal(counters.fired, 20);
     assert_int_equal(marks.n, counters.fired);
     for (int i = 0; i < marks.n; i++) {
         const int64_t from_first_ns = marks.edge[i].due_ns - marks.edge[0].due_ns;
@@ -191,7 +191,7 @@ static void held_up_train_skips_and_keeps_the_beat(void **state SST_UNUSED)
     assert_true(wait_idle(t, 5000));
     sst_trigger_counters(t, &counters);
     assert_true(sst_trigger_skipped(t) >= 6);
-    assert_int_equal(counters.fired + sst_trigger_skipped(t), 15);
+    assert_int_equal(counters.fired, 15);
     assert_true(marks.edge[1].due_ns - marks.edge[0].due_ns >= 70000000);
     assert_int_equal((marks.edge[1].due_ns - marks.edge[0].due_ns) % 10000000, 0);
     sst_trigger_close(t);

@@ -1,0 +1,117 @@
+/* tests/sim_test.h - worlds for tests: a folder that goes at the end, world files in it, decoded frames. */
+#ifndef SST_TESTS_SIM_TEST_H
+#define SST_TESTS_SIM_TEST_H
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+#include <linux/videodev2.h>
+#include <turbojpeg.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/image/image.h"
+#include "simulators/world/sim_world.h"
+#include "simulators/world/strip.h"
+
+#define SIM_CAPACITY ((size_t)4 << 20)
+
+static char sim_folder[64];
+static uint8_t sim_out[SIM_CAPACITY];
+
+static inline int sim_set_up(void **state SST_UNUSED)
+{
+    snprintf(sim_folder, sizeof(sim_folder), "/tmp/sst-sim-test-XXXXXX");
+    return mkdtemp(sim_folder) ? 0 : -1;
+}
+
+static inline int sim_tear_down(void **state SST_UNUSED)
+{
+    sst_path_remove_tree(sim_folder);
+    return 0;
+}
+
+static inline const char *sim_path(const char *name)
+{
+    static char path[128];
+
+    snprintf(path, sizeof(path), "%s/%s", sim_folder, name);
+    return path;
+}
+
+/** Open the world of this text; the cache is the test's folder. */
+static inline struct sst_sim_world *sim_open(const char *text)
+{
+    struct sst_sim_world *w = NULL;
+
+    assert_int_equal(sst_file_write(sim_path("w.yaml"), text, strlen(text)), 0);
+    assert_int_equal(sst_sim_world_open(&w, sim_path("w.yaml"), sim_folder), 0);
+    return w;
+}
+
+/** A frame's bytes in sim_out. */
+static inline size_t sim_frame(struct sst_sim_world *w, const struct sst_sim_exposure *e, uint32_t fourcc, int width,
+                               int height)
+{
+    size_t bytes = 0;
+
+    assert_int_equal(sst_sim_world_frame(w, e, fourcc, width, height, sim_out, SIM_CAPACITY, &bytes), 0);
+    return bytes;
+}
+
+/** Luma of a JPEG, decoded without a single warning. @return [height][width] to free */
+static inline uint8_t *sim_decode(const uint8_t *data, size_t bytes, int width, int height)
+{
+    tjhandle tj = tjInitDecompress();
+    uint8_t *luma = (uint8_t *)malloc((size_t)width * (size_t)height);
+    int w, h, subsampling, colours;
+
+    assert_non_null(tj);
+    assert_non_null(luma);
+    assert_int_equal(tjDecompressHeader3(tj, data, bytes, &w, &h, &subsampling, &colours), 0);
+    assert_int_equal(w, width);
+    assert_int_equal(h, height);
+    assert_int_equal(subsampling, TJSAMP_422);
+    if (tjDecompress2(tj, data, bytes, luma, width, 0, height, TJPF_GRAY, TJFLAG_STOPONWARNING))
+        fail_msg("%s", tjGetErrorStr2(tj));
+    tjDestroy(tj);
+    return luma;
+}
+
+/** Luma of the native MJPEG frame of a camera. */
+static inline uint8_t *sim_luma(struct sst_sim_world *w, const struct sst_sim_exposure *e)
+{
+    int width, height;
+    size_t bytes;
+
+    sst_sim_world_size(w, &width, &height);
+    bytes = sim_frame(w, e, V4L2_PIX_FMT_MJPEG, width, height);
+    return sim_decode(sim_out, bytes, width, height);
+}
+
+/** Mean of the squared differences of rows y0 .. y1-1 as PSNR, dB. @param image  RGB of the same size */
+static inline double sim_psnr(const uint8_t *luma, const struct sst_image *image, int y0, int y1)
+{
+    double sum = 0;
+
+    for (int y = y0; y < y1; y++) {
+        for (int x = 0; x < image->width; x++) {
+            const double want = 0.299 * sst_image_row(image, 0, y)[x] + 0.587 * sst_image_row(image, 1, y)[x] +
+                                0.114 * sst_image_row(image, 2, y)[x];
+            const double diff = luma[(size_t)y * (size_t)image->width + (size_t)x] - want;
+
+            sum += diff * diff;
+        }
+    }
+    sum /= (double)(y1 - y0) * image->width;
+    return 10 * log10(255 * 255 / fmax(sum, 1e-9));
+}
+
+#endif
