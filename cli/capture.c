@@ -6,7 +6,7 @@
 
 #include "base/log.h"
 
-static const struct cli_command *const kinds[] = { &cli_capture_array };
+static const struct cli_command *const kinds[] = { &cli_capture_array, &cli_capture_rig };
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
@@ -27,6 +27,6 @@ const struct cli_command cli_capture = {
     .name = "capture",
     .usage = "KIND ...",
     .summary = "capture a light field from cameras",
-    .example = "sst capture array -n 10 -o garden.rec",
+    .example = "sst capture array -n 10 -o garden.rec\n  sst capture rig --grid 6x6 --pitch 40mm -o garden",
     .run = run,
 };

@@ -4,6 +4,6 @@
 
 #include "cli/cli.h"
 
-extern const struct cli_command cli_capture_array;
+extern const struct cli_command cli_capture_array, cli_capture_rig;
 
 #endif

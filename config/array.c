@@ -256,6 +256,8 @@ static void read_rig(struct sst_yaml *doc, struct sst_yaml_node *n, struct sst_a
     sst_yaml_doubles(doc, sst_yaml_get(n, "travel_max_mm"), -1e5, 1e5, cfg->rig_travel_max_mm, cfg->rig_axes);
     sst_yaml_doubles(doc, sst_yaml_get(n, "um_per_count"), -1e6, 1e6, cfg->rig_um_per_count, cfg->rig_axes);
     sst_yaml_double(doc, sst_yaml_get(n, "tolerance_um"), 0.001, 1e5, &cfg->rig_tolerance_um);
+    sst_yaml_double(doc, sst_yaml_get(n, "speed_mm_s"), 0, 1e5, &cfg->rig_speed_mm_s);
+    sst_yaml_double(doc, sst_yaml_get(n, "accel_mm_s2"), 0, 1e6, &cfg->rig_accel_mm_s2);
     sst_yaml_int(doc, sst_yaml_get(n, "response_ms"), 1, 60000, &cfg->rig_response_ms);
     sst_yaml_int(doc, sst_yaml_get(n, "retries"), 0, 100, &cfg->rig_retries);
     sst_yaml_int(doc, sst_yaml_get(n, "reconnect_ms"), 0, 600000, &cfg->rig_reconnect_ms);

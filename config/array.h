@@ -58,6 +58,7 @@ struct sst_array_config {
     char rig_bus[SST_CONFIG_TEXT_MAX], rig_profile[SST_CONFIG_TEXT_MAX];
     int rig_axes, rig_unit[3];
     double rig_travel_min_mm[3], rig_travel_max_mm[3], rig_um_per_count[3], rig_tolerance_um;
+    double rig_speed_mm_s, rig_accel_mm_s2; /* 0: what the drives are set to */
     int rig_response_ms, rig_retries, rig_reconnect_ms, rig_settle_ms;
 };
 

@@ -281,6 +281,21 @@ static int open_grab(struct sst_capture *c)
     return err;
 }
 
+void sst_capture_trigger_config(struct sst_trigger_config *cfg, const struct sst_array_config *a)
+{
+    sst_trigger_config_defaults(cfg);
+    cfg->source = a->source == SST_CONFIG_GPIO ? SST_TRIGGER_GPIO : SST_TRIGGER_SOFTWARE;
+    memcpy(cfg->chip, a->chip, sizeof(cfg->chip));
+    cfg->lines = a->lines;
+    for (int i = 0; i < a->lines; i++) {
+        memcpy(cfg->line[i], a->line[i], sizeof(cfg->line[i]));
+        cfg->delay_us[i] = a->delay_us[i];
+    }
+    memcpy(cfg->loopback, a->loopback, sizeof(cfg->loopback));
+    cfg->active_low = a->active_low;
+    cfg->pulse_us = a->pulse_us;
+}
+
 static int open_trigger(struct sst_capture *c)
 {
     const struct sst_array_config *a = c->array;
@@ -288,17 +303,7 @@ static int open_trigger(struct sst_capture *c)
 
     if (a->source == SST_CONFIG_FREE_RUN)
         return 0;
-    sst_trigger_config_defaults(&cfg);
-    cfg.source = a->source == SST_CONFIG_GPIO ? SST_TRIGGER_GPIO : SST_TRIGGER_SOFTWARE;
-    memcpy(cfg.chip, a->chip, sizeof(cfg.chip));
-    cfg.lines = a->lines;
-    for (int i = 0; i < a->lines; i++) {
-        memcpy(cfg.line[i], a->line[i], sizeof(cfg.line[i]));
-        cfg.delay_us[i] = a->delay_us[i];
-    }
-    memcpy(cfg.loopback, a->loopback, sizeof(cfg.loopback));
-    cfg.active_low = a->active_low;
-    cfg.pulse_us = a->pulse_us;
+    sst_capture_trigger_config(&cfg, a);
     return sst_trigger_open(&c->trigger, &cfg, on_edge, c);
 }
 

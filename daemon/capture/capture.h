@@ -7,6 +7,7 @@
 #include "config/array.h"
 #include "daemon/capture/sets.h"
 #include "drivers/grab/grab.h"
+#include "drivers/trigger/trigger.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -55,6 +56,9 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
 /** A camera's own numbers: what it delivered and where its frames ended [SST_BUCKETS]. */
 void sst_capture_camera(const struct sst_capture *capture, int cam, struct sst_grab_counters *grab,
                         const struct sst_grab_device **device);
+
+/** The trigger that an array's configuration describes; not for free-run. */
+void sst_capture_trigger_config(struct sst_trigger_config *cfg, const struct sst_array_config *array);
 
 /** NULL is fine. */
 void sst_capture_close(struct sst_capture *capture);

@@ -50,6 +50,8 @@ static json_t *status(const struct sst_sim_simulator *sim)
     (void)json_object_set_new(all, "dir", json_string(sst_sim_server_dir(sim->server)));
     (void)json_object_set_new(all, "faults", faults);
     (void)json_object_set_new(all, "cameras", sst_sim_array_status(sim->array));
+    if (sst_sim_wires_rig(sim->wires))
+        (void)json_object_set_new(all, "rig", sst_sim_rig_status(sst_sim_wires_rig(sim->wires)));
     return all;
 }
 
@@ -67,6 +69,15 @@ static int answer_status(const struct sst_sim_simulator *sim, struct sst_sim_req
     return 0;
 }
 
+static int set_fault(struct sst_sim_simulator *sim, const char *text, char *message, size_t size)
+{
+    struct sst_sim_rig *rig = sst_sim_wires_rig(sim->wires);
+
+    if (rig && !strncmp(text, "rig.", 4))
+        return sst_sim_rig_fault(rig, text, message, size);
+    return sst_sim_faults_set(sim->faults, text, message, size);
+}
+
 static int answer_fault(struct sst_sim_simulator *sim, struct sst_sim_request *r)
 {
     char text[256], message[512] = "";
@@ -76,10 +87,20 @@ static int answer_fault(struct sst_sim_simulator *sim, struct sst_sim_request *r
         return -EINVAL;
     memcpy(text, r->data, r->bytes);
     text[r->bytes] = 0;
-    err = sst_sim_faults_set(sim->faults, text, message, sizeof(message));
+    err = set_fault(sim, text, message, sizeof(message));
     r->out_bytes = (uint32_t)strlen(message);
     memcpy(r->data, message, r->out_bytes);
     return err;
+}
+
+static int answer_faults(const struct sst_sim_simulator *sim, struct sst_sim_request *r)
+{
+    size_t n = sst_sim_faults_list(sim->faults, (char *)r->data, SST_SIM_PAYLOAD_MAX);
+
+    if (sst_sim_wires_rig(sim->wires))
+        n += (size_t)snprintf((char *)r->data + n, SST_SIM_PAYLOAD_MAX - n, "%s", sst_sim_rig_faults);
+    r->out_bytes = (uint32_t)(n < SST_SIM_PAYLOAD_MAX ? n : SST_SIM_PAYLOAD_MAX - 1);
+    return 0;
 }
 
 static int answer(void *arg, struct sst_sim_request *r)
@@ -89,8 +110,7 @@ static int answer(void *arg, struct sst_sim_request *r)
     switch (r->call.op) {
     case SST_SIM_FAULT: return answer_fault(sim, r);
     case SST_SIM_FAULTS:
-        r->out_bytes = (uint32_t)sst_sim_faults_list(sim->faults, (char *)r->data, SST_SIM_PAYLOAD_MAX);
-        return 0;
+        return answer_faults(sim, r);
     case SST_SIM_STATUS: return answer_status(sim, r);
     default: sst_sim_server_stop(sim->server); return 0;
     }
@@ -102,7 +122,7 @@ static int set_faults(struct sst_sim_simulator *sim)
 {
     for (int i = 0; i < sim->options.fault_count; i++) {
         char message[512];
-        const int err = sst_sim_faults_set(sim->faults, sim->options.faults[i], message, sizeof(message));
+        const int err = set_fault(sim, sim->options.faults[i], message, sizeof(message));
 
         if (err) {
             sst_log_error("%s", message);

@@ -19,6 +19,7 @@ struct sst_sim_wires {
     struct sst_sim_sysfs *sysfs;
     struct sst_sim_usb_front *usb;
     struct sst_sim_gpio_front *gpio;
+    struct sst_sim_rig *rig;     /* NULL: none */
     struct sst_sim_array *array; /* NULL until attached */
     int rows, cols;
     uint64_t edges[TRIGGERS_MAX];
@@ -108,6 +109,15 @@ static void edge(void *arg, int line, int64_t t_ns)
         sst_sim_array_edge(w->array, line * w->cols, w->cols, index, t_ns);
 }
 
+/* --- rig ------------------------------------------------------------------------------------------------------------ */
+
+static void pose(void *arg, int64_t t_ns, int32_t pose_um[3])
+{
+    const struct sst_sim_wires *w = arg;
+
+    sst_sim_rig_pose(w->rig, t_ns, pose_um);
+}
+
 /* --- the whole ------------------------------------------------------------------------------------------------------ */
 
 int sst_sim_wires_open(struct sst_sim_wires **out, const struct sst_sim_wires_config *cfg)
@@ -128,6 +138,9 @@ int sst_sim_wires_open(struct sst_sim_wires **out, const struct sst_sim_wires_co
     usb.sysfs = w->sysfs;
     if (!err)
         err = sst_sim_usb_front_open(&w->usb, &usb);
+    if (!err && (cfg->options.rig || usb.cameras == 1))
+        err = sst_sim_rig_open(&w->rig, sst_sim_server_dir(cfg->server), cfg->options.rig_port,
+                               sst_sim_world_seed(cfg->world));
     if (err) {
         sst_sim_wires_close(w);
         return err;
@@ -139,6 +152,11 @@ int sst_sim_wires_open(struct sst_sim_wires **out, const struct sst_sim_wires_co
 const struct sst_sim_usb *sst_sim_wires_usb(const struct sst_sim_wires *wires)
 {
     return sst_sim_usb_front_model(wires->usb);
+}
+
+struct sst_sim_rig *sst_sim_wires_rig(const struct sst_sim_wires *wires)
+{
+    return wires->rig;
 }
 
 int sst_sim_wires_attach(struct sst_sim_wires *w, struct sst_sim_array *array)
@@ -159,7 +177,8 @@ int sst_sim_wires_attach(struct sst_sim_wires *w, struct sst_sim_array *array)
                                                         .reserve = reserve,
                                                         .release = release,
                                                         .plugged = plugged,
-                                                        .swapped = swapped });
+                                                        .swapped = swapped,
+                                                        .pose = w->rig ? pose : NULL });
     return sst_sim_gpio_front_open(&w->gpio, &gpio);
 }
 
@@ -168,6 +187,7 @@ void sst_sim_wires_close(struct sst_sim_wires *w)
     if (!w)
         return;
     w->array = NULL;
+    sst_sim_rig_close(w->rig);
     sst_sim_gpio_front_close(w->gpio);
     sst_sim_usb_front_close(w->usb);
     sst_sim_sysfs_close(w->sysfs);

@@ -3,6 +3,7 @@
 #define SST_SIMULATORS_DEVICES_WIRES_H
 
 #include "simulators/devices/array.h"
+#include "simulators/devices/rig.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -25,6 +26,9 @@ struct sst_sim_wires_config {
 /** Make /sys and the USB tree. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_sim_wires_open(struct sst_sim_wires **out, const struct sst_sim_wires_config *cfg);
 const struct sst_sim_usb *sst_sim_wires_usb(const struct sst_sim_wires *wires);
+
+/** NULL: no rig. */
+struct sst_sim_rig *sst_sim_wires_rig(const struct sst_sim_wires *wires);
 
 /** Connect the cameras, make the GPIO chips and start the drives. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_sim_wires_attach(struct sst_sim_wires *wires, struct sst_sim_array *array);

@@ -68,7 +68,7 @@ static bool parse_number_when(const char *text, int max, int *number_out, struct
     return true;
 }
 
-static struct sst_sim_axis *parse_axis(struct sst_sim_bus *bus, const char *text, const char **rest)
+static struct sst_sim_axis *parse_axis(struct sst_sim_drives *bus, const char *text, const char **rest)
 {
     const int axis = text[0] - 'x';
 
@@ -78,7 +78,7 @@ static struct sst_sim_axis *parse_axis(struct sst_sim_bus *bus, const char *text
     return &bus->axis[axis];
 }
 
-static bool set_axis_fault(struct sst_sim_bus *bus, const char *name, const char *value)
+static bool set_axis_fault(struct sst_sim_drives *bus, const char *name, const char *value)
 {
     const char *rest;
     struct sst_sim_axis *a;
@@ -146,7 +146,7 @@ static struct sst_sim_when *wire_fault(struct sst_sim_wire_faults *f, const char
     return NULL;
 }
 
-int sst_sim_bus_fault(struct sst_sim_bus *bus, const char *name, const char *value, char *error, size_t error_size)
+int sst_sim_drives_fault(struct sst_sim_drives *bus, const char *name, const char *value, char *error, size_t error_size)
 {
     struct sst_sim_wire_faults *f = &bus->faults;
     struct sst_sim_when *when = wire_fault(f, name);

@@ -172,7 +172,7 @@ static int answer(struct sst_sim_axis *a, int unit, const uint8_t *pdu, size_t s
     }
 }
 
-size_t sst_sim_bus_answer(struct sst_sim_bus *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
+size_t sst_sim_drives_answer(struct sst_sim_drives *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
                           uint8_t reply[SST_SIM_PDU_MAX])
 {
     struct sst_sim_axis *a = &bus->axis[unit - 1];

@@ -35,7 +35,7 @@ struct line {
 struct sst_sim_drive {
     pthread_t thread;
     pthread_mutex_t lock;
-    struct sst_sim_bus bus; /* under lock */
+    struct sst_sim_drives bus; /* under lock */
 
     int wake, listener, port; /* fixed after start */
     char rtu_link[108];
@@ -178,7 +178,7 @@ static void serve(struct sst_sim_drive *d, struct line *l, const uint8_t *reques
     pthread_mutex_lock(&d->lock);
     gone = sst_sim_strikes(&d->bus.faults.disconnect);
     if (!gone)
-        n = sst_sim_bus_answer(&d->bus, unit, sst_clock_now_ns(), pdu, size, reply);
+        n = sst_sim_drives_answer(&d->bus, unit, sst_clock_now_ns(), pdu, size, reply);
     if (!gone && !n && !l->serial) { /* a gateway says that nobody answers */
         reply[0] = pdu[0] | 0x80;
         reply[1] = 11;
@@ -424,7 +424,7 @@ int sst_sim_drive_fault(struct sst_sim_drive *d, const char *name, const char *v
     pthread_mutex_lock(&d->lock);
     for (int i = 0; i < SST_SIM_AXES; i++)
         sst_sim_axis_advance(&d->bus.axis[i], sst_clock_now_ns());
-    err = sst_sim_bus_fault(&d->bus, name, value, error, error_size);
+    err = sst_sim_drives_fault(&d->bus, name, value, error, error_size);
     pthread_mutex_unlock(&d->lock);
     return err;
 }

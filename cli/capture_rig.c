@@ -1,0 +1,403 @@
+/* sst capture rig: one camera stepped over a grid by a motor rig. */
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/statvfs.h>
+
+#include "base/log.h"
+#include "cli/capture.h"
+#include "config/array.h"
+#include "daemon/capture/rig_camera.h"
+
+/* What the command line says; the rest is the configuration's. */
+struct options {
+    const char *dir, *config, *pitch, *pitch_y, *origin, *camera, *bus, *profile, *format;
+    int grid[2], size[2], axes, attempts, settle_ms, guard_ms;
+    double backlash_mm, speed_mm_s, accel_mm_s2;
+    bool dry_run, resume, json;
+};
+
+static atomic_bool cancel;
+static struct sst_rig *_Atomic rig_at_work;
+
+static void on_signal(int sig SST_UNUSED)
+{
+    struct sst_rig *rig = atomic_load(&rig_at_work);
+
+    atomic_store(&cancel, true);
+    if (rig)
+        sst_rig_cancel(rig);
+}
+
+static void catch_signals(void)
+{
+    static const int signals[] = { SIGINT, SIGTERM, SIGHUP };
+    const struct sigaction action = { .sa_handler = on_signal };
+
+    for (size_t i = 0; i < ARRAY_LEN(signals); i++)
+        (void)sigaction(signals[i], &action, NULL);
+}
+
+/* --- reading the options ------------------------------------------------------------------------------------------ */
+
+/* "40", "40mm", "4cm", "250um": um; false if it is none */
+static bool parse_length(const char *text, const char **end, double *um)
+{
+    static const struct {
+        const char *unit;
+        double um;
+    } units[] = { { "mm", 1e3 }, { "cm", 1e4 }, { "um", 1 }, { "", 1e3 } };
+    char *p;
+    const double v = strtod(text, &p);
+
+    if (p == text || !isfinite(v))
+        return false;
+    for (size_t i = 0; i < ARRAY_LEN(units); i++) {
+        if (strncmp(p, units[i].unit, strlen(units[i].unit)) != 0)
+            continue;
+        *um = v * units[i].um;
+        *end = p + strlen(units[i].unit);
+        return fabs(*um) <= 1e9;
+    }
+    return false;
+}
+
+static int set_length(const struct cli_command *cmd, const char *name, const char *text, double min_um, int32_t *out)
+{
+    const char *end;
+    double um;
+
+    if (!text)
+        return CLI_GO_ON;
+    if (!parse_length(text, &end, &um) || *end || um < min_um)
+        return cli_usage_error(cmd, "--%s %s is not a length such as 40mm, 4cm or 250um", name, text);
+    *out = (int32_t)lround(um);
+    return CLI_GO_ON;
+}
+
+static int set_origin(const struct cli_command *cmd, const char *text, int axes, int32_t origin_um[SST_RIG_AXES])
+{
+    const char *p = text;
+    double um;
+
+    for (int a = 0; p && a < axes; a++) {
+        if (!parse_length(p, &p, &um) || (a + 1 < axes ? *p++ != ',' : *p != 0))
+            return cli_usage_error(cmd, "--origin %s is not one length for each of the %d axes, for example 10,10", text, axes);
+        origin_um[a] = (int32_t)lround(um);
+    }
+    return CLI_GO_ON;
+}
+
+static void rig_config(struct sst_rig_config *rig, const struct sst_array_config *a)
+{
+    sst_rig_config_defaults(rig);
+    snprintf(rig->bus, sizeof(rig->bus), "%s", a->rig_bus);
+    snprintf(rig->profile, sizeof(rig->profile), "%s", a->rig_profile);
+    rig->axes = a->rig_axes;
+    for (int i = 0; i < a->rig_axes; i++) {
+        rig->unit[i] = a->rig_unit[i];
+        rig->travel_min_um[i] = (int32_t)lround(a->rig_travel_min_mm[i] * 1000);
+        rig->travel_max_um[i] = (int32_t)lround(a->rig_travel_max_mm[i] * 1000);
+        rig->um_per_count[i] = a->rig_um_per_count[i];
+    }
+    rig->response_ms = sst_clamp_int(a->rig_response_ms, 10, 10000);
+    rig->retries = sst_min_int(a->rig_retries, 10);
+    rig->reconnect_ms = a->rig_reconnect_ms;
+    rig->settle_ms = a->rig_settle_ms;
+    rig->tolerance_um = sst_max_int((int)lround(a->rig_tolerance_um), 1);
+    rig->speed_mm_s = a->rig_speed_mm_s;
+    rig->accel_mm_s2 = a->rig_accel_mm_s2;
+}
+
+static int set_format(const struct cli_command *cmd, const char *text, uint32_t *fourcc)
+{
+    if (!text)
+        return CLI_GO_ON;
+    if (strlen(text) < 3 || strlen(text) > 4)
+        return cli_usage_error(cmd, "--format %s is not a pixel format; MJPG, GREY and Y16 can be captured", text);
+    *fourcc = (uint8_t)text[0] | (uint32_t)(uint8_t)text[1] << 8 | (uint32_t)(uint8_t)text[2] << 16 |
+              (uint32_t)(text[3] ? (uint8_t)text[3] : ' ') << 24;
+    return CLI_GO_ON;
+}
+
+/* The configuration, with the options over it. @return CLI_GO_ON or an exit code */
+static int configure(const struct cli_command *cmd, const struct options *o, struct sst_array_config *array,
+                     struct sst_rig_config *rig, struct sst_rig_capture_config *cfg)
+{
+    int r;
+
+    sst_array_config_defaults(array);
+    r = cli_exit_code(sst_array_config_read(array, o->config));
+    if (r != CLI_OK)
+        return r;
+    if (o->axes)
+        array->rig_axes = o->axes;
+    if (o->bus)
+        snprintf(array->rig_bus, sizeof(array->rig_bus), "%s", o->bus);
+    if (o->profile)
+        snprintf(array->rig_profile, sizeof(array->rig_profile), "%s", o->profile);
+    if (o->settle_ms >= 0)
+        array->rig_settle_ms = o->settle_ms;
+    if (o->speed_mm_s > 0)
+        array->rig_speed_mm_s = o->speed_mm_s;
+    if (o->accel_mm_s2 > 0)
+        array->rig_accel_mm_s2 = o->accel_mm_s2;
+    if (o->size[0]) {
+        array->width = o->size[0];
+        array->height = o->size[1];
+    }
+    rig_config(rig, array);
+    if (!o->dry_run && (!rig->bus[0] || !rig->profile[0]))
+        return cli_usage_error(cmd, "say where the rig is and what drives it has: --bus tcp:HOST:PORT --profile NAME, or rig: "
+                                    "in the configuration");
+
+    sst_rig_capture_config_defaults(cfg);
+    cfg->dir = o->dir;
+    cfg->must_exist = o->resume;
+    cfg->rows = o->grid[0] ? o->grid[0] : array->rows;
+    cfg->cols = o->grid[1] ? o->grid[1] : array->cols;
+    cfg->pitch_um[0] = (int32_t)lround(array->spacing_mm * 1000);
+    cfg->backlash_um = (int32_t)lround(o->backlash_mm * 1000);
+    cfg->attempts = o->attempts;
+    cfg->guard_ms = o->guard_ms;
+    for (int a = 0; a < rig->axes; a++)
+        cfg->origin_um[a] = rig->travel_min_um[a] + cfg->backlash_um;
+    r = set_length(cmd, "pitch", o->pitch, 1, &cfg->pitch_um[0]);
+    cfg->pitch_um[1] = cfg->pitch_um[0];
+    if (r == CLI_GO_ON)
+        r = set_length(cmd, "pitch-y", o->pitch_y, 1, &cfg->pitch_um[1]);
+    if (r == CLI_GO_ON)
+        r = set_origin(cmd, o->origin, rig->axes, cfg->origin_um);
+    if (r == CLI_GO_ON)
+        r = set_format(cmd, o->format, &array->fourcc);
+    if (r != CLI_GO_ON)
+        return r;
+    if (cfg->pitch_um[0] < 1)
+        return cli_usage_error(cmd, "say how far the views are apart: --pitch 40mm");
+    cfg->fourcc = array->fourcc;
+    cfg->width = array->width;
+    cfg->height = array->height;
+    cfg->rate_hz = array->rate_hz;
+    cfg->cancel = &cancel;
+    return CLI_GO_ON;
+}
+
+/* Names and values of the controls, part of what a resumed capture must have in common. */
+static void controls_text(const struct sst_array_config *a, char *text, size_t size)
+{
+    size_t at = 0;
+
+    text[0] = 0;
+    for (int i = 0; i < a->controls && at < size; i++)
+        at += (size_t)snprintf(text + at, size - at, "%s%s=%lld", i ? "," : "", a->control[i].name,
+                               (long long)a->control[i].value);
+}
+
+/* --- telling ------------------------------------------------------------------------------------------------------ */
+
+static void print_plan(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_plan *plan, bool json)
+{
+    json_t *poses = json ? json_array() : NULL;
+
+    if (!json)
+        printf("  nr  row col        x mm       y mm       z mm\n");
+    for (int i = 0; i < plan->views; i++) {
+        const int view = sst_rig_capture_view(cfg, i);
+        const struct sst_rig_pos p = sst_rig_capture_pose(cfg, view);
+
+        if (json)
+            json_array_append_new(poses, json_pack("{s:i, s:i, s:[iii]}", "row", view / cfg->cols, "col", view % cfg->cols, "um",
+                                                   p.um[0], p.um[1], p.um[2]));
+        else
+            printf("%4d %4d %3d  %10.3f %10.3f %10.3f\n", i + 1, view / cfg->cols, view % cfg->cols, p.um[0] / 1000.0,
+                   p.um[1] / 1000.0, p.um[2] / 1000.0);
+    }
+    if (json) {
+        json_t *all = json_pack("{s:o, s:f, s:f, s:b, s:I}", "poses", poses, "way_mm", plan->way_mm, "seconds", plan->seconds,
+                                "speed_assumed", (int)plan->speed_assumed, "bytes", (json_int_t)plan->bytes);
+
+        json_dumpf(all, stdout, JSON_INDENT(1));
+        printf("\n");
+        json_decref(all);
+        return;
+    }
+    printf("%d views, %.0f mm of way, about %.0f s after homing%s, about %.1f MB\n", plan->views, plan->way_mm, plan->seconds,
+           plan->speed_assumed ? " (50 mm/s assumed: give --speed)" : "", (double)plan->bytes * 1e-6);
+}
+
+static void print_report(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_report *r,
+                         const struct sst_grab_counters *camera, int count, bool json)
+{
+    if (json) {
+        json_t *all = json_pack(
+            "{s:s, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}, "
+            "s:{s:I, s:I, s:I}}", "dir", cfg->dir, "views", cfg->rows * cfg->cols, "there", count, "taken", r->taken, "again",
+            r->again, "rig_faults", r->rig_faults, "camera_faults", r->camera_faults, "moved", r->moved, "homed", r->homed,
+            "rig", "requests", (json_int_t)r->rig.requests, "timeouts", (json_int_t)r->rig.timeouts, "garbled",
+            (json_int_t)r->rig.garbled, "exceptions", (json_int_t)r->rig.exceptions, "lost", (json_int_t)r->rig.lost,
+            "reconnects", (json_int_t)r->rig.reconnects, "stalls", (json_int_t)r->rig.stalls, "limits",
+            (json_int_t)r->rig.limits, "alarms", (json_int_t)r->rig.alarms, "missed", (json_int_t)r->rig.missed, "lies",
+            (json_int_t)r->rig.lies, "camera", "frames", (json_int_t)camera->frames, "bad", (json_int_t)camera->bad, "lost",
+            (json_int_t)camera->lost);
+
+        json_dumpf(all, stdout, JSON_COMPACT);
+        printf("\n");
+        json_decref(all);
+        return;
+    }
+    printf("%s: %d of %d views, %d taken now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n", cfg->dir, count,
+           cfg->rows * cfg->cols, r->taken, r->again, r->rig_faults, r->camera_faults, r->moved, r->homed);
+    if (r->rig.timeouts + r->rig.garbled + r->rig.exceptions + r->rig.lost)
+        printf("bus: of %llu requests %llu without reply, %llu garbled, %llu refused, %llu with the line lost\n",
+               (unsigned long long)r->rig.requests, (unsigned long long)r->rig.timeouts, (unsigned long long)r->rig.garbled,
+               (unsigned long long)r->rig.exceptions, (unsigned long long)r->rig.lost);
+}
+
+/* A disk that will be full before the end is better known now. */
+static void check_space(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_plan *plan)
+{
+    struct statvfs v;
+
+    if (!statvfs(cfg->dir, &v) && (double)v.f_bavail * (double)v.f_frsize < (double)plan->bytes)
+        sst_log_warning("%s: %.1f MB are free, the views take about %.1f MB; a capture that ends for that goes on later", cfg->dir,
+                        (double)v.f_bavail * (double)v.f_frsize * 1e-6, (double)plan->bytes * 1e-6);
+}
+
+/* --- capturing ---------------------------------------------------------------------------------------------------- */
+
+/* Devices that are missing or refuse have no exit code of their own elsewhere. */
+static int exit_code(int err)
+{
+    switch (-err) {
+    case ENODEV: case EHOSTUNREACH: case ECONNREFUSED: case ENOSYS: case EPROTO: case ETIMEDOUT: case ENOTUNIQ: case EBUSY:
+    case EMFILE: case ENOTCONN:
+        return CLI_MISSING;
+    default:
+        return cli_exit_code(err);
+    }
+}
+
+static int capture(const struct options *o, const struct sst_array_config *array, const struct sst_rig_config *rig_cfg,
+                   const struct sst_rig_capture_config *cfg, struct sst_rig_store *store)
+{
+    struct sst_rig_capture_report report = { .there = sst_rig_store_count(store) };
+    struct sst_grab_counters camera_count = { .frames = 0 };
+    struct sst_rig_camera camera;
+    struct sst_rig_grab *grab = NULL;
+    struct sst_rig *rig = NULL;
+    int err;
+
+    if (report.there == cfg->rows * cfg->cols) {
+        err = sst_rig_store_finish(store);
+        if (!err)
+            print_report(cfg, &report, &camera_count, report.there, o->json);
+        return err;
+    }
+    catch_signals();
+    err = sst_rig_open(&rig, rig_cfg);
+    if (!err) {
+        atomic_store(&rig_at_work, rig);
+        err = sst_rig_grab_open(&grab, array, o->camera, &cancel, &camera);
+    }
+    if (!err) {
+        err = sst_rig_capture(rig, rig_cfg, &camera, store, cfg, &report);
+        cli_progress_end();
+        sst_rig_grab_counters(grab, &camera_count);
+        print_report(cfg, &report, &camera_count, sst_rig_store_count(store), o->json);
+    }
+    atomic_store(&rig_at_work, NULL);
+    sst_rig_grab_close(grab);
+    sst_rig_close(rig);
+    return err;
+}
+
+static int run_with(const struct cli_command *cmd, const struct options *o, struct sst_array_config *array)
+{
+    struct sst_rig_capture_config cfg;
+    struct sst_rig_capture_plan plan;
+    struct sst_rig_config rig;
+    struct sst_rig_store *store;
+    char controls[1024];
+    int err, r = configure(cmd, o, array, &rig, &cfg);
+
+    if (r != CLI_GO_ON)
+        return r;
+    controls_text(array, controls, sizeof(controls));
+    cfg.controls = controls;
+    cfg.progress = cli_progress;
+    cfg.progress_arg = (char[]){ "capture" };
+    err = sst_rig_capture_plan(&plan, &cfg, &rig);
+    if (err)
+        return exit_code(err);
+    if (o->dry_run) {
+        print_plan(&cfg, &plan, o->json);
+        return CLI_OK;
+    }
+    err = sst_rig_store_open(&store, &cfg);
+    if (err)
+        return exit_code(err);
+    check_space(&cfg, &plan);
+    err = capture(o, array, &rig, &cfg, store);
+    sst_rig_store_close(store);
+    return exit_code(err);
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct options o = { .settle_ms = -1, .backlash_mm = 1, .attempts = 3, .guard_ms = 40 };
+    const struct cli_option options[] = {
+        { "output", 'o', CLI_STRING, &o.dir, "DIR", "light-field folder; an incomplete capture in it goes on", 0, 0 },
+        { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of views; array: in the configuration", 1, 256 },
+        { "pitch", 0, CLI_STRING, &o.pitch, "P", "distance of views: 40mm, 4cm, 250um; array: spacing_mm", 0, 0 },
+        { "pitch-y", 0, CLI_STRING, &o.pitch_y, "P", "distance of rows; as --pitch", 0, 0 },
+        { "origin", 0, CLI_STRING, &o.origin, "X,Y[,Z]", "place of view 0,0; the travel's begin plus backlash", 0, 0 },
+        { "camera", 0, CLI_STRING, &o.camera, "ID", "serial or port of the camera; the only one", 0, 0 },
+        { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; cameras: in the configuration", 1, 32768 },
+        { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; likewise", 0, 0 },
+        { "config", 'c', CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml if it is there", 0, 0 },
+        { "bus", 0, CLI_STRING, &o.bus, "BUS", "tcp:HOST:PORT or rtu:DEVICE,BAUD,8E1; rig: bus", 0, 0 },
+        { "profile", 0, CLI_STRING, &o.profile, "NAME", "the drives' registers, a name or a .yaml file; rig: profile", 0, 0 },
+        { "axes", 0, CLI_INT, &o.axes, "N", "x, y and, with 3, z; rig: axes", 1, 3 },
+        { "speed", 0, CLI_DOUBLE, &o.speed_mm_s, "MM/S", "of all axes; rig: speed_mm_s", 0.001, 1e5 },
+        { "accel", 0, CLI_DOUBLE, &o.accel_mm_s2, "MM/S2", "of all axes; rig: accel_mm_s2", 0.001, 1e6 },
+        { "settle", 0, CLI_INT, &o.settle_ms, "MS", "stand still this long before a frame; rig: settle_ms", 0, 60000 },
+        { "guard", 0, CLI_INT, &o.guard_ms, "MS", "then wait this long, for drivers that stamp frames late; 40", 0, 60000 },
+        { "backlash", 0, CLI_DOUBLE, &o.backlash_mm, "MM", "come to each pose from this far below; 0: directly; 1", 0, 1000 },
+        { "attempts", 0, CLI_INT, &o.attempts, "N", "per view; 3", 1, 100 },
+        { "dry-run", 'n', CLI_FLAG, &o.dry_run, NULL, "only print poses, time and disk space", 0, 0 },
+        { "resume", 0, CLI_FLAG, &o.resume, NULL, "go on only, never begin", 0, 0 },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "for machines", 0, 0 },
+    };
+    struct sst_array_config *array;
+    const char *none[1];
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, none, 0, 0);
+
+    if (r != CLI_GO_ON)
+        return r;
+    if (!o.dir && !o.dry_run)
+        return cli_usage_error(cmd, "say where the light field goes: -o DIR");
+    array = calloc(1, sizeof(*array));
+    if (!array)
+        return CLI_MEMORY;
+    r = run_with(cmd, &o, array);
+    free(array);
+    return r;
+}
+
+const struct cli_command cli_capture_rig = {
+    .name = "capture rig",
+    .usage = "--grid RxC --pitch P -o DIR [--bus BUS --profile NAME] [--camera ID] [--dry-run] [--resume]",
+    .summary = "step one camera over a grid with a motor rig",
+    .detail =
+        "For each view: move, wait until every axis stands, settle, take the first frame that begins after that, check that\n"
+        "nothing moved, store the camera's bytes and a line in DIR/capture.jsonl. Ctrl-C stops the motors; the same command\n"
+        "goes on where it was, also after a crash or a power cut: views are checked by their hashes, damaged ones are taken\n"
+        "again. A complete folder is a light field for `sst process`. docs/rig.md lists the drives and how to add one.",
+    .example = "sst capture rig --grid 6x6 --pitch 40mm --dry-run\n"
+               "  sst capture rig --grid 6x6 --pitch 40mm --bus tcp:192.168.0.10:502 --profile sst-sim -o garden",
+    .run = run,
+};
