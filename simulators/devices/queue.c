@@ -16,10 +16,17 @@
 
 /* --- memory ------------------------------------------------------------------------------------------------------- */
 
+static size_t whole_pages(uint32_t bytes)
+{
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+
+    return (bytes + page - 1) / page * page;
+}
+
 static void buffer_free(struct sst_sim_buffer *b)
 {
     if (b->data)
-        (void)munmap(b->data, b->length);
+        (void)munmap(b->data, whole_pages(b->length));
     if (b->memory >= 0)
         close(b->memory); /* programs that still map it keep it */
     if (b->dmabuf >= 0)
@@ -29,14 +36,13 @@ static void buffer_free(struct sst_sim_buffer *b)
 
 static int buffer_make(struct sst_sim_buffer *b, uint32_t bytes)
 {
-    const uint32_t page = (uint32_t)sysconf(_SC_PAGESIZE);
-    const uint32_t length = (bytes + page - 1) / page * page;
+    const size_t room = whole_pages(bytes);
     void *data = MAP_FAILED;
 
-    *b = (struct sst_sim_buffer){ .length = length, .user_length = bytes, .dmabuf = -1, .dmabuf_number = -1 };
+    *b = (struct sst_sim_buffer){ .length = bytes, .user_length = bytes, .dmabuf = -1, .dmabuf_number = -1 };
     b->memory = memfd_create("sst-sim-frame", MFD_CLOEXEC);
-    if (b->memory >= 0 && ftruncate(b->memory, length) == 0)
-        data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, b->memory, 0);
+    if (b->memory >= 0 && ftruncate(b->memory, (off_t)room) == 0)
+        data = mmap(NULL, room, PROT_READ | PROT_WRITE, MAP_SHARED, b->memory, 0);
     if (data == MAP_FAILED) {
         buffer_free(b);
         return -ENOMEM;
@@ -272,14 +278,15 @@ static int take_memory(const struct sst_sim_cam *cam, struct sst_sim_buffer *b, 
         b->userptr = a->m.userptr;
         b->user_length = a->length;
     } else if (a->memory == V4L2_MEMORY_DMABUF) {
-        if (r->fd < 0 || fstat(r->fd, &st) < 0 || !S_ISREG(st.st_mode) || st.st_size < (off_t)cam->format.sizeimage)
+        if (r->fd < 0 || fstat(r->fd, &st) < 0 || !S_ISREG(st.st_mode) || st.st_size < (off_t)a->length ||
+            (a->length ? a->length : st.st_size) < (off_t)cam->format.sizeimage)
             return -EINVAL;
         if (b->dmabuf >= 0)
             close(b->dmabuf);
         b->dmabuf = r->fd;
         r->fd = -1;
         b->dmabuf_number = a->m.fd;
-        b->user_length = (uint32_t)st.st_size;
+        b->user_length = a->length ? a->length : (uint32_t)st.st_size;
     }
     return 0;
 }
@@ -413,7 +420,7 @@ int sst_sim_cam_queue_map(struct sst_sim_cam *cam, struct sst_sim_request *r)
     if (q->memory != V4L2_MEMORY_MMAP || index >= q->count || (r->call.arg & ((1u << OFFSET_SHIFT) - 1)))
         return -EINVAL;
     b = &q->buffer[index];
-    if (!(flags & MAP_SHARED) || !(prot & PROT_READ) || r->call.length > b->length)
+    if (!(flags & MAP_SHARED) || !(prot & PROT_READ) || r->call.length > whole_pages(b->length))
         return -EINVAL;
     b->mapped = true;
     r->out_fd = b->memory;

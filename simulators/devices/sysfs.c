@@ -25,48 +25,69 @@ static void failed(struct sst_sim_sysfs *fs, const char *path, int err)
                   strerror(-err));
 }
 
-/** The real path, its folders made. @return false: it cannot be, told */
-static bool place(struct sst_sim_sysfs *fs, const char *path, char out[SST_PATH_MAX])
+/** The real path. @return false: too long, told */
+static bool real_path(struct sst_sim_sysfs *fs, const char *path, char out[SST_PATH_MAX])
 {
-    int err = 0;
-
-    if (snprintf(out, SST_PATH_MAX, "%s%s", fs->root, path) >= SST_PATH_MAX)
-        err = -ENAMETOOLONG;
-    /* Mostly the folder is there: only then walk. */
-    for (char *p = out + strlen(fs->root) + 1; !err && (p = strchr(p, '/')); p++) {
-        *p = '\0';
-        if (mkdir(out, 0700) < 0 && errno != EEXIST)
-            err = -errno;
-        *p = '/';
-    }
-    if (err)
-        failed(fs, path, err);
-    return !err;
+    if (snprintf(out, SST_PATH_MAX, "%s%s", fs->root, path) < SST_PATH_MAX)
+        return true;
+    failed(fs, path, -ENAMETOOLONG);
+    return false;
 }
 
-/** Replace a file: readers find the old one or the new one. */
-static void put_file(struct sst_sim_sysfs *fs, const char *path, const void *data, size_t bytes)
+/** Make the folders that lead to a real path. Failures show when something is put there. */
+static void make_folders(const struct sst_sim_sysfs *fs, char *real)
 {
-    char real[SST_PATH_MAX], temporary[SST_PATH_MAX];
-    struct stat st;
-    mode_t mode = 0444;
-    int fd, err = 0;
+    for (char *p = real + strlen(fs->root) + 1; (p = strchr(p, '/')); p++) {
+        *p = '\0';
+        (void)mkdir(real, 0700);
+        *p = '/';
+    }
+}
 
-    if (!place(fs, path, real))
-        return;
-    if (snprintf(temporary, sizeof(temporary), "%s/.attribute", fs->root) >= (int)sizeof(temporary))
-        return failed(fs, path, -ENAMETOOLONG);
-    if (lstat(real, &st) == 0 && S_ISREG(st.st_mode))
-        mode = st.st_mode & 07777; /* stays writable */
-    fd = open(temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+static int write_file(const char *real, int flags, mode_t mode, const void *data, size_t bytes)
+{
+    const int fd = open(real, O_WRONLY | O_CREAT | O_CLOEXEC | flags, mode);
+    int err = 0;
+
     if (fd < 0)
-        return failed(fs, path, -errno);
-    if (write(fd, data, bytes) != (ssize_t)bytes || fchmod(fd, mode) < 0)
+        return -errno;
+    if (write(fd, data, bytes) != (ssize_t)bytes)
         err = errno ? -errno : -EIO;
     if (close(fd) < 0 && !err)
         err = -errno;
-    if (!err && rename(temporary, real) < 0)
+    return err;
+}
+
+/** Readers find the old contents or the new ones. */
+static int replace_file(const struct sst_sim_sysfs *fs, const char *real, const void *data, size_t bytes)
+{
+    char temporary[SST_PATH_MAX];
+    struct stat st;
+    int err;
+
+    if (snprintf(temporary, sizeof(temporary), "%s/.attribute", fs->root) >= (int)sizeof(temporary))
+        return -ENAMETOOLONG;
+    err = write_file(temporary, O_TRUNC, 0644, data, bytes);
+    /* What is writable stays so. */
+    if (!err && lstat(real, &st) == 0 && (st.st_mode & S_ISVTX) && chmod(temporary, S_ISVTX | 0644) < 0)
         err = -errno;
+    return !err && rename(temporary, real) < 0 ? -errno : err;
+}
+
+static void put_file(struct sst_sim_sysfs *fs, const char *path, const void *data, size_t bytes)
+{
+    char real[SST_PATH_MAX];
+    int err;
+
+    if (!real_path(fs, path, real))
+        return;
+    err = write_file(real, O_EXCL, 0444, data, bytes);
+    if (err == -ENOENT) {
+        make_folders(fs, real);
+        err = write_file(real, O_EXCL, 0444, data, bytes);
+    }
+    if (err == -EEXIST)
+        err = replace_file(fs, real, data, bytes);
     if (err)
         failed(fs, path, err);
 }
@@ -101,7 +122,7 @@ void sst_sim_sysfs_writable(struct sst_sim_sysfs *fs, struct sst_sim_node **node
     char real[SST_PATH_MAX];
     int err;
 
-    if (!place(fs, path, real))
+    if (!real_path(fs, path, real))
         return;
     /* The preload library knows by the sticky bit that writing asks the simulator. */
     err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sst_sim_node_add(fs->server, node, path, 0, 0, ops, device);
@@ -109,12 +130,24 @@ void sst_sim_sysfs_writable(struct sst_sim_sysfs *fs, struct sst_sim_node **node
         failed(fs, path, err);
 }
 
+static void put_link(struct sst_sim_sysfs *fs, const char *path, char *real, const char *target)
+{
+    for (int attempt = 0; symlink(target, real) < 0; attempt++) {
+        if (attempt == 2 || (errno != ENOENT && errno != EEXIST))
+            return failed(fs, path, -errno);
+        if (errno == ENOENT)
+            make_folders(fs, real);
+        else
+            (void)unlink(real);
+    }
+}
+
 void sst_sim_sysfs_link(struct sst_sim_sysfs *fs, const char *path, const char *target)
 {
     char real[SST_PATH_MAX], relative[SST_PATH_MAX] = "";
     size_t common = 0;
 
-    if (!place(fs, path, real))
+    if (!real_path(fs, path, real))
         return;
     for (size_t i = 0; path[i] && path[i] == target[i]; i++)
         if (path[i] == '/')
@@ -125,9 +158,7 @@ void sst_sim_sysfs_link(struct sst_sim_sysfs *fs, const char *path, const char *
     if (strlen(relative) + strlen(target + common) >= sizeof(relative))
         return failed(fs, path, -ENAMETOOLONG);
     strcat(relative, target + common);
-    (void)unlink(real);
-    if (symlink(relative, real) < 0)
-        failed(fs, path, -errno);
+    put_link(fs, path, real, relative);
 }
 
 static int remove_entry(const char *path, const struct stat *st, int type, struct FTW *walk)
@@ -157,16 +188,15 @@ static void show_through(struct sst_sim_sysfs *fs, const char *dir, const char *
     if (!real)
         return; /* not there, nothing to show */
     for (struct dirent *e; (e = readdir(real));) {
-        char path[SST_PATH_MAX], target[SST_PATH_MAX], at[SST_PATH_MAX];
+        char target[SST_PATH_MAX], at[SST_PATH_MAX];
         bool own = e->d_name[0] == '.';
 
         for (int i = 0; without[i]; i++)
             own = own || strcmp(e->d_name, without[i]) == 0;
         if (own || snprintf(target, sizeof(target), "%s/%s", dir, e->d_name) >= (int)sizeof(target) ||
-            snprintf(path, sizeof(path), "%s", target) >= (int)sizeof(path) || !place(fs, path, at))
+            !real_path(fs, target, at))
             continue;
-        if (symlink(target, at) < 0 && errno != EEXIST)
-            failed(fs, path, -errno);
+        put_link(fs, target, at, target);
     }
     closedir(real);
 }
@@ -180,8 +210,8 @@ static void show_numbers(struct sst_sim_sysfs *fs)
     DIR *dir;
 
     show_through(fs, "/sys/dev/char", none);
-    if (!place(fs, "/sys/dev/char/.", real) || !(dir = opendir(real)))
-        return;
+    if (!real_path(fs, "/sys/dev/char", real) || !(dir = opendir(real)))
+        return; /* the machine shows none */
     for (struct dirent *e; (e = readdir(dir));)
         for (size_t i = 0; i < ARRAY_LEN(own); i++)
             if (strncmp(e->d_name, own[i], strlen(own[i])) == 0)

@@ -47,8 +47,8 @@ SST_PRINTF(2, 3) void sst_sim_props_add(struct sst_sim_props *props, const char 
  *
  * @param devpath  without /sys
  * @param kernel   as in the attribute "uevent", and SUBSYSTEM
- * @param udev     what udev knows besides; written to or removed from its data under `id` ("c81:0") first.
- *                 Lines with S: are links in /dev. NULL: nothing.
+ * @param id       under which udev keeps data, "c81:0", renewed before it tells and removed after; NULL: it keeps none
+ * @param udev     what udev knows besides. Lines with S: are links in /dev. NULL: nothing.
  */
 void sst_sim_uevent(struct sst_sim_sysfs *fs, const char *action, const char *devpath,
                     const struct sst_sim_props *kernel, const char *id, const struct sst_sim_props *udev);

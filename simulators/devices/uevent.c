@@ -160,7 +160,7 @@ void sst_sim_uevent(struct sst_sim_sysfs *fs, const char *action, const char *de
     bytes = flatten(text, sizeof(text), bytes, kernel);
     send_group(fs, GROUP_KERNEL, text, bytes);
 
-    if (udev && strcmp(action, "remove") != 0)
+    if (udev && id && strcmp(action, "remove") != 0)
         sst_sim_udev_data(fs, id, udev);
     bytes = flatten(text, sizeof(text), sizeof(header), &head);
     bytes = flatten(text, sizeof(text), bytes, kernel);
@@ -169,7 +169,7 @@ void sst_sim_uevent(struct sst_sim_sysfs *fs, const char *action, const char *de
     header.bytes = (uint32_t)(bytes - sizeof(header));
     memcpy(text, &header, sizeof(header));
     send_group(fs, GROUP_UDEV, text, bytes);
-    if (udev && strcmp(action, "remove") == 0)
+    if (udev && id && strcmp(action, "remove") == 0)
         sst_sim_udev_data(fs, id, NULL);
     retry(fs);
 }

@@ -52,11 +52,11 @@ static void handle(struct sst_sim_usb_front *front, int device, enum sst_sim_usb
         break;
     case SST_SIM_USB_BOUND:
         camera_bound(front, device, interface, true);
-        usb_sysfs_bound(front, device, interface, true);
+        usb_sysfs_bound(front, device, interface);
         break;
     case SST_SIM_USB_UNBOUND:
         camera_bound(front, device, interface, false);
-        usb_sysfs_bound(front, device, interface, false);
+        usb_sysfs_bound(front, device, interface);
         break;
     case SST_SIM_USB_CHANGED:
         usb_sysfs_changed(front, device);
@@ -187,12 +187,8 @@ static int show_all(struct sst_sim_usb_front *front)
     usb_sysfs_drivers(front);
     front->telling = true;
     for (int i = 0; i < sst_sim_usb_count(front->usb); i++) {
-        const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, i);
-
         add_node(front, i);
         usb_sysfs_add(front, i);
-        for (int k = 0; k < d->interfaces; k++)
-            usb_sysfs_bound(front, i, k, true);
     }
     front->telling = false;
     return sst_sim_sysfs_error(front->cfg.sysfs);

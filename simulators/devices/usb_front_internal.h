@@ -49,7 +49,8 @@ struct sst_sim_usb_front {
 void usb_sysfs_drivers(struct sst_sim_usb_front *front);
 void usb_sysfs_add(struct sst_sim_usb_front *front, int device);
 void usb_sysfs_remove(struct sst_sim_usb_front *front, int device);
-void usb_sysfs_bound(struct sst_sim_usb_front *front, int device, int interface, bool bound);
+/** An interface got its driver or lost it. */
+void usb_sysfs_bound(struct sst_sim_usb_front *front, int device, int interface);
 void usb_sysfs_changed(struct sst_sim_usb_front *front, int device);
 void usb_sysfs_video(struct sst_sim_usb_front *front, int device, bool present, int node);
 /** Folder of a device in /sys. */

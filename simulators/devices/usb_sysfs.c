@@ -164,7 +164,7 @@ static void tell(struct sst_sim_usb_front *front, int device, int interface, con
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     struct sst_sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
-    char dir[SST_PATH_MAX], id[160], name[96], path[128];
+    char dir[SST_PATH_MAX], id[32], path[128];
     uint8_t descriptor[4096];
 
     if (sst_sim_usb_descriptors(front->usb, device, descriptor, sizeof(descriptor)) < 0)
@@ -178,12 +178,10 @@ static void tell(struct sst_sim_usb_front *front, int device, int interface, con
     } else {
         interface_dir(front, device, interface, dir);
         interface_props(front, &props, device, interface, descriptor);
-        usb_interface_name(d, interface, name, sizeof(name));
-        snprintf(id, sizeof(id), "+usb:%s", name);
     }
     add_path_id(&udev, path);
     sst_sim_props_add(&props, "SUBSYSTEM=usb");
-    sst_sim_uevent(front->cfg.sysfs, action, dir + strlen("/sys"), &props, id, &udev);
+    sst_sim_uevent(front->cfg.sysfs, action, dir + strlen("/sys"), &props, interface < 0 ? id : NULL, &udev);
 }
 
 /* --- attributes ----------------------------------------------------------------------------------------------------- */
@@ -224,13 +222,6 @@ static void device_attributes(struct sst_sim_usb_front *front, int device, const
         sst_sim_sysfs_attr(fs, dir, "serial", "%s", d->serial);
     sst_sim_sysfs_attr(fs, dir, "removable", "%s", d->kind == SST_SIM_USB_ROOT ? "unknown" : "removable");
     sst_sim_sysfs_attr(fs, dir, "authorized", "%d", d->authorized);
-    sst_sim_sysfs_attr(fs, dir, "rx_lanes", "1");
-    sst_sim_sysfs_attr(fs, dir, "tx_lanes", "1");
-    sst_sim_sysfs_attr(fs, dir, "quirks", "0x0");
-    sst_sim_sysfs_attr(fs, dir, "urbnum", "0");
-    sst_sim_sysfs_attr(fs, dir, "ltm_capable", "no");
-    sst_sim_sysfs_attr(fs, dir, "avoid_reset_quirk", "0");
-    sst_sim_sysfs_attr(fs, dir, "configuration", "%s", "");
 }
 
 static void writable(struct sst_sim_usb_front *front, int device, int port, const char *dir, const char *name)
@@ -251,9 +242,7 @@ static void add_port(struct sst_sim_usb_front *front, int hub, int port)
 
     port_dir(front, hub, port, dir);
     sst_sim_sysfs_attr(fs, dir, "connect_type", "hotplug");
-    sst_sim_sysfs_attr(fs, dir, "location", "0x%08x", port);
     sst_sim_sysfs_attr(fs, dir, "over_current_count", "0");
-    sst_sim_sysfs_attr(fs, dir, "quirks", "00000000");
     sst_sim_sysfs_attr(fs, dir, "disable", "%d", d->disabled[port]);
     writable(front, hub, port, dir, "disable");
     if (d->twin >= 0) {
@@ -262,7 +251,39 @@ static void add_port(struct sst_sim_usb_front *front, int hub, int port)
     }
 }
 
-static void add_interface(struct sst_sim_usb_front *front, int device, int interface)
+static void interface_uevent(struct sst_sim_usb_front *front, int device, int interface, const uint8_t *descriptor)
+{
+    struct sst_sim_props props = { .bytes = 0 };
+    const char *alias;
+    char dir[SST_PATH_MAX];
+
+    interface_dir(front, device, interface, dir);
+    interface_props(front, &props, device, interface, descriptor);
+    sst_sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
+    alias = strstr(props.text, "MODALIAS=");
+    if (alias)
+        sst_sim_sysfs_attr(front->cfg.sysfs, dir, "modalias", "%.*s", (int)strcspn(alias + 9, "\n"), alias + 9);
+}
+
+/** The links between an interface and its driver. */
+static void link_driver(const struct sst_sim_usb_front *front, int device, int interface)
+{
+    const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
+    char dir[SST_PATH_MAX], driver[96], name[96];
+
+    interface_dir(front, device, interface, dir);
+    usb_interface_name(d, interface, name, sizeof(name));
+    snprintf(driver, sizeof(driver), "/sys/bus/usb/drivers/%s", sst_sim_usb_driver(d));
+    if (d->bound >> interface & 1) {
+        link_in(front, dir, "driver", driver);
+        link_in(front, driver, name, dir);
+    } else {
+        unlink_in(front, dir, "driver");
+        unlink_in(front, driver, name);
+    }
+}
+
+static void add_interface(struct sst_sim_usb_front *front, int device, int interface, const uint8_t *descriptor)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     struct sst_sim_sysfs *fs = front->cfg.sysfs;
@@ -279,35 +300,14 @@ static void add_interface(struct sst_sim_usb_front *front, int device, int inter
     sst_sim_sysfs_attr(fs, dir, "bInterfaceSubClass", "%02x", class[1]);
     sst_sim_sysfs_attr(fs, dir, "bInterfaceProtocol", "%02x", class[2]);
     sst_sim_sysfs_attr(fs, dir, "authorized", "1");
-    sst_sim_sysfs_attr(fs, dir, "supports_autosuspend", "1");
     link_in(front, dir, "subsystem", "/sys/bus/usb");
     usb_interface_name(d, interface, name, sizeof(name));
+    interface_uevent(front, device, interface, descriptor);
     link_in(front, "/sys/bus/usb/devices", name, dir);
+    if (d->bound >> interface & 1)
+        link_driver(front, device, interface);
     for (int port = 1; port <= d->ports; port++)
         add_port(front, device, port);
-}
-
-/** The file "uevent" of a device and of its interfaces. */
-static void write_uevents(struct sst_sim_usb_front *front, int device)
-{
-    const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
-    struct sst_sim_props props = { .bytes = 0 };
-    char dir[SST_PATH_MAX];
-    uint8_t descriptor[4096];
-
-    if (sst_sim_usb_descriptors(front->usb, device, descriptor, sizeof(descriptor)) < 0)
-        return;
-    usb_sysfs_dir(front, device, dir);
-    device_props(&props, d, descriptor);
-    sst_sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
-    for (int i = 0; i < d->interfaces; i++) {
-        props.bytes = 0;
-        interface_props(front, &props, device, i, descriptor);
-        interface_dir(front, device, i, dir);
-        sst_sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
-        for (const char *p = strstr(props.text, "MODALIAS="); p; p = NULL)
-            sst_sim_sysfs_attr(front->cfg.sysfs, dir, "modalias", "%.*s", (int)strcspn(p + 9, "\n"), p + 9);
-    }
 }
 
 /* --- devices come and go -------------------------------------------------------------------------------------------- */
@@ -334,6 +334,7 @@ void usb_sysfs_add(struct sst_sim_usb_front *front, int device)
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     uint8_t descriptor[4096];
     const int bytes = sst_sim_usb_descriptors(front->usb, device, descriptor, sizeof(descriptor));
+    struct sst_sim_props props = { .bytes = 0 };
     char dir[SST_PATH_MAX], number[32], port[SST_PATH_MAX];
 
     if (bytes < 0)
@@ -345,8 +346,9 @@ void usb_sysfs_add(struct sst_sim_usb_front *front, int device)
     descriptor_attributes(front->cfg.sysfs, dir, descriptor, bytes);
     writable(front, device, 0, dir, "authorized");
     for (int i = 0; i < d->interfaces; i++)
-        add_interface(front, device, i);
-    write_uevents(front, device);
+        add_interface(front, device, i, descriptor);
+    device_props(&props, d, descriptor);
+    sst_sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
     link_in(front, dir, "subsystem", "/sys/bus/usb");
     link_in(front, dir, "driver", "/sys/bus/usb/drivers/usb");
     link_in(front, "/sys/bus/usb/drivers/usb", d->path, dir);
@@ -388,22 +390,16 @@ void usb_sysfs_remove(struct sst_sim_usb_front *front, int device)
     sst_sim_sysfs_remove(front->cfg.sysfs, dir);
 }
 
-void usb_sysfs_bound(struct sst_sim_usb_front *front, int device, int interface, bool bound)
+void usb_sysfs_bound(struct sst_sim_usb_front *front, int device, int interface)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
-    char dir[SST_PATH_MAX], driver[96], name[96];
+    const bool bound = d->bound >> interface & 1;
+    uint8_t descriptor[4096];
 
-    interface_dir(front, device, interface, dir);
-    usb_interface_name(d, interface, name, sizeof(name));
-    snprintf(driver, sizeof(driver), "/sys/bus/usb/drivers/%s", sst_sim_usb_driver(d));
-    if (bound) {
-        link_in(front, dir, "driver", driver);
-        link_in(front, driver, name, dir);
-    } else {
-        unlink_in(front, dir, "driver");
-        unlink_in(front, driver, name);
-    }
-    write_uevents(front, device);
+    if (sst_sim_usb_descriptors(front->usb, device, descriptor, sizeof(descriptor)) < 0)
+        return;
+    link_driver(front, device, interface);
+    interface_uevent(front, device, interface, descriptor);
     tell(front, device, interface, bound ? "bind" : "unbind");
     if (interface == d->interfaces - 1 && bound)
         tell(front, device, -1, "bind");

@@ -116,7 +116,7 @@ static int add_hub(struct sst_sim_usb *usb, const struct layout *layout, int par
     return hub;
 }
 
-/** Each controller has a high-speed bus and a SuperSpeed bus; their root hubs share the sockets. */
+/** An xHCI controller has a high-speed bus and a SuperSpeed bus; their root hubs share the sockets. */
 static int add_controller(struct sst_sim_usb *usb, const char *address, int index)
 {
     const int hs = add_root(usb, address, 2 * index + 1, 480), ss = add_root(usb, address, 2 * index + 2, 5000);
@@ -131,15 +131,18 @@ static int add_controller(struct sst_sim_usb *usb, const char *address, int inde
 static int build_wide(struct sst_sim_usb *usb, const struct layout *layout, int cameras)
 {
     if (cameras > 127)
-        return -EINVAL; /* two buses each, and Linux counts 255 */
+        return -EINVAL; /* as many cards are not to be had */
     for (int cam = 0; cam < cameras; cam++) {
         char address[SST_SIM_USB_TEXT];
         int root, err;
 
-        /* Cards with four controllers, each behind a bridge of its own. */
+        /* Cards with four EHCI controllers, each behind a bridge of its own and with one socket. */
         snprintf(address, sizeof(address), "0000:%02x:00.0", 3 + cam);
-        root = add_controller(usb, address, cam);
-        err = root < 0 ? root : add_camera(usb, root, 1, cam, layout->speed_mbit);
+        root = add_root(usb, address, cam + 1, 480);
+        if (root < 0)
+            return root;
+        usb->device[root].ports = 1;
+        err = add_camera(usb, root, 1, cam, layout->speed_mbit);
         if (err)
             return err;
     }

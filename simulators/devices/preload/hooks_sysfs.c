@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/inotify.h>
 #include <sys/vfs.h>
+#include <sys/xattr.h>
 #include <unistd.h>
 
 #include "simulators/devices/preload/classes.h"
@@ -103,6 +104,19 @@ HOOK int inotify_add_watch(int fd, const char *path, uint32_t mask)
     sim_path_resolve(AT_FDCWD, path, true, &p);
     return next(fd, p.kind == SIM_PATH_OTHER ? path : p.real, mask);
 }
+
+/* `ls -l` asks each name for its security label. */
+#define GETXATTR_HOOK(name, follow)                                                                 \
+    HOOK ssize_t name(const char *path, const char *attribute, void *value, size_t bytes)           \
+    {                                                                                               \
+        NEXT(ssize_t, name, const char *, const char *, void *, size_t);                            \
+        struct sim_path p;                                                                          \
+        sim_path_resolve(AT_FDCWD, path, follow, &p);                                               \
+        return next(p.kind == SIM_PATH_OTHER ? path : p.real, attribute, value, bytes);             \
+    }
+
+GETXATTR_HOOK(getxattr, true)
+GETXATTR_HOOK(lgetxattr, false)
 
 HOOK int chdir(const char *path)
 {
