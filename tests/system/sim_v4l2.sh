@@ -26,7 +26,7 @@ grabs() {
 }
 
 # --- conformance: the public tool finds nothing at all, DMABUF from another camera included
-for format in MJPG YUYV 'Y16 ' RGGB; do
+for format in MJPG YUYV RGGB; do
   $sim -- sh -c "v4l2-ctl -d /dev/video1 -v width=160,height=120,pixelformat='$format' &&
     v4l2-compliance -d /dev/video1 -e /dev/video2 -s4" >out 2>&1
   grep -q 'Succeeded: 54, Failed: 0, Warnings: 0' out || fail "v4l2-compliance on $format: $(grep -E 'fail|FAIL|warn|Total' out | head -5)"
@@ -97,6 +97,9 @@ $sim --fault camera.1.stall=1 -- sh -c "$grab -t 200 /dev/video1 1; $grab -t 400
 holds "stall ends by restreaming" '$1 == 1' 1
 $sim --fault camera.1.control_stuck=1 -- sh -c "v4l2-ctl -d /dev/video1 -c gain=200; v4l2-ctl -d /dev/video1 -C gain" >out 2>&1
 grep -q 'gain: 100' out || fail "control_stuck: $(cat out)"
+
+# --- a file closed is closed for the next open, however soon
+$sim -- sh -c "for i in 1 2 3 4 5 6 7 8 9 10; do $grab /dev/video1 1 || exit 1; done" >out 2>&1 || fail "reopen: $(cat out)"
 
 # --- away and back while a program waits: it is told at once; another camera came first, so the number changes
 cat >plug.sh <<END
