@@ -56,6 +56,19 @@ HOOK FILE *fopen64(const char *restrict path, const char *restrict mode)
     return open_stream(next, path, mode);
 }
 
+HOOK int fclose(FILE *stream)
+{
+    NEXT(int, fclose, FILE *);
+
+    if (sim_dir() && stream && sim_maybe(fileno(stream))) {
+        const int failed = fflush(stream);
+
+        sim_flush(fileno(stream));
+        return next(stream) == 0 ? failed : EOF;
+    }
+    return next(stream);
+}
+
 /* --- the kind of file system: libudev and libusb insist on sysfs ---------------------------------------------------- */
 
 static bool fd_in_sysfs(int fd)
@@ -130,4 +143,5 @@ HOOK int chdir(const char *path)
 const struct sim_class sim_class_attribute = {
     .letter = 's',
     .write_calls = true,
+    .late_writes = true,
 };
