@@ -88,17 +88,6 @@ static void dress(struct msghdr *msg, ssize_t bytes)
         }
 }
 
-/* libudev's filter looks for hashes in the head of udev's messages, which are left out here: it looks again itself. */
-HOOK int setsockopt(int fd, int level, int option, const void *value, socklen_t bytes)
-{
-    NEXT(int, setsockopt, int, int, int, const void *, socklen_t);
-    struct sim_id id;
-
-    if (level == SOL_SOCKET && option == SO_ATTACH_FILTER && is_ours(fd, &id))
-        return 0;
-    return next(fd, level, option, value, bytes);
-}
-
 HOOK ssize_t recvmsg(int fd, struct msghdr *msg, int flags)
 {
     NEXT(ssize_t, recvmsg, int, struct msghdr *, int);
