@@ -82,6 +82,6 @@ if ! [ -s events1 ]; then echo "built without libudev"; else
   done
 fi
 [ "$(tail -n 3 out)" = "$(printf '4\n4\nSIM0003')" ] || fail "hub: $(cat out)"
-"$build/sst-sim" --usb star -- true 2>err && fail "an unknown layout"
+$sim --usb star -- true 2>err && fail "an unknown layout"
 grep -q "'star'.*wide, tight" err || fail "unknown layout: $(cat err)"
 exit $failed
