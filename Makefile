@@ -182,6 +182,7 @@ demo: deps ## see through a simulated scene: pictures in sst-demo/
 
 install: all ## install under DESTDIR/PREFIX
 	install -Dm755 $(BUILD)/sst $(DESTDIR)$(PREFIX)/bin/sst
+	for f in config/profiles/*.yaml; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/profiles/$$(basename $$f) || exit 1; done
 	for f in models/*.onnx models/manifest.json; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
 
 format: ## lay out the sources by .clang-format

@@ -64,7 +64,8 @@ static int choose(const struct cli_command *cmd, const struct import_recording *
     return err ? cli_exit_code(err) : CLI_GO_ON;
 }
 
-static int make(const struct cli_command *cmd, const struct import_recording *args, const struct sst_recording *recording)
+static int make(const struct cli_command *cmd, const struct import_recording *args,
+                const struct sst_recording *recording)
 {
     const int n = sst_recording_sets(recording);
     struct sst_lightfields_config cfg = {

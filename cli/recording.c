@@ -106,7 +106,7 @@ static int look(struct summary *s, const struct sst_recording *recording, bool v
     return err;
 }
 
-/* --- what is said --------------------------------------------------------------------------------------------------- */
+/* --- what is said ------------------------------------------------------------------------------------------------- */
 
 static int worst_camera(const struct summary *s)
 {
@@ -143,14 +143,14 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
     sst_pixel_format_name(i->fourcc, format);
     printf("%s: %d cameras on %dx%d, %s %dx%d, nominal %g Hz\n", sst_recording_dir(recording), i->cameras, i->rows,
            i->cols, format, i->width, i->height, i->rate_hz);
-    printf("sets      %d in %d runs, %d complete, %d with missing or bad frames, %.3f GB\n", s->sets, s->runs, s->complete,
-           s->sets - s->damaged - s->complete, (double)s->bytes * 1e-9);
-    printf("rate      %.3f Hz (median), %d gaps, longest distance %.3f s\n", period > 0 ? 1e9 / (double)period : 0, s->gaps,
-           (double)percentile(s->period_ns, s->periods, 100) * 1e-9);
+    printf("sets      %d in %d runs, %d complete, %d with missing or bad frames, %.3f GB\n", s->sets, s->runs,
+           s->complete, s->sets - s->damaged - s->complete, (double)s->bytes * 1e-9);
+    printf("rate      %.3f Hz (median), %d gaps, longest distance %.3f s\n", period > 0 ? 1e9 / (double)period : 0,
+           s->gaps, (double)percentile(s->period_ns, s->periods, 100) * 1e-9);
     printf("skew      p50 %.1f us, p99 %.1f us, max %.1f us", (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3,
            (double)percentile(s->spread_ns, s->spreads, 99) * 1e-3,
            (double)percentile(s->spread_ns, s->spreads, 100) * 1e-3);
-    if (worst >= 0)
+    if (worst >= 0 && percentile(s->spread_ns, s->spreads, 100) > 0)
         printf(", most often farthest off: r%02d c%02d", i->track[worst].row, i->track[worst].col);
     printf("\n");
     print_cameras(s, "missing  ", s->missing);
@@ -166,7 +166,8 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
         printf("\n");
     }
     if (sst_recording_torn_bytes(recording))
-        printf("torn end  %lld bytes of a set that was being written\n", (long long)sst_recording_torn_bytes(recording));
+        printf("torn end  %lld bytes of a set that was being written\n",
+               (long long)sst_recording_torn_bytes(recording));
 }
 
 static json_t *cameras_to_json(const struct summary *s)
@@ -177,8 +178,8 @@ static json_t *cameras_to_json(const struct summary *s)
         const struct sst_recorder_track *t = &s->info->track[k];
 
         (void)json_array_append_new(list, json_pack("{s:i, s:i, s:s, s:s, s:i, s:i, s:i}", "row", t->row, "col", t->col,
-                                                    "serial", t->serial, "port", t->port, "missing", s->missing[k], "bad",
-                                                    s->bad[k], "farthest_off", s->worst[k]));
+                                                    "serial", t->serial, "port", t->port, "missing", s->missing[k],
+                                                    "bad", s->bad[k], "farthest_off", s->worst[k]));
     }
     return list;
 }
@@ -193,9 +194,9 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
     root = json_pack("{s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:i, s:i, s:i, s:i, s:I, s:I, s:f, s:i, s:f,"
                      " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:o}",
                      "rows", s->info->rows, "cols", s->info->cols, "cameras", s->info->cameras, "pixel_format", format,
-                     "width", s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets", s->sets,
-                     "runs", s->runs, "complete", s->complete, "partial", s->sets - s->damaged - s->complete, "bytes",
-                     (json_int_t)s->bytes, "lost_before", (json_int_t)s->lost_before, "median_hz",
+                     "width", s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets",
+                     s->sets, "runs", s->runs, "complete", s->complete, "partial", s->sets - s->damaged - s->complete,
+                     "bytes", (json_int_t)s->bytes, "lost_before", (json_int_t)s->lost_before, "median_hz",
                      period > 0 ? 1e9 / (double)period : 0.0, "gaps", s->gaps, "longest_s",
                      (double)percentile(s->period_ns, s->periods, 100) * 1e-9, "skew_us", "p50",
                      (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3, "p99",
@@ -260,7 +261,8 @@ const struct cli_command cli_recording = {
     .name = "recording",
     .usage = "DIR [--verify] [--json]",
     .summary = "what a recording holds: sets, skew, gaps, damage",
-    .detail = "Sets are counted from 0 in the order of recording, as `sst import recording --sets` takes them. A set is complete\n"
+    .detail = "Sets are counted from 0 in the order of recording, as `sst import recording --sets` takes them. A set "
+              "is complete\n"
               "when every camera's frame is there and good. Exit code 3 when a set is damaged.",
     .example = "sst recording night --verify",
     .run = run,

@@ -70,7 +70,7 @@ static inline size_t sim_frame(struct sst_sim_world *w, const struct sst_sim_exp
 static inline uint8_t *sim_decode(const uint8_t *data, size_t bytes, int width, int height)
 {
     tjhandle tj = tjInitDecompress();
-    uint8_t *luma = malloc((size_t)width * (size_t)height);
+    uint8_t *luma = (uint8_t *)malloc((size_t)width * (size_t)height);
     int w, h, subsampling, colours;
 
     assert_non_null(tj);

@@ -33,9 +33,11 @@ static int check_fit(const struct sst_recording_info *info, const struct sst_rec
     sst_pixel_format_name(cfg->fourcc, is);
     if (info->rows != cfg->rows || info->cols != cfg->cols || info->cameras != cfg->cameras ||
         info->fourcc != cfg->fourcc || info->width != cfg->width || info->height != cfg->height) {
-        sst_log_error("%s was recorded with %d cameras on %dx%d, %s %dx%d, not %d on %dx%d, %s %dx%d; record into another "
-                      "folder", cfg->dir, info->cameras, info->rows, info->cols, was, info->width, info->height,
-                      cfg->cameras, cfg->rows, cfg->cols, is, cfg->width, cfg->height);
+        sst_log_error(
+            "%s was recorded with %d cameras on %dx%d, %s %dx%d, not %d on %dx%d, %s %dx%d; record into another "
+            "folder",
+            cfg->dir, info->cameras, info->rows, info->cols, was, info->width, info->height, cfg->cameras, cfg->rows,
+            cfg->cols, is, cfg->width, cfg->height);
         return -EEXIST;
     }
     for (int k = 0; k < cfg->cameras; k++) {
@@ -139,8 +141,9 @@ static int remove_segments_behind(const char *dir, int last)
 
 /* --- all of it ---------------------------------------------------------------------------------------------------- */
 
-/* Sets of the last segment whose bytes did not reach the disk go from the end; holes before a good set stay, for readers to
- * report. Only what is certain goes: sets of other segments may be missing because somebody moved the files. */
+/* Sets of the last segment whose bytes did not reach the disk go from the end; holes before a good set stay, for
+ * readers to report. Only what is certain goes: sets of other segments may be missing because somebody moved the files.
+ */
 static int drop_damaged_end(struct sst_recording *r)
 {
     const int before = r->count, segment = before ? r->line[before - 1].segment : -1;
@@ -156,7 +159,8 @@ static int drop_damaged_end(struct sst_recording *r)
     if (err)
         sst_log_error("cannot read the last sets of %s: %s", r->dir, strerror(-err));
     else if (r->count < before)
-        sst_log_warning("%s: the last %d sets were not completely on the disk and are cut off", r->dir, before - r->count);
+        sst_log_warning("%s: the last %d sets were not completely on the disk and are cut off", r->dir,
+                        before - r->count);
     return err;
 }
 

@@ -1,4 +1,4 @@
-/* daemon/recording/append.h - bring a recording into a state that more sets can follow. Inside daemon/recording only. */
+/* daemon/recording/append.h - bring a recording into a state that more sets can follow. Only for daemon/recording. */
 #ifndef SST_DAEMON_RECORDING_APPEND_H
 #define SST_DAEMON_RECORDING_APPEND_H
 
@@ -16,7 +16,8 @@ struct sst_append {
  * lines, segments that no line names. Sets before those stay as they are.
  *
  * @param manifest_fd  of sets.jsonl, writable; the recording is locked
- * @return 0, -EEXIST (made with another array, format or size), -EBADMSG, -EIO, -ENOSPC (no number left), -ENOMEM; logged
+ * @return 0, -EEXIST (made with another array, format or size), -EBADMSG, -EIO, -ENOSPC (no number left), -ENOMEM.
+ *         Logged.
  */
 SST_MUST_CHECK int sst_append_prepare(struct sst_append *out, const struct sst_recorder_config *cfg, int manifest_fd);
 

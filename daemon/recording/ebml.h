@@ -22,8 +22,8 @@ struct sst_ebml {
     size_t head;   /* bytes */
 };
 
-/** Read a number of 1 to 8 bytes. @param value  without the length's marker. All ones is a value here: libavformat writes
- *  track 127 so. @return its bytes, 0 when data ends before it or it is none. */
+/** Read a number of 1 to 8 bytes. @param value  without the length's marker. All ones is a value here: libavformat
+ * writes track 127 so. @return its bytes, 0 when data ends before it or it is none. */
 size_t sst_ebml_number(const uint8_t *data, size_t n, uint64_t *value);
 
 /** Read an element's head. @return 0 or -EBADMSG (not logged). */

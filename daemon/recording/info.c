@@ -41,9 +41,9 @@ static json_t *tracks_to_json(const struct sst_recorder_config *cfg)
     for (int k = 0; tracks && k < cfg->cameras; k++) {
         const struct sst_recorder_track *t = &cfg->tracks[k];
 
-        if (json_array_append_new(tracks, json_pack("{s:i, s:i, s:i, s:i, s:o, s:o, s:o}", "cam", k, "track", k + 1, "row",
-                                                    t->row, "col", t->col, "serial", text_to_json(t->serial), "port",
-                                                    text_to_json(t->port), "name", text_to_json(t->name)))) {
+        if (json_array_append_new(tracks, json_pack("{s:i, s:i, s:i, s:i, s:o, s:o, s:o}", "cam", k, "track", k + 1,
+                                                    "row", t->row, "col", t->col, "serial", text_to_json(t->serial),
+                                                    "port", text_to_json(t->port), "name", text_to_json(t->name)))) {
             json_decref(tracks);
             tracks = NULL;
         }
@@ -86,9 +86,9 @@ int sst_setlist_write_info(const char *path, const struct sst_recorder_config *c
 
     sst_pixel_format_name(cfg->fourcc, format);
     root = json_pack("{s:s, s:i, s:s, s:s, s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:f, s:o, s:o}", "format", FORMAT_NAME,
-                     "version", SST_RECORDING_VERSION, "program", "sst " SST_VERSION, "muxer", muxer(), "rows", cfg->rows,
-                     "cols", cfg->cols, "cameras", cfg->cameras, "pixel_format", format, "width", cfg->width, "height",
-                     cfg->height, "rate_hz", cfg->rate_hz, "spacing_mm", cfg->spacing_mm, "frame_columns",
+                     "version", SST_RECORDING_VERSION, "program", "sst " SST_VERSION, "muxer", muxer(), "rows",
+                     cfg->rows, "cols", cfg->cols, "cameras", cfg->cameras, "pixel_format", format, "width", cfg->width,
+                     "height", cfg->height, "rate_hz", cfg->rate_hz, "spacing_mm", cfg->spacing_mm, "frame_columns",
                      columns_to_json(), "tracks", tracks_to_json(cfg));
     text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
     json_decref(root);
@@ -107,8 +107,9 @@ static const char *read_track(const json_t *json, int k, struct sst_recording_in
     const char *serial, *port, *name;
     int cam;
 
-    if (json_unpack((json_t *)json, "{s:i, s:i, s:i, s:s, s:s, s:s}", "cam", &cam, "row", &t->row, "col", &t->col, "serial",
-                    &serial, "port", &port, "name", &name) || cam != k)
+    if (json_unpack((json_t *)json, "{s:i, s:i, s:i, s:s, s:s, s:s}", "cam", &cam, "row", &t->row, "col", &t->col,
+                    "serial", &serial, "port", &port, "name", &name) ||
+        cam != k)
         return "a track lacks cam, row, col, serial, port or name";
     if (t->row < 0 || t->row >= info->rows || t->col < 0 || t->col >= info->cols)
         return "a track is outside the grid";
@@ -144,10 +145,10 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
         return "it does not say format sst-recording";
     if (version != SST_RECORDING_VERSION)
         return "it has another version; a newer sst reads it";
-    if (json_unpack(root, "{s:i, s:i, s:i, s:s, s:i, s:i, s:F, s:F, s:o, s:o}", "rows", &info->rows, "cols", &info->cols,
-                    "cameras", &info->cameras, "pixel_format", &pixel, "width", &info->width, "height", &info->height,
-                    "rate_hz", &info->rate_hz, "spacing_mm", &info->spacing_mm, "frame_columns", &columns, "tracks",
-                    &tracks))
+    if (json_unpack(root, "{s:i, s:i, s:i, s:s, s:i, s:i, s:F, s:F, s:o, s:o}", "rows", &info->rows, "cols",
+                    &info->cols, "cameras", &info->cameras, "pixel_format", &pixel, "width", &info->width, "height",
+                    &info->height, "rate_hz", &info->rate_hz, "spacing_mm", &info->spacing_mm, "frame_columns",
+                    &columns, "tracks", &tracks))
         return "a key is missing or of another type";
     info->fourcc = sst_pixel_format_parse(pixel);
     if (info->rows < 1 || info->cols < 1 || info->rows > SST_CAMERAS_MAX || info->cols > SST_CAMERAS_MAX ||

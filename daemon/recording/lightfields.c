@@ -122,8 +122,9 @@ static int check_missing(const struct job *job)
     if (missing > MAX_NAMED)
         strcat(named, " ...");
     if (missing == cameras || (missing && !job->cfg->allow_partial)) {
-        sst_log_error("set %d of %s lacks %d of %d views: %s; %s", job->number, sst_recording_dir(job->recording), missing,
-                      cameras, named, missing == cameras ? "leave it out" : "leave it out or add --allow-partial");
+        sst_log_error("set %d of %s lacks %d of %d views: %s; %s", job->number, sst_recording_dir(job->recording),
+                      missing, cameras, named,
+                      missing == cameras ? "leave it out" : "leave it out or add --allow-partial");
         return -EBADMSG;
     }
     if (missing)
@@ -164,11 +165,12 @@ static void describe(struct job *job)
     for (int k = 0; k < lf->rows * lf->cols; k++)
         present += lf->views[k].present;
     format_wall(wall, set->wall_ns);
-    snprintf(lf->source, sizeof(lf->source), "recording import of %.700s, set %d: trigger %llu of run %d, %s, t_ns %lld "
-             "(%s), skew %.3f us, %d of %d views", sst_recording_dir(job->recording), job->number,
-             (unsigned long long)set->index, set->session, wall, (long long)set->t_ns,
-             set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3, present,
-             job->info->cameras);
+    snprintf(lf->source, sizeof(lf->source),
+             "recording import of %.700s, set %d: trigger %llu of run %d, %s, t_ns %lld "
+             "(%s), skew %.3f us, %d of %d views",
+             sst_recording_dir(job->recording), job->number, (unsigned long long)set->index, set->session, wall,
+             (long long)set->t_ns, set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3,
+             present, job->info->cameras);
     make_utf8(lf->source);
 }
 
@@ -179,8 +181,8 @@ static int prepare(struct job *job)
     int err = sst_lightfield_init(lf, info->rows, info->cols);
 
     if (err) {
-        sst_log_error("%s has a grid of %dx%d, which is no light field: at most %d views are", sst_recording_dir(job->recording),
-                      info->rows, info->cols, SST_MAX_VIEWS);
+        sst_log_error("%s has a grid of %dx%d, which is no light field: at most %d views are",
+                      sst_recording_dir(job->recording), info->rows, info->cols, SST_MAX_VIEWS);
         return err == -EINVAL ? -EBADMSG : err;
     }
     lf->width = info->width;

@@ -10,7 +10,7 @@ struct sst_lightfields_config {
     const char *out;
     const int *sets; /* [count] numbers in the recording */
     int count;
-    bool each;          /* one folder out/set-NNNNNN per set and out/sets.json, even of one set; else out is the light field */
+    bool each; /* one folder out/set-NNNNNN per set and out/sets.json, even of one set; else out is the light field */
     bool allow_partial; /* views may be missing or damaged; the light field then has holes */
     bool force;         /* replace an output made before */
     double range_min_px, range_max_px; /* disparities in the scene; equal: unknown */
@@ -20,10 +20,12 @@ struct sst_lightfields_config {
 };
 
 /**
- * Make light fields of sets. JPEG stays as the camera sent it; other formats become PNG (pipeline/image/raw.h). Each light
- * field also gets set.json, the set's line of the recording. The views are as the cameras saw them: not rectified.
+ * Make light fields of sets. JPEG stays as the camera sent it; other formats become PNG (pipeline/image/raw.h). Each
+ * light field also gets set.json, the set's line of the recording. The views are as the cameras saw them: not
+ * rectified.
  *
- * A view is missing where its frame is missing, damaged, marked bad by the driver, or no picture of the recording's size.
+ * A view is missing where its frame is missing, damaged, marked bad by the driver, or no picture of the recording's
+ * size.
  * @return 0, -EINVAL (cfg), -EBADMSG (a set is damaged or, without allow_partial, has missing views), -EEXIST, -ENOSPC,
  *         -EIO, -ENOMEM; logged. All light fields appear or none.
  */

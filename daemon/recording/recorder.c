@@ -55,7 +55,7 @@ void sst_recorder_config_defaults(struct sst_recorder_config *cfg)
     *cfg = (struct sst_recorder_config){ .segment_s = 60, .segment_bytes = (int64_t)1 << 30, .sync_s = 1 };
 }
 
-/* --- open ----------------------------------------------------------------------------------------------------------- */
+/* --- open --------------------------------------------------------------------------------------------------------- */
 
 static int check_config(const struct sst_recorder_config *cfg)
 {
@@ -254,7 +254,7 @@ int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_confi
     return 0;
 }
 
-/* --- segments ------------------------------------------------------------------------------------------------------- */
+/* --- segments ----------------------------------------------------------------------------------------------------- */
 
 /* Time zero of a segment: no frame of its first set is before it. */
 static int64_t earliest(const struct sst_set *set)
@@ -278,8 +278,8 @@ static int finish_segment(struct sst_recorder *r)
         return 0;
     err = sst_segment_finish(r->segment, !r->sync);
     if (err)
-        sst_log_warning("segment %06d of %s cannot be finished: %s; its sets are all there, but no index to seek by", r->number, r->dir,
-                        strerror(-err));
+        sst_log_warning("segment %06d of %s cannot be finished: %s; its sets are all there, but no index to seek by",
+                        r->number, r->dir, strerror(-err));
     r->segment = NULL;
     r->number++;
     return err;
@@ -310,7 +310,7 @@ static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
     }
 }
 
-/* --- sets ----------------------------------------------------------------------------------------------------------- */
+/* --- sets --------------------------------------------------------------------------------------------------------- */
 
 static int check_set(const struct sst_recorder *r, const struct sst_set *set)
 {
@@ -423,7 +423,8 @@ static void tell_failure(struct sst_recorder *r, int err)
     const char *remedy = code == -ENOSPC ? "free space there" : code == -EROFS ? "make it writable" : "check the disk";
 
     if (code != r->failing)
-        sst_log_error("recording into %s has stopped: %s; %s, it then goes on by itself", r->dir, strerror(-err), remedy);
+        sst_log_error("recording into %s has stopped: %s; %s, it then goes on by itself", r->dir, strerror(-err),
+                      remedy);
     r->retry_ns = r->failing ? sst_clock_now_ns() + RETRY_NS : 0; /* a new segment may do at once */
     r->failing = code;
 }

@@ -38,8 +38,8 @@ struct sst_recording_set {
 };
 
 /**
- * Read recording.json and index sets.jsonl; lines of sets are read again when asked for. A torn end (a recorder was killed,
- * or is at work) is passed over.
+ * Read recording.json and index sets.jsonl; lines of sets are read again when asked for. A torn end (a recorder was
+ * killed, or is at work) is passed over.
  *
  * @return 0, -ENOENT (no recording), -EBADMSG, -EIO, -EACCES, -ENOMEM; logged.
  */
@@ -71,7 +71,8 @@ SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int
 SST_MUST_CHECK int sst_recording_frame(const struct sst_recording *recording, const struct sst_recording_set *set,
                                        int cam, uint8_t **data);
 
-/** Read all of set i. @param cam  out, the first camera whose frame is damaged, -1: the line. @return 0 or the error. */
+/** Read all of set i. @param cam  out, the first camera whose frame is damaged, -1: the line.
+ *  @return 0 or the error. */
 SST_MUST_CHECK int sst_recording_check(const struct sst_recording *recording, int i, int *cam);
 
 SST_EXTERN_C_END

@@ -1,5 +1,5 @@
-/* Matroska through libavformat. The camera's bytes go to av_write_frame() where they lie; libavformat gathers them in one
- * cluster and hands that to write_bytes(), which knows position and errors. */
+/* Matroska through libavformat. The camera's bytes go to av_write_frame() where they lie; libavformat gathers them in
+ * one cluster and hands that to write_bytes(), which knows position and errors. */
 #include "daemon/recording/segment.h"
 
 #include <errno.h>
@@ -164,7 +164,8 @@ static void close_format(struct sst_segment *s)
     free(s);
 }
 
-int sst_segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg, int64_t start_ns)
+int sst_segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg,
+                     int64_t start_ns)
 {
     struct sst_segment *s = calloc(1, sizeof(*s));
     uint8_t *buffer = NULL;

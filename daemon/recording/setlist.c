@@ -14,7 +14,7 @@
 #define OFFSET_MAX ((json_int_t)1 << 60)
 #define CRC_BYTES 18 /* ,"crc":"01234567"} */
 
-/* --- writing lines: no memory is asked for -------------------------------------------------------------------------- */
+/* --- writing lines: no memory is asked for ------------------------------------------------------------------------ */
 
 static SST_PRINTF(3, 4) size_t put(char *out, size_t at, const char *fmt, ...)
 {
@@ -80,7 +80,7 @@ size_t sst_setlist_set_line(char *out, const struct sst_set *set, const int64_t 
     return put_end(out, at);
 }
 
-/* --- reading lines -------------------------------------------------------------------------------------------------- */
+/* --- reading lines ------------------------------------------------------------------------------------------------ */
 
 bool sst_setlist_line_whole(const char *line, size_t n)
 {
@@ -105,13 +105,19 @@ static int read_frame(const json_t *row, int cameras, struct sst_recording_set *
         v[i] = json_integer_value(json_array_get(row, i));
     }
     if (v[0] < 0 || v[0] >= cameras || set->frame[v[0]].present || v[1] < 0 || v[1] > UINT32_MAX || v[2] < 0 ||
-        v[2] > UINT32_MAX || v[5] < -1 || v[5] > OFFSET_MAX || v[6] < 0 || v[6] > INT32_MAX || v[7] < 0 || v[7] > INT32_MAX || v[8] < 0 ||
-        v[8] > UINT16_MAX || v[9] < 0 || v[9] > UINT32_MAX || (v[5] < 0) != (v[6] == 0))
+        v[2] > UINT32_MAX || v[5] < -1 || v[5] > OFFSET_MAX || v[6] < 0 || v[6] > INT32_MAX || v[7] < 0 ||
+        v[7] > INT32_MAX || v[8] < 0 || v[8] > UINT16_MAX || v[9] < 0 || v[9] > UINT32_MAX || (v[5] < 0) != (v[6] == 0))
         return -EBADMSG;
     f = &set->frame[v[0]];
     *f = (struct sst_recording_frame){
-        .present = true, .sequence = (uint32_t)v[1], .lost_before = (uint32_t)v[2],
-        .offset = v[5], .bytes = (size_t)v[6], .stride = (size_t)v[7], .faults = (unsigned)v[8], .crc32 = (uint32_t)v[9],
+        .present = true,
+        .sequence = (uint32_t)v[1],
+        .lost_before = (uint32_t)v[2],
+        .offset = v[5],
+        .bytes = (size_t)v[6],
+        .stride = (size_t)v[7],
+        .faults = (unsigned)v[8],
+        .crc32 = (uint32_t)v[9],
     };
     if (__builtin_add_overflow((int64_t)v[3], set->t_ns, &f->t_ns) ||
         __builtin_add_overflow((int64_t)v[4], f->t_ns, &f->arrival_ns))

@@ -1,5 +1,5 @@
-/* A sync takes as long as the disk wants (measured: docs/recordings.md), so the thread that takes frames never waits for
- * one. */
+/* A sync takes as long as the disk wants (measured: docs/recordings.md), so the thread that takes frames never waits
+ * for one. */
 #define _GNU_SOURCE
 #include "daemon/recording/sync.h"
 

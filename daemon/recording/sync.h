@@ -15,8 +15,8 @@ struct sst_sync; /* opaque */
 SST_MUST_CHECK int sst_sync_start(struct sst_sync **out, const char *folder, double every_s);
 
 /**
- * From now on these two files are the ones written to: the segment is synced first, then the manifest. The pair before is
- * synced once more. The descriptors stay the caller's (they are duplicated).
+ * From now on these two files are the ones written to: the segment is synced first, then the manifest. The pair before
+ * is synced once more. The descriptors stay the caller's (they are duplicated).
  * @return 0, -errno, -EAGAIN (the disk is so far behind that no more pairs can wait)
  */
 SST_MUST_CHECK int sst_sync_watch(struct sst_sync *sync, int segment_fd, int manifest_fd);

@@ -200,7 +200,8 @@ int sst_raw_write_png(const struct sst_raw *raw, const char *path)
         return write_y16(raw, path);
     err = sst_raw_to_image(&img, raw);
     if (err) {
-        sst_log_error("cannot make %s of a raw frame: %s", path, err == -EINVAL ? "its format is unknown" : strerror(-err));
+        sst_log_error("cannot make %s of a raw frame: %s", path,
+                      err == -EINVAL ? "its format is unknown" : strerror(-err));
         return err;
     }
     err = sst_image_write_png(&img, path);

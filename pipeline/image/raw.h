@@ -17,7 +17,8 @@ struct sst_raw {
 
 /**
  * Write a frame as PNG: GREY and Y16 value for value (8 and 16 bits), YUYV and Bayer as sst_raw_to_image() makes them.
- * @return 0, -EINVAL (format), -EBADMSG (fewer bytes than the size needs; an odd width of YUYV), or a writer's error; logged.
+ * @return 0, -EINVAL (format), -EBADMSG (fewer bytes than the size needs; an odd width of YUYV), or a writer's error;
+ * logged.
  */
 SST_MUST_CHECK int sst_raw_write_png(const struct sst_raw *raw, const char *path);
 

@@ -191,6 +191,12 @@ void sst_sim_cam_queue_free(struct sst_sim_cam *cam)
 
 /* --- ioctls ------------------------------------------------------------------------------------------------------- */
 
+/* Another file has the buffers. It may have been closed just now. */
+static bool taken(const struct sst_sim_queue *q, const struct sst_sim_open *o)
+{
+    return q->owner && q->owner != o && !sst_sim_handle_settle(q->owner->handle);
+}
+
 static bool wrong_type(uint32_t type)
 {
     return type != V4L2_BUF_TYPE_VIDEO_CAPTURE;
@@ -212,7 +218,7 @@ static int request_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, stru
     a->capabilities = CAPABILITIES;
     a->flags = 0;
     memset(a->reserved, 0, sizeof(a->reserved));
-    if ((q->owner && q->owner != o) || q->streaming || sst_sim_cam_fault(cam, SST_SIM_FAULT_BUSY) > 0)
+    if (taken(q, o) || q->streaming || sst_sim_cam_fault(cam, SST_SIM_FAULT_BUSY) > 0)
         return -EBUSY;
     sst_sim_cam_queue_stop(cam, r);
     free_buffers(q);
@@ -243,7 +249,7 @@ static int create_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, struc
     memset(a->reserved, 0, sizeof(a->reserved));
     if (!a->count)
         return 0;
-    if (q->owner && q->owner != o)
+    if (taken(q, o))
         return -EBUSY;
     if (q->count == SST_SIM_CAM_BUFFERS)
         return -ENOBUFS;
@@ -298,7 +304,7 @@ static int queue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struct 
     struct sst_sim_buffer *b;
     int err;
 
-    if (q->owner && q->owner != o)
+    if (taken(q, o))
         return -EBUSY;
     if (wrong_type(a->type) || a->index >= q->count || a->memory != q->memory)
         return -EINVAL;
@@ -326,7 +332,7 @@ static int dequeue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struc
     const struct v4l2_buffer *a = (const struct v4l2_buffer *)r->data;
     struct sst_sim_queue *q = &cam->queue;
 
-    if (q->owner && q->owner != o)
+    if (taken(q, o))
         return -EBUSY;
     if (wrong_type(a->type) || !q->streaming || (q->count && a->memory != q->memory))
         return -EINVAL;
@@ -349,7 +355,7 @@ static int export_buffer(struct sst_sim_queue *q, struct sst_sim_open *o, struct
 {
     const struct v4l2_exportbuffer *a = (const struct v4l2_exportbuffer *)r->data;
 
-    if (q->owner && q->owner != o)
+    if (taken(q, o))
         return -EBUSY;
     if (wrong_type(a->type) || q->memory != V4L2_MEMORY_MMAP || a->index >= q->count || a->plane ||
         (a->flags & ~(uint32_t)(O_CLOEXEC | O_ACCMODE)))
@@ -364,7 +370,7 @@ static int stream_on(struct sst_sim_cam *cam, struct sst_sim_open *o, int type)
     struct sst_sim_queue *q = &cam->queue;
     int err;
 
-    if (q->owner && q->owner != o)
+    if (taken(q, o))
         return -EBUSY;
     if (wrong_type((uint32_t)type) || !q->count)
         return -EINVAL;
@@ -379,7 +385,7 @@ static int stream_on(struct sst_sim_cam *cam, struct sst_sim_open *o, int type)
 
 static int stream_off(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r, int type)
 {
-    if (cam->queue.owner && cam->queue.owner != o)
+    if (taken(&cam->queue, o))
         return -EBUSY;
     if (wrong_type((uint32_t)type))
         return -EINVAL;

@@ -91,6 +91,10 @@ SST_MUST_CHECK int sst_sim_handle_create(struct sst_sim_server *s, const struct 
  *  handle are answered -ENODEV. */
 void sst_sim_handle_drop(struct sst_sim_handle *h);
 
+/** Programs close without a word, and are answered before that is noticed: drop the file if its last copy is closed.
+ *  @return true: it was. */
+bool sst_sim_handle_settle(struct sst_sim_handle *h);
+
 /** Make the file readable by one byte more, or give it POLLPRI. A full socket is the program's own fault: -EAGAIN. */
 SST_MUST_CHECK int sst_sim_handle_readable(struct sst_sim_handle *h, const void *data, size_t bytes);
 void sst_sim_handle_urgent(struct sst_sim_handle *h);

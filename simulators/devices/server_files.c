@@ -1,6 +1,8 @@
 /* Open files of the programs: socket pairs, their names, their end. */
+#define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -150,6 +152,24 @@ void sst_sim_files_drop(struct sst_sim_server *s, const struct sst_sim_node *nod
             sst_sim_handle_drop(&s->files[i]->handle);
 }
 
+bool sst_sim_handle_settle(struct sst_sim_handle *h)
+{
+    struct pollfd p = { .fd = h->fd, .events = POLLRDHUP };
+
+    if (poll(&p, 1, 0) != 1)
+        return false;
+    sst_sim_handle_drop(h);
+    return true;
+}
+
+/* A program that closed a file and opens it again must find it closed. */
+static void settle_node(struct sst_sim_server *s, const struct sst_sim_node *node)
+{
+    for (int i = 0; i < s->file_slots; i++)
+        if (s->files[i] && s->files[i]->node == node)
+            (void)sst_sim_handle_settle(&s->files[i]->handle);
+}
+
 int sst_sim_file_open(struct sst_sim_server *s, struct sst_sim_request *r)
 {
     struct sst_sim_node *node;
@@ -160,6 +180,7 @@ int sst_sim_file_open(struct sst_sim_server *s, struct sst_sim_request *r)
     node = sst_sim_node_find(s, (const char *)r->data);
     if (!node)
         return -ENXIO;
+    settle_node(s, node);
     err = sst_sim_handle_create(s, node->ops, node->device, &h, &fd);
     if (err)
         return err;

@@ -58,19 +58,24 @@ static int write_text(struct sst_sim_handle *h, const uint8_t *data, size_t byte
     return err ? err : (int)bytes;
 }
 
-static int attribute_write(struct sst_sim_handle *h, struct sst_sim_request *r)
-{
-    return write_text(h, r->data, r->bytes);
-}
-
-/** What libc's own streams wrote went past the preload library and lies in the socket, after the byte of its making. */
-static void attribute_close(struct sst_sim_handle *h)
+/** What libc's own streams wrote went past the preload library and lies in the socket. */
+static int take_late(struct sst_sim_handle *h)
 {
     uint8_t data[256];
     const ssize_t n = recv(h->fd, data, sizeof(data), MSG_DONTWAIT);
+    const bool first = n > 0 && data[0] == '\0'; /* the socket's own byte, see make_pair() */
 
-    if (n > 1)
-        (void)!write_text(h, data + 1, (size_t)n - 1);
+    return n > (first ? 1 : 0) ? write_text(h, data + first, (size_t)n - first) : 0;
+}
+
+static int attribute_write(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    return r->bytes > 0 ? write_text(h, r->data, r->bytes) : take_late(h);
+}
+
+static void attribute_close(struct sst_sim_handle *h)
+{
+    (void)!take_late(h);
 }
 
 const struct sst_sim_ops usb_attribute_ops = { .letter = 's', .close = attribute_close, .write = attribute_write };

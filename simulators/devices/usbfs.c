@@ -176,7 +176,7 @@ static int release(struct usb_file *f, unsigned interface)
     return 0;
 }
 
-/** The kernel's driver lets go (-ENODATA: there is none) or comes back. */
+/** The kernel's driver lets go (-ENODATA: there is none) or comes back: the number of drivers then, 1. */
 static int drive(struct usb_file *f, unsigned interface, bool on)
 {
     int err;
@@ -186,7 +186,9 @@ static int drive(struct usb_file *f, unsigned interface, bool on)
     if (on && f->shown->claims[interface])
         return -EBUSY;
     err = sst_sim_usb_bind(f->shown->front->usb, f->shown->device, (int)interface, on);
-    return err == -ENODEV && !on ? -ENODATA : err == -EBUSY ? 0 : err;
+    if (!on)
+        return err == -ENODEV ? -ENODATA : err;
+    return err == 0 || err == -EBUSY ? 1 : err;
 }
 
 static int disconnect_claim(struct usb_file *f, const struct usbdevfs_disconnect_claim *c)

@@ -23,9 +23,6 @@ static int cam_open(struct sst_sim_handle *h, struct sst_sim_request *r)
     o->next = cam->opens;
     cam->opens = o;
     h->state = o;
-    /* Who had its buffers before has given them up or closed; closing may become known here only later. */
-    if (!cam->queue.owner)
-        sst_sim_array_rung(cam->array, cam->index, SST_SIM_REOPEN);
     return slow_ms > 0 ? sst_sim_answer_at(h->server, r, 0, sst_clock_now_ns() + (int64_t)(slow_ms * 1e6)) : 0;
 }
 
@@ -39,8 +36,10 @@ static void cam_close(struct sst_sim_handle *h)
             *p = o->next;
             break;
         }
-    if (cam->queue.owner == o)
+    if (cam->queue.owner == o) {
         sst_sim_cam_queue_free(cam);
+        sst_sim_array_rung(cam->array, cam->index, SST_SIM_REOPEN);
+    }
     free(o);
 }
 

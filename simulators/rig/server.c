@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <pthread.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -337,6 +338,19 @@ static void *serve_all(void *arg)
     }
 }
 
+/* Signals are the program's that uses the drives: none of them ends here unseen. */
+static int start_thread(struct sst_sim_drive *d)
+{
+    sigset_t all, before;
+    int err;
+
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    err = -pthread_create(&d->thread, NULL, serve_all, d);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return err;
+}
+
 int sst_sim_drive_start(struct sst_sim_drive **out, const struct sst_sim_drive_config *cfg)
 {
     struct sst_sim_drive *d = calloc(1, sizeof(*d));
@@ -364,7 +378,7 @@ int sst_sim_drive_start(struct sst_sim_drive **out, const struct sst_sim_drive_c
         }
     }
     if (!err)
-        err = -pthread_create(&d->thread, NULL, serve_all, d);
+        err = start_thread(d);
     if (!err)
         pthread_setname_np(d->thread, "sim-rig");
     else

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/mem.h"
+#include "base/thread.h"
 #include "simulators/scene/raster.h"
 
 struct sst_layers {
@@ -68,6 +69,7 @@ static void finish_fixed(struct sst_layers *l)
     l->work.x0 = 0;
     l->work.x1 = l->r.width;
     for (l->work.y0 = 0; l->work.y0 < l->r.height; l->work.y0 += SST_BAND_ROWS) {
+        l->work.top = l->work.y0;
         l->work.rows = sst_min_int(SST_BAND_ROWS, l->r.height - l->work.y0);
         restore(l);
         draw_translucent(l, false);
@@ -76,7 +78,23 @@ static void finish_fixed(struct sst_layers *l)
     l->r.image = image;
 }
 
-int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const bool *moving)
+/* Fixed opaque surfaces, in the rows of one band. */
+static int draw_fixed(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct sst_layers *l = arg;
+    struct sst_band b = l->fixed;
+
+    b.y0 = index * SST_BAND_ROWS;
+    b.rows = sst_min_int(SST_BAND_ROWS, l->r.height - b.y0);
+    for (int i = 0; i < l->r.world->count; i++) {
+        if (!l->moving[i] && !l->r.world->surfaces[i].translucent)
+            sst_band_opaque(&b, (uint32_t)i);
+    }
+    sst_band_colour(&b, NULL);
+    return 0;
+}
+
+int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const bool *moving, int threads)
 {
     struct sst_layers *l = calloc(1, sizeof(*l));
     int err = -ENOMEM;
@@ -93,15 +111,14 @@ int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const
         return err;
     }
     l->fixed.seen = l->work.seen = l->seen;
-    l->fixed.rows = r->height;
     for (int i = 0; i < r->world->count; i++)
         sst_surface_see(r, &r->world->surfaces[i], &l->seen[i]);
     sst_band_clear(&l->fixed);
-    for (int i = 0; i < r->world->count; i++) {
-        if (!moving[i] && !r->world->surfaces[i].translucent)
-            sst_band_opaque(&l->fixed, (uint32_t)i);
+    err = sst_parallel_for((r->height + SST_BAND_ROWS - 1) / SST_BAND_ROWS, threads, draw_fixed, l);
+    if (err) {
+        sst_layers_destroy(l);
+        return err;
     }
-    sst_band_colour(&l->fixed, NULL);
     finish_fixed(l);
     *out = l;
     return 0;
@@ -162,6 +179,7 @@ void sst_layers_draw(struct sst_layers *l, const struct sst_world *world, int y0
             sst_surface_see(&l->r, &world->surfaces[i], &l->seen[i]);
     }
     for (l->work.y0 = y0; l->work.y0 < y1; l->work.y0 += SST_BAND_ROWS) {
+        l->work.top = l->work.y0;
         l->work.rows = sst_min_int(SST_BAND_ROWS, y1 - l->work.y0);
         draw_band(l);
     }

@@ -389,6 +389,7 @@ int sst_raster_run(const struct sst_raster *r)
     for (int i = 0; i < r->world->count; i++)
         sst_surface_see(r, &r->world->surfaces[i], &seen[i]);
     for (b.y0 = 0; b.y0 < r->height; b.y0 += SST_BAND_ROWS) {
+        b.top = b.y0;
         b.rows = sst_min_int(SST_BAND_ROWS, r->height - b.y0);
         run_band(&b);
     }

@@ -30,7 +30,7 @@ struct sst_band {
     const struct sst_raster *r;
     const struct sst_seen *seen;
     int y0, rows, x0, x1;
-    int capacity;           /* rows that the buffers hold */
+    int top, capacity;      /* first row that the buffers hold, and how many */
     float *inv_z;           /* [SST_SAMPLES][capacity][width], 0: nothing */
     uint32_t *owner;        /* the same, surface index */
     struct sst_rgb *colour; /* [SST_COLOURS][capacity][width]; NULL: truth alone */
@@ -41,7 +41,7 @@ void sst_band_fini(struct sst_band *b);
 
 static inline size_t sst_band_cell(const struct sst_band *b, int sample, int y, int x)
 {
-    return ((size_t)sample * (size_t)b->capacity + (size_t)(y - b->y0)) * (size_t)b->r->width + (size_t)x;
+    return ((size_t)sample * (size_t)b->capacity + (size_t)(y - b->top)) * (size_t)b->r->width + (size_t)x;
 }
 
 void sst_surface_see(const struct sst_raster *r, const struct sst_surface *s, struct sst_seen *out);

@@ -284,9 +284,11 @@ struct sst_layers; /* opaque; one thread at a time */
  *
  * @param r       its world, which must stay, and its warp and image; the image is used by draw alone
  * @param moving  [count of surfaces]; must stay
+ * @param threads  to share the work among; at least 1
  * @return 0 or -ENOMEM
  */
-SST_MUST_CHECK int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const bool *moving);
+SST_MUST_CHECK int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const bool *moving,
+                                     int threads);
 void sst_layers_destroy(struct sst_layers *layers);
 
 /** Draw rows y0 .. y1-1 of the image as they are in another state of the world: the same bytes as by sst_raster_run().

@@ -73,10 +73,10 @@ static void video_control(struct writer *w)
 {
     PUT(w, 8, 0x0b, 0, 2, VIDEO_CLASS, 0x03, 0x00, 2);
     PUT(w, 9, 4, 0, 0, 1, VIDEO_CLASS, 0x01, 0x00, 0);
-    PUT(w, 13, 0x24, 0x01, 0x00, 0x01, 51, 0, 0x00, 0x6c, 0xdc, 0x02, 1, 1);               /* header, UVC 1.0 */
-    PUT(w, 18, 0x24, 0x02, 1, 0x01, 0x02, 0, 0, 0, 0, 0, 0, 0, 0, 3, 0x0a, 0x00, 0x00);    /* sensor: exposure */
-    PUT(w, 11, 0x24, 0x05, 2, 1, 0, 0, 2, 0x4b, 0x16, 0);                                  /* brightness, gain ... */
-    PUT(w, 9, 0x24, 0x03, 3, 0x01, 0x01, 0, 2, 0);                                         /* to the streaming interface */
+    PUT(w, 13, 0x24, 0x01, 0x10, 0x01, 52, 0, 0x00, 0x6c, 0xdc, 0x02, 1, 1);            /* header, UVC 1.1 */
+    PUT(w, 18, 0x24, 0x02, 1, 0x01, 0x02, 0, 0, 0, 0, 0, 0, 0, 0, 3, 0x0a, 0x00, 0x00); /* sensor: exposure */
+    PUT(w, 12, 0x24, 0x05, 2, 1, 0, 0, 2, 0x4b, 0x16, 0, 0);                            /* brightness, gain ... */
+    PUT(w, 9, 0x24, 0x03, 3, 0x01, 0x01, 0, 2, 0);                                      /* to the other interface */
     PUT(w, 7, 5, 0x83, 0x03, 16, 0, 6);
     PUT(w, 5, 0x25, 0x03, 16, 0);
 }

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "base/mem.h"
+#include "base/thread.h"
 #include "simulators/world/board.h"
 #include "simulators/world/photo.h"
 
@@ -328,7 +328,7 @@ static int draw(const struct sst_sim_stage *s, struct sst_layers *layers, int fr
 
 /* Frames first .. last-1 of a camera at a pose. */
 static int shoot(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3], const struct sst_warp *warp,
-                 int first, int last, sst_sim_picture_fn *fn, void *arg)
+                 int first, int last, int threads, sst_sim_picture_fn *fn, void *arg)
 {
     struct sst_image fine = { 0 }, native = { 0 };
     struct sst_layers *layers = NULL;
@@ -339,7 +339,7 @@ static int shoot(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3
         err = sst_image_init(&fine, s->settings->width * s->fine, s->settings->height * s->fine);
     if (!err) {
         aim(s, cam, pose_um, warp, &fine, &r);
-        err = sst_layers_create(&layers, &r, s->moving);
+        err = sst_layers_create(&layers, &r, s->moving, threads);
     }
     for (int i = first; i < last && !err; i++) {
         err = draw(s, layers, i);
@@ -361,7 +361,7 @@ int sst_sim_stage_loop(const struct sst_sim_stage *s, int cam, sst_sim_picture_f
     int err = make_warp(s, cam, &warp);
 
     if (!err)
-        err = shoot(s, cam, nowhere, &warp, 0, s->frames, fn, arg);
+        err = shoot(s, cam, nowhere, &warp, 0, s->frames, 1, fn, arg);
     sst_warp_fini(&warp);
     return err;
 }
@@ -369,5 +369,5 @@ int sst_sim_stage_loop(const struct sst_sim_stage *s, int cam, sst_sim_picture_f
 int sst_sim_stage_pose(const struct sst_sim_stage *s, const int32_t pose_um[3], int frame, sst_sim_picture_fn *fn,
                        void *arg)
 {
-    return shoot(s, 0, pose_um, &s->warp, frame, frame + 1, fn, arg);
+    return shoot(s, 0, pose_um, &s->warp, frame, frame + 1, sst_thread_count(0), fn, arg);
 }

@@ -54,7 +54,7 @@ void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
     s->rows = s->cols = 6;
     s->width = 640;
     s->height = 480;
-    s->quality = 85;
+    s->quality = 75;
     s->exposure_us = 5000;
     s->strip = true;
     s->line_us = 20;

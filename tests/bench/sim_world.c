@@ -40,6 +40,24 @@ static int deliver(struct sst_sim_world *w, uint32_t fourcc, const char *what, i
     return err;
 }
 
+/* Each frame at a pose of its own: what a rig costs. */
+static int deliver_poses(struct sst_sim_world *w, int frames, uint8_t *out, size_t capacity)
+{
+    int width, height, err = 0;
+    size_t bytes;
+    int64_t start;
+
+    sst_sim_world_size(w, &width, &height);
+    start = sst_clock_now_ns();
+    for (int i = 0; i < frames && !err; i++) {
+        const struct sst_sim_exposure e = { .exposure_us = 5000, .gain = 1, .pose_um = { 1000 * (i + 1), 0, 0 } };
+
+        err = sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, width, height, out, capacity, &bytes);
+    }
+    printf("%-28s %8.1f ms a frame\n", "MJPEG, new pose", ms_since(start) / frames);
+    return err;
+}
+
 static int leave_frames(struct sst_sim_world *w, const char *folder, uint8_t *out, size_t capacity)
 {
     const int cams = sst_sim_world_cameras(w);
@@ -86,6 +104,7 @@ int main(int argc, char **argv)
         deliver(w, V4L2_PIX_FMT_MJPEG, "MJPEG, half exposure, again", 72, 2500, out, capacity) ||
         deliver(w, V4L2_PIX_FMT_YUYV, "YUYV, first", 72, 5000, out, capacity) ||
         deliver(w, V4L2_PIX_FMT_YUYV, "YUYV, again", 72, 5000, out, capacity) ||
+        (sst_sim_world_cameras(w) == 1 && deliver_poses(w, 20, out, capacity)) ||
         (argc > 3 && leave_frames(w, argv[3], out, capacity)))
         return 1;
     sst_sim_world_close(w);

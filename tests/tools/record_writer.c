@@ -5,8 +5,8 @@
  *   record_writer bench DIR [name=value ...]   prints the cost of a set
  * cameras=36 bytes=40000 sets=100 rate=10 sync=1 segment_s=60 segment_bytes=0 append=0 holes=1 exact=0 pace=0
  * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0
- * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; first: index of the
- * first set; stay: after an error go on with the next set 20 ms later. */
+ * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; first: index of
+ * the first set; stay: after an error go on with the next set 20 ms later. */
 #include <errno.h>
 #include <stdio.h>
 #include <time.h>

@@ -30,8 +30,8 @@ static void assert_rgb(const struct sst_image *img, int x, int y, int r, int g, 
 
 static void yuyv_is_bt601(void **state)
 {
-    /* Black, white; the red of 75 % bars (65, 100, 212): R = 1.164383*49 + 1.596027*84 = 191.1, G = 57.05 + 10.97 - 68.29
-     * = -0.3, B = 57.05 - 56.48 = 0.6. Then chroma between 128 and 212 at an odd column: 170. */
+    /* Black, white; the red of 75 % bars (65, 100, 212): R = 1.164383*49 + 1.596027*84 = 191.1, G = 57.05 + 10.97
+     * - 68.29 = -0.3, B = 57.05 - 56.48 = 0.6. Then chroma between 128 and 212 at an odd column: 170. */
     static const uint8_t row[] = { 16, 128, 235, 128, 65, 100, 65, 212, 65, 100, 126, 212, 16, 128, 126, 128 };
     const struct sst_raw raw = { V4L2_PIX_FMT_YUYV, 8, 1, 0, row, sizeof(row) };
     struct sst_image img;

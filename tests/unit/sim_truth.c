@@ -278,7 +278,7 @@ static void drawing_what_moves_gives_the_bytes_of_the_whole(void **state SST_UNU
         r = (struct sst_raster){ .world = &at0, .focal_px = at0.focal / 5, .cx = 99.5, .cy = 80, .width = 200,
                                  .height = 150, .step_x = 1, .step_y = 1, .bx = 1, .by = -0.5, .eye_z_mm = 20,
                                  .image = &parts };
-        assert_int_equal(sst_layers_create(&layers, &r, moving), 0);
+        assert_int_equal(sst_layers_create(&layers, &r, moving, 3), 0);
         sst_layers_draw(layers, &at1, 0, 70);
         sst_layers_draw(layers, &at1, 70, 150);
         r.world = &at1;

@@ -84,6 +84,9 @@ struct sim_class {
     int (*ioctl)(int fd, const struct sim_id *id, unsigned long request, void *arg);
     /** read() and write() ask the simulator (sst_sim_ops) instead of the socket. */
     bool read_calls, write_calls;
+    /** What libc's streams wrote past write() lies in the socket: before the descriptor closes, an empty write has the
+     *  simulator take it. */
+    bool late_writes;
 };
 
 extern const struct sim_class *const sim_classes[];
@@ -117,6 +120,9 @@ bool sim_path_in_sysfs(const struct sim_path *path);
 
 /** open() as programs see it. @return descriptor, or -1 with errno set */
 int sim_open_hook(int dirfd, const char *path, int flags, mode_t mode);
+
+/** Before fd closes: see late_writes. */
+void sim_flush(int fd);
 
 /** The path that a descriptor leads to; false if that is not to be had or too long. */
 bool sim_path_of(int fd, char out[SIM_PATH_MAX]);

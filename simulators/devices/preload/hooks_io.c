@@ -117,6 +117,24 @@ HOOK int __openat64_2(int dirfd, const char *path, int flags)
 
 /* --- descriptors -------------------------------------------------------------------------------------------------- */
 
+/* @return the class whose ioctls these are, or NULL: not ours. */
+static const struct sim_class *class_of(int fd, struct sim_id *id)
+{
+    return sim_identify(fd, id) ? sim_class_find(id->letter) : NULL;
+}
+
+void sim_flush(int fd)
+{
+    const struct sim_class *class;
+    struct sim_id id;
+
+    if (sim_maybe(fd) && (class = class_of(fd, &id)) && class->late_writes) {
+        struct sim_exchange x = { .call = { .op = SST_SIM_WRITE, .handle = id.handle }, .send_fd = -1 };
+
+        (void)sim_exchange(&x); /* what was wrong with it can no longer be told */
+    }
+}
+
 static int inherit(int from, int to)
 {
     if (to >= 0 && sim_maybe(from))
@@ -130,6 +148,7 @@ HOOK int close(int fd)
         errno = EBADF;
         return -1;
     }
+    sim_flush(fd);
     return sim_next()->close_(fd);
 }
 
@@ -142,12 +161,15 @@ HOOK int dup(int fd)
 HOOK int dup2(int fd, int to)
 {
     NEXT(int, dup2, int, int);
+    if (fd != to)
+        sim_flush(to);
     return inherit(fd, next(fd, to));
 }
 
 HOOK int dup3(int fd, int to, int flags)
 {
     NEXT(int, dup3, int, int, int);
+    sim_flush(to);
     return inherit(fd, next(fd, to, flags));
 }
 
@@ -183,12 +205,6 @@ HOOK int fcntl64(int fd, int command, ...)
 }
 
 /* --- ioctl, read, write, mmap ------------------------------------------------------------------------------------- */
-
-/* @return the class whose ioctls these are, or NULL: not ours. */
-static const struct sim_class *class_of(int fd, struct sim_id *id)
-{
-    return sim_identify(fd, id) ? sim_class_find(id->letter) : NULL;
-}
 
 static bool our_type(unsigned long request)
 {

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/inotify.h>
 #include <sys/vfs.h>
+#include <sys/xattr.h>
 #include <unistd.h>
 
 #include "simulators/devices/preload/classes.h"
@@ -53,6 +54,19 @@ HOOK FILE *fopen64(const char *restrict path, const char *restrict mode)
 {
     NEXT(FILE *, fopen64, const char *, const char *);
     return open_stream(next, path, mode);
+}
+
+HOOK int fclose(FILE *stream)
+{
+    NEXT(int, fclose, FILE *);
+
+    if (sim_dir() && stream && sim_maybe(fileno(stream))) {
+        const int failed = fflush(stream);
+
+        sim_flush(fileno(stream));
+        return next(stream) == 0 ? failed : EOF;
+    }
+    return next(stream);
 }
 
 /* --- the kind of file system: libudev and libusb insist on sysfs ---------------------------------------------------- */
@@ -104,6 +118,19 @@ HOOK int inotify_add_watch(int fd, const char *path, uint32_t mask)
     return next(fd, p.kind == SIM_PATH_OTHER ? path : p.real, mask);
 }
 
+/* `ls -l` asks each name for its security label. */
+#define GETXATTR_HOOK(name, follow)                                                                 \
+    HOOK ssize_t name(const char *path, const char *attribute, void *value, size_t bytes)           \
+    {                                                                                               \
+        NEXT(ssize_t, name, const char *, const char *, void *, size_t);                            \
+        struct sim_path p;                                                                          \
+        sim_path_resolve(AT_FDCWD, path, follow, &p);                                               \
+        return next(p.kind == SIM_PATH_OTHER ? path : p.real, attribute, value, bytes);             \
+    }
+
+GETXATTR_HOOK(getxattr, true)
+GETXATTR_HOOK(lgetxattr, false)
+
 HOOK int chdir(const char *path)
 {
     NEXT(int, chdir, const char *);
@@ -116,4 +143,5 @@ HOOK int chdir(const char *path)
 const struct sim_class sim_class_attribute = {
     .letter = 's',
     .write_calls = true,
+    .late_writes = true,
 };

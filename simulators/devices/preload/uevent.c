@@ -54,6 +54,17 @@ HOOK int bind(int fd, const struct sockaddr *address, socklen_t bytes)
     return result < 0 ? -1 : 0;
 }
 
+/* A filter for the kernel looks for hashes of udev's making. Whoever sets one filters again by himself. */
+HOOK int setsockopt(int fd, int level, int name, const void *value, socklen_t bytes)
+{
+    NEXT(int, setsockopt, int, int, int, const void *, socklen_t);
+    struct sim_id id;
+
+    if (level == SOL_SOCKET && name == SO_ATTACH_FILTER && is_ours(fd, &id))
+        return 0;
+    return next(fd, level, name, value, bytes);
+}
+
 /* Who sent it: root, through netlink, to the group whose form the message has. */
 static void dress(struct msghdr *msg, ssize_t bytes)
 {
@@ -75,17 +86,6 @@ static void dress(struct msghdr *msg, ssize_t bytes)
             root.gid = 0;
             memcpy(CMSG_DATA(c), &root, sizeof(root));
         }
-}
-
-/* libudev's filter looks for hashes in the head of udev's messages, which are left out here: it looks again itself. */
-HOOK int setsockopt(int fd, int level, int option, const void *value, socklen_t bytes)
-{
-    NEXT(int, setsockopt, int, int, int, const void *, socklen_t);
-    struct sim_id id;
-
-    if (level == SOL_SOCKET && option == SO_ATTACH_FILTER && is_ours(fd, &id))
-        return 0;
-    return next(fd, level, option, value, bytes);
 }
 
 HOOK ssize_t recvmsg(int fd, struct msghdr *msg, int flags)

@@ -1,0 +1,66 @@
+#!/usr/bin/env bash
+# sst cameras and sst identify on simulated cameras: who is there, where it belongs, who is missing, and the pictures.
+. "$(dirname "$0")/../lib.sh"
+sim=$root/${SST_BUILD:-build}/sst-sim
+[ -x "$sim" ] || { echo "$sim is not built: no simulated cameras"; exit 77; }
+export sst sim tmp
+
+# One session for all: it takes a moment to start.
+if [ "${1-}" != inside ]; then
+  timeout 120 "$sim" --quiet -- "$root/tests/system/cameras.sh" inside
+  exit
+fi
+
+"$sst" version | grep -q 'libudev *no' && { echo "built without libudev: cameras have no serials"; exit 77; }
+
+"$sst" cameras --json >list.json || fail "cameras --json"
+python3 - <<'PY' || fail "list of cameras"
+import json
+cams = json.load(open("list.json"))["cameras"]
+assert len(cams) == 36, len(cams)
+assert sorted(c["serial"] for c in cams) == ["SIM%04d" % i for i in range(36)]
+assert all(c["state"] == "free" and "MJPG" in c["formats"] and c["driver"] == "uvcvideo" for c in cams)
+# Without a configuration places follow the order of ports.
+assert [(c["row"], c["col"]) for c in cams] == [(i // 6, i % 6) for i in range(36)]
+PY
+
+# Bindings decide; a camera that is not there is named, one that is not bound has no place.
+cat >array.yaml <<'YAML'
+array: { rows: 1, cols: 3 }
+cameras:
+  bind:
+    - { row: 0, col: 0, serial: SIM0007 }
+    - { row: 0, col: 1, serial: SIM0003 }
+    - { row: 0, col: 2, serial: SIM9999 }
+YAML
+"$sst" cameras --config array.yaml >table 2>err || fail "cameras --config"
+grep -q '^r0c1 .*SIM0003' table || fail "no place for SIM0003: $(grep SIM0003 table)"
+grep -q '^- .*SIM0004' table || fail "a place for SIM0004"
+grep -q 'row 0 col 2: there is no camera of serial SIM9999' err || fail "missing camera not told: $(cat err)"
+
+"$sst" identify --serial SIM0003 --config array.yaml -o pictures --write bind.yaml >out 2>err || fail "identify: $(cat err)"
+[ -s pictures/identify.png ] && [ "$(find pictures -name '*_SIM0003.png' | wc -l)" -eq 1 ] || fail "pictures: $(ls pictures)"
+grep -q 'row: 0, col: 0, serial: "SIM0003"' bind.yaml || fail "bindings: $(cat bind.yaml)"
+
+# All of them, and what it proposes is a configuration.
+"$sst" identify -o all --write all.yaml --json >all.json || fail "identify of all"
+python3 - <<'PY' || fail "pictures of all"
+import json, os
+d = json.load(open("all.json"))
+assert len(d["cameras"]) == 36 and all(os.path.exists(c["picture"]) for c in d["cameras"]), d
+assert os.path.exists(d["sheet"])
+PY
+"$sst" cameras --config all.yaml --json | python3 -c 'import json, sys
+assert all("row" in c for c in json.load(sys.stdin)["cameras"])' || fail "proposed bindings"
+
+# A camera that another program has, one that hangs, one that is gone.
+"$sim" fault camera.5.busy=1 camera.6.slow_open_ms=5000 camera.8.unplug=1
+"$sst" cameras >table 2>err || fail "cameras with faults"
+grep -q 'SIM0005.* busy' table || fail "busy not told: $(grep SIM0005 table)"
+grep -q 'SIM0006.* hangs' table || fail "hanging not told: $(grep SIM0006 table)"
+grep -q SIM0008 table && fail "SIM0008 is listed and away"
+"$sim" fault camera.6.slow_open_ms=0 camera.5.busy=0 camera.8.unplug=0
+
+want 3 'no such camera' identify --serial NOBODY
+want 2 'unknown option' cameras --nonsense
+exit $failed

@@ -1,0 +1,62 @@
+#!/usr/bin/env bash
+# sst capture rig on simulated drives and cameras: plan, refusals, a capture over RTU, Ctrl-C and going on, a trigger line,
+# a camera that goes, and the result in the commands that read light fields.
+. "$(dirname "$0")/../lib.sh"
+sim=$root/${SST_BUILD:-build}/sst-sim
+rig=(--grid 1x3 --pitch 3mm --backlash 0.3 --profile sst-sim --camera SIM0000 --size 320x240 --speed 300 --accel 2000
+     --settle 20 --guard 5)
+
+"$sst" capture rig --grid 2x2 --pitch 4cm --dry-run >plan || fail "dry run"
+grep -q "41.000     41.000" plan || fail "no pose in the plan: $(cat plan)"
+want 2 "say where the light field goes" capture rig --pitch 40mm
+want 2 "not a length" capture rig --pitch 40miles -n
+want 2 "say where the rig is" capture rig --pitch 40mm -o bad
+want 2 "the rig travels" capture rig --grid 6x6 --pitch 90mm -n
+want 2 "no capture video" capture video
+
+[ -x "$sim" ] || { echo "sst-sim is not built"; exit 77; }
+"$sst" capture rig "${rig[@]}" --bus tcp:127.0.0.1:1 -o none 2>err
+grep -q "without libmodbus" err && { echo "built without libmodbus"; exit 77; }
+
+cat >inside.sh <<'INSIDE'
+rig=("$@")
+fail() { echo "FAIL: $*"; bad=1; }
+bad=0
+bus=rtu:/dev/serial/by-id/usb-sst_sim_rig,115200,8E1
+timeout 60 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json >report 2>err || fail "capture over RTU: $(cat err)"
+grep -q '"taken":3' report || fail "not three views: $(cat report)"
+[ -f lf/lightfield.json ] && [ "$(ls lf/views | wc -l)" -eq 3 ] || fail "no light field: $(ls lf lf/views)"
+timeout 60 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json | grep -q '"taken":0' || fail "complete, and taken again"
+
+"$sst" capture rig "${rig[@]}" --bus $bus --settle 400 -o cut >/dev/null 2>err & pid=$!
+for _ in $(seq 200); do [ "$(grep -c '"view"' cut/capture.jsonl 2>/dev/null)" -ge 1 ] 2>/dev/null && break; sleep 0.05; done
+kill -INT $pid; wait $pid; rc=$?
+[ $rc -eq 130 ] || fail "Ctrl-C gives $rc: $(cat err)"
+grep -q "the same command goes on" err || fail "no word of going on: $(cat err)"
+[ -f cut/lightfield.json ] && fail "a light field that is none"
+"$sst" capture rig "${rig[@]}" --pitch 5mm --bus $bus -o cut 2>err && fail "other settings are taken"
+grep -q "pitch_um was" err || fail "what differs is not named: $(cat err)"
+timeout 60 "$sst" capture rig "${rig[@]}" --bus $bus --settle 400 --resume -o cut >/dev/null 2>err || fail "going on: $(cat err)"
+[ -f cut/lightfield.json ] || fail "not complete after going on"
+
+cat >gpio.yaml <<YAML
+trigger: { source: gpio, chip: sst-trigger, lines: [TRIG0] }
+cameras: { controls: { trigger_mode: 1 } }
+YAML
+timeout 60 "$sst" capture rig "${rig[@]}" -c gpio.yaml --bus $bus -o pulse --json >report 2>err
+rc=$?
+grep -q "libgpiod" err && rc=0
+[ $rc -eq 0 ] || fail "with a trigger line: $(cat err)"
+
+(sleep 1.2; LD_PRELOAD= "$sim" fault camera.0.unplug=1; sleep 1; LD_PRELOAD= "$sim" fault camera.0.unplug=0) &
+timeout 80 "$sst" capture rig "${rig[@]}" --grid 1x6 --bus $bus -o plug --json >report 2>err || fail "unplugged camera: $(cat err)"
+wait
+exit $bad
+INSIDE
+export sim sst
+timeout 200 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/world/worlds/small.yaml" -- bash inside.sh "${rig[@]}" ||
+  fail "see above"
+if [ -f lf/lightfield.json ]; then
+  "$sst" render lf --focus 3 --method refocus -o seen.png || fail "sst render does not read it"
+fi
+exit $failed
