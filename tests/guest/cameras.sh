@@ -78,4 +78,7 @@ now=streamon
 
 refuse_buffers() { for _ in 1 2 3 4 5; do set_control inject_vidioc_qbuf_error=1; sleep 0.3; done; }
 now=qbuf run qbuf 16 refuse_buffers
+now=qbuf
+# A buffer that was refused is offered again; else five refusals take all four from it, and it is mute for good.
+[ "$(sum 1 frames)" -gt 48 ] || fail "qbuf: $(sum 1 frames) frames in 16 s at 5 Hz"
 exit $failed
