@@ -69,7 +69,7 @@ GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 .PHONY: FORCE all deps check check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks fuzz install help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
-all: $(PROGRAMS) ## build the programs into build/
+all: $(PROGRAMS) ## build the programs into build/: sst, and sst-sim (simulated devices)
 
 # Objects of other flags or optional parts are made anew.
 FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS))
@@ -182,6 +182,8 @@ demo: deps ## see through a simulated scene: pictures in sst-demo/
 
 install: all ## install under DESTDIR/PREFIX
 	install -Dm755 $(BUILD)/sst $(DESTDIR)$(PREFIX)/bin/sst
+	install -Dm755 $(BUILD)/sst-sim $(DESTDIR)$(PREFIX)/bin/sst-sim
+	install -Dm644 $(BUILD)/libsst-sim-preload.so $(DESTDIR)$(PREFIX)/lib/libsst-sim-preload.so
 	for f in config/profiles/*.yaml; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/profiles/$$(basename $$f) || exit 1; done
 	for f in models/*.onnx models/manifest.json; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
 

@@ -349,6 +349,19 @@ static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
     return (int)count;
 }
 
+/** To a place from the start or from here; the end is none of usbfs's. */
+static int file_seek(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct usb_file *f = h->state;
+    const int64_t to = (int64_t)r->call.arg + (r->call.cmd == SEEK_CUR ? (int64_t)f->position : 0);
+
+    if ((r->call.cmd != SEEK_SET && r->call.cmd != SEEK_CUR) || to < 0)
+        return -EINVAL;
+    f->position = (size_t)to;
+    r->out_arg = (uint64_t)to;
+    return 0;
+}
+
 static int file_open(struct sst_sim_handle *h, struct sst_sim_request *r)
 {
     static const char filler[1024];
@@ -391,5 +404,6 @@ static void file_close(struct sst_sim_handle *h)
 }
 
 const struct sst_sim_ops usb_file_ops = {
-    .letter = 'u', .open = file_open, .close = file_close, .ioctl = file_ioctl, .read = file_read, .cancel = file_cancel
+    .letter = 'u', .open = file_open, .close = file_close, .ioctl = file_ioctl, .read = file_read,
+    .seek = file_seek, .cancel = file_cancel
 };

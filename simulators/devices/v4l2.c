@@ -36,10 +36,11 @@ static void cam_close(struct sst_sim_handle *h)
             *p = o->next;
             break;
         }
-    if (cam->queue.owner == o) {
+    if (cam->queue.owner == o)
         sst_sim_cam_queue_free(cam);
+    /* It may have given its buffers up before. */
+    if (!cam->queue.owner)
         sst_sim_array_rung(cam->array, cam->index, SST_SIM_REOPEN);
-    }
     free(o);
 }
 

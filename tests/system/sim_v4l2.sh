@@ -55,6 +55,10 @@ cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).tofile("luma")' >out 2>&1 || fail "OpenC
   "$grab" --luma luma 320x240 >out && holds "OpenCV's frame" '$1 == 1' 1 || fail "OpenCV's frame has no strip: $(cat out)"
 fi
 
+# --- libusb reads a device's descriptors from where it seeks to: the vendor at byte 8
+$sim -- sh -c 'set -- /dev/bus/usb/003/*; shift; dd if=$1 bs=1 skip=8 count=2 2>/dev/null' | od -An -tx1 >out
+grep -q '09 12' out || fail "seek in a USB device: $(cat out)"
+
 # --- edges of a line expose its cameras, a frame an edge, at the edge; the truth says the same
 $sim --truth truth --triggers one -- sh -c "for i in 0 1 2 3; do $grab -t 8000 /dev/video\$i 3 MJPG 320x240 1 >grab\$i & done
   sleep 1.5; for i in 1 2 3 4 5; do gpioset --mode=time --usec=1000 sst-trigger 0=1; gpioset sst-trigger 0=0; sleep 0.1; done; wait" 2>err
@@ -127,6 +131,10 @@ holds "joined" '$1 == 0' 1
 "$build/sst-sim" status --json --dir served | grep -q '"serial":"SIM0003"' || fail "status"
 "$build/sst-sim" stop --dir served; wait $server || fail "serve: $(cat err)"
 [ -e served ] && fail "the session's folder stayed"
+mkdir -p usr/bin usr/lib
+cp "$build/sst-sim" usr/bin; cp "$build/libsst-sim-preload.so" usr/lib
+timeout 60 usr/bin/sst-sim --quiet --world "$root/simulators/world/worlds/small.yaml" -- "$grab" /dev/video0 1 >out 2>err
+holds "installed" '$1 == 0' 1
 mkdir full; touch full/mine
 $sim --serve full 2>err && fail "a folder in use was taken"
 [ -e full/mine ] || fail "a user's file is gone"

@@ -273,6 +273,33 @@ HOOK ssize_t write(int fd, const void *data, size_t bytes)
     return sim_next()->write_(fd, data, bytes);
 }
 
+/* @return true: the file is ours, *position or errno is set */
+static bool seek_ours(int fd, off_t offset, int whence, off_t *position)
+{
+    struct sim_exchange x = { .call = { .op = SST_SIM_SEEK, .cmd = (uint32_t)whence, .arg = (uint64_t)offset },
+                              .send_fd = -1 };
+    struct sim_id id;
+
+    if (!sim_maybe(fd) || !sim_identify(fd, &id))
+        return false;
+    x.call.handle = id.handle;
+    *position = libc_result(sim_exchange(&x)) < 0 ? -1 : (off_t)x.answer.arg;
+    return true;
+}
+
+HOOK off_t lseek(int fd, off_t offset, int whence)
+{
+    NEXT(off_t, lseek, int, off_t, int);
+    off_t position;
+
+    return seek_ours(fd, offset, whence, &position) ? position : next(fd, offset, whence);
+}
+
+HOOK off64_t lseek64(int fd, off64_t offset, int whence)
+{
+    return lseek(fd, offset, whence);
+}
+
 HOOK void *mmap(void *address, size_t length, int prot, int flags, int fd, off_t offset)
 {
     struct sim_exchange x;
