@@ -57,12 +57,14 @@ nice -n 10 timeout --foreground -k 10 "$limit" qemu-system-x86_64 -accel "$accel
   -kernel $out/vmlinuz -initrd $out/initramfs.gz -append "console=ttyS0 quiet panic=-1 oops=panic SST_BUILD=${SST_BUILD:-build} GUEST_DEADLINE=${GUEST_DEADLINE:-300}" \
   $(share /usr usr on) $(share "$PWD" repo on) $(share "$PWD/$results" results off) </dev/null || rc=$?
 
+last_words() { grep -a -m 1 'Kernel panic' $results/console.log || tail -n 1 $results/console.log; }
+
 passed=0 failed=0 skipped=0
 for n in "${names[@]}"; do
   case $(cat "$results/$n.rc" 2>/dev/null) in
     0) passed=$((passed + 1));;
     77) skipped=$((skipped + 1));;
-    '') failed=$((failed + 1)); echo "FAIL  $n: the machine ended before it (qemu exit $rc): $(tail -n 1 $results/console.log)";;
+    '') failed=$((failed + 1)); echo "FAIL  $n: the machine ended before it (qemu exit $rc): $(last_words)";;
     *) failed=$((failed + 1));;
   esac
 done
