@@ -124,6 +124,7 @@ static int serve_file(struct sst_sim_server *s, struct sst_sim_request *r)
     case SST_SIM_MAP: return ops->map ? ops->map(&f->handle, r) : -ENODEV;
     case SST_SIM_STAT: r->out_arg = sst_sim_file_device(f); return 0;
     case SST_SIM_READ: return ops->read ? ops->read(&f->handle, r) : -EINVAL;
+    case SST_SIM_SEEK: return ops->seek ? ops->seek(&f->handle, r) : -ESPIPE;
     default: return ops->write ? ops->write(&f->handle, r) : -EINVAL;
     }
 }
@@ -151,6 +152,7 @@ static void serve(struct sst_sim_server *s, struct sst_sim_conn *c)
     case SST_SIM_MAP:
     case SST_SIM_STAT:
     case SST_SIM_READ:
+    case SST_SIM_SEEK:
     case SST_SIM_WRITE: result = serve_file(s, r); break;
     case SST_SIM_FAULT:
     case SST_SIM_FAULTS:

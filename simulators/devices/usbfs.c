@@ -349,6 +349,16 @@ static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
     return (int)count;
 }
 
+static int file_seek(struct sst_sim_handle *h, struct sst_sim_request *r)
+{
+    struct usb_file *f = h->state;
+
+    if (r->call.arg > INT32_MAX)
+        return -EINVAL;
+    f->position = (size_t)r->call.arg;
+    return (int)r->call.arg;
+}
+
 static int file_open(struct sst_sim_handle *h, struct sst_sim_request *r)
 {
     static const char filler[1024];
@@ -391,5 +401,6 @@ static void file_close(struct sst_sim_handle *h)
 }
 
 const struct sst_sim_ops usb_file_ops = {
-    .letter = 'u', .open = file_open, .close = file_close, .ioctl = file_ioctl, .read = file_read, .cancel = file_cancel
+    .letter = 'u', .open = file_open, .close = file_close, .ioctl = file_ioctl, .read = file_read,
+    .seek = file_seek, .cancel = file_cancel
 };

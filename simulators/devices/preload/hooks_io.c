@@ -255,6 +255,31 @@ HOOK ssize_t read(int fd, void *data, size_t bytes)
     return sim_next()->read_(fd, data, bytes);
 }
 
+static off64_t seek(const struct sim_id *id, off64_t offset, int whence)
+{
+    struct sim_exchange x = {
+        .call = { .op = SST_SIM_SEEK, .handle = id->handle, .arg = (uint64_t)offset }, .send_fd = -1
+    };
+
+    return libc_result(whence == SEEK_SET && offset >= 0 ? sim_exchange(&x) : -ESPIPE);
+}
+
+HOOK off_t lseek(int fd, off_t offset, int whence)
+{
+    NEXT(off_t, lseek, int, off_t, int);
+    struct sim_id id;
+
+    return sim_maybe(fd) && class_of(fd, &id) ? seek(&id, offset, whence) : next(fd, offset, whence);
+}
+
+HOOK off64_t lseek64(int fd, off64_t offset, int whence)
+{
+    NEXT(off64_t, lseek64, int, off64_t, int);
+    struct sim_id id;
+
+    return sim_maybe(fd) && class_of(fd, &id) ? seek(&id, offset, whence) : next(fd, offset, whence);
+}
+
 HOOK ssize_t __read_chk(int fd, void *data, size_t bytes, size_t room);
 HOOK ssize_t __read_chk(int fd, void *data, size_t bytes, size_t room)
 {
