@@ -35,7 +35,7 @@ enum sst_sim_op {
     SST_SIM_READ = 6,   /* length: wanted; answer: payload */
     SST_SIM_WRITE = 7,  /* payload */
     SST_SIM_STAT = 12,  /* answer's arg: major << 32 | minor */
-    SST_SIM_SEEK = 13,  /* arg: place of the next read, from the start */
+    SST_SIM_SEEK = 13,  /* arg: offset, cmd: whence of lseek(); answer's arg: new position */
     SST_SIM_FAULT = 8,  /* payload: "NAME=VALUE"; answer's payload: message on failure */
     SST_SIM_FAULTS = 9, /* answer's payload: all faults with values and help, as text */
     SST_SIM_STATUS = 10, /* answer's payload: JSON */

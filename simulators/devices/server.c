@@ -123,8 +123,8 @@ static int serve_file(struct sst_sim_server *s, struct sst_sim_request *r)
     case SST_SIM_IOCTL: return ops->ioctl ? ops->ioctl(&f->handle, r) : -ENOTTY;
     case SST_SIM_MAP: return ops->map ? ops->map(&f->handle, r) : -ENODEV;
     case SST_SIM_STAT: r->out_arg = sst_sim_file_device(f); return 0;
-    case SST_SIM_READ: return ops->read ? ops->read(&f->handle, r) : -EINVAL;
     case SST_SIM_SEEK: return ops->seek ? ops->seek(&f->handle, r) : -ESPIPE;
+    case SST_SIM_READ: return ops->read ? ops->read(&f->handle, r) : -EINVAL;
     default: return ops->write ? ops->write(&f->handle, r) : -EINVAL;
     }
 }

@@ -58,7 +58,7 @@ struct sst_sim_request {
 
 #define SST_SIM_LATER 0x40000000 /* returned by ops: sst_sim_answer() will be called for this request */
 
-/** What a device does; each may be NULL (-ENOTTY, -ENODEV for map, -EINVAL for read and write).
+/** What a device does; each may be NULL (-ENOTTY, -ENODEV for map, -EINVAL for read and write, -ESPIPE).
  *  Return a negative errno, a result, or SST_SIM_LATER. On a negative result out_bytes is 0 unless set by the device. */
 struct sst_sim_ops {
     char letter;  /* of the class, in the descriptor's name: v V4L2, g GPIO, u USB, s attribute in /sys, n kernel events */
@@ -69,7 +69,7 @@ struct sst_sim_ops {
     int (*map)(struct sst_sim_handle *h, struct sst_sim_request *r);
     int (*read)(struct sst_sim_handle *h, struct sst_sim_request *r);
     int (*write)(struct sst_sim_handle *h, struct sst_sim_request *r);
-    int (*seek)(struct sst_sim_handle *h, struct sst_sim_request *r); /* NULL: -ESPIPE */
+    int (*seek)(struct sst_sim_handle *h, struct sst_sim_request *r);
     void (*cancel)(struct sst_sim_handle *h, struct sst_sim_request *r); /* forget a request that was to be later */
     void (*ready)(struct sst_sim_handle *h); /* the program took the out-of-band byte: another may be due */
 };

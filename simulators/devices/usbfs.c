@@ -349,14 +349,17 @@ static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
     return (int)count;
 }
 
+/** To a place from the start or from here; the end is none of usbfs's. */
 static int file_seek(struct sst_sim_handle *h, struct sst_sim_request *r)
 {
     struct usb_file *f = h->state;
+    const int64_t to = (int64_t)r->call.arg + (r->call.cmd == SEEK_CUR ? (int64_t)f->position : 0);
 
-    if (r->call.arg > INT32_MAX)
+    if ((r->call.cmd != SEEK_SET && r->call.cmd != SEEK_CUR) || to < 0)
         return -EINVAL;
-    f->position = (size_t)r->call.arg;
-    return (int)r->call.arg;
+    f->position = (size_t)to;
+    r->out_arg = (uint64_t)to;
+    return 0;
 }
 
 static int file_open(struct sst_sim_handle *h, struct sst_sim_request *r)

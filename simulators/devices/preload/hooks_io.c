@@ -255,31 +255,6 @@ HOOK ssize_t read(int fd, void *data, size_t bytes)
     return sim_next()->read_(fd, data, bytes);
 }
 
-static off64_t seek(const struct sim_id *id, off64_t offset, int whence)
-{
-    struct sim_exchange x = {
-        .call = { .op = SST_SIM_SEEK, .handle = id->handle, .arg = (uint64_t)offset }, .send_fd = -1
-    };
-
-    return libc_result(whence == SEEK_SET && offset >= 0 ? sim_exchange(&x) : -ESPIPE);
-}
-
-HOOK off_t lseek(int fd, off_t offset, int whence)
-{
-    NEXT(off_t, lseek, int, off_t, int);
-    struct sim_id id;
-
-    return sim_maybe(fd) && class_of(fd, &id) ? seek(&id, offset, whence) : next(fd, offset, whence);
-}
-
-HOOK off64_t lseek64(int fd, off64_t offset, int whence)
-{
-    NEXT(off64_t, lseek64, int, off64_t, int);
-    struct sim_id id;
-
-    return sim_maybe(fd) && class_of(fd, &id) ? seek(&id, offset, whence) : next(fd, offset, whence);
-}
-
 HOOK ssize_t __read_chk(int fd, void *data, size_t bytes, size_t room);
 HOOK ssize_t __read_chk(int fd, void *data, size_t bytes, size_t room)
 {
@@ -296,6 +271,33 @@ HOOK ssize_t write(int fd, const void *data, size_t bytes)
     if (sim_maybe(fd) && (class = class_of(fd, &id)) && class->write_calls)
         return transfer(fd, &id, SST_SIM_WRITE, (void *)data, bytes);
     return sim_next()->write_(fd, data, bytes);
+}
+
+/* @return true: the file is ours, *position or errno is set */
+static bool seek_ours(int fd, off_t offset, int whence, off_t *position)
+{
+    struct sim_exchange x = { .call = { .op = SST_SIM_SEEK, .cmd = (uint32_t)whence, .arg = (uint64_t)offset },
+                              .send_fd = -1 };
+    struct sim_id id;
+
+    if (!sim_maybe(fd) || !sim_identify(fd, &id))
+        return false;
+    x.call.handle = id.handle;
+    *position = libc_result(sim_exchange(&x)) < 0 ? -1 : (off_t)x.answer.arg;
+    return true;
+}
+
+HOOK off_t lseek(int fd, off_t offset, int whence)
+{
+    NEXT(off_t, lseek, int, off_t, int);
+    off_t position;
+
+    return seek_ours(fd, offset, whence, &position) ? position : next(fd, offset, whence);
+}
+
+HOOK off64_t lseek64(int fd, off64_t offset, int whence)
+{
+    return lseek(fd, offset, whence);
 }
 
 HOOK void *mmap(void *address, size_t length, int prot, int flags, int fd, off_t offset)
