@@ -20,7 +20,8 @@ int cli_exit_code(int err)
         return CLI_OK;
     case EINVAL: case ERANGE:
         return CLI_USAGE;
-    case ENOENT: case EBADMSG: case EISDIR: case ENOTDIR: case EACCES: case ENODATA: case ENAMETOOLONG: case ELOOP:
+    case ENOENT: case EBADMSG: case EISDIR: case ENOTDIR: case EACCES: case ENODATA: case ENODEV: case ENOTUNIQ: case EBUSY: case EPERM: case EHOSTUNREACH: case ECONNREFUSED:
+    case ENAMETOOLONG: case ELOOP:
         return CLI_INPUT;
     case EIO: case ENOSPC: case EDQUOT: case EROFS: case EFBIG: case EEXIST: case EPIPE:
         return CLI_OUTPUT;

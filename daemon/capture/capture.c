@@ -4,6 +4,7 @@
 #include <poll.h>
 #include <pthread.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -11,6 +12,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "daemon/capture/health.h"
 #include "drivers/trigger/trigger.h"
 
 #define EDGES 64         /* told by the trigger's thread and not yet taken */
@@ -31,6 +33,8 @@ struct sst_capture {
     /* capturing thread */
     uint64_t wanted;
     bool skewed;
+    char name[SST_CAMERAS_MAX][96]; /* of cameras, for the log */
+    struct sst_health health;
     int64_t idle_ns; /* since then the train has failed; 0: it runs */
     struct sst_capture_report report;
     /* under lock */
@@ -118,6 +122,9 @@ static void on_set(void *arg, struct sst_set *set)
         sst_sets_recycle(c->sets, set, true);
         return;
     }
+    for (int cam = 0; cam < set->cameras; cam++)
+        if (set->frame[cam])
+            sst_health_set(&c->health, cam, c->name[cam]);
     c->report.handed++;
     c->report.complete += set->present == set->cameras;
     c->report.empty += set->present == 0;
@@ -128,10 +135,12 @@ static void on_set(void *arg, struct sst_set *set)
     pthread_mutex_unlock(&c->lock);
 }
 
-static void on_release(void *arg, struct sst_frame *frame)
+static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucket)
 {
     struct sst_capture *c = arg;
 
+    if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && c->array->source != SST_CONFIG_SOFTWARE)
+        sst_health_bucket(&c->health, frame->cam, bucket, c->name[frame->cam]); /* marks leave most frames stray */
     sst_grab_release(c->grab, frame);
 }
 
@@ -139,6 +148,7 @@ static void on_frame(void *arg, struct sst_frame *frame)
 {
     struct sst_capture *c = arg;
 
+    sst_health_frame(&c->health, frame, c->name[frame->cam]);
     sst_sets_frame(c->sets, frame);
 }
 
@@ -210,6 +220,10 @@ static int bind_all(struct sst_array_config *a)
         sst_log_warning("%d cameras are there, the array has places for %d: the first by port are taken; "
                         "say which in cameras: bind",
                         n, a->rows * a->cols);
+    else if (n && n < a->rows * a->cols)
+        sst_log_warning("%d cameras are there, the array has places for %d: they fill the first places by port; say where "
+                        "each sits in cameras: bind (sst identify --write proposes it)",
+                        n, a->rows * a->cols);
     n = sst_min_int(n, a->rows * a->cols);
     for (int i = 0; i < n; i++) {
         struct sst_config_camera *cam = &a->camera[i];
@@ -223,6 +237,16 @@ static int bind_all(struct sst_array_config *a)
     if (!n)
         sst_log_error("no camera is there: plug one in, or see `sst doctor`");
     return n ? 0 : -ENODEV;
+}
+
+static void name_cameras(struct sst_capture *c)
+{
+    for (int i = 0; i < c->array->bound; i++) {
+        const struct sst_config_camera *cam = &c->array->camera[i];
+
+        snprintf(c->name[i], sizeof(c->name[i]), "row %d, col %d (%s)", cam->row, cam->col,
+                 cam->serial[0] ? cam->serial : cam->port);
+    }
 }
 
 static int open_sets(struct sst_capture *c)
@@ -326,6 +350,7 @@ int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, c
     err = c->wake_fd < 0 ? -errno : 0;
     if (!err && !array->bound)
         err = bind_all(array);
+    name_cameras(c);
     if (!err)
         err = open_sets(c);
     if (!err)

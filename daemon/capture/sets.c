@@ -63,7 +63,7 @@ static void count(struct sst_sets *s, int cam, enum sst_bucket bucket)
 static void end_frame(struct sst_sets *s, struct sst_frame *frame, enum sst_bucket bucket)
 {
     count(s, frame->cam, bucket);
-    s->events.release(s->events.arg, frame);
+    s->events.release(s->events.arg, frame, bucket);
 }
 
 static struct beat *beat_at(struct sst_sets *s, int i)

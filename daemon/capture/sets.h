@@ -63,8 +63,8 @@ struct sst_sets_events {
     void *arg;
     /** A closed set, in the order of the triggers; the receiver's until sst_sets_recycle(). Sets without any frame too. */
     void (*set)(void *arg, struct sst_set *set);
-    /** A frame has ended in a bucket other than SET and is free again. */
-    void (*release)(void *arg, struct sst_frame *frame);
+    /** A frame has ended and is free again; SET and DROPPED come from sst_sets_recycle(), on its thread. */
+    void (*release)(void *arg, struct sst_frame *frame, enum sst_bucket bucket);
 };
 
 struct sst_sets_counters {

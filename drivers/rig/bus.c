@@ -63,15 +63,15 @@ static int make_tcp(struct sst_rig_bus *b)
 static int make_rtu(struct sst_rig_bus *b)
 {
     int baud = 0, data = 0, stop = 0, n = 0;
-    char parity = 0;
+    char parity[2] = "";
     const char *comma = strchr(b->name, ',');
 
-    if (!comma || sscanf(comma, ",%7d,%1d%1[EON]%1d%n", &baud, &data, &parity, &stop, &n) != 4 || comma[n] || baud < 300 ||
+    if (!comma || sscanf(comma, ",%7d,%1d%1[EON]%1d%n", &baud, &data, parity, &stop, &n) != 4 || comma[n] || baud < 300 ||
         (data != 7 && data != 8) || (stop != 1 && stop != 2))
         return bad_name(b->name);
     snprintf(b->device, sizeof(b->device), "%.*s", (int)(comma - (b->name + 4)), b->name + 4);
     b->serial = true;
-    b->ctx = modbus_new_rtu(b->device, baud, parity, data, stop);
+    b->ctx = modbus_new_rtu(b->device, baud, parity[0], data, stop);
     return b->ctx ? 0 : -ENOMEM;
 }
 

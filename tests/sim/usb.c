@@ -165,7 +165,7 @@ int main(int argc SST_UNUSED, char **argv)
             printf("%s is not built\n", program);
             return 77;
         }
-        execl(program, "sst-sim", "--quiet", "--", argv[0], (char *)NULL);
+        execl(program, "sst-sim", "--quiet", "--world", "simulators/world/worlds/quick.yaml", "--", argv[0], (char *)NULL);
         perror(program);
         return 1;
     }

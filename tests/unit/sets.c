@@ -45,9 +45,10 @@ static void on_set(void *arg, struct sst_set *set)
         sst_sets_recycle(t.sets, set, false);
 }
 
-static void on_release(void *arg, struct sst_frame *frame)
+static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucket)
 {
     (void)arg;
+    (void)bucket;
     assert_ptr_equal(frame->pool, &t); /* not released before */
     frame->pool = NULL;
     t.released++;
