@@ -9,7 +9,8 @@
 
 SST_EXTERN_C_BEGIN
 
-/** Make a new folder for a session in $XDG_RUNTIME_DIR, /dev/shm or /tmp, for this user alone. @return 0 or -errno, logged. */
+/** Make a new folder for a session in $XDG_RUNTIME_DIR, /dev/shm or /tmp, for this user alone; folders there of sessions
+ *  that were killed are removed. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_sim_session_make(char dir[SST_PATH_MAX]);
 
 /**
