@@ -69,7 +69,11 @@ struct sst_sim_ops {
     int (*map)(struct sst_sim_handle *h, struct sst_sim_request *r);
     int (*read)(struct sst_sim_handle *h, struct sst_sim_request *r);
     int (*write)(struct sst_sim_handle *h, struct sst_sim_request *r);
+<<<<<<< HEAD
     int (*seek)(struct sst_sim_handle *h, struct sst_sim_request *r); /* NULL: -ESPIPE */
+=======
+    int (*seek)(struct sst_sim_handle *h, struct sst_sim_request *r);
+>>>>>>> simbus
     void (*cancel)(struct sst_sim_handle *h, struct sst_sim_request *r); /* forget a request that was to be later */
     void (*ready)(struct sst_sim_handle *h); /* the program took the out-of-band byte: another may be due */
 };
