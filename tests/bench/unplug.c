@@ -1,12 +1,13 @@
 /* Unplug and replug simulated cameras at random, several at once, while the others stream: how long until each is back,
- * and does any other camera lose a frame? usage: build/bench/unplug [EVENTS [SEED]]   (1000 events take some minutes) */
+ * and does any other camera lose a frame? usage: build/bench/unplug [EVENTS [SEED]]   (1000 events take some minutes)
+ */
 #include <errno.h>
 
 #include "base/log.h"
 #include "tests/grab_rig.h"
 
-#define CAMERAS 36
-#define AWAY_MAX 6
+#define CAMERAS   36
+#define AWAY_MAX  6
 #define TARGET_MS 2000
 
 struct trial {
@@ -107,9 +108,10 @@ static int report(struct trial *t)
     qsort(t->times_ns, (size_t)n, sizeof(*t->times_ns), compare);
     for (int i = 0; i < n; i++)
         t->late += t->times_ns[i] > TARGET_MS * RIG_MS;
-    printf("%d replugs, %d came back; ms until the first frame: p50 %.0f, p99 %.0f, max %.0f; over %d ms: %d\n", t->events,
-           n, n ? (double)t->times_ns[n / 2] * 1e-6 : 0, n ? (double)t->times_ns[(n * 99 - 1) / 100] * 1e-6 : 0,
-           n ? (double)t->times_ns[n - 1] * 1e-6 : 0, TARGET_MS, t->late);
+    printf("%d replugs, %d came back; ms until the first frame: p50 %.0f, p99 %.0f, max %.0f; over %d ms: %d\n",
+           t->events, n, n ? (double)t->times_ns[n / 2] * 1e-6 : 0,
+           n ? (double)t->times_ns[(n * 99 - 1) / 100] * 1e-6 : 0, n ? (double)t->times_ns[n - 1] * 1e-6 : 0, TARGET_MS,
+           t->late);
     printf("frames of the other cameras: %llu lost, %llu bad; longest pause between two polls %.0f ms\n",
            (unsigned long long)t->harm_lost, (unsigned long long)t->harm_bad, (double)t->pause_ns * 1e-6);
     return n == t->events && !t->late && !t->harm_lost && !t->harm_bad ? 0 : 1;
