@@ -121,8 +121,8 @@ static void print_table(const struct sst_grab_device *devices, const struct cli_
         puts("no cameras are there: plug one in (`dmesg` tells what the system made of it)");
         return;
     }
-    printf("%-6s %-12s %-14s %-10s %-12s %-24s %-20s %s\n", "PLACE", "NODE", "SERIAL", "PORT", "DRIVER", "NAME", "STATE",
-           "FORMATS");
+    printf("%-6s %-12s %-14s %-10s %-12s %-24s %-20s %s\n", "PLACE", "NODE", "SERIAL", "PORT", "DRIVER", "NAME",
+           "STATE", "FORMATS");
     for (int i = 0; i < count; i++) {
         const struct sst_grab_device *d = &devices[i];
         char state[128], at[16];
@@ -209,9 +209,10 @@ const struct cli_command cli_cameras = {
     .name = "cameras",
     .usage = "[--config FILE] [--json]",
     .summary = "cameras that are there, and where they belong",
-    .detail = "Lists V4L2 capture devices by USB port: serial, port, driver, what they offer, their place in the array by\n"
-              "the configuration, and whether they are free, busy (and with whom), or may not be opened. Bind cameras by\n"
-              "serial, or by port where serials are missing or the same; /dev/videoN changes with the order of plugging.",
+    .detail =
+        "Lists V4L2 capture devices by USB port: serial, port, driver, what they offer, their place in the array by\n"
+        "the configuration, and whether they are free, busy (and with whom), or may not be opened. Bind cameras by\n"
+        "serial, or by port where serials are missing or the same; /dev/videoN changes with the order of plugging.",
     .example = "sst cameras --config array.yaml",
     .run = run,
 };

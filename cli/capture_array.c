@@ -53,8 +53,8 @@ static void on_progress(void *arg, uint64_t sets)
         sst_capture_stop(running);
 }
 
-static const char *const fault_names[] = { "flagged",   "empty",     "short",  "no_soi",
-                                           "no_eoi",    "marker",    "backwards", "frozen" };
+static const char *const fault_names[] = { "flagged", "empty",  "short",     "no_soi",
+                                           "no_eoi",  "marker", "backwards", "frozen" };
 static const char *const rung_names[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
 static const char *const bucket_keys[] = { "set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };
 
@@ -77,15 +77,15 @@ static json_t *cameras_json(const struct array_capture *a, const struct sst_capt
         struct sst_grab_counters n;
 
         sst_capture_camera(capture, i, &n, &device);
-        json_array_append_new(
-            list, json_pack("{s:i, s:i, s:s, s:s, s:I, s:I, s:I, s:o, s:o, s:o}", "row", a->config.camera[i].row, "col",
-                            a->config.camera[i].col, "serial",
-                            device->serial[0] ? device->serial : a->config.camera[i].serial, "port",
-                            device->port[0] ? device->port : a->config.camera[i].port, "frames",
-                            (json_int_t)n.frames, "bad", (json_int_t)n.bad, "lost", (json_int_t)n.lost, "buckets",
-                            counts(bucket_keys, r->sets.camera[i], SST_BUCKETS), "faults",
-                            counts(fault_names, n.fault, ARRAY_LEN(fault_names)), "recovery",
-                            counts(rung_names, n.rung, ARRAY_LEN(rung_names))));
+        json_array_append_new(list,
+                              json_pack("{s:i, s:i, s:s, s:s, s:I, s:I, s:I, s:o, s:o, s:o}", "row",
+                                        a->config.camera[i].row, "col", a->config.camera[i].col, "serial",
+                                        device->serial[0] ? device->serial : a->config.camera[i].serial, "port",
+                                        device->port[0] ? device->port : a->config.camera[i].port, "frames",
+                                        (json_int_t)n.frames, "bad", (json_int_t)n.bad, "lost", (json_int_t)n.lost,
+                                        "buckets", counts(bucket_keys, r->sets.camera[i], SST_BUCKETS), "faults",
+                                        counts(fault_names, n.fault, ARRAY_LEN(fault_names)), "recovery",
+                                        counts(rung_names, n.rung, ARRAY_LEN(rung_names))));
     }
     return list;
 }
@@ -102,11 +102,11 @@ static int print_json(const struct array_capture *a, const struct sst_capture *c
                       const struct sst_capture_report *r, const char *dir)
 {
     json_t *root = json_pack(
-        "{s:s?, s:i, s:I, s:I, s:I, s:I, s:f, s:f, s:I, s:o, s:o, s:I, s:o, s:o, s:o, s:o}", "recording", dir, "cameras",
-        a->config.bound, "sets", (json_int_t)r->handed, "complete", (json_int_t)r->complete, "empty",
+        "{s:s?, s:i, s:I, s:I, s:I, s:I, s:f, s:f, s:I, s:o, s:o, s:I, s:o, s:o, s:o, s:o}", "recording", dir,
+        "cameras", a->config.bound, "sets", (json_int_t)r->handed, "complete", (json_int_t)r->complete, "empty",
         (json_int_t)r->empty, "refused", (json_int_t)r->refused, "seconds",
-        (double)(sst_clock_now_ns() - a->start_ns) / 1e9, "cpu_seconds",
-        (double)(sst_clock_cpu_ns() - a->cpu_ns) / 1e9, "bytes", (json_int_t)a->bytes, "trigger",
+        (double)(sst_clock_now_ns() - a->start_ns) / 1e9, "cpu_seconds", (double)(sst_clock_cpu_ns() - a->cpu_ns) / 1e9,
+        "bytes", (json_int_t)a->bytes, "trigger",
         json_pack("{s:I, s:I, s:I, s:I}", "edges", (json_int_t)r->edges, "stamped", (json_int_t)r->edges_stamped,
                   "skipped", (json_int_t)r->beats_skipped, "dropped", (json_int_t)r->sets.dropped),
         "frames",
@@ -151,7 +151,8 @@ static void print_text(const struct array_capture *a, const struct sst_capture *
             printf("%s %" PRIu64 " %s", i ? "," : "", r->sets.bucket[i], sst_bucket_name((enum sst_bucket)i));
     printf("\n");
     if (r->sets.dropped || r->beats_skipped)
-        printf("triggers without a set: %" PRIu64 " found all sets with the writer, %" PRIu64 " came too late to fire\n",
+        printf("triggers without a set: %" PRIu64 " found all sets with the writer, %" PRIu64
+               " came too late to fire\n",
                r->sets.dropped, r->beats_skipped);
     if (r->unexplained)
         printf("%" PRIu64 " frames are unexplained: please report this as a bug\n", r->unexplained);
@@ -278,7 +279,8 @@ static int apply(const struct cli_command *cmd, const struct array_options *o, s
     if (o->format) {
         c->fourcc = sst_array_format(o->format);
         if (!c->fourcc)
-            return cli_usage_error(cmd, "--format %s: known are MJPEG YUYV GREY Y16 BGGR8 GBRG8 GRBG8 RGGB8", o->format);
+            return cli_usage_error(cmd, "--format %s: known are MJPEG YUYV GREY Y16 BGGR8 GBRG8 GRBG8 RGGB8",
+                                   o->format);
     }
     if (o->source) {
         size_t i = 0;
@@ -314,7 +316,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     o.sync_s = rec.sync_s;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; without it frames are only counted", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; without it frames are only counted", 0,
+          0 },
         { "sets", 'n', CLI_INT, &o.sets, "N", "so many sets; without -n and --duration until Ctrl-C", 1, 1000000000 },
         { "duration", 0, CLI_DOUBLE, &a->seconds, "S", "or so many seconds", 0.001, 1e9 },
         { "config", 0, CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml", 0, 0 },
@@ -354,8 +357,10 @@ const struct cli_command cli_capture_array = {
     .usage = "[-n N | --duration S] [-o DIR] [--config FILE] [--trigger SOURCE] [--rate HZ] [--json]",
     .summary = "record sets of all cameras of the array",
     .detail =
-        "Each set holds one frame of every camera for one trigger; sets that miss a camera are kept and say which. The\n"
-        "camera's bytes go untouched into Matroska segments (docs/recordings.md); `sst import recording DIR -o LF` makes\n"
+        "Each set holds one frame of every camera for one trigger; sets that miss a camera are kept and say which. "
+        "The\n"
+        "camera's bytes go untouched into Matroska segments (docs/recordings.md); `sst import recording DIR -o LF` "
+        "makes\n"
         "light fields of them. At the end every frame is accounted for: in a set, late, duplicate, stray, corrupt,\n"
         "flagged by the driver, or dropped. config/sstd.yaml explains the configuration. Ctrl-C ends it properly.",
     .example = "sst capture array -n 10 -o garden.rec\n"

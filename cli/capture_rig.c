@@ -86,7 +86,8 @@ static int set_origin(const struct cli_command *cmd, const char *text, int axes,
 
     for (int a = 0; p && a < axes; a++) {
         if (!parse_length(p, &p, &um) || (a + 1 < axes ? *p++ != ',' : *p != 0))
-            return cli_usage_error(cmd, "--origin %s is not one length for each of the %d axes, for example 10,10", text, axes);
+            return cli_usage_error(cmd, "--origin %s is not one length for each of the %d axes, for example 10,10",
+                                   text, axes);
         origin_um[a] = (int32_t)lround(um);
     }
     return CLI_GO_ON;
@@ -152,8 +153,9 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
     }
     rig_config(rig, array);
     if (!o->dry_run && (!rig->bus[0] || !rig->profile[0]))
-        return cli_usage_error(cmd, "say where the rig is and what drives it has: --bus tcp:HOST:PORT --profile NAME, or rig: "
-                                    "in the configuration");
+        return cli_usage_error(
+            cmd, "say where the rig is and what drives it has: --bus tcp:HOST:PORT --profile NAME, or rig: "
+                 "in the configuration");
 
     sst_rig_capture_config_defaults(cfg);
     cfg->dir = o->dir;
@@ -210,23 +212,24 @@ static void print_plan(const struct sst_rig_capture_config *cfg, const struct ss
         const struct sst_rig_pos p = sst_rig_capture_pose(cfg, view);
 
         if (json)
-            json_array_append_new(poses, json_pack("{s:i, s:i, s:[iii]}", "row", view / cfg->cols, "col", view % cfg->cols, "um",
-                                                   p.um[0], p.um[1], p.um[2]));
+            json_array_append_new(poses, json_pack("{s:i, s:i, s:[iii]}", "row", view / cfg->cols, "col",
+                                                   view % cfg->cols, "um", p.um[0], p.um[1], p.um[2]));
         else
             printf("%4d %4d %3d  %10.3f %10.3f %10.3f\n", i + 1, view / cfg->cols, view % cfg->cols, p.um[0] / 1000.0,
                    p.um[1] / 1000.0, p.um[2] / 1000.0);
     }
     if (json) {
-        json_t *all = json_pack("{s:o, s:f, s:f, s:b, s:I}", "poses", poses, "way_mm", plan->way_mm, "seconds", plan->seconds,
-                                "speed_assumed", (int)plan->speed_assumed, "bytes", (json_int_t)plan->bytes);
+        json_t *all =
+            json_pack("{s:o, s:f, s:f, s:b, s:I}", "poses", poses, "way_mm", plan->way_mm, "seconds", plan->seconds,
+                      "speed_assumed", (int)plan->speed_assumed, "bytes", (json_int_t)plan->bytes);
 
         json_dumpf(all, stdout, JSON_INDENT(1));
         printf("\n");
         json_decref(all);
         return;
     }
-    printf("%d views, %.0f mm of way, about %.0f s after homing%s, about %.1f MB\n", plan->views, plan->way_mm, plan->seconds,
-           plan->speed_assumed ? " (50 mm/s assumed: give --speed)" : "", (double)plan->bytes * 1e-6);
+    printf("%d views, %.0f mm of way, about %.0f s after homing%s, about %.1f MB\n", plan->views, plan->way_mm,
+           plan->seconds, plan->speed_assumed ? " (50 mm/s assumed: give --speed)" : "", (double)plan->bytes * 1e-6);
 }
 
 static void print_report(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_report *r,
@@ -235,26 +238,29 @@ static void print_report(const struct sst_rig_capture_config *cfg, const struct 
     if (json) {
         json_t *all = json_pack(
             "{s:s, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}, "
-            "s:{s:I, s:I, s:I}}", "dir", cfg->dir, "views", cfg->rows * cfg->cols, "there", count, "taken", r->taken, "again",
-            r->again, "rig_faults", r->rig_faults, "camera_faults", r->camera_faults, "moved", r->moved, "homed", r->homed,
-            "rig", "requests", (json_int_t)r->rig.requests, "timeouts", (json_int_t)r->rig.timeouts, "garbled",
+            "s:{s:I, s:I, s:I}}",
+            "dir", cfg->dir, "views", cfg->rows * cfg->cols, "there", count, "taken", r->taken, "again", r->again,
+            "rig_faults", r->rig_faults, "camera_faults", r->camera_faults, "moved", r->moved, "homed", r->homed, "rig",
+            "requests", (json_int_t)r->rig.requests, "timeouts", (json_int_t)r->rig.timeouts, "garbled",
             (json_int_t)r->rig.garbled, "exceptions", (json_int_t)r->rig.exceptions, "lost", (json_int_t)r->rig.lost,
             "reconnects", (json_int_t)r->rig.reconnects, "stalls", (json_int_t)r->rig.stalls, "limits",
             (json_int_t)r->rig.limits, "alarms", (json_int_t)r->rig.alarms, "missed", (json_int_t)r->rig.missed, "lies",
-            (json_int_t)r->rig.lies, "camera", "frames", (json_int_t)camera->frames, "bad", (json_int_t)camera->bad, "lost",
-            (json_int_t)camera->lost);
+            (json_int_t)r->rig.lies, "camera", "frames", (json_int_t)camera->frames, "bad", (json_int_t)camera->bad,
+            "lost", (json_int_t)camera->lost);
 
         json_dumpf(all, stdout, JSON_COMPACT);
         printf("\n");
         json_decref(all);
         return;
     }
-    printf("%s: %d of %d views, %d taken now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n", cfg->dir, count,
-           cfg->rows * cfg->cols, r->taken, r->again, r->rig_faults, r->camera_faults, r->moved, r->homed);
+    printf("%s: %d of %d views, %d taken now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n",
+           cfg->dir, count, cfg->rows * cfg->cols, r->taken, r->again, r->rig_faults, r->camera_faults, r->moved,
+           r->homed);
     if (r->rig.timeouts + r->rig.garbled + r->rig.exceptions + r->rig.lost)
         printf("bus: of %llu requests %llu without reply, %llu garbled, %llu refused, %llu with the line lost\n",
-               (unsigned long long)r->rig.requests, (unsigned long long)r->rig.timeouts, (unsigned long long)r->rig.garbled,
-               (unsigned long long)r->rig.exceptions, (unsigned long long)r->rig.lost);
+               (unsigned long long)r->rig.requests, (unsigned long long)r->rig.timeouts,
+               (unsigned long long)r->rig.garbled, (unsigned long long)r->rig.exceptions,
+               (unsigned long long)r->rig.lost);
 }
 
 /* A disk that will be full before the end is better known now. */
@@ -263,8 +269,9 @@ static void check_space(const struct sst_rig_capture_config *cfg, const struct s
     struct statvfs v;
 
     if (!statvfs(cfg->dir, &v) && (double)v.f_bavail * (double)v.f_frsize < (double)plan->bytes)
-        sst_log_warning("%s: %.1f MB are free, the views take about %.1f MB; a capture that ends for that goes on later", cfg->dir,
-                        (double)v.f_bavail * (double)v.f_frsize * 1e-6, (double)plan->bytes * 1e-6);
+        sst_log_warning(
+            "%s: %.1f MB are free, the views take about %.1f MB; a capture that ends for that goes on later", cfg->dir,
+            (double)v.f_bavail * (double)v.f_frsize * 1e-6, (double)plan->bytes * 1e-6);
 }
 
 /* --- capturing ---------------------------------------------------------------------------------------------------- */
@@ -273,8 +280,16 @@ static void check_space(const struct sst_rig_capture_config *cfg, const struct s
 static int exit_code(int err)
 {
     switch (-err) {
-    case ENODEV: case EHOSTUNREACH: case ECONNREFUSED: case ENOSYS: case EPROTO: case ETIMEDOUT: case ENOTUNIQ: case EBUSY:
-    case EMFILE: case ENOTCONN:
+    case ENODEV:
+    case EHOSTUNREACH:
+    case ECONNREFUSED:
+    case ENOSYS:
+    case EPROTO:
+    case ETIMEDOUT:
+    case ENOTUNIQ:
+    case EBUSY:
+    case EMFILE:
+    case ENOTCONN:
         return CLI_MISSING;
     default:
         return cli_exit_code(err);
@@ -360,13 +375,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; likewise", 0, 0 },
         { "config", 'c', CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml if it is there", 0, 0 },
         { "bus", 0, CLI_STRING, &o.bus, "BUS", "tcp:HOST:PORT or rtu:DEVICE,BAUD,8E1; rig: bus", 0, 0 },
-        { "profile", 0, CLI_STRING, &o.profile, "NAME", "the drives' registers, a name or a .yaml file; rig: profile", 0, 0 },
+        { "profile", 0, CLI_STRING, &o.profile, "NAME", "the drives' registers, a name or a .yaml file; rig: profile",
+          0, 0 },
         { "axes", 0, CLI_INT, &o.axes, "N", "x, y and, with 3, z; rig: axes", 1, 3 },
         { "speed", 0, CLI_DOUBLE, &o.speed_mm_s, "MM/S", "of all axes; rig: speed_mm_s", 0.001, 1e5 },
         { "accel", 0, CLI_DOUBLE, &o.accel_mm_s2, "MM/S2", "of all axes; rig: accel_mm_s2", 0.001, 1e6 },
         { "settle", 0, CLI_INT, &o.settle_ms, "MS", "stand still this long before a frame; rig: settle_ms", 0, 60000 },
-        { "guard", 0, CLI_INT, &o.guard_ms, "MS", "then wait this long, for drivers that stamp frames late; 40", 0, 60000 },
-        { "backlash", 0, CLI_DOUBLE, &o.backlash_mm, "MM", "come to each pose from this far below; 0: directly; 1", 0, 1000 },
+        { "guard", 0, CLI_INT, &o.guard_ms, "MS", "then wait this long, for drivers that stamp frames late; 40", 0,
+          60000 },
+        { "backlash", 0, CLI_DOUBLE, &o.backlash_mm, "MM", "come to each pose from this far below; 0: directly; 1", 0,
+          1000 },
         { "attempts", 0, CLI_INT, &o.attempts, "N", "per view; 3", 1, 100 },
         { "dry-run", 'n', CLI_FLAG, &o.dry_run, NULL, "only print poses, time and disk space", 0, 0 },
         { "resume", 0, CLI_FLAG, &o.resume, NULL, "go on only, never begin", 0, 0 },
@@ -393,9 +411,12 @@ const struct cli_command cli_capture_rig = {
     .usage = "--grid RxC --pitch P -o DIR [--bus BUS --profile NAME] [--camera ID] [--dry-run] [--resume]",
     .summary = "step one camera over a grid with a motor rig",
     .detail =
-        "For each view: move, wait until every axis stands, settle, take the first frame that begins after that, check that\n"
-        "nothing moved, store the camera's bytes and a line in DIR/capture.jsonl. Ctrl-C stops the motors; the same command\n"
-        "goes on where it was, also after a crash or a power cut: views are checked by their hashes, damaged ones are taken\n"
+        "For each view: move, wait until every axis stands, settle, take the first frame that begins after that, check "
+        "that\n"
+        "nothing moved, store the camera's bytes and a line in DIR/capture.jsonl. Ctrl-C stops the motors; the same "
+        "command\n"
+        "goes on where it was, also after a crash or a power cut: views are checked by their hashes, damaged ones are "
+        "taken\n"
         "again. A complete folder is a light field for `sst process`. docs/rig.md lists the drives and how to add one.",
     .example = "sst capture rig --grid 6x6 --pitch 40mm --dry-run\n"
                "  sst capture rig --grid 6x6 --pitch 40mm --bus tcp:192.168.0.10:502 --profile sst-sim -o garden",

@@ -18,14 +18,34 @@ int cli_exit_code(int err)
     switch (-err) {
     case 0:
         return CLI_OK;
-    case EINVAL: case ERANGE:
+    case EINVAL:
+    case ERANGE:
         return CLI_USAGE;
-    case ENOENT: case EBADMSG: case EISDIR: case ENOTDIR: case EACCES: case ENODATA: case ENODEV: case ENOTUNIQ: case EBUSY: case EPERM: case EHOSTUNREACH: case ECONNREFUSED:
-    case ENAMETOOLONG: case ELOOP:
+    case ENOENT:
+    case EBADMSG:
+    case EISDIR:
+    case ENOTDIR:
+    case EACCES:
+    case ENODATA:
+    case ENODEV:
+    case ENOTUNIQ:
+    case EBUSY:
+    case EPERM:
+    case EHOSTUNREACH:
+    case ECONNREFUSED:
+    case ENAMETOOLONG:
+    case ELOOP:
         return CLI_INPUT;
-    case EIO: case ENOSPC: case EDQUOT: case EROFS: case EFBIG: case EEXIST: case EPIPE:
+    case EIO:
+    case ENOSPC:
+    case EDQUOT:
+    case EROFS:
+    case EFBIG:
+    case EEXIST:
+    case EPIPE:
         return CLI_OUTPUT;
-    case ENOTSUP: case ENOPKG:
+    case ENOTSUP:
+    case ENOPKG:
         return CLI_MISSING;
     case ENOMEM:
         return CLI_MEMORY;
@@ -133,7 +153,8 @@ static int set_value(const struct cli_command *cmd, const struct cli_option *o, 
     return CLI_GO_ON;
 }
 
-static const struct cli_option *find(const struct cli_option *options, size_t n, const char *name, size_t len, char letter)
+static const struct cli_option *find(const struct cli_option *options, size_t n, const char *name, size_t len,
+                                     char letter)
 {
     for (size_t i = 0; i < n; i++) {
         if (name ? strlen(options[i].name) == len && !memcmp(options[i].name, name, len) : options[i].letter == letter)

@@ -10,7 +10,7 @@
 #include "pipeline/image/codec.h"
 
 #define MAX_ARGS 12
-#define GAP 8 /* white pixels between the panels */
+#define GAP      8 /* white pixels between the panels */
 
 /* Show a command line, then run it in this process. */
 static int step(const struct cli_command *cmd, const char *const *args)
@@ -131,8 +131,9 @@ const struct cli_command cli_demo = {
     .name = "demo",
     .usage = "[--scene S] [--once] [-o DIR]",
     .summary = "from a simulated array to a see-through picture",
-    .detail = "Renders a scene as a 6x6 array sees it, computes labels and disparities, and looks behind the occluder.\n"
-              "Prints each command on the way. An earlier demo in the folder is replaced.",
+    .detail =
+        "Renders a scene as a 6x6 array sees it, computes labels and disparities, and looks behind the occluder.\n"
+        "Prints each command on the way. An earlier demo in the folder is replaced.",
     .example = "sst demo --scene pedestrian --once",
     .run = run,
 };

@@ -99,8 +99,9 @@ const struct cli_command cli_doctor = {
     .name = "doctor",
     .usage = "[--config FILE] [-o DIR] [--json]",
     .summary = "what stands in the way of capturing: rights, cameras, bandwidth, lines, disk, clock",
-    .detail = "Looks at what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in one\n"
-              "sentence with its remedy. Exit code 3 when there is a problem.",
+    .detail =
+        "Looks at what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in one\n"
+        "sentence with its remedy. Exit code 3 when there is a problem.",
     .example = "sst doctor --config array.yaml -o /var/lib/sst",
     .run = run,
 };

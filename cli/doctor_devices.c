@@ -52,7 +52,8 @@ static void remedy_of_rights(const char *node, char *text, size_t size)
         snprintf(text, size, "install systemd/60-sst.rules, which gives it to a group");
 }
 
-/* --- cameras -------------------------------------------------------------------------------------------------------- */
+/* --- cameras --------------------------------------------------------------------------------------------------------
+ */
 
 static void check_answers(struct doctor *d, const struct sst_grab_device *list, int n)
 {
@@ -75,8 +76,8 @@ static void check_answers(struct doctor *d, const struct sst_grab_device *list, 
         doctor_say(d, DOCTOR_PROBLEM, "rights", "no right to open %s: %s", text_of(&denied), remedy);
     }
     if (silent.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "%s cannot be opened (%s): unplug and plug it in again", text_of(&silent),
-                   strerror(error));
+        doctor_say(d, DOCTOR_PROBLEM, "cameras", "%s cannot be opened (%s): unplug and plug it in again",
+                   text_of(&silent), strerror(error));
     if (n && !denied.count && !silent.count)
         doctor_say(d, DOCTOR_OK, "rights", "%d camera%s can be opened", n, n == 1 ? "" : "s");
 }
@@ -87,8 +88,9 @@ static void check_serials(struct doctor *d, const struct sst_grab_device *list, 
         for (int j = 0; j < i && list[i].serial[0]; j++) {
             if (strcmp(list[i].serial, list[j].serial))
                 continue;
-            doctor_say(d, DOCTOR_WARNING, "cameras", "the cameras on ports %s and %s both say serial %s: bind them by port",
-                       list[j].port, list[i].port, list[i].serial);
+            doctor_say(d, DOCTOR_WARNING, "cameras",
+                       "the cameras on ports %s and %s both say serial %s: bind them by port", list[j].port,
+                       list[i].port, list[i].serial);
             return; /* one pair tells how it is */
         }
     }
@@ -121,11 +123,13 @@ static void check_places(struct doctor *d, const struct sst_grab_device *list, i
         d->cameras += found > 0;
     }
     if (missing.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "%d of %d cameras are missing, %s: plug them in, or correct `bind` "
-                                                 "(`sst cameras` lists what is there)",
+        doctor_say(d, DOCTOR_PROBLEM, "cameras",
+                   "%d of %d cameras are missing, %s: plug them in, or correct `bind` "
+                   "(`sst cameras` lists what is there)",
                    missing.count, d->cfg->bound, text_of(&missing));
     if (twice.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port", text_of(&twice));
+        doctor_say(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port",
+                   text_of(&twice));
     if (!missing.count && !twice.count)
         doctor_say(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are there", d->cfg->bound);
     if (n > d->cfg->bound)
@@ -150,10 +154,12 @@ void doctor_check_cameras(struct doctor *d)
     } else {
         d->cameras = sst_min_int(n, places);
         if (!n)
-            doctor_say(d, DOCTOR_PROBLEM, "cameras", "no camera is plugged in: connect one, and look at `sst topology`");
+            doctor_say(d, DOCTOR_PROBLEM, "cameras",
+                       "no camera is plugged in: connect one, and look at `sst topology`");
         else if (n < places)
-            doctor_say(d, DOCTOR_WARNING, "cameras", "%d cameras for %dx%d places: the last places stay empty; bind "
-                                                     "cameras to places, or correct rows and cols",
+            doctor_say(d, DOCTOR_WARNING, "cameras",
+                       "%d cameras for %dx%d places: the last places stay empty; bind "
+                       "cameras to places, or correct rows and cols",
                        n, d->cfg->rows, d->cfg->cols);
         else
             doctor_say(d, DOCTOR_OK, "cameras", "%d cameras for %dx%d places, in the order of their ports", n,
@@ -162,7 +168,8 @@ void doctor_check_cameras(struct doctor *d)
     free(list);
 }
 
-/* --- USB ------------------------------------------------------------------------------------------------------------ */
+/* --- USB ------------------------------------------------------------------------------------------------------------
+ */
 
 /* A camera that no driver has taken. */
 static void check_nodes(struct doctor *d, const struct cli_usb *u)
@@ -174,8 +181,9 @@ static void check_nodes(struct doctor *d, const struct cli_usb *u)
             add_name(&idle, u->devices[i].port);
     }
     if (idle.count)
-        doctor_say(d, DOCTOR_WARNING, "cameras", "%d cameras have no /dev/video node (ports %s): load their driver "
-                                                 "(modprobe uvcvideo), or see in `dmesg` why it refused them",
+        doctor_say(d, DOCTOR_WARNING, "cameras",
+                   "%d cameras have no /dev/video node (ports %s): load their driver "
+                   "(modprobe uvcvideo), or see in `dmesg` why it refused them",
                    idle.count, text_of(&idle));
 }
 
@@ -193,8 +201,9 @@ static void check_recovery(struct doctor *d, const struct cli_usb *u)
             add_name(&denied, node);
     }
     if (denied.count)
-        doctor_say(d, DOCTOR_WARNING, "rights", "no right to reset cameras that hang (%s): install "
-                                                "systemd/60-sst.rules; without it recovery ends at reopening them",
+        doctor_say(d, DOCTOR_WARNING, "rights",
+                   "no right to reset cameras that hang (%s): install "
+                   "systemd/60-sst.rules; without it recovery ends at reopening them",
                    text_of(&denied));
     else if (u->stream_count)
         doctor_say(d, DOCTOR_OK, "rights", "cameras that hang can be reset over USB");
@@ -213,14 +222,16 @@ void doctor_check_bandwidth(struct doctor *d)
     check_recovery(d, &usb);
     cli_usb_advise(&usb, d->cfg, advice, sizeof(advice));
     if (usb.plan.refused)
-        doctor_say(d, DOCTOR_PROBLEM, "bandwidth", "USB has no bandwidth for %d of %d cameras (`sst plan` shows which): %s",
-                   usb.plan.refused, usb.stream_count, advice);
+        doctor_say(d, DOCTOR_PROBLEM, "bandwidth",
+                   "USB has no bandwidth for %d of %d cameras (`sst plan` shows which): %s", usb.plan.refused,
+                   usb.stream_count, advice);
     else if (usb.stream_count)
         doctor_say(d, DOCTOR_OK, "bandwidth", "USB carries all %d cameras", usb.stream_count);
     cli_usb_close(&usb);
 }
 
-/* --- trigger and rig ------------------------------------------------------------------------------------------------ */
+/* --- trigger and rig ------------------------------------------------------------------------------------------------
+ */
 
 void doctor_check_trigger(struct doctor *d)
 {

@@ -16,14 +16,15 @@
 #include "base/file.h"
 #include "cli/doctor.h"
 
-#define AREA_DISK "disk"
-#define TRY_NS 1000000000  /* of writing */
-#define TRY_BYTES (256 << 20)
-#define CHUNK (4 << 20)
-#define JPEG_BYTES_PER_PX 0.25 /* of a detailed picture at high quality; half of it for plain ones */
+#define AREA_DISK           "disk"
+#define TRY_NS              1000000000 /* of writing */
+#define TRY_BYTES           (256 << 20)
+#define CHUNK               (4 << 20)
+#define JPEG_BYTES_PER_PX   0.25 /* of a detailed picture at high quality; half of it for plain ones */
 #define QUIRK_FIX_BANDWIDTH 0x80
 
-/* --- disk ----------------------------------------------------------------------------------------------------------- */
+/* --- disk -----------------------------------------------------------------------------------------------------------
+ */
 
 /* What a recording takes, all cameras together. */
 static double needed_mb_s(const struct doctor *d)
@@ -72,25 +73,27 @@ static void judge_speed(struct doctor *d, double free_bytes)
     const double hours = needed > 0 ? free_bytes / 1e6 / needed / 3600 : 0;
 
     if (speed == -EOPNOTSUPP)
-        doctor_say(d, DOCTOR_WARNING, AREA_DISK, "%s cannot be tried without leaving a file: %.1f GB are free", d->folder,
-                   free_bytes / 1e9);
+        doctor_say(d, DOCTOR_WARNING, AREA_DISK, "%s cannot be tried without leaving a file: %.1f GB are free",
+                   d->folder, free_bytes / 1e9);
     else if (speed <= 0)
         doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "writing to %s: %s: free space, or choose another folder", d->folder,
                    strerror(speed < 0 ? (int)-speed : ENOSPC));
     else if (speed < needed)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "%s takes %.0f MB/s, but %d cameras give %.0f: use a faster disk, or "
-                                                 "lower size or rate",
+        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK,
+                   "%s takes %.0f MB/s, but %d cameras give %.0f: use a faster disk, or "
+                   "lower size or rate",
                    d->folder, speed, d->cameras, needed);
     else if (speed < 1.5 * needed)
-        doctor_say(d, DOCTOR_WARNING, AREA_DISK, "%s takes %.0f MB/s and %d cameras give %.0f: little is left for "
-                                                 "moments when the disk is slow",
+        doctor_say(d, DOCTOR_WARNING, AREA_DISK,
+                   "%s takes %.0f MB/s and %d cameras give %.0f: little is left for "
+                   "moments when the disk is slow",
                    d->folder, speed, d->cameras, needed);
     else
         doctor_say(d, DOCTOR_OK, AREA_DISK, "%s takes %.0f MB/s, %d cameras give %.0f", d->folder, speed, d->cameras,
                    needed);
     if (needed > 0)
-        doctor_say(d, hours < 1 ? DOCTOR_WARNING : DOCTOR_OK, AREA_DISK, "%.1f GB are free in %s: %.1f hours of recording",
-                   free_bytes / 1e9, d->folder, hours);
+        doctor_say(d, hours < 1 ? DOCTOR_WARNING : DOCTOR_OK, AREA_DISK,
+                   "%.1f GB are free in %s: %.1f hours of recording", free_bytes / 1e9, d->folder, hours);
 }
 
 void doctor_check_disk(struct doctor *d)
@@ -105,8 +108,9 @@ void doctor_check_disk(struct doctor *d)
         return;
     }
     if (fs.f_flag & ST_RDONLY)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "%s is on a file system that is mounted read-only: remount it, after "
-                                                 "looking for its errors in `dmesg`",
+        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK,
+                   "%s is on a file system that is mounted read-only: remount it, after "
+                   "looking for its errors in `dmesg`",
                    d->folder);
     else if (access(d->folder, W_OK | X_OK))
         doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "no right to write to %s: change its owner, or name another with -o",
@@ -117,7 +121,8 @@ void doctor_check_disk(struct doctor *d)
         judge_speed(d, (double)fs.f_bavail * (double)fs.f_frsize);
 }
 
-/* --- limits --------------------------------------------------------------------------------------------------------- */
+/* --- limits ---------------------------------------------------------------------------------------------------------
+ */
 
 /* Asking is the only sure test: rights come from root, capabilities or limits. */
 static bool may_be_real_time(void)
@@ -139,15 +144,17 @@ void doctor_check_limits(struct doctor *d)
     if (may_be_real_time())
         doctor_say(d, DOCTOR_OK, "limits", "threads may have real-time priority");
     else
-        doctor_say(d, DOCTOR_WARNING, "limits", "no right to real-time priority: triggers may be late on a busy machine; "
-                                                "set `@video - rtprio 60` in /etc/security/limits.d/sst.conf");
+        doctor_say(d, DOCTOR_WARNING, "limits",
+                   "no right to real-time priority: triggers may be late on a busy machine; "
+                   "set `@video - rtprio 60` in /etc/security/limits.d/sst.conf");
     /* A camera takes its node, its buffers' maps need none; the rest is for files, timers and the bus. */
     if (!getrlimit(RLIMIT_NOFILE, &files) && files.rlim_cur < (rlim_t)(2 * d->cameras + 64))
         doctor_say(d, DOCTOR_PROBLEM, "limits", "only %llu files may be open, too few for %d cameras: `ulimit -n 1024`",
                    (unsigned long long)files.rlim_cur, d->cameras);
 }
 
-/* --- clock ---------------------------------------------------------------------------------------------------------- */
+/* --- clock ----------------------------------------------------------------------------------------------------------
+ */
 
 void doctor_check_clock(struct doctor *d)
 {
@@ -158,18 +165,21 @@ void doctor_check_clock(struct doctor *d)
     if (r < 0)
         doctor_say(d, DOCTOR_WARNING, "clock", "whether the clock is synchronised cannot be read: %s", strerror(errno));
     else if (r == TIME_ERROR || (state.status & STA_UNSYNC))
-        doctor_say(d, DOCTOR_WARNING, "clock", "the wall clock is not synchronised, so the times in recordings may be "
-                                               "wrong: enable systemd-timesyncd or chrony");
+        doctor_say(d, DOCTOR_WARNING, "clock",
+                   "the wall clock is not synchronised, so the times in recordings may be "
+                   "wrong: enable systemd-timesyncd or chrony");
     else
         doctor_say(d, DOCTOR_OK, "clock", "the wall clock is synchronised, error at most %.1f ms",
                    (double)state.maxerror / 1e3);
     if (clock_getres(CLOCK_MONOTONIC, &resolution) || resolution.tv_sec || resolution.tv_nsec > 1000)
-        doctor_say(d, DOCTOR_WARNING, "clock", "timers have a resolution of %ld ns: boot with highres=on, or triggers "
-                                               "are late by as much",
+        doctor_say(d, DOCTOR_WARNING, "clock",
+                   "timers have a resolution of %ld ns: boot with highres=on, or triggers "
+                   "are late by as much",
                    resolution.tv_nsec);
 }
 
-/* --- camera driver -------------------------------------------------------------------------------------------------- */
+/* --- camera driver --------------------------------------------------------------------------------------------------
+ */
 
 static long read_parameter(const char *name)
 {
@@ -193,8 +203,9 @@ void doctor_check_uvcvideo(struct doctor *d)
     const bool raw = sst_usb_format_bytes_s(d->cfg->fourcc, 1, 1, 1) > 0;
 
     if (quirks > 0 && quirks != 0xffffffffL && (quirks & QUIRK_FIX_BANDWIDTH) && !raw)
-        doctor_say(d, DOCTOR_WARNING, "uvcvideo", "quirk FIX_BANDWIDTH (0x80) is set, but has no effect on compressed "
-                                                  "formats such as %s",
+        doctor_say(d, DOCTOR_WARNING, "uvcvideo",
+                   "quirk FIX_BANDWIDTH (0x80) is set, but has no effect on compressed "
+                   "formats such as %s",
                    sst_array_format_name(d->cfg->fourcc) ? sst_array_format_name(d->cfg->fourcc) : "this one");
     else if (quirks > 0 && quirks != 0xffffffffL)
         doctor_say(d, DOCTOR_OK, "uvcvideo", "quirks 0x%lx are set for all cameras", (unsigned long)quirks);

@@ -16,9 +16,9 @@
 
 /* The first frames after a start are often damaged or not yet exposed. */
 #define SKIP_FRAMES 2
-#define PICTURE_NS INT64_C(6000000000)
-#define TILE_WIDTH 400
-#define GAP 8
+#define PICTURE_NS  INT64_C(6000000000)
+#define TILE_WIDTH  400
+#define GAP         8
 
 struct shot {
     struct sst_grab_device device;
@@ -137,7 +137,8 @@ static int grab_pictures(struct session *s, struct sst_grab_config *cfg)
 }
 
 /* Of cameras first .. first+n-1 those that can be opened and have no picture yet. */
-static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst_grab_binding *bindings, int first, int n)
+static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst_grab_binding *bindings, int first,
+                      int n)
 {
     cfg->cameras = 0;
     for (int i = first; i < first + n; i++) {
@@ -306,8 +307,9 @@ static int print_json(const struct session *s, char *const *files, const char *s
                                 files[i] ? "picture" : "missing", files[i] ? files[i] : why_none(shot), "name",
                                 shot->device.name);
 
-        if (one && shot->place.row >= 0 && (json_object_set_new(one, "row", json_integer(shot->place.row)) ||
-                                            json_object_set_new(one, "col", json_integer(shot->place.col))))
+        if (one && shot->place.row >= 0 &&
+            (json_object_set_new(one, "row", json_integer(shot->place.row)) ||
+             json_object_set_new(one, "col", json_integer(shot->place.col))))
             err = -ENOMEM;
         if (!one || json_array_append_new(list, one))
             err = -ENOMEM;
@@ -361,7 +363,7 @@ static int write_bindings(const struct session *s, const struct sst_array_config
     if (err)
         return err;
     fprintf(out.stream, "# Proposed by the order of USB ports; change rows and columns to where the cameras are.\n"
-            "cameras:\n  bind:\n");
+                        "cameras:\n  bind:\n");
     for (int i = 0; i < s->count && i < cfg->rows * cfg->cols; i++) {
         const bool serial = serial_is_unique(s, i);
 
@@ -400,8 +402,9 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     free(devices);
     if (!err && s->count)
         return 0;
-    sst_log_error("%s; see `sst cameras`", err ? "no memory for a list of cameras"
-                  : serial || port ? "there is no such camera" : "no camera is plugged in");
+    sst_log_error("%s; see `sst cameras`", err              ? "no memory for a list of cameras"
+                                           : serial || port ? "there is no such camera"
+                                                            : "no camera is plugged in");
     return err ? err : -ENODATA;
 }
 
@@ -441,9 +444,10 @@ const struct cli_command cli_identify = {
     .name = "identify",
     .usage = "[--serial S | --port P] [-o DIR] [--write FILE] [--config FILE] [--json]",
     .summary = "a picture of every camera: which one is which",
-    .detail = "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all of them laid out as the array\n"
-              "is as DIR/identify.png. Hold something in front of one camera to see which picture it is.\n"
-              "--write proposes the `bind:` section of the configuration in the order of USB ports.",
+    .detail =
+        "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all of them laid out as the array\n"
+        "is as DIR/identify.png. Hold something in front of one camera to see which picture it is.\n"
+        "--write proposes the `bind:` section of the configuration in the order of USB ports.",
     .example = "sst identify --write bind.yaml",
     .run = run,
 };

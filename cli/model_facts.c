@@ -121,8 +121,8 @@ json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry
     int err;
 
     snprintf(folder, sizeof(folder), "%.*s", file > path ? (int)(file - path - 1) : 0, path);
-    o = json_pack("{s:o, s:o, s:i, s:[s], s:s, s:b, s:b}", "file", json_text(file), "folder", json_text(folder), "bytes",
-                  0, "precision", "f32", "kind", "", "listed", entry != NULL, "shadowed", false);
+    o = json_pack("{s:o, s:o, s:i, s:[s], s:s, s:b, s:b}", "file", json_text(file), "folder", json_text(folder),
+                  "bytes", 0, "precision", "f32", "kind", "", "listed", entry != NULL, "shadowed", false);
     if (!o)
         return NULL;
     before = sst_log_hold_errors(reason);
@@ -295,13 +295,15 @@ static void print_line(const json_t *o, const char *title, const char *key)
         printf(" %.6g", json_real_value(v));
     else if (json_is_integer(v))
         printf(" %" JSON_INTEGER_FORMAT, json_integer_value(v));
-    json_array_foreach(v, i, one) {
+    json_array_foreach(v, i, one)
+    {
         if (json_is_string(one))
             printf("%s %s", i ? "," : "", json_string_value(one));
         else
             printf("%s%.4g", i ? " x " : " ", json_number_value(one));
     }
-    json_object_foreach(v, name, one) {
+    json_object_foreach(v, name, one)
+    {
         printf(" %s %" JSON_INTEGER_FORMAT, name, json_integer_value(one));
     }
     putchar('\n');
@@ -310,12 +312,24 @@ static void print_line(const json_t *o, const char *title, const char *key)
 int cli_model_inspect(const char *path, bool json)
 {
     static const char *const lines[][2] = {
-        { "bytes", "bytes" },         { "sha256", "sha256" },       { "input", "inputs" },
-        { "output", "outputs" },      { "opset", "opset" },         { "parameters", "parameters" },
-        { "operators", "operators" }, { "kind", "kind" },           { "described by", "described_by" },
-        { "runner", "runner" },       { "runs at", "runs_at" },     { "gives c,w,h", "gives" },
-        { "classes", "classes" },     { "ground", "ground" },       { "values are", "output" },
-        { "colour", "colour" },       { "temperature", "temperature" }, { "epsilon_h", "epsilon_h" },
+        { "bytes", "bytes" },
+        { "sha256", "sha256" },
+        { "input", "inputs" },
+        { "output", "outputs" },
+        { "opset", "opset" },
+        { "parameters", "parameters" },
+        { "operators", "operators" },
+        { "kind", "kind" },
+        { "described by", "described_by" },
+        { "runner", "runner" },
+        { "runs at", "runs_at" },
+        { "gives c,w,h", "gives" },
+        { "classes", "classes" },
+        { "ground", "ground" },
+        { "values are", "output" },
+        { "colour", "colour" },
+        { "temperature", "temperature" },
+        { "epsilon_h", "epsilon_h" },
     };
     const size_t n_file = 7;
     json_t *o = json_pack("{s:o}", "file", json_text(path));

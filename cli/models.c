@@ -28,7 +28,8 @@ static bool has_name(const json_t *list, const char *name)
     const json_t *one;
     size_t i;
 
-    json_array_foreach((json_t *)(uintptr_t)list, i, one) {
+    json_array_foreach((json_t *)(uintptr_t)list, i, one)
+    {
         if (!strcmp(json_string_value(json_object_get(one, "file")), name))
             return true;
     }
@@ -92,7 +93,8 @@ static void join_figures(char *out, size_t size, const json_t *one)
     size_t at = 0;
 
     *out = 0;
-    json_object_foreach(json_object_get(one, "figures"), key, value) {
+    json_object_foreach(json_object_get(one, "figures"), key, value)
+    {
         if (at < size)
             at += (size_t)snprintf(out + at, size - at, "%s%s %.4g", at ? ", " : "", key, json_number_value(value));
     }
@@ -104,7 +106,8 @@ static void join_names(char *out, size_t size, const json_t *list)
     size_t i, at = 0;
 
     *out = 0;
-    json_array_foreach((json_t *)(uintptr_t)list, i, one) {
+    json_array_foreach((json_t *)(uintptr_t)list, i, one)
+    {
         if (at < size)
             at += (size_t)snprintf(out + at, size - at, "%s%s", i ? "," : "", json_string_value(one));
     }
@@ -123,8 +126,8 @@ static void print_row(const json_t *one)
         join_figures(what, sizeof(what), one);
     else
         snprintf(what, sizeof(what), "%s", text_of(one, "reason"));
-    snprintf(line, sizeof(line), "  %-20s %-9s %-9s %9.2f  %-13s %s", name, text_of(one, "kind"),
-             precision, (double)bytes / (1 << 20), status, what);
+    snprintf(line, sizeof(line), "  %-20s %-9s %-9s %9.2f  %-13s %s", name, text_of(one, "kind"), precision,
+             (double)bytes / (1 << 20), status, what);
     if (strlen(line) > TABLE_WIDTH)
         strcpy(line + TABLE_WIDTH - 3, "...");
     puts(line);
@@ -142,7 +145,8 @@ static int print_list(json_t *list, bool json)
         puts("no networks are installed; set SST_MODELS to a folder of ONNX files, or install those that ship");
     else
         printf("  %-20s %-9s %-9s %9s  %-13s %s\n", "NAME", "KIND", "PRECISION", "MiB", "STATUS", "FIGURES");
-    json_array_foreach(list, i, one) {
+    json_array_foreach(list, i, one)
+    {
         if (strcmp(folder, text_of(one, "folder")) != 0) {
             folder = text_of(one, "folder");
             printf("%s\n", folder);
@@ -194,7 +198,8 @@ const struct cli_command cli_models = {
     .name = "models",
     .usage = "[NAME | FILE.onnx] [--json]",
     .summary = "networks that are installed; what one network holds",
-    .detail = "Without an argument: every network in the folders that are searched, its figures, and whether it can be used.\n"
+    .detail = "Without an argument: every network in the folders that are searched, its figures, and whether it can be "
+              "used.\n"
               "With one: its input, output, classes, layers, and what runs it, or why it is refused (exit code 3).\n"
               "docs/networks.md says how to bring a network of your own.",
     .example = "sst models\n  sst models my-network.onnx",

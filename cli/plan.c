@@ -13,8 +13,8 @@ static json_t *camera_json(const struct cli_usb *u, const struct sst_usb_stream 
 {
     const struct sst_usb_device *d = &u->devices[s->device];
 
-    return json_pack("{s:s, s:o, s:s, s:i, s:i, s:f, s:s, s:b}", "port", d->port, "serial", cli_text_json(d->serial), "node",
-                     d->node, "speed_mbit", d->speed_mbit, "setting", s->alt, "reserved_mbit", s->reserved_mbit,
+    return json_pack("{s:s, s:o, s:s, s:i, s:i, s:f, s:s, s:b}", "port", d->port, "serial", cli_text_json(d->serial),
+                     "node", d->node, "speed_mbit", d->speed_mbit, "setting", s->alt, "reserved_mbit", s->reserved_mbit,
                      "segment", u->plan.segments[s->segment].name, "fits", s->fits);
 }
 
@@ -29,9 +29,9 @@ static void print_json(const struct cli_usb *u, const struct sst_array_config *c
     for (int i = 0; i < u->plan.segment_count; i++) {
         const struct sst_usb_segment *s = &u->plan.segments[i];
 
-        json_array_append_new(segments, json_pack("{s:s, s:f, s:f, s:i, s:i}", "name", s->name, "reserved_mbit",
-                                                  s->reserved_mbit, "limit_mbit", s->limit_mbit, "cameras", s->streams,
-                                                  "refused", s->refused));
+        json_array_append_new(segments,
+                              json_pack("{s:s, s:f, s:f, s:i, s:i}", "name", s->name, "reserved_mbit", s->reserved_mbit,
+                                        "limit_mbit", s->limit_mbit, "cameras", s->streams, "refused", s->refused));
     }
     root = json_pack("{s:s?, s:i, s:i, s:f, s:I, s:i, s:o, s:o, s:s}", "format", format, "width", cfg->width, "height",
                      cfg->height, "rate_hz", cfg->rate_hz, "needed_bytes_s", (json_int_t)u->needed_bytes_s, "refused",
@@ -96,7 +96,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (err)
         return cli_exit_code(err);
     if (format && !sst_array_format(format))
-        return cli_usage_error(cmd, "--format %s is not known; choose MJPEG, YUYV, GREY, Y16 or four characters", format);
+        return cli_usage_error(cmd, "--format %s is not known; choose MJPEG, YUYV, GREY, Y16 or four characters",
+                               format);
     cfg.fourcc = format ? sst_array_format(format) : cfg.fourcc;
     cfg.width = size[0] ? size[0] : cfg.width;
     cfg.height = size[1] ? size[1] : cfg.height;
@@ -124,8 +125,9 @@ const struct cli_command cli_plan = {
     .name = "plan",
     .usage = "[--config FILE] [--format F --size WxH --rate R] [--json]",
     .summary = "whether USB has the bandwidth for all cameras, before they stream",
-    .detail = "Adds up what each camera reserves on each wire, as the kernel does, and says who would be refused and what\n"
-              "to change. docs/hardware.md says what is assumed. Exit code 3 when a camera would be refused.",
+    .detail =
+        "Adds up what each camera reserves on each wire, as the kernel does, and says who would be refused and what\n"
+        "to change. docs/hardware.md says what is assumed. Exit code 3 when a camera would be refused.",
     .example = "sst plan --format YUYV --size 640x480 --rate 10",
     .run = run,
 };

@@ -39,21 +39,21 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         if (r->disp_max_px > r->disp_min_px)
             printf("disparity %g..%g px, ", r->disp_min_px, r->disp_max_px);
         if (!isnan(r->coverage_refined))
-            printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined, r->coverage_hcsm);
-        printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total,
-               load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, r->saving.wall_s);
+            printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined,
+                   r->coverage_hcsm);
+        printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load.wall_s,
+               r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, r->saving.wall_s);
         return 0;
     }
-    root = json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols,
-                     "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px, "eps_h",
-                     isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
-                     isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
-                     isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
-                     seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s,
-                                  r->saving.wall_s),
-                     "cpu_seconds",
-                     seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s,
-                                  r->saving.cpu_s));
+    root = json_pack(
+        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols, "width",
+        lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px, "eps_h",
+        isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
+        isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
+        isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
+        seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, r->saving.wall_s),
+        "cpu_seconds",
+        seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, r->saving.cpu_s));
     text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
     json_decref(root);
     if (!text)
@@ -99,15 +99,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *dir;
     const struct cli_option options[] = {
         CLI_MATCHING_OPTIONS(m),
-        { "range-min", 0, CLI_DOUBLE, &w.range_min, "PX", "smallest disparity searched; default: the light field's, else found",
-          -9999, 9999 },
+        { "range-min", 0, CLI_DOUBLE, &w.range_min, "PX",
+          "smallest disparity searched; default: the light field's, else found", -9999, 9999 },
         { "range-max", 0, CLI_DOUBLE, &w.range_max, "PX", "largest disparity searched", -9999, 9999 },
         { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "given label maps rr_cc.png, kept from then on", 0, 0 },
         { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "given disparities rr_cc.pfm, kept from then on", 0, 0 },
         { "model", 0, CLI_STRING, &w.model, "NAME", "segmentation network: an installed one or an ONNX file", 0, 0 },
         { "no-labels", 0, CLI_FLAG, &w.no_labels, NULL, "disparity only", 0, 0 },
         { "epsilon-h", 0, CLI_DOUBLE, &cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
-        { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE", "labels of the reference view, to find the threshold on", 0, 0 },
+        { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE", "labels of the reference view, to find the threshold on",
+          0, 0 },
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled", 0, 0 },
         { "skip", 0, CLI_STRING, &w.skip, "LIST", "work to skip where a scene allows: none (the default)", 0, 0 },
         { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object", 0, 0 },
@@ -127,7 +128,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--range-min and --range-max go together, the first one smaller");
     if (w.no_labels && (w.model || w.labels_dir || w.hand_label))
         return cli_usage_error(cmd, "--no-labels and --%s contradict each other",
-                               w.model ? "model" : w.labels_dir ? "labels" : "hand-label");
+                               w.model        ? "model"
+                               : w.labels_dir ? "labels"
+                                              : "hand-label");
     err = cli_matching_config(&cfg.disparity, &m, mccnn);
     cfg.threads = cfg.disparity.threads;
     cfg.precision = cfg.disparity.precision;
@@ -146,7 +149,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     }
     if (!err) {
         snprintf(lf.history, sizeof(lf.history), "preset %s, labels %s, disparity %s", m.preset,
-                 lf.labels_given ? "given" : w.no_labels ? "none" : sst_path_base(cfg.model),
+                 lf.labels_given ? "given"
+                 : w.no_labels   ? "none"
+                                 : sst_path_base(cfg.model),
                  lf.disparity_given ? "given" : "matched");
         err = sst_process(&lf, dir, &cfg, &report);
     }

@@ -121,8 +121,9 @@ static int check_names(const struct inputs *in, const char *dir)
         qsort(names, in->count, sizeof(*names), compare);
     for (size_t i = 1; !err && i < in->count; i++) {
         if (!strcmp(names[i - 1], names[i])) {
-            sst_log_error("%s would be written twice: two of the images have this name; label them one folder at a time",
-                          names[i]);
+            sst_log_error(
+                "%s would be written twice: two of the images have this name; label them one folder at a time",
+                names[i]);
             err = -EINVAL;
         }
     }
@@ -180,7 +181,8 @@ static int label_image(struct result *out, double ms[2], struct sst_segmenter *s
 
     clocks(ms);
     if (!err)
-        err = sst_segment(seg, &img, &out->label, hcsm || o->entropy ? &out->entropy : NULL, o->prob ? &out->prob : NULL);
+        err =
+            sst_segment(seg, &img, &out->label, hcsm || o->entropy ? &out->entropy : NULL, o->prob ? &out->prob : NULL);
     clocks(end);
     for (int i = 0; i < 2; i++)
         ms[i] = end[i] - ms[i];
@@ -249,7 +251,7 @@ static int label_all(json_t *list, struct sst_segmenter *seg, const struct input
         double ms[2] = { 0, 0 };
         int err;
 
-        cli_progress((void *)(uintptr_t)"labels", (double)i / (double)in->count);
+        cli_progress((void *)(uintptr_t) "labels", (double)i / (double)in->count);
         err = label_image(&r, ms, seg, in->paths[i], o);
         err = err ? err : write_result(&r, classes->count, in->paths[i], o, in->batch);
         json_array_append_new(list, err ? json_pack("{s:s, s:s}", "image", in->paths[i], "error", strerror(-err))
@@ -325,7 +327,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct options o = { .eps_h = -1 };
     const char **args = calloc((size_t)argc + 1, sizeof(*args));
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled", 0,
+          0 },
         { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file", 0, 0 },
         { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP, 0, 0 },
         { "prob", 0, CLI_STRING, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]", 0, 0 },
@@ -351,10 +354,12 @@ const struct cli_command cli_segment = {
     .name = "segment",
     .usage = "IMAGE... -o labels.png|DIR [--model NAME] [--hcsm | --epsilon-h V]",
     .summary = "semantic labels of images",
-    .detail = "One IMAGE and a file: its labels. Several, or folders of PNG and JPEG files: NAME.png in DIR for each, and\n"
-              "--prob and --entropy name folders, too. A damaged image is told and left out.\n"
-              "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose label\n"
-              "distribution has an entropy (natural log) at or above the threshold stay unlabeled.",
+    .detail =
+        "One IMAGE and a file: its labels. Several, or folders of PNG and JPEG files: NAME.png in DIR for each, and\n"
+        "--prob and --entropy name folders, too. A damaged image is told and left out.\n"
+        "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose "
+        "label\n"
+        "distribution has an entropy (natural log) at or above the threshold stay unlabeled.",
     .example = "sst segment view.png -o labels.png --hcsm --prob prob.npy\n  sst segment photos -o labels --json",
     .run = run,
 };

@@ -12,11 +12,12 @@ static const char *const switching_texts[] = { "no right to ask for port power",
 static json_t *device_json(const struct sst_usb_device *d, const struct sst_usb_device *list)
 {
     json_t *alts = json_array();
-    json_t *one = json_pack("{s:s, s:s?, s:s, s:i, s:i, s:i, s:b, s:i, s:i, s:o, s:o, s:o, s:s, s:o}", "port", d->port,
-                            "parent", d->parent < 0 ? NULL : list[d->parent].port, "controller", d->controller, "bus",
-                            d->bus, "address", d->address, "speed_mbit", d->speed_mbit, "hub", d->hub, "vendor",
-                            d->vendor, "product", d->product, "maker", cli_text_json(d->maker), "name", cli_text_json(d->name),
-                            "serial", cli_text_json(d->serial), "node", d->node, "settings", alts);
+    json_t *one =
+        json_pack("{s:s, s:s?, s:s, s:i, s:i, s:i, s:b, s:i, s:i, s:o, s:o, s:o, s:s, s:o}", "port", d->port, "parent",
+                  d->parent < 0 ? NULL : list[d->parent].port, "controller", d->controller, "bus", d->bus, "address",
+                  d->address, "speed_mbit", d->speed_mbit, "hub", d->hub, "vendor", d->vendor, "product", d->product,
+                  "maker", cli_text_json(d->maker), "name", cli_text_json(d->name), "serial", cli_text_json(d->serial),
+                  "node", d->node, "settings", alts);
 
     for (int i = 0; i < d->alts; i++)
         json_array_append_new(alts, json_pack("{s:i, s:b, s:i, s:i}", "number", d->alt[i].number, "isochronous",

@@ -75,7 +75,8 @@ json_t *cli_text_json(const char *text)
     return json ? json : json_string("?");
 }
 
-/* --- advice --------------------------------------------------------------------------------------------------------- */
+/* --- advice ---------------------------------------------------------------------------------------------------------
+ */
 
 static void say(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
 
@@ -220,11 +221,13 @@ void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cf
         advise_port(&copy, stream, text, size);
     most = most_bytes_s(usb);
     if (most && frame_bytes > 0)
-        say(text, size, "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
+        say(text, size,
+            "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
             (double)most / frame_bytes, (double)most / 1e6);
     else if (most)
-        say(text, size, "Or make each camera ask for at most %.1f MB/s: a smaller size or a lower rate, if this camera "
-                        "then asks for less (many ask for the worst case whatever the picture is).",
+        say(text, size,
+            "Or make each camera ask for at most %.1f MB/s: a smaller size or a lower rate, if this camera "
+            "then asks for less (many ask for the worst case whatever the picture is).",
             (double)most / 1e6);
     else
         say(text, size, "No rate is low enough for so many cameras on these wires.");

@@ -12,11 +12,12 @@ struct cli_usb {
     int count;
     struct sst_usb_stream *streams; /* a camera each, in the order of `bind`, else of the tree */
     int stream_count;
-    int64_t needed_bytes_s;         /* of each; 0: unknown */
+    int64_t needed_bytes_s; /* of each; 0: unknown */
     struct sst_usb_plan plan;
 };
 
-/** List devices, choose the cameras that cfg binds (all of them without `bind`), plan them. @return 0 or -errno, logged. */
+/** List devices, choose the cameras that cfg binds (all of them without `bind`), plan them. @return 0 or -errno,
+ * logged. */
 SST_MUST_CHECK int cli_usb_open(struct cli_usb *usb, const struct sst_array_config *cfg);
 void cli_usb_close(struct cli_usb *usb); /* a zeroed one is fine */
 

@@ -8,9 +8,9 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_CONFIG_TEXT_MAX 256
+#define SST_CONFIG_TEXT_MAX     256
 #define SST_CONFIG_CONTROLS_MAX 32
-#define SST_CONFIG_LINES_MAX 64
+#define SST_CONFIG_LINES_MAX    64
 
 enum sst_config_source {
     SST_CONFIG_GPIO = 0,

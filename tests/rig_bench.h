@@ -17,10 +17,10 @@
 #include "simulators/rig/drive.h"
 #include "simulators/world/strip.h"
 
-#define BENCH_WIDTH 640
-#define BENCH_HEIGHT 64
+#define BENCH_WIDTH       640
+#define BENCH_HEIGHT      64
 #define BENCH_EXPOSURE_NS 4000000
-#define BENCH_PERIOD_NS 7000000
+#define BENCH_PERIOD_NS   7000000
 
 struct bench {
     struct sst_sim_drive *drive; /* NULL: the pose comes from `shared` */
@@ -34,8 +34,8 @@ struct bench {
     uint8_t luma[BENCH_HEIGHT * BENCH_WIDTH];
     struct sst_frame frame;
     uint32_t shots;
-    int moving;     /* exposures during which the true pose changed */
-    int fail_shots; /* so many time out */
+    int moving;        /* exposures during which the true pose changed */
+    int fail_shots;    /* so many time out */
     uint32_t fault_at; /* with this shot the fault below is set */
     const char *fault, *value;
 };
@@ -81,11 +81,19 @@ static inline int bench_expose(void *arg, int64_t after_ns, int timeout_ms, stru
     memset(b->luma, (int)b->shots, sizeof(b->luma));
     sst_strip_draw(b->luma, BENCH_WIDTH, BENCH_WIDTH, &e);
     b->frame = (struct sst_frame){
-        .fourcc = b->cfg.fourcc, .width = BENCH_WIDTH, .height = BENCH_HEIGHT, .stride = BENCH_WIDTH, .data = b->luma,
-        .bytes = sizeof(b->luma), .sequence = b->shots, .t_ns = t_ns, .arrival_ns = sst_clock_now_ns(),
+        .fourcc = b->cfg.fourcc,
+        .width = BENCH_WIDTH,
+        .height = BENCH_HEIGHT,
+        .stride = BENCH_WIDTH,
+        .data = b->luma,
+        .bytes = sizeof(b->luma),
+        .sequence = b->shots,
+        .t_ns = t_ns,
+        .arrival_ns = sst_clock_now_ns(),
     };
     *frame = &b->frame;
-    if (b->fault && b->shots == b->fault_at && sst_sim_drive_fault(b->drive, b->fault, b->value, error, sizeof(error))) {
+    if (b->fault && b->shots == b->fault_at &&
+        sst_sim_drive_fault(b->drive, b->fault, b->value, error, sizeof(error))) {
         fprintf(stderr, "%s\n", error);
         abort();
     }
@@ -119,8 +127,9 @@ static inline void bench_config(struct bench *b, const char *bus)
     b->cfg.fourcc = 'G' | 'R' << 8 | 'E' << 16 | (uint32_t)'Y' << 24;
     b->cfg.width = BENCH_WIDTH;
     b->cfg.height = BENCH_HEIGHT;
-    b->camera = (struct sst_rig_camera){ .arg = b, .expose = bench_expose, .release = bench_release, .serial = "SIM0001",
-                                         .port = "1-1" };
+    b->camera = (struct sst_rig_camera){
+        .arg = b, .expose = bench_expose, .release = bench_release, .serial = "SIM0001", .port = "1-1"
+    };
 }
 
 /** @return 0 or what failed, nothing left */

@@ -15,10 +15,10 @@
 #include "daemon/capture/health.h"
 #include "drivers/trigger/trigger.h"
 
-#define EDGES 64         /* told by the trigger's thread and not yet taken */
+#define EDGES         64   /* told by the trigger's thread and not yet taken */
 #define START_WAIT_MS 3000 /* for cameras that need recovery at the start */
-#define LAST_WAIT_NS 2000000000
-#define CHIP_WAIT_NS 30000000000 /* for a trigger's chip that went, to come back */
+#define LAST_WAIT_NS  2000000000
+#define CHIP_WAIT_NS  30000000000 /* for a trigger's chip that went, to come back */
 #define CHIP_RETRY_NS 200000000
 
 struct sst_capture {
@@ -58,7 +58,8 @@ static void wake(struct sst_capture *c)
     }
 }
 
-/* --- the writer's thread -------------------------------------------------------------------------------------------- */
+/* --- the writer's thread --------------------------------------------------------------------------------------------
+ */
 
 static void *write_sets(void *arg)
 {
@@ -86,7 +87,8 @@ static void *write_sets(void *arg)
     return NULL;
 }
 
-/* --- events of the parts, on the capturing thread ------------------------------------------------------------------- */
+/* --- events of the parts, on the capturing thread -------------------------------------------------------------------
+ */
 
 static void watch_skew(struct sst_capture *c, const struct sst_set *set)
 {
@@ -105,10 +107,11 @@ static void watch_skew(struct sst_capture *c, const struct sst_set *set)
         return; /* without a common trigger skew is what it is */
     c->skewed = over;
     if (over)
-        sst_log_warning("set %llu: exposures start %.0f us apart, the limit is %d us; farthest is the camera of row %d, "
-                        "col %d: check its trigger wiring and its exposure settings",
-                        (unsigned long long)set->index, (double)set->skew.spread_ns / 1e3, c->array->skew_limit_us,
-                        c->array->camera[set->skew.worst_cam].row, c->array->camera[set->skew.worst_cam].col);
+        sst_log_warning(
+            "set %llu: exposures start %.0f us apart, the limit is %d us; farthest is the camera of row %d, "
+            "col %d: check its trigger wiring and its exposure settings",
+            (unsigned long long)set->index, (double)set->skew.spread_ns / 1e3, c->array->skew_limit_us,
+            c->array->camera[set->skew.worst_cam].row, c->array->camera[set->skew.worst_cam].col);
     else
         sst_log_warning("set %llu: exposures are within %d us again", (unsigned long long)set->index,
                         c->array->skew_limit_us);
@@ -206,7 +209,8 @@ static void take_edges(struct sst_capture *c)
     }
 }
 
-/* --- opening -------------------------------------------------------------------------------------------------------- */
+/* --- opening --------------------------------------------------------------------------------------------------------
+ */
 
 /** Without `bind`: every capture device that is there, by port, fills the grid row by row. */
 static int bind_all(struct sst_array_config *a)
@@ -221,9 +225,10 @@ static int bind_all(struct sst_array_config *a)
                         "say which in cameras: bind",
                         n, a->rows * a->cols);
     else if (n && n < a->rows * a->cols)
-        sst_log_warning("%d cameras are there, the array has places for %d: they fill the first places by port; say where "
-                        "each sits in cameras: bind (sst identify --write proposes it)",
-                        n, a->rows * a->cols);
+        sst_log_warning(
+            "%d cameras are there, the array has places for %d: they fill the first places by port; say where "
+            "each sits in cameras: bind (sst identify --write proposes it)",
+            n, a->rows * a->cols);
     n = sst_min_int(n, a->rows * a->cols);
     for (int i = 0; i < n; i++) {
         struct sst_config_camera *cam = &a->camera[i];
@@ -369,7 +374,8 @@ int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, c
     return 0;
 }
 
-/* --- running -------------------------------------------------------------------------------------------------------- */
+/* --- running --------------------------------------------------------------------------------------------------------
+ */
 
 static int streaming_cameras(const struct sst_capture *c)
 {
@@ -404,8 +410,7 @@ static int start_cameras(struct sst_capture *c)
 /** One round: wait for frames, edges or the next deadline. */
 static int serve(struct sst_capture *c, int64_t until_ns)
 {
-    struct pollfd fds[2] = { { .fd = sst_grab_fd(c->grab), .events = POLLIN },
-                             { .fd = c->wake_fd, .events = POLLIN } };
+    struct pollfd fds[2] = { { .fd = sst_grab_fd(c->grab), .events = POLLIN }, { .fd = c->wake_fd, .events = POLLIN } };
     const int64_t now_ns = sst_clock_now_ns(), due_ns = sst_sets_tick(c->sets, now_ns);
     int64_t wait_ns = (due_ns < until_ns ? due_ns : until_ns) - now_ns;
     int err;
@@ -517,7 +522,8 @@ void sst_capture_stop(struct sst_capture *c)
     wake(c);
 }
 
-/* --- what happened -------------------------------------------------------------------------------------------------- */
+/* --- what happened --------------------------------------------------------------------------------------------------
+ */
 
 void sst_capture_report(const struct sst_capture *capture, struct sst_capture_report *out)
 {

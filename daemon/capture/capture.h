@@ -27,9 +27,9 @@ struct sst_capture_report {
     uint64_t edges, edges_stamped, beats_skipped; /* triggers fired; with a loop-back stamp; too late to fire */
     uint64_t refused;                             /* sets that the writer could not take */
     uint64_t skewed;                              /* sets with more skew than the limit */
-    struct sst_histogram skew_ns, from_edge_ns;   /* of sets with two frames or more; of those with an edge, magnitude */
-    int worst_cam;                                /* of the set with the most skew; -1 */
-    struct sst_grab_counters grab;                /* sums over the cameras */
+    struct sst_histogram skew_ns, from_edge_ns; /* of sets with two frames or more; of those with an edge, magnitude */
+    int worst_cam;                              /* of the set with the most skew; -1 */
+    struct sst_grab_counters grab;              /* sums over the cameras */
     uint64_t unexplained; /* frames that ended in no bucket, or in two: 0, or a bug is to be reported */
 };
 

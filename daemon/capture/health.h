@@ -13,10 +13,10 @@ SST_EXTERN_C_BEGIN
 
 enum sst_trouble {
     SST_TROUBLE_FLAGGED = 0,
-    SST_TROUBLE_CUT = 1,       /* empty, short or without its end */
-    SST_TROUBLE_DAMAGED = 2,   /* wrong start or structure */
-    SST_TROUBLE_STAMP = 3,     /* time stamps run backwards */
-    SST_TROUBLE_LOST = 4,      /* gaps in the driver's sequence */
+    SST_TROUBLE_CUT = 1,     /* empty, short or without its end */
+    SST_TROUBLE_DAMAGED = 2, /* wrong start or structure */
+    SST_TROUBLE_STAMP = 3,   /* time stamps run backwards */
+    SST_TROUBLE_LOST = 4,    /* gaps in the driver's sequence */
     SST_TROUBLE_FROZEN = 5,
     SST_TROUBLE_LATE = 6,
     SST_TROUBLE_DUPLICATE = 7,

@@ -106,7 +106,8 @@ static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
     if (err == -EAGAIN) {
         j->report->moved++;
         j->known = false;
-        sst_log_warning("view row %d, column %d: the rig was not seen standing still before and after the exposure; no frame is kept",
+        sst_log_warning("view row %d, column %d: the rig was not seen standing still before and after the exposure; no "
+                        "frame is kept",
                         view / j->cfg->cols, view % j->cfg->cols);
     }
     if (err)
@@ -120,7 +121,13 @@ static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
 static bool is_final(int err)
 {
     switch (-err) {
-    case ECANCELED: case EINVAL: case ENOMEM: case ENOSPC: case EROFS: case EDQUOT: case EFBIG:
+    case ECANCELED:
+    case EINVAL:
+    case ENOMEM:
+    case ENOSPC:
+    case EROFS:
+    case EDQUOT:
+    case EFBIG:
         return true;
     default:
         return false;
@@ -187,11 +194,11 @@ int sst_rig_capture(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, c
         return 0;
     (void)sst_rig_stop(rig);
     if (err == -ECANCELED) {
-        sst_log_warning("%s: stopped with %d of %d views; the same command goes on", cfg->dir, sst_rig_store_count(store),
-                        views);
+        sst_log_warning("%s: stopped with %d of %d views; the same command goes on", cfg->dir,
+                        sst_rig_store_count(store), views);
         return -EINTR;
     }
-    sst_log_error("%s: capture ended with %d of %d views; remove the cause above, then the same command goes on", cfg->dir,
-                  sst_rig_store_count(store), views);
+    sst_log_error("%s: capture ended with %d of %d views; remove the cause above, then the same command goes on",
+                  cfg->dir, sst_rig_store_count(store), views);
     return err;
 }

@@ -1,4 +1,5 @@
-/* daemon/capture/rig.h - one camera stepped over a grid of poses by a motor rig: a light field that survives any stop. */
+/* daemon/capture/rig.h - one camera stepped over a grid of poses by a motor rig: a light field that survives any stop.
+ */
 #ifndef SST_DAEMON_CAPTURE_RIG_H
 #define SST_DAEMON_CAPTURE_RIG_H
 
@@ -22,21 +23,21 @@ struct sst_rig_camera {
 };
 
 struct sst_rig_capture_config {
-    const char *dir;          /* made if missing; an incomplete capture of the same settings goes on */
-    bool must_exist;          /* refuse to begin a new one */
+    const char *dir; /* made if missing; an incomplete capture of the same settings goes on */
+    bool must_exist; /* refuse to begin a new one */
     int rows, cols;
-    int32_t pitch_um[2];      /* x, y */
+    int32_t pitch_um[2];             /* x, y */
     int32_t origin_um[SST_RIG_AXES]; /* of view (0,0) in the rig frame */
-    int32_t backlash_um;      /* every pose is approached from this far below, on every axis; 0: directly */
-    int guard_ms;             /* from the end of settling to the exposure: for drivers that stamp a frame late */
-    int attempts;             /* per view */
-    int camera_ms;            /* wait for a frame this long, recovery of the camera included */
+    int32_t backlash_um;             /* every pose is approached from this far below, on every axis; 0: directly */
+    int guard_ms;                    /* from the end of settling to the exposure: for drivers that stamp a frame late */
+    int attempts;                    /* per view */
+    int camera_ms;                   /* wait for a frame this long, recovery of the camera included */
     int home_ms;
     uint32_t fourcc;
     int width, height;
-    double rate_hz;           /* of the camera, for the estimate; 0 unknown */
-    const char *controls;     /* of the camera, as text: part of the settings; may be NULL */
-    const SST_ATOMIC(bool) *cancel; /* set from a signal handler along with sst_rig_cancel(); may be NULL */
+    double rate_hz;                  /* of the camera, for the estimate; 0 unknown */
+    const char *controls;            /* of the camera, as text: part of the settings; may be NULL */
+    const SST_ATOMIC(bool) * cancel; /* set from a signal handler along with sst_rig_cancel(); may be NULL */
     void (*progress)(void *arg, double done);
     void *progress_arg;
 };
@@ -60,7 +61,7 @@ struct sst_rig_pos sst_rig_capture_approach(const struct sst_rig_capture_config 
 
 struct sst_rig_capture_plan {
     int views;
-    double way_mm;      /* sum over the legs of the longest axis */
+    double way_mm; /* sum over the legs of the longest axis */
     double seconds;
     bool speed_assumed; /* the configuration gives none: 50 mm/s */
     int64_t bytes;      /* of all views; MJPEG: at a quarter of a byte per pixel */
@@ -88,8 +89,8 @@ struct sst_rig_shot {
  * Open or make the folder, lock it, read its manifest and compare every view with its hash. Views that are missing or
  * damaged are to be taken; what a killed process left is removed.
  *
- * @return 0, -EINVAL (other settings: what differs is logged), -EEXIST (a folder of something else), -ENOENT (must_exist),
- *         -EBUSY (another capture is at it), -EBADMSG (manifest), -EIO/-ENOSPC/-EROFS/-EACCES; logged.
+ * @return 0, -EINVAL (other settings: what differs is logged), -EEXIST (a folder of something else), -ENOENT
+ * (must_exist), -EBUSY (another capture is at it), -EBADMSG (manifest), -EIO/-ENOSPC/-EROFS/-EACCES; logged.
  */
 SST_MUST_CHECK int sst_rig_store_open(struct sst_rig_store **out, const struct sst_rig_capture_config *cfg);
 void sst_rig_store_close(struct sst_rig_store *store);
@@ -98,12 +99,13 @@ bool sst_rig_store_has(const struct sst_rig_store *store, int view);
 int sst_rig_store_count(const struct sst_rig_store *store);   /* views that are there */
 int sst_rig_store_damaged(const struct sst_rig_store *store); /* of the manifest's: missing or changed since */
 
-/** Store a view durably: its file, then its line. @return 0, -EINVAL (format), -EIO/-ENOSPC/-EROFS/...; logged, the view is
- *  then not there. */
+/** Store a view durably: its file, then its line. @return 0, -EINVAL (format), -EIO/-ENOSPC/-EROFS/...; logged, the
+ * view is then not there. */
 SST_MUST_CHECK int sst_rig_store_put(struct sst_rig_store *store, int view, const struct sst_rig_shot *shot,
                                      const struct sst_rig_camera *camera, const struct sst_frame *frame);
 
-/** All views are there: write lightfield.json, offsets as read back. Nothing to do where it is there and nothing was put. */
+/** All views are there: write lightfield.json, offsets as read back. Nothing to do where it is there and nothing was
+ * put. */
 SST_MUST_CHECK int sst_rig_store_finish(struct sst_rig_store *store);
 
 /** @return 0 or -EINVAL: the views that are there are another camera's; logged. */

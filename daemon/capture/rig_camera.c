@@ -11,8 +11,8 @@
 #include "base/log.h"
 #include "daemon/capture/capture.h"
 
-#define POLL_MS 20
-#define START_MS 5000
+#define POLL_MS       20
+#define START_MS      5000
 #define FIRE_AGAIN_NS 1500000000 /* a trigger that brought no frame is fired again */
 
 struct sst_rig_grab {
@@ -170,10 +170,11 @@ static int expose(void *arg, int64_t after_ns, int timeout_ms, struct sst_frame 
     memcpy(why, g->why, sizeof(why));
     pthread_mutex_unlock(&g->lock);
     if (err == -ETIMEDOUT || err == -ENODEV)
-        sst_log_error("camera %s at %s brought no good frame within %d ms, %llu damaged ones%s%s; check its cable and light, "
-                      "and its trigger if it has one", g->binding.serial[0] ? g->binding.serial : g->device.node,
-                      g->device.port, timeout_ms, (unsigned long long)bad, state == SST_GRAB_STREAMING ? "" : ": ",
-                      state == SST_GRAB_STREAMING ? "" : why);
+        sst_log_error(
+            "camera %s at %s brought no good frame within %d ms, %llu damaged ones%s%s; check its cable and light, "
+            "and its trigger if it has one",
+            g->binding.serial[0] ? g->binding.serial : g->device.node, g->device.port, timeout_ms,
+            (unsigned long long)bad, state == SST_GRAB_STREAMING ? "" : ": ", state == SST_GRAB_STREAMING ? "" : why);
     return err;
 }
 
@@ -299,8 +300,9 @@ int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *
         sst_rig_grab_close(g);
         return err;
     }
-    *camera = (struct sst_rig_camera){ .arg = g, .expose = expose, .release = release, .serial = g->device.serial,
-                                       .port = g->device.port };
+    *camera = (struct sst_rig_camera){
+        .arg = g, .expose = expose, .release = release, .serial = g->device.serial, .port = g->device.port
+    };
     *out = g;
     return 0;
 }

@@ -1,5 +1,5 @@
-/* daemon/capture/rig_camera.h - the one camera of a rig: a grab on a thread of its own, so that its stream never waits for
- * the motors. */
+/* daemon/capture/rig_camera.h - the one camera of a rig: a grab on a thread of its own, so that its stream never waits
+ * for the motors. */
 #ifndef SST_DAEMON_CAPTURE_RIG_CAMERA_H
 #define SST_DAEMON_CAPTURE_RIG_CAMERA_H
 
@@ -21,7 +21,7 @@ struct sst_rig_grab; /* opaque; one thread at a time */
  * @return 0, -ENODEV (no such camera, or several: they are listed), or what drivers return; logged.
  */
 SST_MUST_CHECK int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *array, const char *which,
-                                     const SST_ATOMIC(bool) *cancel, struct sst_rig_camera *camera);
+                                     const SST_ATOMIC(bool) * cancel, struct sst_rig_camera *camera);
 
 void sst_rig_grab_counters(const struct sst_rig_grab *grab, struct sst_grab_counters *out);
 

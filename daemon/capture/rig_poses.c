@@ -6,15 +6,24 @@
 #include "base/log.h"
 #include "daemon/capture/rig.h"
 
-#define ASSUMED_MM_S 50.0
+#define ASSUMED_MM_S  50.0
 #define ASSUMED_MM_S2 500.0
-#define OVERHEAD_S 0.1 /* requests, and storing a view */
+#define OVERHEAD_S    0.1 /* requests, and storing a view */
 
 void sst_rig_capture_config_defaults(struct sst_rig_capture_config *cfg)
 {
     *cfg = (struct sst_rig_capture_config){
-        .rows = 6, .cols = 6, .pitch_um = { 40000, 40000 }, .backlash_um = 1000, .guard_ms = 40, .attempts = 3,
-        .camera_ms = 20000, .home_ms = 120000, .fourcc = 'M' | 'J' << 8 | 'P' << 16 | (uint32_t)'G' << 24, .width = 640, .height = 480,
+        .rows = 6,
+        .cols = 6,
+        .pitch_um = { 40000, 40000 },
+        .backlash_um = 1000,
+        .guard_ms = 40,
+        .attempts = 3,
+        .camera_ms = 20000,
+        .home_ms = 120000,
+        .fourcc = 'M' | 'J' << 8 | 'P' << 16 | (uint32_t)'G' << 24,
+        .width = 640,
+        .height = 480,
     };
 }
 
@@ -64,9 +73,11 @@ static int check_travel(const struct sst_rig_capture_config *cfg, const struct s
 
         if (first - cfg->backlash_um >= rig->travel_min_um[a] && last <= rig->travel_max_um[a])
             continue;
-        sst_log_error("the grid takes %c from %.3f to %.3f mm and comes from %.3f mm below, the rig travels from %.3f to %.3f "
-                      "mm; change pitch, grid, origin or backlash", 'x' + a, (double)first / 1000.0, (double)last / 1000.0,
-                      cfg->backlash_um / 1000.0, rig->travel_min_um[a] / 1000.0, rig->travel_max_um[a] / 1000.0);
+        sst_log_error(
+            "the grid takes %c from %.3f to %.3f mm and comes from %.3f mm below, the rig travels from %.3f to %.3f "
+            "mm; change pitch, grid, origin or backlash",
+            'x' + a, (double)first / 1000.0, (double)last / 1000.0, cfg->backlash_um / 1000.0,
+            rig->travel_min_um[a] / 1000.0, rig->travel_max_um[a] / 1000.0);
         return -EINVAL;
     }
     return 0;

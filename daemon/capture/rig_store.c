@@ -1,5 +1,5 @@
-/* DIR/views/rr_cc.*, DIR/capture.jsonl: a line with the settings, then a line for each view, appended and synced after the
- * view's file; DIR/lightfield.json at the end. The last line of a view holds. */
+/* DIR/views/rr_cc.*, DIR/capture.jsonl: a line with the settings, then a line for each view, appended and synced after
+ * the view's file; DIR/lightfield.json at the end. The last line of a view holds. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>
@@ -23,13 +23,13 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
 
-#define MANIFEST "capture.jsonl"
-#define MANIFEST_MAX ((size_t)16 << 20)
-#define FORMAT_NAME "sst-rig-capture"
+#define MANIFEST       "capture.jsonl"
+#define MANIFEST_MAX   ((size_t)16 << 20)
+#define FORMAT_NAME    "sst-rig-capture"
 #define FORMAT_VERSION 1
-#define GREY_FOURCC ('G' | 'R' << 8 | 'E' << 16 | (uint32_t)'Y' << 24)
-#define Y16_FOURCC ('Y' | '1' << 8 | '6' << 16 | (uint32_t)' ' << 24)
-#define MJPG_FOURCC ('M' | 'J' << 8 | 'P' << 16 | (uint32_t)'G' << 24)
+#define GREY_FOURCC    ('G' | 'R' << 8 | 'E' << 16 | (uint32_t)'Y' << 24)
+#define Y16_FOURCC     ('Y' | '1' << 8 | '6' << 16 | (uint32_t)' ' << 24)
+#define MJPG_FOURCC    ('M' | 'J' << 8 | 'P' << 16 | (uint32_t)'G' << 24)
 
 struct stored_view {
     bool there;
@@ -94,7 +94,8 @@ static int compare_settings(const struct sst_rig_store *s, json_t *there)
     const char *key;
     json_t *asked;
 
-    json_object_foreach(s->settings, key, asked) {
+    json_object_foreach(s->settings, key, asked)
+    {
         json_t *old = json_object_get(there, key);
         char *a, *b;
         const size_t at = strlen(text);
@@ -163,7 +164,8 @@ static int read_header(struct sst_rig_store *s, json_t *line)
 
     if (!format || strcmp(format, FORMAT_NAME) != 0 ||
         json_integer_value(json_object_get(line, "version")) != FORMAT_VERSION) {
-        sst_log_error("%s is not the manifest of a rig capture that this version reads; choose another folder", s->manifest);
+        sst_log_error("%s is not the manifest of a rig capture that this version reads; choose another folder",
+                      s->manifest);
         return -EBADMSG;
     }
     return compare_settings(s, json_object_get(line, "settings"));
@@ -227,7 +229,8 @@ static void check_views(struct sst_rig_store *s)
             continue;
         if (!view_path(s, k, path) && SHA256File(path, hash) && !strcmp(hash, s->view[k].sha256))
             continue;
-        sst_log_warning("%s %s; it is taken again", path, hash[0] ? "has changed since it was stored" : "cannot be read");
+        sst_log_warning("%s %s; it is taken again", path,
+                        hash[0] ? "has changed since it was stored" : "cannot be read");
         s->view[k].there = false;
         s->damaged++;
     }
@@ -246,8 +249,9 @@ static int fault(const char *what, const char *path)
 /* A temporary file of ours (base/file.h), by the name that it was to get. */
 static bool is_left_over(const char *name)
 {
-    return strstr(name, ".tmp-") && (!strncmp(name, MANIFEST, strlen(MANIFEST)) || !strncmp(name, "lightfield.json", 15) ||
-                                     (name[0] >= '0' && name[0] <= '9' && name[2] == '_'));
+    return strstr(name, ".tmp-") &&
+           (!strncmp(name, MANIFEST, strlen(MANIFEST)) || !strncmp(name, "lightfield.json", 15) ||
+            (name[0] >= '0' && name[0] <= '9' && name[2] == '_'));
 }
 
 /* Remove what a killed process left; false: there are files that are not of a capture. */
@@ -271,7 +275,8 @@ static bool tidy(const char *dir)
 
 static int begin_new(struct sst_rig_store *s, bool must_exist)
 {
-    json_t *line = json_pack("{s:s, s:i, s:O}", "format", FORMAT_NAME, "version", FORMAT_VERSION, "settings", s->settings);
+    json_t *line =
+        json_pack("{s:s, s:i, s:O}", "format", FORMAT_NAME, "version", FORMAT_VERSION, "settings", s->settings);
     char *text = line ? json_dumps(line, JSON_COMPACT) : NULL, *with_end = NULL;
     int err = 0;
 
@@ -362,7 +367,8 @@ int sst_rig_store_open(struct sst_rig_store **out, const struct sst_rig_capture_
     s->fourcc = cfg->fourcc;
     memcpy(s->pitch_um, cfg->pitch_um, sizeof(s->pitch_um));
     if (s->fourcc != MJPG_FOURCC && s->fourcc != GREY_FOURCC && s->fourcc != Y16_FOURCC) {
-        sst_log_error("a rig capture stores MJPG untouched, GREY and Y16 as PNG; choose one of them as the cameras' format");
+        sst_log_error(
+            "a rig capture stores MJPG untouched, GREY and Y16 as PNG; choose one of them as the cameras' format");
         err = -EINVAL;
         goto fail;
     }
@@ -418,9 +424,10 @@ int sst_rig_store_check_camera(const struct sst_rig_store *s, const struct sst_r
 
         if (!v->there || (v->serial[0] ? !strcmp(v->serial, camera->serial) : !strcmp(v->port, camera->port)))
             continue;
-        sst_log_error("%s was begun with the camera %s at %s, this one is %s at %s; connect the old one or choose another folder",
-                      s->dir, v->serial[0] ? v->serial : "without a serial", v->port,
-                      camera->serial[0] ? camera->serial : "without a serial", camera->port);
+        sst_log_error(
+            "%s was begun with the camera %s at %s, this one is %s at %s; connect the old one or choose another folder",
+            s->dir, v->serial[0] ? v->serial : "without a serial", v->port,
+            camera->serial[0] ? camera->serial : "without a serial", camera->port);
         return -EINVAL;
     }
     return 0;
@@ -465,7 +472,8 @@ static int write_frame(const struct sst_rig_store *s, const char *path, const st
 
     if (s->fourcc == MJPG_FOURCC)
         return sst_file_write(path, f->data, f->bytes);
-    if (f->stride < (size_t)f->width * sample || f->bytes < f->stride * (size_t)(f->height - 1) + (size_t)f->width * sample)
+    if (f->stride < (size_t)f->width * sample ||
+        f->bytes < f->stride * (size_t)(f->height - 1) + (size_t)f->width * sample)
         return -EBADMSG;
     return sample == 1 ? write_grey(path, f) : write_y16(path, f);
 }
@@ -486,9 +494,9 @@ static char *view_line(const struct sst_rig_store *s, int view, const struct sst
     json_t *o;
 
     file_name(s, view, name);
-    o = json_pack("{s:i, s:i, s:i, s:s, s:[iii], s:[iii], s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:I, s:s}", "view", view, "row",
-                  view / s->cols, "col", view % s->cols, "file", name, "asked_um", asked[0], asked[1], asked[2], "read_um",
-                  read[0], read[1], read[2], "serial", camera->serial, "port", camera->port, "sequence",
+    o = json_pack("{s:i, s:i, s:i, s:s, s:[iii], s:[iii], s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:I, s:s}", "view", view,
+                  "row", view / s->cols, "col", view % s->cols, "file", name, "asked_um", asked[0], asked[1], asked[2],
+                  "read_um", read[0], read[1], read[2], "serial", camera->serial, "port", camera->port, "sequence",
                   (json_int_t)f->sequence, "t_ns", (json_int_t)f->t_ns, "wall_ns", (json_int_t)wall_ns(f->t_ns),
                   "arrival_ns", (json_int_t)f->arrival_ns, "attempts", shot->attempts, "bytes", (json_int_t)f->bytes,
                   "sha256", sha256);
@@ -573,7 +581,8 @@ static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
     ref = &s->view[lf->ref_view].read;
     lf->spacing_mm = s->pitch_um[0] / 1000.0;
     snprintf(lf->source, sizeof(lf->source), "rig capture, camera %s at %s",
-             s->view[lf->ref_view].serial[0] ? s->view[lf->ref_view].serial : "without serial", s->view[lf->ref_view].port);
+             s->view[lf->ref_view].serial[0] ? s->view[lf->ref_view].serial : "without serial",
+             s->view[lf->ref_view].port);
     for (int k = 0; !err && k < s->rows * s->cols; k++) {
         struct sst_view *v = &lf->views[k];
         char path[SST_PATH_MAX];
@@ -588,8 +597,8 @@ static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
         if (!err)
             err = sst_image_read_size(path, &width, &height);
         if (!err && k && (width != lf->width || height != lf->height)) {
-            sst_log_error("%s has %dx%d pixels, the views before it %dx%d; remove it, the same command takes it again", path,
-                          width, height, lf->width, lf->height);
+            sst_log_error("%s has %dx%d pixels, the views before it %dx%d; remove it, the same command takes it again",
+                          path, width, height, lf->width, lf->height);
             err = -EBADMSG;
         }
         if (!err) {

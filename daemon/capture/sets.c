@@ -9,8 +9,8 @@
 #include <string.h>
 #include <time.h>
 
-#define BEATS 128            /* triggers that are remembered, to tell late frames from stray ones */
-#define PENDING_PER_CAMERA 2 /* frames that are here before their trigger is told */
+#define BEATS              128 /* triggers that are remembered, to tell late frames from stray ones */
+#define PENDING_PER_CAMERA 2   /* frames that are here before their trigger is told */
 
 struct beat {
     uint64_t index;
@@ -343,7 +343,8 @@ static void place_by_beat(struct sst_sets *s, struct sst_frame *frame)
     c->last_ns = frame->t_ns;
     c->beat = k;
     if (!last || k > (int64_t)last->index) {
-        const int64_t t = last ? last->t_ns + (int64_t)((double)(k - (int64_t)last->index) * s->period_ns) : frame->t_ns;
+        const int64_t t =
+            last ? last->t_ns + (int64_t)((double)(k - (int64_t)last->index) * s->period_ns) : frame->t_ns;
 
         place(s, add_beat(s, (uint64_t)k, t, false), frame);
         return;

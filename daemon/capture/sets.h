@@ -1,4 +1,5 @@
-/* daemon/capture/sets.h - frames of all cameras put together into sets, one per trigger; every frame is accounted for. */
+/* daemon/capture/sets.h - frames of all cameras put together into sets, one per trigger; every frame is accounted for.
+ */
 #ifndef SST_DAEMON_CAPTURE_SETS_H
 #define SST_DAEMON_CAPTURE_SETS_H
 
@@ -22,19 +23,20 @@ enum sst_bucket {
 
 /** Start-of-exposure stamps of one set against each other and against the trigger's edge. */
 struct sst_skew {
-    int64_t spread_ns;    /* latest less earliest stamp; 0 with fewer than two frames */
-    int64_t from_edge_ns; /* of the frame farthest from the others' median: its stamp less the edge; 0 without an edge */
-    int worst_cam;        /* farthest from the median stamp; -1 with fewer than two */
+    int64_t spread_ns; /* latest less earliest stamp; 0 with fewer than two frames */
+    int64_t
+        from_edge_ns; /* of the frame farthest from the others' median: its stamp less the edge; 0 without an edge */
+    int worst_cam;    /* farthest from the median stamp; -1 with fewer than two */
 };
 
 /** One frame of each camera for one trigger. Frames are borrowed from the grab; release them all when done. */
 struct sst_set {
-    uint64_t index;   /* of the trigger */
-    int64_t t_ns;     /* time zero: loop-back edge, else the trigger's own time, else the earliest stamp */
-    int64_t wall_ns;  /* CLOCK_REALTIME at t_ns */
-    bool edge;        /* t_ns is a kernel time stamp of the edge */
-    int cameras;      /* size of the array */
-    int present;      /* frames that are there */
+    uint64_t index;  /* of the trigger */
+    int64_t t_ns;    /* time zero: loop-back edge, else the trigger's own time, else the earliest stamp */
+    int64_t wall_ns; /* CLOCK_REALTIME at t_ns */
+    bool edge;       /* t_ns is a kernel time stamp of the edge */
+    int cameras;     /* size of the array */
+    int present;     /* frames that are there */
     struct sst_skew skew;
     struct sst_frame *frame[SST_CAMERAS_MAX]; /* NULL: missing */
 };
@@ -54,14 +56,15 @@ struct sst_sets_config {
     enum sst_sets_match match;
     int64_t period_ns; /* of triggers (EDGE, NEAREST; 0: irregular) or frames (FREE, > 0) */
     int64_t window_ns; /* 0: 0.4 of the period, at least 1 ms (EDGE, NEAREST) */
-    int64_t wait_ns;   /* a set is closed this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
+    int64_t wait_ns; /* a set is closed this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
     int64_t delay_ns[SST_CAMERAS_MAX]; /* planned, from the trigger to the exposure; taken off before skew is told */
-    int pool;          /* sets that may be open or with the receiver at a time, 2..64 */
+    int pool;                          /* sets that may be open or with the receiver at a time, 2..64 */
 };
 
 struct sst_sets_events {
     void *arg;
-    /** A closed set, in the order of the triggers; the receiver's until sst_sets_recycle(). Sets without any frame too. */
+    /** A closed set, in the order of the triggers; the receiver's until sst_sets_recycle(). Sets without any frame too.
+     */
     void (*set)(void *arg, struct sst_set *set);
     /** A frame has ended and is free again; SET and DROPPED come from sst_sets_recycle(), on its thread. */
     void (*release)(void *arg, struct sst_frame *frame, enum sst_bucket bucket);

@@ -10,8 +10,8 @@ SST_EXTERN_C_BEGIN
 void sst_control_name(char *out, size_t size, const char *title);
 
 /**
- * Set controls: switches and menus first (a value under an automatic mode does not take), each group in the given order;
- * then read all back.
+ * Set controls: switches and menus first (a value under an automatic mode does not take), each group in the given
+ * order; then read all back.
  *
  * @param why  out [size]: one sentence that names every control that is not as asked; "" when all are
  */

@@ -17,7 +17,8 @@ SST_MUST_CHECK int sst_grab_scan(struct sst_grab_node **nodes, int *count);
 
 struct sst_grab_watch; /* opaque; tells of plugs */
 
-/** @return 0, -errno, logged. *out is NULL where plugs are not told of (built without libudev): scan from time to time. */
+/** @return 0, -errno, logged. *out is NULL where plugs are not told of (built without libudev): scan from time to time.
+ */
 SST_MUST_CHECK int sst_grab_watch_open(struct sst_grab_watch **out);
 int sst_grab_watch_fd(const struct sst_grab_watch *watch);
 

@@ -13,8 +13,8 @@
 
 /* Bounds for enumerations that a broken driver never ends. */
 #define FORMATS_MAX 64
-#define SIZES_MAX 256
-#define RATES_MAX 64
+#define SIZES_MAX   256
+#define RATES_MAX   64
 
 /* A rate that is read back is the one asked for within this: 29.97 is 30. */
 #define RATE_TOLERANCE 0.005
@@ -35,8 +35,9 @@ static bool size_at(int fd, uint32_t fourcc, uint32_t index, struct v4l2_frmsize
 
 static bool interval_at(int fd, uint32_t fourcc, int width, int height, uint32_t index, struct v4l2_frmivalenum *v)
 {
-    *v = (struct v4l2_frmivalenum){ .index = index, .pixel_format = fourcc, .width = (uint32_t)width,
-                                    .height = (uint32_t)height };
+    *v = (struct v4l2_frmivalenum){
+        .index = index, .pixel_format = fourcc, .width = (uint32_t)width, .height = (uint32_t)height
+    };
     return index < RATES_MAX && !sst_node_ioctl(fd, VIDIOC_ENUM_FRAMEINTERVALS, v);
 }
 
@@ -69,11 +70,12 @@ static void nearest_size(int fd, const struct sst_grab_config *cfg, int best[2],
 
     for (uint32_t i = 0; size_at(fd, cfg->fourcc, i, &s); i++) {
         const bool discrete = s.type == V4L2_FRMSIZE_TYPE_DISCRETE;
-        const int w = discrete ? (int)s.discrete.width
-                               : nearest_step(cfg->width, s.stepwise.min_width, s.stepwise.max_width, s.stepwise.step_width);
-        const int h = discrete ? (int)s.discrete.height
-                               : nearest_step(cfg->height, s.stepwise.min_height, s.stepwise.max_height,
-                                              s.stepwise.step_height);
+        const int w = discrete
+                          ? (int)s.discrete.width
+                          : nearest_step(cfg->width, s.stepwise.min_width, s.stepwise.max_width, s.stepwise.step_width);
+        const int h =
+            discrete ? (int)s.discrete.height
+                     : nearest_step(cfg->height, s.stepwise.min_height, s.stepwise.max_height, s.stepwise.step_height);
         const int64_t off = llabs((long long)w - cfg->width) + llabs((long long)h - cfg->height);
 
         if (discrete)
@@ -103,8 +105,8 @@ static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size
 
     for (uint32_t i = 0; interval_at(fd, cfg->fourcc, cfg->width, cfg->height, i, &v); i++) {
         const bool discrete = v.type == V4L2_FRMIVAL_TYPE_DISCRETE;
-        const double rate = discrete ? hz(v.discrete)
-                                     : fmin(fmax(cfg->rate_hz, hz(v.stepwise.max)), hz(v.stepwise.min));
+        const double rate =
+            discrete ? hz(v.discrete) : fmin(fmax(cfg->rate_hz, hz(v.stepwise.max)), hz(v.stepwise.min));
 
         if (discrete)
             sst_text_add(out, size, "%s%.4g", i ? ", " : "; it offers ", rate);

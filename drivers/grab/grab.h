@@ -8,16 +8,16 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_GRAB_NAME_MAX 64
+#define SST_GRAB_NAME_MAX     64
 #define SST_GRAB_CONTROLS_MAX 32
-#define SST_GRAB_FORMATS_MAX 256
+#define SST_GRAB_FORMATS_MAX  256
 
 /* --- discovery ---------------------------------------------------------------------------------------------------- */
 
 /** A video capture node as udev and QUERYCAP show it; metadata nodes are left out. */
 struct sst_grab_device {
-    char node[SST_GRAB_NAME_MAX];   /* /dev/video0; changes with the order of plugging, never an identity */
-    char name[SST_GRAB_NAME_MAX];   /* card */
+    char node[SST_GRAB_NAME_MAX]; /* /dev/video0; changes with the order of plugging, never an identity */
+    char name[SST_GRAB_NAME_MAX]; /* card */
     char driver[SST_GRAB_NAME_MAX];
     char serial[SST_GRAB_NAME_MAX]; /* ID_SERIAL_SHORT; "" if none */
     char port[SST_GRAB_NAME_MAX];   /* USB port path, "1-2.3" as in sysfs; else the bus_info of the device */
@@ -36,7 +36,8 @@ SST_MUST_CHECK int sst_grab_list(struct sst_grab_device **devices, int *count);
 struct sst_grab; /* opaque; poll, start, stop on one thread; release from any */
 
 struct sst_grab_binding {
-    char serial[SST_GRAB_NAME_MAX]; /* one of both is set; the serial wins. Two devices of one serial: -ENOTUNIQ, named */
+    char serial[SST_GRAB_NAME_MAX]; /* one of both is set; the serial wins. Two devices of one serial: -ENOTUNIQ, named
+                                     */
     char port[SST_GRAB_NAME_MAX];
 };
 
@@ -54,14 +55,14 @@ struct sst_grab_config {
     int buffers;    /* per camera, 2..32 */
     int controls;
     struct sst_grab_control control[SST_GRAB_CONTROLS_MAX]; /* set at each open in this order, read back, compared */
-    bool triggered;    /* frames come on sst_grab_expect() only; else at rate_hz */
-    int stall_ms;      /* a frame this late climbs the recovery ladder; 0: 1000 */
-    bool port_power;   /* the ladder may switch the hub port off and on */
+    bool triggered;                                         /* frames come on sst_grab_expect() only; else at rate_hz */
+    int stall_ms;                                           /* a frame this late climbs the recovery ladder; 0: 1000 */
+    bool port_power;                                        /* the ladder may switch the hub port off and on */
     bool check_frozen; /* compare each frame's bytes with a hash of the one before */
 };
 
 enum sst_grab_state {
-    SST_GRAB_ABSENT = 0,     /* no such device now */
+    SST_GRAB_ABSENT = 0, /* no such device now */
     SST_GRAB_STREAMING = 1,
     SST_GRAB_RECOVERING = 2, /* on the ladder, or waiting for its next rung */
     SST_GRAB_REFUSED = 3,    /* there, but cannot do what is asked (format, bandwidth, rights); tried again at plug-in
@@ -73,7 +74,7 @@ enum sst_grab_state {
 enum sst_grab_rung {
     SST_GRAB_RESTREAM = 0,
     SST_GRAB_REOPEN = 1,
-    SST_GRAB_RESET = 2,       /* USB reset */
+    SST_GRAB_RESET = 2, /* USB reset */
     SST_GRAB_REAUTHORISE = 3,
     SST_GRAB_POWER = 4,
     SST_GRAB_BACK_OFF = 5,

@@ -19,12 +19,12 @@ struct sst_grab_node {
 int sst_grab_node_order(const void *a, const void *b);
 
 /**
- * Find the node of a camera: by serial where the binding has one, else by port. Of several nodes of one device the first
- * counts; nodes known not to capture do not.
+ * Find the node of a camera: by serial where the binding has one, else by port. Of several nodes of one device the
+ * first counts; nodes known not to capture do not.
  *
  * @param nodes  in the order of sst_grab_node_order()
- * @param why    out [SST_WHY_MAX]: a sentence where the result is -ENOTUNIQ (both ports), or where something is odd (the
- *               serial sits at another port than the binding's, the port holds another serial); else ""
+ * @param why    out [SST_WHY_MAX]: a sentence where the result is -ENOTUNIQ (both ports), or where something is odd
+ * (the serial sits at another port than the binding's, the port holds another serial); else ""
  * @return index in nodes, -ENODEV (none), -ENOTUNIQ (two devices of that serial)
  */
 SST_MUST_CHECK int sst_grab_match(const struct sst_grab_binding *binding, const struct sst_grab_node *nodes, int count,

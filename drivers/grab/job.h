@@ -1,4 +1,5 @@
-/* drivers/grab/job.h - calls that may block (open, stream off, USB reset) on threads of their own. Only for drivers/grab. */
+/* drivers/grab/job.h - calls that may block (open, stream off, USB reset) on threads of their own. Only for
+ * drivers/grab. */
 #ifndef SST_DRIVERS_GRAB_JOB_H
 #define SST_DRIVERS_GRAB_JOB_H
 
@@ -10,10 +11,10 @@ struct sst_jobs; /* opaque; start, collect and destroy on one thread */
 
 /** First member of the caller's object, which is on the heap and belongs to the job until it is done. */
 struct sst_job {
-    void (*run)(struct sst_job *job);     /* on a thread of its own */
+    void (*run)(struct sst_job *job);                /* on a thread of its own */
     void (*ended)(struct sst_job *job, void *owner); /* by sst_jobs_collect(); frees the job */
-    void (*discard)(struct sst_job *job); /* frees what a job holds whose end nobody waited for */
-    struct sst_jobs *jobs;                /* set by start */
+    void (*discard)(struct sst_job *job);            /* frees what a job holds whose end nobody waited for */
+    struct sst_jobs *jobs;                           /* set by start */
     struct sst_job *next;
 };
 

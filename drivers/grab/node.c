@@ -18,7 +18,8 @@ int sst_node_ioctl(int fd, unsigned long request, void *arg)
     return r < 0 ? -errno : 0;
 }
 
-/* A node's number passes to another camera when both are re-plugged: "usb-0000:00:14.0-2.3" must end as "1-2.3" does. */
+/* A node's number passes to another camera when both are re-plugged: "usb-0000:00:14.0-2.3" must end as "1-2.3" does.
+ */
 static bool same_port(const char *port, const char *bus_info)
 {
     const char *a = strchr(port, '-'), *b = strrchr(bus_info, '-');

@@ -8,7 +8,8 @@
 
 SST_EXTERN_C_BEGIN
 
-/** Bytes that a whole frame takes at least, 0 for formats not known here. @param stride  bytes of a luma row; 0: packed */
+/** Bytes that a whole frame takes at least, 0 for formats not known here. @param stride  bytes of a luma row; 0: packed
+ */
 size_t sst_raw_bytes(uint32_t fourcc, int width, int height, size_t stride);
 
 /** Four characters as v4l2-ctl writes them; what is not printable is a dot. */

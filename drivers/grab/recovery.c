@@ -13,7 +13,7 @@
 /* A job that takes longer hangs in the kernel; the camera goes on without it. */
 #define JOB_NS (15000 * SST_MS)
 /* After a reset the node comes back by an event; without one it is opened after this. */
-#define RESET_NS (300 * SST_MS)
+#define RESET_NS     (300 * SST_MS)
 #define POWER_OFF_MS 2000
 
 enum task {
@@ -26,8 +26,9 @@ enum task {
     TASK_CLOSE,
 };
 
-static const char *const task_names[] = { "restart of its stream", "opening it anew", "USB reset", "USB authorisation",
-                                          "port power", "start", "close" };
+static const char *const task_names[] = {
+    "restart of its stream", "opening it anew", "USB reset", "USB authorisation", "port power", "start", "close"
+};
 
 struct camera_job {
     struct sst_job job;
@@ -188,8 +189,12 @@ static int start_job(struct sst_grab *g, struct sst_camera *cam, enum task task)
     int err = -ENOMEM;
 
     if (j) {
-        *j = (struct camera_job){ .job = job_calls, .cfg = g->cfg, .device = cam->device,
-                                  .stream = cam->stream, .cam = (int)(cam - g->camera), .task = task,
+        *j = (struct camera_job){ .job = job_calls,
+                                  .cfg = g->cfg,
+                                  .device = cam->device,
+                                  .stream = cam->stream,
+                                  .cam = (int)(cam - g->camera),
+                                  .task = task,
                                   .start = g->started };
         if (cam->stream)
             sst_stream_detach(cam->stream);
@@ -267,9 +272,10 @@ static void open_now(struct sst_grab *g, struct sst_camera *cam)
 void sst_recovery_found(struct sst_grab *g, struct sst_camera *cam, const struct sst_grab_node *node)
 {
     if (*cam->serial_seen && strcmp(cam->serial_seen, node->device.serial) != 0)
-        sst_log_warning("%s: the device there is another one now, serial %s instead of %s; if cameras were swapped, plug "
-                        "them back or change the binding", cam->name,
-                        *node->device.serial ? node->device.serial : "none", cam->serial_seen);
+        sst_log_warning(
+            "%s: the device there is another one now, serial %s instead of %s; if cameras were swapped, plug "
+            "them back or change the binding",
+            cam->name, *node->device.serial ? node->device.serial : "none", cam->serial_seen);
     snprintf(cam->serial_seen, sizeof(cam->serial_seen), "%s", node->device.serial);
     cam->device = node->device;
     cam->number = node->number;
@@ -402,8 +408,7 @@ void sst_recovery_time(struct sst_grab *g, struct sst_camera *cam, int64_t now_n
     if (cam->rearm_ns && now_ns >= cam->rearm_ns)
         sst_recovery_arm(g, cam);
     if (cam->job_end_ns && now_ns >= cam->job_end_ns) {
-        sst_log_warning("%s: the %s hangs in the system; going on without it", cam->name,
-                        task_names[cam->job->task]);
+        sst_log_warning("%s: the %s hangs in the system; going on without it", cam->name, task_names[cam->job->task]);
         cam->job = NULL;
         cam->job_end_ns = 0;
         step(g, cam, SST_LADDER_FAILED);

@@ -36,8 +36,8 @@ struct sst_stream {
     struct slot slot[SST_STREAM_BUFFERS_MAX];
     /* under lock */
     pthread_mutex_t lock;
-    bool live;       /* streaming: what comes back is queued at once */
-    bool closed;     /* the descriptor is gone */
+    bool live;   /* streaming: what comes back is queued at once */
+    bool closed; /* the descriptor is gone */
     int queued;
     int lent;
 };
@@ -57,7 +57,8 @@ static void destroy(struct sst_stream *s)
 static int map_buffer(struct sst_stream *s, int index)
 {
     struct slot *slot = &s->slot[index];
-    struct v4l2_buffer b = { .index = (uint32_t)index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+    struct v4l2_buffer b = { .index = (uint32_t)index,
+                             .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
                              .memory = V4L2_MEMORY_MMAP };
     const int err = sst_node_ioctl(s->fd, VIDIOC_QUERYBUF, &b);
     void *map;
@@ -74,7 +75,8 @@ static int map_buffer(struct sst_stream *s, int index)
 
 static int map_buffers(struct sst_stream *s, const struct sst_grab_config *cfg, int cam, size_t stride, char *why)
 {
-    struct v4l2_requestbuffers r = { .count = (uint32_t)cfg->buffers, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+    struct v4l2_requestbuffers r = { .count = (uint32_t)cfg->buffers,
+                                     .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
                                      .memory = V4L2_MEMORY_MMAP };
     int err = sst_node_ioctl(s->fd, VIDIOC_REQBUFS, &r);
 
@@ -96,8 +98,13 @@ static int map_buffers(struct sst_stream *s, const struct sst_grab_config *cfg, 
             snprintf(why, SST_WHY_MAX, "buffer %d cannot be mapped: %s", i, strerror(-err));
             return err;
         }
-        slot->frame = (struct sst_frame){ .cam = cam, .fourcc = cfg->fourcc, .width = cfg->width,
-                                          .height = cfg->height, .stride = stride, .data = slot->map, .pool = slot };
+        slot->frame = (struct sst_frame){ .cam = cam,
+                                          .fourcc = cfg->fourcc,
+                                          .width = cfg->width,
+                                          .height = cfg->height,
+                                          .stride = stride,
+                                          .data = slot->map,
+                                          .pool = slot };
     }
     return 0;
 }
@@ -122,8 +129,10 @@ static int set_up(struct sst_stream *s, const struct sst_grab_device *device, co
     int err = sst_format_set(s->fd, cfg, &stride, note, SST_WHY_MAX);
 
     if (err) {
-        snprintf(why, SST_WHY_MAX, "%s", err == -EINVAL ? note : err == -EBUSY
-                 ? "another program streams from it; `sst cameras` says which" : strerror(-err));
+        snprintf(why, SST_WHY_MAX, "%s",
+                 err == -EINVAL  ? note
+                 : err == -EBUSY ? "another program streams from it; `sst cameras` says which"
+                                 : strerror(-err));
         *note = 0;
         return err;
     }
@@ -216,7 +225,8 @@ int sst_stream_start(struct sst_stream *s, char *why)
     pthread_mutex_unlock(&s->lock);
     err = err ? err : sst_node_ioctl(s->fd, VIDIOC_STREAMON, &type);
     if (err == -ENOSPC)
-        snprintf(why, SST_WHY_MAX, "no USB bandwidth is left for it (no disk is meant); `sst plan` shows what fits, put "
+        snprintf(why, SST_WHY_MAX,
+                 "no USB bandwidth is left for it (no disk is meant); `sst plan` shows what fits, put "
                  "it on another controller or lower size, rate or cameras");
     else if (err)
         snprintf(why, SST_WHY_MAX, "it does not start to stream: %s", strerror(-err));

@@ -1,4 +1,5 @@
-/* drivers/grab/stream.h - one open camera: negotiated, its buffers mapped and lent out as frames. Only for drivers/grab. */
+/* drivers/grab/stream.h - one open camera: negotiated, its buffers mapped and lent out as frames. Only for
+ * drivers/grab. */
 #ifndef SST_DRIVERS_GRAB_STREAM_H
 #define SST_DRIVERS_GRAB_STREAM_H
 
@@ -31,7 +32,8 @@ struct sst_stream_stamp {
 SST_MUST_CHECK int sst_stream_open(struct sst_stream **out, struct sst_grab_device *device,
                                    const struct sst_grab_config *cfg, int cam, char *why, char *note);
 
-/** Queue all buffers that are not lent out, and stream. May block. @return 0, -ENOSPC (USB bandwidth), -errno; `why` set */
+/** Queue all buffers that are not lent out, and stream. May block. @return 0, -ENOSPC (USB bandwidth), -errno; `why`
+ * set */
 SST_MUST_CHECK int sst_stream_start(struct sst_stream *stream, char *why);
 
 /** From now frames that are released are kept and not queued; never blocks. To be called before stop or close. */

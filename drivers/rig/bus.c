@@ -19,8 +19,8 @@
 #include <modbus.h>
 
 #define BYTE_TIMEOUT_US 100000
-#define RETRY_NS 100000000
-#define DRAIN_MAX_NS 2000000000
+#define RETRY_NS        100000000
+#define DRAIN_MAX_NS    2000000000
 
 struct sst_rig_bus {
     modbus_t *ctx;
@@ -66,8 +66,8 @@ static int make_rtu(struct sst_rig_bus *b)
     char parity[2] = "";
     const char *comma = strchr(b->name, ',');
 
-    if (!comma || sscanf(comma, ",%7d,%1d%1[EON]%1d%n", &baud, &data, parity, &stop, &n) != 4 || comma[n] || baud < 300 ||
-        (data != 7 && data != 8) || (stop != 1 && stop != 2))
+    if (!comma || sscanf(comma, ",%7d,%1d%1[EON]%1d%n", &baud, &data, parity, &stop, &n) != 4 || comma[n] ||
+        baud < 300 || (data != 7 && data != 8) || (stop != 1 && stop != 2))
         return bad_name(b->name);
     snprintf(b->device, sizeof(b->device), "%.*s", (int)(comma - (b->name + 4)), b->name + 4);
     b->serial = true;
@@ -75,8 +75,8 @@ static int make_rtu(struct sst_rig_bus *b)
     return b->ctx ? 0 : -ENOMEM;
 }
 
-/* libmodbus 3.1.6 and some later ones put the descriptor into an fd_set without looking: it must be a small one, and that
- * must be known before they open it. */
+/* libmodbus 3.1.6 and some later ones put the descriptor into an fd_set without looking: it must be a small one, and
+ * that must be known before they open it. */
 static int check_descriptors(struct sst_rig_bus *b)
 {
     const int fd = open("/dev/null", O_RDONLY | O_CLOEXEC);
@@ -92,9 +92,18 @@ static int check_descriptors(struct sst_rig_bus *b)
 static int connect_errno(int e)
 {
     switch (e) {
-    case ECONNREFUSED: case EACCES: case EBUSY: case EMFILE: case ENOMEM:
+    case ECONNREFUSED:
+    case EACCES:
+    case EBUSY:
+    case EMFILE:
+    case ENOMEM:
         return -e;
-    case ENOENT: case ENODEV: case ENXIO: case EIO: case ENOTTY: case EPERM:
+    case ENOENT:
+    case ENODEV:
+    case ENXIO:
+    case EIO:
+    case ENOTTY:
+    case EPERM:
         return -ENODEV;
     default:
         return -EHOSTUNREACH;
@@ -153,7 +162,8 @@ int sst_rig_bus_open(struct sst_rig_bus **out, const char *bus, int response_ms,
     (void)modbus_set_byte_timeout(b->ctx, 0, BYTE_TIMEOUT_US);
     err = connect_once(b);
     if (err) {
-        sst_log_error("rig %s: cannot connect: %s; check cable, power and the bus in the configuration", b->name, b->why);
+        sst_log_error("rig %s: cannot connect: %s; check cable, power and the bus in the configuration", b->name,
+                      b->why);
         goto fail;
     }
     *out = b;
@@ -181,10 +191,12 @@ static int exception(struct sst_rig_bus *b, int code)
     b->count.exceptions++;
     snprintf(b->why, sizeof(b->why), "exception %d (%s)", code, modbus_strerror(MODBUS_ENOBASE + code));
     switch (code) {
-    case MODBUS_EXCEPTION_ILLEGAL_FUNCTION: case MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS:
+    case MODBUS_EXCEPTION_ILLEGAL_FUNCTION:
+    case MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS:
     case MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE:
         return -EPROTO;
-    case MODBUS_EXCEPTION_ACKNOWLEDGE: case MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY:
+    case MODBUS_EXCEPTION_ACKNOWLEDGE:
+    case MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY:
         return -EAGAIN;
     default:
         return -EREMOTEIO;

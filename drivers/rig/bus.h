@@ -1,4 +1,5 @@
-/* drivers/rig/bus.h - requests over Modbus TCP and RTU, one at a time, each with a deadline. Inside drivers/rig only. */
+/* drivers/rig/bus.h - requests over Modbus TCP and RTU, one at a time, each with a deadline. Inside drivers/rig only.
+ */
 #ifndef SST_DRIVERS_RIG_BUS_H
 #define SST_DRIVERS_RIG_BUS_H
 
@@ -12,8 +13,8 @@ struct sst_rig_bus; /* opaque; one thread at a time */
 /**
  * Connect.
  * @param bus  "tcp:HOST:PORT" or "rtu:DEVICE,BAUD,8E1"
- * @return 0, -EINVAL (form of bus), -EMFILE (no low descriptor left), -EHOSTUNREACH, -ECONNREFUSED, -ENODEV, -EACCES, -EBUSY
- *         (serial line in use), -ENOMEM, -ENOSYS (built without libmodbus); logged.
+ * @return 0, -EINVAL (form of bus), -EMFILE (no low descriptor left), -EHOSTUNREACH, -ECONNREFUSED, -ENODEV, -EACCES,
+ * -EBUSY (serial line in use), -ENOMEM, -ENOSYS (built without libmodbus); logged.
  */
 SST_MUST_CHECK int sst_rig_bus_open(struct sst_rig_bus **out, const char *bus, int response_ms, int gap_ms);
 void sst_rig_bus_close(struct sst_rig_bus *bus);
@@ -28,8 +29,8 @@ void sst_rig_bus_close(struct sst_rig_bus *bus);
  */
 SST_MUST_CHECK int sst_rig_bus_read(struct sst_rig_bus *bus, int unit, enum sst_rig_table table, int address, int count,
                                     uint16_t *out);
-SST_MUST_CHECK int sst_rig_bus_write(struct sst_rig_bus *bus, int unit, enum sst_rig_table table, int address, int count,
-                                     const uint16_t *values);
+SST_MUST_CHECK int sst_rig_bus_write(struct sst_rig_bus *bus, int unit, enum sst_rig_table table, int address,
+                                     int count, const uint16_t *values);
 
 /** What the last failed request met, one clause. */
 const char *sst_rig_bus_why(const struct sst_rig_bus *bus);

@@ -47,7 +47,8 @@ static int registers_of(const struct sst_rig_register *reg)
     return reg->type == SST_RIG_U32 || reg->type == SST_RIG_S32 ? 2 : 1;
 }
 
-/* A fault that another attempt may mend. A bad cable brings them all the time: they are counted, and told now and then. */
+/* A fault that another attempt may mend. A bad cable brings them all the time: they are counted, and told now and then.
+ */
 static void tell_fault(struct sst_rig *rig, int a, const char *doing, const char *reg)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -120,8 +121,9 @@ static double value_of(const struct sst_rig_register *reg, const uint16_t words[
 /* @return 0 or -ERANGE */
 static int words_of(const struct sst_rig_register *reg, double value, uint16_t words[2])
 {
-    static const double limits[][2] = { { 0, 65535 }, { -32768, 65535 }, { 0, 4294967295.0 },
-                                        { -2147483648.0, 4294967295.0 }, { 0, 1 } };
+    static const double limits[][2] = {
+        { 0, 65535 }, { -32768, 65535 }, { 0, 4294967295.0 }, { -2147483648.0, 4294967295.0 }, { 0, 1 }
+    };
     uint32_t both;
 
     if (!(value >= limits[reg->type][0] && value <= limits[reg->type][1]))

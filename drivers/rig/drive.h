@@ -23,8 +23,8 @@ struct sst_rig_axis {
 };
 
 struct sst_rig {
-    struct sst_rig_config cfg;       /* fixed after open */
-    struct sst_rig_profile profile;  /* fixed after open */
+    struct sst_rig_config cfg;      /* fixed after open */
+    struct sst_rig_profile profile; /* fixed after open */
     struct sst_rig_bus *bus;
     struct sst_rig_axis axis[SST_RIG_AXES];
     struct sst_rig_counters count; /* of motions; those of the bus are there */
@@ -36,15 +36,16 @@ struct sst_rig {
 /** "axis x (unit 1)" for messages. */
 const char *sst_rig_axis_name(const struct sst_rig *rig, int a, char text[32]);
 
-/** Read flags, then position; retried within the configuration's bounds. @return 0, -ETIMEDOUT, -EIO, -ECANCELED; logged. */
+/** Read flags, then position; retried within the configuration's bounds. @return 0, -ETIMEDOUT, -EIO, -ECANCELED;
+ * logged. */
 SST_MUST_CHECK int sst_rig_drive_status(struct sst_rig *rig, int a);
 
 /** The identity register's value, or -1 where the profile has none. */
 SST_MUST_CHECK int sst_rig_drive_identity(struct sst_rig *rig, int a, long *value);
 
 /**
- * Run a sequence of the profile. A write whose reply did not come is repeated only where read-back, or the flag that would
- * show it, says that it did not arrive.
+ * Run a sequence of the profile. A write whose reply did not come is repeated only where read-back, or the flag that
+ * would show it, says that it did not arrive.
  * @param um  target of a move
  * @return 0, -ETIMEDOUT (a wait step, or the bus), -EIO, -ECANCELED (only before the first write); logged.
  */

@@ -13,8 +13,8 @@
 
 static const char *const table_names[] = { "holding", "input", "coil", "discrete" };
 static const char *const type_names[] = { "u16", "s16", "u32", "s32", "bit" };
-static const char *const flag_names[SST_RIG_FLAGS] = { "moving",    "in_position", "homed",      "alarm",
-                                                       "enabled",   "limit_low",   "limit_high", "acknowledge" };
+static const char *const flag_names[SST_RIG_FLAGS] = { "moving",  "in_position", "homed",      "alarm",
+                                                       "enabled", "limit_low",   "limit_high", "acknowledge" };
 static const char *const sequence_names[SST_RIG_SEQUENCES] = { "enable", "setup", "move", "home", "stop", "reset" };
 static const char *const value_names[] = { "", "target", "speed", "acceleration" };
 
@@ -236,8 +236,10 @@ static void read_all(struct reader *r)
                   (enum sst_rig_flag)i);
     map = sst_yaml_need(r->doc, root, "sequences");
     for (int i = 0; i < SST_RIG_SEQUENCES; i++)
-        read_sequence(r, i > SST_RIG_SEQ_SETUP ? sst_yaml_need(r->doc, map, sequence_names[i])
-                                               : sst_yaml_get(map, sequence_names[i]), (enum sst_rig_sequence)i);
+        read_sequence(r,
+                      i > SST_RIG_SEQ_SETUP ? sst_yaml_need(r->doc, map, sequence_names[i])
+                                            : sst_yaml_get(map, sequence_names[i]),
+                      (enum sst_rig_sequence)i);
     read_alarms(r, sst_yaml_get(root, "alarms"));
 }
 
@@ -274,8 +276,10 @@ static int find_profile(char out[SST_PATH_MAX], const char *name)
     if (try_folder(out, getenv("SST_PROFILES"), name) || try_beside_program(out, "../config/profiles", name) ||
         try_beside_program(out, "../share/sst/profiles", name) || try_folder(out, SST_DATADIR "/profiles", name))
         return 0;
-    sst_log_error("there is no drive profile %s in $SST_PROFILES, ../config/profiles or ../share/sst/profiles beside the "
-                  "program, or " SST_DATADIR "/profiles; name one of them, or the path of a .yaml file", name);
+    sst_log_error(
+        "there is no drive profile %s in $SST_PROFILES, ../config/profiles or ../share/sst/profiles beside the "
+        "program, or " SST_DATADIR "/profiles; name one of them, or the path of a .yaml file",
+        name);
     return -ENOENT;
 }
 

@@ -9,9 +9,9 @@
 SST_EXTERN_C_BEGIN
 
 #define SST_RIG_REGISTERS_MAX 64
-#define SST_RIG_STEPS_MAX 24
-#define SST_RIG_ALARMS_MAX 128
-#define SST_RIG_WORD_MAX 48
+#define SST_RIG_STEPS_MAX     24
+#define SST_RIG_ALARMS_MAX    128
+#define SST_RIG_WORD_MAX      48
 
 enum sst_rig_table {
     SST_RIG_HOLDING = 0,
@@ -44,7 +44,7 @@ enum sst_rig_flag {
     SST_RIG_IN_POSITION = 1,
     SST_RIG_HOMED = 2,
     SST_RIG_ALARM = 3,
-    SST_RIG_ENABLED = 4,    /* optional, as all that follow */
+    SST_RIG_ENABLED = 4, /* optional, as all that follow */
     SST_RIG_LIMIT_LOW = 5,
     SST_RIG_LIMIT_HIGH = 6,
     SST_RIG_ACKNOWLEDGE = 7, /* for wait steps */
@@ -63,7 +63,7 @@ enum sst_rig_sequence {
     SST_RIG_SEQ_MOVE = 2,
     SST_RIG_SEQ_HOME = 3,
     SST_RIG_SEQ_STOP = 4,
-    SST_RIG_SEQ_RESET = 5,  /* alarms */
+    SST_RIG_SEQ_RESET = 5, /* alarms */
     SST_RIG_SEQUENCES = 6,
 };
 
@@ -86,14 +86,14 @@ struct sst_rig_step {
 
 struct sst_rig_profile {
     char path[SST_PATH_MAX], name[128], manual[256];
-    bool tried;      /* on hardware */
-    int gap_ms;      /* between two requests */
+    bool tried; /* on hardware */
+    int gap_ms; /* between two requests */
     int registers;
     struct sst_rig_register reg[SST_RIG_REGISTERS_MAX];
-    int identity;    /* register that tells what drive it is, or -1 */
+    int identity; /* register that tells what drive it is, or -1 */
     long identity_value;
-    int position;    /* register of the true (else the counted) position */
-    int alarm_code;  /* register, or -1 */
+    int position;   /* register of the true (else the counted) position */
+    int alarm_code; /* register, or -1 */
     struct sst_rig_bit bit[SST_RIG_FLAGS];
     int steps[SST_RIG_SEQUENCES];
     struct sst_rig_step step[SST_RIG_SEQUENCES][SST_RIG_STEPS_MAX];
@@ -105,8 +105,8 @@ struct sst_rig_profile {
 };
 
 /**
- * Read a profile: a path (with a slash or .yaml), or a name that is looked for in $SST_PROFILES, beside the program and in
- * the installed share/sst/profiles.
+ * Read a profile: a path (with a slash or .yaml), or a name that is looked for in $SST_PROFILES, beside the program and
+ * in the installed share/sst/profiles.
  * @return 0, -ENOENT (the folders that were searched are named), -EBADMSG, -EACCES, -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_rig_profile_read(struct sst_rig_profile *out, const char *name);

@@ -12,13 +12,18 @@
 #include "base/log.h"
 #include "drivers/rig/drive.h"
 
-#define POLL_MS 5
+#define POLL_MS  5
 #define STALL_NS 1000000000 /* neither arrived nor a step further for this long */
 
 void sst_rig_config_defaults(struct sst_rig_config *cfg)
 {
     *cfg = (struct sst_rig_config){
-        .axes = 2, .response_ms = 300, .retries = 2, .reconnect_ms = 5000, .settle_ms = 200, .tolerance_um = 20,
+        .axes = 2,
+        .response_ms = 300,
+        .retries = 2,
+        .reconnect_ms = 5000,
+        .settle_ms = 200,
+        .tolerance_um = 20,
     };
     for (int a = 0; a < SST_RIG_AXES; a++) {
         cfg->unit[a] = a + 1;
@@ -63,8 +68,9 @@ static int check_axis(struct sst_rig *rig, int a)
     int err = sst_rig_drive_identity(rig, a, &is);
 
     if (!err && rig->profile.identity >= 0 && is != want) {
-        sst_log_error("rig %s: %s identifies itself as 0x%04lX, not as 0x%04lX (%s); name the profile that fits the drive",
-                      rig->cfg.bus, sst_rig_axis_name(rig, a, name), is, want, rig->profile.name);
+        sst_log_error(
+            "rig %s: %s identifies itself as 0x%04lX, not as 0x%04lX (%s); name the profile that fits the drive",
+            rig->cfg.bus, sst_rig_axis_name(rig, a, name), is, want, rig->profile.name);
         return -EPROTO;
     }
     if (!err)
@@ -165,8 +171,10 @@ static int axis_fault(struct sst_rig *rig, int a)
     if (s->flag[SST_RIG_LIMIT_LOW] || s->flag[SST_RIG_LIMIT_HIGH]) {
         rig->count.limits++;
         rig->doubt = true;
-        sst_log_error("rig: %s is at its %s limit switch, read %.3f mm; stopped; check the travel in the configuration and "
-                      "for obstacles", name, s->flag[SST_RIG_LIMIT_LOW] ? "lower" : "upper", s->um / 1000.0);
+        sst_log_error(
+            "rig: %s is at its %s limit switch, read %.3f mm; stopped; check the travel in the configuration and "
+            "for obstacles",
+            name, s->flag[SST_RIG_LIMIT_LOW] ? "lower" : "upper", s->um / 1000.0);
         return -ERANGE;
     }
     if (s->flag[SST_RIG_ALARM]) {
@@ -332,7 +340,7 @@ int sst_rig_move(struct sst_rig *rig, struct sst_rig_pos target)
 
 /* What a wait knows of an axis besides its status. */
 struct watch {
-    int32_t last_um;    /* where it was when it last moved on */
+    int32_t last_um; /* where it was when it last moved on */
     int64_t moved_ns;
     bool lied;
 };
@@ -360,8 +368,8 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t now_n
     sst_rig_axis_name(rig, a, name);
     if (abs(s->um - w->last_um) > still_um(rig, a)) {
         if (says && off_um > rig->cfg.tolerance_um && abs(s->um - w->last_um) > rig->cfg.tolerance_um && !w->lied) {
-            sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is watched instead", name,
-                            s->um / 1000.0);
+            sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is watched instead",
+                            name, s->um / 1000.0);
             rig->count.lies++;
             w->lied = true;
         }
@@ -376,12 +384,14 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t now_n
     rig->doubt = true;
     if (says) {
         rig->count.missed++;
-        sst_log_error("rig: %s reports in-position at %.3f mm but stands %d um from its target %.3f mm (lost steps?); it must "
-                      "be homed", name, s->um / 1000.0, off_um, axis->target_um / 1000.0);
+        sst_log_error(
+            "rig: %s reports in-position at %.3f mm but stands %d um from its target %.3f mm (lost steps?); it must "
+            "be homed",
+            name, s->um / 1000.0, off_um, axis->target_um / 1000.0);
     } else {
         rig->count.stalls++;
-        sst_log_error("rig: %s stalled at %.3f mm on its way to %.3f mm; stopped; look for an obstacle, then home it", name,
-                      s->um / 1000.0, axis->target_um / 1000.0);
+        sst_log_error("rig: %s stalled at %.3f mm on its way to %.3f mm; stopped; look for an obstacle, then home it",
+                      name, s->um / 1000.0, axis->target_um / 1000.0);
     }
     return -EIO;
 }
@@ -411,8 +421,9 @@ static int time_out(struct sst_rig *rig, int timeout_ms)
 
         if (abs(axis->now.um - axis->target_um) <= rig->cfg.tolerance_um && axis->now.flag[SST_RIG_IN_POSITION])
             continue;
-        sst_log_error("rig: %s has not arrived at %.3f mm within %d ms, it is at %.3f mm; stopped; is its speed too low?",
-                      sst_rig_axis_name(rig, a, name), axis->target_um / 1000.0, timeout_ms, axis->now.um / 1000.0);
+        sst_log_error(
+            "rig: %s has not arrived at %.3f mm within %d ms, it is at %.3f mm; stopped; is its speed too low?",
+            sst_rig_axis_name(rig, a, name), axis->target_um / 1000.0, timeout_ms, axis->now.um / 1000.0);
         return stop_for(rig, -ETIMEDOUT);
     }
     sst_log_error("rig: the axes do not come to rest within %d ms; stopped; damp the rig or give a larger tolerance",

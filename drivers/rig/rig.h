@@ -8,7 +8,7 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_RIG_AXES 3
+#define SST_RIG_AXES     3
 #define SST_RIG_TEXT_MAX 256
 
 struct sst_rig; /* opaque; one thread at a time */
@@ -25,35 +25,36 @@ struct sst_rig_config {
     int unit[SST_RIG_AXES];
     int32_t travel_min_um[SST_RIG_AXES], travel_max_um[SST_RIG_AXES];
     double um_per_count[SST_RIG_AXES]; /* spindle and gear; negative: mounted the other way round */
-    int response_ms;  /* time-out of one reply */
-    int retries;      /* of reads, and of a write only where read-back shows that it did not arrive */
-    int reconnect_ms; /* give up a lost bus after this */
-    int settle_ms;    /* stand still after in-position */
+    int response_ms;                   /* time-out of one reply */
+    int retries;                       /* of reads, and of a write only where read-back shows that it did not arrive */
+    int reconnect_ms;                  /* give up a lost bus after this */
+    int settle_ms;                     /* stand still after in-position */
     int32_t tolerance_um;
     double speed_mm_s, accel_mm_s2; /* 0: what the drive is set to */
 };
 
 /** Since open. */
 struct sst_rig_counters {
-    uint64_t requests, timeouts, garbled, exceptions, lost, reconnects; /* of the bus */
-    uint64_t moves, homings, stops, stalls, limits, alarms, missed, lies; /* missed: stood beside the target; lies: said to be
-                                                                           in position while it moved */
+    uint64_t requests, timeouts, garbled, exceptions, lost, reconnects;   /* of the bus */
+    uint64_t moves, homings, stops, stalls, limits, alarms, missed, lies; /* missed: stood beside the target; lies: said
+                                                                           to be in position while it moved */
 };
 
 void sst_rig_config_defaults(struct sst_rig_config *cfg);
 
 /**
  * Connect, read the status of all axes; nothing moves. A rig that was homed before stays homed.
- * @return 0, -EHOSTUNREACH/-ECONNREFUSED/-ENODEV/-EACCES/-EBUSY (bus), -EPROTO (not such a drive), -EIO, -EINVAL, -ENOENT/
- *         -EBADMSG (profile), -ENOSYS (built without libmodbus); logged.
+ * @return 0, -EHOSTUNREACH/-ECONNREFUSED/-ENODEV/-EACCES/-EBUSY (bus), -EPROTO (not such a drive), -EIO, -EINVAL,
+ * -ENOENT/ -EBADMSG (profile), -ENOSYS (built without libmodbus); logged.
  */
 SST_MUST_CHECK int sst_rig_open(struct sst_rig **out, const struct sst_rig_config *cfg);
 
-/** Clear alarms, home all axes (z first, away from the scene) and wait. @return 0, -ETIMEDOUT, -EIO, -ECANCELED (stopped). */
+/** Clear alarms, home all axes (z first, away from the scene) and wait. @return 0, -ETIMEDOUT, -EIO, -ECANCELED
+ * (stopped). */
 SST_MUST_CHECK int sst_rig_home(struct sst_rig *rig, int timeout_ms);
 
-/** Do the axes know where they are, by what was last read? Not after an alarm, a limit switch, a stall or a target that was
- *  missed: from then on only homing helps. */
+/** Do the axes know where they are, by what was last read? Not after an alarm, a limit switch, a stall or a target that
+ * was missed: from then on only homing helps. */
 bool sst_rig_homed(const struct sst_rig *rig);
 
 /**

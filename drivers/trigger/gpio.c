@@ -84,7 +84,8 @@ int sst_gpio_list(struct sst_gpio_listed **out)
     return n;
 }
 
-/* @return the offset of a line name, or of digits where no line has that name; -ENODEV or what reading a line returns */
+/* @return the offset of a line name, or of digits where no line has that name; -ENODEV or what reading a line returns
+ */
 static int offset_of(struct sst_gpio_chip *chip, const char *name)
 {
     const int lines = sst_gpio_chip_lines(chip);
@@ -160,8 +161,9 @@ void sst_gpio_access_remedy(const char *path, char *text, size_t size)
         snprintf(text, size, "it belongs to group %s: add the user to it (adduser USER %s) and log in again",
                  group->gr_name, group->gr_name);
     else
-        snprintf(text, size, "only root may open it: install systemd/60-sst.rules, which gives GPIO chips to group gpio, "
-                             "and add the user to that group");
+        snprintf(text, size,
+                 "only root may open it: install systemd/60-sst.rules, which gives GPIO chips to group gpio, "
+                 "and add the user to that group");
 }
 
 /* Why no chip is it. */
@@ -178,8 +180,9 @@ static int explain(const struct sst_gpio_listed *list, int n, const struct sst_g
         return -EACCES;
     }
     if (!n) {
-        snprintf(why, size, "this machine has no GPIO chip (/dev/gpiochip*): connect it or load its driver, or set "
-                            "trigger source software or free-run");
+        snprintf(why, size,
+                 "this machine has no GPIO chip (/dev/gpiochip*): connect it or load its driver, or set "
+                 "trigger source software or free-run");
         return -ENODEV;
     }
     if (wanted->chip[0])
@@ -229,17 +232,19 @@ int sst_gpio_find(struct sst_gpio_chip **out, struct sst_gpio_request *request, 
     int first = -1, err = 0, n = sst_gpio_list(&list);
 
     if (n < 0) {
-        snprintf(why, size, n == -ENOSYS ? "this build has no libgpiod: build with libgpiod-dev, or set trigger source "
-                                           "software or free-run"
-                                         : "out of memory");
+        snprintf(why, size,
+                 n == -ENOSYS ? "this build has no libgpiod: build with libgpiod-dev, or set trigger source "
+                                "software or free-run"
+                              : "out of memory");
         return n;
     }
     for (int i = 0; i < n && !err; i++) {
         const int r = consider(&list[i], &chip, found ? &other : request, wanted, why, size);
 
         if (r == 1 && found) {
-            snprintf(why, size, "both %s and %s have what is configured: give the label of one as trigger chip, or "
-                                "take the other away",
+            snprintf(why, size,
+                     "both %s and %s have what is configured: give the label of one as trigger chip, or "
+                     "take the other away",
                      list[first].path, list[i].path);
             sst_gpio_chip_close(chip);
             err = -ENOTUNIQ;
@@ -270,8 +275,9 @@ static int name_holder(struct sst_gpio_chip *chip, const struct sst_gpio_request
 
         if (offset < 0 || sst_gpio_chip_line(chip, (unsigned)offset, &line) || !line.used)
             continue;
-        snprintf(why, size, "line %s (offset %d) of chip \"%s\" is in use by \"%s\": end that program, or choose another "
-                            "line",
+        snprintf(why, size,
+                 "line %s (offset %d) of chip \"%s\" is in use by \"%s\": end that program, or choose another "
+                 "line",
                  line.name[0] ? line.name : "without a name", offset, sst_gpio_chip_label(chip),
                  line.consumer[0] ? line.consumer : "the kernel");
         return -EBUSY;

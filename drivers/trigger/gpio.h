@@ -1,4 +1,5 @@
-/* drivers/trigger/gpio.h - what the trigger needs of a GPIO chip; one back end per libgpiod API speaks to the kernel. */
+/* drivers/trigger/gpio.h - what the trigger needs of a GPIO chip; one back end per libgpiod API speaks to the kernel.
+ */
 #ifndef SST_DRIVERS_TRIGGER_GPIO_H
 #define SST_DRIVERS_TRIGGER_GPIO_H
 
@@ -9,7 +10,7 @@
 SST_EXTERN_C_BEGIN
 
 #define SST_GPIO_LINES_MAX 64
-#define SST_GPIO_NAME_MAX 64
+#define SST_GPIO_NAME_MAX  64
 
 struct sst_gpio_chip; /* opaque; one thread at a time */
 
@@ -23,7 +24,7 @@ struct sst_gpio_line {
 struct sst_gpio_request {
     int outputs;
     unsigned output[SST_GPIO_LINES_MAX];
-    int loopback; /* offset of an input whose rising (inactive to active) edges are stamped; -1: none */
+    int loopback;    /* offset of an input whose rising (inactive to active) edges are stamped; -1: none */
     bool active_low; /* of all of them */
 };
 
@@ -32,7 +33,8 @@ struct sst_gpio_edge {
     uint32_t sequence; /* of the line's edges since the request, counted by the kernel from 1; 0: this API has none */
 };
 
-/* --- back end: gpio_v1.c, gpio_v2.c or, without libgpiod, gpio_none.c. Nothing is logged here. ---------------------- */
+/* --- back end: gpio_v1.c, gpio_v2.c or, without libgpiod, gpio_none.c. Nothing is logged here. ----------------------
+ */
 
 /** Open by path. @return 0, -ENOENT, -EACCES, -ENOTTY (no GPIO chip), -ENOMEM, -ENOSYS (built without libgpiod). */
 SST_MUST_CHECK int sst_gpio_chip_open(struct sst_gpio_chip **out, const char *path);
@@ -53,7 +55,8 @@ SST_MUST_CHECK int sst_gpio_chip_edge(struct sst_gpio_chip *chip, int64_t timeou
 /** NULL is fine. Lines are released; what level they keep is the hardware's choice. */
 void sst_gpio_chip_close(struct sst_gpio_chip *chip);
 
-/* --- gpio.c: finding and judging chips ------------------------------------------------------------------------------ */
+/* --- gpio.c: finding and judging chips ------------------------------------------------------------------------------
+ */
 
 struct sst_gpio_wanted {
     const char *chip; /* label; "": the chip that has all the lines */

@@ -1,4 +1,5 @@
-/* drivers/trigger/pulse.h - the timing of a pulse train, without I/O: beats, steps of a pulse, clocks of edge stamps. */
+/* drivers/trigger/pulse.h - the timing of a pulse train, without I/O: beats, steps of a pulse, clocks of edge stamps.
+ */
 #ifndef SST_DRIVERS_TRIGGER_PULSE_H
 #define SST_DRIVERS_TRIGGER_PULSE_H
 

@@ -14,13 +14,13 @@
 #include "drivers/trigger/gpio.h"
 #include "drivers/trigger/pulse.h"
 
-#define PRIORITY 50
-#define FINE_NS 2000000          /* the last piece before a step is slept by the clock alone, the rest can be interrupted */
+#define PRIORITY       50
+#define FINE_NS        2000000 /* the last piece before a step is slept by the clock alone, the rest can be interrupted */
 #define EDGE_MARGIN_NS 300000    /* waiting for the loop-back edge ends this long before the next step */
-#define EDGE_WAIT_NS 20000000    /* an edge that has not shown up by then, or half a period, is missing */
-#define EDGE_EARLY_NS 100000     /* error of stamps that come from another clock */
-#define RETRY_MIN_NS 100000000   /* a chip that vanished is looked for with back-off ... */
-#define RETRY_MAX_NS 5000000000
+#define EDGE_WAIT_NS   20000000  /* an edge that has not shown up by then, or half a period, is missing */
+#define EDGE_EARLY_NS  100000    /* error of stamps that come from another clock */
+#define RETRY_MIN_NS   100000000 /* a chip that vanished is looked for with back-off ... */
+#define RETRY_MAX_NS   5000000000
 
 struct sst_trigger {
     /* fixed after open */
@@ -56,7 +56,8 @@ void sst_trigger_config_defaults(struct sst_trigger_config *cfg)
     cfg->pulse_us = 1000;
 }
 
-/* --- sleeping ------------------------------------------------------------------------------------------------------- */
+/* --- sleeping -------------------------------------------------------------------------------------------------------
+ */
 
 static struct timespec timespec_of(int64_t t_ns)
 {
@@ -86,7 +87,8 @@ static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
     return !t->stop && !t->quit;
 }
 
-/* --- one pulse ------------------------------------------------------------------------------------------------------ */
+/* --- one pulse ------------------------------------------------------------------------------------------------------
+ */
 
 /* Look for the loop-back edge of this pulse until t_ns. @return 1, 0, or the error of the chip */
 static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t t_ns)
@@ -118,9 +120,10 @@ static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, i
 static void count_edge(struct sst_trigger *t, bool missing)
 {
     if (missing && !t->edge_missing)
-        sst_log_warning("trigger: loop-back line %s shows no edge of beat %llu: check its wire, or leave `loopback` out; "
-                        "the sets' times are those of the program until then",
-                        t->cfg.loopback, (unsigned long long)t->index);
+        sst_log_warning(
+            "trigger: loop-back line %s shows no edge of beat %llu: check its wire, or leave `loopback` out; "
+            "the sets' times are those of the program until then",
+            t->cfg.loopback, (unsigned long long)t->index);
     if (!missing && t->edge_missing)
         sst_log_info("trigger: loop-back line %s shows edges again", t->cfg.loopback);
     t->edge_missing = missing;
@@ -201,7 +204,8 @@ static int beat(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
     return err;
 }
 
-/* --- the thread ----------------------------------------------------------------------------------------------------- */
+/* --- the thread -----------------------------------------------------------------------------------------------------
+ */
 
 static struct sst_gpio_wanted wanted_lines(const struct sst_trigger_config *cfg)
 {
@@ -336,7 +340,8 @@ static int start_thread(struct sst_trigger *t)
     return 0;
 }
 
-/* --- calls ---------------------------------------------------------------------------------------------------------- */
+/* --- calls ----------------------------------------------------------------------------------------------------------
+ */
 
 /* @return 0 or -EINVAL with the reason */
 static int check_config(const struct sst_trigger_config *cfg, char *why, size_t size)

@@ -9,7 +9,7 @@
 SST_EXTERN_C_BEGIN
 
 #define SST_TRIGGER_LINES_MAX 64
-#define SST_TRIGGER_NAME_MAX 64
+#define SST_TRIGGER_NAME_MAX  64
 
 struct sst_trigger; /* opaque; calls from one thread, edges come from the trigger's own */
 
@@ -24,11 +24,11 @@ struct sst_trigger_config {
     char chip[SST_TRIGGER_NAME_MAX]; /* label, e.g. "sst-trigger"; "" if the line names alone are unique */
     int lines;
     char line[SST_TRIGGER_LINES_MAX][SST_TRIGGER_NAME_MAX]; /* line name, or an offset in digits (needs chip) */
-    int delay_us[SST_TRIGGER_LINES_MAX];    /* of the line's pulse after the train's beat; lines of equal delay change in
-                                               one ioctl */
-    char loopback[SST_TRIGGER_NAME_MAX];    /* input line wired to an output: its kernel time stamps are the edges; "" */
+    int delay_us[SST_TRIGGER_LINES_MAX]; /* of the line's pulse after the train's beat; lines of equal delay change in
+                                            one ioctl */
+    char loopback[SST_TRIGGER_NAME_MAX]; /* input line wired to an output: its kernel time stamps are the edges; "" */
     bool active_low;
-    int pulse_us;                           /* width, 10..1000000 */
+    int pulse_us; /* width, 10..1000000 */
 };
 
 /** One beat of the train. Times are ns on CLOCK_MONOTONIC. */
@@ -64,8 +64,8 @@ SST_MUST_CHECK int sst_trigger_fire(struct sst_trigger *trigger);
 /**
  * Start a train of `count` pulses (0: until stopped) at rate_hz, 0.01..1000. The beat is absolute: no drift.
  *
- * A chip that fails or vanishes ends the train (logged; sst_trigger_stop() returns the error). The trigger's thread then
- * looks for it with back-off up to 5 s, and once it is back (logged) a train can be started again.
+ * A chip that fails or vanishes ends the train (logged; sst_trigger_stop() returns the error). The trigger's thread
+ * then looks for it with back-off up to 5 s, and once it is back (logged) a train can be started again.
  * @return 0, -EBUSY (a train runs), -ENODEV (chip is away, not logged again), -EINVAL (rate, or no room for the pulse)
  */
 SST_MUST_CHECK int sst_trigger_start(struct sst_trigger *trigger, double rate_hz, uint64_t count);

@@ -7,10 +7,10 @@
 
 #include "base/log.h"
 
-#define PATH_MAX_SEGMENTS 16  /* links from a device to its root port, and its TT */
-#define PAYLOAD_HEADER 12     /* UVC payload header in each packet */
-#define PER_S_US 1000000
-#define BLOCK_MBIT (480.0 / 1607)
+#define PATH_MAX_SEGMENTS 16 /* links from a device to its root port, and its TT */
+#define PAYLOAD_HEADER    12 /* UVC payload header in each packet */
+#define PER_S_US          1000000
+#define BLOCK_MBIT        (480.0 / 1607)
 
 enum kind {
     HIGH_SPEED = 0,      /* bus of a controller */
@@ -38,7 +38,8 @@ struct route {
     int n;
 };
 
-/* --- costs, in Mbit/s of the wire with overheads -------------------------------------------------------------------- */
+/* --- costs, in Mbit/s of the wire with overheads --------------------------------------------------------------------
+ */
 
 /* USB 2.0, 5.11.3, as Linux has it: bits stuffed to 7/6 of the data. */
 static int64_t stuffed_bits(int bytes)
@@ -86,7 +87,8 @@ static double cost(const struct place *p, const struct sst_usb_alt *alt)
         return high_speed_mbit(alt->packet_bytes, alt->interval_us);
     case HIGH_SPEED_PORT:
         return port_mbit(alt->packet_bytes, alt->interval_us);
-    case FULL_SPEED: case TRANSLATOR:
+    case FULL_SPEED:
+    case TRANSLATOR:
         return full_speed_mbit(alt->packet_bytes, alt->interval_us);
     case SUPER_SPEED:
         break;
@@ -113,7 +115,8 @@ static double limit(const struct place *p)
     return 0.9 * p->link_mbit * (p->link_mbit > 5000 ? 128.0 / 132 : 0.8);
 }
 
-/* --- routes --------------------------------------------------------------------------------------------------------- */
+/* --- routes ---------------------------------------------------------------------------------------------------------
+ */
 
 static int port_number(const struct sst_usb_device *d)
 {
@@ -158,7 +161,8 @@ static struct route find_route(const struct sst_usb_device *devices, int device)
     return r;
 }
 
-/* --- segments ------------------------------------------------------------------------------------------------------- */
+/* --- segments -------------------------------------------------------------------------------------------------------
+ */
 
 static void name_segment(struct sst_usb_segment *s, const struct place *p, const struct sst_usb_device *hub)
 {
@@ -199,10 +203,11 @@ static struct segment *at_place(struct segment *segments, int *n, const struct p
     return s;
 }
 
-/* --- choosing a setting --------------------------------------------------------------------------------------------- */
+/* --- choosing a setting ---------------------------------------------------------------------------------------------
+ */
 
-/* As uvcvideo chooses: the smallest packet that carries what the camera says it needs at most. A camera of which nothing
- * better is known asks for its largest. */
+/* As uvcvideo chooses: the smallest packet that carries what the camera says it needs at most. A camera of which
+ * nothing better is known asks for its largest. */
 static const struct sst_usb_alt *choose(const struct sst_usb_device *d, int64_t needed_bytes_s)
 {
     const struct sst_usb_alt *best = NULL, *largest = NULL;
@@ -238,7 +243,8 @@ static bool streams_in_bulk(const struct sst_usb_device *d)
     return d->alts > 0;
 }
 
-/* --- the plan ------------------------------------------------------------------------------------------------------- */
+/* --- the plan -------------------------------------------------------------------------------------------------------
+ */
 
 /* What the stream adds at a place. */
 static double added(const struct route *r, struct segment *const *segment, int i, const struct sst_usb_alt *alt)
@@ -326,10 +332,10 @@ int64_t sst_usb_format_bytes_s(uint32_t fourcc, int width, int height, double ra
         char name[5];
         int bits;
     } raw[] = {
-        { "YUYV", 16 }, { "YVYU", 16 }, { "UYVY", 16 }, { "VYUY", 16 }, { "Y16 ", 16 }, { "Y10 ", 16 }, { "Y12 ", 16 },
-        { "GREY", 8 },  { "BA81", 8 },  { "GBRG", 8 },  { "GRBG", 8 },  { "RGGB", 8 },  { "NV12", 12 }, { "NV21", 12 },
-        { "YU12", 12 }, { "YV12", 12 }, { "RGBP", 16 }, { "RGB3", 24 }, { "BGR3", 24 }, { "BG16", 16 }, { "RG16", 16 },
-        { "GB16", 16 }, { "BYR2", 16 },
+        { "YUYV", 16 }, { "YVYU", 16 }, { "UYVY", 16 }, { "VYUY", 16 }, { "Y16 ", 16 }, { "Y10 ", 16 },
+        { "Y12 ", 16 }, { "GREY", 8 },  { "BA81", 8 },  { "GBRG", 8 },  { "GRBG", 8 },  { "RGGB", 8 },
+        { "NV12", 12 }, { "NV21", 12 }, { "YU12", 12 }, { "YV12", 12 }, { "RGBP", 16 }, { "RGB3", 24 },
+        { "BGR3", 24 }, { "BG16", 16 }, { "RG16", 16 }, { "GB16", 16 }, { "BYR2", 16 },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(raw); i++) {

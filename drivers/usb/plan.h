@@ -4,9 +4,9 @@
  * A camera that streams reserves its alternate setting's packet in every (micro)frame, used or not. What wires carry:
  * - High speed: the time of all packets of a microframe, worst-case bit stuffing included, is at most 80 %, 100 of
  *   125 us; as Linux adds it up for EHCI, where a controller has one high-speed bus. xHCI controllers add it up
- *   themselves. Those of Intel give each root port a bus of its own and reckon in blocks of 4 bytes (26 more a packet, at
- *   most 80 % of 1607); Linux knows these sums because it must do them for an early one. Of others it is unknown, and one
- *   bus for the whole controller is assumed, as the least that there must be: they may take more than planned.
+ *   themselves. Those of Intel give each root port a bus of its own and reckon in blocks of 4 bytes (26 more a packet,
+ * at most 80 % of 1607); Linux knows these sums because it must do them for an early one. Of others it is unknown, and
+ * one bus for the whole controller is assumed, as the least that there must be: they may take more than planned.
  * - Full speed: 900 of 1000 us of a frame in a transaction translator of the nearest high-speed hub (one for all its
  *   ports, or one each), which takes time of the high-speed bus too.
  * - SuperSpeed: 90 % of a link of 5, 10 or 20 Gbit/s less its line coding, on each link up to the root port.
@@ -20,17 +20,18 @@
 SST_EXTERN_C_BEGIN
 
 struct sst_usb_stream {
-    int device;             /* index in the list of sst_usb_list() */
-    int64_t needed_bytes_s; /* what the format and rate take at most; 0: unknown, as many MJPEG cameras say: worst case */
-    int alt;                /* out: the setting that uvcvideo picks, or -1: none is large enough, or none is known */
-    double reserved_mbit;   /* out: what it asks of its segment, overheads included; nothing if it streams in bulk */
-    int segment;            /* out: index of the segment that it loads most */
-    bool fits;              /* out */
+    int device; /* index in the list of sst_usb_list() */
+    int64_t
+        needed_bytes_s;   /* what the format and rate take at most; 0: unknown, as many MJPEG cameras say: worst case */
+    int alt;              /* out: the setting that uvcvideo picks, or -1: none is large enough, or none is known */
+    double reserved_mbit; /* out: what it asks of its segment, overheads included; nothing if it streams in bulk */
+    int segment;          /* out: index of the segment that it loads most */
+    bool fits;            /* out */
 };
 
 /** A piece of wire that streams share: a high-speed bus or transaction translator, or a SuperSpeed link. */
 struct sst_usb_segment {
-    char name[SST_USB_TEXT_MAX]; /* "high-speed bus of controller 0000:00:14.0", "hub 1-2 (TT)" */
+    char name[SST_USB_TEXT_MAX];      /* "high-speed bus of controller 0000:00:14.0", "hub 1-2 (TT)" */
     double limit_mbit, reserved_mbit; /* reserved: by the streams that fit */
     int streams, refused;             /* STREAMON of the refused ones fails with ENOSPC */
 };

@@ -12,7 +12,7 @@
 #include "drivers/usb/hub.h"
 #include "drivers/usb/sysfs.h"
 
-#define DEVICES "/sys/bus/usb/devices"
+#define DEVICES     "/sys/bus/usb/devices"
 #define DEADLINE_MS 10000
 
 struct write_job {
@@ -49,11 +49,13 @@ static int write_attribute(const char *folder, const char *attribute, char digit
 static const char *remedy(int err)
 {
     switch (-err) {
-    case EACCES: case EPERM:
+    case EACCES:
+    case EPERM:
         return "; run as root or install systemd/60-sst.rules";
     case ETIMEDOUT:
         return "; the device or its hub hangs: unplug it";
-    case ENODEV: case ENOENT:
+    case ENODEV:
+    case ENOENT:
         return "; nothing is plugged in there";
     case ENOSYS:
         return "; build with libusb-1.0-0-dev";
@@ -94,8 +96,7 @@ int sst_usb_reset(const char *port)
     if (!err) {
         job = (struct port_job){ .bus = sst_sysfs_int(folder, "busnum", 10, -1),
                                  .address = sst_sysfs_int(folder, "devnum", 10, -1) };
-        err = job.bus < 0 || job.address < 0 ? -ENODEV
-                                             : sst_deadline_call(reset_job, &job, sizeof(job), DEADLINE_MS);
+        err = job.bus < 0 || job.address < 0 ? -ENODEV : sst_deadline_call(reset_job, &job, sizeof(job), DEADLINE_MS);
     }
     return err ? failed("reset", port, err) : 0;
 }
@@ -112,7 +113,8 @@ int sst_usb_reauthorise(const char *port)
     return err ? failed("re-authorising the device", port, err) : 0;
 }
 
-/* --- port power ----------------------------------------------------------------------------------------------------- */
+/* --- port power -----------------------------------------------------------------------------------------------------
+ */
 
 /* One port of one hub. */
 struct power_port {
@@ -198,9 +200,11 @@ static int check_switching(const struct power_port *p)
     if (err)
         return err;
     switch (sst_hub_switching(job.bus, job.address)) {
-    case SST_USB_POWER_ALWAYS: case SST_USB_POWER_GANGED:
+    case SST_USB_POWER_ALWAYS:
+    case SST_USB_POWER_GANGED:
         return -ENOTSUP;
-    case SST_USB_POWER_UNKNOWN: case SST_USB_POWER_PORTS:
+    case SST_USB_POWER_UNKNOWN:
+    case SST_USB_POWER_PORTS:
         break;
     }
     return 0;

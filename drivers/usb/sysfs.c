@@ -12,7 +12,7 @@
 #include "base/log.h"
 
 #define DESCRIPTORS_MAX 65536
-#define VENDOR_INTEL 0x8086
+#define VENDOR_INTEL    0x8086
 
 /* @return bytes read, up to size, or -errno */
 static int read_bytes(void *data, size_t size, const char *folder, const char *attribute)
@@ -63,7 +63,8 @@ int sst_sysfs_int(const char *folder, const char *attribute, int base, int missi
     return end == text ? missing : (int)v;
 }
 
-/* --- port names ----------------------------------------------------------------------------------------------------- */
+/* --- port names -----------------------------------------------------------------------------------------------------
+ */
 
 /* The numbers of a port path, "1-2.13" or "usb1": bus first, the root hub's own being just that. */
 static int numbers(int out[16], const char *port)
@@ -111,9 +112,11 @@ int sst_usb_split_port(const char *port, char hub[SST_USB_TEXT_MAX], int *number
     return 0;
 }
 
-/* --- devices -------------------------------------------------------------------------------------------------------- */
+/* --- devices --------------------------------------------------------------------------------------------------------
+ */
 
-/* A root hub's entry is a link, ".../0000:00:14.0/usb1": what holds it is the controller, with a PCI device's vendor. */
+/* A root hub's entry is a link, ".../0000:00:14.0/usb1": what holds it is the controller, with a PCI device's vendor.
+ */
 static void read_controller(struct sst_usb_device *d, const char *devices, const char *folder)
 {
     char link[SST_PATH_MAX], real[SST_PATH_MAX], *slash;

@@ -21,9 +21,9 @@ struct sst_usb_alt {
 };
 
 struct sst_usb_device {
-    char port[SST_USB_TEXT_MAX]; /* "1-2.3" as in sysfs; "usb1" for a root hub */
+    char port[SST_USB_TEXT_MAX];       /* "1-2.3" as in sysfs; "usb1" for a root hub */
     char controller[SST_USB_TEXT_MAX]; /* PCI address or platform name of the host controller */
-    bool port_buses; /* Intel's xHCI: each root port has a high-speed bus of its own (see plan.h) */
+    bool port_buses;                   /* Intel's xHCI: each root port has a high-speed bus of its own (see plan.h) */
     int bus, address, parent;          /* parent: index in the list, -1 for a root hub */
     int speed_mbit;                    /* 1.5 is told as 1; 12, 480, 5000, 10000, 20000 */
     bool hub;
@@ -53,15 +53,16 @@ enum sst_usb_switching sst_usb_hub_switching(const struct sst_usb_device *hub);
 
 /*
  * Resets. `port` as in sysfs. Each has a deadline of 10 s plus its own waits, and logs one sentence when it fails.
- * @return 0, -ENODEV (nothing on that port), -EACCES, -EIO, -ETIMEDOUT, -ENOSYS (built without libusb), -EINVAL (no port).
- * Thread: any; they block, up to their deadline.
+ * @return 0, -ENODEV (nothing on that port), -EACCES, -EIO, -ETIMEDOUT, -ENOSYS (built without libusb), -EINVAL (no
+ * port). Thread: any; they block, up to their deadline.
  */
 
 /** Reset the port's device, as a re-plug; its nodes may be renumbered. */
 SST_MUST_CHECK int sst_usb_reset(const char *port);
 /** Write sysfs `authorized` 0, then 1. */
 SST_MUST_CHECK int sst_usb_reauthorise(const char *port);
-/** Switch the hub port (and that of the hub's twin of the other speed) off, wait, on. A device that is away is no error.
+/** Switch the hub port (and that of the hub's twin of the other speed) off, wait, on. A device that is away is no
+ * error.
  *  @return also -ENOTSUP: the hub cannot switch ports by itself. */
 SST_MUST_CHECK int sst_usb_power_cycle(const char *port, int off_ms);
 

@@ -3,7 +3,7 @@
 
 #include "pipeline/disparity/stage.h"
 
-#define AGREE_Q6 64 /* |d - D_n| <= 1 px */
+#define AGREE_Q6   64 /* |d - D_n| <= 1 px */
 #define DIRECTIONS 16
 
 /* floor(v + 0.5) for |v| < 65536: a conversion instead of a library call. */
@@ -35,8 +35,8 @@ static bool agrees_with_any(const struct sst_checked_view *views, int count, int
 }
 
 /*
- * Mark every pixel p for which |d - D_n(p - d b_n)| <= 1 holds for some whole-pixel d: seen from the neighbour, its pixel q
- * with disparity D serves p = q + d b_n for the d within 1 of D.
+ * Mark every pixel p for which |d - D_n(p - d b_n)| <= 1 holds for some whole-pixel d: seen from the neighbour, its
+ * pixel q with disparity D serves p = q + d b_n for the d within 1 of D.
  */
 static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *n, double disp_min_px, int steps)
 {
@@ -99,7 +99,8 @@ static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, d
 }
 
 /* Give every pixel that is still NONE in disp the projected value, and say how it came by it. */
-static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status, const struct sst_map_u16 *projected)
+static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
+                           const struct sst_map_u16 *projected)
 {
     for (int y = 0; y < disp->height; y++) {
         const uint16_t *p = sst_map_u16_row(projected, y);
@@ -117,9 +118,9 @@ static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *st
 static uint16_t median_around(const struct sst_map_u16 *disp, const struct sst_map_u8 *status, int x, int y)
 {
     /* 16 directions at about 22.5 degrees, in half pixels. */
-    static const int8_t step[DIRECTIONS][2] = { { 2, 0 },   { 2, 1 },   { 2, 2 },   { 1, 2 },  { 0, 2 },  { -1, 2 },
-                                                { -2, 2 },  { -2, 1 },  { -2, 0 },  { -2, -1 }, { -2, -2 }, { -1, -2 },
-                                                { 0, -2 },  { 1, -2 },  { 2, -2 },  { 2, -1 } };
+    static const int8_t step[DIRECTIONS][2] = { { 2, 0 },  { 2, 1 },  { 2, 2 },  { 1, 2 },   { 0, 2 },   { -1, 2 },
+                                                { -2, 2 }, { -2, 1 }, { -2, 0 }, { -2, -1 }, { -2, -2 }, { -1, -2 },
+                                                { 0, -2 }, { 1, -2 }, { 2, -2 }, { 2, -1 } };
     uint16_t v[DIRECTIONS];
     int n = 0;
 

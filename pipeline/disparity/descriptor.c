@@ -32,7 +32,8 @@ static void phase_row(uint8_t *out, const struct sst_map_u8 *luma, int y, int px
     uint8_t *o = out + CENSUS_MARGIN;
 
     for (int x = 0; x + 1 < w; x++)
-        o[x] = (uint8_t)(((4 - py) * ((4 - px) * a[x] + px * a[x + 1]) + py * ((4 - px) * b[x] + px * b[x + 1]) + 8) >> 4);
+        o[x] =
+            (uint8_t)(((4 - py) * ((4 - px) * a[x] + px * a[x + 1]) + py * ((4 - px) * b[x] + px * b[x + 1]) + 8) >> 4);
     o[w - 1] = (uint8_t)(((4 - py) * a[w - 1] + py * b[w - 1] + 2) >> 2);
     memset(out, o[0], CENSUS_MARGIN);
     memset(o + w, o[w - 1], CENSUS_MARGIN);

@@ -22,7 +22,7 @@
 struct run {
     struct sst_lightfield *lf;
     const struct sst_disparity_config *cfg;
-    struct sst_network **nets;     /* [workers]; NULL without features */
+    struct sst_network **nets; /* [workers]; NULL without features */
     bool fill;
     int scale, width, height;      /* of the images that are matched */
     int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
@@ -47,8 +47,9 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
                       cfg->disp_min_px, cfg->disp_max_px, SST_DISPARITY_MAX_STEPS - 1);
         return -EINVAL;
     }
-    if ((cfg->paths != 4 && cfg->paths != 8) || cfg->p1 < 1 || cfg->p2 < cfg->p1 || cfg->p2 > SST_DISPARITY_MAX_PENALTY ||
-        cfg->support_arm < 0 || cfg->support_arm > SST_SUPPORT_MAX_ARM || (cfg->scale != 1 && cfg->scale != 2)) {
+    if ((cfg->paths != 4 && cfg->paths != 8) || cfg->p1 < 1 || cfg->p2 < cfg->p1 ||
+        cfg->p2 > SST_DISPARITY_MAX_PENALTY || cfg->support_arm < 0 || cfg->support_arm > SST_SUPPORT_MAX_ARM ||
+        (cfg->scale != 1 && cfg->scale != 2)) {
         sst_log_error("matching parameters are outside their ranges: paths 4 or 8, 0 < P1 <= P2 <= %d, arm 0..%d",
                       SST_DISPARITY_MAX_PENALTY, SST_SUPPORT_MAX_ARM);
         return -EINVAL;
@@ -94,8 +95,8 @@ static int view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
 }
 
 /* (dr, dc): left, right, up, down; the diagonals; two steps left, right, up, down. */
-static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 },  { -1, 0 }, { 1, 0 },  { -1, -1 }, { -1, 1 },
-                                                  { 1, -1 }, { 1, 1 },  { 0, -2 }, { 0, 2 },  { -2, 0 },  { 2, 0 } };
+static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 }, { -1, -1 }, { -1, 1 },
+                                                  { 1, -1 }, { 1, 1 }, { 0, -2 }, { 0, 2 }, { -2, 0 },  { 2, 0 } };
 
 /* Match one view against the neighbours of the sides in first..last into disp and confidence. */
 static int match_sides(struct run *run, struct sst_volume *v, int view, int first, int last,
@@ -190,9 +191,9 @@ static int checked_views(const struct run *run, int view, struct sst_checked_vie
         const int n = view_at(lf, view, sides[s][0], sides[s][1]);
 
         if (n >= 0)
-            out[count++] = (struct sst_checked_view){ &run->disp[n], &run->status[n],
-                                                      lf->views[n].bx - lf->views[view].bx,
-                                                      lf->views[n].by - lf->views[view].by };
+            out[count++] =
+                (struct sst_checked_view){ &run->disp[n], &run->status[n], lf->views[n].bx - lf->views[view].bx,
+                                           lf->views[n].by - lf->views[view].by };
         if (s == 7)
             *near = count;
     }

@@ -1,8 +1,8 @@
 /* Features of the learned matching cost: the network's result for each pixel, in the order that the kernels read.
  *
- * The network is run over bands of rows. What it holds between its layers is 64 floats a pixel, twice: 384 MB for a view
- * of 1000 x 750, of which the system would have to find and clear every page. A band costs the time of the rows around it
- * that are computed twice. */
+ * The network is run over bands of rows. What it holds between its layers is 64 floats a pixel, twice: 384 MB for a
+ * view of 1000 x 750, of which the system would have to find and clear every page. A band costs the time of the rows
+ * around it that are computed twice. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -85,8 +85,8 @@ static void normalise(float *out, const struct sst_map_u8 *luma, const struct mo
     }
 }
 
-/* Bytes between groups of channels: every 64 pixels begun, and an odd number of cache lines, so that the groups of a pixel
- * lie in different sets of the cache. */
+/* Bytes between groups of channels: every 64 pixels begun, and an odd number of cache lines, so that the groups of a
+ * pixel lie in different sets of the cache. */
 static size_t feature_stride(int width)
 {
     const size_t stride = 4 * (((size_t)width + 63) / 64 * 64);
@@ -130,13 +130,15 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
 
     if (sst_network_in_channels(net) != 1) {
         sst_log_error("%s is no matching network: it takes %d channels, not the luma alone; give --mccnn-model "
-                      "another one", name, sst_network_in_channels(net));
+                      "another one",
+                      name, sst_network_in_channels(net));
         return -EBADMSG;
     }
     err = find_radius(net, &radius);
     if (err) {
         sst_log_error("%s is no matching network: its metadata " RADIUS_KEY " is not a number from 0 to %d; "
-                      "give --mccnn-model another one", name, MAX_RADIUS);
+                      "give --mccnn-model another one",
+                      name, MAX_RADIUS);
         return err;
     }
     height = sst_feature_bands(height, radius).height;
@@ -144,8 +146,8 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
     if (err || (channels == SST_FEATURE_CHANNELS && out_w == width && out_h == height))
         return err;
     sst_log_error("%s is no matching network: it makes %d channels of %dx%d from a view of %dx%d, not %d of the same "
-                  "size; give --mccnn-model another one", name, channels, out_w, out_h, width, height,
-                  SST_FEATURE_CHANNELS);
+                  "size; give --mccnn-model another one",
+                  name, channels, out_w, out_h, width, height, SST_FEATURE_CHANNELS);
     return -EBADMSG;
 }
 

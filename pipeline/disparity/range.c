@@ -5,9 +5,9 @@
 #include "base/log.h"
 #include "pipeline/disparity/stage.h"
 
-#define REDUCED_SIDE 320     /* longer sides are halved until they are at most about this */
-#define CONFIDENT 100        /* of 255: a clear second minimum; filled pixels have 0 */
-#define CUT 0.005            /* share of the confident pixels left out at each end */
+#define REDUCED_SIDE 320   /* longer sides are halved until they are at most about this */
+#define CONFIDENT    100   /* of 255: a clear second minimum; filled pixels have 0 */
+#define CUT          0.005 /* share of the confident pixels left out at each end */
 
 static int reduce(struct sst_image *out, const struct sst_image *in, int *factor)
 {
@@ -104,7 +104,8 @@ int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *mi
         sst_log_error("the disparity range cannot be told from these views; give it with --range-min and --range-max");
         return -ENODATA;
     }
-    /* One reduced pixel of margin: half a bin is all that the histogram blurs, the rest is for what the cut left out. */
+    /* One reduced pixel of margin: half a bin is all that the histogram blurs, the rest is for what the cut left out.
+     */
     *min_px = floor((-reach + first * 0.5 - 1.0) * factor);
     *max_px = ceil((-reach + (last + 1) * 0.5 + 1.0) * factor);
     return 0;

@@ -7,7 +7,7 @@
 #include "pipeline/disparity/stage.h"
 #include "pipeline/kernels/kernels.h"
 
-#define MARGIN 4         /* repeated columns of the median's rows */
+#define MARGIN           4 /* repeated columns of the median's rows */
 #define BILATERAL_RADIUS 3 /* the standard normal density is below 0.005 of its peak beyond it */
 
 int sst_median5(struct sst_map_u16 *map)
@@ -45,7 +45,8 @@ int sst_median5(struct sst_map_u16 *map)
 }
 
 /* Copy row y of the map and luma into padded rows; columns and rows outside take no part. */
-static void pad_rows(uint16_t *disp, uint8_t *luma_row, const struct sst_map_u16 *map, const struct sst_map_u8 *luma, int y)
+static void pad_rows(uint16_t *disp, uint8_t *luma_row, const struct sst_map_u16 *map, const struct sst_map_u8 *luma,
+                     int y)
 {
     const size_t w = (size_t)map->width;
 

@@ -8,24 +8,25 @@
 SST_EXTERN_C_BEGIN
 
 /*
- * Neighbours at fractional offsets, and steps of less than a pixel, fall between pixels. The census of a view is therefore
- * made of the view shifted by quarter pixels, bilinearly: phase 4 * py + px stands for (px / 4, py / 4). Only phases that
- * some disparity needs are made; phase 0 always is.
+ * Neighbours at fractional offsets, and steps of less than a pixel, fall between pixels. The census of a view is
+ * therefore made of the view shifted by quarter pixels, bilinearly: phase 4 * py + px stands for (px / 4, py / 4). Only
+ * phases that some disparity needs are made; phase 0 always is.
  */
 #define SST_PHASES 16
 
 /** What matching needs of one view. Owner: whoever made it, with sst_descriptor_fini(). */
 struct sst_descriptor {
     int width, height;
-    struct sst_image image;    /* borrowed, or half size and owned */
+    struct sst_image image; /* borrowed, or half size and owned */
     bool image_owned;
-    struct sst_map_u8 luma;    /* BT.601 */
-    uint64_t *census[SST_PHASES]; /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
-    size_t census_stride;      /* elements */
-    uint8_t *features;         /* [height][16][feature_stride / 4][4] (see sst_feature_cost_rows_fn), or NULL;
-                                * feature_stride bytes before and after it are readable */
-    size_t feature_stride;     /* bytes between groups of four channels of one row */
-    void *feature_memory;      /* what holds them */
+    struct sst_map_u8 luma; /* BT.601 */
+    uint64_t
+        *census[SST_PHASES]; /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
+    size_t census_stride;    /* elements */
+    uint8_t *features;       /* [height][16][feature_stride / 4][4] (see sst_feature_cost_rows_fn), or NULL;
+                              * feature_stride bytes before and after it are readable */
+    size_t feature_stride;   /* bytes between groups of four channels of one row */
+    void *feature_memory;    /* what holds them */
 };
 
 struct sst_network;
@@ -57,8 +58,8 @@ SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsign
 /**
  * The bands of rows in which the matching network is run over a view: a function of the view's size alone, so that the
  * features never depend on threads. Bands are of one height. Each starts `step` rows below the one before, but the last
- * one, which ends with the view; all starts are multiples of SST_FEATURE_TILE, so Winograd's tiles lie where they lie in
- * the whole view.
+ * one, which ends with the view; all starts are multiples of SST_FEATURE_TILE, so Winograd's tiles lie where they lie
+ * in the whole view.
  */
 struct sst_feature_bands {
     int count, step, height;
@@ -81,8 +82,8 @@ struct sst_feature_band sst_feature_band(const struct sst_feature_bands *bands, 
  * where its metadata sst.radius tells its radius. The values of a run over the whole view, but for the last digits of
  * Winograd's floats, which depend on up to five rows beyond the radius: at most one step of a component, rarely.
  *
- * @return 0, -EBADMSG (not a matching network: one channel in, SST_FEATURE_CHANNELS of the same size out; a radius that is
- * no number; logged), -ENOMEM and what sst_network_run_s8() returns
+ * @return 0, -EBADMSG (not a matching network: one channel in, SST_FEATURE_CHANNELS of the same size out; a radius that
+ * is no number; logged), -ENOMEM and what sst_network_run_s8() returns
  */
 SST_MUST_CHECK int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net);
 
@@ -98,14 +99,14 @@ struct sst_neighbour {
  *  disp_min + i / divisor. */
 struct sst_volume {
     int width, height;
-    size_t width_padded;  /* multiple of 64 */
+    size_t width_padded; /* multiple of 64 */
     int disp_min, steps;
-    int divisor;          /* steps per pixel: 1 (set by init), 2 or 4 */
-    int phase_step;       /* quarter pixels that shifts are rounded to: 4 (whole pixels, set by init), 2 or 1 */
-    size_t steps_padded;  /* multiple of 32; the padding costs SST_COST_MAX */
+    int divisor;         /* steps per pixel: 1 (set by init), 2 or 4 */
+    int phase_step;      /* quarter pixels that shifts are rounded to: 4 (whole pixels, set by init), 2 or 1 */
+    size_t steps_padded; /* multiple of 32; the padding costs SST_COST_MAX */
     uint8_t *cost;
-    uint16_t *sum;        /* the same shape: summed path costs; made by sst_sgm() */
-    void *scratch;        /* of the steps below, see volume.c */
+    uint16_t *sum; /* the same shape: summed path costs; made by sst_sgm() */
+    void *scratch; /* of the steps below, see volume.c */
 };
 
 SST_MUST_CHECK int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps);
@@ -115,9 +116,9 @@ void sst_volume_fini(struct sst_volume *v);
 size_t sst_volume_bytes(int width, int height, int steps);
 
 /**
- * Fill the costs of `ref` against 1..SST_MAX_NEIGHBOURS neighbours. Of several, occluded ones are expected to be the dear
- * ones: with two the cheaper one counts three times the other, with more the mean of the two cheapest. What one neighbour
- * alone sees takes its cost, and what none sees a constant.
+ * Fill the costs of `ref` against 1..SST_MAX_NEIGHBOURS neighbours. Of several, occluded ones are expected to be the
+ * dear ones: with two the cheaper one counts three times the other, with more the mean of the two cheapest. What one
+ * neighbour alone sees takes its cost, and what none sees a constant.
  */
 void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
                      int count);
@@ -168,12 +169,13 @@ SST_MUST_CHECK int sst_median5(struct sst_map_u16 *map);
 
 /**
  * Bilateral filter of the paper with g the standard normal density (radius 3):
- * D(p) = sum D(q) g(|p-q|) 1(|I(p)-I(q)| < tau) / sum, over q with a known disparity within SST_BILATERAL_STEP_Q6 of D(p):
- * averaging across a depth edge would put pixels where nothing is.
+ * D(p) = sum D(q) g(|p-q|) 1(|I(p)-I(q)| < tau) / sum, over q with a known disparity within SST_BILATERAL_STEP_Q6 of
+ * D(p): averaging across a depth edge would put pixels where nothing is.
  */
 SST_MUST_CHECK int sst_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
 
-/** Fuse two maps of a view by confidence: agreement within 1 px averages, else the surer one wins, ties to the first. */
+/** Fuse two maps of a view by confidence: agreement within 1 px averages, else the surer one wins, ties to the first.
+ */
 void sst_fuse(struct sst_map_u16 *disp, struct sst_map_u8 *confidence, const struct sst_map_u16 *other_disp,
               const struct sst_map_u8 *other_confidence);
 
@@ -192,8 +194,8 @@ struct sst_checked_view {
 };
 
 /**
- * DESIGN 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if that
- * holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
+ * DESIGN 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if
+ * that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
  *
  * @param status  out, enum sst_check
  * @param disp_min_px  disparity of stored value 0
@@ -202,9 +204,10 @@ void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q
                      const struct sst_checked_view *views, int count);
 
 /**
- * DESIGN 5.2 step 5: occlusions take the disparity of a correct pixel of a neighbour that projects onto them (near views
- * first, the foremost one where several do), mismatches the median of the nearest correct pixels in 16 directions, the rest
- * the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel is correct.
+ * DESIGN 5.2 step 5: occlusions take the disparity of a correct pixel of a neighbour that projects onto them (near
+ * views first, the foremost one where several do), mismatches the median of the nearest correct pixels in 16
+ * directions, the rest the smaller of the nearest correct disparities to both sides (background). The result is dense
+ * if any pixel is correct.
  *
  * @param views  the nearer neighbours first; near_count of them are one spacing away
  */

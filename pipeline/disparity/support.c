@@ -23,12 +23,13 @@ void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int 
 }
 
 /*
- * Arm lengths of one row towards (dx, dy): an arm stops at the border, at `arm`, and before a pixel that differs by tau or
- * more. Step by step over the whole row, so that compilers vectorise it.
+ * Arm lengths of one row towards (dx, dy): an arm stops at the border, at `arm`, and before a pixel that differs by tau
+ * or more. Step by step over the whole row, so that compilers vectorise it.
  *
  * @param scratch  2 * width bytes
  */
-static void arm_row(uint8_t *length, uint8_t *scratch, const struct sst_image *img, int y, int dx, int dy, int arm, int tau)
+static void arm_row(uint8_t *length, uint8_t *scratch, const struct sst_image *img, int y, int dx, int dy, int arm,
+                    int tau)
 {
     const int w = img->width;
     uint8_t *alive = scratch, *step_size = scratch + w;

@@ -12,10 +12,11 @@
 /* Cost of what no neighbour sees: the same for every disparity, so that only smoothness decides. */
 #define COST_UNSEEN 96
 /*
- * Costs are made in tiles: BAND rows of a strip of columns, one neighbour after the other. What a tile reads of a neighbour
- * (steps rows below each other for those above and below) then stays in the second-level cache for all rows of the band.
+ * Costs are made in tiles: BAND rows of a strip of columns, one neighbour after the other. What a tile reads of a
+ * neighbour (steps rows below each other for those above and below) then stays in the second-level cache for all rows
+ * of the band.
  */
-#define BAND 16
+#define BAND  16
 #define STRIP 128 /* multiple of 64 */
 
 /* Where a disparity step puts a pixel in a neighbour. */
@@ -46,14 +47,14 @@ static size_t tile_bytes(const struct sst_volume *v)
 
 static size_t scratch_bytes(const struct sst_volume *v)
 {
-    return tile_bytes(v) +
-           v->steps_padded * (sizeof(const uint8_t *) + SST_MAX_NEIGHBOURS * sizeof(struct step));
+    return tile_bytes(v) + v->steps_padded * (sizeof(const uint8_t *) + SST_MAX_NEIGHBOURS * sizeof(struct step));
 }
 
 int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps)
 {
-    struct sst_volume made = { .width = width, .height = height, .disp_min = disp_min, .steps = steps, .divisor = 1,
-                               .phase_step = 4 };
+    struct sst_volume made = {
+        .width = width, .height = height, .disp_min = disp_min, .steps = steps, .divisor = 1, .phase_step = 4
+    };
     size_t cells;
 
     made.width_padded = ((size_t)width + 63) / 64 * 64;
@@ -78,7 +79,8 @@ void sst_volume_fini(struct sst_volume *v)
     *v = (struct sst_volume){ 0 };
 }
 
-/* Where disparity step i puts a pixel in a neighbour at offset b along one axis: in quarter pixels from its own place. */
+/* Where disparity step i puts a pixel in a neighbour at offset b along one axis: in quarter pixels from its own place.
+ */
 static int shift_q2(const struct sst_volume *v, int i, double b)
 {
     const double d = v->disp_min + (double)i / v->divisor;
@@ -107,7 +109,10 @@ static void set_steps(struct step *steps, const struct sst_volume *v, const stru
         const int qx = shift_q2(v, i, n->bx), qy = shift_q2(v, i, n->by);
         struct step *s = &steps[i];
 
-        *s = (struct step){ .x = whole(qx), .y = whole(qy), .phase = 4 * (qy & 3) + (qx & 3), .near_x = whole(qx + 2),
+        *s = (struct step){ .x = whole(qx),
+                            .y = whole(qy),
+                            .phase = 4 * (qy & 3) + (qx & 3),
+                            .near_x = whole(qx + 2),
                             .near_y = whole(qy + 2) };
         if (i > 0)
             s->place = s[-1].place + (s->near_x != s[-1].near_x || s->near_y != s[-1].near_y);
@@ -124,9 +129,9 @@ struct strip {
     const struct sst_volume *v;
     const struct sst_descriptor *ref;
     int x0, x1;
-    size_t padded;               /* x1 - x0, rounded up to 64 */
-    uint8_t *first, *second;     /* [BAND][steps][padded] cheapest costs so far */
-    uint8_t *features, *census;  /* [place][STRIP], [STRIP]: costs of one row */
+    size_t padded;              /* x1 - x0, rounded up to 64 */
+    uint8_t *first, *second;    /* [BAND][steps][padded] cheapest costs so far */
+    uint8_t *features, *census; /* [place][STRIP], [STRIP]: costs of one row */
     const uint8_t **places;
 };
 
@@ -191,8 +196,8 @@ static void merge(uint8_t *restrict first, const uint8_t *restrict second, int c
 }
 
 /* Rows y0 .. y1-1 of a strip. @param steps  [neighbour][v->steps] */
-static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours, const struct step *steps, int count,
-                      int y0, int y1)
+static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours, const struct step *steps,
+                      int count, int y0, int y1)
 {
     const struct sst_volume *v = s->v;
     const size_t cells = s->padded * v->steps_padded, real = s->padded * (size_t)v->steps;

@@ -27,7 +27,8 @@ SST_MUST_CHECK int sst_image_write_jpeg(const struct sst_image *img, const char 
 /** 8-bit PNG whose sample is the value itself: grey, or palette index (the palette is ignored). */
 SST_MUST_CHECK int sst_map_u8_read_png(struct sst_map_u8 *map, const char *path);
 
-/** Grey 8-bit PNG, or an indexed one when palette (256 RGB triples) is not NULL; the value stays readable either way. */
+/** Grey 8-bit PNG, or an indexed one when palette (256 RGB triples) is not NULL; the value stays readable either way.
+ */
 SST_MUST_CHECK int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3]);
 
 /** Grey 16-bit PNG. */

@@ -39,24 +39,24 @@ void sst_image_fini(struct sst_image *img)
     *img = (struct sst_image){ 0 };
 }
 
-#define DEFINE_MAP(name, type)                                                                     \
-    int sst_map_##name##_init(struct sst_map_##name *map, int width, int height)                   \
-    {                                                                                              \
-        struct sst_map_##name made = { .width = width, .height = height };                         \
-        void *data;                                                                                \
-        int err = allocate(&data, &made.stride, width, height, sizeof(type), 1);                   \
-                                                                                                   \
-        if (err)                                                                                   \
-            return err;                                                                            \
-        made.data = data;                                                                          \
-        *map = made;                                                                               \
-        return 0;                                                                                  \
-    }                                                                                              \
-                                                                                                   \
-    void sst_map_##name##_fini(struct sst_map_##name *map)                                         \
-    {                                                                                              \
-        sst_mem_free(map->data);                                                                   \
-        *map = (struct sst_map_##name){ 0 };                                                       \
+#define DEFINE_MAP(name, type)                                                                                         \
+    int sst_map_##name##_init(struct sst_map_##name *map, int width, int height)                                       \
+    {                                                                                                                  \
+        struct sst_map_##name made = { .width = width, .height = height };                                             \
+        void *data;                                                                                                    \
+        int err = allocate(&data, &made.stride, width, height, sizeof(type), 1);                                       \
+                                                                                                                       \
+        if (err)                                                                                                       \
+            return err;                                                                                                \
+        made.data = data;                                                                                              \
+        *map = made;                                                                                                   \
+        return 0;                                                                                                      \
+    }                                                                                                                  \
+                                                                                                                       \
+    void sst_map_##name##_fini(struct sst_map_##name *map)                                                             \
+    {                                                                                                                  \
+        sst_mem_free(map->data);                                                                                       \
+        *map = (struct sst_map_##name){ 0 };                                                                           \
     }
 
 DEFINE_MAP(u8, uint8_t)
@@ -71,7 +71,8 @@ int sst_image_halve(struct sst_image *out, const struct sst_image *in)
         return err;
     for (int c = 0; c < 3; c++) {
         for (int y = 0; y < out->height; y++) {
-            const uint8_t *a = sst_image_row(in, c, 2 * y), *b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
+            const uint8_t *a = sst_image_row(in, c, 2 * y),
+                          *b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
             uint8_t *o = sst_image_row(out, c, y);
 
             for (int x = 0; x < out->width; x++) {

@@ -1,4 +1,5 @@
-/* Census: eight planes of bytes, so that comparisons and shifts fill wide lanes; the topmost holds the first six bits. */
+/* Census: eight planes of bytes, so that comparisons and shifts fill wide lanes; the topmost holds the first six bits.
+ */
 static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows[7], size_t n)
 {
     enum { BLOCK = 64 };
@@ -30,7 +31,8 @@ static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows
     sst_census_row_ref(out + start, rest, n - start);
 }
 
-static void KERNEL(hamming_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b, size_t n)
+static void KERNEL(hamming_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b,
+                                size_t n)
 {
     for (size_t x = 0; x < n; x++)
         cost[x] = (uint8_t)(4 * __builtin_popcountll(a[x] ^ b[x]));

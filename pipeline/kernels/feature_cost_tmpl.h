@@ -4,26 +4,26 @@
  * all places; eight of them at a time hide the latency of the sums.
  */
 #if defined(__AVX512VNNI__)
-#define FEATURE_VEC __m512i
-#define FEATURE_PIXELS 16
-#define FEATURE_LOAD(p) _mm512_loadu_si512(p)
-#define FEATURE_XOR _mm512_xor_si512
-#define FEATURE_SET8(v) _mm512_set1_epi8((char)(v))
-#define FEATURE_SET32 _mm512_set1_epi32
-#define FEATURE_DOT _mm512_dpbusd_epi32
-#define FEATURE_ADD _mm512_add_epi32
-#define FEATURE_SUB _mm512_sub_epi32
+#define FEATURE_VEC                 __m512i
+#define FEATURE_PIXELS              16
+#define FEATURE_LOAD(p)             _mm512_loadu_si512(p)
+#define FEATURE_XOR                 _mm512_xor_si512
+#define FEATURE_SET8(v)             _mm512_set1_epi8((char)(v))
+#define FEATURE_SET32               _mm512_set1_epi32
+#define FEATURE_DOT                 _mm512_dpbusd_epi32
+#define FEATURE_ADD                 _mm512_add_epi32
+#define FEATURE_SUB                 _mm512_sub_epi32
 #define FEATURE_SHIFT_LEFT(v, bits) _mm512_slli_epi32(v, bits)
 #elif defined(__AVXVNNI__)
-#define FEATURE_VEC __m256i
-#define FEATURE_PIXELS 8
-#define FEATURE_LOAD(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
-#define FEATURE_XOR _mm256_xor_si256
-#define FEATURE_SET8(v) _mm256_set1_epi8((char)(v))
-#define FEATURE_SET32 _mm256_set1_epi32
-#define FEATURE_DOT _mm256_dpbusd_avx_epi32
-#define FEATURE_ADD _mm256_add_epi32
-#define FEATURE_SUB _mm256_sub_epi32
+#define FEATURE_VEC                 __m256i
+#define FEATURE_PIXELS              8
+#define FEATURE_LOAD(p)             _mm256_loadu_si256((const __m256i *)(const void *)(p))
+#define FEATURE_XOR                 _mm256_xor_si256
+#define FEATURE_SET8(v)             _mm256_set1_epi8((char)(v))
+#define FEATURE_SET32               _mm256_set1_epi32
+#define FEATURE_DOT                 _mm256_dpbusd_avx_epi32
+#define FEATURE_ADD                 _mm256_add_epi32
+#define FEATURE_SUB                 _mm256_sub_epi32
 #define FEATURE_SHIFT_LEFT(v, bits) _mm256_slli_epi32(v, bits)
 #endif
 
@@ -49,13 +49,13 @@ static inline void KERNEL(feature_store)(uint8_t *cost, FEATURE_VEC whole, FEATU
 }
 
 /*
- * One block of a, its vectors in v, against `places` (known to the compiler) of b: their sums stay in registers. Places past
- * the last one do it again.
+ * One block of a, its vectors in v, against `places` (known to the compiler) of b: their sums stay in registers. Places
+ * past the last one do it again.
  */
 static inline __attribute__((always_inline)) void KERNEL(feature_tile)(uint8_t *restrict cost, size_t cost_stride,
                                                                        const FEATURE_VEC *v, FEATURE_VEC whole,
-                                                                       const uint8_t *const *b, size_t last,
-                                                                       size_t at, size_t stride, const size_t places)
+                                                                       const uint8_t *const *b, size_t last, size_t at,
+                                                                       size_t stride, const size_t places)
 {
     const uint8_t *p[FEATURE_PLACES];
     FEATURE_VEC dot[FEATURE_PLACES];
@@ -121,8 +121,8 @@ static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride
 
             v[g][0] = _mm256_sub_epi16(_mm256_cvtepu8_epi16(_mm_loadu_si128(p)), sign);
             v[g][1] = _mm256_sub_epi16(_mm256_cvtepu8_epi16(_mm_loadu_si128(p + 1)), sign);
-            sum = _mm256_add_epi32(sum, _mm256_hadd_epi32(_mm256_madd_epi16(v[g][0], sign),
-                                                          _mm256_madd_epi16(v[g][1], sign)));
+            sum = _mm256_add_epi32(
+                sum, _mm256_hadd_epi32(_mm256_madd_epi16(v[g][0], sign), _mm256_madd_epi16(v[g][1], sign)));
         }
         sum = _mm256_add_epi32(sum, _mm256_set1_epi32(SST_FEATURE_ONE * SST_FEATURE_ONE));
         for (size_t j = 0; j < count; j++) {

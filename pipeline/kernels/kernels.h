@@ -8,15 +8,15 @@ SST_EXTERN_C_BEGIN
 
 /*
  * A kernel is a pure function on rows. `<name>_ref.c` is its definition: the plainest loop. `<name>_tmpl.h` is the form
- * that compilers vectorise; x86/<level>.c compiles all templates for one CPU level. Nothing is contracted to FMA and no sum
- * inside a pixel is reordered, so every level gives the bytes of the reference, unless a tolerance stands here.
+ * that compilers vectorise; x86/<level>.c compiles all templates for one CPU level. Nothing is contracted to FMA and no
+ * sum inside a pixel is reordered, so every level gives the bytes of the reference, unless a tolerance stands here.
  */
 enum sst_cpu_level {
-    SST_CPU_REF = 0,    /* plain references */
-    SST_CPU_BASE = 1,   /* templates for the compiler's default target */
+    SST_CPU_REF = 0,  /* plain references */
+    SST_CPU_BASE = 1, /* templates for the compiler's default target */
     SST_CPU_AVX2 = 2,
     SST_CPU_AVXVNNI = 3, /* AVX2 with byte dot products: Alder Lake, Sierra Forest, Zen 5 and later */
-    SST_CPU_AVX512 = 4, /* F, BW, DQ, VL, VPOPCNTDQ, BITALG, VBMI, VNNI: Ice Lake, Zen 4 and later */
+    SST_CPU_AVX512 = 4,  /* F, BW, DQ, VL, VPOPCNTDQ, BITALG, VBMI, VNNI: Ice Lake, Zen 4 and later */
 };
 
 /** One line per kernel: X(name). Its type sst_<name>_fn, contract and arguments are declared below. */
@@ -55,8 +55,8 @@ typedef void sst_hamming_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t
  * Costs of a stretch of one row of feature vectors against `count` other stretches: with a and b[j] at pixel x,
  * cost[j * cost_stride + x] = clamp((SST_FEATURE_ONE^2 - <a, b[j]>) >> SST_FEATURE_SHIFT, 0, SST_FEATURE_COST_MAX).
  *
- * Vectors have unit length, in steps of 1/SST_FEATURE_ONE, plus SST_FEATURE_ZERO; a row is [16][.][4] with `stride` bytes
- * between groups of four channels (no multiple of 4096: the groups would fight for the same lines of the cache).
+ * Vectors have unit length, in steps of 1/SST_FEATURE_ONE, plus SST_FEATURE_ZERO; a row is [16][.][4] with `stride`
+ * bytes between groups of four channels (no multiple of 4096: the groups would fight for the same lines of the cache).
  *
  * @param b  [count] stretches, which need no alignment and may overlap
  * @param n  pixels, a multiple of 16
@@ -64,10 +64,11 @@ typedef void sst_hamming_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t
 typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const uint8_t *a, const uint8_t *const *b,
                                       size_t count, size_t stride, size_t n);
 #define SST_FEATURE_CHANNELS 64
-#define SST_FEATURE_ZERO 128
-#define SST_FEATURE_ONE 127
-#define SST_FEATURE_SHIFT 6
-#define SST_FEATURE_COST_MAX 128 /* a dot product of 0.49: beyond, one wrong place is as wrong as another (docs/method.md) */
+#define SST_FEATURE_ZERO     128
+#define SST_FEATURE_ONE      127
+#define SST_FEATURE_SHIFT    6
+#define SST_FEATURE_COST_MAX                                                                                           \
+    128 /* a dot product of 0.49: beyond, one wrong place is as wrong as another (docs/method.md) */
 
 /** The mean of two costs, rounded up and at most SST_COST_MAX - 1, among the two cheapest ones so far:
  *  first <= second are those of the values before and of the mean. a and b may be the same. */
@@ -87,9 +88,9 @@ typedef void sst_support_sum_row_fn(uint16_t *vp, const uint16_t *vp_above, uint
                                     const uint8_t *left, const uint8_t *right, size_t n, size_t nd);
 
 /**
- * Mean over the support region: out[x][d] = ((lo - hi + count / 2) * ceil(2^16 / count)) >> 16 with lo, hi the column sums
- * below and above: rows[down[x]] and rows[-1 - up[x]], rows pointing at the current row's sums. count[x] >= 2; pixels with
- * count 1 keep their cost.
+ * Mean over the support region: out[x][d] = ((lo - hi + count / 2) * ceil(2^16 / count)) >> 16 with lo, hi the column
+ * sums below and above: rows[down[x]] and rows[-1 - up[x]], rows pointing at the current row's sums. count[x] >= 2;
+ * pixels with count 1 keep their cost.
  */
 typedef void sst_support_mean_row_fn(uint8_t *out, const uint16_t *const *rows, const uint8_t *up, const uint8_t *down,
                                      const uint16_t *count, size_t n, size_t nd);
@@ -98,8 +99,9 @@ typedef void sst_support_mean_row_fn(uint8_t *out, const uint16_t *const *rows, 
  * One path of the semi-global optimisation that comes from another row: for every x,
  * L[x][d] = C[x][d] + min(P[d], P[d-1] + p1, P[d+1] + p1, min P + p2) - min P,  P = prev[x + dx], and sum += L.
  *
- * Rows of L are [n + 2][nd + 2 * SST_SGM_PAD]: entry x of a row starts at (x + 1) * (nd + 2 * SST_SGM_PAD) + SST_SGM_PAD, its
- * neighbours at -1 and nd hold SST_SGM_FAR, and its minimum is stored at -2; the entries -1 and n describe the outside: all 0.
+ * Rows of L are [n + 2][nd + 2 * SST_SGM_PAD]: entry x of a row starts at (x + 1) * (nd + 2 * SST_SGM_PAD) +
+ * SST_SGM_PAD, its neighbours at -1 and nd hold SST_SGM_FAR, and its minimum is stored at -2; the entries -1 and n
+ * describe the outside: all 0.
  *
  * @param penalty  [n] index into p1, p2 for the step into x
  * @param first    sum is set instead of added to
@@ -110,7 +112,8 @@ typedef void sst_sgm_across_row_fn(uint16_t *cur, const uint16_t *prev, uint16_t
 #define SST_SGM_PAD 32
 #define SST_SGM_FAR 0x7FFF
 
-/** The same along the row: from left to right (dir 1) or from right to left (dir -1). @param line  scratch, a row of L. */
+/** The same along the row: from left to right (dir 1) or from right to left (dir -1). @param line  scratch, a row of L.
+ */
 typedef void sst_sgm_along_row_fn(uint16_t *line, uint16_t *sum, const uint8_t *cost, const uint8_t *penalty,
                                   const uint16_t *p1, const uint16_t *p2, int dir, int first, size_t n, size_t nd);
 
@@ -122,14 +125,16 @@ typedef void sst_sgm_along_row_fn(uint16_t *line, uint16_t *sum, const uint8_t *
  * @param sum     in [n][stride], 0..65535 each
  * @param nd      1..stride disparities count
  */
-typedef void sst_winner_row_fn(uint16_t *best, uint16_t *second, const uint16_t *sum, size_t stride, size_t n, size_t nd);
+typedef void sst_winner_row_fn(uint16_t *best, uint16_t *second, const uint16_t *sum, size_t stride, size_t n,
+                               size_t nd);
 
 /** Median of 5x5: rows[0..4] are y-2 .. y+2, each readable from -2 to n+1. */
 typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], size_t n);
 
 /**
- * Bilateral filter over 7x7 (see sst_bilateral()): the mean of those disparities within SST_BILATERAL_STEP_Q6 of the centre's
- * whose luma differs by less than tau, weighted. Means are exact quotients of integers below 2^24, rounded half up.
+ * Bilateral filter over 7x7 (see sst_bilateral()): the mean of those disparities within SST_BILATERAL_STEP_Q6 of the
+ * centre's whose luma differs by less than tau, weighted. Means are exact quotients of integers below 2^24, rounded
+ * half up.
  *
  * @param disp, luma  rows y-3 .. y+3, each readable from -3 to n+2; a disparity of 65535 takes no part and stays, all
  *                    others are below 65535 - SST_BILATERAL_STEP_Q6
@@ -141,11 +146,11 @@ typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], 
 
 /* --- rendering (pipeline/render/) --- */
 
-#define SST_BLEND_MAX 512        /* pixels that one call of a blend kernel takes at most */
-#define SST_BLEND_COLUMNS 4096   /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
+#define SST_BLEND_MAX          512  /* pixels that one call of a blend kernel takes at most */
+#define SST_BLEND_COLUMNS      4096 /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
 #define SST_BLEND_COLUMN_SHIFT 4
-#define SST_BLEND_FLOOR 1e-28f   /* weight sums below this are not trusted */
-#define SST_BLEND_TINY 1e-37f    /* changes no weight sum above the floor, and keeps 0 / 0 away below it */
+#define SST_BLEND_FLOOR        1e-28f /* weight sums below this are not trusted */
+#define SST_BLEND_TINY         1e-37f /* changes no weight sum above the floor, and keeps 0 / 0 away below it */
 
 /** What one view adds to a stretch of one output row. Pointers name the source pixel of the first output pixel. */
 struct sst_blend {
@@ -153,13 +158,13 @@ struct sst_blend {
     float fx, fy;                      /* place between the two columns and rows, 0 <= f < 1 */
     float aperture;                    /* weight of the view */
     /* of blend_rays only */
-    const uint16_t *disp;      /* nearest pixel, n of them; 0xFFFF: unknown */
-    const uint8_t *label;      /* likewise, or NULL: all label weights are 1 */
-    const float *label_weight; /* [256][SST_BLEND_COLUMNS]: W_s by label and stored disparity / 16 */
+    const uint16_t *disp;                /* nearest pixel, n of them; 0xFFFF: unknown */
+    const uint8_t *label;                /* likewise, or NULL: all label weights are 1 */
+    const float *label_weight;           /* [256][SST_BLEND_COLUMNS]: W_s by label and stored disparity / 16 */
     float focus_whole_q6, focus_part_q6; /* d_f in stored units, split so that their rounding does not show */
     float half_inverse_variance;         /* 1 / (2 sigma_d^2) in stored units, >= 0 */
     float c1, one_minus_c1;
-    float unknown;                       /* W_d of a ray of unknown disparity */
+    float unknown; /* W_d of a ray of unknown disparity */
 };
 
 /**
@@ -179,7 +184,7 @@ typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *we
 
 /* --- labels (pipeline/labels/) --- */
 
-#define SST_GUIDE_CELLS 16 /* at most */
+#define SST_GUIDE_CELLS  16 /* at most */
 #define SST_GUIDE_VALUES 8
 
 /** Pixels of one row between the same columns and rows of a coarse grid, and the cells around. */
@@ -191,13 +196,13 @@ struct sst_guide {
     const float *across;                /* [n][SST_GUIDE_CELLS] by its horizontal one, of each pixel */
     const uint8_t *pixel[3];            /* [n] R, G, B */
 };
-#define SST_GUIDE_SIGMA 20.0f   /* levels */
-#define SST_GUIDE_FLOOR 1e-3f   /* of the weight of colours: a pixel unlike all cells goes by their distance */
+#define SST_GUIDE_SIGMA 20.0f /* levels */
+#define SST_GUIDE_FLOOR 1e-3f /* of the weight of colours: a pixel unlike all cells goes by their distance */
 
 /**
  * Joint bilateral interpolation (Kopf et al. 2007): out[x][v] = sum over the cells of w cell[v],
- * w = across down (exp(-|pixel - colour|^2 / (2 sigma^2)) + floor); not divided by the sum of weights. The exponential is
- * sst_exp_neg(), its argument clamped to SST_EXP_NEG_MAX.
+ * w = across down (exp(-|pixel - colour|^2 / (2 sigma^2)) + floor); not divided by the sum of weights. The exponential
+ * is sst_exp_neg(), its argument clamped to SST_EXP_NEG_MAX.
  *
  * @param out  [n][values]
  */
@@ -205,8 +210,8 @@ typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n)
 
 /**
  * Most probable class of n pixels, ties to the smaller one, and the entropy of their distributions:
- * H = -sum over the other classes of p log p - (1 - r) log(1 - r) with r the sum of the others, so that entropies near 0
- * keep their digits. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings.
+ * H = -sum over the other classes of p log p - (1 - r) log(1 - r) with r the sum of the others, so that entropies near
+ * 0 keep their digits. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings.
  *
  * @param top      out [n]
  * @param entropy  out [n], 0 or more; or NULL

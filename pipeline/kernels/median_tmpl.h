@@ -1,6 +1,6 @@
 /*
- * Forgetful selection: of any 14 of the 25 values neither the least nor the greatest is the median, so drop both, take in
- * the next value, and go on with 13, 12, ... 2 + 1. Each step is minima and maxima over a block of pixels.
+ * Forgetful selection: of any 14 of the 25 values neither the least nor the greatest is the median, so drop both, take
+ * in the next value, and go on with 13, 12, ... 2 + 1. Each step is minima and maxima over a block of pixels.
  */
 static void KERNEL(median5_row)(uint16_t *restrict out, const uint16_t *const rows[5], size_t n)
 {

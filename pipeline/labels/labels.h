@@ -35,11 +35,12 @@ SST_MUST_CHECK int sst_epsilon_search(struct sst_epsilon_result *out, const stru
 struct sst_segmenter; /* a segmentation network with its class list; one thread at a time */
 
 /**
- * @param model    ONNX path of a network from 1 (luma) or 3 channels to one per class, described by its metadata or by a
- *                 YAML file beside it (pipeline/labels/model_info.h).
+ * @param model    ONNX path of a network from 1 (luma) or 3 channels to one per class, described by its metadata or by
+ * a YAML file beside it (pipeline/labels/model_info.h).
  * @param precision  of the network, see sst_network_open()
  * @param threads  at least 1
- * @return 0, -EBADMSG (also: a description that is missing or does not fit), -ENOMEM and what sst_network_open() returns; logged.
+ * @return 0, -EBADMSG (also: a description that is missing or does not fit), -ENOMEM and what sst_network_open()
+ * returns; logged.
  */
 SST_MUST_CHECK int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_precision precision,
                                       int threads);
@@ -59,8 +60,8 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg);
 
 /** How images meet the network. Zeroed: the default. */
 struct sst_segment_config {
-    double scale;     /* sides of what the network sees over those of the nominal working size; 0: by the image's size */
-    bool windows;     /* overlapping windows of the nominal size instead of one run */
+    double scale; /* sides of what the network sees over those of the nominal working size; 0: by the image's size */
+    bool windows; /* overlapping windows of the nominal size instead of one run */
 };
 
 /** For all images from now on. @param cfg  scale 0 or 0.1 .. 16 */
@@ -69,12 +70,12 @@ void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment
 /**
  * Label one image.
  *
- * The network sees the image at its own proportions, sides multiples of 8; one of a fixed size, or with windows of fixed
- * sizes, sees it stretched to the nominal size. By default an image keeps its own pixels where their area is that of the
- * nominal working size with 1 to 1.5 times its sides, and is resized to the nearer of these two otherwise: objects then
- * have the sizes that networks learn (measured: docs/bench-labels.md). Windows are blended where they overlap.
- * Probabilities are brought back along the outlines of the image (upsample.h). Beyond label and entropy, memory does not grow with the image unless prob is
- * wanted. Same bytes for any number of threads.
+ * The network sees the image at its own proportions, sides multiples of 8; one of a fixed size, or with windows of
+ * fixed sizes, sees it stretched to the nominal size. By default an image keeps its own pixels where their area is that
+ * of the nominal working size with 1 to 1.5 times its sides, and is resized to the nearer of these two otherwise:
+ * objects then have the sizes that networks learn (measured: docs/bench-labels.md). Windows are blended where they
+ * overlap. Probabilities are brought back along the outlines of the image (upsample.h). Beyond label and entropy,
+ * memory does not grow with the image unless prob is wanted. Same bytes for any number of threads.
  *
  * @param label, entropy  out, initialised here, of the image's size; entropy may be NULL
  * @param prob  out, malloc'ed [classes][height][width] of the image's size, or NULL when not wanted

@@ -12,8 +12,8 @@
 #include "config/yaml.h"
 
 #define MEAN_MAX 1000.0
-#define STD_MIN 1e-6
-#define STD_MAX 1e6
+#define STD_MIN  1e-6
+#define STD_MAX  1e6
 #define SIDE_MIN 8
 #define SIDE_MAX 8192
 
@@ -78,8 +78,9 @@ static int bad_metadata(const struct reader *r, const char *key, const char *wan
 {
     const char *value = sst_network_metadata(r->net, key);
 
-    sst_log_error("model %s: its metadata %s is %.80s; it must be %s: export it again, or say it in a YAML file beside it",
-                  r->path, key, value ? value : "missing", want);
+    sst_log_error(
+        "model %s: its metadata %s is %.80s; it must be %s: export it again, or say it in a YAML file beside it",
+        r->path, key, value ? value : "missing", want);
     return -EBADMSG;
 }
 
@@ -147,7 +148,8 @@ static int read_classes(struct reader *r)
 static int no_classes(const struct reader *r)
 {
     sst_log_error("model %s does not say which classes its output stands for: list them in a YAML file beside it"
-                  " (docs/networks.md) or in its metadata sst.classes", r->path);
+                  " (docs/networks.md) or in its metadata sst.classes",
+                  r->path);
     return -EBADMSG;
 }
 
@@ -175,8 +177,8 @@ static bool parse_size(const char *text, int *width, int *height)
 {
     int n = 0;
 
-    return sscanf(text, "%5dx%5d%n", width, height, &n) == 2 && !text[n] && *width >= SIDE_MIN &&
-           *height >= SIDE_MIN && *width <= SIDE_MAX && *height <= SIDE_MAX;
+    return sscanf(text, "%5dx%5d%n", width, height, &n) == 2 && !text[n] && *width >= SIDE_MIN && *height >= SIDE_MIN &&
+           *width <= SIDE_MAX && *height <= SIDE_MAX;
 }
 
 static int read_size(struct reader *r)
@@ -399,7 +401,8 @@ static int read_channels(struct reader *r)
         return err;
     if (!join_channels(r, labels)) {
         sst_log_error("model %s: its %d channels make more than 64 classes; join some with `labels` in a YAML file"
-                      " beside it", r->path, r->info->channels);
+                      " beside it",
+                      r->path, r->info->channels);
         return -EBADMSG;
     }
     yaml_ground(r, sst_yaml_get(r->root, "ground"));
@@ -410,7 +413,11 @@ int sst_model_info_parse(struct sst_model_info *out, const struct sst_network *n
                          size_t size, const char *yaml_name)
 {
     struct sst_model_info info = {
-        .std = { 1, 1, 1 }, .eps_h = INFINITY, .temperature = 1, .width = 480, .height = 360,
+        .std = { 1, 1, 1 },
+        .eps_h = INFINITY,
+        .temperature = 1,
+        .width = 480,
+        .height = 360,
     };
     struct reader r = { .info = &info, .net = net, .path = path };
     int err = yaml ? sst_yaml_parse(&r.doc, yaml, size, yaml_name) : 0;

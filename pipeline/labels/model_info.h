@@ -1,4 +1,5 @@
-/* pipeline/labels/model_info.h - what a segmentation network wants and gives, told by its metadata or by a YAML file. */
+/* pipeline/labels/model_info.h - what a segmentation network wants and gives, told by its metadata or by a YAML file.
+ */
 #ifndef SST_PIPELINE_LABELS_MODEL_INFO_H
 #define SST_PIPELINE_LABELS_MODEL_INFO_H
 
@@ -11,11 +12,11 @@ SST_EXTERN_C_BEGIN
 #define SST_MODEL_MAX_CHANNELS 256
 
 struct sst_model_info {
-    struct sst_classes classes;              /* the labels, after channels were joined by `labels` */
-    int channels;                            /* of the network's output */
+    struct sst_classes classes;               /* the labels, after channels were joined by `labels` */
+    int channels;                             /* of the network's output */
     uint8_t class_of[SST_MODEL_MAX_CHANNELS]; /* channel -> index in classes */
-    bool bgr;                                /* order of a colour network's input channels */
-    double mean[3], std[3];                  /* input channel c is (v / 255 - mean[c]) / std[c], v the 8-bit sample */
+    bool bgr;                                 /* order of a colour network's input channels */
+    double mean[3], std[3];                   /* input channel c is (v / 255 - mean[c]) / std[c], v the 8-bit sample */
     double eps_h, temperature;
     int width, height; /* nominal working size */
     bool fixed_size;   /* the network runs at that size only; images are stretched to it */

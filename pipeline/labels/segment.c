@@ -120,15 +120,15 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 
 /* --- one image ------------------------------------------------------------------------------------ */
 
-#define UNIT 8 /* sides of working pictures and places of windows are multiples of it */
+#define UNIT       8   /* sides of working pictures and places of windows are multiples of it */
 #define MOST_SCALE 1.5 /* of the sides of the nominal area, where the image's size decides: docs/bench-labels.md */
-#define LONGEST 8 /* a strip is at most so many times longer than the longer nominal side */
+#define LONGEST    8   /* a strip is at most so many times longer than the longer nominal side */
 
 /* The picture that the network sees, whole or window by window, and where the windows' results go. */
 struct working {
-    int width, height;             /* pixels */
+    int width, height;                                      /* pixels */
     int window_width, window_height, out_width, out_height; /* of a window and of the network's result for it */
-    struct sst_tiles across, down; /* windows in cells of the result */
+    struct sst_tiles across, down;                          /* windows in cells of the result */
     float *picture, *window, *out; /* [3][height][width], the part that a window sees, its result */
 };
 
@@ -138,7 +138,8 @@ static void working_size(struct working *w, const struct sst_segmenter *seg, con
     const double nominal = (double)seg->info.width * seg->info.height, area = (double)img->width * img->height;
     const double longest = LONGEST * (double)sst_max_int(seg->info.width, seg->info.height);
     const double own = sst_clamp_double(sqrt(area / nominal), 1, MOST_SCALE);
-    const double scale = fmin((seg->cfg.scale > 0 ? seg->cfg.scale : own) * sqrt(nominal / area), longest / sst_max_int(img->width, img->height));
+    const double scale = fmin((seg->cfg.scale > 0 ? seg->cfg.scale : own) * sqrt(nominal / area),
+                              longest / sst_max_int(img->width, img->height));
 
     w->width = sst_max_int(UNIT, UNIT * (int)lround(img->width * scale / UNIT));
     w->height = sst_max_int(UNIT, UNIT * (int)lround(img->height * scale / UNIT));
@@ -158,8 +159,8 @@ static int plan_windows(struct working *w, struct sst_segmenter *seg)
     if (err)
         return err;
     if (UNIT * x % width || UNIT * y % height || seg->info.fixed_size) {
-        sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is taken whole", seg->path,
-                        width, height, x, y);
+        sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is taken whole",
+                        seg->path, width, height, x, y);
         return 0;
     }
     w->window_width = width;
@@ -212,8 +213,10 @@ static bool to_probabilities(float *p, const struct sst_segmenter *seg)
     return true;
 }
 
-/* The network's result for window (i, j) into the grid, weighted: probabilities of channels that are one class add up. */
-static int add_window(struct sst_class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
+/* The network's result for window (i, j) into the grid, weighted: probabilities of channels that are one class add up.
+ */
+static int add_window(struct sst_class_grid *grid, const struct working *w, int i, int j,
+                      const struct sst_segmenter *seg)
 {
     const size_t plane = (size_t)w->out_width * (size_t)w->out_height;
     const int x0 = sst_tiles_start(&w->across, i), y0 = sst_tiles_start(&w->down, j);
@@ -299,8 +302,8 @@ static int make_grid(struct sst_class_grid *grid, struct sst_segmenter *seg, con
 
     if (err)
         return err;
-    *grid = (struct sst_class_grid){ .width = w.across.total, .height = w.down.total,
-                                     .count = seg->info.classes.count };
+    *grid =
+        (struct sst_class_grid){ .width = w.across.total, .height = w.down.total, .count = seg->info.classes.count };
     grid->values = sst_class_grid_values(grid->count);
     window = (size_t)w.window_width * (size_t)w.window_height;
     w.picture = sst_mem_alloc_raw((size_t)3 * (size_t)w.width * (size_t)w.height, sizeof(*w.picture));

@@ -26,9 +26,9 @@ struct sst_tiles sst_tiles_plan(int total, int length, int unit);
 int sst_tiles_start(const struct sst_tiles *t, int k);
 
 /**
- * Weight of sample i of window k, 0..1. The weights of all windows at one place of the axis sum to 1 (to the rounding of
- * floats): window k takes over from k - 1 along 3 u^2 - 2 u^3 in the middle of what they share, so that the ends of a
- * window, which see nothing beyond them, do not count.
+ * Weight of sample i of window k, 0..1. The weights of all windows at one place of the axis sum to 1 (to the rounding
+ * of floats): window k takes over from k - 1 along 3 u^2 - 2 u^3 in the middle of what they share, so that the ends of
+ * a window, which see nothing beyond them, do not count.
  */
 float sst_tiles_weight(const struct sst_tiles *t, int k, int i);
 

@@ -50,9 +50,11 @@ static int check_config(const struct sst_import_config *cfg)
         return -EINVAL;
     }
     if (!isfinite(cfg->range_min_px) || !isfinite(cfg->range_max_px) || cfg->range_min_px > cfg->range_max_px ||
-        cfg->range_max_px - floor(cfg->range_min_px) > SST_RANGE_MAX_PX || fabs(cfg->range_min_px) > SST_DISP_ABS_MAX_PX) {
+        cfg->range_max_px - floor(cfg->range_min_px) > SST_RANGE_MAX_PX ||
+        fabs(cfg->range_min_px) > SST_DISP_ABS_MAX_PX) {
         sst_log_error("the range %g to %g px does not grow or is wider than the %g px that can be stored; correct "
-                      "--range-min and --range-max", cfg->range_min_px, cfg->range_max_px, SST_RANGE_MAX_PX);
+                      "--range-min and --range-max",
+                      cfg->range_min_px, cfg->range_max_px, SST_RANGE_MAX_PX);
         return -EINVAL;
     }
     return 0;

@@ -11,8 +11,8 @@
 #include "pipeline/lightfield/store.h"
 
 #define JSON_MAX_BYTES ((size_t)4 << 20)
-#define FORMAT_NAME "sst-lightfield"
-#define OFFSET_MAX 1e4 /* spacings; a grid is at most 256 wide */
+#define FORMAT_NAME    "sst-lightfield"
+#define OFFSET_MAX     1e4 /* spacings; a grid is at most 256 wide */
 
 bool sst_view_file_name_ok(const char *name)
 {
@@ -112,10 +112,9 @@ static json_t *views_to_json(const struct sst_lightfield *lf, char (*hashes)[65]
         const struct sst_view *v = &lf->views[k];
 
         if (v->present)
-            complete &= !json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:s, s:s}", "row", k / lf->cols, "col",
-                                                               k % lf->cols, "bx", v->bx, "by", v->by, "file",
-                                                               v->file, "sha256",
-                                                               v->sha256[0] ? v->sha256 : hashes[k]));
+            complete &= !json_array_append_new(
+                views, json_pack("{s:i, s:i, s:f, s:f, s:s, s:s}", "row", k / lf->cols, "col", k % lf->cols, "bx",
+                                 v->bx, "by", v->by, "file", v->file, "sha256", v->sha256[0] ? v->sha256 : hashes[k]));
     }
     if (complete)
         return views;
@@ -129,8 +128,8 @@ static json_t *classes_to_json(const struct sst_classes *c)
     bool complete = classes != NULL;
 
     for (int i = 0; i < c->count; i++)
-        complete &= !json_array_append_new(classes, json_pack("{s:s, s:b}", "name", c->names[i], "ground",
-                                                              (int)c->ground[i]));
+        complete &=
+            !json_array_append_new(classes, json_pack("{s:s, s:b}", "name", c->names[i], "ground", (int)c->ground[i]));
     if (complete)
         return classes;
     json_decref(classes);
@@ -140,15 +139,12 @@ static json_t *classes_to_json(const struct sst_classes *c)
 char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
 {
     json_t *root = json_pack(
-        "{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}",
-        "format", FORMAT_NAME, "version", SST_LIGHTFIELD_VERSION,
-        "rows", lf->rows, "cols", lf->cols, "width", lf->width, "height", lf->height,
-        "disp_min_px", lf->disp_min_px, "disp_steps_per_px", SST_DISP_SCALE,
-        "range_min_px", lf->range_min_px, "range_max_px", lf->range_max_px,
-        "focal_px", lf->focal_px, "spacing_mm", lf->spacing_mm,
-        "disparity_given", (int)lf->disparity_given, "labels_given", (int)lf->labels_given,
-        "source", lf->source, "history", lf->history,
-        "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
+        "{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}", "format",
+        FORMAT_NAME, "version", SST_LIGHTFIELD_VERSION, "rows", lf->rows, "cols", lf->cols, "width", lf->width,
+        "height", lf->height, "disp_min_px", lf->disp_min_px, "disp_steps_per_px", SST_DISP_SCALE, "range_min_px",
+        lf->range_min_px, "range_max_px", lf->range_max_px, "focal_px", lf->focal_px, "spacing_mm", lf->spacing_mm,
+        "disparity_given", (int)lf->disparity_given, "labels_given", (int)lf->labels_given, "source", lf->source,
+        "history", lf->history, "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
     char *text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
 
     json_decref(root);
@@ -247,7 +243,8 @@ static void finish(struct reader *r)
     const char *key;
     json_t *value;
 
-    json_object_foreach(r->object, key, value) {
+    json_object_foreach(r->object, key, value)
+    {
         size_t i = 0;
 
         while (i < r->n_known && strcmp(r->known[i], key))

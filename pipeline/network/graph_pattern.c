@@ -123,7 +123,8 @@ static const struct sst_onnx_tensor *integers(const struct sst_onnx_tensor *t)
 }
 
 /* The first number of a constant input, or of the attribute that older files have instead. */
-static bool first_of(const struct sst_builder *b, const struct sst_raw_node *node, int in, const char *attr, int64_t *out)
+static bool first_of(const struct sst_builder *b, const struct sst_raw_node *node, int in, const char *attr,
+                     int64_t *out)
 {
     const struct sst_onnx_tensor *t = integers(sst_graph_constant(b, node, in));
     struct sst_onnx_attr a;

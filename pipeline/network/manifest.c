@@ -36,7 +36,8 @@ static const char *entry_fault(const struct sst_manifest *m, int i)
         return "bytes is not positive";
     if (strlen(e->sha256) != 64 || strspn(e->sha256, "0123456789abcdef") != 64)
         return "sha256 is not 64 lower-case hexadecimal digits";
-    json_object_foreach((json_t *)(uintptr_t)e->figures, key, value) {
+    json_object_foreach((json_t *)(uintptr_t)e->figures, key, value)
+    {
         if (!json_is_number(value))
             return "figures holds something that is not a number";
     }
@@ -52,8 +53,8 @@ static int read_entry(struct sst_manifest *m, json_t *object, const char *name)
     const char *fault;
 
     if (json_unpack_ex(object, &error, JSON_STRICT, "{s:s, s:s, s:I, s:s, s:s, s:s, s:s, s:o}", "file", &e->file,
-                       "kind", &e->kind, "bytes", &bytes, "sha256", &e->sha256, "licence", &e->licence,
-                       "training_data", &e->training_data, "description", &e->description, "figures", &figures))
+                       "kind", &e->kind, "bytes", &bytes, "sha256", &e->sha256, "licence", &e->licence, "training_data",
+                       &e->training_data, "description", &e->description, "figures", &figures))
         return bad(name, m->n, error.text);
     if (!json_is_object(figures))
         return bad(name, m->n, "figures is not an object");
@@ -75,8 +76,7 @@ static json_t *find_list(json_t *root, const char *name, bool *other)
     *other = json_is_object(root) && (!json_is_string(format) || strcmp(json_string_value(format), "sst-models") != 0);
     if (*other)
         return NULL;
-    if (!json_is_integer(json_object_get(root, "version")) ||
-        json_integer_value(json_object_get(root, "version")) != 1)
+    if (!json_is_integer(json_object_get(root, "version")) || json_integer_value(json_object_get(root, "version")) != 1)
         sst_log_error("%s: version is not 1, the only one that this program knows; install networks that belong to it",
                       name);
     else if (!json_is_array(models) || json_array_size(models) > SST_MANIFEST_MAX_MODELS)
@@ -101,7 +101,8 @@ static int parse_root(struct sst_manifest *m, const char *name)
         sst_log_error("%s: not enough memory to read it", name);
         return -ENOMEM;
     }
-    json_array_foreach(list, i, object) {
+    json_array_foreach(list, i, object)
+    {
         err = read_entry(m, object, name);
         if (err)
             break;
@@ -186,7 +187,8 @@ int sst_manifest_check(const char *path, const uint8_t *data, size_t size)
         return err == -ENOENT ? 0 : err;
     entry = sst_manifest_find(&manifest, file);
     if (entry && !sst_manifest_matches(entry, data, size)) {
-        sst_log_error("model %s is not the file that %s" SST_MANIFEST_NAME " lists (another SHA-256): it is damaged or was"
+        sst_log_error("model %s is not the file that %s" SST_MANIFEST_NAME
+                      " lists (another SHA-256): it is damaged or was"
                       " replaced; install the networks again",
                       path, file == path ? "" : folder);
         err = -EBADMSG;

@@ -1,4 +1,5 @@
-/* pipeline/network/manifest.h - manifest.json of a folder of networks: what each one is, and the hash that it must have.
+/* pipeline/network/manifest.h - manifest.json of a folder of networks: what each one is, and the hash that it must
+ * have.
  */
 #ifndef SST_PIPELINE_NETWORK_MANIFEST_H
 #define SST_PIPELINE_NETWORK_MANIFEST_H
@@ -9,15 +10,15 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_MANIFEST_NAME "manifest.json"
+#define SST_MANIFEST_NAME       "manifest.json"
 #define SST_MANIFEST_MAX_MODELS 256
 
 struct json_t;
 
 /** One network; the texts and numbers lie in the manifest. */
 struct sst_manifest_entry {
-    const char *file;  /* plain name */
-    const char *kind;  /* "labels" or "matching" */
+    const char *file;   /* plain name */
+    const char *kind;   /* "labels" or "matching" */
     const char *sha256; /* lower-case hex */
     const char *licence, *training_data, *description;
     int64_t bytes;

@@ -30,8 +30,8 @@ static void beside_program(char out[SST_PATH_MAX], const char *below)
 
 static void add_folder(struct sst_model_folders *f, const char *folder)
 {
-    char *real = folder && *folder && strlen(folder) < SST_PATH_MAX && sst_path_is_dir(folder) ? realpath(folder, NULL)
-                                                                                             : NULL;
+    char *real =
+        folder && *folder && strlen(folder) < SST_PATH_MAX && sst_path_is_dir(folder) ? realpath(folder, NULL) : NULL;
     bool known = !real || strlen(real) >= SST_PATH_MAX;
 
     for (int i = 0; !known && i < f->n; i++)
@@ -78,8 +78,9 @@ int sst_model_path(char out[SST_PATH_MAX], const char *name)
     const int err = sst_model_find(out, name);
 
     if (err == -ENOPKG)
-        sst_log_error("model %s is neither in $SST_MODELS, nor in ../models or ../share/sst/models beside the program, nor in "
-                      SST_DATADIR "/models; install the models or set SST_MODELS to their folder", name);
+        sst_log_error("model %s is neither in $SST_MODELS, nor in ../models or ../share/sst/models beside the program, "
+                      "nor in " SST_DATADIR "/models; install the models or set SST_MODELS to their folder",
+                      name);
     return err;
 }
 

@@ -15,8 +15,8 @@ struct sst_model_folders {
 };
 
 /**
- * Those that there are of: $SST_MODELS, ../models beside the program's folder (a build tree), ../share/sst/models beside
- * it (an installation), the folder that the build was configured for. None occurs twice.
+ * Those that there are of: $SST_MODELS, ../models beside the program's folder (a build tree), ../share/sst/models
+ * beside it (an installation), the folder that the build was configured for. None occurs twice.
  */
 void sst_model_folders(struct sst_model_folders *out);
 

@@ -86,8 +86,10 @@ static int check_ends(struct sst_network *net, const struct sst_onnx *model)
     const struct sst_onnx_value *in = find_input(model), *out = model->n_outs ? &model->outs[0] : NULL;
 
     if (out && out->type != SST_ONNX_FLOAT && out->type != SST_ONNX_HALF && out->type != 0)
-        return unfit(net, "its output holds whole numbers (classes, by an ArgMax at its end?), not one value per class; export the"
-                          " network up to its logits");
+        return unfit(
+            net,
+            "its output holds whole numbers (classes, by an ArgMax at its end?), not one value per class; export the"
+            " network up to its logits");
     if (!in)
         return unfit(net, "it has no input; export the network with its image as the input");
     if (in->type != SST_ONNX_FLOAT && in->type != 0)

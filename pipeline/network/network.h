@@ -36,8 +36,9 @@ enum sst_precision {
  * for values that are never negative.
  *
  * @param threads  used by runs; at least 1
- * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit, not the file
- * of the manifest), -ENOTSUP (neither runner can, or SST_PRECISION_INT8 and no ranges), -ENOMEM; logged in one sentence.
+ * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit, not the
+ * file of the manifest), -ENOTSUP (neither runner can, or SST_PRECISION_INT8 and no ranges), -ENOMEM; logged in one
+ * sentence.
  */
 SST_MUST_CHECK int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision,
                                     int threads);

@@ -16,7 +16,8 @@ struct sst_plan; /* one thread at a time */
  * @param graph, shapes  borrowed during the call and, the graph, until destroy; shapes of sst_graph_shapes()
  * @param precision  not SST_PRECISION_AUTO
  * @param name  of the model, for messages; borrowed
- * @return 0, -ENOMEM, -EINVAL (more than SST_PLAN_MAX_BYTES of the input's pixels), -ENOTSUP (oneDNN has no code for a layer on this machine); logged.
+ * @return 0, -ENOMEM, -EINVAL (more than SST_PLAN_MAX_BYTES of the input's pixels), -ENOTSUP (oneDNN has no code for a
+ * layer on this machine); logged.
  */
 SST_MUST_CHECK int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes,
                                    int threads, enum sst_precision precision, const char *name);

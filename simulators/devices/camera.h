@@ -9,9 +9,9 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_SIM_CAM_BUFFERS 32 /* as the kernel's queues */
+#define SST_SIM_CAM_BUFFERS  32 /* as the kernel's queues */
 #define SST_SIM_CAM_CONTROLS 16
-#define SST_SIM_CAM_SHOTS 64 /* exposed, not delivered yet */
+#define SST_SIM_CAM_SHOTS    64 /* exposed, not delivered yet */
 
 struct sst_sim_cam;
 
@@ -25,12 +25,12 @@ struct sst_sim_control_def {
 };
 
 enum sst_sim_control_index { /* of those that the camera itself looks at */
-    SST_SIM_CONTROL_AUTO_WHITE = 4,
-    SST_SIM_CONTROL_GAIN = 5,
-    SST_SIM_CONTROL_WHITE = 7,
-    SST_SIM_CONTROL_AUTO_EXPOSURE = 9,
-    SST_SIM_CONTROL_EXPOSURE = 10,
-    SST_SIM_CONTROL_TRIGGER = 11,
+                             SST_SIM_CONTROL_AUTO_WHITE = 4,
+                             SST_SIM_CONTROL_GAIN = 5,
+                             SST_SIM_CONTROL_WHITE = 7,
+                             SST_SIM_CONTROL_AUTO_EXPOSURE = 9,
+                             SST_SIM_CONTROL_EXPOSURE = 10,
+                             SST_SIM_CONTROL_TRIGGER = 11,
 };
 
 struct sst_sim_open;
@@ -52,7 +52,8 @@ struct sst_sim_open {
     uint32_t priority; /* enum v4l2_priority */
     struct v4l2_event_subscription subscribed[SST_SIM_CAM_CONTROLS];
     int subscriptions;
-    struct v4l2_event event[SST_SIM_CAM_CONTROLS]; /* one of each subscription: a newer one takes an older one's place */
+    struct v4l2_event
+        event[SST_SIM_CAM_CONTROLS]; /* one of each subscription: a newer one takes an older one's place */
     int events;
     uint32_t event_sequence;
     struct sst_sim_request *event_waiter;
@@ -82,13 +83,13 @@ enum sst_sim_buffer_state {
 struct sst_sim_buffer {
     enum sst_sim_buffer_state state;
     bool prepared, mapped, error;
-    int memory;       /* memfd */
-    uint8_t *data;    /* [length] of it, mapped */
+    int memory;    /* memfd */
+    uint8_t *data; /* [length] of it, mapped */
     uint32_t length, bytesused, sequence;
     int64_t stamp_ns;
     unsigned long userptr;
     uint32_t user_length;
-    int dmabuf;       /* what the program gave, or -1 */
+    int dmabuf;            /* what the program gave, or -1 */
     int32_t dmabuf_number; /* its number in the program */
 };
 

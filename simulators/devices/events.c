@@ -79,7 +79,8 @@ int sst_sim_cam_subscribe(struct sst_sim_open *o, const struct v4l2_event_subscr
         return 0;
     o->subscribed[o->subscriptions++] = *s; /* one for each control at most: there is room */
     /* The heading of a class has no state to tell. */
-    if ((s->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL) && sst_sim_cam_control_find(V4L2_CTRL_ID2WHICH(s->id) | 1) != control)
+    if ((s->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL) &&
+        sst_sim_cam_control_find(V4L2_CTRL_ID2WHICH(s->id) | 1) != control)
         put(o, control, V4L2_EVENT_CTRL_CH_FLAGS | V4L2_EVENT_CTRL_CH_VALUE);
     return 0;
 }

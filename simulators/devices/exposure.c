@@ -9,13 +9,13 @@
 #include "base/log.h"
 #include "simulators/devices/camera.h"
 
-#define MS 1000000LL
+#define MS     1000000LL
 #define SECOND 1000000000LL
 /* A global-shutter sensor reads out before it can expose again. */
-#define READOUT_NS (8 * MS)
+#define READOUT_NS   (8 * MS)
 #define DUPLICATE_NS (MS / 2)
 #define BACKWARDS_NS SECOND
-#define SHORT_BYTES 32
+#define SHORT_BYTES  32
 
 static void deliver(void *arg);
 static void free_run(void *arg);
@@ -62,7 +62,9 @@ static void expose(struct sst_sim_cam *cam, uint64_t trigger, int64_t start_ns)
     struct sst_sim_shot *s = shot ? shot : &lost;
     int64_t due;
 
-    s->exposure = (struct sst_sim_exposure){ .cam = sst_sim_cam_body(cam), .trigger = trigger, .t_ns = start_ns,
+    s->exposure = (struct sst_sim_exposure){ .cam = sst_sim_cam_body(cam),
+                                             .trigger = trigger,
+                                             .t_ns = start_ns,
                                              .exposure_us = exposure_us(cam),
                                              .gain = cam->control[SST_SIM_CONTROL_GAIN] / 100.0 };
     if (bus->pose)
@@ -82,7 +84,8 @@ static void expose(struct sst_sim_cam *cam, uint64_t trigger, int64_t start_ns)
 void sst_sim_cam_edge(struct sst_sim_cam *cam, uint64_t trigger, int64_t t_ns)
 {
     const struct sst_sim_timing *t = timing_of(cam);
-    const struct sst_sim_shot ignored = { .cam = cam, .exposure = { .cam = sst_sim_cam_body(cam), .trigger = trigger } };
+    const struct sst_sim_shot ignored = { .cam = cam,
+                                          .exposure = { .cam = sst_sim_cam_body(cam), .trigger = trigger } };
     int64_t start;
 
     if (!cam->queue.streaming || !cam->control[SST_SIM_CONTROL_TRIGGER])

@@ -65,9 +65,13 @@ static bool is_size(const struct sst_sim_cam *cam, uint32_t width, uint32_t heig
 static void adjust(const struct sst_sim_cam *cam, struct v4l2_pix_format *p)
 {
     const struct format *f = find_format(p->pixelformat);
-    struct v4l2_pix_format out = { .width = p->width, .height = p->height, .field = V4L2_FIELD_NONE,
-                                   .colorspace = V4L2_COLORSPACE_SRGB, .priv = V4L2_PIX_FMT_PRIV_MAGIC,
-                                   .ycbcr_enc = V4L2_YCBCR_ENC_601, .quantization = V4L2_QUANTIZATION_DEFAULT,
+    struct v4l2_pix_format out = { .width = p->width,
+                                   .height = p->height,
+                                   .field = V4L2_FIELD_NONE,
+                                   .colorspace = V4L2_COLORSPACE_SRGB,
+                                   .priv = V4L2_PIX_FMT_PRIV_MAGIC,
+                                   .ycbcr_enc = V4L2_YCBCR_ENC_601,
+                                   .quantization = V4L2_QUANTIZATION_DEFAULT,
                                    .xfer_func = V4L2_XFER_FUNC_SRGB };
 
     if (!f)
@@ -84,7 +88,8 @@ void sst_sim_cam_formats_reset(struct sst_sim_cam *cam)
     int width, height;
 
     sst_sim_world_size(cam->world, &width, &height);
-    cam->format = (struct v4l2_pix_format){ .pixelformat = V4L2_PIX_FMT_MJPEG, .width = (uint32_t)width,
+    cam->format = (struct v4l2_pix_format){ .pixelformat = V4L2_PIX_FMT_MJPEG,
+                                            .width = (uint32_t)width,
                                             .height = (uint32_t)height };
     adjust(cam, &cam->format);
     cam->interval = (struct v4l2_fract){ 1, 30 };
@@ -96,7 +101,9 @@ static int enum_format(struct v4l2_fmtdesc *d)
 
     if (d->type != V4L2_BUF_TYPE_VIDEO_CAPTURE || index >= ARRAY_LEN(formats))
         return -EINVAL;
-    *d = (struct v4l2_fmtdesc){ .index = index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .pixelformat = formats[index].fourcc,
+    *d = (struct v4l2_fmtdesc){ .index = index,
+                                .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+                                .pixelformat = formats[index].fourcc,
                                 .flags = formats[index].bits ? 0 : V4L2_FMT_FLAG_COMPRESSED };
     (void)snprintf((char *)d->description, sizeof(d->description), "%s", formats[index].name);
     return 0;
@@ -109,7 +116,8 @@ static int enum_size(const struct sst_sim_cam *cam, struct v4l2_frmsizeenum *e)
 
     if (!find_format(e->pixel_format) || e->index >= (uint32_t)count)
         return -EINVAL;
-    *e = (struct v4l2_frmsizeenum){ .index = e->index, .pixel_format = e->pixel_format,
+    *e = (struct v4l2_frmsizeenum){ .index = e->index,
+                                    .pixel_format = e->pixel_format,
                                     .type = V4L2_FRMSIZE_TYPE_DISCRETE,
                                     .discrete = { (uint32_t)sizes[e->index][0], (uint32_t)sizes[e->index][1] } };
     return 0;
@@ -119,8 +127,11 @@ static int enum_interval(const struct sst_sim_cam *cam, struct v4l2_frmivalenum 
 {
     if (!find_format(e->pixel_format) || !is_size(cam, e->width, e->height) || e->index >= ARRAY_LEN(rates))
         return -EINVAL;
-    *e = (struct v4l2_frmivalenum){ .index = e->index, .pixel_format = e->pixel_format, .width = e->width,
-                                    .height = e->height, .type = V4L2_FRMIVAL_TYPE_DISCRETE,
+    *e = (struct v4l2_frmivalenum){ .index = e->index,
+                                    .pixel_format = e->pixel_format,
+                                    .width = e->width,
+                                    .height = e->height,
+                                    .type = V4L2_FRMIVAL_TYPE_DISCRETE,
                                     .discrete = { 1, rates[e->index] } };
     return 0;
 }
@@ -169,7 +180,8 @@ static int set_rate(struct sst_sim_cam *cam, struct v4l2_streamparm *p)
         return -EBUSY;
     /* The nearest interval; one that is nothing is the camera's own choice. */
     for (size_t i = 0; i < ARRAY_LEN(rates); i++) {
-        const double seconds = want.numerator && want.denominator ? (double)want.numerator / want.denominator : 1.0 / 30;
+        const double seconds =
+            want.numerator && want.denominator ? (double)want.numerator / want.denominator : 1.0 / 30;
         const double off = seconds > 1.0 / rates[i] ? seconds - 1.0 / rates[i] : 1.0 / rates[i] - seconds;
 
         if (off < best) {
@@ -186,15 +198,32 @@ int sst_sim_cam_formats_ioctl(struct sst_sim_cam *cam, struct sst_sim_request *r
     int err;
 
     switch (r->call.cmd) {
-    case VIDIOC_ENUM_FMT: err = enum_format(a); break;
-    case VIDIOC_ENUM_FRAMESIZES: err = enum_size(cam, a); break;
-    case VIDIOC_ENUM_FRAMEINTERVALS: err = enum_interval(cam, a); break;
-    case VIDIOC_G_FMT: err = get_format(cam, a); break;
-    case VIDIOC_TRY_FMT: err = set_format(cam, a, false); break;
-    case VIDIOC_S_FMT: err = set_format(cam, a, true); break;
-    case VIDIOC_G_PARM: err = get_rate(cam, a); break;
-    case VIDIOC_S_PARM: err = set_rate(cam, a); break;
-    default: return -ENOTTY;
+    case VIDIOC_ENUM_FMT:
+        err = enum_format(a);
+        break;
+    case VIDIOC_ENUM_FRAMESIZES:
+        err = enum_size(cam, a);
+        break;
+    case VIDIOC_ENUM_FRAMEINTERVALS:
+        err = enum_interval(cam, a);
+        break;
+    case VIDIOC_G_FMT:
+        err = get_format(cam, a);
+        break;
+    case VIDIOC_TRY_FMT:
+        err = set_format(cam, a, false);
+        break;
+    case VIDIOC_S_FMT:
+        err = set_format(cam, a, true);
+        break;
+    case VIDIOC_G_PARM:
+        err = get_rate(cam, a);
+        break;
+    case VIDIOC_S_PARM:
+        err = set_rate(cam, a);
+        break;
+    default:
+        return -ENOTTY;
     }
     if (!err)
         r->out_bytes = _IOC_SIZE(r->call.cmd);

@@ -48,7 +48,7 @@ struct sst_sim_gpio_front {
 static const struct sst_sim_ops chip_ops, lines_ops;
 static const char *const labels[CHIPS] = { "sst-board", "sst-trigger" };
 
-/* --- reading -------------------------------------------------------------------------------------------------------- */
+/* --- reading ------------------------------------------------------------------------------------------------------ */
 
 /** @return bytes or -errno; told says whether the socket still has its byte */
 static int read_now(struct open_file *f, struct sst_sim_request *r)
@@ -102,7 +102,7 @@ static void file_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
             f->waiting[i--] = f->waiting[--f->readers];
 }
 
-/* --- files ---------------------------------------------------------------------------------------------------------- */
+/* --- files -------------------------------------------------------------------------------------------------------- */
 
 static void after_call(struct sst_sim_gpio_front *front)
 {
@@ -204,7 +204,7 @@ static const struct sst_sim_ops lines_ops = {
     .letter = 'g', .close = file_close, .ioctl = file_ioctl, .read = file_read, .cancel = file_cancel
 };
 
-/* --- trigger -------------------------------------------------------------------------------------------------------- */
+/* --- trigger ------------------------------------------------------------------------------------------------------ */
 
 static void pin(void *arg, int chip, int line, bool level, int64_t t_ns)
 {
@@ -214,7 +214,7 @@ static void pin(void *arg, int chip, int line, bool level, int64_t t_ns)
         front->cfg.edge(front->cfg.arg, line, t_ns);
 }
 
-/* --- chips in /dev and /sys ----------------------------------------------------------------------------------------- */
+/* --- chips in /dev and /sys --------------------------------------------------------------------------------------- */
 
 static void show_in_sysfs(struct chip *chip, bool present)
 {
@@ -277,7 +277,7 @@ static void disappear(struct chip *chip)
     }
 }
 
-/* --- faults: all of the trigger chip -------------------------------------------------------------------------------- */
+/* --- faults: all of the trigger chip ------------------------------------------------------------------------------ */
 
 static const struct sst_sim_fault faults[SST_SIM_GPIO_FAULTS] = {
     [SST_SIM_GPIO_BUSY] = { "busy", 0, 1, "1: another driver holds the named lines of sst-trigger (EBUSY)" },
@@ -304,7 +304,7 @@ static int fault_changed(void *arg, int instance, int fault, double value)
     return err;
 }
 
-/* --- the whole ------------------------------------------------------------------------------------------------------ */
+/* --- the whole ---------------------------------------------------------------------------------------------------- */
 
 static int create_model(struct sst_sim_gpio_front *front)
 {

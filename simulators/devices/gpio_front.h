@@ -23,7 +23,8 @@ struct sst_sim_gpio_front_config {
  * Make the chips appear: gpiochip0 "sst-board", gpiochip1 "sst-trigger" with lines TRIG0.. and the input LOOP0 that is
  * wired to TRIG0. @return 0 or -errno, logged.
  */
-SST_MUST_CHECK int sst_sim_gpio_front_open(struct sst_sim_gpio_front **out, const struct sst_sim_gpio_front_config *cfg);
+SST_MUST_CHECK int sst_sim_gpio_front_open(struct sst_sim_gpio_front **out,
+                                           const struct sst_sim_gpio_front_config *cfg);
 void sst_sim_gpio_front_close(struct sst_sim_gpio_front *front);
 
 SST_EXTERN_C_END

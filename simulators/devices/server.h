@@ -33,21 +33,21 @@ void sst_sim_timer_stop(struct sst_sim_server *s, struct sst_sim_timer *timer);
 struct sst_sim_handle {
     struct sst_sim_server *server;
     const struct sst_sim_ops *ops;
-    void *device;  /* what sst_sim_node_add() or sst_sim_handle_create() was given */
-    void *state;   /* the device's, per open file */
+    void *device;   /* what sst_sim_node_add() or sst_sim_handle_create() was given */
+    void *state;    /* the device's, per open file */
     int open_flags; /* of open() */
     uint32_t id;
-    int fd;        /* the simulator's end: write here what the program shall read */
-    bool urgent;   /* an out-of-band byte is with the program */
+    int fd;      /* the simulator's end: write here what the program shall read */
+    bool urgent; /* an out-of-band byte is with the program */
 };
 
 /** A call from a program. The device answers by its return value, now or later. */
 struct sst_sim_request {
     struct sst_sim_call call;
     struct sst_sim_handle *handle; /* NULL when it went meanwhile */
-    uint8_t *data;     /* [SST_SIM_PAYLOAD_MAX]: payload of the call, then of the answer */
-    uint32_t bytes;    /* of the call's payload */
-    int fd;            /* descriptor that came with the call, or -1; the device may take it (and set -1) */
+    uint8_t *data;                 /* [SST_SIM_PAYLOAD_MAX]: payload of the call, then of the answer */
+    uint32_t bytes;                /* of the call's payload */
+    int fd;                        /* descriptor that came with the call, or -1; the device may take it (and set -1) */
     /* answer */
     uint32_t out_bytes; /* of the payload; for ioctls: the argument, then its areas, laid out as in the call */
     uint32_t drain, out_flags;
@@ -59,17 +59,19 @@ struct sst_sim_request {
 #define SST_SIM_LATER 0x40000000 /* returned by ops: sst_sim_answer() will be called for this request */
 
 /** What a device does; each may be NULL (-ENOTTY, -ENODEV for map, -EINVAL for read and write, -ESPIPE).
- *  Return a negative errno, a result, or SST_SIM_LATER. On a negative result out_bytes is 0 unless set by the device. */
+ *  Return a negative errno, a result, or SST_SIM_LATER. On a negative result out_bytes is 0 unless set by the device.
+ */
 struct sst_sim_ops {
-    char letter;  /* of the class, in the descriptor's name: v V4L2, g GPIO, u USB, s attribute in /sys, n kernel events */
+    char letter;  /* of the class, in the descriptor's name: v V4L2, g GPIO, u USB, s attribute in /sys, n kernel events
+                   */
     bool packets; /* what the program reads keeps its boundaries */
     int (*open)(struct sst_sim_handle *h, struct sst_sim_request *r); /* its answer is the new descriptor */
-    void (*close)(struct sst_sim_handle *h); /* last copy closed, or sst_sim_handle_drop() */
+    void (*close)(struct sst_sim_handle *h);                          /* last copy closed, or sst_sim_handle_drop() */
     int (*ioctl)(struct sst_sim_handle *h, struct sst_sim_request *r);
     int (*map)(struct sst_sim_handle *h, struct sst_sim_request *r);
     int (*read)(struct sst_sim_handle *h, struct sst_sim_request *r);
     int (*write)(struct sst_sim_handle *h, struct sst_sim_request *r);
-    int (*seek)(struct sst_sim_handle *h, struct sst_sim_request *r);
+    int (*seek)(struct sst_sim_handle *h, struct sst_sim_request *r);    /* NULL: -ESPIPE */
     void (*cancel)(struct sst_sim_handle *h, struct sst_sim_request *r); /* forget a request that was to be later */
     void (*ready)(struct sst_sim_handle *h); /* the program took the out-of-band byte: another may be due */
 };

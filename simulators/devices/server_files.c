@@ -63,7 +63,8 @@ static int make_pair(const struct sst_sim_ops *ops, uint32_t id, int pair[2])
     if (socketpair(AF_UNIX, (ops->packets ? SOCK_SEQPACKET : SOCK_STREAM) | SOCK_CLOEXEC, 0, pair) < 0)
         return -errno;
     /* A byte that is never read makes the close of our end an error at the other: POLLERR besides POLLHUP. */
-    if (bind(pair[1], (const struct sockaddr *)&name, (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + n)) < 0 ||
+    if (bind(pair[1], (const struct sockaddr *)&name, (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + n)) <
+            0 ||
         write(pair[1], "", 1) != 1)
         err = -errno;
     if (err) {

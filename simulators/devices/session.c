@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <glob.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,15 +12,49 @@
 #include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/time.h>
 #include <sys/un.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/log.h"
 #include "simulators/devices/proto.h"
 
+#define FOLDER "sst-sim-"
 #define PRELOAD "libsst-sim-preload.so"
+
+/* Nobody listens any more: its sst-sim was killed. A young one may not listen yet. */
+static bool is_dead(const char *dir)
+{
+    struct sockaddr_un name = { .sun_family = AF_UNIX };
+    struct stat st;
+    bool dead;
+    int fd;
+
+    if (stat(dir, &st) < 0 || st.st_uid != geteuid() || time(NULL) - st.st_mtime < 60 ||
+        snprintf(name.sun_path, sizeof(name.sun_path), "%s/" SST_SIM_SOCKET, dir) >= (int)sizeof(name.sun_path))
+        return false;
+    fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    dead = fd >= 0 && connect(fd, (const struct sockaddr *)&name, sizeof(name)) < 0 && errno == ECONNREFUSED;
+    if (fd >= 0)
+        close(fd);
+    return dead;
+}
+
+static void remove_dead(const char *parent)
+{
+    char pattern[SST_PATH_MAX];
+    glob_t found;
+
+    (void)snprintf(pattern, sizeof(pattern), "%s/" FOLDER "*", parent);
+    if (glob(pattern, GLOB_NOSORT, NULL, &found) == 0)
+        for (size_t i = 0; i < found.gl_pathc; i++)
+            if (is_dead(found.gl_pathv[i]))
+                sst_path_remove_tree(found.gl_pathv[i]);
+    globfree(&found);
+}
 
 int sst_sim_session_make(char dir[SST_PATH_MAX])
 {
@@ -28,7 +63,8 @@ int sst_sim_session_make(char dir[SST_PATH_MAX])
     /* A socket's path holds 107 characters. */
     if (!runtime || runtime[0] != '/' || strlen(runtime) > 64 || access(runtime, W_OK) < 0)
         runtime = access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp"; /* thousands of small files: not on a disk */
-    (void)snprintf(dir, SST_PATH_MAX, "%s/sst-sim-XXXXXX", runtime);
+    remove_dead(runtime);
+    (void)snprintf(dir, SST_PATH_MAX, "%s/" FOLDER "XXXXXX", runtime);
     if (!mkdtemp(dir)) {
         const int err = -errno;
 

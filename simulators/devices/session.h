@@ -9,7 +9,8 @@
 
 SST_EXTERN_C_BEGIN
 
-/** Make a new folder for a session in $XDG_RUNTIME_DIR, /dev/shm or /tmp, for this user alone. @return 0 or -errno, logged. */
+/** Make a new folder for a session in $XDG_RUNTIME_DIR, /dev/shm or /tmp, for this user alone; folders there of
+ * sessions that were killed are removed. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_sim_session_make(char dir[SST_PATH_MAX]);
 
 /**
@@ -21,10 +22,10 @@ SST_MUST_CHECK int sst_sim_session_enter(const char *dir, const char *further);
 
 /** The command that a session is there for. */
 struct sst_sim_command {
-    int pid;      /* and process group; 0: has ended */
-    int signals;  /* signalfd: readable when sst_sim_command_signal() has something to do */
+    int pid;       /* and process group; 0: has ended */
+    int signals;   /* signalfd: readable when sst_sim_command_signal() has something to do */
     bool terminal; /* it was given the terminal */
-    int status;   /* exit status, 128 + signal */
+    int status;    /* exit status, 128 + signal */
     sigset_t mask; /* signals blocked before */
 };
 
@@ -32,7 +33,8 @@ struct sst_sim_command {
  *  c->signals. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_sim_command_prepare(struct sst_sim_command *c);
 
-/** Start argv in a process group of its own. @return 0, -ENOENT/-EACCES... (it cannot be executed) or -errno; logged. */
+/** Start argv in a process group of its own. @return 0, -ENOENT/-EACCES... (it cannot be executed) or -errno; logged.
+ */
 SST_MUST_CHECK int sst_sim_command_start(struct sst_sim_command *c, char *const argv[]);
 
 /** Pass a signal on, or take the command's end. @return true: it has ended (or, without a command, a signal came). */

@@ -108,11 +108,15 @@ static int answer(void *arg, struct sst_sim_request *r)
     struct sst_sim_simulator *sim = arg;
 
     switch (r->call.op) {
-    case SST_SIM_FAULT: return answer_fault(sim, r);
+    case SST_SIM_FAULT:
+        return answer_fault(sim, r);
     case SST_SIM_FAULTS:
         return answer_faults(sim, r);
-    case SST_SIM_STATUS: return answer_status(sim, r);
-    default: sst_sim_server_stop(sim->server); return 0;
+    case SST_SIM_STATUS:
+        return answer_status(sim, r);
+    default:
+        sst_sim_server_stop(sim->server);
+        return 0;
     }
 }
 
@@ -188,7 +192,8 @@ static void tell_cost(const struct sst_sim_simulator *sim)
     char *text = f ? json_dumps(f, JSON_INDENT(2)) : NULL;
 
     if (f && !sim->options.quiet)
-        fprintf(stderr, "sst-sim: %lld frames made in %.1f s; the simulation itself took %.2f s of CPU, %.1f %% of one core\n",
+        fprintf(stderr,
+                "sst-sim: %lld frames made in %.1f s; the simulation itself took %.2f s of CPU, %.1f %% of one core\n",
                 (long long)json_integer_value(json_object_get(f, "frames")),
                 json_real_value(json_object_get(f, "seconds")), json_real_value(json_object_get(f, "cpu_seconds")),
                 json_real_value(json_object_get(f, "cpu_percent")));

@@ -178,7 +178,7 @@ void sst_sim_sysfs_remove(struct sst_sim_sysfs *fs, const char *path)
         (void)nftw(real, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
 }
 
-/* --- the machine's own ---------------------------------------------------------------------------------------------- */
+/* --- the machine's own -------------------------------------------------------------------------------------------- */
 
 /** Link a real folder's entries, but for some. */
 static void show_through(struct sst_sim_sysfs *fs, const char *dir, const char *const *without)

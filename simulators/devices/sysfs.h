@@ -12,16 +12,18 @@ SST_EXTERN_C_BEGIN
  */
 struct sst_sim_sysfs; /* opaque; simulator's thread */
 
-/** /sys as the machine has it by links, but without its own USB, PCI, GPIO and video devices. @return 0 or -errno, logged. */
+/** /sys as the machine has it, by links, but without its own USB, PCI, GPIO and video devices.
+ *  @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_sim_sysfs_open(struct sst_sim_sysfs **out, struct sst_sim_server *server);
 void sst_sim_sysfs_close(struct sst_sim_sysfs *fs);
 struct sst_sim_server *sst_sim_sysfs_server(const struct sst_sim_sysfs *fs);
 int sst_sim_sysfs_error(const struct sst_sim_sysfs *fs); /* the first, or 0 */
 
-/* --- entries -------------------------------------------------------------------------------------------------------- */
+/* --- entries ------------------------------------------------------------------------------------------------------ */
 
 /** An attribute: folder and name, contents as by printf, with a newline. Folders are made; it is replaced whole. */
-SST_PRINTF(4, 5) void sst_sim_sysfs_attr(struct sst_sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...);
+SST_PRINTF(4, 5)
+void sst_sim_sysfs_attr(struct sst_sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...);
 /** The same with bytes as they are. */
 void sst_sim_sysfs_bytes(struct sst_sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes);
 /** Let programs write it; to be called once the attribute is there. node: to be removed by the caller. */
@@ -32,7 +34,7 @@ void sst_sim_sysfs_link(struct sst_sim_sysfs *fs, const char *path, const char *
 /** Remove a file, link or folder with all in it. */
 void sst_sim_sysfs_remove(struct sst_sim_sysfs *fs, const char *path);
 
-/* --- udev ----------------------------------------------------------------------------------------------------------- */
+/* --- udev --------------------------------------------------------------------------------------------------------- */
 
 /** KEY=VALUE lines. */
 struct sst_sim_props {

@@ -33,10 +33,10 @@ struct sst_sim_listener {
 /** What precedes properties that udev sends. */
 struct udev_header {
     char prefix[8];
-    uint32_t magic, header_bytes, offset, bytes, filter[4]; /* the filters are the kernel's business, which is not there */
+    uint32_t magic, header_bytes, offset, bytes, filter[4]; /* filters are the kernel's business */
 };
 
-/* --- sending -------------------------------------------------------------------------------------------------------- */
+/* --- sending ------------------------------------------------------------------------------------------------------ */
 
 /** Whatever fits, in order. @return false if something is left */
 static bool drain(struct sst_sim_listener *l)
@@ -88,7 +88,7 @@ static void send_group(struct sst_sim_sysfs *fs, unsigned group, const void *dat
             queue(l, data, bytes);
 }
 
-/* --- building ------------------------------------------------------------------------------------------------------- */
+/* --- building ----------------------------------------------------------------------------------------------------- */
 
 void sst_sim_props_add(struct sst_sim_props *props, const char *fmt, ...)
 {
@@ -174,7 +174,7 @@ void sst_sim_uevent(struct sst_sim_sysfs *fs, const char *action, const char *de
     retry(fs);
 }
 
-/* --- listeners ------------------------------------------------------------------------------------------------------ */
+/* --- listeners ---------------------------------------------------------------------------------------------------- */
 
 static int listener_open(struct sst_sim_handle *h, struct sst_sim_request *r)
 {

@@ -6,7 +6,7 @@
 
 #include "simulators/devices/usb_front_internal.h"
 
-/* --- a device's ----------------------------------------------------------------------------------------------------- */
+/* --- a device's --------------------------------------------------------------------------------------------------- */
 
 static int write_attribute(struct usb_attribute *a, const char *text)
 {
@@ -20,7 +20,7 @@ static int write_attribute(struct usb_attribute *a, const char *text)
     return sst_sim_usb_authorize(a->front->usb, a->device, value == 1);
 }
 
-/* --- a driver's ----------------------------------------------------------------------------------------------------- */
+/* --- a driver's --------------------------------------------------------------------------------------------------- */
 
 /** text: the name of an interface, "1-2:1.0" */
 static int write_driver_file(struct usb_driver_file *f, const char *text)
@@ -43,7 +43,7 @@ static int write_driver_file(struct usb_driver_file *f, const char *text)
     return -ENODEV;
 }
 
-/* --- both ----------------------------------------------------------------------------------------------------------- */
+/* --- both --------------------------------------------------------------------------------------------------------- */
 
 static int write_text(struct sst_sim_handle *h, const uint8_t *data, size_t bytes)
 {

@@ -9,7 +9,7 @@
 #include "base/log.h"
 #include "simulators/devices/usb_front_internal.h"
 
-/* --- events of the model -------------------------------------------------------------------------------------------- */
+/* --- events of the model ------------------------------------------------------------------------------------------ */
 
 static void add_node(struct sst_sim_usb_front *front, int device)
 {
@@ -80,7 +80,7 @@ static void event(void *arg, int device, enum sst_sim_usb_event what, int interf
     front->telling = telling;
 }
 
-/* --- what the array asks and tells ---------------------------------------------------------------------------------- */
+/* --- what the array asks and tells -------------------------------------------------------------------------------- */
 
 bool sst_sim_usb_front_video(struct sst_sim_usb_front *front, int cam, bool present, int node)
 {
@@ -109,7 +109,7 @@ struct sst_sim_usb *sst_sim_usb_front_model(struct sst_sim_usb_front *front)
     return front->usb;
 }
 
-/* --- faults --------------------------------------------------------------------------------------------------------- */
+/* --- faults ------------------------------------------------------------------------------------------------------- */
 
 static const struct sst_sim_fault bus_faults[SST_SIM_USB_FAULTS] = {
     [SST_SIM_USB_RESET_FAILS] = { "reset_fails", 0, 1, "1: USB resets end with ETIMEDOUT" },
@@ -170,7 +170,7 @@ static int add_faults(struct sst_sim_usb_front *front)
     return err < 0 ? err : 0;
 }
 
-/* --- the whole ------------------------------------------------------------------------------------------------------ */
+/* --- the whole ---------------------------------------------------------------------------------------------------- */
 
 static void no_layout(const char *layout)
 {
@@ -198,7 +198,11 @@ int sst_sim_usb_front_open(struct sst_sim_usb_front **out, const struct sst_sim_
 {
     struct sst_sim_usb_front *front = calloc(1, sizeof(*front));
     struct sst_sim_usb_config model = {
-        .layout = cfg->layout, .cameras = cfg->cameras, .sizes = cfg->sizes, .size_count = cfg->size_count, .event = event
+        .layout = cfg->layout,
+        .cameras = cfg->cameras,
+        .sizes = cfg->sizes,
+        .size_count = cfg->size_count,
+        .event = event,
     };
     int err = -ENOMEM;
 

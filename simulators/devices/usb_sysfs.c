@@ -5,7 +5,7 @@
 
 #include "simulators/devices/usb_front_internal.h"
 
-/* --- names ---------------------------------------------------------------------------------------------------------- */
+/* --- names -------------------------------------------------------------------------------------------------------- */
 
 void usb_sysfs_dir(const struct sst_sim_usb_front *front, int device, char out[SST_PATH_MAX])
 {
@@ -69,7 +69,7 @@ static int minor_of(const struct sst_sim_usb_device *d)
     return (d->bus - 1) * 128 + d->address - 1;
 }
 
-/* --- what udev knows of a device ------------------------------------------------------------------------------------ */
+/* --- what udev knows of a device ---------------------------------------------------------------------------------- */
 
 static void underscores(char *text)
 {
@@ -123,7 +123,7 @@ static void add_path_id(struct sst_sim_props *udev, const char *path)
     sst_sim_props_add(udev, "ID_PATH_TAG=%s", tag);
 }
 
-/* --- properties in "uevent" ----------------------------------------------------------------------------------------- */
+/* --- properties in "uevent" --------------------------------------------------------------------------------------- */
 
 static void device_props(struct sst_sim_props *props, const struct sst_sim_usb_device *d, const uint8_t *descriptor)
 {
@@ -132,8 +132,8 @@ static void device_props(struct sst_sim_props *props, const struct sst_sim_usb_d
     sst_sim_props_add(props, "DEVNAME=bus/usb/%03d/%03d", d->bus, d->address);
     sst_sim_props_add(props, "DEVTYPE=usb_device");
     sst_sim_props_add(props, "DRIVER=usb");
-    sst_sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
-                      descriptor[12] | descriptor[13] << 8);
+    sst_sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8,
+                      descriptor[10] | descriptor[11] << 8, descriptor[12] | descriptor[13] << 8);
     sst_sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
     sst_sim_props_add(props, "BUSNUM=%03d", d->bus);
     sst_sim_props_add(props, "DEVNUM=%03d", d->address);
@@ -150,8 +150,8 @@ static void interface_props(const struct sst_sim_usb_front *front, struct sst_si
     sst_sim_props_add(props, "DEVTYPE=usb_interface");
     if (d->bound >> interface & 1)
         sst_sim_props_add(props, "DRIVER=%s", sst_sim_usb_driver(d));
-    sst_sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
-                      descriptor[12] | descriptor[13] << 8);
+    sst_sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8,
+                      descriptor[10] | descriptor[11] << 8, descriptor[12] | descriptor[13] << 8);
     sst_sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
     sst_sim_props_add(props, "INTERFACE=%d/%d/%d", class[0], class[1], class[2]);
     sst_sim_props_add(props, "MODALIAS=usb:v%02X%02Xp%02X%02Xd%02X%02Xdc%02Xdsc%02Xdp%02Xic%02Xisc%02Xip%02Xin%02X",
@@ -184,7 +184,7 @@ static void tell(struct sst_sim_usb_front *front, int device, int interface, con
     sst_sim_uevent(front->cfg.sysfs, action, dir + strlen("/sys"), &props, interface < 0 ? id : NULL, &udev);
 }
 
-/* --- attributes ----------------------------------------------------------------------------------------------------- */
+/* --- attributes --------------------------------------------------------------------------------------------------- */
 
 static void descriptor_attributes(struct sst_sim_sysfs *fs, const char *dir, const uint8_t *b, int bytes)
 {
@@ -310,7 +310,7 @@ static void add_interface(struct sst_sim_usb_front *front, int device, int inter
         add_port(front, device, port);
 }
 
-/* --- devices come and go -------------------------------------------------------------------------------------------- */
+/* --- devices come and go ------------------------------------------------------------------------------------------ */
 
 static void add_controller(struct sst_sim_usb_front *front, const struct sst_sim_usb_device *d)
 {
@@ -438,7 +438,7 @@ void usb_sysfs_drivers(struct sst_sim_usb_front *front)
     }
 }
 
-/* --- video nodes ---------------------------------------------------------------------------------------------------- */
+/* --- video nodes -------------------------------------------------------------------------------------------------- */
 
 static void video_udev(struct sst_sim_usb_front *front, int device, struct sst_sim_props *udev)
 {

@@ -33,7 +33,7 @@ static const struct sst_sim_usb_device *device_of(const struct usb_file *f)
     return sst_sim_usb_device(f->shown->front->usb, f->shown->device);
 }
 
-/* --- transfers ------------------------------------------------------------------------------------------------------ */
+/* --- transfers ---------------------------------------------------------------------------------------------------- */
 
 /** The oldest that ended goes to the program. @return 0 or -EAGAIN */
 static int reap(struct usb_file *f, struct sst_sim_request *r)
@@ -149,7 +149,7 @@ static int control(struct usb_file *f, struct sst_sim_request *r)
     return n;
 }
 
-/* --- interfaces ----------------------------------------------------------------------------------------------------- */
+/* --- interfaces --------------------------------------------------------------------------------------------------- */
 
 static bool has_interface(const struct usb_file *f, unsigned interface)
 {
@@ -223,7 +223,7 @@ static int get_driver(const struct usb_file *f, struct sst_sim_request *r)
     return 0;
 }
 
-/* --- about the device ----------------------------------------------------------------------------------------------- */
+/* --- about the device --------------------------------------------------------------------------------------------- */
 
 static int give(struct sst_sim_request *r, const void *data, size_t bytes)
 {
@@ -268,7 +268,7 @@ static int reset(struct usb_file *f)
     return sst_sim_usb_reset(f->shown->front->usb, f->shown->device);
 }
 
-/* --- the file ------------------------------------------------------------------------------------------------------- */
+/* --- the file ----------------------------------------------------------------------------------------------------- */
 
 static int wrapped(struct usb_file *f, const struct usbdevfs_ioctl *c)
 {
@@ -292,15 +292,16 @@ static int reap_or_wait(struct usb_file *f, struct sst_sim_request *r)
 static int file_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
 {
     struct usb_file *f = h->state;
-    const uint32_t capabilities = USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM | USBDEVFS_CAP_CONNINFO_EX |
-                                  USBDEVFS_CAP_DROP_PRIVILEGES;
+    const uint32_t sizeless = ~((uint32_t)_IOC_SIZEMASK << _IOC_SIZESHIFT);
+    const uint32_t capabilities = USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
+                                  USBDEVFS_CAP_CONNINFO_EX | USBDEVFS_CAP_DROP_PRIVILEGES;
     const struct sst_sim_usb_device *d = device_of(f);
     const struct usbdevfs_connectinfo info = { .devnum = (unsigned)d->address };
     unsigned number = 0;
 
     if (r->bytes >= sizeof(number))
         memcpy(&number, r->data, sizeof(number));
-    if ((r->call.cmd & ~((uint32_t)_IOC_SIZEMASK << _IOC_SIZESHIFT)) == (USBDEVFS_CONNINFO_EX(0) & ~((uint32_t)_IOC_SIZEMASK << _IOC_SIZESHIFT)))
+    if ((r->call.cmd & sizeless) == (USBDEVFS_CONNINFO_EX(0) & sizeless))
         return connection(f, r);
     switch (r->call.cmd) {
     case (uint32_t)USBDEVFS_CONTROL: return control(f, r);

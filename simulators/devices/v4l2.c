@@ -49,8 +49,10 @@ static int query_capabilities(const struct sst_sim_cam *cam, struct v4l2_capabil
     struct sst_sim_identity identity;
 
     sst_sim_identity(sst_sim_array_usb(cam->array), cam->index, &identity);
-    *c = (struct v4l2_capability){ .driver = "uvcvideo", .version = KERNEL_VERSION_SHOWN,
-                                   .device_caps = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_EXT_PIX_FORMAT };
+    *c = (struct v4l2_capability){ .driver = "uvcvideo",
+                                   .version = KERNEL_VERSION_SHOWN,
+                                   .device_caps =
+                                       V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_EXT_PIX_FORMAT };
     c->capabilities = c->device_caps | V4L2_CAP_DEVICE_CAPS;
     (void)snprintf((char *)c->card, sizeof(c->card), "%s", identity.card);
     (void)snprintf((char *)c->bus_info, sizeof(c->bus_info), "%.31s", identity.bus_info);
@@ -99,8 +101,10 @@ static bool needs_priority(uint32_t request)
     case VIDIOC_S_INPUT:
     case VIDIOC_S_CTRL:
     case VIDIOC_S_EXT_CTRLS:
-    case VIDIOC_S_PRIORITY: return true;
-    default: return false;
+    case VIDIOC_S_PRIORITY:
+        return true;
+    default:
+        return false;
     }
 }
 
@@ -113,15 +117,22 @@ static int common_ioctl(struct sst_sim_open *o, struct sst_sim_request *r, uint3
 
     memcpy(&number, r->data, sizeof(number));
     switch (r->call.cmd) {
-    case VIDIOC_QUERYCAP: return query_capabilities(o->cam, (struct v4l2_capability *)r->data);
-    case VIDIOC_ENUMINPUT: return enum_input((struct v4l2_input *)r->data);
-    case VIDIOC_G_INPUT: memset(r->data, 0, *bytes); return 0;
-    case VIDIOC_S_INPUT: return number ? -EINVAL : 0;
+    case VIDIOC_QUERYCAP:
+        return query_capabilities(o->cam, (struct v4l2_capability *)r->data);
+    case VIDIOC_ENUMINPUT:
+        return enum_input((struct v4l2_input *)r->data);
+    case VIDIOC_G_INPUT:
+        memset(r->data, 0, *bytes);
+        return 0;
+    case VIDIOC_S_INPUT:
+        return number ? -EINVAL : 0;
     case VIDIOC_G_PRIORITY:
         number = highest_priority(o->cam);
         memcpy(r->data, &number, sizeof(number));
         return 0;
-    case VIDIOC_S_PRIORITY: *bytes = 0; return set_priority(o, number);
+    case VIDIOC_S_PRIORITY:
+        *bytes = 0;
+        return set_priority(o, number);
     case VIDIOC_LOG_STATUS:
         sst_log_info("camera %d: %llu frames, %llu lost, %s", o->cam->index,
                      (unsigned long long)o->cam->counters.frames, (unsigned long long)o->cam->counters.lost,
@@ -133,7 +144,8 @@ static int common_ioctl(struct sst_sim_open *o, struct sst_sim_request *r, uint3
     case VIDIOC_UNSUBSCRIBE_EVENT:
         *bytes = 0;
         return sst_sim_cam_unsubscribe(o, (struct v4l2_event_subscription *)r->data, r);
-    default: return -ENOTTY;
+    default:
+        return -ENOTTY;
     }
 }
 

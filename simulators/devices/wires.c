@@ -25,7 +25,7 @@ struct sst_sim_wires {
     uint64_t edges[TRIGGERS_MAX];
 };
 
-/* --- bus to cameras ------------------------------------------------------------------------------------------------- */
+/* --- bus to cameras ----------------------------------------------------------------------------------------------- */
 
 static void works(void *arg, int cam, bool works_now)
 {
@@ -47,7 +47,7 @@ static void rung(void *arg, int cam, enum sst_sim_usb_event event)
                                                                : SST_SIM_POWER);
 }
 
-/* --- cameras to bus ------------------------------------------------------------------------------------------------- */
+/* --- cameras to bus ----------------------------------------------------------------------------------------------- */
 
 /** What the stream needs; 0: as much as there is, as cameras claim for compressed pictures. */
 static int64_t bytes_per_second(uint32_t fourcc, int width, int height, double rate_hz)
@@ -96,7 +96,7 @@ static void swapped(void *arg, int cam, int body)
     sst_sim_usb_swap(usb, sst_sim_usb_camera(usb, cam), body);
 }
 
-/* --- trigger -------------------------------------------------------------------------------------------------------- */
+/* --- trigger ------------------------------------------------------------------------------------------------------ */
 
 static void edge(void *arg, int line, int64_t t_ns)
 {
@@ -109,7 +109,7 @@ static void edge(void *arg, int line, int64_t t_ns)
         sst_sim_array_edge(w->array, line * w->cols, w->cols, index, t_ns);
 }
 
-/* --- rig ------------------------------------------------------------------------------------------------------------ */
+/* --- rig ---------------------------------------------------------------------------------------------------------- */
 
 static void pose(void *arg, int64_t t_ns, int32_t pose_um[3])
 {
@@ -118,7 +118,7 @@ static void pose(void *arg, int64_t t_ns, int32_t pose_um[3])
     sst_sim_rig_pose(w->rig, t_ns, pose_um);
 }
 
-/* --- the whole ------------------------------------------------------------------------------------------------------ */
+/* --- the whole ---------------------------------------------------------------------------------------------------- */
 
 int sst_sim_wires_open(struct sst_sim_wires **out, const struct sst_sim_wires_config *cfg)
 {

@@ -1,4 +1,4 @@
-/* simulators/gpio/gpio_model.h - GPIO chips as their character devices behave: uAPI v1 and v2, wires, faults; no I/O. */
+/* simulators/gpio/gpio_model.h - GPIO chips as their device files behave: uAPI v1 and v2, wires, faults; no I/O. */
 #ifndef SST_SIMULATORS_GPIO_GPIO_MODEL_H
 #define SST_SIMULATORS_GPIO_GPIO_MODEL_H
 

@@ -22,7 +22,8 @@ int sst_sim_drive_tcp_port(const struct sst_sim_drive *drive);
 /** True position of the axes at a time (CLOCK_MONOTONIC), also while moving. */
 void sst_sim_drive_pose(struct sst_sim_drive *drive, int64_t t_ns, int32_t pose_um[3]);
 
-/** Set a fault; names and values as `sst-sim fault rig.NAME=VALUE` takes them. @return 0 or -EINVAL, `error` says why. */
+/** Set a fault; names and values as `sst-sim fault rig.NAME=VALUE` takes them. @return 0 or -EINVAL, `error` says why.
+ */
 SST_MUST_CHECK int sst_sim_drive_fault(struct sst_sim_drive *drive, const char *name, const char *value, char *error,
                                        size_t error_size);
 

@@ -146,7 +146,8 @@ static struct sst_sim_when *wire_fault(struct sst_sim_wire_faults *f, const char
     return NULL;
 }
 
-int sst_sim_drives_fault(struct sst_sim_drives *bus, const char *name, const char *value, char *error, size_t error_size)
+int sst_sim_drives_fault(struct sst_sim_drives *bus, const char *name, const char *value, char *error,
+                         size_t error_size)
 {
     struct sst_sim_wire_faults *f = &bus->faults;
     struct sst_sim_when *when = wire_fault(f, name);
@@ -166,7 +167,8 @@ int sst_sim_drives_fault(struct sst_sim_drives *bus, const char *name, const cha
                "x:500 (lost_steps)";
         ok = set_axis_fault(bus, name, value);
     } else {
-        snprintf(error, error_size, "the rig has no fault %.40s; there are exception, late_ms, noise, bad_crc, silence, "
+        snprintf(error, error_size,
+                 "the rig has no fault %.40s; there are exception, late_ms, noise, bad_crc, silence, "
                  "wrong_unit, drop_bytes, disconnect, stall, limit, alarm, lost_steps, power_loss, in_position_lies",
                  name);
         return -EINVAL;

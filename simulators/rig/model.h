@@ -8,12 +8,12 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_SIM_AXES 3
+#define SST_SIM_AXES  3
 #define SST_SIM_TRACE 8192 /* ticks of 1 ms whose true positions are kept */
 
 /** Status word (docs/rig.md). */
 enum sst_sim_status {
-    SST_SIM_READY = 1 << 0,       /* no alarm */
+    SST_SIM_READY = 1 << 0, /* no alarm */
     SST_SIM_ENABLED = 1 << 1,
     SST_SIM_MOVING = 1 << 2,      /* a motion is commanded */
     SST_SIM_IN_POSITION = 1 << 3, /* commanded motion over, deviation inside the window for 5 ms */
@@ -45,9 +45,9 @@ enum sst_sim_alarm {
 
 /** Faults of an axis. A one-shot fault is consumed by the motion or alarm that it caused. */
 struct sst_sim_axis_faults {
-    bool stall, limit, lies;   /* with the next motion */
-    bool keep;                 /* they stay until set off */
-    int lost_steps;            /* counts lost in the next motion */
+    bool stall, limit, lies; /* with the next motion */
+    bool keep;               /* they stay until set off */
+    int lost_steps;          /* counts lost in the next motion */
 };
 
 struct sst_sim_axis {
@@ -59,15 +59,15 @@ struct sst_sim_axis {
 
     /* state at t_ns */
     int64_t t_ns;
-    int mode, phase;        /* what moves it; of homing */
-    double cmd, vel;        /* commanded position and speed, mechanical um (0: index pulse) */
-    double goal, cruise;    /* of the motion */
-    double from;            /* where the motion began */
-    double pos;             /* true mechanical position, um from the index pulse */
-    double ring, ring_age;  /* amplitude at arrival, um; seconds since */
-    double lost;            /* steps that the motor lost, um */
-    double zero, offset;    /* mechanical position of the command counter's 0, and of the encoder's */
-    double stuck_at;        /* while stuck */
+    int mode, phase;       /* what moves it; of homing */
+    double cmd, vel;       /* commanded position and speed, mechanical um (0: index pulse) */
+    double goal, cruise;   /* of the motion */
+    double from;           /* where the motion began */
+    double pos;            /* true mechanical position, um from the index pulse */
+    double ring, ring_age; /* amplitude at arrival, um; seconds since */
+    double lost;           /* steps that the motor lost, um */
+    double zero, offset;   /* mechanical position of the command counter's 0, and of the encoder's */
+    double stuck_at;       /* while stuck */
     int settled_ticks;
     bool stuck, homed, enabled, pressed_low, pressed_high, soft_hit, start_seen;
     uint16_t alarm;
@@ -83,7 +83,8 @@ void sst_sim_axis_init(struct sst_sim_axis *axis, int index, uint64_t seed, int6
 /** Let time pass up to t_ns; earlier times are ignored. */
 void sst_sim_axis_advance(struct sst_sim_axis *axis, int64_t t_ns);
 
-/** True position at a time, um from the index pulse; the latest known for times to come, the oldest for times long past. */
+/** True position at a time, um from the index pulse; the latest known for times to come, the oldest for times long
+ * past. */
 double sst_sim_axis_position(struct sst_sim_axis *axis, int64_t t_ns);
 
 /** Write the control word at the time that was advanced to. @return 0 or a Modbus exception: 4 refused, 6 busy. */

@@ -35,14 +35,15 @@ bool sst_sim_strikes(struct sst_sim_when *when);
  * @return length of the reply; 0: no such unit
  */
 size_t sst_sim_drives_answer(struct sst_sim_drives *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
-                          uint8_t reply[SST_SIM_PDU_MAX]);
+                             uint8_t reply[SST_SIM_PDU_MAX]);
 
-/** Bytes that the data of a request has on a serial line, by what is there of it: function code first; 0: not yet known. */
+/** Bytes that the data of a request has on a serial line, by what is there of it: function code first; 0: not yet
+ * known. */
 size_t sst_sim_request_size(const uint8_t *pdu, size_t have);
 
 /** As sst_sim_drive_fault() of drive.h. */
 SST_MUST_CHECK int sst_sim_drives_fault(struct sst_sim_drives *bus, const char *name, const char *value, char *error,
-                                     size_t error_size);
+                                        size_t error_size);
 
 SST_EXTERN_C_END
 

@@ -229,9 +229,9 @@ void sst_world_fini(struct sst_world *w);
 /** A picture whose pixels look elsewhere than an ideal camera's: a lens with distortion, a turned camera. */
 struct sst_warp {
     int width, height, columns, rows;
-    float *x, *y;       /* [height][width]: position in the ideal picture that a pixel's centre looks at */
-    float (*tiles)[4];  /* [rows][columns]: least and greatest of x - column, and of y - row, in a tile of pixels */
-    float all[4];       /* the same of the whole picture */
+    float *x, *y;      /* [height][width]: position in the ideal picture that a pixel's centre looks at */
+    float (*tiles)[4]; /* [rows][columns]: least and greatest of x - column, and of y - row, in a tile of pixels */
+    float all[4];      /* the same of the whole picture */
 };
 
 /** Room for the positions, which the caller fills in. @return 0 or -ENOMEM */
@@ -274,7 +274,8 @@ SST_MUST_CHECK int sst_raster_run(const struct sst_raster *r);
 
 /* --- many pictures of a world in which little moves -------------------------------------------------------------- */
 
-/** Names the surfaces that differ between two states of a world. @param moving in and out, [count]: set, never cleared */
+/** Names the surfaces that differ between two states of a world. @param moving in and out, [count]: set, never cleared
+ */
 void sst_world_compare(const struct sst_world *a, const struct sst_world *b, bool *moving);
 
 struct sst_layers; /* opaque; one thread at a time */

@@ -3,7 +3,7 @@
 
 #include "simulators/usb/usb_internal.h"
 
-/* A microframe is 125 us, of which periodic transfers may take 80 %; a frame is 1000 us, of which they may take 90 %. */
+/* Periodic transfers may take 80 % of a microframe, which is 125 us, and 90 % of a frame, which is 1000 us. */
 #define HIGH_LIMIT_US 100
 #define FULL_LIMIT_US 900
 

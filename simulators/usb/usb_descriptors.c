@@ -45,7 +45,8 @@ static void patch16(struct writer *w, size_t at, size_t value)
 
 static void device_descriptor(struct writer *w, const struct sst_sim_usb_device *d)
 {
-    const bool super = d->speed_mbit >= 5000, camera = d->kind == SST_SIM_USB_CAMERA, root = d->kind == SST_SIM_USB_ROOT;
+    const bool super = d->speed_mbit >= 5000;
+    const bool camera = d->kind == SST_SIM_USB_CAMERA, root = d->kind == SST_SIM_USB_ROOT;
 
     PUT(w, 18, 1);
     put(w, super ? 0x0300 : 0x0200, 2);

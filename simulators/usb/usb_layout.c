@@ -16,8 +16,8 @@ static const struct layout {
 } layouts[] = {
     { "wide", "a controller for each camera: all stream together", true, 480, false, false },
     { "tight", "one controller and 4-port hubs: one greedy camera fills the high-speed bus", false, 480, false, true },
-    { "single-tt", "full-speed cameras behind hubs with one translator each: one camera a hub", false, 12, true, false },
-    { "multi-tt", "full-speed cameras behind hubs with a translator for each port", false, 12, false, false },
+    { "single-tt", "full-speed cameras, hubs with one translator each: one camera a hub", false, 12, true, false },
+    { "multi-tt", "full-speed cameras, hubs with a translator for each port", false, 12, false, false },
 };
 
 bool sst_sim_usb_layout(int i, const char **name, const char **help)

@@ -24,7 +24,7 @@ enum sst_sim_usb_kind {
 struct sst_sim_usb_device {
     enum sst_sim_usb_kind kind;
     int parent, port;  /* index and its port, 1..; -1 and 0 for a root hub */
-    int twin;          /* hub: the same hub at the other speed, or -1; a port is without power when both switched it off */
+    int twin;          /* hub: its half of the other speed, or -1; a port loses its power when both switch it off */
     int bus, address;  /* as in /dev/bus/usb; the address changes with each plug-in, 0 while away */
     int speed_mbit;    /* 12, 480 or 5000 */
     int ports;         /* hubs */
@@ -91,7 +91,7 @@ const char *sst_sim_usb_maker(const struct sst_sim_usb_device *device);
 
 void sst_sim_usb_fault(struct sst_sim_usb *usb, enum sst_sim_usb_fault fault, bool on);
 
-/* --- what happens to devices; all return 0 or -errno ---------------------------------------------------------------- */
+/* --- what happens to devices; all return 0 or -errno -------------------------------------------------------------- */
 
 void sst_sim_usb_plug(struct sst_sim_usb *usb, int device, bool plugged);
 /** Plug another camera into this one's place: it has the serial of camera `body`. */
@@ -107,7 +107,7 @@ SST_MUST_CHECK int sst_sim_usb_power(struct sst_sim_usb *usb, int hub, int port,
 /** A port reset keeps the address; drivers let go and come back. -ENODEV, -ETIMEDOUT (fault). */
 SST_MUST_CHECK int sst_sim_usb_reset(struct sst_sim_usb *usb, int device);
 
-/* --- usb_budget.c: isochronous bandwidth ---------------------------------------------------------------------------- */
+/* --- usb_budget.c: isochronous bandwidth -------------------------------------------------------------------------- */
 
 /** An alternate setting of the streaming interface. */
 struct sst_sim_usb_alt {
@@ -130,7 +130,7 @@ int sst_sim_usb_packet_us(int speed_mbit, int bytes);
 SST_MUST_CHECK int sst_sim_usb_stream(struct sst_sim_usb *usb, int device, int64_t bytes_s);
 void sst_sim_usb_stream_end(struct sst_sim_usb *usb, int device);
 
-/* --- usb_descriptors.c, usb_control.c ------------------------------------------------------------------------------- */
+/* --- usb_descriptors.c, usb_control.c ----------------------------------------------------------------------------- */
 
 /** Device descriptor, then the configuration with all that belongs to it. @return bytes, or -ENOSPC */
 SST_MUST_CHECK int sst_sim_usb_descriptors(const struct sst_sim_usb *usb, int device, uint8_t *out, size_t size);

@@ -24,7 +24,8 @@ static const uint64_t april_tag[SST_SIM_APRIL_TAGS] = {
     0x5CD7A031D, 0xB9C8F7A4B, 0x46987E06B, 0x6E0C5D527, 0x5BC567BB4, 0x1E6302BC2, 0x8AC7D046A, 0xA65FE2326, 0x5400EB616,
 };
 
-/* --- paints: of a patch that is the pattern and its margin; scale_mm is the side of a square or tag, k the marker ---- */
+/* --- paints: of a patch that is the pattern and its margin; scale_mm is the side of a square or tag, k the marker ----
+ */
 
 static float paint_bit(const struct sst_surface *s, bool white, struct sst_rgb *out)
 {
@@ -101,8 +102,8 @@ void sst_sim_board_size(const struct sst_sim_board *b, double *width_mm, double 
     *height_mm = (b->rows * pitch + more) * b->square_mm;
 }
 
-/* Half of what is left of the picture beside the board, at a distance where a design pixel spans mm, so that the outermost
- * cameras still see most of it. */
+/* Half of what is left of the picture beside the board, at a distance where a design pixel spans mm, so that the
+ * outermost cameras still see most of it. */
 static double room(double picture, double mm, double board_mm, int cameras, double spacing_mm)
 {
     return fmax(0, (picture * mm - 0.9 * board_mm - (cameras - 1) * spacing_mm) / 2);

@@ -8,13 +8,11 @@
 SST_EXTERN_C_BEGIN
 
 /*
- * Boards as OpenCV and Kalibr draw them. In a board's own axes x is right and y down as one looks at it, z away from the
- * looker, the origin its centre; cols x rows squares or tags:
- *   chessboard   the upper left square is black
- *   ChArUco      the same, markers of DICT_4X4_50 with a border of one module in the white squares, numbered row by row
- *   AprilGrid    tags 36h11 with a border of two modules, numbered row by row from the upper left, small black squares
- *                between the corners of the tags
- * Around it is a white margin of half a square, on an AprilGrid of the gap between tags.
+ * Boards as OpenCV and Kalibr draw them. In a board's own axes x is right and y down as one looks at it, z away from
+ * the looker, the origin its centre; cols x rows squares or tags: chessboard   the upper left square is black ChArUco
+ * the same, markers of DICT_4X4_50 with a border of one module in the white squares, numbered row by row AprilGrid tags
+ * 36h11 with a border of two modules, numbered row by row from the upper left, small black squares between the corners
+ * of the tags Around it is a white margin of half a square, on an AprilGrid of the gap between tags.
  */
 
 /** Most squares or tags that there are markers for. */
@@ -24,7 +22,8 @@ SST_EXTERN_C_BEGIN
 /** Size of the board without its margin. */
 void sst_sim_board_size(const struct sst_sim_board *board, double *width_mm, double *height_mm);
 
-/** Fill in poses 0 .. board->poses-1 from the seed: before the array, turned every way, a third to half of a picture. */
+/** Fill in poses 0 .. board->poses-1 from the seed: before the array, turned every way, a third to half of a picture.
+ */
 void sst_sim_board_seed_poses(struct sst_sim_board *board, const struct sst_sim_settings *settings,
                               const struct sst_world *world);
 

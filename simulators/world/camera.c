@@ -19,9 +19,15 @@ void sst_sim_rotation(const double deg[3], double m[9])
 {
     const double a = deg[0] * PI / 180, b = deg[1] * PI / 180, c = deg[2] * PI / 180;
     const double turned[9] = {
-        cos(b) * cos(c), sin(a) * sin(b) * cos(c) - cos(a) * sin(c), cos(a) * sin(b) * cos(c) + sin(a) * sin(c),
-        cos(b) * sin(c), sin(a) * sin(b) * sin(c) + cos(a) * cos(c), cos(a) * sin(b) * sin(c) - sin(a) * cos(c),
-        -sin(b),         sin(a) * cos(b),                            cos(a) * cos(b),
+        cos(b) * cos(c),
+        sin(a) * sin(b) * cos(c) - cos(a) * sin(c),
+        cos(a) * sin(b) * cos(c) + sin(a) * sin(c),
+        cos(b) * sin(c),
+        sin(a) * sin(b) * sin(c) + cos(a) * cos(c),
+        cos(a) * sin(b) * sin(c) - sin(a) * cos(c),
+        -sin(b),
+        sin(a) * cos(b),
+        cos(a) * cos(b),
     };
 
     memcpy(m, turned, sizeof(turned));
@@ -73,7 +79,8 @@ static void make_timing(struct sst_sim_timing *t, const struct sst_sim_settings 
 {
     const double delay = fmax(0, s->delay_us + s->delay_spread_us * sst_sim_normal(rng));
     const double latency = fmax(0, s->latency_us + s->latency_spread_us * sst_sim_normal(rng));
-    const double phase = fabs(s->phase_spread_us * sst_sim_normal(rng)), offset = s->clock_offset_spread_us * sst_sim_normal(rng);
+    const double phase = fabs(s->phase_spread_us * sst_sim_normal(rng)),
+                 offset = s->clock_offset_spread_us * sst_sim_normal(rng);
     const double drift = s->clock_drift_spread_ppm * sst_sim_normal(rng);
 
     t->delay_ns = ns(o->given & SST_SIM_DELAY ? o->delay_us : delay);
@@ -128,8 +135,8 @@ static void make_lens(struct sst_sim_camera *c, const struct sst_sim_settings *s
     }
 }
 
-void sst_sim_camera_make(struct sst_sim_camera *c, const struct sst_sim_settings *s,
-                         const struct sst_sim_optics *ideal, int cam)
+void sst_sim_camera_make(struct sst_sim_camera *c, const struct sst_sim_settings *s, const struct sst_sim_optics *ideal,
+                         int cam)
 {
     const struct sst_sim_override *o = &s->camera[cam];
     uint64_t rng = s->seed * 1000003 + (uint64_t)cam;

@@ -1,4 +1,5 @@
-/* simulators/world/jpeg.h - frames as JPEG 4:2:2 with a restart after each row of blocks, and the strip set into them. */
+/* simulators/world/jpeg.h - frames as JPEG 4:2:2 with a restart after each row of blocks, and the strip set into them.
+ */
 #ifndef SST_SIMULATORS_WORLD_JPEG_H
 #define SST_SIMULATORS_WORLD_JPEG_H
 

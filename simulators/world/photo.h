@@ -1,4 +1,5 @@
-/* simulators/world/photo.h - light on the sensor: exposure, gains, vignetting, noise. Bytes are sRGB, light is linear. */
+/* simulators/world/photo.h - light on the sensor: exposure, gains, vignetting, noise. Bytes are sRGB, light is linear.
+ */
 #ifndef SST_SIMULATORS_WORLD_PHOTO_H
 #define SST_SIMULATORS_WORLD_PHOTO_H
 
@@ -22,8 +23,8 @@ struct sst_sim_exposing {
 };
 
 /**
- * What the sensor makes of a picture: light times the camera's gain times 1 - vignetting r^2 (r = 1 in the corners), then
- * noise of standard deviation sqrt(e + read^2) electrons where white is full_well_e, then sRGB. An ideal camera's
+ * What the sensor makes of a picture: light times the camera's gain times 1 - vignetting r^2 (r = 1 in the corners),
+ * then noise of standard deviation sqrt(e + read^2) electrons where white is full_well_e, then sRGB. An ideal camera's
  * picture is copied as it is.
  *
  * @param out  of the size of in, initialised by the caller; may be in itself

@@ -12,9 +12,9 @@ struct sst_sim_world; /* opaque; frames from one thread at a time */
 
 /** How camera cam's time differs from the trigger's. */
 struct sst_sim_timing {
-    int64_t delay_ns;     /* from the trigger's edge to start of exposure */
-    int64_t jitter_ns;    /* standard deviation of that delay */
-    int64_t latency_ns;   /* from the end of exposure to the buffer being done */
+    int64_t delay_ns;        /* from the trigger's edge to start of exposure */
+    int64_t jitter_ns;       /* standard deviation of that delay */
+    int64_t latency_ns;      /* from the end of exposure to the buffer being done */
     int64_t clock_offset_ns; /* added to its time stamps ... */
     double clock_drift_ppm;  /* ... and growing since the world began */
     int64_t phase_ns;        /* of its free run */
@@ -23,11 +23,11 @@ struct sst_sim_timing {
 /** One exposure: the truth, also written into the frame's strip. */
 struct sst_sim_exposure {
     int cam;
-    uint64_t trigger;    /* index of the edge, or of the frame in free run */
-    int64_t t_ns;        /* true start of exposure, CLOCK_MONOTONIC */
+    uint64_t trigger; /* index of the edge, or of the frame in free run */
+    int64_t t_ns;     /* true start of exposure, CLOCK_MONOTONIC */
     int exposure_us;
-    double gain;         /* 1: nominal */
-    int32_t pose_um[3];  /* of the rig; 0 on an array */
+    double gain;        /* 1: nominal */
+    int32_t pose_um[3]; /* of the rig; 0 on an array */
 };
 
 /**
@@ -58,10 +58,10 @@ SST_MUST_CHECK int sst_sim_world_truth(const struct sst_sim_world *world, const 
 int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2]);
 
 /**
- * The bytes that a camera delivers for an exposure. MJPEG at native size comes from the prepared loop with only the strip
- * drawn anew; other formats and sizes are decoded, scaled and converted from it, and so is light other than the nominal
- * (exposure_us of the world at gain 1); what was made is kept. The loop's frame follows from t_ns alone, except that
- * cameras with the same trigger index whose exposures begin within a quarter of the loop's step show the same one.
+ * The bytes that a camera delivers for an exposure. MJPEG at native size comes from the prepared loop with only the
+ * strip drawn anew; other formats and sizes are decoded, scaled and converted from it, and so is light other than the
+ * nominal (exposure_us of the world at gain 1); what was made is kept. The loop's frame follows from t_ns alone, except
+ * that cameras with the same trigger index whose exposures begin within a quarter of the loop's step show the same one.
  * A new pose of a rig is rendered at once, which takes a good part of a second.
  *
  * @param fourcc  V4L2: MJPG, YUYV, GREY, Y16, BA81/GBRG/GRBG/RGGB

@@ -1,6 +1,6 @@
-/* Times the dot products of learned matching features: feature_cost ROUNDS. Every CPU level in turn, on rows that the first
- * cache holds (a neighbour beside the view) and on rows below each other (a neighbour below it). Prints CSV: median CPU
- * time over the rounds, and multiplications per nanosecond. */
+/* Times the dot products of learned matching features: feature_cost ROUNDS. Every CPU level in turn, on rows that the
+ * first cache holds (a neighbour beside the view) and on rows below each other (a neighbour below it). Prints CSV:
+ * median CPU time over the rounds, and multiplications per nanosecond. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,12 +9,12 @@
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
 
-#define WIDTH 128
-#define PLACES 64
-#define ROWS (PLACES + 8)
-#define STRIDE (4 * 1024 + 64)
-#define ROW_BYTES (SST_FEATURE_CHANNELS / 4 * STRIDE)
-#define REPEAT 200
+#define WIDTH      128
+#define PLACES     64
+#define ROWS       (PLACES + 8)
+#define STRIDE     (4 * 1024 + 64)
+#define ROW_BYTES  (SST_FEATURE_CHANNELS / 4 * STRIDE)
+#define REPEAT     200
 #define ROUNDS_MAX 1000
 
 static int by_value(const void *a, const void *b)

@@ -1,7 +1,6 @@
-/* Time of a network: the whole of it as the program runs it (a matching network: from the picture to the features, band by
- * band), beside its convolutions alone as bare oneDNN primitives in
- * the layouts that the library likes best. Interleaved rounds in one process, medians of wall and CPU time, one JSON
- * object.
+/* Time of a network: the whole of it as the program runs it (a matching network: from the picture to the features, band
+ * by band), beside its convolutions alone as bare oneDNN primitives in the layouts that the library likes best.
+ * Interleaved rounds in one process, medians of wall and CPU time, one JSON object.
  *
  *   network MODEL.onnx WxH ROUNDS */
 #include <dnnl.h>

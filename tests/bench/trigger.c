@@ -54,8 +54,8 @@ static void report(struct sst_trigger *t)
             stamp[stamps++] = edges[i].kernel_ns - edges[i].due_ns;
     }
     sst_trigger_counters(t, &n);
-    printf("%llu fired, %llu skipped, %llu edges missing, %llu lost, chip lost %llu times\n", (unsigned long long)n.fired,
-           (unsigned long long)sst_trigger_skipped(t), (unsigned long long)n.edges_missing,
+    printf("%llu fired, %llu skipped, %llu edges missing, %llu lost, chip lost %llu times\n",
+           (unsigned long long)n.fired, (unsigned long long)sst_trigger_skipped(t), (unsigned long long)n.edges_missing,
            (unsigned long long)n.edges_lost, (unsigned long long)n.chip_lost);
     printf("%-34s %9s %9s %9s %9s\n", "us", "least", "p50", "p99", "most");
     if (late) {

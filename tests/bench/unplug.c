@@ -1,12 +1,13 @@
 /* Unplug and replug simulated cameras at random, several at once, while the others stream: how long until each is back,
- * and does any other camera lose a frame? usage: build/bench/unplug [EVENTS [SEED]]   (1000 events take some minutes) */
+ * and does any other camera lose a frame? usage: build/bench/unplug [EVENTS [SEED]]   (1000 events take some minutes)
+ */
 #include <errno.h>
 
 #include "base/log.h"
 #include "tests/grab_rig.h"
 
-#define CAMERAS 36
-#define AWAY_MAX 6
+#define CAMERAS   36
+#define AWAY_MAX  6
 #define TARGET_MS 2000
 
 struct trial {
@@ -18,6 +19,7 @@ struct trial {
     int64_t *times_ns;
     int events, recovered, late;
     uint64_t harm_lost, harm_bad;
+    int64_t polled_ns, pause_ns; /* longest time in which this program did not poll */
 };
 
 static int pick(struct trial *t, int n)
@@ -41,6 +43,8 @@ static void take_harm(struct trial *t, int cam, bool touched)
     struct sst_grab_counters c;
 
     sst_grab_counters(t->rig.grab, cam, &c);
+    if (!touched && c.lost > t->lost_before[cam])
+        fprintf(stderr, "event %d: camera %d lost %d\n", t->events, cam, (int)(c.lost - t->lost_before[cam]));
     if (!touched) {
         t->harm_lost += c.lost - t->lost_before[cam];
         t->harm_bad += c.bad - t->bad_before[cam];
@@ -52,8 +56,12 @@ static void take_harm(struct trial *t, int cam, bool touched)
 static void watch(struct trial *t, int ms)
 {
     const int64_t end_ns = sst_clock_now_ns() + ms * RIG_MS;
+    int64_t now_ns;
 
-    while (sst_clock_now_ns() < end_ns && !sst_grab_poll(t->rig.grab, 5)) {
+    while ((now_ns = sst_clock_now_ns()) < end_ns && !sst_grab_poll(t->rig.grab, 5)) {
+        if (t->polled_ns && now_ns - t->polled_ns > t->pause_ns)
+            t->pause_ns = now_ns - t->polled_ns;
+        t->polled_ns = now_ns;
         for (int i = 0; i < CAMERAS; i++) {
             const int64_t back_ns = t->rig.cam[i].back_ns;
 
@@ -100,11 +108,12 @@ static int report(struct trial *t)
     qsort(t->times_ns, (size_t)n, sizeof(*t->times_ns), compare);
     for (int i = 0; i < n; i++)
         t->late += t->times_ns[i] > TARGET_MS * RIG_MS;
-    printf("%d replugs, %d came back; ms until the first frame: p50 %.0f, p99 %.0f, max %.0f; over %d ms: %d\n", t->events,
-           n, n ? (double)t->times_ns[n / 2] * 1e-6 : 0, n ? (double)t->times_ns[(n * 99 - 1) / 100] * 1e-6 : 0,
-           n ? (double)t->times_ns[n - 1] * 1e-6 : 0, TARGET_MS, t->late);
-    printf("frames of the other cameras: %llu lost, %llu bad\n", (unsigned long long)t->harm_lost,
-           (unsigned long long)t->harm_bad);
+    printf("%d replugs, %d came back; ms until the first frame: p50 %.0f, p99 %.0f, max %.0f; over %d ms: %d\n",
+           t->events, n, n ? (double)t->times_ns[n / 2] * 1e-6 : 0,
+           n ? (double)t->times_ns[(n * 99 - 1) / 100] * 1e-6 : 0, n ? (double)t->times_ns[n - 1] * 1e-6 : 0, TARGET_MS,
+           t->late);
+    printf("frames of the other cameras: %llu lost, %llu bad; longest pause between two polls %.0f ms\n",
+           (unsigned long long)t->harm_lost, (unsigned long long)t->harm_bad, (double)t->pause_ns * 1e-6);
     return n == t->events && !t->late && !t->harm_lost && !t->harm_bad ? 0 : 1;
 }
 
@@ -119,6 +128,7 @@ int main(int argc, char **argv)
     t.times_ns = calloc((size_t)wanted + 1, sizeof(*t.times_ns));
     if (!t.times_ns || rig_config(&t.rig, CAMERAS))
         return 1;
+    t.rig.cfg.buffers = 8; /* as sstd.yaml has it */
     streaming = rig_start(&t.rig);
     if (streaming != CAMERAS) {
         fprintf(stderr, "%d of %d cameras stream\n", streaming, CAMERAS);

@@ -43,7 +43,8 @@ static void *copy_of(const void *from, size_t n)
 static void same(const void *got, const void *want, size_t n, const char *what, int level, size_t size)
 {
     if (memcmp(got, want, n))
-        fail_msg("%s at %s differs from its reference, n=%zu", what, sst_cpu_level_name((enum sst_cpu_level)level), size);
+        fail_msg("%s at %s differs from its reference, n=%zu", what, sst_cpu_level_name((enum sst_cpu_level)level),
+                 size);
 }
 
 #define FOR_EACH_LEVEL(k, level)                                                                                       \
@@ -64,7 +65,8 @@ static void census_and_hamming(void **state SST_UNUSED)
             rows[j] = base + j * 256 + 8;
         sst_census_row_ref(want, rows, n);
         sst_hamming_row_ref(cost_want, want, want + n / 2, n - n / 2);
-        FOR_EACH_LEVEL(k, level) {
+        FOR_EACH_LEVEL(k, level)
+        {
             k.census_row(got, rows, n);
             same(got, want, n * sizeof(*want), "census_row", level, n);
             k.hamming_row(cost_got, want, want + n / 2, n - n / 2);
@@ -130,7 +132,8 @@ static void feature_costs(void **state SST_UNUSED)
         }
         memcpy(want, got, out);
         sst_feature_cost_rows_ref(want, n + 5, a, b, count, stride, n);
-        FOR_EACH_LEVEL(k, level) {
+        FOR_EACH_LEVEL(k, level)
+        {
             k.feature_cost_rows(got, n + 5, a, b, count, stride, n);
             same(got, want, out, "feature_cost_rows", level, n);
         }
@@ -180,7 +183,8 @@ static void cheapest(void **state SST_UNUSED)
         memcpy(want[0], first, n);
         memcpy(want[1], second, n);
         sst_cheapest_row_ref(want[0], want[1], a, b, n);
-        FOR_EACH_LEVEL(k, level) {
+        FOR_EACH_LEVEL(k, level)
+        {
             memcpy(got[0], first, n);
             memcpy(got[1], second, n);
             k.cheapest_row(got[0], got[1], a, b, n);
@@ -212,7 +216,8 @@ static void transpose(void **state SST_UNUSED)
     uint8_t *in = random_bytes(64 * 96), want[64 * 96], got[64 * 96];
 
     sst_transpose_u8_ref(want, 64, in, 96, 96, 64);
-    FOR_EACH_LEVEL(k, level) {
+    FOR_EACH_LEVEL(k, level)
+    {
         k.transpose_u8(got, 64, in, 96, 96, 64);
         same(got, want, sizeof(want), "transpose_u8", level, 96);
     }
@@ -237,7 +242,8 @@ static void support(void **state SST_UNUSED)
     for (int j = 0; j < 5; j++)
         rows[j] = sums + j * N * ND;
     sst_support_sum_row_ref(want, sums, prefix, cost, left, right, N, ND);
-    FOR_EACH_LEVEL(k, level) {
+    FOR_EACH_LEVEL(k, level)
+    {
         k.support_sum_row(got, sums, prefix, cost, left, right, N, ND);
         same(got, want, sizeof(want), "support_sum_row", level, N);
     }
@@ -245,7 +251,8 @@ static void support(void **state SST_UNUSED)
         uint8_t *mean_want = copy_of(cost, N * ND), *mean_got = copy_of(cost, N * ND);
 
         sst_support_mean_row_ref(mean_want, rows + 2, up, down, count, N, ND);
-        FOR_EACH_LEVEL(k, level) {
+        FOR_EACH_LEVEL(k, level)
+        {
             memcpy(mean_got, cost, N * ND);
             k.support_mean_row(mean_got, rows + 2, up, down, count, N, ND);
             same(mean_got, mean_want, N * ND, "support_mean_row", level, N);
@@ -273,7 +280,8 @@ static void sgm(void **state SST_UNUSED)
     sst_sgm_along_row_ref(prev, want, cost, penalty, p1, p2, 1, 1, N, ND);
     sst_sgm_across_row_ref(cur, prev, want, cost, penalty, p1, p2, 1, 0, N, ND);
     sst_sgm_along_row_ref(line, want, cost, penalty, p1, p2, -1, 0, N, ND);
-    FOR_EACH_LEVEL(k, level) {
+    FOR_EACH_LEVEL(k, level)
+    {
         uint16_t *prev_got = sst_mem_alloc((N + 2) * ENTRY, 2);
 
         memcpy(got, start, N * ND * 2);
@@ -316,7 +324,8 @@ static void winner_and_median(void **state SST_UNUSED)
         sum[i] = (uint16_t)(sum[i] % 512); /* ties */
     for (size_t i = 0; i < ARRAY_LEN(counts); i++) {
         sst_winner_row_ref(want, want2, sum, 128, 50, counts[i]);
-        FOR_EACH_LEVEL(k, level) {
+        FOR_EACH_LEVEL(k, level)
+        {
             k.winner_row(got, got2, sum, 128, 50, counts[i]);
             same(got, want, 100, "winner_row best", level, counts[i]);
             same(got2, want2, 100, "winner_row second", level, counts[i]);
@@ -328,7 +337,8 @@ static void winner_and_median(void **state SST_UNUSED)
         for (size_t j = 0; j < 5; j++)
             rows[j] = sum + j * 150 + 4;
         sst_median5_row_ref(want, rows, n);
-        FOR_EACH_LEVEL(k, level) {
+        FOR_EACH_LEVEL(k, level)
+        {
             k.median5_row(got, rows, n);
             same(got, want, n * 2, "median5_row", level, n);
         }
@@ -357,7 +367,8 @@ static void bilateral(void **state SST_UNUSED)
             l[j] = luma + j * 150 + 4;
         }
         sst_bilateral_row_ref(want, d, l, weight, 100, n);
-        FOR_EACH_LEVEL(k, level) {
+        FOR_EACH_LEVEL(k, level)
+        {
             k.bilateral_row(got, d, l, weight, 100, n);
             same(got, want, n * 2, "bilateral_row", level, n);
         }

@@ -75,7 +75,8 @@ static void entropies_have_known_values(void **state SST_UNUSED)
     }
 }
 
-/* Two colours of cells, 15 + 1: a pixel of the first colour takes w (1 + floor) of 15 cells and w floor of the other. */
+/* Two colours of cells, 15 + 1: a pixel of the first colour takes w (1 + floor) of 15 cells and w floor of the other.
+ */
 static void guided_cells_have_known_values(void **state SST_UNUSED)
 {
     static const float first[8] = { 1, 2 }, other[8] = { 1, 18 };

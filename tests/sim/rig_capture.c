@@ -1,4 +1,5 @@
-/* A capture over a grid with simulated drives: poses, folder, manifest, resume, refusals, the light field at the end. */
+/* A capture over a grid with simulated drives: poses, folder, manifest, resume, refusals, the light field at the end.
+ */
 #include <errno.h>
 #include <fcntl.h>
 #include <setjmp.h>
@@ -22,8 +23,9 @@ static void expect_said(const char *words)
 
 static void poses_go_to_and_fro_and_come_from_below(void **state SST_UNUSED)
 {
-    const struct sst_rig_capture_config cfg = { .rows = 2, .cols = 3, .pitch_um = { 40000, 30000 },
-                                                .origin_um = { 1000, 2000, 500 }, .backlash_um = 700 };
+    const struct sst_rig_capture_config cfg = {
+        .rows = 2, .cols = 3, .pitch_um = { 40000, 30000 }, .origin_um = { 1000, 2000, 500 }, .backlash_um = 700
+    };
     static const int order[] = { 0, 1, 2, 5, 4, 3 };
     struct sst_rig_pos from, to, via;
 
@@ -70,8 +72,8 @@ static void the_plan_checks_the_travel(void **state SST_UNUSED)
     cfg.origin_um[0] = cfg.origin_um[1] = 1000;
     assert_int_equal(sst_rig_capture_plan(&plan, &cfg, &rig), 0);
     assert_int_equal(plan.views, 36);
-    /* 1 mm from 0,0 to the first pose's approach is none: it is at 0. Then 1 + 6 * 5 * 40 + 5 * 40 and, in the three rows
-     * from right to left, 5 times 1 mm down and up, and the first of them is not approached from above. */
+    /* 1 mm from 0,0 to the first pose's approach is none: it is at 0. Then 1 + 6 * 5 * 40 + 5 * 40 and, in the three
+     * rows from right to left, 5 times 1 mm down and up, and the first of them is not approached from above. */
     assert_float_equal(plan.way_mm, 1 + 30 * 40 + 5 * 40 + 15 * 2, 0.01);
     assert_int_equal(plan.bytes, 36 * 640 * 480 / 4);
     assert_true(plan.speed_assumed);

@@ -1,5 +1,5 @@
-/* Every fault of the simulated drives during a capture: named, counted, recovered or reported in time, never a view that
- * was taken while the rig moved. */
+/* Every fault of the simulated drives during a capture: named, counted, recovered or reported in time, never a view
+ * that was taken while the rig moved. */
 #include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -62,12 +62,13 @@ static int capture_with(const char *fault, const char *value, struct sst_rig_cap
     (void)sst_log_hold_errors(said);
     err = bench_capture(&bench, report);
     (void)sst_log_hold_errors(NULL);
-    print_message("%s=%s: %d, %.2f s; %d taken, %d again, %d homed; %llu timeouts, %llu garbled, %llu exceptions, %llu lost, "
-                  "%llu reconnects; %s\n", fault ? fault : "none", value ? value : "", err,
-                  (double)(sst_clock_now_ns() - start_ns) * 1e-9, report->taken, report->again, report->homed,
-                  (unsigned long long)report->rig.timeouts, (unsigned long long)report->rig.garbled,
-                  (unsigned long long)report->rig.exceptions, (unsigned long long)report->rig.lost,
-                  (unsigned long long)report->rig.reconnects, said);
+    print_message(
+        "%s=%s: %d, %.2f s; %d taken, %d again, %d homed; %llu timeouts, %llu garbled, %llu exceptions, %llu lost, "
+        "%llu reconnects; %s\n",
+        fault ? fault : "none", value ? value : "", err, (double)(sst_clock_now_ns() - start_ns) * 1e-9, report->taken,
+        report->again, report->homed, (unsigned long long)report->rig.timeouts, (unsigned long long)report->rig.garbled,
+        (unsigned long long)report->rig.exceptions, (unsigned long long)report->rig.lost,
+        (unsigned long long)report->rig.reconnects, said);
     assert_true(sst_clock_now_ns() - start_ns < 30000000000);
     return err;
 }
@@ -267,9 +268,10 @@ static void a_push_during_the_exposure_throws_the_frame_away(void **state SST_UN
 
 static void fault_names_are_checked(void **state SST_UNUSED)
 {
-    static const char *const bad[][2] = { { "typo", "once" }, { "silence", "twice" }, { "silence", "1/0" },
-                                          { "exception", "12" }, { "exception", "x" }, { "late_ms", "-5" },
-                                          { "stall", "w" }, { "stall", "x:5" }, { "alarm", "x:y" }, { "limit", "" } };
+    static const char *const bad[][2] = { { "typo", "once" },    { "silence", "twice" }, { "silence", "1/0" },
+                                          { "exception", "12" }, { "exception", "x" },   { "late_ms", "-5" },
+                                          { "stall", "w" },      { "stall", "x:5" },     { "alarm", "x:y" },
+                                          { "limit", "" } };
     char error[400];
 
     for (size_t i = 0; i < ARRAY_LEN(bad); i++) {

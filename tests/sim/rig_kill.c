@@ -1,7 +1,7 @@
 /*
- * sst capture rig, killed with SIGKILL at random moments and started again, on simulated drives and cameras: a line of the
- * manifest never lies, and in the end every view is what its line says, by the strip in its picture.
- * Argument: how many kills; more than 10 take a whole grid of 36 views. Runs itself in sst-sim.
+ * sst capture rig, killed with SIGKILL at random moments and started again, on simulated drives and cameras: a line of
+ * the manifest never lies, and in the end every view is what its line says, by the strip in its picture. Argument: how
+ * many kills; more than 10 take a whole grid of 36 views. Runs itself in sst-sim.
  */
 #include <errno.h>
 #include <jansson.h>
@@ -19,7 +19,7 @@
 #include "pipeline/image/codec.h"
 #include "simulators/world/strip.h"
 
-#define KILLS 3
+#define KILLS       3
 #define RUN_LIMIT_S 120
 
 static char dir[64], bus[64];
@@ -36,9 +36,9 @@ static void enter_session(char **argv)
 {
     const char *build = getenv("SST_BUILD") ? getenv("SST_BUILD") : "build";
     char path[512];
-    const char *const args[] = { path,         "--quiet", "--world", "simulators/world/worlds/small.yaml", "--rig",
-                                 "--rig-port", "0",       "--",      argv[0],                              argv[1],
-                                 NULL };
+    const char *const args[] = { path,    "--quiet",    "--world", "simulators/world/worlds/small.yaml",
+                                 "--rig", "--rig-port", "0",       "--",
+                                 argv[0], argv[1],      NULL };
 
     snprintf(path, sizeof(path), "%s/sst-sim", build);
     if (!WITH_MODBUS || !WITH_UDEV || access(path, X_OK)) {
@@ -79,9 +79,9 @@ static pid_t start_capture(void)
     snprintf(path, sizeof(path), "%s/sst", build);
     snprintf(grid, sizeof(grid), "%dx%d", rows, cols);
     (void)!freopen("/dev/null", "w", stdout);
-    execl(path, path, "capture", "rig", "--grid", grid, "--pitch", "3mm", "--backlash", "0.3", "--bus", bus, "--profile",
-          "sst-sim", "--camera", "SIM0000", "--size", "320x240", "--speed", "300", "--accel", "2000", "--settle", "20",
-          "--guard", "5", "-o", dir, (char *)NULL);
+    execl(path, path, "capture", "rig", "--grid", grid, "--pitch", "3mm", "--backlash", "0.3", "--bus", bus,
+          "--profile", "sst-sim", "--camera", "SIM0000", "--size", "320x240", "--speed", "300", "--accel", "2000",
+          "--settle", "20", "--guard", "5", "-o", dir, (char *)NULL);
     _exit(127);
 }
 

@@ -214,7 +214,8 @@ static void lost_edges_are_counted(void **state SST_UNUSED)
     sst_trigger_close(t);
 }
 
-/* The chip goes while a train runs, and comes back: the train has ended with an error, and another one can be started. */
+/* The chip goes while a train runs, and comes back: the train has ended with an error, and another one can be started.
+ */
 static void vanished_chip_is_found_again(void **state SST_UNUSED)
 {
     const struct sst_trigger_config cfg = config(6, "LOOP0");
@@ -288,7 +289,8 @@ int main(int argc SST_UNUSED, char **argv)
             printf("%s is not built\n", program);
             return 77;
         }
-        execl(program, "sst-sim", "--quiet", "--world", "simulators/world/worlds/quick.yaml", "--", argv[0], (char *)NULL);
+        execl(program, "sst-sim", "--quiet", "--world", "simulators/world/worlds/quick.yaml", "--", argv[0],
+              (char *)NULL);
         perror(program);
         return 1;
     }

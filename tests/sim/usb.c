@@ -1,4 +1,5 @@
-/* drivers/usb on the simulated tree: the list, resets that really take the camera away and bring it back, and refusals. */
+/* drivers/usb on the simulated tree: the list, resets that really take the camera away and bring it back, and refusals.
+ */
 #include <errno.h>
 #include <fcntl.h>
 #include <setjmp.h>
@@ -165,7 +166,8 @@ int main(int argc SST_UNUSED, char **argv)
             printf("%s is not built\n", program);
             return 77;
         }
-        execl(program, "sst-sim", "--quiet", "--world", "simulators/world/worlds/quick.yaml", "--", argv[0], (char *)NULL);
+        execl(program, "sst-sim", "--quiet", "--world", "simulators/world/worlds/quick.yaml", "--", argv[0],
+              (char *)NULL);
         perror(program);
         return 1;
     }

@@ -118,6 +118,11 @@ $sim -- sh plug.sh >out 2>&1
 grep -q 'No such device' gone || fail "unplug: $(cat gone)"
 
 # --- the program itself
+mkdir runtime
+XDG_RUNTIME_DIR=$tmp/runtime $sim -- sh -c 'touch -d "5 minutes ago" $SST_SIM_DIR; kill -KILL $PPID; sleep 0.2' 2>/dev/null
+[ -n "$(ls runtime)" ] || fail "nothing left of a killed session"
+XDG_RUNTIME_DIR=$tmp/runtime $sim -- true
+[ -z "$(ls runtime)" ] || fail "a killed session's folder stays: $(ls runtime)"
 $sim -- sh -c 'exit 5'; [ $? -eq 5 ] || fail "exit status"
 $sim -- sh -c 'kill -TERM $$'; [ $? -eq 143 ] || fail "status of a signal"
 $sim -- ./no-such-program 2>err; [ $? -eq 127 ] || fail "no program"

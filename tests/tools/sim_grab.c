@@ -1,8 +1,8 @@
 /* Grabs from a simulated camera by V4L2 calls of its own, reads each frame's strip, and prints one line per frame:
  *   camera trigger t_ns stamp_ns sequence flags bytes
  * usage: sim_grab DEVICE COUNT [FOURCC [WIDTHxHEIGHT [TRIGGER_MODE]]], or sim_grab --luma FILE WIDTHxHEIGHT
- * Exit status 0; 1: a frame without a good strip; 2: a call failed, its name and errno on standard error; 3: no frame in
- * 5 s (-t MS before everything else: another limit). */
+ * Exit status 0; 1: a frame without a good strip; 2: a call failed, its name and errno on standard error; 3: no frame
+ * in 5 s (-t MS before everything else: another limit). */
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/videodev2.h>
@@ -67,7 +67,9 @@ static int print_frame(const uint8_t *luma, int width, int height, const struct 
 
 static int set_up(int fd, struct v4l2_format *f, int trigger, uint8_t *memory[BUFFERS], size_t *length)
 {
-    struct v4l2_requestbuffers r = { .count = BUFFERS, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
+    struct v4l2_requestbuffers r = { .count = BUFFERS,
+                                     .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+                                     .memory = V4L2_MEMORY_MMAP };
     struct v4l2_control c = { .id = V4L2_CID_CAMERA_CLASS_BASE + 0x1000, .value = trigger };
 
     if (ioctl(fd, VIDIOC_S_FMT, f))

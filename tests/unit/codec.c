@@ -202,7 +202,9 @@ static void put_be32(uint8_t *out, uint32_t v)
 /* Sizes in a header are not believed: refused before memory is taken for them. */
 static void absurd_sizes_are_refused(void **state SST_UNUSED)
 {
-    static const int sizes[][2] = { { 0, 1 }, { 1, 0 }, { 100000, 1 }, { 1, 32769 }, { 32768, 32768 }, { 32000, 8000 } };
+    static const int sizes[][2] = {
+        { 0, 1 }, { 1, 0 }, { 100000, 1 }, { 1, 32769 }, { 32768, 32768 }, { 32000, 8000 }
+    };
     struct sst_image a = make_image(40, 30), img;
     struct rusage before, after;
     uint8_t *png, *jpeg, *sof = NULL;
@@ -264,9 +266,22 @@ static void pfm_is_read_bottom_up_in_either_order(void **state SST_UNUSED)
 static void bad_pfm_files_are_refused(void **state SST_UNUSED)
 {
     static const char *const bad[] = {
-        "", "P", "Pf", "PF\n1 1\n-1\nxxxx", "Pf\n0 1\n-1\n", "Pf\n1 -1\n-1\nxxxx", "Pf\n100000 1\n-1\nxxxx",
-        "Pf\n32768 32768\n-1\nxxxx", "Pf\n1 1\n0\nxxxx", "Pf\n1 1\nnan\nxxxx", "Pf\n1 1\n-1\nxxx", "Pf\n1 1\n-1\nxxxxx",
-        "Pf\n1 1\n-1", "Pf\n99999999999999999999 1\n-1\nxxxx", "Pf1 1\n-1\nxxxx", "Pf\n1 1\n-1\n\xFF\xFF\xFF\x7F",
+        "",
+        "P",
+        "Pf",
+        "PF\n1 1\n-1\nxxxx",
+        "Pf\n0 1\n-1\n",
+        "Pf\n1 -1\n-1\nxxxx",
+        "Pf\n100000 1\n-1\nxxxx",
+        "Pf\n32768 32768\n-1\nxxxx",
+        "Pf\n1 1\n0\nxxxx",
+        "Pf\n1 1\nnan\nxxxx",
+        "Pf\n1 1\n-1\nxxx",
+        "Pf\n1 1\n-1\nxxxxx",
+        "Pf\n1 1\n-1",
+        "Pf\n99999999999999999999 1\n-1\nxxxx",
+        "Pf1 1\n-1\nxxxx",
+        "Pf\n1 1\n-1\n\xFF\xFF\xFF\x7F",
     };
     struct sst_map_f32 m = { .width = 77 };
 

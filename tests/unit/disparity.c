@@ -10,7 +10,7 @@
 
 #include "pipeline/disparity/stage.h"
 
-#define NONE ((int)SST_DISP_NONE)
+#define NONE      ((int)SST_DISP_NONE)
 #define MAX_CELLS 4096
 
 static uint32_t next_random(uint32_t *state)
@@ -72,12 +72,12 @@ static uint16_t *sum_at(const struct sst_volume *v, int x, int y)
 /* 64 * 0.5 (before - after) / (before - 2 at + after), to the nearest. */
 static void parabola(void **state SST_UNUSED)
 {
-    assert_int_equal(sst_parabola_q6(5, 5, 5), 0);    /* flat */
-    assert_int_equal(sst_parabola_q6(0, 5, 0), 0);    /* no minimum */
-    assert_int_equal(sst_parabola_q6(10, 0, 10), 0);  /* symmetric */
-    assert_int_equal(sst_parabola_q6(4, 0, 8), -11);  /* 32 * -4 / 12 = -10.67 */
+    assert_int_equal(sst_parabola_q6(5, 5, 5), 0);   /* flat */
+    assert_int_equal(sst_parabola_q6(0, 5, 0), 0);   /* no minimum */
+    assert_int_equal(sst_parabola_q6(10, 0, 10), 0); /* symmetric */
+    assert_int_equal(sst_parabola_q6(4, 0, 8), -11); /* 32 * -4 / 12 = -10.67 */
     assert_int_equal(sst_parabola_q6(8, 0, 4), 11);
-    assert_int_equal(sst_parabola_q6(0, 0, 8), -32);  /* half a step at most */
+    assert_int_equal(sst_parabola_q6(0, 0, 8), -32); /* half a step at most */
     assert_int_equal(sst_parabola_q6(8, 0, 0), 32);
     assert_int_equal(sst_parabola_q6(101, 100, 103), -16); /* 32 * -2 / 4 */
     assert_int_equal(sst_parabola_q6(65535, 0, 0), 32);    /* the largest sums do not overflow */
@@ -163,14 +163,14 @@ static void costs_of_several_neighbours(void **state SST_UNUSED)
     assert_int_equal(merged_cost(&ref, &near, 1), 0);
     assert_int_equal(merged_cost(&ref, &far, 1), 128);   /* 127^2 / 64 = 252, cut */
     assert_int_equal(merged_cost(&ref, &worst, 1), 128); /* as wrong as unrelated */
-    assert_int_equal(merged_cost(&ref, list, 2), 32);     /* (3 * 0 + 128) / 4 */
-    assert_int_equal(merged_cost(&ref, list, 3), 64);     /* (0 + 128) / 2 */
+    assert_int_equal(merged_cost(&ref, list, 2), 32);    /* (3 * 0 + 128) / 4 */
+    assert_int_equal(merged_cost(&ref, list, 3), 64);    /* (0 + 128) / 2 */
 }
 
 /*
- * Three rows and a neighbour below: at disparities 0, 0.5, 1, 1.5 row y meets y, y - 0.5, y - 1, y - 1.5, whose features are
- * those of the nearest rows y, y, y - 1, y - 1. Features lie along one axis: 127 in the view, 127, 0, -127 in the rows of
- * the neighbour, which cost 0, 252, 254. What begins above row 0 is unseen: 96.
+ * Three rows and a neighbour below: at disparities 0, 0.5, 1, 1.5 row y meets y, y - 0.5, y - 1, y - 1.5, whose
+ * features are those of the nearest rows y, y, y - 1, y - 1. Features lie along one axis: 127 in the view, 127, 0, -127
+ * in the rows of the neighbour, which cost 0, 252, 254. What begins above row 0 is unseen: 96.
  */
 static void learned_costs_between_pixels(void **state SST_UNUSED)
 {
@@ -190,8 +190,9 @@ static void learned_costs_between_pixels(void **state SST_UNUSED)
                 features[(y * GROUPS + 9) * ONE_PIXEL_STRIDE + 4 * x + 2] =
                     (uint8_t)(SST_FEATURE_ZERO + (i ? value[y] : 127));
         }
-        view[i] = (struct sst_descriptor){ .width = W, .height = H, .features = features,
-                                           .feature_stride = ONE_PIXEL_STRIDE };
+        view[i] = (struct sst_descriptor){
+            .width = W, .height = H, .features = features, .feature_stride = ONE_PIXEL_STRIDE
+        };
     }
     assert_int_equal(sst_volume_init(&v, W, H, 0, 4), 0);
     v.divisor = 2;
@@ -232,8 +233,8 @@ static void census_costs_of_a_shifted_pair(void **state SST_UNUSED)
         assert_int_equal(cost_at(&v, x, 4)[SHIFT + 1], 0);
         assert_true(cost_at(&v, x, 4)[SHIFT] > 40);
     }
-    assert_int_equal(cost_at(&v, 1, 4)[3], 96);      /* x - 2 is outside */
-    assert_int_equal(cost_at(&v, W - 1, 4)[0], 96);  /* x + 1 is outside */
+    assert_int_equal(cost_at(&v, 1, 4)[3], 96);     /* x - 2 is outside */
+    assert_int_equal(cost_at(&v, W - 1, 4)[0], 96); /* x + 1 is outside */
     assert_int_equal(cost_at(&v, 9, 4)[5], SST_COST_MAX);
     sst_volume_fini(&v);
     sst_descriptor_fini(&a);
@@ -349,8 +350,7 @@ static void sgm_of_two_pixels(void **state SST_UNUSED)
     for (cfg.paths = 4; cfg.paths <= 8; cfg.paths += 4) {
         assert_int_equal(sst_sgm(&v, &img, &cfg), 0);
         for (int i = 0; i < 6; i++)
-            assert_int_equal(sum_at(&v, i / 3, 0)[i % 3],
-                             turns[i / 3][i % 3] + (cfg.paths - 2) * costs[i / 3][i % 3]);
+            assert_int_equal(sum_at(&v, i / 3, 0)[i % 3], turns[i / 3][i % 3] + (cfg.paths - 2) * costs[i / 3][i % 3]);
     }
     /* sum less its minimum, cut at 255 */
     sum_at(&v, 0, 0)[0] = 300;
@@ -408,8 +408,9 @@ static void naive_path(int *sum, const struct sst_volume *v, const struct sst_im
 
 static void same_as_naive(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg)
 {
-    static const int ways[8][2] = { { 1, 0 }, { -1, 0 }, { 0, 1 },  { 0, -1 },
-                                   { 1, 1 }, { -1, 1 }, { 1, -1 }, { -1, -1 } };
+    static const int ways[8][2] = {
+        { 1, 0 }, { -1, 0 }, { 0, 1 }, { 0, -1 }, { 1, 1 }, { -1, 1 }, { 1, -1 }, { -1, -1 }
+    };
     static int want[MAX_CELLS];
     const int cells = v->width * v->height * v->steps;
 
@@ -429,7 +430,9 @@ static void same_as_naive(struct sst_volume *v, const struct sst_image *img, con
 
 static void sgm_equals_a_naive_one_in_32_bits(void **state SST_UNUSED)
 {
-    static const int penalties[][3] = { { 14, 90, 24 }, { 1, 1, 0 }, { 3, 700, 5 },
+    static const int penalties[][3] = { { 14, 90, 24 },
+                                        { 1, 1, 0 },
+                                        { 3, 700, 5 },
                                         { SST_DISPARITY_MAX_PENALTY, SST_DISPARITY_MAX_PENALTY, 0 },
                                         { 1, SST_DISPARITY_MAX_PENALTY, 0 } };
     static const int sizes[][3] = { { 7, 5, 9 }, { 1, 1, 1 }, { 1, 6, 33 }, { 9, 1, 64 }, { 5, 5, 32 } };
@@ -456,7 +459,8 @@ static void sgm_equals_a_naive_one_in_32_bits(void **state SST_UNUSED)
             for (size_t p = 0; p < ARRAY_LEN(penalties); p++) {
                 for (int paths = 4; paths <= 8; paths += 4)
                     same_as_naive(&v, &img,
-                                  &(struct sst_disparity_config){ .paths = paths, .p1 = penalties[p][0],
+                                  &(struct sst_disparity_config){ .paths = paths,
+                                                                  .p1 = penalties[p][0],
                                                                   .p2 = penalties[p][1],
                                                                   .edge_step = penalties[p][2] });
             }
@@ -518,10 +522,10 @@ static void filtered(int width, int height, const uint16_t *in, const uint8_t *l
 /* Weights in 1/4096: centre 4096, next exp(-1/2) = 2484, two away exp(-2) = 554. */
 static void bilateral_of_small_maps(void **state SST_UNUSED)
 {
-    static const uint16_t near[2] = { 100, 120 }, met[2] = { 108, 112 };  /* 20 * 2484 / 6580 = 7.55 */
+    static const uint16_t near[2] = { 100, 120 }, met[2] = { 108, 112 }; /* 20 * 2484 / 6580 = 7.55 */
     static const uint16_t edge[2] = { 100, 197 }, touch[2] = { 100, 196 }, touched[2] = { 136, 160 }; /* 96 * 0.3775 */
     static const uint16_t hole[3] = { 100, NONE, 120 }, kept[3] = { 102, NONE, 118 }; /* 20 * 554 / 4650 = 2.38 */
-    static const uint16_t low[2] = { 0, 65438 }; /* the largest that may occur */
+    static const uint16_t low[2] = { 0, 65438 };                                      /* the largest that may occur */
     static const uint8_t levels[3] = { 50, 55, 50 };
 
     filtered(2, 1, near, levels, 6, met);
@@ -536,7 +540,8 @@ static void bilateral_of_small_maps(void **state SST_UNUSED)
 
 static void fusion(void **state SST_UNUSED)
 {
-    /* Agreement within 64: weights 3 + 1 and 1 + 1: (64 * 4 + 128 * 2) / 6 = 85.3. Else the surer one, the first at a tie. */
+    /* Agreement within 64: weights 3 + 1 and 1 + 1: (64 * 4 + 128 * 2) / 6 = 85.3. Else the surer one, the first at a
+     * tie. */
     static const uint16_t one[7] = { 64, 64, 64, 64, NONE, NONE, 0 }, two[7] = { 128, 129, 129, 129, 640, NONE, 64 };
     static const uint8_t sure1[7] = { 3, 3, 9, 4, 0, 0, 0 }, sure2[7] = { 1, 5, 4, 4, 5, 0, 0 };
     static const uint16_t want[7] = { 85, 129, 64, 64, 640, NONE, 32 };
@@ -593,7 +598,8 @@ static void multi_view_check(void **state SST_UNUSED)
             struct sst_map_u8 status = map8(w, h, NULL, 9);
             const double bx = down ? 0 : c->b, by = down ? c->b : 0;
             /* A view that knows nothing changes nothing, before or after. */
-            const struct sst_checked_view views[3] = { { &empty, NULL, -bx, -by }, { &other, NULL, bx, by },
+            const struct sst_checked_view views[3] = { { &empty, NULL, -bx, -by },
+                                                       { &other, NULL, bx, by },
                                                        { &empty, NULL, bx, by } };
 
             sst_map_u16_row(&own, down ? c->p : 0)[down ? 0 : c->p] = (uint16_t)c->d;
@@ -662,13 +668,13 @@ static void occlusions(void **state SST_UNUSED)
     static const struct known two[1] = { { 5, 128 } }, both[2] = { { 5, 128 }, { 6, 192 } }, far[1] = { { 7, 128 } },
                               no_factor[1] = { { 5, 128 } }, half[1] = { { 4, 192 } }, back[1] = { { 4, 64 } };
 
-    assert_int_equal(filled_at_3(two, 1, NULL, 0, -1), 128);    /* 5 - 2 */
-    assert_int_equal(filled_at_3(both, 2, NULL, 0, -1), 192);   /* 5 - 2 and 6 - 3: the foremost */
-    assert_int_equal(filled_at_3(NULL, 0, far, 1, -1), 128);    /* 7 - 2 * 2 */
+    assert_int_equal(filled_at_3(two, 1, NULL, 0, -1), 128);      /* 5 - 2 */
+    assert_int_equal(filled_at_3(both, 2, NULL, 0, -1), 192);     /* 5 - 2 and 6 - 3: the foremost */
+    assert_int_equal(filled_at_3(NULL, 0, far, 1, -1), 128);      /* 7 - 2 * 2 */
     assert_int_equal(filled_at_3(NULL, 0, no_factor, 1, -1), 64); /* 5 - 2 * 2 = 1: not here; the background */
-    assert_int_equal(filled_at_3(back, 1, far, 1, -1), 64);     /* the near view first, though farther */
-    assert_int_equal(filled_at_3(half, 1, NULL, 0, -0.5), 192); /* 4 - 1.5 = 2.5, nearest 3 */
-    assert_int_equal(filled_at_3(NULL, 0, NULL, 0, -1), 64);    /* the farther side */
+    assert_int_equal(filled_at_3(back, 1, far, 1, -1), 64);       /* the near view first, though farther */
+    assert_int_equal(filled_at_3(half, 1, NULL, 0, -0.5), 192);   /* 4 - 1.5 = 2.5, nearest 3 */
+    assert_int_equal(filled_at_3(NULL, 0, NULL, 0, -1), 64);      /* the farther side */
 }
 
 /* Fill a map that has no neighbours; in and out [height][width]. */

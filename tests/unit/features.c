@@ -30,7 +30,8 @@ static void band_is(int rows, int radius, int i, int start, int first, int end)
 
 static void bands_of_known_heights(void **state SST_UNUSED)
 {
-    /* 750 rows: three bands, a step of (750 - 8) / 3 = 247.3, in tiles of 4 248; 248 + 8 rows, and 2 to be 750 mod 4. */
+    /* 750 rows: three bands, a step of (750 - 8) / 3 = 247.3, in tiles of 4 248; 248 + 8 rows, and 2 to be 750 mod 4.
+     */
     struct sst_feature_bands b = sst_feature_bands(750, 4);
 
     assert_int_equal(b.count, 3);
@@ -68,9 +69,9 @@ static void bands_reach_far_enough(void **state SST_UNUSED)
                 const struct sst_feature_band b = sst_feature_band(&bands, rows, radii[r], i);
                 const int stop = b.start + bands.height;
 
-                if (b.start < 0 || b.start % SST_FEATURE_TILE || stop > rows || (i + 1 == bands.count && stop != rows) ||
-                    b.first != next || b.end <= b.first || b.start > sst_max_int(b.first - radii[r], 0) ||
-                    stop < sst_min_int(b.end + radii[r], rows))
+                if (b.start < 0 || b.start % SST_FEATURE_TILE || stop > rows ||
+                    (i + 1 == bands.count && stop != rows) || b.first != next || b.end <= b.first ||
+                    b.start > sst_max_int(b.first - radii[r], 0) || stop < sst_min_int(b.end + radii[r], rows))
                     fail_msg("%d rows, radius %d, band %d: %d..%d of %d", rows, radii[r], i, b.first, b.end, b.start);
                 next = b.end;
             }
@@ -122,7 +123,8 @@ static struct sst_image texture(int width, int height)
         for (int y = 0; y < height; y++) {
             for (int x = 0; x < width; x++) {
                 state = state * 1664525u + 1013904223u;
-                sst_image_row(&img, c, y)[x] = (uint8_t)((state >> 25) + (uint32_t)(y * 128 / height)); /* brighter below */
+                sst_image_row(&img, c, y)[x] =
+                    (uint8_t)((state >> 25) + (uint32_t)(y * 128 / height)); /* brighter below */
             }
         }
     }

@@ -102,7 +102,8 @@ static void every_key_is_read(void **state SST_UNUSED)
 
     assert_int_equal(parse(&info, "classes: [Road, rider, person, pole]\nlabels: {rider: person}\nground: [road]\n"
                                   "mean: [51, 102, 153]\nscale: 0.02\nrange: 0..255\ncolour: bgr\nsize: 512x256\n"
-                                  "output: probabilities\nepsilon_h: 0.5\ntemperature: 2\n"), 0);
+                                  "output: probabilities\nepsilon_h: 0.5\ntemperature: 2\n"),
+                     0);
     assert_int_equal(info.channels, 4);
     assert_int_equal(info.classes.count, 3);
     assert_string_equal(info.classes.names[1], "person");
@@ -220,7 +221,8 @@ static void colours_ranges_and_joined_channels(void **state SST_UNUSED)
 
     assert_int_equal(open_net(&seg, identity_net(3, 16, 24, NULL),
                               "classes: [a, b, c]\nlabels: {c: a}\nmean: [10, 20, 30]\nstd: 51\nrange: 0..255\n"
-                              "colour: bgr\noutput: probabilities\n"), 0);
+                              "colour: bgr\noutput: probabilities\n"),
+                     0);
     assert_true(sst_segmenter_info(seg)->fixed_size);
     assert_true(sst_segmenter_info(seg)->width == 24 && sst_segmenter_info(seg)->height == 16);
     assert_int_equal(sst_segmenter_classes(seg)->count, 2);
@@ -253,8 +255,8 @@ static void grey_networks_see_the_luma(void **state SST_UNUSED)
     ow_floats(&g, "w", w, 2, 1, 1, 1);
     ow_floats(&g, "b", b, 2, 0, 0, 0);
     ow_node(&g, "Conv", "x w b", "y", NULL);
-    assert_int_equal(open_net(&seg, ow_model(&g, 13),
-                              "classes: [bright, dark]\nmean: 0.1\nstd: 0.5\noutput: probabilities\n"), 0);
+    assert_int_equal(
+        open_net(&seg, ow_model(&g, 13), "classes: [bright, dark]\nmean: 0.1\nstd: 0.5\noutput: probabilities\n"), 0);
     assert_int_equal(sst_segment(seg, &img, &label, NULL, &prob), 0);
     assert_true(fabs((double)prob[0] - 0.398 / 0.498) < 1e-5);
     assert_int_equal(label.data[0], 1);
@@ -323,7 +325,8 @@ static void classifiers_are_refused(void **state SST_UNUSED)
 /* --- manifests --- */
 
 #define ENTRY(file, kind, bytes, sha, figure)                                                                          \
-    "{\"file\": \"" file "\", \"kind\": \"" kind "\", \"bytes\": " bytes ", \"sha256\": \"" sha "\", \"licence\": \"l\","     \
+    "{\"file\": \"" file "\", \"kind\": \"" kind "\", \"bytes\": " bytes ", \"sha256\": \"" sha                        \
+    "\", \"licence\": \"l\","                                                                                          \
     " \"training_data\": \"t\", \"description\": \"d\", \"figures\": {\"miou\": " figure "}}"
 #define MANIFEST(entries) "{\"format\": \"sst-models\", \"version\": 1, \"models\": [" entries "]}"
 /* SHA-256 of "abc", from FIPS 180-2 */
@@ -340,7 +343,8 @@ static void manifests_are_checked(void **state SST_UNUSED)
         { "[]", "version is not 1" },
         { MANIFEST("{}"), "models[0]: " },
         { MANIFEST("3"), "models[0]: " },
-        { MANIFEST(ENTRY("a", "labels", "3", ABC, "1") "," ENTRY("a", "labels", "3", ABC, "1")), "models[1]: file is listed twice" },
+        { MANIFEST(ENTRY("a", "labels", "3", ABC, "1") "," ENTRY("a", "labels", "3", ABC, "1")),
+          "models[1]: file is listed twice" },
         { MANIFEST(ENTRY("../a", "labels", "3", ABC, "1")), "plain file name" },
         { MANIFEST(ENTRY("a", "net", "3", ABC, "1")), "kind" },
         { MANIFEST(ENTRY("a", "labels", "0", ABC, "1")), "bytes" },

@@ -180,7 +180,8 @@ static void window_weights_sum_to_one_everywhere(void **state SST_UNUSED)
                 for (int k = 0; k < t.count; k++) {
                     const int start = sst_tiles_start(&t, k);
 
-                    assert_true(start % unit == 0 && (k == 0 || start - sst_tiles_start(&t, k - 1) <= length - t.overlap));
+                    assert_true(start % unit == 0 &&
+                                (k == 0 || start - sst_tiles_start(&t, k - 1) <= length - t.overlap));
                     for (int i = 0; i < t.length; i++) {
                         assert_true(sst_tiles_weight(&t, k, i) >= 0);
                         sum[start + i] += (double)sst_tiles_weight(&t, k, i);
@@ -251,10 +252,10 @@ static void windows_of_a_plain_image_agree(void **state SST_UNUSED)
     sst_segmenter_close(seg);
 }
 
-/* Two cells with p = (1, 0) and (0.25, 0.75) over 16 pixels, black up to pixel 6 and white from pixel 7 on, which is still
- * nearer to the first cell: each pixel takes the distribution of the cell of its colour. The first cell is 32 levels from
- * black (its mean holds one white pixel of eight), so exp(-3 * 32^2 / 800) = 0.021 of its weight is left; of the other
- * cell's only the floor, 0.001, over a distance that never more than makes up for it on the black side. */
+/* Two cells with p = (1, 0) and (0.25, 0.75) over 16 pixels, black up to pixel 6 and white from pixel 7 on, which is
+ * still nearer to the first cell: each pixel takes the distribution of the cell of its colour. The first cell is 32
+ * levels from black (its mean holds one white pixel of eight), so exp(-3 * 32^2 / 800) = 0.021 of its weight is left;
+ * of the other cell's only the floor, 0.001, over a distance that never more than makes up for it on the black side. */
 static void upsampling_follows_the_picture(void **state SST_UNUSED)
 {
     struct sst_class_grid grid = { .width = 2, .height = 1, .count = 2, .values = sst_class_grid_values(2) };

@@ -234,7 +234,7 @@ static void nearest_of_fast_cameras(void **state)
     for (int ms = 960; ms < 1400; ms += 10) {
         if (ms % 100 == 0)
             sst_sets_trigger(t.sets, (uint64_t)(ms / 100), ms * MS, false);
-        frame(0, ms * MS + 1 * MS);  /* 1 after each mark */
+        frame(0, ms * MS + 1 * MS); /* 1 after each mark */
         frame(1, ms * MS + 7 * MS); /* 3 before each mark */
     }
     n = end();

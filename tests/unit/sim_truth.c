@@ -110,18 +110,20 @@ static bool find_corner(const uint8_t *luma, int width, int height, double at[2]
 
 static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
 {
-    struct sst_sim_world *w = sim_open(
-        "scene: board\ngrid: [1, 2]\nsize: [640, 480]\nseed: 5\njpeg_quality: 95\n"
-        "optics: {distortion: [-0.2, 0.08, 0.001, -0.002, -0.01], distortion_spread: [0.02, 0.01, 0.001, 0.001, 0.002],\n"
-        "  focal_spread_percent: 1, principal_spread_px: 6}\nmounting: {rotation_spread_deg: 1, position_spread_mm: 4}\n"
-        "board: {kind: chessboard, squares: [9, 7], square_mm: 45, poses: 2}\n");
+    struct sst_sim_world *w = sim_open("scene: board\ngrid: [1, 2]\nsize: [640, 480]\nseed: 5\njpeg_quality: 95\n"
+                                       "optics: {distortion: [-0.2, 0.08, 0.001, -0.002, -0.01], distortion_spread: "
+                                       "[0.02, 0.01, 0.001, 0.001, 0.002],\n"
+                                       "  focal_spread_percent: 1, principal_spread_px: 6}\nmounting: "
+                                       "{rotation_spread_deg: 1, position_spread_mm: 4}\n"
+                                       "board: {kind: chessboard, squares: [9, 7], square_mm: 45, poses: 2}\n");
     json_t *truth = truth_of(w), *board = json_object_get(truth, "board");
     double sum = 0, moved = 0;
     int found = 0, near = 0;
 
     for (int i = 0; i < 4; i++) {
-        const struct sst_sim_exposure e = { .cam = i / 2, .trigger = (uint64_t)i, .t_ns = i % 2 * 1000000000LL + 1,
-                                            .exposure_us = 5000, .gain = 1 };
+        const struct sst_sim_exposure e = {
+            .cam = i / 2, .trigger = (uint64_t)i, .t_ns = i % 2 * 1000000000LL + 1, .exposure_us = 5000, .gain = 1
+        };
         const json_t *pose = json_array_get(json_object_get(board, "poses"), (size_t)i % 2);
         uint8_t *luma = sim_luma(w, &e);
         double turn[3][3], centre[3], shift[2] = { 0, 0 };
@@ -156,8 +158,8 @@ static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
         assert_true(hypot(shift[0], shift[1]) / (found - before) < 0.025); /* no picture is displaced */
         free(luma);
     }
-    print_message("%d of %d corners within 0.1 px, mean %.3f px off; distortion up to %.1f px\n", near, found, sum / found,
-                  moved);
+    print_message("%d of %d corners within 0.1 px, mean %.3f px off; distortion up to %.1f px\n", near, found,
+                  sum / found, moved);
     assert_true(found > 150);
     assert_true(moved > 4); /* or the distortion was not tried */
     assert_true(near > 0.97 * found);
@@ -275,8 +277,17 @@ static void drawing_what_moves_gives_the_bytes_of_the_whole(void **state SST_UNU
         for (int s = 0; s < at0.count; s++)
             count += moving[s];
         assert_true(count > 5 && count < at0.count);
-        r = (struct sst_raster){ .world = &at0, .focal_px = at0.focal / 5, .cx = 99.5, .cy = 80, .width = 200,
-                                 .height = 150, .step_x = 1, .step_y = 1, .bx = 1, .by = -0.5, .eye_z_mm = 20,
+        r = (struct sst_raster){ .world = &at0,
+                                 .focal_px = at0.focal / 5,
+                                 .cx = 99.5,
+                                 .cy = 80,
+                                 .width = 200,
+                                 .height = 150,
+                                 .step_x = 1,
+                                 .step_y = 1,
+                                 .bx = 1,
+                                 .by = -0.5,
+                                 .eye_z_mm = 20,
                                  .image = &parts };
         assert_int_equal(sst_layers_create(&layers, &r, moving, 3), 0);
         sst_layers_draw(layers, &at1, 0, 70);
@@ -353,8 +364,11 @@ static void the_rigs_pose_decides_the_view(void **state SST_UNUSED)
 
     assert_int_equal(sst_sim_world_cameras(w), 1);
     for (int i = 0; i < 3; i++) { /* the reference is row 1, column 1: pose 0 is one spacing to its upper left */
-        const struct sst_sim_exposure e = { .trigger = (uint64_t)i, .exposure_us = 5000, .gain = 1,
-                                            .pose_um = { (int32_t)lround(i * step), (int32_t)lround(i / 2 * step), 0 } };
+        const struct sst_sim_exposure e = { .trigger = (uint64_t)i,
+                                            .exposure_us = 5000,
+                                            .gain = 1,
+                                            .pose_um = { (int32_t)lround(i * step), (int32_t)lround(i / 2 * step),
+                                                         0 } };
         uint8_t *luma = sim_luma(w, &e), *again;
         struct sst_sim_exposure got;
         struct sst_image image;
@@ -391,12 +405,15 @@ static void opencv_reads_the_boards(void **state SST_UNUSED)
         char text[512], name[32];
         struct sst_sim_world *w;
 
-        snprintf(text, sizeof(text), "scene: board\ngrid: [1, 1]\nsize: [800, 600]\nseed: %d\n"
-                 "optics: {distortion: [-0.1, 0, 0, 0, 0]}\nsensor: {full_well_e: 10000}\nboard: %s\n", i + 1, boards[i]);
+        snprintf(text, sizeof(text),
+                 "scene: board\ngrid: [1, 1]\nsize: [800, 600]\nseed: %d\n"
+                 "optics: {distortion: [-0.1, 0, 0, 0, 0]}\nsensor: {full_well_e: 10000}\nboard: %s\n",
+                 i + 1, boards[i]);
         w = sim_open(text);
         for (int k = 0; k < 2; k++) {
-            const struct sst_sim_exposure e = { .trigger = (uint64_t)k, .t_ns = k * 1000000000LL,
-                                                .exposure_us = 5000, .gain = 1 };
+            const struct sst_sim_exposure e = {
+                .trigger = (uint64_t)k, .t_ns = k * 1000000000LL, .exposure_us = 5000, .gain = 1
+            };
             const size_t bytes = sim_frame(w, &e, V4L2_PIX_FMT_MJPEG, 800, 600);
 
             snprintf(name, sizeof(name), "%d-%d.jpg", i, k);

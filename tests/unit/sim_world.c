@@ -1,5 +1,5 @@
-/* Simulated frames: valid JPEG with its strip at any quality and size, other formats, light, the loop's time, the cache,
- * and what world files may not say. */
+/* Simulated frames: valid JPEG with its strip at any quality and size, other formats, light, the loop's time, the
+ * cache, and what world files may not say. */
 #include "tests/sim_test.h"
 
 #include <dirent.h>
@@ -10,8 +10,9 @@
 #include "simulators/world/jpeg.h"
 #include "simulators/world/settings.h"
 
-static const struct sst_sim_exposure example = { .cam = 1, .trigger = 7, .t_ns = 123456789012, .exposure_us = 5000,
-                                                 .gain = 1 };
+static const struct sst_sim_exposure example = {
+    .cam = 1, .trigger = 7, .t_ns = 123456789012, .exposure_us = 5000, .gain = 1
+};
 
 #define SMALL "scene: cat\ngrid: [1, 2]\nsize: [160, 192]\n"
 
@@ -180,8 +181,7 @@ static void what_no_camera_offers_is_refused(void **state SST_UNUSED)
                      -EINVAL);
     assert_int_equal(sst_sim_world_frame(w, &example, V4L2_PIX_FMT_GREY, 160, 192, sim_out, 160 * 192 - 1, &bytes),
                      -ENOSPC);
-    assert_int_equal(sst_sim_world_frame(w, &example, V4L2_PIX_FMT_MJPEG, 160, 192, sim_out, 64, &bytes),
-                     -ENOSPC);
+    assert_int_equal(sst_sim_world_frame(w, &example, V4L2_PIX_FMT_MJPEG, 160, 192, sim_out, 64, &bytes), -ENOSPC);
     assert_int_equal(bytes, 99);
     for (int i = 0; i < 64; i++)
         assert_int_equal(sim_out[i], 0xA5);
@@ -238,8 +238,8 @@ static void the_loop_follows_time_and_a_trigger_shows_one_frame(void **state SST
     const uint32_t first = picture(w, 0, 1, 1200 * ms), second = picture(w, 0, 2, 1300 * ms);
 
     assert_true(first != second);
-    assert_int_equal(picture(w, 0, 3, 1299 * ms), first);         /* the frame lasts 100 ms */
-    assert_int_equal(picture(w, 0, 4, 1600 * ms), first);         /* the loop 400 ms */
+    assert_int_equal(picture(w, 0, 3, 1299 * ms), first); /* the frame lasts 100 ms */
+    assert_int_equal(picture(w, 0, 4, 1600 * ms), first); /* the loop 400 ms */
     assert_int_equal(picture(w, 0, 5, 1200 * ms + 400000 * ms), first);
     /* One trigger whose exposures lie around the change: whoever comes first decides. */
     assert_int_equal(picture(w, 0, 6, 1700 * ms - 1000), first);
@@ -250,8 +250,9 @@ static void the_loop_follows_time_and_a_trigger_shows_one_frame(void **state SST
 
 /* --- seed and cache ---------------------------------------------------------------------------------------------- */
 
-#define NOISY "scene: cell\ngrid: [1, 2]\nsize: [160, 192]\nsensor: {full_well_e: 5000, read_noise_e: 5,\n" \
-              "  gain_spread_percent: 5}\noptics: {distortion_spread: [0.02, 0, 0, 0, 0]}\nloop: {seconds: 0.2}\n"
+#define NOISY                                                                                                          \
+    "scene: cell\ngrid: [1, 2]\nsize: [160, 192]\nsensor: {full_well_e: 5000, read_noise_e: 5,\n"                      \
+    "  gain_spread_percent: 5}\noptics: {distortion_spread: [0.02, 0, 0, 0, 0]}\nloop: {seconds: 0.2}\n"
 
 /* The one prepared loop in the folder, or NULL. */
 static uint8_t *prepared(size_t *bytes, char path[512])

@@ -65,7 +65,8 @@ static void all_64_lines_may_differ(void **state SST_UNUSED)
     assert_true(step[127].active == 0);
 }
 
-/* 30/s has no whole period: beat 30 is exactly one second after the start, and so is beat 30 million a million later. */
+/* 30/s has no whole period: beat 30 is exactly one second after the start, and so is beat 30 million a million later.
+ */
 static void beats_do_not_drift(void **state SST_UNUSED)
 {
     assert_int_equal(sst_beat_due_ns(7, 30, 1), 7 + 33333333);

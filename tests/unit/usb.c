@@ -16,7 +16,8 @@
 #include "drivers/usb/plan.h"
 #include "drivers/usb/sysfs.h"
 
-/* --- a tree in files ------------------------------------------------------------------------------------------------ */
+/* --- a tree in files ------------------------------------------------------------------------------------------------
+ */
 
 static char root[64];
 
@@ -47,10 +48,17 @@ static void put_device(const struct fake *d)
 {
     const struct {
         const char *name, *value;
-    } attribute[] = { { "busnum", d->bus },         { "devnum", d->devnum },           { "speed", d->speed },
-                      { "maxchild", d->maxchild },  { "bDeviceClass", d->device_class }, { "bDeviceProtocol", d->protocol },
-                      { "idVendor", "1d6b" },       { "idProduct", "0102" },           { "manufacturer", d->maker },
-                      { "product", d->name },       { "serial", d->serial } };
+    } attribute[] = { { "busnum", d->bus },
+                      { "devnum", d->devnum },
+                      { "speed", d->speed },
+                      { "maxchild", d->maxchild },
+                      { "bDeviceClass", d->device_class },
+                      { "bDeviceProtocol", d->protocol },
+                      { "idVendor", "1d6b" },
+                      { "idProduct", "0102" },
+                      { "manufacturer", d->maker },
+                      { "product", d->name },
+                      { "serial", d->serial } };
     char path[256], link[256], target[256];
 
     for (size_t i = 0; i < ARRAY_LEN(attribute); i++) {
@@ -68,28 +76,24 @@ static void put_device(const struct fake *d)
 }
 
 /* Device and configuration, control interface, then streaming settings 0 (none), 1: 512, 2: 3 x 1024 every 2nd. */
-static const uint8_t camera_descriptors[] = {
-    18, 1, 0, 2, 0xef, 2, 1, 64, 0x6b, 0x1d, 2, 1, 0, 1, 1, 2, 3, 1,
-    9, 2, 0, 0, 2, 1, 0, 0x80, 250,
-    9, 4, 0, 0, 1, 14, 1, 0, 0,
-    7, 5, 0x83, 3, 16, 0, 6,            /* interrupt endpoint of the control interface: not ours */
-    9, 4, 1, 0, 0, 14, 2, 0, 0,
-    14, 0x24, 1, 1, 77, 0, 0x81, 0, 5, 0, 0, 0, 1, 0,
-    9, 4, 1, 1, 1, 14, 2, 0, 0,
-    7, 5, 0x81, 5, 0x00, 0x02, 1,
-    9, 4, 1, 2, 1, 14, 2, 0, 0,
-    7, 5, 0x81, 5, 0x00, 0x14, 2,
-    9, 4, 2, 1, 1, 1, 2, 0, 0,
-    7, 5, 0x84, 5, 0x64, 0x00, 4,       /* the microphone */
-    9, 2, 0, 0, 2, 2, 0, 0x80, 250,
-    9, 4, 1, 3, 1, 14, 2, 0, 0,
-    7, 5, 0x81, 5, 0x00, 0x04, 1,       /* another configuration */
-};
+static const uint8_t
+    camera_descriptors[] = {
+        18,   1,    0,    2, 0xef, 2,    1, 64,   0x6b, 0x1d, 2,    1, 0,    1,  1,    2,    3,    1,
+        9,    2,    0,    0, 2,    1,    0, 0x80, 250,  9,    4,    0, 0,    1,  14,   1,    0,    0,
+        7,    5,    0x83, 3, 16,   0,    6, /* interrupt endpoint of the control interface: not ours */
+        9,    4,    1,    0, 0,    14,   2, 0,    0,    14,   0x24, 1, 1,    77, 0,    0x81, 0,    5,
+        0,    0,    0,    1, 0,    9,    4, 1,    1,    1,    14,   2, 0,    0,  7,    5,    0x81, 5,
+        0x00, 0x02, 1,    9, 4,    1,    2, 1,    14,   2,    0,    0, 7,    5,  0x81, 5,    0x00, 0x14,
+        2,    9,    4,    2, 1,    1,    1, 2,    0,    0,    7,    5, 0x84, 5,  0x64, 0x00, 4, /* the microphone */
+        9,    2,    0,    0, 2,    2,    0, 0x80, 250,  9,    4,    1, 3,    1,  14,   2,    0,    0,
+        7,    5,    0x81, 5, 0x00, 0x04, 1, /* another configuration */
+    };
 
 static int make_tree(void **state SST_UNUSED)
 {
     static const struct fake tree[] = {
-        { "pci0000:00/0000:00:14.0/usb1", "1", "1", "480", "09", "01", "4", "Linux 6.1.0 xhci-hcd", "xHCI", "0000:00:14.0" },
+        { "pci0000:00/0000:00:14.0/usb1", "1", "1", "480", "09", "01", "4", "Linux 6.1.0 xhci-hcd", "xHCI",
+          "0000:00:14.0" },
         { "pci0000:00/0000:00:14.0/usb2", "2", "1", "5000", "09", "03", "4", "Linux 6.1.0 xhci-hcd", "xHCI", NULL },
         { "pci0000:00/0000:00:14.0/usb1/1-2", "1", "3", "480", "09", "02", "4", "Acme", "Hub", NULL },
         { "pci0000:00/0000:00:14.0/usb1/1-2/1-2.10", "1", "9", "480", "ef", "01", NULL, "Acme", "Camera", "SN7" },
@@ -157,7 +161,8 @@ static void machine_without_usb_has_no_devices(void **state SST_UNUSED)
     free(d);
 }
 
-/* --- descriptors ---------------------------------------------------------------------------------------------------- */
+/* --- descriptors ----------------------------------------------------------------------------------------------------
+ */
 
 static void settings_of_the_streaming_interface(void **state SST_UNUSED)
 {
@@ -175,8 +180,9 @@ static void settings_of_the_streaming_interface(void **state SST_UNUSED)
 
 static void superspeed_packets_come_from_the_companion(void **state SST_UNUSED)
 {
-    static const uint8_t d[] = { 9, 4, 1, 1, 1, 14, 2, 0, 0, 7, 5, 0x81, 5, 0x00, 0x04, 1,
-                                 6, 0x30, 10, 2, 0x00, 0x84 }; /* 33792 bytes per interval */
+    static const uint8_t d[] = {
+        9, 4, 1, 1, 1, 14, 2, 0, 0, 7, 5, 0x81, 5, 0x00, 0x04, 1, 6, 0x30, 10, 2, 0x00, 0x84
+    }; /* 33792 bytes per interval */
     struct sst_usb_alt alt[SST_USB_ALTS_MAX];
 
     assert_int_equal(sst_usb_parse_alts(alt, d, sizeof(d), 5000), 1);
@@ -207,7 +213,9 @@ static void damaged_descriptors_end_the_walk(void **state SST_UNUSED)
 
 static void ports_are_compared_by_their_numbers(void **state SST_UNUSED)
 {
-    static const char *const order[] = { "usb1", "1-1", "1-1.2", "1-1.10", "1-2", "usb2", "2-1", "usb10", "10-1", "lost" };
+    static const char *const order[] = {
+        "usb1", "1-1", "1-1.2", "1-1.10", "1-2", "usb2", "2-1", "usb10", "10-1", "lost"
+    };
     char hub[SST_USB_TEXT_MAX];
     int number;
 
@@ -227,7 +235,8 @@ static void ports_are_compared_by_their_numbers(void **state SST_UNUSED)
     assert_int_equal(sst_usb_split_port("", hub, &number), -EINVAL);
 }
 
-/* --- plans ---------------------------------------------------------------------------------------------------------- */
+/* --- plans ----------------------------------------------------------------------------------------------------------
+ */
 
 #define DEVICES 64
 
@@ -322,7 +331,8 @@ static void high_speed_bus_holds_what_its_time_allows(void **state SST_UNUSED)
     assert_true(same(mbit, 9 * 11 * 480 / 125.0));
 }
 
-/* In blocks of 4 bytes, of which 80 % of 1607, 1285, are to be had: 768 + 3*26 = 846; 256 + 26 = 282; 128 + 26 = 154. */
+/* In blocks of 4 bytes, of which 80 % of 1607, 1285, are to be had: 768 + 3*26 = 846; 256 + 26 = 282; 128 + 26 = 154.
+ */
 static void ports_of_intel_hold_what_their_blocks_allow(void **state SST_UNUSED)
 {
     double mbit;
@@ -352,8 +362,8 @@ static void root_ports_share_a_bus_or_have_one_each(void **state SST_UNUSED)
 }
 
 /*
- * 640x480 YUYV at 10/s: 6 144 000 bytes/s, 768 a microframe, and 12 of the payload's header: 780, so 800 is taken. At 30/s
- * 2304 + 12: 3072. A camera of which nothing is known asks for its largest.
+ * 640x480 YUYV at 10/s: 6 144 000 bytes/s, 768 a microframe, and 12 of the payload's header: 780, so 800 is taken. At
+ * 30/s 2304 + 12: 3072. A camera of which nothing is known asks for its largest.
  */
 static void setting_is_the_smallest_that_carries_the_format(void **state SST_UNUSED)
 {
@@ -402,8 +412,8 @@ static void later_smaller_streams_may_fit(void **state SST_UNUSED)
 }
 
 /*
- * Full speed, 1023 bytes: 9548 bits, 8.354 * (31 + 95480) / 1000 us + 8.268 us = 806.2 us, 807 of 900: one per translator.
- * A hub with one translator carries one camera, a hub with one for each port carries all three.
+ * Full speed, 1023 bytes: 9548 bits, 8.354 * (31 + 95480) / 1000 us + 8.268 us = 806.2 us, 807 of 900: one per
+ * translator. A hub with one translator carries one camera, a hub with one for each port carries all three.
  */
 static void full_speed_cameras_share_a_translator(void **state SST_UNUSED)
 {
@@ -446,8 +456,8 @@ static void translators_of_intel_take_a_fixed_share(void **state SST_UNUSED)
 }
 
 /*
- * SuperSpeed at 5 Gbit/s: 3906 blocks of 16 bytes, 90 % to be had. 33 packets of 1024: 33 * (64 + 8) + 32 = 2408 blocks,
- * 2466 Mbit/s of 3600. Two cameras behind one hub: the link of the hub carries one. At 10 Gbit/s three.
+ * SuperSpeed at 5 Gbit/s: 3906 blocks of 16 bytes, 90 % to be had. 33 packets of 1024: 33 * (64 + 8) + 32 = 2408
+ * blocks, 2466 Mbit/s of 3600. Two cameras behind one hub: the link of the hub carries one. At 10 Gbit/s three.
  */
 static void superspeed_links_are_shared_up_to_the_root(void **state SST_UNUSED)
 {
@@ -489,7 +499,8 @@ static void bulk_and_unreadable_cameras(void **state SST_UNUSED)
     free(b.plan.segments);
 }
 
-/* --- deadlines ------------------------------------------------------------------------------------------------------ */
+/* --- deadlines ------------------------------------------------------------------------------------------------------
+ */
 
 static int sleep_and_return(void *arg)
 {

@@ -14,7 +14,7 @@
 #include "simulators/devices/preload/classes.h"
 #include "simulators/devices/preload/hooks.h"
 
-/* --- stdio: libc opens by calls that nobody sees -------------------------------------------------------------------- */
+/* --- stdio: libc opens by calls that nobody sees ------------------------------------------------------------------ */
 
 static int open_flags(const char *mode)
 {
@@ -69,7 +69,7 @@ HOOK int fclose(FILE *stream)
     return next(stream);
 }
 
-/* --- the kind of file system: libudev and libusb insist on sysfs ---------------------------------------------------- */
+/* --- the kind of file system: libudev and libusb insist on sysfs -------------------------------------------------- */
 
 static bool fd_in_sysfs(int fd)
 {
@@ -107,7 +107,7 @@ FSTATFS_HOOK(fstatfs64, statfs64)
 STATFS_HOOK(statfs, statfs)
 STATFS_HOOK(statfs64, statfs64)
 
-/* --- other paths ---------------------------------------------------------------------------------------------------- */
+/* --- other paths -------------------------------------------------------------------------------------------------- */
 
 HOOK int inotify_add_watch(int fd, const char *path, uint32_t mask)
 {

@@ -12,11 +12,12 @@
 HOOK int socket(int domain, int type, int protocol)
 {
     NEXT(int, socket, int, int, int);
+    const int flags = (type & SOCK_NONBLOCK ? O_NONBLOCK : 0) | (type & SOCK_CLOEXEC ? O_CLOEXEC : 0);
     int fd;
 
     if (domain != AF_NETLINK || protocol != NETLINK_KOBJECT_UEVENT || !sim_dir())
         return next(domain, type, protocol);
-    fd = sim_open_node(SST_SIM_UEVENTS, (type & SOCK_NONBLOCK ? O_NONBLOCK : 0) | (type & SOCK_CLOEXEC ? O_CLOEXEC : 0));
+    fd = sim_open_node(SST_SIM_UEVENTS, flags);
     if (fd < 0) {
         errno = -fd;
         return -1;
