@@ -32,7 +32,8 @@ struct sst_capture {
     atomic_bool stop;
     /* capturing thread */
     uint64_t wanted;
-    bool skewed;
+    bool skewed, starting;
+    bool came[SST_CAMERAS_MAX];     /* cameras that have given a frame */
     char name[SST_CAMERAS_MAX][96]; /* of cameras, for the log */
     struct sst_health health;
     int64_t idle_ns; /* since then the train has failed; 0: it runs */
@@ -121,7 +122,8 @@ static void on_set(void *arg, struct sst_set *set)
 {
     struct sst_capture *c = arg;
 
-    if (c->wanted && c->report.handed == c->wanted) { /* free run goes on until it is stopped */
+    /* Free run begins before all cameras do, and goes on until it is stopped. */
+    if (c->starting || (c->wanted && c->report.handed == c->wanted)) {
         sst_sets_recycle(c->sets, set, true);
         return;
     }
@@ -142,7 +144,8 @@ static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucke
 {
     struct sst_capture *c = arg;
 
-    if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && c->array->source != SST_CONFIG_SOFTWARE)
+    if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && !c->starting &&
+        c->array->source != SST_CONFIG_SOFTWARE)
         sst_health_bucket(&c->health, frame->cam, bucket, c->name[frame->cam]); /* marks leave most frames stray */
     sst_grab_release(c->grab, frame);
 }
@@ -151,7 +154,9 @@ static void on_frame(void *arg, struct sst_frame *frame)
 {
     struct sst_capture *c = arg;
 
-    sst_health_frame(&c->health, frame, c->name[frame->cam]);
+    c->came[frame->cam] = true;
+    if (!c->starting)
+        sst_health_frame(&c->health, frame, c->name[frame->cam]);
     sst_sets_frame(c->sets, frame);
 }
 
@@ -377,30 +382,36 @@ int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, c
 /* --- running --------------------------------------------------------------------------------------------------------
  */
 
-static int streaming_cameras(const struct sst_capture *c)
+/** Cameras that stream, and that have given a frame where they run on their own. */
+static int ready_cameras(const struct sst_capture *c)
 {
     int n = 0;
 
     for (int i = 0; i < c->array->bound; i++)
-        n += sst_grab_camera_state(c->grab, i) == SST_GRAB_STREAMING;
+        n += sst_grab_camera_state(c->grab, i) == SST_GRAB_STREAMING &&
+             (c->array->source == SST_CONFIG_GPIO || c->came[i]);
     return n;
 }
 
-/** Start the cameras and give those a little time that do not start at once; frames of this time are told as stray. */
+/** Start the cameras and give those a little time that do not start at once; what comes meanwhile is not wanted yet. */
 static int start_cameras(struct sst_capture *c)
 {
     const int64_t until_ns = sst_clock_now_ns() + (int64_t)START_WAIT_MS * 1000000;
-    int err = sst_grab_start(c->grab), n;
+    int err = sst_grab_start(c->grab);
 
-    if (err < 0)
-        return err;
-    while ((n = streaming_cameras(c)) < c->array->bound && sst_clock_now_ns() < until_ns && !c->stop) {
+    c->starting = true;
+    while (err >= 0 && ready_cameras(c) < c->array->bound && sst_clock_now_ns() < until_ns && !c->stop) {
         err = sst_grab_poll(c->grab, 50);
-        if (err && err != -EINTR)
-            return err;
+        if (err == -EINTR)
+            err = 0;
         sst_sets_tick(c->sets, sst_clock_now_ns());
     }
-    if (n)
+    if (c->array->source == SST_CONFIG_FREE_RUN)
+        sst_sets_flush(c->sets);
+    c->starting = false;
+    if (err < 0)
+        return err;
+    if (ready_cameras(c) || c->stop)
         return 0;
     sst_log_error("none of the %d cameras streams: the lines above say why; `sst doctor` checks rights and bandwidth",
                   c->array->bound);
