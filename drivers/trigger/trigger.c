@@ -141,6 +141,7 @@ static void tell(struct sst_trigger *t, const struct sst_trigger_edge *edge)
         count_edge(t, !edge->kernel_ns);
     if (t->edge)
         t->edge(t->arg, edge);
+    t->index++; /* also when the rest of the beat fails: no index is told twice */
 }
 
 /* Times are those of the first rise: a late beat keeps its pulse width. */
@@ -199,13 +200,10 @@ static int beat(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
         edge.due_ns += t->step[0].at_ns;
         err = pulse(t, &edge, edge_wait_ns);
     }
-    if (!err)
-        t->index++;
     return err;
 }
 
-/* --- the thread -----------------------------------------------------------------------------------------------------
- */
+/* --- the thread --------------------------------------------------------------------------------------------------- */
 
 static struct sst_gpio_wanted wanted_lines(const struct sst_trigger_config *cfg)
 {
