@@ -52,8 +52,7 @@ static void remedy_of_rights(const char *node, char *text, size_t size)
         snprintf(text, size, "install systemd/60-sst.rules, which gives it to a group");
 }
 
-/* --- cameras --------------------------------------------------------------------------------------------------------
- */
+/* --- cameras ------------------------------------------------------------------------------------------------------ */
 
 static void check_answers(struct doctor *d, const struct sst_grab_device *list, int n)
 {
@@ -168,8 +167,7 @@ void doctor_check_cameras(struct doctor *d)
     free(list);
 }
 
-/* --- USB ------------------------------------------------------------------------------------------------------------
- */
+/* --- USB ---------------------------------------------------------------------------------------------------------- */
 
 /* A camera that no driver has taken. */
 static void check_nodes(struct doctor *d, const struct cli_usb *u)
@@ -230,8 +228,7 @@ void doctor_check_bandwidth(struct doctor *d)
     cli_usb_close(&usb);
 }
 
-/* --- trigger and rig ------------------------------------------------------------------------------------------------
- */
+/* --- trigger and rig ---------------------------------------------------------------------------------------------- */
 
 void doctor_check_trigger(struct doctor *d)
 {

@@ -23,8 +23,7 @@
 #define JPEG_BYTES_PER_PX   0.25 /* of a detailed picture at high quality; half of it for plain ones */
 #define QUIRK_FIX_BANDWIDTH 0x80
 
-/* --- disk -----------------------------------------------------------------------------------------------------------
- */
+/* --- disk --------------------------------------------------------------------------------------------------------- */
 
 /* What a recording takes, all cameras together. */
 static double needed_mb_s(const struct doctor *d)
@@ -121,8 +120,7 @@ void doctor_check_disk(struct doctor *d)
         judge_speed(d, (double)fs.f_bavail * (double)fs.f_frsize);
 }
 
-/* --- limits ---------------------------------------------------------------------------------------------------------
- */
+/* --- limits ------------------------------------------------------------------------------------------------------- */
 
 /* Asking is the only sure test: rights come from root, capabilities or limits. */
 static bool may_be_real_time(void)
@@ -153,8 +151,7 @@ void doctor_check_limits(struct doctor *d)
                    (unsigned long long)files.rlim_cur, d->cameras);
 }
 
-/* --- clock ----------------------------------------------------------------------------------------------------------
- */
+/* --- clock -------------------------------------------------------------------------------------------------------- */
 
 void doctor_check_clock(struct doctor *d)
 {
@@ -178,8 +175,7 @@ void doctor_check_clock(struct doctor *d)
                    resolution.tv_nsec);
 }
 
-/* --- camera driver --------------------------------------------------------------------------------------------------
- */
+/* --- camera driver ------------------------------------------------------------------------------------------------ */
 
 static long read_parameter(const char *name)
 {

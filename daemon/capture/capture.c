@@ -59,8 +59,7 @@ static void wake(struct sst_capture *c)
     }
 }
 
-/* --- the writer's thread --------------------------------------------------------------------------------------------
- */
+/* --- the writer's thread ------------------------------------------------------------------------------------------ */
 
 static void *write_sets(void *arg)
 {
@@ -88,8 +87,7 @@ static void *write_sets(void *arg)
     return NULL;
 }
 
-/* --- events of the parts, on the capturing thread -------------------------------------------------------------------
- */
+/* --- events of the parts, on the capturing thread ----------------------------------------------------------------- */
 
 static void watch_skew(struct sst_capture *c, const struct sst_set *set)
 {
@@ -214,8 +212,7 @@ static void take_edges(struct sst_capture *c)
     }
 }
 
-/* --- opening --------------------------------------------------------------------------------------------------------
- */
+/* --- opening ------------------------------------------------------------------------------------------------------ */
 
 /** Without `bind`: every capture device that is there, by port, fills the grid row by row. */
 static int bind_all(struct sst_array_config *a)
@@ -379,8 +376,7 @@ int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, c
     return 0;
 }
 
-/* --- running --------------------------------------------------------------------------------------------------------
- */
+/* --- running ------------------------------------------------------------------------------------------------------ */
 
 /** Cameras that stream, and that have given a frame where they run on their own. */
 static int ready_cameras(const struct sst_capture *c)
@@ -533,8 +529,7 @@ void sst_capture_stop(struct sst_capture *c)
     wake(c);
 }
 
-/* --- what happened --------------------------------------------------------------------------------------------------
- */
+/* --- what happened ------------------------------------------------------------------------------------------------ */
 
 void sst_capture_report(const struct sst_capture *capture, struct sst_capture_report *out)
 {

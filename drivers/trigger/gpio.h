@@ -33,8 +33,7 @@ struct sst_gpio_edge {
     uint32_t sequence; /* of the line's edges since the request, counted by the kernel from 1; 0: this API has none */
 };
 
-/* --- back end: gpio_v1.c, gpio_v2.c or, without libgpiod, gpio_none.c. Nothing is logged here. ----------------------
- */
+/* --- back end: gpio_v1.c, gpio_v2.c or, without libgpiod, gpio_none.c. Nothing is logged here. -------------------- */
 
 /** Open by path. @return 0, -ENOENT, -EACCES, -ENOTTY (no GPIO chip), -ENOMEM, -ENOSYS (built without libgpiod). */
 SST_MUST_CHECK int sst_gpio_chip_open(struct sst_gpio_chip **out, const char *path);
@@ -55,8 +54,7 @@ SST_MUST_CHECK int sst_gpio_chip_edge(struct sst_gpio_chip *chip, int64_t timeou
 /** NULL is fine. Lines are released; what level they keep is the hardware's choice. */
 void sst_gpio_chip_close(struct sst_gpio_chip *chip);
 
-/* --- gpio.c: finding and judging chips ------------------------------------------------------------------------------
- */
+/* --- gpio.c: finding and judging chips ---------------------------------------------------------------------------- */
 
 struct sst_gpio_wanted {
     const char *chip; /* label; "": the chip that has all the lines */

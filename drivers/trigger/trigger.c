@@ -56,8 +56,7 @@ void sst_trigger_config_defaults(struct sst_trigger_config *cfg)
     cfg->pulse_us = 1000;
 }
 
-/* --- sleeping -------------------------------------------------------------------------------------------------------
- */
+/* --- sleeping ----------------------------------------------------------------------------------------------------- */
 
 static struct timespec timespec_of(int64_t t_ns)
 {
@@ -87,8 +86,7 @@ static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
     return !t->stop && !t->quit;
 }
 
-/* --- one pulse ------------------------------------------------------------------------------------------------------
- */
+/* --- one pulse ---------------------------------------------------------------------------------------------------- */
 
 /* Look for the loop-back edge of this pulse until t_ns. @return 1, 0, or the error of the chip */
 static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t t_ns)
@@ -338,8 +336,7 @@ static int start_thread(struct sst_trigger *t)
     return 0;
 }
 
-/* --- calls ----------------------------------------------------------------------------------------------------------
- */
+/* --- calls -------------------------------------------------------------------------------------------------------- */
 
 /* @return 0 or -EINVAL with the reason */
 static int check_config(const struct sst_trigger_config *cfg, char *why, size_t size)

@@ -38,8 +38,7 @@ struct route {
     int n;
 };
 
-/* --- costs, in Mbit/s of the wire with overheads --------------------------------------------------------------------
- */
+/* --- costs, in Mbit/s of the wire with overheads ------------------------------------------------------------------ */
 
 /* USB 2.0, 5.11.3, as Linux has it: bits stuffed to 7/6 of the data. */
 static int64_t stuffed_bits(int bytes)
@@ -115,8 +114,7 @@ static double limit(const struct place *p)
     return 0.9 * p->link_mbit * (p->link_mbit > 5000 ? 128.0 / 132 : 0.8);
 }
 
-/* --- routes ---------------------------------------------------------------------------------------------------------
- */
+/* --- routes ------------------------------------------------------------------------------------------------------- */
 
 static int port_number(const struct sst_usb_device *d)
 {
@@ -161,8 +159,7 @@ static struct route find_route(const struct sst_usb_device *devices, int device)
     return r;
 }
 
-/* --- segments -------------------------------------------------------------------------------------------------------
- */
+/* --- segments ----------------------------------------------------------------------------------------------------- */
 
 static void name_segment(struct sst_usb_segment *s, const struct place *p, const struct sst_usb_device *hub)
 {
@@ -203,8 +200,7 @@ static struct segment *at_place(struct segment *segments, int *n, const struct p
     return s;
 }
 
-/* --- choosing a setting ---------------------------------------------------------------------------------------------
- */
+/* --- choosing a setting ------------------------------------------------------------------------------------------- */
 
 /* As uvcvideo chooses: the smallest packet that carries what the camera says it needs at most. A camera of which
  * nothing better is known asks for its largest. */
@@ -243,8 +239,7 @@ static bool streams_in_bulk(const struct sst_usb_device *d)
     return d->alts > 0;
 }
 
-/* --- the plan -------------------------------------------------------------------------------------------------------
- */
+/* --- the plan ----------------------------------------------------------------------------------------------------- */
 
 /* What the stream adds at a place. */
 static double added(const struct route *r, struct segment *const *segment, int i, const struct sst_usb_alt *alt)

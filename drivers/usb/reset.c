@@ -113,8 +113,7 @@ int sst_usb_reauthorise(const char *port)
     return err ? failed("re-authorising the device", port, err) : 0;
 }
 
-/* --- port power -----------------------------------------------------------------------------------------------------
- */
+/* --- port power --------------------------------------------------------------------------------------------------- */
 
 /* One port of one hub. */
 struct power_port {

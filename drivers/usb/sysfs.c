@@ -63,8 +63,7 @@ int sst_sysfs_int(const char *folder, const char *attribute, int base, int missi
     return end == text ? missing : (int)v;
 }
 
-/* --- port names -----------------------------------------------------------------------------------------------------
- */
+/* --- port names --------------------------------------------------------------------------------------------------- */
 
 /* The numbers of a port path, "1-2.13" or "usb1": bus first, the root hub's own being just that. */
 static int numbers(int out[16], const char *port)
@@ -112,8 +111,7 @@ int sst_usb_split_port(const char *port, char hub[SST_USB_TEXT_MAX], int *number
     return 0;
 }
 
-/* --- devices --------------------------------------------------------------------------------------------------------
- */
+/* --- devices ------------------------------------------------------------------------------------------------------ */
 
 /* A root hub's entry is a link, ".../0000:00:14.0/usb1": what holds it is the controller, with a PCI device's vendor.
  */

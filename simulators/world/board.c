@@ -24,8 +24,7 @@ static const uint64_t april_tag[SST_SIM_APRIL_TAGS] = {
     0x5CD7A031D, 0xB9C8F7A4B, 0x46987E06B, 0x6E0C5D527, 0x5BC567BB4, 0x1E6302BC2, 0x8AC7D046A, 0xA65FE2326, 0x5400EB616,
 };
 
-/* --- paints: of a patch that is the pattern and its margin; scale_mm is the side of a square or tag, k the marker ----
- */
+/* --- paints: of a patch that is the pattern and its margin; scale_mm is the side of a square or tag, k the marker - */
 
 static float paint_bit(const struct sst_surface *s, bool white, struct sst_rgb *out)
 {

@@ -16,8 +16,7 @@
 #include "drivers/usb/plan.h"
 #include "drivers/usb/sysfs.h"
 
-/* --- a tree in files ------------------------------------------------------------------------------------------------
- */
+/* --- a tree in files ---------------------------------------------------------------------------------------------- */
 
 static char root[64];
 
@@ -161,8 +160,7 @@ static void machine_without_usb_has_no_devices(void **state SST_UNUSED)
     free(d);
 }
 
-/* --- descriptors ----------------------------------------------------------------------------------------------------
- */
+/* --- descriptors -------------------------------------------------------------------------------------------------- */
 
 static void settings_of_the_streaming_interface(void **state SST_UNUSED)
 {
@@ -235,8 +233,7 @@ static void ports_are_compared_by_their_numbers(void **state SST_UNUSED)
     assert_int_equal(sst_usb_split_port("", hub, &number), -EINVAL);
 }
 
-/* --- plans ----------------------------------------------------------------------------------------------------------
- */
+/* --- plans -------------------------------------------------------------------------------------------------------- */
 
 #define DEVICES 64
 
@@ -499,8 +496,7 @@ static void bulk_and_unreadable_cameras(void **state SST_UNUSED)
     free(b.plan.segments);
 }
 
-/* --- deadlines ------------------------------------------------------------------------------------------------------
- */
+/* --- deadlines ---------------------------------------------------------------------------------------------------- */
 
 static int sleep_and_return(void *arg)
 {
