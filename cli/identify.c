@@ -13,12 +13,16 @@
 #include "cli/cli.h"
 #include "cli/places.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/font.h"
+#include "pipeline/image/raw.h"
 
 /* The first frames after a start are often damaged or not yet exposed. */
 #define SKIP_FRAMES 2
 #define PICTURE_NS  INT64_C(6000000000)
 #define TILE_WIDTH  400
 #define GAP         8
+#define DOT         2
+#define CAPTION     (DOT * (SST_FONT_HEIGHT + 3)) /* px of a line below each picture */
 
 struct shot {
     struct sst_grab_device device;
@@ -38,51 +42,16 @@ struct session {
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-static uint8_t clamp_u8(int v)
-{
-    return (uint8_t)sst_clamp_int(v, 0, 255);
-}
-
-/* BT.601, limited range, as V4L2 has it for YUYV. */
-static void yuyv_row(struct sst_image *img, int y, const uint8_t *row)
-{
-    for (int x = 0; x < img->width; x++) {
-        const uint8_t *pair = row + (x & ~1) * 2;
-        const int l = 298 * (row[2 * x] - 16) + 128, u = pair[1] - 128, v = pair[3] - 128;
-
-        sst_image_row(img, 0, y)[x] = clamp_u8((l + 409 * v) >> 8);
-        sst_image_row(img, 1, y)[x] = clamp_u8((l - 100 * u - 208 * v) >> 8);
-        sst_image_row(img, 2, y)[x] = clamp_u8((l + 516 * u) >> 8);
-    }
-}
-
-/* One sample of `bytes` a pixel, the last byte its highest: grey, or a Bayer pattern shown as it is. */
-static void grey_row(struct sst_image *img, int y, const uint8_t *row, int bytes)
-{
-    for (int c = 0; c < 3; c++) {
-        for (int x = 0; x < img->width; x++)
-            sst_image_row(img, c, y)[x] = row[x * bytes + bytes - 1];
-    }
-}
-
 static int decode(struct sst_image *img, const struct sst_frame *f, const char *name)
 {
-    const bool yuyv = f->fourcc == V4L2_PIX_FMT_YUYV;
+    const struct sst_raw raw = { f->fourcc, f->width, f->height, f->stride, f->data, f->bytes };
     int err;
 
     if (f->fourcc == V4L2_PIX_FMT_MJPEG || f->fourcc == V4L2_PIX_FMT_JPEG)
         return sst_image_decode(img, f->data, f->bytes, name);
-    err = sst_image_init(img, f->width, f->height);
+    err = sst_raw_to_image(img, &raw);
     if (err)
-        sst_log_error("no memory for a picture of %s", name);
-    for (int y = 0; !err && y < f->height; y++) {
-        const uint8_t *row = f->data + (size_t)y * f->stride;
-
-        if (yuyv)
-            yuyv_row(img, y, row);
-        else
-            grey_row(img, y, row, f->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1);
-    }
+        sst_log_error("the frame of %s cannot be read: %s", name, strerror(-err));
     return err;
 }
 
@@ -197,6 +166,15 @@ static void paste(struct sst_image *sheet, const struct sst_image *tile, int lef
     }
 }
 
+/* Black on the white below a picture, two pixels a dot, shortened to the tile's width. */
+static void write_caption(struct sst_image *sheet, const char *text, int left, int top, int width)
+{
+    for (int y = 0; y < DOT * SST_FONT_HEIGHT; y++)
+        for (int x = 0; x < width && left + x < sheet->width; x++)
+            for (int c = 0; c < 3 && sst_font_dot(text, x / DOT, y / DOT); c++)
+                sst_image_row(sheet, c, top + y)[left + x] = 0;
+}
+
 /* Where a camera's picture is in the sheet: its place in the array, or after the array's rows in the order of ports. */
 static int lay_out(const struct session *s, const struct sst_array_config *cfg, struct cli_place *at)
 {
@@ -219,6 +197,7 @@ static int write_sheet(const struct session *s, const struct sst_array_config *c
 {
     struct cli_place *at = calloc((size_t)s->count, sizeof(*at));
     struct sst_image sheet = { 0 };
+    char text[2 * SST_GRAB_NAME_MAX + 32];
     const int rows = at ? lay_out(s, cfg, at) : 0;
     int err = at ? 0 : -ENOMEM;
 
@@ -229,12 +208,18 @@ static int write_sheet(const struct session *s, const struct sst_array_config *c
             continue;
         err = shrink(&tile, &s->shots[i].image);
         if (!err && !sheet.width) {
-            err = sst_image_init(&sheet, cfg->cols * (tile.width + GAP), rows * (tile.height + GAP));
+            err = sst_image_init(&sheet, cfg->cols * (tile.width + GAP), rows * (tile.height + CAPTION + GAP));
             if (!err)
                 memset(sheet.plane[0], 255, 3 * sheet.stride * (size_t)sheet.height);
         }
-        if (!err)
-            paste(&sheet, &tile, at[i].col * (tile.width + GAP), at[i].row * (tile.height + GAP));
+        if (!err) {
+            const int left = at[i].col * (tile.width + GAP), top = at[i].row * (tile.height + CAPTION + GAP);
+
+            snprintf(text, sizeof(text), "r%dc%d  %s  %s", at[i].row, at[i].col, s->shots[i].device.serial,
+                     s->shots[i].device.port);
+            paste(&sheet, &tile, left, top);
+            write_caption(&sheet, text, left, top + tile.height + 2 * DOT, tile.width);
+        }
         sst_image_fini(&tile);
     }
     if (!err)

@@ -127,6 +127,14 @@ static bool red_of(uint32_t fourcc, int *x, int *y)
     }
 }
 
+/* The highest byte of each sample, which is its last. */
+static void grey_row(struct sst_image *img, int y, const uint8_t *row, int bytes)
+{
+    for (int c = 0; c < 3; c++)
+        for (int x = 0; x < img->width; x++)
+            sst_image_row(img, c, y)[x] = row[x * bytes + bytes - 1];
+}
+
 int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
 {
     const size_t stride = stride_of(raw);
@@ -134,14 +142,18 @@ int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
     int err = check(raw), red_x = 0, red_y = 0;
     const bool bayer = red_of(raw->fourcc, &red_x, &red_y);
 
-    if (!bayer && raw->fourcc != V4L2_PIX_FMT_YUYV)
+    const int grey = raw->fourcc == V4L2_PIX_FMT_GREY ? 1 : raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 0;
+
+    if (!bayer && !grey && raw->fourcc != V4L2_PIX_FMT_YUYV)
         return -EINVAL;
     if (!err)
         err = sst_image_init(&made, raw->width, raw->height);
     if (err)
         return err == -EINVAL ? -EBADMSG : err;
     for (int y = 0; y < raw->height; y++) {
-        if (!bayer)
+        if (grey)
+            grey_row(&made, y, raw->data + (size_t)y * stride, grey);
+        else if (!bayer)
             yuyv_row(&made, y, raw->data + (size_t)y * stride);
         for (int x = 0; bayer && x < raw->width; x++)
             bayer_pixel(&made, raw, x, y, red_x, red_y);

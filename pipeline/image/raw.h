@@ -23,7 +23,7 @@ struct sst_raw {
 SST_MUST_CHECK int sst_raw_write_png(const struct sst_raw *raw, const char *path);
 
 /**
- * RGB of a YUYV or Bayer frame.
+ * RGB of a frame; of Y16 the higher byte.
  *
  * YUYV: BT.601, limited range, as V4L2 defines cameras' default; chroma lies on even columns, odd ones take the mean of
  * both neighbours. The conversion rounds, so the way back is not exact.

@@ -1,38 +1,7 @@
-/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells.
- */
+/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells. */
 #include <string.h>
 
 #include "simulators/scene/world.h"
-
-/* --- letters ----------------------------------------------------------------------------------------------------- */
-
-#define GLYPHS " 0123456789ABCDEFGHIKLMNOPRSTUVXY"
-
-/* Seven rows of five dots, the leftmost dot is bit 4. */
-static const uint8_t glyphs[][7] = {
-    { 0, 0, 0, 0, 0, 0, 0 },        { 14, 17, 19, 21, 25, 17, 14 }, { 4, 12, 4, 4, 4, 4, 14 },
-    { 14, 17, 1, 6, 8, 16, 31 },    { 31, 2, 4, 2, 1, 17, 14 },     { 2, 6, 10, 18, 31, 2, 2 },
-    { 31, 16, 30, 1, 1, 17, 14 },   { 6, 8, 16, 30, 17, 17, 14 },   { 31, 1, 2, 4, 8, 8, 8 },
-    { 14, 17, 17, 14, 17, 17, 14 }, { 14, 17, 17, 15, 1, 2, 12 },   { 14, 17, 17, 31, 17, 17, 17 },
-    { 30, 17, 17, 30, 17, 17, 30 }, { 14, 17, 16, 16, 16, 17, 14 }, { 30, 17, 17, 17, 17, 17, 30 },
-    { 31, 16, 16, 30, 16, 16, 31 }, { 31, 16, 16, 30, 16, 16, 16 }, { 14, 17, 16, 23, 17, 17, 15 },
-    { 17, 17, 17, 31, 17, 17, 17 }, { 14, 4, 4, 4, 4, 4, 14 },      { 17, 18, 20, 24, 20, 18, 17 },
-    { 16, 16, 16, 16, 16, 16, 31 }, { 17, 27, 21, 21, 17, 17, 17 }, { 17, 25, 21, 19, 17, 17, 17 },
-    { 14, 17, 17, 17, 17, 17, 14 }, { 30, 17, 17, 30, 16, 16, 16 }, { 30, 17, 17, 30, 20, 18, 17 },
-    { 15, 16, 16, 14, 1, 1, 30 },   { 31, 4, 4, 4, 4, 4, 4 },       { 17, 17, 17, 17, 17, 17, 14 },
-    { 17, 17, 17, 17, 17, 10, 4 },  { 17, 17, 10, 4, 10, 17, 17 },  { 17, 17, 10, 4, 4, 4, 4 },
-};
-
-bool sst_font_dot(const char *text, int x, int y)
-{
-    const int n = (int)strlen(text);
-    const char *c;
-
-    if (x < 0 || y < 0 || y >= 7 || x >= 6 * n || x % 6 == 5)
-        return false;
-    c = strchr(GLYPHS, text[x / 6]);
-    return c && *c && (glyphs[c - GLYPHS][y] >> (4 - x % 6) & 1);
-}
 
 static float noise_at(const struct sst_surface *s, const struct sst_hit *h, double mm, uint32_t salt)
 {

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "pipeline/image/font.h"
 #include "simulators/scene/noise.h"
 #include "simulators/scene/scene.h"
 
@@ -196,9 +197,6 @@ sst_mask_fn sst_mask_disc;
 sst_mask_fn sst_mask_rounded;   /* outline: radius of the corners, of the half height */
 sst_mask_fn sst_mask_trapezoid; /* outline: width of the top edge, of the bottom edge */
 sst_mask_fn sst_mask_wheel;     /* outline: 0 open with spokes, else inner radius of a thick tyre round a disc */
-
-/** 5x7 dots; is the dot in column x, row y of the text set? Characters are 6 columns apart. */
-bool sst_font_dot(const char *text, int x, int y);
 
 struct sst_figure {
     struct sst_vec3 base; /* on the ground between the feet */
