@@ -118,6 +118,7 @@ static int print_json(const struct array_capture *a, const struct sst_capture *c
 
     if (!root)
         return CLI_MEMORY;
+    json_object_set_new(root, "io_errors", json_integer((json_int_t)r->grab.io_errors));
     json_object_set_new(root, "devices_lost", json_integer((json_int_t)r->grab.lost_devices));
     json_object_set_new(root, "devices_found", json_integer((json_int_t)r->grab.found_devices));
     json_dumpf(root, stdout, JSON_INDENT(2));

@@ -39,11 +39,11 @@ TICK = os.sysconf("SC_CLK_TCK")
 def sample(pid):
     with open(f"/proc/{pid}/stat") as f:
         fields = f.read().rsplit(")", 1)[1].split()
-    with open(f"/proc/{pid}/smaps_rollup") as f:
-        rollup = {line.split(":")[0]: int(line.split()[1]) for line in f if line.endswith("kB\n")}
-    # Frames in shared memory are the simulated kernel's; what the program itself holds is private.
+    with open(f"/proc/{pid}/status") as f:
+        status = {line.split(":")[0]: int(line.split()[1]) for line in f if line.endswith("kB\n")}
+    # Buffers in shared memory are the simulated kernel's; what the program itself holds is anonymous.
     return {"t": time.monotonic(), "cpu": (int(fields[11]) + int(fields[12])) / TICK,
-            "private_kb": rollup["Private_Dirty"] + rollup["Private_Clean"], "rss_kb": rollup["Rss"],
+            "own_kb": status["RssAnon"],
             "descriptors": len(os.listdir(f"/proc/{pid}/fd"))}
 
 
@@ -151,8 +151,8 @@ def run(options):
         "edges": account["trigger"], "megabytes": round(account["bytes"] / 1e6, 1),
         "capture_cores": round((warm[-1]["cpu"] - samples[0]["cpu"]) / (warm[-1]["t"] - samples[0]["t"]), 4),
         "simulation": simulation,
-        "private_mb": [round(s["private_kb"] / 1024, 2) for s in (warm[0], warm[-1])],
-        "private_mb_per_hour": round(slope([(h, s["private_kb"] / 1024) for h, s in hours]), 3),
+        "memory_mb": [round(s["own_kb"] / 1024, 2) for s in (warm[0], warm[-1])],
+        "memory_mb_per_hour": round(slope([(h, s["own_kb"] / 1024) for h, s in hours]), 3),
         "descriptors": sorted({s["descriptors"] for s in warm}),
         "skew": skew_error_ns(recording, truth), "told_skew": account["skew"], "recovery": account["recovery"],
         "devices_lost": account["devices_lost"], "devices_found": account["devices_found"],

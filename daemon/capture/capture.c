@@ -144,7 +144,7 @@ static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucke
 
     if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && !c->starting &&
         c->array->source != SST_CONFIG_SOFTWARE)
-        sst_health_bucket(&c->health, frame->cam, bucket, c->name[frame->cam]); /* marks leave most frames stray */
+        sst_health_bucket(&c->health, frame, bucket, c->name[frame->cam]); /* marks leave most frames stray */
     sst_grab_release(c->grab, frame);
 }
 
@@ -546,6 +546,7 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
         out->grab.frames += n.frames;
         out->grab.bad += n.bad;
         out->grab.lost += n.lost;
+        out->grab.io_errors += n.io_errors;
         for (size_t i = 0; i < ARRAY_LEN(n.fault); i++)
             out->grab.fault[i] += n.fault[i];
         out->grab.lost_devices += n.lost_devices;

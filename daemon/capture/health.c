@@ -8,7 +8,7 @@ static const struct {
     [SST_TROUBLE_FLAGGED] = { "the driver flags frames as damaged", "check its cable, hub and USB power" },
     [SST_TROUBLE_CUT] = { "frames end early", "check its cable, and the USB bandwidth by `sst plan`" },
     [SST_TROUBLE_DAMAGED] = { "frames are damaged", "check its cable, hub and USB power" },
-    [SST_TROUBLE_STAMP] = { "time stamps run backwards", "its frames cannot be matched to triggers meanwhile" },
+    [SST_TROUBLE_STAMP] = { "time stamps jump", "its frames cannot be matched to triggers meanwhile" },
     [SST_TROUBLE_LOST] = { "the driver loses frames", "raise cameras: buffers, or see `sst plan`" },
     [SST_TROUBLE_FROZEN] = { "the picture stands still, byte for byte", "restart the camera if the scene moves" },
     [SST_TROUBLE_LATE] = { "frames come when their set is closed", "raise sets: wait_ms or lower the rate" },
@@ -51,9 +51,13 @@ void sst_health_frame(struct sst_health *h, const struct sst_frame *frame, const
         }
 }
 
-void sst_health_bucket(struct sst_health *h, int cam, enum sst_bucket bucket, const char *name)
+void sst_health_bucket(struct sst_health *h, const struct sst_frame *frame, enum sst_bucket bucket, const char *name)
 {
-    if (bucket == SST_BUCKET_LATE)
+    const int cam = frame->cam;
+
+    if (bucket == SST_BUCKET_CORRUPT && !(frame->faults & SST_FRAME_BAD))
+        tell(h, cam, SST_TROUBLE_STAMP, name);
+    else if (bucket == SST_BUCKET_LATE)
         tell(h, cam, SST_TROUBLE_LATE, name);
     else if (bucket == SST_BUCKET_DUPLICATE)
         tell(h, cam, SST_TROUBLE_DUPLICATE, name);

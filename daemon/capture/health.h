@@ -15,7 +15,7 @@ enum sst_trouble {
     SST_TROUBLE_FLAGGED = 0,
     SST_TROUBLE_CUT = 1,     /* empty, short or without its end */
     SST_TROUBLE_DAMAGED = 2, /* wrong start or structure */
-    SST_TROUBLE_STAMP = 3,   /* time stamps run backwards */
+    SST_TROUBLE_STAMP = 3,   /* time stamps jump */
     SST_TROUBLE_LOST = 4,    /* gaps in the driver's sequence */
     SST_TROUBLE_FROZEN = 5,
     SST_TROUBLE_LATE = 6,
@@ -37,7 +37,7 @@ struct sst_health {
 void sst_health_frame(struct sst_health *h, const struct sst_frame *frame, const char *name);
 
 /** A frame ended outside a set. */
-void sst_health_bucket(struct sst_health *h, int cam, enum sst_bucket bucket, const char *name);
+void sst_health_bucket(struct sst_health *h, const struct sst_frame *frame, enum sst_bucket bucket, const char *name);
 
 /** A set has a frame of the camera. */
 void sst_health_set(struct sst_health *h, int cam, const char *name);

@@ -11,6 +11,7 @@
 
 #define BEATS              128 /* triggers that are remembered, to tell late frames from stray ones */
 #define PENDING_PER_CAMERA 2   /* frames that are here before their trigger is told */
+#define STAMP_AHEAD_NS     1000000
 
 struct beat {
     uint64_t index;
@@ -22,9 +23,11 @@ struct beat {
 
 struct camera {
     bool streaming;
-    bool heard;      /* last_ns holds */
-    int64_t last_ns; /* newest stamp */
-    int64_t beat;    /* FREE: its index */
+    bool heard;         /* last_ns and latency_ns hold */
+    int64_t last_ns;    /* newest stamp */
+    int64_t latency_ns; /* from stamp to arrival, as it is usually */
+    bool doubtful;      /* its stamps ran backwards, and have not been shown to be right again */
+    int64_t beat;       /* FREE: its index */
 };
 
 struct sst_sets {
@@ -176,6 +179,26 @@ static void close_beat(struct sst_sets *s, struct beat *b)
     s->counters.empty += set->present == 0;
     pthread_mutex_unlock(&s->lock);
     s->events.set(s->events.arg, set);
+}
+
+/**
+ * Are a good frame's stamps to be believed? Its clock may have jumped: by whole periods its frames would go into other
+ * triggers' sets unseen. None is stamped after it arrived; and once stamps ran backwards the way from stamp to arrival
+ * must be what it was. Without that frames may be late for other reasons, and their stamps be right.
+ */
+static bool stamp_holds(const struct sst_sets *s, struct camera *c, const struct sst_frame *frame)
+{
+    const int64_t latency_ns = frame->arrival_ns - frame->t_ns;
+
+    if (latency_ns < -STAMP_AHEAD_NS)
+        return false;
+    if (!c->heard)
+        c->latency_ns = latency_ns;
+    if (c->doubtful && llabs(latency_ns - c->latency_ns) > s->cfg.window_ns)
+        return false;
+    c->doubtful = false;
+    c->latency_ns += (latency_ns - c->latency_ns) / 8;
+    return true;
 }
 
 /** The window around a beat in which camera cam's frame of it starts. */
@@ -362,12 +385,18 @@ void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
     struct camera *c = &s->camera[frame->cam];
 
     assert(frame->cam >= 0 && frame->cam < s->cfg.cameras);
+    if (frame->faults & SST_FRAME_BACKWARDS)
+        c->doubtful = true;
     if (frame->faults & SST_FRAME_BAD) {
         end_frame(s, frame, frame->faults & SST_FRAME_FLAGGED ? SST_BUCKET_FLAGGED : SST_BUCKET_CORRUPT);
         return;
     }
     if (s->cfg.match == SST_SETS_FREE) {
         place_by_beat(s, frame);
+        return;
+    }
+    if (!stamp_holds(s, c, frame)) {
+        end_frame(s, frame, SST_BUCKET_CORRUPT);
         return;
     }
     c->heard = true;

@@ -31,18 +31,19 @@ struct sst_camera {
     bool running;              /* STREAMON was done */
 
     /* CLOCK_MONOTONIC; 0: none */
-    int64_t job_end_ns;  /* the job is given up then */
-    int64_t open_ns;     /* open then, if it is there */
-    int64_t rearm_ns;    /* back into the epoll set then */
-    int64_t heard_ns;    /* last frame, or start */
-    int64_t good_ns;     /* last good one, or start */
-    int64_t owed_ns;     /* oldest trigger that no frame has followed */
-    int64_t down_ns;     /* since when it does not stream */
+    int64_t job_end_ns; /* the job is given up then */
+    int64_t open_ns;    /* open then, if it is there */
+    int64_t rearm_ns;   /* back into the epoll set then */
+    int64_t heard_ns;   /* last frame, or start */
+    int64_t good_ns;    /* last good one, or start */
+    int64_t owed_ns;    /* oldest trigger that no frame has followed */
+    int64_t down_ns;    /* since when it does not stream */
 
     struct sst_history history;
-    int bad_row; /* bad frames one after another */
-    bool wakes;  /* it is known that epoll is told of its frames */
-    int eio_row; /* failures of DQBUF one after another */
+    int bad_row;  /* bad frames one after another */
+    bool wakes;   /* it is known that epoll is told of its frames */
+    int eio_row;  /* failures of DQBUF one after another */
+    int eio_well; /* frames without one until it is told again */
     struct sst_grab_counters counters;
 
     /* told already, so that a fault that stays is told once */
@@ -66,7 +67,7 @@ struct sst_grab {
     int64_t scan_ns;                   /* when to scan next; 0: not needed */
 
     SST_ATOMIC(int64_t) fired_ns; /* sst_grab_expect(), not yet seen by the polling thread */
-    struct sst_camera *camera; /* [cfg.cameras] */
+    struct sst_camera *camera;    /* [cfg.cameras] */
 };
 
 #define SST_MS INT64_C(1000000)

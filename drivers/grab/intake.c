@@ -13,7 +13,8 @@
 #define BAD_ROW 10
 
 /* DQBUF may fail for a moment and go on (EIO: "signal loss"); this often in a row, the stream is broken for good. */
-#define EIO_ROW 8
+#define EIO_ROW  8
+#define EIO_WELL 100 /* frames without a failure after which the next one is told again */
 
 /* A driver that polls as broken while it has no buffer is asked again after this. */
 #define REARM_NS (20 * SST_MS)
@@ -70,7 +71,8 @@ static void tell_stamp(struct sst_camera *cam, const struct sst_stream_stamp *st
     cam->told_stamp = true;
     if (!stamp->monotonic)
         sst_log_warning("%s: driver %s does not stamp frames by the monotonic clock; their time of arrival is taken, "
-                        "which is later and uneven", cam->name, cam->device.driver);
+                        "which is later and uneven",
+                        cam->name, cam->device.driver);
     else if (stamp->end_of_frame)
         sst_log_info("%s: driver %s stamps the end of a frame and not the start of its exposure", cam->name,
                      cam->device.driver);
@@ -117,6 +119,15 @@ static void listen_again(struct sst_grab *g, struct sst_camera *cam)
     cam->wakes = !poll(&p, 1, 0);
 }
 
+static void tell_eio(struct sst_camera *cam)
+{
+    if (!cam->eio_well)
+        sst_log_warning("%s: the driver fails to hand out frames (EIO) and goes on: check its cable and USB power",
+                        cam->name);
+    cam->eio_well = EIO_WELL;
+    cam->counters.io_errors++;
+}
+
 void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
 {
     struct sst_stream_stamp stamp;
@@ -124,10 +135,14 @@ void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
     const int err = sst_stream_take(cam->stream, &frame, &stamp);
     char why[96];
 
-    if (err == -EIO && ++cam->eio_row < EIO_ROW)
-        return;
+    if (err == -EIO) {
+        tell_eio(cam);
+        if (++cam->eio_row < EIO_ROW)
+            return;
+    }
     if (!err) {
         cam->eio_row = 0;
+        cam->eio_well -= cam->eio_well > 0;
         take(g, cam, frame, &stamp);
         if (!cam->wakes && cam->armed)
             listen_again(g, cam);
@@ -176,7 +191,8 @@ void sst_intake_silence(struct sst_grab *g, struct sst_camera *cam, int64_t now_
     /* It cannot speak: every buffer is with the receiver. The gap in the sequence will tell what was lost. */
     if (!cam->told_starved)
         sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; give them back sooner, "
-                        "or raise `buffers`", cam->name, g->cfg.buffers);
+                        "or raise `buffers`",
+                        cam->name, g->cfg.buffers);
     cam->told_starved = true;
     cam->heard_ns = now_ns;
     if (cam->owed_ns)

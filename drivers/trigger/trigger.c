@@ -16,6 +16,7 @@
 
 #define PRIORITY       50
 #define FINE_NS        2000000 /* the last piece before a step is slept by the clock alone, the rest can be interrupted */
+#define EDGES_WELL     20
 #define EDGE_MARGIN_NS 300000    /* waiting for the loop-back edge ends this long before the next step */
 #define EDGE_WAIT_NS   20000000  /* an edge that has not shown up by then, or half a period, is missing */
 #define EDGE_EARLY_NS  100000    /* error of stamps that come from another clock */
@@ -46,8 +47,8 @@ struct sst_trigger {
     /* trigger's thread only, once it runs */
     struct sst_gpio_chip *chip;
     uint64_t index;
-    uint32_t sequence; /* of the last edge; 0: none yet */
-    bool edge_missing; /* told */
+    uint32_t sequence;    /* of the last edge; 0: none yet */
+    int edges_until_well; /* a missing edge was told, and is told again after so many good ones */
 };
 
 void sst_trigger_config_defaults(struct sst_trigger_config *cfg)
@@ -117,16 +118,18 @@ static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, i
 
 static void count_edge(struct sst_trigger *t, bool missing)
 {
-    if (missing && !t->edge_missing)
+    if (missing && !t->edges_until_well)
         sst_log_warning(
             "trigger: loop-back line %s shows no edge of beat %llu: check its wire, or leave `loopback` out; "
             "the sets' times are those of the program until then",
             t->cfg.loopback, (unsigned long long)t->index);
-    if (!missing && t->edge_missing)
+    if (!missing && t->edges_until_well == 1)
         sst_log_info("trigger: loop-back line %s shows edges again", t->cfg.loopback);
-    t->edge_missing = missing;
-    if (!missing)
+    if (!missing) {
+        t->edges_until_well -= t->edges_until_well > 0;
         return;
+    }
+    t->edges_until_well = EDGES_WELL;
     pthread_mutex_lock(&t->lock);
     t->counters.edges_missing++;
     pthread_mutex_unlock(&t->lock);

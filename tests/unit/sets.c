@@ -191,6 +191,37 @@ static void buckets(void **state)
     assert_int_equal(n.camera[1][SST_BUCKET_FLAGGED], 1);
 }
 
+/** A clock that jumps by whole periods: into the future it is seen at once, into the past since stamps ran backwards.
+ */
+static void jumped_stamps_are_not_matched(void **state)
+{
+    struct sst_sets_counters n;
+    const int64_t jump[] = { 200 * MS, -200 * MS };
+
+    (void)state;
+    for (int way = 0; way < 2; way++) {
+        begin(2, SST_SETS_EDGE, 100 * MS, 8);
+        for (int k = 0; k < 20; k++) {
+            const int64_t at = (1000 + 100 * k) * MS, off = k >= 5 && k < 10 ? jump[way] : 0;
+            const bool back = way ? k == 5 : k == 10; /* what the driver sees: not after the frame before */
+            struct sst_frame *f = &t.frame[t.frames++];
+
+            sst_sets_trigger(t.sets, (uint64_t)k, at, false);
+            frame(0, at);
+            *f = (struct sst_frame){ .cam = 1, .t_ns = at + off, .arrival_ns = at + 20 * MS, .pool = &t };
+            f->faults = back ? SST_FRAME_BACKWARDS : 0;
+            sst_sets_frame(t.sets, f);
+            sst_sets_tick(t.sets, at + 20 * MS);
+        }
+        n = end();
+        assert_int_equal(n.bucket[SST_BUCKET_CORRUPT], way ? 5 : 6);
+        assert_int_equal(n.bucket[SST_BUCKET_SET], 40 - (way ? 5 : 6));
+        assert_int_equal(n.bucket[SST_BUCKET_DUPLICATE], 0);
+        for (int i = 0; i < t.n; i++)
+            assert_in_range(t.seen[i].skew.spread_ns, 0, 1);
+    }
+}
+
 static void frame_before_its_trigger_waits(void **state)
 {
     (void)state;
@@ -351,6 +382,7 @@ int main(void)
         cmocka_unit_test(planned_delays_are_no_skew),
         cmocka_unit_test(partial_sets),
         cmocka_unit_test(buckets),
+        cmocka_unit_test(jumped_stamps_are_not_matched),
         cmocka_unit_test(frame_before_its_trigger_waits),
         cmocka_unit_test(a_receiver_that_keeps_all_sets),
         cmocka_unit_test(nearest_of_fast_cameras),
