@@ -4,6 +4,7 @@
  */
 #include "simulators/world/loop.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
@@ -12,11 +13,16 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "base/thread.h"
+
+#define CACHE_KEPT        16   /* loops */
+#define CACHE_LOOKED_AT   256  /* loops */
+#define CACHE_LEFT_OVER_S 3600 /* a temporary file this old is nobody's */
 
 static const char magic[8] = "SSTLOOP1";
 
@@ -199,6 +205,50 @@ static int prepare(const char *path, const uint8_t key[SST_SIM_KEY_BYTES], struc
     return err;
 }
 
+/* --- the cache ---------------------------------------------------------------------------------------------------- */
+
+struct cached {
+    char name[SST_SIM_KEY_BYTES + 8];
+    int64_t used_s;
+};
+
+static int newest_first(const void *a, const void *b)
+{
+    const int64_t x = ((const struct cached *)a)->used_s, y = ((const struct cached *)b)->used_s;
+
+    return x > y ? -1 : x < y;
+}
+
+/** Make room before another loop is written: files that a killed program left, and all but the loops used last. What
+ *  programs have mapped stays theirs; what cannot be removed stays. */
+static void tidy(const char *folder)
+{
+    struct cached all[CACHE_LOOKED_AT];
+    const time_t now = time(NULL);
+    DIR *dir = opendir(folder);
+    const struct dirent *e;
+    int n = 0;
+
+    while (dir && n < CACHE_LOOKED_AT && (e = readdir(dir))) {
+        const char *end = strstr(e->d_name, ".loop");
+        struct stat st;
+
+        if (!end || fstatat(dirfd(dir), e->d_name, &st, AT_SYMLINK_NOFOLLOW) || !S_ISREG(st.st_mode))
+            continue;
+        if (!strncmp(end, ".loop.tmp-", 10) && now - st.st_mtime > CACHE_LEFT_OVER_S)
+            (void)unlinkat(dirfd(dir), e->d_name, 0);
+        if (!end[5] && end - e->d_name == SST_SIM_KEY_BYTES) {
+            memcpy(all[n].name, e->d_name, sizeof(".loop") + SST_SIM_KEY_BYTES);
+            all[n++].used_s = st.st_mtime;
+        }
+    }
+    qsort(all, (size_t)n, sizeof(all[0]), newest_first);
+    for (int i = CACHE_KEPT - 1; i < n; i++)
+        (void)unlinkat(dirfd(dir), all[i].name, 0);
+    if (dir)
+        closedir(dir);
+}
+
 int sst_sim_loop_open(struct sst_sim_loop **out, const char *folder, const uint8_t key[SST_SIM_KEY_BYTES],
                       const char *name, int cams, int frames, sst_sim_render_fn *render, void *arg)
 {
@@ -215,8 +265,11 @@ int sst_sim_loop_open(struct sst_sim_loop **out, const char *folder, const uint8
     if (err)
         return err;
     err = map_file(out, path, key, cams, frames);
+    if (!err)
+        (void)utimensat(AT_FDCWD, path, NULL, 0); /* used now */
     if (err != -ENOENT)
         return err;
+    tidy(folder);
     pthread_mutex_init(&j.lock, NULL);
     err = prepare(path, key, &j);
     pthread_mutex_destroy(&j.lock);

@@ -4,7 +4,9 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <sys/stat.h>
+#include <time.h>
 
 #include "simulators/world/convert.h"
 #include "simulators/world/jpeg.h"
@@ -325,6 +327,39 @@ static void a_damaged_cache_is_made_again(void **state SST_UNUSED)
     free(want);
 }
 
+/** A file of the cache's folder, last used at a time. */
+static void cached(const char *name, time_t used)
+{
+    const struct timespec times[2] = { { .tv_sec = used }, { .tv_sec = used } };
+
+    assert_int_equal(sst_file_write(sim_path(name), "x", 1), 0);
+    assert_int_equal(utimensat(AT_FDCWD, sim_path(name), times, 0), 0);
+}
+
+/** Before a loop is written: what killed programs left goes, and of 20 loops the 15 used last stay beside the new one.
+ */
+static void the_cache_does_not_grow_for_ever(void **state SST_UNUSED)
+{
+    const time_t now = time(NULL);
+    char name[64];
+
+    for (int i = 0; i < 20; i++) {
+        snprintf(name, sizeof(name), "%032d.loop", i);
+        cached(name, now - 100 * (i + 1));
+    }
+    cached("00000000000000000000000000000077.loop.tmp-abcdef", now - 4000);
+    cached("00000000000000000000000000000078.loop.tmp-abcdef", now - 60);
+    cached("notes.txt", now - 1000000);
+    sst_sim_world_close(sim_open(SMALL));
+    for (int i = 0; i < 20; i++) {
+        snprintf(name, sizeof(name), "%032d.loop", i);
+        assert_int_equal(sst_path_exists(sim_path(name)), i < 15);
+    }
+    assert_false(sst_path_exists(sim_path("00000000000000000000000000000077.loop.tmp-abcdef")));
+    assert_true(sst_path_exists(sim_path("00000000000000000000000000000078.loop.tmp-abcdef")));
+    assert_true(sst_path_exists(sim_path("notes.txt")));
+}
+
 /* --- world files ------------------------------------------------------------------------------------------------- */
 
 static void a_fault_in_a_world_file_is_named_with_its_place(void **state SST_UNUSED)
@@ -408,6 +443,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(the_loop_follows_time_and_a_trigger_shows_one_frame, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(the_same_seed_gives_the_same_bytes, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_damaged_cache_is_made_again, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(the_cache_does_not_grow_for_ever, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_fault_in_a_world_file_is_named_with_its_place, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(the_examples_can_be_read, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(an_unknown_world_and_an_unwritable_cache_are_told, sim_set_up, sim_tear_down),
