@@ -289,30 +289,35 @@ static int open_grab(struct sst_capture *c)
 
     if (!bindings)
         return -ENOMEM;
-    sst_grab_config_defaults(&cfg);
+    sst_capture_grab_config(&cfg, a);
     for (int i = 0; i < a->bound; i++) {
         memcpy(bindings[i].serial, a->camera[i].serial, sizeof(bindings[i].serial));
         memcpy(bindings[i].port, a->camera[i].port, sizeof(bindings[i].port));
     }
     cfg.cameras = a->bound;
     cfg.bindings = bindings;
-    cfg.fourcc = a->fourcc;
-    cfg.width = a->width;
-    cfg.height = a->height;
-    cfg.rate_hz = a->rate_hz;
-    cfg.buffers = a->buffers;
-    cfg.stall_ms = a->stall_ms;
-    cfg.port_power = a->port_power;
-    cfg.check_frozen = a->check_frozen;
-    cfg.triggered = a->source == SST_CONFIG_GPIO;
-    cfg.controls = a->controls;
-    for (int i = 0; i < a->controls; i++) {
-        memcpy(cfg.control[i].name, a->control[i].name, sizeof(cfg.control[i].name));
-        cfg.control[i].value = a->control[i].value;
-    }
     err = sst_grab_open(&c->grab, &cfg, &events);
     free(bindings);
     return err;
+}
+
+void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array_config *a)
+{
+    sst_grab_config_defaults(cfg);
+    cfg->fourcc = a->fourcc;
+    cfg->width = a->width;
+    cfg->height = a->height;
+    cfg->rate_hz = a->rate_hz;
+    cfg->buffers = a->buffers;
+    cfg->stall_ms = a->stall_ms;
+    cfg->port_power = a->port_power;
+    cfg->check_frozen = a->check_frozen;
+    cfg->triggered = a->source == SST_CONFIG_GPIO;
+    cfg->controls = a->controls;
+    for (int i = 0; i < a->controls; i++) {
+        memcpy(cfg->control[i].name, a->control[i].name, sizeof(cfg->control[i].name));
+        cfg->control[i].value = a->control[i].value;
+    }
 }
 
 void sst_capture_trigger_config(struct sst_trigger_config *cfg, const struct sst_array_config *a)

@@ -57,6 +57,9 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
 void sst_capture_camera(const struct sst_capture *capture, int cam, struct sst_grab_counters *grab,
                         const struct sst_grab_device **device);
 
+/** What is asked of cameras by an array's configuration; which ones is left open. */
+void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array_config *array);
+
 /** The trigger that an array's configuration describes; not for free-run. */
 void sst_capture_trigger_config(struct sst_trigger_config *cfg, const struct sst_array_config *array);
 

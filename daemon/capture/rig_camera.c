@@ -223,22 +223,10 @@ static int open_grab(struct sst_rig_grab *g, const struct sst_array_config *a)
     const struct sst_grab_events events = { .arg = g, .frame = on_frame, .state = on_state };
     struct sst_grab_config cfg;
 
-    sst_grab_config_defaults(&cfg);
+    sst_capture_grab_config(&cfg, a);
     cfg.cameras = 1;
     cfg.bindings = &g->binding;
-    cfg.fourcc = a->fourcc;
-    cfg.width = a->width;
-    cfg.height = a->height;
-    cfg.rate_hz = a->rate_hz;
-    cfg.stall_ms = a->stall_ms;
-    cfg.port_power = a->port_power;
-    cfg.check_frozen = true;
-    cfg.triggered = a->source == SST_CONFIG_GPIO;
-    cfg.controls = a->controls;
-    for (int i = 0; i < a->controls; i++) {
-        memcpy(cfg.control[i].name, a->control[i].name, sizeof(cfg.control[i].name));
-        cfg.control[i].value = a->control[i].value;
-    }
+    cfg.check_frozen = true; /* a picture taken twice is no view */
     return sst_grab_open(&g->grab, &cfg, &events);
 }
 
