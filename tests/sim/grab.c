@@ -29,8 +29,10 @@ static int open_descriptors(void)
 /* Built without libudev, or on a machine without sysfs, a camera has no serial and no USB port. */
 static void need_usb(void)
 {
-    if (!*rig.bindings[0].serial)
+    if (!*rig.bindings[0].serial) {
+        print_message("cameras have no serials here: built without libudev, or no sysfs\n");
         skip();
+    }
 }
 
 static struct sst_grab_counters counters(int cam)

@@ -14,20 +14,11 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "drivers/trigger/trigger.h"
-
-static const char *build_dir(void)
-{
-    const char *dir = getenv("SST_BUILD");
-
-    return dir ? dir : "build";
-}
+#include "tests/sim_session.h"
 
 static void set_fault(const char *fault)
 {
-    char command[512];
-
-    snprintf(command, sizeof(command), "%s/sst-sim fault %s", build_dir(), fault);
-    assert_int_equal(system(command), 0);
+    assert_int_equal(session_fault(fault), 0);
 }
 
 static struct sst_trigger_config config(int lines, const char *loopback)
@@ -277,23 +268,15 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test(vanished_chip_is_found_again),
         cmocka_unit_test(check_holds_nothing),
     };
-    char program[512];
+    int skipped;
 
     if (!WITH_GPIOD) {
         puts("built without libgpiod");
         return 77;
     }
-    snprintf(program, sizeof(program), "%s/sst-sim", build_dir());
-    if (!getenv("SST_SIM_DIR")) { /* outside a session: run once more inside one */
-        if (access(program, X_OK)) {
-            printf("%s is not built\n", program);
-            return 77;
-        }
-        execl(program, "sst-sim", "--quiet", "--world", "simulators/world/worlds/quick.yaml", "--", argv[0],
-              (char *)NULL);
-        perror(program);
-        return 1;
-    }
+    skipped = session_enter(argv);
+    if (skipped)
+        return skipped;
     alarm(120);
     return cmocka_run_group_tests_name("trigger on a simulated chip", tests, NULL, NULL);
 }

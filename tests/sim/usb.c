@@ -14,20 +14,11 @@
 
 #include "base/log.h"
 #include "drivers/usb/usb.h"
-
-static const char *build_dir(void)
-{
-    const char *dir = getenv("SST_BUILD");
-
-    return dir ? dir : "build";
-}
+#include "tests/sim_session.h"
 
 static void set_fault(const char *fault)
 {
-    char command[512];
-
-    snprintf(command, sizeof(command), "%s/sst-sim fault %s", build_dir(), fault);
-    assert_int_equal(system(command), 0);
+    assert_int_equal(session_fault(fault), 0);
 }
 
 /* The device at a port, or the first with this serial. @return false: away */
@@ -158,19 +149,11 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test(port_power_takes_the_camera_away_and_brings_it_back),
         cmocka_unit_test(unplugged_port_has_nothing_to_reset),
     };
-    char program[512];
+    int skipped;
 
-    snprintf(program, sizeof(program), "%s/sst-sim", build_dir());
-    if (!getenv("SST_SIM_DIR")) { /* outside a session: run once more inside one */
-        if (access(program, X_OK)) {
-            printf("%s is not built\n", program);
-            return 77;
-        }
-        execl(program, "sst-sim", "--quiet", "--world", "simulators/world/worlds/quick.yaml", "--", argv[0],
-              (char *)NULL);
-        perror(program);
-        return 1;
-    }
+    skipped = session_enter(argv);
+    if (skipped)
+        return skipped;
     alarm(120);
     return cmocka_run_group_tests_name("USB on a simulated tree", tests, NULL, NULL);
 }

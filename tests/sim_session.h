@@ -1,0 +1,42 @@
+/* tests/sim_session.h - for tests that run themselves on simulated devices and set faults there. */
+#ifndef SST_TESTS_SIM_SESSION_H
+#define SST_TESTS_SIM_SESSION_H
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+static inline const char *session_program(char path[512])
+{
+    const char *build = getenv("SST_BUILD");
+
+    snprintf(path, 512, "%s/sst-sim", build ? build : "build");
+    return path;
+}
+
+/** "gpio.busy=1". @return 0 when it is set */
+static inline int session_fault(const char *fault)
+{
+    char program[512], command[1024];
+
+    snprintf(command, sizeof(command), "%s fault %s", session_program(program), fault);
+    return system(command);
+}
+
+/** Outside a session: run this program once more, inside one of a whole array. @return 0 inside, else the exit code */
+static inline int session_enter(char **argv)
+{
+    char program[512];
+
+    if (getenv("SST_SIM_DIR"))
+        return 0;
+    if (access(session_program(program), X_OK)) {
+        printf("%s is not built\n", program);
+        return 77;
+    }
+    execl(program, "sst-sim", "--quiet", "--world", "simulators/world/worlds/quick.yaml", "--", argv[0], (char *)NULL);
+    perror(program);
+    return 1;
+}
+
+#endif
