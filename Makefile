@@ -17,6 +17,7 @@ WITH_DNNL ?= $(shell echo '\#include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && e
 WITH_UDEV ?= $(call have,libudev)
 WITH_USB ?= $(call have,libusb-1.0)
 WITH_MODBUS ?= $(call have,libmodbus)
+WITH_DOGLEG ?= $(shell echo '\#include <dogleg.h>' | $(CC) -I/usr/include/suitesparse -E - >/dev/null 2>&1 && echo 1 || echo 0)
 # Which API libgpiod has: 1, 2 or 0 for none.
 WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod && echo 1 || echo 0; })
 
@@ -37,7 +38,7 @@ SANFLAGS += -fsanitize=float-divide-by-zero,float-cast-overflow -fno-sanitize-re
 endif
 DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMAT=$(WITH_AVFORMAT) \
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
-        -DWITH_GPIOD=$(WITH_GPIOD) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 BASEFLAGS := -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
              $(shell pkg-config --cflags $(PACKAGES)) $(CFLAGS)
@@ -45,7 +46,8 @@ CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET
 CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
 LIBS = $(shell pkg-config --libs $(PACKAGES)) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
-       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
+       $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack) \
+       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_aruco -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
 LDFLAGS_ALL = -pie -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 
 # --- sources -------------------------------------------------------------------------------------------------------

@@ -13,6 +13,9 @@ SST_EXTERN_C_BEGIN
 #define SST_DISP_MAX_Q6 0xFFFEu     /* largest stored value */
 #define SST_DISP_SCALE 64.0         /* steps per pixel */
 
+struct sst_calib;
+struct sst_rectified;
+
 /**
  * One view. A scene point seen at x in the reference view appears here at x - d * b, b = (bx, by), d its disparity in
  * pixels per unit spacing.
@@ -37,6 +40,11 @@ struct sst_lightfield {
     double spacing_mm;   /* nominal spacing; 0: unknown */
     struct sst_classes classes;
     bool labels_given, disparity_given; /* came with the data: processing keeps them */
+    /* With a calibration the views' files are raw frames, which loading rectifies by it; everything else here (sizes,
+     * maps, offsets) is about the rectified views. NULL: the files are the views. Owned. */
+    struct sst_calib *calibration;
+    struct sst_rectified *rectified; /* what it was made to; NULL as calibration */
+    int filter;                      /* sst_filter of the resampling */
     char source[1024];   /* provenance: format and where from */
     char history[1024];  /* what processing made the derived maps, one line */
     struct sst_view *views; /* rows * cols */
@@ -49,6 +57,7 @@ enum sst_lightfield_load {
     SST_LOAD_LABELS = 4,
     SST_LOAD_CONFIDENCE = 8,
     SST_LOAD_ALL = 15,
+    SST_LOAD_RAW = 16, /* with SST_LOAD_IMAGES: images as the files are, not rectified */
 };
 
 /** Empty light field with the reference view of the grid chosen and unit offsets set; all views absent.

@@ -1,0 +1,31 @@
+/* pipeline/calib/report.h - a calibration as one self-contained HTML page that a person can judge. */
+#ifndef SST_PIPELINE_CALIB_REPORT_H
+#define SST_PIPELINE_CALIB_REPORT_H
+
+#include "pipeline/calib/light.h"
+#include "pipeline/calib/solve.h"
+#include "pipeline/rectify/rectify.h"
+
+SST_EXTERN_C_BEGIN
+
+struct sst_calib_report {
+    const struct sst_detections *detections;
+    const struct sst_solution *solution;
+    const struct sst_light_report *light;  /* or NULL */
+    const struct sst_rectified *rectified; /* or NULL: one camera */
+    /** A picture, to show the worst ones; 0 or a negative errno (then it is left out). May be NULL. */
+    int (*picture)(void *arg, int view, int frame, struct sst_image *out);
+    void *arg;
+};
+
+/**
+ * Write the page: summary with verdicts, residual vectors per camera, coverage, worst frames, residuals per region of
+ * the picture, link graph with the weakest link, uncertainty maps, light, lattice. No network access is needed to view
+ * it.
+ * @return 0 or what outputs return; logged.
+ */
+SST_MUST_CHECK int sst_calib_report_write(const char *path, const struct sst_calib_report *report);
+
+SST_EXTERN_C_END
+
+#endif

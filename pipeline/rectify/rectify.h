@@ -1,0 +1,80 @@
+/* pipeline/rectify/rectify.h - views as if all cameras shared one rotation and one K: plan, maps, resampling. */
+#ifndef SST_PIPELINE_RECTIFY_RECTIFY_H
+#define SST_PIPELINE_RECTIFY_RECTIFY_H
+
+#include "pipeline/calib/calib.h"
+#include "pipeline/image/image.h"
+
+SST_EXTERN_C_BEGIN
+
+enum sst_filter {
+    SST_FILTER_BILINEAR = 0,
+    SST_FILTER_BICUBIC = 1, /* Keys 1981, a = -1/2 */
+    SST_FILTER_LANCZOS = 2, /* 6 taps: a = 3 */
+};
+
+/** Common geometry of the rectified views. */
+struct sst_rectified {
+    int rows, cols, width, height;
+    int reference;
+    double focal_px, cx, cy; /* of all views */
+    double rotation[9];      /* rectified axes from the rig's: z normal to the plane of the centres, x along its rows */
+    double spacing_mm;       /* nominal: mean of the two lattice steps */
+    double plane_mm;         /* depth at which views off the plane of the centres are exact; 0: infinity */
+    double out_rms_mm, out_max_mm;         /* distance of the centres from their plane */
+    double lattice_rms_mm, lattice_max_mm; /* in it, from the best regular lattice */
+    double step_mm[2], skew_deg;           /* lattice: column and row step, angle between them less 90 degrees */
+    struct {
+        bool known;
+        double bx, by; /* true offset from the reference in spacings: what the light field stores */
+        double dz_mm;  /* in front of (positive) the reference's plane */
+        double scale;  /* of the picture about (cx, cy) that dz asks for at plane_mm */
+    } view[SST_MAX_VIEWS];
+};
+
+struct sst_rectify_config {
+    int width, height; /* 0: as the cameras' */
+    double focal_px;   /* 0: the cameras' mean; smaller keeps more of the edges */
+    double plane_mm;   /* negative: the calibration's range_mm; 0: infinity */
+};
+
+/**
+ * Fit plane and lattice to the centres and choose the common rotation and K, so that most of every view stays in the
+ * picture. Grids of one row or column take the missing direction from the mean of the cameras' axes.
+ *
+ * @return 0, -EINVAL (cfg), -EBADMSG (fewer than 2 known cameras, or centres that are no lattice: which camera, how
+ * far)
+ */
+SST_MUST_CHECK int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib,
+                                    const struct sst_rectify_config *cfg);
+
+/** Where a rectified pixel is in the raw picture; the exact chain, in double. @return false: outside of any picture */
+SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x,
+                                      double y, double *raw_x, double *raw_y);
+
+struct sst_rectify_map; /* of one view: homography, lens and light fused; any number of threads may use it */
+
+/** @return 0, -EINVAL, -ENOMEM */
+SST_MUST_CHECK int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectified *to,
+                                          const struct sst_calib *calib, int view);
+void sst_rectify_map_destroy(struct sst_rectify_map *map);
+
+/**
+ * Places of a row of rectified pixels in the raw picture.
+ * @param xy_q8  out, [2 n] x, y in 1/256 px, within 1/256 of the exact chain; INT32_MIN where there is none
+ */
+void sst_rectify_map_row(const struct sst_rectify_map *map, int x0, int y, int n, int32_t *xy_q8);
+
+/**
+ * Resample one view: one pass from raw to rectified, light corrected.
+ *
+ * @param out    initialised by the caller to the rectified size; pixels from outside the raw picture are black
+ * @param valid  255 where all taps were inside, or NULL; initialised by the caller
+ * @return 0, -EINVAL (sizes)
+ */
+SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
+                                    struct sst_map_u8 *valid, const struct sst_image *raw, int threads);
+
+SST_EXTERN_C_END
+
+#endif
