@@ -72,7 +72,6 @@ void cli_progress_end(void);
 
 extern const struct cli_command cli_version, cli_scene, cli_import, cli_export, cli_process, cli_render, cli_sweep,
     cli_stereo, cli_segment, cli_models, cli_eval, cli_demo, cli_recording, cli_capture;
-extern const struct cli_command cli_topology, cli_plan, cli_doctor, cli_cameras, cli_identify;
-extern const struct cli_command cli_capture;
+extern const struct cli_command cli_topology, cli_plan, cli_doctor, cli_cameras, cli_identify, cli_calibrate;
 
 #endif
