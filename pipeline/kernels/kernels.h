@@ -36,6 +36,7 @@ enum sst_cpu_level {
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
+    X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
     X(class_row)
 
@@ -181,6 +182,30 @@ typedef void sst_blend_plain_fn(float *const acc[4], const struct sst_blend *b, 
 
 /** out = sum / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 weight but for rounding. */
 typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *weight, size_t n);
+
+/* --- rectification (pipeline/rectify/) --- */
+
+#define SST_LIGHT_SHIFT 7                        /* fraction bits of samples */
+#define SST_LIGHT_WHITE (255 << SST_LIGHT_SHIFT) /* largest sample; fits int16_t */
+
+/**
+ * Linear light of n samples of one colour times a factor each, sRGB code to sRGB code (IEC 61966-2-1):
+ * with v = value / 128, f = gain falloff[x] and its 2.4th root r, the power part of sRGB is
+ * code(f light(v)) = r (v + 14.025) - 14.025, exactly; its straight part near black is f v. Within 0.02 levels of the
+ * exact chain for f in 1/8 .. 8 and samples below SST_LIGHT_KEEP of white, then rounded.
+ *
+ * What is clipped stays clipped: the result is at least 255 - SST_LIGHT_KEEP (255 - v).
+ *
+ * @param value         [n] 0 .. SST_LIGHT_WHITE
+ * @param falloff_root  [n] falloff^(1/2.4)
+ */
+struct sst_light {
+    const uint16_t *value;
+    const float *falloff, *falloff_root;
+    float gain, gain_root;
+};
+#define SST_LIGHT_KEEP 4
+typedef void sst_light_row_fn(uint8_t *out, const struct sst_light *light, size_t n);
 
 /* --- labels (pipeline/labels/) --- */
 
