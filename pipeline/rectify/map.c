@@ -11,6 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "pipeline/rectify/light_map.h"
+
 #define FIRST_SHIFT  5
 #define LAST_SHIFT   2
 #define TOLERANCE_PX (1.0 / 1024) /* the places are rounded to 1/512 px: 1/341 together */
@@ -220,6 +222,8 @@ int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectif
     map->shift = FIRST_SHIFT;
     while ((err = make_cells(map)) == -ERANGE)
         map->shift--;
+    if (!err)
+        err = sst_light_map_create(&map->light, to, calib, view);
     if (err)
         sst_rectify_map_destroy(map);
     else
@@ -231,6 +235,7 @@ void sst_rectify_map_destroy(struct sst_rectify_map *map)
 {
     if (!map)
         return;
+    sst_light_map_destroy(map->light);
     free(map->node);
     free(map->cell);
     free(map);

@@ -20,13 +20,16 @@ void sst_chain_init(struct sst_chain *chain, const struct sst_rectified *to, con
  *  folds over before it */
 bool sst_chain_place(const struct sst_chain *chain, double x, double y, double *raw_x, double *raw_y);
 
+struct sst_light_map;
+
 struct sst_rectify_map {
     struct sst_chain chain;
     int width, height; /* of the rectified view */
     int shift;         /* cells of (1 << shift) pixels */
     int cells_x, cells_y;
-    double (*node)[2]; /* [cells_y + 3][cells_x + 3] places at the corners of cells, one more cell around */
-    uint8_t *cell;     /* [cells_y][cells_x] enum cell of map.c */
+    double (*node)[2];           /* [cells_y + 3][cells_x + 3] places at the corners of cells, one more cell around */
+    uint8_t *cell;               /* [cells_y][cells_x] enum cell of map.c */
+    struct sst_light_map *light; /* NULL: nothing to correct */
 };
 
 SST_EXTERN_C_END
