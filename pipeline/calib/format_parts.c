@@ -348,11 +348,12 @@ void sst_number_text(double v, char out[32])
         if (strtod(out, NULL) == v)
             break;
     }
-    e = strchr(out, 'e');
-    if (e && !strchr(out, '.')) { /* YAML 1.1 takes 1e-05 for a word */
-        memmove(e + 2, e, strlen(e) + 1);
-        memcpy(e, ".0", 2);
-    }
+    if (strchr(out, '.'))
+        return;
+    /* Python makes integers of 0, which libraries then refuse, and YAML 1.1 takes 1e-05 for a word. */
+    e = out + strcspn(out, "e");
+    memmove(e + 2, e, strlen(e) + 1);
+    memcpy(e, ".0", 2);
 }
 
 void sst_put_numbers(FILE *f, const double *v, int n)
