@@ -317,8 +317,9 @@ static int load(struct sst_lightfield *lf, const struct format *f, const char *d
 
     if (err || f->raw || !lf->calibration)
         return err;
+    err = sst_lightfield_verify(lf, dir, threads);
     sst_lightfield_fini(lf);
-    return sst_lightfield_load(lf, dir, f->load | SST_LOAD_IMAGES, threads);
+    return err ? err : sst_lightfield_load(lf, dir, f->load | SST_LOAD_IMAGES, threads);
 }
 
 static int make_folder(struct sst_outdir *folder, const struct format *f, const struct sst_export_config *cfg)
