@@ -10,7 +10,7 @@
 #define HUBER        1.5
 #define TUKEY        4.685
 #define DONE         1e-9
-#define OWN_SIGMA    0.05 /* coefficients of cameras of one make differ by about this */
+#define OWN_SIGMA    0.03 /* coefficients of cameras of one make differ by about this */
 #define COMMON_SIGMA 1.0
 #define SCALE_MIN    5e-4 /* quantisation; keeps the weights defined where everything fits */
 #define STEPS        64   /* of r2 where a fall-off is looked at */
