@@ -36,6 +36,7 @@ enum sst_cpu_level {
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
+    X(resample_row)                                                                                                    \
     X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
     X(class_row)
@@ -184,6 +185,28 @@ typedef void sst_blend_plain_fn(float *const acc[4], const struct sst_blend *b, 
 typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *weight, size_t n);
 
 /* --- rectification (pipeline/rectify/) --- */
+
+#define SST_RESAMPLE_PHASES 256 /* positions between two pixels that have weights of their own */
+#define SST_RESAMPLE_BORDER 4   /* pixels to read on every side of a picture */
+
+/** A picture to resample, and the filter: the taps of position p / 256 after pixel x are weight[p taps + i] at pixels
+ *  x + 1 - taps / 2 + i; they add up to 2^14, their magnitudes to at most 2^15. */
+struct sst_resample {
+    const uint8_t *pixel;  /* (0, 0): R, G, B and a byte of no meaning; SST_RESAMPLE_BORDER more around the picture */
+    size_t stride;         /* bytes */
+    const int16_t *weight; /* [SST_RESAMPLE_PHASES][taps] */
+    int taps;              /* 2, 4 or 6 */
+};
+
+/**
+ * Samples at n places, columns first, then rows: each column is rounded to 1/64 level, the sum over columns to 1/128,
+ * cut to 0 .. 32640 (255 levels).
+ *
+ * @param out    three rows of n
+ * @param xy_q8  [2 n] places in 1/256 px inside the picture; INT32_MIN: no place, 0 comes out
+ */
+typedef void sst_resample_row_fn(uint16_t *const out[3], const struct sst_resample *from, const int32_t *xy_q8,
+                                 size_t n);
 
 #define SST_LIGHT_SHIFT 7                        /* fraction bits of samples */
 #define SST_LIGHT_WHITE (255 << SST_LIGHT_SHIFT) /* largest sample; fits int16_t */
