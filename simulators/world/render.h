@@ -19,6 +19,8 @@ void sst_sim_stage_close(struct sst_sim_stage *stage);
 
 const struct sst_sim_optics *sst_sim_stage_optics(const struct sst_sim_stage *stage);
 const struct sst_sim_camera *sst_sim_stage_camera(const struct sst_sim_stage *stage, int cam);
+/** The camera as it is from frame *at of the loop on; NULL: it does not move. */
+const struct sst_sim_camera *sst_sim_stage_moved(const struct sst_sim_stage *stage, int cam, int *at);
 /** The board with all its poses; kind SST_SIM_NO_BOARD: there is none. */
 const struct sst_sim_board *sst_sim_stage_board(const struct sst_sim_stage *stage);
 /** How long the loop is. */

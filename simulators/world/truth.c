@@ -37,6 +37,13 @@ static json_t *camera(const struct sst_sim_settings *s, const struct sst_sim_cam
                      (json_int_t)t->phase_ns);
 }
 
+/* Where the camera is from a frame of the loop on. */
+static json_t *moved(const struct sst_sim_camera *c, int at)
+{
+    return json_pack("{s: i, s: o, s: o}", "at_pose", at, "rotation", matrix(c->rotation), "position_mm",
+                     row3(c->position_mm));
+}
+
 static json_t *board(const struct sst_sim_board *b)
 {
     static const char *const kinds[] = { "none", "chessboard", "charuco", "aprilgrid" };
@@ -48,8 +55,8 @@ static json_t *board(const struct sst_sim_board *b)
         double r[9];
 
         sst_sim_rotation(b->pose[i].rotation_deg, r);
-        json_array_append_new(poses, json_pack("{s: o, s: o}", "rotation", matrix(r), "position_mm",
-                                               row3(b->pose[i].position_mm)));
+        json_array_append_new(poses, json_pack("{s: o, s: o, s: f}", "rotation", matrix(r), "position_mm",
+                                               row3(b->pose[i].position_mm), "blur_px", b->pose[i].blur_px));
     }
     return json_pack("{s: s, s: [i, i], s: f, s: f, s: f, s: f, s: o}", "kind", kinds[b->kind], "squares", b->cols,
                      b->rows, "square_mm", b->square_mm, "marker", b->marker, "width_mm", width, "height_mm", height,
@@ -63,8 +70,15 @@ static json_t *world(const struct sst_sim_settings *s, const struct sst_sim_stag
     const int cams = s->rig ? 1 : s->rows * s->cols;
     json_t *cameras = json_array(), *all;
 
-    for (int i = 0; i < cams; i++)
-        json_array_append_new(cameras, camera(s, sst_sim_stage_camera(stage, i), i));
+    for (int i = 0; i < cams; i++) {
+        json_t *one = camera(s, sst_sim_stage_camera(stage, i), i);
+        int at;
+        const struct sst_sim_camera *later = sst_sim_stage_moved(stage, i, &at);
+
+        if (one && later)
+            json_object_set_new(one, "moved", moved(later, at));
+        json_array_append_new(cameras, one);
+    }
     all = json_pack("{s: s, s: I, s: {s: i, s: i}, s: b, s: i, s: i, s: f, s: i, s: i,"
                     " s: {s: i, s: f}, s: {s: s, s: f}, s: {s: f, s: f, s: f}, s: o}",
                     "scene", s->scene, "seed", (json_int_t)s->seed, "grid", "rows", s->rows, "cols", s->cols, "rig",
