@@ -73,6 +73,5 @@ void cli_progress_end(void);
 extern const struct cli_command cli_calibrate, cli_calibration, cli_cameras, cli_capture, cli_demo, cli_doctor,
     cli_eval, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process, cli_recording, cli_rectify,
     cli_render, cli_scene, cli_segment, cli_stereo, cli_sweep, cli_topology, cli_version;
-    cli_stereo, cli_segment, cli_models, cli_eval, cli_demo, cli_recording, cli_capture, cli_rectify;
 
 #endif
