@@ -105,11 +105,29 @@ int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img
     return 0;
 }
 
+int sst_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor)
+{
+    const int err = sst_map_u8_init(out, (mask->width + factor - 1) / factor, (mask->height + factor - 1) / factor);
+
+    if (err)
+        return err;
+    memset(out->data, 255, out->stride * (size_t)out->height);
+    for (int y = 0; y < mask->height; y++) {
+        const uint8_t *in = sst_map_u8_row(mask, y);
+        uint8_t *to = sst_map_u8_row(out, y / factor);
+
+        for (int x = 0; x < mask->width; x++)
+            to[x / factor] &= in[x];
+    }
+    return 0;
+}
+
 void sst_descriptor_fini(struct sst_descriptor *desc)
 {
     if (desc->image_owned)
         sst_image_fini(&desc->image);
     sst_map_u8_fini(&desc->luma);
+    sst_map_u8_fini(&desc->seen);
     for (int p = 0; p < SST_PHASES; p++)
         sst_mem_free(desc->census[p]);
     sst_mem_free(desc->feature_memory);
