@@ -89,20 +89,20 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
     /* Nine digits of a spacing, whatever its unit. */
     const int digits = sst_clamp_int(9 - (int)floor(log10(unit)), 6, 18);
     char path[SST_PATH_MAX], name[SST_NAME_MAX];
-    uint8_t *data;
+    uint8_t *data = NULL;
     size_t size;
     int err;
 
     if (!v->present)
         return 0;
-    err = read_view(job, k, path, &data, &size);
+    err = job->lf.calibration ? 0 : read_view(job, k, path, &data, &size);
     if (err)
         return err;
     snprintf(name, sizeof(name), "out_%02d_%02d_%.*f_%.*f_.%s", k / job->lf.cols, k % job->lf.cols, digits,
-             v->by * unit, digits, v->bx * unit, data[0] == 0x89 ? "png" : "jpg");
+             v->by * unit, digits, v->bx * unit, !data || data[0] == 0x89 ? "png" : "jpg");
     err = sst_path_join(path, job->out, name);
     if (!err)
-        err = sst_file_write(path, data, size);
+        err = data ? sst_file_write(path, data, size) : sst_image_write_png(&v->image, path);
     free(data);
     return err;
 }
@@ -145,24 +145,26 @@ static int hci_disparity(const struct job *job, int k, const char *name)
     return err;
 }
 
-/* HCI's readers want PNG: other views are decoded, those in PNG are copied. */
+/* HCI's readers want PNG: other views are decoded, those in PNG are copied, rectified ones are as they were loaded. */
 static int hci_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
     char from[SST_PATH_MAX], path[SST_PATH_MAX], name[64];
     struct sst_image img;
-    uint8_t *data;
+    uint8_t *data = NULL;
     size_t size;
     int err;
 
     if (!job->lf.views[k].present)
         return 0;
-    err = read_view(job, k, from, &data, &size);
+    err = job->lf.calibration ? 0 : read_view(job, k, from, &data, &size);
     if (err)
         return err;
     snprintf(name, sizeof(name), "input_Cam%03d.png", k);
     err = sst_path_join(path, job->out, name);
-    if (!err && data[0] == 0x89) {
+    if (!err && !data) {
+        err = sst_image_write_png(&job->lf.views[k].image, path);
+    } else if (!err && data[0] == 0x89) {
         err = sst_file_write(path, data, size);
     } else if (!err) {
         err = sst_image_decode(&img, data, size, from);
@@ -226,6 +228,18 @@ static const struct format formats[] = {
     { "hci", "parameters.cfg", SST_LOAD_DISPARITY, hci_view, hci_rest },
 };
 
+/* A calibrated light field is exported as the views that its raw frames make, with its images loaded. */
+static int load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads)
+{
+    int err = sst_lightfield_load(lf, dir, what, threads);
+
+    if (err || !lf->calibration)
+        return err;
+    err = sst_lightfield_verify(lf, dir, threads);
+    sst_lightfield_fini(lf);
+    return err ? err : sst_lightfield_load(lf, dir, what | SST_LOAD_IMAGES, threads);
+}
+
 int sst_export(const char *format, const char *dir, const char *out, bool force, int threads)
 {
     const char *const inputs[] = { dir, NULL };
@@ -243,7 +257,7 @@ int sst_export(const char *format, const char *dir, const char *out, bool force,
     threads = sst_thread_count(threads);
     err = sst_check_output(out, force, f->marker, inputs);
     if (!err)
-        err = sst_lightfield_load(&job.lf, dir, f->load, threads);
+        err = load(&job.lf, dir, f->load, threads);
     if (err)
         return err;
     err = sst_outdir_open(&folder, out, force);

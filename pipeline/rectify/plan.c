@@ -433,25 +433,27 @@ static int choose_k(struct sst_rectified *to, const struct sst_calib *calib, con
     return 0;
 }
 
-/* Offsets of the views; the plane must lie in front of all of them. */
-static int place_views(struct sst_rectified *to, const struct sst_calib *calib, const struct centres *c)
+int sst_rectified_place(struct sst_rectified *to, const struct sst_calib *calib)
 {
-    const double *ref = calib->camera[calib->reference].position_mm;
+    const double *ref = calib->camera[to->reference].position_mm;
 
-    for (int i = 0; i < c->n; i++) {
-        const double from_ref[3] = { c->at[i][0] - ref[0], c->at[i][1] - ref[1], c->at[i][2] - ref[2] };
+    for (int k = 0; k < calib->rows * calib->cols; k++) {
+        const double *at = calib->camera[k].position_mm;
+        const double from_ref[3] = { at[0] - ref[0], at[1] - ref[1], at[2] - ref[2] };
         double t[3];
 
+        to->view[k].known = calib->camera[k].known;
+        if (!to->view[k].known)
+            continue;
         turn(t, to->rotation, from_ref);
-        to->view[c->view[i]].known = true;
-        to->view[c->view[i]].bx = t[0] / to->spacing_mm;
-        to->view[c->view[i]].by = t[1] / to->spacing_mm;
-        to->view[c->view[i]].dz_mm = t[2];
-        to->view[c->view[i]].scale = to->plane_mm > 0 ? (to->plane_mm - t[2]) / to->plane_mm : 1;
-        if (to->view[c->view[i]].scale < 0.5) {
+        to->view[k].bx = t[0] / to->spacing_mm;
+        to->view[k].by = t[1] / to->spacing_mm;
+        to->view[k].dz_mm = t[2];
+        to->view[k].scale = to->plane_mm > 0 ? (to->plane_mm - t[2]) / to->plane_mm : 1;
+        if (!(to->view[k].scale >= 0.5)) {
             sst_log_error("cannot rectify: the plane at %g mm is too near to camera %s (row %d, column %d), which "
                           "stands %.1f mm in front of the reference; choose one farther away",
-                          to->plane_mm, name_of(calib, c->view[i]), c->row[i], c->col[i], t[2]);
+                          to->plane_mm, name_of(calib, k), k / calib->cols, k % calib->cols, t[2]);
             return -EINVAL;
         }
     }
@@ -505,7 +507,7 @@ int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib, c
     measure(&to, &c, &l);
     err = choose_k(&to, calib, &c, cfg);
     if (!err)
-        err = place_views(&to, calib, &c);
+        err = sst_rectified_place(&to, calib);
     if (!err)
         *out = to;
     return err;

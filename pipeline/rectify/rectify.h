@@ -49,6 +49,10 @@ struct sst_rectify_config {
 SST_MUST_CHECK int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib,
                                     const struct sst_rectify_config *cfg);
 
+/** Fill in view[] from rotation, spacing_mm, plane_mm and reference: what a stored geometry leaves out.
+ *  @return 0, -EINVAL (plane_mm is too near to a camera; logged) */
+SST_MUST_CHECK int sst_rectified_place(struct sst_rectified *to, const struct sst_calib *calib);
+
 /** Where a rectified pixel is in the raw picture; the exact chain, in double. @return false: more than 1/512 px outside
  *  the raw picture's outermost pixel centres, behind the camera, or beyond where the lens folds over */
 SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x,

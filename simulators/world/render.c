@@ -455,3 +455,42 @@ int sst_sim_stage_pose(const struct sst_sim_stage *s, const int32_t pose_um[3], 
         t.eye_mm[i] = s->camera[0].position_mm[i] + pose_um[i] / 1000.0;
     return shoot(s, &t);
 }
+
+int sst_sim_stage_look(const struct sst_sim_stage *s, int frame, const double eye_mm[3], struct sst_warp *rays,
+                       struct sst_map_f32 *depth, struct sst_map_u8 *label)
+{
+    const struct sst_sim_optics *o = &s->optics;
+    struct sst_world w;
+    const struct sst_raster r = {
+        .world = &w,
+        .focal_px = o->focal_px,
+        .cx = o->cx,
+        .cy = o->cy,
+        .width = rays->width,
+        .height = rays->height,
+        .step_x = 1,
+        .step_y = 1,
+        .bx = eye_mm[0] / o->spacing_mm,
+        .by = eye_mm[1] / o->spacing_mm,
+        .eye_z_mm = eye_mm[2],
+        .warp = rays,
+        .disp = depth,
+        .label = label,
+    };
+    int err = build(s, frame, 0, &w);
+
+    if (err)
+        return err;
+    if (s->empty && s->board.kind && s->board.poses)
+        sst_sim_board_add(&w, &s->board, frame % s->board.poses);
+    sst_warp_index(rays);
+    err = w.failed ? -ENOMEM : sst_raster_run(&r);
+    sst_world_fini(&w);
+    for (int y = 0; !err && depth && y < depth->height; y++) {
+        float *row = sst_map_f32_row(depth, y);
+
+        for (int x = 0; x < depth->width; x++) /* 1/Z so far, scaled as disparity */
+            row[x] = row[x] > 0 ? (float)(o->focal_px * o->spacing_mm / row[x]) : 0;
+    }
+    return err;
+}

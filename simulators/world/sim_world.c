@@ -224,13 +224,15 @@ int sst_sim_world_hold(struct sst_sim_world *w, int pose)
 int sst_sim_world_parameters(const char *world, const char *path)
 {
     struct sst_sim_settings *settings = calloc(1, sizeof(*settings));
+    const char *end = strrchr(path, '.');
+    const bool yaml = end && !strcmp(end, ".yaml");
     struct sst_sim_stage *stage = NULL;
     int err = settings ? sst_sim_settings_read(settings, world ? world : "pedestrian") : -ENOMEM;
 
     if (!err)
         err = sst_sim_stage_open(&stage, settings);
     if (!err)
-        err = sst_sim_truth_write(settings, stage, path);
+        err = yaml ? sst_sim_truth_calib(settings, stage, path) : sst_sim_truth_write(settings, stage, path);
     sst_sim_stage_close(stage);
     free(settings);
     return err;

@@ -56,7 +56,8 @@ uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
 SST_MUST_CHECK int sst_sim_world_hold(struct sst_sim_world *world, int pose);
 
 /**
- * Write all true parameters of a world as JSON without preparing it.
+ * Write all true parameters of a world without preparing it: as JSON, or to a name that ends in .yaml as a calibration
+ * (docs/formats.md) in the reference camera's axes.
  *
  * @param world  as for sst_sim_world_open()
  * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, or what a failed output returns; logged

@@ -4,6 +4,8 @@
 
 #include <errno.h>
 
+#include "pipeline/calib/calib.h"
+
 #define SECONDS 300
 #define BOARD                                                                                                          \
     "board: {kind: chessboard, squares: [7, 5], square_mm: 50, poses: [{position_mm: [0, 0, 1200]}, "                  \
@@ -221,6 +223,65 @@ static void parameters_need_no_prepared_world(void **state SST_UNUSED)
     assert_int_equal(sst_sim_world_parameters("/no/such/world.yaml", path), -EINVAL);
 }
 
+/* A point is seen in the same place by the world's own formulas and by a calibration in the reference camera's axes. */
+static void true_parameters_are_a_calibration(void **state SST_UNUSED)
+{
+    static const char world[] = "scene: board\ngrid: [2, 3]\nseed: 4\nmounting: {rotation_spread_deg: 1, "
+                                "position_spread_mm: 3}\noptics: {distortion: [-0.1, 0.02, 0.001, 0.002, 0.003], "
+                                "focal_spread_percent: 1, vignetting: 0.2}\nsensor: {gain_spread_percent: 5}\n"
+                                "board: {kind: aprilgrid, poses: 3}\n%s";
+    const double points[][3] = { { 0, 0, 1000 }, { 300, -200, 900 }, { -250, 150, 2500 }, { 10, 240, 700 } };
+    char path[128], text[1024];
+
+    snprintf(path, sizeof(path), "%s/p.yaml", sim_folder);
+    for (int rig = 0; rig < 2; rig++) {
+        struct sst_calib calib;
+        struct sst_sim_world *w;
+        struct sim_view v, reference;
+        double gain = 0;
+        json_t *truth;
+
+        snprintf(text, sizeof(text), world, rig ? "rig: true\nsize: [160, 192]\n" : "size: [160, 192]\n");
+        w = sim_open(text);
+        truth = sim_truth_of(w);
+        assert_int_equal(sst_sim_world_parameters(sim_path("w.yaml"), path), 0);
+        assert_int_equal(sst_calib_read(&calib, path), 0);
+        assert_string_equal(calib.board, "aprilgrid:6x6:50mm:0.3");
+        assert_true(calib.range_mm > 500);
+        assert_int_equal(calib.reference, 1);
+        sim_read_view(truth, rig ? 0 : 1, &reference);
+        if (rig) { /* its place in view 1 is one spacing to the right of pose 0 */
+            reference.c[0] += 60;
+        }
+        for (int view = 0; view < 6; view++) {
+            const struct sst_calib_camera *cam = &calib.camera[view];
+
+            sim_read_view(truth, rig ? 0 : (size_t)view, &v);
+            if (rig) {
+                v.c[0] += 60 * (view % 3);
+                v.c[1] += 60 * (view / 3);
+            }
+            for (size_t i = 0; i < ARRAY_LEN(points); i++) {
+                double want[2], x, y, from_reference[3];
+
+                for (int k = 0; k < 3; k++)
+                    from_reference[k] = reference.r[k][0] * (points[i][0] - reference.c[0]) +
+                                        reference.r[k][1] * (points[i][1] - reference.c[1]) +
+                                        reference.r[k][2] * (points[i][2] - reference.c[2]);
+                sim_project(&v, points[i], want);
+                assert_true(sst_camera_project(cam, from_reference, &x, &y));
+                assert_true(hypot(x - want[0], y - want[1]) < 1e-9);
+            }
+            gain += cam->gain[1] / 6;
+            assert_true(cam->falloff[0] == -0.2);
+        }
+        assert_true(fabs(gain - 1) < 1e-12);
+        sst_calib_fini(&calib);
+        json_decref(truth);
+        sst_sim_world_close(w);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -230,6 +291,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(a_board_stays_where_it_is_held, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_rig_sees_the_first_pose_until_told, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(parameters_need_no_prepared_world, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(true_parameters_are_a_calibration, sim_set_up, sim_tear_down),
     };
 
     alarm(SECONDS);
