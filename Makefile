@@ -68,7 +68,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps check check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks fuzz install help clean format tests
+.PHONY: FORCE all deps check check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks bench-calib fuzz install help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
 all: $(PROGRAMS) ## build the programs into build/: sst, and sst-sim (simulated devices)
@@ -113,8 +113,9 @@ $(BUILD)/bench/features: $(BUILD)/obj/tests/bench/features.o $(BUILD)/libsst.a
 $(BUILD)/bench/feature_cost: $(BUILD)/obj/tests/bench/feature_cost.o $(BUILD)/libsst.a
 $(BUILD)/bench/sim_world: $(BUILD)/obj/tests/bench/sim_world.o $(BUILD)/libsst.a
 $(BUILD)/bench/calib: $(BUILD)/obj/tests/bench/calib.o $(BUILD)/libsst.a
+$(BUILD)/bench/calib_pairs: $(BUILD)/obj/tests/bench/calib_pairs.o $(BUILD)/libsst.a
 $(BUILD)/bench/trigger: $(BUILD)/obj/tests/bench/trigger.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost $(BUILD)/bench/sim_world $(BUILD)/bench/trigger $(BUILD)/bench/calib:
+$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost $(BUILD)/bench/sim_world $(BUILD)/bench/trigger $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs:
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -177,6 +178,10 @@ bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; rene
 	$(PYTHON) scripts/bench_labels.py --build $(BUILD)
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
+
+BENCH_CALIB := $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs
+bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/bench-calibration.md
+	$(PYTHON) scripts/bench_calib.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.
 demo: deps ## see through a simulated scene: pictures in sst-demo/
