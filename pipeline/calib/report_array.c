@@ -60,8 +60,8 @@ static void draw_camera(const struct sst_calib_page *page, const struct plan *p,
         fprintf(page->out, "; off by %s, %s mm", SST_NUM(off_mm[0], 2), SST_NUM(off_mm[1], 2));
     fputs("</title></circle>", page->out);
     if (p->magnify > 0 && isfinite(off_mm[0]))
-        fprintf(page->out, "<path class=\"out\" stroke-width=\"2.5\" d=\"M%.5g %.5gl%.4g %.4g\"/>", x, y,
-                off_mm[0] * p->magnify * p->scale, off_mm[1] * p->magnify * p->scale);
+        fprintf(page->out, "<path class=\"off\" d=\"M%.5g %.5gl%.4g %.4g\"/>", x, y, off_mm[0] * p->magnify * p->scale,
+                off_mm[1] * p->magnify * p->scale);
     if (page->report->detections->cols <= 10)
         fprintf(page->out,
                 "<text x=\"%.5g\" y=\"%.5g\" font-size=\"10\" text-anchor=\"middle\" class=\"soft\">%02d_%02d"
@@ -164,13 +164,13 @@ void sst_calib_page_array(const struct sst_calib_page *page)
     sst_html_section(page->out, "array", "Array",
                      "Centres of the cameras in their plane, seen from behind: where they really are. A light field "
                      "keeps these places; the array need not be regular.");
-    fputs("<figure>", page->out);
+    fputs("<div class=\"two\"><figure>", page->out);
     draw_plan(page, &p, (const double(*)[2])f->lattice_mm);
     fputs("<figcaption>Colour: out of the plane. Lines: from the place in the best regular lattice to the true one, "
           "magnified. Ring: the reference camera.</figcaption></figure>\n",
           page->out);
     facts(page);
-    fputs("</section>\n", page->out);
+    fputs("</div>\n</section>\n", page->out);
 }
 
 void sst_calib_page_rig(const struct sst_calib_page *page)

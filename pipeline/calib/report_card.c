@@ -1,6 +1,5 @@
 /* Each camera large, and as a line of a table. */
 #include <math.h>
-#include <string.h>
 
 #include "pipeline/calib/report_parts.h"
 
@@ -56,18 +55,49 @@ static int next_camera(const struct sst_calib_page *page, int view, int step)
     return view;
 }
 
-static void card(const struct sst_calib_page *page, int view)
+static void card_map(const struct sst_calib_page *page, int view, const char *id, const char *title,
+                     const char *caption)
+{
+    const struct sst_calib *calib = &page->report->solution->calib;
+
+    fprintf(
+        page->out,
+        "<figure><figcaption>%s: %s</figcaption><svg viewBox=\"0 0 160 %.4g\"><use href=\"#%s%d\"/></svg></figure>\n",
+        title, caption, 160.0 * calib->height / calib->width, id, view);
+}
+
+static void card_maps(const struct sst_calib_page *page, int view)
 {
     static const struct {
-        const char *id, *title;
-    } maps[] = { { "vec", "Residuals" },
-                 { "rms", "Residual per region (px)" },
-                 { "seen", "Coverage (corners per cell)" },
-                 { "lens", "Uncertainty of the lens (px)" },
-                 { "carry", "Uncertainty of carrying (px)" },
-                 { "light", "Light lost (%)" } };
-    const struct sst_solution *s = page->report->solution;
-    const double height = 160.0 * s->calib.height / s->calib.width;
+        const char *id, *title, *unit;
+    } maps[SST_MAPS] = { { "seen", "Coverage", "corners per cell" },
+                         { "rms", "Residual per region", "px RMS" },
+                         { "lens", "Uncertainty of the lens", "px" },
+                         { "carry", "Uncertainty of carrying a pixel here", "px" },
+                         { "light", "Light lost", "%" } };
+    const struct sst_calib_shown *shown = page->shown;
+    char caption[160];
+
+    snprintf(caption, sizeof(caption), "magnified %s times, the rule is %s px", SST_NUM(shown->magnify, 1),
+             SST_NUM(shown->rule_px, 1));
+    card_map(page, view, "vec", "Residuals", caption);
+    for (int i = 0; i < SST_MAPS; i++) {
+        const struct sst_calib_scale *scale = &shown->scale[i];
+        int used;
+
+        if (!(scale->hi > 0))
+            continue;
+        used = snprintf(caption, sizeof(caption), "dark %.4g, yellow %.4g %s", scale->lo,
+                        scale->lo + (scale->hi - scale->lo) * (SST_LEVELS - 1) / SST_LEVELS, maps[i].unit);
+        if (i == SST_MAP_RMS && shown->mean_magnify > 0)
+            snprintf(caption + used, sizeof(caption) - (size_t)used, "; means magnified %s times, the rule is %s px",
+                     SST_NUM(shown->mean_magnify, 1), SST_NUM(shown->mean_rule_px, 1));
+        card_map(page, view, maps[i].id, maps[i].title, caption);
+    }
+}
+
+static void card(const struct sst_calib_page *page, int view)
+{
     FILE *out = page->out;
 
     fprintf(out,
@@ -76,18 +106,11 @@ static void card(const struct sst_calib_page *page, int view)
             view, next_camera(page, view, -1), next_camera(page, view, 1));
     sst_html_text(out, page->figures->camera[view].name);
     fprintf(out, " <span class=\"soft\">row %d, column %d%s</span></h2>\n", view / page->report->detections->cols,
-            view % page->report->detections->cols, s->calib.camera[view].known ? "" : "; not calibrated");
+            view % page->report->detections->cols,
+            page->report->solution->calib.camera[view].known ? "" : "; not calibrated");
     card_facts(page, view);
     fputs("<div class=\"maps\">\n", out);
-    for (size_t i = 0; i < ARRAY_LEN(maps); i++) {
-        if ((!strcmp(maps[i].id, "lens") && !s->lens_sigma) || (!strcmp(maps[i].id, "carry") && !s->carry_sigma) ||
-            (!strcmp(maps[i].id, "light") && !page->report->light))
-            continue;
-        fprintf(out,
-                "<figure><figcaption>%s</figcaption><svg viewBox=\"0 0 160 %.4g\"><use href=\"#%s%d\"/></svg>"
-                "</figure>\n",
-                maps[i].title, height, maps[i].id, view);
-    }
+    card_maps(page, view);
     fputs("</div></section>\n", out);
 }
 
