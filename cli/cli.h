@@ -71,7 +71,7 @@ void cli_progress(void *title, double done);
 void cli_progress_end(void);
 
 extern const struct cli_command cli_version, cli_scene, cli_import, cli_export, cli_process, cli_render, cli_sweep,
-    cli_stereo, cli_segment, cli_models, cli_eval, cli_demo, cli_recording, cli_capture;
+    cli_stereo, cli_segment, cli_models, cli_eval, cli_demo, cli_recording, cli_capture, cli_rectify;
 extern const struct cli_command cli_topology, cli_plan, cli_doctor, cli_cameras, cli_identify;
 extern const struct cli_command cli_capture;
 

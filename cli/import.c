@@ -5,10 +5,31 @@
 #include "cli/cli.h"
 #include "cli/import_recording.h"
 #include "cli/lightfield_line.h"
+#include "cli/rectify.h"
 #include "pipeline/lightfield/import.h"
+
+static int import_folder(struct sst_import_config *cfg, const char *format, const char *source, const int grid[2])
+{
+    struct sst_lightfield lf;
+    int err;
+
+    cfg->format = format;
+    cfg->source = source;
+    cfg->rows = grid[0];
+    cfg->cols = grid[1];
+    err = sst_import(cfg);
+    if (!err)
+        err = sst_lightfield_load(&lf, cfg->out, 0, 1);
+    if (err)
+        return cli_exit_code(err);
+    cli_print_lightfield(&lf, cfg->out);
+    sst_lightfield_fini(&lf);
+    return CLI_OK;
+}
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
+    const char *calib = NULL, *filter = "bicubic";
     struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
     struct import_recording recording = { 0 };
     int grid[2] = { 0, 0 };
@@ -27,13 +48,15 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "range-min", 0, CLI_DOUBLE, &cfg.range_min_px, "D", "smallest disparity in the scene, px per spacing", -32768,
           32768 },
         { "range-max", 0, CLI_DOUBLE, &cfg.range_max_px, "D", "largest disparity in the scene", -32768, 32768 },
+        { "calib", 0, CLI_STRING, &calib, "FILE",
+          "recording, folder: the array's calibration; views are then rectified", 0, 0 },
+        { "filter", 0, CLI_STRING, &filter, "F", "of that: bilinear, bicubic (default) or lanczos", 0, 0 },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
         { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field", 0, 0 },
     };
-    struct sst_lightfield lf;
+    struct sst_use_calibration use;
     const char *args[2];
-    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 2);
-    int err;
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 2);
 
     if (r != CLI_GO_ON)
         return r;
@@ -43,32 +66,32 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--range-min and --range-max belong together");
     if (isnan(cfg.range_min_px))
         cfg.range_min_px = cfg.range_max_px = 0;
+    if (!strcmp(args[0], "recording") && (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir))
+        return cli_usage_error(cmd,
+                               "--grid, --spacing-px, --disparity and --labels are not for a recording: it says its "
+                               "grid and spacing itself");
+    if (strcmp(args[0], "recording") && (recording.sets || recording.allow_partial))
+        return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
+    sst_use_calibration_defaults(&use);
+    if (calib) {
+        r = cli_use_calibration(&use, cmd, calib, filter);
+        if (r != CLI_GO_ON)
+            return r;
+        cfg.calibration = recording.calibration = &use;
+    }
     if (!strcmp(args[0], "recording")) {
-        if (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir)
-            return cli_usage_error(cmd, "--grid, --spacing-px, --disparity and --labels are not for a recording: it "
-                                        "says its grid and spacing itself");
         recording.source = args[1];
         recording.out = cfg.out;
         recording.force = cfg.force;
         recording.range_min_px = cfg.range_min_px;
         recording.range_max_px = cfg.range_max_px;
         recording.threads = cfg.threads;
-        return cli_run_import_recording(cmd, &recording);
+        r = cli_run_import_recording(cmd, &recording);
+    } else {
+        r = import_folder(&cfg, args[0], args[1], grid);
     }
-    if (recording.sets || recording.allow_partial)
-        return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
-    cfg.format = args[0];
-    cfg.source = args[1];
-    cfg.rows = grid[0];
-    cfg.cols = grid[1];
-    err = sst_import(&cfg);
-    if (!err)
-        err = sst_lightfield_load(&lf, cfg.out, 0, 1);
-    if (err)
-        return cli_exit_code(err);
-    cli_print_lightfield(&lf, cfg.out);
-    sst_lightfield_fini(&lf);
-    return CLI_OK;
+    sst_use_calibration_fini(&use);
+    return r;
 }
 
 const struct cli_command cli_import = {
@@ -81,6 +104,7 @@ const struct cli_command cli_import = {
               "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels take given maps\n"
               "  recording sets that `sst capture array` recorded; `sst recording DIR` shows what is in it",
     .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf\n"
-               "  sst import recording night --sets 0,10-19 -o night.lf",
+               "  sst import recording night --sets 0,10-19 -o night.lf\n"
+               "  sst import recording night --sets 0 --calib calib.yaml -o true.lf",
     .run = run,
 };

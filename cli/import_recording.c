@@ -71,7 +71,7 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
     struct sst_lightfields_config cfg = {
         .out = args->out, .allow_partial = args->allow_partial, .force = args->force,
         .range_min_px = args->range_min_px, .range_max_px = args->range_max_px, .threads = args->threads,
-        .progress = cli_progress, .progress_arg = (void *)(uintptr_t)"import",
+        .calibration = args->calibration, .progress = cli_progress, .progress_arg = (void *)(uintptr_t)"import",
     };
     int *sets, err, r;
 

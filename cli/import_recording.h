@@ -4,11 +4,14 @@
 
 #include "cli/cli.h"
 
+struct sst_use_calibration;
+
 struct import_recording {
     const char *source, *out;
     const char *sets; /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
     bool allow_partial, force;
     double range_min_px, range_max_px;
+    const struct sst_use_calibration *calibration; /* or NULL */
     int threads;
 };
 

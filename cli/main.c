@@ -14,6 +14,7 @@ static const struct cli_command *const commands[] = {
     &cli_import,
     &cli_recording,
     &cli_export,
+    &cli_rectify,
     &cli_process,
     &cli_render,
     &cli_sweep,

@@ -174,6 +174,73 @@ static void describe(struct job *job)
     make_utf8(lf->source);
 }
 
+/* Is it the camera that a calibration calls by this name? */
+static bool is_called(const struct sst_recorder_track *t, const char *name)
+{
+    return name[0] && (!strcmp(t->serial, name) || !strcmp(t->port, name) || !strcmp(t->name, name));
+}
+
+static const struct sst_recorder_track *find_called(const struct sst_recording_info *info, const char *name)
+{
+    for (int cam = 0; cam < info->cameras; cam++) {
+        if (is_called(&info->track[cam], name))
+            return &info->track[cam];
+    }
+    return NULL;
+}
+
+/* A calibration that names none of the recording's cameras was made from files, and says nothing about them. */
+static int check_cameras(const struct job *job)
+{
+    const struct sst_recording_info *info = job->info;
+    const struct sst_use_calibration *use = job->cfg->calibration;
+    bool any = false;
+
+    for (int k = 0; k < info->rows * info->cols; k++)
+        any |= use->calib.camera[k].known && find_called(info, use->calib.camera[k].name);
+    for (int cam = 0; any && cam < info->cameras; cam++) {
+        const struct sst_recorder_track *t = &info->track[cam], *other;
+        const struct sst_calib_camera *c = &use->calib.camera[t->row * info->cols + t->col];
+
+        if (!c->known || is_called(t, c->name))
+            continue;
+        other = find_called(info, c->name);
+        if (other)
+            sst_log_error("%s does not fit %s: camera %s was calibrated at row %d, column %d, but recorded at row %d, "
+                          "column %d; if cameras were swapped, calibrate again",
+                          use->path, sst_recording_dir(job->recording), c->name, t->row, t->col, other->row,
+                          other->col);
+        else
+            sst_log_error("%s does not fit %s: at row %d, column %d it knows camera %s, but %s was recorded; calibrate "
+                          "again",
+                          use->path, sst_recording_dir(job->recording), t->row, t->col, c->name,
+                          t->serial[0] ? t->serial
+                          : t->port[0] ? t->port
+                                       : t->name);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+/* Refuse a calibration of another array; cameras that it does not know have no views. */
+static int fit_calibration(struct job *job)
+{
+    struct sst_lightfield *lf = &job->lf;
+    int err;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        lf->views[k].present = job->cam[k] >= 0;
+    err = sst_lightfield_fit_calibration(lf, job->cfg->calibration);
+    if (!err)
+        err = check_cameras(job);
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (!lf->views[k].present)
+            job->cam[k] = -1;
+        lf->views[k].present = false;
+    }
+    return err;
+}
+
 static int prepare(struct job *job)
 {
     const struct sst_recording_info *info = job->info;
@@ -197,7 +264,7 @@ static int prepare(struct job *job)
         job->cam[k] = -1;
     for (int cam = 0; cam < info->cameras; cam++)
         job->cam[info->track[cam].row * info->cols + info->track[cam].col] = cam;
-    return 0;
+    return job->cfg->calibration ? fit_calibration(job) : 0;
 }
 
 static int set_offsets(struct sst_lightfield *lf)
@@ -238,6 +305,8 @@ static int fill(struct job *job)
         err = check_missing(job);
     if (!err)
         err = set_offsets(&job->lf);
+    if (!err && job->cfg->calibration)
+        err = sst_lightfield_calibrate(&job->lf, job->cfg->calibration);
     if (err)
         return err;
     describe(job);
@@ -253,8 +322,9 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
 
     if (!job)
         return -ENOMEM;
-    *job = (struct job){ .recording = recording, .info = sst_recording_info(recording), .cfg = cfg, .dir = dir,
-                         .number = number };
+    *job = (struct job){
+        .recording = recording, .info = sst_recording_info(recording), .cfg = cfg, .dir = dir, .number = number
+    };
     err = sst_recording_set(recording, number, &job->set);
     if (err)
         sst_log_error("set %d of %s cannot be read (%s); leave it out", number, sst_recording_dir(recording),

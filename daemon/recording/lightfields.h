@@ -3,6 +3,7 @@
 #define SST_DAEMON_RECORDING_LIGHTFIELDS_H
 
 #include "daemon/recording/recording.h"
+#include "pipeline/lightfield/calibrated.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -14,6 +15,7 @@ struct sst_lightfields_config {
     bool allow_partial; /* views may be missing or damaged; the light field then has holes */
     bool force;         /* replace an output made before */
     double range_min_px, range_max_px; /* disparities in the scene; equal: unknown */
+    const struct sst_use_calibration *calibration; /* of this array, or NULL: the views are as the cameras saw them */
     int threads;
     void (*progress)(void *arg, double done); /* or NULL */
     void *progress_arg;
@@ -21,13 +23,13 @@ struct sst_lightfields_config {
 
 /**
  * Make light fields of sets. JPEG stays as the camera sent it; other formats become PNG (pipeline/image/raw.h). Each
- * light field also gets set.json, the set's line of the recording. The views are as the cameras saw them: not
- * rectified.
+ * light field also gets set.json, the set's line of the recording. A calibration of other cameras, or of these at other
+ * places of the grid, is refused where its names are serials, ports or names that the recording has.
  *
  * A view is missing where its frame is missing, damaged, marked bad by the driver, or no picture of the recording's
  * size.
- * @return 0, -EINVAL (cfg), -EBADMSG (a set is damaged or, without allow_partial, has missing views), -EEXIST, -ENOSPC,
- *         -EIO, -ENOMEM; logged. All light fields appear or none.
+ * @return 0, -EINVAL (cfg), -EBADMSG (a set is damaged or, without allow_partial, has missing views; the calibration
+ *         does not fit), -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged. All light fields appear or none.
  */
 SST_MUST_CHECK int sst_recording_to_lightfields(const struct sst_recording *recording,
                                                 const struct sst_lightfields_config *cfg);

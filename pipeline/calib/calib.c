@@ -56,10 +56,10 @@ static const char *fault(const char *fmt, ...)
     return fault_text;
 }
 
-static bool all_finite(const double *v, int n)
+static bool all_sound(const double *v, int n)
 {
     for (int i = 0; i < n; i++) {
-        if (!isfinite(v[i]))
+        if (!(fabs(v[i]) <= SST_CALIB_LARGEST))
             return false;
     }
     return true;
@@ -85,27 +85,30 @@ static double not_a_rotation(const double r[9])
     return worst;
 }
 
-static const char *camera_fault(const struct sst_calib *calib, int view)
+const char *sst_camera_fault(const struct sst_calib_camera *c)
 {
-    const struct sst_calib_camera *c = &calib->camera[view];
-    const int row = view / calib->cols, col = view % calib->cols;
-    const char *what = NULL;
+    const double lens[] = { c->fx, c->fy, c->cx, c->cy, c->rms_px, c->sigma_px };
 
-    if (!all_finite(&c->fx, 4) || !all_finite(c->k, SST_LENS_MAX) || !all_finite(c->rotation, 9) ||
-        !all_finite(c->position_mm, 3) || !all_finite(c->gain, 3) || !all_finite(c->falloff, 3) ||
-        !isfinite(c->rms_px) || !isfinite(c->sigma_px))
-        what = "a number is not finite";
-    else if (!(c->fx > 0) || !(c->fy > 0) || c->fx > 1e7 || c->fy > 1e7)
-        what = "the focal length is not between 0 and 1e7 px";
-    else if (c->lens != 0 && c->lens != 5 && c->lens != 8)
-        what = "the lens has neither 0, 5 nor 8 coefficients";
-    else if (not_a_rotation(c->rotation) > 1e-6)
-        what = "rotation is no rotation matrix";
-    else if (!(c->gain[0] > 0) || !(c->gain[1] > 0) || !(c->gain[2] > 0))
-        what = "a gain is not positive";
-    else if (!(fmin(1 + c->falloff[0] + c->falloff[1] + c->falloff[2], 1 + c->falloff[0] / 2) > 0))
-        what = "the fall-off leaves no light in the corners";
-    return what ? fault("camera of row %d, column %d: %s", row, col, what) : NULL;
+    if (!all_sound(lens, 6) || !all_sound(c->k, SST_LENS_MAX) || !all_sound(c->rotation, 9) ||
+        !all_sound(c->position_mm, 3) || !all_sound(c->gain, 3) || !all_sound(c->falloff, 3))
+        return "a number is not finite or beyond 1e12";
+    if (!(c->fx > 0) || !(c->fy > 0) || c->fx > 1e7 || c->fy > 1e7)
+        return "the focal length is not between 0 and 1e7 px";
+    if (c->lens != 0 && c->lens != 5 && c->lens != 8)
+        return "the lens has neither 0, 5 nor 8 coefficients";
+    for (int i = c->lens; i < SST_LENS_MAX; i++) {
+        if (c->k[i] != 0)
+            return "a coefficient beyond the lens's number of them is not 0";
+    }
+    if (not_a_rotation(c->rotation) > 1e-6)
+        return "rotation is no rotation matrix";
+    if (!(c->gain[0] > 0) || !(c->gain[1] > 0) || !(c->gain[2] > 0))
+        return "a gain is not positive";
+    if (!(fmin(1 + c->falloff[0] + c->falloff[1] + c->falloff[2], 1 + c->falloff[0] / 2) > 0))
+        return "the fall-off leaves no light in the corners";
+    if (c->rms_px < 0 || c->sigma_px < 0 || c->corners < 0)
+        return "an error or a number of corners is negative";
+    return NULL;
 }
 
 const char *sst_calib_fault(const struct sst_calib *calib)
@@ -115,15 +118,17 @@ const char *sst_calib_fault(const struct sst_calib *calib)
     if (calib->width < 1 || calib->height < 1 || calib->width > SST_IMAGE_MAX_SIDE ||
         calib->height > SST_IMAGE_MAX_SIDE)
         return fault("frames of %d x %d pixels", calib->width, calib->height);
-    if (!isfinite(calib->range_mm) || calib->range_mm < 0)
+    if (!(calib->range_mm >= 0 && calib->range_mm <= SST_CALIB_LARGEST))
         return fault("the working range is %g mm", calib->range_mm);
+    if (!(calib->noise_px >= 0 && calib->noise_px <= SST_CALIB_LARGEST))
+        return fault("the corner noise is %g px", calib->noise_px);
     if (calib->reference < 0 || calib->reference >= calib->rows * calib->cols || !calib->camera[calib->reference].known)
         return fault("the reference view %d is not a known camera", calib->reference);
     for (int k = 0; k < calib->rows * calib->cols; k++) {
-        const char *text = calib->camera[k].known ? camera_fault(calib, k) : NULL;
+        const char *text = calib->camera[k].known ? sst_camera_fault(&calib->camera[k]) : NULL;
 
         if (text)
-            return text;
+            return fault("camera of row %d, column %d: %s", k / calib->cols, k % calib->cols, text);
         known += calib->camera[k].known;
     }
     return known ? NULL : fault("no camera is known");

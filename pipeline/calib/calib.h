@@ -8,7 +8,8 @@
 
 SST_EXTERN_C_BEGIN
 
-#define SST_LENS_MAX 8 /* distortion coefficients: 5 or 8 */
+#define SST_LENS_MAX      8    /* distortion coefficients: 5 or 8 */
+#define SST_CALIB_LARGEST 1e12 /* magnitude of any number here */
 
 /**
  * One camera, or one pose of the camera on a rig. A point X (mm, rig axes: x right, y down, z forward; those of the
@@ -56,11 +57,19 @@ void sst_calib_fini(struct sst_calib *calib);
  *  stays until the thread's next call. */
 const char *sst_calib_fault(const struct sst_calib *calib);
 
+/** The same of one known camera: a clause, constant. */
+const char *sst_camera_fault(const struct sst_calib_camera *cam);
+
 /**
- * Read or write calib.yaml (docs/formats.md). Numbers are written so that they come back bit for bit.
- * @return 0, -ENOENT, -EBADMSG (all faults with file:line:column), -ENOMEM, or what outputs return; logged.
+ * Read or write calib.yaml (docs/formats.md). Numbers come back bit for bit; in names, what YAML cannot hold (control
+ * characters, bytes that are not UTF-8) is written as "?". What has a fault is neither read nor written.
+ *
+ * @param name  of the text, for messages
+ * @return 0, -ENOENT, -EBADMSG (all faults with file:line:column), -EINVAL (what is to be written has a fault),
+ * -ENOMEM, or what outputs return; logged.
  */
 SST_MUST_CHECK int sst_calib_read(struct sst_calib *calib, const char *path);
+SST_MUST_CHECK int sst_calib_parse(struct sst_calib *calib, const char *text, size_t size, const char *name);
 SST_MUST_CHECK int sst_calib_write(const struct sst_calib *calib, const char *path);
 
 /* --- geometry of one camera (camera.c) ---------------------------------------------------------------------------- */

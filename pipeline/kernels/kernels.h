@@ -36,6 +36,8 @@ enum sst_cpu_level {
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
+    X(resample_row)                                                                                                    \
+    X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
     X(class_row)
 
@@ -181,6 +183,52 @@ typedef void sst_blend_plain_fn(float *const acc[4], const struct sst_blend *b, 
 
 /** out = sum / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 weight but for rounding. */
 typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *weight, size_t n);
+
+/* --- rectification (pipeline/rectify/) --- */
+
+#define SST_RESAMPLE_PHASES 256 /* positions between two pixels that have weights of their own */
+#define SST_RESAMPLE_BORDER 4   /* pixels to read on every side of a picture */
+
+/** A picture to resample, and the filter: the taps of position p / 256 after pixel x are weight[p taps + i] at pixels
+ *  x + 1 - taps / 2 + i; they add up to 2^14, their magnitudes to at most 2^15. */
+struct sst_resample {
+    const uint8_t *pixel;  /* (0, 0): R, G, B and a byte of no meaning; SST_RESAMPLE_BORDER more around the picture */
+    size_t stride;         /* bytes */
+    const int16_t *weight; /* [SST_RESAMPLE_PHASES][taps] */
+    int taps;              /* 2, 4 or 6 */
+};
+
+/**
+ * Samples at n places, columns first, then rows: each column is rounded to 1/64 level, the sum over columns to 1/128,
+ * cut to 0 .. 32640 (255 levels).
+ *
+ * @param out    three rows of n
+ * @param xy_q8  [2 n] places in 1/256 px inside the picture; INT32_MIN: no place, 0 comes out
+ */
+typedef void sst_resample_row_fn(uint16_t *const out[3], const struct sst_resample *from, const int32_t *xy_q8,
+                                 size_t n);
+
+#define SST_LIGHT_SHIFT 7                        /* fraction bits of samples */
+#define SST_LIGHT_WHITE (255 << SST_LIGHT_SHIFT) /* largest sample; fits int16_t */
+
+/**
+ * Linear light of n samples of one colour times a factor each, sRGB code to sRGB code (IEC 61966-2-1):
+ * with v = value / 128, f = gain falloff[x] and its 2.4th root r, the power part of sRGB is
+ * code(f light(v)) = r (v + 14.025) - 14.025, exactly; its straight part near black is f v. Within 0.02 levels of the
+ * exact chain for f in 1/8 .. 8 and samples below SST_LIGHT_KEEP of white, then rounded.
+ *
+ * What is clipped stays clipped: the result is at least 255 - SST_LIGHT_KEEP (255 - v).
+ *
+ * @param value         [n] 0 .. SST_LIGHT_WHITE
+ * @param falloff_root  [n] falloff^(1/2.4)
+ */
+struct sst_light {
+    const uint16_t *value;
+    const float *falloff, *falloff_root;
+    float gain, gain_root;
+};
+#define SST_LIGHT_KEEP 4
+typedef void sst_light_row_fn(uint8_t *out, const struct sst_light *light, size_t n);
 
 /* --- labels (pipeline/labels/) --- */
 

@@ -12,6 +12,8 @@
 #include "pipeline/kernels/blend_tmpl.h"
 #include "pipeline/kernels/class_row_tmpl.h"
 #include "pipeline/kernels/guide_cells_tmpl.h"
+#include "pipeline/kernels/light_row_tmpl.h"
+#include "pipeline/kernels/resample_row_tmpl.h"
 
 void KERNEL(sst_kernels_fill)(struct sst_kernels *k);
 

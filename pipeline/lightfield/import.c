@@ -49,6 +49,10 @@ static int check_config(const struct sst_import_config *cfg)
         sst_log_error("--disparity, --labels and --spacing-px belong to the format folder, not to %s", cfg->format);
         return -EINVAL;
     }
+    if (!folder && cfg->calibration) {
+        sst_log_error("--calib is for raw frames, from a folder or a recording; %s holds rectified views", cfg->format);
+        return -EINVAL;
+    }
     if (!isfinite(cfg->range_min_px) || !isfinite(cfg->range_max_px) || cfg->range_min_px > cfg->range_max_px ||
         cfg->range_max_px - floor(cfg->range_min_px) > SST_RANGE_MAX_PX ||
         fabs(cfg->range_min_px) > SST_DISP_ABS_MAX_PX) {
@@ -320,6 +324,10 @@ static int fill(struct job *job)
     plan->lf.height = job->height[ref];
     if (plan->focal_sides > 0)
         plan->lf.focal_px = plan->focal_sides * sst_max_int(plan->lf.width, plan->lf.height);
+    if (cfg->calibration)
+        err = sst_lightfield_calibrate(&plan->lf, cfg->calibration);
+    if (err)
+        return err;
     set_range(job);
     set_source(&plan->lf, cfg);
     fault = sst_lightfield_fault(&plan->lf);
@@ -343,6 +351,8 @@ static int run(struct sst_import_plan *plan, int (*format)(struct sst_import_pla
         err = format(plan);
     if (!err)
         err = check_holes(plan);
+    if (!err && plan->cfg->calibration)
+        err = sst_lightfield_fit_calibration(&plan->lf, plan->cfg->calibration);
     if (!err)
         err = set_offsets(plan);
     if (err)

@@ -2,7 +2,7 @@
 #ifndef SST_PIPELINE_LIGHTFIELD_IMPORT_H
 #define SST_PIPELINE_LIGHTFIELD_IMPORT_H
 
-#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/lightfield/calibrated.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -14,12 +14,14 @@ struct sst_import_config {
     const char *disparity_dir; /* rr_cc.pfm, px per spacing; NULL: none */
     const char *labels_dir;    /* rr_cc.png, label values; NULL: none */
     double range_min_px, range_max_px; /* equal: from the source where it says, else unknown */
+    const struct sst_use_calibration *calibration; /* folder: the images are raw frames of this array; NULL: views */
     bool force;                /* replace an existing output */
     int threads;
 };
 
 /**
- * Make a light-field folder from another format; view files are copied byte for byte.
+ * Make a light-field folder from another format; view files are copied byte for byte. With a calibration given maps are
+ * of the rectified views.
  * @return 0, -EINVAL, -ENOENT, -EBADMSG, -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_import(const struct sst_import_config *cfg);

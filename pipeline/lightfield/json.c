@@ -1,4 +1,5 @@
-/* lightfield.json: version 1 of the form. Every field is checked; a fault is one sentence with file and field. */
+/* lightfield.json: version 1 of the form; version 2 adds the calibration. Every field is checked; a fault is one
+ * sentence with file and field. */
 #include <assert.h>
 #include <ctype.h>
 #include <errno.h>
@@ -8,6 +9,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/store.h"
 
 #define JSON_MAX_BYTES ((size_t)4 << 20)
@@ -136,24 +138,46 @@ static json_t *classes_to_json(const struct sst_classes *c)
     return NULL;
 }
 
+static json_t *calibration_to_json(const struct sst_lightfield *lf)
+{
+    const struct sst_rectified *r = lf->rectified;
+    json_t *rotation = json_array();
+    bool complete = rotation != NULL;
+
+    for (int i = 0; i < 9; i++)
+        complete &= !json_array_append_new(rotation, json_real(r->rotation[i]));
+    if (complete)
+        return json_pack("{s:s, s:s, s:s, s:i, s:f, s:f, s:o, s:f, s:f, s:f, s:f, s:f, s:[f, f], s:f}", "file",
+                         SST_CALIBRATION_FILE, "sha256", lf->calibration_sha256, "filter",
+                         sst_filter_name((enum sst_filter)lf->filter), "reference", r->reference, "cx", r->cx, "cy",
+                         r->cy, "rotation", rotation, "plane_mm", r->plane_mm, "out_rms_mm", r->out_rms_mm,
+                         "out_max_mm", r->out_max_mm, "lattice_rms_mm", r->lattice_rms_mm, "lattice_max_mm",
+                         r->lattice_max_mm, "step_mm", r->step_mm[0], r->step_mm[1], "skew_deg", r->skew_deg);
+    json_decref(rotation);
+    return NULL;
+}
+
 char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
 {
-    json_t *root = json_pack(
-        "{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}", "format",
-        FORMAT_NAME, "version", SST_LIGHTFIELD_VERSION, "rows", lf->rows, "cols", lf->cols, "width", lf->width,
-        "height", lf->height, "disp_min_px", lf->disp_min_px, "disp_steps_per_px", SST_DISP_SCALE, "range_min_px",
-        lf->range_min_px, "range_max_px", lf->range_max_px, "focal_px", lf->focal_px, "spacing_mm", lf->spacing_mm,
-        "disparity_given", (int)lf->disparity_given, "labels_given", (int)lf->labels_given, "source", lf->source,
-        "history", lf->history, "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
-    char *text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
+    json_t *root =
+        json_pack("{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}",
+                  "format", FORMAT_NAME, "version", lf->rectified ? SST_LIGHTFIELD_VERSION : 1, "rows", lf->rows,
+                  "cols", lf->cols, "width", lf->width, "height", lf->height, "disp_min_px", lf->disp_min_px,
+                  "disp_steps_per_px", SST_DISP_SCALE, "range_min_px", lf->range_min_px, "range_max_px",
+                  lf->range_max_px, "focal_px", lf->focal_px, "spacing_mm", lf->spacing_mm, "disparity_given",
+                  (int)lf->disparity_given, "labels_given", (int)lf->labels_given, "source", lf->source, "history",
+                  lf->history, "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
+    char *text = NULL;
 
+    if (root && (!lf->rectified || !json_object_set_new(root, "calibration", calibration_to_json(lf))))
+        text = json_dumps(root, JSON_INDENT(1));
     json_decref(root);
     return text;
 }
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-#define MAX_FIELDS 18 /* of the largest object */
+#define MAX_FIELDS 20 /* of the largest object */
 
 /* One object being read: takes fields one by one, keeps the first fault. */
 struct reader {
@@ -316,8 +340,79 @@ static int read_lists(struct sst_lightfield *lf, struct reader *r)
     return r->err;
 }
 
+static void take_doubles(struct reader *r, const char *field, double *out, size_t n)
+{
+    const json_t *list = take_array(r, field, n);
+
+    if (!r->err && json_array_size(list) != n)
+        fault(r, field, "is too short");
+    for (size_t i = 0; !r->err && i < n; i++) {
+        if (!json_is_number(json_array_get(list, i)))
+            fault(r, field, "holds something that is no number");
+        out[i] = json_number_value(json_array_get(list, i));
+    }
+}
+
+static bool all_finite(const double *v, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        if (!within(v[i], -1e9, 1e9))
+            return false;
+    }
+    return true;
+}
+
+/* How a calibration is used; sizes, focal length and spacing are the light field's. */
+static int read_calibration(struct sst_lightfield *lf, const char *path, json_t *object)
+{
+    struct reader r = { .path = path, .where = "calibration.", .object = object };
+    struct sst_rectified to = { .rows = lf->rows,
+                                .cols = lf->cols,
+                                .width = lf->width,
+                                .height = lf->height,
+                                .focal_px = lf->focal_px,
+                                .spacing_mm = lf->spacing_mm };
+    char file[32] = "", filter_name[32] = "";
+    enum sst_filter filter = SST_FILTER_BILINEAR;
+
+    take_string(&r, "file", file, sizeof(file));
+    take_string(&r, "sha256", lf->calibration_sha256, sizeof(lf->calibration_sha256));
+    take_string(&r, "filter", filter_name, sizeof(filter_name));
+    to.reference = take_int(&r, "reference", 0, lf->rows * lf->cols - 1);
+    to.cx = take_double(&r, "cx");
+    to.cy = take_double(&r, "cy");
+    take_doubles(&r, "rotation", to.rotation, 9);
+    to.plane_mm = take_double(&r, "plane_mm");
+    to.out_rms_mm = take_double(&r, "out_rms_mm");
+    to.out_max_mm = take_double(&r, "out_max_mm");
+    to.lattice_rms_mm = take_double(&r, "lattice_rms_mm");
+    to.lattice_max_mm = take_double(&r, "lattice_max_mm");
+    take_doubles(&r, "step_mm", to.step_mm, 2);
+    to.skew_deg = take_double(&r, "skew_deg");
+    if (!r.err && strcmp(file, SST_CALIBRATION_FILE))
+        fault(&r, "file", "is not \"" SST_CALIBRATION_FILE "\"");
+    if (!r.err && !hash_ok(lf->calibration_sha256))
+        fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
+    if (!r.err && !sst_filter_find(&filter, filter_name))
+        fault(&r, "filter", "is none of bilinear, bicubic, lanczos");
+    if (!r.err && (!all_finite(to.rotation, 9) || !all_finite(to.step_mm, 2) || !all_finite(&to.cx, 2) ||
+                   !within(to.plane_mm, 0, 1e9) || !(to.focal_px > 0) || !(to.spacing_mm > 0)))
+        fault(&r, "it", "makes no sense: rotation, cx, cy, plane_mm, or focal_px and spacing_mm outside of it");
+    finish(&r);
+    if (r.err)
+        return r.err;
+    lf->filter = (int)filter;
+    lf->rectified = malloc(sizeof(*lf->rectified));
+    if (!lf->rectified) {
+        sst_log_error("no memory for the light field %s", path);
+        return -ENOMEM;
+    }
+    *lf->rectified = to;
+    return 0;
+}
+
 /* What must be known before a light field can be made. */
-static int read_head(struct reader *r, int *rows, int *cols)
+static int read_head(struct reader *r, int *rows, int *cols, int *version_out)
 {
     char format[32] = "";
     int version;
@@ -331,6 +426,7 @@ static int read_head(struct reader *r, int *rows, int *cols)
                       version, SST_LIGHTFIELD_VERSION);
         r->err = -EBADMSG;
     }
+    *version_out = version;
     *rows = take_int(r, "rows", 1, SST_MAX_VIEWS);
     *cols = take_int(r, "cols", 1, SST_MAX_VIEWS);
     if (!r->err && *rows * *cols > SST_MAX_VIEWS)
@@ -340,10 +436,11 @@ static int read_head(struct reader *r, int *rows, int *cols)
 
 static int read_root(struct sst_lightfield *lf, struct reader *r)
 {
-    int rows, cols;
+    int rows, cols, version;
+    json_t *calibration = NULL;
     const char *what;
 
-    if (read_head(r, &rows, &cols))
+    if (read_head(r, &rows, &cols, &version))
         return r->err;
     if (sst_lightfield_init(lf, rows, cols)) {
         sst_log_error("no memory for the light field %s", r->path);
@@ -362,9 +459,13 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     lf->labels_given = take_bool(r, "labels_given");
     take_string(r, "source", lf->source, sizeof(lf->source));
     take_string(r, "history", lf->history, sizeof(lf->history));
+    if (version > 1)
+        calibration = take(r, "calibration");
     if (r->err || read_lists(lf, r))
         return r->err;
     finish(r);
+    if (!r->err && calibration)
+        r->err = read_calibration(lf, r->path, calibration);
     what = r->err ? NULL : sst_lightfield_fault(lf);
     if (what) {
         sst_log_error("%s: %s; make the light field again", r->path, what);

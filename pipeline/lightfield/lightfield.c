@@ -3,6 +3,8 @@
 #include <errno.h>
 #include <stdlib.h>
 
+#include "pipeline/calib/calib.h"
+
 int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols)
 {
     struct sst_lightfield made = { .rows = rows, .cols = cols, .classes = sst_classes_default };
@@ -28,11 +30,16 @@ void sst_lightfield_fini(struct sst_lightfield *lf)
 {
     for (int k = 0; lf->views && k < lf->rows * lf->cols; k++) {
         sst_image_fini(&lf->views[k].image);
+        sst_map_u8_fini(&lf->views[k].valid);
         sst_map_u16_fini(&lf->views[k].disp);
         sst_map_u8_fini(&lf->views[k].label);
         sst_map_u8_fini(&lf->views[k].confidence);
     }
     free(lf->views);
+    if (lf->calibration)
+        sst_calib_fini(lf->calibration);
+    free(lf->calibration);
+    free(lf->rectified);
     *lf = (struct sst_lightfield){ 0 };
 }
 

@@ -26,6 +26,8 @@ struct sst_view {
     char file[256];         /* name inside views/, untouched camera bytes */
     char sha256[65];        /* of that file, lower-case hex */
     struct sst_image image; /* empty until loaded */
+    struct sst_map_u8 valid; /* 0 where the rectified image is black for want of a place in the raw frame, else 255; made
+                                with the image; empty: there is no such pixel */
     struct sst_map_u16 disp;       /* 1/64 px above disp_min_px, or SST_DISP_NONE; empty: not computed */
     struct sst_map_u8 label;       /* refined labels; empty: not computed */
     struct sst_map_u8 confidence;  /* of the disparity; empty: not computed */
@@ -44,6 +46,7 @@ struct sst_lightfield {
      * maps, offsets) is about the rectified views. NULL: the files are the views. Owned. */
     struct sst_calib *calibration;
     struct sst_rectified *rectified; /* what it was made to; NULL as calibration */
+    char calibration_sha256[65];     /* of the folder's calibration.yaml; empty: not written yet */
     int filter;                      /* sst_filter of the resampling */
     char source[1024];   /* provenance: format and where from */
     char history[1024];  /* what processing made the derived maps, one line */
@@ -70,7 +73,8 @@ void sst_lightfield_fini(struct sst_lightfield *lf);
 SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
 
 /**
- * Read a light-field folder. What `what` names and the folder lacks stays empty, except images, which must be there.
+ * Read a light-field folder. With a calibration, images are rectified as they are loaded (SST_LOAD_RAW: not), the same
+ * bytes for any number of threads. What `what` names and the folder lacks stays empty, except images, which must be there.
  * Checks every size, hash-free (see sst_lightfield_verify); decodes on `threads` threads.
  *
  * @return 0, -ENOENT, -EBADMSG, -ENOMEM, -EIO; logged.
@@ -82,7 +86,8 @@ SST_MUST_CHECK int sst_lightfield_verify(const struct sst_lightfield *lf, const 
 
 /**
  * Write lightfield.json plus every non-empty disparity, labels and confidence map into `dir`, an open sst_outdir's
- * temporary folder in which views/ is already filled. An empty sha256 is computed from the view's file.
+ * temporary folder in which views/ is already filled, and calibration.yaml where there is a calibration. An empty
+ * sha256 is computed from the view's file.
  * @return 0, -EINVAL (the light field is inconsistent), -ENOENT, -EIO, -ENOSPC, -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int threads);

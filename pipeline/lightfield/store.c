@@ -1,4 +1,5 @@
 /* A light field as a folder: lightfield.json, views/, and the derived disparity/, labels/ and confidence/. */
+#include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/store.h"
 
 #include <errno.h>
@@ -11,6 +12,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/calib/calib.h"
 #include "pipeline/image/codec.h"
 
 /* The kinds of derived maps and their folders. */
@@ -70,8 +72,9 @@ static int view_path(char out[SST_PATH_MAX], const char *dir, const struct sst_v
 
 static bool has_map(const struct sst_view *v, enum map_kind kind)
 {
-    return kind == MAP_DISPARITY ? v->disp.data != NULL : kind == MAP_LABELS ? v->label.data != NULL
-                                                                             : v->confidence.data != NULL;
+    return kind == MAP_DISPARITY ? v->disp.data != NULL
+           : kind == MAP_LABELS  ? v->label.data != NULL
+                                 : v->confidence.data != NULL;
 }
 
 /* --- loading ------------------------------------------------------------------------------------------------------ */
@@ -83,6 +86,32 @@ static int check_size(const struct sst_lightfield *lf, const char *path, int wid
     sst_log_error("%s has %dx%d pixels, the light field %dx%d; make the light field again", path, width, height,
                   lf->width, lf->height);
     return -EBADMSG;
+}
+
+static int check_raw_size(const struct sst_calib *calib, const char *path, const struct sst_image *img)
+{
+    if (img->width == calib->width && img->height == calib->height)
+        return 0;
+    sst_log_error("%s has %dx%d pixels, the calibration is of frames of %dx%d; make the light field again", path,
+                  img->width, img->height, calib->width, calib->height);
+    return -EBADMSG;
+}
+
+static int load_image(const struct job *job, int k)
+{
+    struct sst_view *v = &job->lf->views[k];
+    const struct sst_calib *calib = job->lf->calibration;
+    char path[SST_PATH_MAX];
+    int err = view_path(path, job->dir, v);
+
+    if (!err)
+        err = sst_image_read(&v->image, path);
+    if (err)
+        return err;
+    if (!calib)
+        return check_size(job->lf, path, v->image.width, v->image.height);
+    err = check_raw_size(calib, path, &v->image);
+    return err || job->what & SST_LOAD_RAW ? err : sst_calibration_rectify_view(job->lf, k);
 }
 
 /* Labels index the class list in every later stage. */
@@ -131,19 +160,12 @@ static int load_map(const struct sst_lightfield *lf, const char *dir, enum map_k
 static int load_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    struct sst_view *v = &job->lf->views[k];
-    char path[SST_PATH_MAX];
     int err = 0;
 
-    if (!v->present)
+    if (!job->lf->views[k].present)
         return 0;
-    if (job->what & SST_LOAD_IMAGES) {
-        err = view_path(path, job->dir, v);
-        if (!err)
-            err = sst_image_read(&v->image, path);
-        if (!err)
-            err = check_size(job->lf, path, v->image.width, v->image.height);
-    }
+    if (job->what & SST_LOAD_IMAGES)
+        err = load_image(job, k);
     for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
         if (job->what & kinds[kind].load)
             err = load_map(job->lf, job->dir, kind, k);
@@ -170,7 +192,10 @@ int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned wha
     err = sst_lightfield_read_json(&made, path);
     if (err)
         return err;
-    err = sst_parallel_for(made.rows * made.cols, sst_thread_count(threads), load_view, &job);
+    if (made.rectified)
+        err = sst_calibration_load(&made, dir);
+    if (!err)
+        err = sst_parallel_for(made.rows * made.cols, sst_thread_count(threads), load_view, &job);
     if (err)
         sst_lightfield_fini(&made);
     else
@@ -295,6 +320,25 @@ static int make_folder(const char *dir, const char *name)
     return err == -ENOSPC || err == -EROFS || err == -EDQUOT ? err : -EIO;
 }
 
+/* calibration.yaml, and its hash. */
+static int write_calibration(char sha256[65], const struct sst_calib *calib, const char *dir)
+{
+    char path[SST_PATH_MAX];
+    uint8_t *text;
+    size_t size;
+    int err = sst_path_join(path, dir, SST_CALIBRATION_FILE);
+
+    if (!err)
+        err = sst_calib_write(calib, path);
+    if (!err)
+        err = sst_file_read(path, SST_VIEW_FILE_MAX, &text, &size);
+    if (err)
+        return err;
+    sst_sha256_hex(sha256, text, size);
+    free(text);
+    return 0;
+}
+
 /* lightfield.json and all maps, into the folder out; hashes that are missing come from the views in dir. */
 static int write_files(const struct sst_lightfield *lf, const char *dir, const char *out, int threads)
 {
@@ -343,7 +387,10 @@ no_memory:
 
 int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int threads)
 {
-    return write_files(lf, dir, dir, threads);
+    struct sst_lightfield copy = *lf; /* borrows everything; only the hash of the calibration becomes its own */
+    const int err = lf->calibration ? write_calibration(copy.calibration_sha256, lf->calibration, dir) : 0;
+
+    return err ? err : write_files(&copy, dir, dir, threads);
 }
 
 /* Put new/name in the place of dir/name; the old one, if any, goes to new/name-old. */

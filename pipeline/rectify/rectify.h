@@ -40,15 +40,21 @@ struct sst_rectify_config {
 
 /**
  * Fit plane and lattice to the centres and choose the common rotation and K, so that most of every view stays in the
- * picture. Grids of one row or column take the missing direction from the mean of the cameras' axes.
+ * picture. Grids of one row or column take the missing direction from the mean of the cameras' axes. Derived in plan.c.
  *
- * @return 0, -EINVAL (cfg), -EBADMSG (fewer than 2 known cameras, or centres that are no lattice: which camera, how
- * far)
+ * @return 0, -EINVAL (cfg: sizes, a plane nearer than twice a camera's dz), -EBADMSG (fewer than 2 known cameras,
+ * centres that are no lattice or contradict the grid's order: which camera, how far, which two are swapped; cameras
+ * that look away from the plane's normal); logged
  */
 SST_MUST_CHECK int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib,
                                     const struct sst_rectify_config *cfg);
 
-/** Where a rectified pixel is in the raw picture; the exact chain, in double. @return false: outside of any picture */
+/** Fill in view[] from rotation, spacing_mm, plane_mm and reference: what a stored geometry leaves out.
+ *  @return 0, -EINVAL (plane_mm is too near to a camera; logged) */
+SST_MUST_CHECK int sst_rectified_place(struct sst_rectified *to, const struct sst_calib *calib);
+
+/** Where a rectified pixel is in the raw picture; the exact chain, in double. @return false: more than 1/512 px outside
+ *  the raw picture's outermost pixel centres, behind the camera, or beyond where the lens folds over */
 SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x,
                                       double y, double *raw_x, double *raw_y);
 
@@ -60,20 +66,28 @@ SST_MUST_CHECK int sst_rectify_map_create(struct sst_rectify_map **out, const st
 void sst_rectify_map_destroy(struct sst_rectify_map *map);
 
 /**
- * Places of a row of rectified pixels in the raw picture.
- * @param xy_q8  out, [2 n] x, y in 1/256 px, within 1/256 of the exact chain; INT32_MIN where there is none
+ * Places of the rectified positions (x0 + i, y), i = 0 .. n-1, in the raw picture.
+ *
+ * @param x0, y  inside the rectified picture, with x0 + n - 1 too; need not be whole
+ * @param xy_q8  out, [2 n] x, y in 1/256 px, within 1/256 of the exact chain; both INT32_MIN where there is none
  */
-void sst_rectify_map_row(const struct sst_rectify_map *map, int x0, int y, int n, int32_t *xy_q8);
+void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y, int n, int32_t *xy_q8);
 
 /**
- * Resample one view: one pass from raw to rectified, light corrected.
+ * Resample one view: one pass from raw to rectified, light corrected. Deterministic for any number of threads.
  *
- * @param out    initialised by the caller to the rectified size; pixels from outside the raw picture are black
- * @param valid  255 where all taps were inside, or NULL; initialised by the caller
- * @return 0, -EINVAL (sizes)
+ * @param out    initialised by the caller to the rectified size; black where there is no place in the raw picture
+ * @param valid  255 where there is one (taps of the filter beyond the border repeat it), or NULL; initialised by the
+ *               caller
+ * @return 0, -EINVAL (sizes), -ENOMEM; not logged
  */
 SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
                                     struct sst_map_u8 *valid, const struct sst_image *raw, int threads);
+
+/** "bilinear", "bicubic", "lanczos". */
+const char *sst_filter_name(enum sst_filter filter);
+/** @return false: no such filter */
+SST_MUST_CHECK bool sst_filter_find(enum sst_filter *out, const char *name);
 
 SST_EXTERN_C_END
 

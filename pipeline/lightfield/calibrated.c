@@ -1,0 +1,296 @@
+#include "pipeline/lightfield/calibrated.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/store.h"
+
+#define MAX_NAMED   4    /* views named in one message */
+#define OFFSET_SLIP 1e-9 /* spacings: stored offsets agree with the calibration */
+
+void sst_use_calibration_defaults(struct sst_use_calibration *use)
+{
+    *use = (struct sst_use_calibration){ .plan = { .plane_mm = -1 }, .filter = SST_FILTER_BICUBIC };
+}
+
+int sst_use_calibration_read(struct sst_use_calibration *use, const char *path)
+{
+    const size_t n = strlen(path);
+
+    if (n >= sizeof(use->path)) {
+        sst_log_error("the name of the calibration is longer than %zu bytes", sizeof(use->path) - 1);
+        return -ENAMETOOLONG;
+    }
+    memcpy(use->path, path, n + 1);
+    return sst_calib_read(&use->calib, path);
+}
+
+void sst_use_calibration_fini(struct sst_use_calibration *use)
+{
+    sst_calib_fini(&use->calib);
+}
+
+/* --- giving a light field a calibration --------------------------------------------------------------------------- */
+
+int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_use_calibration *use)
+{
+    const struct sst_calib *c = &use->calib;
+    char named[MAX_NAMED * 18 + 8] = "";
+    int unknown = 0;
+
+    if (c->rows != lf->rows || c->cols != lf->cols) {
+        sst_log_error("%s is of a grid of %dx%d cameras, the views make one of %dx%d; calibrate this array", use->path,
+                      c->rows, c->cols, lf->rows, lf->cols);
+        return -EBADMSG;
+    }
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        char rr_cc[16];
+
+        if (!lf->views[k].present || c->camera[k].known)
+            continue;
+        lf->views[k].present = false;
+        if (unknown++ >= MAX_NAMED)
+            continue;
+        sst_view_name(lf, k, rr_cc);
+        strcat(strcat(named, named[0] ? ", " : ""), rr_cc);
+    }
+    if (unknown > MAX_NAMED)
+        strcat(named, " ...");
+    if (sst_lightfield_choose_ref(lf)) {
+        sst_log_error("%s knows none of the cameras that have views; calibrate them", use->path);
+        return -EBADMSG;
+    }
+    if (unknown)
+        sst_log_warning("%d views are left out, for %s does not know their cameras: %s", unknown, use->path, named);
+    return 0;
+}
+
+/* Offsets from the light field's own reference, which may not be the calibration's where views are missing. */
+static void set_offsets(struct sst_lightfield *lf, const struct sst_rectified *to)
+{
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        lf->views[k].bx = to->view[k].known ? to->view[k].bx - to->view[lf->ref_view].bx : 0;
+        lf->views[k].by = to->view[k].known ? to->view[k].by - to->view[lf->ref_view].by : 0;
+    }
+}
+
+int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use)
+{
+    struct sst_calib *calib = calloc(1, sizeof(*calib));
+    struct sst_rectified *to = calloc(1, sizeof(*to));
+    int err = calib && to ? sst_calib_copy(calib, &use->calib) : -ENOMEM;
+
+    if (err) {
+        sst_log_error("no memory for the calibration %s", use->path);
+    } else if (calib->width != lf->width || calib->height != lf->height) {
+        sst_log_error("%s is of frames of %dx%d pixels, the views have %dx%d; calibrate with the size that is captured",
+                      use->path, calib->width, calib->height, lf->width, lf->height);
+        err = -EBADMSG;
+    } else {
+        err = sst_rectify_plan(to, calib, &use->plan);
+    }
+    if (err) {
+        if (calib)
+            sst_calib_fini(calib);
+        free(calib);
+        free(to);
+        return err;
+    }
+    lf->calibration = calib;
+    lf->rectified = to;
+    lf->filter = (int)use->filter;
+    lf->width = to->width;
+    lf->height = to->height;
+    lf->focal_px = to->focal_px;
+    lf->spacing_mm = to->spacing_mm;
+    set_offsets(lf, to);
+    return 0;
+}
+
+void sst_calibration_drop(struct sst_lightfield *lf)
+{
+    if (!lf->calibration)
+        return;
+    lf->width = lf->calibration->width;
+    lf->height = lf->calibration->height;
+    lf->calibration_sha256[0] = '\0';
+    sst_calib_fini(lf->calibration);
+    free(lf->calibration);
+    free(lf->rectified);
+    lf->calibration = NULL;
+    lf->rectified = NULL;
+}
+
+/* --- loading ------------------------------------------------------------------------------------------------------ */
+
+/* Does what lightfield.json says follow from the calibration beside it? */
+static int check_offsets(const struct sst_lightfield *lf, const char *path)
+{
+    const struct sst_rectified *to = lf->rectified;
+    const int ref = lf->ref_view;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const struct sst_view *v = &lf->views[k];
+
+        if (!v->present)
+            continue;
+        if (to->view[k].known && fabs(to->view[k].bx - to->view[ref].bx - v->bx) <= OFFSET_SLIP &&
+            fabs(to->view[k].by - to->view[ref].by - v->by) <= OFFSET_SLIP)
+            continue;
+        sst_log_error("%s does not belong to its light field: the view of row %d, column %d is elsewhere; run `sst "
+                      "rectify` again",
+                      path, k / lf->cols, k % lf->cols);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+int sst_calibration_load(struct sst_lightfield *lf, const char *dir)
+{
+    char path[SST_PATH_MAX], hash[65];
+    struct sst_calib *calib;
+    uint8_t *text;
+    size_t size;
+    int err = sst_path_join(path, dir, SST_CALIBRATION_FILE);
+
+    if (!err)
+        err = sst_file_read(path, SST_VIEW_FILE_MAX, &text, &size);
+    if (err)
+        return err;
+    sst_sha256_hex(hash, text, size);
+    free(text);
+    if (strcmp(hash, lf->calibration_sha256)) {
+        sst_log_error(
+            "%s has changed since the light field was made (its SHA-256 differs); to use it, run `sst rectify "
+            "%s --calib %s -o NEW`",
+            path, dir, path);
+        return -EBADMSG;
+    }
+    calib = calloc(1, sizeof(*calib));
+    if (!calib)
+        return -ENOMEM;
+    err = sst_calib_read(calib, path);
+    if (err) {
+        free(calib);
+        return err;
+    }
+    lf->calibration = calib;
+    if (calib->rows != lf->rows || calib->cols != lf->cols || !calib->camera[lf->rectified->reference].known) {
+        sst_log_error("%s is not of the light field's grid of %dx%d; run `sst rectify` again", path, lf->rows,
+                      lf->cols);
+        return -EBADMSG;
+    }
+    err = sst_rectified_place(lf->rectified, calib);
+    return err ? err : check_offsets(lf, path);
+}
+
+int sst_calibration_rectify_view(struct sst_lightfield *lf, int view)
+{
+    struct sst_view *v = &lf->views[view];
+    struct sst_rectify_map *map = NULL;
+    struct sst_image out = { 0 };
+    struct sst_map_u8 valid = { 0 };
+    bool all = true;
+    int err = sst_rectify_map_create(&map, lf->rectified, lf->calibration, view);
+
+    if (!err)
+        err = sst_image_init(&out, lf->width, lf->height);
+    if (!err)
+        err = sst_map_u8_init(&valid, lf->width, lf->height);
+    if (!err)
+        err = sst_rectify_view(map, (enum sst_filter)lf->filter, &out, &valid, &v->image, 1);
+    sst_rectify_map_destroy(map);
+    if (err) {
+        sst_log_error("cannot rectify %s: %s", v->file, strerror(-err));
+        sst_image_fini(&out);
+        sst_map_u8_fini(&valid);
+        return err;
+    }
+    for (int y = 0; all && y < valid.height; y++)
+        all = !memchr(sst_map_u8_row(&valid, y), 0, (size_t)valid.width);
+    if (all)
+        sst_map_u8_fini(&valid);
+    sst_image_fini(&v->image);
+    sst_map_u8_fini(&v->valid);
+    v->image = out;
+    v->valid = valid;
+    return 0;
+}
+
+/* --- how much is kept --------------------------------------------------------------------------------------------- */
+
+#define KEPT_STEP 16
+
+static void view_kept(const struct sst_lightfield *lf, int view, struct sst_kept *out)
+{
+    const struct sst_calib *c = lf->calibration;
+    const int cols = (lf->width + KEPT_STEP - 1) / KEPT_STEP, rows = (lf->height + KEPT_STEP - 1) / KEPT_STEP;
+    const double middle_x = (lf->width - 1) / 2.0, middle_y = (lf->height - 1) / 2.0;
+    double seen = 0, area = 0;
+
+    for (int j = 0; j < rows; j++) {
+        for (int i = 0; i < cols; i++) {
+            /* Squares of pixels, spread evenly up to the borders; what each covers in the raw frame is its area. */
+            const double x = (i + 0.5) * lf->width / cols - 0.5, y = (j + 0.5) * lf->height / rows - 0.5;
+            const double dx = x < middle_x ? 1 : -1, dy = y < middle_y ? 1 : -1;
+            double at[2], right[2], below[2];
+
+            if (!sst_rectify_point(lf->rectified, c, view, x, y, &at[0], &at[1]))
+                continue;
+            seen++;
+            if (sst_rectify_point(lf->rectified, c, view, x + dx, y, &right[0], &right[1]) &&
+                sst_rectify_point(lf->rectified, c, view, x, y + dy, &below[0], &below[1]))
+                area += fabs((right[0] - at[0]) * (below[1] - at[1]) - (right[1] - at[1]) * (below[0] - at[0]));
+        }
+    }
+    out->filled = seen / ((double)cols * rows);
+    out->kept =
+        fmin(1, area * ((double)lf->width / cols) * ((double)lf->height / rows) / ((double)c->width * c->height));
+}
+
+struct kept_job {
+    const struct sst_lightfield *lf;
+    struct sst_kept view[SST_MAX_VIEWS];
+};
+
+static int kept_work(void *arg, int view, int worker SST_UNUSED)
+{
+    struct kept_job *job = arg;
+
+    if (job->lf->views[view].present)
+        view_kept(job->lf, view, &job->view[view]);
+    return 0;
+}
+
+int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst_kept *worst, struct sst_kept *mean)
+{
+    struct kept_job *job = calloc(1, sizeof(*job));
+    int n = 0, err;
+
+    if (!job) {
+        sst_log_error("no memory to measure what rectification keeps");
+        return -ENOMEM;
+    }
+    job->lf = lf;
+    err = sst_parallel_for(lf->rows * lf->cols, sst_thread_count(threads), kept_work, job);
+    *worst = (struct sst_kept){ 1, 1 };
+    *mean = (struct sst_kept){ 0, 0 };
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (!lf->views[k].present)
+            continue;
+        worst->filled = fmin(worst->filled, job->view[k].filled);
+        worst->kept = fmin(worst->kept, job->view[k].kept);
+        mean->filled += job->view[k].filled;
+        mean->kept += job->view[k].kept;
+        n++;
+    }
+    mean->filled /= n; /* a light field has a view */
+    mean->kept /= n;
+    free(job);
+    return err;
+}

@@ -1,0 +1,72 @@
+/* pipeline/lightfield/calibrated.h - light fields whose files are raw frames: made true by a calibration. */
+#ifndef SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
+#define SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
+
+#include "base/file.h"
+#include "pipeline/rectify/rectify.h"
+
+SST_EXTERN_C_BEGIN
+
+#define SST_CALIBRATION_FILE "calibration.yaml" /* in the folder of a calibrated light field */
+
+/** A calibration and what to do with it. */
+struct sst_use_calibration {
+    struct sst_calib calib;
+    char path[SST_PATH_MAX]; /* for messages */
+    struct sst_rectify_config plan;
+    enum sst_filter filter;
+};
+
+/** Bicubic; size and focal length of the cameras, plane at the calibration's range; calib is empty. */
+void sst_use_calibration_defaults(struct sst_use_calibration *use);
+/** Read the calibration. @return as sst_calib_read() */
+SST_MUST_CHECK int sst_use_calibration_read(struct sst_use_calibration *use, const char *path);
+void sst_use_calibration_fini(struct sst_use_calibration *use);
+
+/**
+ * Refuse a calibration of another grid; make absent the views whose cameras it does not know (a warning names them).
+ * To be called before files are copied.
+ * @return 0, -EBADMSG (another grid, or no view is left; logged)
+ */
+SST_MUST_CHECK int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_use_calibration *use);
+
+/**
+ * Calibrate a light field whose width and height are those of its raw frames: sets calibration, rectified, filter,
+ * width and height, focal length, spacing and the views' true offsets; maps must be empty.
+ *
+ * @return 0, -EBADMSG (size of frames, or what sst_rectify_plan() refuses), -EINVAL (use->plan), -ENOMEM; logged, lf
+ *         untouched
+ */
+SST_MUST_CHECK int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use);
+
+/** Share 0..1 of view's pixels that come from inside its raw frame, and of the raw frame's pixels that are kept. */
+struct sst_kept {
+    double filled, kept;
+};
+
+/** Of a calibrated light field, from one pixel in 256. @return 0 or -ENOMEM (logged) */
+SST_MUST_CHECK int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst_kept *worst,
+                                       struct sst_kept *mean);
+
+struct sst_rectify_dir_config {
+    const char *dir, *out;
+    const struct sst_use_calibration *use; /* NULL: the light field's own, as it is */
+    bool bake;                             /* write rectified PNG views and no calibration */
+    bool force;
+    int threads;
+    void (*progress)(void *arg, double done); /* or NULL */
+    void *progress_arg;
+};
+
+/**
+ * Make a light field of the raw frames of another one. Maps that are there belong to another geometry and are left out.
+ *
+ * @param calibrated  out, as it is written but never baked; nothing is loaded
+ * @return 0, -EINVAL, -ENOENT, -EBADMSG, -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged.
+ */
+SST_MUST_CHECK int sst_lightfield_rectify_dir(const struct sst_rectify_dir_config *cfg,
+                                              struct sst_lightfield *calibrated);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,37 @@
+/* pipeline/rectify/map.h - what resampling needs to know of a map. Inside pipeline/rectify only. */
+#ifndef SST_PIPELINE_RECTIFY_MAP_H
+#define SST_PIPELINE_RECTIFY_MAP_H
+
+#include "pipeline/rectify/rectify.h"
+
+SST_EXTERN_C_BEGIN
+
+/** The exact chain of one view: rectified pixel to ray, to the camera's axes, through the lens. */
+struct sst_chain {
+    struct sst_calib_camera cam;
+    double turn[9];          /* camera axes from rectified axes */
+    double focal_px, cx, cy; /* of the rectified view, its scale included */
+    int raw_width, raw_height;
+};
+
+void sst_chain_init(struct sst_chain *chain, const struct sst_rectified *to, const struct sst_calib *calib, int view);
+
+/** Where rectified (x, y) is in the raw picture or beyond its borders. @return false: behind the camera, or the lens
+ *  folds over before it */
+bool sst_chain_place(const struct sst_chain *chain, double x, double y, double *raw_x, double *raw_y);
+
+struct sst_light_map;
+
+struct sst_rectify_map {
+    struct sst_chain chain;
+    int width, height; /* of the rectified view */
+    int shift;         /* cells of (1 << shift) pixels */
+    int cells_x, cells_y;
+    double (*node)[2];           /* [cells_y + 3][cells_x + 3] places at the corners of cells, one more cell around */
+    uint8_t *cell;               /* [cells_y][cells_x] enum cell of map.c */
+    struct sst_light_map *light; /* NULL: nothing to correct */
+};
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,210 @@
+/* Pictures through a map, in one pass: places of a row, samples there in 1/128 levels, light, bytes. */
+#include <errno.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/rectify/light_map.h"
+#include "pipeline/rectify/map.h"
+
+#define BAND_ROWS 16
+#define RUN       512 /* pixels at a time: places, samples and factors stay in the first-level cache */
+#define MAX_TAPS  6
+
+static const struct {
+    const char *name;
+    int taps;
+} filters[] = {
+    [SST_FILTER_BILINEAR] = { "bilinear", 2 },
+    [SST_FILTER_BICUBIC] = { "bicubic", 4 },
+    [SST_FILTER_LANCZOS] = { "lanczos", 6 },
+};
+
+static int16_t weights[ARRAY_LEN(filters)][SST_RESAMPLE_PHASES * MAX_TAPS]; /* fixed after once */
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+
+const char *sst_filter_name(enum sst_filter filter)
+{
+    return filters[filter].name;
+}
+
+bool sst_filter_find(enum sst_filter *out, const char *name)
+{
+    for (size_t i = 0; i < ARRAY_LEN(filters); i++) {
+        if (!strcmp(filters[i].name, name)) {
+            *out = (enum sst_filter)i;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* --- filters ------------------------------------------------------------------------------------------------------ */
+
+static double sinc(double x)
+{
+    return x == 0 ? 1 : sin(M_PI * x) / (M_PI * x);
+}
+
+/* The filter at distance x from its centre. */
+static double filter_at(enum sst_filter filter, double x)
+{
+    x = fabs(x);
+    switch (filter) {
+    case SST_FILTER_BILINEAR:
+        return x < 1 ? 1 - x : 0;
+    case SST_FILTER_BICUBIC: /* Keys 1981, eq. (4) with a = -1/2 */
+        return x < 1 ? (1.5 * x - 2.5) * x * x + 1 : x < 2 ? ((-0.5 * x + 2.5) * x - 4) * x + 2 : 0;
+    case SST_FILTER_LANCZOS:
+        break;
+    }
+    return x < 3 ? sinc(x) * sinc(x / 3) : 0;
+}
+
+/* Weights of one position, whole and adding up to 2^14: the largest takes what rounding leaves. */
+static void set_weights(int16_t *out, enum sst_filter filter, double part)
+{
+    const int taps = filters[filter].taps;
+    double w[MAX_TAPS], sum = 0;
+    int left = 1 << 14, largest = 0;
+
+    for (int i = 0; i < taps; i++) {
+        w[i] = filter_at(filter, i + 1 - taps / 2 - part);
+        sum += w[i];
+    }
+    for (int i = 0; i < taps; i++) {
+        out[i] = (int16_t)lrint(w[i] / sum * (1 << 14));
+        left -= out[i];
+        largest = out[i] > out[largest] ? i : largest;
+    }
+    out[largest] = (int16_t)(out[largest] + left);
+}
+
+static void set_all_weights(void)
+{
+    for (size_t f = 0; f < ARRAY_LEN(filters); f++) {
+        for (int p = 0; p < SST_RESAMPLE_PHASES; p++)
+            set_weights(&weights[f][p * filters[f].taps], (enum sst_filter)f, p / (double)SST_RESAMPLE_PHASES);
+    }
+}
+
+/* --- views -------------------------------------------------------------------------------------------------------- */
+
+struct job {
+    const struct sst_rectify_map *map;
+    struct sst_image *out;
+    struct sst_map_u8 *valid;
+    const struct sst_image *raw;
+    uint8_t *packed; /* raw with its colours side by side, its border repeated */
+    struct sst_resample from;
+};
+
+/* One row of the packed picture, those of the border among them. */
+static void pack_row(const struct job *job, int y)
+{
+    const struct sst_image *raw = job->raw;
+    const int w = raw->width, from = sst_clamp_int(y, 0, raw->height - 1);
+    const uint8_t *r = sst_image_row(raw, 0, from), *g = sst_image_row(raw, 1, from), *b = sst_image_row(raw, 2, from);
+    uint8_t *line = job->packed + (size_t)(y + SST_RESAMPLE_BORDER) * job->from.stride, *first, *last;
+
+    first = line + 4 * (size_t)SST_RESAMPLE_BORDER;
+    last = first + 4 * (size_t)(w - 1);
+    for (int x = 0; x < w; x++) {
+        const uint32_t pixel = (uint32_t)r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
+
+        memcpy(first + 4 * (size_t)x, &pixel, sizeof(pixel));
+    }
+    for (size_t i = 1; i <= SST_RESAMPLE_BORDER; i++) {
+        memcpy(first - 4 * i, first, 4);
+        memcpy(last + 4 * i, last, 4);
+    }
+}
+
+static int pack_band(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    const int first = index * BAND_ROWS - SST_RESAMPLE_BORDER;
+
+    for (int y = first; y < sst_min_int(first + BAND_ROWS, job->raw->height + SST_RESAMPLE_BORDER); y++)
+        pack_row(job, y);
+    return 0;
+}
+
+/* Samples to bytes: with the light corrected, or rounded. */
+static void finish_run(const struct job *job, uint16_t *const sample[3], int x, int y, int n)
+{
+    const struct sst_light_map *light = job->map->light;
+    struct sst_light_factors factors = { 0 };
+    float scratch[2 * RUN];
+
+    if (light)
+        sst_light_map_row(light, x, y, n, scratch, &factors);
+    for (int c = 0; c < 3; c++) {
+        uint8_t *out = sst_image_row(job->out, c, y) + x;
+        const struct sst_light l = { .value = sample[c],
+                                     .falloff = factors.falloff,
+                                     .falloff_root = factors.falloff_root,
+                                     .gain = factors.gain[c],
+                                     .gain_root = factors.gain_root[c] };
+
+        if (light)
+            sst_kernels_get()->light_row(out, &l, (size_t)n);
+        for (int i = 0; !light && i < n; i++)
+            out[i] = (uint8_t)((sample[c][i] + (1 << (SST_LIGHT_SHIFT - 1))) >> SST_LIGHT_SHIFT);
+    }
+}
+
+static void do_run(const struct job *job, int x, int y, int n)
+{
+    int32_t xy_q8[2 * RUN];
+    uint16_t samples[3][RUN], *const sample[3] = { samples[0], samples[1], samples[2] };
+
+    sst_rectify_map_row(job->map, x, y, n, xy_q8);
+    sst_kernels_get()->resample_row(sample, &job->from, xy_q8, (size_t)n);
+    finish_run(job, sample, x, y, n);
+    for (int i = 0; job->valid && i < n; i++)
+        sst_map_u8_row(job->valid, y)[x + i] = xy_q8[2 * i] == INT32_MIN ? 0 : 255;
+}
+
+static int resample_band(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    const int end = sst_min_int((index + 1) * BAND_ROWS, job->out->height);
+
+    for (int y = index * BAND_ROWS; y < end; y++) {
+        for (int x = 0; x < job->out->width; x += RUN)
+            do_run(job, x, y, sst_min_int(RUN, job->out->width - x));
+    }
+    return 0;
+}
+
+int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
+                     struct sst_map_u8 *valid, const struct sst_image *raw, int threads)
+{
+    const size_t border = 2 * SST_RESAMPLE_BORDER, stride = sst_mem_stride((size_t)raw->width + border, 4);
+    struct job job = { .map = map, .out = out, .valid = valid, .raw = raw };
+    int err;
+
+    if ((size_t)filter >= ARRAY_LEN(filters) || out->width != map->width || out->height != map->height ||
+        raw->width != map->chain.raw_width || raw->height != map->chain.raw_height ||
+        (valid && (valid->width != out->width || valid->height != out->height)))
+        return -EINVAL;
+    pthread_once(&once, set_all_weights);
+    job.packed = sst_mem_alloc_raw((size_t)raw->height + border, stride);
+    if (!job.packed)
+        return -ENOMEM;
+    job.from = (struct sst_resample){ .pixel = job.packed + SST_RESAMPLE_BORDER * (stride + 4),
+                                      .stride = stride,
+                                      .weight = weights[filter],
+                                      .taps = filters[filter].taps };
+    threads = sst_thread_count(threads);
+    err = sst_parallel_for((raw->height + (int)border + BAND_ROWS - 1) / BAND_ROWS, threads, pack_band, &job);
+    if (!err)
+        err = sst_parallel_for((out->height + BAND_ROWS - 1) / BAND_ROWS, threads, resample_band, &job);
+    sst_mem_free(job.packed);
+    return err;
+}
