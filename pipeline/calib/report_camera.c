@@ -22,7 +22,7 @@ static const struct {
       "All detected corners, outliers included, of all frames. Where a picture is empty its lens is extrapolated.",
       "corners per cell", "none", false },
     { "rms", "Residual per region of the picture",
-      "Colour: SST_MAP_RMS per point of the used corners. Arrows: their mean, which is near 0 where only noise is "
+      "Colour: RMS per point of the used corners. Arrows: their mean, which is near 0 where only noise is "
       "left; arrows "
       "that agree between regions or cameras are an error of the model.",
       "px", "no corners", true },
@@ -265,14 +265,14 @@ static void vectors(const struct sst_calib_page *page, const struct tile *t)
             continue;
         tile_open(page, t, k);
         draw_vectors(page, t, k);
-        tile_close(page, k, SST_FIGURE(c->known && c->rms_px > 0 ? c->rms_px : (double)NAN), "px SST_MAP_RMS");
+        tile_close(page, k, SST_FIGURE(c->known && c->rms_px > 0 ? c->rms_px : (double)NAN), "px RMS");
     }
     fprintf(
         out,
         "</div></div>\n<figcaption>Measured minus predicted corners, magnified %s times; the rule in the lower left "
         "corner is %s px long. <b class=\"usable\">Orange</b>: outliers, left out, their lines cut. Up to %d residuals "
         "of a camera "
-        "are drawn, evenly taken from all frames. Below: SST_MAP_RMS per point over all used corners of the "
+        "are drawn, evenly taken from all frames. Below: RMS per point over all used corners of the "
         "camera.</figcaption></figure>\n",
         SST_NUM(t->magnify, 1), SST_NUM(page->shown->rule_px, 1),
         sst_max_int(20, sst_min_int(VECTORS, VECTORS_ALL / sst_max_int(page->figures->known, 1))));
@@ -281,8 +281,8 @@ static void vectors(const struct sst_calib_page *page, const struct tile *t)
 static void map_caption(const struct sst_calib_page *page, const struct tile *t, enum sst_calib_map kind)
 {
     static const char *const below[] = { "number of corners", "systematic part of the residuals",
-                                         "SST_MAP_RMS over the known part of the picture",
-                                         "SST_MAP_RMS over the known part of the picture", "gain of green less 1" };
+                                         "RMS over the known part of the picture",
+                                         "RMS over the known part of the picture", "gain of green less 1" };
 
     fprintf(page->out, "<figcaption>%s", kinds[kind].intro);
     if (kind == SST_MAP_RMS && t->mean_magnify > 0)
@@ -303,7 +303,7 @@ static void map(const struct sst_calib_page *page, const struct tile *t, enum ss
     for (int k = 0; k < page->figures->views; k++)
         values_of(values + (size_t)k * (size_t)cells, page, kind, k);
     for (size_t i = 0; i < (size_t)page->figures->views * (size_t)cells; i++)
-        any = any || isfinite(values[i]);
+        any = any || (isfinite(values[i]) && (kind != SST_MAP_LIGHT || values[i] != 0)); /* 0: nothing to correct */
     if (!any)
         return;
     scale = sst_calib_scale_fit(values, (size_t)page->figures->views * (size_t)cells);

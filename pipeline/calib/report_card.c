@@ -23,11 +23,17 @@ static void card_facts(const struct sst_calib_page *page, int view)
 
     turned(calib, view, deg);
     fprintf(out,
-            "<p><b>%s px</b> RMS per point over %s used corners in %s pictures; %s outliers; systematic part %s px; "
-            "expected error of carrying a pixel here from the reference view: %s px at the working range, %s px at "
-            "infinity.</p>\n",
+            "<p><b>%s px</b> RMS per point over %s used corners in %s pictures; %s outliers; systematic part of the "
+            "residuals %s px; ",
             SST_NUM0(c->rms_px, 3), SST_COUNT(c->corners), SST_COUNT(f->frames), SST_COUNT(f->outliers),
-            SST_NUM(f->systematic_px, 2), SST_NUM0(c->sigma_px, 2), SST_NUM(f->carry_px[0], 2));
+            SST_FIGURE(f->systematic_px));
+    if (view == calib->reference)
+        fputs("this is the reference view.</p>\n", out);
+    else
+        fprintf(out,
+                "expected error of carrying a pixel here from the reference view: %s px at the working range, %s px at "
+                "infinity.</p>\n",
+                SST_NUM0(c->sigma_px, 2), SST_NUM(f->carry_px[0], 2));
     if (!c->known)
         return;
     fprintf(out,
@@ -122,6 +128,12 @@ void sst_calib_page_cards(const struct sst_calib_page *page)
     }
 }
 
+/* No minus before what is shown as 0. */
+static double rounded(double value, double unit)
+{
+    return fabs(value) < unit / 2 ? 0 : value;
+}
+
 static void line(const struct sst_calib_page *page, int view, int coefficients)
 {
     const struct sst_calib *calib = &page->report->solution->calib;
@@ -134,7 +146,8 @@ static void line(const struct sst_calib_page *page, int view, int coefficients)
     sst_html_text(out, f->name);
     fprintf(out, "</a></td><td class=\"n\">%d, %d</td>", view / calib->cols, view % calib->cols);
     if (!c->known) {
-        fprintf(out, "<td colspan=\"%d\">not calibrated</td></tr>\n", 14 + coefficients);
+        fprintf(out, "<td colspan=\"%d\">not calibrated</td></tr>\n",
+                14 + coefficients + (page->report->light != NULL));
         return;
     }
     turned(calib, view, deg);
@@ -142,12 +155,15 @@ static void line(const struct sst_calib_page *page, int view, int coefficients)
             "<td class=\"n\">%s</td><td class=\"n\">%s</td><td class=\"n\">%s</td><td class=\"n\">%s</td>"
             "<td class=\"n\">%s</td><td class=\"n\">%s</td>",
             SST_NUM0(c->rms_px, 3), SST_COUNT(c->corners), SST_COUNT(f->outliers), SST_NUM(f->systematic_px, 2),
-            SST_NUM0(c->sigma_px, 2), SST_NUM(f->lens_px, 2));
+            view == calib->reference ? "reference" : SST_NUM0(c->sigma_px, 2), SST_NUM(f->lens_px, 2));
     fprintf(out, "<td class=\"n\">%.2f</td><td class=\"n\">%.2f</td><td class=\"n\">%.2f</td><td class=\"n\">%.2f</td>",
             c->fx, c->fy, c->cx, c->cy);
     for (int i = 0; i < 3; i++)
-        fprintf(out, "<td class=\"n\">%.3f</td>", c->position_mm[i]);
-    fprintf(out, "<td class=\"n\">%.4f, %.4f, %.4f</td>", deg[0], deg[1], deg[2]);
+        fprintf(out, "<td class=\"n\">%.3f</td>", rounded(c->position_mm[i], 1e-3));
+    fprintf(out, "<td class=\"n\">%.4f, %.4f, %.4f</td>", rounded(deg[0], 1e-4), rounded(deg[1], 1e-4),
+            rounded(deg[2], 1e-4));
+    if (page->report->light)
+        fprintf(out, "<td class=\"n\">%.3f, %.3f, %.3f</td>", c->gain[0], c->gain[1], c->gain[2]);
     for (int i = 0; i < coefficients; i++)
         fprintf(out, "<td class=\"n\">%.5f</td>", c->k[i]);
     fputs("</tr>\n", out);

@@ -29,7 +29,8 @@ struct sst_calib_number sst_calib_number(double value, int digits)
 
 struct sst_calib_number sst_calib_figure(double value)
 {
-    return sst_calib_number(value, fabs(value) < 0.1 ? 2 : 3);
+    /* Below a billionth of a pixel or millimetre only rounding is left. */
+    return sst_calib_number(fabs(value) < 1e-9 ? 0 : value, fabs(value) < 0.1 ? 2 : 3);
 }
 
 struct sst_calib_number sst_calib_count(int64_t count)

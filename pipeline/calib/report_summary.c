@@ -115,11 +115,12 @@ static void key_worst(const struct sst_calib_page *page)
                 SST_COUNT(l->corners), SST_COUNT(l->frames));
         key_close(out);
     }
-    key_open(out, "Neighbours line up to", SST_NUM(f->pair_mean_px, 2), "px");
-    fprintf(out,
-            "Mean of %s pairs of neighbours: by how much their used corners disagree across the line between them "
-            "(rows of a rectified pair), magnitude of each pair's mean.",
-            SST_COUNT(f->pairs));
+    key_open(out, "Neighbours line up to", SST_FIGURE(f->pair_p95_px), isfinite(f->pair_p95_px) ? "px" : "");
+    fprintf(
+        out,
+        "in 95 %% of the regions of %s pair%s of neighbours: mean of how much their used corners disagree across the "
+        "line between them (the rows of a rectified pair).",
+        SST_COUNT(f->pairs), f->pairs == 1 ? "" : "s");
     key_close(out);
 }
 

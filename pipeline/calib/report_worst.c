@@ -183,16 +183,17 @@ static void list(const struct sst_calib_page *page)
     const struct sst_detections *all = page->report->detections;
     FILE *out = page->out;
 
-    fprintf(out, "<h3>Outliers</h3>\n<p>%s corners were left out. ", SST_COUNT(page->report->solution->outliers));
+    fprintf(out, "<h3>Outliers</h3>\n<p>%s corner%s left out. ", SST_COUNT(page->report->solution->outliers),
+            page->report->solution->outliers == 1 ? " was" : "s were");
     if (!f->listed) {
         fputs("</p>\n", out);
         return;
     }
     fprintf(out,
-            "%s, the farthest first; x and y are measured minus predicted.</p>\n<div class=\"scroll\"><table "
+            "%s; x and y are measured minus predicted.</p>\n<div class=\"scroll\"><table "
             "class=\"tight\"><tr><th>camera</th><th>frame</th><th class=\"n\">corner</th><th class=\"n\">off by, px"
             "</th><th class=\"n\">x</th><th class=\"n\">y</th></tr>\n",
-            f->listed < f->outliers ? "The largest" : "All of them");
+            f->listed < f->outliers ? "The farthest" : "All of them, the farthest first");
     for (int i = 0; i < f->listed; i++) {
         const struct sst_detection *d = &all->detection[f->outlier[i].detection];
         const double *e = page->report->solution->view[f->outlier[i].detection].residual[f->outlier[i].corner];
