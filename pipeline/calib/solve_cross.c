@@ -11,7 +11,8 @@
 #define BETTER                0.99 /* 8 coefficients must bring the held-out error below this part of 5's */
 #define LEAST_FRAMES_CROSS    8
 #define CENTRAL               0.8
-#define MOST_CROSS_RATIO      2
+#define MOST_POOLED_RATIO     2 /* of all cameras together: differences over what is expected */
+#define MOST_CROSS_RATIO      4 /* of the worst camera: the largest of 36 normal ones reaches 3 */
 
 /* Which frames take part: those whose number among the known ones leaves rest k by n, or all others. */
 static void keep_frames(struct solve_problem *p, int n, int k, bool others)
@@ -210,6 +211,7 @@ int sst_solve_cross(struct solve_case *c)
 {
     struct solve_problem half[2] = { { 0 } };
     struct solve_covariance cov[2] = { { .size = 0 } };
+    double found = 0, expected = 0;
     int err = 0;
     char name[128];
 
@@ -219,17 +221,20 @@ int sst_solve_cross(struct solve_case *c)
         err = solve_half(&c->p, k, &half[k], &cov[k]);
     for (int v = 0; v < c->p.views && !err; v++) {
         float map[2][SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS];
-        double px;
+        double px, expects;
 
         if (cov[0].layout.lens[v] < 0 || cov[1].layout.lens[v] < 0)
             continue;
         px = sst_solve_lens_difference(&c->p, half[0].camera[v].lens, half[1].camera[v].lens, CENTRAL);
-        if (c->cross_camera >= 0 && !(px > c->cross_px))
-            continue;
         for (int k = 0; k < 2; k++)
             sst_solve_lens_map(&half[k], &cov[k], v, CENTRAL, map[k]);
+        expects = sqrt(2) * hypot(sst_solve_map_rms(map[0]), sst_solve_map_rms(map[1]));
+        found += px * px;
+        expected += expects * expects;
+        if (c->cross_camera >= 0 && !(px > c->cross_px))
+            continue;
         c->cross_px = px;
-        c->cross_expected_px = sqrt(2) * hypot(sst_solve_map_rms(map[0]), sst_solve_map_rms(map[1]));
+        c->cross_expected_px = expects;
         c->cross_camera = v;
     }
     for (int k = 0; k < 2; k++) {
@@ -241,7 +246,9 @@ int sst_solve_cross(struct solve_case *c)
                         "more frames");
         return 0;
     }
-    if (!err && c->cross_camera >= 0 && c->cross_px > MOST_CROSS_RATIO * c->cross_expected_px)
+    if (!err && c->cross_camera >= 0 &&
+        (c->cross_px > MOST_CROSS_RATIO * c->cross_expected_px ||
+         found > MOST_POOLED_RATIO * MOST_POOLED_RATIO * expected))
         sst_log_warning("odd and even frames give lenses of %s that differ by %.3g px, where the corner noise explains "
                         "%.3g px: something moves between frames, or the lens needs more coefficients",
                         sst_solve_name(c->all, c->cross_camera, name), c->cross_px, c->cross_expected_px);
