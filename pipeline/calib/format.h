@@ -66,8 +66,8 @@ SST_MUST_CHECK int sst_lens_reduce(struct sst_calib_camera *out, double *worst_p
                                    int width, int height, int coefficients);
 
 /**
- * A copy with every lens reduced. Says by how much; refuses beyond SST_LENS_LOSS_PX, naming the worst camera, unless
- * lossy.
+ * A copy with every lens reduced. Warns of errors from 0.001 px on; refuses beyond SST_LENS_LOSS_PX,
+ * naming the worst camera, unless lossy.
  * @param what  the format's name, for messages
  * @return 0, -EBADMSG (refused), -ENOMEM; logged
  */
