@@ -90,7 +90,7 @@ def main(folder):
             if points is None:
                 continue
             read += len(points) / whole
-        errors.append(np.linalg.norm(corners - expected(truth, 0, k, points), axis=1))
+            errors.append(np.linalg.norm(corners - expected(truth, 0, k, points), axis=1))
         mean = np.concatenate(errors).mean() if errors else np.inf
         print(f"{name}: {read / POSES:.0%} of the corners, on average {mean:.3f} px off")
         # The corners of tags are found less exactly than those where squares meet.

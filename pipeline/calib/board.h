@@ -43,8 +43,31 @@ void sst_board_format(const struct sst_board *board, char out[128]);
 int sst_board_points(const struct sst_board *board);
 /** Point id, mm. */
 void sst_board_point(const struct sst_board *board, int id, double out[2]);
-/** Distance of neighbouring points, mm: the scale for windows and tests. */
+/** Smallest distance of neighbouring points, mm: the scale for windows and tests. */
 double sst_board_pitch_mm(const struct sst_board *board);
+
+/** A marker of a ChArUco board, a tag of an AprilGrid. */
+struct sst_board_marker {
+    int number;          /* in its dictionary */
+    double corner[4][2]; /* mm, clockwise from the one that is its upper left where the marker itself is upright */
+};
+
+/**
+ * The markers, row by row from the upper left; none on a chessboard.
+ *
+ * Two customs exist. ChArUco boards of an even number of rows begin with a black square, or (OpenCV before 4.6) with a
+ * white one; tags of an AprilGrid stand upright when numbered from the top, on their heads as Kalibr prints them. The
+ * detector takes whichever fits.
+ *
+ * @param other  the other of both customs
+ * @param out    [sst_board_markers()], or NULL to count
+ */
+int sst_board_markers(struct sst_board_marker *out, const struct sst_board *board, bool other);
+
+/** Dictionary of a board's markers by OpenCV's number, and modules of their black border. */
+int sst_board_dictionary(const struct sst_board *board, int *border);
+/** Name ("4x4_50") of a dictionary and how many markers it has; NULL: there is none of this number. */
+const char *sst_board_dictionary_name(int dictionary, int *markers);
 
 SST_EXTERN_C_END
 

@@ -65,6 +65,9 @@ SST_MUST_CHECK int sst_board_detect(const struct sst_board *board, const struct 
                                     enum sst_detect_outcome *outcome);
 void sst_detection_fini(struct sst_detection *detection);
 
+/** In how many ways a chessboard of cols x rows inner corners looks the same: 1, 2 (half a turn) or 4. */
+int sst_chessboard_ways(int cols, int rows);
+
 /**
  * What a picture seems to hold when the board was not found: kinds, squares and dictionaries that fit, as one clause
  * for an error ("it shows a chessboard of 10x7 squares"). Slow: for messages only. @return false: nothing that we know
@@ -76,7 +79,14 @@ SST_MUST_CHECK int sst_detections_init(struct sst_detections *all, const struct 
 void sst_detections_fini(struct sst_detections *all);
 /** Add a frame. @return its index or -ENOMEM */
 SST_MUST_CHECK int sst_detections_frame(struct sst_detections *all, const char *name);
-/** Take over a detection (its view and frame set); kept in order. */
+/**
+ * Take over a detection (its view and frame set); kept in order, its corners freed by sst_detections_fini(). A
+ * chessboard that looks the same after a turn is numbered so that the views of a frame agree; this may renumber what
+ * was there. The result does not depend on the order of the calls.
+ *
+ * @return 0, -EINVAL (no such view or frame, or that one is there already, or ids not ascending), -ENOMEM; on failure
+ *         the detection stays the caller's.
+ */
 SST_MUST_CHECK int sst_detections_add(struct sst_detections *all, struct sst_detection *detection);
 
 /** JSON of all corners (docs/formats.md): to solve again, or from another detector. The usual errors, logged. */

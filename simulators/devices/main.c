@@ -20,6 +20,7 @@ static const char help[] =
     "usage: sst-sim [OPTIONS] -- COMMAND [ARGUMENTS]   run COMMAND with simulated cameras; its exit status is ours\n"
     "       sst-sim [OPTIONS] --serve DIR               keep a session in DIR until 'sst-sim stop --dir DIR'\n"
     "       sst-sim --join DIR -- COMMAND               run COMMAND in a session that is served\n"
+    "       sst-sim --parameters FILE [--world W]       write the true parameters of a world\n"
     "       sst-sim fault NAME=VALUE ... | --list       set faults in a running session, or show all there are\n"
     "       sst-sim status [--json]                     what the session does\n"
     "       sst-sim stop                                end a served session\n"
@@ -34,6 +35,7 @@ static const char help[] =
     "  --rig            three drives on Modbus TCP and RTU (/dev/serial/by-id/usb-sst_sim_rig) carry the camera\n"
     "  --rig-port N     TCP port of the drives on 127.0.0.1 (default: 1502; 0: a free one, see sst-sim status)\n"
     "  --fault N=V      a fault from the start; may be repeated\n"
+    "  --parameters F   write the world's true parameters: F.json all of them, F.yaml as a calibration\n"
     "  --truth FILE     write what really happened: one JSON object a line for each exposure\n"
     "  --stats FILE     write frames made and CPU time of the simulation itself as JSON at the end\n"
     "  --quiet          do not tell them on standard error\n"
@@ -45,7 +47,7 @@ static const char help[] =
 struct arguments {
     struct sst_sim_options options;
     const char *faults[FAULTS_MAX];
-    const char *serve, *join, *dir;
+    const char *serve, *join, *dir, *parameters;
     bool list, json;
 };
 
@@ -76,6 +78,7 @@ static int read_options(int argc, char **argv, struct arguments *a)
         { "quiet", no_argument, NULL, 'q' },       { "serve", required_argument, NULL, 'S' },
         { "join", required_argument, NULL, 'J' },  { "dir", required_argument, NULL, 'd' },
         { "list", no_argument, NULL, 'l' },        { "json", no_argument, NULL, 'j' },
+        { "parameters", required_argument, NULL, 'P' },
         { "help", no_argument, NULL, 'h' },        { NULL, 0, NULL, 0 },
     };
     int c;
@@ -84,6 +87,7 @@ static int read_options(int argc, char **argv, struct arguments *a)
         switch (c) {
         case 'w': a->options.world = optarg; break;
         case 'c': a->options.cache = optarg; break;
+        case 'P': a->parameters = optarg; break;
         case 't': a->options.truth = optarg; break;
         case 's': a->options.stats = optarg; break;
         case 'q': a->options.quiet = true; break;
@@ -311,6 +315,10 @@ int main(int argc, char **argv)
         return bad - 1;
     if (optind > 1 && strcmp(argv[optind - 1], "--") != 0 && optind < argc)
         return usage("write -- before the command");
+    if (a.parameters && sst_sim_world_parameters(a.options.world, a.parameters))
+        return EXIT_FAILURE;
+    if (a.parameters && !a.serve && !a.join && optind >= argc)
+        return 0;
     if (a.serve)
         return optind < argc ? usage("--serve takes no command") : run_session(&a, NULL);
     if (optind >= argc)

@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "simulators/world/settings.h"
 
 struct sst_sim_simulator {
     struct sst_sim_options options;
@@ -120,6 +121,30 @@ static int answer(void *arg, struct sst_sim_request *r)
     }
 }
 
+/* --- faults of the world ------------------------------------------------------------------------------------------ */
+
+static const struct sst_sim_fault world_faults[] = {
+    { "board_pose", 0, SST_SIM_POSES_MAX, "the board stays in this pose, from 1; 0: by time, on a rig the first" },
+};
+
+static int hold_board(void *arg, int instance SST_UNUSED, int fault SST_UNUSED, double value)
+{
+    struct sst_sim_simulator *sim = arg;
+
+    return sst_sim_world_hold(sim->world, (int)value);
+}
+
+static int add_world_faults(struct sst_sim_simulator *sim)
+{
+    const int scope = sst_sim_faults_add(sim->faults, &(struct sst_sim_fault_scope){ .name = "world",
+                                                                                     .faults = world_faults,
+                                                                                     .count = ARRAY_LEN(world_faults),
+                                                                                     .changed = hold_board,
+                                                                                     .arg = sim });
+
+    return sst_min_int(scope, 0);
+}
+
 /* --- open and close ----------------------------------------------------------------------------------------------- */
 
 static int set_faults(struct sst_sim_simulator *sim)
@@ -147,6 +172,8 @@ int sst_sim_simulator_open(struct sst_sim_simulator **out, const struct sst_sim_
     err = sst_sim_world_open(&sim->world, options->world, options->cache);
     if (!err)
         err = sst_sim_faults_create(&sim->faults);
+    if (!err)
+        err = add_world_faults(sim);
     if (err) {
         sst_sim_simulator_close(sim);
         return err;

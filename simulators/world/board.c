@@ -24,13 +24,7 @@ static const uint64_t april_tag[SST_SIM_APRIL_TAGS] = {
     0x5CD7A031D, 0xB9C8F7A4B, 0x46987E06B, 0x6E0C5D527, 0x5BC567BB4, 0x1E6302BC2, 0x8AC7D046A, 0xA65FE2326, 0x5400EB616,
 };
 
-/* --- paints: of a patch that is the pattern and its margin; scale_mm is the side of a square or tag, k the marker - */
-
-static float paint_bit(const struct sst_surface *s, bool white, struct sst_rgb *out)
-{
-    *out = white ? s->mat.a : s->mat.b;
-    return 1;
-}
+/* --- the pattern -------------------------------------------------------------------------------------------------- */
 
 /* Module at (x, y), 0..1 each from the marker's upper left: the border is black. */
 static bool module(uint64_t bits, int modules, int border, double x, double y)
@@ -43,54 +37,76 @@ static bool module(uint64_t bits, int modules, int border, double x, double y)
     return bits >> (modules * modules - 1 - row * modules - column) & 1;
 }
 
-/* Squares across the pattern, whose margin is half of one on each side. */
-static int squares(struct sst_vec3 half_axis, double square_mm)
+/* These stand for floor() and fmin(), which cost a call each where they are asked for a hundred million times. */
+static int whole(double x)
 {
-    return (int)lround(2 * sqrt(sst_dot(half_axis, half_axis)) / square_mm) - 1;
+    return (int)(x + 1024) - 1024; /* boards have fewer squares */
 }
 
-static float paint_squares(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+static double lesser(double a, double b)
 {
-    const int cols = squares(s->u, s->mat.scale_mm), rows = squares(s->v, s->mat.scale_mm);
-    const double x = h->t.x / s->mat.scale_mm + cols / 2.0, y = h->t.y / s->mat.scale_mm + rows / 2.0;
-    const int column = (int)floor(x), row = (int)floor(y);
-    const bool inside = column >= 0 && row >= 0 && column < cols && row < rows;
-    double u, v;
+    return a < b ? a : b;
+}
+
+/* From x to the nearest whole number. */
+static double to_line(double x)
+{
+    const double rest = x - whole(x);
+
+    return lesser(rest, 1 - rest);
+}
+
+/* In squares from the upper left corner of the pattern. */
+static bool squares(const struct sst_sim_board *b, double x, double y, double *clear)
+{
+    const int column = whole(x), row = whole(y), side = CHARUCO_MODULES + 2;
+    double u, v, out;
     int id;
 
-    if (!inside || !((column + row) & 1))
-        return paint_bit(s, !inside, out);
-    if (!(s->mat.k > 0))
-        return paint_bit(s, true, out);
-    u = (x - column - 0.5) / s->mat.k + 0.5;
-    v = (y - row - 0.5) / s->mat.k + 0.5;
-    if (u < 0 || v < 0 || u >= 1 || v >= 1)
-        return paint_bit(s, true, out);
+    *clear = lesser(to_line(x), to_line(y));
+    if (column < 0 || row < 0 || column >= b->cols || row >= b->rows)
+        return true;
+    if (!((column + row) & 1))
+        return false;
+    if (b->kind == SST_SIM_CHESSBOARD)
+        return true;
+    u = (x - column - 0.5) / b->marker + 0.5;
+    v = (y - row - 0.5) / b->marker + 0.5;
+    out = -lesser(lesser(u, 1 - u), lesser(v, 1 - v));
+    if (out >= 0) {
+        *clear = lesser(*clear, out * b->marker);
+        return true;
+    }
+    *clear = lesser(to_line(u * side), to_line(v * side)) * b->marker / side;
     /* White squares before this one: of two rows together there are cols, the first of them has cols / 2. */
-    id = row / 2 * cols + (row & 1) * (cols / 2) + column / 2;
-    return paint_bit(s, module(charuco_marker[id], CHARUCO_MODULES, 1, u, v), out);
+    id = row / 2 * b->cols + (row & 1) * (b->cols / 2) + column / 2;
+    return module(charuco_marker[id], CHARUCO_MODULES, 1, u, v);
 }
 
-static float paint_tags(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+/* To the nearest edge across one axis: first the gap, then the tag. */
+static double tag_edge(double u, double gap)
 {
-    const double tag = s->mat.scale_mm, gap = s->mat.k, pitch = 1 + gap;
-    const double width = 2 * sqrt(sst_dot(s->u, s->u)) / tag - 2 * gap;
-    const double height = 2 * sqrt(sst_dot(s->v, s->v)) / tag - 2 * gap;
-    const int cols = (int)lround((width - gap) / pitch), rows = (int)lround((height - gap) / pitch);
-    const double x = h->t.x / tag + width / 2, y = h->t.y / tag + height / 2;
-    const int column = (int)floor(x / pitch), row = (int)floor(y / pitch);
-    const double u = x - column * pitch, v = y - row * pitch; /* first the gap, then the tag */
+    const int side = APRIL_MODULES + 2 * APRIL_BORDER;
 
-    if (x < 0 || y < 0 || x >= width || y >= height)
-        return paint_bit(s, true, out);
-    if (u < gap || v < gap)
-        return paint_bit(s, !(u < gap && v < gap), out);
-    if (column >= cols || row >= rows)
-        return paint_bit(s, true, out);
-    return paint_bit(s, module(april_tag[row * cols + column], APRIL_MODULES, APRIL_BORDER, u - gap, v - gap), out);
+    return u < gap ? lesser(u, gap - u) : to_line((u - gap) * side) / side;
 }
 
-/* --- boards in worlds -------------------------------------------------------------------------------------------- */
+/* In tags from the upper left corner of the pattern. */
+static bool tags(const struct sst_sim_board *b, double x, double y, double *clear)
+{
+    const double gap = b->marker, pitch = 1 + gap, width = b->cols * pitch + gap, height = b->rows * pitch + gap;
+    const int column = whole(x / pitch), row = whole(y / pitch);
+    const double u = x - column * pitch, v = y - row * pitch;
+
+    *clear = lesser(tag_edge(u, gap), tag_edge(v, gap));
+    if (x < 0 || y < 0 || x >= width || y >= height)
+        return true;
+    if (u < gap || v < gap)
+        return !(u < gap && v < gap);
+    if (column >= b->cols || row >= b->rows)
+        return true;
+    return module(april_tag[row * b->cols + column], APRIL_MODULES, APRIL_BORDER, u - gap, v - gap);
+}
 
 void sst_sim_board_size(const struct sst_sim_board *b, double *width_mm, double *height_mm)
 {
@@ -100,6 +116,34 @@ void sst_sim_board_size(const struct sst_sim_board *b, double *width_mm, double 
     *width_mm = (b->cols * pitch + more) * b->square_mm;
     *height_mm = (b->rows * pitch + more) * b->square_mm;
 }
+
+double sst_sim_board_margin(const struct sst_sim_board *b)
+{
+    return b->kind == SST_SIM_APRILGRID ? b->marker * b->square_mm : b->square_mm / 2;
+}
+
+bool sst_sim_board_white(const struct sst_sim_board *b, double x_mm, double y_mm, double *clear_mm)
+{
+    double width, height, x, y;
+    bool white;
+
+    sst_sim_board_size(b, &width, &height);
+    x = (x_mm + width / 2) / b->square_mm;
+    y = (y_mm + height / 2) / b->square_mm;
+    white = b->kind == SST_SIM_APRILGRID ? tags(b, x, y, clear_mm) : squares(b, x, y, clear_mm);
+    *clear_mm *= b->square_mm;
+    return white;
+}
+
+static float paint_board(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+{
+    double clear;
+
+    *out = sst_sim_board_white(s->own, h->t.x, h->t.y, &clear) ? s->mat.a : s->mat.b;
+    return 1;
+}
+
+/* --- boards in worlds -------------------------------------------------------------------------------------------- */
 
 /* Half of what is left of the picture beside the board, at a distance where a design pixel spans mm, so that the
  * outermost cameras still see most of it. */
@@ -122,7 +166,8 @@ void sst_sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_sett
         struct sst_sim_pose *p = &b->pose[i];
 
         p->position_mm[0] = sst_random_in(&rng, -x, x) + ((s->cols - 1) / 2.0 - (s->cols - 1) / 2) * w->spacing_mm;
-        p->position_mm[1] = sst_random_in(&rng, -y, y) + ((s->rows - 1) / 2.0 - (s->rows - 1) / 2) * w->spacing_mm;
+        p->position_mm[1] =
+            sst_random_in(&rng, -y, y) + ((s->rows - 1) / 2.0 - (s->rows - 1) / 2) * w->spacing_mm - w->shift * mm;
         p->position_mm[2] = z;
         p->rotation_deg[0] = sst_random_in(&rng, -32, 32);
         p->rotation_deg[1] = sst_random_in(&rng, -32, 32);
@@ -132,14 +177,13 @@ void sst_sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_sett
 
 void sst_sim_board_add(struct sst_world *w, const struct sst_sim_board *b, int pose)
 {
-    const bool tags = b->kind == SST_SIM_APRILGRID;
-    const double margin = tags ? b->marker * b->square_mm : b->square_mm / 2;
+    const double margin = sst_sim_board_margin(b);
     const struct sst_sim_pose *p = &b->pose[pose];
-    struct sst_material mat = sst_mat(tags ? paint_tags : paint_squares, 0xECECEC, 0x141414, b->square_mm);
+    const struct sst_material mat =
+        sst_mat(paint_board, SST_SIM_BOARD_WHITE * 0x10101, SST_SIM_BOARD_BLACK * 0x10101, 0);
     double width, height, r[9];
     struct sst_surface *s;
 
-    mat.k = b->kind == SST_SIM_CHESSBOARD ? 0 : b->marker;
     sst_sim_board_size(b, &width, &height);
     sst_sim_rotation(p->rotation_deg, r);
     sst_begin(w, SST_LABEL_POSTER, 0);
@@ -147,16 +191,20 @@ void sst_sim_board_add(struct sst_world *w, const struct sst_sim_board *b, int p
     s = sst_add_patch(w, sst_v(p->position_mm[0], p->position_mm[1], p->position_mm[2]),
                       sst_mul(sst_v(r[0], r[3], r[6]), width / 2 + margin),
                       sst_mul(sst_v(r[1], r[4], r[7]), height / 2 + margin), mat);
+    s->own = b;
     s->unlit = true;
     s->grain = 0;
 }
 
-void sst_sim_board_backdrop(struct sst_world *w)
+double sst_sim_board_wall_mm(double focal)
 {
-    const double floor_mm = 900, wall_mm = 4000;
+    return 4000 * fmax(1, focal / SST_SIM_BOARD_FOCAL);
+}
 
-    w->focal = 1200;
-    w->spacing_mm = 60;
+void sst_sim_board_room(struct sst_world *w)
+{
+    const double floor_mm = SST_SIM_BOARD_FLOOR_MM, wall_mm = sst_sim_board_wall_mm(w->focal);
+
     sst_begin(w, SST_LABEL_BUILDING, 0);
     sst_add_patch(w, sst_v(0, floor_mm - 3000, wall_mm), sst_v(9000, 0, 0), sst_v(0, 3000, 0),
                   sst_mat(sst_paint_fbm, 0x9a9a96, 0xb4b4ae, 500));

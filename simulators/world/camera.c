@@ -152,3 +152,19 @@ void sst_sim_camera_make(struct sst_sim_camera *c, const struct sst_sim_settings
         c->gain[i] = o->given & SST_SIM_GAIN ? o->gain[i] : gain * (i == 1 ? 1 : balance[i]);
     }
 }
+
+void sst_sim_camera_move(struct sst_sim_camera *c, const struct sst_sim_settings *s, int cam)
+{
+    const struct sst_sim_override *o = &s->camera[cam];
+    double turn[9], before[9];
+
+    memcpy(before, c->rotation, sizeof(before));
+    sst_sim_rotation(o->moves_deg, turn);
+    for (int i = 0; i < 9; i++) {
+        const double *row = turn + i / 3 * 3, *column = before + i % 3;
+
+        c->rotation[i] = row[0] * column[0] + row[1] * column[3] + row[2] * column[6];
+    }
+    for (int i = 0; i < 3; i++)
+        c->position_mm[i] += o->moves_mm[i];
+}

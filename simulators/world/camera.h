@@ -41,6 +41,9 @@ void sst_sim_camera_make(struct sst_sim_camera *out, const struct sst_sim_settin
 SST_MUST_CHECK bool sst_sim_camera_undistort(const struct sst_sim_camera *camera, double u, double v, double *a,
                                              double *b);
 
+/** Turn a camera (in its own axes) and shift it, as the settings say that camera cam moves. */
+void sst_sim_camera_move(struct sst_sim_camera *camera, const struct sst_sim_settings *s, int cam);
+
 /** A number of the normal distribution. */
 double sst_sim_normal(uint64_t *rng);
 

@@ -17,16 +17,38 @@ struct sst_sim_stage {
     const struct sst_sim_settings *settings;
     struct sst_sim_optics optics;
     struct sst_sim_camera camera[SST_CAMERAS_MAX];
-    struct sst_sim_board board; /* with its poses */
-    struct sst_world first;     /* at the loop's begin */
-    bool *moving;               /* [surfaces] */
+    struct sst_sim_camera moved[SST_CAMERAS_MAX]; /* those that move on the way, from then on */
+    struct sst_sim_board board;                   /* with its poses */
+    struct sst_world first;                       /* at the loop's begin */
+    bool *moving;                                 /* [surfaces] */
     int frames;
+    bool empty;           /* the scene is "board": boards are drawn over it */
     int fine;             /* pixels rendered for one, along each side: edges of boards are finer than four samples */
     struct sst_warp warp; /* of the rig's camera */
     struct sst_sim_photo *photo;
 };
 
 /* --- the surfaces at a time -------------------------------------------------------------------------------------- */
+
+/* The empty room, with the optics of another scene where the settings name one. */
+static int build_room(const struct sst_sim_stage *s, const struct sst_scene_config *cfg, struct sst_world *w)
+{
+    const char *scene = s->settings->optics_scene;
+    *w = (struct sst_world){ .rng = cfg->seed, .focal = SST_SIM_BOARD_FOCAL, .spacing_mm = SST_SIM_BOARD_SPACING_MM };
+    if (*scene && strcmp(scene, "board")) {
+        struct sst_world other;
+        const int err = sst_world_build(&other, scene, cfg);
+
+        if (err)
+            return err;
+        w->focal = other.focal;
+        w->spacing_mm = other.spacing_mm;
+        w->shift = other.shift;
+        sst_world_fini(&other);
+    }
+    sst_sim_board_room(w);
+    return 0;
+}
 
 static int build(const struct sst_sim_stage *s, int frame, double late_s, struct sst_world *w)
 {
@@ -41,13 +63,8 @@ static int build(const struct sst_sim_stage *s, int frame, double late_s, struct
     cfg.cols = c->cols;
     cfg.seed = c->seed;
     cfg.time_s = frame / c->rate_hz + late_s;
-    if (strcmp(c->scene, "board")) {
-        err = sst_world_build(w, c->scene, &cfg);
-    } else {
-        *w = (struct sst_world){ .rng = c->seed };
-        sst_sim_board_backdrop(w);
-    }
-    if (!err && s->board.kind && s->board.poses)
+    err = s->empty ? build_room(s, &cfg, w) : sst_world_build(w, c->scene, &cfg);
+    if (!err && !s->empty && s->board.kind && s->board.poses)
         sst_sim_board_add(w, &s->board, frame % s->board.poses);
     if (!err && w->failed) {
         sst_world_fini(w);
@@ -66,7 +83,7 @@ static double late_s(const struct sst_sim_settings *c, int row)
 static int find_motion(struct sst_sim_stage *s)
 {
     const struct sst_sim_settings *c = s->settings;
-    bool still = !(c->light_percent > 0) && !(c->full_well_e > 0);
+    bool still = !(c->light_percent > 0) && !(c->full_well_e > 0) && !(s->empty && s->board.kind && s->board.poses > 1);
 
     s->moving = calloc((size_t)s->first.count + 1, sizeof(*s->moving));
     if (!s->moving)
@@ -82,6 +99,8 @@ static int find_motion(struct sst_sim_stage *s)
     }
     for (int i = 0; i < s->first.count; i++)
         still = still && !s->moving[i];
+    for (int cam = 0; cam < SST_CAMERAS_MAX; cam++)
+        still = still && !c->camera[cam].moves_at;
     if (still)
         s->frames = 1;
     return 0;
@@ -119,7 +138,7 @@ static bool look(const struct sst_sim_optics *o, const struct sst_sim_camera *c,
 }
 
 /* A lattice over the picture: where no pixel of it folds, none between does. */
-static int check_lens(const struct sst_sim_stage *s, int cam)
+static int check_lens(const struct sst_sim_stage *s, const struct sst_sim_camera *camera, int cam)
 {
     const int steps = 16;
 
@@ -127,7 +146,7 @@ static int check_lens(const struct sst_sim_stage *s, int cam)
         for (int j = 0; j <= steps; j++) {
             double at[2];
 
-            if (look(&s->optics, &s->camera[cam], (s->settings->width - 1) * (double)i / steps,
+            if (look(&s->optics, camera, (s->settings->width - 1) * (double)i / steps,
                      (s->settings->height - 1) * (double)j / steps, at))
                 continue;
             sst_log_error("the distortion or rotation of camera %d folds its picture over; choose smaller ones", cam);
@@ -138,17 +157,17 @@ static int check_lens(const struct sst_sim_stage *s, int cam)
 }
 
 /* @return 0 (warp left alone for an ideal camera), -ENOMEM, -EINVAL */
-static int make_warp(const struct sst_sim_stage *s, int cam, struct sst_warp *warp)
+static int make_warp(const struct sst_sim_stage *s, const struct sst_sim_camera *camera, struct sst_warp *warp)
 {
     const int fine = s->fine, width = s->settings->width * fine, height = s->settings->height * fine;
-    int err = is_ideal(s, &s->camera[cam]) ? 0 : sst_warp_init(warp, width, height);
+    int err = is_ideal(s, camera) ? 0 : sst_warp_init(warp, width, height);
 
     for (int y = 0; warp->x && y < height; y++) {
         for (int x = 0; x < width; x++) {
             const size_t i = (size_t)y * (size_t)width + (size_t)x;
             double at[2];
 
-            if (!look(&s->optics, &s->camera[cam], (x + 0.5) / fine - 0.5, (y + 0.5) / fine - 0.5, at))
+            if (!look(&s->optics, camera, (x + 0.5) / fine - 0.5, (y + 0.5) / fine - 0.5, at))
                 return -EINVAL;
             warp->x[i] = (float)((at[0] + 0.5) * fine - 0.5);
             warp->y[i] = (float)((at[1] + 0.5) * fine - 0.5);
@@ -159,11 +178,20 @@ static int make_warp(const struct sst_sim_stage *s, int cam, struct sst_warp *wa
     return err;
 }
 
-static void aim(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3], const struct sst_warp *warp,
-                struct sst_image *image, struct sst_raster *out)
+/* Frames first .. last-1 of a camera. */
+struct take {
+    int cam;
+    const struct sst_sim_camera *camera;
+    const struct sst_warp *warp;
+    double eye_mm[3];
+    int first, last, threads;
+    sst_sim_picture_fn *fn;
+    void *arg;
+};
+
+static void aim(const struct sst_sim_stage *s, const struct take *t, struct sst_image *image, struct sst_raster *out)
 {
     const struct sst_sim_optics *o = &s->optics;
-    const double *at = s->camera[cam].position_mm;
 
     *out = (struct sst_raster){
         .world = &s->first,
@@ -174,10 +202,10 @@ static void aim(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3]
         .height = image->height,
         .step_x = 1,
         .step_y = 1,
-        .bx = (at[0] + pose_um[0] / 1000.0) / o->spacing_mm,
-        .by = (at[1] + pose_um[1] / 1000.0) / o->spacing_mm,
-        .eye_z_mm = at[2] + pose_um[2] / 1000.0,
-        .warp = warp->x ? warp : NULL,
+        .bx = t->eye_mm[0] / o->spacing_mm,
+        .by = t->eye_mm[1] / o->spacing_mm,
+        .eye_z_mm = t->eye_mm[2],
+        .warp = t->warp->x ? t->warp : NULL,
         .image = image,
     };
 }
@@ -205,7 +233,8 @@ int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings
     if (!s)
         return err;
     s->settings = settings;
-    s->fine = settings->board.kind ? 2 : 1;
+    s->empty = !strcmp(settings->scene, "board");
+    s->fine = settings->board.kind && !s->empty ? 2 : 1;
     s->frames = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
     err = build(s, 0, 0, &s->first); /* without the board, whose poses may follow from the scene's size */
     if (err)
@@ -219,13 +248,20 @@ int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings
     if (!err)
         err = find_motion(s);
     for (int cam = 0; cam < cams && !err; cam++) {
+        const struct sst_sim_override *o = &settings->camera[cam];
+
         sst_sim_camera_make(&s->camera[cam], settings, &s->optics, cam);
-        err = check_lens(s, cam);
+        s->moved[cam] = s->camera[cam];
+        if (o->given & SST_SIM_MOVES)
+            sst_sim_camera_move(o->moves_at ? &s->moved[cam] : &s->camera[cam], settings, cam);
+        err = check_lens(s, &s->camera[cam], cam);
+        if (!err)
+            err = check_lens(s, &s->moved[cam], cam);
     }
     if (!err)
         err = sst_sim_photo_create(&s->photo, settings);
     if (!err && settings->rig)
-        err = make_warp(s, 0, &s->warp);
+        err = make_warp(s, &s->camera[0], &s->warp);
     if (err)
         goto fail;
     *out = s;
@@ -255,6 +291,12 @@ const struct sst_sim_optics *sst_sim_stage_optics(const struct sst_sim_stage *s)
 const struct sst_sim_camera *sst_sim_stage_camera(const struct sst_sim_stage *s, int cam)
 {
     return &s->camera[cam];
+}
+
+const struct sst_sim_camera *sst_sim_stage_moved(const struct sst_sim_stage *s, int cam, int *at)
+{
+    *at = s->settings->camera[cam].moves_at;
+    return *at ? &s->moved[cam] : NULL;
 }
 
 const struct sst_sim_board *sst_sim_stage_board(const struct sst_sim_stage *s)
@@ -295,13 +337,13 @@ static void soften(const struct sst_image *in, struct sst_image *out)
 }
 
 /* From the rendered picture to the sensor's: in place, or where fine is 2 from the large one. */
-static void expose(const struct sst_sim_stage *s, int cam, int frame, const struct sst_image *fine,
+static void expose(const struct sst_sim_stage *s, const struct take *t, int frame, const struct sst_image *fine,
                    struct sst_image *native)
 {
     const struct sst_sim_exposing e = {
-        .camera = &s->camera[cam],
+        .camera = t->camera,
         .light = 1 + s->settings->light_percent / 100 * sin(TURN * frame / s->frames),
-        .seed = s->settings->seed * 7919 + (uint64_t)(frame * SST_CAMERAS_MAX + cam),
+        .seed = s->settings->seed * 7919 + (uint64_t)(frame * SST_CAMERAS_MAX + t->cam),
     };
 
     if (s->fine == 2)
@@ -326,9 +368,25 @@ static int draw(const struct sst_sim_stage *s, struct sst_layers *layers, int fr
     return 0;
 }
 
-/* Frames first .. last-1 of a camera at a pose. */
-static int shoot(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3], const struct sst_warp *warp,
-                 int first, int last, int threads, sst_sim_picture_fn *fn, void *arg)
+/* The board over the empty room. @return 0 or -ENOMEM */
+static int draw_board(const struct sst_sim_stage *s, const struct take *t, int frame, struct sst_image *image)
+{
+    const struct sst_sim_board_view v = {
+        .board = &s->board,
+        .floor_mm = SST_SIM_BOARD_FLOOR_MM,
+        .wall_mm = sst_sim_board_wall_mm(s->first.focal),
+        .pose = s->board.poses ? frame % s->board.poses : 0,
+        .focal_px = s->optics.focal_px,
+        .cx = s->optics.cx,
+        .cy = s->optics.cy,
+        .eye_mm = { t->eye_mm[0], t->eye_mm[1], t->eye_mm[2] },
+        .warp = t->warp->x ? t->warp : NULL,
+    };
+
+    return s->empty && s->board.kind && s->board.poses ? sst_sim_board_draw(&v, image) : 0;
+}
+
+static int shoot(const struct sst_sim_stage *s, const struct take *t)
 {
     struct sst_image fine = { 0 }, native = { 0 };
     struct sst_layers *layers = NULL;
@@ -338,15 +396,17 @@ static int shoot(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3
     if (!err)
         err = sst_image_init(&fine, s->settings->width * s->fine, s->settings->height * s->fine);
     if (!err) {
-        aim(s, cam, pose_um, warp, &fine, &r);
-        err = sst_layers_create(&layers, &r, s->moving, threads);
+        aim(s, t, &fine, &r);
+        err = sst_layers_create(&layers, &r, s->moving, t->threads);
     }
-    for (int i = first; i < last && !err; i++) {
+    for (int i = t->first; i < t->last && !err; i++) {
         err = draw(s, layers, i);
+        if (!err)
+            err = draw_board(s, t, i, &fine);
         if (err)
             break;
-        expose(s, cam, i, &fine, &native);
-        err = fn(arg, i, &native);
+        expose(s, t, i, &fine, &native);
+        err = t->fn(t->arg, i, &native);
     }
     sst_layers_destroy(layers);
     sst_image_fini(&fine);
@@ -354,20 +414,83 @@ static int shoot(const struct sst_sim_stage *s, int cam, const int32_t pose_um[3
     return err;
 }
 
-int sst_sim_stage_loop(const struct sst_sim_stage *s, int cam, sst_sim_picture_fn *fn, void *arg)
+/* With a lens of its own and where it stands. */
+static int shoot_from(const struct sst_sim_stage *s, struct take *t, const struct sst_sim_camera *camera)
 {
-    static const int32_t nowhere[3];
     struct sst_warp warp = { 0 };
-    int err = make_warp(s, cam, &warp);
+    int err = t->first < t->last ? make_warp(s, camera, &warp) : 0;
 
-    if (!err)
-        err = shoot(s, cam, nowhere, &warp, 0, s->frames, 1, fn, arg);
+    t->camera = camera;
+    t->warp = &warp;
+    memcpy(t->eye_mm, camera->position_mm, sizeof(t->eye_mm));
+    if (!err && t->first < t->last)
+        err = shoot(s, t);
     sst_warp_fini(&warp);
     return err;
+}
+
+int sst_sim_stage_loop(const struct sst_sim_stage *s, int cam, sst_sim_picture_fn *fn, void *arg)
+{
+    const int moves_at = s->settings->camera[cam].moves_at, change = moves_at ? moves_at : s->frames;
+    struct take t = { .cam = cam, .last = change, .threads = 1, .fn = fn, .arg = arg };
+    int err = shoot_from(s, &t, &s->camera[cam]);
+
+    t.first = change;
+    t.last = s->frames;
+    return err ? err : shoot_from(s, &t, &s->moved[cam]);
 }
 
 int sst_sim_stage_pose(const struct sst_sim_stage *s, const int32_t pose_um[3], int frame, sst_sim_picture_fn *fn,
                        void *arg)
 {
-    return shoot(s, 0, pose_um, &s->warp, frame, frame + 1, sst_thread_count(0), fn, arg);
+    struct take t = { .camera = &s->camera[0],
+                      .warp = &s->warp,
+                      .first = frame,
+                      .last = frame + 1,
+                      .threads = sst_thread_count(0),
+                      .fn = fn,
+                      .arg = arg };
+
+    for (int i = 0; i < 3; i++)
+        t.eye_mm[i] = s->camera[0].position_mm[i] + pose_um[i] / 1000.0;
+    return shoot(s, &t);
+}
+
+int sst_sim_stage_look(const struct sst_sim_stage *s, int frame, const double eye_mm[3], struct sst_warp *rays,
+                       struct sst_map_f32 *depth, struct sst_map_u8 *label)
+{
+    const struct sst_sim_optics *o = &s->optics;
+    struct sst_world w;
+    const struct sst_raster r = {
+        .world = &w,
+        .focal_px = o->focal_px,
+        .cx = o->cx,
+        .cy = o->cy,
+        .width = rays->width,
+        .height = rays->height,
+        .step_x = 1,
+        .step_y = 1,
+        .bx = eye_mm[0] / o->spacing_mm,
+        .by = eye_mm[1] / o->spacing_mm,
+        .eye_z_mm = eye_mm[2],
+        .warp = rays,
+        .disp = depth,
+        .label = label,
+    };
+    int err = build(s, frame, 0, &w);
+
+    if (err)
+        return err;
+    if (s->empty && s->board.kind && s->board.poses)
+        sst_sim_board_add(&w, &s->board, frame % s->board.poses);
+    sst_warp_index(rays);
+    err = w.failed ? -ENOMEM : sst_raster_run(&r);
+    sst_world_fini(&w);
+    for (int y = 0; !err && depth && y < depth->height; y++) {
+        float *row = sst_map_f32_row(depth, y);
+
+        for (int x = 0; x < depth->width; x++) /* 1/Z so far, scaled as disparity */
+            row[x] = row[x] > 0 ? (float)(o->focal_px * o->spacing_mm / row[x]) : 0;
+    }
+    return err;
 }

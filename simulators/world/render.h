@@ -3,6 +3,7 @@
 #define SST_SIMULATORS_WORLD_RENDER_H
 
 #include "pipeline/image/image.h"
+#include "simulators/scene/world.h"
 #include "simulators/world/camera.h"
 #include "simulators/world/settings.h"
 
@@ -19,6 +20,8 @@ void sst_sim_stage_close(struct sst_sim_stage *stage);
 
 const struct sst_sim_optics *sst_sim_stage_optics(const struct sst_sim_stage *stage);
 const struct sst_sim_camera *sst_sim_stage_camera(const struct sst_sim_stage *stage, int cam);
+/** The camera as it is from frame *at of the loop on; NULL: it does not move. */
+const struct sst_sim_camera *sst_sim_stage_moved(const struct sst_sim_stage *stage, int cam, int *at);
 /** The board with all its poses; kind SST_SIM_NO_BOARD: there is none. */
 const struct sst_sim_board *sst_sim_stage_board(const struct sst_sim_stage *stage);
 /** How long the loop is. */
@@ -33,6 +36,16 @@ SST_MUST_CHECK int sst_sim_stage_loop(const struct sst_sim_stage *stage, int cam
 /** Render one picture of the rig's camera. @return as above.   Thread: any. */
 SST_MUST_CHECK int sst_sim_stage_pose(const struct sst_sim_stage *stage, const int32_t pose_um[3], int frame,
                                       sst_sim_picture_fn *fn, void *arg);
+
+/**
+ * What an eye sees along many rays, exactly: boards are surfaces here.
+ *
+ * @param rays   where they cross the ideal picture of that eye, as set with sst_warp_init(); indexed here
+ * @param depth  out, mm from the eye along z, 0: nothing; of the rays' size, as label is; either may be NULL
+ * @return 0 or -ENOMEM.   Thread: any.
+ */
+SST_MUST_CHECK int sst_sim_stage_look(const struct sst_sim_stage *stage, int frame, const double eye_mm[3],
+                                      struct sst_warp *rays, struct sst_map_f32 *depth, struct sst_map_u8 *label);
 
 SST_EXTERN_C_END
 

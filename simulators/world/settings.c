@@ -16,6 +16,7 @@
 #define SIDE_MAX   8192
 #define FRAMES_MAX 1000
 #define US_MAX     1e7
+#define SCENES     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat or board"
 
 static bool is_scene(const char *name)
 {
@@ -102,6 +103,14 @@ static void read_shutter(struct sst_yaml *doc, struct sst_yaml_node *map, struct
 
 static void read_optics(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
 {
+    struct sst_yaml_node *scene = sst_yaml_get(map, "scene");
+
+    if (sst_yaml_string(doc, scene, s->optics_scene, sizeof(s->optics_scene))) {
+        if (!is_scene(s->optics_scene))
+            sst_yaml_fault(doc, scene, "is no scene; choose " SCENES);
+        else if (strcmp(s->scene, "board"))
+            sst_yaml_fault(doc, scene, "is for worlds of the scene board alone; others have optics of their own");
+    }
     sst_yaml_doubles(doc, sst_yaml_get(map, "distortion"), -10, 10, s->distortion, 5);
     sst_yaml_doubles(doc, sst_yaml_get(map, "distortion_spread"), 0, 10, s->distortion_spread, 5);
     sst_yaml_double(doc, sst_yaml_get(map, "focal_spread_percent"), 0, 20, &s->focal_spread_percent);
@@ -136,7 +145,7 @@ static void read_timing(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
 }
 
 /* A number: so many poses by the seed. A list: the poses themselves. */
-static void read_poses(struct sst_yaml *doc, struct sst_yaml_node *node, struct sst_sim_board *b)
+static void read_poses(struct sst_yaml *doc, struct sst_yaml_node *node, struct sst_sim_board *b, bool alone)
 {
     if (!node)
         return;
@@ -159,10 +168,12 @@ static void read_poses(struct sst_yaml *doc, struct sst_yaml_node *node, struct 
         }
         sst_yaml_doubles(doc, sst_yaml_need(doc, n, "position_mm"), -1e6, 1e6, p->position_mm, 3);
         sst_yaml_doubles(doc, sst_yaml_get(n, "rotation_deg"), -360, 360, p->rotation_deg, 3);
+        if (sst_yaml_double(doc, sst_yaml_get(n, "blur_px"), 0, 100, &p->blur_px) && !alone)
+            sst_yaml_fault(doc, n, "has blur_px, which is for worlds of the scene board alone");
     }
 }
 
-static void read_board(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_board *b)
+static void read_board(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_board *b, bool alone)
 {
     static const char *const kinds[] = { "none", "chessboard", "charuco", "aprilgrid" };
     int kind = SST_SIM_CHARUCO, most;
@@ -179,7 +190,7 @@ static void read_board(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     read_pair(doc, sst_yaml_get(map, "squares"), 1, 50, &b->cols, &b->rows);
     sst_yaml_double(doc, sst_yaml_get(map, "square_mm"), 0.01, 1e4, &b->square_mm);
     sst_yaml_double(doc, sst_yaml_get(map, "marker"), 0.05, 0.95, &b->marker);
-    read_poses(doc, sst_yaml_get(map, "poses"), b);
+    read_poses(doc, sst_yaml_get(map, "poses"), b, alone);
     most = b->kind == SST_SIM_CHARUCO ? 2 * SST_SIM_CHARUCO_MARKERS : SST_SIM_APRIL_TAGS;
     if (b->kind >= SST_SIM_CHARUCO && b->cols * b->rows > most)
         sst_yaml_fault(doc, map, "has %dx%d squares; there are markers for %d", b->cols, b->rows, most);
@@ -218,6 +229,23 @@ static void read_override(struct sst_yaml *doc, struct sst_yaml_node *map, struc
     }
 }
 
+/* "moves": from a frame of the loop on. */
+static void read_moves(struct sst_yaml *doc, struct sst_yaml_node *map, const struct sst_sim_settings *s,
+                       struct sst_sim_override *o)
+{
+    if (!map)
+        return;
+    if (map->type != SST_YAML_MAP)
+        sst_yaml_fault(doc, map, "must be {at_pose: 10, rotation_deg: [x, y, z], position_mm: [x, y, z]}");
+    if (s->rig)
+        sst_yaml_fault(doc, map, "is for arrays; the camera of a rig stays as it is mounted");
+    o->given |= SST_SIM_MOVES;
+    sst_yaml_int(doc, sst_yaml_get(map, "at_pose"), 0, sst_max_int(1, (int)lround(s->loop_s * s->rate_hz)) - 1,
+                 &o->moves_at);
+    sst_yaml_doubles(doc, sst_yaml_get(map, "rotation_deg"), -45, 45, o->moves_deg, 3);
+    sst_yaml_doubles(doc, sst_yaml_get(map, "position_mm"), -1e5, 1e5, o->moves_mm, 3);
+}
+
 static void read_cameras(struct sst_yaml *doc, struct sst_yaml_node *list, struct sst_sim_settings *s)
 {
     const int cams = s->rig ? 1 : s->rows * s->cols;
@@ -231,8 +259,10 @@ static void read_cameras(struct sst_yaml *doc, struct sst_yaml_node *list, struc
 
         if (n->type != SST_YAML_MAP)
             sst_yaml_fault(doc, n, "must be a camera: {camera: 0, ...}");
-        else if (sst_yaml_int(doc, sst_yaml_need(doc, n, "camera"), 0, cams - 1, &cam))
+        else if (sst_yaml_int(doc, sst_yaml_need(doc, n, "camera"), 0, cams - 1, &cam)) {
             read_override(doc, n, &s->camera[cam]);
+            read_moves(doc, sst_yaml_get(n, "moves"), s, &s->camera[cam]);
+        }
     }
 }
 
@@ -271,15 +301,14 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     int seed = 1;
 
     if (sst_yaml_string(doc, scene, name, sizeof(name)) && !is_scene(name))
-        sst_yaml_fault(doc, scene, "is no scene; choose bush, pedestrian, transportation, cell, humvee, cd-cases, cat "
-                       "or board");
+        sst_yaml_fault(doc, scene, "is no scene; choose " SCENES);
     sst_sim_settings_defaults(s, name);
     if (sst_yaml_int(doc, sst_yaml_get(root, "seed"), 0, INT32_MAX, &seed))
         s->seed = (uint64_t)seed;
     sst_yaml_bool(doc, sst_yaml_get(root, "strip"), &s->strip);
     sst_yaml_bool(doc, sst_yaml_get(root, "rig"), &s->rig);
     read_size(doc, root, s);
-    read_board(doc, section(doc, root, "board"), &s->board);
+    read_board(doc, section(doc, root, "board"), &s->board, !strcmp(name, "board"));
     default_loop(s);
     read_loop(doc, section(doc, root, "loop"), s);
     sst_yaml_int(doc, sst_yaml_get(root, "jpeg_quality"), 20, 100, &s->quality);
@@ -306,8 +335,7 @@ int sst_sim_settings_read(struct sst_sim_settings *s, const char *world)
         return 0;
     }
     if (!sst_path_exists(world)) {
-        sst_log_error("there is no world %s; give the path of a world file, or a scene: bush, pedestrian, "
-                      "transportation, cell, humvee, cd-cases, cat or board", world);
+        sst_log_error("there is no world %s; give the path of a world file, or a scene: " SCENES, world);
         return -EINVAL;
     }
     err = sst_file_read(world, SST_YAML_MAX_BYTES, &text, &size);

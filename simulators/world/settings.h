@@ -20,6 +20,7 @@ enum sst_sim_board_kind {
 /** Of a board's centre: mm from the reference camera, and turns about x, then y, then z. */
 struct sst_sim_pose {
     double position_mm[3], rotation_deg[3];
+    double blur_px; /* it moves by this along x during the exposure */
 };
 
 struct sst_sim_board {
@@ -46,12 +47,15 @@ enum sst_sim_given {
     SST_SIM_PHASE = 1 << 9,
     SST_SIM_OFFSET = 1 << 10,
     SST_SIM_DRIFT = 1 << 11,
+    SST_SIM_MOVES = 1 << 12,
 };
 
 struct sst_sim_override {
     unsigned given;
     double distortion[5], rotation_deg[3], position_mm[3], focal_percent, principal_px[2], gain[3];
     double delay_us, jitter_us, latency_us, phase_us, clock_offset_us, clock_drift_ppm;
+    int moves_at; /* from this frame of the loop on it is turned (in its own axes) and shifted against all of the above */
+    double moves_deg[3], moves_mm[3];
 };
 
 /** Spreads are standard deviations of a normal distribution over the cameras. All plain values: the cache's key. */
@@ -65,6 +69,7 @@ struct sst_sim_settings {
     double line_us;        /* rolling shutter: from row to row */
     double light_percent;  /* the light rises and falls by this once each loop */
     /* optics: */
+    char optics_scene[32]; /* whose ideal focal length, principal point and spacing they are; "": the scene's own */
     double distortion[5], distortion_spread[5]; /* k1 k2 p1 p2 k3 */
     double focal_spread_percent, principal_spread_px;
     double vignetting; /* light lost in the corners, 0..1 */

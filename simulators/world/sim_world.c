@@ -32,6 +32,7 @@ struct sst_sim_world {
     struct sst_sim_loop *loop; /* NULL on a rig */
     struct sst_sim_made *made;
     int cams, frames, size_count;
+    int held; /* the loop's frame that is shown; -1: by time */
     int sizes[SIZES_MAX][2];
     struct {
         uint64_t trigger;
@@ -143,6 +144,7 @@ int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char
         goto fail;
     w->cams = w->settings.rig ? 1 : w->settings.rows * w->settings.cols;
     w->frames = sst_sim_stage_frames(w->stage);
+    (void)!sst_sim_world_hold(w, 0);
     find_sizes(w);
     w->luma = malloc((size_t)w->settings.width * (size_t)w->settings.height);
     err = w->luma ? sst_sim_made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
@@ -207,6 +209,35 @@ int sst_sim_world_sizes(const struct sst_sim_world *w, const int (**sizes)[2])
     return w->size_count;
 }
 
+int sst_sim_world_hold(struct sst_sim_world *w, int pose)
+{
+    const struct sst_sim_board *board = sst_sim_stage_board(w->stage);
+    const int poses = board->kind ? board->poses : 0;
+
+    if (pose < 0 || pose > sst_min_int(poses, w->frames))
+        return -ERANGE;
+    /* A rig takes much longer for its views than the board stays by time. */
+    w->held = pose ? pose - 1 : w->settings.rig && poses ? 0 : -1;
+    return 0;
+}
+
+int sst_sim_world_parameters(const char *world, const char *path)
+{
+    struct sst_sim_settings *settings = calloc(1, sizeof(*settings));
+    const char *end = strrchr(path, '.');
+    const bool yaml = end && !strcmp(end, ".yaml");
+    struct sst_sim_stage *stage = NULL;
+    int err = settings ? sst_sim_settings_read(settings, world ? world : "pedestrian") : -ENOMEM;
+
+    if (!err)
+        err = sst_sim_stage_open(&stage, settings);
+    if (!err)
+        err = yaml ? sst_sim_truth_calib(settings, stage, path) : sst_sim_truth_write(settings, stage, path);
+    sst_sim_stage_close(stage);
+    free(settings);
+    return err;
+}
+
 int sst_sim_world_truth(const struct sst_sim_world *w, const char *path)
 {
     return sst_sim_truth_write(&w->settings, w->stage, path);
@@ -224,6 +255,9 @@ static int frame_at(struct sst_sim_world *w, const struct sst_sim_exposure *e)
     const int64_t now = e->t_ns / step_ns;
     const int frame = (int)(((now % w->frames) + w->frames) % w->frames);
     const size_t slot = e->trigger % TRIGGERS;
+
+    if (w->held >= 0)
+        return w->held;
 
     if (w->shown[slot].t_ns && w->shown[slot].trigger == e->trigger &&
         llabs(w->shown[slot].t_ns - e->t_ns) < step_ns / 4)

@@ -48,6 +48,23 @@ int sst_sim_world_exposure_us(const struct sst_sim_world *world); /* nominal: wh
 uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
 
 /**
+ * Keep the board where it is in one of its poses, whatever time it is.
+ *
+ * @param pose  from 1; 0: by time again, on a rig the first
+ * @return 0, -ERANGE (no such pose)
+ */
+SST_MUST_CHECK int sst_sim_world_hold(struct sst_sim_world *world, int pose);
+
+/**
+ * Write all true parameters of a world without preparing it: as JSON, or to a name that ends in .yaml as a calibration
+ * (docs/formats.md) in the reference camera's axes.
+ *
+ * @param world  as for sst_sim_world_open()
+ * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, or what a failed output returns; logged
+ */
+SST_MUST_CHECK int sst_sim_world_parameters(const char *world, const char *path);
+
+/**
  * Write all true parameters as JSON (docs/simulation.md explains it): cameras, loop, board.
  *
  * @return 0, -ENOMEM, or what a failed output returns; logged
@@ -60,8 +77,8 @@ int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2
 /**
  * The bytes that a camera delivers for an exposure. MJPEG at native size comes from the prepared loop with only the
  * strip drawn anew; other formats and sizes are decoded, scaled and converted from it, and so is light other than the
- * nominal (exposure_us of the world at gain 1); what was made is kept. The loop's frame follows from t_ns alone, except
- * that cameras with the same trigger index whose exposures begin within a quarter of the loop's step show the same one.
+ * nominal (exposure_us of the world at gain 1); what was made is kept. The loop's frame follows from t_ns alone (a board
+ * before a rig stays in its first pose, see sst_sim_world_hold()), except that cameras with the same trigger index whose exposures begin within a quarter of the loop's step show the same one.
  * A new pose of a rig is rendered at once, which takes a good part of a second.
  *
  * @param fourcc  V4L2: MJPG, YUYV, GREY, Y16, BA81/GBRG/GRBG/RGGB

@@ -10,6 +10,15 @@ SST_EXTERN_C_BEGIN
 SST_MUST_CHECK int sst_sim_truth_write(const struct sst_sim_settings *settings, const struct sst_sim_stage *stage,
                                        const char *path);
 
+/**
+ * The same as a calibration in the reference camera's axes (pipeline/calib/calib.h), of an array's cameras before they
+ * move; of a rig at the places one spacing apart that make its light field, at which it looks straight ahead. A
+ * calibration's fall-off is about the principal point, the world's about the middle: exact where those agree.
+ * @return as above, -EINVAL (not finite)
+ */
+SST_MUST_CHECK int sst_sim_truth_calib(const struct sst_sim_settings *settings, const struct sst_sim_stage *stage,
+                                       const char *path);
+
 SST_EXTERN_C_END
 
 #endif

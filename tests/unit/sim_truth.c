@@ -1,112 +1,12 @@
 /* Simulated geometry against its truth: points where K, R, t and distortion put them, disparity of an ideal array, what
  * moves drawn like the whole, the rolling shutter, the rig's pose, and boards that OpenCV reads. */
-#include "tests/sim_test.h"
+#include "tests/sim_truth.h"
 
-#include <jansson.h>
 #include <sys/wait.h>
 
 #include "simulators/scene/world.h"
 
 #define SECONDS 300
-
-/* --- projection, written anew from the formulas in docs/simulation.md -------------------------------------------- */
-
-struct view {
-    double k[3][3], d[5], r[3][3], c[3];
-};
-
-static void read_matrix(const json_t *j, double m[3][3])
-{
-    for (size_t i = 0; i < 3; i++) {
-        for (size_t k = 0; k < 3; k++)
-            m[i][k] = json_real_value(json_array_get(json_array_get(j, i), k));
-    }
-}
-
-static void read_vector(const json_t *j, double *v, size_t n)
-{
-    assert_int_equal(json_array_size(j), n);
-    for (size_t i = 0; i < n; i++)
-        v[i] = json_number_value(json_array_get(j, i));
-}
-
-static void project(const struct view *v, const double p[3], double out[2])
-{
-    double q[3], a, b, r2, radial;
-
-    for (int i = 0; i < 3; i++)
-        q[i] = v->r[i][0] * (p[0] - v->c[0]) + v->r[i][1] * (p[1] - v->c[1]) + v->r[i][2] * (p[2] - v->c[2]);
-    a = q[0] / q[2];
-    b = q[1] / q[2];
-    r2 = a * a + b * b;
-    radial = 1 + v->d[0] * r2 + v->d[1] * r2 * r2 + v->d[4] * r2 * r2 * r2;
-    out[0] = v->k[0][0] * (a * radial + 2 * v->d[2] * a * b + v->d[3] * (r2 + 2 * a * a)) + v->k[0][2];
-    out[1] = v->k[1][1] * (b * radial + v->d[2] * (r2 + 2 * b * b) + 2 * v->d[3] * a * b) + v->k[1][2];
-}
-
-static json_t *truth_of(const struct sst_sim_world *w)
-{
-    json_t *truth;
-
-    assert_int_equal(sst_sim_world_truth(w, sim_path("truth.json")), 0);
-    truth = json_load_file(sim_path("truth.json"), 0, NULL);
-    assert_non_null(truth);
-    return truth;
-}
-
-static void read_view(const json_t *truth, size_t cam, struct view *v)
-{
-    const json_t *c = json_array_get(json_object_get(truth, "cameras"), cam);
-
-    read_matrix(json_object_get(c, "K"), v->k);
-    read_vector(json_object_get(c, "distortion"), v->d, 5);
-    read_matrix(json_object_get(c, "rotation"), v->r);
-    read_vector(json_object_get(c, "position_mm"), v->c, 3);
-}
-
-/* --- corners ----------------------------------------------------------------------------------------------------- */
-
-static double sample(const uint8_t *luma, int width, double x, double y)
-{
-    const int i = (int)floor(x), j = (int)floor(y);
-    const double u = x - i, v = y - j;
-    const uint8_t *p = luma + j * width + i;
-
-    return (1 - v) * ((1 - u) * p[0] + u * p[1]) + v * ((1 - u) * p[width] + u * p[width + 1]);
-}
-
-/*
- * Where four squares meet: at the corner q every gradient g at p nearby is zero or across p - q, so that the sum of
- * g g' (p - q) vanishes (Foerstner 1987). Found from a start some pixels off.
- */
-static bool find_corner(const uint8_t *luma, int width, int height, double at[2])
-{
-    for (int round = 0; round < 20; round++) {
-        double a = 0, b = 0, c = 0, u = 0, v = 0, det;
-
-        if (at[0] < 11 || at[1] < 11 || at[0] > width - 12 || at[1] > height - 12)
-            return false;
-        for (int dy = -8; dy <= 8; dy++) {
-            for (int dx = -8; dx <= 8; dx++) {
-                const double x = at[0] + dx, y = at[1] + dy, weight = exp(-(dx * dx + dy * dy) / 32.0);
-                const double gx = sample(luma, width, x + 1, y) - sample(luma, width, x - 1, y);
-                const double gy = sample(luma, width, x, y + 1) - sample(luma, width, x, y - 1);
-
-                a += weight * gx * gx;
-                b += weight * gx * gy;
-                c += weight * gy * gy;
-                u += weight * (gx * gx * dx + gx * gy * dy);
-                v += weight * (gx * gy * dx + gy * gy * dy);
-            }
-        }
-        det = a * c - b * b;
-        if (!(det > 0))
-            return false;
-        at[0] += (c * u - b * v) / det;
-        at[1] += (a * v - b * u) / det;
-    }
-    return true;
-}
 
 static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
 {
@@ -116,7 +16,7 @@ static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
                                        "  focal_spread_percent: 1, principal_spread_px: 6}\nmounting: "
                                        "{rotation_spread_deg: 1, position_spread_mm: 4}\n"
                                        "board: {kind: chessboard, squares: [9, 7], square_mm: 45, poses: 2}\n");
-    json_t *truth = truth_of(w), *board = json_object_get(truth, "board");
+    json_t *truth = sim_truth_of(w), *board = json_object_get(truth, "board");
     double sum = 0, moved = 0;
     int found = 0, near = 0;
 
@@ -127,25 +27,25 @@ static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
         const json_t *pose = json_array_get(json_object_get(board, "poses"), (size_t)i % 2);
         uint8_t *luma = sim_luma(w, &e);
         double turn[3][3], centre[3], shift[2] = { 0, 0 };
-        struct view v, plain;
+        struct sim_view v, plain;
         const int before = found;
 
-        read_view(truth, (size_t)i / 2, &v);
+        sim_read_view(truth, (size_t)i / 2, &v);
         plain = v;
         memset(plain.d, 0, sizeof(plain.d));
-        read_matrix(json_object_get(pose, "rotation"), turn);
-        read_vector(json_object_get(pose, "position_mm"), centre, 3);
+        sim_read_matrix(json_object_get(pose, "rotation"), turn);
+        sim_read_vector(json_object_get(pose, "position_mm"), centre, 3);
         for (int corner = 0; corner < 48; corner++) {
             const double x = (corner % 8 - 3.5) * 45, y = (corner / 8 - 2.5) * 45;
             double p[3], want[2], without[2], at[2];
 
             for (int k = 0; k < 3; k++)
                 p[k] = centre[k] + turn[k][0] * x + turn[k][1] * y;
-            project(&v, p, want);
-            project(&plain, p, without);
+            sim_project(&v, p, want);
+            sim_project(&plain, p, without);
             at[0] = want[0] + 1;
             at[1] = want[1] - 1;
-            if (want[1] < 36 || !find_corner(luma, 640, 480, at))
+            if (want[1] < 36 || !sim_find_corner(luma, 640, 480, at))
                 continue;
             found++;
             near += hypot(at[0] - want[0], at[1] - want[1]) < 0.1;
@@ -359,7 +259,7 @@ static void a_rolling_shutter_sees_lower_rows_later(void **state SST_UNUSED)
 static void the_rigs_pose_decides_the_view(void **state SST_UNUSED)
 {
     struct sst_sim_world *w = sim_open("scene: humvee\ngrid: [3, 4]\nsize: [320, 240]\nrig: true\njpeg_quality: 98\n");
-    json_t *truth = truth_of(w);
+    json_t *truth = sim_truth_of(w);
     const double step = json_number_value(json_object_get(truth, "spacing_mm")) * 1000;
 
     assert_int_equal(sst_sim_world_cameras(w), 1);

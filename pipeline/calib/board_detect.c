@@ -1,0 +1,234 @@
+/* The board in one picture: grey, find, refine, judge. */
+#include <errno.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/calib/detect_parts.h"
+
+#define LEAST_POINTS   6
+#define FLOOR_PX       0.05 /* corner noise that no picture goes below: print, flatness, lens model */
+#define LEAST_BLUR_PX  0.3  /* a pixel's own width: sharper is not to be seen */
+#define FOREIGN_LEAST  4    /* markers that do not belong: fewer are read from clutter */
+
+/* --- grey -------------------------------------------------------------------------------------------------------- */
+
+int sst_luma_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
+{
+    struct sst_map_u8 map;
+    const int err = sst_map_u8_init(&map, sst_max_int(in->width / 2, 1), sst_max_int(in->height / 2, 1));
+
+    if (err)
+        return err;
+    for (int y = 0; y < map.height; y++) {
+        const uint8_t *a = sst_map_u8_row(in, 2 * y), *b = sst_map_u8_row(in, sst_min_int(2 * y + 1, in->height - 1));
+        uint8_t *row = sst_map_u8_row(&map, y);
+
+        for (int x = 0; x < map.width; x++) {
+            const int next = sst_min_int(2 * x + 1, in->width - 1);
+
+            row[x] = (uint8_t)((a[2 * x] + a[next] + b[2 * x] + b[next] + 2) >> 2);
+        }
+    }
+    *out = map;
+    return 0;
+}
+
+/* --- judging ----------------------------------------------------------------------------------------------------- */
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+static double median(double *v, int n)
+{
+    qsort(v, (size_t)n, sizeof(*v), by_value);
+    return v[n / 2];
+}
+
+/* The usual point spread of all points, as width and aspect: eigenvalues of the medians. */
+static int measure_blur(struct sst_detection *d, const struct sst_sighting *s)
+{
+    double *v = malloc((size_t)d->corners * sizeof(*v)), b[3], middle, half;
+
+    if (!v)
+        return -ENOMEM;
+    for (int axis = 0; axis < 3; axis++) {
+        for (int i = 0; i < d->corners; i++) {
+            const struct sst_saddle *c = &s->saddle[d->corner[i].id];
+
+            v[i] = axis == 0 ? c->blur_xx : axis == 1 ? c->blur_xy : c->blur_yy;
+        }
+        b[axis] = median(v, d->corners);
+    }
+    free(v);
+    middle = (b[0] + b[2]) / 2;
+    half = hypot((b[0] - b[2]) / 2, b[1]);
+    d->blur_px = sqrt(fmax(middle, LEAST_BLUR_PX * LEAST_BLUR_PX));
+    d->blur_aspect = sqrt(fmax(middle + half, LEAST_BLUR_PX * LEAST_BLUR_PX) /
+                          fmax(middle - half, LEAST_BLUR_PX * LEAST_BLUR_PX));
+    return 0;
+}
+
+/* Do the points spread over a plane, not along a line? In board coordinates, where a line is told from a tilt. */
+static bool spread_out(const struct sst_detection *d, const struct sst_board *board)
+{
+    const double pitch = sst_board_pitch_mm(board);
+    double m[2] = { 0, 0 }, xx = 0, xy = 0, yy = 0, p[2];
+
+    for (int i = 0; i < d->corners; i++) {
+        sst_board_point(board, d->corner[i].id, p);
+        m[0] += p[0] / d->corners;
+        m[1] += p[1] / d->corners;
+    }
+    for (int i = 0; i < d->corners; i++) {
+        sst_board_point(board, d->corner[i].id, p);
+        xx += (p[0] - m[0]) * (p[0] - m[0]) / d->corners;
+        xy += (p[0] - m[0]) * (p[1] - m[1]) / d->corners;
+        yy += (p[1] - m[1]) * (p[1] - m[1]) / d->corners;
+    }
+    return (xx + yy) / 2 - hypot((xx - yy) / 2, xy) > 0.1 * pitch * pitch;
+}
+
+/* --- the picture ------------------------------------------------------------------------------------------------- */
+
+static int fill(struct sst_detection *out, const struct sst_sighting *s, int count)
+{
+    struct sst_detection d = { .corner = calloc((size_t)count + 1, sizeof(*d.corner)) };
+    int err;
+
+    if (!d.corner)
+        return -ENOMEM;
+    for (int i = 0; i < sst_board_points(s->board); i++) {
+        const struct sst_saddle *c = &s->saddle[i];
+
+        if (s->seen[i])
+            d.corner[d.corners++] =
+                (struct sst_corner){ i, c->x, c->y, FLOOR_PX / hypot(FLOOR_PX, c->noise_px) };
+    }
+    err = measure_blur(&d, s);
+    if (err) {
+        sst_detection_fini(&d);
+        return err;
+    }
+    *out = d;
+    return 0;
+}
+
+/* Outcome of points that were found: the detection is kept where it is usable or nearly. */
+static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, const struct sst_sighting *s, int count,
+                 const struct sst_detect_config *cfg)
+{
+    const double max_blur = cfg && cfg->max_blur_px > 0 ? cfg->max_blur_px : 3;
+    const double max_aspect = cfg && cfg->max_aspect > 0 ? cfg->max_aspect : 1.8;
+    struct sst_detection d;
+    int err;
+
+    *outcome = SST_DETECT_FEW;
+    if (count < LEAST_POINTS)
+        return 0;
+    err = fill(&d, s, count);
+    if (err)
+        return err;
+    if (!spread_out(&d, s->board)) {
+        sst_detection_fini(&d);
+        return 0;
+    }
+    *outcome = d.blur_aspect > max_aspect ? SST_DETECT_MOVING
+               : d.blur_px > max_blur     ? SST_DETECT_BLURRED
+                                          : SST_DETECT_FOUND;
+    *out = d;
+    return 0;
+}
+
+static int detect_markers(struct sst_sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
+                          const struct sst_detect_config *cfg)
+{
+    int decoded, good = sst_find_markers(s, &decoded), count;
+
+    if (good < 0)
+        return good;
+    if (decoded - good >= FOREIGN_LEAST && decoded > 2 * good) {
+        *outcome = SST_DETECT_OTHER_BOARD;
+        return 0;
+    }
+    if (good == 0) {
+        *outcome = decoded > 0 ? SST_DETECT_FEW : SST_DETECT_NONE;
+        return 0;
+    }
+    count = sst_find_points(s);
+    return count < 0 ? count : judge(out, outcome, s, count, cfg);
+}
+
+static int detect_chessboard(struct sst_sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
+                             const struct sst_detect_config *cfg)
+{
+    const int found = sst_find_chessboard(s);
+    int count;
+
+    *outcome = SST_DETECT_NONE;
+    if (found <= 0)
+        return found;
+    if (sst_chessboard_goes_on(s)) {
+        *outcome = SST_DETECT_OTHER_BOARD;
+        return 0;
+    }
+    count = sst_find_points(s);
+    return count < 0 ? count : judge(out, outcome, s, count, cfg);
+}
+
+static int detect(const struct sst_board *board, const struct sst_map_u8 *luma, const struct sst_detect_config *cfg,
+                  struct sst_detection *out, enum sst_detect_outcome *outcome)
+{
+    const size_t points = (size_t)sst_board_points(board);
+    struct sst_sighting s = { .board = board, .luma = luma };
+    int err = -ENOMEM;
+
+    s.seen = calloc(points, sizeof(*s.seen));
+    s.saddle = calloc(points, sizeof(*s.saddle));
+    if (s.seen && s.saddle)
+        err = board->kind == SST_BOARD_CHESSBOARD ? detect_chessboard(&s, out, outcome, cfg)
+                                                  : detect_markers(&s, out, outcome, cfg);
+    free(s.anchor);
+    free(s.seen);
+    free(s.saddle);
+    return err;
+}
+
+int sst_board_detect(const struct sst_board *board, const struct sst_image *image, const struct sst_detect_config *cfg,
+                     struct sst_detection *out, enum sst_detect_outcome *outcome)
+{
+    static atomic_flag told = ATOMIC_FLAG_INIT;
+    enum sst_detect_outcome what = SST_DETECT_NONE;
+    struct sst_detection found = { 0 };
+    struct sst_map_u8 luma;
+    int err = sst_luma(&luma, image);
+
+    if (err)
+        return err;
+    err = detect(board, &luma, cfg, &found, &what);
+    sst_map_u8_fini(&luma);
+    if (err == -EINVAL) { /* OpenCV does not take such a picture: nothing is to be seen in it */
+        err = 0;
+        what = SST_DETECT_NONE;
+    }
+    if (err == -ENOTSUP && !atomic_flag_test_and_set(&told))
+        sst_log_error("boards are found by OpenCV, which this build is without; install libopencv-dev and "
+                      "libopencv-contrib-dev, and build again");
+    if (err)
+        return err;
+    *out = found;
+    *outcome = what;
+    return 0;
+}
+
+void sst_detection_fini(struct sst_detection *detection)
+{
+    free(detection->corner);
+    *detection = (struct sst_detection){ 0 };
+}

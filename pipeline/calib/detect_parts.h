@@ -1,0 +1,63 @@
+/* pipeline/calib/detect_parts.h - steps from a picture to a board's points, between the files that take them. */
+#ifndef SST_PIPELINE_CALIB_DETECT_PARTS_H
+#define SST_PIPELINE_CALIB_DETECT_PARTS_H
+
+#include "pipeline/calib/corners.h"
+#include "pipeline/calib/detect.h"
+
+SST_EXTERN_C_BEGIN
+
+/** A place of the board that was seen: what the others are predicted from. */
+struct sst_anchor {
+    double board[2], px[2]; /* mm, px */
+    double weight;          /* 1: refined; a marker's corner less */
+};
+
+/** All that is known of one picture while its points are sought. */
+struct sst_sighting {
+    const struct sst_board *board;
+    const struct sst_map_u8 *luma;
+    bool other; /* the other custom of marking (board.h), or black and white changed over */
+    int anchors;
+    struct sst_anchor *anchor; /* from markers, or a chessboard's corners in order */
+    bool *seen;                /* [points] */
+    struct sst_saddle *saddle; /* [points] where seen */
+};
+
+/** Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. @param out  initialised here */
+SST_MUST_CHECK int sst_luma_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in);
+
+/**
+ * Where a place of the board is, from the anchors around it.
+ *
+ * @param skip   an anchor to leave out, or -1
+ * @param slope  px per mm there
+ * @return false: nothing near enough to tell
+ */
+SST_MUST_CHECK bool sst_anchors_predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n,
+                                        double step_mm, const double at[2], int skip);
+
+/**
+ * Find the markers, and keep as anchors the corners of those that agree on where the board is; sets other.
+ *
+ * @param decoded  out: markers that were read at all
+ * @return markers that agree, -ENOTSUP, -ENOMEM, -EINVAL
+ */
+SST_MUST_CHECK int sst_find_markers(struct sst_sighting *s, int *decoded);
+
+/**
+ * Find a chessboard: anchors are its corners in our order, other says that its upper left square is white.
+ * @return 1 found, 0 not, -ENOTSUP, -ENOMEM, -EINVAL
+ */
+SST_MUST_CHECK int sst_find_chessboard(struct sst_sighting *s);
+
+/** From the anchors to points: predict, refine, go on from what was found, drop what does not fit in. @return how many
+ *  are seen, -ENOMEM */
+SST_MUST_CHECK int sst_find_points(struct sst_sighting *s);
+
+/** Does the chessboard go on beyond its points? */
+bool sst_chessboard_goes_on(const struct sst_sighting *s);
+
+SST_EXTERN_C_END
+
+#endif

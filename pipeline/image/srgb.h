@@ -1,0 +1,14 @@
+/* pipeline/image/srgb.h - the sRGB code (IEC 61966-2-1) and linear light, both 0..1. */
+#ifndef SST_PIPELINE_IMAGE_SRGB_H
+#define SST_PIPELINE_IMAGE_SRGB_H
+
+#include <math.h>
+
+#include "base/base.h"
+
+static inline double sst_srgb_to_light(double code)
+{
+    return code <= 0.04045 ? code / 12.92 : pow((code + 0.055) / 1.055, 2.4);
+}
+
+#endif

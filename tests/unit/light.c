@@ -1,0 +1,362 @@
+/* Photometric calibration from samples with known gains and fall-offs, and from drawn boards; then its correction. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/log.h"
+#include "pipeline/calib/light.h"
+#include "pipeline/image/srgb.h"
+
+#define WIDTH  640
+#define HEIGHT 480
+#define HALF2  (0.25 * (WIDTH * WIDTH + HEIGHT * HEIGHT))
+
+static uint64_t rng = 1;
+
+/* 0..1 */
+static double uniform(void)
+{
+    rng = rng * 6364136223846793005u + 1442695040888963407u;
+    return (double)(rng >> 11) / 9007199254740992.0;
+}
+
+static double normal(void)
+{
+    return sqrt(-2 * log(1 - uniform())) * cos(2 * M_PI * uniform());
+}
+
+/* --- an array with known light ----------------------------------------------------------------------------------- */
+
+/* Gains of a few percent, fall-offs near 1 - 0.3 r2 - 0.05 r2^2 + 0.05 r2^3. */
+static struct sst_calib make_array(int rows, int cols)
+{
+    struct sst_calib calib;
+    double sum[3] = { 0 };
+
+    assert_int_equal(sst_calib_init(&calib, rows, cols), 0);
+    calib.width = WIDTH;
+    calib.height = HEIGHT;
+    for (int k = 0; k < rows * cols; k++) {
+        struct sst_calib_camera *c = &calib.camera[k];
+
+        c->known = true;
+        snprintf(c->name, sizeof(c->name), "cam%d", k);
+        c->fx = c->fy = 700;
+        c->cx = 320 + 4 * normal();
+        c->cy = 240 + 4 * normal();
+        for (int i = 0; i < 3; i++) {
+            c->rotation[4 * i] = 1;
+            c->gain[i] = 0.05 * normal();
+            sum[i] += c->gain[i];
+        }
+        c->falloff[0] = -0.3 + 0.02 * normal();
+        c->falloff[1] = -0.05 + 0.01 * normal();
+        c->falloff[2] = 0.05;
+        c->position_mm[0] = 60 * (k % cols);
+        c->position_mm[1] = 60 * (k / cols);
+    }
+    for (int k = 0; k < rows * cols; k++) {
+        for (int i = 0; i < 3; i++)
+            calib.camera[k].gain[i] = exp(calib.camera[k].gain[i] - sum[i] / (rows * cols));
+    }
+    return calib;
+}
+
+static double falloff_of(const struct sst_calib_camera *c, double x, double y)
+{
+    const double r2 = ((x - c->cx) * (x - c->cx) + (y - c->cy) * (y - c->cy)) / HALF2;
+
+    return 1 + r2 * (c->falloff[0] + r2 * (c->falloff[1] + r2 * c->falloff[2]));
+}
+
+static void add(struct sst_light_samples *all, struct sst_light_sample s)
+{
+    if (all->count == all->capacity) {
+        all->capacity = all->capacity ? 2 * all->capacity : 1024;
+        all->sample = realloc(all->sample, (size_t)all->capacity * sizeof(*all->sample));
+        assert_non_null(all->sample);
+    }
+    all->sample[all->count++] = s;
+}
+
+/* 35 white places at depth 1 m or so, out to the corners, moved, turned and lit anew in each frame: from one side, dimmer and redder. */
+static struct sst_light_samples see(const struct sst_calib *truth, int frames, double noise)
+{
+    struct sst_light_samples all = { 0 };
+
+    for (int f = 0; f < frames; f++) {
+        const double at[3] = { 700 * uniform() - 360, 500 * uniform() - 260, 900 + 400 * uniform() };
+        const double slant = uniform() - 0.5, side[2] = { 2 * uniform() - 1, 2 * uniform() - 1 };
+        const double level = 0.3 + 0.4 * uniform();
+
+        for (int patch = 0; patch < 35; patch++) {
+            const double u = (patch % 7 - 3) * 50, v = (patch / 7 - 2) * 50, z = at[2] + slant * u;
+            const double lit = level * (1 + 0.4 * (side[0] * u + side[1] * v) / 180); /* to half or so across */
+
+            for (int k = 0; k < truth->rows * truth->cols; k++) {
+                const struct sst_calib_camera *c = &truth->camera[k];
+                const double x = c->fx * (at[0] + u - c->position_mm[0] + 100) / z + c->cx;
+                const double y = c->fy * (at[1] + v - c->position_mm[1] + 80) / z + c->cy;
+                struct sst_light_sample s = { k, f, patch, (float)x, (float)y, { 0 } };
+
+                if (!c->known || x < 0 || y < 0 || x > WIDTH - 1 || y > HEIGHT - 1)
+                    continue;
+                for (int i = 0; i < 3; i++)
+                    s.linear[i] =
+                        (float)(lit * (1 - 0.1 * i) * c->gain[i] * falloff_of(c, s.x, s.y) * (1 + noise * normal()));
+                add(&all, s);
+            }
+        }
+    }
+    return all;
+}
+
+static void reset(struct sst_calib *out, const struct sst_calib *truth)
+{
+    assert_int_equal(sst_calib_copy(out, truth), 0);
+    for (int k = 0; k < truth->rows * truth->cols; k++) {
+        for (int i = 0; i < 3; i++) {
+            out->camera[k].gain[i] = 1;
+            out->camera[k].falloff[i] = 0;
+        }
+    }
+}
+
+/* Largest relative errors of the gains and, in the corners, of the fall-off. */
+static void compare(const struct sst_calib *got, const struct sst_calib *truth, double *gain, double *corner)
+{
+    *gain = *corner = 0;
+    for (int k = 0; k < truth->rows * truth->cols; k++) {
+        const struct sst_calib_camera *g = &got->camera[k], *t = &truth->camera[k];
+
+        for (int i = 0; i < 3; i++)
+            *gain = fmax(*gain, fabs(g->gain[i] / t->gain[i] - 1));
+        for (int i = 0; i < 4; i++) {
+            const double x = i & 1 ? WIDTH - 1 : 0, y = i & 2 ? HEIGHT - 1 : 0;
+
+            *corner = fmax(*corner, fabs(falloff_of(g, x, y) / falloff_of(t, x, y) - 1));
+        }
+    }
+}
+
+static void gains_and_falloff_come_back(void **state SST_UNUSED)
+{
+    struct sst_calib truth = make_array(4, 4), got;
+    struct sst_light_samples all = see(&truth, 20, 0.002);
+    struct sst_light_report report;
+    double gain, corner;
+
+    reset(&got, &truth);
+    assert_int_equal(sst_light_solve(&got, &all, &report), 0);
+    compare(&got, &truth, &gain, &corner);
+    print_message("%d samples: gains to %.3f %%, corners to %.3f %%, spread %.2f %% before, %.2f %% after\n",
+                  report.samples, 100 * gain, 100 * corner, 100 * report.before, 100 * report.after);
+    assert_true(gain < 0.002);
+    assert_true(corner < 0.01);
+    assert_int_equal(report.cameras, 16);
+    assert_true(report.before > 0.03 && report.after < 0.0025);
+    assert_true(report.worst_falloff > 0.28 && report.worst_falloff < 0.4);
+    assert_null(sst_calib_fault(&got));
+    sst_light_samples_fini(&all);
+    sst_calib_fini(&truth);
+    sst_calib_fini(&got);
+}
+
+/* A hand before the board in some pictures: 5 % of the samples are dimmed to any degree. */
+static void wrong_samples_do_not_matter(void **state SST_UNUSED)
+{
+    struct sst_calib truth = make_array(3, 3), got;
+    struct sst_light_samples all = see(&truth, 20, 0.003);
+    struct sst_light_report report;
+    double gain, corner;
+
+    for (int i = 0; i < all.count; i++) {
+        const double dim = uniform() < 0.05 ? 0.2 + 0.7 * uniform() : 1;
+
+        for (int c = 0; c < 3; c++)
+            all.sample[i].linear[c] *= (float)dim;
+    }
+    reset(&got, &truth);
+    assert_int_equal(sst_light_solve(&got, &all, &report), 0);
+    compare(&got, &truth, &gain, &corner);
+    print_message("5 %% wrong: gains to %.3f %%, corners to %.3f %%\n", 100 * gain, 100 * corner);
+    assert_true(gain < 0.005);
+    assert_true(corner < 0.015);
+    sst_light_samples_fini(&all);
+    sst_calib_fini(&truth);
+    sst_calib_fini(&got);
+}
+
+static void order_of_samples_does_not_matter(void **state SST_UNUSED)
+{
+    struct sst_calib truth = make_array(2, 3), a, b;
+    struct sst_light_samples all = see(&truth, 6, 0.003);
+    struct sst_light_report report;
+
+    reset(&a, &truth);
+    reset(&b, &truth);
+    assert_int_equal(sst_light_solve(&a, &all, &report), 0);
+    for (int i = all.count - 1; i > 0; i--) {
+        const int k = (int)(uniform() * (i + 1));
+        const struct sst_light_sample s = all.sample[i];
+
+        all.sample[i] = all.sample[k];
+        all.sample[k] = s;
+    }
+    assert_int_equal(sst_light_solve(&b, &all, &report), 0);
+    assert_memory_equal(a.camera, b.camera, 6 * sizeof(*a.camera));
+    sst_light_samples_fini(&all);
+    sst_calib_fini(&truth);
+    sst_calib_fini(&a);
+    sst_calib_fini(&b);
+}
+
+static void a_rig_has_one_falloff_and_no_gains(void **state SST_UNUSED)
+{
+    struct sst_calib truth = make_array(3, 3), got;
+    struct sst_light_samples all;
+    struct sst_light_report report;
+    double gain, corner;
+
+    truth.rig = true;
+    for (int k = 0; k < 9; k++) {
+        for (int i = 0; i < 3; i++)
+            truth.camera[k].gain[i] = 1;
+        memcpy(truth.camera[k].falloff, truth.camera[0].falloff, sizeof(truth.camera[k].falloff));
+        truth.camera[k].cx = 322;
+        truth.camera[k].cy = 237;
+    }
+    all = see(&truth, 20, 0.003);
+    reset(&got, &truth);
+    assert_int_equal(sst_light_solve(&got, &all, &report), 0);
+    compare(&got, &truth, &gain, &corner);
+    assert_true(gain == 0);
+    assert_true(corner < 0.01);
+    for (int k = 1; k < 9; k++)
+        assert_memory_equal(got.camera[k].falloff, got.camera[0].falloff, sizeof(got.camera[k].falloff));
+    sst_light_samples_fini(&all);
+    sst_calib_fini(&truth);
+    sst_calib_fini(&got);
+}
+
+/* One camera, none at all, values that are no light: refused, and nothing is touched. */
+static void too_little_is_refused(void **state SST_UNUSED)
+{
+    struct sst_calib truth = make_array(1, 2), got;
+    struct sst_light_samples all = see(&truth, 10, 0);
+    struct sst_light_report report = { .samples = -7 };
+    const int count = all.count;
+
+    reset(&got, &truth);
+    for (int i = 0; i < count; i++)
+        all.sample[i].view = 0; /* no other camera sees any */
+    got.camera[0].gain[1] = 1.25;
+    assert_int_equal(sst_light_solve(&got, &all, &report), -ENODATA);
+    all.count = 0;
+    assert_int_equal(sst_light_solve(&got, &all, &report), -ENODATA);
+    all.count = count;
+    for (int i = 0; i < count; i++) {
+        static const float bad[] = { NAN, 0, -1, INFINITY };
+
+        all.sample[i].view = i & 1;
+        all.sample[i].linear[i % 3] = bad[i / 2 % 4];
+    }
+    assert_int_equal(sst_light_solve(&got, &all, &report), -ENODATA);
+    assert_int_equal(report.samples, -7);
+    assert_true(got.camera[0].gain[1] == 1.25);
+    sst_light_samples_fini(&all);
+    sst_calib_fini(&truth);
+    sst_calib_fini(&got);
+}
+
+/* Columns 0-1 and 2-3 never see the same place; camera 3 of the first part sees next to nothing. */
+static void parts_are_even_among_themselves(void **state SST_UNUSED)
+{
+    struct sst_calib truth = make_array(2, 4), got;
+    struct sst_light_samples all = see(&truth, 12, 0.001), some = { 0 };
+    struct sst_light_report report;
+    int left = 5;
+
+    for (int i = 0; i < all.count; i++) {
+        const struct sst_light_sample *s = &all.sample[i];
+        const bool right = s->view % 4 >= 2;
+
+        if (right == (s->frame >= 6) && (s->view != 4 || left-- > 0))
+            add(&some, *s);
+    }
+    reset(&got, &truth);
+    assert_int_equal(sst_light_solve(&got, &some, &report), 0);
+    assert_int_equal(report.cameras, 7);
+    for (int c = 0; c < 3; c++) {
+        const double first = got.camera[0].gain[c] * got.camera[1].gain[c] * got.camera[5].gain[c];
+        const double second =
+            got.camera[2].gain[c] * got.camera[3].gain[c] * got.camera[6].gain[c] * got.camera[7].gain[c];
+
+        assert_true(fabs(first - 1) < 1e-9);
+        assert_true(fabs(second - 1) < 1e-9);
+        assert_true(
+            fabs(got.camera[2].gain[c] / got.camera[7].gain[c] / (truth.camera[2].gain[c] / truth.camera[7].gain[c]) -
+                 1) < 0.005);
+        assert_true(got.camera[4].gain[c] == 1 && got.camera[4].falloff[c] == 0);
+    }
+    sst_light_samples_fini(&all);
+    sst_light_samples_fini(&some);
+    sst_calib_fini(&truth);
+    sst_calib_fini(&got);
+}
+
+/* Boards only in the middle of the pictures, with noise: the corners are not known, but the fall-off stays sane. */
+static void little_knowledge_of_corners_stays_sane(void **state SST_UNUSED)
+{
+    struct sst_calib truth = make_array(2, 2), got;
+    struct sst_light_samples all = see(&truth, 20, 0.02), some = { 0 };
+    struct sst_light_report report;
+
+    for (int i = 0; i < all.count; i++) {
+        if (hypot(all.sample[i].x - 320, all.sample[i].y - 240) < 120)
+            add(&some, all.sample[i]);
+    }
+    reset(&got, &truth);
+    assert_int_equal(sst_light_solve(&got, &some, &report), 0);
+    for (int k = 0; k < 4; k++) {
+        double before = 1, up = 0, down = 0;
+
+        for (int r = 1; r <= 400; r++) {
+            const double v = falloff_of(&got.camera[k], got.camera[k].cx + r, got.camera[k].cy);
+
+            assert_true(v > 0.12 && v < 8);
+            up += fmax(0, v - before);
+            down += fmax(0, before - v);
+            before = v;
+        }
+        assert_true(fmin(up, down) < 0.011);
+    }
+    sst_light_samples_fini(&all);
+    sst_light_samples_fini(&some);
+    sst_calib_fini(&truth);
+    sst_calib_fini(&got);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gains_and_falloff_come_back),
+        cmocka_unit_test(wrong_samples_do_not_matter),
+        cmocka_unit_test(order_of_samples_does_not_matter),
+        cmocka_unit_test(a_rig_has_one_falloff_and_no_gains),
+        cmocka_unit_test(too_little_is_refused),
+        cmocka_unit_test(parts_are_even_among_themselves),
+        cmocka_unit_test(little_knowledge_of_corners_stays_sane),
+    };
+
+    alarm(120);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
