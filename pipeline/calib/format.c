@@ -39,7 +39,7 @@ enum {
     MRCAL = 5,
 };
 
-#define LIGHT_AND_QUALITY "light, quality, noise, range, reference"
+#define LIGHT_AND_QUALITY "light, quality, noise, range, reference, rig"
 
 static const struct sst_calib_format formats[] = {
     [SST] = { "sst", "calib.yaml, or a light field with a calibration", "", read_ours, write_ours },
