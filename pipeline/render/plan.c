@@ -186,7 +186,7 @@ static int make_raw(void *arg, int index, int worker SST_UNUSED)
     if (!raw->map)
         err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
     if (!err && !raw->sampler)
-        err = sst_sampler_create(&raw->sampler, raw->map, SST_FILTER_BILINEAR, &t->v->image, 1);
+        err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
     if (err)
         sst_log_error("cannot sample the raw frame %s: %s", t->v->file, strerror(-err));
     return err;

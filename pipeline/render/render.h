@@ -61,8 +61,8 @@ struct sst_renderer; /* label ranges of one light field, computed when first nee
 /**
  * Borrows lf, which stays as it is while the renderer lives.
  *
- * Where lf's images are raw frames (images_raw) the colour of each ray is sampled from its frame, bilinear, light
- * corrected, at the exact place: one interpolation instead of two. Disparity and labels are those of the rectified
+ * Where lf's images are raw frames (images_raw) the colour of each ray is sampled from its frame at the exact place by
+ * lf's filter, light corrected: one interpolation instead of two. Disparity and labels are those of the rectified
  * views, as ever. What it takes of a frame is made at its first use and kept: 4/3 of the frame's memory.
  *
  * @return 0, -ENOMEM; logged.
