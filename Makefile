@@ -106,6 +106,11 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
 
+# OpenCV's own calibration, which a test compares with.
+ifeq (1,$(WITH_OPENCV))
+$(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
+endif
+
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
 $(BUILD)/bench/network: $(BUILD)/obj/tests/bench/network.o $(BUILD)/libsst.a

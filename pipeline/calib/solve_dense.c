@@ -161,18 +161,34 @@ void sst_solve_qr(double *a, int m, int n)
     }
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
+/* Hoare's selection. */
 double sst_solve_median(double *v, int n)
 {
+    int low = 0, high = n - 1;
+
     if (n < 1)
         return 0;
-    qsort(v, (size_t)n, sizeof(*v), by_value);
+    while (low < high) {
+        const double pivot = v[n / 2];
+        int i = low, j = high;
+
+        while (i <= j) {
+            while (v[i] < pivot)
+                i++;
+            while (v[j] > pivot)
+                j--;
+            if (i <= j) {
+                const double t = v[i];
+
+                v[i++] = v[j];
+                v[j--] = t;
+            }
+        }
+        if (j < n / 2)
+            low = i;
+        if (i > n / 2)
+            high = j;
+    }
     return v[n / 2];
 }
 

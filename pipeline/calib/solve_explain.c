@@ -318,6 +318,7 @@ static int check_boards(struct look *l)
 static int check_garbled(const struct look *l)
 {
     const struct solve_problem *p = &l->c->p;
+    const double limit_px = fmax(GARBLED_PX, 10 * l->c->sigma_px);
     char name[128];
 
     for (int v = 0; v < p->views; v++) {
@@ -325,12 +326,18 @@ static int check_garbled(const struct look *l)
         double sum = 0;
 
         for (int i = 0; i < p->count; i++) {
+            struct solve_single single;
+
             if (p->detection[i].view != v || !l->c->single[i].known)
                 continue;
             all++;
-            if (l->c->single[i].rms_px > fmax(GARBLED_PX, 10 * l->c->sigma_px)) {
+            if (!(l->c->single[i].rms_px > limit_px))
+                continue;
+            /* seeds' lenses are rough: again with what all corners together say */
+            sst_solve_single(&single, p, &p->detection[i], p->camera[v].lens);
+            if (!single.known || single.rms_px > limit_px) {
                 garbled++;
-                sum += l->c->single[i].rms_px;
+                sum += single.rms_px;
             }
         }
         if (garbled && 2 * garbled >= all)

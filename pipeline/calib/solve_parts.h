@@ -23,7 +23,7 @@ void sst_solve_cholesky_solve(const double *l, int n, double *x);
 void sst_solve_cholesky_inverse(double *l, int n, double *work);
 /** Householder QR in place: a[m][n] becomes its R in the first min(m, n) rows; rows beyond are garbage. */
 void sst_solve_qr(double *a, int m, int n);
-/** The value of rank n / 2; v is reordered; 0 for n = 0. */
+/** The value of rank n / 2; v is reordered and has no NaN; 0 for n = 0. */
 double sst_solve_median(double *v, int n);
 
 /* --- the problem -------------------------------------------------------------------------------------------------- */

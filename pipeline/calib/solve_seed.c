@@ -10,6 +10,8 @@
 
 #define SEED_DETECTIONS 30 /* that a lens is first fitted to */
 #define SEED_ITERATIONS 30
+#define SEED_TURN       1e-5 /* rad: a pose that moves less has arrived */
+#define ALIKE           10 /* a plane's other pose is tried if it leaves residuals less than this many times as long */
 
 /* Pose from a homography onto the plane z = 1; the board lies before the camera. */
 static bool decompose(const double h[9], struct solve_pose *out)
@@ -132,7 +134,7 @@ static double refine(const struct solve_problem *p, const struct solve_detection
         *pose = next;
         damp = fmax(damp / 10, 1e-9);
         sigma = pose_sigma(p, d, lens, pose, work);
-        if (fabs(g[0]) + fabs(g[1]) + fabs(g[2]) < 1e-7)
+        if (fabs(g[0]) + fabs(g[1]) + fabs(g[2]) < SEED_TURN)
             break;
     }
     return sigma;
@@ -197,7 +199,9 @@ void sst_solve_single(struct solve_single *out, const struct solve_problem *p, c
         out->mirrored = facing < 0;
         out->rms_px = refine(p, d, lens, &out->pose, work);
         other_pose(&out->pose, middle, &other);
-        sigma = refine(p, d, lens, &other, work);
+        sigma = pose_sigma(p, d, lens, &other, work);
+        if (sigma < ALIKE * out->rms_px)
+            sigma = refine(p, d, lens, &other, work);
         if (sigma < out->rms_px) {
             out->pose = other;
             out->rms_px = sigma;
