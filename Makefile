@@ -119,8 +119,9 @@ $(BUILD)/bench/feature_cost: $(BUILD)/obj/tests/bench/feature_cost.o $(BUILD)/li
 $(BUILD)/bench/sim_world: $(BUILD)/obj/tests/bench/sim_world.o $(BUILD)/libsst.a
 $(BUILD)/bench/calib: $(BUILD)/obj/tests/bench/calib.o $(BUILD)/libsst.a
 $(BUILD)/bench/calib_pairs: $(BUILD)/obj/tests/bench/calib_pairs.o $(BUILD)/libsst.a
+$(BUILD)/bench/rectify: $(BUILD)/obj/tests/bench/rectify.o $(BUILD)/libsst.a
 $(BUILD)/bench/trigger: $(BUILD)/obj/tests/bench/trigger.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost $(BUILD)/bench/sim_world $(BUILD)/bench/trigger $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs:
+$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost $(BUILD)/bench/sim_world $(BUILD)/bench/trigger $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs $(BUILD)/bench/rectify:
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@

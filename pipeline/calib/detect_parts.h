@@ -24,8 +24,6 @@ struct sst_sighting {
     struct sst_saddle *saddle; /* [points] where seen */
 };
 
-/** Grey of a picture: 0.299 R + 0.587 G + 0.114 B. @param out  initialised here */
-SST_MUST_CHECK int sst_luma(struct sst_map_u8 *out, const struct sst_image *image);
 /** Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. @param out  initialised here */
 SST_MUST_CHECK int sst_luma_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in);
 

@@ -165,29 +165,33 @@ static int count_numbers(const char *p, const char *end)
 }
 
 /* The words between two tags: one number is a scalar, more are a list (the elements of a matrix), anything else is a
- * text. */
+ * text, of which nothing but names is of interest: its quotation marks go, its entities stay as they are. */
 static void put_words(struct xml *x)
 {
     const char *end = x->at;
     bool told = false;
     int numbers;
 
-    while (end < x->end && *end != '<' && *end != '&' && *end != '"' && *end != '\\')
+    while (end < x->end && *end != '<')
         end++;
-    if (end == x->end || *end != '<') {
-        refuse(x, "a text with &, \" or \\, or without an end");
+    if (end == x->end) {
+        refuse(x, "a text without an end");
         return;
     }
     numbers = count_numbers(x->at, end);
     emit(x, numbers <= 0 ? "\"" : "[", numbers != 1);
     for (; x->at < end; x->at++) {
-        if (numbers > 0 && is_blank(*x->at)) {
+        if (numbers <= 0) {
+            emit(x, is_blank(*x->at) ? " " : *x->at == '\\' ? "/" : x->at, *x->at != '"');
+            continue;
+        }
+        if (is_blank(*x->at)) {
             emit(x, "\n", *x->at == '\n');
             continue;
         }
-        if (numbers > 0 && told && is_blank(x->at[-1]))
+        if (told && is_blank(x->at[-1]))
             emit(x, ", ", 2);
-        emit(x, is_blank(*x->at) ? " " : x->at, 1);
+        emit(x, x->at, 1);
         told = true;
     }
     emit(x, numbers <= 0 ? "\"" : "]", numbers != 1);

@@ -66,7 +66,7 @@ int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_u
         return -EBADMSG;
     }
     if (unknown)
-        sst_log_warning("%d views are left out, for %s does not know their cameras: %s", unknown, use->path, named);
+        sst_log_warning("views are left out, for %s does not know their cameras: %s (%d)", use->path, named, unknown);
     return 0;
 }
 

@@ -33,6 +33,18 @@ struct sst_tap {
     double aperture;
 };
 
+/** Do all colour taps of output pixel (x, y), inside t's bounds, lie in what the view saw? */
+static inline bool sst_tap_sees(const struct sst_tap *t, int x, int y)
+{
+    const uint8_t *top, *bottom;
+
+    if (!t->v->valid.data)
+        return true;
+    top = sst_map_u8_row(&t->v->valid, y + t->iy) + x + t->ix;
+    bottom = t->fy > 0 ? top + t->v->valid.stride : top;
+    return top[0] && bottom[0] && (!(t->fx > 0) || (top[1] && bottom[1]));
+}
+
 struct sst_plan {
     const struct sst_lightfield *lf;
     struct sst_render_config cfg;

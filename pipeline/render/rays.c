@@ -88,7 +88,7 @@ enum sst_pixel sst_pixel_exact(const struct sst_plan *p, int x, int y, double rg
     for (int i = 0; i < p->count; i++) {
         const struct sst_tap *t = &p->tap[i];
 
-        if (x < t->x0 || x >= t->x1 || y < t->y0 || y >= t->y1)
+        if (x < t->x0 || x >= t->x1 || y < t->y0 || y >= t->y1 || !sst_tap_sees(t, x, y))
             continue;
         log_weight[n] = trace(&rays[n], p, t, x, y);
         plain += t->aperture;

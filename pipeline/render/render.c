@@ -14,8 +14,16 @@
 void sst_render_config_defaults(struct sst_render_config *cfg)
 {
     *cfg = (struct sst_render_config){
-        .method = SST_RENDER_SST, .sigma_px = 0, .c1 = 0.005, .c2 = 0.02, .label_factor = 2, .range = SST_RANGE_OBJECT,
-        .range_percentile = 0.01, .range_margin_px = -1, .unsupported = SST_UNSUPPORTED_REFOCUS, .aperture = INFINITY,
+        .method = SST_RENDER_SST,
+        .sigma_px = 0,
+        .c1 = 0.005,
+        .c2 = 0.02,
+        .label_factor = 2,
+        .range = SST_RANGE_OBJECT,
+        .range_percentile = 0.01,
+        .range_margin_px = -1,
+        .unsupported = SST_UNSUPPORTED_REFOCUS,
+        .aperture = INFINITY,
     };
 }
 
@@ -82,16 +90,14 @@ struct picture {
     struct sst_map_u8 *valid;
 };
 
-/* Add one view's rays to acc, pixels x .. x + n of row y. */
-static void add_view(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+/* Add the rays of one view to acc, output pixels from .. to of row y; acc begins at x. */
+static void add_run(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int from, int to,
+                    int y)
 {
     const struct sst_kernels *k = sst_kernels_get();
-    const int from = sst_max_int(x, t->x0), to = sst_min_int(x + n, t->x1);
     float *const at[4] = { acc[0] + (from - x), acc[1] + (from - x), acc[2] + (from - x), acc[3] + (from - x) };
     struct sst_blend b = p->blend;
 
-    if (from >= to || y < t->y0 || y >= t->y1)
-        return;
     for (int c = 0; c < 3; c++) {
         b.top[c] = sst_image_row(&t->v->image, c, y + t->iy) + from + t->ix;
         b.bottom[c] = t->fy > 0 ? b.top[c] + t->v->image.stride : b.top[c];
@@ -106,6 +112,32 @@ static void add_view(float *const acc[4], const struct sst_plan *p, const struct
     b.disp = sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx;
     b.label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
     k->blend_rays(at, &b, (size_t)(to - from));
+}
+
+/* First output pixel from x on whose ray is inside what the view saw (found), or is not. */
+static int next_ray(const struct sst_tap *t, int x, int end, int y, bool found)
+{
+    while (x < end && sst_tap_sees(t, x, y) != found)
+        x++;
+    return x;
+}
+
+/* Add one view's rays to acc, pixels x .. x + n of row y. */
+static void add_view(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+{
+    const int end = sst_min_int(x + n, t->x1);
+    int from = sst_max_int(x, t->x0);
+
+    if (from >= end || y < t->y0 || y >= t->y1)
+        return;
+    while (t->v->valid.data && (from = next_ray(t, from, end, y, true)) < end) {
+        const int to = next_ray(t, from, end, y, false);
+
+        add_run(acc, p, t, x, from, to, y);
+        from = to;
+    }
+    if (from < end)
+        add_run(acc, p, t, x, from, end, y);
 }
 
 /* Pixels whose weights floats have lost; see SST_BLEND_FLOOR. */

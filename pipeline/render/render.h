@@ -71,8 +71,9 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255]);
 /**
  * Render one picture of the light field's size.
  *
- * Colour is bilinear; a ray whose taps do not all lie inside its view does not count; shifts within 1e-6 px of a whole
- * number are whole. Weights so small that floats lose them are formed again with the largest exponent subtracted.
+ * Colour is bilinear; a ray whose taps do not all lie inside its view, or inside what that has of its raw frame, does
+ * not count; shifts within 1e-6 px of a whole number are whole. Weights so small that floats lose them are formed again
+ * with the largest exponent subtracted.
  * Unknown disparity: see sst_weight_depth(); no label, or a label that has no disparity anywhere: W_s = 1.
  *
  * @param out    out, initialised by the caller to lf's size

@@ -1,0 +1,461 @@
+/* Light fields of raw frames: a plane with a known picture on it, seen by an array that is mounted badly. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/calibrated.h"
+#include "pipeline/lightfield/import.h"
+#include "pipeline/render/render.h"
+
+#define ROWS   2
+#define COLS   3
+#define WIDTH  320
+#define HEIGHT 240
+#define DEPTH  2000.0
+
+static char base[64];
+static uint32_t seed = 5;
+
+static const char *at(const char *fmt, ...) SST_PRINTF(1, 2);
+static const char *at(const char *fmt, ...)
+{
+    static char path[4][SST_PATH_MAX];
+    static int next;
+    char *p = path[next = (next + 1) % 4];
+    va_list args;
+    int n = snprintf(p, SST_PATH_MAX, "%s/", base);
+
+    va_start(args, fmt);
+    vsnprintf(p + n, SST_PATH_MAX - (size_t)n, fmt, args);
+    va_end(args);
+    return p;
+}
+
+static double uniform(double lo, double hi)
+{
+    seed = seed * 1664525u + 1013904223u;
+    return lo + (hi - lo) * ((seed >> 8) / 16777216.0);
+}
+
+/* The plane's picture in sRGB levels: waves of 60 mm and more, 8 px and more at 300 px / 2000 mm. */
+static double picture(double X, double Y, int c)
+{
+    return 128 + 40 * sin(X / 19.0 + c) * cos(Y / 31.0) + 50 * sin((X + 2 * Y) / 83.0 - c) +
+           20 * cos(X / 23.0 - Y / 17.0);
+}
+
+/* Camera centre and direction in rig axes to the plane z = DEPTH. */
+static double seen(const double centre[3], const double d[3], int c)
+{
+    const double t = (DEPTH - centre[2]) / d[2];
+
+    return picture(centre[0] + t * d[0], centre[1] + t * d[1], c);
+}
+
+static struct sst_calib bad_array(void)
+{
+    struct sst_calib calib;
+
+    assert_int_equal(sst_calib_init(&calib, ROWS, COLS), 0);
+    calib.width = WIDTH;
+    calib.height = HEIGHT;
+    calib.range_mm = DEPTH;
+    for (int k = 0; k < ROWS * COLS; k++) {
+        struct sst_calib_camera *cam = &calib.camera[k];
+        const double v[3] = { uniform(-0.02, 0.02), uniform(-0.02, 0.02), uniform(-0.02, 0.02) };
+        const double lens[5] = { -0.2, 0.06, 5e-4, -5e-4, 0 };
+
+        *cam = (struct sst_calib_camera){ .known = true,
+                                          .fx = uniform(295, 305),
+                                          .fy = uniform(295, 305),
+                                          .cx = uniform(155, 164),
+                                          .cy = uniform(115, 124),
+                                          .lens = 5,
+                                          .gain = { 1, 1, 1 } };
+        snprintf(cam->name, sizeof(cam->name), "cam%d", k);
+        memcpy(cam->k, lens, sizeof(lens));
+        if (k != calib.reference) {
+            sst_rotation_from_vector(v, cam->rotation);
+            cam->position_mm[0] = 100 * (k % COLS - 1) + uniform(-3, 3);
+            cam->position_mm[1] = 100 * (k / COLS) + uniform(-3, 3);
+        } else {
+            sst_rotation_from_vector((const double[3]){ 0, 0, 0 }, cam->rotation);
+        }
+    }
+    return calib;
+}
+
+static double encode(double linear)
+{
+    return 255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * pow(linear, 1 / 2.4) - 0.055);
+}
+
+static double decode(double code)
+{
+    return code / 255 <= 0.04045 ? code / 255 / 12.92 : pow((code / 255 + 0.055) / 1.055, 2.4);
+}
+
+/* The frame that a camera takes, in PNG; the other way round than rectification. */
+static void take_frame(const struct sst_calib *calib, int k)
+{
+    const struct sst_calib_camera *cam = &calib->camera[k];
+    const double half2 = 0.25 * (WIDTH * WIDTH + HEIGHT * HEIGHT);
+    struct sst_image img;
+
+    assert_int_equal(sst_image_init(&img, WIDTH, HEIGHT), 0);
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            double ray[3] = { 0, 0, 1 }, d[3];
+            const double r2 = ((x - cam->cx) * (x - cam->cx) + (y - cam->cy) * (y - cam->cy)) / half2;
+            const double falloff = 1 + r2 * (cam->falloff[0] + r2 * (cam->falloff[1] + r2 * cam->falloff[2]));
+
+            assert_true(sst_camera_undistort(cam, x, y, &ray[0], &ray[1]));
+            for (int i = 0; i < 3; i++)
+                d[i] = cam->rotation[i] * ray[0] + cam->rotation[3 + i] * ray[1] + cam->rotation[6 + i];
+            for (int c = 0; c < 3; c++) {
+                const double light = decode(seen(cam->position_mm, d, c)) * cam->gain[c] * falloff;
+
+                sst_image_row(&img, c, y)[x] = (uint8_t)(fmin(encode(light), 255) + 0.5);
+            }
+        }
+    }
+    assert_int_equal(sst_image_write_png(&img, at("frames/%02d_%02d.png", k / COLS, k % COLS)), 0);
+    sst_image_fini(&img);
+}
+
+/* Frames of the whole array in frames/, its calibration in calib.yaml. */
+static void take_frames(const struct sst_calib *calib)
+{
+    sst_path_remove_tree(at("frames"));
+    assert_int_equal(mkdir(at("frames"), 0777), 0);
+    for (int k = 0; k < ROWS * COLS; k++)
+        take_frame(calib, k);
+    assert_int_equal(sst_calib_write(calib, at("calib.yaml")), 0);
+}
+
+static struct sst_use_calibration use_file(void)
+{
+    struct sst_use_calibration use;
+
+    sst_use_calibration_defaults(&use);
+    assert_int_equal(sst_use_calibration_read(&use, at("calib.yaml")), 0);
+    return use;
+}
+
+static int import(const char *out, const struct sst_use_calibration *use)
+{
+    const struct sst_import_config cfg = { .format = "folder",
+                                           .source = at("frames"),
+                                           .out = out,
+                                           .rows = ROWS,
+                                           .cols = COLS,
+                                           .calibration = use,
+                                           .force = true,
+                                           .threads = 2 };
+
+    return sst_import(&cfg);
+}
+
+static void make(const char *name)
+{
+    struct sst_use_calibration use = use_file();
+
+    assert_int_equal(import(at("%s", name), &use), 0);
+    sst_use_calibration_fini(&use);
+}
+
+/* Largest and RMS difference of a view from the plane as the rectified camera sees it. */
+static double worst_error(const struct sst_lightfield *lf, int k, double *rms)
+{
+    const struct sst_rectified *to = lf->rectified;
+    const struct sst_view *v = &lf->views[k];
+    double worst = 0, sum2 = 0, n = 0;
+
+    for (int y = 0; y < lf->height; y++) {
+        for (int x = 0; x < lf->width; x++) {
+            const double f = to->focal_px * to->view[k].scale, a = (x - to->cx) / f, b = (y - to->cy) / f;
+            double d[3];
+
+            if (v->valid.data && !sst_map_u8_row(&v->valid, y)[x]) {
+                assert_int_equal(sst_image_row(&v->image, 0, y)[x], 0);
+                continue;
+            }
+            for (int i = 0; i < 3; i++)
+                d[i] = to->rotation[i] * a + to->rotation[3 + i] * b + to->rotation[6 + i];
+            for (int c = 0; c < 3; c++) {
+                const double e = sst_image_row(&v->image, c, y)[x] - seen(lf->calibration->camera[k].position_mm, d, c);
+
+                worst = fmax(worst, fabs(e));
+                sum2 += e * e;
+                n++;
+            }
+        }
+    }
+    assert_true(n > 3 * 0.8 * WIDTH * HEIGHT);
+    *rms = sqrt(sum2 / n);
+    return worst;
+}
+
+static void rectified_views_show_the_plane(void **state SST_UNUSED)
+{
+    struct sst_calib calib = bad_array();
+    struct sst_lightfield lf;
+
+    take_frames(&calib);
+    make("lf");
+    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 2), 0);
+    assert_non_null(lf.calibration);
+    assert_true(fabs(lf.spacing_mm - 100) < 3 && fabs(lf.focal_px - 300) < 5 && lf.ref_view == 1);
+    for (int k = 0; k < ROWS * COLS; k++) {
+        double rms, worst = worst_error(&lf, k, &rms);
+
+        print_message("view %d: worst %.2f, RMS %.3f levels\n", k, worst, rms);
+        assert_true(rms < 0.7);
+        assert_true(worst < 3);
+        assert_true(fabs(lf.views[k].bx - (k % COLS - 1)) < 0.1 && fabs(lf.views[k].by - k / COLS) < 0.1);
+    }
+    sst_lightfield_fini(&lf);
+    sst_calib_fini(&calib);
+}
+
+/* Gains and fall-off as cameras have them are taken back: each camera's frames are its mean light's again. */
+static void light_is_corrected(void **state SST_UNUSED)
+{
+    struct sst_calib calib = bad_array();
+    struct sst_lightfield lf;
+
+    for (int k = 0; k < ROWS * COLS; k++) {
+        for (int c = 0; c < 3; c++)
+            calib.camera[k].gain[c] = 1 + 0.1 * ((k + c) % 3 - 1);
+        calib.camera[k].falloff[0] = -0.3;
+    }
+    take_frames(&calib);
+    make("lf");
+    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 2), 0);
+    for (int k = 0; k < ROWS * COLS; k++) {
+        double rms;
+
+        assert_true(worst_error(&lf, k, &rms) < 3);
+        assert_true(rms < 0.8);
+    }
+    sst_lightfield_fini(&lf);
+    sst_calib_fini(&calib);
+}
+
+static void same_images(const struct sst_lightfield *a, const struct sst_lightfield *b)
+{
+    for (int k = 0; k < a->rows * a->cols; k++) {
+        for (int y = 0; y < a->height; y++) {
+            for (int c = 0; c < 3; c++)
+                assert_memory_equal(sst_image_row(&a->views[k].image, c, y), sst_image_row(&b->views[k].image, c, y),
+                                    (size_t)a->width);
+        }
+    }
+}
+
+static void threads_raw_and_bake(void **state SST_UNUSED)
+{
+    struct sst_calib calib = bad_array();
+    struct sst_rectify_dir_config cfg = { .bake = true, .force = true, .threads = 2 };
+    struct sst_lightfield one, three, raw, own;
+    struct sst_image frame;
+
+    take_frames(&calib);
+    make("lf");
+    assert_int_equal(sst_lightfield_load(&one, at("lf"), SST_LOAD_IMAGES, 1), 0);
+    assert_int_equal(sst_lightfield_load(&three, at("lf"), SST_LOAD_IMAGES, 3), 0);
+    same_images(&one, &three);
+    sst_lightfield_fini(&three);
+    assert_int_equal(sst_lightfield_load(&raw, at("lf"), SST_LOAD_IMAGES | SST_LOAD_RAW, 2), 0);
+    assert_int_equal(sst_image_read(&frame, at("frames/01_02.png")), 0);
+    assert_memory_equal(sst_image_row(&raw.views[5].image, 1, 100), sst_image_row(&frame, 1, 100), WIDTH);
+    assert_null(raw.views[5].valid.data);
+    sst_image_fini(&frame);
+    sst_lightfield_fini(&raw);
+    cfg.dir = at("lf");
+    cfg.out = at("baked");
+    assert_int_equal(sst_lightfield_rectify_dir(&cfg, &own), 0);
+    sst_lightfield_fini(&own);
+    assert_int_equal(sst_lightfield_load(&three, at("baked"), SST_LOAD_IMAGES, 2), 0);
+    assert_null(three.calibration);
+    same_images(&one, &three);
+    assert_true(one.views[0].bx == three.views[0].bx && one.focal_px == three.focal_px);
+    sst_lightfield_fini(&three);
+    sst_lightfield_fini(&one);
+    sst_calib_fini(&calib);
+}
+
+/* Maps go into the folder and come back beside the calibration; a light field without one stays of version 1. */
+static void maps_and_versions(void **state SST_UNUSED)
+{
+    struct sst_calib calib = bad_array();
+    struct sst_lightfield lf;
+    uint8_t *text;
+    size_t size;
+
+    take_frames(&calib);
+    make("lf");
+    assert_int_equal(sst_lightfield_load(&lf, at("lf"), 0, 1), 0);
+    assert_int_equal(sst_map_u16_init(&lf.views[2].disp, lf.width, lf.height), 0);
+    sst_map_u16_row(&lf.views[2].disp, 7)[9] = 777;
+    assert_int_equal(sst_lightfield_save_maps(&lf, at("lf"), 1), 0);
+    sst_lightfield_fini(&lf);
+    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_ALL, 1), 0);
+    assert_non_null(lf.calibration);
+    assert_int_equal(sst_map_u16_row(&lf.views[2].disp, 7)[9], 777);
+    assert_int_equal(sst_lightfield_verify(&lf, at("lf"), 1), 0);
+    sst_lightfield_fini(&lf);
+    assert_int_equal(sst_file_read(at("lf/lightfield.json"), 1 << 20, &text, &size), 0);
+    assert_non_null(strstr((char *)text, "\"version\": 2"));
+    free(text);
+    assert_int_equal(import(at("plain"), NULL), 0);
+    assert_int_equal(sst_file_read(at("plain/lightfield.json"), 1 << 20, &text, &size), 0);
+    assert_non_null(strstr((char *)text, "\"version\": 1"));
+    assert_null(strstr((char *)text, "calibration"));
+    free(text);
+    sst_calib_fini(&calib);
+}
+
+static void refused(int err, int want, const char *words, const char *text)
+{
+    assert_int_equal(err, want);
+    if (!strstr(text, words))
+        fail_msg("no '%s' in: %s", words, text);
+}
+
+#define REFUSED(call, want, words)                                                                                     \
+    do {                                                                                                               \
+        char said[SST_LOG_MAX] = "", *before = sst_log_hold_errors(said);                                              \
+        const int got = (call);                                                                                        \
+                                                                                                                       \
+        sst_log_hold_errors(before);                                                                                   \
+        refused(got, want, words, said);                                                                               \
+    } while (0)
+
+static void what_does_not_fit(void **state SST_UNUSED)
+{
+    struct sst_calib calib = bad_array();
+    struct sst_use_calibration use;
+    struct sst_lightfield lf;
+    struct sst_image small;
+    uint8_t *text;
+    size_t size;
+
+    take_frames(&calib);
+    make("lf");
+    use = use_file();
+    use.calib.width = 640;
+    REFUSED(import(at("no"), &use), -EBADMSG, "frames of 640x240 pixels, the views have 320x240");
+    use.calib.width = WIDTH;
+    use.calib.rows = COLS;
+    use.calib.cols = ROWS;
+    REFUSED(import(at("no"), &use), -EBADMSG, "grid of 3x2 cameras, the views make one of 2x3");
+    use.calib.rows = ROWS;
+    use.calib.cols = COLS;
+    assert_false(sst_path_exists(at("no")));
+    use.calib.camera[5].known = false; /* a hole; the rest goes on */
+    assert_int_equal(import(at("hole"), &use), 0);
+    assert_int_equal(sst_lightfield_load(&lf, at("hole"), SST_LOAD_IMAGES, 1), 0);
+    assert_false(lf.views[5].present);
+    assert_false(sst_path_exists(at("hole/views/01_02.png")));
+    sst_lightfield_fini(&lf);
+    sst_use_calibration_fini(&use);
+    /* The folder after someone has been at it. */
+    assert_int_equal(sst_image_init(&small, 32, 24), 0);
+    assert_int_equal(sst_image_write_png(&small, at("lf/views/00_01.png")), 0);
+    sst_image_fini(&small);
+    REFUSED(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 1), -EBADMSG, "32x24 pixels, the calibration is of");
+    assert_int_equal(sst_file_read(at("lf/calibration.yaml"), 1 << 20, &text, &size), 0);
+    assert_int_equal(sst_file_write(at("lf/calibration.yaml"), text, size - 1), 0);
+    REFUSED(sst_lightfield_load(&lf, at("lf"), 0, 1), -EBADMSG, "has changed since the light field was made");
+    assert_int_equal(remove(at("lf/calibration.yaml")), 0);
+    REFUSED(sst_lightfield_load(&lf, at("lf"), 0, 1), -ENOENT, "calibration.yaml");
+    free(text);
+    sst_calib_fini(&calib);
+}
+
+/* Focused on the plane, all views show one picture: also at its borders, where some views have nothing to show. */
+static void rays_from_outside_do_not_count(void **state SST_UNUSED)
+{
+    struct sst_calib calib = bad_array();
+    struct sst_render_config cfg;
+    struct sst_renderer *r;
+    struct sst_lightfield lf;
+    struct sst_image out;
+    struct sst_map_u8 valid;
+    int differ = 0, dark = 0;
+
+    take_frames(&calib);
+    make("lf");
+    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 2), 0);
+    assert_int_equal(sst_renderer_create(&r, &lf, 2), 0);
+    assert_int_equal(sst_image_init(&out, lf.width, lf.height), 0);
+    assert_int_equal(sst_map_u8_init(&valid, lf.width, lf.height), 0);
+    sst_render_config_defaults(&cfg);
+    cfg.method = SST_RENDER_REFOCUS;
+    cfg.focus_px = lf.focal_px * lf.spacing_mm / DEPTH;
+    assert_int_equal(sst_render(r, &cfg, &out, &valid), 0);
+    for (int y = 0; y < lf.height; y++) {
+        for (int x = 0; x < lf.width; x++) {
+            const struct sst_rectified *to = lf.rectified;
+            const double a = (x - to->cx) / to->focal_px, b = (y - to->cy) / to->focal_px;
+            double d[3];
+
+            if (!sst_map_u8_row(&valid, y)[x]) {
+                dark++;
+                continue;
+            }
+            for (int i = 0; i < 3; i++)
+                d[i] = to->rotation[i] * a + to->rotation[3 + i] * b + to->rotation[6 + i];
+            /* A tilted array's plane has more than one depth: some blur is left, black is not. */
+            differ += fabs(sst_image_row(&out, 1, y)[x] - seen((const double[3]){ 0, 0, 0 }, d, 1)) > 12;
+        }
+    }
+    print_message("%d pixels without a ray, %d of the others off\n", dark, differ);
+    assert_true(dark < lf.width * lf.height / 50);
+    assert_int_equal(differ, 0);
+    sst_map_u8_fini(&valid);
+    sst_image_fini(&out);
+    sst_renderer_destroy(r);
+    sst_lightfield_fini(&lf);
+    sst_calib_fini(&calib);
+}
+
+static int setup(void **state SST_UNUSED)
+{
+    snprintf(base, sizeof(base), "/tmp/sst-calibrated-XXXXXX");
+    return mkdtemp(base) ? 0 : -1;
+}
+
+static int teardown(void **state SST_UNUSED)
+{
+    sst_path_remove_tree(base);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rectified_views_show_the_plane),
+        cmocka_unit_test(light_is_corrected),
+        cmocka_unit_test(threads_raw_and_bake),
+        cmocka_unit_test(maps_and_versions),
+        cmocka_unit_test(what_does_not_fit),
+        cmocka_unit_test(rays_from_outside_do_not_count),
+    };
+
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
