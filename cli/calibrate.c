@@ -198,7 +198,7 @@ static int deliver(const struct job *job)
         puts(text);
         free(text);
     } else if (!err) {
-        sst_calib_report_text(stdout, &report);
+        err = sst_calib_report_text(stdout, &report);
     }
     return err;
 }

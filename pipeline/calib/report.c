@@ -21,9 +21,9 @@ static void head(const struct sst_calib_page *page)
         out);
     fputs(sst_calib_style, out);
     fprintf(out,
-            "</style>\n</head>\n<body>\n<header>\n<h1>Calibration report</h1>\n<p class=\"sub\">%s of %d \xC3\x97 %d, "
-            "%d known, pictures of %d \xC3\x97 %d px",
-            calib->rig ? "Rig poses" : "Cameras", calib->rows, calib->cols, page->figures->known, calib->width,
+            "</style>\n</head>\n<body>\n<header>\n<h1>Calibration report</h1>\n<p class=\"sub\">%d \xC3\x97 %d %s, "
+            "%d calibrated, pictures of %d \xC3\x97 %d px",
+            calib->rows, calib->cols, calib->rig ? "poses of a rig" : "cameras", page->figures->known, calib->width,
             calib->height);
     if (calib->source[0]) {
         fputs("; made from ", out);
@@ -101,7 +101,10 @@ int sst_calib_report_write(const char *path, const struct sst_calib_report *repo
         return err;
     err = sst_outfile_open(&file, path);
     if (!err) {
-        const struct sst_calib_page page = { .out = file.stream, .report = report, .figures = &figures };
+        struct sst_calib_shown shown;
+        const struct sst_calib_page page = {
+            .out = file.stream, .shown = &shown, .report = report, .figures = &figures
+        };
 
         err = write_page(&page);
         if (err)

@@ -11,6 +11,7 @@ struct plan {
     double scale, x0, y0, height; /* units per mm; mm at the drawing's origin */
     double magnify, rule_mm;
     struct sst_calib_scale colour;
+    bool flat; /* nothing to colour */
 };
 
 static struct plan plan_make(const struct sst_calib_page *page, const double (*off_mm)[2])
@@ -41,6 +42,7 @@ static struct plan plan_make(const struct sst_calib_page *page, const double (*o
     size = fmax(sst_calib_round_down(fmax(out, 1e-3)), 1e-3);
     while (size < out)
         size = sst_calib_round_down(size * 2.5 * (1 + 1e-9));
+    p.flat = out < 1e-6;
     p.colour = (struct sst_calib_scale){ -size, size };
     return p;
 }
@@ -55,13 +57,13 @@ static void draw_camera(const struct sst_calib_page *page, const struct plan *p,
             reference ? " stroke=\"currentColor\" stroke-width=\"2.5\"" : "");
     sst_html_text(page->out, page->figures->camera[view].name);
     fprintf(page->out, ": %s, %s mm from the reference; %s mm out of the plane", SST_NUM(at[0], 5), SST_NUM(at[1], 5),
-            SST_NUM(at[2], 2));
+            SST_FIGURE(at[2]));
     if (isfinite(off_mm[0]))
-        fprintf(page->out, "; off by %s, %s mm", SST_NUM(off_mm[0], 2), SST_NUM(off_mm[1], 2));
+        fprintf(page->out, "; off by %s, %s mm", SST_FIGURE(off_mm[0]), SST_FIGURE(off_mm[1]));
     fputs("</title></circle>", page->out);
     if (p->magnify > 0 && isfinite(off_mm[0]))
-        fprintf(page->out, "<path class=\"out\" stroke-width=\"2.5\" d=\"M%.5g %.5gl%.4g %.4g\"/>", x, y,
-                off_mm[0] * p->magnify * p->scale, off_mm[1] * p->magnify * p->scale);
+        fprintf(page->out, "<path class=\"off\" d=\"M%.5g %.5gl%.4g %.4g\"/>", x, y, off_mm[0] * p->magnify * p->scale,
+                off_mm[1] * p->magnify * p->scale);
     if (page->report->detections->cols <= 10)
         fprintf(page->out,
                 "<text x=\"%.5g\" y=\"%.5g\" font-size=\"10\" text-anchor=\"middle\" class=\"soft\">%02d_%02d"
@@ -83,7 +85,10 @@ static void draw_plan(const struct sst_calib_page *page, const struct plan *p, c
                 p->height + 5, p->rule_mm * p->magnify * p->scale, p->rule_mm * p->magnify * p->scale + 16,
                 p->height + 12, SST_NUM(p->rule_mm, 1), SST_NUM(p->magnify, 1));
     fputs("</svg>\n", page->out);
-    sst_html_legend(page->out, p->colour, "mm out of the mean plane, positive towards the scene", NULL);
+    if (p->flat)
+        fputs("<p class=\"legend\">All are in one plane.</p>\n", page->out);
+    else
+        sst_html_legend(page->out, p->colour, "mm out of the mean plane, positive towards the scene", NULL);
 }
 
 /* Angles of the cameras against the common axes: how far they were from parallel. */
@@ -127,15 +132,16 @@ static void facts(const struct sst_calib_page *page)
         return;
     sst_rotation_to_vector(r->rotation, turn);
     angles(page, &mean_deg, &most_deg, &most);
-    fprintf(out,
-            "<div class=\"scroll\"><table class=\"facts\">\n<tr><th>spacing</th><td>%s mm nominal; a column %s mm, a "
-            "row %s mm, %s degrees off square</td></tr>\n",
-            SST_NUM0(r->spacing_mm, 5), SST_NUM0(r->step_mm[0], 5), SST_NUM0(r->step_mm[1], 5),
-            SST_NUM(r->skew_deg, 2));
-    fprintf(out, "<tr><th>off the lattice</th><td>%s mm RMS, %s mm at most</td></tr>\n", SST_NUM(r->lattice_rms_mm, 2),
-            SST_NUM(r->lattice_max_mm, 2));
-    fprintf(out, "<tr><th>out of the plane</th><td>%s mm RMS, %s mm at most</td></tr>\n", SST_NUM(r->out_rms_mm, 2),
-            SST_NUM(r->out_max_mm, 2));
+    fprintf(out, "<div class=\"scroll\"><table class=\"facts\">\n<tr><th>spacing</th><td>%s mm nominal",
+            SST_NUM0(r->spacing_mm, 5));
+    if (r->step_mm[0] > 0 && r->step_mm[1] > 0)
+        fprintf(out, "; a column %s mm, a row %s mm, %s degrees off square", SST_NUM(r->step_mm[0], 5),
+                SST_NUM(r->step_mm[1], 5), SST_NUM(r->skew_deg, 2));
+    fputs("</td></tr>\n", out);
+    fprintf(out, "<tr><th>off the lattice</th><td>%s mm RMS, %s mm at most</td></tr>\n", SST_FIGURE(r->lattice_rms_mm),
+            SST_FIGURE(r->lattice_max_mm));
+    fprintf(out, "<tr><th>out of the plane</th><td>%s mm RMS, %s mm at most</td></tr>\n", SST_FIGURE(r->out_rms_mm),
+            SST_FIGURE(r->out_max_mm));
     fprintf(out,
             "<tr><th>common rotation</th><td>%s, %s, %s degrees (axis times angle) from the reference camera's "
             "axes</td></tr>\n",
@@ -149,8 +155,9 @@ static void facts(const struct sst_calib_page *page)
     }
     fprintf(out,
             "; rectifying removes that</td></tr>\n<tr><th>common focal length</th><td>%s px; views off the plane are "
-            "exact at %s</td></tr>\n</table></div>\n",
-            SST_NUM0(r->focal_px, 6), r->plane_mm > 0 ? SST_NUM(r->plane_mm, 4) : "infinity");
+            "exact at %s%s</td></tr>\n</table></div>\n",
+            SST_NUM0(r->focal_px, 6), r->plane_mm > 0 ? SST_NUM(r->plane_mm, 4) : "infinity",
+            r->plane_mm > 0 ? " mm" : "");
 }
 
 void sst_calib_page_array(const struct sst_calib_page *page)
@@ -164,13 +171,13 @@ void sst_calib_page_array(const struct sst_calib_page *page)
     sst_html_section(page->out, "array", "Array",
                      "Centres of the cameras in their plane, seen from behind: where they really are. A light field "
                      "keeps these places; the array need not be regular.");
-    fputs("<figure>", page->out);
+    fputs("<div class=\"two\"><figure>", page->out);
     draw_plan(page, &p, (const double(*)[2])f->lattice_mm);
     fputs("<figcaption>Colour: out of the plane. Lines: from the place in the best regular lattice to the true one, "
           "magnified. Ring: the reference camera.</figcaption></figure>\n",
           page->out);
     facts(page);
-    fputs("</section>\n", page->out);
+    fputs("</div>\n</section>\n", page->out);
 }
 
 void sst_calib_page_rig(const struct sst_calib_page *page)

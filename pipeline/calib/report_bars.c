@@ -73,10 +73,12 @@ static void judge_residuals(struct sst_calib_figures *f, const struct sst_soluti
                                              "same moment, that none of them moved and that the board is rigid; the "
                                              "list of outliers says which pictures" });
     at_camera(add(f, (struct sst_calib_bar){ .key = "systematic",
-                                             .what = "systematic part of the residuals: RMS of their means over "
-                                                     "regions, less what random ones leave",
+                                             .what = "systematic part of the residuals of a camera, largest: RMS of "
+                                                     "their means over regions, less what random ones leave",
                                              .unit = "px",
-                                             .value = f->systematic_px,
+                                             .value = f->systematic_camera >= 0
+                                                          ? f->camera[f->systematic_camera].systematic_px
+                                                          : (double)NAN,
                                              .stretch = 0.05,
                                              .pass = 0.10,
                                              .limit = 0.25,
@@ -237,6 +239,11 @@ const char *sst_calib_bar_word(enum sst_calib_bar_state state)
     return words[state];
 }
 
+struct sst_calib_number sst_calib_bar_value(const struct sst_calib_bar *bar)
+{
+    return bar->unit[0] || !isfinite(bar->value) ? sst_calib_figure(bar->value) : sst_calib_count((int64_t)bar->value);
+}
+
 bool sst_calib_bar_reason(const struct sst_calib_bar *bar, char out[640])
 {
     const bool over = bar->state == SST_BAR_MISSED || bar->state == SST_BAR_FAILED;
@@ -244,9 +251,9 @@ bool sst_calib_bar_reason(const struct sst_calib_bar *bar, char out[640])
     if (!bar->judged || !(over || bar->state == SST_BAR_UNKNOWN))
         return false;
     if (over)
-        snprintf(out, 640, "%s: %s%s%s%s%s, above %s; %s.", bar->what, SST_NUM(bar->value, 2), bar->unit[0] ? " " : "",
-                 bar->unit, bar->where[0] ? " at " : "", bar->where,
-                 SST_NUM(bar->state == SST_BAR_FAILED ? bar->limit : bar->pass, 2), bar->remedy);
+        snprintf(out, 640, "%s: %s%s%s%s%s%s, above %g; %s.", bar->what, sst_calib_bar_value(bar).text,
+                 bar->unit[0] ? " " : "", bar->unit, bar->where[0] ? " (" : "", bar->where, bar->where[0] ? ")" : "",
+                 bar->state == SST_BAR_FAILED ? bar->limit : bar->pass, bar->remedy);
     else
         snprintf(out, 640, "%s: unknown, so nothing confirms it%s.", bar->what,
                  strcmp(bar->key, "cross") ? "" : "; solve with cross-validation");

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "pipeline/calib/report_parts.h"
 
@@ -10,19 +11,19 @@
 #define VECTORS_ALL  12000 /* of the page */
 #define MEAN_CORNERS 8     /* of a region whose mean is drawn */
 #define MANY_COLS    8     /* more do not fit two figures side by side */
+#define LONGEST      20    /* units: longer arrows, those of outliers, are cut */
 #define CELLS_MOST   (SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS)
-
-enum kind { SEEN = 0, RMS = 1, LENS = 2, CARRY = 3, LIGHT = 4, KINDS = 5 };
 
 static const struct {
     const char *id, *title, *intro, *unit, *empty;
     bool coarse; /* regions of residuals; else cells of the uncertainty maps */
-} kinds[KINDS] = {
+} kinds[SST_MAPS] = {
     { "seen", "Coverage: where corners were seen",
       "All detected corners, outliers included, of all frames. Where a picture is empty its lens is extrapolated.",
       "corners per cell", "none", false },
     { "rms", "Residual per region of the picture",
-      "Colour: RMS per point of the used corners. Arrows: their mean, which is near 0 where only noise is left; arrows "
+      "Colour: RMS per point of the used corners. Arrows: their mean, which is near 0 where only noise is "
+      "left; arrows "
       "that agree between regions or cameras are an error of the model.",
       "px", "no corners", true },
     { "lens", "Uncertainty of the lens",
@@ -38,9 +39,8 @@ static const struct {
 
 /* Sizes that all tiles share. */
 struct tile {
-    double width, height, scale;       /* units; units per px of the picture */
-    double magnify, rule_px;           /* of residuals; length that the rule shows */
-    double mean_magnify, mean_rule_px; /* of means; 0: there are none */
+    double width, height, scale; /* units; units per px of the picture */
+    double magnify, mean_magnify;
 };
 
 static double fitting(double units, double px, double scale)
@@ -65,26 +65,28 @@ static struct tile tile_make(const struct sst_calib_page *page)
         }
     }
     t.magnify = fitting(14, 3 * (rms > 0 ? rms : 0.1), t.scale);
-    t.rule_px = fitting(36, t.magnify, t.scale);
-    if (most > 0) {
-        t.mean_magnify = fitting(16, most, t.scale);
-        t.mean_rule_px = fitting(36, t.mean_magnify, t.scale);
-    }
+    t.mean_magnify = most > 0 ? fitting(16, most, t.scale) : 0;
+    *page->shown = (struct sst_calib_shown){
+        .magnify = t.magnify,
+        .rule_px = fitting(36, t.magnify, t.scale),
+        .mean_magnify = t.mean_magnify,
+        .mean_rule_px = most > 0 ? fitting(36, t.mean_magnify, t.scale) : 0,
+    };
     return t;
 }
 
 /* A rule in the lower left corner, as long as so many px are drawn. */
-static void rule(FILE *out, const struct tile *t, double px, double magnify)
+static void rule(FILE *out, const struct tile *t, const char *class, double px, double magnify)
 {
     const double y = t->height - 5, length = px * magnify * t->scale;
 
-    fprintf(out, "<path class=\"rule\" d=\"M5 %.4gv4m0 -2h%.4gm0 -2v4\"/>", y - 2, length);
+    fprintf(out, "<path class=\"%s\" d=\"M5 %.4gv4m0 -2h%.4gm0 -2v4\"/>", class, y - 2, length);
 }
 
 /* --- what is in a tile -------------------------------------------------------------------------------------------- */
 
 /* Values of one camera's map; NAN where there is none. @return their number */
-static int values_of(double *values, const struct sst_calib_page *page, enum kind kind, int view)
+static int values_of(double *values, const struct sst_calib_page *page, enum sst_calib_map kind, int view)
 {
     const struct sst_solution *s = page->report->solution;
     const struct sst_calib_camera *c = &s->calib.camera[view];
@@ -100,15 +102,15 @@ static int values_of(double *values, const struct sst_calib_page *page, enum kin
         const double r2 = (x * x + y * y) / half2;
 
         values[i] = (double)NAN;
-        if (kind == SEEN && f->seen[row][col])
+        if (kind == SST_MAP_SEEN && f->seen[row][col])
             values[i] = f->seen[row][col];
-        else if (kind == RMS)
+        else if (kind == SST_MAP_RMS)
             values[i] = f->region[row][col].rms_px;
-        else if (kind == LENS && s->lens_sigma)
+        else if (kind == SST_MAP_LENS && s->lens_sigma)
             values[i] = (double)s->lens_sigma[view][row][col];
-        else if (kind == CARRY && s->carry_sigma)
+        else if (kind == SST_MAP_CARRY && s->carry_sigma)
             values[i] = (double)s->carry_sigma[view][s->calib.range_mm > 0][row][col];
-        else if (kind == LIGHT && page->report->light && c->known)
+        else if (kind == SST_MAP_LIGHT && page->report->light && c->known)
             values[i] = -100 * r2 * (c->falloff[0] + r2 * (c->falloff[1] + r2 * c->falloff[2]));
     }
     return rows * cols;
@@ -118,11 +120,13 @@ static int values_of(double *values, const struct sst_calib_page *page, enum kin
 static void segment(FILE *out, const struct tile *t, const struct sst_corner *c, const double e[2], bool dot)
 {
     const double x = (c->x + 0.5) * t->scale, y = (c->y + 0.5) * t->scale;
+    const double length = hypot(e[0], e[1]) * t->magnify * t->scale, cut = length > LONGEST ? LONGEST / length : 1;
 
     if (dot)
         fprintf(out, "M%.1f %.1fh0", x, y);
     else
-        fprintf(out, "M%.1f %.1fl%.1f %.1f", x, y, e[0] * t->magnify * t->scale, e[1] * t->magnify * t->scale);
+        fprintf(out, "M%.1f %.1fl%.1f %.1f", x, y, cut * e[0] * t->magnify * t->scale,
+                cut * e[1] * t->magnify * t->scale);
 }
 
 /* Some of a camera's residuals, evenly over their number: used corners, or outliers. */
@@ -167,7 +171,7 @@ static void draw_vectors(const struct sst_calib_page *page, const struct tile *t
         residuals(page, t, view, true, false, most);
         fputs("\"/>", out);
     }
-    rule(out, t, t->rule_px, t->magnify);
+    rule(out, t, "rule", page->shown->rule_px, t->magnify);
     fputs("</g>", out);
 }
 
@@ -186,9 +190,8 @@ static void draw_means(const struct sst_calib_page *page, const struct tile *t, 
                     r->mean[1] * t->mean_magnify * t->scale);
         }
         fputs("\"/>", page->out);
+        rule(page->out, t, pass ? "mean1" : "mean0", page->shown->mean_rule_px, t->mean_magnify);
     }
-    if (t->mean_magnify > 0)
-        rule(page->out, t, t->mean_rule_px, t->mean_magnify);
 }
 
 /* --- the grid ----------------------------------------------------------------------------------------------------- */
@@ -200,33 +203,34 @@ static void tile_open(const struct sst_calib_page *page, const struct tile *t, i
     fprintf(page->out, "\"><svg viewBox=\"0 0 160 %.4g\">", t->height);
 }
 
-static void tile_close(const struct sst_calib_page *page, int view, double value, const char *unit)
+static void tile_close(const struct sst_calib_page *page, int view, const char *value, const char *unit)
 {
     fputs("</svg><b>", page->out);
     sst_html_text(page->out, page->figures->camera[view].name);
-    fprintf(page->out, "</b><span>%s %s</span></a>", SST_NUM(value, 3), isfinite(value) ? unit : "");
+    fprintf(page->out, "</b><span>%s %s</span></a>", value, strcmp(value, "unknown") ? unit : "");
 }
 
 /* The number under a camera's tile. */
-static double caption(const struct sst_calib_page *page, enum kind kind, int view)
+static struct sst_calib_number caption(const struct sst_calib_page *page, enum sst_calib_map kind, int view)
 {
     const struct sst_calib_camera_figures *f = &page->figures->camera[view];
     const struct sst_solution *s = page->report->solution;
-    double corners = 0;
+    int64_t corners = 0;
 
     switch (kind) {
-    case SEEN:
+    case SST_MAP_SEEN:
         for (int i = 0; i < CELLS_MOST; i++)
             corners += f->seen[i / SST_UNCERTAINTY_COLS][i % SST_UNCERTAINTY_COLS];
-        return corners;
-    case RMS:
-        return f->systematic_px;
-    case LENS:
-        return f->lens_px;
-    case CARRY:
-        return f->carry_px[s->calib.range_mm > 0];
+        return sst_calib_count(corners);
+    case SST_MAP_RMS:
+        return sst_calib_figure(f->systematic_px);
+    case SST_MAP_LENS:
+        return sst_calib_figure(f->lens_px);
+    case SST_MAP_CARRY:
+        return sst_calib_figure(f->carry_px[s->calib.range_mm > 0]);
     default:
-        return s->calib.camera[view].known ? 100 * (s->calib.camera[view].gain[1] - 1) : (double)NAN;
+        return sst_calib_number(s->calib.camera[view].known ? 100 * (s->calib.camera[view].gain[1] - 1) : (double)NAN,
+                                2);
     }
 }
 
@@ -261,33 +265,34 @@ static void vectors(const struct sst_calib_page *page, const struct tile *t)
             continue;
         tile_open(page, t, k);
         draw_vectors(page, t, k);
-        tile_close(page, k, c->known && c->rms_px > 0 ? c->rms_px : (double)NAN, "px RMS");
+        tile_close(page, k, SST_FIGURE(c->known && c->rms_px > 0 ? c->rms_px : (double)NAN), "px RMS");
     }
     fprintf(
         out,
         "</div></div>\n<figcaption>Measured minus predicted corners, magnified %s times; the rule in the lower left "
-        "corner is %s px long. <b class=\"usable\">Orange</b>: outliers, left out. Up to %d residuals of a camera "
+        "corner is %s px long. <b class=\"usable\">Orange</b>: outliers, left out, their lines cut. Up to %d residuals "
+        "of a camera "
         "are drawn, evenly taken from all frames. Below: RMS per point over all used corners of the "
         "camera.</figcaption></figure>\n",
-        SST_NUM(t->magnify, 1), SST_NUM(t->rule_px, 1),
+        SST_NUM(t->magnify, 1), SST_NUM(page->shown->rule_px, 1),
         sst_max_int(20, sst_min_int(VECTORS, VECTORS_ALL / sst_max_int(page->figures->known, 1))));
 }
 
-static void map_caption(const struct sst_calib_page *page, const struct tile *t, enum kind kind)
+static void map_caption(const struct sst_calib_page *page, const struct tile *t, enum sst_calib_map kind)
 {
     static const char *const below[] = { "number of corners", "systematic part of the residuals",
                                          "RMS over the known part of the picture",
                                          "RMS over the known part of the picture", "gain of green less 1" };
 
     fprintf(page->out, "<figcaption>%s", kinds[kind].intro);
-    if (kind == RMS && t->mean_magnify > 0)
+    if (kind == SST_MAP_RMS && t->mean_magnify > 0)
         fprintf(page->out, " Arrows are magnified %s times; the rule is %s px long.", SST_NUM(t->mean_magnify, 1),
-                SST_NUM(t->mean_rule_px, 1));
+                SST_NUM(page->shown->mean_rule_px, 1));
     fprintf(page->out, " Below: %s.</figcaption></figure>\n", below[kind]);
 }
 
 /* One kind of map for all cameras, if any of them has values. @param values  [views][CELLS_MOST] */
-static void map(const struct sst_calib_page *page, const struct tile *t, enum kind kind, double *values)
+static void map(const struct sst_calib_page *page, const struct tile *t, enum sst_calib_map kind, double *values)
 {
     static const char *const units[] = { "corners", "px", "px", "px", "%" };
     const int rows = kinds[kind].coarse ? SST_REPORT_ROWS : SST_UNCERTAINTY_ROWS;
@@ -298,12 +303,13 @@ static void map(const struct sst_calib_page *page, const struct tile *t, enum ki
     for (int k = 0; k < page->figures->views; k++)
         values_of(values + (size_t)k * (size_t)cells, page, kind, k);
     for (size_t i = 0; i < (size_t)page->figures->views * (size_t)cells; i++)
-        any = any || isfinite(values[i]);
+        any = any || (isfinite(values[i]) && (kind != SST_MAP_LIGHT || values[i] != 0)); /* 0: nothing to correct */
     if (!any)
         return;
     scale = sst_calib_scale_fit(values, (size_t)page->figures->views * (size_t)cells);
-    if (kind == SEEN)
+    if (kind == SST_MAP_SEEN)
         scale.hi = fmax(scale.hi, SST_LEVELS);
+    page->shown->scale[kind] = scale;
     fprintf(page->out, "<figure><h3>%s</h3>\n", kinds[kind].title);
     grid_open(page);
     for (int k = 0; k < page->figures->views; k++) {
@@ -313,10 +319,10 @@ static void map(const struct sst_calib_page *page, const struct tile *t, enum ki
         fprintf(page->out, "<g id=\"%s%d\"><rect class=\"none\" width=\"160\" height=\"%.4g\"/>", kinds[kind].id, k,
                 t->height);
         sst_svg_cells(page->out, values + (size_t)k * (size_t)cells, cols, rows, t->width, t->height, scale);
-        if (kind == RMS)
+        if (kind == SST_MAP_RMS)
             draw_means(page, t, k);
         fputs("</g>", page->out);
-        tile_close(page, k, caption(page, kind, k), units[kind]);
+        tile_close(page, k, caption(page, kind, k).text, units[kind]);
     }
     fputs("</div></div>\n", page->out);
     sst_html_legend(page->out, scale, kinds[kind].unit, kinds[kind].empty);
@@ -335,8 +341,8 @@ int sst_calib_page_cameras(const struct sst_calib_page *page)
                      "All figures share one colour map: dark is little, yellow is much.");
     fprintf(page->out, "<div%s>\n", page->report->detections->cols <= MANY_COLS ? " class=\"two\"" : "");
     vectors(page, &t);
-    for (int kind = 0; kind < KINDS; kind++)
-        map(page, &t, (enum kind)kind, values);
+    for (int kind = 0; kind < SST_MAPS; kind++)
+        map(page, &t, (enum sst_calib_map)kind, values);
     fputs("</div>\n</section>\n", page->out);
     free(values);
     return 0;

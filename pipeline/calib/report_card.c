@@ -1,6 +1,5 @@
 /* Each camera large, and as a line of a table. */
 #include <math.h>
-#include <string.h>
 
 #include "pipeline/calib/report_parts.h"
 
@@ -24,11 +23,17 @@ static void card_facts(const struct sst_calib_page *page, int view)
 
     turned(calib, view, deg);
     fprintf(out,
-            "<p><b>%s px</b> RMS per point over %s used corners in %s pictures; %s outliers; systematic part %s px; "
-            "expected error of carrying a pixel here from the reference view: %s px at the working range, %s px at "
-            "infinity.</p>\n",
+            "<p><b>%s px</b> RMS per point over %s used corners in %s pictures; %s outliers; systematic part of the "
+            "residuals %s px; ",
             SST_NUM0(c->rms_px, 3), SST_COUNT(c->corners), SST_COUNT(f->frames), SST_COUNT(f->outliers),
-            SST_NUM(f->systematic_px, 2), SST_NUM0(c->sigma_px, 2), SST_NUM(f->carry_px[0], 2));
+            SST_FIGURE(f->systematic_px));
+    if (view == calib->reference)
+        fputs("this is the reference view.</p>\n", out);
+    else
+        fprintf(out,
+                "expected error of carrying a pixel here from the reference view: %s px at the working range, %s px at "
+                "infinity.</p>\n",
+                SST_NUM0(c->sigma_px, 2), SST_NUM(f->carry_px[0], 2));
     if (!c->known)
         return;
     fprintf(out,
@@ -56,18 +61,49 @@ static int next_camera(const struct sst_calib_page *page, int view, int step)
     return view;
 }
 
-static void card(const struct sst_calib_page *page, int view)
+static void card_map(const struct sst_calib_page *page, int view, const char *id, const char *title,
+                     const char *caption)
+{
+    const struct sst_calib *calib = &page->report->solution->calib;
+
+    fprintf(
+        page->out,
+        "<figure><figcaption>%s: %s</figcaption><svg viewBox=\"0 0 160 %.4g\"><use href=\"#%s%d\"/></svg></figure>\n",
+        title, caption, 160.0 * calib->height / calib->width, id, view);
+}
+
+static void card_maps(const struct sst_calib_page *page, int view)
 {
     static const struct {
-        const char *id, *title;
-    } maps[] = { { "vec", "Residuals" },
-                 { "rms", "Residual per region (px)" },
-                 { "seen", "Coverage (corners per cell)" },
-                 { "lens", "Uncertainty of the lens (px)" },
-                 { "carry", "Uncertainty of carrying (px)" },
-                 { "light", "Light lost (%)" } };
-    const struct sst_solution *s = page->report->solution;
-    const double height = 160.0 * s->calib.height / s->calib.width;
+        const char *id, *title, *unit;
+    } maps[SST_MAPS] = { { "seen", "Coverage", "corners per cell" },
+                         { "rms", "Residual per region", "px RMS" },
+                         { "lens", "Uncertainty of the lens", "px" },
+                         { "carry", "Uncertainty of carrying a pixel here", "px" },
+                         { "light", "Light lost", "%" } };
+    const struct sst_calib_shown *shown = page->shown;
+    char caption[160];
+
+    snprintf(caption, sizeof(caption), "magnified %s times, the rule is %s px", SST_NUM(shown->magnify, 1),
+             SST_NUM(shown->rule_px, 1));
+    card_map(page, view, "vec", "Residuals", caption);
+    for (int i = 0; i < SST_MAPS; i++) {
+        const struct sst_calib_scale *scale = &shown->scale[i];
+        int used;
+
+        if (!(scale->hi > 0))
+            continue;
+        used = snprintf(caption, sizeof(caption), "dark %.4g, yellow %.4g %s", scale->lo,
+                        scale->lo + (scale->hi - scale->lo) * (SST_LEVELS - 1) / SST_LEVELS, maps[i].unit);
+        if (i == SST_MAP_RMS && shown->mean_magnify > 0)
+            snprintf(caption + used, sizeof(caption) - (size_t)used, "; means magnified %s times, the rule is %s px",
+                     SST_NUM(shown->mean_magnify, 1), SST_NUM(shown->mean_rule_px, 1));
+        card_map(page, view, maps[i].id, maps[i].title, caption);
+    }
+}
+
+static void card(const struct sst_calib_page *page, int view)
+{
     FILE *out = page->out;
 
     fprintf(out,
@@ -76,18 +112,11 @@ static void card(const struct sst_calib_page *page, int view)
             view, next_camera(page, view, -1), next_camera(page, view, 1));
     sst_html_text(out, page->figures->camera[view].name);
     fprintf(out, " <span class=\"soft\">row %d, column %d%s</span></h2>\n", view / page->report->detections->cols,
-            view % page->report->detections->cols, s->calib.camera[view].known ? "" : "; not calibrated");
+            view % page->report->detections->cols,
+            page->report->solution->calib.camera[view].known ? "" : "; not calibrated");
     card_facts(page, view);
     fputs("<div class=\"maps\">\n", out);
-    for (size_t i = 0; i < ARRAY_LEN(maps); i++) {
-        if ((!strcmp(maps[i].id, "lens") && !s->lens_sigma) || (!strcmp(maps[i].id, "carry") && !s->carry_sigma) ||
-            (!strcmp(maps[i].id, "light") && !page->report->light))
-            continue;
-        fprintf(out,
-                "<figure><figcaption>%s</figcaption><svg viewBox=\"0 0 160 %.4g\"><use href=\"#%s%d\"/></svg>"
-                "</figure>\n",
-                maps[i].title, height, maps[i].id, view);
-    }
+    card_maps(page, view);
     fputs("</div></section>\n", out);
 }
 
@@ -97,6 +126,12 @@ void sst_calib_page_cards(const struct sst_calib_page *page)
         if (page->figures->camera[k].expected)
             card(page, k);
     }
+}
+
+/* No minus before what is shown as 0. */
+static double rounded(double value, double unit)
+{
+    return fabs(value) < unit / 2 ? 0 : value;
 }
 
 static void line(const struct sst_calib_page *page, int view, int coefficients)
@@ -111,7 +146,8 @@ static void line(const struct sst_calib_page *page, int view, int coefficients)
     sst_html_text(out, f->name);
     fprintf(out, "</a></td><td class=\"n\">%d, %d</td>", view / calib->cols, view % calib->cols);
     if (!c->known) {
-        fprintf(out, "<td colspan=\"%d\">not calibrated</td></tr>\n", 14 + coefficients);
+        fprintf(out, "<td colspan=\"%d\">not calibrated</td></tr>\n",
+                14 + coefficients + (page->report->light != NULL));
         return;
     }
     turned(calib, view, deg);
@@ -119,12 +155,15 @@ static void line(const struct sst_calib_page *page, int view, int coefficients)
             "<td class=\"n\">%s</td><td class=\"n\">%s</td><td class=\"n\">%s</td><td class=\"n\">%s</td>"
             "<td class=\"n\">%s</td><td class=\"n\">%s</td>",
             SST_NUM0(c->rms_px, 3), SST_COUNT(c->corners), SST_COUNT(f->outliers), SST_NUM(f->systematic_px, 2),
-            SST_NUM0(c->sigma_px, 2), SST_NUM(f->lens_px, 2));
+            view == calib->reference ? "reference" : SST_NUM0(c->sigma_px, 2), SST_NUM(f->lens_px, 2));
     fprintf(out, "<td class=\"n\">%.2f</td><td class=\"n\">%.2f</td><td class=\"n\">%.2f</td><td class=\"n\">%.2f</td>",
             c->fx, c->fy, c->cx, c->cy);
     for (int i = 0; i < 3; i++)
-        fprintf(out, "<td class=\"n\">%.3f</td>", c->position_mm[i]);
-    fprintf(out, "<td class=\"n\">%.4f, %.4f, %.4f</td>", deg[0], deg[1], deg[2]);
+        fprintf(out, "<td class=\"n\">%.3f</td>", rounded(c->position_mm[i], 1e-3));
+    fprintf(out, "<td class=\"n\">%.4f, %.4f, %.4f</td>", rounded(deg[0], 1e-4), rounded(deg[1], 1e-4),
+            rounded(deg[2], 1e-4));
+    if (page->report->light)
+        fprintf(out, "<td class=\"n\">%.3f, %.3f, %.3f</td>", c->gain[0], c->gain[1], c->gain[2]);
     for (int i = 0; i < coefficients; i++)
         fprintf(out, "<td class=\"n\">%.5f</td>", c->k[i]);
     fputs("</tr>\n", out);

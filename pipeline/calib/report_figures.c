@@ -88,8 +88,6 @@ static void add_detection(struct sst_calib_figures *f, const struct sst_calib_re
     const struct sst_detection *d = &all->detection[index];
     const struct sst_solve_view *v = &report->solution->view[index];
     struct sst_calib_camera_figures *cam = &f->camera[d->view];
-    double squares = 0;
-    int finite = 0;
 
     cam->frames++;
     for (int i = 0; i < d->corners; i++) {
@@ -100,8 +98,6 @@ static void add_detection(struct sst_calib_figures *f, const struct sst_calib_re
         cam->outliers += is_outlier(v, i);
         if (!usable(v, i))
             continue;
-        finite++;
-        squares += v->residual[i][0] * v->residual[i][0] + v->residual[i][1] * v->residual[i][1];
         if (!is_outlier(v, i)) {
             cam->used++;
             add_used(f, report, c, v->residual[i], &cam->region[row][col], &sums[d->view][row * SST_REPORT_COLS + col]);
@@ -111,10 +107,53 @@ static void add_detection(struct sst_calib_figures *f, const struct sst_calib_re
         f->listed = keep_largest(f->outlier, f->listed, SST_REPORT_LISTED,
                                  (struct sst_calib_far){ index, i, hypot(v->residual[i][0], v->residual[i][1]) });
     }
-    f->used_detections += finite > 0;
-    if (finite)
-        f->worst_count = keep_largest(f->worst, f->worst_count, SST_REPORT_WORST,
-                                      (struct sst_calib_far){ index, -1, sqrt(squares / finite) });
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* Median distance of all corners, outliers included: a few of them do not make a picture bad. @param length  scratch */
+static double median_off(const struct sst_detection *d, const struct sst_solve_view *v, double *length)
+{
+    int n = 0;
+
+    for (int i = 0; i < d->corners; i++) {
+        if (usable(v, i))
+            length[n++] = hypot(v->residual[i][0], v->residual[i][1]);
+    }
+    qsort(length, (size_t)n, sizeof(*length), by_size);
+    return n ? length[n / 2] : (double)NAN;
+}
+
+/* The worst picture of each frame, and of these the worst: a frame taken in motion is bad in all its pictures. */
+static int rank_pictures(struct sst_calib_figures *f, const struct sst_calib_report *report)
+{
+    const struct sst_detections *all = report->detections;
+    struct sst_calib_far worst = { -1, -1, 0 };
+    int most = 1;
+    double *length;
+
+    for (int i = 0; i < all->count; i++)
+        most = sst_max_int(most, all->detection[i].corners);
+    length = malloc((size_t)most * sizeof(*length));
+    if (!length)
+        return -ENOMEM;
+    for (int i = 0; i < all->count; i++) {
+        const double off = median_off(&all->detection[i], &report->solution->view[i], length);
+
+        if (isfinite(off) && (worst.detection < 0 || off > worst.px))
+            worst = (struct sst_calib_far){ i, -1, off };
+        if (worst.detection < 0 || (i + 1 < all->count && all->detection[i + 1].frame == all->detection[i].frame))
+            continue;
+        f->worst_count = keep_largest(f->worst, f->worst_count, SST_REPORT_WORST, worst);
+        worst.detection = -1;
+    }
+    free(length);
+    return 0;
 }
 
 /* Means of one camera's regions; what random residuals would leave in them is known from their own spread. */
@@ -253,7 +292,9 @@ int sst_calib_figures_init(struct sst_calib_figures *out, const struct sst_calib
     describe_cameras(&f, report);
     describe_frames(&f, report);
     sst_calib_figures_centres(&f, report);
-    err = sst_calib_figures_pairs(&f, report);
+    err = rank_pictures(&f, report);
+    if (!err)
+        err = sst_calib_figures_pairs(&f, report);
     if (err)
         goto out;
     sst_calib_figures_judge(&f, report);

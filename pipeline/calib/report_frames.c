@@ -94,7 +94,7 @@ static double cell(const struct sst_calib_page *page, int view, int first, int f
 static void draw_map(const struct sst_calib_page *page, const double *values, int cols, int rows, int share)
 {
     const struct sst_calib_scale scale = sst_calib_scale_fit(values, (size_t)cols * (size_t)rows);
-    const double height = fmin(14, 500.0 / rows), width = WIDTH / fmax(cols, 20) * cols;
+    const double height = sst_clamp_double(floor(500.0 / rows), 2, 14), width = WIDTH / fmax(cols, 20) * cols;
     FILE *out = page->out;
 
     fprintf(out,

@@ -75,7 +75,7 @@ static json_t *cameras(const struct sst_calib_report *report, const struct sst_c
                       "outliers", g->outliers, "rms_px", real0(c->rms_px), "systematic_px", real(g->systematic_px));
         if (o && c->known) {
             sst_rotation_to_vector(c->rotation, rotation);
-            json_object_set_new(o, "sigma_px", real0(c->sigma_px));
+            json_object_set_new(o, "sigma_px", k == calib->reference ? json_real(0) : real0(c->sigma_px));
             json_object_set_new(o, "sigma_infinity_px", real(g->carry_px[0]));
             json_object_set_new(o, "lens_sigma_px", real(g->lens_px));
             json_object_set_new(o, "focal_px", reals((const double[]){ c->fx, c->fy }, 2));
@@ -177,6 +177,7 @@ static void add_solution(json_t *o, const struct sst_solution *s)
                                                 s->held_out_px[1] > 0 ? s->held_out_px[1] : (double)NAN },
                               2));
     json_object_set_new(o, "lens_coefficients", json_integer(s->lens));
+    json_object_set_new(o, "source", text(s->calib.source));
     json_object_set_new(o, "board", text(s->calib.board));
     json_object_set_new(o, "board_warp_mm", reals(s->warp_mm, 2));
     json_object_set_new(o, "range_mm", real0(s->calib.range_mm));

@@ -5,6 +5,7 @@
 #include "pipeline/calib/report_parts.h"
 
 #define CELL     100.0 /* of the drawing, per camera */
+#define THIN     12    /* links listed */
 #define DRAW_ALL 90    /* more links are thinned to those of neighbours and of the tree */
 
 static double centre(int index)
@@ -60,12 +61,12 @@ static void draw_nodes(const struct sst_calib_page *page)
     for (int k = 0; k < page->figures->views; k++) {
         if (!page->figures->camera[k].expected)
             continue;
-        fprintf(page->out, "<circle class=\"node\" cx=\"%.4g\" cy=\"%.4g\" r=\"17\" stroke-width=\"%d\"%s><title>",
+        fprintf(page->out, "<circle class=\"node\" cx=\"%.4g\" cy=\"%.4g\" r=\"21\" stroke-width=\"%d\"%s><title>",
                 centre(k % calib->cols), centre(k / calib->cols), k == calib->reference ? 4 : 1,
                 calib->camera[k].known ? "" : " stroke-dasharray=\"4 3\"");
         sst_html_text(page->out, page->figures->camera[k].name);
         fprintf(page->out,
-                "</title></circle><text x=\"%.4g\" y=\"%.4g\" font-size=\"12\" text-anchor=\"middle\">%02d_%02d"
+                "</title></circle><text x=\"%.4g\" y=\"%.4g\" font-size=\"11\" text-anchor=\"middle\">%02d_%02d"
                 "</text>\n",
                 centre(k % calib->cols), centre(k / calib->cols) + 4, k / calib->cols, k % calib->cols);
     }
@@ -96,6 +97,43 @@ static void caption(const struct sst_calib_page *page, int most, int shown)
     fputs("</figcaption></figure>\n", out);
 }
 
+/* The next link of the tree by corners after `last`; ties by index. -1: no more. */
+static int next_thin(const struct sst_solution *s, int last)
+{
+    int best = -1;
+
+    for (int i = 0; i < s->links; i++) {
+        const struct sst_solve_link *l = &s->link[i];
+
+        if (!l->tree ||
+            (last >= 0 && (l->corners < s->link[last].corners || (l->corners == s->link[last].corners && i <= last))))
+            continue;
+        if (best < 0 || l->corners < s->link[best].corners)
+            best = i;
+    }
+    return best;
+}
+
+static void thin_links(const struct sst_calib_page *page)
+{
+    const struct sst_solution *s = page->report->solution;
+    FILE *out = page->out;
+    int at = next_thin(s, -1);
+
+    fputs("<div><h3>Thinnest links of the tree</h3>\n<div class=\"scroll\"><table class=\"tight\"><tr><th>cameras</th>"
+          "<th class=\"n\">corners of both</th><th class=\"n\">frames of both</th></tr>\n",
+          out);
+    for (int i = 0; i < THIN && at >= 0; i++, at = next_thin(s, at)) {
+        fputs("<tr><td>", out);
+        sst_html_text(out, page->figures->camera[s->link[at].a].name);
+        fputs(" \xE2\x80\x93 ", out);
+        sst_html_text(out, page->figures->camera[s->link[at].b].name);
+        fprintf(out, "</td><td class=\"n\">%s</td><td class=\"n\">%s</td></tr>\n", SST_COUNT(s->link[at].corners),
+                SST_COUNT(s->link[at].frames));
+    }
+    fputs("</table></div></div>\n", out);
+}
+
 void sst_calib_page_links(const struct sst_calib_page *page)
 {
     const struct sst_solution *s = page->report->solution;
@@ -111,11 +149,12 @@ void sst_calib_page_links(const struct sst_calib_page *page)
     sst_html_section(page->out, "links", "Links",
                      "What holds the array together. A camera with thin links is known only through the few corners "
                      "that it shares: more frames that it sees together with its neighbours help.");
-    fprintf(page->out, "<figure><svg viewBox=\"0 0 %.5g %.5g\" style=\"max-width:%.0fpx\">\n", width, height,
-            fmin(1200, fmax(320, width * 1.2)));
+    fprintf(page->out, "<div class=\"two\"><figure><svg viewBox=\"0 0 %.5g %.5g\" style=\"max-width:%.0fpx\">\n", width,
+            height, fmin(1200, fmax(320, width * 1.2)));
     draw_links(page, most);
     draw_nodes(page);
     fputs("</svg>\n", page->out);
     caption(page, most, shown);
-    fputs("</section>\n", page->out);
+    thin_links(page);
+    fputs("</div>\n</section>\n", page->out);
 }

@@ -12,19 +12,25 @@ struct sst_calib_number sst_calib_number(double value, int digits)
     struct sst_calib_number n;
     int decimals;
 
-    if (!isfinite(value)) {
-        snprintf(n.text, sizeof(n.text), "unknown");
+    if (!isfinite(value) || value == 0) {
+        snprintf(n.text, sizeof(n.text), "%s", value == 0 ? "0" : "unknown");
         return n;
     }
-    if (fabs(value) >= 1e9 || (value != 0 && fabs(value) < 1e-5)) {
+    if (fabs(value) >= 1e9 || fabs(value) < 1e-5) {
         snprintf(n.text, sizeof(n.text), "%.*e", digits - 1, value);
         return n;
     }
     /* The digits are counted after rounding: 0.0999 with two of them is 0.10. */
     snprintf(n.text, sizeof(n.text), "%.*e", digits - 1, value);
-    decimals = digits - 1 - (value != 0 ? (int)strtol(strchr(n.text, 'e') + 1, NULL, 10) : 0);
+    decimals = digits - 1 - (int)strtol(strchr(n.text, 'e') + 1, NULL, 10);
     snprintf(n.text, sizeof(n.text), "%.*f", sst_clamp_int(decimals, 0, 12), value);
     return n;
+}
+
+struct sst_calib_number sst_calib_figure(double value)
+{
+    /* Below a billionth of a pixel or millimetre only rounding is left. */
+    return sst_calib_number(fabs(value) < 1e-9 ? 0 : value, fabs(value) < 0.1 ? 2 : 3);
 }
 
 struct sst_calib_number sst_calib_count(int64_t count)

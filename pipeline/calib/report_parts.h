@@ -10,8 +10,35 @@ SST_EXTERN_C_BEGIN
 #define SST_REPORT_ROWS   6
 #define SST_REPORT_BARS   16 /* at most */
 #define SST_REPORT_WORST  3  /* pictures shown */
-#define SST_REPORT_LISTED 40 /* outliers listed */
+#define SST_REPORT_LISTED 24 /* outliers listed */
 #define SST_REPORT_BINS   40 /* of the histogram, from -5 to 5 times the noise */
+
+/* --- report_out.c: numbers and text ------------------------------------------------------------------------------- */
+
+struct sst_calib_number {
+    char text[32];
+};
+
+/** So many significant digits, all digits before the point; "unknown" if not finite. */
+struct sst_calib_number sst_calib_number(double value, int digits);
+/** With as many digits as an error or uncertainty deserves: 3, below 0.1 two. */
+struct sst_calib_number sst_calib_figure(double value);
+/** 53,214 */
+struct sst_calib_number sst_calib_count(int64_t count);
+#define SST_NUM(value, digits) (sst_calib_number(value, digits).text)
+#define SST_FIGURE(value)      (sst_calib_figure(value).text)
+#define SST_COUNT(n)           (sst_calib_count(n).text)
+/** 0 counts as unknown: the rule of figures that cannot be 0. */
+#define SST_NUM0(value, digits) (sst_calib_number((value) > 0 ? (value) : (double)NAN, digits).text)
+
+/** Text as valid UTF-8 without control characters: anything else becomes U+FFFD. @param out  [3 strlen(text) + 1] */
+void sst_calib_utf8(char *out, const char *text);
+/** The same with < > & " ' escaped. */
+void sst_html_text(FILE *out, const char *text);
+/** RFC 4648, no line breaks. */
+void sst_base64(FILE *out, const uint8_t *data, size_t size);
+/** "2024-05-06 07:08:09 UTC", "unknown" for 0 */
+struct sst_calib_number sst_calib_date(int64_t wall_ns);
 
 /* --- report_figures.c: what the page says beyond the solution's own numbers --------------------------------------- */
 
@@ -37,7 +64,7 @@ struct sst_calib_camera_figures {
 /** A detection or corner far off. */
 struct sst_calib_far {
     int detection, corner; /* indices; corner -1: the whole detection */
-    double px;             /* residual; of a whole detection RMS per point, outliers included */
+    double px;             /* residual; of a whole detection the median over its corners, outliers included */
 };
 
 enum sst_calib_bar_state {
@@ -67,13 +94,13 @@ enum sst_calib_verdict {
 
 struct sst_calib_figures {
     int views, known, missing;               /* missing: expected but not known */
-    int used_frames, used_detections;        /* that the solution knows */
+    int used_frames;                         /* that the solution knows */
     struct sst_calib_camera_figures *camera; /* [views] */
     int *detection;                          /* [frames][views] index of the detection or -1 */
     int worst_camera, worst_frame;           /* -1 none */
     int worst_carry;                         /* camera; -1 none */
     int worst_count;
-    struct sst_calib_far worst[SST_REPORT_WORST];    /* detections, largest first, of different frames or cameras */
+    struct sst_calib_far worst[SST_REPORT_WORST];    /* one picture each of the worst frames */
     int listed, outliers;                            /* outliers: all with a finite residual */
     struct sst_calib_far outlier[SST_REPORT_LISTED]; /* largest first */
     /* Histogram of (weight times residual) / noise, each axis a count. */
@@ -106,32 +133,10 @@ void sst_calib_figures_centres(struct sst_calib_figures *f, const struct sst_cal
 void sst_calib_figures_judge(struct sst_calib_figures *f, const struct sst_calib_report *report);
 const char *sst_calib_verdict_word(enum sst_calib_verdict verdict);
 const char *sst_calib_bar_word(enum sst_calib_bar_state state);
+/** Its value in its digits: counts have no fraction. */
+struct sst_calib_number sst_calib_bar_value(const struct sst_calib_bar *bar);
 /** Why the verdict is not better, and what to do: one sentence, plain text. @return false: bar i is no reason */
 bool sst_calib_bar_reason(const struct sst_calib_bar *bar, char out[640]);
-
-/* --- report_out.c: numbers and text ------------------------------------------------------------------------------- */
-
-struct sst_calib_number {
-    char text[32];
-};
-
-/** So many significant digits, all digits before the point; "unknown" if not finite. */
-struct sst_calib_number sst_calib_number(double value, int digits);
-/** 53,214 */
-struct sst_calib_number sst_calib_count(int64_t count);
-#define SST_NUM(value, digits) (sst_calib_number(value, digits).text)
-#define SST_COUNT(n)           (sst_calib_count(n).text)
-/** 0 counts as unknown: the rule of figures that cannot be 0. */
-#define SST_NUM0(value, digits) (sst_calib_number((value) > 0 ? (value) : (double)NAN, digits).text)
-
-/** Text as valid UTF-8 without control characters: anything else becomes U+FFFD. @param out  [3 strlen(text) + 1] */
-void sst_calib_utf8(char *out, const char *text);
-/** The same with < > & " ' escaped. */
-void sst_html_text(FILE *out, const char *text);
-/** RFC 4648, no line breaks. */
-void sst_base64(FILE *out, const uint8_t *data, size_t size);
-/** "2024-05-06 07:08:09 UTC", "unknown" for 0 */
-struct sst_calib_number sst_calib_date(int64_t wall_ns);
 
 /* --- report_svg.c: pieces of drawings ----------------------------------------------------------------------------- */
 
@@ -142,8 +147,8 @@ struct sst_calib_scale {
     double lo, hi;
 };
 
-/** A scale from 0 that shows most of `n` values: up to a round number at or above their 98 % quantile. Values that are
- *  not finite do not count. */
+/** A scale from 0 that shows most of `n` values: up to a round number at or above their 95 % quantile and 1.7 times
+ * their median. Values that are not finite do not count. */
 struct sst_calib_scale sst_calib_scale_fit(const double *values, size_t n);
 /** Level, or -1 for a value that is not finite. */
 int sst_calib_level(struct sst_calib_scale scale, double value);
@@ -160,8 +165,26 @@ void sst_html_section(FILE *out, const char *id, const char *title, const char *
 
 /* --- the sections; each writes HTML ------------------------------------------------------------------------------- */
 
+/* Maps of cameras, in this order: */
+enum sst_calib_map {
+    SST_MAP_SEEN = 0,
+    SST_MAP_RMS = 1,
+    SST_MAP_LENS = 2,
+    SST_MAP_CARRY = 3,
+    SST_MAP_LIGHT = 4,
+    SST_MAPS = 5,
+};
+
+/* What the small multiples were drawn with, for the cards that show them again. */
+struct sst_calib_shown {
+    struct sst_calib_scale scale[SST_MAPS]; /* hi 0: there is no such map */
+    double magnify, rule_px;                /* of residuals; length that the rule in the corner shows */
+    double mean_magnify, mean_rule_px;      /* of regions' means; 0: there are none */
+};
+
 struct sst_calib_page {
     FILE *out;
+    struct sst_calib_shown *shown; /* filled by sst_calib_page_cameras() */
     const struct sst_calib_report *report;
     const struct sst_calib_figures *figures;
 };

@@ -66,41 +66,39 @@ static void directions(const struct sst_calib_page *page)
 {
     const struct sst_calib_figures *f = page->figures;
     const double z = f->direction_z;
+    double worst;
     FILE *out = page->out;
 
-    fputs("<h3>Do the residuals point in random directions?</h3>\n<p>", out);
+    fputs("<div><h3>Do the residuals point in random directions?</h3>\n<p>", out);
     if (!isfinite(z)) {
-        fputs("Unknown: no region of a picture has enough corners to tell.</p>\n", out);
+        fputs("Unknown: no region of a picture has enough corners to tell.</p></div>\n", out);
         return;
     }
+    worst = f->camera[f->systematic_camera].systematic_px;
     fprintf(out,
             "<b>%s</b> Where only noise is left they do; where the model is wrong, those of a region agree. Of %s "
-            "regions (%d \xC3\x97 %d per camera, with 8 corners and more) %s prefer a direction more than chance "
-            "would let one in a thousand; all together the test gives %s (standard normal if random: within "
-            "\xC2\xB1"
-            "3).",
-            z < 3                      ? "Yes."
-            : f->systematic_px < 0.02  ? "Not quite, but what they have in common is too small to matter."
-            : f->systematic_px <= 0.05 ? "Not quite: a small part of them is systematic."
-                                       : "No: a part of them is systematic.",
-            SST_COUNT(f->regions), SST_REPORT_COLS, SST_REPORT_ROWS, SST_COUNT(f->regions_off), SST_NUM(z, 2));
-    fprintf(out, " The systematic part is %s px (RMS of the regions' means, less what random residuals leave)",
-            SST_NUM(f->systematic_px, 2));
-    if (f->systematic_camera >= 0 && f->systematic_px > 0) {
-        fputs("; most of all camera ", out);
-        sst_html_text(out, f->camera[f->systematic_camera].name);
-        fprintf(out, " with %s px", SST_NUM(f->camera[f->systematic_camera].systematic_px, 2));
-    }
-    fputs(".</p>\n", out);
+            "regions (%d \xC3\x97 %d per camera, with 8 corners and more) %s prefer a direction more than chance would "
+            "let one in a thousand; all together the test gives %s (standard normal if random: within \xC2\xB1"
+            "3). The systematic part is %s px over all cameras (RMS of the regions' means, less what random residuals "
+            "leave), most of all %s px at camera ",
+            z < 3           ? "Yes."
+            : worst < 0.02  ? "Not quite, but what they have in common is too small to matter."
+            : worst <= 0.05 ? "Not quite: a small part of them is systematic."
+                            : "No: a part of them is systematic.",
+            SST_COUNT(f->regions), SST_REPORT_COLS, SST_REPORT_ROWS, SST_COUNT(f->regions_off), SST_NUM(z, 2),
+            SST_FIGURE(f->systematic_px), SST_FIGURE(worst));
+    sst_html_text(out, f->camera[f->systematic_camera].name);
+    fputs(".</p></div>\n", out);
 }
 
 void sst_calib_page_spread(const struct sst_calib_page *page)
 {
     sst_html_section(page->out, "spread", "Residuals", "Is what is left over just noise?");
+    fputs("<div class=\"two\">\n", page->out);
     if (page->figures->samples)
         histogram(page);
     else
         fputs("<p>No histogram: the corner noise is unknown.</p>\n", page->out);
     directions(page);
-    fputs("</section>\n", page->out);
+    fputs("</div>\n</section>\n", page->out);
 }

@@ -115,11 +115,12 @@ static void key_worst(const struct sst_calib_page *page)
                 SST_COUNT(l->corners), SST_COUNT(l->frames));
         key_close(out);
     }
-    key_open(out, "Neighbours line up to", SST_NUM(f->pair_mean_px, 2), "px");
-    fprintf(out,
-            "Mean of %s pairs of neighbours: by how much their used corners disagree across the line between them "
-            "(rows of a rectified pair), magnitude of each pair's mean.",
-            SST_COUNT(f->pairs));
+    key_open(out, "Neighbours line up to", SST_FIGURE(f->pair_p95_px), isfinite(f->pair_p95_px) ? "px" : "");
+    fprintf(
+        out,
+        "in 95 %% of the regions of %s pair%s of neighbours: mean of how much their used corners disagree across the "
+        "line between them (the rows of a rectified pair).",
+        SST_COUNT(f->pairs), f->pairs == 1 ? "" : "s");
     key_close(out);
 }
 
@@ -129,18 +130,19 @@ static void bars(const struct sst_calib_page *page)
     static const char *const mark[] = { "?", "\xE2\x9C\x93\xE2\x9C\x93", "\xE2\x9C\x93", "!", "\xE2\x9C\x95" };
     FILE *out = page->out;
 
-    fputs("<h3>Bars</h3>\n<div class=\"scroll\"><table><tr><th>figure</th><th class=\"n\">value</th><th class=\"n\">bar"
+    fputs("<h3>Bars</h3>\n<div class=\"scroll\"><table class=\"bars\"><tr><th>figure</th><th class=\"n\">value</th><th "
+          "class=\"n\">bar"
           "</th><th class=\"n\">easily</th><th></th><th>where</th></tr>\n",
           out);
     for (int i = 0; i < page->figures->bars; i++) {
         const struct sst_calib_bar *b = &page->figures->bar[i];
 
         fprintf(out,
-                "<tr><td>%s%s</td><td class=\"n\">%s %s</td><td class=\"n\">%s</td><td class=\"n\">%s</td>"
+                "<tr><td>%s%s</td><td class=\"n\">%s %s</td><td class=\"n\">%g</td><td class=\"n\">%g</td>"
                 "<td class=\"s %s\">%s %s</td><td>",
-                b->what, b->judged ? "" : " <span class=\"soft\">(for information)</span>", SST_NUM(b->value, 3),
-                isfinite(b->value) ? b->unit : "", SST_NUM(b->pass, 2), SST_NUM(b->stretch, 2), kind[b->state],
-                mark[b->state], sst_calib_bar_word(b->state));
+                b->what, b->judged ? "" : " <span class=\"soft\">(for information)</span>", sst_calib_bar_value(b).text,
+                isfinite(b->value) ? b->unit : "", b->pass, b->stretch, kind[b->state], mark[b->state],
+                sst_calib_bar_word(b->state));
         sst_html_text(out, b->where);
         fputs("</td></tr>\n", out);
     }

@@ -25,12 +25,23 @@ static double largest(const double *values, size_t n)
     return most;
 }
 
+/* Next width of ten levels that is pleasant to read, at or above v > 0. */
+static double round_up(double v)
+{
+    static const double lead[] = { 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10 };
+    const double power = pow(10, floor(log10(v)));
+    size_t i = 0;
+
+    while (i < ARRAY_LEN(lead) - 1 && lead[i] * power < v * (1 - 1e-9))
+        i++;
+    return lead[i] * power;
+}
+
 struct sst_calib_scale sst_calib_scale_fit(const double *values, size_t n)
 {
     const double most = largest(values, n);
     size_t count[STEPS] = { 0 }, all = 0, below = 0;
-    double quantile, step;
-    int at = 0;
+    double median = 0, high = 0;
 
     if (!(most > 0))
         return (struct sst_calib_scale){ 0, 1 };
@@ -40,14 +51,15 @@ struct sst_calib_scale sst_calib_scale_fit(const double *values, size_t n)
         count[(int)sst_clamp_double(values[i] / most * STEPS, 0, STEPS - 1)]++;
         all++;
     }
-    while (at < STEPS - 1 && (double)(below += count[at]) < 0.98 * (double)all)
-        at++;
-    quantile = most * (at + 1) / STEPS;
-    /* Ten levels of a round width. */
-    step = sst_calib_round_down(quantile / SST_LEVELS);
-    while (step * SST_LEVELS < quantile * (1 - 1e-9))
-        step = sst_calib_round_down(step * 2.5 * (1 + 1e-9));
-    return (struct sst_calib_scale){ 0, step * SST_LEVELS };
+    for (int i = 0; i < STEPS; i++) {
+        const double before = (double)below / (double)all, share = (double)(below += count[i]) / (double)all;
+
+        if (before < 0.5 && share >= 0.5)
+            median = most * (i + 1) / STEPS;
+        if (before < 0.95 && share >= 0.95)
+            high = most * (i + 1) / STEPS;
+    }
+    return (struct sst_calib_scale){ 0, SST_LEVELS * round_up(fmax(high, 1.7 * median) / SST_LEVELS) };
 }
 
 int sst_calib_level(struct sst_calib_scale scale, double value)
@@ -62,6 +74,7 @@ void sst_svg_cells(FILE *out, const double *values, int cols, int rows, double w
 {
     const double w = width / cols, h = height / rows;
 
+    fputs("<g shape-rendering=\"crispEdges\">", out); /* no seams between cells */
     for (int level = 0; level < SST_LEVELS; level++) {
         bool open = false;
 
@@ -75,12 +88,13 @@ void sst_svg_cells(FILE *out, const double *values, int cols, int rows, double w
             if (!open)
                 fprintf(out, "<path class=\"c%d\" d=\"", level);
             open = true;
-            fprintf(out, "M%.4g %.4gh%.4gv%.4gh%.4gz", i % cols * w, i / cols * h, run * w, h, -run * w);
+            fprintf(out, "M%.6g %.6gh%.6gv%.6gh%.6gz", i % cols * w, i / cols * h, run * w, h, -run * w);
             i += run - 1;
         }
         if (open)
             fputs("\"/>", out);
     }
+    fputs("</g>", out);
 }
 
 void sst_html_legend(FILE *out, struct sst_calib_scale scale, const char *unit, const char *empty)
@@ -89,7 +103,8 @@ void sst_html_legend(FILE *out, struct sst_calib_scale scale, const char *unit, 
 
     fputs("<p class=\"legend\">", out);
     for (int i = 0; i < SST_LEVELS; i++)
-        fprintf(out, "<span><i class=\"b%d\"></i>%s%s</span>", i, SST_NUM(scale.lo + i * step, 2),
+        fprintf(out, "<span><i class=\"b%d\"></i>%.4g%s</span>", i,
+                fabs(scale.lo + i * step) < 1e-9 * step ? 0 : scale.lo + i * step,
                 i == SST_LEVELS - 1 ? " and more" : "");
     fprintf(out, "<span class=\"unit\">%s (lower end of each colour)</span>", unit);
     if (empty)

@@ -28,8 +28,8 @@ static void errors(FILE *out, const struct sst_calib_report *report, const struc
                 SST_NUM(s->calib.camera[f->worst_carry].sigma_px, 2), SST_NUM0(s->calib.range_mm, 4), name);
     }
     if (f->pairs)
-        fprintf(out, "  %9s px  neighbours disagree across the line between them, mean of %d pairs (worst %s px)\n",
-                SST_NUM(f->pair_mean_px, 2), f->pairs, SST_NUM(f->pair_max_px, 2));
+        fprintf(out, "  %9s px  neighbours line up across the line between them, 95 %% of the regions of %d pair%s\n",
+                SST_FIGURE(f->pair_p95_px), f->pairs, f->pairs == 1 ? "" : "s");
 }
 
 static void worst(FILE *out, const struct sst_calib_report *report, const struct sst_calib_figures *f)
@@ -57,8 +57,8 @@ static void worst(FILE *out, const struct sst_calib_report *report, const struct
     }
     if (report->rectified)
         fprintf(out, "  array         spacing %s mm, off the lattice %s mm RMS, out of the plane %s mm RMS\n",
-                SST_NUM0(report->rectified->spacing_mm, 5), SST_NUM(report->rectified->lattice_rms_mm, 2),
-                SST_NUM(report->rectified->out_rms_mm, 2));
+                SST_NUM0(report->rectified->spacing_mm, 5), SST_FIGURE(report->rectified->lattice_rms_mm),
+                SST_FIGURE(report->rectified->out_rms_mm));
     if (report->light)
         fprintf(out, "  light         cameras differ by %s %%, corrected %s %%\n",
                 SST_NUM(100 * report->light->before, 2), SST_NUM(100 * report->light->after, 2));

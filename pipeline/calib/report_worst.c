@@ -10,6 +10,7 @@
 
 #define SHOWN_PX 1100 /* wider cut-outs are halved */
 #define QUALITY  80
+#define LONGEST  0.1 /* of the drawing: longer lines are cut */
 
 /* The part of a picture around the board, px. */
 struct cut {
@@ -125,7 +126,7 @@ static void corners(const struct sst_calib_page *page, int index, struct cut cut
 {
     const struct sst_detection *d = &page->report->detections->detection[index];
     const struct sst_solve_view *v = &page->report->solution->view[index];
-    const double r = cut.width / 160.0;
+    const double r = cut.width / 110.0;
 
     for (int pass = 0; pass < 2; pass++) { /* a dark rim keeps the marks apart from any picture */
         fprintf(page->out, "<path fill=\"none\" stroke=\"%s\" stroke-width=\"%.3g\" d=\"M0 0",
@@ -136,10 +137,13 @@ static void corners(const struct sst_calib_page *page, int index, struct cut cut
         for (int i = 0; i < d->corners; i++) {
             const double x = d->corner[i].x - cut.x + 0.5, y = d->corner[i].y - cut.y + 0.5, *e = v->residual[i];
 
+            const double length = hypot(e[0], e[1]) * magnify, most = LONGEST * cut.width;
+            const double by = length > most ? -magnify * most / length : -magnify;
+
             if ((v->outlier && v->outlier[i]) != outliers || !isfinite(e[0]) || !isfinite(e[1]))
                 continue;
             fprintf(page->out, "M%.2f %.2fa%.3g %.3g 0 1 0 %.3g 0a%.3g %.3g 0 1 0 %.3g 0M%.2f %.2fl%.2f %.2f", x - r, y,
-                    r, r, 2 * r, r, r, -2 * r, x, y, -e[0] * magnify, -e[1] * magnify);
+                    r, r, 2 * r, r, r, -2 * r, x, y, by * e[0], by * e[1]);
         }
         fputs("\"/>", page->out);
     }
@@ -154,7 +158,8 @@ static void show(const struct sst_calib_page *page, const struct sst_calib_far *
     const double magnify = magnification(d, v, cut.width);
     bool shown;
 
-    fprintf(page->out, "<figure><svg viewBox=\"0 0 %d %d\"><rect class=\"none\" width=\"%d\" height=\"%d\"/>",
+    fprintf(page->out,
+            "<figure><svg class=\"shot\" viewBox=\"0 0 %d %d\"><rect class=\"none\" width=\"%d\" height=\"%d\"/>",
             cut.width, cut.height, cut.width, cut.height);
     shown = picture(page, d, cut);
     corners(page, far->detection, cut, magnify, false);
@@ -165,9 +170,10 @@ static void show(const struct sst_calib_page *page, const struct sst_calib_far *
     fputs(", frame ", page->out);
     sst_html_text(page->out, all->frame_name[d->frame]);
     fprintf(page->out,
-            "</b>: %s px RMS per point over its %d corners, %d of them outliers; lines magnified %s times.%s"
+            "</b>: half of its %d corners are off by more than %s px, %d of them are outliers; lines "
+            "magnified %s times.%s"
             "</figcaption></figure>\n",
-            SST_NUM(far->px, 3), d->corners, v->outliers, SST_NUM(magnify, 1),
+            d->corners, SST_FIGURE(far->px), v->outliers, SST_NUM(magnify, 1),
             shown ? "" : " The picture itself is not available.");
 }
 
@@ -177,16 +183,17 @@ static void list(const struct sst_calib_page *page)
     const struct sst_detections *all = page->report->detections;
     FILE *out = page->out;
 
-    fprintf(out, "<h3>Outliers</h3>\n<p>%s corners were left out. ", SST_COUNT(page->report->solution->outliers));
+    fprintf(out, "<h3>Outliers</h3>\n<p>%s corner%s left out. ", SST_COUNT(page->report->solution->outliers),
+            page->report->solution->outliers == 1 ? " was" : "s were");
     if (!f->listed) {
         fputs("</p>\n", out);
         return;
     }
     fprintf(out,
-            "%s, the farthest first; x and y are measured minus predicted.</p>\n<div class=\"scroll\"><table "
+            "%s; x and y are measured minus predicted.</p>\n<div class=\"scroll\"><table "
             "class=\"tight\"><tr><th>camera</th><th>frame</th><th class=\"n\">corner</th><th class=\"n\">off by, px"
             "</th><th class=\"n\">x</th><th class=\"n\">y</th></tr>\n",
-            f->listed < f->outliers ? "The largest" : "All of them");
+            f->listed < f->outliers ? "The farthest" : "All of them, the farthest first");
     for (int i = 0; i < f->listed; i++) {
         const struct sst_detection *d = &all->detection[f->outlier[i].detection];
         const double *e = page->report->solution->view[f->outlier[i].detection].residual[f->outlier[i].corner];
@@ -207,12 +214,11 @@ void sst_calib_page_worst(const struct sst_calib_page *page)
 {
     if (!page->figures->worst_count)
         return;
-    sst_html_section(
-        page->out, "worst", "Worst pictures",
-        "Those with the largest RMS per point over all their corners, outliers included. Rings: corners as "
-        "measured; lines: towards where the solution predicts them. Blue ones were used, orange ones are "
-        "outliers.");
-    fputs("<div class=\"two\">\n", page->out);
+    sst_html_section(page->out, "worst", "Worst pictures",
+                     "The worst picture of each of the three worst frames, by the median distance between measured and "
+                     "predicted corners. Rings: corners as measured; lines: towards where the solution predicts them. "
+                     "Longer ones are cut. Blue ones were used, orange ones are outliers.");
+    fputs("<div class=\"two three\">\n", page->out);
     for (int i = 0; i < page->figures->worst_count; i++)
         show(page, &page->figures->worst[i]);
     fputs("</div>\n", page->out);
