@@ -23,6 +23,7 @@ static const struct cli_command *const commands[] = {
     &cli_models,
     &cli_eval,
     &cli_capture,
+    &cli_calibrate,
     &cli_cameras,
     &cli_identify,
     &cli_topology,

@@ -51,20 +51,33 @@ static double median(double *v, int n)
     return v[n / 2];
 }
 
-/* The usual point spread of all points, as width and aspect: eigenvalues of the medians. */
+/*
+ * The usual point spread of all points, as width and aspect. A tone curve moves the grey where the edges cross, which
+ * looks like skew of one sign at points with black at the upper left and of the other at the rest: the medians of both
+ * kinds are averaged.
+ */
 static int measure_blur(struct sst_detection *d, const struct sst_sighting *s)
 {
-    double *v = malloc((size_t)d->corners * sizeof(*v)), b[3], middle, half;
+    double *v = malloc((size_t)d->corners * sizeof(*v)), b[3] = { 0 }, middle, half;
 
     if (!v)
         return -ENOMEM;
     for (int axis = 0; axis < 3; axis++) {
-        for (int i = 0; i < d->corners; i++) {
-            const struct sst_saddle *c = &s->saddle[d->corner[i].id];
+        int kinds = 0;
 
-            v[i] = axis == 0 ? c->blur_xx : axis == 1 ? c->blur_xy : c->blur_yy;
+        for (int sign = 0; sign < 2; sign++) {
+            int n = 0;
+
+            for (int i = 0; i < d->corners; i++) {
+                const struct sst_saddle *c = &s->saddle[d->corner[i].id];
+
+                if ((c->contrast > 0) == sign)
+                    v[n++] = axis == 0 ? c->blur_xx : axis == 1 ? c->blur_xy : c->blur_yy;
+            }
+            b[axis] += n > 0 ? median(v, n) : 0;
+            kinds += n > 0;
         }
-        b[axis] = median(v, d->corners);
+        b[axis] /= kinds;
     }
     free(v);
     middle = (b[0] + b[2]) / 2;

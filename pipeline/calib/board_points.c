@@ -9,7 +9,7 @@
 
 #define NEIGHBOURS 14
 #define GROW_ROUNDS 12
-#define LARGEST_PX  10 /* of a window, from its point, for pictures up to 1000 pixels wide */
+#define LARGEST_PX  8 /* of a window, from its point, for pictures up to 1000 pixels wide; more sees the lens bend */
 #define TAG_BORDER  0.2
 
 /* --- prediction -------------------------------------------------------------------------------------------------- */

@@ -339,30 +339,28 @@ int sst_calib_next(const struct sst_calib *calib, int view)
     return view < calib->rows * calib->cols ? view : -1;
 }
 
-void sst_number_text(double v, char out[32])
+static void put_number(FILE *f, double v)
 {
-    char *e;
+    char text[40], *e;
 
     for (int digits = 15; digits <= 17; digits++) {
-        snprintf(out, 32, "%.*g", digits, v);
-        if (strtod(out, NULL) == v)
+        snprintf(text, sizeof(text), "%.*g", digits, v);
+        if (strtod(text, NULL) == v)
             break;
     }
-    if (strchr(out, '.'))
-        return;
-    /* Python makes integers of 0, which libraries then refuse, and YAML 1.1 takes 1e-05 for a word. */
-    e = out + strcspn(out, "e");
-    memmove(e + 2, e, strlen(e) + 1);
-    memcpy(e, ".0", 2);
+    if (!strchr(text, '.')) { /* Python makes integers of 0, which libraries then refuse; YAML 1.1 words of 1e-05 */
+        e = text + strcspn(text, "e");
+        memmove(e + 2, e, strlen(e) + 1);
+        memcpy(e, ".0", 2);
+    }
+    fputs(text, f);
 }
 
 void sst_put_numbers(FILE *f, const double *v, int n)
 {
     for (int i = 0; i < n; i++) {
-        char text[32];
-
-        sst_number_text(v[i], text);
-        fprintf(f, "%s%s", i ? ", " : "", text);
+        fputs(i ? ", " : "", f);
+        put_number(f, v[i]);
     }
 }
 

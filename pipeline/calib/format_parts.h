@@ -50,9 +50,7 @@ void sst_camera_translation(const struct sst_calib_camera *cam, double unit_mm, 
 /** The first known camera at or after a view; -1: none. */
 int sst_calib_next(const struct sst_calib *calib, int view);
 
-/** The shortest decimal with a point that reads back as the same number. */
-void sst_number_text(double v, char out[32]);
-/** n of them with ", " between. */
+/** n numbers with ", " between: each the shortest decimal with a point that reads back as the same. */
 void sst_put_numbers(FILE *f, const double *v, int n);
 
 /* The formats that have a file of their own. */

@@ -22,7 +22,7 @@ struct sst_light_samples {
 /**
  * Take the samples of one picture: white squares of a chessboard, the white rims around the markers of a ChArUco board,
  * the gaps between the tags of an AprilGrid, each between corners that were all found. Clipped, uneven and dark patches
- * are left out, and so are rims of less than about 4 px (squares of 27 px where a marker takes 0.7 of them).
+ * are left out, and so are rims of less than about 3.7 px (squares of 25 px where a marker takes 0.7 of them).
  *
  * @param image  the picture as the camera made it, in which the detection was found
  * @return 0, also where nothing is of use, -ENOMEM (nothing is added). Thread: one per object.
@@ -43,8 +43,9 @@ struct sst_light_report {
  * Fill in gain and falloff of calib's cameras: what makes each patch, lit however in its frame, equally bright in all
  * cameras. Robust least squares in log light, the light of each patch in each frame eliminated:
  * log light(view, patch, frame, colour) = log lit(patch, frame, colour) + log gain(view, colour) + log falloff(view).
- * The geometric mean of all gains is 1 in each colour. The fall-off is a common polynomial plus what each camera
- * differs, of as high a degree, at most 3, as rises or falls one way and stays above 1/8 up to the corners.
+ * The geometric mean of all gains is 1 in each colour. The fall-off is a common polynomial, of as high a
+ * degree, at most 3, as rises or falls one way and stays above 1/8 up to the corners, with a first coefficient of each
+ * camera's own.
  *
  * A rig's camera gets one fall-off and gain 1. Cameras that share no patch with the others are made even among
  * themselves, and told. Order of the samples does not matter: the same samples give the same numbers.

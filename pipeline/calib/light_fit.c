@@ -14,13 +14,13 @@
 #define COMMON_SIGMA 1.0
 #define SCALE_MIN    5e-4 /* quantisation; keeps the weights defined where everything fits */
 #define STEPS        64   /* of r2 where a fall-off is looked at */
-#define VALUES       7    /* derivatives of one value that are not 0 */
+#define VALUES       5    /* derivatives of one value that are not 0 */
 
 /*
  * value = light of the group + gain[cam][colour] + log falloff(cam, r2). With J the derivatives of the last two, w the
  * weights and y the residuals, eliminating the group's light leaves of the normal equations
  *   sum w J J' - (sum w J) (sum w J)' / sum w   and   sum w J (y - mean y).
- * Unknowns: 3 of each camera (gains), the common polynomial, 3 of each camera (own polynomial).
+ * Unknowns: 3 gains of each camera, 3 coefficients of the common polynomial, 1 own coefficient of each camera.
  */
 struct fit {
     struct sst_light_problem *p;
@@ -43,8 +43,9 @@ static double poly(const double a[3], double r2)
 
 static void coefficients(const struct sst_light_problem *p, int cam, double a[3])
 {
-    for (int i = 0; i < 3; i++)
-        a[i] = p->common[i] + (cam < p->cams ? p->cam[cam].own[i] : 0);
+    memcpy(a, p->common, sizeof(p->common));
+    if (cam < p->cams)
+        a[0] += p->cam[cam].own;
 }
 
 double sst_light_log_falloff(const struct sst_light_problem *p, int cam, double r2)
@@ -103,8 +104,8 @@ static void differentiate(const struct fit *f, const struct sst_light_seen *s, i
     for (int i = 0; i < p->order; i++) {
         j->index[j->n] = 3 * p->cams + i;
         j->value[j->n++] = power;
-        if (!p->one_camera && !p->cam[s->cam].plain) {
-            j->index[j->n] = 3 * p->cams + 3 + 3 * s->cam + i;
+        if (i == 0 && !p->one_camera && !p->cam[s->cam].plain) {
+            j->index[j->n] = 3 * p->cams + 3 + s->cam;
             j->value[j->n++] = power;
         }
         power *= s->r2;
@@ -219,13 +220,12 @@ static void add_priors(struct fit *f)
                  common = s2 / (COMMON_SIGMA * COMMON_SIGMA);
 
     for (int i = 0; i < f->unknowns; i++) {
-        const bool gain = i < 3 * p->cams, shared = !gain && i < 3 * p->cams + 3;
-        const bool fixed = (gain && p->one_camera) || (!gain && (i - 3 * p->cams) % 3 >= p->order) ||
-                           (!gain && !shared && (p->one_camera || p->cam[(i - 3 * p->cams - 3) / 3].plain));
-        const double weight = fixed ? 1 : gain ? 1e-9 : shared ? common : own;
-        const double value = fixed || gain ? 0
-                             : shared      ? p->common[i - 3 * p->cams]
-                                           : p->cam[(i - 3 * p->cams - 3) / 3].own[(i - 3 * p->cams) % 3];
+        const int k = i - 3 * p->cams, cam = k - 3; /* of the common polynomial, of the own coefficients */
+        const bool fixed = k < 0     ? p->one_camera
+                           : cam < 0 ? k >= p->order
+                                     : p->one_camera || p->cam[cam].plain || !p->order;
+        const double weight = fixed ? 1 : k < 0 ? 1e-9 : cam < 0 ? common : own;
+        const double value = fixed || k < 0 ? 0 : cam < 0 ? p->common[k] : p->cam[cam].own;
 
         f->normal[(size_t)i * n + (size_t)i] += weight;
         f->right[i] -= weight * value;
@@ -287,10 +287,9 @@ static void move(struct fit *f, double share)
     for (int i = 0; i < 3; i++)
         p->common[i] += share * x[3 * p->cams + i];
     for (int k = 0; k < p->cams; k++) {
-        for (int i = 0; i < 3; i++) {
+        for (int i = 0; i < 3; i++)
             p->cam[k].gain[i] += share * x[3 * k + i];
-            p->cam[k].own[i] += share * x[3 * p->cams + 3 + 3 * k + i];
-        }
+        p->cam[k].own += share * x[3 * p->cams + 3 + k];
     }
 }
 
@@ -345,7 +344,7 @@ static void centre(struct sst_light_problem *p)
 
 static int fit_init(struct fit *f, struct sst_light_problem *p)
 {
-    const size_t n = 6 * (size_t)p->cams + 3, values = 3 * (size_t)p->count;
+    const size_t n = 4 * (size_t)p->cams + 3, values = 3 * (size_t)p->count;
 
     *f = (struct fit){ .p = p, .unknowns = (int)n };
     f->normal = malloc(n * n * sizeof(double));

@@ -17,13 +17,15 @@ struct sst_light_seen {
     double value[3]; /* log of linear light */
 };
 
-/** What is sought of one camera; its fall-off is 1 + sum of (common[i] + own[i]) r2^(i+1). */
+/** What is sought of one camera; its fall-off is 1 + (common[0] + own) r2 + common[1] r2^2 + common[2] r2^3: lenses of
+ *  one make lose light alike, some a little more. Higher own coefficients would follow the places that a camera happens
+ *  to have seen the board at. */
 struct sst_light_cam {
     int part;       /* cameras of different parts share no place; the mean log gain of each part is 0 */
     bool plain;     /* its fall-off is the common one: own stays 0 */
     double reach;   /* largest r2 in its picture */
     double gain[3]; /* logs */
-    double own[3];
+    double own;
 };
 
 struct sst_light_problem {

@@ -215,14 +215,14 @@ static int fit(struct sst_light_problem *p)
     for (p->order = ORDER; bad >= 0 && !err; p->order -= bad == p->cams) {
         memset(p->common, 0, sizeof(p->common));
         for (int k = 0; k < p->cams; k++) {
-            memset(p->cam[k].own, 0, sizeof(p->cam[k].own));
+            p->cam[k].own = 0;
             memset(p->cam[k].gain, 0, sizeof(p->cam[k].gain));
         }
         err = sst_light_fit(p);
         bad = sst_light_fall_fault(p);
         for (int k = bad; k >= 0 && k < p->cams && !err; k = sst_light_fall_fault(p)) {
             p->cam[k].plain = true;
-            memset(p->cam[k].own, 0, sizeof(p->cam[k].own));
+            p->cam[k].own = 0;
         }
     }
     return err;
@@ -269,7 +269,7 @@ static void store(struct sst_calib *calib, const struct solving *s, struct sst_l
             continue;
         for (int i = 0; i < 3; i++) {
             cam->gain[i] = found ? exp(found->gain[i]) : 1;
-            cam->falloff[i] = found || p->one_camera ? p->common[i] + (found ? found->own[i] : 0) : 0;
+            cam->falloff[i] = found || p->one_camera ? p->common[i] + (found && i == 0 ? found->own : 0) : 0;
             report->worst_gain = fmax(report->worst_gain, fabs(cam->gain[i] - 1));
         }
         if (found)

@@ -7,8 +7,10 @@
 
 #include "base/log.h"
 #include "base/mem.h"
+#include "base/thread.h"
 
-#define WHOLE_PX 1e-6 /* shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column */
+#define WHOLE_PX 1e-6 /* shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column   \
+                       */
 
 int sst_renderer_count(struct sst_renderer *r)
 {
@@ -166,6 +168,46 @@ static int place_views(struct sst_plan *p)
     return -ERANGE;
 }
 
+/* --- raw frames --------------------------------------------------------------------------------------------------- */
+
+struct raw_job {
+    struct sst_renderer *r;
+    const struct sst_plan *plan;
+};
+
+static int make_raw(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct raw_job *job = arg;
+    const struct sst_lightfield *lf = job->r->lf;
+    const struct sst_tap *t = &job->plan->tap[index];
+    struct sst_raw_view *raw = &job->r->raw[t->view];
+    int err = 0;
+
+    if (!raw->map)
+        err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
+    if (!err && !raw->sampler)
+        err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
+    if (err)
+        sst_log_error("cannot sample the raw frame %s: %s", t->v->file, strerror(-err));
+    return err;
+}
+
+/* Samplers of the plan's views: those of earlier pictures are kept. */
+static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
+{
+    struct raw_job job = { r, p };
+    int err;
+
+    if (!r->raw)
+        return 0;
+    pthread_mutex_lock(&r->lock);
+    err = sst_parallel_for(p->count, sst_thread_count(r->threads), make_raw, &job);
+    pthread_mutex_unlock(&r->lock);
+    for (int i = 0; i < p->count && !err; i++)
+        p->tap[i].sampler = r->raw[p->tap[i].view].sampler;
+    return err;
+}
+
 /* Constants of the weights, and the table where labels have a say. */
 static int weigh(struct sst_plan *p, struct sst_renderer *r)
 {
@@ -185,7 +227,8 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
     for (int i = 0; i < p->count && p->weighted; i++) {
         if (!p->tap[i].v->disp.data) {
             sst_log_error("view %d has no disparity map: run `sst process` on this light field first, or choose the "
-                          "method refocus", p->tap[i].view);
+                          "method refocus",
+                          p->tap[i].view);
             return -ENODATA;
         }
     }
@@ -215,6 +258,8 @@ int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_r
         err = choose_views(p);
     if (!err)
         err = place_views(p);
+    if (!err)
+        err = prepare_raw(p, r);
     if (!err && cfg->method == SST_RENDER_SST)
         err = weigh(p, r);
     if (err)

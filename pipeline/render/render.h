@@ -58,7 +58,15 @@ double sst_weight_label(double focus_px, double range_min_px, double range_max_p
 
 struct sst_renderer; /* label ranges of one light field, computed when first needed; any number of threads may render */
 
-/** Borrows lf, which stays as it is while the renderer lives. @return 0, -ENOMEM; logged. */
+/**
+ * Borrows lf, which stays as it is while the renderer lives.
+ *
+ * Where lf's images are raw frames (images_raw) the colour of each ray is sampled from its frame at the exact place by
+ * lf's filter, light corrected: one interpolation instead of two. Disparity and labels are those of the rectified
+ * views, as ever. What it takes of a frame is made at its first use and kept: 4/3 of the frame's memory.
+ *
+ * @return 0, -ENOMEM; logged.
+ */
 SST_MUST_CHECK int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *lf, int threads);
 void sst_renderer_destroy(struct sst_renderer *r);
 

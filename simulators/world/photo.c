@@ -104,14 +104,14 @@ void sst_sim_photo_expose(const struct sst_sim_photo *p, const struct sst_sim_ex
         uint32_t state = (uint32_t)sst_random_u64(&seed) | 1;
 
         for (int y = 0; y < in->height; y++) {
-            const double dy = y + 0.5 - half_y;
+            const double dy = y - e->camera->cy;
 
             if (is_ideal(p, e)) {
                 memmove(sst_image_row(out, c, y), sst_image_row(in, c, y), (size_t)in->width);
                 continue;
             }
             for (int x = 0; x < in->width; x++) {
-                const double dx = x + 0.5 - half_x;
+                const double dx = x - e->camera->cx;
                 const double r2 = (dx * dx + dy * dy) / (half_x * half_x + half_y * half_y);
 
                 factor[x] = (float)(e->light * e->camera->gain[c] * (1 - p->vignetting * r2));

@@ -23,9 +23,9 @@ struct sst_sim_exposing {
 };
 
 /**
- * What the sensor makes of a picture: light times the camera's gain times 1 - vignetting r^2 (r = 1 in the corners),
- * then noise of standard deviation sqrt(e + read^2) electrons where white is full_well_e, then sRGB. An ideal camera's
- * picture is copied as it is.
+ * What the sensor makes of a picture: light times the camera's gain times 1 - vignetting r^2 (r from the
+ * principal point in half diagonals of the picture), then noise of standard deviation sqrt(e + read^2) electrons where
+ * white is full_well_e, then sRGB. An ideal camera's picture is copied as it is.
  *
  * @param out  of the size of in, initialised by the caller; may be in itself
  */

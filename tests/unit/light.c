@@ -58,7 +58,7 @@ static struct sst_calib make_array(int rows, int cols)
             sum[i] += c->gain[i];
         }
         c->falloff[0] = -0.3 + 0.02 * normal();
-        c->falloff[1] = -0.05 + 0.01 * normal();
+        c->falloff[1] = -0.05 + 0.002 * normal();
         c->falloff[2] = 0.05;
         c->position_mm[0] = 60 * (k % cols);
         c->position_mm[1] = 60 * (k / cols);
@@ -87,7 +87,8 @@ static void add(struct sst_light_samples *all, struct sst_light_sample s)
     all->sample[all->count++] = s;
 }
 
-/* 35 white places at depth 1 m or so, out to the corners, moved, turned and lit anew in each frame: from one side, dimmer and redder. */
+/* 35 white places at depth 1 m or so, out to the corners, moved, turned and lit anew in each frame: from one side,
+ * dimmer and redder. */
 static struct sst_light_samples see(const struct sst_calib *truth, int frames, double noise)
 {
     struct sst_light_samples all = { 0 };
