@@ -68,7 +68,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps check check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks fuzz install help clean format tests
+.PHONY: FORCE all deps check check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks bench-calib fuzz install help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
 all: $(PROGRAMS) ## build the programs into build/: sst, and sst-sim (simulated devices)
@@ -106,6 +106,11 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
 
+# OpenCV's own calibration, which a test compares with.
+ifeq (1,$(WITH_OPENCV))
+$(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
+endif
+
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
 $(BUILD)/bench/network: $(BUILD)/obj/tests/bench/network.o $(BUILD)/libsst.a
@@ -113,14 +118,15 @@ $(BUILD)/bench/features: $(BUILD)/obj/tests/bench/features.o $(BUILD)/libsst.a
 $(BUILD)/bench/feature_cost: $(BUILD)/obj/tests/bench/feature_cost.o $(BUILD)/libsst.a
 $(BUILD)/bench/sim_world: $(BUILD)/obj/tests/bench/sim_world.o $(BUILD)/libsst.a
 $(BUILD)/bench/calib: $(BUILD)/obj/tests/bench/calib.o $(BUILD)/libsst.a
+$(BUILD)/bench/calib_pairs: $(BUILD)/obj/tests/bench/calib_pairs.o $(BUILD)/libsst.a
+$(BUILD)/bench/rectify: $(BUILD)/obj/tests/bench/rectify.o $(BUILD)/libsst.a
 $(BUILD)/bench/trigger: $(BUILD)/obj/tests/bench/trigger.o $(BUILD)/libsst.a
-$(BUILD)/bench/raw: $(BUILD)/obj/tests/bench/raw.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost $(BUILD)/bench/sim_world $(BUILD)/bench/trigger $(BUILD)/bench/raw $(BUILD)/bench/calib:
+$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost $(BUILD)/bench/sim_world $(BUILD)/bench/trigger $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs $(BUILD)/bench/rectify:
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 
-$(BUILD)/bench/frames $(BUILD)/bench/unplug: $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
+$(BUILD)/bench/frames $(BUILD)/bench/unplug $(BUILD)/bench/raw: $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -179,6 +185,10 @@ bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; rene
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
 
+BENCH_CALIB := $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs
+bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/bench-calibration.md
+	$(PYTHON) scripts/bench_calib.py --build $(BUILD)
+
 # What deps installs changes what the build finds, hence the second make.
 demo: deps ## see through a simulated scene: pictures in sst-demo/
 	$(MAKE) all
@@ -200,4 +210,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)
+-include $(LIB_OBJ:.o=.d) $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)

@@ -171,9 +171,8 @@ static void print_text(const struct array_capture *a, const struct sst_capture *
     }
 }
 
-static int open_recorder(struct array_capture *a, struct sst_recorder_config *cfg)
+int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *c, struct sst_recorder_config *cfg)
 {
-    const struct sst_array_config *c = &a->config;
     struct sst_recorder_track *tracks = calloc((size_t)c->bound, sizeof(*tracks));
     struct sst_grab_device *devices = NULL;
     int n = 0, err;
@@ -205,7 +204,7 @@ static int open_recorder(struct array_capture *a, struct sst_recorder_config *cf
     cfg->rate_hz = c->source == SST_CONFIG_FREE_RUN ? c->rate_hz : c->trigger_hz;
     cfg->spacing_mm = c->spacing_mm;
     if (!err)
-        err = sst_recorder_open(&a->recorder, cfg);
+        err = sst_recorder_open(out, cfg);
     free(devices);
     free(tracks);
     return err;
@@ -226,7 +225,7 @@ static int capture(struct array_capture *a, struct sst_recorder_config *rec, boo
     a->cpu_ns = sst_clock_cpu_ns();
     err = sst_capture_open(&capture, &a->config, &events);
     if (!err && rec->dir)
-        err = open_recorder(a, rec);
+        err = cli_open_recorder(&a->recorder, &a->config, rec);
     if (!err) {
         running = capture;
         sigaction(SIGINT, &act, &old[0]);

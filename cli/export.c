@@ -6,27 +6,35 @@
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    const char *out = NULL, *args[2];
-    bool force = false;
-    int threads = 0, err;
+    struct sst_export_config cfg = { 0 };
+    const char *args[2];
+    int err;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &out, "DST", "folder to make", 0, 0 },
-        { "threads", 0, CLI_INT, &threads, "N", "threads (default: all processors)", 1, 256 },
-        { "force", 'f', CLI_FLAG, &force, NULL, "replace an earlier export", 0, 0 },
+        { "output", 'o', CLI_STRING, &cfg.out, "DST", "folder to make", 0, 0 },
+        { "focal-px", 0, CLI_DOUBLE, &cfg.focal_px, "F", "colmap, nerfstudio: focal length where LF knows none", 1e-3,
+          1e7 },
+        { "spacing-mm", 0, CLI_DOUBLE, &cfg.spacing_mm, "B", "colmap, nerfstudio: camera spacing where LF knows none",
+          1e-6, 1e6 },
+        { "lossy", 0, CLI_FLAG, &cfg.lossy, NULL, "nerfstudio: also where its lens model is off by over 0.05 px", 0,
+          0 },
+        { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
+        { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an earlier export", 0, 0 },
     };
     struct sst_lightfield lf;
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 2);
 
     if (r != CLI_GO_ON)
         return r;
-    if (!out)
+    if (!cfg.out)
         return cli_usage_error(cmd, "-o DST is missing");
-    err = sst_export(args[0], args[1], out, force, threads);
+    cfg.format = args[0];
+    cfg.dir = args[1];
+    err = sst_export(&cfg);
     if (!err)
         err = sst_lightfield_load(&lf, args[1], 0, 1);
     if (err)
         return cli_exit_code(err);
-    cli_print_lightfield(&lf, out);
+    cli_print_lightfield(&lf, cfg.out);
     sst_lightfield_fini(&lf);
     return CLI_OK;
 }
@@ -35,9 +43,14 @@ const struct cli_command cli_export = {
     .name = "export",
     .usage = "FORMAT LF -o DST [options]",
     .summary = "write a light field in another format",
-    .detail = "formats:\n"
-              "  stanford  out_rr_cc_y_x_.png with the positions of the cameras, and positions.cfg\n"
-              "  hci       input_CamNNN.png, parameters.cfg and the disparity of each view as PFM",
+    .detail =
+        "formats:\n"
+        "  stanford    out_rr_cc_y_x_.png with the positions of the cameras, and positions.cfg\n"
+        "  hci         input_CamNNN.png, parameters.cfg and the disparity of each view as PFM\n"
+        "  colmap      images/ and a model without points in sparse/0, as text: lenses and poses in metres\n"
+        "  nerfstudio  images/ and transforms.json\n"
+        "A light field with a calibration gives colmap and nerfstudio its raw frames with their lenses, the others\n"
+        "rectified views.",
     .example = "sst export hci scene.lf -o scene-hci",
     .run = run,
 };

@@ -23,10 +23,12 @@ static const struct cli_command *const commands[] = {
     &cli_models,
     &cli_eval,
     &cli_capture,
+    &cli_calibrate,
     &cli_cameras,
     &cli_identify,
     &cli_topology,
     &cli_plan,
+    &cli_calibration,
     &cli_doctor,
     &cli_version,
 };
@@ -35,7 +37,7 @@ static void usage(void)
 {
     printf("sst - see through things with a camera array\n\nusage: sst COMMAND ...\n\ncommands:\n");
     for (size_t i = 0; i < ARRAY_LEN(commands); i++)
-        printf("  %-10s %s\n", commands[i]->name, commands[i]->summary);
+        printf("  %-11s %s\n", commands[i]->name, commands[i]->summary);
     printf("\n`sst COMMAND --help` explains a command with an example.\n\n"
            "exit codes: 0 success, 1 internal error, 2 usage, 3 input, 4 output, 5 missing part or model, 6 memory,\n"
            "            130 interrupted\n");

@@ -356,6 +356,14 @@ void sst_yaml_know_all(struct sst_yaml_node *map)
         n->known = true;
 }
 
+void sst_yaml_know_tree(struct sst_yaml_node *node)
+{
+    for (struct sst_yaml_node *n = node ? node->first : NULL; n; n = n->next) {
+        n->known = true;
+        sst_yaml_know_tree(n); /* no deeper than SST_YAML_MAX_DEPTH */
+    }
+}
+
 static void note_unknown(struct sst_yaml *doc, const struct sst_yaml_node *node)
 {
     char text[160];

@@ -61,6 +61,9 @@ struct sst_yaml_node *sst_yaml_need(struct sst_yaml *doc, struct sst_yaml_node *
 /** All keys of the mapping below are known: they are names that the user chose. */
 void sst_yaml_know_all(struct sst_yaml_node *map);
 
+/** All keys at any depth below are known: the file is another program's, and may hold more than is read. */
+void sst_yaml_know_tree(struct sst_yaml_node *node);
+
 /** Note a fault at a node; `what` follows the key's name. The text is one clause, with the remedy. */
 void sst_yaml_fault(struct sst_yaml *doc, const struct sst_yaml_node *at, const char *fmt, ...) SST_PRINTF(3, 4);
 

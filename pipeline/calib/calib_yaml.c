@@ -1,8 +1,6 @@
 /* calib.yaml: written by hand so that people can read it, read back strictly. 256 cameras make about 300 kB and 15000
  * nodes, well inside the reader's limits. */
 #include <errno.h>
-#include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +9,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "config/yaml.h"
-#include "pipeline/calib/calib.h"
+#include "pipeline/calib/format_parts.h"
 
 #define VERSION  1
 #define NS_PER_S 1000000000
@@ -91,17 +89,9 @@ static void put_text(FILE *f, const char *indent, const char *key, const char *t
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
-/* The shortest decimal that reads back as the same number. */
 static void put_number(FILE *f, double v)
 {
-    char text[32];
-
-    for (int digits = 15; digits <= 17; digits++) {
-        snprintf(text, sizeof(text), "%.*g", digits, v);
-        if (strtod(text, NULL) == v)
-            break;
-    }
-    fputs(text, f);
+    sst_put_numbers(f, &v, 1);
 }
 
 static void put_numbers(FILE *f, const char *key, const double *v, int n, int per_line)

@@ -25,6 +25,12 @@ static void bend(const double k[SST_LENS_MAX], double a, double b, double out[2]
     }
 }
 
+/* Neither folded over nor, still further out, turned inside out: there the determinant is positive again. */
+static bool upright(const double by[4])
+{
+    return by[0] * by[3] - by[1] * by[2] > 0.01 && by[0] + by[3] > 0;
+}
+
 void sst_camera_distort(const struct sst_calib_camera *cam, double a, double b, double *x, double *y)
 {
     double d[2];
@@ -43,9 +49,9 @@ bool sst_camera_undistort(const struct sst_calib_camera *cam, double x, double y
         double det;
 
         bend(cam->k, at[0], at[1], seen, by);
-        det = by[0] * by[3] - by[1] * by[2];
-        if (!(det > 0.01))
+        if (!upright(by))
             return false;
+        det = by[0] * by[3] - by[1] * by[2];
         if (fabs(seen[0] - u) + fabs(seen[1] - v) < 1e-12) {
             *a = at[0];
             *b = at[1];
@@ -69,7 +75,7 @@ bool sst_camera_project(const struct sst_calib_camera *cam, const double X[3], d
     a = (r[0] * d[0] + r[1] * d[1] + r[2] * d[2]) / z;
     b = (r[3] * d[0] + r[4] * d[1] + r[5] * d[2]) / z;
     bend(cam->k, a, b, seen, by);
-    if (!(by[0] * by[3] - by[1] * by[2] > 0.01) || !isfinite(seen[0]) || !isfinite(seen[1]))
+    if (!upright(by) || !isfinite(seen[0]) || !isfinite(seen[1]))
         return false;
     *x = cam->fx * seen[0] + cam->cx;
     *y = cam->fy * seen[1] + cam->cy;

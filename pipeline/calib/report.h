@@ -1,6 +1,9 @@
-/* pipeline/calib/report.h - a calibration as one self-contained HTML page that a person can judge. */
+/* pipeline/calib/report.h - a calibration as one self-contained HTML page that a person can judge; its summary as text
+ * and JSON. */
 #ifndef SST_PIPELINE_CALIB_REPORT_H
 #define SST_PIPELINE_CALIB_REPORT_H
+
+#include <stdio.h>
 
 #include "pipeline/calib/light.h"
 #include "pipeline/calib/solve.h"
@@ -20,11 +23,21 @@ struct sst_calib_report {
 
 /**
  * Write the page: summary with verdicts, residual vectors per camera, coverage, worst frames, residuals per region of
- * the picture, link graph with the weakest link, uncertainty maps, light, lattice. No network access is needed to view
- * it.
- * @return 0 or what outputs return; logged.
+ * the picture, link graph with the weakest link, uncertainty maps, light, lattice. No network access and no script is
+ * needed to view it. It is well-formed XML too. How to read it: docs/calibration-report.md.
+ *
+ * Deterministic: the same report gives the same bytes.
+ * @return 0, -ENOMEM, or what outputs return; logged.
  */
 SST_MUST_CHECK int sst_calib_report_write(const char *path, const struct sst_calib_report *report);
+
+/** The summary in about twenty lines for a terminal, with the page's verdict and definitions.
+ *  @return 0, -ENOMEM; logged. Whether `out` took it is for the caller to see (ferror). */
+SST_MUST_CHECK int sst_calib_report_text(FILE *out, const struct sst_calib_report *report);
+
+/** All figures as one JSON object (docs/calibration-report.md), unknown ones null; to free with free().
+ *  @return NULL: no memory; logged. */
+SST_MUST_CHECK char *sst_calib_report_json(const struct sst_calib_report *report);
 
 SST_EXTERN_C_END
 

@@ -81,6 +81,8 @@ static int describe_job(void *arg, int index, int worker)
         return 0;
     err = sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost,
                               run->nets ? run->nets[worker] : NULL);
+    if (!err && v->valid.data)
+        err = sst_mask_reduce(&run->desc[view].seen, &v->valid, run->scale);
     return err ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
 }
 
@@ -153,6 +155,17 @@ done:
     return down;
 }
 
+/* What is not there has no disparity, and none to check or fill others by. */
+static void forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *seen)
+{
+    for (int y = 0; seen->data && y < disp->height; y++) {
+        for (int x = 0; x < disp->width; x++) {
+            if (!sst_map_u8_row(seen, y)[x])
+                sst_map_u16_row(disp, y)[x] = SST_DISP_NONE;
+        }
+    }
+}
+
 static int match_job(void *arg, int index, int worker)
 {
     struct run *run = arg;
@@ -175,10 +188,13 @@ static int match_job(void *arg, int index, int worker)
         memset(run->disp[view].data, 0xFF, run->disp[view].stride * (size_t)run->height);
         return 0;
     }
-    if (err || run->cfg->raw)
-        return err;
-    err = sst_median5(&run->disp[view]);
-    return err ? err : sst_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
+    if (!err && !run->cfg->raw)
+        err = sst_median5(&run->disp[view]);
+    if (!err && !run->cfg->raw)
+        err = sst_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
+    if (!err)
+        forget_unseen(&run->disp[view], &run->desc[view].seen);
+    return err;
 }
 
 /* Views one and two steps away on all sides; the near ones first. @return how many; *near of them are one step away. */
@@ -253,14 +269,16 @@ static int deliver(struct run *run, int view)
     for (int y = 0; y < disp.height; y++) {
         const uint16_t *in = sst_map_u16_row(from, y / run->scale);
         const uint8_t *conf_in = sst_map_u8_row(conf_from, y / run->scale);
+        const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
         const uint8_t *status = run->fill ? sst_map_u8_row(&run->status[view], y / run->scale) : NULL;
 
         for (int x = 0; x < disp.width; x++) {
-            const unsigned d = in[x / run->scale];
+            const bool seen = !valid || valid[x];
+            const unsigned d = seen ? in[x / run->scale] : SST_DISP_NONE;
 
             sst_map_u16_row(&disp, y)[x] = (uint16_t)(d == SST_DISP_NONE ? d : d * (unsigned)run->scale);
             /* What was filled in is a guess. */
-            sst_map_u8_row(&conf, y)[x] = status && status[x / run->scale] ? 0 : conf_in[x / run->scale];
+            sst_map_u8_row(&conf, y)[x] = !seen || (status && status[x / run->scale]) ? 0 : conf_in[x / run->scale];
         }
     }
     sst_map_u16_fini(&v->disp);

@@ -54,6 +54,8 @@ static int make_pair(struct sst_lightfield *pair, const struct sst_lightfield *l
         const struct sst_view *from = &lf->views[i ? b : a];
 
         err = reduce(&pair->views[i].image, &from->image, factor);
+        if (!err && from->valid.data)
+            err = sst_mask_reduce(&pair->views[i].valid, &from->valid, *factor);
         pair->views[i].present = true;
         pair->views[i].bx = from->bx - lf->views[a].bx;
         pair->views[i].by = from->by - lf->views[a].by;

@@ -20,6 +20,7 @@ struct sst_descriptor {
     struct sst_image image; /* borrowed, or half size and owned */
     bool image_owned;
     struct sst_map_u8 luma; /* BT.601 */
+    struct sst_map_u8 seen; /* 0 where the image has nothing to match: from outside the raw frame; empty: nowhere */
     uint64_t
         *census[SST_PHASES]; /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
     size_t census_stride;    /* elements */
@@ -30,9 +31,6 @@ struct sst_descriptor {
 };
 
 struct sst_network;
-
-/** Luma of an image, (77 R + 150 G + 29 B + 128) >> 8. @param luma out, initialised here */
-SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 
 /**
  * Whether a network can make features of views of this size: one channel in, 64 of the same size out.
@@ -48,6 +46,8 @@ SST_MUST_CHECK int sst_descriptor_check_network(struct sst_network *net, const c
  */
 SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,
                                        enum sst_cost cost, struct sst_network *net);
+/** A mask at 1 / factor of the size, rounded up: 255 where all of its pixels are. @param out  out, initialised here */
+SST_MUST_CHECK int sst_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor);
 void sst_descriptor_fini(struct sst_descriptor *desc);
 
 /** Make the census of more phases (bit p of `phases`); a descriptor without census is left alone. */
@@ -118,7 +118,7 @@ size_t sst_volume_bytes(int width, int height, int steps);
 /**
  * Fill the costs of `ref` against 1..SST_MAX_NEIGHBOURS neighbours. Of several, occluded ones are expected to be the
  * dear ones: with two the cheaper one counts three times the other, with more the mean of the two cheapest. What one
- * neighbour alone sees takes its cost, and what none sees a constant.
+ * neighbour alone sees takes its cost, and what none sees, or is not there to be seen, a constant.
  */
 void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
                      int count);

@@ -155,6 +155,32 @@ static void feature_costs(const struct strip *s, const struct sst_neighbour *n, 
                                          s->padded);
 }
 
+/* Costs of one row and step: [x1 - x0) pixels from x0 on, of the census, the features or both. */
+static void take_costs(const struct strip *s, uint8_t *first, uint8_t *second, const uint8_t *features, int from,
+                       int to)
+{
+    const uint8_t *census = s->census + from, *cost = features + from;
+
+    sst_kernels_get()->cheapest_row(first + from, second + from, s->ref->census[0] ? census : cost,
+                                    s->ref->features ? cost : census, (size_t)(to - from));
+}
+
+/* The same where the pixel and what it is matched with are in the pictures: black borders are like nothing, and each
+ * other. Windows that reach into them tell enough to be kept (docs/calibration-rectify.md). */
+static void take_seen(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
+                      int y, uint8_t *first, uint8_t *second, const uint8_t *features)
+{
+    const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) : NULL;
+    const uint8_t *there = n->desc->seen.data ? sst_map_u8_row(&n->desc->seen, y + at->y) : NULL;
+
+    for (int from = x0, to; from < x1; from = to + 1) {
+        for (to = from; to < x1 && (!own || own[to]) && (!there || there[to + at->x]); to++)
+            ;
+        if (to > from)
+            take_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, from - x0, to - x0);
+    }
+}
+
 /* Take row y of one neighbour into the two cheapest costs, [steps][padded] each. */
 static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y,
                       uint8_t *first, uint8_t *second)
@@ -179,8 +205,10 @@ static void match_row(const struct strip *s, const struct sst_neighbour *n, cons
             k->hamming_row(s->census, ref->census[0] + (size_t)y * ref->census_stride + x0,
                            n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (x0 + at->x),
                            (size_t)(x1 - x0));
-        k->cheapest_row(first + (x0 - s->x0), second + (x0 - s->x0), ref->census[0] ? s->census : features,
-                        ref->features ? features : s->census, (size_t)(x1 - x0));
+        if (ref->seen.data || n->desc->seen.data)
+            take_seen(s, n, at, x0, x1, y, first, second, features);
+        else
+            take_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, 0, x1 - x0);
     }
 }
 

@@ -24,6 +24,9 @@ SST_MUST_CHECK int sst_image_write_png(const struct sst_image *img, const char *
 /** @param quality 1..100; 4:2:0 */
 SST_MUST_CHECK int sst_image_write_jpeg(const struct sst_image *img, const char *path, int quality);
 
+/** The same bytes in memory, to free with free(). @return 0, -ENOMEM (not logged), -EIO */
+SST_MUST_CHECK int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size);
+
 /** 8-bit PNG whose sample is the value itself: grey, or palette index (the palette is ignored). */
 SST_MUST_CHECK int sst_map_u8_read_png(struct sst_map_u8 *map, const char *path);
 

@@ -1,5 +1,6 @@
 /* JPEG through the TurboJPEG API. */
 #include <errno.h>
+#include <stdlib.h>
 #include <turbojpeg.h>
 
 #include "base/file.h"
@@ -10,7 +11,7 @@
 
 /* A block of 8x8 samples takes at least one bit of each component in a Huffman-coded file, which is one byte for about
  * 340 pixels at 4:2:0. A large image that claims far more is cut off, and is refused before memory is taken for it. */
-#define LARGE_PIXELS ((size_t)1 << 24)
+#define LARGE_PIXELS        ((size_t)1 << 24)
 #define MAX_PIXELS_PER_BYTE 2048
 
 static int damaged(tjhandle tj, const char *name)
@@ -104,33 +105,49 @@ out:
     return err;
 }
 
-int sst_image_write_jpeg(const struct sst_image *img, const char *path, int quality)
+int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size)
 {
     const size_t row_bytes = (size_t)img->width * 3;
+    unsigned long room = tjBufSize(img->width, img->height, TJSAMP_420);
     uint8_t *packed = sst_mem_alloc_raw((size_t)img->height, row_bytes);
+    unsigned char *jpeg = malloc(room);
     tjhandle tj = tjInitCompress();
-    unsigned char *jpeg = NULL;
-    unsigned long jpeg_size = 0;
     int err = 0;
 
-    if (!packed || !tj) {
-        err = sst_image_size_error(-ENOMEM, path, img->width, img->height);
+    if (!packed || !jpeg || !tj) {
+        err = -ENOMEM;
         goto out;
     }
     for (int y = 0; y < img->height; y++)
         sst_rgb_pack_row(packed + (size_t)y * row_bytes, img, y);
-    if (tjCompress2(tj, packed, img->width, 0, img->height, TJPF_RGB, &jpeg, &jpeg_size, TJSAMP_420, quality,
-                    TJFLAG_ACCURATEDCT)) {
-        sst_log_error("cannot encode %s as JPEG: %s", path, tjGetErrorStr2(tj));
+    if (tjCompress2(tj, packed, img->width, 0, img->height, TJPF_RGB, &jpeg, &room, TJSAMP_420, quality,
+                    TJFLAG_ACCURATEDCT | TJFLAG_NOREALLOC)) {
+        sst_log_error("cannot encode an image of %dx%d as JPEG: %s", img->width, img->height, tjGetErrorStr2(tj));
         err = -EIO;
         goto out;
     }
-    err = sst_file_write(path, jpeg, jpeg_size);
+    *data = jpeg;
+    *size = room;
+    jpeg = NULL;
 
 out:
-    tjFree(jpeg);
+    free(jpeg);
     if (tj)
         tjDestroy(tj);
     sst_mem_free(packed);
+    return err;
+}
+
+int sst_image_write_jpeg(const struct sst_image *img, const char *path, int quality)
+{
+    uint8_t *jpeg = NULL;
+    size_t size = 0;
+    int err = sst_image_encode_jpeg(img, quality, &jpeg, &size);
+
+    if (err == -ENOMEM)
+        return sst_image_size_error(err, path, img->width, img->height);
+    if (!err)
+        err = sst_file_write(path, jpeg, size);
+    free(jpeg);
     return err;
 }

@@ -7,22 +7,20 @@
 
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/calib/format.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/export_parts.h"
 #include "pipeline/lightfield/import_plan.h"
 #include "pipeline/lightfield/store.h"
 
 #define SENSOR_MM 35.0 /* HCI gives the focal length by a sensor size; any will do, this is theirs */
 
-struct job {
-    struct sst_lightfield lf;
-    const char *dir, *out; /* out: temporary folder */
-};
-
 struct format {
     const char *name, *marker; /* marker: the file that tells an export of this form */
     unsigned load;
+    bool raw; /* takes the files with the cameras that made them, not rectified views */
     sst_work_fn *view;
-    int (*rest)(const struct job *job);
+    int (*rest)(const struct sst_export_job *job);
 };
 
 /* Text in the making, with room for two lines of numbers for each of 256 views. */
@@ -46,7 +44,7 @@ static void add(struct text *t, const char *fmt, ...)
         t->size += (size_t)n < left ? (size_t)n : left - 1;
 }
 
-static int write_text(const struct job *job, const char *name, const struct text *t)
+static int write_text(const struct sst_export_job *job, const char *name, const struct text *t)
 {
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, job->out, name);
@@ -54,13 +52,13 @@ static int write_text(const struct job *job, const char *name, const struct text
     return err ? err : sst_file_write(path, t->data, t->size);
 }
 
-static int read_view(const struct job *job, int k, char path[SST_PATH_MAX], uint8_t **data, size_t *size)
+int sst_export_read_view(const struct sst_export_job *job, int k, char path[SST_PATH_MAX], uint8_t **data, size_t *size)
 {
     char name[300], hash[65];
     int err;
 
     snprintf(name, sizeof(name), "views/%s", job->lf.views[k].file);
-    err = sst_path_join(path, job->dir, name);
+    err = sst_path_join(path, job->cfg->dir, name);
     if (!err)
         err = sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
     if (err)
@@ -83,19 +81,20 @@ static double position_unit(const struct sst_lightfield *lf)
 
 static int stanford_view(void *arg, int k, int worker SST_UNUSED)
 {
-    const struct job *job = arg;
+    const struct sst_export_job *job = arg;
     const struct sst_view *v = &job->lf.views[k];
     const double unit = position_unit(&job->lf);
     /* Nine digits of a spacing, whatever its unit. */
     const int digits = sst_clamp_int(9 - (int)floor(log10(unit)), 6, 18);
     char path[SST_PATH_MAX], name[SST_NAME_MAX];
     uint8_t *data = NULL;
-    size_t size;
-    int err;
+    size_t size = 0;
+    int err = 0;
 
     if (!v->present)
         return 0;
-    err = job->lf.calibration ? 0 : read_view(job, k, path, &data, &size);
+    if (!job->lf.calibration)
+        err = sst_export_read_view(job, k, path, &data, &size);
     if (err)
         return err;
     snprintf(name, sizeof(name), "out_%02d_%02d_%.*f_%.*f_.%s", k / job->lf.cols, k % job->lf.cols, digits,
@@ -107,7 +106,7 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-static int stanford_rest(const struct job *job)
+static int stanford_rest(const struct sst_export_job *job)
 {
     const struct sst_lightfield *lf = &job->lf;
     struct text t = { .size = 0 };
@@ -122,7 +121,7 @@ static int stanford_rest(const struct job *job)
 
 /* --- hci ---------------------------------------------------------------------------------------------------------- */
 
-static int hci_disparity(const struct job *job, int k, const char *name)
+static int hci_disparity(const struct sst_export_job *job, int k, const char *name)
 {
     const struct sst_map_u16 *disp = &job->lf.views[k].disp;
     char path[SST_PATH_MAX];
@@ -145,28 +144,23 @@ static int hci_disparity(const struct job *job, int k, const char *name)
     return err;
 }
 
-/* HCI's readers want PNG: other views are decoded, those in PNG are copied, rectified ones are as they were loaded. */
-static int hci_view(void *arg, int k, int worker SST_UNUSED)
+/* HCI's readers want PNG: other views are decoded, those in PNG are copied. */
+static int hci_image(const struct sst_export_job *job, int k, const char *path)
 {
-    const struct job *job = arg;
-    char from[SST_PATH_MAX], path[SST_PATH_MAX], name[64];
+    char from[SST_PATH_MAX];
     struct sst_image img;
-    uint8_t *data = NULL;
+    uint8_t *data;
     size_t size;
     int err;
 
-    if (!job->lf.views[k].present)
-        return 0;
-    err = job->lf.calibration ? 0 : read_view(job, k, from, &data, &size);
+    if (job->lf.calibration)
+        return sst_image_write_png(&job->lf.views[k].image, path);
+    err = sst_export_read_view(job, k, from, &data, &size);
     if (err)
         return err;
-    snprintf(name, sizeof(name), "input_Cam%03d.png", k);
-    err = sst_path_join(path, job->out, name);
-    if (!err && !data) {
-        err = sst_image_write_png(&job->lf.views[k].image, path);
-    } else if (!err && data[0] == 0x89) {
+    if (data[0] == 0x89) {
         err = sst_file_write(path, data, size);
-    } else if (!err) {
+    } else {
         err = sst_image_decode(&img, data, size, from);
         if (!err) {
             err = sst_image_write_png(&img, path);
@@ -174,6 +168,21 @@ static int hci_view(void *arg, int k, int worker SST_UNUSED)
         }
     }
     free(data);
+    return err;
+}
+
+static int hci_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct sst_export_job *job = arg;
+    char path[SST_PATH_MAX], name[64];
+    int err;
+
+    if (!job->lf.views[k].present)
+        return 0;
+    snprintf(name, sizeof(name), "input_Cam%03d.png", k);
+    err = sst_path_join(path, job->out, name);
+    if (!err)
+        err = hci_image(job, k, path);
     snprintf(name, sizeof(name), "gt_disp_lowres_Cam%03d.pfm", k);
     return err || !job->lf.views[k].disp.data ? err : hci_disparity(job, k, name);
 }
@@ -200,7 +209,7 @@ static void add_offsets(struct text *t, const struct sst_lightfield *lf)
                         worst);
 }
 
-static int hci_rest(const struct job *job)
+static int hci_rest(const struct sst_export_job *job)
 {
     const struct sst_lightfield *lf = &job->lf;
     const int centre = lf->rows / 2 * lf->cols + lf->cols / 2;
@@ -221,46 +230,138 @@ static int hci_rest(const struct job *job)
     return err || !lf->views[centre].disp.data ? err : hci_disparity(job, centre, "gt_disp_lowres.pfm");
 }
 
+/* --- colmap, nerfstudio: the files as they are, and the cameras that made them ------------------------------------ */
+
+void sst_export_image_name(const struct sst_export_job *job, int view, char out[64])
+{
+    const char *file = job->lf.views[view].file, *dot = strrchr(file, '.');
+    char place[16];
+
+    sst_view_name(&job->lf, view, place); /* of its own: COLMAP's names have no blanks */
+    snprintf(out, 64, "%s%.8s", place, dot && !strpbrk(dot, " \t\\") ? dot : "");
+}
+
+static int posed_view(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct sst_export_job *job = arg;
+    char path[SST_PATH_MAX], name[64], file[80];
+    uint8_t *data;
+    size_t size;
+    int err;
+
+    if (!job->lf.views[k].present)
+        return 0;
+    err = sst_export_read_view(job, k, path, &data, &size);
+    if (err)
+        return err;
+    sst_export_image_name(job, k, name);
+    snprintf(file, sizeof(file), "images/%s", name);
+    err = sst_path_join(path, job->out, file);
+    if (!err)
+        err = sst_file_write(path, data, size);
+    free(data);
+    return err;
+}
+
+typedef int write_poses_fn(const struct sst_calib *calib, const char (*name)[64], const char *dir);
+
+static int write_poses(const struct sst_export_job *job, write_poses_fn *write, int coefficients)
+{
+    const int views = job->lf.rows * job->lf.cols;
+    char(*name)[64] = calloc((size_t)views, sizeof(*name));
+    struct sst_calib exact, fitted = { 0 };
+    int err;
+
+    if (!name) {
+        sst_log_error("not enough memory to export the light field");
+        return -ENOMEM;
+    }
+    for (int k = 0; k < views; k++)
+        sst_export_image_name(job, k, name[k]);
+    err = sst_export_cameras(&exact, &job->lf, job->cfg);
+    if (!err) {
+        if (coefficients)
+            err = sst_calib_reduce(&fitted, &exact, coefficients, job->cfg->lossy, "nerfstudio");
+        if (!err)
+            err = write(coefficients ? &fitted : &exact, (const char(*)[64])name, job->out);
+        sst_calib_fini(&exact);
+        sst_calib_fini(&fitted);
+    }
+    free(name);
+    return err;
+}
+
+static int colmap_rest(const struct sst_export_job *job)
+{
+    return write_poses(job, sst_colmap_write, 0);
+}
+
+static int nerfstudio_rest(const struct sst_export_job *job)
+{
+    return write_poses(job, sst_nerfstudio_write, 5);
+}
+
 /* ------------------------------------------------------------------------------------------------------------------ */
 
 static const struct format formats[] = {
-    { "stanford", "positions.cfg", 0, stanford_view, stanford_rest },
-    { "hci", "parameters.cfg", SST_LOAD_DISPARITY, hci_view, hci_rest },
+    { "stanford", "positions.cfg", 0, false, stanford_view, stanford_rest },
+    { "hci", "parameters.cfg", SST_LOAD_DISPARITY, false, hci_view, hci_rest },
+    { "colmap", "sparse/0/cameras.txt", 0, true, posed_view, colmap_rest },
+    { "nerfstudio", "transforms.json", 0, true, posed_view, nerfstudio_rest },
 };
 
-/* A calibrated light field is exported as the views that its raw frames make, with its images loaded. */
-static int load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads)
+/* Rectified views where the format knows nothing else, and the files are raw frames. */
+static int load(struct sst_lightfield *lf, const struct format *f, const char *dir, int threads)
 {
-    int err = sst_lightfield_load(lf, dir, what, threads);
+    int err = sst_lightfield_load(lf, dir, f->load, threads);
 
-    if (err || !lf->calibration)
+    if (err || f->raw || !lf->calibration)
         return err;
     err = sst_lightfield_verify(lf, dir, threads);
     sst_lightfield_fini(lf);
-    return err ? err : sst_lightfield_load(lf, dir, what | SST_LOAD_IMAGES, threads);
+    return err ? err : sst_lightfield_load(lf, dir, f->load | SST_LOAD_IMAGES, threads);
 }
 
-int sst_export(const char *format, const char *dir, const char *out, bool force, int threads)
+static int make_folder(struct sst_outdir *folder, const struct format *f, const struct sst_export_config *cfg)
 {
-    const char *const inputs[] = { dir, NULL };
+    char path[SST_PATH_MAX];
+    int err = sst_outdir_open(folder, cfg->out, cfg->force);
+
+    if (err || !f->raw)
+        return err;
+    err = sst_path_join(path, folder->temporary, "images");
+    if (!err)
+        err = sst_path_make_dir(path);
+    if (err)
+        sst_outdir_abort(folder);
+    return err;
+}
+
+int sst_export(const struct sst_export_config *cfg)
+{
+    const char *const inputs[] = { cfg->dir, NULL };
+    const int threads = sst_thread_count(cfg->threads);
+    struct sst_export_job job = { .cfg = cfg };
     const struct format *f = formats;
-    struct job job = { .dir = dir };
     struct sst_outdir folder;
     int err;
 
-    while (f < formats + ARRAY_LEN(formats) && strcmp(f->name, format))
+    while (f < formats + ARRAY_LEN(formats) && strcmp(f->name, cfg->format))
         f++;
     if (f == formats + ARRAY_LEN(formats)) {
-        sst_log_error("there is no export format %s; it is stanford or hci", format);
+        sst_log_error("there is no export format %s; it is stanford, hci, colmap or nerfstudio", cfg->format);
         return -EINVAL;
     }
-    threads = sst_thread_count(threads);
-    err = sst_check_output(out, force, f->marker, inputs);
+    if (!f->raw && (cfg->focal_px > 0 || cfg->spacing_mm > 0 || cfg->lossy)) {
+        sst_log_error("--focal-px, --spacing-mm and --lossy belong to colmap and nerfstudio, not to %s", f->name);
+        return -EINVAL;
+    }
+    err = sst_check_output(cfg->out, cfg->force, f->marker, inputs);
     if (!err)
-        err = load(&job.lf, dir, f->load, threads);
+        err = load(&job.lf, f, cfg->dir, threads);
     if (err)
         return err;
-    err = sst_outdir_open(&folder, out, force);
+    err = make_folder(&folder, f, cfg);
     if (err)
         goto out;
     job.out = folder.temporary;

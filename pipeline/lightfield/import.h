@@ -13,9 +13,9 @@ struct sst_import_config {
     double spacing_px;         /* folder: f * B in px * mm is unknown; kept as provenance, 0: not given */
     const char *disparity_dir; /* rr_cc.pfm, px per spacing; NULL: none */
     const char *labels_dir;    /* rr_cc.png, label values; NULL: none */
-    double range_min_px, range_max_px; /* equal: from the source where it says, else unknown */
+    double range_min_px, range_max_px;             /* equal: from the source where it says, else unknown */
     const struct sst_use_calibration *calibration; /* folder: the images are raw frames of this array; NULL: views */
-    bool force;                /* replace an existing output */
+    bool force;                                    /* replace an existing output */
     int threads;
 };
 
@@ -26,8 +26,17 @@ struct sst_import_config {
  */
 SST_MUST_CHECK int sst_import(const struct sst_import_config *cfg);
 
-/** Write a light field in another format ("stanford", "hci"). The same errors. */
-SST_MUST_CHECK int sst_export(const char *format, const char *dir, const char *out, bool force, int threads);
+struct sst_export_config {
+    const char *format;          /* "stanford", "hci", "colmap", "nerfstudio" */
+    const char *dir, *out;       /* light field; folder to make */
+    double focal_px, spacing_mm; /* colmap, nerfstudio: of a light field that knows neither them nor a calibration; 0 */
+    bool lossy;                  /* nerfstudio: lenses that its model follows no better than 0.05 px */
+    bool force;                  /* replace an earlier export */
+    int threads;
+};
+
+/** Write a light field in another format. The same errors. */
+SST_MUST_CHECK int sst_export(const struct sst_export_config *cfg);
 
 /** Refuse (logged) an output that would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
  *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */

@@ -118,6 +118,15 @@ static double coverage(const struct run *run)
     return all ? 100.0 * (double)labelled / (double)all : NAN;
 }
 
+/* What the network makes of the black beside a rectified picture is no label. */
+static void unlabel_unseen(struct sst_view *v)
+{
+    for (int y = 0; v->valid.data && y < v->label.height; y++) {
+        for (int x = 0; x < v->label.width; x++)
+            sst_map_u8_row(&v->label, y)[x] &= sst_map_u8_row(&v->valid, y)[x];
+    }
+}
+
 static int segment_view(void *arg, int view, int worker)
 {
     struct run *run = arg;
@@ -131,6 +140,8 @@ static int segment_view(void *arg, int view, int worker)
         return 0;
     sst_map_u8_fini(&v->label);
     err = sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL);
+    if (!err)
+        unlabel_unseen(v);
     err = err ? err : told(run, copy_map(&run->extra[EXTRA_INITIAL][view], &v->label));
     return err ? err : told(run, pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
                                               sst_segmenter_classes(seg)->count));

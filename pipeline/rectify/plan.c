@@ -450,9 +450,9 @@ int sst_rectified_place(struct sst_rectified *to, const struct sst_calib *calib)
         to->view[k].by = t[1] / to->spacing_mm;
         to->view[k].dz_mm = t[2];
         to->view[k].scale = to->plane_mm > 0 ? (to->plane_mm - t[2]) / to->plane_mm : 1;
-        if (!(to->view[k].scale >= 0.5)) {
+        if (!(fabs(to->view[k].scale - 1) <= 0.5)) {
             sst_log_error("cannot rectify: the plane at %g mm is too near to camera %s (row %d, column %d), which "
-                          "stands %.1f mm in front of the reference; choose one farther away",
+                          "stands %.1f mm off the reference's plane; choose one farther away",
                           to->plane_mm, name_of(calib, k), k / calib->cols, k % calib->cols, t[2]);
             return -EINVAL;
         }

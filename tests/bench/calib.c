@@ -11,6 +11,7 @@
 
 #include <jansson.h>
 
+#include "base/clock.h"
 #include "pipeline/calib/solve.h"
 #include "pipeline/rectify/rectify.h"
 #include "tests/calib_truth.h"
@@ -18,7 +19,7 @@
 #define ACROSS    13 /* points over the picture of the reference camera */
 #define DOWN      9
 #define POINTS    (ACROSS * DOWN)
-#define DEPTHS    5
+#define DEPTHS    4
 #define BORDER_PX 8 /* points nearer to the border of a picture are left out */
 #define STEP_PX   0.25
 
@@ -38,6 +39,7 @@ struct seen {
 struct carried {
     const struct sst_calib *truth, *calib;
     struct sst_rectified to;
+    bool level; /* undo what a camera's place before or behind the plane of the others does at the depth */
     struct seen at[SST_MAX_VIEWS][POINTS];
 };
 
@@ -78,6 +80,15 @@ static struct seen rectified(const struct carried *c, int view, double x, double
     return out;
 }
 
+/* A picture of the plane that the calibration expects to be larger by scale depth / (depth - dz) than the others. */
+static struct seen levelled(const struct carried *c, int view, struct seen s, const double X[3])
+{
+    const double *z = c->to.rotation + 6, depth = z[0] * X[0] + z[1] * X[1] + z[2] * X[2];
+    const double factor = (1 - c->to.view[view].dz_mm / depth) / c->to.view[view].scale;
+
+    return (struct seen){ s.known, c->to.cx + (s.x - c->to.cx) * factor, c->to.cy + (s.y - c->to.cy) * factor };
+}
+
 /* Points of the plane z = depth, as all views see them. */
 static void carry(struct carried *c, double depth_mm)
 {
@@ -98,6 +109,8 @@ static void carry(struct carried *c, double depth_mm)
             if (is && c->calib->camera[view].known && sst_camera_project(&t->camera[view], X, &x, &y) &&
                 x > BORDER_PX && y > BORDER_PX && x < t->width - BORDER_PX && y < t->height - BORDER_PX)
                 c->at[view][i] = rectified(c, view, x, y);
+            if (c->level)
+                c->at[view][i] = levelled(c, view, c->at[view][i], X);
         }
     }
 }
@@ -208,18 +221,18 @@ static double plane_spread(const struct carried *c)
 }
 
 /* @param calib  whose rectification carries the true points */
-static json_t *rectification(const struct truth *t, const struct sst_calib *calib)
+static json_t *rectification(const struct truth *t, const struct sst_calib *calib, bool level)
 {
     const struct sst_rectify_config cfg = { .plane_mm = -1 };
     struct carried *c = calloc(1, sizeof(*c));
-    const double depths[DEPTHS] = { t->cfg.near_mm, sqrt(t->cfg.near_mm * t->cfg.far_mm), t->cfg.far_mm,
-                                    2 * t->cfg.far_mm, 1e6 };
+    const double depths[DEPTHS] = { t->cfg.near_mm, sqrt(t->cfg.near_mm * t->cfg.far_mm), t->cfg.far_mm, 1e6 };
     json_t *out = json_array();
 
     if (!c)
         abort();
     c->truth = &t->calib;
     c->calib = calib;
+    c->level = level;
     if (sst_rectify_plan(&c->to, calib, &cfg)) {
         free(c);
         json_decref(out);
@@ -228,7 +241,8 @@ static json_t *rectification(const struct truth *t, const struct sst_calib *cali
     for (int i = 0; i < DEPTHS; i++) {
         carry(c, depths[i]);
         json_array_append_new(out, json_pack("{s:f, s:o, s:o, s:f}", "depth_mm", depths[i], "neighbours",
-                                             pairs(c, true), "all", pairs(c, false), "plane_spread", plane_spread(c)));
+                                             pairs(c, true), "all", pairs(c, false), "plane_spread",
+                                             depths[i] < 1e5 ? plane_spread(c) : 0.0));
     }
     free(c);
     return out;
@@ -292,13 +306,16 @@ static json_t *real(double v)
 static json_t *told(const struct truth *t, const struct sst_solution *s)
 {
     json_t *out = json_object();
-    double worst_focal = 0, worst_mm = 0;
+    double worst_focal = 0, worst_mm = 0, sigma = 0;
+    int known = 0;
 
     for (int view = 0; view < t->cfg.rows * t->cfg.cols; view++) {
         const struct sst_calib_camera *is = &s->calib.camera[view], *should = &t->calib.camera[view];
 
         if (!is->known)
             continue;
+        sigma += is->sigma_px;
+        known += is->sigma_px > 0;
         worst_focal = fmax(worst_focal, fabs(is->fx / should->fx - 1));
         for (int i = 0; i < 3; i++)
             worst_mm = fmax(worst_mm, fabs(is->position_mm[i] - should->position_mm[i]));
@@ -318,6 +335,7 @@ static json_t *told(const struct truth *t, const struct sst_solution *s)
     json_object_set_new(out, "cross_expected_px", real(s->cross_expected_px));
     json_object_set_new(out, "held_out_px", json_pack("[f, f]", s->held_out_px[0], s->held_out_px[1]));
     json_object_set_new(out, "range_mm", json_real(s->calib.range_mm));
+    json_object_set_new(out, "sigma_px", real(known ? sigma / known : NAN));
     json_object_set_new(out, "worst_focal", json_real(worst_focal));
     json_object_set_new(out, "worst_position_mm", json_real(worst_mm));
     return out;
@@ -346,13 +364,16 @@ static int run(const struct options *o)
 {
     struct truth t;
     struct sst_solution s;
+    double cpu_s;
     json_t *out;
     int err;
 
     truth_make(&t, &o->truth);
     if (o->without >= 0)
         take_away(&t, o->without);
+    cpu_s = -(double)sst_clock_cpu_ns() / 1e9;
     err = sst_solve(&s, &t.all, &o->solve);
+    cpu_s += (double)sst_clock_cpu_ns() / 1e9;
     if (err) {
         printf("{\"error\": %d}\n", -err);
         truth_free(&t);
@@ -361,8 +382,10 @@ static int run(const struct options *o)
     t.calib.range_mm = s.calib.range_mm;
     out = told(&t, &s);
     json_object_set_new(out, "sigma", sigma_shares(&t, &s));
-    json_object_set_new(out, "rectified", rectification(&t, &s.calib));
-    json_object_set_new(out, "rectified_by_truth", rectification(&t, &t.calib));
+    json_object_set_new(out, "cpu_seconds", json_real(cpu_s));
+    json_object_set_new(out, "rectified", rectification(&t, &s.calib, false));
+    json_object_set_new(out, "levelled", rectification(&t, &s.calib, true));
+    json_object_set_new(out, "rectified_by_truth", rectification(&t, &t.calib, false));
     json_dumpf(out, stdout, JSON_COMPACT);
     printf("\n");
     json_decref(out);

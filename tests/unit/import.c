@@ -16,7 +16,7 @@
 #include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/import_plan.h"
 
-#define WIDTH 6
+#define WIDTH  6
 #define HEIGHT 5
 
 static char top[] = "/tmp/sst-import-XXXXXX";
@@ -267,7 +267,7 @@ static void folder_takes_given_maps(void **state SST_UNUSED)
     assert_true(lf.disp_min_px == -3);
     assert_true(lf.range_min_px == -2.25 && fabs(lf.range_max_px - (4.01 + 5 / 64.0)) < 1e-6);
     assert_int_equal(sst_map_u16_row(&lf.views[0].disp, 0)[0], SST_DISP_NONE);
-    assert_int_equal(sst_map_u16_row(&lf.views[0].disp, 1)[2], 48 + 2);       /* (-2.25 + 3) * 64 + 2 */
+    assert_int_equal(sst_map_u16_row(&lf.views[0].disp, 1)[2], 48 + 2);     /* (-2.25 + 3) * 64 + 2 */
     assert_int_equal(sst_map_u16_row(&lf.views[2].disp, 1)[0], 7 * 64 + 1); /* 0.01 px rounds to 1/64 */
     assert_int_equal(sst_map_u8_row(&lf.views[2].label, 0)[0], 26);
     assert_int_equal(lf.classes.count, 26);
@@ -385,6 +385,12 @@ static void make_lightfield(struct sst_lightfield *lf)
     assert_int_equal(sst_lightfield_load(lf, in_dir("lf"), SST_LOAD_ALL, 2), 0);
 }
 
+static int export_to(const char *format, const char *from, const char *to, bool force, int threads)
+{
+    return sst_export(
+        &(struct sst_export_config){ .format = format, .dir = from, .out = to, .force = force, .threads = threads });
+}
+
 static void export_gives_back_the_same(void **state SST_UNUSED)
 {
     static const char *const formats[] = { "stanford", "hci" };
@@ -394,7 +400,7 @@ static void export_gives_back_the_same(void **state SST_UNUSED)
     for (int f = 0; f < 2; f++) {
         struct sst_import_config cfg = config(formats[f], formats[f]);
 
-        assert_int_equal(sst_export(formats[f], in_dir("lf"), cfg.source, false, 2), 0);
+        assert_int_equal(export_to(formats[f], in_dir("lf"), cfg.source, false, 2), 0);
         cfg.rows = 2;
         cfg.cols = 3;
         cfg.force = f > 0;
@@ -439,13 +445,13 @@ static void export_refuses(void **state SST_UNUSED)
     struct sst_lightfield lf;
 
     make_lightfield(&lf);
-    assert_int_equal(sst_export("tiff", in_dir("lf"), in_dir("x"), false, 1), -EINVAL);
-    assert_int_equal(sst_export("hci", in_dir("src"), in_dir("x"), false, 1), -ENOENT);
-    assert_int_equal(sst_export("hci", in_dir("lf"), in_dir("lf"), true, 1), -EINVAL);
-    assert_int_equal(sst_export("hci", in_dir("lf"), in_dir("src"), false, 1), -EEXIST);
-    assert_int_equal(sst_export("hci", in_dir("lf"), in_dir("none/x"), false, 1), -EIO);
+    assert_int_equal(export_to("tiff", in_dir("lf"), in_dir("x"), false, 1), -EINVAL);
+    assert_int_equal(export_to("hci", in_dir("src"), in_dir("x"), false, 1), -ENOENT);
+    assert_int_equal(export_to("hci", in_dir("lf"), in_dir("lf"), true, 1), -EINVAL);
+    assert_int_equal(export_to("hci", in_dir("lf"), in_dir("src"), false, 1), -EEXIST);
+    assert_int_equal(export_to("hci", in_dir("lf"), in_dir("none/x"), false, 1), -EIO);
     put_image("lf/views/00_01.png", 99, WIDTH, HEIGHT); /* no longer what its hash says */
-    assert_int_equal(sst_export("stanford", in_dir("lf"), in_dir("x"), false, 1), -EBADMSG);
+    assert_int_equal(export_to("stanford", in_dir("lf"), in_dir("x"), false, 1), -EBADMSG);
     assert_false(sst_path_exists(in_dir("x")));
     sst_lightfield_fini(&lf);
 }

@@ -1,0 +1,328 @@
+/* sst calibrate: corners, solution, light, report; and the check of a calibration that is in use. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "base/log.h"
+#include "cli/calibrate_check.h"
+#include "cli/calibrate_gather.h"
+#include "cli/cli.h"
+#include "pipeline/calib/report.h"
+
+struct options {
+    const char *source, *out, *board, *config, *keep, *lenses, *report, *coverage, *corners, *picture;
+    bool live, check, json, force, no_light, no_cross, flat;
+    int lens;
+    double max_blur_px, rate_hz, outliers_percent;
+    struct calibrate_pick pick;
+    struct calibrate_live_config live_cfg;
+    int threads;
+};
+
+/* Everything between the pictures and the files. */
+struct job {
+    const struct options *o;
+    struct calibrate_source source; /* pictures for the report; none: path NULL */
+    int *set;
+    struct calibrate_gathered gathered;
+    struct sst_calib lenses; /* kept intrinsics; camera NULL: none */
+    struct sst_solution solution;
+    bool solved, lit;
+    struct sst_light_report light;
+    struct sst_rectified *rectified; /* NULL: one camera */
+};
+
+static int picture(void *arg, int view, int frame, struct sst_image *out)
+{
+    const struct job *job = arg;
+
+    return calibrate_source_read(&job->source, view, frame, out);
+}
+
+/* --- corners ------------------------------------------------------------------------------------------------------ */
+
+static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
+{
+    const struct options *o = job->o;
+    struct sst_array_config *array = malloc(sizeof(*array));
+    struct calibrate_live_config live = o->live_cfg;
+    const struct calibrate_pick all = { .max = 0 };
+    int err = array ? 0 : -ENOMEM;
+
+    if (!err) {
+        sst_array_config_defaults(array);
+        err = sst_array_config_read(array, o->config);
+    }
+    if (!err) {
+        array->trigger_hz = o->rate_hz;
+        live.array = array;
+        live.keep = o->keep;
+        if (o->pick.grid[0]) {
+            array->rows = o->pick.grid[0];
+            array->cols = o->pick.grid[1];
+        }
+        fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",
+                o->coverage ? "; look at " : "", o->coverage ? o->coverage : "");
+        err = calibrate_live(&job->gathered, cfg, &live);
+        job->set = live.set;
+    }
+    if (!err && o->keep) { /* pictures for the report: of the sets that were taken */
+        err = calibrate_source_open(&job->source, o->keep, &all);
+        if (!err) {
+            free(job->source.set);
+            job->source.set = job->set;
+            job->set = NULL;
+        }
+    }
+    free(array);
+    return err;
+}
+
+static bool is_corners_file(const char *path)
+{
+    const size_t n = strlen(path);
+
+    return n > 5 && !strcmp(path + n - 5, ".json");
+}
+
+static int gather(struct job *job)
+{
+    const struct options *o = job->o;
+    struct calibrate_gather_config cfg = { .light = !o->no_light, .threads = o->threads, .coverage = o->coverage };
+    int err;
+
+    cfg.detect.max_blur_px = o->max_blur_px;
+    if (o->source && is_corners_file(o->source))
+        return sst_detections_read(&job->gathered.all, o->source);
+    err = sst_board_parse(&cfg.board, o->board);
+    if (!err && o->live)
+        return gather_live(job, &cfg);
+    if (!err)
+        err = calibrate_source_open(&job->source, o->source, &o->pick);
+    if (!err)
+        err = calibrate_gather(&job->gathered, &job->source, &cfg);
+    return err;
+}
+
+/* --- solution ----------------------------------------------------------------------------------------------------- */
+
+static void progress(void *arg, double done)
+{
+    cli_progress(arg, done);
+}
+
+static int solve(struct job *job)
+{
+    const struct options *o = job->o;
+    struct sst_solve_config cfg = { .lens = o->lens, .force = o->force, .flat = o->flat, .threads = o->threads };
+    struct sst_calib *calib = &job->solution.calib;
+    struct timespec now;
+    int err = 0;
+
+    cfg.cross_validate = !o->no_cross;
+    cfg.max_outliers = o->outliers_percent / 100;
+    cfg.progress = progress;
+    cfg.progress_arg = (void *)(uintptr_t) "solve";
+    if (o->lenses) {
+        err = sst_calib_read(&job->lenses, o->lenses);
+        cfg.lenses = &job->lenses;
+    }
+    if (!err)
+        err = sst_solve(&job->solution, &job->gathered.all, &cfg);
+    cli_progress_end();
+    if (err)
+        return err;
+    job->solved = true;
+    clock_gettime(CLOCK_REALTIME, &now);
+    calib->created_wall_ns = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+    snprintf(calib->source, sizeof(calib->source), "%s", o->source ? o->source : o->keep ? o->keep : "live cameras");
+    sst_board_format(&job->gathered.all.board, calib->board);
+    return 0;
+}
+
+static int light(struct job *job)
+{
+    int err;
+
+    if (job->o->no_light || !job->gathered.light.count || job->gathered.all.rig)
+        return 0;
+    err = sst_light_solve(&job->solution.calib, &job->gathered.light, &job->light);
+    job->lit = !err;
+    return err == -ENODATA ? 0 : err;
+}
+
+/* The lattice, for the report; a single camera has none. */
+static int lattice(struct job *job)
+{
+    const struct sst_rectify_config cfg = { .plane_mm = -1 };
+    const struct sst_calib *c = &job->solution.calib;
+    int known = 0, err;
+
+    for (int k = 0; k < c->rows * c->cols; k++)
+        known += c->camera[k].known;
+    if (known < 2)
+        return 0;
+    job->rectified = calloc(1, sizeof(*job->rectified));
+    if (!job->rectified)
+        return -ENOMEM;
+    err = sst_rectify_plan(job->rectified, c, &cfg);
+    if (err && job->o->force) {
+        free(job->rectified);
+        job->rectified = NULL;
+        return 0;
+    }
+    return err;
+}
+
+static int deliver(const struct job *job)
+{
+    const struct options *o = job->o;
+    const struct sst_calib_report report = { .detections = &job->gathered.all,
+                                             .solution = &job->solution,
+                                             .light = job->lit ? &job->light : NULL,
+                                             .rectified = job->rectified,
+                                             .picture = job->source.path ? picture : NULL,
+                                             .arg = (void *)(uintptr_t)job };
+    int err = o->out ? sst_calib_write(&job->solution.calib, o->out) : 0;
+
+    if (!err && o->report)
+        err = sst_calib_report_write(o->report, &report);
+    if (!err && o->json) {
+        char *text = sst_calib_report_json(&report);
+
+        if (!text)
+            return -ENOMEM;
+        puts(text);
+        free(text);
+    } else if (!err) {
+        err = sst_calib_report_text(stdout, &report);
+    }
+    return err;
+}
+
+static int calibrate(const struct options *o)
+{
+    struct job *job = calloc(1, sizeof(*job));
+    int err;
+
+    if (!job)
+        return CLI_MEMORY;
+    job->o = o;
+    err = gather(job);
+    if (!err && o->coverage)
+        err = calibrate_write_coverage(&job->gathered.all, o->coverage);
+    if (!err && o->corners)
+        err = sst_detections_write(&job->gathered.all, o->corners);
+    if (!err)
+        err = solve(job);
+    if (!err)
+        err = light(job);
+    if (!err)
+        err = lattice(job);
+    if (!err)
+        err = deliver(job);
+    if (job->solved)
+        sst_solution_fini(&job->solution);
+    calibrate_gathered_fini(&job->gathered);
+    calibrate_source_close(&job->source);
+    sst_calib_fini(&job->lenses);
+    free(job->rectified);
+    free(job->set);
+    free(job);
+    return cli_exit_code(err);
+}
+
+/* --- command line ------------------------------------------------------------------------------------------------- */
+
+static int check_options(const struct cli_command *cmd, const struct options *o)
+{
+    if (o->live == (o->source != NULL))
+        return cli_usage_error(cmd, "give either a source of pictures or --live");
+    if (!o->out)
+        return cli_usage_error(cmd, "-o calib.yaml is missing");
+    if (!o->board && !(o->source && is_corners_file(o->source)))
+        return cli_usage_error(cmd, "--board is missing, such as --board charuco:9x7:50mm:0.7");
+    if (!o->live && (o->keep || o->config || o->live_cfg.sets || o->live_cfg.seconds > 0))
+        return cli_usage_error(cmd, "--config, --keep, --sets and --duration belong to --live");
+    if (o->lens && o->lens != 5 && o->lens != 8)
+        return cli_usage_error(cmd, "--lens is 5 or 8 coefficients");
+    return CLI_GO_ON;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct options o = { .rate_hz = 2 };
+    const struct cli_option options[] = {
+        { "output", 'o', CLI_STRING, &o.out, "FILE", "calibration to write (calib.yaml)", 0, 0 },
+        { "board", 'b', CLI_STRING, &o.board, "BOARD",
+          "charuco:9x7:50mm:0.7, aprilgrid:6x6:50mm:0.3, chessboard:10x7:25mm or a Kalibr target file", 0, 0 },
+        { "report", 0, CLI_STRING, &o.report, "FILE", "also write a page to judge it by (HTML)", 0, 0 },
+        { "coverage", 0, CLI_STRING, &o.coverage, "FILE", "picture of what each camera saw and what is missing (PNG)",
+          0, 0 },
+        { "corners", 0, CLI_STRING, &o.corners, "FILE", "keep the corners (JSON); a later run may start from them", 0,
+          0 },
+        { "grid", 0, CLI_GRID, o.pick.grid, "RxC", "rows and columns where the names do not tell", 1, SST_CAMERAS_MAX },
+        { "rig", 0, CLI_FLAG, &o.pick.rig, NULL, "the views are poses of one camera: one lens for all", 0, 0 },
+        { "lens", 0, CLI_INT, &o.lens, "N", "5 or 8 coefficients (default: by frames held out)", 5, 8 },
+        { "lenses", 0, CLI_STRING, &o.lenses, "FILE", "keep the lenses of this calibration, solve the poses alone", 0,
+          0 },
+        { "every", 0, CLI_INT, &o.pick.every, "N", "each n-th frame of the source", 1, 1000000 },
+        { "max-frames", 0, CLI_INT, &o.pick.max, "N", "at most so many frames, spread over a recording", 1, 100000 },
+        { "max-blur", 0, CLI_DOUBLE, &o.max_blur_px, "PX", "leave out pictures whose edges are wider; 3", 0.5, 100 },
+        { "outliers", 0, CLI_DOUBLE, &o.outliers_percent, "PERCENT", "more outliers than this are a failure; 3", 0.01,
+          50 },
+        { "flat", 0, CLI_FLAG, &o.flat, NULL, "the board is a plane: do not solve its warp", 0, 0 },
+        { "no-light", 0, CLI_FLAG, &o.no_light, NULL, "leave gain, colour and fall-off of the cameras alone", 0, 0 },
+        { "no-cross", 0, CLI_FLAG, &o.no_cross, NULL, "do not compare odd with even frames", 0, 0 },
+        { "force", 'f', CLI_FLAG, &o.force, NULL, "solve although there are reasons not to; they become warnings", 0,
+          0 },
+        { "live", 0, CLI_FLAG, &o.live, NULL, "take the pictures from the cameras now", 0, 0 },
+        { "config", 0, CLI_STRING, &o.config, "FILE", "live: configuration of the array; /etc/sst/sstd.yaml", 0, 0 },
+        { "keep", 0, CLI_STRING, &o.keep, "DIR", "live: record the sets too", 0, 0 },
+        { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "live: sets per second; 2", 0.01, 30 },
+        { "sets", 'n', CLI_INT, &o.live_cfg.sets, "N", "live: so many sets with the board (default: until complete)", 1,
+          100000 },
+        { "duration", 0, CLI_DOUBLE, &o.live_cfg.seconds, "S", "live: at most so many seconds", 0.1, 1e6 },
+        { "check", 0, CLI_FLAG, &o.check, NULL, "is the calibration of a light field still true? By its features alone",
+          0, 0 },
+        { "picture", 0, CLI_STRING, &o.picture, "FILE", "check: picture of what is off (PNG)", 0, 0 },
+        { "threads", 0, CLI_INT, &o.threads, "N", "threads (default: all processors)", 1, 256 },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print all figures as JSON", 0, 0 },
+    };
+    const char *args[1];
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 0, 1);
+
+    if (r != CLI_GO_ON)
+        return r;
+    o.source = args[0];
+    if (o.check) {
+        if (!o.source)
+            return cli_usage_error(cmd, "--check needs a light field");
+        if (o.out || o.board || o.live || o.report)
+            return cli_usage_error(cmd,
+                                   "--check looks at a light field alone: -o, --board, --live and --report are not "
+                                   "for it");
+        return cli_run_calibrate_check(cmd, o.source, o.json, o.threads, o.picture);
+    }
+    r = check_options(cmd, &o);
+    return r == CLI_GO_ON ? calibrate(&o) : r;
+}
+
+const struct cli_command cli_calibrate = {
+    .name = "calibrate",
+    .usage = "SRC --board BOARD -o calib.yaml [options] | --live ... | --check LF",
+    .summary = "find lenses and poses of all cameras, or check them",
+    .detail =
+        "SRC: a recording; a folder with a folder of pictures per camera (rr_cc/NAME.jpg, the same NAME at the same\n"
+        "moment); a folder of left01.jpg right01.jpg ...; captures of a rig; or a file of corners. `sst board` draws\n"
+        "boards to print. `sst rectify LF --calib calib.yaml -o OUT` then makes light fields true.\n"
+        "docs/calibration.md explains every figure.",
+    .example = "sst calibrate boards.rec --board charuco:9x7:50mm:0.7 -o calib.yaml --report calib.html\n"
+               "  sst calibrate --live --board charuco:9x7:50mm:0.7 --keep boards.rec --coverage coverage.png -o "
+               "calib.yaml\n"
+               "  sst calibrate --check garden",
+    .run = run,
+};

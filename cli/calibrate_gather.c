@@ -1,0 +1,267 @@
+#include "cli/calibrate_gather.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "cli/cli.h"
+#include "pipeline/calib/coverage.h"
+#include "pipeline/image/codec.h"
+
+#define GUESSES 3 /* pictures looked at again to say what they show */
+
+void calibrate_gathered_fini(struct calibrate_gathered *g)
+{
+    sst_detections_fini(&g->all);
+    sst_light_samples_fini(&g->light);
+}
+
+void calibrate_shot_fini(struct calibrate_shot *shot)
+{
+    sst_detection_fini(&shot->detection);
+    sst_light_samples_fini(&shot->light);
+    *shot = (struct calibrate_shot){ 0 };
+}
+
+int calibrate_shoot(struct calibrate_shot *shot, const struct calibrate_gather_config *cfg, struct sst_image *image,
+                    int view, int frame)
+{
+    int err = sst_board_detect(&cfg->board, image, &cfg->detect, &shot->detection, &shot->outcome);
+
+    shot->there = true;
+    shot->detection.view = view;
+    shot->detection.frame = frame;
+    if (!err && shot->outcome == SST_DETECT_FOUND && cfg->light)
+        err = sst_light_collect(&shot->light, &cfg->board, image, &shot->detection);
+    sst_image_fini(image);
+    return err;
+}
+
+int calibrate_take(struct calibrate_gathered *to, struct calibrate_shot *shot)
+{
+    struct sst_light_samples *light = &to->light;
+    int err = 0;
+
+    if (shot->there)
+        to->all.outcome[shot->outcome]++;
+    if (shot->there && shot->outcome == SST_DETECT_FOUND)
+        err = sst_detections_add(&to->all, &shot->detection);
+    if (!err && shot->light.count) {
+        const int need = light->count + shot->light.count;
+
+        if (need > light->capacity) {
+            struct sst_light_sample *more = realloc(light->sample, 2 * (size_t)need * sizeof(*more));
+
+            err = more ? 0 : -ENOMEM;
+            light->sample = more ? more : light->sample;
+            light->capacity = more ? 2 * need : light->capacity;
+        }
+        if (!err) {
+            memcpy(light->sample + light->count, shot->light.sample,
+                   (size_t)shot->light.count * sizeof(*light->sample));
+            light->count = need;
+        }
+    }
+    calibrate_shot_fini(shot);
+    return err;
+}
+
+int calibrate_write_coverage(const struct sst_detections *all, const char *path)
+{
+    struct sst_coverage *coverage = calloc((size_t)(all->rows * all->cols), sizeof(*coverage));
+    struct sst_image picture = { 0 };
+    int err = coverage ? 0 : -ENOMEM;
+
+    if (!err) {
+        sst_coverage_count(coverage, all);
+        err = sst_coverage_picture(&picture, all, coverage);
+    }
+    if (!err)
+        err = sst_image_write_png(&picture, path);
+    sst_image_fini(&picture);
+    free(coverage);
+    return err;
+}
+
+/* --- all pictures of a source ------------------------------------------------------------------------------------- */
+
+struct work {
+    const struct calibrate_source *source;
+    const struct calibrate_gather_config *cfg;
+    int views, width, height;
+    struct calibrate_shot *shot; /* [frames * views] */
+    SST_ATOMIC(int) done;
+};
+
+static int look(void *arg, int index, int worker)
+{
+    struct work *w = arg;
+    const int view = index % w->views, frame = index / w->views;
+    struct sst_image image = { 0 };
+    int err = calibrate_source_read(w->source, view, frame, &image), done;
+
+    if (err == -ENODATA)
+        return 0;
+    if (err)
+        return err;
+    if (image.width != w->width || image.height != w->height) {
+        sst_log_error("%s, camera %s, %s: the picture has %dx%d pixels, others have %dx%d; all must be of one size",
+                      w->source->path, w->source->camera_name[view], w->source->frame_name[frame], image.width,
+                      image.height, w->width, w->height);
+        sst_image_fini(&image);
+        return -EBADMSG;
+    }
+    err = calibrate_shoot(&w->shot[index], w->cfg, &image, view, frame);
+    done = ++w->done;
+    if (!worker)
+        cli_progress((char[]){ "corners" }, (double)done / (w->source->frames * w->views));
+    return err;
+}
+
+static int find_size(struct work *w)
+{
+    for (int i = 0; i < w->source->frames * w->views; i++) {
+        struct sst_image image;
+        const int err = calibrate_source_read(w->source, i % w->views, i / w->views, &image);
+
+        if (err == -ENODATA)
+            continue;
+        if (!err) {
+            w->width = image.width;
+            w->height = image.height;
+            sst_image_fini(&image);
+        }
+        return err;
+    }
+    sst_log_error("%s holds no picture that can be read", w->source->path);
+    return -EBADMSG;
+}
+
+/* What the pictures without the board show instead, if that can be told. */
+static void tell_other(const struct work *w, const struct sst_detections *all)
+{
+    char text[128], shows[160];
+    int tried = 0;
+
+    sst_board_format(&w->cfg->board, text);
+    for (int i = 0; i < w->source->frames * w->views && tried < GUESSES; i++) {
+        struct sst_image image;
+        bool told;
+
+        if (!w->shot[i].there ||
+            (w->shot[i].outcome != SST_DETECT_NONE && w->shot[i].outcome != SST_DETECT_OTHER_BOARD) ||
+            calibrate_source_read(w->source, i % w->views, i / w->views, &image))
+            continue;
+        tried++;
+        told = sst_board_guess(&w->cfg->board, &image, shows);
+        sst_image_fini(&image);
+        if (told) {
+            sst_log_error("%s: the board %s is in %d of %d pictures; camera %s, %s: %s; correct --board",
+                          w->source->path, text, all->count, w->done, w->source->camera_name[i % w->views],
+                          w->source->frame_name[i / w->views], shows);
+            return;
+        }
+    }
+    sst_log_error(
+        "%s: the board %s is in %d of %d pictures; are its kind and its numbers of squares right, is it sharp, "
+        "lit and large enough in the picture (--board)?",
+        w->source->path, text, all->count, w->done);
+}
+
+static void tell_left_out(const struct work *w)
+{
+    static const struct {
+        enum sst_detect_outcome outcome;
+        const char *what;
+    } kinds[] = { { SST_DETECT_BLURRED, "blurred" },
+                  { SST_DETECT_MOVING, "blurred by motion" },
+                  { SST_DETECT_OTHER_BOARD, "of another board" } };
+
+    for (size_t k = 0; k < ARRAY_LEN(kinds); k++) {
+        int n = 0, worst = -1;
+
+        for (int i = 0; i < w->source->frames * w->views; i++) {
+            const struct calibrate_shot *s = &w->shot[i];
+
+            if (!s->there || s->outcome != kinds[k].outcome)
+                continue;
+            n++;
+            if (worst < 0 || s->detection.blur_px > w->shot[worst].detection.blur_px)
+                worst = i;
+        }
+        if (n && w->shot[worst].detection.blur_px > 0)
+            sst_log_warning(
+                "%d of %d pictures are left out because they are %s; worst: camera %s, %s, edges %.1f px wide", n,
+                w->done, kinds[k].what, w->source->camera_name[worst % w->views],
+                w->source->frame_name[worst / w->views], w->shot[worst].detection.blur_px);
+        else if (n)
+            sst_log_warning("%d of %d pictures are left out because they are %s, the first of camera %s, %s", n,
+                            w->done, kinds[k].what, w->source->camera_name[worst % w->views],
+                            w->source->frame_name[worst / w->views]);
+    }
+}
+
+static int take_all(struct calibrate_gathered *out, struct work *w)
+{
+    const struct calibrate_source *s = w->source;
+    int err = sst_detections_init(&out->all, &w->cfg->board, s->rows, s->cols, w->width, w->height);
+
+    if (err)
+        return err;
+    out->all.rig = s->rig;
+    memcpy(out->all.camera_name, s->camera_name, (size_t)w->views * sizeof(*s->camera_name));
+    if (s->drive_mm) {
+        out->all.drive_mm = malloc((size_t)w->views * sizeof(*s->drive_mm));
+        if (!out->all.drive_mm)
+            return -ENOMEM;
+        memcpy(out->all.drive_mm, s->drive_mm, (size_t)w->views * sizeof(*s->drive_mm));
+    }
+    for (int f = 0; f < s->frames && !err; f++) {
+        const int frame = sst_detections_frame(&out->all, s->frame_name[f]);
+
+        err = frame < 0 ? frame : 0;
+        for (int view = 0; view < w->views && !err; view++)
+            err = calibrate_take(out, &w->shot[f * w->views + view]);
+    }
+    return err;
+}
+
+int calibrate_gather(struct calibrate_gathered *out, const struct calibrate_source *source,
+                     const struct calibrate_gather_config *cfg)
+{
+    struct work w = { .source = source, .cfg = cfg, .views = source->rows * source->cols };
+    const int n = source->frames * w.views;
+    struct calibrate_gathered g = { 0 };
+    int err;
+
+    w.shot = calloc((size_t)n, sizeof(*w.shot));
+    err = w.shot ? find_size(&w) : -ENOMEM;
+    if (!err)
+        err = sst_parallel_for(n, cfg->threads, look, &w);
+    cli_progress_end();
+    if (!err) {
+        int found = 0;
+
+        tell_left_out(&w);
+        for (int i = 0; i < n; i++)
+            found += w.shot[i].there && w.shot[i].outcome == SST_DETECT_FOUND;
+        g.all.count = found;
+        if (found * 10 < w.done) { /* in hardly any: most likely another board */
+            tell_other(&w, &g.all);
+            err = -EBADMSG;
+        }
+        g.all.count = 0;
+    }
+    if (!err)
+        err = take_all(&g, &w);
+    for (int i = 0; w.shot && i < n; i++)
+        calibrate_shot_fini(&w.shot[i]);
+    free(w.shot);
+    if (err)
+        calibrate_gathered_fini(&g);
+    else
+        *out = g;
+    return err;
+}

@@ -1,0 +1,109 @@
+/* Pictures of a recording's sets. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <linux/videodev2.h>
+
+#include "base/log.h"
+#include "cli/calibrate_source.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/image/raw.h"
+
+/* A frame whose bytes are in doubt; a stamp that went backwards says nothing about them. */
+#define BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
+
+int calibrate_recording_open(struct calibrate_source *out, const struct calibrate_pick *pick)
+{
+    const struct sst_recording_info *info;
+    const int every = pick->every > 0 ? pick->every : 1;
+    int sets, err = sst_recording_open(&out->recording, out->path);
+
+    if (err)
+        return err;
+    info = sst_recording_info(out->recording);
+    sets = sst_recording_sets(out->recording);
+    out->rows = info->rows;
+    out->cols = info->cols;
+    out->frames = (sets + every - 1) / every;
+    if (pick->max && out->frames > pick->max)
+        out->frames = pick->max;
+    if (!out->frames) {
+        sst_log_error("%s holds no set; record some first", out->path);
+        return -EBADMSG;
+    }
+    out->camera_name = calloc((size_t)(out->rows * out->cols), sizeof(*out->camera_name));
+    out->frame_name = calloc((size_t)out->frames, sizeof(*out->frame_name));
+    out->set = calloc((size_t)out->frames, sizeof(*out->set));
+    if (!out->camera_name || !out->frame_name || !out->set)
+        return -ENOMEM;
+    for (int i = 0; i < info->cameras; i++) {
+        const struct sst_recorder_track *t = &info->track[i];
+
+        snprintf(out->camera_name[t->row * out->cols + t->col], sizeof(*out->camera_name), "%s",
+                 t->serial[0] ? t->serial
+                 : t->port[0] ? t->port
+                              : t->name);
+        if (!out->camera_name[t->row * out->cols + t->col][0])
+            snprintf(out->camera_name[t->row * out->cols + t->col], sizeof(*out->camera_name), "%02d_%02d", t->row,
+                     t->col);
+    }
+    for (int i = 0; i < out->frames; i++) {
+        /* Spread over the recording where there are more than asked for. */
+        out->set[i] = (int)((long long)i * every * (((sets + every - 1) / every)) / out->frames);
+        if (out->set[i] >= sets)
+            out->set[i] = sets - 1;
+        snprintf(out->frame_name[i], sizeof(*out->frame_name), "set %d", out->set[i]);
+    }
+    return 0;
+}
+
+int calibrate_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data,
+                     size_t bytes)
+{
+    const struct sst_raw raw = { fourcc, width, height, stride, data, bytes };
+    char text[SST_LOG_MAX] = "", *before;
+    int err;
+
+    if (fourcc != V4L2_PIX_FMT_MJPEG && fourcc != V4L2_PIX_FMT_JPEG)
+        return sst_raw_to_image(out, &raw);
+    before = sst_log_hold_errors(text);
+    err = sst_image_decode(out, data, bytes, "frame");
+    sst_log_hold_errors(before);
+    if (!err && (out->width != width || out->height != height)) {
+        sst_image_fini(out);
+        err = -EBADMSG;
+    }
+    return err;
+}
+
+int calibrate_recording_read(const struct calibrate_source *source, int view, int frame, struct sst_image *out)
+{
+    const struct sst_recording_info *info = sst_recording_info(source->recording);
+    struct sst_recording_set *set = malloc(sizeof(*set));
+    uint8_t *data = NULL;
+    int cam = 0, err = set ? 0 : -ENOMEM;
+
+    while (cam < info->cameras && info->track[cam].row * source->cols + info->track[cam].col != view)
+        cam++;
+    if (!err && cam == info->cameras)
+        err = -ENODATA;
+    if (!err)
+        err = sst_recording_set(source->recording, source->set[frame], set);
+    if (!err && set->frame[cam].faults & BAD_PICTURE)
+        err = -ENODATA;
+    if (!err)
+        err = sst_recording_frame(source->recording, set, cam, &data);
+    if (!err)
+        err = calibrate_decode(out, info->fourcc, info->width, info->height, set->frame[cam].stride, data,
+                               set->frame[cam].bytes);
+    free(data);
+    free(set);
+    if (err == -EBADMSG) { /* one damaged frame is no reason to give up: it is as if the camera had missed it */
+        sst_log_warning("%s, set %d: the frame of %s is damaged and left out", source->path, source->set[frame],
+                        source->camera_name[view]);
+        return -ENODATA;
+    }
+    return err;
+}

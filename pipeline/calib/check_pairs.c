@@ -1,0 +1,364 @@
+/* Pairs of neighbours: where to look, and all their matches. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/thread.h"
+#include "pipeline/calib/check_parts.h"
+
+#define VOTES         32 /* features of a pair that tell where the others are to be looked for */
+#define VOTES_LEAST   6
+#define VOTE_BAND     4    /* half width across the line, px of the coarsest level; four times that in a second try */
+#define BAND          3    /* of the search for all features, px of its level */
+#define UNKNOWN_REACH 0.2  /* without a known range: of the picture's longer side per spacing, either way */
+#define DRIFT_REACH   0.02 /* of it: how far a camera may have moved along the line */
+#define RANGE_CUT     0.03 /* share of votes left out at each end of the range */
+#define OUTLIER_PX    0.5  /* matches further than this and 5 sigma from their pair's median are no matches */
+
+static int compare_double(const void *pa, const void *pb)
+{
+    const double a = *(const double *)pa, b = *(const double *)pb;
+
+    return (a > b) - (a < b);
+}
+
+double sst_check_quantile(double *v, int n, double share)
+{
+    qsort(v, (size_t)n, sizeof(*v), compare_double);
+    return v[sst_clamp_int((int)floor(share * (n - 1) + 0.5), 0, n - 1)];
+}
+
+static int longer_side(const struct sst_check_work *w)
+{
+    return sst_max_int(w->lf->width, w->lf->height);
+}
+
+void sst_check_link_set(struct sst_check_link *link, const struct sst_check_work *w, int a, int b)
+{
+    const double x = w->offset[b][0] - w->offset[a][0], y = w->offset[b][1] - w->offset[a][1];
+    struct sst_check_search *s = &link->s;
+
+    *link = (struct sst_check_link){ .a = a, .b = b, .length = hypot(x, y) };
+    if (link->length < 1e-3)
+        return; /* one place: no line */
+    s->u[0] = x / link->length;
+    s->u[1] = y / link->length;
+    s->n[0] = -s->u[1];
+    s->n[1] = s->u[0];
+    if (fabs(s->n[0]) > fabs(s->n[1]) ? s->n[0] < 0 : s->n[1] < 0) {
+        s->n[0] = -s->n[0];
+        s->n[1] = -s->n[1];
+    }
+}
+
+int sst_check_links(struct sst_check_work *w)
+{
+    const int rows = w->lf->rows, cols = w->lf->cols;
+
+    w->link = calloc((size_t)w->views * 2, sizeof(*w->link));
+    if (!w->link)
+        return -ENOMEM;
+    for (int v = 0; v < w->views; v++) {
+        int right = v + 1, below = v + cols;
+
+        if (!w->view[v].image)
+            continue;
+        while (right / cols == v / cols && !w->view[right].image)
+            right++;
+        while (below < rows * cols && !w->view[below].image)
+            below += cols;
+        if (right / cols == v / cols)
+            sst_check_link_set(&w->link[w->links++], w, v, right);
+        if (below < rows * cols)
+            sst_check_link_set(&w->link[w->links++], w, v, below);
+    }
+    return 0;
+}
+
+/* --- where to look ------------------------------------------------------------------------------------------------ */
+
+struct job {
+    struct sst_check_work *w;
+    const bool *only;
+    int vote_level, search_level;
+    double *vote; /* [links][VOTES] disparities */
+    int *votes;   /* [links] */
+};
+
+static void set_range(struct sst_check_search *s, const struct sst_check_link *link, double min_px, double max_px,
+                      double margin_px)
+{
+    s->from_px = -max_px * link->length - margin_px;
+    s->to_px = -min_px * link->length + margin_px;
+}
+
+/* A few features, looked for on the coarsest level over the whole range and a wide band. Sets the link's line. */
+static int vote(struct job *job, int index, double band)
+{
+    struct sst_check_work *w = job->w;
+    struct sst_check_link *link = &w->link[index];
+    const struct sst_check_view *a = &w->view[link->a], *b = &w->view[link->b];
+    const double size = 1 << job->vote_level;
+    double cross[VOTES], spread[VOTES], *d = job->vote + (size_t)index * VOTES;
+    int n = 0, tried = 0;
+
+    link->s.cross_px = 0;
+    link->s.band_px = band * size;
+    set_range(&link->s, link, w->range[0], w->range[1], 2 * size + DRIFT_REACH * longer_side(w));
+    for (int i = 0; i < sst_min_int(VOTES, a->features); i++) {
+        const int k = a->features <= VOTES ? i : (int)((int64_t)i * a->features / VOTES);
+        struct sst_check_match m;
+
+        sst_check_search(&m, a, b, &a->feature[k], &link->s, job->vote_level);
+        tried += m.outcome != SST_CHECK_OUTSIDE && m.outcome != SST_CHECK_AMBIGUOUS;
+        if (m.outcome != SST_CHECK_MATCHED)
+            continue;
+        d[n] = -m.along / link->length;
+        cross[n++] = m.cross;
+    }
+    job->votes[index] = n;
+    link->s.band_px = (BAND << job->search_level);
+    if (n < VOTES_LEAST)
+        return tried;
+    link->s.cross_px = sst_check_quantile(cross, n, 0.5);
+    for (int i = 0; i < n; i++)
+        spread[i] = fabs(cross[i] - link->s.cross_px);
+    link->s.band_px = fmax(link->s.band_px, 3 * sst_check_quantile(spread, n, 0.5));
+    return 2 * n >= tried ? 0 : tried;
+}
+
+static int vote_job(void *arg, int index, int worker)
+{
+    struct job *job = arg;
+
+    (void)worker;
+    if ((!job->only || job->only[index]) && job->w->link[index].length > 0 && vote(job, index, VOTE_BAND) > VOTES_LEAST)
+        vote(job, index, 4 * VOTE_BAND);
+    return 0;
+}
+
+/* Range of the bulk of all votes, and some more. */
+static void range_of_votes(struct job *job)
+{
+    struct sst_check_work *w = job->w;
+    double *v = job->vote, lo, hi;
+    int n = 0;
+
+    for (int i = 0; i < w->links; i++) {
+        for (int k = 0; k < job->votes[i]; k++)
+            v[n++] = job->vote[(size_t)i * VOTES + (size_t)k];
+    }
+    if (!n) {
+        w->range[0] = w->range[1] = 0;
+        return;
+    }
+    lo = sst_check_quantile(v, n, RANGE_CUT);
+    hi = sst_check_quantile(v, n, 1 - RANGE_CUT);
+    w->range[0] = lo - 0.1 * (hi - lo) - (1 << job->vote_level);
+    w->range[1] = hi + 0.1 * (hi - lo) + (1 << job->vote_level);
+}
+
+/* --- all matches -------------------------------------------------------------------------------------------------- */
+
+static int match_job(void *arg, int index, int worker)
+{
+    struct job *job = arg;
+    struct sst_check_work *w = job->w;
+    struct sst_check_link *link = &w->link[index];
+    const struct sst_check_view *a = &w->view[link->a], *b = &w->view[link->b];
+
+    (void)worker;
+    if ((job->only && !job->only[index]) || link->length <= 0)
+        return 0;
+    set_range(&link->s, link, w->range[0], w->range[1], DRIFT_REACH * longer_side(w));
+    for (int k = 0; k < a->features; k++) {
+        struct sst_check_match *m = &link->m[k];
+
+        sst_check_search(m, a, b, &a->feature[k], &link->s, job->search_level);
+        if (m->outcome == SST_CHECK_MATCHED)
+            sst_check_refine(m, a, b, &a->feature[k], &link->s, job->search_level);
+    }
+    for (int k = a->features; k < SST_CHECK_FEATURES; k++)
+        link->m[k].outcome = SST_CHECK_OUTSIDE;
+    sst_check_link_judge(link, w->cfg.min_matches);
+    return 0;
+}
+
+static void link_figures(struct sst_check_link *link, double *v)
+{
+    double sum = 0, squares = 0;
+    int n = 0;
+
+    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+        if (!link->used[k])
+            continue;
+        sum += link->m[k].cross;
+        squares += link->m[k].cross * link->m[k].cross;
+        v[n++] = fabs(link->m[k].cross);
+    }
+    link->mean_px = sum / n;
+    link->rms_px = sqrt(squares / n);
+    link->p95_px = sst_check_quantile(v, n, 0.95);
+}
+
+void sst_check_link_judge(struct sst_check_link *link, int min_matches)
+{
+    double v[SST_CHECK_FEATURES], median, cut;
+    int n = 0;
+
+    link->features = link->matches = 0;
+    link->mean_px = link->rms_px = link->p95_px = 0;
+    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+        link->used[k] = false;
+        link->features += link->m[k].outcome == SST_CHECK_MATCHED || link->m[k].outcome == SST_CHECK_NOWHERE;
+        if (link->m[k].outcome == SST_CHECK_MATCHED)
+            v[n++] = link->m[k].cross;
+    }
+    link->state = link->features < min_matches ? SST_CHECK_PAIR_BLANK : SST_CHECK_PAIR_LOST;
+    if (!n)
+        return;
+    median = sst_check_quantile(v, n, 0.5);
+    for (int i = 0; i < n; i++)
+        v[i] = fabs(v[i] - median);
+    cut = fmax(OUTLIER_PX, 5 * 1.4826 * sst_check_quantile(v, n, 0.5));
+    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+        link->used[k] = link->m[k].outcome == SST_CHECK_MATCHED && fabs(link->m[k].cross - median) <= cut;
+        link->matches += link->used[k];
+    }
+    link_figures(link, v);
+    if (link->matches >= min_matches && 5 * link->matches >= link->features)
+        link->state = SST_CHECK_PAIR_MEASURED;
+    else if (3 * link->matches >= link->features)
+        link->state = SST_CHECK_PAIR_BLANK; /* what there is fits, it is only too little */
+}
+
+bool sst_check_link_bad(const struct sst_check_link *link, double unusable_px)
+{
+    return link->state == SST_CHECK_PAIR_LOST || (link->state == SST_CHECK_PAIR_MEASURED && link->rms_px > unusable_px);
+}
+
+/* --- disparities along rows and columns --------------------------------------------------------------------------- */
+
+double sst_check_two_disparities(const struct sst_check_link *p, const struct sst_check_link *q, int k)
+{
+    return -p->m[k].along / p->length + q->m[k].along / q->length;
+}
+
+const struct sst_check_link *sst_check_other_link(const struct sst_check_work *w, int index)
+{
+    const struct sst_check_link *next = &w->link[index + 1];
+
+    return index + 1 < w->links && next->a == w->link[index].a && next->state == SST_CHECK_PAIR_MEASURED ? next : NULL;
+}
+
+int sst_check_axes(const struct sst_check_work *w, double *axes_px)
+{
+    double *v = malloc(((size_t)w->links * SST_CHECK_FEATURES + 1) * sizeof(*v));
+    int n = 0;
+
+    if (!v)
+        return -ENOMEM;
+    for (int i = 0; i < w->links; i++) {
+        const struct sst_check_link *l = &w->link[i], *other = sst_check_other_link(w, i);
+
+        for (int k = 0; l->state == SST_CHECK_PAIR_MEASURED && other && k < SST_CHECK_FEATURES; k++) {
+            if (l->used[k] && other->used[k])
+                v[n++] = fabs(sst_check_two_disparities(l, other, k));
+        }
+    }
+    *axes_px = n ? sst_check_quantile(v, n, 0.5) : NAN;
+    free(v);
+    return 0;
+}
+
+/* --- all pairs ---------------------------------------------------------------------------------------------------- */
+
+int sst_check_match_links(struct sst_check_work *w, const bool *only)
+{
+    const bool known = w->lf->range_max_px > w->lf->range_min_px;
+    struct job job = { .w = w, .only = only };
+    int err;
+
+    for (int v = 0; v < w->views; v++)
+        job.vote_level = sst_max_int(job.vote_level, w->view[v].levels - 1);
+    job.search_level = sst_max_int(job.vote_level - 1, 1);
+    job.vote = calloc((size_t)w->links * VOTES + 1, sizeof(*job.vote));
+    job.votes = calloc((size_t)w->links + 1, sizeof(*job.votes));
+    if (!only) {
+        w->range[0] = known ? w->lf->range_min_px : -UNKNOWN_REACH * longer_side(w);
+        w->range[1] = known ? w->lf->range_max_px : UNKNOWN_REACH * longer_side(w);
+    }
+    err = job.vote && job.votes ? sst_parallel_for(w->links, w->cfg.threads, vote_job, &job) : -ENOMEM;
+    if (!err && !known && !only)
+        range_of_votes(&job);
+    if (!err)
+        err = sst_parallel_for(w->links, w->cfg.threads, match_job, &job);
+    free(job.vote);
+    free(job.votes);
+    return err;
+}
+
+/* --- corner to corner --------------------------------------------------------------------------------------------- */
+
+/* Disparity of a feature from the better of its view's matches with neighbours. */
+static bool feature_disparity(const struct sst_check_work *w, int view, int k, double *d)
+{
+    double best = 0.01; /* px^2 per spacing^2: 0.1 px */
+
+    for (int i = 0; i < w->links; i++) {
+        const struct sst_check_link *l = &w->link[i];
+        const double var = l->a == view && l->used[k] ? l->m[k].var_along / (l->length * l->length) : best;
+
+        if (var >= best)
+            continue;
+        best = var;
+        *d = -l->m[k].along / l->length;
+    }
+    return best < 0.01;
+}
+
+/* Appends the magnitudes of the matches of one pair that are used. */
+static int far_pair(struct sst_check_link *far, const struct sst_check_work *w, int a, int b, double *v)
+{
+    int n = 0;
+
+    sst_check_link_set(far, w, a, b);
+    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+        struct sst_check_match *m = &far->m[k];
+        double d = 0;
+
+        m->outcome = SST_CHECK_OUTSIDE;
+        if (k >= w->view[a].features || far->length <= 0 || !feature_disparity(w, a, k, &d))
+            continue;
+        m->dx = -d * far->length * far->s.u[0];
+        m->dy = -d * far->length * far->s.u[1];
+        sst_check_refine(m, &w->view[a], &w->view[b], &w->view[a].feature[k], &far->s, 1);
+    }
+    sst_check_link_judge(far, 1);
+    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+        if (far->used[k])
+            v[n++] = fabs(far->m[k].cross);
+    }
+    return n;
+}
+
+int sst_check_far(struct sst_check *out, struct sst_check_work *w)
+{
+    const int rows = w->lf->rows, cols = w->lf->cols, last = rows * cols - 1;
+    const int ends[2][2] = { { 0, last }, { cols - 1, last - cols + 1 } };
+    struct sst_check_link *far = malloc(sizeof(*far));
+    double v[2 * SST_CHECK_FEATURES];
+    int n = 0;
+
+    if (!far)
+        return -ENOMEM;
+    for (int i = 0; i < (rows > 1 && cols > 1 ? 2 : 1); i++) {
+        /* The upper view's features have the matches with neighbours. */
+        if (w->view[ends[i][0]].image && w->view[ends[i][1]].image)
+            n += far_pair(far, w, ends[i][0], ends[i][1], v + n);
+    }
+    free(far);
+    out->far_matches = n;
+    out->far_p95_px = n >= w->cfg.min_matches ? sst_check_quantile(v, n, 0.95) : NAN;
+    return 0;
+}
