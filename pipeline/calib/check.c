@@ -335,6 +335,8 @@ static int run(struct sst_check *out, struct sst_check_work *w)
         return err;
     out->rows = w->lf->rows;
     out->cols = w->lf->cols;
+    out->ok_px = w->cfg.ok_px;
+    out->unusable_px = w->cfg.unusable_px;
     out->range_min_px = w->range[0];
     out->range_max_px = w->range[1];
     decide(out, w, whole);
