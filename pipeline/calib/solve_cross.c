@@ -11,8 +11,7 @@
 #define BETTER                0.99 /* 8 coefficients must bring the held-out error below this part of 5's */
 #define LEAST_FRAMES_CROSS    8
 #define CENTRAL               0.8
-#define MOST_POOLED_RATIO     2 /* of all cameras together: differences over what is expected */
-#define MOST_CROSS_RATIO      4 /* of the worst camera: the largest of 36 normal ones reaches 3 */
+#define MOST_CROSS_RATIO      2 /* of lenses' differences over their uncertainty: once in 20 000 cameras by chance */
 
 /* Which frames take part: those whose number among the known ones leaves rest k by n, or all others. */
 static void keep_frames(struct solve_problem *p, int n, int k, bool others)
@@ -207,12 +206,35 @@ static int solve_half(const struct solve_problem *p, int rest, struct solve_prob
     return err ? err : sst_solve_covariance(cov, half, sst_solve_unit_sigma(&done));
 }
 
+/* Root of the mean square difference of two lenses in units of its uncertainty: sqrt(d' (A + B)^-1 d / n). */
+static double lens_distance(const struct solve_problem half[2], const struct solve_covariance cov[2], int view)
+{
+    const int n = 4 + half[0].lens;
+    double m[SOLVE_LENS_MAX * SOLVE_LENS_MAX], d[SOLVE_LENS_MAX], x[SOLVE_LENS_MAX], sum = 0;
+
+    for (int i = 0; i < n; i++) {
+        d[i] = x[i] = half[1].camera[view].lens[i] - half[0].camera[view].lens[i];
+        for (int j = 0; j < n; j++) {
+            m[i * n + j] = 0;
+            for (int k = 0; k < 2; k++)
+                m[i * n + j] += cov[k].m[(size_t)(cov[k].layout.lens[view] + i) * (size_t)cov[k].size +
+                                         (size_t)(cov[k].layout.lens[view] + j)];
+        }
+    }
+    if (!sst_solve_cholesky(m, n))
+        return 0;
+    sst_solve_cholesky_solve(m, n, x);
+    for (int i = 0; i < n; i++)
+        sum += d[i] * x[i];
+    return sqrt(fmax(sum, 0) / n);
+}
+
 int sst_solve_cross(struct solve_case *c)
 {
     struct solve_problem half[2] = { { 0 } };
     struct solve_covariance cov[2] = { { .size = 0 } };
-    double found = 0, expected = 0;
-    int err = 0;
+    double worst = 0;
+    int err = 0, worst_view = -1;
     char name[128];
 
     if (c->p.keep_lens || count_frames(&c->p) < LEAST_FRAMES_CROSS)
@@ -221,20 +243,22 @@ int sst_solve_cross(struct solve_case *c)
         err = solve_half(&c->p, k, &half[k], &cov[k]);
     for (int v = 0; v < c->p.views && !err; v++) {
         float map[2][SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS];
-        double px, expects;
+        double px, distance;
 
         if (cov[0].layout.lens[v] < 0 || cov[1].layout.lens[v] < 0)
             continue;
+        distance = lens_distance(half, cov, v);
+        if (distance > worst) {
+            worst = distance;
+            worst_view = v;
+        }
         px = sst_solve_lens_difference(&c->p, half[0].camera[v].lens, half[1].camera[v].lens, CENTRAL);
-        for (int k = 0; k < 2; k++)
-            sst_solve_lens_map(&half[k], &cov[k], v, CENTRAL, map[k]);
-        expects = sqrt(2) * hypot(sst_solve_map_rms(map[0]), sst_solve_map_rms(map[1]));
-        found += px * px;
-        expected += expects * expects;
         if (c->cross_camera >= 0 && !(px > c->cross_px))
             continue;
+        for (int k = 0; k < 2; k++)
+            sst_solve_lens_map(&half[k], &cov[k], v, CENTRAL, map[k]);
         c->cross_px = px;
-        c->cross_expected_px = expects;
+        c->cross_expected_px = sqrt(2) * hypot(sst_solve_map_rms(map[0]), sst_solve_map_rms(map[1]));
         c->cross_camera = v;
     }
     for (int k = 0; k < 2; k++) {
@@ -246,11 +270,11 @@ int sst_solve_cross(struct solve_case *c)
                         "more frames");
         return 0;
     }
-    if (!err && c->cross_camera >= 0 &&
-        (c->cross_px > MOST_CROSS_RATIO * c->cross_expected_px ||
-         found > MOST_POOLED_RATIO * MOST_POOLED_RATIO * expected))
-        sst_log_warning("odd and even frames give lenses of %s that differ by %.3g px, where the corner noise explains "
-                        "%.3g px: something moves between frames, or the lens needs more coefficients",
-                        sst_solve_name(c->all, c->cross_camera, name), c->cross_px, c->cross_expected_px);
+    if (!err && worst > MOST_CROSS_RATIO)
+        sst_log_warning(
+            "odd and even frames give lenses of %s that differ by %.2g times what the corner noise explains "
+            "(largest difference of all cameras %.2g px): something moves between frames, or the lens needs "
+            "more coefficients",
+            sst_solve_name(c->all, worst_view, name), worst, c->cross_px);
     return err;
 }

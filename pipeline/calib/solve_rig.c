@@ -7,8 +7,9 @@
 #include "base/log.h"
 #include "pipeline/calib/solve_parts.h"
 
-#define MOST_SCALE   0.03 /* drives and board disagree on lengths by more: one of them is wrong */
-#define PLACE_ROUNDS 20
+#define MOST_SCALE    0.03 /* drives and board disagree on lengths by more: one of them is wrong */
+#define EXCHANGE_GAIN 10   /* exchanging two cameras leaves less than this part of the squares */
+#define PLACE_SHARE   0.25 /* ... and the cameras on a grid to this part of a step */
 
 void sst_solve_centre(const struct solve_camera *camera, double out[3])
 {
@@ -21,95 +22,117 @@ void sst_solve_centre(const struct solve_camera *camera, double out[3])
 /* --- cameras at each other's places --------------------------------------------------------------------------------
  */
 
-/* Regular grid through the centres: at + col step_x + row step_y, by weights. */
-static bool fit_grid(const double (*centre)[3], const bool *known, const double *weight, int views, int cols,
-                     double grid[3][3])
+struct places {
+    int views, cols;
+    double (*centre)[3]; /* [views] */
+    bool *known;
+};
+
+/* Regular grid through the centres, at + col step_x + row step_y by axis; a and b exchanged (or the same).
+ * @return sum of squares left, mm^2; negative: cameras on a line */
+static double fit_grid(const struct places *p, int a, int b, double grid[3][3])
 {
-    double a[9] = { 0 }, b[3][3] = { { 0 } };
+    double m[9] = { 0 }, sum = 0;
 
-    for (int v = 0; v < views; v++) {
-        const double j[3] = { 1, v % cols, v / cols };
+    memset(grid, 0, 9 * sizeof(double));
+    for (int v = 0; v < p->views; v++) {
+        const int from = v == a ? b : v == b ? a : v;
+        const double j[3] = { 1, v % p->cols, v / p->cols };
 
-        for (int i = 0; i < 9 && known[v]; i++) {
-            a[i] += weight[v] * j[i / 3] * j[i % 3];
-            b[i / 3][i % 3] += weight[v] * j[i % 3] * centre[v][i / 3];
+        for (int i = 0; i < 9 && p->known[v]; i++) {
+            m[i] += j[i / 3] * j[i % 3];
+            grid[i / 3][i % 3] += j[i % 3] * p->centre[from][i / 3];
         }
     }
     for (int i = 0; i < 3; i++) /* a grid of one row or column has no step along the other */
-        a[4 * i] += 1e-9;
-    if (!sst_solve_cholesky(a, 3))
-        return false;
-    for (int axis = 0; axis < 3; axis++) {
-        sst_solve_cholesky_solve(a, 3, b[axis]);
-        memcpy(grid[axis], b[axis], sizeof(b[axis]));
+        m[4 * i] += 1e-9;
+    if (!sst_solve_cholesky(m, 3))
+        return -1;
+    for (int axis = 0; axis < 3; axis++)
+        sst_solve_cholesky_solve(m, 3, grid[axis]);
+    for (int i = 0; i < 3 * p->views; i++) {
+        const int v = i / 3, axis = i % 3, from = v == a ? b : v == b ? a : v;
+        const double d =
+            p->centre[from][axis] - grid[axis][0] - grid[axis][1] * (v % p->cols) - grid[axis][2] * (v / p->cols);
+
+        sum += p->known[v] ? d * d : 0;
     }
-    return true;
+    return sum;
 }
 
-static double off_grid(const double centre[3], double grid[3][3], int row, int col)
+/* The pair whose exchange makes the centres a regular grid. */
+static int check_exchanged(const struct solve_case *c, const struct places *p, int count)
 {
-    double sum = 0;
+    double grid[3][3], least, step2 = INFINITY;
+    const double as_named = fit_grid(p, 0, 0, grid);
+    int one = -1, other = -1;
+    char first[128], second[128];
 
-    for (int axis = 0; axis < 3; axis++) {
-        const double d = centre[axis] - grid[axis][0] - grid[axis][1] * col - grid[axis][2] * row;
+    least = as_named / EXCHANGE_GAIN;
+    for (int a = 0; a < p->views; a++) {
+        for (int b = a + 1; b < p->views; b++) {
+            double left = p->known[a] && p->known[b] ? fit_grid(p, a, b, grid) : -1;
 
-        sum += d * d;
-    }
-    return sqrt(sum);
-}
-
-/* Pairs of which each camera stands where the other should. */
-static int find_exchanged(const struct solve_case *c, const double (*centre)[3], const bool *known, double grid[3][3])
-{
-    const int cols = c->all->cols;
-    char one[128], other[128];
-
-    for (int a = 0; a < c->p.views; a++) {
-        for (int b = a + 1; b < c->p.views; b++) {
-            const double apart = off_grid((double[3]){ grid[0][0] + grid[0][1] * (a % cols) + grid[0][2] * (a / cols),
-                                                       grid[1][0] + grid[1][1] * (a % cols) + grid[1][2] * (a / cols),
-                                                       grid[2][0] + grid[2][1] * (a % cols) + grid[2][2] * (a / cols) },
-                                          grid, b / cols, b % cols);
-
-            if (known[a] && known[b] && off_grid(centre[a], grid, a / cols, a % cols) > 0.6 * apart &&
-                off_grid(centre[b], grid, b / cols, b % cols) > 0.6 * apart &&
-                off_grid(centre[a], grid, b / cols, b % cols) < 0.3 * apart &&
-                off_grid(centre[b], grid, a / cols, a % cols) < 0.3 * apart)
-                return sst_solve_refuse(
-                    c->cfg,
-                    "%s and %s stand at each other's places, %.3g mm from their own: exchange their "
-                    "places in the configuration or their folders",
-                    sst_solve_name(c->all, a, one), sst_solve_name(c->all, b, other), apart);
+            if (left < 0 || !(left < least))
+                continue;
+            least = left;
+            one = a;
+            other = b;
         }
     }
-    return 0;
+    if (one < 0)
+        return 0;
+    least = fit_grid(p, one, other, grid);
+    for (int i = 1; i <= 2; i++) {
+        const double step = grid[0][i] * grid[0][i] + grid[1][i] * grid[1][i] + grid[2][i] * grid[2][i];
+
+        step2 = i == 1 ? (c->all->cols > 1 ? step : INFINITY) : c->all->rows > 1 ? fmin(step2, step) : step2;
+    }
+    if (!(least / count < PLACE_SHARE * PLACE_SHARE * step2))
+        return 0;
+    return sst_solve_refuse(
+        c->cfg,
+        "%s and %s stand at each other's places: exchanged, all cameras are within %.2g mm of a regular "
+        "grid, as named within %.3g mm; exchange their places in the configuration or their folders",
+        sst_solve_name(c->all, one, first), sst_solve_name(c->all, other, second), sqrt(least / count),
+        sqrt(as_named / count));
+}
+
+/* Columns count to the right and rows downwards, seen from behind; a grid that is a mirror image of that is misnamed.
+ */
+static void check_order(const struct solve_case *c, const struct places *p)
+{
+    double grid[3][3];
+
+    if (c->all->rows < 2 || c->all->cols < 2 || fit_grid(p, 0, 0, grid) < 0)
+        return;
+    if (grid[0][1] * grid[1][2] - grid[0][2] * grid[1][1] < 0)
+        sst_log_warning(
+            "the cameras' grid is mirrored: seen from behind, columns are to count from left to right and rows "
+            "from top to bottom; rename the cameras if that was meant");
 }
 
 int sst_solve_check_places(struct solve_case *c)
 {
     const size_t views = (size_t)c->p.views;
-    double(*centre)[3] = calloc(views, sizeof(*centre)), *weight = malloc(views * sizeof(*weight)), grid[3][3];
-    bool *known = calloc(views, sizeof(*known)), fine = true;
-    int count = 0, err = centre && weight && known ? 0 : -ENOMEM;
+    struct places p = { .views = c->p.views,
+                        .cols = c->all->cols,
+                        .centre = calloc(views, sizeof(*p.centre)),
+                        .known = calloc(views, sizeof(*p.known)) };
+    int count = 0, err = p.centre && p.known ? 0 : -ENOMEM;
 
     for (int v = 0; v < c->p.views && !err; v++) {
-        known[v] = c->p.camera[v].known;
-        count += known[v];
-        weight[v] = 1;
-        if (known[v])
-            sst_solve_centre(&c->p.camera[v], centre[v]);
+        p.known[v] = c->p.camera[v].known;
+        count += p.known[v];
+        if (p.known[v])
+            sst_solve_centre(&c->p.camera[v], p.centre[v]);
     }
-    /* Sum of distances instead of squares, by weights: what most cameras agree on. */
-    for (int round = 0; round < PLACE_ROUNDS && !err && fine && count >= 5; round++) {
-        fine = fit_grid(centre, known, weight, c->p.views, c->all->cols, grid);
-        for (int v = 0; v < c->p.views && fine; v++)
-            weight[v] = 1 / fmax(off_grid(centre[v], grid, v / c->all->cols, v % c->all->cols), 1e-3);
-    }
-    if (!err && fine && count >= 5)
-        err = find_exchanged(c, centre, known, grid);
-    free(centre);
-    free(weight);
-    free(known);
+    if (!err && count >= 5)
+        err = check_exchanged(c, &p, count);
+    if (!err && count >= 4)
+        check_order(c, &p);
+    free(p.centre);
+    free(p.known);
     return err;
 }
 

@@ -48,6 +48,7 @@ struct sst_lightfield {
     struct sst_rectified *rectified; /* what it was made to; NULL as calibration */
     char calibration_sha256[65];     /* of the folder's calibration.yaml; empty: not written yet */
     int filter;                      /* sst_filter of the resampling */
+    bool images_raw;                 /* the images are raw frames, of the calibration's size: SST_LOAD_RAW */
     char source[1024];   /* provenance: format and where from */
     char history[1024];  /* what processing made the derived maps, one line */
     struct sst_view *views; /* rows * cols */

@@ -194,6 +194,7 @@ int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned wha
         return err;
     if (made.rectified)
         err = sst_calibration_load(&made, dir);
+    made.images_raw = made.rectified && what & SST_LOAD_IMAGES && what & SST_LOAD_RAW;
     if (!err)
         err = sst_parallel_for(made.rows * made.cols, sst_thread_count(threads), load_view, &job);
     if (err)

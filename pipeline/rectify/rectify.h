@@ -84,6 +84,31 @@ void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y,
 SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
                                     struct sst_map_u8 *valid, const struct sst_image *raw, int threads);
 
+/** A raw frame made ready to be sampled at any rectified position. Any number of threads may sample it. */
+struct sst_sampler;
+
+/**
+ * @param map  borrowed; raw is copied
+ * @return 0, -EINVAL (sizes), -ENOMEM; not logged
+ */
+SST_MUST_CHECK int sst_sampler_create(struct sst_sampler **out, const struct sst_rectify_map *map,
+                                      enum sst_filter filter, const struct sst_image *raw, int threads);
+void sst_sampler_destroy(struct sst_sampler *sampler);
+
+#define SST_SAMPLE_MAX 512
+
+/**
+ * Colours at the rectified positions (x0 + i, y), i = 0 .. n-1: straight from the raw frame, light corrected; at whole
+ * positions the bytes of sst_rectify_view().
+ *
+ * @param x0, y  as of sst_rectify_map_row()
+ * @param n      at most SST_SAMPLE_MAX
+ * @param out    three rows of n; black where there is no place in the raw frame
+ * @param seen   [n] 255 where there is one, else 0; or NULL
+ */
+void sst_sampler_row(const struct sst_sampler *sampler, double x0, double y, int n, uint8_t *const out[3],
+                     uint8_t *seen);
+
 /** "bilinear", "bicubic", "lanczos". */
 const char *sst_filter_name(enum sst_filter filter);
 /** @return false: no such filter */

@@ -12,7 +12,6 @@
 #include "pipeline/rectify/map.h"
 
 #define BAND_ROWS 16
-#define RUN       512 /* pixels at a time: places, samples and factors stay in the first-level cache */
 #define MAX_TAPS  6
 
 static const struct {
@@ -92,24 +91,26 @@ static void set_all_weights(void)
     }
 }
 
-/* --- views -------------------------------------------------------------------------------------------------------- */
+/* --- raw frames --------------------------------------------------------------------------------------------------- */
 
-struct job {
+struct sst_sampler {
     const struct sst_rectify_map *map;
-    struct sst_image *out;
-    struct sst_map_u8 *valid;
-    const struct sst_image *raw;
-    uint8_t *packed; /* raw with its colours side by side, its border repeated */
+    uint8_t *packed; /* the frame with its colours side by side, its border repeated */
     struct sst_resample from;
 };
 
+struct packing {
+    const struct sst_sampler *sampler;
+    const struct sst_image *raw;
+};
+
 /* One row of the packed picture, those of the border among them. */
-static void pack_row(const struct job *job, int y)
+static void pack_row(const struct packing *job, int y)
 {
     const struct sst_image *raw = job->raw;
     const int w = raw->width, from = sst_clamp_int(y, 0, raw->height - 1);
     const uint8_t *r = sst_image_row(raw, 0, from), *g = sst_image_row(raw, 1, from), *b = sst_image_row(raw, 2, from);
-    uint8_t *line = job->packed + (size_t)(y + SST_RESAMPLE_BORDER) * job->from.stride, *first, *last;
+    uint8_t *line = job->sampler->packed + (size_t)(y + SST_RESAMPLE_BORDER) * job->sampler->from.stride, *first, *last;
 
     first = line + 4 * (size_t)SST_RESAMPLE_BORDER;
     last = first + 4 * (size_t)(w - 1);
@@ -126,7 +127,7 @@ static void pack_row(const struct job *job, int y)
 
 static int pack_band(void *arg, int index, int worker SST_UNUSED)
 {
-    const struct job *job = arg;
+    const struct packing *job = arg;
     const int first = index * BAND_ROWS - SST_RESAMPLE_BORDER;
 
     for (int y = first; y < sst_min_int(first + BAND_ROWS, job->raw->height + SST_RESAMPLE_BORDER); y++)
@@ -134,17 +135,60 @@ static int pack_band(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-/* Samples to bytes: with the light corrected, or rounded. */
-static void finish_run(const struct job *job, uint16_t *const sample[3], int x, int y, int n)
+static int sampler_init(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter,
+                        const struct sst_image *raw, int threads)
 {
-    const struct sst_light_map *light = job->map->light;
+    const size_t border = 2 * SST_RESAMPLE_BORDER, stride = sst_mem_stride((size_t)raw->width + border, 4);
+    struct packing job = { .sampler = s, .raw = raw };
+
+    if ((size_t)filter >= ARRAY_LEN(filters) || raw->width != map->chain.raw_width ||
+        raw->height != map->chain.raw_height)
+        return -EINVAL;
+    pthread_once(&once, set_all_weights);
+    *s = (struct sst_sampler){ .map = map, .packed = sst_mem_alloc_raw((size_t)raw->height + border, stride) };
+    if (!s->packed)
+        return -ENOMEM;
+    s->from = (struct sst_resample){ .pixel = s->packed + SST_RESAMPLE_BORDER * (stride + 4),
+                                     .stride = stride,
+                                     .weight = weights[filter],
+                                     .taps = filters[filter].taps };
+    return sst_parallel_for((raw->height + (int)border + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads),
+                            pack_band, &job);
+}
+
+int sst_sampler_create(struct sst_sampler **out, const struct sst_rectify_map *map, enum sst_filter filter,
+                       const struct sst_image *raw, int threads)
+{
+    struct sst_sampler *s = calloc(1, sizeof(*s));
+    int err = s ? sampler_init(s, map, filter, raw, threads) : -ENOMEM;
+
+    if (err)
+        sst_sampler_destroy(s);
+    else
+        *out = s;
+    return err;
+}
+
+void sst_sampler_destroy(struct sst_sampler *s)
+{
+    if (!s)
+        return;
+    sst_mem_free(s->packed);
+    free(s);
+}
+
+/* --- rows --------------------------------------------------------------------------------------------------------- */
+
+/* Samples to bytes: with the light corrected, or rounded. */
+static void finish_row(const struct sst_light_map *light, uint16_t *const sample[3], double x0, double y, int n,
+                       uint8_t *const out[3])
+{
     struct sst_light_factors factors = { 0 };
-    float scratch[2 * RUN];
+    float scratch[2 * SST_SAMPLE_MAX];
 
     if (light)
-        sst_light_map_row(light, x, y, n, scratch, &factors);
+        sst_light_map_row(light, x0, y, n, scratch, &factors);
     for (int c = 0; c < 3; c++) {
-        uint8_t *out = sst_image_row(job->out, c, y) + x;
         const struct sst_light l = { .value = sample[c],
                                      .falloff = factors.falloff,
                                      .falloff_root = factors.falloff_root,
@@ -152,23 +196,31 @@ static void finish_run(const struct job *job, uint16_t *const sample[3], int x, 
                                      .gain_root = factors.gain_root[c] };
 
         if (light)
-            sst_kernels_get()->light_row(out, &l, (size_t)n);
+            sst_kernels_get()->light_row(out[c], &l, (size_t)n);
         for (int i = 0; !light && i < n; i++)
-            out[i] = (uint8_t)((sample[c][i] + (1 << (SST_LIGHT_SHIFT - 1))) >> SST_LIGHT_SHIFT);
+            out[c][i] = (uint8_t)((sample[c][i] + (1 << (SST_LIGHT_SHIFT - 1))) >> SST_LIGHT_SHIFT);
     }
 }
 
-static void do_run(const struct job *job, int x, int y, int n)
+void sst_sampler_row(const struct sst_sampler *s, double x0, double y, int n, uint8_t *const out[3], uint8_t *seen)
 {
-    int32_t xy_q8[2 * RUN];
-    uint16_t samples[3][RUN], *const sample[3] = { samples[0], samples[1], samples[2] };
+    int32_t xy_q8[2 * SST_SAMPLE_MAX];
+    uint16_t samples[3][SST_SAMPLE_MAX], *const sample[3] = { samples[0], samples[1], samples[2] };
 
-    sst_rectify_map_row(job->map, x, y, n, xy_q8);
-    sst_kernels_get()->resample_row(sample, &job->from, xy_q8, (size_t)n);
-    finish_run(job, sample, x, y, n);
-    for (int i = 0; job->valid && i < n; i++)
-        sst_map_u8_row(job->valid, y)[x + i] = xy_q8[2 * i] == INT32_MIN ? 0 : 255;
+    sst_rectify_map_row(s->map, x0, y, n, xy_q8);
+    sst_kernels_get()->resample_row(sample, &s->from, xy_q8, (size_t)n);
+    finish_row(s->map->light, sample, x0, y, n, out);
+    for (int i = 0; seen && i < n; i++)
+        seen[i] = xy_q8[2 * i] == INT32_MIN ? 0 : 255;
 }
+
+/* --- views -------------------------------------------------------------------------------------------------------- */
+
+struct job {
+    struct sst_sampler sampler;
+    struct sst_image *out;
+    struct sst_map_u8 *valid;
+};
 
 static int resample_band(void *arg, int index, int worker SST_UNUSED)
 {
@@ -176,8 +228,13 @@ static int resample_band(void *arg, int index, int worker SST_UNUSED)
     const int end = sst_min_int((index + 1) * BAND_ROWS, job->out->height);
 
     for (int y = index * BAND_ROWS; y < end; y++) {
-        for (int x = 0; x < job->out->width; x += RUN)
-            do_run(job, x, y, sst_min_int(RUN, job->out->width - x));
+        for (int x = 0; x < job->out->width; x += SST_SAMPLE_MAX) {
+            uint8_t *const out[3] = { sst_image_row(job->out, 0, y) + x, sst_image_row(job->out, 1, y) + x,
+                                      sst_image_row(job->out, 2, y) + x };
+
+            sst_sampler_row(&job->sampler, x, y, sst_min_int(SST_SAMPLE_MAX, job->out->width - x), out,
+                            job->valid ? sst_map_u8_row(job->valid, y) + x : NULL);
+        }
     }
     return 0;
 }
@@ -185,26 +242,16 @@ static int resample_band(void *arg, int index, int worker SST_UNUSED)
 int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
                      struct sst_map_u8 *valid, const struct sst_image *raw, int threads)
 {
-    const size_t border = 2 * SST_RESAMPLE_BORDER, stride = sst_mem_stride((size_t)raw->width + border, 4);
-    struct job job = { .map = map, .out = out, .valid = valid, .raw = raw };
+    struct job job = { .out = out, .valid = valid };
     int err;
 
-    if ((size_t)filter >= ARRAY_LEN(filters) || out->width != map->width || out->height != map->height ||
-        raw->width != map->chain.raw_width || raw->height != map->chain.raw_height ||
+    if (out->width != map->width || out->height != map->height ||
         (valid && (valid->width != out->width || valid->height != out->height)))
         return -EINVAL;
-    pthread_once(&once, set_all_weights);
-    job.packed = sst_mem_alloc_raw((size_t)raw->height + border, stride);
-    if (!job.packed)
-        return -ENOMEM;
-    job.from = (struct sst_resample){ .pixel = job.packed + SST_RESAMPLE_BORDER * (stride + 4),
-                                      .stride = stride,
-                                      .weight = weights[filter],
-                                      .taps = filters[filter].taps };
-    threads = sst_thread_count(threads);
-    err = sst_parallel_for((raw->height + (int)border + BAND_ROWS - 1) / BAND_ROWS, threads, pack_band, &job);
+    err = sampler_init(&job.sampler, map, filter, raw, threads);
     if (!err)
-        err = sst_parallel_for((out->height + BAND_ROWS - 1) / BAND_ROWS, threads, resample_band, &job);
-    sst_mem_free(job.packed);
+        err =
+            sst_parallel_for((out->height + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads), resample_band, &job);
+    sst_mem_free(job.sampler.packed);
     return err;
 }

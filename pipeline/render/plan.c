@@ -7,8 +7,10 @@
 
 #include "base/log.h"
 #include "base/mem.h"
+#include "base/thread.h"
 
-#define WHOLE_PX 1e-6 /* shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column */
+#define WHOLE_PX 1e-6 /* shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column   \
+                       */
 
 int sst_renderer_count(struct sst_renderer *r)
 {
@@ -85,6 +87,29 @@ static double distance(const struct sst_tap *t, const struct sst_render_config *
     return hypot(t->v->bx - cfg->view_bx, t->v->by - cfg->view_by);
 }
 
+static bool in_aperture(const struct sst_tap *t, const struct sst_render_config *cfg)
+{
+    return t->v->present && distance(t, cfg) <= cfg->aperture + 1e-9;
+}
+
+int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_config *cfg)
+{
+    int n = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++)
+        n += in_aperture(&(struct sst_tap){ .v = &lf->views[view] }, cfg);
+    return cfg->max_views > 0 ? sst_min_int(n, cfg->max_views) : n;
+}
+
+bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_render_config *cfg, int pictures)
+{
+    int present = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++)
+        present += lf->views[view].present;
+    return lf->calibration && (int64_t)pictures * sst_render_views(lf, cfg) <= present;
+}
+
 /* Where a shift by `shift` px puts output pixels: first tap, fraction, nearest tap, which pixels' taps are inside. */
 static void place(double shift, int size, int *tap, double *part, int *nearest, int *from, int *to)
 {
@@ -127,7 +152,7 @@ static int choose_views(struct sst_plan *p)
     for (int view = 0; view < lf->rows * lf->cols; view++) {
         struct sst_tap t = { .view = view, .v = &lf->views[view], .aperture = 1 };
 
-        if (t.v->present && t.v->image.plane[0] && distance(&t, &p->cfg) <= p->cfg.aperture + 1e-9)
+        if (t.v->image.plane[0] && in_aperture(&t, &p->cfg))
             p->tap[p->count++] = t;
     }
     if (p->cfg.max_views > 0 && p->cfg.max_views < p->count)
@@ -166,6 +191,46 @@ static int place_views(struct sst_plan *p)
     return -ERANGE;
 }
 
+/* --- raw frames --------------------------------------------------------------------------------------------------- */
+
+struct raw_job {
+    struct sst_renderer *r;
+    const struct sst_plan *plan;
+};
+
+static int make_raw(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct raw_job *job = arg;
+    const struct sst_lightfield *lf = job->r->lf;
+    const struct sst_tap *t = &job->plan->tap[index];
+    struct sst_raw_view *raw = &job->r->raw[t->view];
+    int err = 0;
+
+    if (!raw->map)
+        err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
+    if (!err && !raw->sampler)
+        err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
+    if (err)
+        sst_log_error("cannot sample the raw frame %s: %s", t->v->file, strerror(-err));
+    return err;
+}
+
+/* Samplers of the plan's views: those of earlier pictures are kept. */
+static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
+{
+    struct raw_job job = { r, p };
+    int err;
+
+    if (!r->raw)
+        return 0;
+    pthread_mutex_lock(&r->lock);
+    err = sst_parallel_for(p->count, sst_thread_count(r->threads), make_raw, &job);
+    pthread_mutex_unlock(&r->lock);
+    for (int i = 0; i < p->count && !err; i++)
+        p->tap[i].sampler = r->raw[p->tap[i].view].sampler;
+    return err;
+}
+
 /* Constants of the weights, and the table where labels have a say. */
 static int weigh(struct sst_plan *p, struct sst_renderer *r)
 {
@@ -185,7 +250,8 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
     for (int i = 0; i < p->count && p->weighted; i++) {
         if (!p->tap[i].v->disp.data) {
             sst_log_error("view %d has no disparity map: run `sst process` on this light field first, or choose the "
-                          "method refocus", p->tap[i].view);
+                          "method refocus",
+                          p->tap[i].view);
             return -ENODATA;
         }
     }
@@ -215,6 +281,8 @@ int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_r
         err = choose_views(p);
     if (!err)
         err = place_views(p);
+    if (!err)
+        err = prepare_raw(p, r);
     if (!err && cfg->method == SST_RENDER_SST)
         err = weigh(p, r);
     if (err)

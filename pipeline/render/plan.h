@@ -5,6 +5,7 @@
 #include <pthread.h>
 
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/rectify/rectify.h"
 #include "pipeline/render/ranges.h"
 #include "pipeline/render/render.h"
 
@@ -18,6 +19,13 @@ struct sst_renderer {
     pthread_mutex_t lock;
     bool counted;
     struct sst_label_histogram histogram;
+    struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each made when first used */
+};
+
+/** A raw frame and its way to rectified positions. */
+struct sst_raw_view {
+    struct sst_rectify_map *map;
+    struct sst_sampler *sampler;
 };
 
 /**
@@ -27,13 +35,14 @@ struct sst_renderer {
 struct sst_tap {
     int view;
     const struct sst_view *v;
+    const struct sst_sampler *sampler; /* of raw frames, at (x + ix + fx, y + iy + fy); NULL: v's image is the view */
     int ix, iy, nx, ny;
     double fx, fy; /* 0, or at least 1e-6 from 0 and 1 */
     int x0, x1, y0, y1;
     double aperture;
 };
 
-/** Do all colour taps of output pixel (x, y), inside t's bounds, lie in what the view saw? */
+/** Do all colour taps of output pixel (x, y), inside t's bounds, lie in what the view saw? Not for raw frames. */
 static inline bool sst_tap_sees(const struct sst_tap *t, int x, int y)
 {
     const uint8_t *top, *bottom;

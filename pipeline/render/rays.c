@@ -22,33 +22,50 @@ static double log_depth_weight(const struct sst_render_config *cfg, double disp_
     return log((1 - cfg->c1) * exp(-0.5 * z * z) + cfg->c1);
 }
 
-static void ray_colour(struct sst_ray *ray, const struct sst_tap *t, int x, int y)
+/* @return false: the view does not see it */
+static bool ray_colour(double colour[3], const struct sst_tap *t, int x, int y)
 {
     const int x0 = x + t->ix, y0 = y + t->iy, x1 = x0 + (t->fx > 0), y1 = y0 + (t->fy > 0);
+    uint8_t rgb[3], seen;
 
+    if (t->sampler) {
+        sst_sampler_row(t->sampler, x0 + t->fx, y0 + t->fy, 1, (uint8_t *const[3]){ rgb, rgb + 1, rgb + 2 }, &seen);
+        for (int c = 0; c < 3; c++)
+            colour[c] = rgb[c];
+        return seen;
+    }
+    if (!sst_tap_sees(t, x, y))
+        return false;
     for (int c = 0; c < 3; c++) {
         const uint8_t *top = sst_image_row(&t->v->image, c, y0), *bottom = sst_image_row(&t->v->image, c, y1);
 
-        ray->colour[c] = (1 - t->fy) * ((1 - t->fx) * top[x0] + t->fx * top[x1]) +
-                         t->fy * ((1 - t->fx) * bottom[x0] + t->fx * bottom[x1]);
+        colour[c] = (1 - t->fy) * ((1 - t->fx) * top[x0] + t->fx * top[x1]) +
+                    t->fy * ((1 - t->fx) * bottom[x0] + t->fx * bottom[x1]);
     }
+    return true;
 }
 
 /* The ray of one tap; returns log of its weight. */
-static double trace(struct sst_ray *ray, const struct sst_plan *p, const struct sst_tap *t, int x, int y)
+static double trace(struct sst_ray *ray, const struct sst_plan *p, const struct sst_tap *t, int x, int y,
+                    const double colour[3])
 {
     const struct sst_render_config *cfg = &p->cfg;
     uint16_t disp = SST_DISP_NONE;
 
-    *ray = (struct sst_ray){ .view = t->view, .x = x + t->ix + t->fx, .y = y + t->iy + t->fy, .disp_px = NAN,
-                             .aperture = t->aperture, .w_depth = 1, .w_label = 1 };
+    *ray = (struct sst_ray){ .view = t->view,
+                             .x = x + t->ix + t->fx,
+                             .y = y + t->iy + t->fy,
+                             .disp_px = NAN,
+                             .aperture = t->aperture,
+                             .w_depth = 1,
+                             .w_label = 1 };
     if (t->v->label.data)
         ray->label = sst_map_u8_row(&t->v->label, y + t->ny)[x + t->nx];
     if (t->v->disp.data)
         disp = sst_map_u16_row(&t->v->disp, y + t->ny)[x + t->nx];
     if (disp != SST_DISP_NONE)
         ray->disp_px = sst_disp_px(p->lf, disp);
-    ray_colour(ray, t, x, y);
+    memcpy(ray->colour, colour, sizeof(ray->colour));
     if (!p->weighted)
         return log(t->aperture);
     ray->w_depth = sst_weight_depth(cfg->focus_px, ray->disp_px, cfg->sigma_px, cfg->c1);
@@ -87,10 +104,11 @@ enum sst_pixel sst_pixel_exact(const struct sst_plan *p, int x, int y, double rg
 
     for (int i = 0; i < p->count; i++) {
         const struct sst_tap *t = &p->tap[i];
+        double colour[3];
 
-        if (x < t->x0 || x >= t->x1 || y < t->y0 || y >= t->y1 || !sst_tap_sees(t, x, y))
+        if (x < t->x0 || x >= t->x1 || y < t->y0 || y >= t->y1 || !ray_colour(colour, t, x, y))
             continue;
-        log_weight[n] = trace(&rays[n], p, t, x, y);
+        log_weight[n] = trace(&rays[n], p, t, x, y, colour);
         plain += t->aperture;
         n++;
     }

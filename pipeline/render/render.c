@@ -37,6 +37,14 @@ int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *
     }
     r->lf = lf;
     r->threads = threads;
+    if (lf->images_raw) {
+        r->raw = calloc((size_t)(lf->rows * lf->cols), sizeof(*r->raw));
+        if (!r->raw) {
+            free(r);
+            sst_log_error("no memory for a renderer");
+            return -ENOMEM;
+        }
+    }
     pthread_mutex_init(&r->lock, NULL);
     *out = r;
     return 0;
@@ -46,6 +54,11 @@ void sst_renderer_destroy(struct sst_renderer *r)
 {
     if (!r)
         return;
+    for (int k = 0; r->raw && k < r->lf->rows * r->lf->cols; k++) {
+        sst_sampler_destroy(r->raw[k].sampler);
+        sst_rectify_map_destroy(r->raw[k].map);
+    }
+    free(r->raw);
     sst_label_histogram_fini(&r->histogram);
     pthread_mutex_destroy(&r->lock);
     free(r);
@@ -90,12 +103,27 @@ struct picture {
     struct sst_map_u8 *valid;
 };
 
+/* Add rays to acc + skip, their colours at top and bottom; output pixels from .. to of row y. */
+static void blend(float *const acc[4], int skip, const struct sst_plan *p, const struct sst_tap *t, struct sst_blend *b,
+                  int from, int to, int y)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+    float *const at[4] = { acc[0] + skip, acc[1] + skip, acc[2] + skip, acc[3] + skip };
+
+    b->aperture = (float)t->aperture;
+    if (!p->weighted) {
+        k->blend_plain(at, b, (size_t)(to - from));
+        return;
+    }
+    b->disp = sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx;
+    b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
+    k->blend_rays(at, b, (size_t)(to - from));
+}
+
 /* Add the rays of one view to acc, output pixels from .. to of row y; acc begins at x. */
 static void add_run(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int from, int to,
                     int y)
 {
-    const struct sst_kernels *k = sst_kernels_get();
-    float *const at[4] = { acc[0] + (from - x), acc[1] + (from - x), acc[2] + (from - x), acc[3] + (from - x) };
     struct sst_blend b = p->blend;
 
     for (int c = 0; c < 3; c++) {
@@ -104,14 +132,30 @@ static void add_run(float *const acc[4], const struct sst_plan *p, const struct 
     }
     b.fx = (float)t->fx;
     b.fy = (float)t->fy;
-    b.aperture = (float)t->aperture;
-    if (!p->weighted) {
-        k->blend_plain(at, &b, (size_t)(to - from));
-        return;
+    blend(acc, from - x, p, t, &b, from, to, y);
+}
+
+/* The same straight from a raw frame: the colours are sampled where the rays are, those without a place left out. */
+static void add_raw(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int from, int end,
+                    int y)
+{
+    uint8_t colour[3][SST_BLEND_MAX + 1], seen[SST_BLEND_MAX], *const out[3] = { colour[0], colour[1], colour[2] };
+    const int n = end - from;
+
+    sst_sampler_row(t->sampler, from + t->ix + t->fx, y + t->iy + t->fy, n, out, seen);
+    for (int c = 0; c < 3; c++)
+        colour[c][n] = 0; /* the kernels read one more, and give it no weight */
+    for (int i = 0, to; i < n; i = to) {
+        struct sst_blend b = p->blend;
+
+        for (to = i + 1; to < n && seen[to] == seen[i]; to++)
+            ;
+        if (!seen[i])
+            continue;
+        for (int c = 0; c < 3; c++)
+            b.top[c] = b.bottom[c] = colour[c] + i;
+        blend(acc, from + i - x, p, t, &b, from + i, from + to, y);
     }
-    b.disp = sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx;
-    b.label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
-    k->blend_rays(at, &b, (size_t)(to - from));
 }
 
 /* First output pixel from x on whose ray is inside what the view saw (found), or is not. */
@@ -130,6 +174,10 @@ static void add_view(float *const acc[4], const struct sst_plan *p, const struct
 
     if (from >= end || y < t->y0 || y >= t->y1)
         return;
+    if (t->sampler) {
+        add_raw(acc, p, t, x, from, end, y);
+        return;
+    }
     while (t->v->valid.data && (from = next_ray(t, from, end, y, true)) < end) {
         const int to = next_ray(t, from, end, y, false);
 

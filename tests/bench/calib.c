@@ -306,13 +306,16 @@ static json_t *real(double v)
 static json_t *told(const struct truth *t, const struct sst_solution *s)
 {
     json_t *out = json_object();
-    double worst_focal = 0, worst_mm = 0;
+    double worst_focal = 0, worst_mm = 0, sigma = 0;
+    int known = 0;
 
     for (int view = 0; view < t->cfg.rows * t->cfg.cols; view++) {
         const struct sst_calib_camera *is = &s->calib.camera[view], *should = &t->calib.camera[view];
 
         if (!is->known)
             continue;
+        sigma += is->sigma_px;
+        known += is->sigma_px > 0;
         worst_focal = fmax(worst_focal, fabs(is->fx / should->fx - 1));
         for (int i = 0; i < 3; i++)
             worst_mm = fmax(worst_mm, fabs(is->position_mm[i] - should->position_mm[i]));
@@ -332,6 +335,7 @@ static json_t *told(const struct truth *t, const struct sst_solution *s)
     json_object_set_new(out, "cross_expected_px", real(s->cross_expected_px));
     json_object_set_new(out, "held_out_px", json_pack("[f, f]", s->held_out_px[0], s->held_out_px[1]));
     json_object_set_new(out, "range_mm", json_real(s->calib.range_mm));
+    json_object_set_new(out, "sigma_px", real(known ? sigma / known : NAN));
     json_object_set_new(out, "worst_focal", json_real(worst_focal));
     json_object_set_new(out, "worst_position_mm", json_real(worst_mm));
     return out;
