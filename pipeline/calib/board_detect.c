@@ -14,25 +14,7 @@
 #define LEAST_BLUR_PX 0.3  /* a pixel's own width: sharper is not to be seen */
 #define FOREIGN_LEAST 4    /* markers that do not belong: fewer are read from clutter */
 
-/* --- grey -------------------------------------------------------------------------------------------------------- */
-
-int sst_luma(struct sst_map_u8 *out, const struct sst_image *image)
-{
-    struct sst_map_u8 map;
-    const int err = sst_map_u8_init(&map, image->width, image->height);
-
-    if (err)
-        return err;
-    for (int y = 0; y < image->height; y++) {
-        const uint8_t *r = sst_image_row(image, 0, y), *g = sst_image_row(image, 1, y), *b = sst_image_row(image, 2, y);
-        uint8_t *row = sst_map_u8_row(&map, y);
-
-        for (int x = 0; x < image->width; x++)
-            row[x] = (uint8_t)((77 * r[x] + 150 * g[x] + 29 * b[x] + 128) >> 8);
-    }
-    *out = map;
-    return 0;
-}
+/* --- size -------------------------------------------------------------------------------------------------------- */
 
 /* Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. */
 static int halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)

@@ -25,9 +25,6 @@ struct sst_sighting {
     struct sst_saddle *saddle; /* [points] where seen */
 };
 
-/** Grey of a picture: 0.299 R + 0.587 G + 0.114 B. @param out  initialised here */
-SST_MUST_CHECK int sst_luma(struct sst_map_u8 *out, const struct sst_image *image);
-
 /**
  * Where a place of the board is, from the anchors around it.
  *
