@@ -74,5 +74,6 @@ extern const struct cli_command cli_version, cli_scene, cli_import, cli_export, 
     cli_stereo, cli_segment, cli_models, cli_eval, cli_demo, cli_recording, cli_capture, cli_rectify;
 extern const struct cli_command cli_topology, cli_plan, cli_doctor, cli_cameras, cli_identify;
 extern const struct cli_command cli_capture;
+extern const struct cli_command cli_board;
 
 #endif

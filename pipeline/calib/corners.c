@@ -19,10 +19,11 @@
 #define MAX_SIDE    64 /* of the window, px */
 #define ROUNDS      30
 #define MARGIN_PX   1.5 /* kept from what is not of the four quadrants */
-#define FAR         5.0 /* widths from an edge beyond which its blur is nothing */
+#define FAR         4.0 /* widths from an edge beyond which its blur is nothing */
 #define MIN_BLUR_PX 0.2
 #define MAX_BLUR_PX 12.0
-#define MAX_SKEW    0.8 /* of the correlation, where three terms still do */
+#define MAX_SLOPE   0.05 /* of the light, per px */
+#define MAX_SKEW    0.8  /* of the correlation, where three terms still do */
 
 /* x and y relative to the window's middle; log of the blur's widths. */
 enum { X, Y, ANGLE1, ANGLE2, BLUR1, BLUR2, SKEW, LEVEL, CONTRAST, LIGHT_X, LIGHT_Y };
@@ -89,8 +90,13 @@ static struct edge edge_at(double t)
     struct edge e = { t, t < 0 ? -1 : 1, 0 };
 
     if (fabs(t) < FAR) {
-        e.p = erf(t * M_SQRT1_2);
-        e.slope = M_SQRT1_2 * M_2_SQRTPI * exp(-t * t / 2);
+        /* erf to 1.5e-7 with the exponential that is needed anyway (Hastings 1955, sheet 43). */
+        const double bell = exp(-t * t / 2), k = 1 / (1 + 0.3275911 * M_SQRT1_2 * fabs(t));
+        const double tail =
+            k * (0.254829592 + k * (-0.284496736 + k * (1.421413741 + k * (-1.453152027 + k * 1.061405429))));
+
+        e.p = copysign(1 - tail * bell, t);
+        e.slope = M_SQRT1_2 * M_2_SQRTPI * bell;
     }
     return e;
 }
@@ -107,23 +113,40 @@ static double crossing(const struct edge *a, const struct edge *b, double c, dou
     return a->p * b->p + f * series;
 }
 
-/* The model's grey at a pixel, and its derivatives. */
-static double model(const double q[PARAMETERS], double dx, double dy, double by[PARAMETERS])
-{
-    const double ca = cos(q[ANGLE1]), sa = sin(q[ANGLE1]), cb = cos(q[ANGLE2]), sb = sin(q[ANGLE2]);
-    const double wa = exp(-q[BLUR1]), wb = exp(-q[BLUR2]), x = dx - q[X], y = dy - q[Y];
-    const struct edge a = edge_at(wa * (ca * x + sa * y)), b = edge_at(wb * (cb * x + sb * y));
-    const double light = 1 + q[LIGHT_X] * dx + q[LIGHT_Y] * dy;
-    double d[3];
-    const double s = crossing(&a, &b, q[SKEW], d), lit = light * q[CONTRAST], grey = q[LEVEL] + q[CONTRAST] * s;
+/* What the model's parameters mean for every pixel. */
+struct pose {
+    const double *q;
+    double ca, sa, cb, sb, wa, wb; /* cosine and sine of the edges' angles, 1 / widths */
+};
 
-    by[X] = -lit * (d[0] * wa * ca + d[1] * wb * cb);
-    by[Y] = -lit * (d[0] * wa * sa + d[1] * wb * sb);
-    by[ANGLE1] = lit * d[0] * wa * (ca * y - sa * x);
-    by[ANGLE2] = lit * d[1] * wb * (cb * y - sb * x);
-    by[BLUR1] = -lit * d[0] * a.t;
-    by[BLUR2] = -lit * d[1] * b.t;
-    by[SKEW] = lit * d[2];
+static struct pose pose_of(const double q[PARAMETERS])
+{
+    return (struct pose){
+        q, cos(q[ANGLE1]), sin(q[ANGLE1]), cos(q[ANGLE2]), sin(q[ANGLE2]), exp(-q[BLUR1]), exp(-q[BLUR2])
+    };
+}
+
+/* The model's grey at a pixel, and its derivatives; by[0 .. SKEW] are all 0 where first is LEVEL. */
+static double model(const struct pose *m, double dx, double dy, double by[PARAMETERS], int *first)
+{
+    const double *q = m->q, x = dx - q[X], y = dy - q[Y];
+    const struct edge a = edge_at(m->wa * (m->ca * x + m->sa * y)), b = edge_at(m->wb * (m->cb * x + m->sb * y));
+    const double light = 1 + q[LIGHT_X] * dx + q[LIGHT_Y] * dy, lit = light * q[CONTRAST];
+    double s = a.p * b.p, d[3], grey;
+
+    *first = LEVEL;
+    if (a.slope > 0 || b.slope > 0) {
+        *first = X;
+        s = crossing(&a, &b, q[SKEW], d);
+        by[X] = -lit * (d[0] * m->wa * m->ca + d[1] * m->wb * m->cb);
+        by[Y] = -lit * (d[0] * m->wa * m->sa + d[1] * m->wb * m->sb);
+        by[ANGLE1] = lit * d[0] * m->wa * (m->ca * y - m->sa * x);
+        by[ANGLE2] = lit * d[1] * m->wb * (m->cb * y - m->sb * x);
+        by[BLUR1] = -lit * d[0] * a.t;
+        by[BLUR2] = -lit * d[1] * b.t;
+        by[SKEW] = lit * d[2];
+    }
+    grey = q[LEVEL] + q[CONTRAST] * s;
     by[LEVEL] = light;
     by[CONTRAST] = light * s;
     by[LIGHT_X] = grey * dx;
@@ -138,23 +161,24 @@ static const double prior_weight[PARAMETERS] = {
     [BLUR1] = 1 / 0.7, [BLUR2] = 1 / 0.7, [SKEW] = 1 / 0.4, [LIGHT_X] = 1 / 0.005, [LIGHT_Y] = 1 / 0.005
 };
 
-/* Sum of squares at q and, where a is not NULL, the normal equations a step = b. noise2: of a grey, squared. */
-static double equations(const struct window *w, const double q[PARAMETERS], double noise2, double *a, double *b)
+/* Normal equations a step = b at q. noise2: of a grey, squared. @return the sum of squares */
+static double equations(const struct window *w, const double q[PARAMETERS], double noise2,
+                        double a[PARAMETERS * PARAMETERS], double b[PARAMETERS])
 {
+    const struct pose m = pose_of(q);
     double sum = 0, by[PARAMETERS];
 
-    if (a) {
-        memset(a, 0, PARAMETERS * PARAMETERS * sizeof(*a));
-        memset(b, 0, PARAMETERS * sizeof(*b));
-    }
+    memset(a, 0, PARAMETERS * PARAMETERS * sizeof(*a));
+    memset(b, 0, PARAMETERS * sizeof(*b));
     for (int i = 0; i < w->n; i++) {
-        const double off = w->grey[i] - model(q, w->dx[i], w->dy[i], by), weight = w->weight[i];
+        int first;
+        const double off = w->grey[i] - model(&m, w->dx[i], w->dy[i], by, &first), weight = w->weight[i];
 
         sum += weight * off * off;
-        for (int j = 0; a && j < PARAMETERS; j++) {
+        for (int j = first; j < PARAMETERS; j++) {
             const double scaled = weight * by[j];
 
-            for (int k = 0; k <= j; k++)
+            for (int k = first; k <= j; k++)
                 a[PARAMETERS * j + k] += scaled * by[k];
             b[j] += scaled * off;
         }
@@ -163,56 +187,61 @@ static double equations(const struct window *w, const double q[PARAMETERS], doub
         const double off = prior_value[j] - q[j], weight = noise2 * prior_weight[j] * prior_weight[j];
 
         sum += weight * off * off;
-        if (a) {
-            a[PARAMETERS * j + j] += weight;
-            b[j] += weight * off;
-        }
+        a[PARAMETERS * j + j] += weight;
+        b[j] += weight * off;
     }
     return sum;
 }
 
 /* --- the fit ----------------------------------------------------------------------------------------------------- */
 
-static bool inside(const double q[PARAMETERS])
+/* Keep what has limits within them: an edge between two pixels says little of its width, and three terms of the
+ * series hold up to MAX_SKEW. @return false: not finite, or far away */
+static bool limit(double q[PARAMETERS])
 {
+    q[BLUR1] = sst_clamp_double(q[BLUR1], log(MIN_BLUR_PX), log(MAX_BLUR_PX));
+    q[BLUR2] = sst_clamp_double(q[BLUR2], log(MIN_BLUR_PX), log(MAX_BLUR_PX));
+    q[SKEW] = sst_clamp_double(q[SKEW], -MAX_SKEW, MAX_SKEW);
+    q[LIGHT_X] = sst_clamp_double(q[LIGHT_X], -MAX_SLOPE, MAX_SLOPE);
+    q[LIGHT_Y] = sst_clamp_double(q[LIGHT_Y], -MAX_SLOPE, MAX_SLOPE);
     for (int i = 0; i < PARAMETERS; i++) {
         if (!isfinite(q[i]))
             return false;
     }
-    return fmin(q[BLUR1], q[BLUR2]) > log(MIN_BLUR_PX) && fmax(q[BLUR1], q[BLUR2]) < log(MAX_BLUR_PX) &&
-           fabs(q[SKEW]) < MAX_SKEW && fabs(q[LIGHT_X]) < 0.05 && fabs(q[LIGHT_Y]) < 0.05 &&
-           fmax(fabs(q[X]), fabs(q[Y])) < MAX_SIDE;
+    return fmax(fabs(q[X]), fabs(q[Y])) < MAX_SIDE;
 }
 
-/* Levenberg and Marquardt's way down from q. @return the sum of squares */
-static double descend(const struct window *w, double q[PARAMETERS], double noise2)
+/* Levenberg and Marquardt's way down from q, until a step moves the point by less than enough_px. @return the sum of
+ * squares */
+static double descend(const struct window *w, double q[PARAMETERS], double noise2, double enough_px)
 {
-    double a[PARAMETERS * PARAMETERS], b[PARAMETERS], damping = 1e-3, sum = equations(w, q, noise2, a, b);
+    double a[2][PARAMETERS * PARAMETERS], b[2][PARAMETERS], damping = 1e-3;
+    int at = 0;
+    double sum = equations(w, q, noise2, a[0], b[0]);
 
     for (int round = 0; round < ROUNDS && damping < 1e6; round++) {
         double m[PARAMETERS * PARAMETERS], step[PARAMETERS], next[PARAMETERS] = { 0 }, moved = 0, to = INFINITY;
 
-        memcpy(m, a, sizeof(m));
-        memcpy(step, b, sizeof(step));
+        memcpy(m, a[at], sizeof(m));
+        memcpy(step, b[at], sizeof(step));
         for (int i = 0; i < PARAMETERS; i++)
             m[PARAMETERS * i + i] = m[PARAMETERS * i + i] * (1 + damping) + 1e-12;
         if (sst_solve_definite(m, step, PARAMETERS)) {
             for (int i = 0; i < PARAMETERS; i++)
                 next[i] = q[i] + step[i];
             moved = hypot(step[X], step[Y]);
-            if (inside(next))
-                to = equations(w, next, noise2, NULL, NULL);
+            if (limit(next))
+                to = equations(w, next, noise2, a[!at], b[!at]);
         }
-        if (!(to < sum)) {
-            if (moved > 0 && moved < 1e-5)
-                break;
+        if (to < sum) {
+            memcpy(q, next, sizeof(next));
+            sum = to;
+            at = !at;
+            damping = fmax(damping / 8, 1e-9);
+        } else {
             damping *= 8;
-            continue;
         }
-        memcpy(q, next, sizeof(next));
-        damping = fmax(damping / 8, 1e-9);
-        sum = equations(w, q, noise2, a, b);
-        if (moved < 2e-4)
+        if (moved > 0 && moved < enough_px && damping < 0.1)
             break;
     }
     return sum;
@@ -287,48 +316,57 @@ static bool plausible(const struct sst_saddle *s, const double q[PARAMETERS], co
            fabs(sin(q[ANGLE1] - q[ANGLE2])) > 0.2 && exp(fmax(q[BLUR1], q[BLUR2])) < 0.6 * reach_window_px;
 }
 
+static bool usable(const struct sst_saddle_place *place)
+{
+    double sum = place->x + place->y;
+
+    for (int i = 0; i < 4; i++)
+        sum += place->slope[i];
+    return isfinite(sum) && fabs(place->x) < 1e6 && fabs(place->y) < 1e6 &&
+           place->slope[0] * place->slope[3] - place->slope[1] * place->slope[2] > 1e-12;
+}
+
+/* Fit once in a window around what is known so far. */
+static bool fit(struct sst_saddle *s, double q[PARAMETERS], struct window *w, double *noise2, double enough_px)
+{
+    double weights = 0, sum = descend(w, q, *noise2, enough_px);
+
+    for (int i = 0; i < w->n; i++)
+        weights += w->weight[i];
+    *noise2 = fmax(sum / weights * w->n / sst_max_int(w->n - PARAMETERS, 1), 0.1);
+    s->x = w->middle[0] + q[X];
+    s->y = w->middle[1] + q[Y];
+    return isfinite(s->x + s->y);
+}
+
 bool sst_saddle_refine(struct sst_saddle *out, const struct sst_map_u8 *luma, const struct sst_saddle_place *place,
                        double largest_px)
 {
-    const double det = place->slope[0] * place->slope[3] - place->slope[1] * place->slope[2];
-    const double reach = fmin(place->half_mm * sqrt(fmax(det, 0)), largest_px);
-    double q[PARAMETERS] = { 0 }, start[PARAMETERS] = { 0 }, noise2 = 4;
-    struct sst_saddle got = { .x = place->x, .y = place->y };
+    double q[PARAMETERS] = { 0 }, start[PARAMETERS], noise2 = 4, reach;
+    struct sst_saddle s = { .x = place->x, .y = place->y };
     struct window w;
 
-    /* The window follows the point; a second look from there, the blur known. */
-    for (int look = 0; look < 2; look++) {
-        if (!isfinite(got.x + got.y + det) || fabs(got.x) > 1e6 || fabs(got.y) > 1e6 || !(det > 1e-12) ||
-            !collect(&w, luma, place, got.x, got.y, largest_px))
-            return false;
-        if (look == 0) {
-            begin(q, &w, place, fmax(1, reach / 6));
-            memcpy(start, q, sizeof(q));
-        } else {
-            q[LEVEL] *= 1 + q[LIGHT_X] * q[X] + q[LIGHT_Y] * q[Y];
-            q[X] = q[Y] = 0;
-        }
-        if (!(q[CONTRAST] * place->sign > 4))
-            return false;
-        for (int k = 0; k < 2; k++) {
-            double sum = descend(&w, q, noise2), weights = 0;
-
-            for (int i = 0; i < w.n; i++)
-                weights += w.weight[i];
-            noise2 = fmax(sum / weights * w.n / fmax(w.n - PARAMETERS, 1), 0.1);
-        }
-        got.x = w.middle[0] + q[X];
-        got.y = w.middle[1] + q[Y];
-        if (hypot(got.x - place->x, got.y - place->y) > place->reach_px)
-            return false;
-    }
-    got.angle[0] = q[ANGLE1];
-    got.angle[1] = q[ANGLE2];
-    got.contrast = fabs(q[CONTRAST]);
-    got.left_over = sqrt(noise2);
-    spread(&got, q);
-    if (!plausible(&got, q, start, place, reach) || !expected(&got.noise_px, &w, q, noise2))
+    if (!usable(place) || !collect(&w, luma, place, s.x, s.y, largest_px))
         return false;
-    *out = got;
+    reach =
+        fmin(place->half_mm * sqrt(place->slope[0] * place->slope[3] - place->slope[1] * place->slope[2]), largest_px);
+    begin(q, &w, place, fmax(1, reach / 6));
+    memcpy(start, q, sizeof(start));
+    if (!(q[CONTRAST] * place->sign > 4) || !fit(&s, q, &w, &noise2, 0.02) ||
+        hypot(s.x - place->x, s.y - place->y) > place->reach_px)
+        return false;
+    /* A second look: the window around the point itself, the blur known. */
+    q[LEVEL] *= 1 + q[LIGHT_X] * q[X] + q[LIGHT_Y] * q[Y];
+    q[X] = q[Y] = 0;
+    if (!collect(&w, luma, place, s.x, s.y, largest_px) || !fit(&s, q, &w, &noise2, 5e-4))
+        return false;
+    s.angle[0] = q[ANGLE1];
+    s.angle[1] = q[ANGLE2];
+    s.contrast = q[CONTRAST];
+    s.left_over = sqrt(noise2);
+    spread(&s, q);
+    if (!plausible(&s, q, start, place, reach) || !expected(&s.noise_px, &w, q, noise2))
+        return false;
+    *out = s;
     return true;
 }

@@ -31,9 +31,6 @@ struct sst_descriptor {
 
 struct sst_network;
 
-/** Luma of an image, (77 R + 150 G + 29 B + 128) >> 8. @param luma out, initialised here */
-SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
-
 /**
  * Whether a network can make features of views of this size: one channel in, 64 of the same size out.
  * @param name  of its file, for messages
