@@ -286,6 +286,11 @@ static inline void made_open(struct made *m, const struct made_config *cfg)
     *m = (struct made){ .cfg = *cfg, .state = cfg->seed };
     m->all = (struct sst_detections){ .rows = cfg->rows,
                                       .cols = cfg->cols,
+                                      .board = { .kind = SST_BOARD_CHARUCO,
+                                                 .cols = sst_max_int(cfg->across, 4) + 1,
+                                                 .rows = sst_max_int(cfg->down, 4) + 1,
+                                                 .square_mm = 40,
+                                                 .marker = 0.7 },
                                       .width = cfg->width,
                                       .height = cfg->height,
                                       .frames = cfg->frames,

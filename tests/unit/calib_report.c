@@ -488,6 +488,7 @@ static void page_text_and_json_agree_with_the_solution(void **state)
     assert_has(page, "<b>frame0003</b>");
     assert_has(text, "worst frame   frame0003: ");
     assert_has(page, "RMS of each frame");
+    assert_has(page, "<p>Its coverage lacks: ");
     for (int i = 0; i < 12; i++) {
         snprintf(want, sizeof(want), "<title>frame%04d: %s px</title>", i, SST_NUM(m.solution.frame[i].rms_px, 3));
         assert_has(page, want);
