@@ -37,12 +37,13 @@ static cv::Mat mat_of(const struct sst_map_u8 *luma)
 int sst_cv_chessboard(float (*corner)[2], const struct sst_map_u8 *luma, int cols, int rows, int thorough)
 {
     return guarded([&] {
-        const int flags = cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE;
+        const int flags = cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK;
+        const cv::Size size(cols, rows);
         std::vector<cv::Point2f> found;
 
-        if (!cv::findChessboardCorners(mat_of(luma), cv::Size(cols, rows), found,
-                                       thorough ? flags : flags | cv::CALIB_CB_FAST_CHECK) ||
-            found.size() != (size_t)cols * rows)
+        if (!(thorough ? cv::findChessboardCornersSB(mat_of(luma), size, found)
+                       : cv::findChessboardCorners(mat_of(luma), size, found, flags)) ||
+            found.size() != (size_t)cols * (size_t)rows)
             return 0;
         for (size_t i = 0; i < found.size(); i++) {
             corner[i][0] = found[i].x;
@@ -211,8 +212,8 @@ int sst_cv_marker_bits(uint8_t *bits, int dictionary, int id)
 {
     return guarded([&] {
         const auto dict = cv::aruco::getPredefinedDictionary(dictionary);
-        const cv::Mat m = cv::aruco::Dictionary::getBitsFromByteList(dict->bytesList.rowRange(id, id + 1),
-                                                                     dict->markerSize);
+        const cv::Mat m =
+            cv::aruco::Dictionary::getBitsFromByteList(dict->bytesList.rowRange(id, id + 1), dict->markerSize);
 
         for (int y = 0; y < m.rows; y++) {
             for (int x = 0; x < m.cols; x++)

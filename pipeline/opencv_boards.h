@@ -9,8 +9,8 @@ SST_EXTERN_C_BEGIN
 /* All return 0 or more, -ENOTSUP (a build without OpenCV), -ENOMEM or -EINVAL (OpenCV refused). Not logged. Thread:
  * any. Corners are in px, pixel centres on integers. */
 
-/** Chessboard of cols x rows inner corners, row by row. @param thorough  also where a fast look sees none
- *  @return 1 found, 0 not */
+/** Chessboard of cols x rows inner corners, row by row. @param thorough  another, slower finder: smaller and more
+ *  blurred boards. @return 1 found, 0 not */
 SST_MUST_CHECK int sst_cv_chessboard(float (*corner)[2], const struct sst_map_u8 *luma, int cols, int rows,
                                      int thorough);
 

@@ -199,8 +199,8 @@ static inline int board_scene_draw(struct sst_image *out, const struct board_sce
                 for (int c = 0; c < 2; c++)
                     p[c] = (1 - b) * ((1 - a) * left[0][c] + a * right[0][c]) +
                            b * ((1 - a) * left[1][c] + a * right[1][c]);
-                fine[(size_t)(y * SCENE_FINE + k / SCENE_FINE) * (size_t)w + (size_t)(x * SCENE_FINE + k % SCENE_FINE)] =
-                    scene_light(s, &t, p[0], p[1]);
+                fine[(size_t)(y * SCENE_FINE + k / SCENE_FINE) * (size_t)w +
+                     (size_t)(x * SCENE_FINE + k % SCENE_FINE)] = scene_light(s, &t, p[0], p[1]);
             }
             memcpy(left, right, sizeof(left));
         }

@@ -7,8 +7,6 @@
 #include "pipeline/calib/detect_parts.h"
 #include "pipeline/opencv_boards.h"
 
-#define COARSE_SIDE 1100
-
 /* Corners row by row. */
 struct grid {
     int cols, rows;
@@ -59,8 +57,8 @@ static double even_brighter(const struct grid *g, const struct sst_map_u8 *luma)
             const int x = (int)lround((a[0] + b[0] + c[0] + d[0]) / 4.0);
             const int y = (int)lround((a[1] + b[1] + c[1] + d[1]) / 4.0);
 
-            sum[(i + j) % 2] += sst_map_u8_row(luma, sst_clamp_int(y, 0, luma->height - 1))[sst_clamp_int(
-                x, 0, luma->width - 1)];
+            sum[(i + j) % 2] +=
+                sst_map_u8_row(luma, sst_clamp_int(y, 0, luma->height - 1))[sst_clamp_int(x, 0, luma->width - 1)];
             n[(i + j) % 2]++;
         }
     }
@@ -126,32 +124,35 @@ static int keep(struct sst_sighting *s, const struct grid *g, double scale)
     return 1;
 }
 
-int sst_find_chessboard(struct sst_sighting *s)
+static int find_at(struct sst_sighting *s, struct grid *g, const struct sst_map_u8 *luma, double scale, bool thorough)
+{
+    const int r = sst_cv_chessboard(g->at, luma, g->cols, g->rows, thorough);
+
+    if (r <= 0)
+        return r;
+    s->other = put_in_order(g, luma);
+    return keep(s, g, scale);
+}
+
+int sst_find_chessboard(struct sst_sighting *s, bool quick)
 {
     struct grid g = { s->board->cols - 1, s->board->rows - 1, NULL };
-    const struct sst_map_u8 *level[4] = { s->luma };
-    struct sst_map_u8 small[3] = { 0 };
-    int n = 0, r = 0;
+    struct sst_pyramid p;
+    int r = sst_pyramid_init(&p, s->luma);
 
+    if (r)
+        return r;
     g.at = malloc((size_t)sst_board_points(s->board) * sizeof(*g.at));
     if (!g.at)
-        return -ENOMEM;
-    while (n < 3 && sst_max_int(level[n]->width, level[n]->height) > COARSE_SIDE && !r) {
-        r = sst_luma_halve(&small[n], level[n]);
-        if (!r) {
-            level[n + 1] = &small[n];
-            n++;
-        }
+        r = -ENOMEM;
+    for (int n = p.levels - 1; n >= 0 && !r; n--) {
+        r = find_at(s, &g, p.level[n], 1 << n, false);
+        if (quick)
+            break;
     }
-    for (; n >= 0 && !r; n--) {
-        r = sst_cv_chessboard(g.at, level[n], g.cols, g.rows, false);
-        if (r > 0) {
-            s->other = put_in_order(&g, level[n]);
-            r = keep(s, &g, 1 << n);
-        }
-    }
-    for (int i = 0; i < 3; i++)
-        sst_map_u8_fini(&small[i]);
+    for (int n = p.levels - 1; n >= 0 && !r && !quick; n--)
+        r = find_at(s, &g, p.level[n], 1 << n, true);
+    sst_pyramid_fini(&p);
     free(g.at);
     return r;
 }

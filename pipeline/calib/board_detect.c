@@ -8,32 +8,59 @@
 #include "base/log.h"
 #include "pipeline/calib/detect_parts.h"
 
-#define LEAST_POINTS   6
-#define FLOOR_PX       0.05 /* corner noise that no picture goes below: print, flatness, lens model */
-#define LEAST_BLUR_PX  0.3  /* a pixel's own width: sharper is not to be seen */
-#define FOREIGN_LEAST  4    /* markers that do not belong: fewer are read from clutter */
+#define LEAST_POINTS  6
+#define COARSE_SIDE   1100 /* px: boards are sought in pictures no larger, if they are found there */
+#define FLOOR_PX      0.05 /* corner noise that no picture goes below: print, flatness, lens model */
+#define LEAST_BLUR_PX 0.3  /* a pixel's own width: sharper is not to be seen */
+#define FOREIGN_LEAST 4    /* markers that do not belong: fewer are read from clutter */
 
-/* --- grey -------------------------------------------------------------------------------------------------------- */
+/* --- size -------------------------------------------------------------------------------------------------------- */
 
+<<<<<<< HEAD
 int sst_luma_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
+=======
+/* Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. */
+static int halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
 {
-    struct sst_map_u8 map;
-    const int err = sst_map_u8_init(&map, sst_max_int(in->width / 2, 1), sst_max_int(in->height / 2, 1));
+    const int err = sst_map_u8_init(out, sst_max_int(in->width / 2, 1), sst_max_int(in->height / 2, 1));
 
-    if (err)
-        return err;
-    for (int y = 0; y < map.height; y++) {
+    for (int y = 0; y < out->height && !err; y++) {
         const uint8_t *a = sst_map_u8_row(in, 2 * y), *b = sst_map_u8_row(in, sst_min_int(2 * y + 1, in->height - 1));
-        uint8_t *row = sst_map_u8_row(&map, y);
+        uint8_t *row = sst_map_u8_row(out, y);
 
-        for (int x = 0; x < map.width; x++) {
-            const int next = sst_min_int(2 * x + 1, in->width - 1);
+        for (int x = 0; x < out->width; x++) {
+            const int at = sst_min_int(2 * x, in->width - 1), next = sst_min_int(2 * x + 1, in->width - 1);
 
-            row[x] = (uint8_t)((a[2 * x] + a[next] + b[2 * x] + b[next] + 2) >> 2);
+            row[x] = (uint8_t)((a[at] + a[next] + b[at] + b[next] + 2) >> 2);
         }
     }
-    *out = map;
+    return err;
+}
+
+int sst_pyramid_init(struct sst_pyramid *p, const struct sst_map_u8 *luma)
+{
+    *p = (struct sst_pyramid){ .levels = 1, .level = { luma } };
+    while (p->levels < (int)ARRAY_LEN(p->level)) {
+        const struct sst_map_u8 *last = p->level[p->levels - 1];
+
+        if (sst_max_int(last->width, last->height) <= COARSE_SIDE)
+            break;
+        if (halve(&p->half[p->levels - 1], last)) {
+            sst_pyramid_fini(p);
+            return -ENOMEM;
+        }
+        p->level[p->levels] = &p->half[p->levels - 1];
+        p->levels++;
+    }
     return 0;
+}
+
+void sst_pyramid_fini(struct sst_pyramid *p)
+>>>>>>> detect
+{
+    for (size_t i = 0; i < ARRAY_LEN(p->half); i++)
+        sst_map_u8_fini(&p->half[i]);
+    *p = (struct sst_pyramid){ 0 };
 }
 
 /* --- judging ----------------------------------------------------------------------------------------------------- */
@@ -83,8 +110,8 @@ static int measure_blur(struct sst_detection *d, const struct sst_sighting *s)
     middle = (b[0] + b[2]) / 2;
     half = hypot((b[0] - b[2]) / 2, b[1]);
     d->blur_px = sqrt(fmax(middle, LEAST_BLUR_PX * LEAST_BLUR_PX));
-    d->blur_aspect = sqrt(fmax(middle + half, LEAST_BLUR_PX * LEAST_BLUR_PX) /
-                          fmax(middle - half, LEAST_BLUR_PX * LEAST_BLUR_PX));
+    d->blur_aspect =
+        sqrt(fmax(middle + half, LEAST_BLUR_PX * LEAST_BLUR_PX) / fmax(middle - half, LEAST_BLUR_PX * LEAST_BLUR_PX));
     return 0;
 }
 
@@ -121,8 +148,7 @@ static int fill(struct sst_detection *out, const struct sst_sighting *s, int cou
         const struct sst_saddle *c = &s->saddle[i];
 
         if (s->seen[i])
-            d.corner[d.corners++] =
-                (struct sst_corner){ i, c->x, c->y, FLOOR_PX / hypot(FLOOR_PX, c->noise_px) };
+            d.corner[d.corners++] = (struct sst_corner){ i, c->x, c->y, FLOOR_PX / hypot(FLOOR_PX, c->noise_px) };
     }
     err = measure_blur(&d, s);
     if (err) {
@@ -162,7 +188,7 @@ static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, co
 static int detect_markers(struct sst_sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
                           const struct sst_detect_config *cfg)
 {
-    int decoded, good = sst_find_markers(s, &decoded), count;
+    int decoded, good = sst_find_markers(s, cfg && cfg->quick, &decoded), count;
 
     if (good < 0)
         return good;
@@ -181,7 +207,7 @@ static int detect_markers(struct sst_sighting *s, struct sst_detection *out, enu
 static int detect_chessboard(struct sst_sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
                              const struct sst_detect_config *cfg)
 {
-    const int found = sst_find_chessboard(s);
+    const int found = sst_find_chessboard(s, cfg && cfg->quick);
     int count;
 
     *outcome = SST_DETECT_NONE;

@@ -8,11 +8,9 @@
 #include "pipeline/calib/homography.h"
 #include "pipeline/opencv_boards.h"
 
-#define DECODED_MAX  1200
-#define TRIES        200
-#define GOOD_ENOUGH  6      /* markers that agree: no look at the larger picture */
+#define TRIES                200
+#define GOOD_ENOUGH          6    /* markers that agree: no look at the larger picture */
 #define MARKER_CORNER_WEIGHT 0.02 /* such a corner is about a pixel off, a refined point less than a tenth */
-#define COARSE_SIDE  1100
 
 /* A marker that was read, and where it is on the board. */
 struct match {
@@ -118,8 +116,7 @@ static int by_number(const void *a, const void *b)
     return (x->id > y->id) - (x->id < y->id);
 }
 
-/* Where the markers that were read are on the board. Of one read twice the first counts, which of both it is matters
- * little: they lie on each other, or one of them is wrong and does not agree. */
+/* Where the markers that were read are on the board. One read at two places counts at both: at most one agrees. */
 static int match_markers(struct match *out, const struct sst_cv_marker *read, int n, const struct sst_board_marker *on,
                          int markers, double scale)
 {
@@ -140,12 +137,13 @@ static int match_markers(struct match *out, const struct sst_cv_marker *read, in
     return count;
 }
 
-static int read_markers(struct sst_cv_marker *read, const struct sst_map_u8 *luma, const struct sst_board *board)
+int sst_read_markers(struct sst_cv_marker *read, const struct sst_map_u8 *luma, int dictionary, int border,
+                     bool touching)
 {
-    int border, dictionary = sst_board_dictionary(board, &border), n, kept = 0;
+    int kept = 0;
+    const int n = touching ? sst_cv_touching_tags(read, SST_MARKERS_MAX, luma, dictionary, border)
+                           : sst_cv_markers(read, SST_MARKERS_MAX, luma, dictionary, border);
 
-    n = board->kind == SST_BOARD_APRILGRID ? sst_cv_touching_tags(read, DECODED_MAX, luma, dictionary, border)
-                                           : sst_cv_markers(read, DECODED_MAX, luma, dictionary, border);
     if (n < 0)
         return n;
     qsort(read, (size_t)n, sizeof(*read), by_number);
@@ -181,54 +179,48 @@ static int keep_anchors(struct sst_sighting *s, const struct match *m, int n, in
     return good;
 }
 
-/* One picture size. @return markers that agree, their anchors in s where they are more than best */
-static int find_at(struct sst_sighting *s, const struct sst_map_u8 *luma, double scale, int best, int *decoded)
+int sst_place_markers(struct sst_sighting *s, const struct sst_cv_marker *read, int n, double scale)
 {
-    const int markers = sst_board_markers(NULL, s->board, false) + sst_board_markers(NULL, s->board, true);
-    struct sst_cv_marker *read = malloc(DECODED_MAX * sizeof(*read));
-    struct sst_board_marker *on = malloc((size_t)markers * sizeof(*on));
-    struct match *m = malloc(2 * DECODED_MAX * sizeof(*m));
-    int n = -ENOMEM;
+    const int markers = sst_max_int(sst_board_markers(NULL, s->board, false), sst_board_markers(NULL, s->board, true));
+    struct sst_board_marker *on = malloc(((size_t)markers + 1) * sizeof(*on));
+    struct match *m = malloc(((size_t)n + 1) * sizeof(*m));
+    int best = on && m ? s->anchors / 4 : -ENOMEM;
 
-    if (read && on && m)
-        n = read_markers(read, luma, s->board);
-    if (n >= 0 && n > *decoded)
-        *decoded = n;
-    for (int other = 0; other < 2 && n > 0; other++) {
+    for (int other = 0; other < 2 && best >= 0; other++) {
         const int known = match_markers(m, read, n, on, sst_board_markers(on, s->board, other), scale);
         const int good = agree(m, known);
 
         if (good < 0) {
-            n = good;
+            best = good;
         } else if (good > best) {
             best = keep_anchors(s, m, known, good);
             s->other = other;
-            n = best < 0 ? best : n;
         }
     }
-    free(read);
     free(on);
     free(m);
-    return n < 0 ? n : best;
+    return best;
 }
 
-int sst_find_markers(struct sst_sighting *s, int *decoded)
+int sst_find_markers(struct sst_sighting *s, bool quick, int *decoded)
 {
-    struct sst_map_u8 small[3] = { 0 };
-    const struct sst_map_u8 *level[4] = { s->luma };
-    int n = 0, best = 0;
+    int border, dictionary = sst_board_dictionary(s->board, &border), best;
+    struct sst_cv_marker *read = malloc(SST_MARKERS_MAX * sizeof(*read));
+    struct sst_pyramid p;
 
     *decoded = 0;
-    while (n < 3 && sst_max_int(level[n]->width, level[n]->height) > COARSE_SIDE && best >= 0) {
-        best = sst_luma_halve(&small[n], level[n]);
-        if (!best) {
-            level[n + 1] = &small[n];
-            n++;
-        }
+    if (!read)
+        return -ENOMEM;
+    best = sst_pyramid_init(&p, s->luma);
+    for (int n = p.levels - 1; n >= 0 && best >= 0 && best < GOOD_ENOUGH; n--) {
+        const int count = sst_read_markers(read, p.level[n], dictionary, border, s->board->kind == SST_BOARD_APRILGRID);
+
+        best = count < 0 ? count : sst_place_markers(s, read, count, 1 << n);
+        *decoded = sst_max_int(*decoded, count);
+        if (quick)
+            break;
     }
-    for (; n >= 0 && best >= 0 && best < GOOD_ENOUGH; n--)
-        best = find_at(s, level[n], 1 << n, best, decoded);
-    for (int i = 0; i < 3; i++)
-        sst_map_u8_fini(&small[i]);
+    sst_pyramid_fini(&p);
+    free(read);
     return best;
 }

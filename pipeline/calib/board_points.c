@@ -7,7 +7,7 @@
 #include "pipeline/calib/detect_parts.h"
 #include "pipeline/calib/homography.h"
 
-#define NEIGHBOURS 14
+#define NEIGHBOURS  14
 #define GROW_ROUNDS 12
 #define LARGEST_PX  8 /* of a window, from its point, for pictures up to 1000 pixels wide; more sees the lens bend */
 #define TAG_BORDER  0.2
@@ -103,8 +103,7 @@ static bool look(struct sst_saddle *out, const struct sst_sighting *s, int id, c
     place.x = px[0];
     place.y = px[1];
     surroundings(&place, s->board, id, s->other);
-    place.reach_px =
-        reach * (1 + pitch * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4);
+    place.reach_px = reach * (1 + pitch * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4);
     return sst_saddle_refine(out, s->luma, &place, largest_window(s->luma));
 }
 

@@ -23,7 +23,7 @@
 #define MIN_BLUR_PX 0.2
 #define MAX_BLUR_PX 12.0
 #define MAX_SLOPE   0.05 /* of the light, per px */
-#define MAX_SKEW    0.8 /* of the correlation, where three terms still do */
+#define MAX_SKEW    0.8  /* of the correlation, where three terms still do */
 
 /* x and y relative to the window's middle; log of the blur's widths. */
 enum { X, Y, ANGLE1, ANGLE2, BLUR1, BLUR2, SKEW, LEVEL, CONTRAST, LIGHT_X, LIGHT_Y };
@@ -92,8 +92,8 @@ static struct edge edge_at(double t)
     if (fabs(t) < FAR) {
         /* erf to 1.5e-7 with the exponential that is needed anyway (Hastings 1955, sheet 43). */
         const double bell = exp(-t * t / 2), k = 1 / (1 + 0.3275911 * M_SQRT1_2 * fabs(t));
-        const double tail = k * (0.254829592 + k * (-0.284496736 + k * (1.421413741 + k * (-1.453152027 +
-                                                                                           k * 1.061405429))));
+        const double tail =
+            k * (0.254829592 + k * (-0.284496736 + k * (1.421413741 + k * (-1.453152027 + k * 1.061405429))));
 
         e.p = copysign(1 - tail * bell, t);
         e.slope = M_SQRT1_2 * M_2_SQRTPI * bell;
@@ -121,13 +121,9 @@ struct pose {
 
 static struct pose pose_of(const double q[PARAMETERS])
 {
-    return (struct pose){ q,
-                          cos(q[ANGLE1]),
-                          sin(q[ANGLE1]),
-                          cos(q[ANGLE2]),
-                          sin(q[ANGLE2]),
-                          exp(-q[BLUR1]),
-                          exp(-q[BLUR2]) };
+    return (struct pose){
+        q, cos(q[ANGLE1]), sin(q[ANGLE1]), cos(q[ANGLE2]), sin(q[ANGLE2]), exp(-q[BLUR1]), exp(-q[BLUR2])
+    };
 }
 
 /* The model's grey at a pixel, and its derivatives; by[0 .. SKEW] are all 0 where first is LEVEL. */
@@ -352,8 +348,8 @@ bool sst_saddle_refine(struct sst_saddle *out, const struct sst_map_u8 *luma, co
 
     if (!usable(place) || !collect(&w, luma, place, s.x, s.y, largest_px))
         return false;
-    reach = fmin(place->half_mm * sqrt(place->slope[0] * place->slope[3] - place->slope[1] * place->slope[2]),
-                 largest_px);
+    reach =
+        fmin(place->half_mm * sqrt(place->slope[0] * place->slope[3] - place->slope[1] * place->slope[2]), largest_px);
     begin(q, &w, place, fmax(1, reach / 6));
     memcpy(start, q, sizeof(start));
     if (!(q[CONTRAST] * place->sign > 4) || !fit(&s, q, &w, &noise2, 0.02) ||

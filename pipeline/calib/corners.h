@@ -22,9 +22,9 @@ struct sst_saddle_place {
 };
 
 struct sst_saddle {
-    double x, y;                 /* px */
-    double angle[2];             /* of the normals of the edges u = 0 and v = 0, rad */
-    double noise_px;             /* expected error of x and y from what the fit leaves: RMS of both */
+    double x, y;                      /* px */
+    double angle[2];                  /* of the normals of the edges u = 0 and v = 0, rad */
+    double noise_px;                  /* expected error of x and y from what the fit leaves: RMS of both */
     double blur_xx, blur_xy, blur_yy; /* covariance of the point spread, px^2 */
     double contrast, left_over; /* half the difference of the greys, negative where u v > 0 is black; RMS of what the
                                    fit leaves; 0..255 */

@@ -4,6 +4,7 @@
 
 #include "pipeline/calib/corners.h"
 #include "pipeline/calib/detect.h"
+#include "pipeline/opencv_boards.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -24,9 +25,12 @@ struct sst_sighting {
     struct sst_saddle *saddle; /* [points] where seen */
 };
 
+<<<<<<< HEAD
 /** Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. @param out  initialised here */
 SST_MUST_CHECK int sst_luma_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in);
 
+=======
+>>>>>>> detect
 /**
  * Where a place of the board is, from the anchors around it.
  *
@@ -37,19 +41,43 @@ SST_MUST_CHECK int sst_luma_halve(struct sst_map_u8 *out, const struct sst_map_u
 SST_MUST_CHECK bool sst_anchors_predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n,
                                         double step_mm, const double at[2], int skip);
 
+/** A picture and its halves, down to about a thousand pixels. */
+struct sst_pyramid {
+    int levels;
+    const struct sst_map_u8 *level[6]; /* [0] is the picture itself */
+    struct sst_map_u8 half[5];
+};
+/** @return 0 or -ENOMEM, which leaves nothing to free */
+SST_MUST_CHECK int sst_pyramid_init(struct sst_pyramid *p, const struct sst_map_u8 *luma);
+void sst_pyramid_fini(struct sst_pyramid *p);
+
+#define SST_MARKERS_MAX 1200
+
+/** Markers in a picture by ascending number, at most SST_MARKERS_MAX. @param touching  tags of an AprilGrid
+ *  @return how many, -ENOTSUP, -ENOMEM, -EINVAL */
+SST_MUST_CHECK int sst_read_markers(struct sst_cv_marker *read, const struct sst_map_u8 *luma, int dictionary,
+                                    int border, bool touching);
+
 /**
- * Find the markers, and keep as anchors the corners of those that agree on where the board is; sets other.
+ * Keep as anchors the corners of the markers that agree on where the board is, where they are more than the anchors
+ * already there; sets other.
  *
- * @param decoded  out: markers that were read at all
- * @return markers that agree, -ENOTSUP, -ENOMEM, -EINVAL
+ * @param scale  picture pixels to a pixel of what was read
+ * @return markers that agree, or -ENOMEM
  */
-SST_MUST_CHECK int sst_find_markers(struct sst_sighting *s, int *decoded);
+SST_MUST_CHECK int sst_place_markers(struct sst_sighting *s, const struct sst_cv_marker *read, int n, double scale);
+
+/**
+ * Both of these. @param quick  at most in a picture of about a thousand pixels. @param decoded  out: markers that were
+ * read at all. @return as both
+ */
+SST_MUST_CHECK int sst_find_markers(struct sst_sighting *s, bool quick, int *decoded);
 
 /**
  * Find a chessboard: anchors are its corners in our order, other says that its upper left square is white.
  * @return 1 found, 0 not, -ENOTSUP, -ENOMEM, -EINVAL
  */
-SST_MUST_CHECK int sst_find_chessboard(struct sst_sighting *s);
+SST_MUST_CHECK int sst_find_chessboard(struct sst_sighting *s, bool quick);
 
 /** From the anchors to points: predict, refine, go on from what was found, drop what does not fit in. @return how many
  *  are seen, -ENOMEM */

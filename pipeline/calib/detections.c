@@ -1,8 +1,8 @@
 /* All detections of a capture: kept in order, chessboards numbered alike within a frame. */
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "pipeline/calib/detect.h"
@@ -158,17 +158,17 @@ static bool sound(const struct sst_detections *all, const struct sst_detection *
 
 int sst_detections_add(struct sst_detections *all, struct sst_detection *detection)
 {
-    const int ways = all->board.kind == SST_BOARD_CHESSBOARD
-                         ? sst_chessboard_ways(all->board.cols - 1, all->board.rows - 1)
-                         : 1;
+    const int ways =
+        all->board.kind == SST_BOARD_CHESSBOARD ? sst_chessboard_ways(all->board.cols - 1, all->board.rows - 1) : 1;
     int at = all->count, first, end;
     void *list = all->detection;
     bool room;
 
     if (!sound(all, detection))
         return -EINVAL;
-    while (at > 0 && (all->detection[at - 1].frame > detection->frame ||
-                      (all->detection[at - 1].frame == detection->frame && all->detection[at - 1].view > detection->view)))
+    while (at > 0 &&
+           (all->detection[at - 1].frame > detection->frame ||
+            (all->detection[at - 1].frame == detection->frame && all->detection[at - 1].view > detection->view)))
         at--;
     if (at > 0 && all->detection[at - 1].frame == detection->frame && all->detection[at - 1].view == detection->view)
         return -EINVAL;

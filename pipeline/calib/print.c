@@ -43,8 +43,7 @@ static int add_marker(struct sst_print *p, const struct sst_board_marker *m, int
         for (int col = 0; col <= total; col++) {
             const int x = col - border, y = row - border;
             const int k = turned ? inner * inner - 1 - (y * inner + x) : y * inner + x;
-            const bool white =
-                col == total || (x >= 0 && y >= 0 && x < inner && y < inner && bits[k]);
+            const bool white = col == total || (x >= 0 && y >= 0 && x < inner && y < inner && bits[k]);
 
             if (!white)
                 continue;

@@ -13,7 +13,7 @@ struct sst_print {
     int count;
     struct {
         double x, y, width, height;
-    } *rect;
+    } * rect;
 };
 
 /**
