@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/calib/solve_parts.h"
 
@@ -241,6 +242,8 @@ int sst_solve_adjust(struct solve_problem *p, const struct solve_adjust_config *
                                     .cost = cost,
                                     .rcond = cholmod_rcond(ctx->factorization, &ctx->common),
                                     .converged = a.evaluations <= cfg->max_iterations };
+    sst_log_debug("solve: %d states, %d measurements, %d coefficients: %.6g px^2 after %d evaluations", out->states,
+                  out->measurements, p->lens, cost, out->evaluations);
     err = 0;
 out:
     if (ctx)
