@@ -143,7 +143,7 @@ static void say_unchecked(struct sst_check *out, const struct sst_check_work *w)
 /* Over measured pairs. */
 static int fill_pairs(struct sst_check *out, const struct sst_check_work *w)
 {
-    double *v = malloc(((size_t)w->links * SST_CHECK_FEATURES + 1) * sizeof(*v)), sum = 0;
+    double *v = malloc(((size_t)w->links * SST_CHECK_CELLS + 1) * sizeof(*v)), sum = 0;
     int n = 0;
 
     out->pair = calloc((size_t)w->links + 1, sizeof(*out->pair));
@@ -165,7 +165,7 @@ static int fill_pairs(struct sst_check *out, const struct sst_check_work *w)
         out->max_px = fmax(out->measured ? out->max_px : 0, fabs(l->mean_px));
         out->measured++;
         sum += fabs(l->mean_px);
-        for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+        for (int k = 0; k < SST_CHECK_CELLS; k++) {
             if (l->used[k])
                 v[n++] = fabs(l->m[k].cross);
         }
@@ -288,7 +288,7 @@ static int begin(struct sst_check_work *w, const struct sst_lightfield *lf, cons
     *w = (struct sst_check_work){ .lf = lf, .cfg = *cfg, .views = lf->rows * lf->cols };
     w->cfg.ok_px = cfg->ok_px > 0 ? cfg->ok_px : 0.25;
     w->cfg.unusable_px = cfg->unusable_px > 0 ? cfg->unusable_px : 1.0;
-    w->cfg.min_matches = cfg->min_matches > 0 ? cfg->min_matches : 30;
+    w->cfg.min_matches = cfg->min_matches > 0 ? cfg->min_matches : 10;
     w->cfg.threads = sst_thread_count(cfg->threads);
     for (int v = 0; v < w->views; v++)
         present += lf->views[v].present && lf->views[v].image.plane[0];

@@ -67,7 +67,7 @@ static void add_part(struct observation *o, const struct system *s, int cam, con
 static void add_match(struct observation *o, const struct system *s, const struct sst_check_link *l, int k,
                       const double axis[2], double f)
 {
-    const struct sst_check_feature *p = &s->w->view[l->a].feature[k];
+    const struct sst_check_feature *p = &s->w->view[l->a].feature[l->feature[k]];
     const double at_a[2] = { p->x, p->y }, at_b[2] = { p->x + l->m[k].dx, p->y + l->m[k].dy };
 
     add_part(o, s, l->b, at_b, axis, f);
@@ -76,9 +76,9 @@ static void add_match(struct observation *o, const struct system *s, const struc
 
 /* Disparity along p less that along q, which begin at the same view. */
 static struct observation two_disparities(const struct system *s, const struct sst_check_link *p,
-                                          const struct sst_check_link *q, int k)
+                                          const struct sst_check_link *q, int k, double difference)
 {
-    struct observation o = { .value = sst_check_two_disparities(p, q, k) };
+    struct observation o = { .value = difference };
 
     o.sigma = sqrt(p->m[k].var_along / (p->length * p->length) + q->m[k].var_along / (q->length * q->length));
     add_match(&o, s, p, k, p->s.u, -1 / p->length);
@@ -94,16 +94,17 @@ static void observe(struct system *s)
 
         if (l->state != SST_CHECK_PAIR_MEASURED)
             continue;
-        for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+        for (int k = 0; k < SST_CHECK_CELLS; k++) {
             struct observation o = { .value = l->m[k].cross, .sigma = sqrt(l->m[k].var_cross) };
+            double difference;
 
             if (!l->used[k])
                 continue;
             add_match(&o, s, l, k, l->s.n, 1);
             s->o[s->count++] = o;
             s->seen[l->a] = s->seen[l->b] = true;
-            if (other && other->used[k])
-                s->o[s->count++] = two_disparities(s, l, other, k);
+            if (other && sst_check_two_disparities(&difference, l, other, k))
+                s->o[s->count++] = two_disparities(s, l, other, k, difference);
         }
     }
 }
@@ -381,7 +382,7 @@ static int report(struct sst_check_camera *cam, const struct system *s, double *
 
 int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_work *w)
 {
-    const size_t most = (size_t)w->links * 2 * SST_CHECK_FEATURES + 1, n = (size_t)w->views * STATES;
+    const size_t most = (size_t)w->links * 2 * SST_CHECK_CELLS + 1, n = (size_t)w->views * STATES;
     const double width = w->lf->width, height = w->lf->height;
     struct system s = { .w = w,
                         .radius = sqrt((width * width + height * height) / 12),

@@ -18,6 +18,9 @@
                               gives 1/12 */
 #define TEXTURE_NOISE 15.0 /* and this many times what noise gives */
 #define NOISE_CAP     3.0  /* grey levels: what looks like more is texture everywhere */
+#define NOISE_BLOCK   8    /* half-size px */
+#define NOISE_BLOCKS  2000 /* at most */
+#define NOISE_BIAS    1.25 /* of the 2 % of blocks with the least noise, where there is nothing but noise */
 #define CELL_STEP     2    /* the least eigenvalue is looked at on every second pixel both ways */
 
 void sst_check_level_size(const struct sst_check_view *view, int level, int *width, int *height)
@@ -106,56 +109,94 @@ static int compare_float(const void *pa, const void *pb)
     return (a > b) - (a < b);
 }
 
-/* RMS of noise in grey levels: second differences both ways (Immerkaer 1996) have 6 times it; of all cells that are
- * not clipped the quarter with the least, since texture only adds. */
+/* Mean square of second differences both ways (Immerkaer 1996) in a block, over the 36 that they have of white noise of
+ * 1; negative: clipped values. */
+static float block_noise(const struct sst_map_u8 *grey, int x0, int y0)
+{
+    int sum = 0, squares = 0;
+
+    for (int y = y0; y < y0 + NOISE_BLOCK; y++) {
+        const uint8_t *p = sst_map_u8_row(grey, y - 1), *q = p + grey->stride, *r = q + grey->stride;
+
+        for (int x = x0; x < x0 + NOISE_BLOCK; x++) {
+            const int d =
+                p[x - 1] - 2 * p[x] + p[x + 1] - 2 * (q[x - 1] - 2 * q[x] + q[x + 1]) + r[x - 1] - 2 * r[x] + r[x + 1];
+
+            sum += q[x];
+            squares += d * d;
+        }
+    }
+    if (sum < 4 * NOISE_BLOCK * NOISE_BLOCK || sum > 251 * NOISE_BLOCK * NOISE_BLOCK)
+        return -1;
+    return (float)squares / (36.0f * NOISE_BLOCK * NOISE_BLOCK);
+}
+
+/* RMS of noise in grey levels, from the least of many small blocks: texture only adds. */
 static double noise_of(const struct sst_map_u8 *grey)
 {
-    float cell[SST_CHECK_FEATURES];
+    const int step = sst_max_int(NOISE_BLOCK, (int)sqrt((double)grey->width * grey->height / NOISE_BLOCKS) + 1);
+    float v[NOISE_BLOCKS];
     int n = 0;
 
-    for (int j = 0; j < SST_CHECK_CELLS_Y; j++) {
-        for (int i = 0; i < SST_CHECK_CELLS_X; i++) {
-            const int x0 = sst_max_int(i * grey->width / SST_CHECK_CELLS_X, 1);
-            const int x1 = sst_min_int((i + 1) * grey->width / SST_CHECK_CELLS_X, grey->width - 1);
-            const int y0 = sst_max_int(j * grey->height / SST_CHECK_CELLS_Y, 1);
-            const int y1 = sst_min_int((j + 1) * grey->height / SST_CHECK_CELLS_Y, grey->height - 1);
-            int64_t sum = 0, squares = 0, count = 0;
+    for (int y = 1; y + NOISE_BLOCK < grey->height; y += step) {
+        for (int x = 1; x + NOISE_BLOCK < grey->width; x += step) {
+            const float noise = block_noise(grey, x, y);
 
-            for (int y = y0; y < y1; y += 2) {
-                const uint8_t *p = sst_map_u8_row(grey, y - 1), *q = p + grey->stride, *r = q + grey->stride;
-
-                for (int x = x0; x < x1; x += 2, count++) {
-                    const int d = p[x - 1] - 2 * p[x] + p[x + 1] - 2 * (q[x - 1] - 2 * q[x] + q[x + 1]) + r[x - 1] -
-                                  2 * r[x] + r[x + 1];
-
-                    sum += q[x];
-                    squares += d * d;
-                }
-            }
-            if (count && sum > 4 * count && sum < 251 * count)
-                cell[n++] = (float)sqrt((double)squares / (36.0 * (double)count));
+            if (noise >= 0 && n < NOISE_BLOCKS)
+                v[n++] = noise;
         }
     }
     if (!n)
         return 0;
-    qsort(cell, (size_t)n, sizeof(*cell), compare_float);
-    return cell[n / 4];
+    qsort(v, (size_t)n, sizeof(*v), compare_float);
+    return NOISE_BIAS * sqrt(v[n / 50]);
 }
 
 /* Derivatives of white noise of 1 by Sobel / 8 have a variance of 12 / 64. */
-static double texture_needed(const struct sst_map_u8 *grey)
+static double texture_needed(double noise)
 {
-    const double noise = fmin(noise_of(grey), NOISE_CAP);
-
     return fmax(TEXTURE_FLOOR, TEXTURE_NOISE * noise * noise * 12.0 / 64.0);
 }
 
-/* Best place of every cell, in the cells' order. */
+#define PARTS_X (SST_CHECK_CELLS_X * SST_CHECK_SPLIT)
+#define PARTS_Y (SST_CHECK_CELLS_Y * SST_CHECK_SPLIT)
+
+/* Cell by cell, the best first. */
+static void sort_features(struct sst_check_view *view, const double *best, const struct sst_check_feature *at)
+{
+    int n = 0;
+
+    for (int cell = 0; cell < SST_CHECK_CELLS; cell++) {
+        const int x0 = cell % SST_CHECK_CELLS_X * SST_CHECK_SPLIT, y0 = cell / SST_CHECK_CELLS_X * SST_CHECK_SPLIT;
+        double value[SST_CHECK_SPLIT * SST_CHECK_SPLIT];
+        const int first = n;
+
+        view->first[cell] = n;
+        for (int k = 0; k < SST_CHECK_SPLIT * SST_CHECK_SPLIT; k++) {
+            const int part = (y0 + k / SST_CHECK_SPLIT) * PARTS_X + x0 + k % SST_CHECK_SPLIT;
+            int i = n;
+
+            if (best[part] <= 0)
+                continue;
+            for (; i > first && value[i - 1 - first] < best[part]; i--) {
+                value[i - first] = value[i - 1 - first];
+                view->feature[i] = view->feature[i - 1];
+            }
+            value[i - first] = best[part];
+            view->feature[i] = at[part];
+            n++;
+        }
+    }
+    view->first[SST_CHECK_CELLS] = n;
+}
+
+/* Best place of every part of every cell. */
 static int find_features(struct sst_check_view *view)
 {
     const struct sst_map_u8 *grey = &view->level[1];
-    const double needed = texture_needed(grey);
-    double best[SST_CHECK_FEATURES] = { 0 };
+    const double needed = texture_needed(view->noise);
+    double best[PARTS_X * PARTS_Y] = { 0 };
+    struct sst_check_feature at[PARTS_X * PARTS_Y];
     struct tensor t = { .width = grey->width };
     int32_t *rows = sst_mem_alloc((size_t)grey->width * 3, sizeof(*rows));
 
@@ -169,22 +210,18 @@ static int find_features(struct sst_check_view *view)
     for (int y = MARGIN; y < grey->height - MARGIN; y++) {
         add_row(&t, grey, y + WINDOW, 1);
         for (int x = MARGIN; y % CELL_STEP == 0 && x < grey->width - MARGIN; x += CELL_STEP) {
-            const int i =
-                y * SST_CHECK_CELLS_Y / grey->height * SST_CHECK_CELLS_X + x * SST_CHECK_CELLS_X / grey->width;
+            const int i = y * PARTS_Y / grey->height * PARTS_X + x * PARTS_X / grey->width;
             const double e = least_eigenvalue(&t, x);
 
             if (e > needed && e > best[i]) {
                 best[i] = e;
-                view->feature[i] = (struct sst_check_feature){ 2 * x, 2 * y };
+                at[i] = (struct sst_check_feature){ 2 * x, 2 * y };
             }
         }
         add_row(&t, grey, y - WINDOW, -1);
     }
-    for (int i = 0; i < SST_CHECK_FEATURES; i++) {
-        if (best[i] > 0)
-            view->feature[view->features++] = view->feature[i];
-    }
     sst_mem_free(rows);
+    sort_features(view, best, at);
     return 0;
 }
 
@@ -209,8 +246,10 @@ int sst_check_view_init(struct sst_check_view *view, const struct sst_image *ima
             halve_grey(&view->level[i], &view->level[i - 1]);
         view->levels++;
     } while (sst_max_int(w, h) > side && sst_min_int(w, h) >= SMALLEST && view->levels < SST_CHECK_LEVELS);
-    if (!err)
+    if (!err) {
+        view->noise = fmin(noise_of(&view->level[1]), NOISE_CAP);
         err = find_features(view);
+    }
     if (err)
         sst_check_view_fini(view);
     return err;
@@ -224,6 +263,24 @@ void sst_check_view_fini(struct sst_check_view *view)
 }
 
 /* --- patches ------------------------------------------------------------------------------------------------------ */
+
+int sst_check_to_level(int x, int level)
+{
+    return (int)floor((x - 0.5 * ((1 << level) - 1)) / (1 << level) + 0.5);
+}
+
+void sst_check_grey_row(uint8_t *out, const struct sst_check_view *view, int level, int x0, int y, int n)
+{
+    if (level) {
+        memcpy(out, sst_map_u8_row(&view->level[level], y) + x0, (size_t)n);
+    } else {
+        const uint8_t *r = sst_image_row(view->image, 0, y) + x0, *g = sst_image_row(view->image, 1, y) + x0;
+        const uint8_t *b = sst_image_row(view->image, 2, y) + x0;
+
+        for (int x = 0; x < n; x++)
+            out[x] = (uint8_t)((r[x] + 2 * g[x] + b[x] + 2) >> 2);
+    }
+}
 
 #define PATCH_MAX 64 /* with the margin */
 

@@ -13,7 +13,13 @@
 #define UNKNOWN_REACH 0.2  /* without a known range: of the picture's longer side per spacing, either way */
 #define DRIFT_REACH   0.02 /* of it: how far a camera may have moved along the line */
 #define RANGE_CUT     0.03 /* share of votes left out at each end of the range */
-#define OUTLIER_PX    0.5  /* matches further than this and 5 sigma from their pair's median are no matches */
+#define ENOUGH        96   /* matches: half of the cells; with fewer a closer look is taken */
+#define FEW           4    /* good matches that chance does not make */
+#define NARROW_PX     1.5  /* least half width of the closer look's band */
+#define NOISE_LEAST   100  /* matches to tell the noise from */
+#define NOISE_BEST    0.02 /* share of them that shows it */
+#define NOISE_ROOM    4.0  /* of noise alone that share has a quarter of what is allowed for */
+#define OUTLIER_PX    0.15 /* matches further than this and 5 sigma from their pair's median are no matches */
 
 static int compare_double(const void *pa, const void *pb)
 {
@@ -85,6 +91,11 @@ struct job {
     int *votes;   /* [links] */
 };
 
+static bool skipped(const struct job *job, int index)
+{
+    return (job->only && !job->only[index]) || job->w->link[index].length <= 0;
+}
+
 static void set_range(struct sst_check_search *s, const struct sst_check_link *link, double min_px, double max_px,
                       double margin_px)
 {
@@ -105,11 +116,13 @@ static int vote(struct job *job, int index, double band)
     link->s.cross_px = 0;
     link->s.band_px = band * size;
     set_range(&link->s, link, w->range[0], w->range[1], 2 * size + DRIFT_REACH * longer_side(w));
-    for (int i = 0; i < sst_min_int(VOTES, a->features); i++) {
-        const int k = a->features <= VOTES ? i : (int)((int64_t)i * a->features / VOTES);
+    for (int i = 0; i < VOTES; i++) {
+        const int cell = (2 * i + 1) * SST_CHECK_CELLS / (2 * VOTES);
         struct sst_check_match m;
 
-        sst_check_search(&m, a, b, &a->feature[k], &link->s, job->vote_level);
+        if (a->first[cell] == a->first[cell + 1])
+            continue;
+        sst_check_search(&m, a, b, &a->feature[a->first[cell]], &link->s, job->vote_level);
         tried += m.outcome != SST_CHECK_OUTSIDE && m.outcome != SST_CHECK_AMBIGUOUS;
         if (m.outcome != SST_CHECK_MATCHED)
             continue;
@@ -132,7 +145,7 @@ static int vote_job(void *arg, int index, int worker)
     struct job *job = arg;
 
     (void)worker;
-    if ((!job->only || job->only[index]) && job->w->link[index].length > 0 && vote(job, index, VOTE_BAND) > VOTES_LEAST)
+    if (!skipped(job, index) && vote(job, index, VOTE_BAND) > VOTES_LEAST)
         vote(job, index, 4 * VOTE_BAND);
     return 0;
 }
@@ -160,7 +173,47 @@ static void range_of_votes(struct job *job)
 
 /* --- all matches -------------------------------------------------------------------------------------------------- */
 
-static int match_job(void *arg, int index, int worker)
+/* The cells' best features, at half the coarsest size. */
+static void match_best(struct sst_check_link *link, const struct sst_check_view *a, const struct sst_check_view *b,
+                       int level)
+{
+    for (int k = 0; k < SST_CHECK_CELLS; k++) {
+        struct sst_check_match *m = &link->m[k];
+
+        m->outcome = SST_CHECK_AMBIGUOUS;
+        link->feature[k] = a->first[k];
+        if (a->first[k] == a->first[k + 1])
+            continue;
+        sst_check_search(m, a, b, &a->feature[a->first[k]], &link->s, level);
+        if (m->outcome == SST_CHECK_MATCHED)
+            sst_check_refine(m, a, b, &a->feature[a->first[k]], &link->s, level);
+    }
+}
+
+/* Cells without a match: all their features, at full size, in a band about what was found. Fine foliage is found only
+ * so. */
+static void match_rest(struct sst_check_link *link, const struct sst_check_view *a, const struct sst_check_view *b)
+{
+    if (link->matches >= FEW) {
+        link->s.cross_px = link->median_px;
+        link->s.band_px = fmin(fmax(NARROW_PX, 5 * link->spread_px), link->s.band_px);
+    }
+    for (int k = 0; k < SST_CHECK_CELLS; k++) {
+        for (int i = a->first[k]; link->m[k].outcome != SST_CHECK_MATCHED && i < a->first[k + 1]; i++) {
+            struct sst_check_match m;
+
+            sst_check_search(&m, a, b, &a->feature[i], &link->s, 0);
+            if (m.outcome == SST_CHECK_MATCHED)
+                sst_check_refine(&m, a, b, &a->feature[i], &link->s, 0);
+            if (m.outcome != SST_CHECK_MATCHED)
+                continue;
+            link->m[k] = m;
+            link->feature[k] = i;
+        }
+    }
+}
+
+static int best_job(void *arg, int index, int worker)
 {
     struct job *job = arg;
     struct sst_check_work *w = job->w;
@@ -168,19 +221,55 @@ static int match_job(void *arg, int index, int worker)
     const struct sst_check_view *a = &w->view[link->a], *b = &w->view[link->b];
 
     (void)worker;
-    if ((job->only && !job->only[index]) || link->length <= 0)
+    if (skipped(job, index))
         return 0;
     set_range(&link->s, link, w->range[0], w->range[1], DRIFT_REACH * longer_side(w));
-    for (int k = 0; k < a->features; k++) {
-        struct sst_check_match *m = &link->m[k];
+    link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
+    match_best(link, a, b, job->search_level);
+    return 0;
+}
 
-        sst_check_search(m, a, b, &a->feature[k], &link->s, job->search_level);
-        if (m->outcome == SST_CHECK_MATCHED)
-            sst_check_refine(m, a, b, &a->feature[k], &link->s, job->search_level);
-    }
-    for (int k = a->features; k < SST_CHECK_FEATURES; k++)
-        link->m[k].outcome = SST_CHECK_OUTSIDE;
+static int rest_job(void *arg, int index, int worker)
+{
+    struct job *job = arg;
+    struct sst_check_work *w = job->w;
+    struct sst_check_link *link = &w->link[index];
+    const struct sst_check_view *a = &w->view[link->a], *b = &w->view[link->b];
+
+    (void)worker;
+    if (skipped(job, index))
+        return 0;
+    link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
+    for (int k = 0; k < SST_CHECK_CELLS; k++)
+        sst_check_weigh(&link->m[k], link->s.noise);
     sst_check_link_judge(link, w->cfg.min_matches);
+    if (link->matches >= ENOUGH)
+        return 0;
+    match_rest(link, a, b);
+    sst_check_link_judge(link, w->cfg.min_matches);
+    return 0;
+}
+
+/* Fine texture looks like noise in one picture, but not in the difference of two that show it well: the best matches
+ * of all tell by how much the pictures' noise was overrated. */
+static int learn_noise(struct sst_check_work *w)
+{
+    double *v = malloc(((size_t)w->links * SST_CHECK_CELLS + 1) * sizeof(*v));
+    int n = 0;
+
+    if (!v)
+        return -ENOMEM;
+    for (int i = 0; i < w->links; i++) {
+        const struct sst_check_link *l = &w->link[i];
+
+        for (int k = 0; l->s.noise > 0 && k < SST_CHECK_CELLS; k++) {
+            if (l->m[k].outcome == SST_CHECK_MATCHED)
+                v[n++] = l->m[k].residual / (SST_CHECK_NOISE_SHARE * l->s.noise * l->s.noise);
+        }
+    }
+    if (n >= NOISE_LEAST)
+        w->noise_factor = sqrt(fmin(1, NOISE_ROOM * sst_check_quantile(v, n, NOISE_BEST)));
+    free(v);
     return 0;
 }
 
@@ -189,7 +278,7 @@ static void link_figures(struct sst_check_link *link, double *v)
     double sum = 0, squares = 0;
     int n = 0;
 
-    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+    for (int k = 0; k < SST_CHECK_CELLS; k++) {
         if (!link->used[k])
             continue;
         sum += link->m[k].cross;
@@ -203,72 +292,41 @@ static void link_figures(struct sst_check_link *link, double *v)
 
 void sst_check_link_judge(struct sst_check_link *link, int min_matches)
 {
-    double v[SST_CHECK_FEATURES], median, cut;
+    double v[SST_CHECK_CELLS], cut;
     int n = 0;
 
     link->features = link->matches = 0;
-    link->mean_px = link->rms_px = link->p95_px = 0;
-    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
+    link->mean_px = link->rms_px = link->p95_px = link->median_px = link->spread_px = 0;
+    for (int k = 0; k < SST_CHECK_CELLS; k++) {
         link->used[k] = false;
         link->features += link->m[k].outcome == SST_CHECK_MATCHED || link->m[k].outcome == SST_CHECK_NOWHERE;
         if (link->m[k].outcome == SST_CHECK_MATCHED)
             v[n++] = link->m[k].cross;
     }
-    link->state = link->features < min_matches ? SST_CHECK_PAIR_BLANK : SST_CHECK_PAIR_LOST;
-    if (!n)
-        return;
-    median = sst_check_quantile(v, n, 0.5);
-    for (int i = 0; i < n; i++)
-        v[i] = fabs(v[i] - median);
-    cut = fmax(OUTLIER_PX, 5 * 1.4826 * sst_check_quantile(v, n, 0.5));
-    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
-        link->used[k] = link->m[k].outcome == SST_CHECK_MATCHED && fabs(link->m[k].cross - median) <= cut;
-        link->matches += link->used[k];
+    if (n) {
+        link->median_px = sst_check_quantile(v, n, 0.5);
+        for (int i = 0; i < n; i++)
+            v[i] = fabs(v[i] - link->median_px);
+        link->spread_px = 1.4826 * sst_check_quantile(v, n, 0.5);
+        cut = fmax(OUTLIER_PX, 5 * link->spread_px);
+        for (int k = 0; k < SST_CHECK_CELLS; k++) {
+            link->used[k] = link->m[k].outcome == SST_CHECK_MATCHED && fabs(link->m[k].cross - link->median_px) <= cut;
+            link->matches += link->used[k];
+        }
+        link_figures(link, v);
     }
-    link_figures(link, v);
-    if (link->matches >= min_matches && 5 * link->matches >= link->features)
+    /* Some that fit, though too few to measure by, say that it is the scene that is hard. */
+    if (link->matches >= min_matches)
         link->state = SST_CHECK_PAIR_MEASURED;
-    else if (3 * link->matches >= link->features)
-        link->state = SST_CHECK_PAIR_BLANK; /* what there is fits, it is only too little */
+    else if (link->features < min_matches || link->matches >= sst_max_int(FEW, link->features / 20))
+        link->state = SST_CHECK_PAIR_BLANK;
+    else
+        link->state = SST_CHECK_PAIR_LOST;
 }
 
 bool sst_check_link_bad(const struct sst_check_link *link, double unusable_px)
 {
     return link->state == SST_CHECK_PAIR_LOST || (link->state == SST_CHECK_PAIR_MEASURED && link->rms_px > unusable_px);
-}
-
-/* --- disparities along rows and columns --------------------------------------------------------------------------- */
-
-double sst_check_two_disparities(const struct sst_check_link *p, const struct sst_check_link *q, int k)
-{
-    return -p->m[k].along / p->length + q->m[k].along / q->length;
-}
-
-const struct sst_check_link *sst_check_other_link(const struct sst_check_work *w, int index)
-{
-    const struct sst_check_link *next = &w->link[index + 1];
-
-    return index + 1 < w->links && next->a == w->link[index].a && next->state == SST_CHECK_PAIR_MEASURED ? next : NULL;
-}
-
-int sst_check_axes(const struct sst_check_work *w, double *axes_px)
-{
-    double *v = malloc(((size_t)w->links * SST_CHECK_FEATURES + 1) * sizeof(*v));
-    int n = 0;
-
-    if (!v)
-        return -ENOMEM;
-    for (int i = 0; i < w->links; i++) {
-        const struct sst_check_link *l = &w->link[i], *other = sst_check_other_link(w, i);
-
-        for (int k = 0; l->state == SST_CHECK_PAIR_MEASURED && other && k < SST_CHECK_FEATURES; k++) {
-            if (l->used[k] && other->used[k])
-                v[n++] = fabs(sst_check_two_disparities(l, other, k));
-        }
-    }
-    *axes_px = n ? sst_check_quantile(v, n, 0.5) : NAN;
-    free(v);
-    return 0;
 }
 
 /* --- all pairs ---------------------------------------------------------------------------------------------------- */
@@ -291,74 +349,15 @@ int sst_check_match_links(struct sst_check_work *w, const bool *only)
     err = job.vote && job.votes ? sst_parallel_for(w->links, w->cfg.threads, vote_job, &job) : -ENOMEM;
     if (!err && !known && !only)
         range_of_votes(&job);
+    if (!only)
+        w->noise_factor = 1;
     if (!err)
-        err = sst_parallel_for(w->links, w->cfg.threads, match_job, &job);
+        err = sst_parallel_for(w->links, w->cfg.threads, best_job, &job);
+    if (!err && !only)
+        err = learn_noise(w);
+    if (!err)
+        err = sst_parallel_for(w->links, w->cfg.threads, rest_job, &job);
     free(job.vote);
     free(job.votes);
     return err;
-}
-
-/* --- corner to corner --------------------------------------------------------------------------------------------- */
-
-/* Disparity of a feature from the better of its view's matches with neighbours. */
-static bool feature_disparity(const struct sst_check_work *w, int view, int k, double *d)
-{
-    double best = 0.01; /* px^2 per spacing^2: 0.1 px */
-
-    for (int i = 0; i < w->links; i++) {
-        const struct sst_check_link *l = &w->link[i];
-        const double var = l->a == view && l->used[k] ? l->m[k].var_along / (l->length * l->length) : best;
-
-        if (var >= best)
-            continue;
-        best = var;
-        *d = -l->m[k].along / l->length;
-    }
-    return best < 0.01;
-}
-
-/* Appends the magnitudes of the matches of one pair that are used. */
-static int far_pair(struct sst_check_link *far, const struct sst_check_work *w, int a, int b, double *v)
-{
-    int n = 0;
-
-    sst_check_link_set(far, w, a, b);
-    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
-        struct sst_check_match *m = &far->m[k];
-        double d = 0;
-
-        m->outcome = SST_CHECK_OUTSIDE;
-        if (k >= w->view[a].features || far->length <= 0 || !feature_disparity(w, a, k, &d))
-            continue;
-        m->dx = -d * far->length * far->s.u[0];
-        m->dy = -d * far->length * far->s.u[1];
-        sst_check_refine(m, &w->view[a], &w->view[b], &w->view[a].feature[k], &far->s, 1);
-    }
-    sst_check_link_judge(far, 1);
-    for (int k = 0; k < SST_CHECK_FEATURES; k++) {
-        if (far->used[k])
-            v[n++] = fabs(far->m[k].cross);
-    }
-    return n;
-}
-
-int sst_check_far(struct sst_check *out, struct sst_check_work *w)
-{
-    const int rows = w->lf->rows, cols = w->lf->cols, last = rows * cols - 1;
-    const int ends[2][2] = { { 0, last }, { cols - 1, last - cols + 1 } };
-    struct sst_check_link *far = malloc(sizeof(*far));
-    double v[2 * SST_CHECK_FEATURES];
-    int n = 0;
-
-    if (!far)
-        return -ENOMEM;
-    for (int i = 0; i < (rows > 1 && cols > 1 ? 2 : 1); i++) {
-        /* The upper view's features have the matches with neighbours. */
-        if (w->view[ends[i][0]].image && w->view[ends[i][1]].image)
-            n += far_pair(far, w, ends[i][0], ends[i][1], v + n);
-    }
-    free(far);
-    out->far_matches = n;
-    out->far_p95_px = n >= w->cfg.min_matches ? sst_check_quantile(v, n, 0.95) : NAN;
-    return 0;
 }

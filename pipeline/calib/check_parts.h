@@ -9,7 +9,9 @@ SST_EXTERN_C_BEGIN
 #define SST_CHECK_LEVELS   10
 #define SST_CHECK_CELLS_X  16 /* one feature at most per cell of the picture */
 #define SST_CHECK_CELLS_Y  12
-#define SST_CHECK_FEATURES (SST_CHECK_CELLS_X * SST_CHECK_CELLS_Y)
+#define SST_CHECK_CELLS    (SST_CHECK_CELLS_X * SST_CHECK_CELLS_Y)
+#define SST_CHECK_SPLIT    2 /* a cell offers the best place of each of its 2 x 2 parts */
+#define SST_CHECK_FEATURES (SST_CHECK_CELLS * SST_CHECK_SPLIT * SST_CHECK_SPLIT)
 
 /* --- check_grey.c: grey pyramids and features --------------------------------------------------------------------- */
 
@@ -22,7 +24,9 @@ struct sst_check_view {
     const struct sst_image *image;
     int levels;                                /* level 0 among them */
     struct sst_map_u8 level[SST_CHECK_LEVELS]; /* [0] is empty */
-    int features;
+    double noise;                              /* of level 1, RMS in grey levels */
+    int first[SST_CHECK_CELLS +
+              1]; /* features of a cell: first[cell] .. first[cell + 1] - 1, the best textured first */
     struct sst_check_feature feature[SST_CHECK_FEATURES];
 };
 
@@ -30,6 +34,12 @@ struct sst_check_view {
  */
 SST_MUST_CHECK int sst_check_view_init(struct sst_check_view *view, const struct sst_image *image, int side);
 void sst_check_view_fini(struct sst_check_view *view);
+
+/** Where level 0's pixel x is on another level, rounded: (x - (2^level - 1) / 2) / 2^level. */
+int sst_check_to_level(int x, int level);
+
+/** Grey values of a row: (R + 2 G + B) / 4 at level 0, rounded. */
+void sst_check_grey_row(uint8_t *out, const struct sst_check_view *view, int level, int x0, int y, int n);
 
 /** Size of a level. */
 void sst_check_level_size(const struct sst_check_view *view, int level, int *width, int *height);
@@ -42,7 +52,14 @@ void sst_check_level_size(const struct sst_check_view *view, int level, int *wid
 SST_MUST_CHECK bool sst_check_patch(float *out, const struct sst_check_view *view, int level, int x0, int y0, int width,
                                     int height);
 
-/* --- check_match.c: where a feature is in another view ------------------------------------------------------------ */
+/* --- check_search.c, check_align.c: where a feature is in another view ---------------------------------------------
+ */
+
+/* Matches with a larger misfit are no good: their error is about the root of it, px. */
+#define SST_CHECK_MISFIT 0.003
+/* What noise of 1 at half size (where it is measured) is in the difference of two smoothed windows, variance: white at
+ * full size it is twice that, then (70 / 256)^2, twice: 0.6; the rest is for what is not white. */
+#define SST_CHECK_NOISE_SHARE 1.3
 
 enum sst_check_outcome {
     SST_CHECK_MATCHED = 0,
@@ -57,17 +74,22 @@ struct sst_check_search {
     double u[2]; /* unit vector along the line, from a's centre to b's */
     double n[2]; /* across it; its larger component is positive */
     double from_px, to_px, cross_px, band_px;
+    double noise; /* grey levels at half size, RMS: misfit that it explains does not count */
 };
 
 struct sst_check_match {
     enum sst_check_outcome outcome;
-    double dx, dy;               /* place in b less place in a, px */
-    double along, cross;         /* the same along u and n */
-    double correlation;          /* of both windows */
+    double dx, dy;       /* place in b less place in a, px */
+    double along, cross; /* the same along u and n */
+    bool small;          /* window */
+    double residual;     /* variance of the windows' difference, grey levels^2 */
+    double energy;       /* of the window itself */
+    double inverse[2];   /* of the structure tensor, along and across: variance for noise of 1, (px / grey level)^2 */
+    double misfit;       /* 1 - correlation of both windows, less what noise makes of it */
     double var_along, var_cross; /* px^2, by the noise of the fit; each with the other unknown */
 };
 
-/** Coarse search on one level alone: px of level 0, good to about half a pixel of that level. */
+/** Coarse search on one level: px of level 0, good to about half a pixel of that level. */
 void sst_check_search(struct sst_check_match *out, const struct sst_check_view *a, const struct sst_check_view *b,
                       const struct sst_check_feature *f, const struct sst_check_search *s, int level);
 
@@ -78,6 +100,9 @@ void sst_check_search(struct sst_check_match *out, const struct sst_check_view *
 void sst_check_refine(struct sst_check_match *m, const struct sst_check_view *a, const struct sst_check_view *b,
                       const struct sst_check_feature *f, const struct sst_check_search *s, int level);
 
+/** Outcome, misfit and variances of a match by the noise that its residual is to be judged by. */
+void sst_check_weigh(struct sst_check_match *m, double noise);
+
 /* --- check_pairs.c: the matches of all pairs ---------------------------------------------------------------------- */
 
 struct sst_check_link {
@@ -86,9 +111,11 @@ struct sst_check_link {
     struct sst_check_search s; /* as searched */
     enum sst_check_pair_state state;
     int features, matches;
-    double mean_px, rms_px, p95_px;               /* of cross over the used ones; p95 of the magnitude; 0 without any */
-    struct sst_check_match m[SST_CHECK_FEATURES]; /* by feature of a */
-    bool used[SST_CHECK_FEATURES];                /* matched, and no outlier among the pair's */
+    double median_px, spread_px;               /* of cross over all matches: median, robust sigma about it */
+    double mean_px, rms_px, p95_px;            /* of cross over the used ones; p95 of the magnitude; 0 without any */
+    struct sst_check_match m[SST_CHECK_CELLS]; /* by cell of a */
+    int feature[SST_CHECK_CELLS];              /* of a, which m is about */
+    bool used[SST_CHECK_CELLS];                /* matched, and no outlier among the pair's */
 };
 
 /** Everything the check works on. */
@@ -101,6 +128,7 @@ struct sst_check_work {
     int links;
     struct sst_check_link *link; /* [links] */
     double range[2];             /* disparities, px per spacing */
+    double noise_factor;         /* of the views' noise, that is not texture */
 };
 
 /** Links of every present view with the next ones to the right and below. @return 0, -ENOMEM */
@@ -119,8 +147,12 @@ void sst_check_link_judge(struct sst_check_link *link, int min_matches);
 /** Is the pair's match, or its failing, a sign of something wrong? */
 bool sst_check_link_bad(const struct sst_check_link *link, double unusable_px);
 
-/** Disparity of feature k along p less that along q, links of one view; px per spacing. */
-double sst_check_two_disparities(const struct sst_check_link *p, const struct sst_check_link *q, int k);
+/* --- check_far.c: what ties more than two views together --------------------------------------------------------- */
+
+/** Disparity along p less that along q, links of one view, of the feature in cell k; px per spacing.
+ *  @return false: not both have it */
+SST_MUST_CHECK bool sst_check_two_disparities(double *out, const struct sst_check_link *p,
+                                              const struct sst_check_link *q, int k);
 
 /** The link that begins at the same view as `index` and was measured too (then index is the one to the right). */
 const struct sst_check_link *sst_check_other_link(const struct sst_check_work *w, int index);
