@@ -254,7 +254,7 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct options o = { .rate_hz = 2 };
+    struct options o = { .rate_hz = 1 };
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &o.out, "FILE", "calibration to write (calib.yaml)", 0, 0 },
         { "board", 'b', CLI_STRING, &o.board, "BOARD",
@@ -282,7 +282,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "live", 0, CLI_FLAG, &o.live, NULL, "take the pictures from the cameras now", 0, 0 },
         { "config", 0, CLI_STRING, &o.config, "FILE", "live: configuration of the array; /etc/sst/sstd.yaml", 0, 0 },
         { "keep", 0, CLI_STRING, &o.keep, "DIR", "live: record the sets too", 0, 0 },
-        { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "live: sets per second; 2", 0.01, 30 },
+        { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "live: sets per second; 1", 0.01, 30 },
         { "sets", 'n', CLI_INT, &o.live_cfg.sets, "N", "live: so many sets with the board (default: until complete)", 1,
           100000 },
         { "duration", 0, CLI_DOUBLE, &o.live_cfg.seconds, "S", "live: at most so many seconds", 0.1, 1e6 },

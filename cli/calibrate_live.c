@@ -29,6 +29,7 @@ struct live {
     double (*last)[2];             /* [views] middle of the corners when the last set was taken */
     const struct sst_set *set;
     int recorded, err, capacity;
+    bool done;
     int64_t start_ns, told_ns;
 };
 
@@ -147,7 +148,7 @@ static int on_set(void *arg, const struct sst_set *set)
     const int views = l->array->rows * l->array->cols;
     int err;
 
-    if (l->err)
+    if (l->err || l->done)
         return 0;
     l->set = set;
     err = l->recorder ? sst_recorder_write(l->recorder, set) : 0;
@@ -164,7 +165,8 @@ static int on_set(void *arg, const struct sst_set *set)
         calibrate_shot_fini(&l->shot[k]);
     l->recorded++;
     l->err = err;
-    if (err || (l->live->sets ? l->out->all.frames >= l->live->sets : complete(l) >= 1))
+    l->done = l->live->sets ? l->out->all.frames >= l->live->sets : complete(l) >= 1;
+    if (err || l->done)
         sst_capture_stop(running);
     return 0;
 }
@@ -177,7 +179,7 @@ static void on_progress(void *arg, uint64_t sets SST_UNUSED)
         sst_capture_stop(running);
 }
 
-static int prepare(struct live *l)
+static int prepare(struct live *l, const struct sst_capture *capture)
 {
     const struct sst_array_config *a = l->array;
     const size_t views = (size_t)(a->rows * a->cols);
@@ -194,9 +196,13 @@ static int prepare(struct live *l)
         l->last[k][0] = l->last[k][1] = (double)NAN;
     for (int i = 0; i < a->bound; i++) {
         const struct sst_config_camera *c = &a->camera[i];
+        const struct sst_grab_device *device;
+        struct sst_grab_counters counters;
+        const char *name;
 
-        snprintf(l->out->all.camera_name[c->row * a->cols + c->col], sizeof(*l->out->all.camera_name), "%s",
-                 c->serial[0] ? c->serial : c->port);
+        sst_capture_camera(capture, i, &counters, &device);
+        name = device->serial[0] ? device->serial : c->serial[0] ? c->serial : c->port;
+        snprintf(l->out->all.camera_name[c->row * a->cols + c->col], sizeof(*l->out->all.camera_name), "%s", name);
     }
     return 0;
 }
@@ -223,7 +229,7 @@ int calibrate_live(struct calibrate_gathered *out, const struct calibrate_gather
     *out = (struct calibrate_gathered){ 0 };
     err = sst_capture_open(&capture, live->array, &events);
     if (!err)
-        err = prepare(&l);
+        err = prepare(&l, capture);
     if (!err && live->keep)
         err = open_recorder(&l, live->keep);
     if (!err) {
