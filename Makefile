@@ -158,13 +158,15 @@ FUZZ_SECONDS ?= 60
 FUZZERS := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
 FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/network/graph*.c pipeline/network/ops.c pipeline/network/plan*.c) \
             pipeline/network/onnx.c pipeline/network/summary.c pipeline/network/manifest.c pipeline/network/network.c \
-            pipeline/labels/model_info.c pipeline/labels/classes.c
+            pipeline/labels/model_info.c pipeline/labels/classes.c \
+            pipeline/calib/calib.c pipeline/calib/calib_yaml.c pipeline/calib/camera.c $(wildcard pipeline/calib/format*.c) \
+            pipeline/lightfield/import_plan.c pipeline/lightfield/lightfield.c pipeline/image/image.c
 build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
 	@mkdir -p $(@D)
 	@echo "  FUZZ $@"
 	@clang -g -O1 -std=c11 -D_DEFAULT_SOURCE -I. -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
 	      $(filter-out -DWITH_OPENCV=%,$(DEFS)) -DWITH_OPENCV=0 $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
-fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks: FUZZ_SECONDS=60 for each of them
+fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks and calibrations: FUZZ_SECONDS=60 for each of them
 	@for f in $(FUZZERS); do mkdir -p build/fuzz/corpus-$$f; \
 	  build/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=120 \
 	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \

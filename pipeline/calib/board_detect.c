@@ -16,9 +16,6 @@
 
 /* --- size -------------------------------------------------------------------------------------------------------- */
 
-<<<<<<< HEAD
-int sst_luma_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
-=======
 /* Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. */
 static int halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
 {
@@ -56,7 +53,6 @@ int sst_pyramid_init(struct sst_pyramid *p, const struct sst_map_u8 *luma)
 }
 
 void sst_pyramid_fini(struct sst_pyramid *p)
->>>>>>> detect
 {
     for (size_t i = 0; i < ARRAY_LEN(p->half); i++)
         sst_map_u8_fini(&p->half[i]);

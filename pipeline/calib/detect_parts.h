@@ -25,12 +25,6 @@ struct sst_sighting {
     struct sst_saddle *saddle; /* [points] where seen */
 };
 
-<<<<<<< HEAD
-/** Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. @param out  initialised here */
-SST_MUST_CHECK int sst_luma_halve(struct sst_map_u8 *out, const struct sst_map_u8 *in);
-
-=======
->>>>>>> detect
 /**
  * Where a place of the board is, from the anchors around it.
  *
