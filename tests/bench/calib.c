@@ -439,8 +439,8 @@ int main(int argc, char **argv)
             return 2;
         }
     }
-    if (o.truth.lens == 8) { /* a rational lens that five coefficients do not follow */
-        static const double k[SST_LENS_MAX] = { 0.35, 0.06, 0.0004, -0.0003, 0.005, 0.5, 0.14, 0.012 };
+    if (o.truth.lens == 8) { /* an equidistant lens, atan r / r by Pade's approximation, which 5 do not follow */
+        static const double k[SST_LENS_MAX] = { 7 / 9.0, 64 / 945.0, 0.0004, -0.0003, 0, 10 / 9.0, 5 / 21.0, 0 };
 
         memcpy(o.truth.k, k, sizeof(k));
     }
