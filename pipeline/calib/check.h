@@ -36,7 +36,7 @@ struct sst_check_pair {
  * disparity of the whole scene.
  */
 struct sst_check_camera {
-    bool known;                    /* false: no view, or no pair of it was measured */
+    bool known;                    /* false: no view, or too few matches tie it to the others (sigma above ok_px / 2) */
     double shift_x_px, shift_y_px; /* right and down positive, at the picture's centre; NAN: no pair sees it */
     double sigma_px;               /* of either, the larger */
     double roll_deg;               /* clockwise, about the picture's centre */
@@ -51,6 +51,7 @@ struct sst_check_camera {
 struct sst_check {
     enum sst_check_verdict verdict;
     int rows, cols;
+    double ok_px, unusable_px;         /* that the verdict went by */
     int pairs, measured, matches;      /* pairs looked at, of these measured; matches in them */
     struct sst_check_pair *pair;       /* [pairs] */
     struct sst_check_camera *camera;   /* [rows * cols] */
@@ -68,7 +69,7 @@ struct sst_check {
 struct sst_check_config {
     double ok_px;       /* a camera off by less than this is fine; 0: 0.25 */
     double unusable_px; /* more than half of the pairs beyond this; 0: 1 */
-    int min_matches;    /* of a pair; 0: 30 */
+    int min_matches;    /* of a pair; 0: 10 */
     int threads;        /* 0: all processors */
 };
 

@@ -22,8 +22,9 @@
 #define TUKEY        4.685 /* in the others */
 #define ROUNDS_HUBER 5
 #define ROUNDS_TUKEY 8
-#define LOOSE_PX     30.0 /* a priori sigma of every state: what no match tells stays there */
-#define UNSEEN_PX    3.0  /* a state with a larger sigma was not seen */
+#define LOOSE_PX     2.0  /* a priori sigma of every state: what no match tells stays there */
+#define PRESUMED_PX  0.05 /* per spacing: how well neighbouring rows and columns fit before any match says so */
+#define UNSEEN_PX    0.7  /* a state with a larger sigma was not seen */
 #define TIE_PX       1e-3 /* sigma of the sums that are set to 0 */
 #define GAUGE_ROUNDS 60
 #define GAUGE_PX     1e-3 /* deviations below this count alike */
@@ -40,7 +41,8 @@ struct system {
     double radius;    /* R, px */
     double centre[2]; /* px */
     int n;            /* states */
-    int count;
+    int count;        /* observations that are matches; after them */
+    int presumed;     /* those that are not */
     struct observation *o;
     double *normal, *right, *x; /* [n][n] lower half, then its factor; [n]; [n] */
     double *sort;               /* [count] */
@@ -106,6 +108,30 @@ static void observe(struct system *s)
             if (other && sst_check_two_disparities(&difference, l, other, k))
                 s->o[s->count++] = two_disparities(s, l, other, k, difference);
         }
+    }
+}
+
+/* Rows and columns are taken to fit each other unless matches say otherwise: where no feature was matched both ways,
+ * nothing else would tell. Robust like matches, so that a camera that is off is not held back. */
+static void presume(struct system *s)
+{
+    static const double origin[2] = { 0 };
+
+    for (int i = 0; i + 1 < s->w->links; i++) {
+        const struct sst_check_link *p = &s->w->link[i], *q = p + 1;
+        struct observation *o = &s->o[s->count + s->presumed];
+
+        if (q->a != p->a || !s->seen[p->a] || !s->seen[p->b] || !s->seen[q->b] || p->length <= 0 || q->length <= 0)
+            continue;
+        *o = (struct observation){ .sigma = PRESUMED_PX };
+        add_part(o, s, p->b, origin, p->s.u, -1 / p->length);
+        add_part(o, s, p->a, origin, p->s.u, 1 / p->length);
+        add_part(o, s, q->b, origin, q->s.u, 1 / q->length);
+        add_part(o, s, q->a, origin, q->s.u, -1 / q->length);
+        /* Of the shifts alone. */
+        for (int k = 0; k < o->cams; k++)
+            o->part[k][2] = o->part[k][3] = 0;
+        s->presumed++;
     }
 }
 
@@ -229,9 +255,9 @@ static void iterate(struct system *s, double *part, bool tukey)
     memset(s->right, 0, (size_t)s->n * sizeof(*s->right));
     for (int i = 0; i < s->n; i++)
         s->normal[(size_t)i * (size_t)s->n + (size_t)i] = 1 / (LOOSE_PX * LOOSE_PX);
-    for (int i = 0; i < s->count; i++) {
+    for (int i = 0; i < s->count + s->presumed; i++) {
         const struct observation *o = &s->o[i];
-        const double sigma = scale * o->sigma, t = fabs(residual(s, o)) / sigma;
+        const double sigma = i < s->count ? scale * o->sigma : o->sigma, t = fabs(residual(s, o)) / sigma;
 
         add_observation(s, o, robust_weight(t, tukey) / (sigma * sigma));
     }
@@ -382,7 +408,7 @@ static int report(struct sst_check_camera *cam, const struct system *s, double *
 
 int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_work *w)
 {
-    const size_t most = (size_t)w->links * 2 * SST_CHECK_CELLS + 1, n = (size_t)w->views * STATES;
+    const size_t most = (size_t)w->links * (2 * SST_CHECK_CELLS + 1) + 1, n = (size_t)w->views * STATES;
     const double width = w->lf->width, height = w->lf->height;
     struct system s = { .w = w,
                         .radius = sqrt((width * width + height * height) / 12),
@@ -399,6 +425,7 @@ int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_wo
     if (part && s.o && s.sort && s.normal && s.right && s.x) {
         err = 0;
         observe(&s);
+        presume(&s);
         for (int i = 0; s.count && i < ROUNDS_HUBER + ROUNDS_TUKEY; i++)
             iterate(&s, part, i >= ROUNDS_HUBER);
         if (s.count)

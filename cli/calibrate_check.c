@@ -1,0 +1,180 @@
+#include "cli/calibrate_check.h"
+
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/calib/check.h"
+#include "pipeline/image/codec.h"
+
+static const char *const state_names[] = { "measured", "blank", "lost" };
+
+static json_t *number(double v)
+{
+    return isfinite(v) ? json_real(v) : json_null();
+}
+
+/* --- JSON --------------------------------------------------------------------------------------------------------- */
+
+static json_t *camera_json(const struct sst_check_camera *c, int view, int cols)
+{
+    return json_pack("{s:i, s:i, s:b, s:b, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "row", view / cols, "col",
+                     view % cols, "known", c->known, "drifted", c->drifted, "lost", c->lost, "shift_x_px",
+                     number(c->known ? c->shift_x_px : NAN), "shift_y_px", number(c->known ? c->shift_y_px : NAN),
+                     "sigma_px", number(c->known ? c->sigma_px : NAN), "roll_deg", number(c->known ? c->roll_deg : NAN),
+                     "scale", number(c->known ? c->scale : NAN), "off_px", number(c->known ? c->off_px : NAN),
+                     "off_sigma_px", number(c->known ? c->off_sigma_px : NAN), "residual_px",
+                     number(c->known ? c->residual_px : NAN));
+}
+
+static json_t *pair_json(const struct sst_check_pair *p, int cols)
+{
+    const bool any = p->state == SST_CHECK_PAIR_MEASURED;
+
+    return json_pack("{s:[i,i], s:[i,i], s:s, s:i, s:i, s:o, s:o, s:o}", "a", p->a / cols, p->a % cols, "b",
+                     p->b / cols, p->b % cols, "state", state_names[p->state], "features", p->features, "matches",
+                     p->matches, "mean_px", number(any ? p->mean_px : NAN), "rms_px", number(any ? p->rms_px : NAN),
+                     "p95_px", number(any ? p->p95_px : NAN));
+}
+
+static json_t *check_json(const struct sst_check *c)
+{
+    json_t *cameras = json_array(), *pairs = json_array(), *swapped = json_null();
+
+    for (int v = 0; v < c->rows * c->cols; v++)
+        json_array_append_new(cameras, camera_json(&c->camera[v], v, c->cols));
+    for (int i = 0; i < c->pairs; i++)
+        json_array_append_new(pairs, pair_json(&c->pair[i], c->cols));
+    if (c->swapped_a >= 0)
+        swapped = json_pack("[[i,i],[i,i]]", c->swapped_a / c->cols, c->swapped_a % c->cols, c->swapped_b / c->cols,
+                            c->swapped_b % c->cols);
+    return json_pack("{s:s, s:s, s:i, s:i, s:f, s:f, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:i, s:o, s:[f,f], s:o, s:o, "
+                     "s:o}",
+                     "verdict", sst_check_verdict_name(c->verdict), "sentence", c->sentence, "rows", c->rows, "cols",
+                     c->cols, "ok_px", c->ok_px, "unusable_px", c->unusable_px, "pairs_checked", c->pairs,
+                     "pairs_measured", c->measured, "matches", c->matches, "mean_px", number(c->mean_px), "p95_px",
+                     number(c->p95_px), "max_px", number(c->max_px), "axes_px", number(c->axes_px), "far_matches",
+                     c->far_matches, "far_p95_px", number(c->far_p95_px), "range_px", c->range_min_px, c->range_max_px,
+                     "swapped", swapped, "cameras", cameras, "pairs", pairs);
+}
+
+static int print_json(const struct sst_check *c)
+{
+    json_t *root = check_json(c);
+    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
+
+    json_decref(root);
+    if (!text)
+        return CLI_MEMORY;
+    puts(text);
+    free(text);
+    return CLI_OK;
+}
+
+/* --- tables ------------------------------------------------------------------------------------------------------- */
+
+/* A figure in a column; what is not known is a dash. */
+static void cell(double v, int width, int digits)
+{
+    if (isfinite(v))
+        printf(" %*.*f", width, digits, v);
+    else
+        printf(" %*s", width, "-");
+}
+
+static void print_cameras(const struct sst_check *c)
+{
+    puts("camera   right px    down px   sigma px  roll deg  scale %    off px  pairs RMS px");
+    for (int v = 0; v < c->rows * c->cols; v++) {
+        const struct sst_check_camera *k = &c->camera[v];
+
+        printf("%02d_%02d", v / c->cols, v % c->cols);
+        cell(k->known ? k->shift_x_px : NAN, 11, 3);
+        cell(k->known ? k->shift_y_px : NAN, 10, 3);
+        cell(k->known ? k->sigma_px : NAN, 10, 3);
+        cell(k->known ? k->roll_deg : NAN, 9, 4);
+        cell(k->known ? 100 * k->scale : NAN, 8, 3);
+        cell(k->known ? k->off_px : NAN, 9, 3);
+        cell(k->known ? k->residual_px : NAN, 13, 3);
+        puts(k->lost ? "  lost" : k->drifted ? "  drifted" : "");
+    }
+}
+
+static void print_pairs(const struct sst_check *c)
+{
+    puts("pair          features  matches   mean px    RMS px    p95 px");
+    for (int i = 0; i < c->pairs; i++) {
+        const struct sst_check_pair *p = &c->pair[i];
+        const bool any = p->state == SST_CHECK_PAIR_MEASURED;
+
+        printf("%02d_%02d %02d_%02d %10d %8d", p->a / c->cols, p->a % c->cols, p->b / c->cols, p->b % c->cols,
+               p->features, p->matches);
+        cell(any ? p->mean_px : NAN, 9, 3);
+        cell(any ? p->rms_px : NAN, 9, 3);
+        cell(any ? p->p95_px : NAN, 9, 3);
+        puts(any ? "" : p->state == SST_CHECK_PAIR_LOST ? "  does not match" : "  too little texture");
+    }
+}
+
+static void print_tables(const struct sst_check *c)
+{
+    print_cameras(c);
+    putchar('\n');
+    print_pairs(c);
+    printf("\ncross disparity over %d of %d pairs: mean", c->measured, c->pairs);
+    cell(c->mean_px, 0, 3);
+    printf(", p95");
+    cell(c->p95_px, 0, 3);
+    printf(", largest pair");
+    cell(c->max_px, 0, 3);
+    printf(" px\nopposite corners: p95");
+    cell(c->far_p95_px, 0, 3);
+    printf(" px, %d matches\nrows against columns: disparities differ by", c->far_matches);
+    cell(c->axes_px, 0, 3);
+    puts(" px per spacing");
+}
+
+/* --- the command -------------------------------------------------------------------------------------------------- */
+
+static int write_picture(const struct sst_check *c, const char *path)
+{
+    struct sst_image picture;
+    int err = sst_check_picture(&picture, c);
+
+    if (err)
+        return err;
+    err = sst_image_write_png(&picture, path);
+    sst_image_fini(&picture);
+    return err;
+}
+
+int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, int threads, const char *picture)
+{
+    const struct sst_check_config cfg = { .threads = threads };
+    struct sst_lightfield lf;
+    struct sst_check check;
+    int code, err = sst_lightfield_load(&lf, dir, SST_LOAD_IMAGES, sst_thread_count(threads));
+
+    if (err)
+        return cli_exit_code(err);
+    err = sst_check_lightfield(&check, &lf, &cfg);
+    sst_lightfield_fini(&lf);
+    if (err)
+        return cli_exit_code(err);
+    code = cli_exit_code(picture ? write_picture(&check, picture) : 0);
+    if (code == CLI_OK && json)
+        code = print_json(&check);
+    else if (code == CLI_OK)
+        print_tables(&check);
+    if (code == CLI_OK && check.verdict == SST_CHECK_OK && !json)
+        puts(check.sentence);
+    if (code == CLI_OK && check.verdict != SST_CHECK_OK) {
+        sst_log_error("%s: %s: %s", cmd->name, dir, check.sentence);
+        code = CLI_INPUT;
+    }
+    sst_check_fini(&check);
+    return code;
+}
