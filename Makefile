@@ -111,25 +111,14 @@ ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
 endif
 
-$(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
-$(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
-$(BUILD)/bench/network: $(BUILD)/obj/tests/bench/network.o $(BUILD)/libsst.a
-$(BUILD)/bench/features: $(BUILD)/obj/tests/bench/features.o $(BUILD)/libsst.a
-$(BUILD)/bench/feature_cost: $(BUILD)/obj/tests/bench/feature_cost.o $(BUILD)/libsst.a
-$(BUILD)/bench/sim_world: $(BUILD)/obj/tests/bench/sim_world.o $(BUILD)/libsst.a
-$(BUILD)/bench/calib: $(BUILD)/obj/tests/bench/calib.o $(BUILD)/libsst.a
-$(BUILD)/bench/calib_pairs: $(BUILD)/obj/tests/bench/calib_pairs.o $(BUILD)/libsst.a
-$(BUILD)/bench/rectify: $(BUILD)/obj/tests/bench/rectify.o $(BUILD)/libsst.a
-$(BUILD)/bench/trigger: $(BUILD)/obj/tests/bench/trigger.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost $(BUILD)/bench/sim_world $(BUILD)/bench/trigger $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs $(BUILD)/bench/rectify:
+# One program per file of tests/bench; two bring what they compare with.
+BENCH_PROGRAMS := $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(wildcard tests/bench/*.c))
+$(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/sgbm.o
+$(BUILD)/bench/render: $(BUILD)/obj/tests/bench/blend.o
+$(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
-
-$(BUILD)/bench/frames $(BUILD)/bench/unplug: $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
-	@mkdir -p $(@D)
-	@echo "  LD   $@"
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+	@$(CC) $(LDFLAGS_ALL) $(filter %.o,$^) $(filter %.a,$^) $(LIBS) -o $@
 
 tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 
