@@ -106,6 +106,11 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
 
+# OpenCV's own calibration, which a test compares with.
+ifeq (1,$(WITH_OPENCV))
+$(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
+endif
+
 # One program per file of tests/bench; two bring what they compare with.
 BENCH_PROGRAMS := $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(wildcard tests/bench/*.c))
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/sgbm.o
