@@ -47,7 +47,7 @@ CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) $(WARN) $(subst -I,-isystem ,$(shell pkg-
 LIBS = $(shell pkg-config --libs $(PACKAGES)) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
        $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack) \
-       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_aruco -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
+       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
 LDFLAGS_ALL = -pie -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 
 # --- sources -------------------------------------------------------------------------------------------------------

@@ -168,15 +168,19 @@ static void draw_tile(struct sst_image *img, int x, int y, const struct layout *
 
 static struct layout plan(const struct sst_detections *all)
 {
+    /* Long columns of cameras: lower tiles, that the picture stays one that can be made. */
+    const int highest = (SST_IMAGE_MAX_SIDE - 4 * EDGE - HEADING) / all->rows - GAP;
     struct layout l;
+    int other;
 
     l.tile_width = sst_clamp_int((WIDEST - 2 * EDGE + GAP) / all->cols - GAP, TILE_MIN, TILE_MAX);
-    l.zoom = l.tile_width >= 300 ? 2 : 1;
+    l.zoom = l.tile_width >= 300 && highest > TILE_MAX ? 2 : 1;
     l.picture_width = l.tile_width - 2 * PADDING;
-    l.picture_height =
-        sst_clamp_int((int)lround((double)l.picture_width * all->height / all->width), 20, 3 * l.picture_width);
     l.foot = SST_FONT_HEIGHT * l.zoom + 5;
-    l.tile_height = 2 * PADDING + SST_FONT_HEIGHT * l.zoom + 5 + l.picture_height + 4 + l.foot;
+    other = 2 * PADDING + SST_FONT_HEIGHT * l.zoom + 5 + 4 + l.foot;
+    l.picture_height = sst_clamp_int((int)lround((double)l.picture_width * all->height / all->width), 20,
+                                     sst_min_int(3 * l.picture_width, highest - other));
+    l.tile_height = l.picture_height + other;
     return l;
 }
 
