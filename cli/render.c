@@ -70,6 +70,8 @@ static void report(const struct picture *p, const struct render_input *in, const
     }
     root = json_pack("{s:s, s:s, s:f, s:i, s:i, s:f}", "output", out, "method", a->method, "focus_px", a->cfg.focus_px,
                      "width", p->image.width, "height", p->image.height, "supported_percent", supported);
+    if (in->lf.calibration)
+        json_object_set_new(root, "sampling", json_string(in->lf.images_raw ? "raw" : "rectified"));
     if (a->label)
         json_object_set_new(root, "label", json_string(a->label));
     if (sst_renderer_disparities(in->renderer, &lo, &hi))
@@ -124,6 +126,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (!cli_has_suffix(out, ".png") && !cli_has_suffix(out, ".jpg") && !cli_has_suffix(out, ".jpeg"))
         return cli_usage_error(cmd, "-o %s ends neither in .png nor in .jpg", out);
     a.cfg.focus_px = focus;
+    a.views_needed = explain;
     r = cli_render_open(&in, &a, cmd, path);
     if (r != CLI_GO_ON)
         return r;
@@ -152,6 +155,10 @@ const struct cli_command cli_render = {
         "Every ray is weighted by its disparity and by the depth range of its label: rays of what lies in front of\n"
         "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
         "nearer. `--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
+        "\n"
+        "A light field with a calibration holds raw frames. With --sampling raw the rays are sampled from them at once,\n"
+        "which is sharper and less work for few views or pictures; rectified makes all views first; auto (default)\n"
+        "takes the way that is less work.\n"
         "\n"
         "--explain DIR writes, for the reference view, disparity.png (dark blue far, yellow near), labels.png,\n"
         "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"

@@ -13,7 +13,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 {
     struct sst_render_config *cfg = &a->cfg;
 
-    *a = (struct render_args){ .method = "sst", .range = "object", .unsupported = "refocus" };
+    *a = (struct render_args){ .method = "sst", .range = "object", .unsupported = "refocus", .sampling = "auto", .pictures = 1 };
     sst_render_config_defaults(cfg);
     const struct cli_option made[RENDER_OPTIONS] = {
         { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default) or refocus (all rays alike)", 0, 0 },
@@ -39,6 +39,9 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
           -SST_MAX_VIEWS, SST_MAX_VIEWS },
         { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
           SST_MAX_VIEWS },
+        { "sampling", 0, CLI_STRING, &a->sampling, "S",
+          "calibrated light fields: straight from raw frames, from rectified views, or auto (whichever is less work)", 0,
+          0 },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
         { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder", 0, 0 },
         { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object", 0, 0 },
@@ -67,12 +70,15 @@ static int read_words(struct render_args *a, const struct cli_command *cmd)
 {
     static const char *const methods[] = { "refocus", "sst" }, *const ranges[] = { "object", "percentile", "minmax" },
                       *const unsupported[] = { "refocus", "invalid" };
+    static const char *const samplings[] = { "auto", "raw", "rectified" };
     const int method = find_word(cmd, "method", a->method, methods, 2);
     const int range = method < 0 ? -1 : find_word(cmd, "range", a->range, ranges, 3);
     const int fallback = range < 0 ? -1 : find_word(cmd, "unsupported", a->unsupported, unsupported, 2);
 
-    if (fallback < 0)
+    if (fallback < 0 || find_word(cmd, "sampling", a->sampling, samplings, 3) < 0)
         return CLI_USAGE;
+    if (a->views_needed && !strcasecmp(a->sampling, "raw"))
+        return cli_usage_error(cmd, "--explain shows rectified views; leave out --sampling raw");
     a->cfg.method = (enum sst_render_method)method;
     a->cfg.range = (enum sst_label_range)range;
     a->cfg.unsupported = (enum sst_render_unsupported)fallback;
@@ -133,6 +139,27 @@ static int check_maps(const struct render_input *in, const struct render_args *a
     return CLI_GO_ON;
 }
 
+/* How to load the images: by what is asked for, or by the work. Turns the f-stop into a radius. */
+static int choose_sampling(struct render_args *a, const char *path, unsigned *what)
+{
+    struct sst_lightfield lf;
+    int err = sst_lightfield_load(&lf, path, 0, 1), r = CLI_GO_ON;
+    bool raw;
+
+    if (err)
+        return cli_exit_code(err);
+    set_aperture(&lf, a);
+    raw = !strcasecmp(a->sampling, "raw") ||
+          (!strcasecmp(a->sampling, "auto") && !a->views_needed && sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
+    if (raw && !lf.calibration) {
+        sst_log_error("%s has no calibration: its files are the views, not raw frames; leave out --sampling raw", path);
+        r = CLI_INPUT;
+    }
+    *what |= raw ? SST_LOAD_RAW : 0;
+    sst_lightfield_fini(&lf);
+    return r;
+}
+
 int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path)
 {
     int r = read_words(a, cmd), err;
@@ -141,6 +168,9 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     if (r != CLI_GO_ON)
         return r;
     what = a->cfg.method == SST_RENDER_SST ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
+    r = choose_sampling(a, path, &what);
+    if (r != CLI_GO_ON)
+        return r;
     *in = (struct render_input){ .path = path };
     err = sst_lightfield_load(&in->lf, path, what, a->cfg.threads);
     if (err)
@@ -151,8 +181,6 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
         r = find_label(in, a, cmd);
     if (r != CLI_GO_ON)
         cli_render_close(in);
-    else
-        set_aperture(&in->lf, a);
     return r;
 }
 

@@ -7,14 +7,16 @@
 
 struct render_args {
     struct sst_render_config cfg;
-    const char *label, *method, *range, *unsupported; /* as written */
+    const char *label, *method, *range, *unsupported, *sampling; /* as written */
+    int pictures;      /* that will be rendered: what `--sampling auto` goes by */
+    bool views_needed; /* rectified views are looked at besides */
     double f_stop; /* 0: not given */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 18
+#define RENDER_OPTIONS 19
 
-/** The shared options, their values set to the defaults. */
+/** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
 
 /** A light field ready to render. */
@@ -25,7 +27,7 @@ struct render_input {
 };
 
 /**
- * Read the words among the options, load what the method needs, find the label and turn the f-stop into a radius.
+ * Read the words among the options, load what the method needs, as raw frames or rectified, find the label and turn the f-stop into a radius.
  * @return CLI_GO_ON, or the exit code of the failure, which was logged; then nothing is to be freed
  */
 int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path);

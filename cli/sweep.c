@@ -164,6 +164,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--%s D is missing", isnan(s.from) ? "from" : "to");
     if (!s.out)
         return cli_usage_error(cmd, "-o DIR or -o FILE.mp4 is missing");
+    s.args.pictures = frame_count(&s);
     r = cli_render_open(&s.in, &s.args, cmd, path);
     if (r != CLI_GO_ON)
         return r;

@@ -209,11 +209,11 @@ static int detect_chessboard(struct sst_sighting *s, struct sst_detection *out, 
     *outcome = SST_DETECT_NONE;
     if (found <= 0)
         return found;
-    if (sst_chessboard_goes_on(s)) {
+    count = sst_find_points(s);
+    if (count >= 0 && (sst_chessboard_ends_early(s) || sst_chessboard_goes_on(s))) {
         *outcome = SST_DETECT_OTHER_BOARD;
         return 0;
     }
-    count = sst_find_points(s);
     return count < 0 ? count : judge(out, outcome, s, count, cfg);
 }
 

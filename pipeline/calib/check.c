@@ -198,7 +198,7 @@ static int judge_camera(struct sst_check *out, const struct sst_check_work *w, i
         n += l->matches;
         squares += l->rms_px * l->rms_px * l->matches;
     }
-    c->known = c->known && c->sigma_px <= 0.5 * w->cfg.ok_px;
+    c->known = c->known && c->sigma_px <= w->cfg.ok_px;
     c->residual_px = n ? sqrt(squares / n) : 0;
     c->lost = all && lost == all;
     c->drifted = c->lost || (c->known && c->off_px > w->cfg.ok_px && c->off_px > SIGMAS * c->off_sigma_px);

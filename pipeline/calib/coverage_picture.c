@@ -119,7 +119,7 @@ static void draw_corners(struct sst_image *img, int x0, int y0, const struct lay
 /* Below the picture: tilts, then depth ratio and frames where there is room. */
 static void draw_foot(struct sst_image *img, int x, int y, const struct layout *l, const struct sst_coverage *c)
 {
-    const int size = SST_FONT_HEIGHT * l->zoom + 3, high = y + (size - SST_FONT_HEIGHT * l->zoom) / 2;
+    const int size = l->foot, high = y + (size - SST_FONT_HEIGHT * l->zoom) / 2;
     const double ratio = sst_coverage_depth_ratio(c);
     char text[32];
     int at = x;
@@ -127,7 +127,7 @@ static void draw_foot(struct sst_image *img, int x, int y, const struct layout *
     for (int i = 0; i < SST_COVERAGE_TILTS; i++, at += size + 2)
         tilt_sign(img, at, y, size, i, c->tilt[i] ? 0x4B8F5B : missing_ink);
     if (ratio > 0)
-        snprintf(text, sizeof(text), "DEPTH %.1f", ratio);
+        snprintf(text, sizeof(text), "DEPTH %.1f", floor(10 * ratio) / 10);
     else
         snprintf(text, sizeof(text), "DEPTH -");
     at += 4;
@@ -175,7 +175,7 @@ static struct layout plan(const struct sst_detections *all)
     l.picture_width = l.tile_width - 2 * PADDING;
     l.picture_height =
         sst_clamp_int((int)lround((double)l.picture_width * all->height / all->width), 20, 3 * l.picture_width);
-    l.foot = SST_FONT_HEIGHT * l.zoom + 3;
+    l.foot = SST_FONT_HEIGHT * l.zoom + 5;
     l.tile_height = 2 * PADDING + SST_FONT_HEIGHT * l.zoom + 5 + l.picture_height + 4 + l.foot;
     return l;
 }

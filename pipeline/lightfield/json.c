@@ -397,7 +397,7 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
         fault(&r, "filter", "is none of bilinear, bicubic, lanczos");
     if (!r.err && (!all_finite(to.rotation, 9) || !all_finite(to.step_mm, 2) || !all_finite(&to.cx, 2) ||
                    !within(to.plane_mm, 0, 1e9) || !(to.focal_px > 0) || !(to.spacing_mm > 0)))
-        fault(&r, "it", "makes no sense: rotation, cx, cy, plane_mm, or focal_px and spacing_mm outside of it");
+        fault(&r, "rotation, cx, cy, step_mm, plane_mm", "or focal_px, spacing_mm make no sense");
     finish(&r);
     if (r.err)
         return r.err;

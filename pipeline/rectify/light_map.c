@@ -47,7 +47,7 @@ static float extend(const float *grid, int cols, int rows, int x, int y)
 
         if (x2 < 0 || y2 < 0 || x2 >= cols || y2 >= rows || !(grid[y1 * cols + x1] > 0) || !(grid[y2 * cols + x2] > 0))
             continue;
-        sum += fmaxf(2 * grid[y1 * cols + x1] - grid[y2 * cols + x2], 1 / (float)FACTOR_MAX);
+        sum += (float)sst_clamp_double(2 * grid[y1 * cols + x1] - grid[y2 * cols + x2], 1 / FACTOR_MAX, FACTOR_MAX);
         n++;
     }
     return n ? sum / (float)n : 0;

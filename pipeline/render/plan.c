@@ -87,6 +87,29 @@ static double distance(const struct sst_tap *t, const struct sst_render_config *
     return hypot(t->v->bx - cfg->view_bx, t->v->by - cfg->view_by);
 }
 
+static bool in_aperture(const struct sst_tap *t, const struct sst_render_config *cfg)
+{
+    return t->v->present && distance(t, cfg) <= cfg->aperture + 1e-9;
+}
+
+int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_config *cfg)
+{
+    int n = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++)
+        n += in_aperture(&(struct sst_tap){ .v = &lf->views[view] }, cfg);
+    return cfg->max_views > 0 ? sst_min_int(n, cfg->max_views) : n;
+}
+
+bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_render_config *cfg, int pictures)
+{
+    int present = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++)
+        present += lf->views[view].present;
+    return lf->calibration && (int64_t)pictures * sst_render_views(lf, cfg) <= present;
+}
+
 /* Where a shift by `shift` px puts output pixels: first tap, fraction, nearest tap, which pixels' taps are inside. */
 static void place(double shift, int size, int *tap, double *part, int *nearest, int *from, int *to)
 {
@@ -129,7 +152,7 @@ static int choose_views(struct sst_plan *p)
     for (int view = 0; view < lf->rows * lf->cols; view++) {
         struct sst_tap t = { .view = view, .v = &lf->views[view], .aperture = 1 };
 
-        if (t.v->present && t.v->image.plane[0] && distance(&t, &p->cfg) <= p->cfg.aperture + 1e-9)
+        if (t.v->image.plane[0] && in_aperture(&t, &p->cfg))
             p->tap[p->count++] = t;
     }
     if (p->cfg.max_views > 0 && p->cfg.max_views < p->count)

@@ -70,6 +70,21 @@ struct sst_renderer; /* label ranges of one light field, computed when first nee
 SST_MUST_CHECK int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *lf, int threads);
 void sst_renderer_destroy(struct sst_renderer *r);
 
+/** Views that a picture is made of: those in the aperture, max_views of them at most. */
+int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_config *cfg);
+
+/**
+ * Is sampling raw frames (SST_LOAD_RAW) no more work than rectifying them first?
+ *
+ * Nearly all the work of either way is resampling, each ray once: raw frames are resampled for every picture and view
+ * of its aperture, rectified views once, but all that the light field has, as it is loaded. The sums of rays follow in
+ * both ways alike. So raw frames win where pictures * views <= views of the light field; where it is as much, because
+ * one interpolation is sharper than two.
+ *
+ * @param lf  images need not be loaded; false without a calibration
+ */
+bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_render_config *cfg, int pictures);
+
 /** Smallest and largest disparity: of the maps and of what the light field says it expects. False: neither is known. */
 bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *max_px);
 

@@ -15,6 +15,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "pipeline/disparity/disparity.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/import.h"
@@ -434,6 +435,89 @@ static void rays_from_outside_do_not_count(void **state SST_UNUSED)
     sst_calib_fini(&calib);
 }
 
+/* Pixels from outside the raw frame have no disparity, and do not spoil those beside them. */
+static void borders_do_not_match(void **state SST_UNUSED)
+{
+    struct sst_calib calib = bad_array();
+    struct sst_use_calibration use;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+    long black = 0, wrong = 0, all = 0;
+
+    take_frames(&calib);
+    use = use_file();
+    use.plan.focal_px = 250;
+    assert_int_equal(import(at("lf"), &use), 0);
+    sst_use_calibration_fini(&use);
+    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 2), 0);
+    assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
+    cfg.disp_min_px = 4;
+    cfg.disp_max_px = 24;
+    cfg.threads = 2;
+    assert_int_equal(sst_disparity_lightfield(&lf, &cfg, NULL, NULL), 0);
+    for (int k = 0; k < ROWS * COLS; k++) {
+        const struct sst_view *v = &lf.views[k];
+
+        for (int y = 0; y < lf.height; y++) {
+            for (int x = 0; x < lf.width; x++) {
+                const uint16_t d = sst_map_u16_row(&v->disp, y)[x];
+
+                if (!sst_map_u8_row(&v->valid, y)[x]) {
+                    assert_true(d == SST_DISP_NONE && sst_map_u8_row(&v->confidence, y)[x] == 0);
+                    black++;
+                    continue;
+                }
+                all++;
+                wrong += d == SST_DISP_NONE || fabs(sst_disp_px(&lf, d) - 250 * lf.spacing_mm / DEPTH) > 1.5;
+            }
+        }
+    }
+    print_message("%ld black, %ld of %ld others wrong\n", black, wrong, all);
+    assert_true(black > 50000 && wrong < all / 100);
+    sst_lightfield_fini(&lf);
+    sst_calib_fini(&calib);
+}
+
+/* lightfield.json with `from` replaced by `to`. */
+static void damage(const char *from, const char *to, const char *words)
+{
+    struct sst_lightfield lf;
+    uint8_t *text;
+    char *place, *changed;
+    size_t size;
+
+    make("lf");
+    assert_int_equal(sst_file_read(at("lf/lightfield.json"), 1 << 20, &text, &size), 0);
+    place = strstr((char *)text, from);
+    assert_non_null(place);
+    changed = malloc(size + strlen(to) + 1);
+    assert_non_null(changed);
+    snprintf(changed, size + strlen(to) + 1, "%.*s%s%s", (int)(place - (char *)text), (char *)text, to,
+             place + strlen(from));
+    assert_int_equal(sst_file_write(at("lf/lightfield.json"), changed, strlen(changed)), 0);
+    REFUSED(sst_lightfield_load(&lf, at("lf"), 0, 1), -EBADMSG, words);
+    free(changed);
+    free(text);
+}
+
+static void damaged_folders(void **state SST_UNUSED)
+{
+    struct sst_calib calib = bad_array();
+
+    take_frames(&calib);
+    damage("\"version\": 2", "\"version\": 3", "version 3 is newer than 2");
+    damage("\"version\": 2", "\"version\": 1", "calibration is a field that this version does not know");
+    damage("\"filter\": \"bicubic\"", "\"filter\": \"best\"", "calibration.filter is none of");
+    damage("\"file\": \"calibration.yaml\"", "\"file\": \"/etc/passwd\"", "calibration.file is not");
+    damage("\"reference\": 1", "\"reference\": 6", "calibration.reference is not a whole number in 0..5");
+    damage("\"rotation\": [", "\"rotation\": [ 1,", "calibration.rotation is not a list of at most 9");
+    damage("\"plane_mm\"", "\"plane\"", "calibration.plane_mm is missing");
+    damage("\"plane_mm\": 2000.0", "\"plane_mm\": -1", "spacing_mm make no sense");
+    damage("\"spacing_mm\": ", "\"spacing_mm\": 1", "does not belong to its light field");
+    damage("\"sha256\": \"", "\"sha256\": \"X", "sha256 is not");
+    sst_calib_fini(&calib);
+}
+
 static int setup(void **state SST_UNUSED)
 {
     snprintf(base, sizeof(base), "/tmp/sst-calibrated-XXXXXX");
@@ -455,6 +539,8 @@ int main(void)
         cmocka_unit_test(maps_and_versions),
         cmocka_unit_test(what_does_not_fit),
         cmocka_unit_test(rays_from_outside_do_not_count),
+        cmocka_unit_test(borders_do_not_match),
+        cmocka_unit_test(damaged_folders),
     };
 
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -13,7 +13,7 @@
 
 #include "base/log.h"
 #include "pipeline/calib/light.h"
-#include "pipeline/image/srgb.h"
+#include "pipeline/rectify/light_map.h"
 
 #define WIDTH  640
 #define HEIGHT 480
@@ -346,6 +346,85 @@ static void little_knowledge_of_corners_stays_sane(void **state SST_UNUSED)
     sst_calib_fini(&got);
 }
 
+/* --- the map of factors ------------------------------------------------------------------------------------------- */
+
+/* Factors at whole and other positions against 1 / (gain fall-off) where the exact chain leads, up to the edge of the
+ * raw picture. */
+static void factors_are_near_the_exact_chain(void **state SST_UNUSED)
+{
+    struct sst_calib calib = make_array(2, 2);
+    const struct sst_rectify_config cfg = { .plane_mm = 0 };
+    double worst = 0;
+    int compared = 0;
+
+    for (int k = 0; k < 4; k++) {
+        calib.camera[k].lens = 5;
+        calib.camera[k].k[0] = -0.15;
+    }
+    for (int size = 0; size < 2; size++) {
+        struct sst_rectified to;
+        struct sst_light_map *map = NULL;
+
+        calib.camera[1].cx += 30; /* so that a border of the rectified picture is empty */
+        assert_int_equal(sst_rectify_plan(&to, &calib, &cfg), 0);
+        assert_int_equal(sst_light_map_create(&map, &to, &calib, 1), 0);
+        assert_non_null(map);
+        for (int i = 0; i < 400; i++) {
+            const double x0 = size ? floor(600 * uniform()) : 600 * uniform(), y = (HEIGHT - 1) * uniform();
+            struct sst_light_factors f;
+            float scratch[80];
+
+            sst_light_map_row(map, x0, y, 40, scratch, &f);
+            for (int n = 0; n < 40 && x0 + n <= WIDTH - 1; n++) {
+                double u, v, want;
+
+                if (!sst_rectify_point(&to, &calib, 1, x0 + n, y, &u, &v))
+                    continue;
+                want = 1 / falloff_of(&calib.camera[1], u, v);
+                worst = fmax(worst, fabs(f.falloff[n] / want - 1));
+                assert_true(fabs(f.falloff_root[n] / pow(want, 1 / 2.4) - 1) < 1e-3);
+                compared++;
+            }
+            for (int c = 0; c < 3; c++)
+                assert_true(fabs(f.gain[c] * calib.camera[1].gain[c] - 1) < 1e-6);
+        }
+        sst_light_map_destroy(map);
+    }
+    print_message("%d factors, worst error %.2g\n", compared, worst);
+    assert_true(compared > 10000);
+    assert_true(worst < 5e-4);
+    sst_calib_fini(&calib);
+}
+
+/* Nothing to correct: no map. Light that is next to none: factors of 8, not of thousands. */
+static void factors_stay_sane(void **state SST_UNUSED)
+{
+    struct sst_calib calib = make_array(1, 2);
+    const struct sst_rectify_config cfg = { .plane_mm = 0 };
+    struct sst_rectified to;
+    struct sst_light_map *map = NULL;
+    struct sst_light_factors f;
+    float scratch[2 * WIDTH];
+
+    assert_int_equal(sst_rectify_plan(&to, &calib, &cfg), 0);
+    calib.camera[0].falloff[0] = -1.2; /* below 0 in the corners */
+    calib.camera[0].falloff[1] = calib.camera[0].falloff[2] = 0;
+    calib.camera[0].gain[2] = 1e-4;
+    assert_int_equal(sst_light_map_create(&map, &to, &calib, 0), 0);
+    sst_light_map_row(map, 0, 0, WIDTH, scratch, &f);
+    assert_true(f.gain[2] == 8);
+    for (int i = 0; i < WIDTH; i++)
+        assert_true(f.falloff[i] >= 1 && f.falloff[i] <= 8);
+    sst_light_map_destroy(map);
+    for (int i = 0; i < 3; i++) {
+        calib.camera[0].falloff[i] = 0;
+        calib.camera[0].gain[i] = 1;
+    }
+    assert_int_equal(sst_light_map_create(&map, &to, &calib, 0), 0);
+    assert_null(map);
+    sst_calib_fini(&calib);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -356,6 +435,8 @@ int main(void)
         cmocka_unit_test(too_little_is_refused),
         cmocka_unit_test(parts_are_even_among_themselves),
         cmocka_unit_test(little_knowledge_of_corners_stays_sane),
+        cmocka_unit_test(factors_are_near_the_exact_chain),
+        cmocka_unit_test(factors_stay_sane),
     };
 
     alarm(120);
