@@ -133,8 +133,8 @@ where one looks.
 """
 
 WIDE_TEXT = """\
-Far off are points in the corners of the pictures, where no board was: eight coefficients do not settle there, and the
-predicted sigma says so; five that do not fit are wrong there without knowing it. Fill the corners, or crop them.
+The predicted sigma is that of the whole raw picture: eight coefficients do not settle in its corners, which no board
+reached, and it says so. Five that do not fit are wrong towards the edges without knowing it.
 
 """
 
@@ -241,8 +241,8 @@ def frames_table(m):
                      f"{worst(solved, at_depth('levelled', 1, 'neighbours', 'p95')):.3f}",
                      f"{worst(solved, lambda s: s['worst_position_mm']):.3f}",
                      f"{100 * worst(solved, lambda s: s['worst_focal']):.4f}"])
-    return bench_report.table(["frames", "solved", "CPU s", "cross disparity, 1.4 m, p95 px", "worst position, mm",
-                               "worst focal length, %"], rows)
+    return bench_report.table(["frames", "solved", "CPU s", "cross disparity, 1.4 m, camera depth known, p95 px",
+                               "worst position, mm", "worst focal length, %"], rows)
 
 
 def lens_table(m):
@@ -327,7 +327,7 @@ def frames_chart(m, out, command):
     lines += ["$sigma << EOD"] + [f"{n} {s['sigma_px']}" for n in FRAMES
                                   for s in m["frames"][n] if "error" not in s] + ["EOD"]
     plots = [f"$true with points pt 7 ps 1.2 lc rgb '{bench_report.COLOURS[0]}' title "
-             "'cross disparity of neighbours at 1.4 m, p95, by the truth'",
+             "'cross disparity at 1.4 m, camera depth known, p95, by the truth'",
              f"$sigma with points pt 5 ps 1.2 lc rgb '{bench_report.COLOURS[1]}' title "
              "'sigma\\_px that the calibration tells, mean of the cameras'"]
     return bench_report.draw(out, "calibration-frames", lines + ["plot " + ", ".join(plots)])
