@@ -49,7 +49,7 @@ static bool to_raw(const struct carried *c, int view, double x, double y, double
     return sst_rectify_point(&c->to, c->calib, view, x, y, &raw[0], &raw[1]);
 }
 
-/* Where the rectification shows what the raw picture has at (x, y): Newton's method on the way that pictures take. */
+/* Where the rectified picture shows what the raw one has at (x, y): Newton's method on the way that pictures take. */
 static struct seen rectified(const struct carried *c, int view, double x, double y)
 {
     const struct sst_calib_camera *cam = &c->calib->camera[view];
@@ -78,6 +78,7 @@ static struct seen rectified(const struct carried *c, int view, double x, double
         out.x += ((x - here[0]) * down[1] - (y - here[1]) * down[0]) / det;
         out.y += ((y - here[1]) * right[0] - (x - here[0]) * right[1]) / det;
     }
+    out.known = out.x >= 0 && out.y >= 0 && out.x <= c->to.width - 1 && out.y <= c->to.height - 1;
     return out;
 }
 
