@@ -224,7 +224,7 @@ static inline int board_scene_draw(struct sst_image *out, const struct board_sce
                 for (int i = 0; i < SCENE_FINE * SCENE_FINE; i++)
                     sum += fine[(size_t)sst_clamp_int(oy + i / SCENE_FINE, 0, h - 1) * (size_t)w +
                                 (size_t)sst_clamp_int(ox + i % SCENE_FINE, 0, w - 1)] /
-                           (moves ? steps : 1);
+                           (float)(moves ? steps : 1);
             }
             sum *= (1 - s->vignetting * r * r) / (SCENE_FINE * SCENE_FINE);
             grey = 255 * pow(fmin(fmax(sum, 0), 1), 1 / s->gamma);
