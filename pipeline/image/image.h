@@ -55,9 +55,6 @@ void sst_map_u8_fini(struct sst_map_u8 *map);
 void sst_map_u16_fini(struct sst_map_u16 *map);
 void sst_map_f32_fini(struct sst_map_f32 *map);
 
-/** BT.601 luma, (77 R + 150 G + 29 B + 128) >> 8. @param luma  out, initialised here */
-SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
-
 /** Half the size: means of 2x2 pixels, a last odd column or row repeated. @param out  out, initialised here */
 SST_MUST_CHECK int sst_image_halve(struct sst_image *out, const struct sst_image *in);
 
