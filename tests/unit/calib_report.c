@@ -447,8 +447,8 @@ static void verdicts_have_their_reason(void **state)
     assert_int_equal(verdict_with(nothing, NULL), SST_CALIB_GOOD);
     assert_int_equal(verdict_with(no_cross, "nothing confirms"), SST_CALIB_USABLE);
     assert_int_equal(verdict_with(cross_large, "0.250 px (camera SIM0002), above 0.2;"), SST_CALIB_USABLE);
-    assert_int_equal(verdict_with(cross_unexplained, "3.00 times, above 2;"), SST_CALIB_BAD);
-    assert_int_equal(verdict_with(cross_tiny, "3.00 times, above 2;"), SST_CALIB_USABLE);
+    assert_int_equal(verdict_with(cross_unexplained, "3.00 times, above 2;"), SST_CALIB_USABLE);
+    assert_int_equal(verdict_with(cross_tiny, NULL), SST_CALIB_GOOD);
     assert_int_equal(verdict_with(many_outliers, "contradict each other"), SST_CALIB_BAD);
     assert_int_equal(verdict_with(camera_noisy, "0.700 px (camera SIM0004), above 0.6;"), SST_CALIB_BAD);
     assert_int_equal(verdict_with(camera_gone, "1 (SIM0005), above 0;"), SST_CALIB_USABLE);
