@@ -95,6 +95,7 @@ static int gather(struct job *job)
     int err;
 
     cfg.detect.max_blur_px = o->max_blur_px;
+    cfg.detect.quick = o->live;
     if (o->source && is_corners_file(o->source))
         return sst_detections_read(&job->gathered.all, o->source);
     err = sst_board_parse(&cfg.board, o->board);
