@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <mutex>
 #include <new>
 #include <vector>
 
@@ -25,8 +26,10 @@ static int silent(int, const char *, const char *, const char *, int, void *)
 
 template <typename Fn> static int guarded(Fn fn)
 {
+    static std::once_flag once;
+
     try {
-        cv::redirectError(silent);
+        std::call_once(once, [] { cv::redirectError(silent); });
         return fn();
     } catch (const std::bad_alloc &) {
         return -ENOMEM;

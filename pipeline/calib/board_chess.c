@@ -150,8 +150,8 @@ int sst_find_chessboard(struct sst_sighting *s, bool quick)
         if (quick)
             break;
     }
-    for (int n = p.levels - 1; n >= 0 && !r && !quick; n--)
-        r = find_at(s, &g, p.level[n], 1 << n, true);
+    if (!r && !quick) /* in a large picture this would take seconds */
+        r = find_at(s, &g, p.level[p.levels - 1], 1 << (p.levels - 1), true);
     sst_pyramid_fini(&p);
     free(g.at);
     return r;

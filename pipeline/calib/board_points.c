@@ -244,7 +244,8 @@ bool sst_chessboard_goes_on(const struct sst_sighting *s)
         const int length = side < 2 ? rows : cols;
         int crossings = 0;
 
-        for (int k = 0; k < length; k++) {
+        /* As long as they still can be most of the side. */
+        for (int k = 0; k < length && 2 * (crossings + length - k) > length; k++) {
             const int i = side == 0 ? -1 : side == 1 ? cols : k, j = side == 2 ? -1 : side == 3 ? rows : k;
             const double at[2] = { i * s->board->square_mm, j * s->board->square_mm };
             struct sst_saddle_place place = { .half_mm = 0.8 * s->board->square_mm,

@@ -17,7 +17,7 @@
 
 #define PARAMETERS  11
 #define MAX_SIDE    64 /* of the window, px */
-#define ROUNDS      30
+#define ROUNDS      20
 #define MARGIN_PX   1.5 /* kept from what is not of the four quadrants */
 #define FAR         4.0 /* widths from an edge beyond which its blur is nothing */
 #define MIN_BLUR_PX 0.2
