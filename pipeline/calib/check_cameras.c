@@ -17,16 +17,16 @@
 
 #include "pipeline/calib/check_parts.h"
 
-#define STATES        4     /* s.x, s.y, r, q of a camera */
-#define HUBER         1.5   /* in sigmas, first rounds */
-#define TUKEY         4.685 /* in the others */
-#define ROUNDS_HUBER  5
-#define ROUNDS_PINNED 3
-#define ROUNDS_TUKEY  8
-#define LOOSE_PX      2.0  /* a priori sigma of every state: what no match tells stays there */
-#define PRESUMED_PX   0.05 /* per spacing: how well neighbouring rows and columns fit before any match says so */
-#define UNSEEN_PX     0.7  /* a state with a larger sigma was not seen */
-#define TIE_PX        1e-3 /* sigma of the sums that are set to 0 */
+#define STATES       4     /* s.x, s.y, r, q of a camera */
+#define HUBER        1.5   /* in sigmas, first rounds */
+#define TUKEY        4.685 /* in the others */
+#define ROUNDS_HUBER 5
+#define ROUNDS_OPEN  3
+#define ROUNDS_TUKEY 8
+#define LOOSE_PX     2.0  /* a priori sigma of every state: what no match tells stays there */
+#define PRESUMED_PX  0.05 /* per spacing: how well neighbouring rows and columns fit before any match says so */
+#define UNSEEN_PX    0.7  /* a state with a larger sigma was not seen */
+#define TIE_PX       1e-3 /* sigma of the sums that are set to 0 */
 
 struct observation {
     int cams;
@@ -41,9 +41,10 @@ struct system {
     double centre[2]; /* px */
     int n;            /* states */
     int count;        /* observations that are matches; after them */
+    double inflation; /* of the variances that the normal equations give */
     int presumed;     /* those that are not */
     struct observation *o;
-    bool *pinned;               /* [n] states that no match tells: they stay 0 and out of all sums */
+    bool *open;                 /* [n] states that no match tells: out of all sums and not reported */
     double *normal, *right, *x; /* [n][n] lower half, then its factor; [n]; [n] */
     double *sort;               /* [count] */
     bool seen[SST_MAX_VIEWS];   /* cameras that take part */
@@ -88,13 +89,26 @@ static struct observation two_disparities(const struct system *s, const struct s
     return o;
 }
 
-/* Only pairs that were measured. */
+/* A pair tells shifts across it; rolls and sizes in any case. */
+static void see(struct system *s, const struct sst_check_link *l)
+{
+    const int across = fabs(l->s.n[0]) > fabs(l->s.n[1]) ? 0 : 1;
+
+    for (int i = 0; i < 2; i++) {
+        const int cam = i ? l->b : l->a;
+
+        s->seen[cam] = true;
+        s->open[cam * STATES + across] = s->open[cam * STATES + 2] = s->open[cam * STATES + 3] = false;
+    }
+}
+
+/* A few matches are too few for a pair's figures, but not for the cameras'. */
 static void observe(struct system *s)
 {
     for (int i = 0; i < s->w->links; i++) {
         const struct sst_check_link *l = &s->w->link[i], *other = sst_check_other_link(s->w, i);
 
-        if (l->state != SST_CHECK_PAIR_MEASURED)
+        if (!sst_check_link_useful(l))
             continue;
         for (int k = 0; k < SST_CHECK_CELLS; k++) {
             struct observation o = { .value = l->m[k].cross, .sigma = sqrt(l->m[k].var_cross) };
@@ -104,7 +118,7 @@ static void observe(struct system *s)
                 continue;
             add_match(&o, s, l, k, l->s.n, 1);
             s->o[s->count++] = o;
-            s->seen[l->a] = s->seen[l->b] = true;
+            see(s, l);
             if (other && sst_check_two_disparities(&difference, l, other, k))
                 s->o[s->count++] = two_disparities(s, l, other, k, difference);
         }
@@ -175,18 +189,18 @@ static void tie(struct system *s, const double *part)
 
 static void tie_all(struct system *s, double *part)
 {
-    double mean[2] = { 0 };
+    double mean[2] = { 0 }, spread = 0;
     int n[2] = { 0 };
 
     for (int j = 0; j < STATES; j++) {
         for (int i = 0; i < s->n; i++)
-            part[i] = !s->pinned[i] && i % STATES == j;
+            part[i] = !s->open[i] && i % STATES == j;
         tie(s, part);
     }
     for (int i = 0; i < s->n; i++) {
         const int axis = i % STATES;
 
-        if (axis >= 2 || s->pinned[i])
+        if (axis >= 2 || s->open[i])
             continue;
         n[axis]++;
         mean[axis] += (s->w->offset[i / STATES][axis] - mean[axis]) / n[axis];
@@ -194,9 +208,11 @@ static void tie_all(struct system *s, double *part)
     for (int i = 0; i < s->n; i++) {
         const int axis = i % STATES;
 
-        part[i] = axis >= 2 || s->pinned[i] ? 0 : s->w->offset[i / STATES][axis] - mean[axis];
+        part[i] = axis >= 2 || s->open[i] ? 0 : s->w->offset[i / STATES][axis] - mean[axis];
+        spread += part[i] * part[i];
     }
-    tie(s, part);
+    if (spread >= SST_CHECK_SPREAD * (n[0] + n[1]))
+        tie(s, part);
 }
 
 /* Cholesky's factor in place of the lower half: positive definite by the a priori sigmas. */
@@ -258,8 +274,7 @@ static void iterate(struct system *s, double *part, bool tukey)
     memset(s->normal, 0, (size_t)s->n * (size_t)s->n * sizeof(*s->normal));
     memset(s->right, 0, (size_t)s->n * sizeof(*s->right));
     for (int i = 0; i < s->n; i++)
-        s->normal[(size_t)i * (size_t)s->n + (size_t)i] =
-            s->pinned[i] ? 1 / (TIE_PX * TIE_PX) : 1 / (LOOSE_PX * LOOSE_PX);
+        s->normal[(size_t)i * (size_t)s->n + (size_t)i] = 1 / (LOOSE_PX * LOOSE_PX);
     for (int i = 0; i < s->count + s->presumed; i++) {
         const struct observation *o = &s->o[i];
         const double sigma = i < s->count ? scale * o->sigma : o->sigma, t = fabs(residual(s, o)) / sigma;
@@ -285,8 +300,8 @@ static void read_camera(struct sst_check_camera *cam, const struct system *s, in
         column[c * STATES + j] = 1;
         solve(s, column);
         for (int i = 0; i < STATES; i++)
-            cov[j][i] = column[c * STATES + i];
-        state[j] = s->pinned[c * STATES + j] ? NAN : s->x[c * STATES + j];
+            cov[j][i] = s->inflation * column[c * STATES + i];
+        state[j] = s->open[c * STATES + j] ? NAN : s->x[c * STATES + j];
     }
     cam->known = !isnan(state[0]) || !isnan(state[1]);
     cam->shift_x_px = state[0];
@@ -335,8 +350,29 @@ static int report(struct sst_check_camera *cam, const struct system *s, double *
     return 0;
 }
 
-/* Pin the states that the matches leave open, and solve for the others. */
-static void pin(struct system *s, double *part)
+/* Robust weights make the normal equations too sure where many matches are poor: the ratio of the variance of an
+ * M-estimate to what they say (Huber 1981, 7.6), with psi(t) = t w(t), for the states there are. */
+static double inflation_of(struct system *s)
+{
+    const double scale = scale_of(s);
+    double psi2 = 0, slope = 0, weights = 0, n = s->count, free = n;
+
+    for (int i = 0; i < s->count; i++) {
+        const double t = fabs(residual(s, &s->o[i])) / (scale * s->o[i].sigma), u = t * t / (TUKEY * TUKEY);
+        const double w = robust_weight(t, true);
+
+        psi2 += t * t * w * w;
+        slope += u < 1 ? (1 - u) * (1 - 5 * u) : 0;
+        weights += w;
+    }
+    for (int i = 0; i < s->n; i++)
+        free -= !s->open[i];
+    slope = fmax(slope, 0.1 * n); /* far from any normal distribution: no better estimate */
+    return fmax(weights / n * psi2 / fmax(free, 1) / (slope * slope / (n * n)), 1);
+}
+
+/* Leave out the states that the matches do not tell, and solve for the others. */
+static void leave_open(struct system *s, double *part)
 {
     for (int i = 0; i < s->n; i++) {
         memset(part, 0, (size_t)s->n * sizeof(*part));
@@ -344,11 +380,9 @@ static void pin(struct system *s, double *part)
         solve(s, part);
         s->right[i] = part[i];
     }
-    for (int i = 0; i < s->n; i++) {
-        s->pinned[i] = s->pinned[i] || s->right[i] > UNSEEN_PX * UNSEEN_PX;
-        s->x[i] = s->pinned[i] ? 0 : s->x[i];
-    }
-    for (int i = 0; i < ROUNDS_PINNED; i++)
+    for (int i = 0; i < s->n; i++)
+        s->open[i] = s->open[i] || s->right[i] > UNSEEN_PX * UNSEEN_PX;
+    for (int i = 0; i < ROUNDS_OPEN; i++)
         iterate(s, part, true);
 }
 
@@ -368,17 +402,18 @@ int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_wo
     s.normal = calloc(n * n, sizeof(*s.normal));
     s.right = calloc(n, sizeof(*s.right));
     s.x = calloc(n, sizeof(*s.x));
-    s.pinned = calloc(n, sizeof(*s.pinned));
-    if (part && s.o && s.sort && s.normal && s.right && s.x && s.pinned) {
+    s.open = calloc(n, sizeof(*s.open));
+    if (part && s.o && s.sort && s.normal && s.right && s.x && s.open) {
         err = 0;
+        for (size_t i = 0; i < n; i++)
+            s.open[i] = true;
         observe(&s);
         presume(&s);
-        for (size_t i = 0; i < n; i++)
-            s.pinned[i] = !s.seen[i / STATES];
         for (int i = 0; s.count && i < ROUNDS_HUBER + ROUNDS_TUKEY; i++)
             iterate(&s, part, i >= ROUNDS_HUBER);
         if (s.count) {
-            pin(&s, part);
+            leave_open(&s, part);
+            s.inflation = inflation_of(&s);
             err = report(camera, &s, part);
         }
     }
@@ -388,6 +423,6 @@ int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_wo
     free(s.normal);
     free(s.right);
     free(s.x);
-    free(s.pinned);
+    free(s.open);
     return err;
 }

@@ -19,7 +19,7 @@ const struct sst_check_link *sst_check_other_link(const struct sst_check_work *w
 {
     const struct sst_check_link *next = &w->link[index + 1];
 
-    return index + 1 < w->links && next->a == w->link[index].a && next->state == SST_CHECK_PAIR_MEASURED ? next : NULL;
+    return index + 1 < w->links && next->a == w->link[index].a && sst_check_link_useful(next) ? next : NULL;
 }
 
 int sst_check_axes(const struct sst_check_work *w, double *axes_px)
@@ -32,7 +32,7 @@ int sst_check_axes(const struct sst_check_work *w, double *axes_px)
     for (int i = 0; i < w->links; i++) {
         const struct sst_check_link *l = &w->link[i], *other = sst_check_other_link(w, i);
 
-        for (int k = 0; l->state == SST_CHECK_PAIR_MEASURED && other && k < SST_CHECK_CELLS; k++) {
+        for (int k = 0; sst_check_link_useful(l) && other && k < SST_CHECK_CELLS; k++) {
             double difference;
 
             if (sst_check_two_disparities(&difference, l, other, k))

@@ -324,6 +324,11 @@ void sst_check_link_judge(struct sst_check_link *link, int min_matches)
         link->state = SST_CHECK_PAIR_LOST;
 }
 
+bool sst_check_link_useful(const struct sst_check_link *link)
+{
+    return link->state != SST_CHECK_PAIR_LOST && link->matches >= FEW;
+}
+
 bool sst_check_link_bad(const struct sst_check_link *link, double unusable_px)
 {
     return link->state == SST_CHECK_PAIR_LOST || (link->state == SST_CHECK_PAIR_MEASURED && link->rms_px > unusable_px);

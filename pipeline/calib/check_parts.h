@@ -144,6 +144,9 @@ void sst_check_link_set(struct sst_check_link *link, const struct sst_check_work
 /** Count matches, drop outliers, set state. */
 void sst_check_link_judge(struct sst_check_link *link, int min_matches);
 
+/** Are its matches more than chance? */
+bool sst_check_link_useful(const struct sst_check_link *link);
+
 /** Is the pair's match, or its failing, a sign of something wrong? */
 bool sst_check_link_bad(const struct sst_check_link *link, double unusable_px);
 
@@ -154,7 +157,7 @@ bool sst_check_link_bad(const struct sst_check_link *link, double unusable_px);
 SST_MUST_CHECK bool sst_check_two_disparities(double *out, const struct sst_check_link *p,
                                               const struct sst_check_link *q, int k);
 
-/** The link that begins at the same view as `index` and was measured too (then index is the one to the right). */
+/** The link that begins at the same view as `index` and is useful too (then index is the one to the right). */
 const struct sst_check_link *sst_check_other_link(const struct sst_check_work *w, int index);
 
 /** Median of the magnitude of two disparities' difference, NAN without any. @return 0, -ENOMEM */
@@ -167,6 +170,10 @@ SST_MUST_CHECK int sst_check_far(struct sst_check *out, struct sst_check_work *w
 
 /** Fill camera[views], all but residual_px, drifted and lost. @return 0, -ENOMEM */
 SST_MUST_CHECK int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_work *w);
+
+/* Least variance of the offsets along which shifts were seen, spacings^2, for shifts in proportion to them to be told
+ * apart from others: a row sees vertical shifts, but its cameras hardly differ in height. */
+#define SST_CHECK_SPREAD 0.05
 
 /** Take off the cameras' states what no match can tell (check_rest.c): the common shift, one in proportion to the
  *  offsets, the medians of roll and scale. NAN stays. */

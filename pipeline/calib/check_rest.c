@@ -28,9 +28,32 @@ static void solve3(double a[3][3], double v[3])
     }
 }
 
+/* Do the offsets of the shifts that were seen differ? */
+static bool spread_out(const struct sst_check_camera *cam, const struct sst_check_work *w)
+{
+    double mean[2] = { 0 }, squares = 0;
+    int n[2] = { 0 };
+
+    for (int pass = 0; pass < 2; pass++) {
+        for (int c = 0; c < 2 * w->views; c++) {
+            const int axis = c % 2;
+            const double offset = w->offset[c / 2][axis];
+
+            if (!cam[c / 2].known || isnan(axis ? cam[c / 2].shift_y_px : cam[c / 2].shift_x_px))
+                continue;
+            if (pass)
+                squares += (offset - mean[axis]) * (offset - mean[axis]);
+            else
+                mean[axis] += (offset - mean[axis]) / ++n[axis];
+        }
+    }
+    return squares >= SST_CHECK_SPREAD * (n[0] + n[1]);
+}
+
 /* Common shift and proportion of the offsets that leave the smallest sum of magnitudes of the shifts that were seen. */
 static void rest_shifts(struct sst_check_camera *cam, const struct sst_check_work *w)
 {
+    const bool proportion = spread_out(cam, w);
     double g[3] = { 0 };
 
     for (int round = 0; round < GAUGE_ROUNDS; round++) {
@@ -39,7 +62,7 @@ static void rest_shifts(struct sst_check_camera *cam, const struct sst_check_wor
         for (int c = 0; c < 2 * w->views; c++) {
             const struct sst_check_camera *k = &cam[c / 2];
             const double shift = c % 2 ? k->shift_y_px : k->shift_x_px;
-            const double row[3] = { c % 2 == 0, c % 2 == 1, w->offset[c / 2][c % 2] };
+            const double row[3] = { c % 2 == 0, c % 2 == 1, proportion ? w->offset[c / 2][c % 2] : 0 };
             double weight;
 
             if (!k->known || isnan(shift))
