@@ -47,7 +47,7 @@ CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) $(WARN) $(subst -I,-isystem ,$(shell pkg-
 LIBS = $(shell pkg-config --libs $(PACKAGES)) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
        $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack) \
-       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_aruco -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
+       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
 LDFLAGS_ALL = -pie -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 
 # --- sources -------------------------------------------------------------------------------------------------------
@@ -111,25 +111,14 @@ ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
 endif
 
-$(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/stereo.o $(BUILD)/obj/tests/bench/sgbm.o $(BUILD)/libsst.a
-$(BUILD)/bench/render: $(BUILD)/obj/tests/bench/render.o $(BUILD)/obj/tests/bench/blend.o $(BUILD)/libsst.a
-$(BUILD)/bench/network: $(BUILD)/obj/tests/bench/network.o $(BUILD)/libsst.a
-$(BUILD)/bench/features: $(BUILD)/obj/tests/bench/features.o $(BUILD)/libsst.a
-$(BUILD)/bench/feature_cost: $(BUILD)/obj/tests/bench/feature_cost.o $(BUILD)/libsst.a
-$(BUILD)/bench/sim_world: $(BUILD)/obj/tests/bench/sim_world.o $(BUILD)/libsst.a
-$(BUILD)/bench/calib: $(BUILD)/obj/tests/bench/calib.o $(BUILD)/libsst.a
-$(BUILD)/bench/calib_pairs: $(BUILD)/obj/tests/bench/calib_pairs.o $(BUILD)/libsst.a
-$(BUILD)/bench/rectify: $(BUILD)/obj/tests/bench/rectify.o $(BUILD)/libsst.a
-$(BUILD)/bench/trigger: $(BUILD)/obj/tests/bench/trigger.o $(BUILD)/libsst.a
-$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/network $(BUILD)/bench/features $(BUILD)/bench/feature_cost $(BUILD)/bench/sim_world $(BUILD)/bench/trigger $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs $(BUILD)/bench/rectify:
+# One program per file of tests/bench; two bring what they compare with.
+BENCH_PROGRAMS := $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(wildcard tests/bench/*.c))
+$(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/sgbm.o
+$(BUILD)/bench/render: $(BUILD)/obj/tests/bench/blend.o
+$(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
-
-$(BUILD)/bench/frames $(BUILD)/bench/unplug $(BUILD)/bench/raw: $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
-	@mkdir -p $(@D)
-	@echo "  LD   $@"
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+	@$(CC) $(LDFLAGS_ALL) $(filter %.o,$^) $(filter %.a,$^) $(LIBS) -o $@
 
 tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 
@@ -158,13 +147,15 @@ FUZZ_SECONDS ?= 60
 FUZZERS := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
 FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/network/graph*.c pipeline/network/ops.c pipeline/network/plan*.c) \
             pipeline/network/onnx.c pipeline/network/summary.c pipeline/network/manifest.c pipeline/network/network.c \
-            pipeline/labels/model_info.c pipeline/labels/classes.c
+            pipeline/labels/model_info.c pipeline/labels/classes.c \
+            pipeline/calib/calib.c pipeline/calib/calib_yaml.c pipeline/calib/camera.c $(wildcard pipeline/calib/format*.c) \
+            pipeline/lightfield/import_plan.c pipeline/lightfield/lightfield.c pipeline/image/image.c
 build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
 	@mkdir -p $(@D)
 	@echo "  FUZZ $@"
 	@clang -g -O1 -std=c11 -D_DEFAULT_SOURCE -I. -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
 	      $(filter-out -DWITH_OPENCV=%,$(DEFS)) -DWITH_OPENCV=0 $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
-fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks: FUZZ_SECONDS=60 for each of them
+fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks and calibrations: FUZZ_SECONDS=60 for each of them
 	@for f in $(FUZZERS); do mkdir -p build/fuzz/corpus-$$f; \
 	  build/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=120 \
 	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \

@@ -143,11 +143,21 @@ static int solve(struct job *job)
     return 0;
 }
 
+static int known_cameras(const struct sst_calib *c)
+{
+    int known = 0;
+
+    for (int k = 0; k < c->rows * c->cols; k++)
+        known += c->camera[k].known;
+    return known;
+}
+
 static int light(struct job *job)
 {
     int err;
 
-    if (job->o->no_light || !job->gathered.light.count || job->gathered.all.rig)
+    if (job->o->no_light || !job->gathered.light.count || job->gathered.all.rig ||
+        known_cameras(&job->solution.calib) < 2)
         return 0;
     err = sst_light_solve(&job->solution.calib, &job->gathered.light, &job->light);
     job->lit = !err;
@@ -159,11 +169,9 @@ static int lattice(struct job *job)
 {
     const struct sst_rectify_config cfg = { .plane_mm = -1 };
     const struct sst_calib *c = &job->solution.calib;
-    int known = 0, err;
+    int err;
 
-    for (int k = 0; k < c->rows * c->cols; k++)
-        known += c->camera[k].known;
-    if (known < 2)
+    if (known_cameras(c) < 2)
         return 0;
     job->rectified = calloc(1, sizeof(*job->rectified));
     if (!job->rectified)

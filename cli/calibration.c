@@ -202,7 +202,7 @@ const struct cli_command cli_calibration = {
     .summary = "look at a calibration, or write it in another format",
     .detail =
         "formats:\n"
-        "  sst            calib.yaml\n"
+        "  sst            calib.yaml; a light field with a calibration is read, too\n"
         "  opencv         a folder of rr_cc.yml, or one file of one camera (reads XML, JSON and ROS's too)\n"
         "  opencv-stereo  a folder with intrinsics.yml and extrinsics.yml, of two cameras\n"
         "  kalibr         camchain.yaml\n"

@@ -70,8 +70,8 @@ int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRI
 void cli_progress(void *title, double done);
 void cli_progress_end(void);
 
-extern const struct cli_command cli_calibrate, cli_calibration, cli_cameras, cli_capture, cli_demo, cli_doctor,
-    cli_eval, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process, cli_recording, cli_rectify,
-    cli_render, cli_scene, cli_segment, cli_stereo, cli_sweep, cli_topology, cli_version;
+extern const struct cli_command cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture, cli_demo,
+    cli_doctor, cli_eval, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process, cli_recording,
+    cli_rectify, cli_render, cli_scene, cli_segment, cli_stereo, cli_sweep, cli_topology, cli_version;
 
 #endif

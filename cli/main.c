@@ -22,6 +22,7 @@ static const struct cli_command *const commands[] = {
     &cli_segment,
     &cli_models,
     &cli_eval,
+    &cli_board,
     &cli_capture,
     &cli_calibrate,
     &cli_cameras,

@@ -6,10 +6,16 @@
 #include <new>
 #include <vector>
 
-#include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+/* Markers moved from the contributed modules to a class of a main one. */
+#define MARKERS_ARE_MAIN (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR >= 7))
+#if MARKERS_ARE_MAIN
+#include <opencv2/objdetect/aruco_detector.hpp>
+#else
+#include <opencv2/aruco.hpp>
+#endif
 
 /* OpenCV also prints each exception that it throws. */
 static int silent(int, const char *, const char *, const char *, int, void *)
@@ -72,12 +78,29 @@ int sst_cv_any_chessboard(const struct sst_map_u8 *luma, int *cols, int *rows)
 
 using quad = std::vector<cv::Point2f>;
 
-static cv::Ptr<cv::aruco::DetectorParameters> parameters(int border)
+static cv::aruco::Dictionary dictionary_of(int number)
 {
-    auto how = cv::aruco::DetectorParameters::create();
+#if MARKERS_ARE_MAIN
+    return cv::aruco::getPredefinedDictionary(number);
+#else
+    return *cv::aruco::getPredefinedDictionary(number);
+#endif
+}
+
+static void find_markers(const cv::Mat &luma, const cv::aruco::Dictionary &dict, int border, std::vector<quad> &found,
+                         std::vector<int> &ids, std::vector<quad> &rejected)
+{
+#if MARKERS_ARE_MAIN
+    cv::aruco::DetectorParameters how;
+
+    how.markerBorderBits = border;
+    cv::aruco::ArucoDetector(dict, how).detectMarkers(luma, found, ids, rejected);
+#else
+    const auto how = cv::aruco::DetectorParameters::create();
 
     how->markerBorderBits = border;
-    return how;
+    cv::aruco::detectMarkers(luma, cv::makePtr<cv::aruco::Dictionary>(dict), found, ids, how, rejected);
+#endif
 }
 
 /* Each side moved outwards by px. */
@@ -158,12 +181,11 @@ static bool read_tag(const cv::Mat &luma, quad q, const cv::aruco::Dictionary &d
 int sst_cv_markers(struct sst_cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary, int border)
 {
     return guarded([&] {
-        const auto dict = cv::aruco::getPredefinedDictionary(dictionary);
-        std::vector<quad> found;
+        std::vector<quad> found, rejected;
         std::vector<int> ids;
         int n = 0;
 
-        cv::aruco::detectMarkers(mat_of(luma), dict, found, ids, parameters(border));
+        find_markers(mat_of(luma), dictionary_of(dictionary), border, found, ids, rejected);
         for (size_t i = 0; i < ids.size() && n < max; i++, n++) {
             out[n].id = ids[i];
             for (int k = 0; k < 4; k++) {
@@ -178,7 +200,7 @@ int sst_cv_markers(struct sst_cv_marker *out, int max, const struct sst_map_u8 *
 int sst_cv_touching_tags(struct sst_cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary, int border)
 {
     return guarded([&] {
-        const auto dict = cv::aruco::getPredefinedDictionary(dictionary);
+        const auto dict = dictionary_of(dictionary);
         const cv::Mat grey = mat_of(luma);
         std::vector<quad> found, rejected;
         std::vector<int> ids;
@@ -190,10 +212,10 @@ int sst_cv_touching_tags(struct sst_cv_marker *out, int max, const struct sst_ma
         /* Widened white parts what touches at corners; the tags then are quads that are one pixel too small all
          * around. Too few of their bits survive it, so that these are read in the picture itself. */
         cv::dilate(grey, parted, cv::Mat::ones(3, 3, CV_8U));
-        cv::aruco::detectMarkers(parted, dict, found, ids, parameters(border), rejected);
+        find_markers(parted, dict, border, found, ids, rejected);
         found.insert(found.end(), rejected.begin(), rejected.end());
         for (size_t i = 0; i < found.size() && n < max; i++)
-            n += read_tag(grey, grown(found[i], 1), *dict, border, &out[n]);
+            n += read_tag(grey, grown(found[i], 1), dict, border, &out[n]);
         return n;
     });
 }
@@ -201,19 +223,19 @@ int sst_cv_touching_tags(struct sst_cv_marker *out, int max, const struct sst_ma
 int sst_cv_dictionary(int dictionary, int *modules)
 {
     return guarded([&] {
-        const auto dict = cv::aruco::getPredefinedDictionary(dictionary);
+        const auto dict = dictionary_of(dictionary);
 
-        *modules = dict->markerSize;
-        return dict->bytesList.rows;
+        *modules = dict.markerSize;
+        return dict.bytesList.rows;
     });
 }
 
 int sst_cv_marker_bits(uint8_t *bits, int dictionary, int id)
 {
     return guarded([&] {
-        const auto dict = cv::aruco::getPredefinedDictionary(dictionary);
+        const auto dict = dictionary_of(dictionary);
         const cv::Mat m =
-            cv::aruco::Dictionary::getBitsFromByteList(dict->bytesList.rowRange(id, id + 1), dict->markerSize);
+            cv::aruco::Dictionary::getBitsFromByteList(dict.bytesList.rowRange(id, id + 1), dict.markerSize);
 
         for (int y = 0; y < m.rows; y++) {
             for (int x = 0; x < m.cols; x++)

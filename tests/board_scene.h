@@ -10,7 +10,7 @@
 #include "pipeline/calib/print.h"
 #include "pipeline/image/image.h"
 
-#define SCENE_FINE 6 /* samples along a side of a pixel */
+#define SCENE_FINE 5 /* samples along a side of a pixel */
 
 struct board_scene {
     struct sst_board board;
@@ -146,23 +146,42 @@ static inline void scene_unproject(const struct board_scene *s, const double m[9
     out[1] = (c[3] * a + c[4] * b + c[5]) / det;
 }
 
-static inline void scene_blur_rows(float *data, float *line, int n, int count, size_t step, size_t next, double sigma)
+/* data becomes its convolution with a round normal distribution; other is as large and is used. */
+static inline void scene_blur(float *data, float *other, int w, int h, double sigma)
 {
     const int reach = (int)ceil(4 * sigma);
-    float kernel[512], sum = 0;
+    const size_t bytes = (size_t)w * sizeof(*data);
+    float sum = 0;
 
-    for (int i = 0; i <= 2 * reach && i < 512; i++)
-        sum += kernel[i] = (float)exp(-(i - reach) * (i - reach) / (2 * sigma * sigma));
-    for (int k = 0; k < count; k++) {
-        for (int i = 0; i < n; i++) {
-            float v = 0;
+    for (int j = -reach; j <= reach; j++)
+        sum += (float)exp(-j * j / (2 * sigma * sigma));
+    memset(other, 0, bytes * (size_t)h);
+    for (int y = 0; y < h; y++) {
+        for (int j = -reach; j <= reach; j++) {
+            const float k = (float)exp(-j * j / (2 * sigma * sigma)) / sum;
+            const float *from = data + (size_t)sst_clamp_int(y + j, 0, h - 1) * (size_t)w;
+            float *to = other + (size_t)y * (size_t)w;
 
-            for (int j = -reach; j <= reach; j++)
-                v += kernel[j + reach] * data[(size_t)k * next + (size_t)sst_clamp_int(i + j, 0, n - 1) * step];
-            line[i] = v / sum;
+            for (int x = 0; x < w; x++)
+                to[x] += k * from[x];
         }
-        for (int i = 0; i < n; i++)
-            data[(size_t)k * next + (size_t)i * step] = line[i];
+    }
+    memset(data, 0, bytes * (size_t)h);
+    for (int y = 0; y < h; y++) {
+        float *to = data + (size_t)y * (size_t)w;
+        const float *from = other + (size_t)y * (size_t)w;
+
+        for (int j = -reach; j <= reach; j++) { /* what lies beyond the sides is as at them */
+            const float k = (float)exp(-j * j / (2 * sigma * sigma)) / sum;
+            const int x0 = sst_min_int(sst_max_int(-j, 0), w), x1 = sst_max_int(sst_min_int(w - j, w), 0);
+
+            for (int x = 0; x < x0; x++)
+                to[x] += k * from[0];
+            for (int x = x0; x < x1; x++)
+                to[x] += k * from[x + j];
+            for (int x = x1; x < w; x++)
+                to[x] += k * from[w - 1];
+        }
     }
 }
 
@@ -172,7 +191,7 @@ static inline int board_scene_draw(struct sst_image *out, const struct board_sce
     const int w = s->width * SCENE_FINE, h = s->height * SCENE_FINE, steps = 24;
     const double reach = hypot(s->cam.cx, s->cam.cy);
     struct scene_texture t = { 0 };
-    float *fine = NULL, *line = NULL;
+    float *fine = NULL, *other = NULL;
     uint64_t rng = s->seed * 2654435761u + 12345;
     double m[9];
     int err = scene_texture_init(&t, &s->board, dot_mm);
@@ -180,7 +199,7 @@ static inline int board_scene_draw(struct sst_image *out, const struct board_sce
     if (err)
         return err;
     fine = (float *)malloc((size_t)w * (size_t)h * sizeof(*fine));
-    line = (float *)malloc((size_t)sst_max_int(w, h) * sizeof(*line));
+    other = (float *)malloc((size_t)w * (size_t)h * sizeof(*other));
     board_scene_pose(s, m);
     for (int y = 0; y < s->height; y++) {
         double left[2][2], right[2][2];
@@ -205,10 +224,9 @@ static inline int board_scene_draw(struct sst_image *out, const struct board_sce
             memcpy(left, right, sizeof(left));
         }
     }
-    if (s->blur_px > 0) {
-        scene_blur_rows(fine, line, w, h, 1, (size_t)w, s->blur_px * SCENE_FINE);
-        scene_blur_rows(fine, line, h, w, (size_t)w, 1, s->blur_px * SCENE_FINE);
-    }
+    if (s->blur_px > 0)
+        scene_blur(fine, other, w, h, s->blur_px * SCENE_FINE);
+    free(other);
     err = sst_image_init(out, s->width, s->height);
     for (int y = 0; y < s->height && !err; y++) {
         for (int x = 0; x < s->width; x++) {
@@ -224,7 +242,7 @@ static inline int board_scene_draw(struct sst_image *out, const struct board_sce
                 for (int i = 0; i < SCENE_FINE * SCENE_FINE; i++)
                     sum += fine[(size_t)sst_clamp_int(oy + i / SCENE_FINE, 0, h - 1) * (size_t)w +
                                 (size_t)sst_clamp_int(ox + i % SCENE_FINE, 0, w - 1)] /
-                           (moves ? steps : 1);
+                           (float)(moves ? steps : 1);
             }
             sum *= (1 - s->vignetting * r * r) / (SCENE_FINE * SCENE_FINE);
             grey = 255 * pow(fmin(fmax(sum, 0), 1), 1 / s->gamma);
@@ -235,7 +253,6 @@ static inline int board_scene_draw(struct sst_image *out, const struct board_sce
         }
     }
     free(fine);
-    free(line);
     sst_map_u8_fini(&t.dots);
     return err;
 }

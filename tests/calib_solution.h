@@ -206,7 +206,7 @@ static inline void made_sums(struct made *m)
         s->corners += d->corners - v->outliers;
         s->outliers += v->outliers;
     }
-    s->rms_px = sqrt(all / s->corners);
+    s->rms_px = s->corners ? sqrt(all / s->corners) : (double)NAN;
     for (int i = 0; i < m->cfg.frames; i++) {
         s->frame[i].known = n[i] > 0;
         s->frame[i].rms_px = n[i] ? sqrt(frame[i] / n[i]) : (double)NAN;
@@ -268,7 +268,7 @@ static inline void made_solution(struct made *m)
     made_sums(m);
     made_links(m);
     s->measurements = 2 * s->corners;
-    s->predicted_rms_px = sqrt(2) * c->noise_px * sqrt(1 - (double)s->states / s->measurements);
+    s->predicted_rms_px = sqrt(2) * c->noise_px * sqrt(fmax(0, 1 - (double)s->states / fmax(s->measurements, 1)));
     if (!c->rig)
         return;
     s->calib.rig = true;
@@ -286,6 +286,11 @@ static inline void made_open(struct made *m, const struct made_config *cfg)
     *m = (struct made){ .cfg = *cfg, .state = cfg->seed };
     m->all = (struct sst_detections){ .rows = cfg->rows,
                                       .cols = cfg->cols,
+                                      .board = { .kind = SST_BOARD_CHARUCO,
+                                                 .cols = sst_max_int(cfg->across, 4) + 1,
+                                                 .rows = sst_max_int(cfg->down, 4) + 1,
+                                                 .square_mm = 40,
+                                                 .marker = 0.7 },
                                       .width = cfg->width,
                                       .height = cfg->height,
                                       .frames = cfg->frames,

@@ -41,6 +41,7 @@ struct truth {
     struct truth_frame *frame; /* [frames] */
     struct sst_detections all;
     bool **outlier; /* [all.count][corners]: moved on purpose */
+    int made;       /* detections that there were at first */
     uint64_t state;
 };
 
@@ -233,6 +234,7 @@ static inline void truth_see(struct truth *t, int view, int frame)
     t->outlier = realloc(t->outlier, (size_t)(t->all.count + 1) * sizeof(*t->outlier));
     assert(t->outlier);
     t->outlier[t->all.count] = moved;
+    t->made++;
     if (sst_detections_add(&t->all, &d))
         abort();
 }
@@ -278,7 +280,7 @@ static inline void truth_make(struct truth *t, const struct truth_config *cfg)
 
 static inline void truth_free(struct truth *t)
 {
-    for (int i = 0; i < t->all.count; i++)
+    for (int i = 0; i < t->made; i++)
         free(t->outlier[i]);
     free(t->outlier);
     free(t->frame);

@@ -14,7 +14,7 @@
 #define LEAST_BLUR_PX 0.3  /* a pixel's own width: sharper is not to be seen */
 #define FOREIGN_LEAST 4    /* markers that do not belong: fewer are read from clutter */
 
-/* --- grey -------------------------------------------------------------------------------------------------------- */
+/* --- size -------------------------------------------------------------------------------------------------------- */
 
 /* Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. */
 static int halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
@@ -209,11 +209,11 @@ static int detect_chessboard(struct sst_sighting *s, struct sst_detection *out, 
     *outcome = SST_DETECT_NONE;
     if (found <= 0)
         return found;
-    if (sst_chessboard_goes_on(s)) {
+    count = sst_find_points(s);
+    if (count >= 0 && (sst_chessboard_ends_early(s) || sst_chessboard_goes_on(s))) {
         *outcome = SST_DETECT_OTHER_BOARD;
         return 0;
     }
-    count = sst_find_points(s);
     return count < 0 ? count : judge(out, outcome, s, count, cfg);
 }
 

@@ -214,7 +214,27 @@ out:
     return count;
 }
 
-/* --- chessboards that are larger --------------------------------------------------------------------------------- */
+/* --- chessboards that are not of this size
+ * -------------------------------------------------------------------------------- */
+
+bool sst_chessboard_ends_early(const struct sst_sighting *s)
+{
+    const int cols = s->board->cols - 1, rows = s->board->rows - 1;
+
+    for (int side = 0; side < 4; side++) {
+        const int length = side < 2 ? rows : cols;
+        int seen = 0;
+
+        for (int k = 0; k < length; k++) {
+            const int i = side == 0 ? 0 : side == 1 ? cols - 1 : k, j = side == 2 ? 0 : side == 3 ? rows - 1 : k;
+
+            seen += s->seen[j * cols + i];
+        }
+        if (2 * seen < length)
+            return true;
+    }
+    return false;
+}
 
 bool sst_chessboard_goes_on(const struct sst_sighting *s)
 {

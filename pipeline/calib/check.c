@@ -135,7 +135,7 @@ static void say_unchecked(struct sst_check *out, const struct sst_check_work *w)
     if (!n)
         return;
     sst_view_name(w->lf, first, name);
-    say(out, "; %d not checked for too little texture (%s%s)", n, name, n > 1 ? ", ..." : "");
+    say(out, "; %d not tied to the rest by enough matches (%s%s)", n, name, n > 1 ? ", ..." : "");
 }
 
 /* --- figures ------------------------------------------------------------------------------------------------------ */
@@ -198,6 +198,7 @@ static int judge_camera(struct sst_check *out, const struct sst_check_work *w, i
         n += l->matches;
         squares += l->rms_px * l->rms_px * l->matches;
     }
+    c->known = c->known && c->sigma_px <= w->cfg.ok_px;
     c->residual_px = n ? sqrt(squares / n) : 0;
     c->lost = all && lost == all;
     c->drifted = c->lost || (c->known && c->off_px > w->cfg.ok_px && c->off_px > SIGMAS * c->off_sigma_px);
@@ -206,7 +207,7 @@ static int judge_camera(struct sst_check *out, const struct sst_check_work *w, i
 
 static void decide(struct sst_check *out, const struct sst_check_work *w, const char *whole)
 {
-    int bad = 0, usable = 0, drifted = 0;
+    int bad = 0, usable = 0, drifted = 0, known = 0, present = 0;
     double worst = 0;
 
     for (int i = 0; i < w->links; i++) {
@@ -215,6 +216,8 @@ static void decide(struct sst_check *out, const struct sst_check_work *w, const 
     }
     for (int v = 0; v < w->views; v++) {
         drifted += judge_camera(out, w, v);
+        present += w->view[v].image != NULL;
+        known += out->camera[v].known || out->camera[v].lost;
         if (out->camera[v].known)
             worst = fmax(worst, out->camera[v].off_px);
     }
@@ -229,7 +232,7 @@ static void decide(struct sst_check *out, const struct sst_check_work *w, const 
         sst_view_name(w->lf, out->swapped_a, a);
         sst_view_name(w->lf, out->swapped_b, b);
         say(out, "UNUSABLE: views %s and %s are in each other's places: exchanged, their pairs fit", a, b);
-    } else if (2 * usable < w->links || !usable) {
+    } else if (2 * usable < w->links || !usable || (2 * bad <= usable && 2 * known < present)) {
         out->verdict = SST_CHECK_UNKNOWN;
         say(out,
             "UNKNOWN: too little texture: %d of %d pairs have the %d distinct features that are needed; point the "
@@ -238,8 +241,8 @@ static void decide(struct sst_check *out, const struct sst_check_work *w, const 
     } else if (2 * bad > usable) {
         out->verdict = SST_CHECK_UNUSABLE;
         say(out,
-            "UNUSABLE: %d of %d pairs are off by more than %.2g px or do not match at all (median of those that "
-            "match: see the table); rectify with a calibration of these cameras",
+            "UNUSABLE: %d of %d pairs are off by more than %.2g px or do not match at all: the views were "
+            "not rectified, or with another calibration",
             bad, usable, w->cfg.unusable_px);
     } else if (out->axes_px > w->cfg.unusable_px) {
         out->verdict = SST_CHECK_UNUSABLE;

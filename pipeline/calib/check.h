@@ -36,7 +36,7 @@ struct sst_check_pair {
  * disparity of the whole scene.
  */
 struct sst_check_camera {
-    bool known;                    /* false: no view, or no pair of it was measured */
+    bool known;                    /* false: no view, or too few matches tie it to the others (sigma above ok_px) */
     double shift_x_px, shift_y_px; /* right and down positive, at the picture's centre; NAN: no pair sees it */
     double sigma_px;               /* of either, the larger */
     double roll_deg;               /* clockwise, about the picture's centre */

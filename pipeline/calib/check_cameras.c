@@ -17,16 +17,16 @@
 
 #include "pipeline/calib/check_parts.h"
 
-#define STATES       4     /* s.x, s.y, r, q of a camera */
-#define HUBER        1.5   /* in sigmas, first rounds */
-#define TUKEY        4.685 /* in the others */
-#define ROUNDS_HUBER 5
-#define ROUNDS_TUKEY 8
-#define LOOSE_PX     30.0 /* a priori sigma of every state: what no match tells stays there */
-#define UNSEEN_PX    3.0  /* a state with a larger sigma was not seen */
-#define TIE_PX       1e-3 /* sigma of the sums that are set to 0 */
-#define GAUGE_ROUNDS 60
-#define GAUGE_PX     1e-3 /* deviations below this count alike */
+#define STATES        4     /* s.x, s.y, r, q of a camera */
+#define HUBER         1.5   /* in sigmas, first rounds */
+#define TUKEY         4.685 /* in the others */
+#define ROUNDS_HUBER  5
+#define ROUNDS_PINNED 3
+#define ROUNDS_TUKEY  8
+#define LOOSE_PX      2.0  /* a priori sigma of every state: what no match tells stays there */
+#define PRESUMED_PX   0.05 /* per spacing: how well neighbouring rows and columns fit before any match says so */
+#define UNSEEN_PX     0.7  /* a state with a larger sigma was not seen */
+#define TIE_PX        1e-3 /* sigma of the sums that are set to 0 */
 
 struct observation {
     int cams;
@@ -40,8 +40,10 @@ struct system {
     double radius;    /* R, px */
     double centre[2]; /* px */
     int n;            /* states */
-    int count;
+    int count;        /* observations that are matches; after them */
+    int presumed;     /* those that are not */
     struct observation *o;
+    bool *pinned;               /* [n] states that no match tells: they stay 0 and out of all sums */
     double *normal, *right, *x; /* [n][n] lower half, then its factor; [n]; [n] */
     double *sort;               /* [count] */
     bool seen[SST_MAX_VIEWS];   /* cameras that take part */
@@ -109,6 +111,30 @@ static void observe(struct system *s)
     }
 }
 
+/* Rows and columns are taken to fit each other unless matches say otherwise: where no feature was matched both ways,
+ * nothing else would tell. Robust like matches, so that a camera that is off is not held back. */
+static void presume(struct system *s)
+{
+    static const double origin[2] = { 0 };
+
+    for (int i = 0; i + 1 < s->w->links; i++) {
+        const struct sst_check_link *p = &s->w->link[i], *q = p + 1;
+        struct observation *o = &s->o[s->count + s->presumed];
+
+        if (q->a != p->a || !s->seen[p->a] || !s->seen[p->b] || !s->seen[q->b] || p->length <= 0 || q->length <= 0)
+            continue;
+        *o = (struct observation){ .sigma = PRESUMED_PX };
+        add_part(o, s, p->b, origin, p->s.u, -1 / p->length);
+        add_part(o, s, p->a, origin, p->s.u, 1 / p->length);
+        add_part(o, s, q->b, origin, q->s.u, 1 / q->length);
+        add_part(o, s, q->a, origin, q->s.u, -1 / q->length);
+        /* Of the shifts alone. */
+        for (int k = 0; k < o->cams; k++)
+            o->part[k][2] = o->part[k][3] = 0;
+        s->presumed++;
+    }
+}
+
 static double residual(const struct system *s, const struct observation *o)
 {
     double r = o->value;
@@ -150,22 +176,26 @@ static void tie(struct system *s, const double *part)
 static void tie_all(struct system *s, double *part)
 {
     double mean[2] = { 0 };
-    int cams = 0;
+    int n[2] = { 0 };
 
     for (int j = 0; j < STATES; j++) {
         for (int i = 0; i < s->n; i++)
-            part[i] = s->seen[i / STATES] && i % STATES == j;
+            part[i] = !s->pinned[i] && i % STATES == j;
         tie(s, part);
     }
-    for (int c = 0; c < s->w->views; c++) {
-        if (!s->seen[c])
+    for (int i = 0; i < s->n; i++) {
+        const int axis = i % STATES;
+
+        if (axis >= 2 || s->pinned[i])
             continue;
-        cams++;
-        mean[0] += (s->w->offset[c][0] - mean[0]) / cams;
-        mean[1] += (s->w->offset[c][1] - mean[1]) / cams;
+        n[axis]++;
+        mean[axis] += (s->w->offset[i / STATES][axis] - mean[axis]) / n[axis];
     }
-    for (int i = 0; i < s->n; i++)
-        part[i] = s->seen[i / STATES] && i % STATES < 2 ? s->w->offset[i / STATES][i % STATES] - mean[i % STATES] : 0;
+    for (int i = 0; i < s->n; i++) {
+        const int axis = i % STATES;
+
+        part[i] = axis >= 2 || s->pinned[i] ? 0 : s->w->offset[i / STATES][axis] - mean[axis];
+    }
     tie(s, part);
 }
 
@@ -228,10 +258,11 @@ static void iterate(struct system *s, double *part, bool tukey)
     memset(s->normal, 0, (size_t)s->n * (size_t)s->n * sizeof(*s->normal));
     memset(s->right, 0, (size_t)s->n * sizeof(*s->right));
     for (int i = 0; i < s->n; i++)
-        s->normal[(size_t)i * (size_t)s->n + (size_t)i] = 1 / (LOOSE_PX * LOOSE_PX);
-    for (int i = 0; i < s->count; i++) {
+        s->normal[(size_t)i * (size_t)s->n + (size_t)i] =
+            s->pinned[i] ? 1 / (TIE_PX * TIE_PX) : 1 / (LOOSE_PX * LOOSE_PX);
+    for (int i = 0; i < s->count + s->presumed; i++) {
         const struct observation *o = &s->o[i];
-        const double sigma = scale * o->sigma, t = fabs(residual(s, o)) / sigma;
+        const double sigma = i < s->count ? scale * o->sigma : o->sigma, t = fabs(residual(s, o)) / sigma;
 
         add_observation(s, o, robust_weight(t, tukey) / (sigma * sigma));
     }
@@ -241,81 +272,7 @@ static void iterate(struct system *s, double *part, bool tukey)
     memcpy(s->x, s->right, (size_t)s->n * sizeof(*s->x));
 }
 
-/* --- what is told relative to what -------------------------------------------------------------------------------- */
-
-/* Solve 3 unknowns, positive definite; v in place. */
-static void solve3(double a[3][3], double v[3])
-{
-    for (int i = 0; i < 3; i++) {
-        for (int k = i + 1; k < 3; k++) {
-            const double f = a[k][i] / a[i][i];
-
-            for (int j = i; j < 3; j++)
-                a[k][j] -= f * a[i][j];
-            v[k] -= f * v[i];
-        }
-    }
-    for (int i = 2; i >= 0; i--) {
-        for (int j = i + 1; j < 3; j++)
-            v[i] -= a[i][j] * v[j];
-        v[i] /= a[i][i];
-    }
-}
-
-/* Common shift and proportion of the offsets that leave the smallest sum of magnitudes of the shifts that were seen. */
-static void rest_shifts(struct sst_check_camera *cam, const struct sst_check_work *w)
-{
-    double g[3] = { 0 };
-
-    for (int round = 0; round < GAUGE_ROUNDS; round++) {
-        double a[3][3] = { { 1e-9, 0, 0 }, { 0, 1e-9, 0 }, { 0, 0, 1e-9 } }, v[3] = { 0 };
-
-        for (int c = 0; c < 2 * w->views; c++) {
-            const struct sst_check_camera *k = &cam[c / 2];
-            const double shift = c % 2 ? k->shift_y_px : k->shift_x_px;
-            const double row[3] = { c % 2 == 0, c % 2 == 1, w->offset[c / 2][c % 2] };
-            double weight;
-
-            if (!k->known || isnan(shift))
-                continue;
-            weight = 1 / fmax(fabs(shift - row[0] * g[0] - row[1] * g[1] - row[2] * g[2]), GAUGE_PX);
-            for (int i = 0; i < 3; i++) {
-                v[i] += weight * row[i] * shift;
-                for (int j = 0; j < 3; j++)
-                    a[i][j] += weight * row[i] * row[j];
-            }
-        }
-        solve3(a, v);
-        memcpy(g, v, sizeof(g));
-    }
-    for (int c = 0; c < w->views; c++) {
-        cam[c].shift_x_px -= g[0] + g[2] * w->offset[c][0];
-        cam[c].shift_y_px -= g[1] + g[2] * w->offset[c][1];
-    }
-}
-
-static void rest_median(struct sst_check_camera *cam, int views, size_t field)
-{
-    double v[SST_MAX_VIEWS], median;
-    int n = 0;
-
-    for (int c = 0; c < views; c++) {
-        const double *p = (const double *)(const void *)((const char *)&cam[c] + field);
-
-        if (cam[c].known && !isnan(*p))
-            v[n++] = *p;
-    }
-    if (!n)
-        return;
-    median = sst_check_quantile(v, n, 0.5);
-    if (n % 2 == 0)
-        median = 0.5 * (median + sst_check_quantile(v, n, 0.5 - 0.5 / n));
-    for (int c = 0; c < views; c++) {
-        double *p = (double *)(void *)((char *)&cam[c] + field);
-
-        *p -= median;
-    }
-}
+/* --- what it says of each camera -------------------------------------------------------------------------------- */
 
 /* States and covariance of one camera; what was not seen is NAN. */
 static void read_camera(struct sst_check_camera *cam, const struct system *s, int c, double *column,
@@ -329,9 +286,9 @@ static void read_camera(struct sst_check_camera *cam, const struct system *s, in
         solve(s, column);
         for (int i = 0; i < STATES; i++)
             cov[j][i] = column[c * STATES + i];
-        state[j] = sqrt(fmax(cov[j][j], 0)) < UNSEEN_PX ? s->x[c * STATES + j] : NAN;
+        state[j] = s->pinned[c * STATES + j] ? NAN : s->x[c * STATES + j];
     }
-    cam->known = s->seen[c] && (!isnan(state[0]) || !isnan(state[1]));
+    cam->known = !isnan(state[0]) || !isnan(state[1]);
     cam->shift_x_px = state[0];
     cam->shift_y_px = state[1];
     cam->roll_deg = state[2] / s->radius * (180 / M_PI);
@@ -369,9 +326,7 @@ static int report(struct sst_check_camera *cam, const struct system *s, double *
         return -ENOMEM;
     for (int c = 0; c < views; c++)
         read_camera(&cam[c], s, c, column, cov[c]);
-    rest_shifts(cam, s->w);
-    rest_median(cam, views, offsetof(struct sst_check_camera, roll_deg));
-    rest_median(cam, views, offsetof(struct sst_check_camera, scale));
+    sst_check_rest(cam, s->w);
     for (int c = 0; c < views; c++) {
         if (cam[c].known)
             sum_up(&cam[c], s, cov[c]);
@@ -380,9 +335,26 @@ static int report(struct sst_check_camera *cam, const struct system *s, double *
     return 0;
 }
 
+/* Pin the states that the matches leave open, and solve for the others. */
+static void pin(struct system *s, double *part)
+{
+    for (int i = 0; i < s->n; i++) {
+        memset(part, 0, (size_t)s->n * sizeof(*part));
+        part[i] = 1;
+        solve(s, part);
+        s->right[i] = part[i];
+    }
+    for (int i = 0; i < s->n; i++) {
+        s->pinned[i] = s->pinned[i] || s->right[i] > UNSEEN_PX * UNSEEN_PX;
+        s->x[i] = s->pinned[i] ? 0 : s->x[i];
+    }
+    for (int i = 0; i < ROUNDS_PINNED; i++)
+        iterate(s, part, true);
+}
+
 int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_work *w)
 {
-    const size_t most = (size_t)w->links * 2 * SST_CHECK_CELLS + 1, n = (size_t)w->views * STATES;
+    const size_t most = (size_t)w->links * (2 * SST_CHECK_CELLS + 1) + 1, n = (size_t)w->views * STATES;
     const double width = w->lf->width, height = w->lf->height;
     struct system s = { .w = w,
                         .radius = sqrt((width * width + height * height) / 12),
@@ -396,13 +368,19 @@ int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_wo
     s.normal = calloc(n * n, sizeof(*s.normal));
     s.right = calloc(n, sizeof(*s.right));
     s.x = calloc(n, sizeof(*s.x));
-    if (part && s.o && s.sort && s.normal && s.right && s.x) {
+    s.pinned = calloc(n, sizeof(*s.pinned));
+    if (part && s.o && s.sort && s.normal && s.right && s.x && s.pinned) {
         err = 0;
         observe(&s);
+        presume(&s);
+        for (size_t i = 0; i < n; i++)
+            s.pinned[i] = !s.seen[i / STATES];
         for (int i = 0; s.count && i < ROUNDS_HUBER + ROUNDS_TUKEY; i++)
             iterate(&s, part, i >= ROUNDS_HUBER);
-        if (s.count)
+        if (s.count) {
+            pin(&s, part);
             err = report(camera, &s, part);
+        }
     }
     free(part);
     free(s.o);
@@ -410,5 +388,6 @@ int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_wo
     free(s.normal);
     free(s.right);
     free(s.x);
+    free(s.pinned);
     return err;
 }

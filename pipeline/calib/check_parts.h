@@ -168,6 +168,10 @@ SST_MUST_CHECK int sst_check_far(struct sst_check *out, struct sst_check_work *w
 /** Fill camera[views], all but residual_px, drifted and lost. @return 0, -ENOMEM */
 SST_MUST_CHECK int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_work *w);
 
+/** Take off the cameras' states what no match can tell (check_rest.c): the common shift, one in proportion to the
+ *  offsets, the medians of roll and scale. NAN stays. */
+void sst_check_rest(struct sst_check_camera *camera, const struct sst_check_work *w);
+
 /* --- check_places.c: views in each other's places ----------------------------------------------------------------- */
 
 /** Is exchanging two views, or turning the grid over, what makes the bad pairs good? Sets swapped_a, swapped_b, or

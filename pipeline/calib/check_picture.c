@@ -14,7 +14,7 @@
 #define BOTTOM 44   /* for the key */
 #define ZOOM   30.0 /* arrows: px per px of shift */
 #define BAR    6    /* width of a pair's bar */
-#define WIDEST 300  /* least width, for the heading */
+#define LEAST  510  /* least width, for the key */
 
 struct colour {
     uint8_t rgb[3];
@@ -137,21 +137,23 @@ static void draw_camera(struct sst_image *out, const struct sst_check *check, in
 
 static void draw_key(struct sst_image *out, const struct sst_check *check)
 {
-    const int y = out->height - BOTTOM + 8, width = sst_min_int(out->width - 24, 240);
+    const int y = out->height - BOTTOM + 8, width = 276;
     char value[32];
 
     for (int x = 0; x < width; x++)
         box(out, 12 + x, y, 1, 12, colour_of(4.0 * check->ok_px * x / width, check->ok_px));
     for (int i = 0; i <= 4; i++) {
-        snprintf(value, sizeof(value), i == 4 ? "%.2f PX" : "%.2f", i * check->ok_px);
-        text(out, sst_max_int(12 + width * i / 4 - (i == 4 ? 42 : i * 3), 4), y + 18, 1, value, ink);
+        snprintf(value, sizeof(value), "%.2f", i * check->ok_px);
+        text(out, 12 + width * i / 4 - (i ? i == 4 ? 24 : 12 : 0), y + 18, 1, value, ink);
     }
+    text(out, 12 + width + 16, y + 2, 1, "PX OFF. ARROWS: SHIFTS TIMES 30.", ink);
+    text(out, 12 + width + 16, y + 16, 1, "FRAMED: DRIFTED. GREY: UNKNOWN.", ink);
 }
 
 int sst_check_picture(struct sst_image *out, const struct sst_check *check)
 {
     char figures[96] = "NOTHING MEASURED";
-    int err = sst_image_init(out, sst_max_int(check->cols * CELL, WIDEST), check->rows * CELL + TOP + BOTTOM);
+    int err = sst_image_init(out, sst_max_int(check->cols * CELL, LEAST), check->rows * CELL + TOP + BOTTOM);
 
     if (err)
         return -ENOMEM;

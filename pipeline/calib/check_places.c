@@ -102,6 +102,17 @@ static int find_suspects(int suspect[SUSPECTS], const struct sst_check_work *w)
     return n;
 }
 
+/* Exchanged views are off by as much as their places are apart, one this way and one that way. */
+static bool opposed(const struct sst_check_camera *a, const struct sst_check_camera *b, double unusable_px)
+{
+    const double x = isnan(a->shift_x_px) || isnan(b->shift_x_px) ? 0 : a->shift_x_px * b->shift_x_px;
+    const double y = isnan(a->shift_y_px) || isnan(b->shift_y_px) ? 0 : a->shift_y_px * b->shift_y_px;
+
+    if (!a->known || !b->known)
+        return true;
+    return a->off_px > unusable_px && b->off_px > unusable_px && x + y < 0;
+}
+
 /* Exchange a and b: are their pairs bad now and good then? */
 static int try_exchange(bool *explains, const struct sst_check_work *w, int a, int b)
 {
@@ -203,6 +214,8 @@ int sst_check_places(struct sst_check *out, const struct sst_check_work *w, char
     }
     for (int i = 0; !err && i < n; i++) {
         for (int j = i + 1; !err && !explains && j < n; j++) {
+            if (!opposed(&out->camera[suspect[i]], &out->camera[suspect[j]], w->cfg.unusable_px))
+                continue;
             err = try_exchange(&explains, w, suspect[i], suspect[j]);
             if (!explains)
                 continue;

@@ -47,9 +47,13 @@ static bool collect(struct window *w, const struct sst_map_u8 *luma, const struc
                     double y, double largest_px)
 {
     const double *s = place->slope, det = s[0] * s[3] - s[1] * s[2];
-    const double scale = sqrt(det), half = fmin(place->half_mm - MARGIN_PX / scale, largest_px / scale);
-    const double core = place->core_mm - MARGIN_PX / scale;
-    const double reach_x = half * (fabs(s[0]) + fabs(s[1])), reach_y = half * (fabs(s[2]) + fabs(s[3]));
+    /* mm of u and v that lie between lines u, v = const one pixel apart */
+    const double step_u = hypot(s[3], s[1]) / det, step_v = hypot(s[2], s[0]) / det;
+    const double half_u = fmin(place->half_mm - MARGIN_PX * step_u, largest_px * step_u);
+    const double half_v = fmin(place->half_mm - MARGIN_PX * step_v, largest_px * step_v);
+    const double core_u = place->core_mm - MARGIN_PX * step_u, core_v = place->core_mm - MARGIN_PX * step_v;
+    const double reach_x = half_u * fabs(s[0]) + half_v * fabs(s[1]);
+    const double reach_y = half_u * fabs(s[2]) + half_v * fabs(s[3]);
     const int x0 = (int)ceil(x - reach_x), x1 = (int)floor(x + reach_x);
     const int y0 = (int)ceil(y - reach_y), y1 = (int)floor(y + reach_y);
     int total = 0;
@@ -57,15 +61,15 @@ static bool collect(struct window *w, const struct sst_map_u8 *luma, const struc
     w->n = 0;
     w->middle[0] = x;
     w->middle[1] = y;
-    if (!(half > 0) || x1 - x0 >= MAX_SIDE || y1 - y0 >= MAX_SIDE)
+    if (!(half_u > 0) || !(half_v > 0) || x1 - x0 >= MAX_SIDE || y1 - y0 >= MAX_SIDE)
         return false;
     for (int j = y0; j <= y1; j++) {
         for (int i = x0; i <= x1; i++) {
             const double dx = i - x, dy = j - y;
             const double u = (s[3] * dx - s[1] * dy) / det, v = (s[0] * dy - s[2] * dx) / det;
-            const double weight = taper(u, half) * taper(v, half);
+            const double weight = taper(u, half_u) * taper(v, half_v);
 
-            if (!(weight > 0) || (u * v * place->core_sign > 0 && fabs(u) > core && fabs(v) > core))
+            if (!(weight > 0) || (u * v * place->core_sign > 0 && fabs(u) > core_u && fabs(v) > core_v))
                 continue;
             total++;
             if (i < 0 || j < 0 || i >= luma->width || j >= luma->height)

@@ -77,7 +77,8 @@ SST_MUST_CHECK int sst_find_chessboard(struct sst_sighting *s, bool quick);
  *  are seen, -ENOMEM */
 SST_MUST_CHECK int sst_find_points(struct sst_sighting *s);
 
-/** Does the chessboard go on beyond its points? */
+/** Is one side of the chessboard mostly unseen, or does it go on beyond its points? Then it is one of another size. */
+bool sst_chessboard_ends_early(const struct sst_sighting *s);
 bool sst_chessboard_goes_on(const struct sst_sighting *s);
 
 SST_EXTERN_C_END

@@ -8,12 +8,20 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/calib/format_parts.h"
+#include "pipeline/lightfield/calibrated.h"
 
 #define LOOK_BYTES ((size_t)64 << 20)
 
+/* A file, or a light field that has one. */
 static int read_ours(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg SST_UNUSED)
 {
-    return sst_calib_read(out, path);
+    char inside[SST_PATH_MAX];
+    int err;
+
+    if (!sst_path_is_dir(path))
+        return sst_calib_read(out, path);
+    err = sst_path_join(inside, path, SST_CALIBRATION_FILE);
+    return err ? err : sst_calib_read(out, inside);
 }
 
 static int write_ours(const struct sst_calib *calib, const char *path,
@@ -31,10 +39,10 @@ enum {
     MRCAL = 5,
 };
 
-#define LIGHT_AND_QUALITY "light, quality, noise, range, reference"
+#define LIGHT_AND_QUALITY "light, quality, noise, range, reference, rig"
 
 static const struct sst_calib_format formats[] = {
-    [SST] = { "sst", "calib.yaml", "", read_ours, write_ours },
+    [SST] = { "sst", "calib.yaml, or a light field with a calibration", "", read_ours, write_ours },
     [OPENCV] = { "opencv", "a folder of rr_cc.yml (or .xml, .json), or one of these for one camera", LIGHT_AND_QUALITY,
                  sst_opencv_read, sst_opencv_write },
     [STEREO] = { "opencv-stereo", "a folder with intrinsics.yml and extrinsics.yml, of two cameras",
@@ -79,6 +87,8 @@ static const struct sst_calib_format *of_folder(const char *path)
     static const char *const names[] = { "intrinsics.yml", "intrinsics.yaml", "intrinsics.xml", "intrinsics.json" };
     char file[SST_PATH_MAX];
 
+    if (!sst_path_join(file, path, SST_CALIBRATION_FILE) && sst_path_exists(file))
+        return &formats[SST];
     for (size_t i = 0; i < ARRAY_LEN(names); i++) {
         if (!sst_path_join(file, path, names[i]) && sst_path_exists(file))
             return &formats[STEREO];

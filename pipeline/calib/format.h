@@ -21,8 +21,9 @@ struct sst_calib_format_config {
  * has no word for: `lost` says it.
  *
  * read  @return 0, -ENOENT, -EBADMSG, -EINVAL (a grid or size that does not fit), -ENOMEM; logged
- * write @return 0, -EINVAL (unsound), -EBADMSG (a lens that its model cannot follow), -EEXIST, or what outputs return;
- *       logged
+ * write: of a calibration without a fault
+ *       @return 0, -EINVAL (more cameras than the format takes), -EBADMSG (a lens that its model cannot follow),
+ * -EEXIST, or what outputs return; logged
  */
 struct sst_calib_format {
     const char *name;  /* "kalibr" */
@@ -45,7 +46,7 @@ const struct sst_calib_format *sst_calib_format_of(const char *path);
  *  and folders OpenCV, other *.yaml ours. NULL and logged: none. */
 const struct sst_calib_format *sst_calib_format_for(const char *path);
 
-/** Write as read() leaves it: for a caller with text in memory. One parser each. */
+/** The readers for texts in memory. */
 SST_MUST_CHECK int sst_kalibr_parse(struct sst_calib *out, const char *text, size_t size, const char *name,
                                     const struct sst_calib_format_config *cfg);
 SST_MUST_CHECK int sst_multical_parse(struct sst_calib *out, const char *text, size_t size, const char *name,
@@ -66,8 +67,8 @@ SST_MUST_CHECK int sst_lens_reduce(struct sst_calib_camera *out, double *worst_p
                                    int width, int height, int coefficients);
 
 /**
- * A copy with every lens reduced. Says by how much; refuses beyond SST_LENS_LOSS_PX, naming the worst camera, unless
- * lossy.
+ * A copy with every lens reduced. Warns of errors from 0.001 px on; refuses beyond SST_LENS_LOSS_PX,
+ * naming the worst camera, unless lossy.
  * @param what  the format's name, for messages
  * @return 0, -EBADMSG (refused), -ENOMEM; logged
  */

@@ -8,7 +8,8 @@
 
 #define STEPS_X 48
 #define STEPS_Y 36
-#define MOST    5 /* coefficients that are fitted */
+#define MOST    5    /* coefficients that are fitted */
+#define TELL_PX 1e-3 /* errors from here on are worth a warning */
 
 /* Columns of the fit at a ray, in OpenCV's order: a distorted point is (a, b) + sum k_j (x_j, y_j). */
 static void columns(double a, double b, double x[MOST], double y[MOST])
@@ -159,7 +160,7 @@ int sst_calib_reduce(struct sst_calib *out, const struct sst_calib *in, int coef
         sst_calib_fini(&made);
         return -EBADMSG;
     }
-    if (worst > 0)
+    if (worst >= TELL_PX)
         sst_log_warning(
             "%s has %d coefficients for a lens: fitted again, they are off by up to %.3g px (row %d, column "
             "%d)",

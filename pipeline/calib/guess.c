@@ -40,17 +40,22 @@ static int rows_seen(const struct sst_board *b, const struct sst_sighting *s)
 }
 
 /* Keep a board of this width if more markers agree on it than on the best so far. */
-static int try_board(struct guess *best, struct sst_board b, const struct sst_cv_marker *read, int n)
+static int try_board(struct guess *best, struct sst_board b, const struct sst_cv_marker *read, int n, int last)
 {
     struct sst_sighting s = { .board = &b };
     const int agree = sst_place_markers(&s, read, n, 1);
+    int markers;
 
     if (agree > best->agree) {
         best->agree = agree;
         best->decoded = n;
-        best->board = b;
         if (!b.bottom_up)
-            best->board.rows = rows_seen(&b, &s);
+            b.rows = rows_seen(&b, &s);
+        /* The smallest dictionary of the family that is large enough. */
+        while (b.dictionary < last && sst_board_dictionary_name(b.dictionary, &markers) &&
+               markers < sst_board_markers(NULL, &b, s.other))
+            b.dictionary++;
+        best->board = b;
     }
     free(s.anchor);
     return agree < 0 ? agree : 0;
@@ -62,10 +67,8 @@ static int try_family(struct guess *best, size_t family, const struct sst_map_u8
     const bool grid = families[family].touching;
     const int n = sst_read_markers(read, luma, families[family].last, families[family].border, grid);
     const int most = highest(read, n) + 1;
-    int err = n < 0 ? n : 0, markers = 0, dictionary = families[family].first;
+    int err = n < 0 ? n : 0;
 
-    while (sst_board_dictionary_name(dictionary, &markers) && markers < most && dictionary < families[family].last)
-        dictionary++;
     for (int cols = grid ? 1 : 3; cols <= COLS_MAX && n >= LEAST_MARKERS && !err; cols++) {
         for (int up = 0; up <= grid && !err; up++) {
             struct sst_board b = { .kind = grid ? SST_BOARD_APRILGRID : SST_BOARD_CHARUCO,
@@ -75,10 +78,10 @@ static int try_family(struct guess *best, size_t family, const struct sst_map_u8
                                    .marker = given->kind == (grid ? SST_BOARD_APRILGRID : SST_BOARD_CHARUCO)
                                                  ? given->marker
                                                  : (grid ? 0.3 : 0.7),
-                                   .dictionary = grid ? 0 : dictionary,
+                                   .dictionary = grid ? 0 : families[family].first,
                                    .bottom_up = up };
 
-            err = try_board(best, b, read, n);
+            err = try_board(best, b, read, n, grid ? 0 : families[family].last);
         }
     }
     return err;
@@ -99,13 +102,41 @@ static bool describe(char out[160], const struct guess *g)
     return true;
 }
 
+/* The largest chessboard that is found, and that the detector confirms: the first look takes what lies beside for
+ * another row at times. */
+static bool guess_chessboard(char out[160], const struct sst_map_u8 *luma, const struct sst_image *image)
+{
+    int cols, rows;
+
+    if (sst_cv_any_chessboard(luma, &cols, &rows) <= 0)
+        return false;
+    for (int less = 0; less < 4; less++) {
+        const struct sst_board b = { .kind = SST_BOARD_CHESSBOARD,
+                                     .cols = sst_max_int(cols, rows) + 1 - less / 2,
+                                     .rows = sst_min_int(cols, rows) + 1 - less % 2,
+                                     .square_mm = 1 };
+        enum sst_detect_outcome outcome = SST_DETECT_NONE;
+        struct sst_detection d = { 0 };
+
+        if (b.cols < 4 || b.rows < 4 || sst_board_detect(&b, image, NULL, &d, &outcome))
+            continue;
+        sst_detection_fini(&d);
+        if (outcome == SST_DETECT_FOUND || outcome == SST_DETECT_BLURRED || outcome == SST_DETECT_MOVING) {
+            snprintf(out, 160, "it shows a chessboard of %dx%d squares (%dx%d inner corners)", b.cols, b.rows,
+                     b.cols - 1, b.rows - 1);
+            return true;
+        }
+    }
+    return false;
+}
+
 bool sst_board_guess(const struct sst_board *board, const struct sst_image *image, char out[160])
 {
     struct sst_cv_marker *read = malloc(SST_MARKERS_MAX * sizeof(*read));
     struct sst_map_u8 luma = { 0 };
     struct sst_pyramid p = { 0 };
     struct guess best = { 0 };
-    int err = read ? sst_luma(&luma, image) : -ENOMEM, cols, rows;
+    int err = read ? sst_luma(&luma, image) : -ENOMEM;
     bool known = false;
 
     if (!err)
@@ -113,12 +144,7 @@ bool sst_board_guess(const struct sst_board *board, const struct sst_image *imag
     for (size_t i = 0; i < ARRAY_LEN(families) && !err; i++)
         err = try_family(&best, i, p.level[p.levels - 1], board, read);
     if (!err)
-        known = describe(out, &best);
-    if (!err && !known && sst_cv_any_chessboard(p.level[p.levels - 1], &cols, &rows) > 0) {
-        snprintf(out, 160, "it shows a chessboard of %dx%d squares (%dx%d inner corners)", sst_max_int(cols, rows) + 1,
-                 sst_min_int(cols, rows) + 1, sst_max_int(cols, rows), sst_min_int(cols, rows));
-        known = true;
-    }
+        known = describe(out, &best) || guess_chessboard(out, p.level[p.levels - 1], image);
     sst_pyramid_fini(&p);
     sst_map_u8_fini(&luma);
     free(read);

@@ -51,7 +51,7 @@ struct sst_light_report {
  * themselves, and told. Order of the samples does not matter: the same samples give the same numbers.
  *
  * @param calib  principal points and sizes are read; cameras that are not known are skipped
- * @return 0, -ENODATA (no patch seen by two cameras in one frame; calib untouched; logged), -ENOMEM (logged)
+ * @return 0, -ENODATA (no patch seen by two cameras in one frame; calib untouched; a warning is logged), -ENOMEM (logged)
  */
 SST_MUST_CHECK int sst_light_solve(struct sst_calib *calib, const struct sst_light_samples *all,
                                    struct sst_light_report *report);

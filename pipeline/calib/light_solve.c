@@ -327,9 +327,11 @@ int sst_light_solve(struct sst_calib *calib, const struct sst_light_samples *all
         store(calib, &s, &made);
         *report = made;
     } else if (err == -ENODATA) {
-        sst_log_error("light: no white place of the board is seen by two cameras in one frame (%d samples): show it "
-                      "larger, evenly lit and not overexposed, where neighbours see it too",
-                      all->count);
+        sst_log_warning(
+            "no white place of the board is seen by two cameras in one frame (%d samples), so gains and "
+            "fall-off stay unknown: show it larger, evenly lit and not overexposed, where neighbours see it "
+            "too",
+            all->count);
     } else {
         sst_log_error("no memory to solve the light of %d cameras", s.views);
     }

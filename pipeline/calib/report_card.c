@@ -34,6 +34,9 @@ static void card_facts(const struct sst_calib_page *page, int view)
                 "expected error of carrying a pixel here from the reference view: %s px at the working range, %s px at "
                 "infinity.</p>\n",
                 SST_NUM0(c->sigma_px, 2), SST_NUM(f->carry_px[0], 2));
+    fputs(f->lacking[0] ? "<p>Its coverage lacks: " : "<p>Its coverage lacks nothing", out);
+    sst_html_text(out, f->lacking);
+    fputs(".</p>\n", out);
     if (!c->known)
         return;
     fprintf(out,

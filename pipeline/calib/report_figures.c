@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "pipeline/calib/coverage.h"
 #include "pipeline/calib/report_parts.h"
 
 #define REGIONS      (SST_REPORT_ROWS * SST_REPORT_COLS)
@@ -240,6 +241,21 @@ static void describe_cameras(struct sst_calib_figures *f, const struct sst_calib
     }
 }
 
+static int describe_coverage(struct sst_calib_figures *f, const struct sst_detections *all)
+{
+    struct sst_coverage *coverage = calloc((size_t)f->views, sizeof(*coverage));
+
+    if (!coverage)
+        return -ENOMEM;
+    sst_coverage_count(coverage, all);
+    for (int k = 0; k < f->views; k++) {
+        if (f->camera[k].expected)
+            sst_coverage_missing(&coverage[k], f->camera[k].lacking);
+    }
+    free(coverage);
+    return 0;
+}
+
 static void describe_frames(struct sst_calib_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_solution *s = report->solution;
@@ -292,7 +308,9 @@ int sst_calib_figures_init(struct sst_calib_figures *out, const struct sst_calib
     describe_cameras(&f, report);
     describe_frames(&f, report);
     sst_calib_figures_centres(&f, report);
-    err = rank_pictures(&f, report);
+    err = describe_coverage(&f, report->detections);
+    if (!err)
+        err = rank_pictures(&f, report);
     if (!err)
         err = sst_calib_figures_pairs(&f, report);
     if (err)

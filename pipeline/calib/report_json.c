@@ -70,9 +70,10 @@ static json_t *cameras(const struct sst_calib_report *report, const struct sst_c
 
         if (!g->expected)
             continue;
-        o = json_pack("{s:o, s:i, s:i, s:b, s:i, s:i, s:i, s:o, s:o}", "name", text(g->name), "row", k / calib->cols,
-                      "col", k % calib->cols, "known", (int)c->known, "pictures", g->frames, "corners", c->corners,
-                      "outliers", g->outliers, "rms_px", real0(c->rms_px), "systematic_px", real(g->systematic_px));
+        o = json_pack("{s:o, s:i, s:i, s:b, s:i, s:i, s:i, s:o, s:o, s:o}", "name", text(g->name), "row",
+                      k / calib->cols, "col", k % calib->cols, "known", (int)c->known, "pictures", g->frames, "corners",
+                      c->corners, "outliers", g->outliers, "rms_px", real0(c->rms_px), "systematic_px",
+                      real(g->systematic_px), "coverage_lacks", g->lacking[0] ? text(g->lacking) : json_null());
         if (o && c->known) {
             sst_rotation_to_vector(c->rotation, rotation);
             json_object_set_new(o, "sigma_px", k == calib->reference ? json_real(0) : real0(c->sigma_px));

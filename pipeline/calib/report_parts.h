@@ -59,6 +59,7 @@ struct sst_calib_camera_figures {
     double systematic_px;                                 /* RMS of the regions' mean residuals less what random ones
                                                              would leave; NAN unknown */
     double lens_px, carry_px[2];                          /* RMS over the solution's maps; NAN unknown */
+    char lacking[160]; /* what its coverage lacks, as sst_coverage_missing() says it; "" nothing */
 };
 
 /** A detection or corner far off. */

@@ -37,7 +37,8 @@ const char sst_calib_style[] =
     "figure{margin:12px 0}figcaption{font-size:13px;max-width:78ch}svg{display:block;width:100%;height:auto}"
     "svg text{fill:var(--fg);font-family:inherit}text.soft{fill:var(--soft)}.none{fill:var(--none)}\n"
     ".two{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,540px),1fr));gap:8px "
-    "36px}.two.three{grid-template-columns:repeat(auto-fit,minmax(min(100%,340px),1fr));gap:8px 20px}\n"
+    "36px}.two>*{min-width:0}.two.three{grid-template-columns:repeat(auto-fit,minmax(min(100%,340px),1fr));gap:8px "
+    "20px}\n"
     ".tiles{display:grid;gap:5px;margin:8px 0}.tile{color:inherit;text-decoration:none;font-size:11px;line-height:1.3;"
     "min-width:0;display:block}.tile svg{border-radius:2px;overflow:hidden}.tile b,.tile span{display:block;"
     "white-space:nowrap;overflow:hidden;text-overflow:ellipsis}.tile b{font-weight:600}"
@@ -74,4 +75,6 @@ const char sst_calib_style[] =
     "@media "
     "print{body{font-size:10.5pt;-webkit-print-color-adjust:exact;print-color-adjust:exact}nav,.card{display:none}"
     "figure,.key,.verdict,tr{break-inside:avoid}h2,h3{break-after:avoid}a{color:inherit;text-decoration:none}"
-    "main,header{max-width:none;padding:0}.scroll{overflow:visible}.two{grid-template-columns:1fr 1fr}}\n";
+    "main,header{max-width:none;padding:0}.scroll{overflow:visible}.two{grid-template-columns:repeat(2,minmax(0,1fr))}."
+    "two.three{grid-template-columns:repeat(3,minmax(0,1fr))}table.facts th{white-space:normal}table.tight,table.tight "
+    "td,table.tight th{font-size:6.5pt;padding:1px 4px 1px 0}table.bars{min-width:0}}\n";

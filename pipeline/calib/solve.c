@@ -464,7 +464,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
 void sst_solution_fini(struct sst_solution *solution)
 {
     /* view is allocated with one more than there are detections; the first without residuals ends them */
-    for (int i = 0; solution->view && solution->view[i].residual; i++) {
+    for (int i = 0; solution->view && (solution->view[i].residual || solution->view[i].outlier); i++) {
         free(solution->view[i].residual);
         free(solution->view[i].outlier);
     }

@@ -58,7 +58,8 @@ struct sst_solution {
     struct sst_solve_frame *frame; /* [detections.frames] */
     int links, weakest;            /* weakest: the link of the tree with the fewest corners; -1 none */
     struct sst_solve_link *link;
-    /* One sigma in px, [rows * cols] cameras each; NAN where a camera or region is unknown. lens_sigma: of where a
+    /* One sigma of one axis (root of the mean of both axes' variances) in px, [rows * cols] cameras each; NAN where a
+     * camera is unknown or the pixel is not in its picture. lens_sigma: of where a
      * direction is seen, the rotation that all directions share taken out. carry_sigma: of carrying a pixel of the
      * reference view to this view, [0] at infinity, [1] at calib.range_mm (0 for the reference itself). */
     float (*lens_sigma)[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS];
@@ -81,7 +82,9 @@ struct sst_solution {
  * of another size), corners that are not finite. A camera without any detection is an error unless force, which leaves
  * it unknown.
  *
- * The same input gives the same bytes for any number of threads.
+ * The reference is the light field's, or where that camera is unknown the nearest one that is known.
+ * calib.created_wall_ns and calib.source stay empty: the caller knows them. The same input gives the same bytes for
+ * any number of threads (seconds aside).
  *
  * @return 0, -EBADMSG (refused), -EDOM (did not converge), -ENOTSUP (no libdogleg or OpenCV in this build), -ENOMEM;
  *         logged.

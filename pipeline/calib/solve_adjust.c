@@ -5,10 +5,12 @@
  * at most 21 before the sparse solver sees them: an orthogonal transform leaves J'J, J'r and |r|^2 as they are.
  */
 #include <errno.h>
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/calib/solve_parts.h"
 
@@ -24,7 +26,11 @@ struct adjust {
     double loss_px;
     int *row_at, *entry_at; /* [count + 1] first row and entry of each detection */
     int rows, entries, priors, most_corners, measurements, threads, evaluations;
-    double *scratch; /* [threads][2 most_corners][columns] */
+    double *scratch;          /* [threads][2 most_corners][columns] */
+    dogleg_parameters2_t how; /* the solver reads its limit anew at every step */
+    double best, least_gain;  /* sum of squares so far; gains below this part of it do not count */
+    int idle;                 /* evaluations since one counted */
+    bool settled;
     const double *state;
     double *x; /* one evaluation's */
     cholmod_sparse *jt;
@@ -153,6 +159,21 @@ static int evaluate_one(void *arg, int index, int worker)
     return 0;
 }
 
+/* Along directions that hardly show (a denominator near 0) states move on while the sum of squares stays: enough. */
+static void stop_when_idle(struct adjust *a, const double *x)
+{
+    double cost = 0;
+
+    for (int i = 0; i < a->rows; i++)
+        cost += x[i] * x[i];
+    a->idle = fabs(a->best - cost) <= a->least_gain * a->best ? a->idle + 1 : 0;
+    a->best = fmin(a->best, cost);
+    if (a->idle >= 2) {
+        a->settled = true;
+        a->how.max_iterations = 0;
+    }
+}
+
 static void evaluate(const double *state, double *x, cholmod_sparse *jt, void *cookie)
 {
     struct adjust *a = cookie;
@@ -170,6 +191,7 @@ static void evaluate(const double *state, double *x, cholmod_sparse *jt, void *c
                      (double *)jt->x + a->entry_at[a->p->count], x + first);
     for (int i = 0; i <= a->priors; i++)
         at[first + i] = a->entry_at[a->p->count] + i;
+    stop_when_idle(a, x);
 }
 
 static void adjust_fini(struct adjust *a)
@@ -211,7 +233,6 @@ static int adjust_init(struct adjust *a, struct solve_problem *p, double loss_px
 int sst_solve_adjust(struct solve_problem *p, const struct solve_adjust_config *cfg, struct solve_adjusted *out)
 {
     struct adjust a;
-    dogleg_parameters2_t how;
     dogleg_solverContext_t *ctx = NULL;
     double *state = NULL, cost;
     int err = adjust_init(&a, p, cfg->loss_px);
@@ -222,14 +243,16 @@ int sst_solve_adjust(struct solve_problem *p, const struct solve_adjust_config *
     state = calloc((size_t)a.layout.states, sizeof(*state));
     if (!state)
         goto out;
-    dogleg_getDefaultParameters(&how);
-    how.max_iterations = cfg->max_iterations;
-    how.update_threshold = cfg->tolerance;
-    how.Jt_x_threshold = 0; /* absolute: says little where the noise is not known */
-    how.trustregion_threshold = cfg->tolerance * 1e-3;
-    how.trustregion0 = 1e4;
-    cost = dogleg_optimize2(state, (unsigned)a.layout.states, (unsigned)a.rows, (unsigned)a.entries, evaluate, &a, &how,
-                            &ctx);
+    dogleg_getDefaultParameters(&a.how);
+    a.how.max_iterations = cfg->max_iterations;
+    a.how.update_threshold = cfg->tolerance;
+    a.how.Jt_x_threshold = 0; /* absolute: says little where the noise is not known */
+    a.how.trustregion_threshold = cfg->tolerance * 1e-3;
+    a.how.trustregion0 = 1e4;
+    a.least_gain = cfg->tolerance * 1e-3;
+    a.best = DBL_MAX;
+    cost = dogleg_optimize2(state, (unsigned)a.layout.states, (unsigned)a.rows, (unsigned)a.entries, evaluate, &a,
+                            &a.how, &ctx);
     err = -EDOM;
     if (!(cost >= 0) || !isfinite(cost) || !ctx)
         goto out;
@@ -240,7 +263,9 @@ int sst_solve_adjust(struct solve_problem *p, const struct solve_adjust_config *
                                     .evaluations = a.evaluations,
                                     .cost = cost,
                                     .rcond = cholmod_rcond(ctx->factorization, &ctx->common),
-                                    .converged = a.evaluations <= cfg->max_iterations };
+                                    .converged = a.settled || a.evaluations <= cfg->max_iterations };
+    sst_log_debug("solve: %d states, %d measurements, %d coefficients: %.6g px^2 after %d evaluations", out->states,
+                  out->measurements, p->lens, cost, out->evaluations);
     err = 0;
 out:
     if (ctx)

@@ -8,6 +8,7 @@
 #include "pipeline/calib/solve_parts.h"
 
 #define LEAST_FRAMES_HELD_OUT 12   /* fewer are not divided */
+#define MOST_FRAMES_HELD_OUT  48   /* more do not make the choice surer: every second, third ... is taken */
 #define BETTER                0.99 /* 8 coefficients must bring the held-out error below this part of 5's */
 #define LEAST_FRAMES_CROSS    8
 #define CENTRAL               0.8
@@ -42,30 +43,36 @@ static int count_frames(const struct solve_problem *p)
     return n;
 }
 
-/* Cameras from three quarters of the frames, then the other boards before these cameras. @param out  has the latter */
+/* Cameras from three quarters of some frames, then the other boards before these cameras. @param out  has the latter */
 static int hold_out(const struct solve_problem *p, int lens, struct solve_problem *out)
 {
     const struct solve_adjust_config cfg = { .max_iterations = 40, .tolerance = 0.02 };
-    struct solve_problem train;
+    const int every = (count_frames(p) + MOST_FRAMES_HELD_OUT - 1) / MOST_FRAMES_HELD_OUT;
+    struct solve_problem held = { 0 }, train = { 0 };
     struct solve_adjusted done;
-    int err = sst_solve_problem_copy(&train, p);
+    int err = sst_solve_problem_copy(&held, p);
 
     if (err)
         return err;
-    train.lens = lens;
-    keep_frames(&train, 4, 1, true);
-    err = sst_solve_adjust(&train, &cfg, &done);
+    held.lens = lens;
+    keep_frames(&held, every, 0, false);
+    err = sst_solve_problem_copy(&train, &held);
     if (!err) {
-        for (int i = 0; i < train.count; i++)
-            train.detection[i].used = p->detection[i].used;
-        keep_frames(&train, 4, 1, false);
-        train.keep_cameras = train.keep_lens = train.keep_warp = true;
+        keep_frames(&train, 4 * every, every, true);
         err = sst_solve_adjust(&train, &cfg, &done);
     }
+    if (!err) {
+        memcpy(held.camera, train.camera, (size_t)p->views * sizeof(*held.camera));
+        memcpy(held.warp, train.warp, sizeof(held.warp));
+        held.keep_cameras = held.keep_lens = held.keep_warp = true;
+        keep_frames(&held, 4 * every, every, false);
+        err = sst_solve_adjust(&held, &cfg, &done);
+    }
+    sst_solve_problem_fini(&train);
     if (err)
-        sst_solve_problem_fini(&train);
+        sst_solve_problem_fini(&held);
     else
-        *out = train;
+        *out = held;
     return err;
 }
 

@@ -256,9 +256,9 @@ static int check_moved(struct look *l)
         return 0;
     return sst_solve_refuse(
         l->c->cfg,
-        "%s moved %sbefore frame %s, by %.2g px (%.2g degrees, %.2g mm): fix it and take all frames "
+        "%s moved %sbefore frame %s, by %.2f px (%.2f degrees, %.1f mm): fix it and take all frames "
         "again, or calibrate from the frames before or after that one alone",
-        sst_solve_name(l->c->all, worst.view, name), cameras == 2 ? "against the other " : "",
+        sst_solve_name(l->c->all, worst.view, name), cameras == 2 ? "against the other (or both were exchanged) " : "",
         l->c->all->frame_name[worst.frame], worst.px, worst.turn_deg, worst.shift_mm);
 }
 
@@ -305,7 +305,7 @@ static int check_boards(struct look *l)
     snprintf(
         text, sizeof(text),
         "the board moved while %s %s was taken%s: %d of the %d cameras that saw it there disagree with the others by "
-        "up to %.2g px; take frames with the board at rest and all cameras triggered together",
+        "up to %.2f px; take frames with the board at rest and all cameras triggered together",
         frames == 1 ? "frame" : "several frames were taken, most when", l->c->all->frame_name[first],
         frames == 1 ? "" : " (or its points are wrong there)", first_bad, first_seen, px);
     if (lost > most * all && !l->c->cfg->plain)
@@ -343,7 +343,7 @@ static int check_garbled(const struct look *l)
         if (garbled && 2 * garbled >= all)
             return sst_solve_refuse(
                 l->c->cfg,
-                "what %s saw in %d of %d frames is not the board: its points lie %.2g px beside where "
+                "what %s saw in %d of %d frames is not the board: its points lie %.1f px beside where "
                 "any pose puts them; it shows another board, or the points are numbered in another "
                 "order, by columns perhaps",
                 sst_solve_name(l->c->all, v, name), garbled, all, sum / garbled);
@@ -371,7 +371,7 @@ static int check_contrary(const struct look *l)
         if (4 * bad >= all && bad > 1)
             return sst_solve_refuse(
                 l->c->cfg,
-                "%s contradicts the others in %d of %d frames, by up to %.2g px: it moved, was not "
+                "%s contradicts the others in %d of %d frames, by up to %.2f px: it moved, was not "
                 "triggered with them, or numbers the board's points from another corner; look at its "
                 "pictures, or leave the camera out",
                 sst_solve_name(l->c->all, v, name), bad, all, px);

@@ -7,7 +7,7 @@
 #include "pipeline/calib/solve_parts.h"
 
 /* Of k4, k5, k6, one sigma: a ratio of two polynomials is nearly the same for many pairs of them. */
-#define DENOMINATOR_SIGMA 10
+#define DENOMINATOR_SIGMA 1
 /* Corner noise against which weak knowledge is weighed. */
 #define PRIOR_NOISE_PX 0.1
 

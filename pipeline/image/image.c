@@ -63,22 +63,6 @@ DEFINE_MAP(u8, uint8_t)
 DEFINE_MAP(u16, uint16_t)
 DEFINE_MAP(f32, float)
 
-int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
-{
-    const int err = sst_map_u8_init(luma, img->width, img->height);
-
-    if (err)
-        return err;
-    for (int y = 0; y < img->height; y++) {
-        const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
-        uint8_t *out = sst_map_u8_row(luma, y);
-
-        for (int x = 0; x < img->width; x++)
-            out[x] = (uint8_t)((77 * r[x] + 150 * g[x] + 29 * b[x] + 128) >> 8);
-    }
-    return 0;
-}
-
 int sst_image_halve(struct sst_image *out, const struct sst_image *in)
 {
     const int err = sst_image_init(out, (in->width + 1) / 2, (in->height + 1) / 2);
@@ -97,6 +81,22 @@ int sst_image_halve(struct sst_image *out, const struct sst_image *in)
                 o[x] = (uint8_t)((a[2 * x] + a[x1] + b[2 * x] + b[x1] + 2) >> 2);
             }
         }
+    }
+    return 0;
+}
+
+int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
+{
+    const int err = sst_map_u8_init(luma, img->width, img->height);
+
+    if (err)
+        return err;
+    for (int y = 0; y < img->height; y++) {
+        const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+        uint8_t *out = sst_map_u8_row(luma, y);
+
+        for (int x = 0; x < img->width; x++)
+            out[x] = (uint8_t)((77 * r[x] + 150 * g[x] + 29 * b[x] + 128) >> 8);
     }
     return 0;
 }

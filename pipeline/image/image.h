@@ -55,11 +55,11 @@ void sst_map_u8_fini(struct sst_map_u8 *map);
 void sst_map_u16_fini(struct sst_map_u16 *map);
 void sst_map_f32_fini(struct sst_map_f32 *map);
 
-/** BT.601 luma, (77 R + 150 G + 29 B + 128) >> 8. @param luma  out, initialised here */
-SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
-
 /** Half the size: means of 2x2 pixels, a last odd column or row repeated. @param out  out, initialised here */
 SST_MUST_CHECK int sst_image_halve(struct sst_image *out, const struct sst_image *in);
+
+/** Luma: 0.299 R + 0.587 G + 0.114 B in 1/256. @param luma  out, initialised here. @return as sst_map_u8_init() */
+SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 
 static inline uint8_t *sst_image_row(const struct sst_image *img, int channel, int y)
 {

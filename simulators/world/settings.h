@@ -54,7 +54,8 @@ struct sst_sim_override {
     unsigned given;
     double distortion[5], rotation_deg[3], position_mm[3], focal_percent, principal_px[2], gain[3];
     double delay_us, jitter_us, latency_us, phase_us, clock_offset_us, clock_drift_ppm;
-    int moves_at; /* from this frame of the loop on it is turned (in its own axes) and shifted against all of the above */
+    /* From this frame of the loop on it is turned (in its own axes) and shifted against all of the above. */
+    int moves_at;
     double moves_deg[3], moves_mm[3];
 };
 

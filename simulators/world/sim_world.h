@@ -77,9 +77,10 @@ int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2
 /**
  * The bytes that a camera delivers for an exposure. MJPEG at native size comes from the prepared loop with only the
  * strip drawn anew; other formats and sizes are decoded, scaled and converted from it, and so is light other than the
- * nominal (exposure_us of the world at gain 1); what was made is kept. The loop's frame follows from t_ns alone (a board
- * before a rig stays in its first pose, see sst_sim_world_hold()), except that cameras with the same trigger index whose exposures begin within a quarter of the loop's step show the same one.
- * A new pose of a rig is rendered at once, which takes a good part of a second.
+ * nominal (exposure_us of the world at gain 1); what was made is kept. The loop's frame follows from t_ns alone (a
+ * board before a rig stays in its first pose, see sst_sim_world_hold()), except that cameras with the same trigger
+ * index whose exposures begin within a quarter of the loop's step show the same one. A new pose of a rig is rendered
+ * at once, which takes a good part of a second.
  *
  * @param fourcc  V4L2: MJPG, YUYV, GREY, Y16, BA81/GBRG/GRBG/RGGB
  * @param out     [capacity]; *bytes of it are written

@@ -1,0 +1,210 @@
+#!/usr/bin/env bash
+# `sst export colmap` and `nerfstudio`: read by their documented rules, written here anew, against points whose places in
+# the pictures are known.
+set -u
+. "$(dirname "$0")/../lib.sh"
+python=${PYTHON:-/usr/bin/python3}
+"$python" -c 'import numpy' 2>/dev/null || { echo "python3-numpy is absent"; exit 77; }
+
+ok() { "$sst" "$@" >out 2>err || fail "sst $*: $(head -c 400 err)"; }
+
+cat >tool.py <<'PY'
+import json, math, sys
+import numpy as np
+
+SIZE, GRID = (200, 150), (2, 3)
+rng = np.random.default_rng(3)
+
+def rodrigues(v):
+    t = np.linalg.norm(v)
+    n = np.array(v) / t
+    N = np.array([[0, -n[2], n[1]], [n[2], 0, -n[0]], [-n[1], n[0], 0]])
+    return np.eye(3) + math.sin(t) * N + (1 - math.cos(t)) * N @ N
+
+def bent(P, fx, fy, cx, cy, k1, k2, p1, p2, k3=0, k4=0, k5=0, k6=0):  # FULL_OPENCV of COLMAP
+    u, v = P[:, 0] / P[:, 2], P[:, 1] / P[:, 2]
+    r2 = u * u + v * v
+    radial = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
+    return np.stack([fx * (u * radial + 2 * p1 * u * v + p2 * (r2 + 2 * u * u)) + cx,
+                     fy * (v * radial + 2 * p2 * u * v + p1 * (r2 + 2 * v * v)) + cy], 1)
+
+def rotation(q):  # of a quaternion, w first
+    w, x, y, z = q
+    assert abs(w * w + x * x + y * y + z * z - 1) < 1e-12
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+def lines(path):
+    return [l.rstrip('\n') for l in open(path) if not l.startswith('#')]
+
+def colmap(dir):  # name -> function of points (metres) that gives pixels, (0.5, 0.5) the upper left one's centre
+    cams, images, made = {}, {}, {}
+    for l in lines(dir + '/sparse/0/cameras.txt'):
+        w = l.split()
+        cams[int(w[0])] = (w[1], (int(w[2]), int(w[3])), [float(x) for x in w[4:]])
+    two = lines(dir + '/sparse/0/images.txt')
+    assert len(two) % 2 == 0 and not any(two[1::2])
+    for l in two[::2]:
+        w = l.split(' ')
+        assert len(w) == 10
+        images[int(w[0])] = (rotation([float(x) for x in w[1:5]]), np.array([float(x) for x in w[5:8]]), int(w[8]), w[9])
+    assert lines(dir + '/sparse/0/points3D.txt') == []
+    rigs(dir, images)
+    for R, t, cam, name in images.values():
+        model, size, p = cams[cam]
+        assert size == SIZE and len(p) == {'PINHOLE': 4, 'FULL_OPENCV': 12}[model]
+        made[name] = lambda X, R=R, t=t, p=p + [0] * (12 - len(p)): bent(X @ R.T + t, *p)
+    return made
+
+def pose(w):
+    return rotation([float(x) for x in w[:4]]), np.array([float(x) for x in w[4:7]])
+
+def rigs(dir, images):  # an image's pose is its sensor's in the rig after the rig's in the world
+    (rig,) = lines(dir + '/sparse/0/rigs.txt')
+    w = rig.split()
+    assert w[0] == '1' and w[2] == 'CAMERA'
+    sensor = {int(w[3]): (np.eye(3), np.zeros(3))}
+    for i in range(4, len(w), 10):
+        assert w[i] == 'CAMERA' and w[i + 2] == '1'
+        sensor[int(w[i + 1])] = pose(w[i + 3:i + 10])
+    assert len(sensor) == int(w[1])
+    seen = set()
+    for l in lines(dir + '/sparse/0/frames.txt'):
+        w = l.split()
+        assert w[1] == '1' and len(w) == 10 + 3 * int(w[9])
+        Rr, tr = pose(w[2:9])
+        for i in range(10, len(w), 3):
+            assert w[i] == 'CAMERA'
+            R, t, cam, _ = images[int(w[i + 2])]
+            Rs, ts = sensor[int(w[i + 1])]
+            assert cam == int(w[i + 1])
+            assert np.allclose(Rs @ Rr, R, atol=1e-14) and np.allclose(Rs @ tr + ts, t, atol=1e-14)
+            seen.add(int(w[i + 2]))
+    assert seen == set(images)
+
+def nerfstudio(dir):  # camera-to-world, camera x right, y up, z back
+    f = json.load(open(dir + '/transforms.json'))
+    assert f['camera_model'] == 'OPENCV'
+    W = np.array(f['applied_transform'])
+    assert np.allclose(W[:, :3] @ [0, -1, 0], [0, 0, 1])  # up, in our axes, is z in nerfstudio's
+    made = {}
+    for g in f['frames']:
+        assert (g['w'], g['h']) == SIZE and g['k4'] == 0
+        M = np.array(g['transform_matrix'])
+        assert np.allclose(M[3], [0, 0, 0, 1]) and np.isclose(np.linalg.det(M[:3, :3]), 1)
+        def project(X, M=M, g=g):
+            P = ((X @ W[:, :3].T + W[:, 3]) - M[:3, 3]) @ M[:3, :3]
+            return bent(P * [1, -1, -1], g['fl_x'], g['fl_y'], g['cx'], g['cy'], g['k1'], g['k2'], g['p1'], g['p2'], g['k3'])
+        made[g['file_path'].split('/')[-1]] = project
+        assert g['file_path'].startswith('images/')
+    return made
+
+def pfm(path):
+    with open(path, 'rb') as f:
+        assert f.readline() == b'Pf\n'
+        w, h = map(int, f.readline().split())
+        order = '<' if float(f.readline()) < 0 else '>'
+        return np.flipud(np.frombuffer(f.read(), order + 'f4').reshape(h, w)).astype(float)
+
+def scene_truth():  # points of the scene, by the true disparity of the reference view
+    lf = json.load(open('scene/lightfield.json'))
+    f, B = lf['focal_px'], lf['spacing_mm']
+    d = pfm('scene/truth/00_01.pfm')
+    x, y = rng.integers(0, SIZE[0], 50), rng.integers(0, SIZE[1], 50)
+    d = d[y, x]
+    Z = f * B / d
+    X = np.stack([(x - (SIZE[0] - 1) / 2) * Z / f, (y - (SIZE[1] - 1) / 2) * Z / f, Z], 1) / 1000
+    return X, {v['file']: np.stack([x - d * v['bx'], y - d * v['by']], 1) for v in lf['views']}
+
+def array(lens8):  # cameras of an array whose pictures these might be
+    cams = {}
+    for row in range(2):
+        for col in range(3):
+            ref = (row, col) == (0, 1)
+            k = [.05, -.1, 2e-4, -3e-4, .02, 15, -.02, .01] if lens8 and col == 2 else [-.1, .05, 1e-3, -2e-3, .01 * row] if col else []
+            cams['%02d_%02d.png' % (row, col)] = dict(
+                row=row, col=col, k=k, K=[640 + rng.normal(), 641 + rng.normal(), 99.5 + rng.normal(), 74.5 + rng.normal()],
+                R=np.eye(3) if ref else rodrigues(rng.normal(0, .01, 3)),
+                c=np.zeros(3) if ref else np.array([(col - 1) * 80, row * 80, 0]) + rng.normal(0, .5, 3))
+    return cams
+
+def write_array(path, cams):
+    f = lambda v: '[' + ', '.join('%.17g' % x for x in np.ravel(v)) + ']'
+    with open(path, 'w') as o:
+        o.write('format: sst-calib\nversion: 1\nrows: 2\ncols: 3\nwidth: 200\nheight: 150\nreference: [0, 1]\ncameras:\n')
+        for c in cams.values():
+            o.write('- { row: %d, col: %d, focal_px: %s, centre_px: %s, distortion: %s, rotation: %s, position_mm: %s }\n' % (
+                c['row'], c['col'], f(c['K'][:2]), f(c['K'][2:]), f(c['k']), f(c['R']), f(c['c'])))
+
+def array_truth(cams):
+    X = np.stack([rng.uniform(-.2, .2, 50), rng.uniform(-.15, .15, 50), rng.uniform(1.5, 4, 50)], 1)
+    return X, {n: bent((X - c['c'] / 1000) @ c['R'].T, *c['K'], *(c['k'] or [0] * 4)) for n, c in cams.items()}
+
+def compare(made, truth, what):
+    X, places = truth
+    assert set(made) == set(places), (set(made), set(places))
+    worst = max(abs(made[n](X) - 0.5 - places[n]).max() for n in places)  # ours: the centre is (0, 0)
+    print('%s %.1e px' % (what, worst))
+    if not worst < 1e-6:
+        sys.exit('%s: off by %g px' % (what, worst))
+
+if sys.argv[1] == 'make':
+    write_array('calib.yaml', array(False))
+    write_array('calib8.yaml', array(True))
+else:
+    five, eight, scene = array(False), array(True), scene_truth()
+    compare(colmap('s-colmap'), scene, 'scene, colmap')
+    compare(nerfstudio('s-nerf'), scene, 'scene, nerfstudio')
+    compare(colmap('c-colmap'), array_truth(five), 'calibrated, colmap')
+    compare(nerfstudio('c-nerf'), array_truth(five), 'calibrated, nerfstudio')
+    compare(colmap('c8-colmap'), array_truth(eight), '8 coefficients, colmap')
+PY
+"$python" tool.py make || { fail "the samples"; exit 1; }
+
+ok scene bush -o scene --size 200x150 --grid 2x3
+ok export colmap scene -o s-colmap
+ok export nerfstudio scene -o s-nerf --threads 1
+ok rectify scene --calib calib.yaml -o cal
+ok rectify scene --calib calib8.yaml -o cal8
+ok export colmap cal -o c-colmap
+ok export nerfstudio cal -o c-nerf
+ok export colmap cal8 -o c8-colmap
+"$python" tool.py check >said 2>&1 || fail "$(tail -n 3 said)"
+cat said
+for view in 00_00 00_01 01_02; do # raw frames, byte for byte
+  cmp -s scene/views/$view.png c-colmap/images/$view.png || fail "$view is not the raw frame"
+  cmp -s scene/views/$view.png s-nerf/images/$view.png || fail "$view is not the view"
+done
+
+# The other forms have no lenses: they get the rectified views.
+ok rectify cal --bake -o baked
+ok export stanford cal -o c-stanford
+ok import stanford c-stanford -o back
+for view in 00_00 00_01 01_02; do
+  cmp -s baked/views/$view.png back/views/$view.png || fail "stanford: $view is not rectified"
+done
+ok export hci cal -o c-hci
+cmp -s baked/views/01_02.png c-hci/input_Cam005.png || fail "hci: view 5 is not rectified"
+
+# A light field shows the calibration that it has.
+ok calibration show cal
+grep -q "^6 cameras in 2 x 3 places" out || fail "show: $(head -n 3 out)"
+
+# --- refusals ---
+want 3 "off by up to .* px.*--lossy" export nerfstudio cal8 -o bad
+ok export nerfstudio cal8 -o lossy --lossy
+grep -q "^sst: warning: nerfstudio has 5 coefficients" err || fail "no warning: $(cat err)"
+ok import folder scene/views --grid 2x3 -o plain
+want 3 "focal length is unknown.*--focal-px" export colmap plain -o bad
+want 3 "camera spacing is unknown.*--spacing-mm" export colmap plain -o bad --focal-px 640
+ok export colmap plain -o given --focal-px 640 --spacing-mm 80
+cmp -s given/sparse/0/cameras.txt s-colmap/sparse/0/cameras.txt || fail "--focal-px makes another camera"
+want 2 "has a calibration" export colmap cal -o bad --focal-px 640
+want 2 "belong to colmap" export hci scene -o bad --focal-px 640
+want 4 "exists" export colmap scene -o given
+ok export colmap scene -o given --force
+want 4 "does not replace" export nerfstudio scene -o given --force
+
+[ "$failed" -eq 0 ] && echo "exports of cameras as documented"
+exit $failed
