@@ -22,7 +22,7 @@ struct sst_light_samples {
 /**
  * Take the samples of one picture: white squares of a chessboard, the white rims around the markers of a ChArUco board,
  * the gaps between the tags of an AprilGrid, each between corners that were all found. Clipped, uneven and dark patches
- * are left out, and so are rims of less than about 3.7 px (squares of 25 px where a marker takes 0.7 of them).
+ * are left out, and so are rims of less than about 5 px (squares of 33 px where a marker takes 0.7 of them).
  *
  * @param image  the picture as the camera made it, in which the detection was found
  * @return 0, also where nothing is of use, -ENOMEM (nothing is added). Thread: one per object.

@@ -87,7 +87,7 @@ static bool margins(const struct patch *p, double blur_px, double margin[2])
     const double rim_px = (0.5 - p->inner) * fmin(wide, high);
     const double keep_px = fmin(1 + 2.5 * blur_px, 0.5 * rim_px - 0.75);
 
-    if (!(keep_px >= 0.3 + blur_px))
+    if (!(keep_px >= 0.5 + 1.5 * blur_px))
         return false;
     margin[0] = keep_px / wide;
     margin[1] = keep_px / high;

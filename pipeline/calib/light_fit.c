@@ -10,8 +10,9 @@
 #define HUBER        1.5
 #define TUKEY        4.685
 #define DONE         1e-9
-#define OWN_SIGMA    0.03 /* coefficients of cameras of one make differ by about this */
+#define OWN_SIGMA    0.01 /* coefficients of cameras of one make differ by about this */
 #define COMMON_SIGMA 1.0
+#define ALIKE        10   /* residuals of a camera in one frame err alike: so many are worth one */
 #define SCALE_MIN    5e-4 /* quantisation; keeps the weights defined where everything fits */
 #define STEPS        64   /* of r2 where a fall-off is looked at */
 #define VALUES       5    /* derivatives of one value that are not 0 */
@@ -216,7 +217,7 @@ static void add_priors(struct fit *f)
 {
     const struct sst_light_problem *p = f->p;
     const size_t n = (size_t)f->unknowns;
-    const double s2 = p->scale * p->scale, own = s2 / (OWN_SIGMA * OWN_SIGMA),
+    const double s2 = p->scale * p->scale, own = ALIKE * s2 / (OWN_SIGMA * OWN_SIGMA),
                  common = s2 / (COMMON_SIGMA * COMMON_SIGMA);
 
     for (int i = 0; i < f->unknowns; i++) {
