@@ -207,7 +207,8 @@ def bars(m):
     for index, name in ((near, "0.9 m"), (middle, "1.4 m"), (far, "2.2 m")):
         rows.append(bar(f"disparity / baseline of one plane over 35 pairs, {name}: largest less smallest", 0.5, 0.2,
                         100 * worst(full, lambda s: s["rectified"][index]["plane_spread"]), 3, " %"))
-    for index, kind, name in ((middle, "rectified", "1.4 m"), (near, "levelled", "0.9 m, camera depth known"),
+    for index, kind, name in ((middle, "rectified", "1.4 m"), (near, "rectified", "0.9 m"), (far, "rectified", "2.2 m"),
+                              (near, "levelled", "0.9 m, camera depth known"),
                               (far, "levelled", "2.2 m, camera depth known")):
         rows.append(bar(f"cross disparity of all 630 pairs, p95, {name}", 0.35, 0.2,
                         worst(full, at_depth(kind, index, "all", "p95")), 3, " px"))

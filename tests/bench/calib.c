@@ -350,13 +350,10 @@ static void take_away(struct truth *t, int view)
     int kept = 0;
 
     for (int i = 0; i < all->count; i++) {
-        if (all->detection[i].view == view) {
+        if (all->detection[i].view == view)
             sst_detection_fini(&all->detection[i]);
-            free(t->outlier[i]);
-            continue;
-        }
-        t->outlier[kept] = t->outlier[i];
-        all->detection[kept++] = all->detection[i];
+        else
+            all->detection[kept++] = all->detection[i];
     }
     all->count = kept;
     all->camera_name[view][0] = 0;
