@@ -223,7 +223,7 @@ static void light_of_a_chessboard(void **state SST_UNUSED)
 
 static void light_of_a_charuco_board(void **state SST_UNUSED)
 {
-    check_board("{kind: charuco, squares: [7, 5], square_mm: 70, poses: 8}", 0.005, 0.02);
+    check_board("{kind: charuco, squares: [6, 5], square_mm: 85, poses: 8}", 0.005, 0.03);
 }
 
 static void light_of_an_aprilgrid(void **state SST_UNUSED)
