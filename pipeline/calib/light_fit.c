@@ -11,11 +11,14 @@
 #define TUKEY        4.685
 #define DONE         1e-9
 #define OWN_SIGMA    0.01 /* coefficients of cameras of one make differ by about this */
-#define COMMON_SIGMA 1.0
 #define ALIKE        10   /* residuals of a camera in one frame err alike: so many are worth one */
 #define SCALE_MIN    5e-4 /* quantisation; keeps the weights defined where everything fits */
 #define STEPS        64   /* of r2 where a fall-off is looked at */
 #define VALUES       5    /* derivatives of one value that are not 0 */
+
+/* Of the common coefficients: of cos^4 of a lens with 60 degrees across the diagonal they are -0.67, 0.33, -0.15. Where
+ * the board never was, this keeps the polynomial from going anywhere. */
+static const double common_sigma[3] = { 0.7, 0.3, 0.15 };
 
 /*
  * value = light of the group + gain[cam][colour] + log falloff(cam, r2). With J the derivatives of the last two, w the
@@ -217,15 +220,15 @@ static void add_priors(struct fit *f)
 {
     const struct sst_light_problem *p = f->p;
     const size_t n = (size_t)f->unknowns;
-    const double s2 = p->scale * p->scale, own = ALIKE * s2 / (OWN_SIGMA * OWN_SIGMA),
-                 common = s2 / (COMMON_SIGMA * COMMON_SIGMA);
+    const double s2 = ALIKE * p->scale * p->scale;
 
     for (int i = 0; i < f->unknowns; i++) {
         const int k = i - 3 * p->cams, cam = k - 3; /* of the common polynomial, of the own coefficients */
         const bool fixed = k < 0     ? p->one_camera
                            : cam < 0 ? k >= p->order
                                      : p->one_camera || p->cam[cam].plain || !p->order;
-        const double weight = fixed ? 1 : k < 0 ? 1e-9 : cam < 0 ? common : own;
+        const double sigma = cam < 0 ? common_sigma[k < 0 ? 0 : k] : OWN_SIGMA;
+        const double weight = fixed ? 1 : k < 0 ? 1e-9 : s2 / (sigma * sigma);
         const double value = fixed || k < 0 ? 0 : cam < 0 ? p->common[k] : p->cam[cam].own;
 
         f->normal[(size_t)i * n + (size_t)i] += weight;
