@@ -18,6 +18,7 @@ static const struct {
     { "libusb", WITH_USB },
     { "libmodbus", WITH_MODBUS },
     { "libgpiod", WITH_GPIOD > 0 },
+    { "libdogleg", WITH_DOGLEG },
 };
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };

@@ -313,6 +313,8 @@ static void fill_cameras(struct sst_solution *s, const struct solve_case *c)
         memcpy(to->k, from->lens + 4, sizeof(to->k));
         memcpy(to->rotation, from->pose.rotation, sizeof(to->rotation));
         sst_solve_centre(from, to->position_mm);
+        for (int i = 0; i < 3; i++)
+            to->position_mm[i] += 0.0; /* no -0 in the file */
     }
     for (int f = 0; f < c->p.frames; f++) {
         s->frame[f].known = c->p.frame[f].known;
