@@ -22,11 +22,14 @@ struct options {
     int threads;
 };
 
+#define SCALE_OFF 0.05 /* share by which the cameras' distances may differ from what the configuration says */
+
 /* Everything between the pictures and the files. */
 struct job {
     const struct options *o;
     struct calibrate_source source; /* pictures for the report; none: path NULL */
     int *set;
+    double spacing_mm; /* of the array by its configuration; 0: unknown */
     struct calibrate_gathered gathered;
     struct sst_calib lenses; /* kept intrinsics; camera NULL: none */
     struct sst_solution solution;
@@ -66,6 +69,7 @@ static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
         }
         fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",
                 o->coverage ? "; look at " : "", o->coverage ? o->coverage : "");
+        job->spacing_mm = array->spacing_mm;
         err = calibrate_live(&job->gathered, cfg, &live);
         job->set = live.set;
     }
@@ -103,8 +107,10 @@ static int gather(struct job *job)
         return gather_live(job, &cfg);
     if (!err)
         err = calibrate_source_open(&job->source, o->source, &o->pick);
-    if (!err)
+    if (!err) {
+        job->spacing_mm = job->source.spacing_mm;
         err = calibrate_gather(&job->gathered, &job->source, &cfg);
+    }
     return err;
 }
 
@@ -186,6 +192,27 @@ static int lattice(struct job *job)
     return err;
 }
 
+/* The board alone gives the scale: a wrong size of its squares shows where the array's spacing is known. */
+static int check_scale(const struct job *job)
+{
+    const struct sst_rectified *r = job->rectified;
+    const struct sst_board *board = &job->gathered.all.board;
+    const double ratio = r && job->spacing_mm > 0 ? r->spacing_mm / job->spacing_mm : 1;
+
+    if (fabs(ratio - 1) <= SCALE_OFF)
+        return 0;
+    if (job->o->force) {
+        sst_log_warning("the cameras come out %.4g mm apart, but the array's configuration says %.4g mm", r->spacing_mm,
+                        job->spacing_mm);
+        return 0;
+    }
+    sst_log_error("the cameras come out %.4g mm apart, but the array's configuration says %.4g mm: is the board's %s "
+                  "%.4g mm instead of %.4g mm (--board), or array: spacing_mm wrong? --force keeps it as it is",
+                  r->spacing_mm, job->spacing_mm, board->kind == SST_BOARD_APRILGRID ? "tag" : "square",
+                  board->square_mm / ratio, board->square_mm);
+    return -EBADMSG;
+}
+
 static int deliver(const struct job *job)
 {
     const struct options *o = job->o;
@@ -231,6 +258,8 @@ static int calibrate(const struct options *o)
         err = light(job);
     if (!err)
         err = lattice(job);
+    if (!err)
+        err = check_scale(job);
     if (!err)
         err = deliver(job);
     if (job->solved)

@@ -137,8 +137,8 @@ static int tell(struct live *l, int64_t now_ns)
             worst = view;
     }
     sst_coverage_missing(&l->coverage[worst], missing);
-    fprintf(stderr, "%d sets with the board, coverage %.0f %%; camera %s lacks most: %s\n", all->frames, 100 * complete(l),
-                 all->camera_name[worst], missing[0] ? missing : "nothing");
+    fprintf(stderr, "%d sets with the board, coverage %.0f %%; camera %s lacks most: %s\n", all->frames,
+            100 * complete(l), all->camera_name[worst], missing[0] ? missing : "nothing");
     return l->cfg->coverage ? calibrate_write_coverage(all, l->cfg->coverage) : 0;
 }
 

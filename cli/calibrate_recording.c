@@ -26,6 +26,7 @@ int calibrate_recording_open(struct calibrate_source *out, const struct calibrat
     sets = sst_recording_sets(out->recording);
     out->rows = info->rows;
     out->cols = info->cols;
+    out->spacing_mm = info->spacing_mm;
     out->frames = (sets + every - 1) / every;
     if (pick->max && out->frames > pick->max)
         out->frames = pick->max;

@@ -59,6 +59,9 @@ static void worst(FILE *out, const struct sst_calib_report *report, const struct
         fprintf(out, "  array         spacing %s mm, off the lattice %s mm RMS, out of the plane %s mm RMS\n",
                 SST_NUM0(report->rectified->spacing_mm, 5), SST_FIGURE(report->rectified->lattice_rms_mm),
                 SST_FIGURE(report->rectified->out_rms_mm));
+    if (s->drive_residual_mm)
+        fprintf(out, "  drives        %s mm RMS beside the solved places, scale %s, axes %s degrees from square\n",
+                SST_FIGURE(s->drive_rms_mm), SST_NUM(s->drive_scale, 6), SST_NUM(s->drive_skew_deg, 2));
     if (report->light)
         fprintf(out, "  light         cameras differ by %s %%, corrected %s %%\n",
                 SST_NUM(100 * report->light->before, 2), SST_NUM(100 * report->light->after, 2));
