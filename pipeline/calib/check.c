@@ -277,7 +277,7 @@ static int view_job(void *arg, int index, int worker)
     (void)worker;
     if (!v->present || !v->image.plane[0])
         return 0;
-    err = sst_check_view_init(&w->view[index], &v->image, COARSEST_SIDE);
+    err = sst_check_view_init(&w->view[index], &v->image, &v->valid, COARSEST_SIDE);
     if (err == -EBADMSG)
         sst_log_error("view %d has %d x %d pixels, too few to check the calibration by; give the full pictures", index,
                       v->image.width, v->image.height);

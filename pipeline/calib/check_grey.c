@@ -190,8 +190,26 @@ static void sort_features(struct sst_check_view *view, const double *best, const
     view->first[SST_CHECK_CELLS] = n;
 }
 
+/* Is all that is looked at around a place of level 1 picture? What a camera does not see of the common view is a border
+ * without holes, so the corners tell. */
+static bool seen(const struct sst_map_u8 *valid, int x, int y)
+{
+    const int reach = 2 * MARGIN;
+
+    if (!valid->data)
+        return true;
+    for (int i = 0; i < 4; i++) {
+        const int at_x = sst_clamp_int(2 * x + (i & 1 ? reach : -reach), 0, valid->width - 1);
+        const int at_y = sst_clamp_int(2 * y + (i & 2 ? reach : -reach), 0, valid->height - 1);
+
+        if (!sst_map_u8_row(valid, at_y)[at_x])
+            return false;
+    }
+    return true;
+}
+
 /* Best place of every part of every cell. */
-static int find_features(struct sst_check_view *view)
+static int find_features(struct sst_check_view *view, const struct sst_map_u8 *valid)
 {
     const struct sst_map_u8 *grey = &view->level[1];
     const double needed = texture_needed(view->noise);
@@ -213,7 +231,7 @@ static int find_features(struct sst_check_view *view)
             const int i = y * PARTS_Y / grey->height * PARTS_X + x * PARTS_X / grey->width;
             const double e = least_eigenvalue(&t, x);
 
-            if (e > needed && e > best[i]) {
+            if (e > needed && e > best[i] && seen(valid, x, y)) {
                 best[i] = e;
                 at[i] = (struct sst_check_feature){ 2 * x, 2 * y };
             }
@@ -225,7 +243,8 @@ static int find_features(struct sst_check_view *view)
     return 0;
 }
 
-int sst_check_view_init(struct sst_check_view *view, const struct sst_image *image, int side)
+int sst_check_view_init(struct sst_check_view *view, const struct sst_image *image, const struct sst_map_u8 *valid,
+                        int side)
 {
     int w = image->width, h = image->height, err = 0;
 
@@ -248,7 +267,7 @@ int sst_check_view_init(struct sst_check_view *view, const struct sst_image *ima
     } while (sst_max_int(w, h) > side && sst_min_int(w, h) >= SMALLEST && view->levels < SST_CHECK_LEVELS);
     if (!err) {
         view->noise = fmin(noise_of(&view->level[1]), NOISE_CAP);
-        err = find_features(view);
+        err = find_features(view, valid);
     }
     if (err)
         sst_check_view_fini(view);

@@ -30,9 +30,13 @@ struct sst_check_view {
     struct sst_check_feature feature[SST_CHECK_FEATURES];
 };
 
-/** Halve until the longer side is at most `side`; find features. @return 0, -ENOMEM, -EBADMSG (too small; not logged)
+/**
+ * Halve until the longer side is at most `side`; find features.
+ * @param valid  0: no picture there, and no features near; may be empty
+ * @return 0, -ENOMEM, -EBADMSG (too small; not logged)
  */
-SST_MUST_CHECK int sst_check_view_init(struct sst_check_view *view, const struct sst_image *image, int side);
+SST_MUST_CHECK int sst_check_view_init(struct sst_check_view *view, const struct sst_image *image,
+                                       const struct sst_map_u8 *valid, int side);
 void sst_check_view_fini(struct sst_check_view *view);
 
 /** Where level 0's pixel x is on another level, rounded: (x - (2^level - 1) / 2) / 2^level. */

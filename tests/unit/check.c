@@ -143,6 +143,8 @@ static void levels_share_centres(void **state)
     assert_int_equal(sst_check_to_level(8, 2), 2); /* (8 - 1.5) / 4 = 1.6 */
 }
 
+static const struct sst_map_u8 everywhere; /* empty: the whole picture is one */
+
 /* Sub-pixel shifts by eighths: mean of the error over all features below 0.01 px for every one, in both axes. */
 static void alignment_is_unbiased(void **state)
 {
@@ -155,7 +157,7 @@ static void alignment_is_unbiased(void **state)
     (void)state;
     r.wall = r.disc = 0;
     draw_view(&one, &r, 0, 0, 0);
-    assert_int_equal(sst_check_view_init(&a, &one, 160), 0);
+    assert_int_equal(sst_check_view_init(&a, &one, &everywhere, 160), 0);
     for (int step = -4; step <= 4; step++) {
         double sum[2] = { 0 }, squares = 0;
         int n = 0;
@@ -163,7 +165,7 @@ static void alignment_is_unbiased(void **state)
         r.fault[1].x = 2 + step / 8.0;
         r.fault[1].y = -1 - step / 8.0;
         draw_view(&other, &r, 1, 0, 0);
-        assert_int_equal(sst_check_view_init(&b, &other, 160), 0);
+        assert_int_equal(sst_check_view_init(&b, &other, &everywhere, 160), 0);
         for (int i = 0; i < a.first[SST_CHECK_CELLS]; i++) {
             struct sst_check_match m = { .dx = 2, .dy = -1 };
 
@@ -203,8 +205,8 @@ static void sigmas_are_true(void **state)
     r.fault[1] = (struct fault){ .x = 0.3, .y = 0.4, .gain = 0.9 };
     draw_view(&one, &r, 0, 0, 0);
     draw_view(&other, &r, 1, 0, 0);
-    assert_int_equal(sst_check_view_init(&a, &one, 160), 0);
-    assert_int_equal(sst_check_view_init(&b, &other, 160), 0);
+    assert_int_equal(sst_check_view_init(&a, &one, &everywhere, 160), 0);
+    assert_int_equal(sst_check_view_init(&b, &other, &everywhere, 160), 0);
     for (int i = 0; i < a.first[SST_CHECK_CELLS]; i++) {
         struct sst_check_match m = { .dx = 0, .dy = 0 };
 
@@ -431,12 +433,46 @@ static void noise_is_measured(void **state)
     r.contrast = 0;
     for (r.noise = 2; r.noise <= 8; r.noise *= 2) {
         draw_view(&image, &r, 0, 0, 0);
-        assert_int_equal(sst_check_view_init(&v, &image, 160), 0);
+        assert_int_equal(sst_check_view_init(&v, &image, &everywhere, 160), 0);
         assert_true(fabs(v.noise / (r.noise * sqrt(6) / 8) - 1) < 0.2);
         assert_int_equal(v.first[SST_CHECK_CELLS], 0);
         sst_check_view_fini(&v);
         sst_image_fini(&image);
     }
+}
+
+/* What a camera does not see of the common view is black with a hard edge, which is no feature. */
+static void borders_are_no_features(void **state)
+{
+    static struct sst_check_view v;
+    const struct recipe r = plain(1, 1, 44);
+    struct sst_image image;
+    struct sst_map_u8 valid;
+    int before = 0;
+
+    (void)state;
+    draw_view(&image, &r, 0, 0, 0);
+    assert_int_equal(sst_map_u8_init(&valid, image.width, image.height), 0);
+    for (int y = 0; y < image.height; y++) {
+        for (int x = 0; x < image.width; x++)
+            sst_map_u8_row(&valid, y)[x] = x + y / 4 < image.width / 2 ? 0 : 255;
+        for (int x = 0; x + y / 4 < image.width / 2; x++) {
+            for (int c = 0; c < 3; c++)
+                sst_image_row(&image, c, y)[x] = 0;
+        }
+    }
+    assert_int_equal(sst_check_view_init(&v, &image, &everywhere, 160), 0);
+    for (int i = 0; i < v.first[SST_CHECK_CELLS]; i++)
+        before += abs(v.feature[i].x + v.feature[i].y / 4 - image.width / 2) < 8;
+    assert_true(before > 0);
+    sst_check_view_fini(&v);
+    assert_int_equal(sst_check_view_init(&v, &image, &valid, 160), 0);
+    assert_true(v.first[SST_CHECK_CELLS] > 0);
+    for (int i = 0; i < v.first[SST_CHECK_CELLS]; i++)
+        assert_true(v.feature[i].x + v.feature[i].y / 4 - image.width / 2 >= 8);
+    sst_check_view_fini(&v);
+    sst_map_u8_fini(&valid);
+    sst_image_fini(&image);
 }
 
 /* A covered lens with something in focus on it: nothing of it is in the neighbours' pictures. */
@@ -601,6 +637,7 @@ int main(void)
         cmocka_unit_test(unrectified_is_unusable),
         cmocka_unit_test(blank_and_repeated_walls_raise_no_alarm),
         cmocka_unit_test(noise_is_measured),
+        cmocka_unit_test(borders_are_no_features),
         cmocka_unit_test(covered_camera_is_lost),
         cmocka_unit_test(a_row_sees_vertical_shifts),
         cmocka_unit_test(two_views_cannot_tell_which),
