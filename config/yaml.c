@@ -15,6 +15,11 @@ struct fault {
     char text[320];
 };
 
+struct sst_yaml_asked {
+    struct sst_yaml_asked *next;
+    char key[];
+};
+
 struct sst_yaml {
     char *name;
     struct sst_yaml_node *root;
@@ -90,6 +95,12 @@ static void free_node(struct sst_yaml_node *node)
         struct sst_yaml_node *next = node->next;
 
         free_node(node->first); /* no deeper than SST_YAML_MAX_DEPTH */
+        while (node->asked) {
+            struct sst_yaml_asked *asked = node->asked;
+
+            node->asked = asked->next;
+            free(asked);
+        }
         free((char *)(uintptr_t)node->text);
         free((char *)(uintptr_t)node->key);
         free(node);
@@ -251,9 +262,9 @@ static int take_event(struct builder *b, const yaml_event_t *e)
         return refuse(b, e, "an anchor (&name) or a tag (!name); write the plain value");
     if (b->doc->n_nodes++ == SST_YAML_MAX_NODES)
         return refuse(b, e, "more than 65536 keys and values; the file is too large to be one of ours");
-    return e->type == YAML_SCALAR_EVENT ? take_scalar(b, e)
-                                        : take_container(b, e, e->type == YAML_MAPPING_START_EVENT ? SST_YAML_MAP
-                                                                                                   : SST_YAML_LIST);
+    return e->type == YAML_SCALAR_EVENT
+               ? take_scalar(b, e)
+               : take_container(b, e, e->type == YAML_MAPPING_START_EVENT ? SST_YAML_MAP : SST_YAML_LIST);
 }
 
 static int syntax_fault(struct sst_yaml *doc, const yaml_parser_t *p)
@@ -326,12 +337,31 @@ struct sst_yaml_node *sst_yaml_root(struct sst_yaml *doc)
     return NULL;
 }
 
+/* Without memory for it a wrong key is refused without a proposal. */
+static void remember(struct sst_yaml_node *map, const char *key)
+{
+    const size_t size = strlen(key) + 1;
+    struct sst_yaml_asked *asked;
+
+    for (asked = map->asked; asked; asked = asked->next) {
+        if (!strcmp(asked->key, key))
+            return;
+    }
+    asked = malloc(sizeof(*asked) + size);
+    if (!asked)
+        return;
+    memcpy(asked->key, key, size);
+    asked->next = map->asked;
+    map->asked = asked;
+}
+
 struct sst_yaml_node *sst_yaml_get(struct sst_yaml_node *map, const char *key)
 {
     struct sst_yaml_node *found = NULL;
 
     if (!map || map->type != SST_YAML_MAP)
         return NULL;
+    remember(map, key);
     for (struct sst_yaml_node *n = map->first; n; n = n->next) {
         if (strcmp(n->key, key) != 0)
             continue;
@@ -364,13 +394,65 @@ void sst_yaml_know_tree(struct sst_yaml_node *node)
     }
 }
 
+#define WORD_MAX 60 /* longer keys are not compared */
+
+/* Letters left out, too many, wrong or exchanged with the next (optimal string alignment). */
+static int slips(const char *a, const char *b)
+{
+    const int n = (int)strlen(a), m = (int)strlen(b);
+    int cost[3][WORD_MAX + 1]; /* rows i - 2, i - 1, i, taken in turns */
+
+    for (int j = 0; j <= m; j++)
+        cost[0][j] = j;
+    for (int i = 1; i <= n; i++) {
+        int *now = cost[i % 3];
+        const int *last = cost[(i + 2) % 3], *before = cost[(i + 1) % 3];
+
+        now[0] = i;
+        for (int j = 1; j <= m; j++) {
+            now[j] = sst_min_int(sst_min_int(last[j], now[j - 1]) + 1, last[j - 1] + (a[i - 1] != b[j - 1]));
+            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+                now[j] = sst_min_int(now[j], before[j - 2] + 1);
+        }
+    }
+    return cost[n % 3][m];
+}
+
+/* The key that a wrong one most likely means: a slip or two away, or lacking its unit ("rate" for "rate_hz"). */
+static const char *meant(const struct sst_yaml_node *map, const char *key)
+{
+    const size_t n = strlen(key);
+    const char *best = NULL;
+    int least = 1 + (int)(n < 4 ? n / 2 : n < 9 ? 2 : 3);
+
+    for (const struct sst_yaml_asked *a = map->asked; n < WORD_MAX && a; a = a->next) {
+        const struct sst_yaml_node *there = map->first;
+        const bool unit = n > 1 && !strncmp(a->key, key, n) && a->key[n] == '_';
+        int distance;
+
+        while (there && strcmp(there->key, a->key) != 0)
+            there = there->next;
+        if (there || strlen(a->key) >= WORD_MAX)
+            continue;
+        distance = unit ? 1 : slips(key, a->key);
+        if (distance < least || (best && distance == least && strcmp(a->key, best) < 0)) {
+            best = a->key;
+            least = distance;
+        }
+    }
+    return best;
+}
+
 static void note_unknown(struct sst_yaml *doc, const struct sst_yaml_node *node)
 {
-    char text[160];
+    char text[200];
 
     for (const struct sst_yaml_node *n = node->first; n; n = n->next) {
         if (node->type == SST_YAML_MAP && !n->known) {
-            snprintf(text, sizeof(text), "%.60s is no key here; correct its spelling or remove it", n->key);
+            const char *best = meant(node, n->key);
+
+            snprintf(text, sizeof(text), "%.60s is no key here; %s%s%s", n->key,
+                     best ? "did you mean " : "correct its spelling or remove it", best ? best : "", best ? "?" : "");
             note(doc, n->key_line, n->key_column, text);
         } else {
             note_unknown(doc, n);

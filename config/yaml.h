@@ -15,6 +15,7 @@ SST_EXTERN_C_BEGIN
 #define SST_YAML_MAX_FAULTS 20 /* shown; more are counted */
 
 struct sst_yaml; /* one thread at a time */
+struct sst_yaml_asked;
 
 enum sst_yaml_type {
     SST_YAML_SCALAR = 0,
@@ -24,15 +25,16 @@ enum sst_yaml_type {
 
 struct sst_yaml_node {
     enum sst_yaml_type type;
-    int line, column;                    /* from 1 */
-    const char *text;                    /* of a scalar, without control characters; else "" */
-    bool plain;                          /* a scalar without quotes */
-    const char *key;                     /* in a mapping; NULL in a list */
+    int line, column; /* from 1 */
+    const char *text; /* of a scalar, without control characters; else "" */
+    bool plain;       /* a scalar without quotes */
+    const char *key;  /* in a mapping; NULL in a list */
     int key_line, key_column;
     int count;                           /* children */
     struct sst_yaml_node *first, *next;  /* child; sibling */
     struct sst_yaml_node *last, *parent; /* child; NULL for the root */
     bool known;                          /* sst_yaml_get() asked for it */
+    struct sst_yaml_asked *asked;        /* keys that it asked this mapping for: what a wrong one may have meant */
 };
 
 /**
@@ -81,7 +83,8 @@ bool sst_yaml_doubles(struct sst_yaml *doc, const struct sst_yaml_node *node, do
                       int n);
 
 /**
- * Note every key that was never asked for, then log all faults in the file's order, a line each.
+ * Note every key that was never asked for, with the nearest that was, then log all faults in the file's order, a line
+ * each.
  * @return 0 or -EBADMSG (there was a fault)
  */
 SST_MUST_CHECK int sst_yaml_finish(struct sst_yaml *doc);

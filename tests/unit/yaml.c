@@ -50,7 +50,8 @@ static void a_tree_has_places_and_typed_values(void **state SST_UNUSED)
     int n = 0, c = 0;
 
     assert_int_equal(parse(&doc, "# first\nn: -12\nd: 1.5e2\nyes: true\ninner:\n  text: 'a: b'\n  colour: bgr\n"
-                                 "list: [1, .5,\n  -2]\nall: 7\n"), 0);
+                                 "list: [1, .5,\n  -2]\nall: 7\n"),
+                     0);
     root = sst_yaml_root(doc);
     assert_true(sst_yaml_int(doc, sst_yaml_get(root, "n"), -12, 0, &n) && n == -12);
     assert_true(sst_yaml_double(doc, sst_yaml_get(root, "d"), 0, 150, &d) && d == 150);
@@ -112,6 +113,36 @@ static void faults_name_their_place(void **state SST_UNUSED)
         assert_false(sst_yaml_int(doc, sst_yaml_get(sst_yaml_root(doc), i ? "m" : "n"), 0, 9, &n) || n != 5);
     assert_int_equal(finish(doc), -EBADMSG);
     expect_said("2:4: m wants a whole number in 0..9, not 1.0"); /* the last of the two */
+}
+
+/* A wrong key is answered with the one that was most likely meant, if any is near. */
+static void wrong_keys_are_answered_with_the_right_ones(void **state SST_UNUSED)
+{
+    static const struct {
+        const char *key, *said;
+    } wrong[] = {
+        { "colz", "colz is no key here; did you mean cols?" },
+        { "camera", "camera is no key here; did you mean cameras?" },
+        { "clos", "clos is no key here; did you mean cols?" },    /* two exchanged */
+        { "rate", "rate is no key here; did you mean rate_hz?" }, /* no unit */
+        { "spacing_m", "spacing_m is no key here; did you mean spacing_mm?" },
+        { "rows2x", "rows2x is no key here; correct its spelling" }, /* rows is there already */
+        { "bandwidth", "bandwidth is no key here; correct its spelling or remove it" },
+        { "c", "c is no key here; correct its spelling or remove it" },
+    };
+
+    for (size_t i = 0; i < ARRAY_LEN(wrong); i++) {
+        static const char *const known[] = { "rows", "cols", "cameras", "rate_hz", "spacing_mm", "cols" };
+        struct sst_yaml *doc;
+        char text[64];
+
+        snprintf(text, sizeof(text), "rows: 1\n%s: 1\n", wrong[i].key);
+        assert_int_equal(parse(&doc, text), 0);
+        for (size_t k = 0; k < ARRAY_LEN(known); k++)
+            sst_yaml_get(sst_yaml_root(doc), known[k]);
+        assert_int_equal(finish(doc), -EBADMSG);
+        expect_said(wrong[i].said);
+    }
 }
 
 /* What ends the reading. */
@@ -178,6 +209,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_tree_has_places_and_typed_values),
         cmocka_unit_test(faults_name_their_place),
+        cmocka_unit_test(wrong_keys_are_answered_with_the_right_ones),
         cmocka_unit_test(what_is_not_plain_yaml_is_refused),
         cmocka_unit_test(all_faults_are_told),
     };
