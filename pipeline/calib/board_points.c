@@ -41,8 +41,10 @@ static int nearest(struct near out[NEIGHBOURS], const struct sst_anchor *anchor,
     return count;
 }
 
-bool sst_anchors_predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n, double step_mm,
-                         const double at[2], int skip)
+/* Where a place of the board is, from the anchors around it, but for one (skip; -1: none). slope: px per mm there.
+ * @return false: nothing near enough to tell */
+static bool predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n, double step_mm,
+                    const double at[2], int skip)
 {
     double from[NEIGHBOURS][2], to[NEIGHBOURS][2], weight[NEIGHBOURS], h[9];
     struct near found[NEIGHBOURS];
@@ -98,7 +100,7 @@ static bool look(struct sst_saddle *out, const struct sst_sighting *s, int id, c
     double at[2], px[2];
 
     sst_board_point(s->board, id, at);
-    if (!sst_anchors_predict(px, place.slope, anchor, n, s->board->square_mm, at, -1))
+    if (!predict(px, place.slope, anchor, n, s->board->square_mm, at, -1))
         return false;
     place.x = px[0];
     place.y = px[1];
@@ -144,7 +146,7 @@ static void stray(double *distance, const struct sst_sighting *s, const struct s
         double px[2], slope[4];
 
         distance[i] = NAN;
-        if (!sst_anchors_predict(px, slope, anchor, n, s->board->square_mm, anchor[i].board, i))
+        if (!predict(px, slope, anchor, n, s->board->square_mm, anchor[i].board, i))
             continue;
         /* In pitches at 0.04 of one, in px where squares are small. */
         distance[i] = hypot(px[0] - anchor[i].px[0], px[1] - anchor[i].px[1]) /
@@ -255,7 +257,7 @@ bool sst_chessboard_goes_on(const struct sst_sighting *s)
             struct sst_saddle saddle;
             double px[2];
 
-            if (!sst_anchors_predict(px, place.slope, s->anchor, s->anchors, s->board->square_mm, at, -1))
+            if (!predict(px, place.slope, s->anchor, s->anchors, s->board->square_mm, at, -1))
                 continue;
             place.x = px[0];
             place.y = px[1];

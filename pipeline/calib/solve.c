@@ -92,6 +92,12 @@ static int take_lenses(struct solve_problem *p, const struct sst_detections *all
                       given->rows, given->cols, all->rows, all->cols);
         return -EBADMSG;
     }
+    if (given->width != p->width || given->height != p->height) {
+        sst_log_error("the lenses given are of pictures of %dx%d pixels, the detections of %dx%d: calibrate the lenses "
+                      "with the size that is captured",
+                      given->width, given->height, p->width, p->height);
+        return -EBADMSG;
+    }
     p->keep_lens = true;
     p->lens = 0;
     for (int v = 0; v < p->views; v++) {

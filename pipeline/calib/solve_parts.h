@@ -86,6 +86,9 @@ void sst_solve_problem_fini(struct solve_problem *p);
 void sst_solve_see(const double *lens, int coefficients, const double q[3], double xy[2], double jq[2][3],
                    double jl[2][SOLVE_LENS_MAX]);
 
+/** A camera at the origin that has this lens. */
+struct sst_calib_camera sst_solve_camera_of(const double *lens);
+
 /** Board corner to camera axes: rotation part and the point itself. */
 void sst_solve_corner_place(const struct solve_pose *board_to_camera, const struct solve_corner *c,
                             const double warp[2], double turned[3], double q[3]);
@@ -192,6 +195,8 @@ SST_MUST_CHECK int sst_solve_noise(const struct solve_problem *p, double *sigma_
 
 /** Points further off than this many sigma of an axis are outliers: of normal noise 4 in a million. */
 #define SOLVE_OUTLIER_SIGMA 5
+/** Share of the corners that may be outliers unless the caller says otherwise. */
+#define SOLVE_MOST_OUTLIERS 0.03
 
 /** From corners to an empty problem; those that are not finite or not of the board are refused (force: left out). */
 SST_MUST_CHECK int sst_solve_problem_make(struct solve_problem *out, const struct sst_detections *all,

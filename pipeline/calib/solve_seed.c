@@ -170,12 +170,7 @@ static void other_pose(const struct solve_pose *pose, const double middle[3], st
 void sst_solve_single(struct solve_single *out, const struct solve_problem *p, const struct solve_detection *d,
                       const double *lens)
 {
-    const struct sst_calib_camera cam = { .fx = lens[0],
-                                          .fy = lens[1],
-                                          .cx = lens[2],
-                                          .cy = lens[3],
-                                          .k = { lens[4], lens[5], lens[6], lens[7], lens[8], lens[9], lens[10],
-                                                 lens[11] } };
+    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
     double(*board)[2] = malloc((size_t)d->corners * sizeof(*board)), h[9], facing = 0, middle[3] = { 0 };
     double(*seen)[2] = malloc((size_t)d->corners * sizeof(*seen)), *work = malloc((size_t)d->corners * sizeof(*work));
     int n = 0;
@@ -271,12 +266,7 @@ static void plain_lens(const struct solve_problem *p, double focal, double lens[
 /* A lens is believed if it is near what the homographies said and sees all of the picture. */
 static bool lens_is_sane(const struct solve_problem *p, const double *lens, double focal)
 {
-    const struct sst_calib_camera cam = { .fx = lens[0],
-                                          .fy = lens[1],
-                                          .cx = lens[2],
-                                          .cy = lens[3],
-                                          .k = { lens[4], lens[5], lens[6], lens[7], lens[8], lens[9], lens[10],
-                                                 lens[11] } };
+    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
     bool sane = lens[0] > focal / 2 && lens[0] < 2 * focal && fabs(lens[1] / lens[0] - 1) < 0.2 &&
                 fabs(lens[2] - p->width / 2.0) < 0.25 * p->width && fabs(lens[3] - p->height / 2.0) < 0.25 * p->width;
 

@@ -247,9 +247,8 @@ static bool cell_inside(const struct solve_problem *p, const double xy[2], doubl
 
 static bool direction(const double *lens, double x, double y, double q[3])
 {
-    struct sst_calib_camera cam = { .fx = lens[0], .fy = lens[1], .cx = lens[2], .cy = lens[3] };
+    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
 
-    memcpy(cam.k, lens + 4, sizeof(cam.k));
     q[2] = 1;
     return sst_camera_undistort(&cam, x, y, &q[0], &q[1]);
 }
