@@ -6,6 +6,7 @@
 
 #include "pipeline/calib/detect_parts.h"
 #include "pipeline/calib/homography.h"
+#include "pipeline/calib/numbers.h"
 
 #define NEIGHBOURS  14
 #define GROW_ROUNDS 12
@@ -130,13 +131,6 @@ static int collect(struct sst_anchor *out, int *id, const struct sst_sighting *s
 
 /* --- checks ------------------------------------------------------------------------------------------------------ */
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Distance of each point from where its neighbours put it, NAN where they do not tell, and the scale there. */
 static void stray(double *distance, const struct sst_sighting *s, const struct sst_anchor *anchor, int n)
 {
@@ -175,8 +169,7 @@ static void drop_strays(struct sst_sighting *s, struct sst_anchor *anchor, doubl
         }
         if (known < 1)
             return;
-        qsort(sorted, (size_t)known, sizeof(*sorted), by_value);
-        limit = sst_clamp_double(5 * sorted[known / 2], 0.4, 1.6);
+        limit = sst_clamp_double(5 * sst_upper_median(sorted, known), 0.4, 1.6);
         if (distance[worst] <= limit)
             return;
         s->seen[id[worst]] = false;
@@ -216,8 +209,7 @@ out:
     return count;
 }
 
-/* --- chessboards that are not of this size
- * -------------------------------------------------------------------------------- */
+/* --- chessboards that are not of this size ------------------------------------------------------------------------ */
 
 bool sst_chessboard_ends_early(const struct sst_sighting *s)
 {

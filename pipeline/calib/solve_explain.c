@@ -31,7 +31,7 @@ static double median_of(struct look *l, const struct solve_detection *d, int cor
 {
     for (int k = 0; k < corners; k++)
         l->work[k] = d->corner[k].weight * hypot(l->r[k][0], l->r[k][1]);
-    return sst_solve_median(l->work, corners);
+    return sst_upper_median(l->work, corners);
 }
 
 static void measure(struct look *l)

@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_CALIB_SOLVE_PARTS_H
 #define SST_PIPELINE_CALIB_SOLVE_PARTS_H
 
+#include "pipeline/calib/numbers.h"
 #include "pipeline/calib/solve.h"
 
 #define SOLVE_LENS_MAX    (4 + SST_LENS_MAX)       /* fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 */
@@ -23,8 +24,6 @@ void sst_solve_cholesky_solve(const double *l, int n, double *x);
 void sst_solve_cholesky_inverse(double *l, int n, double *work);
 /** Householder QR in place: a[m][n] becomes its R in the first min(m, n) rows; rows beyond are garbage. */
 void sst_solve_qr(double *a, int m, int n);
-/** The value of rank n / 2; v is reordered and has no NaN; 0 for n = 0. */
-double sst_solve_median(double *v, int n);
 
 /* --- the problem -------------------------------------------------------------------------------------------------- */
 
