@@ -163,8 +163,7 @@ static int light(struct job *job)
 {
     int err;
 
-    if (job->o->no_light || !job->gathered.light.count || job->gathered.all.rig ||
-        known_cameras(&job->solution.calib) < 2)
+    if (job->o->no_light || !job->gathered.light.count || known_cameras(&job->solution.calib) < 2)
         return 0;
     err = sst_light_solve(&job->solution.calib, &job->gathered.light, &job->light);
     job->lit = !err;
