@@ -269,12 +269,8 @@ static void rebase(struct sst_calib *calib)
             p[i] = 0;
             for (int l = 0; l < 3; l++)
                 p[i] += ref.rotation[3 * i + l] * (c->position_mm[l] - ref.position_mm[l]);
-            for (int j = 0; j < 3; j++) {
-                r[3 * i + j] = 0;
-                for (int l = 0; l < 3; l++)
-                    r[3 * i + j] += c->rotation[3 * i + l] * ref.rotation[3 * j + l];
-            }
         }
+        sst_rotation_between(c->rotation, ref.rotation, r);
         memcpy(c->rotation, r, sizeof(r));
         memcpy(c->position_mm, p, sizeof(p));
     }

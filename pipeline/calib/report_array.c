@@ -102,12 +102,11 @@ static void angles(const struct sst_calib_page *page, double *mean_deg, double *
     *most = -1;
     *most_deg = *mean_deg = (double)NAN;
     for (int k = 0; k < page->figures->views; k++) {
-        double m[9] = { 0 }, v[3], deg;
+        double m[9], v[3], deg;
 
         if (!calib->camera[k].known)
             continue;
-        for (int i = 0; i < 27; i++)
-            m[i / 9 * 3 + i / 3 % 3] += r[i / 9 * 3 + i % 3] * calib->camera[k].rotation[i / 3 % 3 * 3 + i % 3];
+        sst_rotation_between(r, calib->camera[k].rotation, m);
         sst_rotation_to_vector(m, v);
         deg = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * 180 / M_PI;
         sum += deg;

@@ -36,12 +36,7 @@ static void chain_init(struct sst_chain *chain, const struct sst_rectified *to, 
                                  .cy = to->cy,
                                  .raw_width = calib->width,
                                  .raw_height = calib->height };
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            for (int l = 0; l < 3; l++)
-                chain->turn[3 * i + j] += cam->rotation[3 * i + l] * to->rotation[3 * j + l];
-        }
-    }
+    sst_rotation_between(cam->rotation, to->rotation, chain->turn);
 }
 
 /* Where rectified (x, y) is in the raw picture or beyond its borders; false: behind the camera, or the lens folds over
