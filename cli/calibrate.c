@@ -47,6 +47,26 @@ static int picture(void *arg, int view, int frame, struct sst_image *out)
 
 /* --- corners ------------------------------------------------------------------------------------------------------ */
 
+/* What the command line says of the grid; bound cameras have their places already. */
+static int set_grid(struct sst_array_config *array, const int grid[2])
+{
+    if (!grid[0])
+        return 0;
+    if (array->bound && (grid[0] != array->rows || grid[1] != array->cols)) {
+        sst_log_error("--grid %dx%d does not fit the cameras that the configuration binds to places of %dx%d; leave it "
+                      "out",
+                      grid[0], grid[1], array->rows, array->cols);
+        return -EINVAL;
+    }
+    if (grid[0] * grid[1] > SST_CAMERAS_MAX) {
+        sst_log_error("--grid %dx%d has places for more than %d cameras", grid[0], grid[1], SST_CAMERAS_MAX);
+        return -EINVAL;
+    }
+    array->rows = grid[0];
+    array->cols = grid[1];
+    return 0;
+}
+
 static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
 {
     const struct options *o = job->o;
@@ -59,14 +79,12 @@ static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
         sst_array_config_defaults(array);
         err = sst_array_config_read(array, o->config);
     }
+    if (!err)
+        err = set_grid(array, o->pick.grid);
     if (!err) {
         array->trigger_hz = o->rate_hz;
         live.array = array;
         live.keep = o->keep;
-        if (o->pick.grid[0]) {
-            array->rows = o->pick.grid[0];
-            array->cols = o->pick.grid[1];
-        }
         fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",
                 o->coverage ? "; look at " : "", o->coverage ? o->coverage : "");
         job->spacing_mm = array->spacing_mm;
@@ -163,8 +181,7 @@ static int light(struct job *job)
 {
     int err;
 
-    if (job->o->no_light || !job->gathered.light.count || job->gathered.all.rig ||
-        known_cameras(&job->solution.calib) < 2)
+    if (job->o->no_light || !job->gathered.light.count || known_cameras(&job->solution.calib) < 2)
         return 0;
     err = sst_light_solve(&job->solution.calib, &job->gathered.light, &job->light);
     job->lit = !err;

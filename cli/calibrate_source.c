@@ -75,12 +75,11 @@ static int by_bytes(const struct dirent **a, const struct dirent **b)
 
 static int scan(const char *dir, struct dirent ***names)
 {
-    const int n = scandir(dir, names, visible, by_bytes);
+    const int n = scandir(dir, names, visible, by_bytes), err = n < 0 ? -errno : 0;
 
-    if (n >= 0)
-        return n;
-    sst_log_error("cannot read the folder %s: %s", dir, strerror(errno));
-    return -errno;
+    if (err)
+        sst_log_error("cannot read the folder %s: %s", dir, strerror(-err));
+    return err ? err : n;
 }
 
 static void free_names(struct dirent **names, int n)
@@ -254,6 +253,11 @@ static int seat(struct calibrate_source *s, char (*name)[64], int n, const int g
     int rows = grid[0], cols = grid[1], row, col;
     bool placed = true;
 
+    if (rows && s->rows && (rows != s->rows || cols != s->cols)) { /* drives' positions are by its views */
+        sst_log_error("%s is a light field of %dx%d views, not %dx%d; leave --grid out", s->path, s->rows, s->cols,
+                      rows, cols);
+        return -EBADMSG;
+    }
     for (int i = 0; i < n; i++)
         placed = placed && place(name[i], &row, &col);
     if (!rows && s->rows) {

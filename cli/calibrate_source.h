@@ -16,7 +16,7 @@ struct calibrate_source {
     int rows, cols, frames;
     char (*camera_name)[64];         /* [rows * cols]; "" where there is no camera */
     char (*frame_name)[64];          /* [frames] */
-    double spacing_mm;       /* of the array, as the recording says; 0: unknown */
+    double spacing_mm;               /* of the array, as the recording says; 0: unknown */
     bool rig;                        /* the views are poses of one camera ... */
     double (*drive_mm)[3];           /* ... at these positions, by its drives; NULL: unknown */
     char **file;                     /* [frames][rows * cols] paths; NULL: no picture */

@@ -10,7 +10,7 @@
 #include "cli/cli.h"
 #include "pipeline/calib/format.h"
 
-#define DEG (180 / 3.14159265358979323846)
+#define DEG (180 / M_PI)
 
 static double angle_deg(const struct sst_calib_camera *cam)
 {

@@ -7,6 +7,7 @@
 
 #include "base/log.h"
 #include "pipeline/calib/detect_parts.h"
+#include "pipeline/calib/numbers.h"
 
 #define LEAST_POINTS  6
 #define COARSE_SIDE   1100 /* px: boards are sought in pictures no larger, if they are found there */
@@ -61,19 +62,6 @@ void sst_pyramid_fini(struct sst_pyramid *p)
 
 /* --- judging ----------------------------------------------------------------------------------------------------- */
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-static double median(double *v, int n)
-{
-    qsort(v, (size_t)n, sizeof(*v), by_value);
-    return v[n / 2];
-}
-
 /*
  * The usual point spread of all points, as width and aspect. A tone curve moves the grey where the edges cross, which
  * looks like skew of one sign at points with black at the upper left and of the other at the rest: the medians of both
@@ -97,7 +85,7 @@ static int measure_blur(struct sst_detection *d, const struct sst_sighting *s)
                 if ((c->contrast > 0) == sign)
                     v[n++] = axis == 0 ? c->blur_xx : axis == 1 ? c->blur_xy : c->blur_yy;
             }
-            b[axis] += n > 0 ? median(v, n) : 0;
+            b[axis] += sst_upper_median(v, n);
             kinds += n > 0;
         }
         b[axis] /= kinds;

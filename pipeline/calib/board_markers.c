@@ -61,11 +61,12 @@ static bool fit_pair(double h[9], const struct match *a, const struct match *b)
 /* Fit to all good ones and mark again. @return how many are good, or -ENOMEM */
 static int settle(struct match *m, int n, double h[9])
 {
-    double(*from)[2] = malloc(8 * (size_t)n * sizeof(*from)), (*to)[2] = from + 4 * n;
+    double(*from)[2] = malloc(8 * (size_t)n * sizeof(*from)), (*to)[2];
     int count = mark(m, n, h);
 
     if (!from)
         return -ENOMEM;
+    to = from + 4 * n;
     for (int round = 0; round < 3; round++) {
         int k = 0;
 

@@ -6,6 +6,7 @@
 
 #include "pipeline/calib/detect_parts.h"
 #include "pipeline/calib/homography.h"
+#include "pipeline/calib/numbers.h"
 
 #define NEIGHBOURS  14
 #define GROW_ROUNDS 12
@@ -41,8 +42,10 @@ static int nearest(struct near out[NEIGHBOURS], const struct sst_anchor *anchor,
     return count;
 }
 
-bool sst_anchors_predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n, double step_mm,
-                         const double at[2], int skip)
+/* Where a place of the board is, from the anchors around it, but for one (skip; -1: none). slope: px per mm there.
+ * @return false: nothing near enough to tell */
+static bool predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n, double step_mm,
+                    const double at[2], int skip)
 {
     double from[NEIGHBOURS][2], to[NEIGHBOURS][2], weight[NEIGHBOURS], h[9];
     struct near found[NEIGHBOURS];
@@ -98,7 +101,7 @@ static bool look(struct sst_saddle *out, const struct sst_sighting *s, int id, c
     double at[2], px[2];
 
     sst_board_point(s->board, id, at);
-    if (!sst_anchors_predict(px, place.slope, anchor, n, s->board->square_mm, at, -1))
+    if (!predict(px, place.slope, anchor, n, s->board->square_mm, at, -1))
         return false;
     place.x = px[0];
     place.y = px[1];
@@ -128,13 +131,6 @@ static int collect(struct sst_anchor *out, int *id, const struct sst_sighting *s
 
 /* --- checks ------------------------------------------------------------------------------------------------------ */
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Distance of each point from where its neighbours put it, NAN where they do not tell, and the scale there. */
 static void stray(double *distance, const struct sst_sighting *s, const struct sst_anchor *anchor, int n)
 {
@@ -144,7 +140,7 @@ static void stray(double *distance, const struct sst_sighting *s, const struct s
         double px[2], slope[4];
 
         distance[i] = NAN;
-        if (!sst_anchors_predict(px, slope, anchor, n, s->board->square_mm, anchor[i].board, i))
+        if (!predict(px, slope, anchor, n, s->board->square_mm, anchor[i].board, i))
             continue;
         /* In pitches at 0.04 of one, in px where squares are small. */
         distance[i] = hypot(px[0] - anchor[i].px[0], px[1] - anchor[i].px[1]) /
@@ -173,8 +169,7 @@ static void drop_strays(struct sst_sighting *s, struct sst_anchor *anchor, doubl
         }
         if (known < 1)
             return;
-        qsort(sorted, (size_t)known, sizeof(*sorted), by_value);
-        limit = sst_clamp_double(5 * sorted[known / 2], 0.4, 1.6);
+        limit = sst_clamp_double(5 * sst_upper_median(sorted, known), 0.4, 1.6);
         if (distance[worst] <= limit)
             return;
         s->seen[id[worst]] = false;
@@ -214,8 +209,7 @@ out:
     return count;
 }
 
-/* --- chessboards that are not of this size
- * -------------------------------------------------------------------------------- */
+/* --- chessboards that are not of this size ------------------------------------------------------------------------ */
 
 bool sst_chessboard_ends_early(const struct sst_sighting *s)
 {
@@ -255,7 +249,7 @@ bool sst_chessboard_goes_on(const struct sst_sighting *s)
             struct sst_saddle saddle;
             double px[2];
 
-            if (!sst_anchors_predict(px, place.slope, s->anchor, s->anchors, s->board->square_mm, at, -1))
+            if (!predict(px, place.slope, s->anchor, s->anchors, s->board->square_mm, at, -1))
                 continue;
             place.x = px[0];
             place.y = px[1];

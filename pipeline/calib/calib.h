@@ -87,6 +87,9 @@ SST_MUST_CHECK bool sst_camera_project(const struct sst_calib_camera *cam, const
 void sst_rotation_from_vector(const double v[3], double m[9]);
 void sst_rotation_to_vector(const double m[9], double v[3]);
 
+/** a b^T: from b's axes to a's, of rotations that both come from the same ones. out is neither a nor b. */
+void sst_rotation_between(const double a[9], const double b[9], double out[9]);
+
 SST_EXTERN_C_END
 
 #endif

@@ -32,6 +32,7 @@ static bool parse_time(const char *text, int64_t *wall_ns)
 {
     struct tm tm = { 0 };
     char again[48];
+    int64_t seconds;
     int ns;
 
     if (sscanf(text, "%4d-%2d-%2dT%2d:%2d:%2d.%9dZ", &tm.tm_year, &tm.tm_mon, &tm.tm_mday, &tm.tm_hour, &tm.tm_min,
@@ -40,7 +41,10 @@ static bool parse_time(const char *text, int64_t *wall_ns)
         return false;
     tm.tm_year -= 1900;
     tm.tm_mon -= 1;
-    *wall_ns = (int64_t)timegm(&tm) * NS_PER_S + ns;
+    seconds = timegm(&tm); /* 99 months are more years */
+    if (seconds < 0 || seconds >= INT64_MAX / NS_PER_S)
+        return false;
+    *wall_ns = seconds * NS_PER_S + ns;
     if (*wall_ns <= 0)
         return false;
     format_time(*wall_ns, again); /* the 31st of February would come back as another day */
@@ -50,20 +54,10 @@ static bool parse_time(const char *text, int64_t *wall_ns)
 /* Bytes of the UTF-8 character at s that a quoted YAML text can hold in one line, or 0. */
 static int character(const unsigned char *s)
 {
-    static const uint32_t least[] = { 0, 0, 0x80, 0x800, 0x10000 };
-    const int n = s[0] < 0x80 ? 1 : s[0] >> 5 == 6 ? 2 : s[0] >> 4 == 14 ? 3 : s[0] >> 3 == 30 ? 4 : 0;
-    uint32_t c = n <= 1 ? s[0] : s[0] & (0xffu >> (n + 1));
+    uint32_t code;
+    const int n = sst_utf8_character(s, &code);
 
-    for (int i = 1; i < n; i++) {
-        if ((s[i] & 0xc0) != 0x80) /* also at the end of the text */
-            return 0;
-        c = c << 6 | (s[i] & 0x3f);
-    }
-    if (n == 0 || (n > 1 && c < least[n]) || c < 0x20 || (c >= 0x7f && c < 0xa0))
-        return 0;
-    if (c == 0x2028 || c == 0x2029 || c == 0xfeff || (c >= 0xd800 && c < 0xe000) || c == 0xfffe || c == 0xffff)
-        return 0; /* line breaks and what is no character */
-    return c > 0x10ffff ? 0 : n;
+    return code == 0x2028 || code == 0x2029 || code == 0xfeff ? 0 : n; /* line breaks, and a mark that readers drop */
 }
 
 static void put_text(FILE *f, const char *indent, const char *key, const char *text)

@@ -130,3 +130,12 @@ void sst_rotation_to_vector(const double m[9], double v[3])
     for (int i = 0; i < 3; i++)
         v[i] = f * q[i + 1];
 }
+
+void sst_rotation_between(const double a[9], const double b[9], double out[9])
+{
+    for (int i = 0; i < 9; i++) {
+        const double *p = a + i / 3 * 3, *q = b + i % 3 * 3;
+
+        out[i] = 0 + p[0] * q[0] + p[1] * q[1] + p[2] * q[2]; /* no -0 */
+    }
+}

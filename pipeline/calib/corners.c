@@ -13,7 +13,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/calib/homography.h"
+#include "pipeline/calib/numbers.h"
 
 #define PARAMETERS  11
 #define MAX_SIDE    64 /* of the window, px */

@@ -25,16 +25,6 @@ struct sst_sighting {
     struct sst_saddle *saddle; /* [points] where seen */
 };
 
-/**
- * Where a place of the board is, from the anchors around it.
- *
- * @param skip   an anchor to leave out, or -1
- * @param slope  px per mm there
- * @return false: nothing near enough to tell
- */
-SST_MUST_CHECK bool sst_anchors_predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n,
-                                        double step_mm, const double at[2], int skip);
-
 /** A picture and its halves, down to about a thousand pixels. */
 struct sst_pyramid {
     int levels;

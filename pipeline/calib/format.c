@@ -52,19 +52,13 @@ static const struct sst_calib_format formats[] = {
     [MULTICAL] = { "multical", "calibration.json", LIGHT_AND_QUALITY ", names", sst_multical_read, sst_multical_write },
     [MRCAL] = { "mrcal", "a folder of rr_cc.cameramodel, or one for one camera; written only",
                 LIGHT_AND_QUALITY ", names", NULL, sst_mrcal_write },
-    { 0 },
 };
-
-const struct sst_calib_format *sst_calib_formats(void)
-{
-    return formats;
-}
 
 const struct sst_calib_format *sst_calib_format_find(const char *name)
 {
-    for (const struct sst_calib_format *f = formats; f->name; f++) {
-        if (!strcmp(f->name, name))
-            return f;
+    for (size_t i = 0; i < ARRAY_LEN(formats); i++) {
+        if (!strcmp(formats[i].name, name))
+            return &formats[i];
     }
     sst_log_error("there is no calibration format %.40s; it is sst, opencv, opencv-stereo, kalibr, multical or mrcal",
                   name);

@@ -33,9 +33,6 @@ struct sst_calib_format {
     int (*write)(const struct sst_calib *calib, const char *path, const struct sst_calib_format_config *cfg);
 };
 
-/** All formats; the last one's name is NULL. */
-const struct sst_calib_format *sst_calib_formats(void);
-
 /** By name; NULL and logged where there is none. */
 const struct sst_calib_format *sst_calib_format_find(const char *name);
 

@@ -195,19 +195,17 @@ int sst_kalibr_read(struct sst_calib *out, const char *path, const struct sst_ca
 /* T_cn_cnm1: X_b = R_b R_a^T X_a + (t_b - R_b R_a^T t_a). */
 static void put_step(FILE *f, const struct sst_calib_camera *a, const struct sst_calib_camera *b)
 {
-    double way[3];
+    double turn[9], way[3];
 
+    sst_rotation_between(b->rotation, a->rotation, turn);
     for (int l = 0; l < 3; l++)
         way[l] = (a->position_mm[l] - b->position_mm[l]) / METRE_MM;
     fputs("  T_cn_cnm1:\n", f);
     for (int i = 0; i < 3; i++) {
-        double row[4] = { 0 };
+        double row[4] = { turn[3 * i], turn[3 * i + 1], turn[3 * i + 2], 0 };
 
-        for (int l = 0; l < 3; l++) {
-            for (int j = 0; j < 3; j++)
-                row[j] += b->rotation[3 * i + l] * a->rotation[3 * j + l];
+        for (int l = 0; l < 3; l++)
             row[3] += b->rotation[3 * i + l] * way[l];
-        }
         fputs("  - [", f);
         sst_put_numbers(f, row, 4);
         fputs("]\n", f);

@@ -444,14 +444,12 @@ static void put_intrinsics(FILE *f, const struct sst_calib *calib, const struct 
 static void put_extrinsics(FILE *f, const struct sst_calib *calib, const struct sst_calib_camera *a,
                            const struct sst_calib_camera *b)
 {
-    double R[9] = { 0 }, T[3] = { 0 };
+    double R[9], T[3] = { 0 };
 
+    sst_rotation_between(b->rotation, a->rotation, R);
     for (int i = 0; i < 3; i++) {
-        for (int l = 0; l < 3; l++) {
-            for (int j = 0; j < 3; j++)
-                R[3 * i + j] += b->rotation[3 * i + l] * a->rotation[3 * j + l];
+        for (int l = 0; l < 3; l++)
             T[i] += b->rotation[3 * i + l] * (a->position_mm[l] - b->position_mm[l]);
-        }
     }
     put_head(f, calib);
     put_matrix(f, "R", R, 3, 3);

@@ -269,12 +269,8 @@ static void rebase(struct sst_calib *calib)
             p[i] = 0;
             for (int l = 0; l < 3; l++)
                 p[i] += ref.rotation[3 * i + l] * (c->position_mm[l] - ref.position_mm[l]);
-            for (int j = 0; j < 3; j++) {
-                r[3 * i + j] = 0;
-                for (int l = 0; l < 3; l++)
-                    r[3 * i + j] += c->rotation[3 * i + l] * ref.rotation[3 * j + l];
-            }
         }
+        sst_rotation_between(c->rotation, ref.rotation, r);
         memcpy(c->rotation, r, sizeof(r));
         memcpy(c->position_mm, p, sizeof(p));
     }
@@ -362,6 +358,26 @@ void sst_put_numbers(FILE *f, const double *v, int n)
         fputs(i ? ", " : "", f);
         put_number(f, v[i]);
     }
+}
+
+int sst_utf8_character(const unsigned char *s, uint32_t *code)
+{
+    static const uint32_t least[] = { 0, 0, 0x80, 0x800, 0x10000 };
+    const int n = s[0] < 0x80 ? 1 : s[0] >> 5 == 6 ? 2 : s[0] >> 4 == 14 ? 3 : s[0] >> 3 == 30 ? 4 : 0;
+    uint32_t c = n <= 1 ? s[0] : s[0] & (0xffu >> (n + 1));
+
+    *code = 0;
+    for (int i = 1; i < n; i++) {
+        if ((s[i] & 0xc0) != 0x80) /* also at the end of the text */
+            return 0;
+        c = c << 6 | (s[i] & 0x3f);
+    }
+    if (n == 0 || c < least[n] || c > 0x10ffff || (c >= 0xd800 && c < 0xe000))
+        return 0;
+    if (c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0xfffe || c == 0xffff)
+        return 0;
+    *code = c;
+    return n;
 }
 
 static bool ends_in(const char *path, const char *ending)

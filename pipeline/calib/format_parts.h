@@ -53,6 +53,10 @@ int sst_calib_next(const struct sst_calib *calib, int view);
 /** n numbers with ", " between: each the shortest decimal with a point that reads back as the same. */
 void sst_put_numbers(FILE *f, const double *v, int n);
 
+/** Bytes of the UTF-8 character at s, which ends with a NUL; 0: none, a control character or no character of XML.
+ *  @param code  its number; 0 where there is none */
+int sst_utf8_character(const unsigned char *s, uint32_t *code);
+
 /* The formats that have a file of their own. */
 int sst_kalibr_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg);
 int sst_kalibr_write(const struct sst_calib *calib, const char *path, const struct sst_calib_format_config *cfg);

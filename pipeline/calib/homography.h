@@ -25,10 +25,6 @@ SST_MUST_CHECK bool sst_homography_apply(const double h[9], const double from[2]
 /** Derivatives at a point: by = dx/du, dx/dv, dy/du, dy/dv. @return false: at or behind the horizon */
 SST_MUST_CHECK bool sst_homography_slope(const double h[9], const double from[2], double by[4]);
 
-/** Solve the positive definite a x = b (n <= 12, a row-major, its lower half read, overwritten). @return false: a is
- *  not so, or nearly not */
-SST_MUST_CHECK bool sst_solve_definite(double *a, double *b, int n);
-
 SST_EXTERN_C_END
 
 #endif

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "pipeline/calib/numbers.h"
+
 #define ROUNDS       40
 #define HUBER_ROUNDS 6
 #define HUBER        1.5
@@ -29,10 +31,10 @@ static const double common_sigma[3] = { 0.7, 0.3, 0.15 };
 struct fit {
     struct sst_light_problem *p;
     int unknowns;
-    double *normal;                     /* [unknowns][unknowns], lower triangle */
-    double *right, *step, *sum;         /* [unknowns]; sum: of w J in a group */
-    int *touched;                       /* [unknowns] indices where sum is not 0 */
-    double *residual, *weight, *sorted; /* [count][3] */
+    double *normal;                    /* [unknowns][unknowns], lower triangle */
+    double *right, *step, *sum;        /* [unknowns]; sum: of w J in a group */
+    int *touched;                      /* [unknowns] indices where sum is not 0 */
+    double *residual, *weight, *sizes; /* [count][3] */
 };
 
 struct jacobian {
@@ -149,13 +151,6 @@ static void find_residuals(struct fit *f)
     }
 }
 
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Robust scale, and weights for the next step. A residual of a group is never quite without weight, so that each
  * group's mean stays defined. */
 static void weigh(struct fit *f, int round)
@@ -163,9 +158,8 @@ static void weigh(struct fit *f, int round)
     const int n = 3 * f->p->count;
 
     for (int i = 0; i < n; i++)
-        f->sorted[i] = fabs(f->residual[i]);
-    qsort(f->sorted, (size_t)n, sizeof(f->sorted[0]), by_size);
-    f->p->scale = fmax(1.4826 * f->sorted[n / 2], SCALE_MIN);
+        f->sizes[i] = fabs(f->residual[i]);
+    f->p->scale = fmax(1.4826 * sst_upper_median(f->sizes, n), SCALE_MIN);
     for (int i = 0; i < n; i++) {
         const double u = fabs(f->residual[i]) / f->p->scale, rest = 1 - u * u / (TUKEY * TUKEY);
 
@@ -360,7 +354,7 @@ static int fit_init(struct fit *f, struct sst_light_problem *p)
     f->step = f->right + n;
     f->sum = f->step + n;
     f->weight = f->residual + values;
-    f->sorted = f->weight + values;
+    f->sizes = f->weight + values;
     for (size_t i = 0; i < values; i++)
         f->weight[i] = 1;
     return 0;

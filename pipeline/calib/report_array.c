@@ -102,14 +102,13 @@ static void angles(const struct sst_calib_page *page, double *mean_deg, double *
     *most = -1;
     *most_deg = *mean_deg = (double)NAN;
     for (int k = 0; k < page->figures->views; k++) {
-        double m[9] = { 0 }, v[3], deg;
+        double m[9], v[3], deg;
 
         if (!calib->camera[k].known)
             continue;
-        for (int i = 0; i < 27; i++)
-            m[i / 9 * 3 + i / 3 % 3] += r[i / 9 * 3 + i % 3] * calib->camera[k].rotation[i / 3 % 3 * 3 + i % 3];
+        sst_rotation_between(r, calib->camera[k].rotation, m);
         sst_rotation_to_vector(m, v);
-        deg = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * 180 / 3.14159265358979323846;
+        deg = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * 180 / M_PI;
         sum += deg;
         n++;
         if (*most < 0 || deg > *most_deg) {
@@ -145,8 +144,7 @@ static void facts(const struct sst_calib_page *page)
     fprintf(out,
             "<tr><th>common rotation</th><td>%s, %s, %s degrees (axis times angle) from the reference camera's "
             "axes</td></tr>\n",
-            SST_NUM(turn[0] * 180 / 3.14159265358979323846, 3), SST_NUM(turn[1] * 180 / 3.14159265358979323846, 3),
-            SST_NUM(turn[2] * 180 / 3.14159265358979323846, 3));
+            SST_NUM(turn[0] * 180 / M_PI, 3), SST_NUM(turn[1] * 180 / M_PI, 3), SST_NUM(turn[2] * 180 / M_PI, 3));
     fprintf(out, "<tr><th>cameras turned</th><td>against it by %s degrees on average", SST_NUM(mean_deg, 3));
     if (most >= 0) {
         fprintf(out, ", at most %s (", SST_NUM(most_deg, 3));

@@ -3,7 +3,7 @@
 
 #include "pipeline/calib/report_parts.h"
 
-#define DEG (180 / 3.14159265358979323846)
+#define DEG (180 / M_PI)
 
 /* Rotation against the reference camera as a vector, degrees. */
 static void turned(const struct sst_calib *calib, int view, double out_deg[3])

@@ -6,6 +6,7 @@
 
 #include "base/log.h"
 #include "pipeline/calib/coverage.h"
+#include "pipeline/calib/numbers.h"
 #include "pipeline/calib/report_parts.h"
 
 #define REGIONS      (SST_REPORT_ROWS * SST_REPORT_COLS)
@@ -110,13 +111,6 @@ static void add_detection(struct sst_calib_figures *f, const struct sst_calib_re
     }
 }
 
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Median distance of all corners, outliers included: a few of them do not make a picture bad. @param length  scratch */
 static double median_off(const struct sst_detection *d, const struct sst_solve_view *v, double *length)
 {
@@ -126,8 +120,7 @@ static double median_off(const struct sst_detection *d, const struct sst_solve_v
         if (usable(v, i))
             length[n++] = hypot(v->residual[i][0], v->residual[i][1]);
     }
-    qsort(length, (size_t)n, sizeof(*length), by_size);
-    return n ? length[n / 2] : (double)NAN;
+    return n ? sst_upper_median(length, n) : (double)NAN;
 }
 
 /* The worst picture of each frame, and of these the worst: a frame taken in motion is bad in all its pictures. */

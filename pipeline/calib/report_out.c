@@ -5,6 +5,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "pipeline/calib/format_parts.h"
 #include "pipeline/calib/report_parts.h"
 
 struct sst_calib_number sst_calib_number(double value, int digits)
@@ -60,32 +61,11 @@ struct sst_calib_number sst_calib_date(int64_t wall_ns)
     return n;
 }
 
-/* Bytes of the valid character that starts here, 0: there is none. */
-static int character(const unsigned char *s)
-{
-    static const uint32_t least[] = { 0, 0, 0x80, 0x800, 0x10000 };
-    const int n = s[0] < 0x80             ? 1
-                  : (s[0] & 0xE0) == 0xC0 ? 2
-                  : (s[0] & 0xF0) == 0xE0 ? 3
-                  : (s[0] & 0xF8) == 0xF0 ? 4
-                                          : 0;
-    uint32_t code = n ? s[0] & (n == 1 ? 0x7Fu : 0x7Fu >> n) : 0;
-
-    for (int i = 1; i < n; i++) {
-        if ((s[i] & 0xC0) != 0x80)
-            return 0;
-        code = code << 6 | (s[i] & 0x3Fu);
-    }
-    if (n == 0 || code < least[n] || code > 0x10FFFF || (code >= 0xD800 && code < 0xE000))
-        return 0;
-    /* Control characters, and what is no character in XML. */
-    return code < 0x20 || (code >= 0x7F && code < 0xA0) || code == 0xFFFE || code == 0xFFFF ? 0 : n;
-}
-
 void sst_calib_utf8(char *out, const char *text)
 {
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
-        const int n = character(s);
+        uint32_t code;
+        const int n = sst_utf8_character(s, &code);
 
         memcpy(out, n ? (const char *)s : "\xEF\xBF\xBD", (size_t)(n ? n : 3));
         out += n ? n : 3;
@@ -97,7 +77,8 @@ void sst_calib_utf8(char *out, const char *text)
 void sst_html_text(FILE *out, const char *text)
 {
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
-        const int n = character(s);
+        uint32_t code;
+        const int n = sst_utf8_character(s, &code);
 
         switch (n ? *s : 0) {
         case 0:

@@ -101,7 +101,7 @@ static int by_size(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Such that nearly all residuals are a few per cent of the drawing long. @return 0: there are none */
+/* Such that nearly all residuals are a few per cent of the drawing long. @return 1: all are 0; 0: no memory */
 static double magnification(const struct sst_detection *d, const struct sst_solve_view *v, double width)
 {
     double *length = malloc((size_t)sst_max_int(d->corners, 1) * sizeof(*length)), most;

@@ -92,6 +92,12 @@ static int take_lenses(struct solve_problem *p, const struct sst_detections *all
                       given->rows, given->cols, all->rows, all->cols);
         return -EBADMSG;
     }
+    if (given->width != p->width || given->height != p->height) {
+        sst_log_error("the lenses given are of pictures of %dx%d pixels, the detections of %dx%d: calibrate the lenses "
+                      "with the size that is captured",
+                      given->width, given->height, p->width, p->height);
+        return -EBADMSG;
+    }
     p->keep_lens = true;
     p->lens = 0;
     for (int v = 0; v < p->views; v++) {
@@ -214,13 +220,6 @@ static int fit(struct solve_case *c)
     return err ? err : sst_solve_check_outliers(c);
 }
 
-static int by_depth(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Median depth of the boards' middles before the reference. */
 static double board_range(const struct solve_case *c, double *depth)
 {
@@ -237,8 +236,7 @@ static double board_range(const struct solve_case *c, double *depth)
             depth[n++] =
                 c->p.frame[f].pose.shift[2] + r[6] * (first[0] + last[0]) / 2 + r[7] * (first[1] + last[1]) / 2;
     }
-    qsort(depth, (size_t)n, sizeof(*depth), by_depth);
-    return n ? fmax(depth[n / 2], 0) : 0;
+    return fmax(sst_upper_median(depth, n), 0);
 }
 
 static int fill_views(struct sst_solution *s, const struct solve_case *c)

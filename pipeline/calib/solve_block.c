@@ -73,6 +73,16 @@ void sst_solve_see(const double *lens, int coefficients, const double q[3], doub
     }
 }
 
+struct sst_calib_camera sst_solve_camera_of(const double *lens)
+{
+    struct sst_calib_camera cam = {
+        .fx = lens[0], .fy = lens[1], .cx = lens[2], .cy = lens[3], .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }
+    };
+
+    memcpy(cam.k, lens + 4, sizeof(cam.k));
+    return cam;
+}
+
 void sst_solve_corner_place(const struct solve_pose *board_to_camera, const struct solve_corner *c,
                             const double warp[2], double turned[3], double q[3])
 {

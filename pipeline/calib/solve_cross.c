@@ -151,9 +151,7 @@ int sst_solve_choose_lens(struct solve_case *c)
 static double turned_distance(const struct solve_problem *p, const double *a, const double *b, double share,
                               const double turn[9], double normal[9], double g[3])
 {
-    const struct sst_calib_camera cam = {
-        .fx = a[0], .fy = a[1], .cx = a[2], .cy = a[3], .k = { a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11] }
-    };
+    const struct sst_calib_camera cam = sst_solve_camera_of(a);
     double sum = 0;
     int n = 0;
 

@@ -161,37 +161,6 @@ void sst_solve_qr(double *a, int m, int n)
     }
 }
 
-/* Hoare's selection. */
-double sst_solve_median(double *v, int n)
-{
-    int low = 0, high = n - 1;
-
-    if (n < 1)
-        return 0;
-    while (low < high) {
-        const double pivot = v[n / 2];
-        int i = low, j = high;
-
-        while (i <= j) {
-            while (v[i] < pivot)
-                i++;
-            while (v[j] > pivot)
-                j--;
-            if (i <= j) {
-                const double t = v[i];
-
-                v[i++] = v[j];
-                v[j--] = t;
-            }
-        }
-        if (j < n / 2)
-            low = i;
-        if (i > n / 2)
-            high = j;
-    }
-    return v[n / 2];
-}
-
 void sst_solve_pose_chain(struct solve_pose *out, const struct solve_pose *second, const struct solve_pose *first)
 {
     struct solve_pose both;

@@ -18,7 +18,6 @@
 #define LEAST_MOVE_PX 0.2 /* of a camera */
 #define MOVE_SIGMA    2   /* ... and this many sigma of the corners */
 #define GARBLED_PX    3   /* a detection that does not look like the board even alone */
-#define MOST_OUTLIERS 0.03
 
 struct look {
     const struct solve_case *c;
@@ -32,7 +31,7 @@ static double median_of(struct look *l, const struct solve_detection *d, int cor
 {
     for (int k = 0; k < corners; k++)
         l->work[k] = d->corner[k].weight * hypot(l->r[k][0], l->r[k][1]);
-    return sst_solve_median(l->work, corners);
+    return sst_upper_median(l->work, corners);
 }
 
 static void measure(struct look *l)
@@ -269,7 +268,7 @@ static int check_moved(struct look *l)
 static int check_boards(struct look *l)
 {
     const struct solve_problem *p = &l->c->p;
-    const double most = l->c->cfg->max_outliers > 0 ? l->c->cfg->max_outliers : MOST_OUTLIERS;
+    const double most = l->c->cfg->max_outliers > 0 ? l->c->cfg->max_outliers : SOLVE_MOST_OUTLIERS;
     int frames = 0, lost = 0, all = 0, first = -1, first_bad = 0, first_seen = 0;
     double px = 0;
     char text[512];
@@ -351,7 +350,7 @@ static int check_garbled(const struct look *l)
     return 0;
 }
 
-/* Cameras of which most detections contradict the others, whatever the reason. */
+/* Cameras of which a quarter of the detections or more contradict the others, whatever the reason. */
 static int check_contrary(const struct look *l)
 {
     const struct solve_problem *p = &l->c->p;

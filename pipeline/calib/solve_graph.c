@@ -251,7 +251,7 @@ int sst_solve_noise(const struct solve_problem *p, double *sigma_px)
                 length[n++] = d->corner[c].weight * hypot(r[c][0], r[c][1]);
         }
     }
-    *sigma_px = sst_solve_median(length, n) / 1.1774;
+    *sigma_px = sst_upper_median(length, n) / 1.1774;
     free(length);
     free(r);
     return 0;

@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_CALIB_SOLVE_PARTS_H
 #define SST_PIPELINE_CALIB_SOLVE_PARTS_H
 
+#include "pipeline/calib/numbers.h"
 #include "pipeline/calib/solve.h"
 
 #define SOLVE_LENS_MAX    (4 + SST_LENS_MAX)       /* fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6 */
@@ -23,8 +24,6 @@ void sst_solve_cholesky_solve(const double *l, int n, double *x);
 void sst_solve_cholesky_inverse(double *l, int n, double *work);
 /** Householder QR in place: a[m][n] becomes its R in the first min(m, n) rows; rows beyond are garbage. */
 void sst_solve_qr(double *a, int m, int n);
-/** The value of rank n / 2; v is reordered and has no NaN; 0 for n = 0. */
-double sst_solve_median(double *v, int n);
 
 /* --- the problem -------------------------------------------------------------------------------------------------- */
 
@@ -85,6 +84,9 @@ void sst_solve_problem_fini(struct solve_problem *p);
  *  Always finite: points beside and behind the camera are taken at a small depth. */
 void sst_solve_see(const double *lens, int coefficients, const double q[3], double xy[2], double jq[2][3],
                    double jl[2][SOLVE_LENS_MAX]);
+
+/** A camera at the origin that has this lens. */
+struct sst_calib_camera sst_solve_camera_of(const double *lens);
 
 /** Board corner to camera axes: rotation part and the point itself. */
 void sst_solve_corner_place(const struct solve_pose *board_to_camera, const struct solve_corner *c,
@@ -192,6 +194,8 @@ SST_MUST_CHECK int sst_solve_noise(const struct solve_problem *p, double *sigma_
 
 /** Points further off than this many sigma of an axis are outliers: of normal noise 4 in a million. */
 #define SOLVE_OUTLIER_SIGMA 5
+/** Share of the corners that may be outliers unless the caller says otherwise. */
+#define SOLVE_MOST_OUTLIERS 0.03
 
 /** From corners to an empty problem; those that are not finite or not of the board are refused (force: left out). */
 SST_MUST_CHECK int sst_solve_problem_make(struct solve_problem *out, const struct sst_detections *all,

@@ -13,7 +13,6 @@
 #define REGIONS       5    /* of the picture, along each side */
 #define LEAST_REGIONS 8    /* of those, with corners */
 #define MOST_FOCAL    0.01 /* relative sigma of a focal length */
-#define MOST_OUTLIERS 0.03
 
 int sst_solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...)
 {
@@ -210,7 +209,7 @@ static void worst(const struct solve_case *c, int *view, double *view_share, int
 
 int sst_solve_check_outliers(struct solve_case *c)
 {
-    const double most = c->cfg->max_outliers > 0 ? c->cfg->max_outliers : MOST_OUTLIERS;
+    const double most = c->cfg->max_outliers > 0 ? c->cfg->max_outliers : SOLVE_MOST_OUTLIERS;
     double view_share, frame_share, blur = 0;
     int all = 0, out = 0, view, frame, blurred = 0;
     char name[128], more[128] = "";

@@ -99,7 +99,7 @@ static double pose_sigma(const struct solve_problem *p, const struct solve_detec
         sst_solve_see(lens, p->lens, q, xy, NULL, NULL);
         work[i] = hypot(xy[0] - d->corner[i].x, xy[1] - d->corner[i].y);
     }
-    return sst_solve_median(work, d->corners) / 1.1774;
+    return sst_upper_median(work, d->corners) / 1.1774;
 }
 
 /* Levenberg and Marquardt's method on the six numbers of a pose, the loss's scale following the residuals. */
@@ -170,12 +170,7 @@ static void other_pose(const struct solve_pose *pose, const double middle[3], st
 void sst_solve_single(struct solve_single *out, const struct solve_problem *p, const struct solve_detection *d,
                       const double *lens)
 {
-    const struct sst_calib_camera cam = { .fx = lens[0],
-                                          .fy = lens[1],
-                                          .cx = lens[2],
-                                          .cy = lens[3],
-                                          .k = { lens[4], lens[5], lens[6], lens[7], lens[8], lens[9], lens[10],
-                                                 lens[11] } };
+    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
     double(*board)[2] = malloc((size_t)d->corners * sizeof(*board)), h[9], facing = 0, middle[3] = { 0 };
     double(*seen)[2] = malloc((size_t)d->corners * sizeof(*seen)), *work = malloc((size_t)d->corners * sizeof(*work));
     int n = 0;
@@ -271,12 +266,7 @@ static void plain_lens(const struct solve_problem *p, double focal, double lens[
 /* A lens is believed if it is near what the homographies said and sees all of the picture. */
 static bool lens_is_sane(const struct solve_problem *p, const double *lens, double focal)
 {
-    const struct sst_calib_camera cam = { .fx = lens[0],
-                                          .fy = lens[1],
-                                          .cx = lens[2],
-                                          .cy = lens[3],
-                                          .k = { lens[4], lens[5], lens[6], lens[7], lens[8], lens[9], lens[10],
-                                                 lens[11] } };
+    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
     bool sane = lens[0] > focal / 2 && lens[0] < 2 * focal && fabs(lens[1] / lens[0] - 1) < 0.2 &&
                 fabs(lens[2] - p->width / 2.0) < 0.25 * p->width && fabs(lens[3] - p->height / 2.0) < 0.25 * p->width;
 
@@ -372,7 +362,7 @@ static void typical_focal(struct seed *s, double *work)
         if (f > 0)
             work[n++] = f;
     }
-    s->focal = n ? sst_solve_median(work, n) : sst_max_int(s->p->width, s->p->height);
+    s->focal = n ? sst_upper_median(work, n) : sst_max_int(s->p->width, s->p->height);
 }
 
 /* Lenses to all cameras; those without take the median camera's. */
@@ -386,7 +376,7 @@ static void hand_out(struct seed *s, double *work)
             work[known++] = s->lens[g][0];
     }
     if (known) {
-        const double f = sst_solve_median(work, known);
+        const double f = sst_upper_median(work, known);
 
         for (int g = 0; g < s->groups && middle < 0; g++) {
             if (s->known[g] && s->lens[g][0] == f)

@@ -84,33 +84,11 @@ static int share_work(void *arg, int index, int worker)
     return 0;
 }
 
-/* Add a frame with its board eliminated: S += A - E' C^-1 E. */
-static void add_frame(struct build *b)
+/* S -= E' C^-1 E, side being E and c the Cholesky factor of C. */
+static void eliminate(struct build *b, const double c[BOARD * BOARD])
 {
     const size_t size = (size_t)b->size;
-    double c[BOARD * BOARD] = { 0 };
 
-    memset(b->side, 0, BOARD * size * sizeof(*b->side));
-    for (int v = 0; v < b->p->views; v++) {
-        const struct share *h = &b->share[v];
-
-        for (int x = 0; b->at[v] && x < h->n; x++) {
-            const int i = place(b, h->state[x]);
-
-            for (int y = 0; y < h->n; y++) {
-                const int j = place(b, h->state[y]);
-
-                if (i < 0 && j < 0)
-                    c[(-1 - i) * BOARD - 1 - j] += h->m[x][y];
-                else if (i < 0)
-                    b->side[(size_t)(-1 - i) * size + (size_t)j] += h->m[x][y];
-                else if (j >= 0 && j <= i)
-                    b->s[(size_t)i * size + (size_t)j] += h->m[x][y];
-            }
-        }
-    }
-    if (!sst_solve_cholesky(c, BOARD))
-        return; /* a board that is not determined says nothing */
     /* side becomes L^-1 E */
     for (int r = 0; r < BOARD; r++) {
         double *row = b->side + (size_t)r * size;
@@ -130,6 +108,48 @@ static void add_frame(struct build *b)
                 b->s[i * size + j] -= row[i] * row[j];
         }
     }
+}
+
+/* Add a frame with its board eliminated: S += A - E' C^-1 E. */
+static void add_frame(struct build *b)
+{
+    const size_t size = (size_t)b->size;
+    double c[BOARD * BOARD] = { 0 };
+
+    for (int v = 0; v < b->p->views; v++) {
+        const struct share *h = &b->share[v];
+
+        for (int x = 0; b->at[v] && x < h->n; x++) {
+            const int i = place(b, h->state[x]);
+
+            for (int y = 0; y < h->n && i < 0; y++) {
+                const int j = place(b, h->state[y]);
+
+                if (j < 0)
+                    c[(-1 - i) * BOARD - 1 - j] += h->m[x][y];
+            }
+        }
+    }
+    if (!sst_solve_cholesky(c, BOARD))
+        return; /* a board that is not determined says nothing */
+    memset(b->side, 0, BOARD * size * sizeof(*b->side));
+    for (int v = 0; v < b->p->views; v++) {
+        const struct share *h = &b->share[v];
+
+        for (int x = 0; b->at[v] && x < h->n; x++) {
+            const int i = place(b, h->state[x]);
+
+            for (int y = 0; y < h->n; y++) {
+                const int j = place(b, h->state[y]);
+
+                if (i < 0 && j >= 0)
+                    b->side[(size_t)(-1 - i) * size + (size_t)j] += h->m[x][y];
+                else if (i >= 0 && j >= 0 && j <= i)
+                    b->s[(size_t)i * size + (size_t)j] += h->m[x][y];
+            }
+        }
+    }
+    eliminate(b, c);
 }
 
 static int build_normal(struct build *b)
@@ -247,9 +267,8 @@ static bool cell_inside(const struct solve_problem *p, const double xy[2], doubl
 
 static bool direction(const double *lens, double x, double y, double q[3])
 {
-    struct sst_calib_camera cam = { .fx = lens[0], .fy = lens[1], .cx = lens[2], .cy = lens[3] };
+    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
 
-    memcpy(cam.k, lens + 4, sizeof(cam.k));
     q[2] = 1;
     return sst_camera_undistort(&cam, x, y, &q[0], &q[1]);
 }

@@ -105,13 +105,13 @@ static void put_pose(FILE *f, const struct sst_calib_camera *a, const struct sst
 {
     double r[9], v[3], t[3] = { 0 }, q[4], turn, half;
 
+    if (a)
+        sst_rotation_between(b->rotation, a->rotation, r);
+    else
+        memcpy(r, b->rotation, sizeof(r));
     for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            r[3 * i + j] = a ? 0 : b->rotation[3 * i + j];
-            for (int l = 0; a && l < 3; l++)
-                r[3 * i + j] += b->rotation[3 * i + l] * a->rotation[3 * j + l];
+        for (int j = 0; j < 3; j++)
             t[i] += b->rotation[3 * i + j] * ((a ? a->position_mm[j] : 0) - b->position_mm[j]) / METRE_MM;
-        }
     }
     sst_rotation_to_vector(r, v);
     turn = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);

@@ -26,7 +26,7 @@ enum cell {
     CELL_NONE = 2,   /* nothing is seen in it */
 };
 
-void sst_chain_init(struct sst_chain *chain, const struct sst_rectified *to, const struct sst_calib *calib, int view)
+static void chain_init(struct sst_chain *chain, const struct sst_rectified *to, const struct sst_calib *calib, int view)
 {
     const struct sst_calib_camera *cam = &calib->camera[view];
 
@@ -36,16 +36,12 @@ void sst_chain_init(struct sst_chain *chain, const struct sst_rectified *to, con
                                  .cy = to->cy,
                                  .raw_width = calib->width,
                                  .raw_height = calib->height };
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            for (int l = 0; l < 3; l++)
-                chain->turn[3 * i + j] += cam->rotation[3 * i + l] * to->rotation[3 * j + l];
-        }
-    }
+    sst_rotation_between(cam->rotation, to->rotation, chain->turn);
 }
 
-/* Beyond its fold a lens sees again what it saw before: only what undistorting leads back to is seen. */
-bool sst_chain_place(const struct sst_chain *chain, double x, double y, double *raw_x, double *raw_y)
+/* Where rectified (x, y) is in the raw picture or beyond its borders; false: behind the camera, or the lens folds over
+ * before it. Beyond its fold a lens sees again what it saw before: only what undistorting leads back to is seen. */
+static bool chain_place(const struct sst_chain *chain, double x, double y, double *raw_x, double *raw_y)
 {
     const double *m = chain->turn;
     const double a = (x - chain->cx) / chain->focal_px, b = (y - chain->cy) / chain->focal_px;
@@ -76,8 +72,8 @@ bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *c
 
     if (view < 0 || view >= to->rows * to->cols || !to->view[view].known)
         return false;
-    sst_chain_init(&chain, to, calib, view);
-    if (!sst_chain_place(&chain, x, y, &u, &v) || !in_picture(&chain, u, v, SNAP_PX))
+    chain_init(&chain, to, calib, view);
+    if (!chain_place(&chain, x, y, &u, &v) || !in_picture(&chain, u, v, SNAP_PX))
         return false;
     *raw_x = u;
     *raw_y = v;
@@ -126,7 +122,7 @@ static double cell_error(const struct sst_rectify_map *map, int i, int j)
         node_weights(at[k][0], wx);
         node_weights(at[k][1], wy);
         nodes_on_line(map, i - 1, j, wy, p);
-        if (!sst_chain_place(&map->chain, (i + at[k][0]) * side, (j + at[k][1]) * side, &u, &v))
+        if (!chain_place(&map->chain, (i + at[k][0]) * side, (j + at[k][1]) * side, &u, &v))
             return INFINITY;
         if (!in_picture(&map->chain, u, v, side))
             continue;
@@ -184,7 +180,7 @@ static int make_cells(struct sst_rectify_map *map)
     for (size_t k = 0; k < nodes; k++) {
         const int i = (int)(k % (size_t)(map->cells_x + 3)) - 1, j = (int)(k / (size_t)(map->cells_x + 3)) - 1;
 
-        seen[k] = sst_chain_place(&map->chain, i * side, j * side, &map->node[k][0], &map->node[k][1]);
+        seen[k] = chain_place(&map->chain, i * side, j * side, &map->node[k][0], &map->node[k][1]);
     }
     for (int j = 0; j < map->cells_y; j++) {
         for (int i = 0; i < map->cells_x; i++) {
@@ -216,7 +212,7 @@ int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectif
     map = calloc(1, sizeof(*map));
     if (!map)
         return -ENOMEM;
-    sst_chain_init(&map->chain, to, calib, view);
+    chain_init(&map->chain, to, calib, view);
     map->width = to->width;
     map->height = to->height;
     map->shift = FIRST_SHIFT;
@@ -293,7 +289,7 @@ static void exact_run(const struct sst_rectify_map *map, double x0, double y, in
         double u, v;
 
         xy_q8[2 * i] = xy_q8[2 * i + 1] = INT32_MIN;
-        if (!sst_chain_place(&map->chain, x0 + i, y, &u, &v) || !in_picture(&map->chain, u, v, SNAP_PX))
+        if (!chain_place(&map->chain, x0 + i, y, &u, &v) || !in_picture(&map->chain, u, v, SNAP_PX))
             continue;
         xy_q8[2 * i] = sst_clamp_int((int)lrint(u * 256), 0, 256 * (map->chain.raw_width - 1));
         xy_q8[2 * i + 1] = sst_clamp_int((int)lrint(v * 256), 0, 256 * (map->chain.raw_height - 1));

@@ -14,12 +14,6 @@ struct sst_chain {
     int raw_width, raw_height;
 };
 
-void sst_chain_init(struct sst_chain *chain, const struct sst_rectified *to, const struct sst_calib *calib, int view);
-
-/** Where rectified (x, y) is in the raw picture or beyond its borders. @return false: behind the camera, or the lens
- *  folds over before it */
-bool sst_chain_place(const struct sst_chain *chain, double x, double y, double *raw_x, double *raw_y);
-
 struct sst_light_map;
 
 struct sst_rectify_map {

@@ -11,6 +11,8 @@
 
 #define BAND_ROWS 16
 
+_Static_assert(SST_BLEND_MAX <= SST_SAMPLE_MAX, "a run of rays is sampled in one go");
+
 void sst_render_config_defaults(struct sst_render_config *cfg)
 {
     *cfg = (struct sst_render_config){

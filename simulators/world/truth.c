@@ -113,16 +113,7 @@ int sst_sim_truth_write(const struct sst_sim_settings *s, const struct sst_sim_s
 
 /* --- as a calibration --------------------------------------------------------------------------------------------- */
 
-/* a b', and a v */
-static void against(const double a[9], const double b[9], double out[9])
-{
-    for (int i = 0; i < 9; i++) {
-        const double *p = a + i / 3 * 3, *q = b + i % 3 * 3;
-
-        out[i] = p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-    }
-}
-
+/* a v */
 static void turned(const double a[9], const double v[3], double out[3])
 {
     for (int i = 0; i < 3; i++)
@@ -145,7 +136,7 @@ static void fill_camera(struct sst_calib_camera *to, const struct sst_sim_camera
         to->k[i] = k[i];
         to->lens = k[i] != 0 ? 5 : to->lens;
     }
-    against(c->rotation, reference->rotation, to->rotation);
+    sst_rotation_between(c->rotation, reference->rotation, to->rotation);
     turned(reference->rotation, away, to->position_mm);
     memcpy(to->gain, c->gain, sizeof(to->gain));
     to->falloff[0] = -vignetting;

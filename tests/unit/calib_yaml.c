@@ -257,6 +257,7 @@ static void faults_name_their_place(void **state SST_UNUSED)
         { HEAD CAM0 "created: 2026-02-31T00:00:00.000000000Z\n", "t:10:10: created wants a moment" },
         { HEAD CAM0 "created: 1960-02-01T00:00:00.000000000Z\n", "t:10:10: created wants a moment" },
         { HEAD CAM0 "created: 2026-01-31T00:00:01.5\n", "t:10:10: created wants a moment" },
+        { HEAD CAM0 "created: 2261-99-01T00:00:00.000000000Z\n", "t:10:10: created wants a moment" },
         { HEAD CAM0 "range_mm: nan\n", "t:10:11: range_mm wants a number" },
         { HEAD CAM0 "  - { row: 0, col: 2, " LENS POSE " }\n", "t:10:20: col wants a whole number in 0..1" },
         { HEAD CAM0 "  - { row: 0, col: 0, " LENS POSE " }\n", "two entries for row 0, column 0" },

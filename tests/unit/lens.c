@@ -119,6 +119,19 @@ static void rotations_come_back(void **state SST_UNUSED)
     }
 }
 
+/* Quarter turns about z and about x: what a then b's back does to the axes. */
+static void turns_are_told_apart(void **state SST_UNUSED)
+{
+    const double about_z[9] = { 0, -1, 0, 1, 0, 0, 0, 0, 1 }, about_x[9] = { 1, 0, 0, 0, 0, -1, 0, 1, 0 };
+    const double both[9] = { 0, 0, -1, 1, 0, 0, 0, -1, 0 }, none[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
+    double m[9];
+
+    sst_rotation_between(about_z, about_x, m);
+    assert_memory_equal(m, both, sizeof(m)); /* bit for bit: no -0 among the zeros */
+    sst_rotation_between(about_z, about_z, m);
+    assert_memory_equal(m, none, sizeof(m));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -127,6 +140,7 @@ int main(void)
         cmocka_unit_test(nothing_is_seen_beyond_the_fold),
         cmocka_unit_test(projects_by_hand),
         cmocka_unit_test(rotations_come_back),
+        cmocka_unit_test(turns_are_told_apart),
     };
 
     alarm(60);

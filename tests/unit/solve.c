@@ -239,6 +239,8 @@ static void lenses_can_be_kept(void **state)
         assert_near(s.lens_sigma[v][5][5], 0, 0);
     }
     sst_solution_fini(&s);
+    t.calib.width /= 2; /* lenses of pictures of another size */
+    assert_int_equal(sst_solve(&s, &t.all, &how), -EBADMSG);
     truth_free(&t);
 }
 

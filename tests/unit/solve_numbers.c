@@ -42,11 +42,11 @@ static void algebra(void **state)
             assert_near(sum, i == j, 1e-14);
         }
     }
-    assert_near(sst_solve_median(v, 5), 3, 0);
-    assert_near(sst_solve_median(v, 0), 0, 0);
+    assert_near(sst_upper_median(v, 5), 3, 0);
+    assert_near(sst_upper_median(v, 0), 0, 0);
     v[0] = v[1] = v[2] = v[3] = 7;
-    assert_near(sst_solve_median(v, 4), 7, 0);
-    assert_near(sst_solve_median(v, 1), 7, 0);
+    assert_near(sst_upper_median(v, 4), 7, 0);
+    assert_near(sst_upper_median(v, 1), 7, 0);
 }
 
 static void not_definite(void **state)
