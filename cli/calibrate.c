@@ -6,6 +6,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/file.h"
 #include "base/log.h"
 #include "cli/calibrate_check.h"
 #include "cli/calibrate_gather.h"
@@ -176,6 +177,7 @@ static int lattice(struct job *job)
 {
     const struct sst_rectify_config cfg = { .plane_mm = -1 };
     const struct sst_calib *c = &job->solution.calib;
+    char why[SST_LOG_MAX] = "", *before;
     int err;
 
     if (known_cameras(c) < 2)
@@ -183,8 +185,12 @@ static int lattice(struct job *job)
     job->rectified = calloc(1, sizeof(*job->rectified));
     if (!job->rectified)
         return -ENOMEM;
+    before = job->o->force ? sst_log_hold_errors(why) : NULL;
     err = sst_rectify_plan(job->rectified, c, &cfg);
+    if (job->o->force)
+        sst_log_hold_errors(before);
     if (err && job->o->force) {
+        sst_log_warning("%s", why);
         free(job->rectified);
         job->rectified = NULL;
         return 0;
@@ -239,6 +245,24 @@ static int deliver(const struct job *job)
     return err;
 }
 
+/* A result that cannot be written is better known before the pictures are taken. */
+static int check_outputs(const struct options *o)
+{
+    const char *const path[] = { o->out, o->report, o->coverage, o->corners };
+    int err = 0;
+
+    for (size_t i = 0; i < ARRAY_LEN(path) && !err; i++) {
+        struct sst_outfile out;
+
+        if (!path[i])
+            continue;
+        err = sst_outfile_open(&out, path[i]);
+        if (!err)
+            sst_outfile_abort(&out);
+    }
+    return err;
+}
+
 static int calibrate(const struct options *o)
 {
     struct job *job = calloc(1, sizeof(*job));
@@ -247,7 +271,9 @@ static int calibrate(const struct options *o)
     if (!job)
         return CLI_MEMORY;
     job->o = o;
-    err = gather(job);
+    err = check_outputs(o);
+    if (!err)
+        err = gather(job);
     if (!err && o->coverage)
         err = calibrate_write_coverage(&job->gathered.all, o->coverage);
     if (!err && o->corners)
@@ -285,6 +311,16 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
         return cli_usage_error(cmd, "--board is missing, such as --board charuco:9x7:50mm:0.7");
     if (!o->live && (o->keep || o->config || o->live_cfg.sets || o->live_cfg.seconds > 0))
         return cli_usage_error(cmd, "--config, --keep, --sets and --duration belong to --live");
+    if (o->live && (o->pick.rig || o->pick.every || o->pick.max))
+        return cli_usage_error(cmd, "--rig, --every and --max-frames belong to pictures that exist already");
+    if (o->source && is_corners_file(o->source) &&
+        (o->board || o->pick.grid[0] || o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0))
+        return cli_usage_error(cmd,
+                               "%s has the corners, board and grid: --board, --grid, --rig, --every, --max-frames "
+                               "and --max-blur are not for it",
+                               o->source);
+    if (o->picture)
+        return cli_usage_error(cmd, "--picture belongs to --check");
     if (o->lens && o->lens != 5 && o->lens != 8)
         return cli_usage_error(cmd, "--lens is 5 or 8 coefficients");
     return CLI_GO_ON;

@@ -165,8 +165,8 @@ static void tell_other(const struct work *w, const struct sst_detections *all)
         }
     }
     sst_log_error(
-        "%s: the board %s is in %d of %d pictures; are its kind and its numbers of squares right, is it sharp, "
-        "lit and large enough in the picture (--board)?",
+        "%s: the board %s is in %d of %d pictures; are its kind and its numbers of squares right (--board), is it "
+        "sharp, lit, not mirrored and large enough in the picture?",
         w->source->path, text, all->count, w->done);
 }
 

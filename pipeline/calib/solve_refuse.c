@@ -50,8 +50,10 @@ static int check_frames(struct solve_case *c, const int *detections)
         }
     }
     if (!frames) {
-        sst_log_error("no frame shows the board: none of the %d pictures has %d of its points%s", c->p.count,
-                      SOLVE_MIN_CORNERS, blurred ? "; many are blurred: more light, or hold the board still" : "");
+        sst_log_error("no frame shows the board: none of %d pictures has %d of its points; %s", c->p.count,
+                      SOLVE_MIN_CORNERS,
+                      blurred ? "many are blurred: more light, or hold the board still"
+                              : "take frames with the board large in the pictures");
         return -EBADMSG;
     }
     if (frames < least && !c->p.rig)
