@@ -35,6 +35,7 @@ struct job {
     struct sst_calib lenses; /* kept intrinsics; camera NULL: none */
     struct sst_solution solution;
     bool solved, lit;
+    int overridden; /* refusals that --force turned into warnings */
     struct sst_light_report light;
     struct sst_rectified *rectified; /* NULL: one camera */
 };
@@ -130,6 +131,7 @@ static int solve(struct job *job)
     struct timespec now;
     int err = 0;
 
+    cfg.overridden = &job->overridden;
     cfg.cross_validate = !o->no_cross;
     cfg.max_outliers = o->outliers_percent / 100;
     cfg.progress = progress;
@@ -191,6 +193,7 @@ static int lattice(struct job *job)
         sst_log_hold_errors(before);
     if (err && job->o->force) {
         sst_log_warning("%s", why);
+        job->overridden++;
         free(job->rectified);
         job->rectified = NULL;
         return 0;
@@ -199,7 +202,7 @@ static int lattice(struct job *job)
 }
 
 /* The board alone gives the scale: a wrong size of its squares shows where the array's spacing is known. */
-static int check_scale(const struct job *job)
+static int check_scale(struct job *job)
 {
     const struct sst_rectified *r = job->rectified;
     const struct sst_board *board = &job->gathered.all.board;
@@ -208,6 +211,7 @@ static int check_scale(const struct job *job)
     if (fabs(ratio - 1) <= SCALE_OFF)
         return 0;
     if (job->o->force) {
+        job->overridden++;
         sst_log_warning("the cameras come out %.4g mm apart, but the array's configuration says %.4g mm", r->spacing_mm,
                         job->spacing_mm);
         return 0;
@@ -226,6 +230,7 @@ static int deliver(const struct job *job)
                                              .solution = &job->solution,
                                              .light = job->lit ? &job->light : NULL,
                                              .rectified = job->rectified,
+                                             .overridden = job->overridden,
                                              .picture = job->source.path ? picture : NULL,
                                              .arg = (void *)(uintptr_t)job };
     int err = o->out ? sst_calib_write(&job->solution.calib, o->out) : 0;

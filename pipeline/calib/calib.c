@@ -92,10 +92,8 @@ const char *sst_camera_fault(const struct sst_calib_camera *c)
     if (!all_sound(lens, 6) || !all_sound(c->k, SST_LENS_MAX) || !all_sound(c->rotation, 9) ||
         !all_sound(c->position_mm, 3) || !all_sound(c->gain, 3) || !all_sound(c->falloff, 3))
         return "a number is not finite or beyond 1e12";
-    if (!(c->fx >= 1) || !(c->fy >= 1) || c->fx > 1e7 || c->fy > 1e7)
-        return "the focal length is not between 1 and 1e7 px";
-    if (fabs(c->cx) > 1e6 || fabs(c->cy) > 1e6)
-        return "the principal point is more than 1e6 px away";
+    if (!(c->fx > 0) || !(c->fy > 0) || c->fx > 1e7 || c->fy > 1e7)
+        return "the focal length is not between 0 and 1e7 px";
     if (c->lens != 0 && c->lens != 5 && c->lens != 8)
         return "the lens has neither 0, 5 nor 8 coefficients";
     for (int i = c->lens; i < SST_LENS_MAX; i++) {

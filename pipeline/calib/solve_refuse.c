@@ -23,11 +23,14 @@ int sst_solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...)
     va_start(args, fmt);
     vsnprintf(text, sizeof(text), fmt, args);
     va_end(args);
-    if (cfg->force)
-        sst_log_warning("%s", text);
-    else
+    if (!cfg->force) {
         sst_log_error("%s", text);
-    return cfg->force ? 0 : -EBADMSG;
+        return -EBADMSG;
+    }
+    sst_log_warning("%s", text);
+    if (cfg->overridden)
+        ++*cfg->overridden;
+    return 0;
 }
 
 const char *sst_solve_name(const struct sst_detections *all, int view, char out[128])

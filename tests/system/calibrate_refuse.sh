@@ -14,7 +14,7 @@ for f in range(frames):
         corners = []
         for i, (x, y) in enumerate(points):
             u, v = x - 112.5, y - 87.5
-            X = u * math.cos(turn) + 120 * math.sin(1.7 * f) - 50 * view
+            X = u * math.cos(turn) + v * math.sin(tilt) * math.sin(turn) + 120 * math.sin(1.7 * f) - 50 * view
             Y = v * math.cos(tilt) + 90 * math.cos(2.9 * f)
             Z = 600 + 150 * (f % 3) + v * math.sin(tilt) * math.cos(turn) - u * math.sin(turn)
             px, py = 319.5 + 500 * X / Z, 239.5 + 500 * Y / Z
@@ -48,6 +48,19 @@ corners 12 "d['width'] = 200"
 want 3 "lie outside of pictures of 200x480" calibrate corners.json -o bad.yaml --report bad.html
 corners 12 "d['detections'] = []"
 want 3 "no frame shows the board" calibrate corners.json -o bad.yaml
+# What is forced may fit well, and is not good for that: here a camera without the board.
+corners 12 ""
+"$sst" calibrate corners.json -o plain.yaml --json >plain.json 2>err || fail "plain: $(cat err)"
+corners 12 "d['cameras'] += ['C']; d['cols'] = 3
+for x in d['detections']: x['view'] *= 2"
+"$sst" calibrate corners.json --force -o forced.yaml --json >forced.json 2>err || fail "forced: $(cat err)"
+/usr/bin/python3 - <<'P' || fail "verdicts"
+import json
+plain, forced = (json.load(open(f)) for f in ("plain.json", "forced.json"))
+bar = [next(b for b in j["bars"] if b["key"] == "overridden") for j in (plain, forced)]
+assert bar[0]["value"] == 0 and bar[0]["state"] == "met easily", (bar[0], plain["verdict"])
+assert bar[1]["value"] >= 1 and bar[1]["state"] == "missed" and forced["verdict"] != "good", (bar[1], forced["verdict"])
+P
 corners 12 "d['board'] = 'charuco:7x9:25mm:0.7'"
 want 3 "did not converge" calibrate corners.json -o bad.yaml --report bad.html
 [ $failed -eq 0 ]
