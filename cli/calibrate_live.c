@@ -137,6 +137,10 @@ static int tell(struct live *l, int64_t now_ns)
             worst = view;
     }
     sst_coverage_missing(&l->coverage[worst], missing);
+    if (!all->frames) {
+        fprintf(stderr, "%d sets, and no camera has seen the board yet\n", l->recorded);
+        return 0;
+    }
     fprintf(stderr, "%d of %d sets taken, coverage %.0f %%; camera %s lacks most: %s\n", all->frames, l->recorded,
             100 * complete(l), all->camera_name[worst], missing[0] ? missing : "nothing");
     if (!l->cfg->coverage || l->drawn == all->frames)

@@ -99,9 +99,10 @@ static int check_views(const struct sst_rectified *to, const struct sst_calib *c
     for (int k = 0; k < calib->rows * calib->cols; k++) {
         if (!calib->camera[k].known || sees(to, calib, k))
             continue;
-        sst_log_error("%s: nothing of the frames of camera %s (row %d, column %d) is in the common view; correct its "
+        sst_log_error("%s: nothing of the frames of camera %s%s(row %d, column %d) is in the common view; correct its "
                       "lens and rotation, or choose a smaller focal length",
-                      path, calib->camera[k].name, k / calib->cols, k % calib->cols);
+                      path, calib->camera[k].name, calib->camera[k].name[0] ? " " : "", k / calib->cols,
+                      k % calib->cols);
         return -EBADMSG;
     }
     return 0;
