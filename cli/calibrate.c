@@ -306,6 +306,20 @@ static int calibrate(const struct options *o)
 
 /* --- command line ------------------------------------------------------------------------------------------------- */
 
+/* Two results under one name would leave the later one alone. */
+static bool same_outputs(const struct options *o)
+{
+    const char *const path[] = { o->out, o->report, o->coverage, o->corners, o->keep };
+
+    for (size_t i = 0; i < ARRAY_LEN(path); i++) {
+        for (size_t j = 0; j < i; j++) {
+            if (path[i] && path[j] && !strcmp(path[i], path[j]))
+                return true;
+        }
+    }
+    return false;
+}
+
 static int check_options(const struct cli_command *cmd, const struct options *o)
 {
     if (o->live == (o->source != NULL))
@@ -324,11 +338,21 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
                                "%s has the corners, board and grid: --board, --grid, --rig, --every, --max-frames "
                                "and --max-blur are not for it",
                                o->source);
+    if (same_outputs(o))
+        return cli_usage_error(cmd, "-o, --report, --coverage, --corners and --keep each need a name of their own");
     if (o->picture)
         return cli_usage_error(cmd, "--picture belongs to --check");
     if (o->lens && o->lens != 5 && o->lens != 8)
         return cli_usage_error(cmd, "--lens is 5 or 8 coefficients");
     return CLI_GO_ON;
+}
+
+static bool not_for_check(const struct options *o)
+{
+    return o->out || o->board || o->live || o->report || o->coverage || o->corners || o->config || o->keep ||
+           o->lenses || o->lens || o->flat || o->force || o->no_light || o->no_cross || o->pick.grid[0] ||
+           o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0 || o->outliers_percent > 0 ||
+           o->live_cfg.sets || o->live_cfg.seconds > 0;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -380,10 +404,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (o.check) {
         if (!o.source)
             return cli_usage_error(cmd, "--check needs a light field");
-        if (o.out || o.board || o.live || o.report)
-            return cli_usage_error(cmd,
-                                   "--check looks at a light field alone: -o, --board, --live and --report are not "
-                                   "for it");
+        if (not_for_check(&o))
+            return cli_usage_error(cmd, "--check looks at a light field alone: only --picture, --json and --threads go "
+                                        "with it");
         return cli_run_calibrate_check(cmd, o.source, o.json, o.threads, o.picture);
     }
     r = check_options(cmd, &o);
