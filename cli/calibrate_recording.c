@@ -106,10 +106,5 @@ int calibrate_recording_read(const struct calibrate_source *source, int view, in
                                set->frame[cam].bytes);
     free(data);
     free(set);
-    if (err == -EBADMSG) { /* one damaged frame is no reason to give up: it is as if the camera had missed it */
-        sst_log_warning("%s, set %d: the frame of %s is damaged and left out", source->path, source->set[frame],
-                        source->camera_name[view]);
-        return -ENODATA;
-    }
-    return err;
+    return err == -EBADMSG ? -EILSEQ : err;
 }

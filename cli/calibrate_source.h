@@ -16,7 +16,7 @@ struct calibrate_source {
     int rows, cols, frames;
     char (*camera_name)[64];         /* [rows * cols]; "" where there is no camera */
     char (*frame_name)[64];          /* [frames] */
-    double spacing_mm;       /* of the array, as the recording says; 0: unknown */
+    double spacing_mm;               /* of the array, as the recording says; 0: unknown */
     bool rig;                        /* the views are poses of one camera ... */
     double (*drive_mm)[3];           /* ... at these positions, by its drives; NULL: unknown */
     char **file;                     /* [frames][rows * cols] paths; NULL: no picture */
@@ -48,7 +48,8 @@ SST_MUST_CHECK int calibrate_recording_open(struct calibrate_source *out, const 
 SST_MUST_CHECK int calibrate_recording_read(const struct calibrate_source *source, int view, int frame,
                                             struct sst_image *out);
 
-/** @return 0, -ENODATA (there is none; not logged), or a reader's error; logged. Thread: any. */
+/** @return 0, -ENODATA (there is none; not logged), -EILSEQ (a recording's frame is damaged; not logged), or a reader's
+ *  error; logged. Thread: any. */
 SST_MUST_CHECK int calibrate_source_read(const struct calibrate_source *source, int view, int frame,
                                          struct sst_image *out);
 
