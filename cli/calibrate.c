@@ -6,6 +6,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/file.h"
 #include "base/log.h"
 #include "cli/calibrate_check.h"
 #include "cli/calibrate_gather.h"
@@ -34,6 +35,7 @@ struct job {
     struct sst_calib lenses; /* kept intrinsics; camera NULL: none */
     struct sst_solution solution;
     bool solved, lit;
+    int overridden; /* refusals that --force turned into warnings */
     struct sst_light_report light;
     struct sst_rectified *rectified; /* NULL: one camera */
 };
@@ -147,6 +149,7 @@ static int solve(struct job *job)
     struct timespec now;
     int err = 0;
 
+    cfg.overridden = &job->overridden;
     cfg.cross_validate = !o->no_cross;
     cfg.max_outliers = o->outliers_percent / 100;
     cfg.progress = progress;
@@ -193,6 +196,7 @@ static int lattice(struct job *job)
 {
     const struct sst_rectify_config cfg = { .plane_mm = -1 };
     const struct sst_calib *c = &job->solution.calib;
+    char why[SST_LOG_MAX] = "", *before;
     int err;
 
     if (known_cameras(c) < 2)
@@ -200,8 +204,13 @@ static int lattice(struct job *job)
     job->rectified = calloc(1, sizeof(*job->rectified));
     if (!job->rectified)
         return -ENOMEM;
+    before = job->o->force ? sst_log_hold_errors(why) : NULL;
     err = sst_rectify_plan(job->rectified, c, &cfg);
+    if (job->o->force)
+        sst_log_hold_errors(before);
     if (err && job->o->force) {
+        sst_log_warning("%s", why);
+        job->overridden++;
         free(job->rectified);
         job->rectified = NULL;
         return 0;
@@ -210,7 +219,7 @@ static int lattice(struct job *job)
 }
 
 /* The board alone gives the scale: a wrong size of its squares shows where the array's spacing is known. */
-static int check_scale(const struct job *job)
+static int check_scale(struct job *job)
 {
     const struct sst_rectified *r = job->rectified;
     const struct sst_board *board = &job->gathered.all.board;
@@ -219,6 +228,7 @@ static int check_scale(const struct job *job)
     if (fabs(ratio - 1) <= SCALE_OFF)
         return 0;
     if (job->o->force) {
+        job->overridden++;
         sst_log_warning("the cameras come out %.4g mm apart, but the array's configuration says %.4g mm", r->spacing_mm,
                         job->spacing_mm);
         return 0;
@@ -237,6 +247,7 @@ static int deliver(const struct job *job)
                                              .solution = &job->solution,
                                              .light = job->lit ? &job->light : NULL,
                                              .rectified = job->rectified,
+                                             .overridden = job->overridden,
                                              .picture = job->source.path ? picture : NULL,
                                              .arg = (void *)(uintptr_t)job };
     int err = o->out ? sst_calib_write(&job->solution.calib, o->out) : 0;
@@ -256,6 +267,24 @@ static int deliver(const struct job *job)
     return err;
 }
 
+/* A result that cannot be written is better known before the pictures are taken. */
+static int check_outputs(const struct options *o)
+{
+    const char *const path[] = { o->out, o->report, o->coverage, o->corners };
+    int err = 0;
+
+    for (size_t i = 0; i < ARRAY_LEN(path) && !err; i++) {
+        struct sst_outfile out;
+
+        if (!path[i])
+            continue;
+        err = sst_outfile_open(&out, path[i]);
+        if (!err)
+            sst_outfile_abort(&out);
+    }
+    return err;
+}
+
 static int calibrate(const struct options *o)
 {
     struct job *job = calloc(1, sizeof(*job));
@@ -264,7 +293,9 @@ static int calibrate(const struct options *o)
     if (!job)
         return CLI_MEMORY;
     job->o = o;
-    err = gather(job);
+    err = check_outputs(o);
+    if (!err)
+        err = gather(job);
     if (!err && o->coverage)
         err = calibrate_write_coverage(&job->gathered.all, o->coverage);
     if (!err && o->corners)
@@ -292,6 +323,20 @@ static int calibrate(const struct options *o)
 
 /* --- command line ------------------------------------------------------------------------------------------------- */
 
+/* Two results under one name would leave the later one alone. */
+static bool same_outputs(const struct options *o)
+{
+    const char *const path[] = { o->out, o->report, o->coverage, o->corners, o->keep };
+
+    for (size_t i = 0; i < ARRAY_LEN(path); i++) {
+        for (size_t j = 0; j < i; j++) {
+            if (path[i] && path[j] && !strcmp(path[i], path[j]))
+                return true;
+        }
+    }
+    return false;
+}
+
 static int check_options(const struct cli_command *cmd, const struct options *o)
 {
     if (o->live == (o->source != NULL))
@@ -302,9 +347,29 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
         return cli_usage_error(cmd, "--board is missing, such as --board charuco:9x7:50mm:0.7");
     if (!o->live && (o->keep || o->config || o->live_cfg.sets || o->live_cfg.seconds > 0))
         return cli_usage_error(cmd, "--config, --keep, --sets and --duration belong to --live");
+    if (o->live && (o->pick.rig || o->pick.every || o->pick.max))
+        return cli_usage_error(cmd, "--rig, --every and --max-frames belong to pictures that exist already");
+    if (o->source && is_corners_file(o->source) &&
+        (o->board || o->pick.grid[0] || o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0))
+        return cli_usage_error(cmd,
+                               "%s has the corners, board and grid: --board, --grid, --rig, --every, --max-frames "
+                               "and --max-blur are not for it",
+                               o->source);
+    if (same_outputs(o))
+        return cli_usage_error(cmd, "-o, --report, --coverage, --corners and --keep each need a name of their own");
+    if (o->picture)
+        return cli_usage_error(cmd, "--picture belongs to --check");
     if (o->lens && o->lens != 5 && o->lens != 8)
         return cli_usage_error(cmd, "--lens is 5 or 8 coefficients");
     return CLI_GO_ON;
+}
+
+static bool not_for_check(const struct options *o)
+{
+    return o->out || o->board || o->live || o->report || o->coverage || o->corners || o->config || o->keep ||
+           o->lenses || o->lens || o->flat || o->force || o->no_light || o->no_cross || o->pick.grid[0] ||
+           o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0 || o->outliers_percent > 0 ||
+           o->live_cfg.sets || o->live_cfg.seconds > 0;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -356,10 +421,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (o.check) {
         if (!o.source)
             return cli_usage_error(cmd, "--check needs a light field");
-        if (o.out || o.board || o.live || o.report)
-            return cli_usage_error(cmd,
-                                   "--check looks at a light field alone: -o, --board, --live and --report are not "
-                                   "for it");
+        if (not_for_check(&o))
+            return cli_usage_error(cmd, "--check looks at a light field alone: only --picture, --json and --threads go "
+                                        "with it");
         return cli_run_calibrate_check(cmd, o.source, o.json, o.threads, o.picture);
     }
     r = check_options(cmd, &o);

@@ -102,10 +102,10 @@ static int look(void *arg, int index, int worker)
     struct sst_image image = { 0 };
     int err = calibrate_source_read(w->source, view, frame, &image), done;
 
-    if (err == -ENODATA)
-        return 0;
+    if (err == -EILSEQ) /* one damaged frame is no reason to give up: it is as if the camera had missed it */
+        w->shot[index].damaged = true;
     if (err)
-        return err;
+        return err == -ENODATA || err == -EILSEQ ? 0 : err;
     if (image.width != w->width || image.height != w->height) {
         sst_log_error("%s, camera %s, %s: the picture has %dx%d pixels, others have %dx%d; all must be of one size",
                       w->source->path, w->source->camera_name[view], w->source->frame_name[frame], image.width,
@@ -126,7 +126,7 @@ static int find_size(struct work *w)
         struct sst_image image;
         const int err = calibrate_source_read(w->source, i % w->views, i / w->views, &image);
 
-        if (err == -ENODATA)
+        if (err == -ENODATA || err == -EILSEQ)
             continue;
         if (!err) {
             w->width = image.width;
@@ -165,8 +165,8 @@ static void tell_other(const struct work *w, const struct sst_detections *all)
         }
     }
     sst_log_error(
-        "%s: the board %s is in %d of %d pictures; are its kind and its numbers of squares right, is it sharp, "
-        "lit and large enough in the picture (--board)?",
+        "%s: the board %s is in %d of %d pictures; are its kind and its numbers of squares right (--board), is it "
+        "sharp, lit, not mirrored and large enough in the picture?",
         w->source->path, text, all->count, w->done);
 }
 
@@ -201,6 +201,21 @@ static void tell_left_out(const struct work *w)
                             w->done, kinds[k].what, w->source->camera_name[worst % w->views],
                             w->source->frame_name[worst / w->views]);
     }
+}
+
+static void tell_damaged(const struct work *w)
+{
+    int n = 0, first = -1;
+
+    for (int i = 0; i < w->source->frames * w->views; i++) {
+        if (!w->shot[i].damaged)
+            continue;
+        first = n++ ? first : i;
+    }
+    if (n)
+        sst_log_warning("%s: %d frame%s damaged and left out, the first of camera %s, %s", w->source->path, n,
+                        n == 1 ? " is" : "s are", w->source->camera_name[first % w->views],
+                        w->source->frame_name[first / w->views]);
 }
 
 static int take_all(struct calibrate_gathered *out, struct work *w)
@@ -244,6 +259,7 @@ int calibrate_gather(struct calibrate_gathered *out, const struct calibrate_sour
     if (!err) {
         int found = 0;
 
+        tell_damaged(&w);
         tell_left_out(&w);
         for (int i = 0; i < n; i++)
             found += w.shot[i].there && w.shot[i].outcome == SST_DETECT_FOUND;

@@ -54,7 +54,8 @@ SST_MUST_CHECK int calibrate_write_coverage(const struct sst_detections *all, co
 /** What one picture gave; zeroed before use. */
 struct calibrate_shot {
     enum sst_detect_outcome outcome;
-    bool there; /* a picture was there */
+    bool there;   /* a picture was there */
+    bool damaged; /* a frame was there that is no picture */
     struct sst_detection detection;
     struct sst_light_samples light;
 };

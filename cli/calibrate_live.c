@@ -28,7 +28,7 @@ struct live {
     struct calibrate_shot *shot;   /* [views] of the set at hand */
     double (*last)[2];             /* [views] middle of the corners when the last set was taken */
     const struct sst_set *set;
-    int recorded, err, capacity;
+    int recorded, err, capacity, drawn; /* drawn: frames in the coverage picture */
     bool done;
     int64_t start_ns, told_ns;
 };
@@ -137,9 +137,16 @@ static int tell(struct live *l, int64_t now_ns)
             worst = view;
     }
     sst_coverage_missing(&l->coverage[worst], missing);
-    fprintf(stderr, "%d sets with the board, coverage %.0f %%; camera %s lacks most: %s\n", all->frames,
+    if (!all->frames) {
+        fprintf(stderr, "%d sets, and no camera has seen the board yet\n", l->recorded);
+        return 0;
+    }
+    fprintf(stderr, "%d of %d sets taken, coverage %.0f %%; camera %s lacks most: %s\n", all->frames, l->recorded,
             100 * complete(l), all->camera_name[worst], missing[0] ? missing : "nothing");
-    return l->cfg->coverage ? calibrate_write_coverage(all, l->cfg->coverage) : 0;
+    if (!l->cfg->coverage || l->drawn == all->frames)
+        return 0;
+    l->drawn = all->frames;
+    return calibrate_write_coverage(all, l->cfg->coverage);
 }
 
 static int on_set(void *arg, const struct sst_set *set)
@@ -156,14 +163,14 @@ static int on_set(void *arg, const struct sst_set *set)
         err = sst_parallel_for(set->cameras, l->cfg->threads, look, l);
     if (!err && shows_more(l, views)) {
         err = take(l, set->index, views);
-        if (!err) {
+        if (!err)
             sst_coverage_count(l->coverage, &l->out->all);
-            err = tell(l, sst_clock_now_ns());
-        }
     }
     for (int k = 0; k < views; k++)
         calibrate_shot_fini(&l->shot[k]);
     l->recorded++;
+    if (!err) /* also while nothing is taken: that is when one must know */
+        err = tell(l, sst_clock_now_ns());
     l->err = err;
     l->done = l->live->sets ? l->out->all.frames >= l->live->sets : complete(l) >= 1;
     if (err || l->done)

@@ -26,6 +26,11 @@ int calibrate_recording_open(struct calibrate_source *out, const struct calibrat
     sets = sst_recording_sets(out->recording);
     out->rows = info->rows;
     out->cols = info->cols;
+    if (pick->grid[0] && (pick->grid[0] != out->rows || pick->grid[1] != out->cols)) {
+        sst_log_error("%s is of %dx%d cameras, not %dx%d; leave out --grid", out->path, out->rows, out->cols,
+                      pick->grid[0], pick->grid[1]);
+        return -EBADMSG;
+    }
     out->spacing_mm = info->spacing_mm;
     out->frames = (sets + every - 1) / every;
     if (pick->max && out->frames > pick->max)
@@ -101,10 +106,5 @@ int calibrate_recording_read(const struct calibrate_source *source, int view, in
                                set->frame[cam].bytes);
     free(data);
     free(set);
-    if (err == -EBADMSG) { /* one damaged frame is no reason to give up: it is as if the camera had missed it */
-        sst_log_warning("%s, set %d: the frame of %s is damaged and left out", source->path, source->set[frame],
-                        source->camera_name[view]);
-        return -ENODATA;
-    }
-    return err;
+    return err == -EBADMSG ? -EILSEQ : err;
 }

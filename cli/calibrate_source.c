@@ -352,8 +352,11 @@ int calibrate_source_open(struct calibrate_source *out, const char *path, const 
 
     *out = (struct calibrate_source){ .path = path, .rig = pick->rig };
     if (!sst_path_is_dir(path)) {
-        sst_log_error("%s is no folder; give a recording, a light field or a folder of pictures", path);
-        return sst_path_exists(path) ? -EBADMSG : -ENOENT;
+        const bool there = sst_path_exists(path);
+
+        sst_log_error("%s %s; give a recording, a light field or a folder of pictures", path,
+                      there ? "is no folder" : "does not exist");
+        return there ? -EBADMSG : -ENOENT;
     }
     if (has(path, "recording.json")) {
         err = calibrate_recording_open(out, pick);

@@ -48,7 +48,8 @@ SST_MUST_CHECK int calibrate_recording_open(struct calibrate_source *out, const 
 SST_MUST_CHECK int calibrate_recording_read(const struct calibrate_source *source, int view, int frame,
                                             struct sst_image *out);
 
-/** @return 0, -ENODATA (there is none; not logged), or a reader's error; logged. Thread: any. */
+/** @return 0, -ENODATA (there is none; not logged), -EILSEQ (a recording's frame is damaged; not logged), or a reader's
+ *  error; logged. Thread: any. */
 SST_MUST_CHECK int calibrate_source_read(const struct calibrate_source *source, int view, int frame,
                                          struct sst_image *out);
 

@@ -23,6 +23,7 @@ int cli_exit_code(int err)
         return CLI_USAGE;
     case ENOENT:
     case EBADMSG:
+    case EDOM: /* a fit that the data do not determine */
     case EISDIR:
     case ENOTDIR:
     case EACCES:

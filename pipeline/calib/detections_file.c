@@ -13,6 +13,7 @@
 #define FILE_MAX_BYTES ((size_t)1 << 30)
 #define FRAMES_MAX     100000
 #define PLACE_MAX      1e6 /* px */
+#define DRIVE_MAX      1e7 /* mm */
 
 static const char *const outcomes[6] = { "found", "none", "few", "blurred", "moving", "other_board" };
 
@@ -221,8 +222,11 @@ static void read_drive(struct reader *r, struct sst_detections *all, const json_
         return;
     }
     for (int i = 0; i < n && !r->err; i++) {
-        if (!numbers(json_array_get(list, (size_t)i), all->drive_mm[i], 3))
-            bad(r, "drive_mm", i, "is not three numbers");
+        const double *d = all->drive_mm[i];
+
+        if (!numbers(json_array_get(list, (size_t)i), all->drive_mm[i], 3) || fabs(d[0]) > DRIVE_MAX ||
+            fabs(d[1]) > DRIVE_MAX || fabs(d[2]) > DRIVE_MAX)
+            bad(r, "drive_mm", i, "is not three lengths of at most 10 km");
     }
 }
 

@@ -83,6 +83,10 @@ static const struct sst_calib_format *of_folder(const char *path)
 
     if (!sst_path_join(file, path, SST_CALIBRATION_FILE) && sst_path_exists(file))
         return &formats[SST];
+    if (!sst_path_join(file, path, "lightfield.json") && sst_path_exists(file)) {
+        sst_log_error("%s is a light field without a calibration: its views are taken to be rectified", path);
+        return NULL;
+    }
     for (size_t i = 0; i < ARRAY_LEN(names); i++) {
         if (!sst_path_join(file, path, names[i]) && sst_path_exists(file))
             return &formats[STEREO];

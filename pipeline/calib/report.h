@@ -16,6 +16,7 @@ struct sst_calib_report {
     const struct sst_solution *solution;
     const struct sst_light_report *light;  /* or NULL */
     const struct sst_rectified *rectified; /* or NULL: one camera */
+    int overridden;                        /* refusals that were turned into warnings by force */
     /** A picture, to show the worst ones; 0 or a negative errno (then it is left out). May be NULL. */
     int (*picture)(void *arg, int view, int frame, struct sst_image *out);
     void *arg;

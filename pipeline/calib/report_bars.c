@@ -173,6 +173,20 @@ static void judge_geometry(struct sst_calib_figures *f, const struct sst_solutio
                  f->camera[f->pair_worst[1]].name);
 }
 
+/* What was refused and solved nevertheless may fit well: cameras at each other's places, for one. */
+static void judge_forced(struct sst_calib_figures *f, int overridden)
+{
+    add(f, (struct sst_calib_bar){ .key = "overridden",
+                                   .what = "reasons to refuse the calibration that were overridden",
+                                   .unit = "",
+                                   .value = overridden,
+                                   .stretch = 0,
+                                   .pass = 0,
+                                   .limit = INFINITY,
+                                   .judged = true,
+                                   .remedy = "the warnings say what to correct; then solve without --force" });
+}
+
 static void judge_rest(struct sst_calib_figures *f, const struct sst_solution *s)
 {
     struct sst_calib_bar *bar =
@@ -210,6 +224,7 @@ void sst_calib_figures_judge(struct sst_calib_figures *f, const struct sst_calib
     judge_residuals(f, s);
     judge_cross(f, s);
     judge_geometry(f, s);
+    judge_forced(f, report->overridden);
     judge_rest(f, s);
     f->verdict = SST_CALIB_GOOD;
     for (int i = 0; i < f->bars; i++) {

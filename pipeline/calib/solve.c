@@ -12,6 +12,8 @@
 
 /* One sigma of the board's warp, of its longer side: boards are flat to a few millimetres in a metre. */
 #define WARP_OF_SIDE 0.005
+#define OUTSIDE_PX   2    /* corners may be this far beyond the picture */
+#define MOST_OUTSIDE 0.25 /* of the corners that are */
 
 static void board_extent(const struct sst_board *board, double low[2], double high[2])
 {
@@ -28,13 +30,23 @@ static void board_extent(const struct sst_board *board, double low[2], double hi
     }
 }
 
-/* One corner; false: it is not finite or not of the board. */
-static bool take_corner(struct solve_corner *to, const struct sst_corner *from, const struct sst_board *board,
+/* How far a corner lies beyond its picture, px; NaN where it is not finite. */
+static double outside(const struct sst_corner *c, const struct sst_detections *all)
+{
+    const double x = fmax(-c->x, c->x - (all->width - 1)), y = fmax(-c->y, c->y - (all->height - 1));
+
+    return isfinite(c->x) && isfinite(c->y) ? fmax(x, y) : (double)NAN;
+}
+
+/* One corner; false: it is not finite, nowhere near the picture or not of the board. */
+static bool take_corner(struct solve_corner *to, const struct sst_corner *from, const struct sst_detections *all,
                         const double low[2], const double high[2])
 {
+    const struct sst_board *board = &all->board;
+
     *to = (struct solve_corner){ .id = from->id, .x = from->x, .y = from->y, .weight = from->weight };
-    if (from->id < 0 || from->id >= sst_board_points(board) || !(fabs(from->x) < 1e6) || !(fabs(from->y) < 1e6) ||
-        !(from->weight > 1e-3) || !(from->weight <= 1))
+    if (from->id < 0 || from->id >= sst_board_points(board) ||
+        !(outside(from, all) < sst_max_int(all->width, all->height)) || !(from->weight > 1e-3) || !(from->weight <= 1))
         return false;
     sst_board_point(board, from->id, to->p);
     for (int i = 0; i < 2; i++) {
@@ -45,12 +57,34 @@ static bool take_corner(struct solve_corner *to, const struct sst_corner *from, 
     return true;
 }
 
+/* Single corners beyond the picture are outliers; many mean pictures of another size. */
+static int check_size(const struct sst_detections *all, const struct sst_solve_config *cfg)
+{
+    long long corners = 0, beyond = 0;
+
+    for (int i = 0; i < all->count; i++) {
+        for (int k = 0; k < all->detection[i].corners; k++) {
+            corners++;
+            beyond += !(outside(&all->detection[i].corner[k], all) <= OUTSIDE_PX);
+        }
+    }
+    if ((double)beyond <= (double)corners * MOST_OUTSIDE)
+        return 0;
+    return sst_solve_refuse(cfg,
+                            "%lld of %lld corners lie outside of pictures of %dx%d: correct the size, or detect "
+                            "the corners again",
+                            beyond, corners, all->width, all->height);
+}
+
 static int take_detections(struct solve_problem *p, const struct sst_detections *all,
                            const struct sst_solve_config *cfg)
 {
     double low[2], high[2];
     struct solve_corner *next = p->pool;
+    int left_out = 0;
 
+    if (check_size(all, cfg))
+        return -EBADMSG;
     board_extent(&all->board, low, high);
     p->warp_sigma_mm = fmax(WARP_OF_SIDE * fmax(high[0] - low[0], high[1] - low[1]), 1e-3);
     for (int i = 0; i < all->count; i++) {
@@ -67,20 +101,22 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
         }
         *d = (struct solve_detection){ .view = from->view, .frame = from->frame, .corner = next };
         for (int k = 0; k < from->corners; k++) {
-            if (take_corner(&next[d->corners], &from->corner[k], &all->board, low, high)) {
+            if (take_corner(&next[d->corners], &from->corner[k], all, low, high))
                 d->corners++;
-            } else if (sst_solve_refuse(cfg,
-                                        "corner %d of %s in frame %s is at (%g, %g) with weight %g, which is not a "
-                                        "point of the board (%d points) in a picture: detect the corners again",
-                                        from->corner[k].id, sst_solve_name(all, from->view, name),
-                                        all->frame_name[from->frame], from->corner[k].x, from->corner[k].y,
-                                        from->corner[k].weight, sst_board_points(&all->board))) {
+            else if (!left_out++ &&
+                     sst_solve_refuse(cfg,
+                                      "corner %d of %s in frame %s is at (%g, %g) with weight %g, which is not a "
+                                      "point of the board (%d points) in a picture of %dx%d: detect the corners again",
+                                      from->corner[k].id, sst_solve_name(all, from->view, name),
+                                      all->frame_name[from->frame], from->corner[k].x, from->corner[k].y,
+                                      from->corner[k].weight, sst_board_points(&all->board), all->width, all->height))
                 return -EBADMSG;
-            }
         }
         next += d->corners;
         d->used = d->corners >= SOLVE_MIN_CORNERS;
     }
+    if (left_out > 1)
+        sst_log_warning("%d such corners are left out", left_out);
     return 0;
 }
 
@@ -92,10 +128,9 @@ static int take_lenses(struct solve_problem *p, const struct sst_detections *all
                       given->rows, given->cols, all->rows, all->cols);
         return -EBADMSG;
     }
-    if (given->width != p->width || given->height != p->height) {
-        sst_log_error("the lenses given are of pictures of %dx%d pixels, the detections of %dx%d: calibrate the lenses "
-                      "with the size that is captured",
-                      given->width, given->height, p->width, p->height);
+    if (given->width != all->width || given->height != all->height) {
+        sst_log_error("the lenses given are for pictures of %dx%d, these have %dx%d: take lenses of the same size",
+                      given->width, given->height, all->width, all->height);
         return -EBADMSG;
     }
     p->keep_lens = true;

@@ -15,6 +15,7 @@ struct sst_solve_config {
     double loss_px;      /* robust loss: residuals well above this lose their pull; 0: from the noise found */
     double max_outliers; /* share of corners; more is a failure; 0: 0.03 */
     bool force;          /* solve although checks refuse; they become warnings */
+    int *overridden;     /* counts the refusals that force turned into warnings; or NULL */
     bool plain;          /* least squares over all corners: no robust loss, no outliers (to compare with others) */
     bool flat;           /* the board is a plane: its warp is not solved */
     bool cross_validate; /* also solve odd and even frames alone, and compare */

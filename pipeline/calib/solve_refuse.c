@@ -22,11 +22,14 @@ int sst_solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...)
     va_start(args, fmt);
     vsnprintf(text, sizeof(text), fmt, args);
     va_end(args);
-    if (cfg->force)
-        sst_log_warning("%s", text);
-    else
+    if (!cfg->force) {
         sst_log_error("%s", text);
-    return cfg->force ? 0 : -EBADMSG;
+        return -EBADMSG;
+    }
+    sst_log_warning("%s", text);
+    if (cfg->overridden)
+        ++*cfg->overridden;
+    return 0;
 }
 
 const char *sst_solve_name(const struct sst_detections *all, int view, char out[128])
@@ -49,8 +52,10 @@ static int check_frames(struct solve_case *c, const int *detections)
         }
     }
     if (!frames) {
-        sst_log_error("no frame shows the board: none of the %d pictures has %d of its points%s", c->p.count,
-                      SOLVE_MIN_CORNERS, blurred ? "; many are blurred: more light, or hold the board still" : "");
+        sst_log_error("no frame shows the board: none of %d pictures has %d of its points; %s", c->p.count,
+                      SOLVE_MIN_CORNERS,
+                      blurred ? "many are blurred: more light, or hold the board still"
+                              : "take frames with the board large in the pictures");
         return -EBADMSG;
     }
     if (frames < least && !c->p.rig)

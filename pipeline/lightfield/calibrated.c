@@ -79,6 +79,35 @@ static void set_offsets(struct sst_lightfield *lf, const struct sst_rectified *t
     }
 }
 
+/* Does any pixel of the view come from its raw frame? One in 256 is looked at. */
+static bool sees(const struct sst_rectified *to, const struct sst_calib *calib, int view)
+{
+    for (int y = 0; y < to->height; y += 16) {
+        for (int x = 0; x < to->width; x += 16) {
+            double at[2];
+
+            if (sst_rectify_point(to, calib, view, x, y, &at[0], &at[1]))
+                return true;
+        }
+    }
+    return false;
+}
+
+/* Numbers that are a calibration in form alone leave nothing of a camera's picture. */
+static int check_views(const struct sst_rectified *to, const struct sst_calib *calib, const char *path)
+{
+    for (int k = 0; k < calib->rows * calib->cols; k++) {
+        if (!calib->camera[k].known || sees(to, calib, k))
+            continue;
+        sst_log_error("%s: nothing of the frames of camera %s%s(row %d, column %d) is in the common view; correct its "
+                      "lens and rotation, or choose a smaller focal length",
+                      path, calib->camera[k].name, calib->camera[k].name[0] ? " " : "", k / calib->cols,
+                      k % calib->cols);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
 int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use)
 {
     struct sst_calib *calib = calloc(1, sizeof(*calib));
@@ -93,6 +122,8 @@ int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_cal
         err = -EBADMSG;
     } else {
         err = sst_rectify_plan(to, calib, &use->plan);
+        if (!err)
+            err = check_views(to, calib, use->path);
     }
     if (err) {
         if (calib)

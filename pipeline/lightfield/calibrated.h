@@ -34,8 +34,8 @@ SST_MUST_CHECK int sst_lightfield_fit_calibration(struct sst_lightfield *lf, con
  * Calibrate a light field whose width and height are those of its raw frames: sets calibration, rectified, filter,
  * width and height, focal length, spacing and the views' true offsets; maps must be empty.
  *
- * @return 0, -EBADMSG (size of frames, or what sst_rectify_plan() refuses), -EINVAL (use->plan), -ENOMEM; logged, lf
- *         untouched
+ * @return 0, -EBADMSG (size of frames, what sst_rectify_plan() refuses, a view without any pixel), -EINVAL (use->plan),
+ * -ENOMEM; logged, lf untouched
  */
 SST_MUST_CHECK int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use);
 

@@ -202,6 +202,8 @@ ok show pair
 [ -e pair/intrinsics.yml ] && [ -e pair/extrinsics.yml ] || fail "no pair"
 
 # --- refusals ---
+mkdir plain.lf && echo '{}' >plain.lf/lightfield.json
+want 3 "light field without a calibration" calibration show plain.lf
 want 2 "there is no dance" calibration dance calib.yaml
 want 2 "-o OUT is missing" calibration convert calib.yaml
 want 2 "show writes nothing" calibration show calib.yaml -o bad

@@ -99,6 +99,14 @@ capture knocked.yaml 2 knocked.rec
 timeout 100 "$sst" calibrate --check knocked.lf >check.out 2>err && fail "a knocked camera passes: $(cat check.out)"
 cat check.out err | grep -qE '01_01|row 1, col 1|SIM0004' || fail "the knocked camera is not named: $(cat check.out err)"
 
+# A recording that was cut off: what is left is enough, and the rest is told in one line; so is a grid that is not its.
+cp -r boards.rec cut.rec
+segment=$(find cut.rec/segments -type f | head -n 1)
+truncate -s $(($(stat -c %s "$segment") / 2)) "$segment"
+timeout 200 "$sst" calibrate cut.rec --board $board --no-cross --no-light -o cut.yaml >out 2>err || fail "cut: $(cat err)"
+[ "$(grep -c 'frames are damaged and left out' err)" -eq 1 ] || fail "damaged frames: $(head -c 300 err)"
+want 3 "is of 2x3 cameras, not 3x2" calibrate boards.rec --board $board --grid 3x2 -o bad.yaml
+
 # While the board is taken: camera 2 is knocked on the way.
 { sed '/^board:/d; /^loop:/d' board.yaml; echo "board: { kind: charuco, squares: [9, 7], square_mm: 25, poses: 24 }"
   echo "loop: { seconds: 4.8, rate_hz: 5 }"

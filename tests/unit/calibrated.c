@@ -367,6 +367,10 @@ static void what_does_not_fit(void **state SST_UNUSED)
     use.calib.rows = ROWS;
     use.calib.cols = COLS;
     assert_false(sst_path_exists(at("no")));
+    use.calib.camera[4].k[0] = 1e11; /* no lens sees like this */
+    REFUSED(import(at("no"), &use), -EBADMSG, "nothing of the frames of camera");
+    use.calib.camera[4].k[0] = calib.camera[4].k[0];
+    assert_false(sst_path_exists(at("no")));
     use.calib.camera[5].known = false; /* a hole; the rest goes on */
     assert_int_equal(import(at("hole"), &use), 0);
     assert_int_equal(sst_lightfield_load(&lf, at("hole"), SST_LOAD_IMAGES, 1), 0);

@@ -211,6 +211,50 @@ static void corners_not_finite(void **state)
     }
 }
 
+/* Pictures of another size than the file says; a corner that is nowhere near its picture. */
+static void corners_outside(void **state)
+{
+    const struct truth_config cfg = truth_small();
+    struct truth t;
+    struct sst_solution s;
+
+    (void)state;
+    truth_make(&t, &cfg);
+    t.all.width = cfg.width / 2;
+    REFUSED(&t, "outside of pictures of 320x480", "detect the corners again");
+    t.all.width = cfg.width;
+    find(&t, 1, 5)->corner[2].y = -700;
+    REFUSED(&t, "frame005", "camera 00_01", "-700", "in a picture of 640x480");
+    find(&t, 1, 5)->corner[3].x = 1300;
+    forced(&t, &s);
+    sst_solution_fini(&s);
+    truth_free(&t);
+}
+
+/* Lenses are in pixels: those of other pictures would be fitted around. */
+static void lenses_of_another_size(void **state)
+{
+    const struct truth_config cfg = truth_small();
+    struct sst_solve_config how = { .lens = 5, .threads = 2 };
+    struct sst_calib half;
+    struct sst_solution s;
+    struct truth t;
+
+    (void)state;
+    truth_make(&t, &cfg);
+    forced(&t, &s);
+    assert_int_equal(sst_calib_copy(&half, &s.calib), 0);
+    sst_solution_fini(&s);
+    how.lenses = &half;
+    assert_int_equal(solve(&t, &how, &s), 0);
+    sst_solution_fini(&s);
+    half.width /= 2;
+    assert_int_equal(solve(&t, &how, &s), -EBADMSG);
+    assert_non_null(strstr(said, "pictures of"));
+    sst_calib_fini(&half);
+    truth_free(&t);
+}
+
 static void too_many_outliers(void **state)
 {
     struct truth_config cfg = truth_small();
@@ -478,6 +522,8 @@ int main(void)
         cmocka_unit_test(too_few_regions),
         cmocka_unit_test(focal_length_unknown),
         cmocka_unit_test(corners_not_finite),
+        cmocka_unit_test(corners_outside),
+        cmocka_unit_test(lenses_of_another_size),
         cmocka_unit_test(too_many_outliers),
         cmocka_unit_test(cameras_exchanged_from_a_frame_on),
         cmocka_unit_test(cameras_exchanged_in_all_frames),
