@@ -7,7 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/calib/check.h"
+#include "pipeline/check/check.h"
 #include "pipeline/image/codec.h"
 
 static const char *const state_names[] = { "measured", "blank", "lost" };

@@ -4,7 +4,7 @@
 
 #include "cli/calibrate_source.h"
 #include "config/array.h"
-#include "pipeline/calib/light.h"
+#include "pipeline/light/light.h"
 
 SST_EXTERN_C_BEGIN
 

@@ -13,7 +13,7 @@
 #include "cli/capture.h"
 #include "daemon/capture/capture.h"
 #include "daemon/recording/recorder.h"
-#include "pipeline/calib/coverage.h"
+#include "pipeline/board/coverage.h"
 
 #define STILL_SHARE 0.02 /* of the picture's width: a board that moved less shows nothing new */
 #define TELL_NS     2000000000ll

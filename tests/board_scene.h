@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "pipeline/calib/calib.h"
-#include "pipeline/calib/print.h"
+#include "pipeline/board/print.h"
 #include "pipeline/image/image.h"
 
 #define SCENE_FINE 5 /* samples along a side of a pixel */

@@ -13,7 +13,7 @@
 #include <jansson.h>
 
 #include "base/clock.h"
-#include "pipeline/calib/solve.h"
+#include "pipeline/solve/solve.h"
 #include "pipeline/rectify/rectify.h"
 #include "tests/calib_truth.h"
 

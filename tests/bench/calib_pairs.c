@@ -13,7 +13,7 @@
 #include <jansson.h>
 
 #include "base/file.h"
-#include "pipeline/calib/solve.h"
+#include "pipeline/solve/solve.h"
 #include "pipeline/image/codec.h"
 
 #define FRAMES_MAX 100

@@ -16,7 +16,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/calib/check_parts.h"
+#include "pipeline/check/check_parts.h"
 #include "simulators/scene/noise.h"
 
 #define WIDTH  320

@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "pipeline/calib/light.h"
+#include "pipeline/light/light.h"
 #include "pipeline/rectify/light_map.h"
 
 #define WIDTH  640

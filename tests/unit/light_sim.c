@@ -4,7 +4,7 @@
 
 #include "tests/sim_test.h"
 
-#include "pipeline/calib/light.h"
+#include "pipeline/light/light.h"
 #include "pipeline/image/codec.h"
 #include "simulators/world/board.h"
 #include "simulators/world/jpeg.h"

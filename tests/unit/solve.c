@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "pipeline/calib/solve.h"
+#include "pipeline/solve/solve.h"
 #include "tests/calib_truth.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))

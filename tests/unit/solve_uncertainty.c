@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/calib/solve.h"
+#include "pipeline/solve/solve.h"
 #include "tests/calib_truth.h"
 
 #define TRIALS    24
