@@ -274,6 +274,27 @@ static double board_range(const struct solve_case *c, double *depth)
     return fmax(sst_upper_median(depth, n), 0);
 }
 
+/* From the corners that were taken to those of the detection; the others are outliers without a residual. */
+static void spread(struct sst_solve_view *view, const struct solve_detection *taken, const struct sst_detection *all)
+{
+    int n = taken->corners;
+
+    for (int k = all->corners - 1; k >= n; k--) {
+        const struct sst_corner *c = &all->corner[k];
+        const struct solve_corner *last = n ? &taken->corner[n - 1] : NULL;
+
+        if (last && last->id == c->id && last->x == c->x && last->y == c->y) {
+            n--;
+            memcpy(view->residual[k], view->residual[n], sizeof(view->residual[k]));
+            view->outlier[k] = view->outlier[n];
+        } else {
+            memset(view->residual[k], 0, sizeof(view->residual[k]));
+            view->outlier[k] = true;
+            view->outliers++;
+        }
+    }
+}
+
 static int fill_views(struct sst_solution *s, const struct solve_case *c)
 {
     double(*sum)[2] = calloc((size_t)(c->p.views + c->p.frames), sizeof(*sum)); /* squares, corners */
@@ -286,8 +307,8 @@ static int fill_views(struct sst_solution *s, const struct solve_case *c)
         double square = 0;
         int used = 0;
 
-        view->residual = calloc((size_t)d->corners + 1, sizeof(*view->residual));
-        view->outlier = calloc((size_t)d->corners + 1, sizeof(*view->outlier));
+        view->residual = calloc((size_t)c->all->detection[i].corners + 1, sizeof(*view->residual));
+        view->outlier = calloc((size_t)c->all->detection[i].corners + 1, sizeof(*view->outlier));
         if (!view->residual || !view->outlier) {
             free(sum);
             return -ENOMEM;
@@ -306,6 +327,7 @@ static int fill_views(struct sst_solution *s, const struct solve_case *c)
                 used++;
             }
         }
+        spread(view, d, &c->all->detection[i]);
         view->rms_px = used ? sqrt(square / used) : 0;
         sum[d->view][0] += square;
         sum[d->view][1] += used;

@@ -226,7 +226,13 @@ static void corners_outside(void **state)
     find(&t, 1, 5)->corner[2].y = -700;
     REFUSED(&t, "frame005", "camera 00_01", "-700", "in a picture of 640x480");
     find(&t, 1, 5)->corner[3].x = 1300;
-    forced(&t, &s);
+    forced(&t, &s); /* looks at a residual of each corner of each detection */
+    for (int i = 0; i < t.all.count; i++) {
+        for (int k = 0; k < t.all.detection[i].corners && &t.all.detection[i] == find(&t, 1, 5); k++) {
+            assert_int_equal(s.view[i].outlier[k], k == 2 || k == 3);
+            assert_true((k == 2 || k == 3) == (s.view[i].residual[k][0] == 0));
+        }
+    }
     sst_solution_fini(&s);
     truth_free(&t);
 }
