@@ -390,7 +390,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "lenses", 0, CLI_STRING, &o.lenses, "FILE", "keep the lenses of this calibration, solve the poses alone", 0,
           0 },
         { "every", 0, CLI_INT, &o.pick.every, "N", "each n-th frame of the source", 1, 1000000 },
-        { "max-frames", 0, CLI_INT, &o.pick.max, "N", "at most so many frames, spread over a recording", 1, 100000 },
+        { "max-frames", 0, CLI_INT, &o.pick.max, "N", "at most so many frames, spread evenly", 1, 100000 },
         { "max-blur", 0, CLI_DOUBLE, &o.max_blur_px, "PX", "leave out pictures whose edges are wider; 3", 0.5, 100 },
         { "outliers", 0, CLI_DOUBLE, &o.outliers_percent, "PERCENT", "more outliers than this are a failure; 3", 0.01,
           50 },

@@ -17,7 +17,6 @@
 int calibrate_recording_open(struct calibrate_source *out, const struct calibrate_pick *pick)
 {
     const struct sst_recording_info *info;
-    const int every = pick->every > 0 ? pick->every : 1;
     int sets, err = sst_recording_open(&out->recording, out->path);
 
     if (err)
@@ -32,9 +31,7 @@ int calibrate_recording_open(struct calibrate_source *out, const struct calibrat
         return -EBADMSG;
     }
     out->spacing_mm = info->spacing_mm;
-    out->frames = (sets + every - 1) / every;
-    if (pick->max && out->frames > pick->max)
-        out->frames = pick->max;
+    out->frames = calibrate_pick_count(pick, sets);
     if (!out->frames) {
         sst_log_error("%s holds no set; record some first", out->path);
         return -EBADMSG;
@@ -56,10 +53,7 @@ int calibrate_recording_open(struct calibrate_source *out, const struct calibrat
                      t->col);
     }
     for (int i = 0; i < out->frames; i++) {
-        /* Spread over the recording where there are more than asked for. */
-        out->set[i] = (int)((long long)i * every * (((sets + every - 1) / every)) / out->frames);
-        if (out->set[i] >= sets)
-            out->set[i] = sets - 1;
+        out->set[i] = calibrate_pick_at(pick, sets, i);
         snprintf(out->frame_name[i], sizeof(*out->frame_name), "set %d", out->set[i]);
     }
     return 0;

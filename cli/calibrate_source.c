@@ -309,15 +309,12 @@ static int arrange(struct calibrate_source *s, struct list *l, const struct cali
         err = view ? seat(s, camera, cameras, pick->grid, view) : -ENOMEM;
     }
     if (!err) {
-        const int every = pick->every > 0 ? pick->every : 1;
-
-        s->frames = (all + every - 1) / every;
-        s->frames = pick->max && s->frames > pick->max ? pick->max : s->frames;
+        s->frames = calibrate_pick_count(pick, all);
         s->camera_name = calloc((size_t)(s->rows * s->cols), sizeof(*s->camera_name));
         s->file = calloc((size_t)s->frames * (size_t)(s->rows * s->cols), sizeof(*s->file));
         err = s->camera_name && s->file ? 0 : -ENOMEM;
         for (int f = 0; f < s->frames; f++)
-            memmove(s->frame_name[f], s->frame_name[f * every], sizeof(*s->frame_name));
+            memmove(s->frame_name[f], s->frame_name[calibrate_pick_at(pick, all, f)], sizeof(*s->frame_name));
     }
     for (int i = 0; i < cameras && !err; i++)
         memcpy(s->camera_name[view[i]], camera[i], sizeof(*camera));

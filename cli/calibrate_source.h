@@ -31,6 +31,22 @@ struct calibrate_pick {
     int every, max; /* of a recording's sets each n-th, and at most so many; 0: all */
 };
 
+/** How many of `all` frames are taken. */
+static inline int calibrate_pick_count(const struct calibrate_pick *pick, int all)
+{
+    const int some = pick->every > 1 ? (all + pick->every - 1) / pick->every : all;
+
+    return pick->max && some > pick->max ? pick->max : some;
+}
+
+/** Which of `all` frames is taken as the i-th: spread evenly. */
+static inline int calibrate_pick_at(const struct calibrate_pick *pick, int all, int i)
+{
+    const int every = pick->every > 1 ? pick->every : 1, some = (all + every - 1) / every;
+
+    return (int)((long long)i * some / calibrate_pick_count(pick, all)) * every;
+}
+
 /**
  * Look what is there:
  *   a recording; a light field, or a folder of them (a frame each); a folder with one folder of pictures per camera,

@@ -13,4 +13,16 @@ printf 'array: { rows: 2, cols: 2 }\ncameras: { bind: [ { row: 1, col: 1, port: 
 want 2 "does not fit the cameras" calibrate --live --config array.yaml --grid 1x2 --board chessboard:10x7:25mm -o bad.yaml
 echo "array: { rows: 2 }" >empty.yaml
 want 2 "more than 256" calibrate --live --config empty.yaml --grid 256x256 --board chessboard:10x7:25mm -o bad.yaml
+
+# Frames are spread evenly over what is there. (A flat board that never moves is refused after its corners were kept.)
+"$sst" version --json | grep -q '"opencv": true' || exit $failed
+"$sst" board chessboard:10x7:10mm -o board.png --dpi 60 -q >out 2>err || fail "board: $(cat err)"
+mkdir many && for i in 1 2 3 4 5 6 7 8 9; do cp board.png many/a0$i.png; done
+frames() { # OPTIONS... -> names of the frames taken
+  "$sst" calibrate many --board chessboard:10x7:10mm --corners c.json -o bad.yaml "$@" >out 2>err
+  /usr/bin/python3 -c 'import json; print(*json.load(open("c.json"))["frames"])'
+}
+got=$(frames --max-frames 3) && [ "$got" = "01 04 07" ] || fail "3 of 9 frames: $got $(cat err)"
+got=$(frames --every 2 --max-frames 2) && [ "$got" = "01 05" ] || fail "2 of each second of 9 frames: $got $(cat err)"
+[ ! -e bad.yaml ] || fail "a board that never moves was calibrated from"
 exit $failed
