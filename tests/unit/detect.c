@@ -11,8 +11,15 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/thread.h"
 #include "pipeline/board/detect.h"
 #include "tests/board_scene.h"
+
+#ifdef __SANITIZE_THREAD__
+#define WATCH_THREADS true
+#else
+#define WATCH_THREADS false
+#endif
 
 static struct sst_board parsed(const char *text)
 {
@@ -376,6 +383,45 @@ static void large_pictures_are_as_exact(void **state SST_UNUSED)
     }
 }
 
+/* One picture, looked at from several threads. */
+struct looks {
+    const struct sst_board *board;
+    const struct sst_image *img;
+    struct sst_detection found[4];
+};
+
+static int look(void *arg, int index, int worker SST_UNUSED)
+{
+    struct looks *l = arg;
+    enum sst_detect_outcome outcome;
+    const int err = sst_board_detect(l->board, l->img, NULL, &l->found[index], &outcome);
+
+    return err ? err : outcome == SST_DETECT_FOUND ? 0 : -ENODATA;
+}
+
+static void threads_find_the_same(void **state SST_UNUSED)
+{
+    for (size_t k = 0; k < ARRAY_LEN(kinds); k++) {
+        struct looks l = { 0 };
+        struct board_scene s;
+        struct sst_image img;
+
+        place(&s, kinds[k].text, kinds[k].size_mm, 320);
+        assert_int_equal(board_scene_draw(&img, &s, kinds[k].dot_mm), 0);
+        l.board = &s.board;
+        l.img = &img;
+        assert_int_equal(sst_parallel_for(ARRAY_LEN(l.found), 2, look, &l), 0);
+        for (size_t i = 1; i < ARRAY_LEN(l.found); i++) {
+            assert_int_equal(l.found[i].corners, l.found[0].corners);
+            assert_memory_equal(l.found[i].corner, l.found[0].corner,
+                                (size_t)l.found[0].corners * sizeof(*l.found[0].corner));
+        }
+        for (size_t i = 0; i < ARRAY_LEN(l.found); i++)
+            sst_detection_fini(&l.found[i]);
+        sst_image_fini(&img);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -387,11 +433,14 @@ int main(void)
         cmocka_unit_test(nothing_is_found_where_nothing_is),
         cmocka_unit_test(large_pictures_are_as_exact),
     };
+    const struct CMUnitTest threaded[] = { cmocka_unit_test(threads_find_the_same) };
 
     if (!WITH_OPENCV) {
         print_message("a build without OpenCV finds no boards\n");
         return 77;
     }
     alarm(400);
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    /* The thread sanitizer makes the others fifty times as slow, and they have one thread each. */
+    return cmocka_run_group_tests(threaded, NULL, NULL) +
+           (WATCH_THREADS ? 0 : cmocka_run_group_tests(tests, NULL, NULL));
 }
