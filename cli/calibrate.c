@@ -85,6 +85,8 @@ static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
         err = set_grid(array, o->pick.grid);
     if (!err) {
         array->trigger_hz = o->rate_hz;
+        if (array->source == SST_CONFIG_FREE_RUN)
+            array->rate_hz = o->rate_hz;
         live.array = array;
         live.keep = o->keep;
         fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",

@@ -64,14 +64,8 @@ static json_t *check_json(const struct sst_check *c)
 static int print_json(const struct sst_check *c)
 {
     json_t *root = check_json(c);
-    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
 
-    json_decref(root);
-    if (!text)
-        return CLI_MEMORY;
-    puts(text);
-    free(text);
-    return CLI_OK;
+    return cli_print_json(root);
 }
 
 /* --- tables ------------------------------------------------------------------------------------------------------- */

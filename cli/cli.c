@@ -260,3 +260,15 @@ void cli_progress_end(void)
     progress_shown = false;
     progress_start_ns = 0;
 }
+
+int cli_print_json(json_t *root)
+{
+    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
+
+    json_decref(root);
+    if (!text)
+        return CLI_MEMORY;
+    puts(text);
+    free(text);
+    return CLI_OK;
+}

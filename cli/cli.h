@@ -4,6 +4,8 @@
 
 #include <stdbool.h>
 
+#include <jansson.h>
+
 #include "base/base.h"
 
 /** Exit codes, as documented in `sst --help` and sst(1). */
@@ -65,6 +67,11 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
 
 /** Name the command in a usage error: "sst: error: render: ..." */
 int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRINTF(2, 3);
+
+/** Print an object on standard output, 9 digits a number, and give it back. @param root  NULL: there was no memory for
+ * it
+ *  @return exit code */
+int cli_print_json(json_t *root);
 
 /** Progress bar with remaining time on a terminal, nothing elsewhere. Shown only after a second. */
 void cli_progress(void *title, double done);

@@ -17,26 +17,26 @@ static json_t *disparity_json(const struct sst_disparity_error *d, int views)
     const bool any = d->pixels > 0;
 
     return json_pack("{s:i, s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", views, "pixels", (json_int_t)d->pixels,
-                     "bad05", number(any ? d->bad_half : NAN), "bad1", number(any ? d->bad1 : NAN),
-                     "bad2", number(any ? d->bad2 : NAN), "bad4", number(any ? d->bad4 : NAN),
-                     "rmse", number(any ? d->rmse : NAN), "mae", number(any ? d->mean_abs : NAN),
-                     "density", number(any ? d->density : NAN));
+                     "bad05", number(any ? d->bad_half : NAN), "bad1", number(any ? d->bad1 : NAN), "bad2",
+                     number(any ? d->bad2 : NAN), "bad4", number(any ? d->bad4 : NAN), "rmse",
+                     number(any ? d->rmse : NAN), "mae", number(any ? d->mean_abs : NAN), "density",
+                     number(any ? d->density : NAN));
 }
 
 static json_t *labels_json(const struct sst_report *r)
 {
-    return json_pack("{s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", r->label_views,
-                     "miou_initial", number(r->initial.miou), "accuracy_initial", number(r->initial.accuracy),
-                     "miou_hcsm", number(r->hcsm.miou), "accuracy_hcsm", number(r->hcsm.accuracy),
-                     "coverage_hcsm", number(r->hcsm.coverage), "miou_refined", number(r->refined.miou),
-                     "accuracy_refined", number(r->refined.accuracy), "coverage_refined", number(r->refined.coverage));
+    return json_pack("{s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", r->label_views, "miou_initial",
+                     number(r->initial.miou), "accuracy_initial", number(r->initial.accuracy), "miou_hcsm",
+                     number(r->hcsm.miou), "accuracy_hcsm", number(r->hcsm.accuracy), "coverage_hcsm",
+                     number(r->hcsm.coverage), "miou_refined", number(r->refined.miou), "accuracy_refined",
+                     number(r->refined.accuracy), "coverage_refined", number(r->refined.coverage));
 }
 
 static json_t *picture_json(const struct sst_picture_error *p)
 {
-    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "psnr", number(p->psnr), "ssim", number(p->ssim),
-                     "psnr_occluded", number(p->psnr_occluded), "ssim_occluded", number(p->ssim_occluded),
-                     "seconds", number(p->seconds));
+    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "psnr", number(p->psnr), "ssim", number(p->ssim), "psnr_occluded",
+                     number(p->psnr_occluded), "ssim_occluded", number(p->ssim_occluded), "seconds",
+                     number(p->seconds));
 }
 
 static json_t *report_json(const struct sst_report *r, const struct sst_truth *truth)
@@ -48,28 +48,21 @@ static json_t *report_json(const struct sst_report *r, const struct sst_truth *t
     for (int i = 0; i < r->occluders; i++) {
         const struct sst_truth_occluder *o = &truth->occluders[i];
 
-        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o}", "name", o->name, "label", o->label,
-                                              "target", o->target, "focus_px", o->focus_px,
-                                              "covered", number(r->occluder[i].covered),
-                                              "render", picture_json(&r->occluder[i].render),
-                                              "refocus", picture_json(&r->occluder[i].refocus)));
+        json_array_append_new(
+            list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o}", "name", o->name, "label", o->label, "target",
+                            o->target, "focus_px", o->focus_px, "covered", number(r->occluder[i].covered), "render",
+                            picture_json(&r->occluder[i].render), "refocus", picture_json(&r->occluder[i].refocus)));
     }
-    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "disparity", disparity, "labels", labels_json(r),
-                     "render", picture_json(r->occluders ? &r->occluder[0].render : &none),
-                     "refocus", picture_json(r->occluders ? &r->occluder[0].refocus : &none), "occluders", list);
+    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "disparity", disparity, "labels", labels_json(r), "render",
+                     picture_json(r->occluders ? &r->occluder[0].render : &none), "refocus",
+                     picture_json(r->occluders ? &r->occluder[0].refocus : &none), "occluders", list);
 }
 
 static int print_json(const struct sst_report *r, const struct sst_truth *truth)
 {
     json_t *root = report_json(r, truth);
-    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
 
-    json_decref(root);
-    if (!text)
-        return CLI_MEMORY;
-    puts(text);
-    free(text);
-    return CLI_OK;
+    return cli_print_json(root);
 }
 
 /* A figure in a column; what does not exist is a dash. */

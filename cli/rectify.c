@@ -43,14 +43,8 @@ static int print_json(const struct sst_lightfield *lf, const struct sst_kept *wo
         "out_max_mm", to->out_max_mm, "dz_max_mm", worst_dz(to), "plane_mm", to->plane_mm, "filter",
         sst_filter_name((enum sst_filter)lf->filter), "filled", "mean", mean->filled, "worst", worst->filled, "kept",
         "mean", mean->kept, "worst", worst->kept);
-    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
 
-    json_decref(root);
-    if (!text)
-        return CLI_MEMORY;
-    puts(text);
-    free(text);
-    return CLI_OK;
+    return cli_print_json(root);
 }
 
 static void print_text(const struct sst_lightfield *lf, const struct sst_kept *worst, const struct sst_kept *mean)
