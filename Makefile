@@ -2,6 +2,7 @@
 
 VERSION := 0.1.0
 PREFIX ?= /usr/local
+SYSCONFDIR ?= /etc
 DESTDIR ?=
 BUILD ?= build$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 comma := ,
@@ -17,38 +18,52 @@ WITH_DNNL ?= $(shell echo '\#include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && e
 WITH_UDEV ?= $(call have,libudev)
 WITH_USB ?= $(call have,libusb-1.0)
 WITH_MODBUS ?= $(call have,libmodbus)
+WITH_HTTPD ?= $(call have,libmicrohttpd gnutls)
+WITH_SYSTEMD ?= $(call have,libsystemd)
+WITH_RTSP ?= $(call have,gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0)
+WITH_MQTT ?= $(call have,libmosquitto)
+WITH_CURL ?= $(call have,libcurl)
 WITH_DOGLEG ?= $(shell echo '\#include <dogleg.h>' | $(CC) -I/usr/include/suitesparse -E - >/dev/null 2>&1 && echo 1 || echo 0)
 # Which API libgpiod has: 1, 2 or 0 for none.
-WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod && echo 1 || echo 0; })
+WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
 
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale) \
             $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
-            $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
+            $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
+            $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_MQTT)),libmosquitto) $(if $(filter 1,$(WITH_CURL)),libcurl) \
+            $(if $(filter 1,$(WITH_RTSP)),gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0) $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
 
 # --- flags ---------------------------------------------------------------------------------------------------------
 WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion $(if $(WERROR),-Werror)
-CWARN := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
+CWARN = $(WARN) -Wstrict-prototypes -Wmissing-prototypes $(SANWARN)
 HARDEN := -fstack-protector-strong -fstack-clash-protection -fcf-protection -fPIE \
           $(if $(SAN),,-D_FORTIFY_SOURCE=2)
-OPT ?= -O3 -g
+# A sanitized build is compiled three times as fast with -O1, and its reports need lines alone.
+OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
 SANFLAGS := $(if $(SAN),-fsanitize=$(SAN) -fno-omit-frame-pointer)
+# With them, and with less optimisation, gcc guesses worse what a string can hold and where a value comes from.
+SANWARN := $(if $(SAN),-Wno-format-truncation -Wno-maybe-uninitialized)
 ifneq (,$(findstring undefined,$(SAN)))
 SANFLAGS += -fsanitize=float-divide-by-zero,float-cast-overflow -fno-sanitize-recover=all
 endif
 DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMAT=$(WITH_AVFORMAT) \
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
-        -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_HTTPD=$(WITH_HTTPD) \
+        -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
+        -DWITH_CURL=$(WITH_CURL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES)))
+PACKAGE_LIBS := $(shell pkg-config --libs $(PACKAGES))
 BASEFLAGS := -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
-             $(shell pkg-config --cflags $(PACKAGES)) $(CFLAGS)
+             $(PACKAGE_CFLAGS) $(CFLAGS)
 # OpenCV's headers do not survive our warnings.
 CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
-LIBS = $(shell pkg-config --libs $(PACKAGES)) -lmd -lm \
+LIBS = $(PACKAGE_LIBS) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
        $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack) \
        $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
-LDFLAGS_ALL = -pie -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
+LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 
 # --- sources -------------------------------------------------------------------------------------------------------
 # Simulated devices go into sst-sim and the library that it preloads, never into the product.
@@ -58,9 +73,13 @@ LIB_SRC := $(sort $(filter-out $(SIM_SRC),$(wildcard base/*.c config/*.c drivers
            daemon/*/*.c simulators/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(wildcard pipeline/*.cc))
 CLI_SRC := $(sort $(wildcard cli/*.c))
-TEST_SRC := $(sort $(wildcard tests/unit/*.c tests/kernels/*.c tests/sim/*.c))
+# What starts no thread of its own is nothing for the thread sanitizer.
+NO_THREADS := $(if $(findstring thread,$(SAN)),$(shell sed -nE 's,^([^ ]+) +(one|same)-thread.*,tests/\1.c,p' tests/special.txt))
+TEST_SRC := $(filter-out $(NO_THREADS),$(sort $(wildcard tests/unit/*.c tests/kernels/*.c tests/sim/*.c)))
 SIM_OBJ := $(SIM_SRC:%.c=$(BUILD)/obj/%.o)
-LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
+# The page is part of the program: its files as they are, and a table of them.
+WEB_FILES := $(sort $(wildcard daemon/web/*))
+LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 # Programs that tests/system runs beside sst.
@@ -68,10 +87,10 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps check check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks bench-calib fuzz install help clean format tests
+.PHONY: FORCE all deps built check check-tests check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
-PROGRAMS := $(BUILD)/sst $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
-all: $(PROGRAMS) ## build the programs into build/: sst, and sst-sim (simulated devices)
+PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
+all: $(PROGRAMS) ## build the programs into build/: sst, sstd, and sst-sim (simulated devices)
 
 # Objects of other flags or optional parts are made anew.
 FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS))
@@ -84,14 +103,26 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
+# Where plugins of GStreamer lie: they are loaded one by one.
+$(BUILD)/obj/daemon/publish/rtsp_server.o: private CFLAGS_ALL += -DSST_GST_PLUGINS='"$(shell pkg-config --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
 $(BUILD)/obj/%.o: %.cc $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CXX  $<"
 	@$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
+$(BUILD)/web.c: scripts/embed.sh $(WEB_FILES) daemon/web
+	@mkdir -p $(@D)
+	@scripts/embed.sh $(WEB_FILES) >$@.new && mv $@.new $@
+$(BUILD)/obj/web.o: $(BUILD)/web.c $(BUILD)/flags
+	@mkdir -p $(@D)
+	@echo "  CC   $<"
+	@$(CC) $(CFLAGS_ALL) -c $< -o $@
 $(BUILD)/libsst.a: $(LIB_OBJ)
 	@rm -f $@
 	@ar rcs $@ $^
 $(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst.a
+	@echo "  LD   $@"
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+$(BUILD)/sstd: $(BUILD)/obj/daemon/main.o $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 $(BUILD)/sst-sim: $(SIM_OBJ) $(BUILD)/libsst.a
@@ -120,24 +151,46 @@ $(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libss
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $(filter %.o,$^) $(filter %.a,$^) $(LIBS) -o $@
 
+# The manual page of the configuration comes from the table of its keys; a test compares it with the committed one.
+$(BUILD)/config_man: $(BUILD)/obj/scripts/config_man.o $(BUILD)/libsst.a
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 
 deps: ## install what building and testing needs (Debian 12; root or sudo)
 	scripts/deps.sh
 
+# Tests run after everything is built, as many at a time as there are processors: docs in CONTRIBUTING.md.
+PARALLEL = $(if $(filter -j%,$(MAKEFLAGS)),,-j$(shell nproc))
+RUN_TESTS = SST_BUILD=$(BUILD) $(if $(SAN),SST_TEST_SMALL=$(if $(findstring thread,$(SAN)),2,1)) scripts/run_tests.sh
+SYSTEM_TESTS := $(sort $(wildcard tests/system/*.sh))
+BUILT := $(PROGRAMS) $(TESTS) $(TOOLS) $(BUILD)/config_man $(if $(SAN),,$(BUILD)/one_thread.so)
+
 check: deps ## build with warnings as errors and run every test, also under the sanitizers
-	$(MAKE) WERROR=1 all check-includes check-unit check-cli
+	$(MAKE) WERROR=1 $(PARALLEL) built check-includes
+	$(MAKE) WERROR=1 check-tests
 	$(MAKE) WERROR=1 check-san
 
-check-unit: $(PROGRAMS) $(TESTS)
-	SST_BUILD=$(BUILD) scripts/run_tests.sh $(TESTS)
+built: $(BUILT)
 
-check-cli: $(PROGRAMS) $(TOOLS)
-	SST_BUILD=$(BUILD) scripts/run_tests.sh $(sort $(wildcard tests/system/*.sh))
+check-tests: built
+	$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
 
-check-san: ## all tests under the address and undefined sanitizers, unit and kernel tests under the thread sanitizer
-	$(MAKE) SAN=address,undefined check-unit check-cli
+check-unit: built
+	$(RUN_TESTS) $(TESTS)
+
+check-cli: built
+	$(RUN_TESTS) $(SYSTEM_TESTS)
+
+check-san: ## all tests under the address and undefined sanitizers, all but system tests under the thread sanitizer
+	$(MAKE) SAN=address,undefined $(PARALLEL) built
+	$(MAKE) SAN=address,undefined check-tests
+	$(MAKE) SAN=thread $(PARALLEL) built
 	$(MAKE) SAN=thread check-unit
+
+# Loaded into tests that tests/special.txt says have one thread.
+$(BUILD)/one_thread.so: tests/one_thread.c
+	@mkdir -p $(@D)
+	@$(CC) -std=gnu11 -D_GNU_SOURCE -fPIC -shared $(CWARN) $< -o $@
 
 check-kernel: $(BUILD)/sst $(GUEST_TESTS) ## boot a stock Debian kernel in an emulator and test on its devices; GUEST=name for one test
 	SST_BUILD=$(BUILD) scripts/kernel/check.sh $(GUEST)
@@ -149,7 +202,8 @@ FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/network/graph*.c pipeline/ne
             pipeline/network/onnx.c pipeline/network/summary.c pipeline/network/manifest.c pipeline/network/network.c \
             pipeline/labels/model_info.c pipeline/labels/classes.c \
             pipeline/calib/calib.c pipeline/calib/calib_yaml.c pipeline/calib/camera.c $(wildcard pipeline/calib/format*.c) \
-            pipeline/lightfield/import_plan.c pipeline/lightfield/lightfield.c pipeline/image/image.c
+            pipeline/lightfield/import_plan.c pipeline/lightfield/lightfield.c pipeline/image/image.c \
+            daemon/publish/http_parse.c
 build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
 	@mkdir -p $(@D)
 	@echo "  FUZZ $@"
@@ -176,21 +230,33 @@ bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; rene
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
 
+SOAK ?= 30
+bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/bench-service.md
+	$(PYTHON) scripts/bench_service.py --build $(BUILD)
+soak-service: all ## SOAK=30 minutes of faults; tells the slope of memory
+	$(PYTHON) scripts/bench_service.py --build $(BUILD) --soak $(SOAK)
+
 BENCH_CALIB := $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs
 bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/bench-calibration.md
 	$(PYTHON) scripts/bench_calib.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.
-demo: deps ## see through a simulated scene: pictures in sst-demo/
+demo: deps ## see through moving scenes: simulated arrays, the service, its page; DEMO=--once: pictures in sst-demo/, and the end
 	$(MAKE) all
-	$(BUILD)/sst demo --once
+	$(BUILD)/sst demo $(DEMO)
 
-install: all ## install under DESTDIR/PREFIX
-	install -Dm755 $(BUILD)/sst $(DESTDIR)$(PREFIX)/bin/sst
-	install -Dm755 $(BUILD)/sst-sim $(DESTDIR)$(PREFIX)/bin/sst-sim
-	install -Dm644 $(BUILD)/libsst-sim-preload.so $(DESTDIR)$(PREFIX)/lib/libsst-sim-preload.so
-	for f in config/profiles/*.yaml; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/profiles/$$(basename $$f) || exit 1; done
-	for f in models/*.onnx models/manifest.json; do install -Dm644 $$f $(DESTDIR)$(PREFIX)/share/sst/$$f || exit 1; done
+INSTALL := BUILD='$(BUILD)' PREFIX='$(PREFIX)' SYSCONFDIR='$(SYSCONFDIR)' DESTDIR='$(DESTDIR)' scripts/install.sh
+install: all ## install programs, units, rules, man pages under DESTDIR/PREFIX; then docs/install.md
+	$(INSTALL) install
+install-built: ## the same without building
+	$(INSTALL) install
+uninstall: ## remove what install put there, changed configuration excepted
+	$(INSTALL) uninstall
+
+man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml.5 and the completion for bash anew from their tables
+	scripts/man.py --build $(BUILD)
+	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
+	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5
 
 format: ## lay out the sources by .clang-format
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cc')
@@ -201,4 +267,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)
+-include $(LIB_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)

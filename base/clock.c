@@ -1,5 +1,6 @@
 #include "base/clock.h"
 
+#include <stdio.h>
 #include <time.h>
 
 static int64_t read_ns(clockid_t id)
@@ -18,4 +19,26 @@ int64_t sst_clock_now_ns(void)
 int64_t sst_clock_cpu_ns(void)
 {
     return read_ns(CLOCK_PROCESS_CPUTIME_ID);
+}
+
+int64_t sst_clock_wall_ns(void)
+{
+    return read_ns(CLOCK_REALTIME);
+}
+
+void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns)
+{
+    int64_t s = wall_ns / 1000000000, ns = wall_ns % 1000000000;
+    struct tm tm = { 0 };
+    char day[24];
+    time_t t;
+
+    if (ns < 0) {
+        ns += 1000000000;
+        s--;
+    }
+    t = (time_t)s;
+    gmtime_r(&t, &tm);
+    strftime(day, sizeof(day), "%Y-%m-%dT%H:%M:%S", &tm);
+    snprintf(out, SST_CLOCK_TEXT, "%s.%03dZ", day, (int)(ns / 1000000));
 }

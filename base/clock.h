@@ -1,4 +1,4 @@
-/* base/clock.h - monotonic time. */
+/* base/clock.h - monotonic time, and the wall clock's for people. */
 #ifndef SST_BASE_CLOCK_H
 #define SST_BASE_CLOCK_H
 
@@ -11,6 +11,13 @@ int64_t sst_clock_now_ns(void);
 
 /** CPU time of the whole process in nanoseconds. */
 int64_t sst_clock_cpu_ns(void);
+
+/** CLOCK_REALTIME in nanoseconds. */
+int64_t sst_clock_wall_ns(void);
+
+#define SST_CLOCK_TEXT 32
+/** "2026-11-21T18:05:00.123Z". */
+void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns);
 
 SST_EXTERN_C_END
 

@@ -5,7 +5,10 @@
 #include <fcntl.h>
 #include <ftw.h>
 #include <pthread.h>
+#include <semaphore.h>
+#include <signal.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -18,18 +21,25 @@
 
 static pthread_mutex_t pending_lock = PTHREAD_MUTEX_INITIALIZER;
 static char pending[MAX_PENDING][SST_PATH_MAX]; /* under pending_lock */
-static _Atomic bool aborting;                   /* sst_file_abort_all() is at work */
+static sem_t interrupted;
+static _Atomic int interrupted_by; /* the first signal */
 
-static void pending_add(const char *path)
+/* Make the file or folder of a template (XXXXXX) and note it, so that an interrupt removes it.
+ * @return the file's descriptor, 0 for a folder, or -1 with errno */
+static int pending_make(char *name, bool folder)
 {
+    int fd;
+
     pthread_mutex_lock(&pending_lock);
-    for (int i = 0; i < MAX_PENDING; i++) {
+    fd = !folder ? mkostemp(name, O_CLOEXEC) : mkdtemp(name) ? 0 : -1;
+    for (int i = 0; fd >= 0 && i < MAX_PENDING; i++) {
         if (!pending[i][0]) {
-            snprintf(pending[i], SST_PATH_MAX, "%s", path);
+            snprintf(pending[i], SST_PATH_MAX, "%s", name);
             break;
         }
     }
     pthread_mutex_unlock(&pending_lock);
+    return fd;
 }
 
 static void pending_drop(const char *path)
@@ -42,35 +52,82 @@ static void pending_drop(const char *path)
     pthread_mutex_unlock(&pending_lock);
 }
 
-/* Whoever fails because his output is being removed under him, says nothing and waits for the end of the process: going
- * on, he could end it before everything is removed. */
-static void wait_if_aborting(void)
+void sst_file_hold_interrupt(void)
 {
-    while (aborting)
-        pause();
+    pthread_mutex_lock(&pending_lock);
 }
 
-bool sst_file_abort_all(void)
+void sst_file_allow_interrupt(void)
+{
+    pthread_mutex_unlock(&pending_lock);
+}
+
+/* Whoever fails because his output is being removed under him, says nothing and waits here for the end of the process:
+ * going on, he could end it before everything is removed. */
+static void wait_if_interrupted(void)
+{
+    sst_file_hold_interrupt();
+    sst_file_allow_interrupt();
+}
+
+/* A thread, because a signal's handler may neither allocate memory nor list a folder: the thread that it stopped could be
+ * holding the allocator's lock. */
+static void *end_when_interrupted(void *arg SST_UNUSED)
 {
     char gone[SST_PATH_MAX + 8];
 
-    if (atomic_exchange(&aborting, true))
-        return false;
+    while (sem_wait(&interrupted))
+        ;
+    sst_file_hold_interrupt();
     /* Other threads go on writing until the process exits: under another name they can add nothing to a folder that is
-     * being removed. */
+     * being removed, but what they are just doing. */
     for (int i = 0; i < MAX_PENDING; i++) {
         if (!pending[i][0])
             continue;
         snprintf(gone, sizeof(gone), "%.*s-gone", SST_PATH_MAX, pending[i]);
-        sst_path_remove_tree(rename(pending[i], gone) ? pending[i] : gone);
+        if (rename(pending[i], gone))
+            continue;
+        for (int again = 0; again < 3 && sst_path_exists(gone); again++)
+            sst_path_remove_tree(gone);
     }
-    return true;
+    _exit(128 + interrupted_by);
+}
+
+static void on_signal(int sig)
+{
+    const int saved = errno;
+    int none = 0;
+
+    if (atomic_compare_exchange_strong(&interrupted_by, &none, sig))
+        (void)sem_post(&interrupted);
+    errno = saved;
+}
+
+int sst_file_clean_on_interrupt(void)
+{
+    const struct sigaction act = { .sa_handler = on_signal, .sa_flags = SA_RESTART };
+    pthread_t thread;
+    sigset_t all, before;
+    int err = sem_init(&interrupted, 0, 0) ? errno : 0;
+
+    /* The thread takes no signals: who blocks them later, to read them, gets them all. */
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    err = err ? err : pthread_create(&thread, NULL, end_when_interrupted, NULL);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (err) {
+        sst_log_error("cannot start a thread: %s; end other programs or raise the limit", strerror(err));
+        return -err;
+    }
+    pthread_detach(thread);
+    sigaction(SIGINT, &act, NULL);
+    sigaction(SIGTERM, &act, NULL);
+    return 0;
 }
 
 int sst_path_join(char out[SST_PATH_MAX], const char *dir, const char *name)
 {
-    const int n = name ? snprintf(out, SST_PATH_MAX, "%s/%s", dir, name)
-                       : snprintf(out, SST_PATH_MAX, "%s", dir);
+    const int n = name ? snprintf(out, SST_PATH_MAX, "%s/%s", dir, name) : snprintf(out, SST_PATH_MAX, "%s", dir);
 
     if (n >= 0 && n < SST_PATH_MAX)
         return 0;
@@ -101,7 +158,8 @@ bool sst_path_is_dir(const char *path)
 
 int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *size)
 {
-    FILE *f = fopen(path, "rbe");
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK); /* a pipe without a writer must not hang */
+    FILE *f = fd < 0 ? NULL : fdopen(fd, "rb");
     struct stat st;
     uint8_t *buf = NULL;
     int err;
@@ -109,17 +167,19 @@ int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *
     if (!f) {
         err = -errno;
         sst_log_error("cannot open %s: %s", path, strerror(-err));
+        if (fd >= 0)
+            close(fd);
         return err;
     }
-    if (fstat(fileno(f), &st) || !S_ISREG(st.st_mode)) {
+    if (fstat(fd, &st) || !S_ISREG(st.st_mode)) {
         err = S_ISDIR(st.st_mode) ? -EISDIR : -EBADMSG;
         sst_log_error("%s is not a regular file; name a file", path);
         goto fail;
     }
     if ((uint64_t)st.st_size > limit_bytes) {
         err = -EBADMSG;
-        sst_log_error("%s has %lld bytes, more than the %zu that are accepted here", path,
-                      (long long)st.st_size, limit_bytes);
+        sst_log_error("%s has %lld bytes, more than the %zu that are accepted here", path, (long long)st.st_size,
+                      limit_bytes);
         goto fail;
     }
     buf = malloc((size_t)st.st_size + 1);
@@ -131,8 +191,8 @@ int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *
     *size = fread(buf, 1, (size_t)st.st_size, f);
     if (*size != (size_t)st.st_size) {
         err = ferror(f) ? -EIO : -EBADMSG;
-        sst_log_error("reading %s stopped after %zu of %lld bytes: it changed or the disk failed; try again",
-                      path, *size, (long long)st.st_size);
+        sst_log_error("reading %s stopped after %zu of %lld bytes: it changed or the disk failed; try again", path,
+                      *size, (long long)st.st_size);
         goto fail;
     }
     fclose(f);
@@ -149,10 +209,14 @@ fail:
 /* The errno of a failed output, as callers expect it: what they can act on stays, the rest is -EIO. */
 static int output_error(const char *what, const char *path, int err)
 {
-    wait_if_aborting();
+    wait_if_interrupted();
     sst_log_error("cannot %s %s: %s", what, path, strerror(err));
     switch (err) {
-    case ENOSPC: case EDQUOT: case EROFS: case EFBIG: case EEXIST:
+    case ENOSPC:
+    case EDQUOT:
+    case EROFS:
+    case EFBIG:
+    case EEXIST:
         return -err;
     default:
         return -EIO;
@@ -202,13 +266,12 @@ int sst_outfile_open(struct sst_outfile *out, const char *path)
     err = temporary_name(out->temporary, path);
     if (err)
         return err;
-    fd = mkostemp(out->temporary, O_CLOEXEC);
+    fd = pending_make(out->temporary, false);
     if (fd < 0) {
         err = output_error("create", path, errno);
         out->temporary[0] = 0;
         return err;
     }
-    pending_add(out->temporary);
     (void)fchmod(fd, 0666 & ~mask);
     out->stream = fdopen(fd, "wb");
     if (!out->stream) {
@@ -260,7 +323,7 @@ int sst_outfile_commit(struct sst_outfile *out)
 
 void sst_outfile_abort(struct sst_outfile *out)
 {
-    wait_if_aborting();
+    wait_if_interrupted();
     if (out->stream)
         fclose(out->stream);
     out->stream = NULL;
@@ -299,12 +362,11 @@ int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace)
     err = temporary_name(out->temporary, path);
     if (err)
         return err;
-    if (!mkdtemp(out->temporary)) {
+    if (pending_make(out->temporary, true)) {
         err = output_error("create", path, errno);
         out->temporary[0] = 0;
         return err;
     }
-    pending_add(out->temporary);
     (void)chmod(out->temporary, 0777 & ~mask);
     /* The final name, without slashes at its end, is the temporary one without its suffix. */
     snprintf(out->path, sizeof(out->path), "%.*s", (int)(strlen(out->temporary) - strlen(".tmp-XXXXXX")),
@@ -327,40 +389,52 @@ static int sync_entry(const char *path, const struct stat *st SST_UNUSED, int ty
     return err;
 }
 
+int sst_path_swap(const char *fresh, const char *path)
+{
+    char aside[SST_PATH_MAX];
+    int err;
+
+    if (!renameat2(AT_FDCWD, fresh, AT_FDCWD, path, RENAME_EXCHANGE))
+        return 0;
+    if (errno == ENOENT)
+        return rename(fresh, path) ? -errno : 0;
+    if (errno != EINVAL && errno != ENOSYS)
+        return -errno;
+    /* A file system that cannot exchange two names. */
+    if (snprintf(aside, sizeof(aside), "%s-old", fresh) >= (int)sizeof(aside))
+        return -ENAMETOOLONG;
+    if (rename(path, aside))
+        return -errno;
+    if (!rename(fresh, path))
+        return rename(aside, fresh) ? -errno : 0;
+    err = -errno;
+    if (rename(aside, path))
+        sst_log_error("the previous %s is now at %s", path, aside);
+    return err;
+}
+
 int sst_outdir_commit(struct sst_outdir *out)
 {
-    char old[SST_PATH_MAX] = "";
     int err = nftw(out->temporary, sync_entry, 16, FTW_DEPTH | FTW_PHYS);
 
-    if (err < 0)
-        err = errno;
-    if (!err && out->replace && sst_path_exists(out->path)) {
-        if (snprintf(old, sizeof(old), "%s-old", out->temporary) >= (int)sizeof(old))
-            err = ENAMETOOLONG;
-        else if (rename(out->path, old))
-            err = errno;
-    }
-    if (!err && rename(out->temporary, out->path)) {
-        err = errno;
-        if (old[0] && rename(old, out->path))
-            sst_log_error("the previous %s is now at %s", out->path, old);
-    }
+    err = err < 0 ? -errno : -err;
+    sst_file_hold_interrupt();
+    if (!err)
+        err = out->replace ? sst_path_swap(out->temporary, out->path) : rename(out->temporary, out->path) ? -errno : 0;
+    sst_file_allow_interrupt();
     if (err) {
-        err = output_error("write", out->path, err);
+        err = output_error("write", out->path, -err);
         sst_outdir_abort(out);
         return err;
     }
-    pending_drop(out->temporary);
-    out->temporary[0] = 0;
-    if (old[0])
-        sst_path_remove_tree(old);
+    sst_outdir_abort(out); /* now the previous folder, if there was one */
     err = sync_parent(out->path);
     return err ? output_error("sync the folder of", out->path, -err) : 0;
 }
 
 void sst_outdir_abort(struct sst_outdir *out)
 {
-    wait_if_aborting();
+    wait_if_interrupted();
     if (out->temporary[0]) {
         sst_path_remove_tree(out->temporary);
         pending_drop(out->temporary);

@@ -71,10 +71,26 @@ void sst_outdir_abort(struct sst_outdir *out);
 /** Remove a folder and all below it; links are not followed. Missing is fine. */
 void sst_path_remove_tree(const char *path);
 
-/** Remove what is still uncommitted (called from the handler of SIGINT and SIGTERM; async-signal-tolerant enough for a
- *  process that exits next). From then on threads whose output fails wait for that exit.
- *  @return false: it is at work already, for an earlier signal; return from the handler and let it finish. */
-SST_MUST_CHECK bool sst_file_abort_all(void);
+/**
+ * Put `fresh` in the place of `path`, in one step where the file system can: what was at `path`, if anything, is at
+ * `fresh` afterwards.
+ *
+ * @return 0, or a negative errno, then both are as they were (not logged).
+ */
+SST_MUST_CHECK int sst_path_swap(const char *fresh, const char *path);
+
+/**
+ * From now on SIGINT and SIGTERM remove what is still uncommitted and end the process with status 128 + signal; threads
+ * whose output fails meanwhile wait for that end. Call it before other threads start, once.
+ *
+ * @return 0, or a negative errno, logged, when there is no thread to be had for it.
+ */
+SST_MUST_CHECK int sst_file_clean_on_interrupt(void);
+
+/** Between these two an interrupt waits: for renames of which either all or none must happen. No output may be opened,
+ *  committed, aborted or fail meanwhile. */
+void sst_file_hold_interrupt(void);
+void sst_file_allow_interrupt(void);
 
 SST_EXTERN_C_END
 

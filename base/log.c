@@ -6,7 +6,9 @@
 #include <string.h>
 
 static _Atomic int level_shown = SST_LOG_WARNING;
-static _Thread_local char *held;
+static atomic_bool journal;
+static _Thread_local char *held, *copied;
+static _Thread_local size_t copied_size;
 
 char *sst_log_hold_errors(char *text)
 {
@@ -14,6 +16,19 @@ char *sst_log_hold_errors(char *text)
 
     held = text;
     return before;
+}
+
+void sst_log_copy_errors(char *text, size_t size)
+{
+    copied = text;
+    copied_size = size;
+    if (text)
+        text[0] = 0;
+}
+
+void sst_log_use_journal(bool on)
+{
+    journal = on;
 }
 
 void sst_log_set_level(enum sst_log_level level)
@@ -25,6 +40,7 @@ void sst_log_set_level(enum sst_log_level level)
 static void emit(enum sst_log_level level, const char *fmt, va_list args)
 {
     static const char *const names[] = { "error", "warning", "info", "debug" };
+    static const char *const prefixes[] = { "<3>", "<4>", "<6>", "<7>" };
     char text[SST_LOG_MAX];
 
     if ((int)level > level_shown)
@@ -35,20 +51,25 @@ static void emit(enum sst_log_level level, const char *fmt, va_list args)
         if ((unsigned char)*c < ' ' || *c == 127)
             *c = '?';
     }
+    if (level == SST_LOG_ERROR && copied) {
+        const size_t used = strlen(copied);
+
+        snprintf(copied + used, copied_size - used, "%s%s", used ? "; " : "", text);
+    }
     if (level == SST_LOG_ERROR && held)
         memcpy(held, text, sizeof(text));
     else
-        fprintf(stderr, "sst: %s: %s\n", names[level], text);
+        fprintf(stderr, "%ssst: %s: %s\n", journal ? prefixes[level] : "", names[level], text);
 }
 
-#define DEFINE_LOG(name, level)                                                                    \
-    void sst_log_##name(const char *fmt, ...)                                                      \
-    {                                                                                              \
-        va_list args;                                                                              \
-                                                                                                   \
-        va_start(args, fmt);                                                                       \
-        emit(level, fmt, args);                                                                    \
-        va_end(args);                                                                              \
+#define DEFINE_LOG(name, level)                                                                                        \
+    void sst_log_##name(const char *fmt, ...)                                                                          \
+    {                                                                                                                  \
+        va_list args;                                                                                                  \
+                                                                                                                       \
+        va_start(args, fmt);                                                                                           \
+        emit(level, fmt, args);                                                                                        \
+        va_end(args);                                                                                                  \
     }
 
 DEFINE_LOG(error, SST_LOG_ERROR)

@@ -2,6 +2,8 @@
 #ifndef SST_BASE_LOG_H
 #define SST_BASE_LOG_H
 
+#include <stdbool.h>
+
 #include "base/base.h"
 
 SST_EXTERN_C_BEGIN
@@ -15,6 +17,9 @@ enum sst_log_level {
 
 /** Show messages up to this level; the default is SST_LOG_WARNING. */
 void sst_log_set_level(enum sst_log_level level);
+
+/** Begin lines with the level as systemd's journal reads it. */
+void sst_log_use_journal(bool on);
 
 /**
  * Write one line "sst: error: ..." to standard error.
@@ -37,6 +42,10 @@ void sst_log_debug(const char *fmt, ...) SST_PRINTF(1, 2);
  * @return the text set before, or NULL
  */
 char *sst_log_hold_errors(char *text);
+
+/** Show this thread's errors as ever, and put them into `text` as well, one after another with "; " between, as far as
+ *  they fit; NULL ends it. */
+void sst_log_copy_errors(char *text, size_t size);
 
 SST_EXTERN_C_END
 

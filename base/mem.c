@@ -26,3 +26,29 @@ void sst_mem_free(void *p)
 {
     free(p);
 }
+
+void *sst_mem_keep(struct sst_mem_kept *kept, size_t count, size_t size)
+{
+    size_t bytes;
+    void *p;
+
+    if (__builtin_mul_overflow(count, size, &bytes))
+        return NULL;
+    if (kept->data && bytes <= kept->bytes)
+        return kept->data;
+    /* Half as much again, so that what grows little by little is not taken anew each time. */
+    if (bytes < kept->bytes + kept->bytes / 2)
+        bytes = kept->bytes + kept->bytes / 2;
+    p = sst_mem_alloc_raw(bytes, 1);
+    if (!p)
+        return NULL;
+    sst_mem_free(kept->data);
+    *kept = (struct sst_mem_kept){ p, bytes };
+    return p;
+}
+
+void sst_mem_kept_fini(struct sst_mem_kept *kept)
+{
+    sst_mem_free(kept->data);
+    *kept = (struct sst_mem_kept){ 0 };
+}

@@ -18,6 +18,17 @@ void *sst_mem_alloc_raw(size_t count, size_t size) SST_MUST_CHECK;
 /** NULL is fine. */
 void sst_mem_free(void *p);
 
+/** Memory that is kept from call to call and only ever grows. Zeroed: none yet. One thread at a time. */
+struct sst_mem_kept {
+    void *data;
+    size_t bytes;
+};
+
+/** At least count * size bytes, aligned as above, of any content: what was there may be gone. NULL as above; then what
+ *  there was stays. */
+void *sst_mem_keep(struct sst_mem_kept *kept, size_t count, size_t size) SST_MUST_CHECK;
+void sst_mem_kept_fini(struct sst_mem_kept *kept);
+
 /** Bytes of a row of n elements, rounded up to SST_ALIGN. */
 static inline size_t sst_mem_stride(size_t n, size_t size)
 {

@@ -1,15 +1,21 @@
 #define _GNU_SOURCE
 #include "base/thread.h"
 
+#include <dirent.h>
 #include <errno.h>
-#include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
 
 #include "base/log.h"
 
 #define MAX_THREADS 256
+#define RAISED_NICE (-10)
 
 struct pool {
     /* fixed after start */
@@ -88,4 +94,51 @@ int sst_parallel_for(int count, int threads, sst_work_fn *fn, void *arg)
     if (pool.text[0])
         sst_log_error("%s", pool.text);
     return pool.error;
+}
+
+void sst_thread_name(const char *name)
+{
+    pthread_setname_np(pthread_self(), name);
+}
+
+void sst_thread_nice(int nice)
+{
+    setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), nice); /* lowering cannot fail */
+}
+
+void sst_thread_raise_all(void)
+{
+    const int mine = getpriority(PRIO_PROCESS, 0);
+    const struct sched_param none = { 0 };
+    const struct dirent *e;
+    DIR *d = opendir("/proc/self/task");
+
+    while (d && (e = readdir(d))) {
+        const pid_t thread = (pid_t)atoi(e->d_name);
+
+        if (thread <= 0)
+            continue;
+        (void)sched_setscheduler(thread, SCHED_OTHER, &none); /* without the right to it things are as they were */
+        if (setpriority(PRIO_PROCESS, (id_t)thread, RAISED_NICE))
+            (void)setpriority(PRIO_PROCESS, (id_t)thread, mine);
+    }
+    if (d)
+        closedir(d);
+}
+
+void sst_cond_init(pthread_cond_t *cond)
+{
+    pthread_condattr_t attr;
+
+    pthread_condattr_init(&attr);
+    pthread_condattr_setclock(&attr, CLOCK_MONOTONIC);
+    pthread_cond_init(cond, &attr);
+    pthread_condattr_destroy(&attr);
+}
+
+bool sst_cond_wait_until(pthread_cond_t *cond, pthread_mutex_t *lock, int64_t until_ns)
+{
+    const struct timespec until = { .tv_sec = until_ns / 1000000000, .tv_nsec = until_ns % 1000000000 };
+
+    return pthread_cond_timedwait(cond, lock, &until) != ETIMEDOUT;
 }

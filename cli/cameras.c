@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "cli/cli.h"
+#include "cli/cameras.h"
 #include "cli/places.h"
 
 #define USER_MAX 64
@@ -166,32 +166,23 @@ static void tell_twins(const struct sst_grab_device *devices, int count)
 
 /* --- command ------------------------------------------------------------------------------------------------------ */
 
-static int run(const struct cli_command *cmd, int argc, char **argv)
+static int local(const char *config, bool json)
 {
-    const char *config = NULL;
-    bool json = false;
-    const struct cli_option options[] = {
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
-        { "config", 'c', CLI_STRING, &config, "FILE", "configuration with the places (/etc/sst/sstd.yaml)", 0, 0 },
-    };
-    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     struct sst_array_config cfg;
     struct sst_grab_device *devices = NULL;
     struct cli_place *place = NULL;
     int count = 0, err;
 
-    if (r != CLI_GO_ON)
-        return r;
     sst_array_config_defaults(&cfg);
     err = sst_array_config_read(&cfg, config);
     err = err ? err : sst_grab_list(&devices, &count);
     if (err)
-        return cli_exit_code(err);
+        return err;
     place = calloc((size_t)count + 1, sizeof(*place));
     if (!place) {
         sst_log_error("no memory for a list of cameras");
         free(devices);
-        return CLI_MEMORY;
+        return -ENOMEM;
     }
     cli_places(place, &cfg, devices, count);
     tell_missing(&cfg, place, count);
@@ -202,17 +193,70 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         print_table(devices, place, count);
     free(place);
     free(devices);
-    return cli_exit_code(err);
+    return err;
+}
+
+/* Does the default service run? What keeps us from asking it is told only if it does. */
+static int service_cameras(const struct cli_service *where, bool asked, json_t **answer)
+{
+    char said[SST_LOG_MAX] = "", *before = asked ? NULL : sst_log_hold_errors(said);
+    const int err = cli_service_json(where, "/api/v1/cameras", NULL, answer);
+
+    if (!asked)
+        (void)sst_log_hold_errors(before);
+    if (!asked && err && err != -ENOPKG && err != -ENOTSUP)
+        sst_log_warning("%s; these are this machine's cameras", said);
+    return err;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct cli_service where = { 0 };
+    const char *config = NULL;
+    bool json = false, only_local = false, all = false, asked;
+    const struct cli_option options[] = {
+        { "local", 0, CLI_FLAG, &only_local, NULL, "this machine's cameras, whether or not a service runs", 0, 0 },
+        { "all", 'a', CLI_FLAG, &all, NULL, "of the service: a line for each camera", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "config", 'c', CLI_STRING, &config, "FILE", "local, with the places of this file (/etc/sst/sstd.yaml)", 0,
+          0 },
+        CLI_SERVICE_OPTIONS(where),
+    };
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    json_t *answer;
+    int err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    asked = where.socket || where.url || all;
+    if (asked && (only_local || config))
+        return cli_usage_error(cmd,
+                               "--local and --config are of this machine: they do not go with --socket, --url, -a");
+    if (!only_local && !config) {
+        err = service_cameras(&where, asked, &answer);
+        if (!err && json)
+            return cli_print_json(answer);
+        if (!err)
+            cli_print_grid(answer, all);
+        if (!err)
+            json_decref(answer);
+        if (!err || asked)
+            return cli_exit_code(err);
+    }
+    return cli_exit_code(local(config, json));
 }
 
 const struct cli_command cli_cameras = {
     .name = "cameras",
-    .usage = "[--config FILE] [--json]",
+    .usage = "[--all] [--json] | --local [--config FILE] [--json]",
     .summary = "cameras that are there, and where they belong",
     .detail =
-        "Lists V4L2 capture devices by USB port: serial, port, driver, what they offer, their place in the array by\n"
-        "the configuration, and whether they are free, busy (and with whom), or may not be opened. Bind cameras by\n"
-        "serial, or by port where serials are missing or the same; /dev/videoN changes with the order of plugging.",
-    .example = "sst cameras --config array.yaml",
+        "With a running service: its grid, frames per second of each camera, and which do not stream and why. Else, "
+        "or\n"
+        "with --local or --config: V4L2 capture devices by USB port: serial, port, driver, what they offer, their\n"
+        "place in the array by the configuration, and whether they are free, busy (and with whom), or may not be\n"
+        "opened. Bind cameras by serial, or by port where serials are missing or the same; /dev/videoN changes with\n"
+        "the order of plugging.",
+    .example = "sst cameras\n  sst cameras --config array.yaml",
     .run = run,
 };

@@ -14,6 +14,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (!strcmp(argv[1], kinds[i]->name + strlen("capture ")))
             return kinds[i]->run(kinds[i], argc - 1, argv + 1);
     }
+    if (argc == 2 && !strcmp(argv[1], CLI_DESCRIBE)) {
+        int r = CLI_OK;
+
+        for (size_t i = 0; !r && i < ARRAY_LEN(kinds); i++)
+            r = kinds[i]->run(kinds[i], argc, argv);
+        return r;
+    }
     if (argc > 1 && strcmp(argv[1], "--help") != 0 && strcmp(argv[1], "-h") != 0)
         return cli_usage_error(cmd, "there is no capture %s", argv[1]);
     printf("sst capture - %s\n\nusage: sst capture KIND ...\n\nkinds:\n", cmd->summary);

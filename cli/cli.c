@@ -88,6 +88,28 @@ static void print_help(const struct cli_command *cmd, const struct cli_option *o
     printf("\nexample:\n  %s\n", cmd->example);
 }
 
+/* For programs: see CLI_DESCRIBE. */
+static int describe(const struct cli_command *cmd, const struct cli_option *options, size_t n)
+{
+    static const char *const type[] = { "flag", "int", "number", "text", "size", "grid", "seed" };
+    json_t *list = json_array();
+    json_t *root = json_pack("{s:s, s:s, s:s, s:s?, s:s, s:o}", "name", cmd->name, "usage", cmd->usage, "summary",
+                             cmd->summary, "detail", cmd->detail, "example", cmd->example, "options", list);
+    char *text;
+
+    for (size_t i = 0; i < n; i++)
+        (void)json_array_append_new(list,
+                                    json_pack("{s:s, s:s%, s:s, s:s?, s:s}", "name", options[i].name, "letter",
+                                              &options[i].letter, (size_t)(options[i].letter != 0), "type",
+                                              type[options[i].type], "meta", options[i].meta, "help", options[i].help));
+    text = root ? json_dumps(root, JSON_COMPACT) : NULL;
+    if (text)
+        puts(text);
+    json_decref(root);
+    free(text);
+    return text ? CLI_OK : CLI_MEMORY;
+}
+
 static bool in_range(const struct cli_option *o, double v)
 {
     return (o->min == 0 && o->max == 0) || (v >= o->min && v <= o->max);
@@ -181,6 +203,8 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
     };
     int n = 0;
 
+    if (argc == 2 && !strcmp(argv[1], CLI_DESCRIBE))
+        return describe(cmd, options, n_options);
     for (int i = 0; i < n_max; i++)
         positional[i] = NULL;
     for (int i = 1; i < argc; i++) {

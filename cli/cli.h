@@ -15,7 +15,7 @@ enum cli_exit {
     CLI_USAGE = 2,    /* unknown option or argument, value outside its range */
     CLI_INPUT = 3,    /* an input is missing, damaged or does not fit */
     CLI_OUTPUT = 4,   /* an output cannot be written; nothing half-written is left */
-    CLI_MISSING = 5,  /* an optional part or a model is missing from this build or machine */
+    CLI_MISSING = 5,  /* an optional part or a model is missing from this build or machine, or no service runs */
     CLI_MEMORY = 6,
     CLI_INTERRUPTED = 130,
 };
@@ -52,12 +52,16 @@ struct cli_command {
     int (*run)(const struct cli_command *cmd, int argc, char **argv); /* exit code */
 };
 
+#define CLI_DESCRIBE "--describe"
+
 /** What cli_parse() tells: go on, or return this code. */
 #define CLI_GO_ON (-1)
 
 /**
  * Read options and positional arguments (before, after or between options; "--" ends options). --help, -v/--verbose and
- * -q/--quiet are added to every command.
+ * -q/--quiet are added to every command. CLI_DESCRIBE as the only argument prints the command and its options as a line
+ * of JSON {name, usage, summary, detail, example, options: [{name, letter, type, meta, help}]}: the man page and the
+ * completion of shells are made from it.
  *
  * @param positional  out, exactly n_min..n_max of them, the rest NULL
  * @return CLI_GO_ON, CLI_OK (help was printed) or CLI_USAGE (the sentence was printed)
@@ -78,7 +82,8 @@ void cli_progress(void *title, double done);
 void cli_progress_end(void);
 
 extern const struct cli_command cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture, cli_demo,
-    cli_doctor, cli_eval, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process, cli_recording,
-    cli_rectify, cli_render, cli_scene, cli_segment, cli_stereo, cli_sweep, cli_topology, cli_version;
+    cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process,
+    cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
+    cli_stereo, cli_sweep, cli_topology, cli_version;
 
 #endif

@@ -1,4 +1,5 @@
-/* sst demo: the whole way from a scene to a see-through picture, with the commands that a user would type. */
+/* sst demo: the service on simulated arrays; with --once the whole way from a scene to a see-through picture, with the
+ * commands that a user would type. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -6,6 +7,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli.h"
+#include "cli/demo_live.h"
 #include "pipeline/eval/report.h"
 #include "pipeline/image/codec.h"
 
@@ -98,22 +100,32 @@ static int run_steps(struct demo *d, const char *scene, const char *preset, cons
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    const char *scene = "bush", *out = "sst-demo", *preset = "balanced", *size = "1000x750";
+    const char *scene = NULL, *out = "sst-demo", *preset = "balanced", *size = "1000x750";
     bool once = false;
+    int port = 8090;
     const struct cli_option options[] = {
-        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (bush)", 0, 0 },
+        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian and bush; once: bush)", 0, 0 },
         { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit", 0, 0 },
-        { "output", 'o', CLI_STRING, &out, "DIR", "folder for the light field and the pictures (sst-demo)", 0, 0 },
-        { "preset", 'p', CLI_STRING, &preset, "NAME", "preview, balanced (default) or accurate", 0, 0 },
-        { "size", 0, CLI_STRING, &size, "WxH", "pixels of a view (1000x750)", 0, 0 },
+        { "port", 0, CLI_INT, &port, "N", "of the first page, the next follows (8090)", 1, 65000 },
+        { "output", 'o', CLI_STRING, &out, "DIR", "folder for all that is written (sst-demo)", 0, 0 },
+        { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate", 0, 0 },
+        { "size", 0, CLI_STRING, &size, "WxH", "once: pixels of a view (1000x750)", 0, 0 },
     };
     struct demo d;
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
 
     if (r != CLI_GO_ON)
         return r;
-    if (strchr(scene, '/') || !*scene)
+    if (scene && (strchr(scene, '/') || !*scene))
         return cli_usage_error(cmd, "there is no scene %s", scene);
+    if (!once) {
+        const struct cli_demo_live live = { .out = out,
+                                            .scene = { scene ? scene : "pedestrian", scene ? NULL : "bush" },
+                                            .port = port };
+
+        return cli_demo_live(&live);
+    }
+    scene = scene ? scene : "bush";
     r = cli_exit_code(name_files(&d, out, scene));
     r = r ? r : cli_exit_code(sst_path_make_dir(out));
     r = r ? r : run_steps(&d, scene, preset, size);
@@ -130,10 +142,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_demo = {
     .name = "demo",
     .usage = "[--scene S] [--once] [-o DIR]",
-    .summary = "from a simulated array to a see-through picture",
+    .summary = "see through things with no hardware: simulated array, service, live page",
     .detail =
-        "Renders a scene as a 6x6 array sees it, computes labels and disparities, and looks behind the occluder.\n"
-        "Prints each command on the way. An earlier demo in the folder is replaced.",
-    .example = "sst demo --scene pedestrian --once",
+        "Starts simulated 6x6 arrays before moving scenes and the service on them, and tells where its page is. The\n"
+        "configuration that it writes can be edited and used again. Ctrl-C ends it.\n"
+        "--once renders a scene as an array sees it, computes labels and disparities, looks behind the occluder and\n"
+        "compares that with the truth, by commands that it prints. An earlier one in the folder is replaced.",
+    .example = "sst demo\n  sst demo --scene pedestrian --once",
     .run = run,
 };

@@ -54,9 +54,11 @@ static void print_json(const struct doctor *d)
 
 static void print_text(const struct doctor *d)
 {
+    const int problems = count(d, DOCTOR_PROBLEM), warnings = count(d, DOCTOR_WARNING);
+
     for (int i = 0; i < d->count; i++)
         printf("%-8s %-10s %s\n", level_names[d->finding[i].level], d->finding[i].area, d->finding[i].text);
-    printf("\n%d problems, %d warnings\n", count(d, DOCTOR_PROBLEM), count(d, DOCTOR_WARNING));
+    printf("\n%d problem%s, %d warning%s\n", problems, problems == 1 ? "" : "s", warnings, warnings == 1 ? "" : "s");
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)

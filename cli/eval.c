@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/thread.h"
-#include "cli/cli.h"
+#include "cli/render_args.h"
 #include "pipeline/eval/report.h"
 
 static json_t *number(double v)
@@ -139,7 +139,7 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
     if (err)
         return cli_exit_code(err);
     if (truth.count)
-        what |= SST_LOAD_IMAGES;
+        what |= SST_LOAD_IMAGES | (cfg->verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0);
     err = sst_lightfield_load(&lf, dir, what, threads);
     if (!err) {
         err = sst_report_make(&report, &lf, dir, &truth, truth_dir, cfg, threads);
@@ -156,7 +156,7 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    const char *dir, *truth_dir = NULL;
+    const char *dir, *truth_dir = NULL, *verify = "auto";
     struct sst_render_config cfg;
     bool json = false;
     int threads = 0, r;
@@ -171,6 +171,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             { "c1", 0, CLI_DOUBLE, &cfg.c1, "C", "least depth weight", 0, 1 },
             { "c2", 0, CLI_DOUBLE, &cfg.c2, "C", "least label weight", 0, 1 },
             { "aperture", 0, CLI_DOUBLE, &cfg.aperture, "R", "aperture radius, spacings; inf: all", 0, INFINITY },
+            CLI_VERIFY_OPTION(verify),
             { "threads", 0, CLI_INT, &threads, "N", "threads to use (default: all processors)", 1, 256 },
         };
 
@@ -180,12 +181,15 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!truth_dir)
         return cli_usage_error(cmd, "--truth DIR is missing");
+    r = cli_read_verify(&cfg.verify, verify, cmd);
+    if (r != CLI_GO_ON)
+        return r;
     return measure(dir, truth_dir, &cfg, sst_thread_count(threads), json);
 }
 
 const struct cli_command cli_eval = {
     .name = "eval",
-    .usage = "LF --truth DIR [--json] [--sigma PX] [--c1 C] [--c2 C] [--aperture R] [--threads N]",
+    .usage = "LF --truth DIR [--json] [--sigma PX] [--c1 C] [--c2 C] [--aperture R] [--verify-rays W] [--threads N]",
     .summary = "disparity, labels and see-through pictures against the truth",
     .detail = "Measures what the folder has truth for: disparity maps (rr_cc.pfm), label maps (rr_cc.png), and, by\n"
               "truth.json, the picture behind each occluder against a rendering focused on it. PSNR is in dB, shares\n"

@@ -38,6 +38,8 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         printf("%dx%d views of %dx%d: ", lf->rows, lf->cols, lf->width, lf->height);
         if (r->disp_max_px > r->disp_min_px)
             printf("disparity %g..%g px, ", r->disp_min_px, r->disp_max_px);
+        if (!isnan(r->confirmed))
+            printf("%.1f %% confirmed by other views, ", r->confirmed);
         if (!isnan(r->coverage_refined))
             printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined,
                    r->coverage_hcsm);
@@ -46,8 +48,9 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         return 0;
     }
     root = json_pack(
-        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols, "width",
-        lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px, "eps_h",
+        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols, "width",
+        lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px, "confirmed_percent",
+        isnan(r->confirmed) ? json_null() : json_real(r->confirmed), "eps_h",
         isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
         isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
         isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",

@@ -145,6 +145,9 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
            i->cols, format, i->width, i->height, i->rate_hz);
     printf("sets      %d in %d runs, %d complete, %d with missing or bad frames, %.3f GB\n", s->sets, s->runs,
            s->complete, s->sets - s->damaged - s->complete, (double)s->bytes * 1e-9);
+    if (sst_recording_removed(recording)->before_segment)
+        printf("removed   the first %llu sets, to make room\n",
+               (unsigned long long)sst_recording_removed(recording)->sets);
     printf("rate      %.3f Hz (median), %d gaps, longest distance %.3f s\n", period > 0 ? 1e9 / (double)period : 0,
            s->gaps, (double)percentile(s->period_ns, s->periods, 100) * 1e-9);
     printf("skew      p50 %.1f us, p99 %.1f us, max %.1f us", (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3,
@@ -192,7 +195,7 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
 
     sst_pixel_format_name(s->info->fourcc, format);
     root = json_pack("{s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:i, s:i, s:i, s:i, s:I, s:I, s:f, s:i, s:f,"
-                     " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:o}",
+                     " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:I, s:o}",
                      "rows", s->info->rows, "cols", s->info->cols, "cameras", s->info->cameras, "pixel_format", format,
                      "width", s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets",
                      s->sets, "runs", s->runs, "complete", s->complete, "partial", s->sets - s->damaged - s->complete,
@@ -203,7 +206,8 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
                      (double)percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
                      (double)percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s), "verified",
                      verify, "damaged", s->damaged, "damage", s->damage, "torn_bytes",
-                     (json_int_t)sst_recording_torn_bytes(recording), "tracks", cameras_to_json(s));
+                     (json_int_t)sst_recording_torn_bytes(recording), "removed_sets",
+                     (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
     text = root ? json_dumps(root, JSON_COMPACT) : NULL;
     json_decref(root);
     if (!text)

@@ -32,7 +32,8 @@ static double worst_dz(const struct sst_rectified *to)
     return worst;
 }
 
-static int print_json(const struct sst_lightfield *lf, const struct sst_kept *worst, const struct sst_kept *mean)
+static int print_json(const struct sst_lightfield *lf, const struct sst_pixels_kept *worst,
+                      const struct sst_pixels_kept *mean)
 {
     const struct sst_rectified *to = lf->rectified;
     json_t *root = json_pack(
@@ -47,7 +48,8 @@ static int print_json(const struct sst_lightfield *lf, const struct sst_kept *wo
     return cli_print_json(root);
 }
 
-static void print_text(const struct sst_lightfield *lf, const struct sst_kept *worst, const struct sst_kept *mean)
+static void print_text(const struct sst_lightfield *lf, const struct sst_pixels_kept *worst,
+                       const struct sst_pixels_kept *mean)
 {
     const struct sst_rectified *to = lf->rectified;
     const double dz = worst_dz(to);
@@ -75,7 +77,7 @@ static void progress(void *arg, double done)
 /* What came out; the geometry is that of the calibrated light field, which a baked one has forgotten. */
 static int report(const char *out, struct sst_lightfield *calibrated, int threads, bool json)
 {
-    struct sst_kept worst, mean;
+    struct sst_pixels_kept worst, mean;
     struct sst_lightfield made;
     int err = sst_lightfield_kept(calibrated, threads, &worst, &mean);
 

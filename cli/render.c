@@ -74,11 +74,18 @@ static void report(const struct picture *p, const struct render_input *in, const
         json_object_set_new(root, "sampling", json_string(in->lf.images_raw ? "raw" : "rectified"));
     if (a->label)
         json_object_set_new(root, "label", json_string(a->label));
+    if (a->cfg.method == SST_RENDER_SST) {
+        const double confirmed = sst_renderer_confirmed(in->renderer);
+
+        json_object_set_new(root, "verify_rays", json_string(a->verify));
+        json_object_set_new(root, "confirmed_percent", isnan(confirmed) ? json_null() : json_real(100 * confirmed));
+    }
     if (sst_renderer_disparities(in->renderer, &lo, &hi))
         json_object_set_new(root, "disparity_px", json_pack("[f, f]", lo, hi));
     if (p->repeat)
-        json_object_set_new(root, "render_ms", json_pack("{s:f, s:f, s:i}", "median", p->ms[p->repeat / 2],
-                                                         "min", p->ms[0], "repeat", p->repeat));
+        json_object_set_new(
+            root, "render_ms",
+            json_pack("{s:f, s:f, s:i}", "median", p->ms[p->repeat / 2], "min", p->ms[0], "repeat", p->repeat));
     json_dumpf(root, stdout, JSON_INDENT(2));
     putchar('\n');
     json_decref(root);
@@ -155,6 +162,10 @@ const struct cli_command cli_render = {
         "Every ray is weighted by its disparity and by the depth range of its label: rays of what lies in front of\n"
         "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
         "nearer. `--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
+        "\n"
+        "Where disparities are poor, as behind dense leaves, and leave next to no ray to the focus, rays whose\n"
+        "colours agree at the focus make the picture (--verify-rays auto). Given disparities are trusted; on verifies\n"
+        "these, too, and off counts rays by disparity and label alone.\n"
         "\n"
         "A light field with a calibration holds raw frames. With --sampling raw the rays are sampled from them at once,\n"
         "which is sharper and less work for few views or pictures; rectified makes all views first; auto (default)\n"

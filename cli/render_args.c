@@ -13,7 +13,12 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 {
     struct sst_render_config *cfg = &a->cfg;
 
-    *a = (struct render_args){ .method = "sst", .range = "object", .unsupported = "refocus", .sampling = "auto", .pictures = 1 };
+    *a = (struct render_args){ .method = "sst",
+                               .range = "object",
+                               .unsupported = "refocus",
+                               .sampling = "auto",
+                               .verify = "auto",
+                               .pictures = 1 };
     sst_render_config_defaults(cfg);
     const struct cli_option made[RENDER_OPTIONS] = {
         { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default) or refocus (all rays alike)", 0, 0 },
@@ -25,10 +30,11 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "c2", 0, CLI_DOUBLE, &cfg->c2, "C", "label weight: least weight, 0..1 (0.02; 1: no say)", 0, 1 },
         { "range", 0, CLI_STRING, &a->range, "R", "depth range of a label: object (default), percentile, minmax", 0,
           0 },
-        { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range (0.01)",
-          0, 0.5 },
-        { "unsupported", 0, CLI_STRING, &a->unsupported, "U", "pixels no ray supports: refocus (default) or invalid",
-          0, 0 },
+        { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range (0.01)", 0,
+          0.5 },
+        { "unsupported", 0, CLI_STRING, &a->unsupported, "U", "pixels no ray supports: refocus (default) or invalid", 0,
+          0 },
+        CLI_VERIFY_OPTION(a->verify),
         { "aperture", 'a', CLI_DOUBLE, &cfg->aperture, "R", "use views within R spacings of the viewpoint", 0,
           INFINITY },
         { "f-stop", 0, CLI_DOUBLE, &a->f_stop, "N", "the same as 1/N of the widest aperture, N >= 1", 1, 1e6 },
@@ -40,8 +46,8 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
           SST_MAX_VIEWS },
         { "sampling", 0, CLI_STRING, &a->sampling, "S",
-          "calibrated light fields: straight from raw frames, from rectified views, or auto (whichever is less work)", 0,
-          0 },
+          "calibrated light fields: straight from raw frames, from rectified views, or auto (whichever is less work)",
+          0, 0 },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
         { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder", 0, 0 },
         { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object", 0, 0 },
@@ -59,23 +65,38 @@ static int find_word(const struct cli_command *cmd, const char *option, const ch
     for (int i = 0; i < n; i++) {
         if (!strcasecmp(word, words[i]))
             return i;
-        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", !i ? "" : i + 1 == n ? " or " : ", ",
+        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s",
+                 !i           ? ""
+                 : i + 1 == n ? " or "
+                              : ", ",
                  words[i]);
     }
     cli_usage_error(cmd, "--%s %s is none of %s", option, word, list);
     return -1;
 }
 
+int cli_read_verify(enum sst_render_verify *verify, const char *word, const struct cli_command *cmd)
+{
+    static const char *const words[] = { "off", "on", "auto" };
+    const int found = find_word(cmd, "verify-rays", word, words, 3);
+
+    if (found < 0)
+        return CLI_USAGE;
+    *verify = (enum sst_render_verify)found;
+    return CLI_GO_ON;
+}
+
 static int read_words(struct render_args *a, const struct cli_command *cmd)
 {
     static const char *const methods[] = { "refocus", "sst" }, *const ranges[] = { "object", "percentile", "minmax" },
-                      *const unsupported[] = { "refocus", "invalid" };
+                             *const unsupported[] = { "refocus", "invalid" };
     static const char *const samplings[] = { "auto", "raw", "rectified" };
     const int method = find_word(cmd, "method", a->method, methods, 2);
     const int range = method < 0 ? -1 : find_word(cmd, "range", a->range, ranges, 3);
     const int fallback = range < 0 ? -1 : find_word(cmd, "unsupported", a->unsupported, unsupported, 2);
 
-    if (fallback < 0 || find_word(cmd, "sampling", a->sampling, samplings, 3) < 0)
+    if (fallback < 0 || find_word(cmd, "sampling", a->sampling, samplings, 3) < 0 ||
+        cli_read_verify(&a->cfg.verify, a->verify, cmd) != CLI_GO_ON)
         return CLI_USAGE;
     if (a->views_needed && !strcasecmp(a->sampling, "raw"))
         return cli_usage_error(cmd, "--explain shows rectified views; leave out --sampling raw");
@@ -168,6 +189,7 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     if (r != CLI_GO_ON)
         return r;
     what = a->cfg.method == SST_RENDER_SST ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
+    what |= a->cfg.method == SST_RENDER_SST && a->cfg.verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0;
     r = choose_sampling(a, path, &what);
     if (r != CLI_GO_ON)
         return r;

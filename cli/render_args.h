@@ -7,17 +7,27 @@
 
 struct render_args {
     struct sst_render_config cfg;
-    const char *label, *method, *range, *unsupported, *sampling; /* as written */
+    const char *label, *method, *range, *unsupported, *sampling, *verify; /* as written */
     int pictures;      /* that will be rendered: what `--sampling auto` goes by */
     bool views_needed; /* rectified views are looked at besides */
-    double f_stop; /* 0: not given */
+    double f_stop;     /* 0: not given */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 19
+#define RENDER_OPTIONS 20
 
 /** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
+
+/** What `--verify-rays` says. */
+#define CLI_VERIFY_OPTION(value)                                                                                       \
+    {                                                                                                                  \
+        "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
+            "count rays whose colours agree at the focus: auto (default: where the maps are poor), on or off", 0, 0    \
+    }
+
+/** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */
+int cli_read_verify(enum sst_render_verify *verify, const char *word, const struct cli_command *cmd);
 
 /** A light field ready to render. */
 struct render_input {
@@ -27,7 +37,8 @@ struct render_input {
 };
 
 /**
- * Read the words among the options, load what the method needs, as raw frames or rectified, find the label and turn the f-stop into a radius.
+ * Read the words among the options, load what the method needs, as raw frames or rectified, find the label and turn the
+ * f-stop into a radius.
  * @return CLI_GO_ON, or the exit code of the failure, which was logged; then nothing is to be freed
  */
 int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path);

@@ -19,6 +19,7 @@ static const struct {
     { "libmodbus", WITH_MODBUS },
     { "libgpiod", WITH_GPIOD > 0 },
     { "libdogleg", WITH_DOGLEG },
+    { "libcurl", WITH_CURL },
 };
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };

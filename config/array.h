@@ -65,9 +65,10 @@ struct sst_array_config {
 void sst_array_config_defaults(struct sst_array_config *cfg);
 
 /**
- * Read a configuration file (YAML; config/sstd.yaml explains every key) over the defaults.
+ * Read a configuration file (YAML; config/sstd.yaml explains every key) and the parts of conf.d beside it over the
+ * defaults, as sst_config_read() does; the service's keys may be there, and are not looked at.
  *
- * @param path  NULL: /etc/sst/sstd.yaml if it is there, else the defaults alone
+ * @param path  NULL: /etc/sst/sstd.yaml if it is there, else the defaults alone (conf.d is read all the same)
  * @return 0, -ENOENT/-EACCES, -EBADMSG (all faults logged with file:line:column), -ENOMEM; cfg untouched on failure.
  */
 SST_MUST_CHECK int sst_array_config_read(struct sst_array_config *cfg, const char *path);

@@ -9,10 +9,11 @@
 #include <yaml.h>
 
 #include "base/log.h"
+#include "base/word.h"
 
 struct fault {
     int line, column;
-    char text[320];
+    char text[480];
 };
 
 struct sst_yaml_asked {
@@ -34,6 +35,7 @@ struct builder {
     int depth, documents;
     char *key;
     int key_line, key_column;
+    bool again; /* it was there before */
 };
 
 /* --- faults ------------------------------------------------------------------------------------------------------- */
@@ -53,7 +55,7 @@ static void note(struct sst_yaml *doc, int line, int column, const char *text)
 void sst_yaml_fault(struct sst_yaml *doc, const struct sst_yaml_node *at, const char *fmt, ...)
 {
     const struct sst_yaml_node *named = at;
-    char what[240], text[320];
+    char what[400], text[480];
     va_list args;
 
     va_start(args, fmt);
@@ -172,9 +174,11 @@ static int append(struct builder *b, const yaml_event_t *e, enum sst_yaml_type t
         .key = b->key,
         .key_line = b->key_line,
         .key_column = b->key_column,
+        .again = b->again,
         .parent = parent,
     };
     b->key = NULL;
+    b->again = false;
     if (!parent)
         b->doc->root = node;
     else if (parent->last)
@@ -205,6 +209,7 @@ static int take_key(struct builder *b, const yaml_event_t *e)
         snprintf(text, sizeof(text), "%.60s is there already, in line %d; keep one of them", b->key,
                  find(b->open, b->key)->key_line);
         note(b->doc, b->key_line, b->key_column, text);
+        b->again = true;
     }
     return 0;
 }
@@ -329,6 +334,18 @@ int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const c
     return err;
 }
 
+bool sst_yaml_empty(const struct sst_yaml *doc)
+{
+    const struct sst_yaml_node *r = doc->root;
+
+    return !r || (r->type == SST_YAML_SCALAR && r->plain && !*r->text);
+}
+
+const char *sst_yaml_name(const struct sst_yaml *doc)
+{
+    return doc->name;
+}
+
 struct sst_yaml_node *sst_yaml_root(struct sst_yaml *doc)
 {
     if (doc->root && doc->root->type == SST_YAML_MAP)
@@ -394,47 +411,15 @@ void sst_yaml_know_tree(struct sst_yaml_node *node)
     }
 }
 
-#define WORD_MAX 60 /* longer keys are not compared */
-
-/* Letters left out, too many, wrong or exchanged with the next (optimal string alignment). */
-static int slips(const char *a, const char *b)
-{
-    const int n = (int)strlen(a), m = (int)strlen(b);
-    int cost[3][WORD_MAX + 1]; /* rows i - 2, i - 1, i, taken in turns */
-
-    for (int j = 0; j <= m; j++)
-        cost[0][j] = j;
-    for (int i = 1; i <= n; i++) {
-        int *now = cost[i % 3];
-        const int *last = cost[(i + 2) % 3], *before = cost[(i + 1) % 3];
-
-        now[0] = i;
-        for (int j = 1; j <= m; j++) {
-            now[j] = sst_min_int(sst_min_int(last[j], now[j - 1]) + 1, last[j - 1] + (a[i - 1] != b[j - 1]));
-            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-                now[j] = sst_min_int(now[j], before[j - 2] + 1);
-        }
-    }
-    return cost[n % 3][m];
-}
-
-/* The key that a wrong one most likely means: a slip or two away, or lacking its unit ("rate" for "rate_hz"). */
+/* The key that a wrong one most likely means, of those that are not there. */
 static const char *meant(const struct sst_yaml_node *map, const char *key)
 {
-    const size_t n = strlen(key);
     const char *best = NULL;
-    int least = 1 + (int)(n < 4 ? n / 2 : n < 9 ? 2 : 3);
+    int least = SST_WORD_FAR;
 
-    for (const struct sst_yaml_asked *a = map->asked; n < WORD_MAX && a; a = a->next) {
-        const struct sst_yaml_node *there = map->first;
-        const bool unit = n > 1 && !strncmp(a->key, key, n) && a->key[n] == '_';
-        int distance;
+    for (const struct sst_yaml_asked *a = map->asked; a; a = a->next) {
+        const int distance = find(map, a->key) ? SST_WORD_FAR : sst_word_distance(key, a->key);
 
-        while (there && strcmp(there->key, a->key) != 0)
-            there = there->next;
-        if (there || strlen(a->key) >= WORD_MAX)
-            continue;
-        distance = unit ? 1 : slips(key, a->key);
         if (distance < least || (best && distance == least && strcmp(a->key, best) < 0)) {
             best = a->key;
             least = distance;
@@ -448,6 +433,8 @@ static void note_unknown(struct sst_yaml *doc, const struct sst_yaml_node *node)
     char text[200];
 
     for (const struct sst_yaml_node *n = node->first; n; n = n->next) {
+        if (n->again)
+            continue; /* told already; nobody asked for what is in it */
         if (node->type == SST_YAML_MAP && !n->known) {
             const char *best = meant(node, n->key);
 

@@ -33,6 +33,7 @@ struct sst_yaml_node {
     int count;                           /* children */
     struct sst_yaml_node *first, *next;  /* child; sibling */
     struct sst_yaml_node *last, *parent; /* child; NULL for the root */
+    bool again;                          /* its mapping has the key twice: a fault, told when it was read */
     bool known;                          /* sst_yaml_get() asked for it */
     struct sst_yaml_asked *asked;        /* keys that it asked this mapping for: what a wrong one may have meant */
 };
@@ -47,6 +48,12 @@ struct sst_yaml_node {
  */
 SST_MUST_CHECK int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const char *name);
 void sst_yaml_destroy(struct sst_yaml *doc);
+
+/** Nothing but comments. */
+bool sst_yaml_empty(const struct sst_yaml *doc);
+
+/** The file's name, as it was given. */
+const char *sst_yaml_name(const struct sst_yaml *doc);
 
 /** The document's mapping; where it is anything else that is a fault, and NULL. */
 struct sst_yaml_node *sst_yaml_root(struct sst_yaml *doc);
@@ -70,7 +77,8 @@ void sst_yaml_know_tree(struct sst_yaml_node *node);
 void sst_yaml_fault(struct sst_yaml *doc, const struct sst_yaml_node *at, const char *fmt, ...) SST_PRINTF(3, 4);
 
 /* Typed readers: true, or a fault noted (where the node is there) and *out untouched. Numbers and booleans are written
- * without quotes; NaN, infinities and hexadecimal are no numbers here. */
+ * without quotes; NaN, infinities, hexadecimal and what begins with a 0 too many (others read it as octal) are no
+ * numbers here. */
 bool sst_yaml_double(struct sst_yaml *doc, const struct sst_yaml_node *node, double min, double max, double *out);
 bool sst_yaml_int(struct sst_yaml *doc, const struct sst_yaml_node *node, int min, int max, int *out);
 bool sst_yaml_bool(struct sst_yaml *doc, const struct sst_yaml_node *node, bool *out);

@@ -22,12 +22,19 @@ static bool has_text(struct sst_yaml *doc, const struct sst_yaml_node *node, con
     return false;
 }
 
+/* 012 is twelve to some readers of YAML and ten to others. */
+static bool octal(const char *text)
+{
+    text += *text == '-' || *text == '+';
+    return *text == '0' && isdigit((unsigned char)text[1]);
+}
+
 /* Only digits, signs, a point and an exponent: strtod alone would also take "nan", "inf" and "0x1p3". */
 static bool number(const struct sst_yaml_node *node, double *out)
 {
     char *end;
 
-    if (!node->plain || strspn(node->text, "0123456789+-.eE") != strlen(node->text))
+    if (!node->plain || octal(node->text) || strspn(node->text, "0123456789+-.eE") != strlen(node->text))
         return false;
     *out = strtod(node->text, &end);
     return end != node->text && !*end && isfinite(*out);
@@ -60,8 +67,10 @@ bool sst_yaml_int(struct sst_yaml *doc, const struct sst_yaml_node *node, int mi
         return false;
     errno = 0;
     v = strtol(node->text, &end, 10);
-    if (!node->plain || isspace((unsigned char)*node->text) || *end || errno || v < min || v > max) {
-        sst_yaml_fault(doc, node, "wants %s, not %.60s", want, node->text);
+    if (!node->plain || octal(node->text) || isspace((unsigned char)*node->text) || *end || errno || v < min ||
+        v > max) {
+        sst_yaml_fault(doc, node, "wants %s, not %s%.60s%s", want, node->plain ? "" : "\"", node->text,
+                       node->plain ? "" : "\"");
         return false;
     }
     *out = (int)v;

@@ -1,19 +1,98 @@
 #!/usr/bin/env bash
-# Run test programs one after another; exit status 77 is a skip and says why on its last line.
+# Run test programs: JOBS at a time (one for each processor), those that tests/special.txt marks `first` before the others
+# and those marked `alone` one by one at the end. Each test's output is shown whole, in that order. Exit status 77 is a
+# skip and says why on its last line. A test that takes longer than TEST_LIMIT seconds is ended, with all that it started,
+# after what runs in it is shown.
 set -u
-passed=0 failed=0 skipped=0
+cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"
-export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$(dirname "$0")/tsan.supp}"
+export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$PWD/scripts/tsan.supp}"
+jobs=${JOBS:-$(nproc)} limit=${TEST_LIMIT:-900}
+dir=$(mktemp -d) || exit 1
+trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$dir"' EXIT
+trap 'exit 130' INT TERM
+mkfifo "$dir/nothing" || exit 1
+# Simulated worlds are prepared once, for the sanitized builds too, which take minutes for it.
+export XDG_CACHE_HOME="${XDG_CACHE_HOME:-$PWD/build/cache}"
+
+# marked WORD TEST: as the table says, where tests are called unit/disparity, system/page
+marked() {
+  local name=${2##*tests/}
+  grep -qE "^${name%.sh} +$1( |\$)" tests/special.txt
+}
+
+tests=() rest=() alone=()
 for t in "$@"; do
-  start=$(date +%s%N)
-  out=$("$t" 2>&1 </dev/null); rc=$?
-  ms=$(( ($(date +%s%N) - start) / 1000000 ))
-  case $rc in
-    0) passed=$((passed + 1)); echo "pass  $t (${ms} ms)";;
-    77) skipped=$((skipped + 1)); echo "skip  $t: $(tail -n 1 <<<"$out")";;
-    *) failed=$((failed + 1)); echo "FAIL  $t (exit $rc)"; echo "$out" | sed 's/^/      /';;
-  esac
+  if marked alone "$t"; then alone+=("$t"); elif marked first "$t"; then tests+=("$t"); else rest+=("$t"); fi
 done
+tests+=("${rest[@]}")
+together=${#tests[@]}
+tests+=("${alone[@]}")
+
+# tree PID: it and all below it
+tree() {
+  local p
+  echo "$1"
+  for p in $(pgrep -P "$1"); do tree "$p"; done
+}
+
+# Where each process of a test that does not end stands: its threads' states, and their stacks where a debugger is there.
+show_stuck() {
+  local p t
+  for p in $(tree "$1"); do
+    echo "process $p: $(tr '\0' ' ' <"/proc/$p/cmdline")"
+    for t in /proc/"$p"/task/*; do
+      echo "  $(cat "$t/comm"): $(awk '/^State/ { print $2, $3 }' "$t/status"), in $(cat "$t/wchan"), system call $(cat "$t/syscall")"
+    done
+    if command -v gdb >/dev/null; then timeout 60 gdb -p "$p" -batch -ex 'thread apply all bt 12' 2>/dev/null | grep -E '^(Thread|#)'; fi
+  done
+}
+
+# run NUMBER: output in NUMBER.out, at the end status and milliseconds in NUMBER.end
+run() {
+  local start pid rc watch
+  # Not under sanitizers, which want to be loaded first.
+  if [ -e "$SST_BUILD/one_thread.so" ] && marked one-thread "${tests[$1]}"; then export LD_PRELOAD=$SST_BUILD/one_thread.so; fi
+  start=$(date +%s%N)
+  # A session, by which all is found that it leaves behind.
+  setsid timeout -k 10 "$limit" "${tests[$1]}" >"$dir/$1.out" 2>&1 </dev/null & pid=$!
+  # Waits without a child, which could outlive it and keep our output open.
+  (read -r -t "$((limit - limit / 10))" <>"$dir/nothing"; show_stuck $pid >"$dir/$1.stuck" 2>&1) & watch=$!
+  trap 'kill $pid $watch 2>/dev/null; wait $pid; pkill -KILL -s $pid; exit' TERM
+  wait $pid; rc=$?
+  pkill -KILL -s $pid
+  kill $watch 2>/dev/null; wait $watch 2>/dev/null
+  [ "$rc" -ne 124 ] || cat "$dir/$1.stuck" >>"$dir/$1.out"
+  echo "$rc $(( ($(date +%s%N) - start) / 1000000 ))" >"$dir/$1.new"
+  mv "$dir/$1.new" "$dir/$1.end"
+}
+
+shown=0 passed=0 failed=0 skipped=0
+show() {
+  local rc ms t
+  while [ -e "$dir/$shown.end" ]; do
+    read -r rc ms <"$dir/$shown.end"
+    t=${tests[$shown]}
+    case $rc in
+      0) passed=$((passed + 1)); echo "pass  $t (${ms} ms)";;
+      77) skipped=$((skipped + 1)); echo "skip  $t: $(tail -n 1 "$dir/$shown.out")";;
+      *) failed=$((failed + 1))
+         [ "$rc" -eq 124 ] && echo "not ended after $limit s" >>"$dir/$shown.out"
+         echo "FAIL  $t (exit $rc, ${ms} ms)"; sed 's/^/      /' "$dir/$shown.out";;
+    esac
+    shown=$((shown + 1))
+  done
+}
+
+running=0
+for i in "${!tests[@]}"; do
+  [ "$i" -lt "$together" ] || jobs=1
+  while [ "$running" -ge "$jobs" ]; do wait -n; running=$((running - 1)); show; done
+  run "$i" &
+  running=$((running + 1))
+done
+wait
+show
 echo
 echo "$passed passed, $failed failed, $skipped skipped"
-[ "$failed" -eq 0 ]
+[ "$failed" -eq 0 ] && [ "$shown" -eq $# ]

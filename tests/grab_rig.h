@@ -36,12 +36,13 @@ struct rig {
     int held_count, hold_cam; /* this camera's frames are not given back; -1: none */
 };
 
-/** Run this program again inside a new simulated session; exits with 77 where there is no simulator. */
-static inline void rig_enter_session(char **argv)
+/** Run this program again inside a new simulated session of this world; exits with 77 where there is no simulator. */
+static inline void rig_enter_session(char **argv, const char *world)
 {
     const char *build = getenv("SST_BUILD");
     char path[512];
-    char *args[64] = { path, (char *)(uintptr_t)"--quiet", (char *)(uintptr_t)"--" };
+    char *args[64] = { path, (char *)(uintptr_t) "--quiet", (char *)(uintptr_t) "--world", (char *)(uintptr_t)world,
+                       (char *)(uintptr_t) "--" };
 
     if (getenv(SST_SIM_DIR_ENV))
         return;
@@ -50,8 +51,8 @@ static inline void rig_enter_session(char **argv)
         printf("%s is not built: no simulated cameras\n", path);
         exit(77);
     }
-    for (int i = 0; i < 60 && argv[i]; i++)
-        args[i + 3] = argv[i];
+    for (int i = 0; i < 58 && argv[i]; i++)
+        args[i + 5] = argv[i];
     execv(path, args);
     perror(path);
     exit(1);
@@ -66,12 +67,10 @@ static inline int rig_fault(const char *fmt, int cam)
         char text[128];
     } call = { .head = { .op = SST_SIM_FAULT } };
     struct sst_sim_answer answer = { .result = -1 };
-    const struct timeval limit = { .tv_sec = 20 };
     const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     const int length = snprintf(call.text, sizeof(call.text), fmt, cam);
 
     snprintf(name.sun_path, sizeof(name.sun_path), "%s/" SST_SIM_SOCKET, getenv(SST_SIM_DIR_ENV));
-    (void)setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
     if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) ||
         send(fd, &call, sizeof(call.head) + (size_t)length, MSG_NOSIGNAL) < 0 ||
         recv(fd, &answer, sizeof(answer), MSG_TRUNC) < (ssize_t)sizeof(answer))
@@ -83,10 +82,10 @@ static inline int rig_fault(const char *fmt, int cam)
 /** Take back all faults that a test here sets. @return 0 */
 static inline int rig_fault_reset(void)
 {
-    static const char *const names[] = { "unplug", "eio", "error_flag", "gap", "frozen", "truncated", "corrupt_soi",
-                                         "corrupt_eoi", "corrupt_mid", "short", "stall", "busy", "nospace",
-                                         "sequence_wrap", "time_wrap", "backwards", "swap", "control_stuck",
-                                         "slow_open_ms" };
+    static const char *const names[] = { "unplug",    "eio",         "error_flag",    "gap",           "frozen",
+                                         "truncated", "corrupt_soi", "corrupt_eoi",   "corrupt_mid",   "short",
+                                         "stall",     "busy",        "nospace",       "sequence_wrap", "time_wrap",
+                                         "backwards", "swap",        "control_stuck", "slow_open_ms" };
     char fault[64];
     int err = 0;
 

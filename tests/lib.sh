@@ -10,6 +10,18 @@ failed=0
 
 fail() { echo "FAIL: $*"; failed=1; }
 
+# ended PID WHAT: the end of a child, for a minute at most. Its exit status
+ended() {
+  for _ in $(seq 600); do kill -0 "$1" 2>/dev/null || break; sleep 0.1; done
+  kill -KILL "$1" 2>/dev/null && fail "$2 does not end within a minute"
+  wait "$1"
+}
+
+# Before the first `quick`: note when the machine stands still. (No job of this shell's, for which `wait` would wait.)
+watch_machine() { (/usr/bin/python3 "$root/tests/quick.py" watch $$ "$tmp/stood-still" >/dev/null 2>&1 &); }
+# quick MS LIMIT_MS: what has just ended took no longer; as tests/quick.h says, on a machine that is busy with other things too
+quick() { [ "$1" -le "$2" ] || /usr/bin/python3 "$root/tests/quick.py" judge "$1" "$2" "$tmp/stood-still"; }
+
 # judge CODE WORDS RC WHAT: of a run whose standard error is in ./err; ./bad* must not exist afterwards
 judge() {
   [ "$3" -eq "$1" ] || fail "$4: exit $3, not $1: $(head -c 300 err)"

@@ -19,8 +19,6 @@
 #include "daemon/recording/recording.h"
 #include "tests/synthetic_sets.h"
 
-#define DEADLINE_S 300 /* of the whole program, also under a sanitizer on a busy machine */
-
 static char top[] = "/tmp/sst-recording-XXXXXX";
 static char dir[SST_PATH_MAX]; /* of one test */
 static char said[SST_LOG_MAX]; /* the last error */
@@ -55,8 +53,9 @@ static inline int each_teardown(void **state)
 
 static inline struct synthetic small(void)
 {
-    struct synthetic s = { .cameras = 3, .fourcc = V4L2_PIX_FMT_MJPEG, .width = 8, .height = 6, .bytes = 40,
-                           .period_ns = 100000000 };
+    struct synthetic s = {
+        .cameras = 3, .fourcc = V4L2_PIX_FMT_MJPEG, .width = 8, .height = 6, .bytes = 40, .period_ns = 100000000
+    };
 
     synthetic_init(&s);
     return s;
@@ -145,7 +144,6 @@ static inline int begin_tests(bool can_record)
         puts("built without libavformat: nothing can be recorded");
         return 77;
     }
-    alarm(DEADLINE_S);
     sst_log_set_level(SST_LOG_ERROR); /* each warning comes many times */
     return mkdtemp(top) ? 0 : 1;
 }

@@ -18,6 +18,7 @@
 #define EDGES         64   /* told by the trigger's thread and not yet taken */
 #define START_WAIT_MS 3000 /* for cameras that need recovery at the start */
 #define LAST_WAIT_NS  2000000000
+#define STOP_WAIT_NS  300000000  /* when told to stop: what is slow or missing is not waited for */
 #define CHIP_WAIT_NS  30000000000 /* for a trigger's chip that went, to come back */
 #define CHIP_RETRY_NS 200000000
 
@@ -33,8 +34,10 @@ struct sst_capture {
     /* capturing thread */
     uint64_t wanted;
     bool skewed, starting;
-    bool came[SST_CAMERAS_MAX];     /* cameras that have given a frame */
-    char name[SST_CAMERAS_MAX][96]; /* of cameras, for the log */
+    bool came[SST_CAMERAS_MAX];                  /* cameras that have given a frame */
+    int refused_cam;                             /* the first that was refused or lost ... */
+    char refusal[384];                           /* ... and why, for the log */
+    char name[SST_CAMERAS_MAX][SST_HEALTH_NAME]; /* of cameras, for the log */
     struct sst_health health;
     int64_t idle_ns; /* since then the train has failed; 0: it runs */
     struct sst_capture_report report;
@@ -102,7 +105,7 @@ static void watch_skew(struct sst_capture *c, const struct sst_set *set)
     if (set->edge)
         sst_histogram_add(&c->report.from_edge_ns, llabs(set->skew.from_edge_ns));
     c->report.skewed += over;
-    if (over == c->skewed || c->array->source != SST_CONFIG_GPIO)
+    if (c->events.quiet || over == c->skewed || c->array->source != SST_CONFIG_GPIO)
         return; /* without a common trigger skew is what it is */
     c->skewed = over;
     if (over)
@@ -127,7 +130,7 @@ static void on_set(void *arg, struct sst_set *set)
     }
     for (int cam = 0; cam < set->cameras; cam++)
         if (set->frame[cam])
-            sst_health_set(&c->health, cam, c->name[cam]);
+            sst_health_set(&c->health, cam);
     c->report.handed++;
     c->report.complete += set->present == set->cameras;
     c->report.empty += set->present == 0;
@@ -144,7 +147,7 @@ static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucke
 
     if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && !c->starting &&
         c->array->source != SST_CONFIG_SOFTWARE)
-        sst_health_bucket(&c->health, frame, bucket, c->name[frame->cam]); /* marks leave most frames stray */
+        sst_health_bucket(&c->health, frame, bucket); /* marks leave most frames stray */
     sst_grab_release(c->grab, frame);
 }
 
@@ -154,7 +157,7 @@ static void on_frame(void *arg, struct sst_frame *frame)
 
     c->came[frame->cam] = true;
     if (!c->starting)
-        sst_health_frame(&c->health, frame, c->name[frame->cam]);
+        sst_health_frame(&c->health, frame);
     sst_sets_frame(c->sets, frame);
 }
 
@@ -162,24 +165,31 @@ static void on_state(void *arg, int cam, enum sst_grab_state state, const char *
 {
     struct sst_capture *c = arg;
 
-    (void)why;
     if (c->sets)
         sst_sets_camera(c->sets, cam, state == SST_GRAB_STREAMING);
+    if (why && why[0] && state != SST_GRAB_STREAMING && state != SST_GRAB_READY && cam <= c->refused_cam) {
+        c->refused_cam = cam; /* the same one each time */
+        snprintf(c->refusal, sizeof(c->refusal), "; the first is the camera of %s: %s", c->name[cam], why);
+    }
+    if (c->events.camera)
+        c->events.camera(c->events.arg, cam, state, why);
 }
 
 /** On the trigger's thread. */
 static void on_edge(void *arg, const struct sst_trigger_edge *edge)
 {
     struct sst_capture *c = arg;
+    bool full;
 
     pthread_mutex_lock(&c->lock);
-    if (c->edge_count < EDGES)
+    full = c->edge_count == EDGES;
+    if (!full)
         c->edge[(c->edge_first + c->edge_count++) % EDGES] = *edge;
-    else
-        sst_log_error("trigger: edge %llu came while %d were waiting: the capturing thread is held up",
-                      (unsigned long long)edge->index, EDGES);
     pthread_mutex_unlock(&c->lock);
     wake(c);
+    if (full)
+        sst_log_error("trigger: edge %llu came while %d were waiting: the capturing thread is held up",
+                      (unsigned long long)edge->index, EDGES);
 }
 
 static void take_edges(struct sst_capture *c)
@@ -215,18 +225,18 @@ static void take_edges(struct sst_capture *c)
 /* --- opening ------------------------------------------------------------------------------------------------------ */
 
 /** Without `bind`: every capture device that is there, by port, fills the grid row by row. */
-static int bind_all(struct sst_array_config *a)
+static int bind_all(struct sst_array_config *a, bool again)
 {
     struct sst_grab_device *devices;
     int n, err = sst_grab_list(&devices, &n);
 
     if (err)
         return err;
-    if (n > a->rows * a->cols)
+    if (n > a->rows * a->cols && !again)
         sst_log_warning("%d cameras are there, the array has places for %d: the first by port are taken; "
                         "say which in cameras: bind",
                         n, a->rows * a->cols);
-    else if (n && n < a->rows * a->cols)
+    else if (n && n < a->rows * a->cols && !again)
         sst_log_warning(
             "%d cameras are there, the array has places for %d: they fill the first places by port; say where "
             "each sits in cameras: bind (sst identify --write proposes it)",
@@ -343,6 +353,7 @@ static int open_trigger(struct sst_capture *c)
     if (a->source == SST_CONFIG_FREE_RUN)
         return 0;
     sst_capture_trigger_config(&cfg, a);
+    cfg.quiet = c->events.quiet;
     return sst_trigger_open(&c->trigger, &cfg, on_edge, c);
 }
 
@@ -356,12 +367,13 @@ int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, c
     c->array = array;
     c->events = *events;
     c->report.worst_cam = -1;
+    c->refused_cam = SST_CAMERAS_MAX;
     pthread_mutex_init(&c->lock, NULL);
     pthread_cond_init(&c->changed, NULL);
     c->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     err = c->wake_fd < 0 ? -errno : 0;
     if (!err && !array->bound)
-        err = bind_all(array);
+        err = bind_all(array, events->again);
     name_cameras(c);
     if (!err)
         err = open_sets(c);
@@ -403,8 +415,6 @@ static int start_cameras(struct sst_capture *c)
     c->starting = true;
     while (err >= 0 && ready_cameras(c) < c->array->bound && sst_clock_now_ns() < until_ns && !c->stop) {
         err = sst_grab_poll(c->grab, 50);
-        if (err == -EINTR)
-            err = 0;
         sst_sets_tick(c->sets, sst_clock_now_ns());
     }
     if (c->array->source == SST_CONFIG_FREE_RUN)
@@ -414,8 +424,8 @@ static int start_cameras(struct sst_capture *c)
         return err;
     if (ready_cameras(c) || c->stop)
         return 0;
-    sst_log_error("none of the %d cameras streams: the lines above say why; `sst doctor` checks rights and bandwidth",
-                  c->array->bound);
+    sst_log_error("none of the %d cameras streams%s; `sst cameras` lists all, `sst doctor` checks rights and bandwidth",
+                  c->array->bound, c->refusal);
     return -ENODEV;
 }
 
@@ -425,7 +435,6 @@ static int serve(struct sst_capture *c, int64_t until_ns)
     struct pollfd fds[2] = { { .fd = sst_grab_fd(c->grab), .events = POLLIN }, { .fd = c->wake_fd, .events = POLLIN } };
     const int64_t now_ns = sst_clock_now_ns(), due_ns = sst_sets_tick(c->sets, now_ns);
     int64_t wait_ns = (due_ns < until_ns ? due_ns : until_ns) - now_ns;
-    int err;
 
     if (c->trigger && sst_trigger_idle(c->trigger) && wait_ns > CHIP_RETRY_NS)
         wait_ns = CHIP_RETRY_NS;
@@ -433,8 +442,7 @@ static int serve(struct sst_capture *c, int64_t until_ns)
         errno != EINTR)
         return -errno;
     take_edges(c);
-    err = sst_grab_poll(c->grab, 0);
-    return err == -EINTR ? 0 : err;
+    return sst_grab_poll(c->grab, 0);
 }
 
 /** Begin the train again when a failed chip is back. @return its error when it stays away */
@@ -485,13 +493,15 @@ static void end_writer(struct sst_capture *c)
 /** Stop exposing. @return until when to wait for what was exposed */
 static int64_t begin_end(struct sst_capture *c, int64_t now_ns)
 {
+    const int64_t wait_ns = (int64_t)c->array->wait_ms * 1000000 + LAST_WAIT_NS;
+
     if (!c->trigger)
         return now_ns;
     if (sst_trigger_stop(c->trigger)) {
         /* told by the trigger; its train was to be renewed */
     }
     take_edges(c);
-    return now_ns + (int64_t)c->array->wait_ms * 1000000 + LAST_WAIT_NS;
+    return now_ns + (c->stop && wait_ns > STOP_WAIT_NS ? STOP_WAIT_NS : wait_ns);
 }
 
 int sst_capture_run(struct sst_capture *c, uint64_t sets)
@@ -516,13 +526,16 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
         if (end_ns != INT64_MAX && (now_ns >= end_ns || (c->trigger && all_in(c))))
             break;
         err = serve(c, next_ns < end_ns ? next_ns : end_ns);
-        if (c->events.progress && sst_clock_now_ns() >= next_ns) {
+        if (sst_clock_now_ns() >= next_ns) {
             told_ns = sst_clock_now_ns();
-            c->events.progress(c->events.arg, c->report.handed);
+            sst_health_tell(&c->health, c->array->bound, c->name);
+            if (c->events.progress)
+                c->events.progress(c->events.arg, c->report.handed);
         }
     }
     sst_sets_flush(c->sets);
     end_writer(c);
+    sst_health_tell(&c->health, c->array->bound, c->name);
     if (c->events.progress)
         c->events.progress(c->events.arg, c->report.handed);
     return err ? err : trigger_err;
@@ -539,7 +552,7 @@ void sst_capture_stop(struct sst_capture *c)
 void sst_capture_report(const struct sst_capture *capture, struct sst_capture_report *out)
 {
     struct sst_capture *c = (struct sst_capture *)capture;
-    uint64_t ended = 0;
+    uint64_t known;
 
     *out = c->report;
     sst_sets_counters(c->sets, &out->sets);
@@ -559,9 +572,11 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
         for (int i = 0; i < SST_GRAB_RUNGS; i++)
             out->grab.rung[i] += n.rung[i];
     }
+    known = out->sets.waiting;
     for (int i = 0; i < SST_BUCKETS; i++)
-        ended += out->sets.bucket[i];
-    out->unexplained = ended > out->grab.frames ? ended - out->grab.frames : out->grab.frames - ended;
+        known += out->sets.bucket[i];
+    out->trigger_away = c->idle_ns != 0;
+    out->unexplained = known > out->grab.frames ? known - out->grab.frames : out->grab.frames - known;
     out->beats_skipped = c->trigger ? sst_trigger_skipped(c->trigger) : 0;
     pthread_mutex_lock(&c->lock);
     out->refused = c->refused;

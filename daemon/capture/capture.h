@@ -19,6 +19,11 @@ struct sst_capture_events {
     int (*set)(void *arg, const struct sst_set *set);
     /** Told about once a second and at the end, on the capturing thread; may be NULL. */
     void (*progress)(void *arg, uint64_t sets);
+    /** A camera changed its state, on the capturing thread; may be NULL. Already logged. */
+    void (*camera)(void *arg, int cam, enum sst_grab_state state, const char *why);
+    bool quiet; /* of the trigger's chip and of skew, which the report tells, nothing is logged: the caller does */
+    bool again; /* the same was opened before and failed: what was said then of too few or many cameras is not repeated
+                 */
 };
 
 struct sst_capture_report {
@@ -28,9 +33,10 @@ struct sst_capture_report {
     uint64_t refused;                             /* sets that the writer could not take */
     uint64_t skewed;                              /* sets with more skew than the limit */
     struct sst_histogram skew_ns, from_edge_ns; /* of sets with two frames or more; of those with an edge, magnitude */
+    bool trigger_away;                          /* its chip has gone, for now */
     int worst_cam;                              /* of the set with the most skew; -1 */
     struct sst_grab_counters grab;              /* sums over the cameras */
-    uint64_t unexplained; /* frames that ended in no bucket, or in two: 0, or a bug is to be reported */
+    uint64_t unexplained; /* frames that neither wait nor ended in one bucket: 0, or a bug is to be reported */
 };
 
 /**
@@ -52,6 +58,7 @@ SST_MUST_CHECK int sst_capture_run(struct sst_capture *capture, uint64_t sets);
 /** Make run return when the sets that are open are closed; async-signal-safe. */
 void sst_capture_stop(struct sst_capture *capture);
 
+/** Thread: that of run (progress), or any once it has returned. */
 void sst_capture_report(const struct sst_capture *capture, struct sst_capture_report *out);
 /** A camera's own numbers: what it delivered and where its frames ended [SST_BUCKETS]. */
 void sst_capture_camera(const struct sst_capture *capture, int cam, struct sst_grab_counters *grab,

@@ -8,8 +8,15 @@
 
 SST_EXTERN_C_BEGIN
 
-/** A camera is well again after so many sets in a row with a good frame of it and without the trouble. */
+/** A camera is well again after so many sets in a row with a good frame of it and without the trouble ... */
 #define SST_HEALTH_SETS 20
+/** ... and after twice as many each time that it comes again within SST_HEALTH_AGAIN sets, up to SST_HEALTH_SETS_MAX:
+ *  what comes and goes is told a few times, not for months. */
+#define SST_HEALTH_AGAIN    6000
+#define SST_HEALTH_SETS_MAX 10240
+
+/** Longest name of a camera, with its end. */
+#define SST_HEALTH_NAME 96
 
 enum sst_trouble {
     SST_TROUBLE_FLAGGED = 0,
@@ -27,20 +34,30 @@ enum sst_trouble {
 /** Zeroed: all is well. */
 struct sst_health {
     struct {
-        bool on;
-        uint64_t events; /* since it began */
-        int well;        /* sets since the last */
+        bool on, began, ended; /* it is so; since the last telling */
+        uint64_t events;       /* since it began */
+        int well;              /* sets since the last */
+        int need;              /* of them, until it is over; 0: it never was */
     } camera[SST_CAMERAS_MAX][SST_TROUBLES];
 };
 
-/** A frame came: note what its fault bits and its gap say. @param name  of the camera, for the log */
-void sst_health_frame(struct sst_health *h, const struct sst_frame *frame, const char *name);
+/** A frame came: note what its fault bits and its gap say. */
+void sst_health_frame(struct sst_health *h, const struct sst_frame *frame);
 
 /** A frame ended outside a set. */
-void sst_health_bucket(struct sst_health *h, const struct sst_frame *frame, enum sst_bucket bucket, const char *name);
+void sst_health_bucket(struct sst_health *h, const struct sst_frame *frame, enum sst_bucket bucket);
 
 /** A set has a frame of the camera. */
-void sst_health_set(struct sst_health *h, int cam, const char *name);
+void sst_health_set(struct sst_health *h, int cam);
+
+/**
+ * Log what began and what ended since the last call: a line for each kind of trouble, however many cameras have it.
+ *
+ * To be called about once a second.
+ * @param name  of the cameras, for the log
+ * @return lines that were logged
+ */
+int sst_health_tell(struct sst_health *h, int cameras, const char (*name)[SST_HEALTH_NAME]);
 
 SST_EXTERN_C_END
 

@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/thread.h"
 #include "daemon/capture/capture.h"
 
 #define POLL_MS       20
@@ -80,8 +81,6 @@ static void *poll_camera(void *arg)
         struct sst_grab_counters count;
 
         err = sst_grab_poll(g->grab, POLL_MS);
-        if (err == -EINTR)
-            err = 0;
         sst_grab_counters(g->grab, 0, &count);
         pthread_mutex_lock(&g->lock);
         stop = g->stop;
@@ -100,10 +99,9 @@ static bool wait_locked(struct sst_rig_grab *g, int64_t end_ns)
 {
     const int64_t now_ns = sst_clock_now_ns(), until_ns = now_ns + POLL_MS * 1000000;
     const int64_t t_ns = end_ns < until_ns ? end_ns : until_ns;
-    const struct timespec t = { .tv_sec = t_ns / 1000000000, .tv_nsec = t_ns % 1000000000 };
 
     if (!g->got && t_ns > now_ns)
-        (void)pthread_cond_timedwait(&g->arrived, &g->lock, &t);
+        (void)sst_cond_wait_until(&g->arrived, &g->lock, t_ns);
     return g->got != NULL;
 }
 
@@ -259,7 +257,6 @@ int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *
 {
     struct sst_rig_grab *g = calloc(1, sizeof(*g));
     struct sst_trigger_config trigger;
-    pthread_condattr_t monotonic;
     int err;
 
     if (!g)
@@ -267,10 +264,7 @@ int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *
     g->cancel = cancel;
     g->state = SST_GRAB_READY;
     pthread_mutex_init(&g->lock, NULL);
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&g->arrived, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    sst_cond_init(&g->arrived);
     err = choose(g, which);
     if (!err)
         err = open_grab(g, array);

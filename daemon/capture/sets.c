@@ -44,7 +44,8 @@ struct sst_sets {
     double period_ns; /* FREE: as the cameras have it */
     /* under lock */
     pthread_mutex_t lock;
-    bool busy[64]; /* sets of the pool that are open or with the receiver */
+    bool busy[64];    /* sets of the pool that are open or with the receiver */
+    bool counted[64]; /* of them those whose frames are in their buckets */
     struct sst_sets_counters counters;
 };
 
@@ -55,17 +56,17 @@ const char *sst_bucket_name(enum sst_bucket bucket)
     return names[bucket];
 }
 
-static void count(struct sst_sets *s, int cam, enum sst_bucket bucket)
+static void count_locked(struct sst_sets *s, int cam, enum sst_bucket bucket)
 {
-    pthread_mutex_lock(&s->lock);
     s->counters.bucket[bucket]++;
     s->counters.camera[cam][bucket]++;
-    pthread_mutex_unlock(&s->lock);
 }
 
 static void end_frame(struct sst_sets *s, struct sst_frame *frame, enum sst_bucket bucket)
 {
-    count(s, frame->cam, bucket);
+    pthread_mutex_lock(&s->lock);
+    count_locked(s, frame->cam, bucket);
+    pthread_mutex_unlock(&s->lock);
     s->events.release(s->events.arg, frame, bucket);
 }
 
@@ -101,11 +102,19 @@ static struct sst_set *take_set(struct sst_sets *s)
 
 void sst_sets_recycle(struct sst_sets *s, struct sst_set *set, bool dropped)
 {
+    const enum sst_bucket bucket = dropped ? SST_BUCKET_DROPPED : SST_BUCKET_SET;
+
+    pthread_mutex_lock(&s->lock);
     for (int cam = 0; cam < set->cameras; cam++)
         if (set->frame[cam])
-            end_frame(s, set->frame[cam], dropped ? SST_BUCKET_DROPPED : SST_BUCKET_SET);
+            count_locked(s, cam, bucket);
+    s->counted[set - s->pool] = true;
+    pthread_mutex_unlock(&s->lock);
+    for (int cam = 0; cam < set->cameras; cam++)
+        if (set->frame[cam])
+            s->events.release(s->events.arg, set->frame[cam], bucket);
     pthread_mutex_lock(&s->lock);
-    s->busy[set - s->pool] = false;
+    s->busy[set - s->pool] = s->counted[set - s->pool] = false;
     pthread_mutex_unlock(&s->lock);
 }
 
@@ -468,6 +477,10 @@ void sst_sets_counters(const struct sst_sets *sets, struct sst_sets_counters *ou
 
     pthread_mutex_lock(&s->lock);
     *out = s->counters;
+    out->waiting = (uint64_t)s->pending_count;
+    for (int i = 0; i < s->cfg.pool; i++)
+        for (int cam = 0; s->busy[i] && !s->counted[i] && cam < s->cfg.cameras; cam++) /* of open ones, too */
+            out->waiting += s->pool[i].frame[cam] != NULL;
     pthread_mutex_unlock(&s->lock);
 }
 

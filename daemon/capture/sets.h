@@ -76,6 +76,7 @@ struct sst_sets_counters {
     uint64_t relocked;              /* FREE: a camera's beat slipped against the others' */
     uint64_t bucket[SST_BUCKETS];
     uint64_t camera[SST_CAMERAS_MAX][SST_BUCKETS];
+    uint64_t waiting; /* frames that have not ended: of sets that are open or with the receiver, or ahead of theirs */
 };
 
 /** @return 0, -EINVAL, -ENOMEM. */
@@ -101,6 +102,7 @@ void sst_sets_flush(struct sst_sets *sets);
  *  @param dropped  by policy: its frames are counted as dropped instead */
 void sst_sets_recycle(struct sst_sets *sets, struct sst_set *set, bool dropped);
 
+/** Thread: that which tells of frames and triggers. */
 void sst_sets_counters(const struct sst_sets *sets, struct sst_sets_counters *out);
 
 /** Every set must have been recycled. NULL is fine. */

@@ -181,7 +181,7 @@ int sst_append_prepare(struct sst_append *out, const struct sst_recorder_config 
     last = r->count ? &r->line[r->count - 1] : NULL;
     segment = last ? last->segment : -1;
     made.manifest_bytes = last ? last->at + last->bytes + 1 : 0;
-    made.segment = segment + 1;
+    made.segment = sst_max_int(segment + 1, r->removed.before_segment); /* numbers below would count as removed */
     made.session = last ? last->session + 1 : 0;
     if (made.segment > SEGMENT_MAX) {
         sst_log_error("%s has all of its %d segments; record into another folder", cfg->dir, SEGMENT_MAX + 1);

@@ -18,6 +18,7 @@ struct sst_recording {
     char *dir;
     int fd; /* of sets.jsonl */
     struct sst_recording_info info;
+    struct sst_recording_removed removed;
     struct sst_index_line *line; /* [count], one a set */
     int count, capacity;
     int segment, session; /* of the last segment's line; -1 and 0: none */

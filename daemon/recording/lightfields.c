@@ -168,9 +168,10 @@ static void describe(struct job *job)
     snprintf(lf->source, sizeof(lf->source),
              "recording import of %.700s, set %d: trigger %llu of run %d, %s, t_ns %lld "
              "(%s), skew %.3f us, %d of %d views",
-             sst_recording_dir(job->recording), job->number, (unsigned long long)set->index, set->session, wall,
-             (long long)set->t_ns, set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3,
-             present, job->info->cameras);
+             job->cfg->source ? job->cfg->source : sst_recording_dir(job->recording), job->number,
+             (unsigned long long)set->index, set->session, wall, (long long)set->t_ns,
+             set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3, present,
+             job->info->cameras);
     make_utf8(lf->source);
 }
 
@@ -292,6 +293,14 @@ static int write_line(const struct job *job)
     return err;
 }
 
+static int write_picture(const struct job *job)
+{
+    char path[SST_PATH_MAX];
+    const int err = sst_path_join(path, job->dir, job->cfg->picture);
+
+    return err ? err : sst_file_write(path, job->cfg->picture_data, job->cfg->picture_bytes);
+}
+
 static int fill(struct job *job)
 {
     char path[SST_PATH_MAX];
@@ -311,6 +320,8 @@ static int fill(struct job *job)
         return err;
     describe(job);
     err = write_line(job);
+    if (!err && job->cfg->picture)
+        err = write_picture(job);
     return err ? err : sst_lightfield_write(&job->lf, job->dir, job->cfg->threads);
 }
 

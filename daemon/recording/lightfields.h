@@ -12,10 +12,14 @@ struct sst_lightfields_config {
     const int *sets; /* [count] numbers in the recording */
     int count;
     bool each; /* one folder out/set-NNNNNN per set and out/sets.json, even of one set; else out is the light field */
-    bool allow_partial; /* views may be missing or damaged; the light field then has holes */
-    bool force;         /* replace an output made before */
-    double range_min_px, range_max_px; /* disparities in the scene; equal: unknown */
+    bool allow_partial;                            /* views may be missing or damaged; the light field then has holes */
+    bool force;                                    /* replace an output made before */
+    double range_min_px, range_max_px;             /* disparities in the scene; equal: unknown */
     const struct sst_use_calibration *calibration; /* of this array, or NULL: the views are as the cameras saw them */
+    const char *source;                            /* what it says that it was made of; NULL: the recording's folder */
+    const char *picture;                           /* a further file in each light field: its name, or NULL */
+    const void *picture_data;
+    size_t picture_bytes;
     int threads;
     void (*progress)(void *arg, double done); /* or NULL */
     void *progress_arg;

@@ -181,11 +181,16 @@ static int open_files(struct sst_recorder *r)
     return 0;
 }
 
-/* The names of the list and of the segments' folder, in the recording's. */
+/* The names of the list and of the segments' folder, in the recording's; and its own, without which they are nothing. */
 static int sync_names(const struct sst_recorder *r)
 {
-    const int err = sst_sync_folder(r->dir);
+    char above[SST_PATH_MAX];
+    int err = sst_sync_folder(r->dir);
 
+    if (!err && !sst_path_join(above, r->dir, ".."))
+        err = sst_sync_folder(above);
+    if (err == -EACCES) /* one may write into a folder without reading the one above */
+        err = 0;
     if (err)
         sst_log_error("cannot sync the folder %s: %s", r->dir, strerror(-err));
     return err ? code_of(err) : 0;
@@ -468,6 +473,14 @@ int sst_recorder_write(struct sst_recorder *r, const struct sst_set *set)
     for (int k = 0; k < set->cameras; k++)
         r->counters.bytes += set->frame[k] ? set->frame[k]->bytes : 0;
     return 0;
+}
+
+void sst_recorder_set_segment_bytes(struct sst_recorder *r, int64_t bytes)
+{
+    struct sst_recorder_config defaults;
+
+    sst_recorder_config_defaults(&defaults);
+    r->cfg.segment_bytes = bytes > 0 ? bytes : defaults.segment_bytes;
 }
 
 void sst_recorder_counters(struct sst_recorder *r, struct sst_recorder_counters *out)

@@ -62,6 +62,9 @@ SST_MUST_CHECK int sst_recorder_open(struct sst_recorder **out, const struct sst
  */
 SST_MUST_CHECK int sst_recorder_write(struct sst_recorder *recorder, const struct sst_set *set);
 
+/** Segments from the next set on: a new one after this much; 0: the default. */
+void sst_recorder_set_segment_bytes(struct sst_recorder *recorder, int64_t bytes);
+
 void sst_recorder_counters(struct sst_recorder *recorder, struct sst_recorder_counters *out);
 
 /** Finish the segment and sync everything; waits for the disk. @return 0 or the error that closing met (logged). NULL

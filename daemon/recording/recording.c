@@ -48,6 +48,8 @@ static int index_line(struct sst_recording *r, const char *line, size_t n, int64
         r->session = s.session;
         return 0;
     }
+    if (r->segment >= 0 && r->segment < r->removed.before_segment)
+        return 0;
     l = next_line(r);
     if (!l)
         return -ENOMEM;
@@ -103,6 +105,8 @@ int sst_recording_open(struct sst_recording **out, const char *dir)
     if (!err)
         err = sst_setlist_read_info(path, &r->info);
     if (!err)
+        err = sst_recording_read_removed(dir, &r->removed);
+    if (!err)
         err = sst_path_join(path, dir, "sets.jsonl");
     if (err)
         goto fail;
@@ -144,6 +148,11 @@ const char *sst_recording_dir(const struct sst_recording *r)
 int sst_recording_sets(const struct sst_recording *r)
 {
     return r->count;
+}
+
+const struct sst_recording_removed *sst_recording_removed(const struct sst_recording *r)
+{
+    return &r->removed;
 }
 
 int64_t sst_recording_torn_bytes(const struct sst_recording *r)
@@ -208,6 +217,30 @@ int sst_recording_set(const struct sst_recording *r, int i, struct sst_recording
     set->segment = r->line[i].segment;
     set->session = r->line[i].session;
     return 0;
+}
+
+int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *segment, int64_t *wall_ns,
+                           struct sst_recording_frame *frame)
+{
+    struct sst_recording_set *set;
+    char *text;
+    int err = sst_recording_line(r, i, &text);
+
+    if (err)
+        return err;
+    *segment = r->line[i].segment;
+    err = sst_setlist_parse_frame(text, cam, wall_ns, frame);
+    free(text);
+    if (!err)
+        return 0;
+    set = malloc(sizeof(*set));
+    err = set ? sst_recording_set(r, i, set) : -ENOMEM;
+    if (!err) {
+        *wall_ns = set->wall_ns;
+        *frame = set->frame[cam];
+    }
+    free(set);
+    return err;
 }
 
 /* An offset that no file can have must not reserve memory for its frame. */

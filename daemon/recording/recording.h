@@ -3,6 +3,7 @@
 #define SST_DAEMON_RECORDING_RECORDING_H
 
 #include "daemon/recording/recorder.h"
+#include "daemon/recording/shorten.h"
 
 SST_EXTERN_C_BEGIN
 
@@ -39,7 +40,8 @@ struct sst_recording_set {
 
 /**
  * Read recording.json and index sets.jsonl; lines of sets are read again when asked for. A torn end (a recorder was
- * killed, or is at work) is passed over.
+ * killed, or is at work) is passed over, and so are sets that were removed to make room (shorten.h); where the note of
+ * that is damaged, those of segments before the first that is there.
  *
  * @return 0, -ENOENT (no recording), -EBADMSG, -EIO, -EACCES, -ENOMEM; logged.
  */
@@ -52,11 +54,22 @@ const char *sst_recording_dir(const struct sst_recording *recording);
 /** Number of sets, in the order of recording: 0 .. n-1. */
 int sst_recording_sets(const struct sst_recording *recording);
 
+/** What was removed of its beginning. */
+const struct sst_recording_removed *sst_recording_removed(const struct sst_recording *recording);
+
 /** Bytes behind the last whole line of the manifest. */
 int64_t sst_recording_torn_bytes(const struct sst_recording *recording);
 
 /** What the manifest says of set i. @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged. */
 SST_MUST_CHECK int sst_recording_set(const struct sst_recording *recording, int i, struct sst_recording_set *set);
+
+/**
+ * What the manifest says of one camera's frame in set i: what follows a camera through an hour of sets needs no more.
+ * @param segment, wall_ns  out, of the set; frame: out, without its arrival_ns
+ * @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged.
+ */
+SST_MUST_CHECK int sst_recording_frame_of(const struct sst_recording *recording, int i, int cam, int *segment,
+                                          int64_t *wall_ns, struct sst_recording_frame *frame);
 
 /** The line itself, as it is in the file, without its end. *text to free with free(). The same errors. */
 SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int i, char **text);

@@ -12,7 +12,7 @@
 #include <zlib.h>
 
 #define OFFSET_MAX ((json_int_t)1 << 60)
-#define CRC_BYTES 18 /* ,"crc":"01234567"} */
+#define CRC_BYTES  18 /* ,"crc":"01234567"} */
 
 /* --- writing lines: no memory is asked for ------------------------------------------------------------------------ */
 
@@ -53,7 +53,8 @@ const char *const sst_setlist_columns[SST_SETLIST_COLUMNS] = {
 size_t sst_setlist_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32)
 {
     const char *comma = "";
-    size_t at = put(out, 0, "{\"set\":%" PRIu64 ",\"t_ns\":%" PRId64 ",\"wall_ns\":%" PRId64
+    size_t at = put(out, 0,
+                    "{\"set\":%" PRIu64 ",\"t_ns\":%" PRId64 ",\"wall_ns\":%" PRId64
                     ",\"edge\":%s,\"spread_ns\":%" PRId64 ",\"from_edge_ns\":%" PRId64 ",\"worst_cam\":%d,\"frames\":[",
                     set->index, set->t_ns, set->wall_ns, set->edge ? "true" : "false", set->skew.spread_ns,
                     set->skew.from_edge_ns, set->skew.worst_cam);
@@ -144,8 +145,7 @@ static int read_set(json_t *root, int cameras, struct sst_recording_set *out)
     set.edge = edge;
     set.skew.spread_ns = spread;
     set.skew.from_edge_ns = from_edge;
-    json_array_foreach(frames, i, row)
-        err = err ? err : read_frame(row, cameras, &set);
+    json_array_foreach(frames, i, row) err = err ? err : read_frame(row, cameras, &set);
     if (!json_is_array(frames) || set.present + (int)json_array_size(missing) != cameras)
         err = -EBADMSG;
     if (!err && out)
@@ -154,10 +154,10 @@ static int read_set(json_t *root, int cameras, struct sst_recording_set *out)
 }
 
 int sst_setlist_parse(const char *line, size_t n, int cameras, struct sst_setlist_segment *segment,
-                       struct sst_recording_set *set)
+                      struct sst_recording_set *set)
 {
     struct sst_setlist_segment s;
-    json_int_t start;
+    json_int_t start, wall;
     json_t *root;
     int result = 1;
 
@@ -170,16 +170,52 @@ int sst_setlist_parse(const char *line, size_t n, int cameras, struct sst_setlis
         const int err = read_set(root, cameras, set);
 
         result = err ? err : 1;
-    } else if (json_unpack(root, "{s:i, s:i, s:I}", "segment", &s.segment, "session", &s.session, "start_ns", &start) ||
+    } else if (json_unpack(root, "{s:i, s:i, s:I, s:I}", "segment", &s.segment, "session", &s.session, "start_ns",
+                           &start, "wall_ns", &wall) ||
                s.segment < 0 || s.segment > 999999 || s.session < 0) {
         result = -EBADMSG;
     } else {
         s.start_ns = start;
+        s.wall_ns = wall;
         *segment = s;
         result = 0;
     }
     json_decref(root);
     return result;
+}
+
+int sst_setlist_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *out)
+{
+    struct sst_recording_frame f = { .offset = -1 };
+    int64_t t_ns, wall, from_ns, arrival_ns, bytes, stride;
+    const char *row = strstr(line, ",\"frames\":[");
+    int k = -1;
+
+    if (sscanf(line, "{\"set\":%*20[0-9],\"t_ns\":%20" SCNd64 ",\"wall_ns\":%20" SCNd64, &t_ns, &wall) != 2 || !row)
+        return -EBADMSG;
+    for (row += 11; *row == '[' && k < cam; row = *row == ',' ? row + 1 : row) {
+        k = atoi(row + 1);
+        if (k == cam && sscanf(row,
+                               "[%*d,%" SCNu32 ",%" SCNu32 ",%20" SCNd64 ",%20" SCNd64 ",%20" SCNd64 ",%20" SCNd64
+                               ",%20" SCNd64 ",%u,%" SCNu32 "]",
+                               &f.sequence, &f.lost_before, &from_ns, &arrival_ns, &f.offset, &bytes, &stride,
+                               &f.faults, &f.crc32) != 9)
+            return -EBADMSG;
+        row = strchr(row, ']');
+        if (!row++)
+            return -EBADMSG;
+    }
+    f.present = k == cam;
+    if (f.present && (f.offset < -1 || f.offset > OFFSET_MAX || bytes < 0 || bytes > INT32_MAX || stride < 0 ||
+                      stride > INT32_MAX || __builtin_add_overflow(from_ns, t_ns, &f.t_ns)))
+        return -EBADMSG;
+    if (f.present) {
+        f.bytes = (size_t)bytes;
+        f.stride = (size_t)stride;
+    }
+    *wall_ns = wall;
+    *out = f;
+    return 0;
 }
 
 int sst_segment_path(char out[SST_PATH_MAX], const char *dir, int number)

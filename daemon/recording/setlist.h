@@ -36,7 +36,7 @@ bool sst_setlist_line_whole(const char *line, size_t n);
 
 struct sst_setlist_segment {
     int segment, session;
-    int64_t start_ns;
+    int64_t start_ns, wall_ns; /* of its beginning */
 };
 
 /**
@@ -47,6 +47,14 @@ struct sst_setlist_segment {
  */
 SST_MUST_CHECK int sst_setlist_parse(const char *line, size_t n, int cameras, struct sst_setlist_segment *segment,
                                       struct sst_recording_set *set);
+
+/**
+ * Read one camera's frame from a set's line that is whole and was written here, without reading all others.
+ * @param wall_ns  out, of the set; frame: out, arrival_ns 0; not present: the set has none of the camera
+ * @return 0, -EBADMSG: of another form, perhaps sst_setlist_parse() reads it
+ */
+SST_MUST_CHECK int sst_setlist_parse_frame(const char *line, int cam, int64_t *wall_ns,
+                                           struct sst_recording_frame *frame);
 
 SST_EXTERN_C_END
 

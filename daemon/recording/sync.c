@@ -8,14 +8,15 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/thread.h"
 
-#define MAX_PAIRS 8 /* segments that wait for their last sync */
+#define MAX_PAIRS   8 /* segments that wait for their last sync */
+#define HURRY_PAIRS 4 /* then it comes before its time */
 
 struct pair {
     int segment_fd, manifest_fd;
@@ -116,10 +117,8 @@ static void *run(void *arg)
 
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
-        const struct timespec until = { .tv_sec = due / 1000000000, .tv_nsec = due % 1000000000 };
-
-        if (sst_clock_now_ns() < due) {
-            pthread_cond_timedwait(&s->wake, &s->lock, &until);
+        if (sst_clock_now_ns() < due && s->pairs < HURRY_PAIRS) {
+            (void)sst_cond_wait_until(&s->wake, &s->lock, due);
             continue;
         }
         if (s->pairs)
@@ -135,7 +134,6 @@ static void *run(void *arg)
 int sst_sync_start(struct sst_sync **out, const char *folder, double every_s)
 {
     struct sst_sync *s = calloc(1, sizeof(*s));
-    pthread_condattr_t attr;
     int err;
 
     if (!s)
@@ -147,10 +145,7 @@ int sst_sync_start(struct sst_sync **out, const char *folder, double every_s)
     }
     s->every_ns = (int64_t)(every_s * 1e9);
     pthread_mutex_init(&s->lock, NULL);
-    pthread_condattr_init(&attr);
-    pthread_condattr_setclock(&attr, CLOCK_MONOTONIC);
-    pthread_cond_init(&s->wake, &attr);
-    pthread_condattr_destroy(&attr);
+    sst_cond_init(&s->wake);
     err = -pthread_create(&s->thread, NULL, run, s);
     if (err) {
         sst_log_error("cannot start the thread that syncs %s: %s", folder, strerror(-err));
@@ -177,6 +172,8 @@ int sst_sync_watch(struct sst_sync *s, int segment_fd, int manifest_fd)
         err = -EAGAIN;
     if (!err)
         s->pair[s->pairs++] = p;
+    if (s->pairs >= HURRY_PAIRS)
+        pthread_cond_signal(&s->wake);
     pthread_mutex_unlock(&s->lock);
     if (err && p.segment_fd >= 0)
         close(p.segment_fd);

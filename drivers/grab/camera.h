@@ -58,7 +58,8 @@ struct sst_grab {
     struct sst_jobs *jobs;
     struct sst_grab_watch *watch;
     bool started, closing;
-    int64_t timer_ns; /* what timer_fd is set to */
+    int64_t timer_ns; /* what timer_fd is set to; 0: nothing is due */
+    int64_t judge_ns; /* no camera is taken for silent before */
 
     struct sst_grab_node *nodes; /* [SST_GRAB_NODES_MAX], in order */
     int node_count;

@@ -125,7 +125,7 @@ static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size
 
 static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_pix_format *got, char *why, size_t size)
 {
-    char want[5], is[5], sizes[384] = "";
+    char want[5], is[5], sizes[384] = "", nearest[32];
     int best[2] = { -1, -1 };
 
     sst_fourcc_name(want, cfg->fourcc);
@@ -133,13 +133,16 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_p
     if (got->pixelformat != cfg->fourcc) {
         sst_text_add(why, size, "it has no format %s, it offers ", want);
         add_format_names(fd, why, size);
+        sst_text_add(why, size, "; set cameras: format");
         return -EINVAL;
     }
     nearest_size(fd, cfg, best, sizes, sizeof(sizes));
-    sst_text_add(why, size, "it has no %s of %dx%d, nearest is %dx%d", want, cfg->width, cfg->height,
-                 best[0] < 0 ? (int)got->width : best[0], best[0] < 0 ? (int)got->height : best[1]);
-    if (*sizes)
+    snprintf(nearest, sizeof(nearest), "%dx%d", best[0] < 0 ? (int)got->width : best[0],
+             best[0] < 0 ? (int)got->height : best[1]);
+    sst_text_add(why, size, "it has no %s of %dx%d, nearest is %s", want, cfg->width, cfg->height, nearest);
+    if (*sizes && strcmp(sizes, nearest))
         sst_text_add(why, size, " of %s", sizes);
+    sst_text_add(why, size, "; set cameras: width and height");
     return -EINVAL;
 }
 

@@ -17,10 +17,11 @@
 #include "drivers/grab/camera.h"
 
 /* Cameras that have not answered by then are started when they do. */
-#define OPEN_WAIT_NS (8000 * SST_MS)
+#define OPEN_WAIT_NS  (8000 * SST_MS)
 #define CLOSE_WAIT_NS (1500 * SST_MS)
 /* From STREAMON to the first frame sensors take this, on top of the usual patience. */
 #define WAKE_UP_NS (1500 * SST_MS)
+#define LATE_NS    (20 * SST_MS) /* who is woken that much later than he wanted stood still */
 #define EVENTS_MAX 128
 
 /* What epoll tells besides the cameras, which are their index. */
@@ -46,14 +47,14 @@ void sst_grab_config_defaults(struct sst_grab_config *cfg)
 
 static int check_config(const struct sst_grab_config *cfg)
 {
-    const char *bad = cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX             ? "cameras"
-                      : cfg->width < 1 || cfg->height < 1                            ? "size"
-                      : cfg->width > 65535 || cfg->height > 65535                    ? "size"
-                      : cfg->buffers < 2 || cfg->buffers > SST_STREAM_BUFFERS_MAX    ? "buffers"
-                      : cfg->controls < 0 || cfg->controls > SST_GRAB_CONTROLS_MAX   ? "controls"
-                      : !(cfg->rate_hz >= 0 && cfg->rate_hz <= 100000)               ? "rate"
-                      : cfg->stall_ms < 0 || cfg->stall_ms > 3600000                 ? "stall time"
-                                                                                     : NULL;
+    const char *bad = cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX           ? "cameras"
+                      : cfg->width < 1 || cfg->height < 1                          ? "size"
+                      : cfg->width > 65535 || cfg->height > 65535                  ? "size"
+                      : cfg->buffers < 2 || cfg->buffers > SST_STREAM_BUFFERS_MAX  ? "buffers"
+                      : cfg->controls < 0 || cfg->controls > SST_GRAB_CONTROLS_MAX ? "controls"
+                      : !(cfg->rate_hz >= 0 && cfg->rate_hz <= 100000)             ? "rate"
+                      : cfg->stall_ms < 0 || cfg->stall_ms > 3600000               ? "stall time"
+                                                                                   : NULL;
 
     if (bad) {
         sst_log_error("cameras cannot be grabbed: the %s is out of range; see the configuration", bad);
@@ -129,8 +130,6 @@ static struct sst_grab *create(const struct sst_grab_config *cfg, const struct s
     return g;
 }
 
-static void serve(struct sst_grab *g, int timeout_ms, int *err);
-
 static bool any_job(const struct sst_grab *g)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
@@ -144,11 +143,8 @@ static void wait_for_jobs(struct sst_grab *g)
 {
     const int64_t end_ns = sst_clock_now_ns() + OPEN_WAIT_NS;
 
-    while (any_job(g) && sst_clock_now_ns() < end_ns) {
-        int err;
-
-        serve(g, 100, &err);
-    }
+    while (any_job(g) && sst_clock_now_ns() < end_ns && !sst_grab_poll(g, 100))
+        ;
 }
 
 static void tell_absent(struct sst_grab *g)
@@ -235,10 +231,24 @@ static void serve_one(struct sst_grab *g, const struct epoll_event *e)
     }
 }
 
+/* Who comes late to what was due stood still himself, perhaps with the whole machine: then no camera is judged before
+ * it had the time to send something. Once: what is late again and again is not put off again and again. */
+static bool puts_off(struct sst_grab *g, int64_t now_ns)
+{
+    if (now_ns < g->judge_ns)
+        return true;
+    if (!g->timer_ns || g->timer_ns == g->judge_ns || now_ns - g->timer_ns < LATE_NS)
+        return false;
+    g->judge_ns = now_ns + g->cfg.stall_ms * SST_MS / 2;
+    return true;
+}
+
 static void serve_time(struct sst_grab *g)
 {
     const int64_t now_ns = sst_clock_now_ns();
 
+    if (puts_off(g, now_ns))
+        return;
     for (int i = 0; i < g->cfg.cameras; i++) {
         struct sst_camera *cam = &g->camera[i];
         const int64_t silent_ns = sst_intake_due(g, cam);
@@ -263,7 +273,11 @@ static void set_timer(struct sst_grab *g, int64_t now_ns)
                 due_ns = due[k];
         }
     }
+    if (due_ns && due_ns < g->judge_ns)
+        due_ns = g->judge_ns;
     /* Most frames move it back: waking up once too often is cheaper than setting it for each. */
+    if (!due_ns)
+        g->timer_ns = 0;
     if (!due_ns || (g->timer_ns > now_ns && g->timer_ns <= due_ns))
         return;
     g->timer_ns = due_ns;
@@ -272,24 +286,17 @@ static void set_timer(struct sst_grab *g, int64_t now_ns)
     (void)timerfd_settime(g->timer_fd, TFD_TIMER_ABSTIME, &t, NULL);
 }
 
-static void serve(struct sst_grab *g, int timeout_ms, int *err)
+int sst_grab_poll(struct sst_grab *g, int timeout_ms)
 {
     struct epoll_event events[EVENTS_MAX];
     const int n = epoll_wait(g->epoll_fd, events, EVENTS_MAX, timeout_ms);
+    const int err = n < 0 && errno != EINTR ? -errno : 0; /* a machine that slept interrupts it, without a signal */
 
-    *err = n < 0 ? -errno : 0;
     take_trigger(g);
     for (int i = 0; i < n; i++)
         serve_one(g, &events[i]);
     serve_time(g);
     set_timer(g, sst_clock_now_ns());
-}
-
-int sst_grab_poll(struct sst_grab *g, int timeout_ms)
-{
-    int err;
-
-    serve(g, timeout_ms, &err);
     return err;
 }
 

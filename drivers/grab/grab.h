@@ -112,7 +112,7 @@ SST_MUST_CHECK int sst_grab_open(struct sst_grab **out, const struct sst_grab_co
 SST_MUST_CHECK int sst_grab_start(struct sst_grab *grab);
 
 /** Wait up to timeout_ms (-1: for ever) and serve all that is due: frames, plugs, recovery. Never blocks on one camera.
- *  @return 0, -EINTR, or -errno of the poll itself. */
+ *  @return 0 (also, and early, when a signal came or the machine slept), or -errno of the poll itself. */
 SST_MUST_CHECK int sst_grab_poll(struct sst_grab *grab, int timeout_ms);
 
 /** Readable when sst_grab_poll(grab, 0) has work, timers included: for a caller's own event loop. */

@@ -230,9 +230,10 @@ static int open_chip(struct sst_trigger *t, char *why, size_t size)
 
 static void lose_chip_locked(struct sst_trigger *t, int err)
 {
-    sst_log_error("trigger: GPIO chip \"%s\" failed at beat %llu: %s; the train has ended, and the chip is looked for "
-                  "until it is back",
-                  t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
+    if (!t->cfg.quiet)
+        sst_log_error("trigger: GPIO chip \"%s\" failed at beat %llu: %s; the train has ended, and the chip is looked "
+                      "for until it is back",
+                      t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
     sst_gpio_chip_close(t->chip); /* also lets the lines go, whatever level the last step left */
     t->chip = NULL;
     t->counters.chip_lost++;
@@ -258,7 +259,8 @@ static void find_chip_locked(struct sst_trigger *t)
         if (!err) {
             t->counters.chip_found++;
             t->lost = false;
-            sst_log_warning("trigger: GPIO chip \"%s\" is back", sst_gpio_chip_label(t->chip));
+            if (!t->cfg.quiet)
+                sst_log_warning("trigger: GPIO chip \"%s\" is back", sst_gpio_chip_label(t->chip));
             return;
         }
         wait_ns = wait_ns * 2 > RETRY_MAX_NS ? RETRY_MAX_NS : wait_ns * 2;

@@ -29,6 +29,7 @@ struct sst_trigger_config {
     char loopback[SST_TRIGGER_NAME_MAX]; /* input line wired to an output: its kernel time stamps are the edges; "" */
     bool active_low;
     int pulse_us; /* width, 10..1000000 */
+    bool quiet;   /* a chip that goes or comes back shows in the counters alone: the caller tells of it */
 };
 
 /** One beat of the train. Times are ns on CLOCK_MONOTONIC. */

@@ -23,21 +23,16 @@ static void phase_row(uint8_t *out, const struct sst_map_u8 *luma, int y, int px
     memset(o + w, o[w - 1], CENSUS_MARGIN);
 }
 
-static int make_census(struct sst_descriptor *desc, int phase)
+/* Rows y0 .. y1-1 of the census of one phase. */
+static int census_rows(struct sst_descriptor *desc, int phase, int y0, int y1)
 {
     const size_t w = (size_t)desc->width, padded = sst_mem_stride(w + 2 * CENSUS_MARGIN, 1);
     const struct sst_kernels *k = sst_kernels_get();
-    uint8_t *ring = sst_mem_alloc(7, padded);
-    uint64_t *census;
+    uint8_t *ring = sst_mem_keep(&desc->rows, 7, padded);
 
-    desc->census_stride = sst_mem_stride(w, sizeof(uint64_t)) / sizeof(uint64_t);
-    census = sst_mem_alloc_raw((size_t)desc->height * desc->census_stride, sizeof(uint64_t));
-    desc->census[phase] = census;
-    if (!ring || !census) {
-        sst_mem_free(ring);
+    if (!ring)
         return -ENOMEM;
-    }
-    for (int y = 0, next = -3; y < desc->height; y++) {
+    for (int y = y0, next = y0 - 3; y < y1; y++) {
         const uint8_t *rows[7];
 
         /* Row j of the image, borders repeated, lives in ring slot (j + 7) % 7. */
@@ -45,10 +40,30 @@ static int make_census(struct sst_descriptor *desc, int phase)
             phase_row(ring + (size_t)((next + 7) % 7) * padded, &desc->luma, next, phase % 4, phase / 4);
         for (int j = 0; j < 7; j++)
             rows[j] = ring + (size_t)((y + j - 3 + 7) % 7) * padded + CENSUS_MARGIN;
-        k->census_row(census + (size_t)y * desc->census_stride, rows, w);
+        k->census_row(desc->census[phase] + (size_t)y * desc->census_stride, rows, w);
     }
-    sst_mem_free(ring);
     return 0;
+}
+
+static int make_census(struct sst_descriptor *desc, int phase)
+{
+    desc->census_stride = sst_mem_stride((size_t)desc->width, sizeof(uint64_t)) / sizeof(uint64_t);
+    desc->census[phase] = sst_mem_alloc_raw((size_t)desc->height * desc->census_stride, sizeof(uint64_t));
+    return desc->census[phase] ? census_rows(desc, phase, 0, desc->height) : -ENOMEM;
+}
+
+int sst_descriptor_renew(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1)
+{
+    int err = 0;
+
+    sst_image_halve_rows(&desc->image, img, y0, y1);
+    sst_luma_rows(&desc->luma, &desc->image, y0, y1);
+    /* A phase between two rows looks one row further down than the window. */
+    for (int p = 0; !err && p < SST_PHASES; p++) {
+        if (desc->census[p])
+            err = census_rows(desc, p, sst_max_int(y0 - 4, 0), sst_min_int(y1 + 3, desc->height));
+    }
+    return err;
 }
 
 int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases)
@@ -60,6 +75,14 @@ int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases)
             err = make_census(desc, p);
     }
     return err;
+}
+
+void sst_descriptor_drop_phases(struct sst_descriptor *desc)
+{
+    for (int p = 1; p < SST_PHASES; p++) {
+        sst_mem_free(desc->census[p]);
+        desc->census[p] = NULL;
+    }
 }
 
 int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale, enum sst_cost cost,
@@ -115,5 +138,6 @@ void sst_descriptor_fini(struct sst_descriptor *desc)
     for (int p = 0; p < SST_PHASES; p++)
         sst_mem_free(desc->census[p]);
     sst_mem_free(desc->feature_memory);
+    sst_mem_kept_fini(&desc->rows);
     *desc = (struct sst_descriptor){ 0 };
 }

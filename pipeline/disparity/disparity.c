@@ -49,7 +49,7 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     }
     if ((cfg->paths != 4 && cfg->paths != 8) || cfg->p1 < 1 || cfg->p2 < cfg->p1 ||
         cfg->p2 > SST_DISPARITY_MAX_PENALTY || cfg->support_arm < 0 || cfg->support_arm > SST_SUPPORT_MAX_ARM ||
-        (cfg->scale != 1 && cfg->scale != 2)) {
+        (cfg->scale != 1 && cfg->scale != 2) || cfg->phase_step < 0 || cfg->phase_step > 2) {
         sst_log_error("matching parameters are outside their ranges: paths 4 or 8, 0 < P1 <= P2 <= %d, arm 0..%d",
                       SST_DISPARITY_MAX_PENALTY, SST_SUPPORT_MAX_ARM);
         return -EINVAL;
@@ -69,21 +69,27 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     return 0;
 }
 
+static int cancelled(const struct run *run)
+{
+    return run->cfg->cancel && *run->cfg->cancel ? -ECANCELED : 0;
+}
+
 static int describe_job(void *arg, int index, int worker)
 {
     struct run *run = arg;
     const int view = run->first_view + index;
     const struct sst_view *v = &run->lf->views[view];
-
     int err;
 
     if (run->desc[view].luma.data || !v->present)
         return 0;
-    err = sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost,
-                              run->nets ? run->nets[worker] : NULL);
+    err = cancelled(run);
+    err = err ? err
+              : sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost,
+                                    run->nets ? run->nets[worker] : NULL);
     if (!err && v->valid.data)
         err = sst_mask_reduce(&run->desc[view].seen, &v->valid, run->scale);
-    return err ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
+    return err || run->cfg->frugal ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
 }
 
 /* View at (row + dr, col + dc), or -1. */
@@ -100,6 +106,20 @@ static int view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
 static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 }, { -1, -1 }, { -1, 1 },
                                                   { 1, -1 }, { 1, 1 }, { 0, -2 }, { 0, 2 }, { -2, 0 },  { 2, 0 } };
 
+/* What lies between a neighbour's pixels, for one view alone. */
+static int add_phases(struct run *run, const struct sst_volume *v, int view, int neighbour)
+{
+    const struct sst_view *from = &run->lf->views[view], *to = &run->lf->views[neighbour];
+
+    return sst_descriptor_add_phases(&run->desc[neighbour], sst_volume_phases(v, to->bx - from->bx, to->by - from->by));
+}
+
+static void drop_phases(struct run *run)
+{
+    for (int view = 0; view < run->lf->rows * run->lf->cols; view++)
+        sst_descriptor_drop_phases(&run->desc[view]);
+}
+
 /* Match one view against the neighbours of the sides in first..last into disp and confidence. */
 static int match_sides(struct run *run, struct sst_volume *v, int view, int first, int last,
                        const struct sst_support *support, struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
@@ -107,21 +127,27 @@ static int match_sides(struct run *run, struct sst_volume *v, int view, int firs
     const struct sst_lightfield *lf = run->lf;
     const struct sst_disparity_config *cfg = run->cfg;
     struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
-    int count = 0, err;
+    int count = 0, err = 0;
 
-    for (int s = first; s <= last; s++) {
+    for (int s = first; s <= last && !err; s++) {
         const int n = view_at(lf, view, sides[s][0], sides[s][1]);
 
         if (n >= 0)
             neighbours[count++] = (struct sst_neighbour){ &run->desc[n], lf->views[n].bx - lf->views[view].bx,
                                                           lf->views[n].by - lf->views[view].by };
+        if (n >= 0 && cfg->frugal)
+            err = add_phases(run, v, view, n);
     }
-    if (!count)
-        return -ENODATA;
+    if (err || !count)
+        return err ? err : -ENODATA;
     sst_volume_fill(v, &run->desc[view], neighbours, count);
+    if (cfg->frugal)
+        drop_phases(run);
     if (cfg->raw)
         return sst_volume_winner(v, true, disp, confidence);
-    err = sst_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
+    err = cancelled(run);
+    err = err ? err : sst_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
+    err = err ? err : cancelled(run);
     err = err ? err : sst_sgm(v, &run->desc[view].image, cfg);
     if (!err && cfg->support_arm && cfg->support_after) {
         sst_volume_requantise(v);
@@ -175,7 +201,8 @@ static int match_job(void *arg, int index, int worker)
 
     if (!run->lf->views[view].present)
         return 0;
-    err = sst_map_u16_init(&run->disp[view], run->width, run->height);
+    err = cancelled(run);
+    err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
     err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
     if (!err && run->cfg->support_arm && !run->cfg->raw)
         err = sst_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
@@ -189,7 +216,7 @@ static int match_job(void *arg, int index, int worker)
         return 0;
     }
     if (!err && !run->cfg->raw)
-        err = sst_median5(&run->disp[view]);
+        err = sst_median5(&run->disp[view], &run->volumes[worker].lines);
     if (!err && !run->cfg->raw)
         err = sst_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
     if (!err)
@@ -225,7 +252,8 @@ static int check_job(void *arg, int view, int worker SST_UNUSED)
     if (!run->lf->views[view].present)
         return 0;
     count = checked_views(run, view, views, &near);
-    err = sst_map_u8_init(&run->status[view], run->width, run->height);
+    err = cancelled(run);
+    err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
     if (!err)
         sst_check_views(&run->status[view], &run->disp[view], run->disp_min, run->range + 1, views, count);
     return err;
@@ -241,7 +269,8 @@ static int fill_job(void *arg, int view, int worker SST_UNUSED)
     if (!run->lf->views[view].present)
         return 0;
     count = checked_views(run, view, views, &near);
-    err = sst_map_u16_init(out, run->width, run->height);
+    err = cancelled(run);
+    err = err ? err : sst_map_u16_init(out, run->width, run->height);
     err = err ? err : sst_map_u16_init(&scratch, run->width, run->height);
     if (!err) {
         memcpy(out->data, run->disp[view].data, out->stride * (size_t)out->height);
@@ -319,8 +348,10 @@ static int make_volume(const struct run *run, struct sst_volume *v)
 
     if (!err) {
         v->divisor = run->divisor;
-        /* Between pixels in quarters; in halves where the views are so large that 16 phases would not fit. */
-        v->phase_step = (size_t)run->width * (size_t)run->height > FINE_PIXELS ? 2 : 1;
+        /* In halves where the views are so large that 16 phases would not fit. */
+        v->phase_step = run->cfg->phase_step                                     ? run->cfg->phase_step
+                        : (size_t)run->width * (size_t)run->height > FINE_PIXELS ? 2
+                                                                                 : 1;
     }
     return err;
 }
@@ -362,7 +393,8 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
 {
     const int views = run->lf->rows * run->lf->cols;
     const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
-    const int workers = sst_clamp_int((int)(VOLUME_BUDGET_BYTES / each), 1, sst_min_int(threads, run->lf->cols));
+    const int most = run->cfg->frugal ? 1 : sst_min_int(threads, run->lf->cols);
+    const int workers = sst_clamp_int((int)(VOLUME_BUDGET_BYTES / each), 1, most);
     int err = 0, made = 0;
 
     run->volumes = calloc((size_t)workers, sizeof(*run->volumes));

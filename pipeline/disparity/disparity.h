@@ -40,7 +40,12 @@ struct sst_disparity_config {
     bool joint;     /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
     int neighbours; /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
     int scale;      /* 1 full size, 2 half size with the result scaled up */
+    int phase_step; /* census between pixels in quarters (1) or in halves (2), which takes a quarter of the memory;
+                       0: in quarters unless views are very large */
+    bool frugal;    /* one view after the other on one thread, with what lies between its neighbours' pixels made for it
+                       and dropped again: the same result in a fraction of the memory */
     int threads;
+    const SST_ATOMIC(bool) * cancel; /* once true, light fields are given up within a part of a view; or NULL */
 };
 
 /** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */
@@ -51,14 +56,15 @@ typedef void sst_progress_fn(void *arg, double done);
 
 /**
  * Fill views[].disp and views[].confidence of every present view; images must be loaded. Sets lf->disp_min_px.
- * @return 0, -EINVAL, -ENOMEM, -ENOENT/-EBADMSG (model); logged.
+ * @return 0, -EINVAL, -ENOMEM, -ENOENT/-EBADMSG (model); logged; -ECANCELED, not logged.
  */
 SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
                                             sst_progress_fn *progress, void *progress_arg);
 
 /**
  * The range of disparities in a light field, from a coarse match of the reference view with its neighbours (images of
- * those must be loaded): the bulk of the confident pixels plus a margin.
+ * those must be loaded): the bulk of the confident pixels
+ * on which two neighbours agree plus a margin (of all of them where too few agree: views that are not aligned).
  * @return 0, -ENODATA (no texture to tell it from; logged), -ENOMEM
  */
 SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *min_px, double *max_px);

@@ -72,17 +72,15 @@ static void sweep(struct sst_volume *v, const struct sst_image *img, int slants,
 
 int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg)
 {
-    const size_t line = ((size_t)v->width + 2) * (v->steps_padded + 2 * SST_SGM_PAD);
+    const size_t line = sst_sgm_line(v);
     const int slants = cfg->paths == 8 ? 3 : 1;
     struct paths p;
-    uint16_t *rows = sst_mem_alloc_raw((size_t)(2 * slants + 1) * line, sizeof(uint16_t));
+    const size_t lines = (size_t)(2 * slants + 1) * line;
+    uint16_t *rows = sst_mem_keep(&v->lines, lines + (size_t)v->width, sizeof(uint16_t));
 
-    p.penalty = sst_mem_alloc((size_t)v->width, 1);
-    if (!rows || !p.penalty) {
-        sst_mem_free(rows);
-        sst_mem_free(p.penalty);
+    if (!rows)
         return -ENOMEM;
-    }
+    p.penalty = (uint8_t *)(rows + lines);
     for (int s = 0; s < slants; s++) {
         p.now[s] = rows + (size_t)(2 * s) * line;
         p.last[s] = p.now[s] + line;
@@ -91,7 +89,5 @@ int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_
     set_penalties(&p, cfg);
     sweep(v, img, slants, 1, &p);
     sweep(v, img, slants, -1, &p);
-    sst_mem_free(rows);
-    sst_mem_free(p.penalty);
     return 0;
 }

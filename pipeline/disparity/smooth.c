@@ -10,11 +10,11 @@
 #define MARGIN           4 /* repeated columns of the median's rows */
 #define BILATERAL_RADIUS 3 /* the standard normal density is below 0.005 of its peak beyond it */
 
-int sst_median5(struct sst_map_u16 *map)
+int sst_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t w = (size_t)map->width, padded = w + 2 * MARGIN;
-    uint16_t *ring = sst_mem_alloc_raw(5 * padded, sizeof(uint16_t));
+    uint16_t *ring = sst_mem_keep(lines, 5 * padded, sizeof(uint16_t));
 
     if (!ring)
         return -ENOMEM;
@@ -40,7 +40,6 @@ int sst_median5(struct sst_map_u16 *map)
             rows[j] = ring + (size_t)((y + j - 2 + 5) % 5) * padded + MARGIN;
         k->median5_row(sst_map_u16_row(map, y), rows, w);
     }
-    sst_mem_free(ring);
     return 0;
 }
 

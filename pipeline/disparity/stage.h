@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_DISPARITY_STAGE_H
 #define SST_PIPELINE_DISPARITY_STAGE_H
 
+#include "base/mem.h"
 #include "pipeline/disparity/disparity.h"
 #include "pipeline/kernels/kernels.h"
 
@@ -22,12 +23,13 @@ struct sst_descriptor {
     struct sst_map_u8 luma; /* BT.601 */
     struct sst_map_u8 seen; /* 0 where the image has nothing to match: from outside the raw frame; empty: nowhere */
     uint64_t
-        *census[SST_PHASES]; /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
-    size_t census_stride;    /* elements */
-    uint8_t *features;       /* [height][16][feature_stride / 4][4] (see sst_feature_cost_rows_fn), or NULL;
-                              * feature_stride bytes before and after it are readable */
-    size_t feature_stride;   /* bytes between groups of four channels of one row */
-    void *feature_memory;    /* what holds them */
+        *census[SST_PHASES];  /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
+    size_t census_stride;     /* elements */
+    uint8_t *features;        /* [height][16][feature_stride / 4][4] (see sst_feature_cost_rows_fn), or NULL;
+                               * feature_stride bytes before and after it are readable */
+    size_t feature_stride;    /* bytes between groups of four channels of one row */
+    void *feature_memory;     /* what holds them */
+    struct sst_mem_kept rows; /* of making a census */
 };
 
 struct sst_network;
@@ -52,6 +54,19 @@ void sst_descriptor_fini(struct sst_descriptor *desc);
 
 /** Make the census of more phases (bit p of `phases`); a descriptor without census is left alone. */
 SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases);
+
+/** Drop the census of all phases but 0. */
+void sst_descriptor_drop_phases(struct sst_descriptor *desc);
+
+/**
+ * Follow a view whose picture changed in some rows: the descriptor is then as if made anew.
+ *
+ * @param desc  of scale 2 and census alone
+ * @param img   the view, as large as ever
+ * @param y0, y1  rows of the descriptor, y1 not included, that hold all that changed
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_descriptor_renew(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1);
 
 #define SST_FEATURE_TILE 4
 
@@ -100,17 +115,28 @@ struct sst_neighbour {
 struct sst_volume {
     int width, height;
     size_t width_padded; /* multiple of 64 */
+    int x0, y0;          /* the pixel of the view that is the volume's first: 0, 0 but for windows */
+    size_t pixels;       /* room: width_padded * height at most */
     int disp_min, steps;
     int divisor;         /* steps per pixel: 1 (set by init), 2 or 4 */
     int phase_step;      /* quarter pixels that shifts are rounded to: 4 (whole pixels, set by init), 2 or 1 */
     size_t steps_padded; /* multiple of 32; the padding costs SST_COST_MAX */
     uint8_t *cost;
-    uint16_t *sum; /* the same shape: summed path costs; made by sst_sgm() */
-    void *scratch; /* of the steps below, see volume.c */
+    uint16_t *sum;             /* the same shape: summed path costs; made by sst_sgm() */
+    void *scratch;             /* of sst_volume_fill(), see volume.c */
+    struct sst_mem_kept lines; /* of the other steps, one after the other */
 };
 
 SST_MUST_CHECK int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps);
 void sst_volume_fini(struct sst_volume *v);
+
+/**
+ * Let the volume stand for a part of a view, inside it, from now on: only that is matched, against whole neighbours.
+ * For views with census alone.
+ *
+ * @param width, height  at most those of sst_volume_init()
+ */
+void sst_volume_window(struct sst_volume *v, int x0, int y0, int width, int height);
 
 /** Bytes that a volume of this size takes. */
 size_t sst_volume_bytes(int width, int height, int steps);
@@ -145,6 +171,12 @@ SST_MUST_CHECK int sst_support_aggregate(struct sst_volume *v, const struct sst_
  */
 SST_MUST_CHECK int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg);
 
+/** Elements of one row of paths. */
+static inline size_t sst_sgm_line(const struct sst_volume *v)
+{
+    return ((size_t)v->width + 2) * (v->steps_padded + 2 * SST_SGM_PAD);
+}
+
 /** The phases that matching against a neighbour at offset b needs of it. */
 unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by);
 
@@ -158,14 +190,14 @@ void sst_volume_requantise(struct sst_volume *v);
  * @param confidence  out, 0..255: how far the second minimum is
  * @param from_cost   read v->cost instead of v->sum
  */
-SST_MUST_CHECK int sst_volume_winner(const struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,
+SST_MUST_CHECK int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,
                                      struct sst_map_u8 *confidence);
 
 /** The parabola's minimum between three costs, in 1/64 steps from the middle one; 0 where it is flat. */
 int sst_parabola_q6(int before, int at, int after);
 
-/** 5x5 median, borders repeated. In place. */
-SST_MUST_CHECK int sst_median5(struct sst_map_u16 *map);
+/** 5x5 median, borders repeated. In place. @param lines  scratch */
+SST_MUST_CHECK int sst_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines);
 
 /**
  * Bilateral filter of the paper with g the standard normal density (radius 3):

@@ -98,13 +98,12 @@ int sst_support_aggregate(struct sst_volume *v, const struct sst_support *s, int
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
     const int arm = SST_SUPPORT_MAX_ARM;
-    uint16_t *ring = rounds ? sst_mem_alloc_raw(RING * row_cells, sizeof(uint16_t)) : NULL;
-    uint16_t *prefix = rounds ? sst_mem_alloc_raw((n + 1) * nd, sizeof(uint16_t)) : NULL;
-    int err = 0;
+    uint16_t *ring = sst_mem_keep(&v->lines, RING * row_cells + (n + 1) * nd, sizeof(uint16_t)), *prefix;
 
-    if (rounds && (!ring || !prefix))
-        err = -ENOMEM;
-    for (int round = 0; !err && round < rounds; round++) {
+    if (!ring)
+        return -ENOMEM;
+    prefix = ring + RING * row_cells;
+    for (int round = 0; round < rounds; round++) {
         memset(ring + (RING - 1) * row_cells, 0, row_cells * sizeof(*ring)); /* the row above the first */
         for (int next = 0, y = 0; y < v->height; y++) {
             const uint16_t *rows[RING], *const *at = rows + arm + 1;
@@ -120,7 +119,5 @@ int sst_support_aggregate(struct sst_volume *v, const struct sst_support *s, int
                                 sst_map_u8_row(&s->down, y), sst_map_u16_row(&s->count, y), n, nd);
         }
     }
-    sst_mem_free(ring);
-    sst_mem_free(prefix);
-    return err;
+    return 0;
 }

@@ -1,3 +1,4 @@
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -59,11 +60,14 @@ int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, i
 
     made.width_padded = ((size_t)width + 63) / 64 * 64;
     made.steps_padded = padded_steps(steps);
-    cells = made.width_padded * (size_t)height * made.steps_padded;
+    made.pixels = made.width_padded * (size_t)height;
+    cells = made.pixels * made.steps_padded;
     made.cost = sst_mem_alloc_raw(cells, 1);
     made.sum = sst_mem_alloc_raw(cells, sizeof(uint16_t));
     made.scratch = sst_mem_alloc_raw(1, scratch_bytes(&made));
-    if (!made.cost || !made.sum || !made.scratch) {
+    /* What sst_sgm() needs on 4 paths, so that nothing is taken later on. */
+    if (!made.cost || !made.sum || !made.scratch ||
+        !sst_mem_keep(&made.lines, 3 * sst_sgm_line(&made) + (size_t)width, sizeof(uint16_t))) {
         sst_volume_fini(&made);
         return -ENOMEM;
     }
@@ -71,11 +75,22 @@ int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, i
     return 0;
 }
 
+void sst_volume_window(struct sst_volume *v, int x0, int y0, int width, int height)
+{
+    v->x0 = x0;
+    v->y0 = y0;
+    v->width = width;
+    v->height = height;
+    v->width_padded = ((size_t)width + 63) / 64 * 64;
+    assert(v->width_padded * (size_t)height <= v->pixels);
+}
+
 void sst_volume_fini(struct sst_volume *v)
 {
     sst_mem_free(v->cost);
     sst_mem_free(v->sum);
     sst_mem_free(v->scratch);
+    sst_mem_kept_fini(&v->lines);
     *v = (struct sst_volume){ 0 };
 }
 
@@ -170,8 +185,9 @@ static void take_costs(const struct strip *s, uint8_t *first, uint8_t *second, c
 static void take_seen(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
                       int y, uint8_t *first, uint8_t *second, const uint8_t *features)
 {
-    const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) : NULL;
-    const uint8_t *there = n->desc->seen.data ? sst_map_u8_row(&n->desc->seen, y + at->y) : NULL;
+    const int left = s->v->x0;
+    const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) + left : NULL;
+    const uint8_t *there = n->desc->seen.data ? sst_map_u8_row(&n->desc->seen, y + at->y) + left : NULL;
 
     for (int from = x0, to; from < x1; from = to + 1) {
         for (to = from; to < x1 && (!own || own[to]) && (!there || there[to + at->x]); to++)
@@ -181,29 +197,30 @@ static void take_seen(const struct strip *s, const struct sst_neighbour *n, cons
     }
 }
 
-/* Take row y of one neighbour into the two cheapest costs, [steps][padded] each. */
+/* Take row y of the view, matched with one neighbour, into the two cheapest costs, [steps][padded] each. Columns are
+ * the volume's, which begins at column v->x0 of the view. */
 static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y,
                       uint8_t *first, uint8_t *second)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const struct sst_volume *v = s->v;
     const struct sst_descriptor *ref = s->ref;
-    const int h = v->height;
+    const int h = ref->height;
 
     if (ref->features)
         feature_costs(s, n, steps, y);
     for (int i = 0; i < v->steps; i++, first += s->padded, second += s->padded) {
         const struct step *at = &steps[i];
         const int yn = y + at->y, near_y = y + at->near_y;
-        const int x0 = sst_max_int(s->x0, -sst_min_int(at->x, at->near_x));
-        const int x1 = sst_min_int(s->x1, v->width - sst_max_int(at->x, at->near_x));
+        const int x0 = sst_max_int(s->x0, -v->x0 - sst_min_int(at->x, at->near_x));
+        const int x1 = sst_min_int(s->x1, ref->width - v->x0 - sst_max_int(at->x, at->near_x));
         const uint8_t *features = s->features + (size_t)at->place * STRIP + (x0 - s->x0);
 
         if (yn < 0 || near_y < 0 || yn >= h || near_y >= h || x1 <= x0)
             continue;
         if (ref->census[0])
-            k->hamming_row(s->census, ref->census[0] + (size_t)y * ref->census_stride + x0,
-                           n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (x0 + at->x),
+            k->hamming_row(s->census, ref->census[0] + (size_t)y * ref->census_stride + (v->x0 + x0),
+                           n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x),
                            (size_t)(x1 - x0));
         if (ref->seen.data || n->desc->seen.data)
             take_seen(s, n, at, x0, x1, y, first, second, features);
@@ -234,8 +251,8 @@ static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbo
     memset(s->second, ABSENT, (size_t)(y1 - y0) * cells);
     for (int i = 0; i < count; i++) {
         for (int y = y0; y < y1; y++)
-            match_row(s, &neighbours[i], steps + (size_t)i * (size_t)v->steps, y, s->first + (size_t)(y - y0) * cells,
-                      s->second + (size_t)(y - y0) * cells);
+            match_row(s, &neighbours[i], steps + (size_t)i * (size_t)v->steps, v->y0 + y,
+                      s->first + (size_t)(y - y0) * cells, s->second + (size_t)(y - y0) * cells);
     }
     for (int y = y0; y < y1; y++) {
         uint8_t *first = s->first + (size_t)(y - y0) * cells;
@@ -298,19 +315,16 @@ int sst_parabola_q6(int before, int at, int after)
     return (slope >= 0 ? slope + curvature / 2 : slope - curvature / 2) / curvature;
 }
 
-int sst_volume_winner(const struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,
-                      struct sst_map_u8 *confidence)
+int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6, struct sst_map_u8 *confidence)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
-    uint16_t *wide = from_cost ? sst_mem_alloc_raw(row_cells, sizeof(uint16_t)) : NULL;
-    uint16_t *best = sst_mem_alloc_raw(2 * n, sizeof(uint16_t)), *second = best ? best + n : NULL;
+    uint16_t *wide = sst_mem_keep(&v->lines, (from_cost ? row_cells : 0) + 2 * n, sizeof(uint16_t)), *best, *second;
 
-    if (!best || (from_cost && !wide)) {
-        sst_mem_free(wide);
-        sst_mem_free(best);
+    if (!wide)
         return -ENOMEM;
-    }
+    best = wide + (from_cost ? row_cells : 0); /* row_cells is a multiple of the alignment */
+    second = best + n;
     for (int y = 0; y < v->height; y++) {
         const uint16_t *sum = from_cost ? wide : v->sum + (size_t)y * row_cells;
         uint16_t *disp = sst_map_u16_row(disp_q6, y);
@@ -331,7 +345,5 @@ int sst_volume_winner(const struct sst_volume *v, bool from_cost, struct sst_map
             conf[x] = (uint8_t)(gap > 0 ? 255 * gap / (gap + 128) : 0);
         }
     }
-    sst_mem_free(wide);
-    sst_mem_free(best);
     return 0;
 }

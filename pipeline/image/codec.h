@@ -24,6 +24,20 @@ SST_MUST_CHECK int sst_image_write_png(const struct sst_image *img, const char *
 /** @param quality 1..100; 4:2:0 */
 SST_MUST_CHECK int sst_image_write_jpeg(const struct sst_image *img, const char *path, int quality);
 
+struct sst_jpeg_encoder; /* keeps what one picture after the other takes; one thread at a time */
+
+/** @return 0, -ENOMEM (not logged) */
+SST_MUST_CHECK int sst_jpeg_encoder_create(struct sst_jpeg_encoder **out);
+void sst_jpeg_encoder_destroy(struct sst_jpeg_encoder *encoder);
+
+/**
+ * The bytes of sst_image_write_jpeg().
+ * @param data  out, borrowed until the next call
+ * @return 0, -ENOMEM (not logged), -EIO
+ */
+SST_MUST_CHECK int sst_jpeg_encoder_run(struct sst_jpeg_encoder *encoder, const struct sst_image *img, int quality,
+                                        const uint8_t **data, size_t *size);
+
 /** The same bytes in memory, to free with free(). @return 0, -ENOMEM (not logged), -EIO */
 SST_MUST_CHECK int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size);
 

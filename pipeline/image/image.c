@@ -63,14 +63,10 @@ DEFINE_MAP(u8, uint8_t)
 DEFINE_MAP(u16, uint16_t)
 DEFINE_MAP(f32, float)
 
-int sst_image_halve(struct sst_image *out, const struct sst_image *in)
+void sst_image_halve_rows(struct sst_image *out, const struct sst_image *in, int y0, int y1)
 {
-    const int err = sst_image_init(out, (in->width + 1) / 2, (in->height + 1) / 2);
-
-    if (err)
-        return err;
     for (int c = 0; c < 3; c++) {
-        for (int y = 0; y < out->height; y++) {
+        for (int y = y0; y < y1; y++) {
             const uint8_t *a = sst_image_row(in, c, 2 * y),
                           *b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
             uint8_t *o = sst_image_row(out, c, y);
@@ -82,21 +78,33 @@ int sst_image_halve(struct sst_image *out, const struct sst_image *in)
             }
         }
     }
-    return 0;
 }
 
-int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
+int sst_image_halve(struct sst_image *out, const struct sst_image *in)
 {
-    const int err = sst_map_u8_init(luma, img->width, img->height);
+    const int err = sst_image_init(out, (in->width + 1) / 2, (in->height + 1) / 2);
 
-    if (err)
-        return err;
-    for (int y = 0; y < img->height; y++) {
+    if (!err)
+        sst_image_halve_rows(out, in, 0, out->height);
+    return err;
+}
+
+void sst_luma_rows(struct sst_map_u8 *luma, const struct sst_image *img, int y0, int y1)
+{
+    for (int y = y0; y < y1; y++) {
         const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
         uint8_t *out = sst_map_u8_row(luma, y);
 
         for (int x = 0; x < img->width; x++)
             out[x] = (uint8_t)((77 * r[x] + 150 * g[x] + 29 * b[x] + 128) >> 8);
     }
-    return 0;
+}
+
+int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
+{
+    const int err = sst_map_u8_init(luma, img->width, img->height);
+
+    if (!err)
+        sst_luma_rows(luma, img, 0, img->height);
+    return err;
 }

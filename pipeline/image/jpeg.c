@@ -1,6 +1,7 @@
 /* JPEG through the TurboJPEG API. */
 #include <errno.h>
 #include <stdlib.h>
+#include <string.h>
 #include <turbojpeg.h>
 
 #include "base/file.h"
@@ -105,36 +106,76 @@ out:
     return err;
 }
 
-int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size)
+struct sst_jpeg_encoder {
+    tjhandle tj;
+    struct sst_mem_kept packed, jpeg;
+};
+
+int sst_jpeg_encoder_create(struct sst_jpeg_encoder **out)
+{
+    struct sst_jpeg_encoder *e = calloc(1, sizeof(*e));
+
+    if (e)
+        e->tj = tjInitCompress();
+    if (!e || !e->tj) {
+        free(e);
+        return -ENOMEM;
+    }
+    *out = e;
+    return 0;
+}
+
+void sst_jpeg_encoder_destroy(struct sst_jpeg_encoder *e)
+{
+    if (!e)
+        return;
+    tjDestroy(e->tj);
+    sst_mem_kept_fini(&e->packed);
+    sst_mem_kept_fini(&e->jpeg);
+    free(e);
+}
+
+int sst_jpeg_encoder_run(struct sst_jpeg_encoder *e, const struct sst_image *img, int quality, const uint8_t **data,
+                         size_t *size)
 {
     const size_t row_bytes = (size_t)img->width * 3;
-    unsigned long room = tjBufSize(img->width, img->height, TJSAMP_420);
-    uint8_t *packed = sst_mem_alloc_raw((size_t)img->height, row_bytes);
-    unsigned char *jpeg = malloc(room);
-    tjhandle tj = tjInitCompress();
-    int err = 0;
+    unsigned long bytes = tjBufSize(img->width, img->height, TJSAMP_420);
+    uint8_t *packed = sst_mem_keep(&e->packed, (size_t)img->height, row_bytes);
+    unsigned char *jpeg = sst_mem_keep(&e->jpeg, bytes, 1);
 
-    if (!packed || !jpeg || !tj) {
-        err = -ENOMEM;
-        goto out;
-    }
+    if (!packed || !jpeg)
+        return -ENOMEM;
     for (int y = 0; y < img->height; y++)
         sst_rgb_pack_row(packed + (size_t)y * row_bytes, img, y);
-    if (tjCompress2(tj, packed, img->width, 0, img->height, TJPF_RGB, &jpeg, &room, TJSAMP_420, quality,
+    if (tjCompress2(e->tj, packed, img->width, 0, img->height, TJPF_RGB, &jpeg, &bytes, TJSAMP_420, quality,
                     TJFLAG_ACCURATEDCT | TJFLAG_NOREALLOC)) {
-        sst_log_error("cannot encode an image of %dx%d as JPEG: %s", img->width, img->height, tjGetErrorStr2(tj));
-        err = -EIO;
-        goto out;
+        sst_log_error("cannot encode an image of %dx%d as JPEG: %s", img->width, img->height, tjGetErrorStr2(e->tj));
+        return -EIO;
     }
     *data = jpeg;
-    *size = room;
-    jpeg = NULL;
+    *size = bytes;
+    return 0;
+}
 
-out:
-    free(jpeg);
-    if (tj)
-        tjDestroy(tj);
-    sst_mem_free(packed);
+int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size)
+{
+    struct sst_jpeg_encoder *e = NULL;
+    const uint8_t *jpeg;
+    uint8_t *copy = NULL;
+    size_t bytes;
+    int err = sst_jpeg_encoder_create(&e);
+
+    err = err ? err : sst_jpeg_encoder_run(e, img, quality, &jpeg, &bytes);
+    if (!err)
+        copy = malloc(bytes);
+    if (!err && !copy)
+        err = -ENOMEM;
+    if (!err) {
+        memcpy(copy, jpeg, bytes);
+        *data = copy;
+        *size = bytes;
+    }
+    sst_jpeg_encoder_destroy(e);
     return err;
 }
 

@@ -35,16 +35,16 @@ static uint8_t to_byte(int v_q16)
     return (uint8_t)sst_clamp_int((v_q16 + 32768) >> 16, 0, 255);
 }
 
-static void yuyv_row(struct sst_image *img, int y, const uint8_t *row)
+static void yuyv_row(struct sst_image *img, int y, int x0, int x1, const uint8_t *row)
 {
-    for (int x = 0; x < img->width; x++) {
+    for (int x = x0; x < x1; x++) {
         const uint8_t *a = row + x / 2 * 4, *b = x % 2 && x + 1 < img->width ? a + 4 : a;
-        const int luma = 76309 * (row[2 * x] - 16); /* 255/219 in 1/65536 */
+        const int luma = 76309 * (row[2 * x] - 16);               /* 255/219 in 1/65536 */
         const int u2 = a[1] + b[1] - 256, v2 = a[3] + b[3] - 256; /* twice the chroma */
 
-        sst_image_row(img, 0, y)[x] = to_byte(luma + 52299 * v2);             /* 1.596027 / 2 */
+        sst_image_row(img, 0, y)[x] = to_byte(luma + 52299 * v2);              /* 1.596027 / 2 */
         sst_image_row(img, 1, y)[x] = to_byte(luma - 12837 * u2 - 26639 * v2); /* 0.391762 / 2, 0.812968 / 2 */
-        sst_image_row(img, 2, y)[x] = to_byte(luma + 66101 * u2);             /* 2.017232 / 2 */
+        sst_image_row(img, 2, y)[x] = to_byte(luma + 66101 * u2);              /* 2.017232 / 2 */
     }
 }
 
@@ -115,48 +115,76 @@ static void bayer_pixel(struct sst_image *img, const struct sst_raw *raw, int x,
     }
 }
 
-/* Where in each 2x2 the red sample is. */
-static bool red_of(uint32_t fourcc, int *x, int *y)
+bool sst_raw_red(uint32_t fourcc, int *x, int *y)
 {
     switch (fourcc) {
-    case V4L2_PIX_FMT_SRGGB8: *x = 0; *y = 0; return true;
-    case V4L2_PIX_FMT_SGRBG8: *x = 1; *y = 0; return true;
-    case V4L2_PIX_FMT_SGBRG8: *x = 0; *y = 1; return true;
-    case V4L2_PIX_FMT_SBGGR8: *x = 1; *y = 1; return true;
-    default: return false;
+    case V4L2_PIX_FMT_SRGGB8:
+        *x = 0;
+        *y = 0;
+        return true;
+    case V4L2_PIX_FMT_SGRBG8:
+        *x = 1;
+        *y = 0;
+        return true;
+    case V4L2_PIX_FMT_SGBRG8:
+        *x = 0;
+        *y = 1;
+        return true;
+    case V4L2_PIX_FMT_SBGGR8:
+        *x = 1;
+        *y = 1;
+        return true;
+    default:
+        return false;
     }
 }
 
 /* The highest byte of each sample, which is its last. */
-static void grey_row(struct sst_image *img, int y, const uint8_t *row, int bytes)
+static void grey_row(struct sst_image *img, int y, int x0, int x1, const uint8_t *row, int bytes)
 {
     for (int c = 0; c < 3; c++)
-        for (int x = 0; x < img->width; x++)
+        for (int x = x0; x < x1; x++)
             sst_image_row(img, c, y)[x] = row[x * bytes + bytes - 1];
+}
+
+int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, int x0, int y0, int x1, int y1)
+{
+    const int grey = raw->fourcc == V4L2_PIX_FMT_GREY ? 1 : raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 0;
+    const size_t stride = stride_of(raw);
+    int red_x = 0, red_y = 0;
+    const bool bayer = sst_raw_red(raw->fourcc, &red_x, &red_y);
+
+    if (!bayer && !grey && raw->fourcc != V4L2_PIX_FMT_YUYV)
+        return -EINVAL;
+    if (check(raw) || img->width != raw->width || img->height != raw->height)
+        return -EBADMSG;
+    for (int y = y0; y < y1; y++) {
+        const uint8_t *row = raw->data + (size_t)y * stride;
+
+        if (grey)
+            grey_row(img, y, x0, x1, row, grey);
+        else if (!bayer)
+            yuyv_row(img, y, x0, x1, row);
+        for (int x = x0; bayer && x < x1; x++)
+            bayer_pixel(img, raw, x, y, red_x, red_y);
+    }
+    return 0;
 }
 
 int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
 {
-    const size_t stride = stride_of(raw);
-    struct sst_image made;
-    int err = check(raw), red_x = 0, red_y = 0;
-    const bool bayer = red_of(raw->fourcc, &red_x, &red_y);
+    struct sst_image made = { 0 };
+    int err = check(raw);
 
-    const int grey = raw->fourcc == V4L2_PIX_FMT_GREY ? 1 : raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 0;
-
-    if (!bayer && !grey && raw->fourcc != V4L2_PIX_FMT_YUYV)
-        return -EINVAL;
     if (!err)
         err = sst_image_init(&made, raw->width, raw->height);
-    if (err)
-        return err == -EINVAL ? -EBADMSG : err;
-    for (int y = 0; y < raw->height; y++) {
-        if (grey)
-            grey_row(&made, y, raw->data + (size_t)y * stride, grey);
-        else if (!bayer)
-            yuyv_row(&made, y, raw->data + (size_t)y * stride);
-        for (int x = 0; bayer && x < raw->width; x++)
-            bayer_pixel(&made, raw, x, y, red_x, red_y);
+    if (err == -EINVAL)
+        err = -EBADMSG; /* a size that no picture may have */
+    if (!err)
+        err = sst_raw_part(&made, raw, 0, 0, raw->width, raw->height);
+    if (err) {
+        sst_image_fini(&made);
+        return err;
     }
     *img = made;
     return 0;

@@ -2,6 +2,8 @@
 #ifndef SST_PIPELINE_IMAGE_RAW_H
 #define SST_PIPELINE_IMAGE_RAW_H
 
+#include <stdbool.h>
+
 #include "pipeline/image/image.h"
 
 SST_EXTERN_C_BEGIN
@@ -33,6 +35,17 @@ SST_MUST_CHECK int sst_raw_write_png(const struct sst_raw *raw, const char *path
  * @return 0, -EINVAL, -EBADMSG, -ENOMEM; not logged.
  */
 SST_MUST_CHECK int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw);
+
+/**
+ * The same for a part of the frame: columns x0 .. x1-1 of rows y0 .. y1-1, the bytes that the whole frame's conversion
+ * has there; the rest of the picture stays.
+ * @param img  initialised by the caller to the frame's size; the part lies in it
+ * @return 0, -EINVAL, -EBADMSG (as above, or img has another size); not logged
+ */
+SST_MUST_CHECK int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, int x0, int y0, int x1, int y1);
+
+/** Where in each 2x2 of a Bayer format the red sample is. @return false: no Bayer format */
+bool sst_raw_red(uint32_t fourcc, int *x, int *y);
 
 SST_EXTERN_C_END
 

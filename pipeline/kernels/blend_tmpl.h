@@ -39,10 +39,9 @@ static inline void KERNEL(blend_weights)(float *restrict w, const struct sst_ble
         w[x] = aperture * w[x] * (disp[x] == 0xFFFF ? unknown : depth[x]);
 }
 
-static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, size_t n)
+/* A W_s W_d. */
+static inline void KERNEL(blend_ray_weights)(float *restrict w, const struct sst_blend *b, size_t n)
 {
-    float rows[SST_BLEND_MAX + 1], w[SST_BLEND_MAX];
-
     if (b->label) {
         KERNEL(blend_label_weights)(w, b, n);
     } else {
@@ -50,6 +49,28 @@ static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, s
             w[x] = 1.0f;
     }
     KERNEL(blend_weights)(w, b, n);
+}
+
+static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n)
+{
+    float rows[SST_BLEND_MAX + 1];
+
+    KERNEL(blend_ray_weights)(weight, b, n);
+    for (int c = 0; c < 3; c++) {
+        uint8_t *restrict out = colour[c];
+        const float fx = b->fx;
+
+        KERNEL(blend_rows)(rows, b->top[c], b->bottom[c], b->fy, n + 1);
+        for (size_t x = 0; x < n; x++)
+            out[x] = (uint8_t)(int)(rows[x] + fx * (rows[x + 1] - rows[x]) + 0.5f);
+    }
+}
+
+static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, size_t n)
+{
+    float rows[SST_BLEND_MAX + 1], w[SST_BLEND_MAX];
+
+    KERNEL(blend_ray_weights)(w, b, n);
     for (int c = 0; c < 3; c++) {
         float *restrict sum = acc[c];
         const float fx = b->fx;

@@ -36,6 +36,12 @@ enum sst_cpu_level {
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
+    X(blend_take)                                                                                                      \
+    X(agree_votes)                                                                                                     \
+    X(agree_mode)                                                                                                      \
+    X(agree_near)                                                                                                      \
+    X(agree_sum)                                                                                                       \
+    X(enlarge_row)                                                                                                     \
     X(resample_row)                                                                                                    \
     X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
@@ -183,6 +189,70 @@ typedef void sst_blend_plain_fn(float *const acc[4], const struct sst_blend *b, 
 
 /** out = sum / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 weight but for rounding. */
 typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *weight, size_t n);
+
+/** The rays of blend_rays one by one: colours rounded, weights A W_s W_d. n at most SST_BLEND_MAX. */
+typedef void sst_blend_take_fn(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n);
+
+/*
+ * Which rays of a pixel agree (pipeline/render/verify.h). A ray votes for its own colour and, the less the farther, for
+ * those nearby; distances of colours are sums of the three differences.
+ */
+#define SST_AGREE_BINS 4096 /* colours by the upper 4 bits of R, G, B */
+#define SST_AGREE_MODE 48   /* votes reach so far ... */
+#define SST_AGREE_NEAR 64   /* ... and colours this far from the one with most votes have no share in the pixel */
+
+struct sst_voting {
+    const uint8_t *rarity; /* [SST_AGREE_BINS]: what a ray of this colour tells */
+    float doubt;           /* added to every ray's weight, >= 0: maps may be wrong */
+    float scale, most;     /* votes for a rarity and weight of 1; at most, 1..255 */
+};
+
+/** vote[x] = min(1 + scale (weight + doubt) rarity(colour), most), cut to a whole number; 0 where weight < 0: no ray. */
+typedef void sst_agree_votes_fn(uint8_t *vote, const uint8_t *const colour[3], const float *weight,
+                                const struct sst_voting *v, size_t n);
+
+/**
+ * The colour with most votes among those of every step-th ray, the first of equals; black where none of them is there.
+ * Votes for colour a: sum over rays k of floor(max(0, SST_AGREE_MODE - |a - colour_k|) / 2) vote_k.
+ *
+ * @param mode    out, three rows of `stride`
+ * @param colour  [rays][3][stride] @param vote  [rays][stride], 0: no ray; of a pixel at most
+ *                65535 / (SST_AGREE_MODE / 2) together
+ * @param stride  a multiple of 64: pixels, all of which are done
+ */
+typedef void sst_agree_mode_fn(uint8_t *const mode[3], const uint8_t *colour, const uint8_t *vote, size_t rays,
+                               size_t step, size_t stride);
+
+/** near = max(0, SST_AGREE_NEAR - |colour - mode|) vote of the rays of one view. */
+typedef void sst_agree_near_fn(uint16_t *near, const uint8_t *const colour[3], const uint8_t *const mode[3],
+                               const uint8_t *vote, size_t n);
+
+/**
+ * acc[0..2] += w colour, acc[3] += w, with w the sum of `near` over the 3x3 pixels around; 0 where vote is 0.
+ *
+ * @param near  rows above, at, below; n + 2 of each, the first is of the pixel to the left; sums below 2^24 are exact
+ * @param n     at most SST_BLEND_MAX
+ */
+typedef void sst_agree_sum_fn(float *const acc[4], const uint16_t *const near[3], const uint8_t *const colour[3],
+                              const uint8_t *vote, size_t n);
+
+/* --- live maps (pipeline/live/warp.c) --- */
+
+/** Two rows of cells of 2x2 pixels: [0] the one that a row of pixels is in, [1] the other one next to the pixels; of
+ *  each n cells, and one more on both sides. */
+struct sst_enlarge {
+    const uint16_t *disp[2], *green4[2]; /* green4: sum over the cell's four pixels */
+    const uint8_t *label[2];
+    const uint8_t *green; /* [2 n] of the pixels */
+    int step_q6;          /* cells of one label whose disparities differ by no more are of one surface */
+};
+
+/**
+ * Disparity and label of 2n pixels: those of the cell that a pixel is in, or, of the three other cells next to it that
+ * are of another surface, of the one whose mean green is nearer to the pixel's; the first of equals in the order own,
+ * beside, other row, other row beside.
+ */
+typedef void sst_enlarge_row_fn(uint16_t *disp, uint8_t *label, const struct sst_enlarge *e, size_t n);
 
 /* --- rectification (pipeline/rectify/) --- */
 

@@ -84,6 +84,10 @@ void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment
 SST_MUST_CHECK int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,
                                struct sst_map_f32 *entropy, float **prob);
 
+/** The labels of sst_segment() whose entropy is below sst_segmenter_eps_h() (HCSM); takes no memory but the label's
+ * once it ran for an image of that size. @param label  out, initialised here @return as sst_segment() */
+SST_MUST_CHECK int sst_segment_sure(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label);
+
 SST_EXTERN_C_END
 
 #endif

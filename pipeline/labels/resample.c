@@ -2,7 +2,6 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/mem.h"
@@ -14,17 +13,12 @@ struct tap {
     float *weight;
 };
 
-struct axis {
-    struct tap *taps;
-    float *weights;
-};
-
 struct job {
     float *out;
     int width, height;
     const struct sst_image *img;
     const double *mean, *std;
-    struct axis x, y;
+    struct tap *x, *y;
     float *rows; /* [worker][img->width] */
 };
 
@@ -47,25 +41,29 @@ static void fill_tap(struct tap *t, int i, int from, int to)
     }
 }
 
-static int make_axis(struct axis *a, int from, int to)
+/* Samples that one of the outputs can touch. */
+static size_t most_samples(int from, int to)
 {
-    const size_t room = (size_t)(from / to) + 3; /* samples that one of the outputs can touch */
-
-    a->taps = calloc((size_t)to, sizeof(*a->taps));
-    a->weights = calloc((size_t)to * room, sizeof(*a->weights));
-    if (!a->taps || !a->weights)
-        return -ENOMEM;
-    for (int i = 0; i < to; i++) {
-        a->taps[i].weight = a->weights + (size_t)i * room;
-        fill_tap(&a->taps[i], i, from, to);
-    }
-    return 0;
+    return (size_t)(from / to) + 3;
 }
 
-static void free_axis(struct axis *a)
+static size_t axis_bytes(int from, int to)
 {
-    free(a->taps);
-    free(a->weights);
+    return sst_mem_stride((size_t)to, sizeof(struct tap) + most_samples(from, to) * sizeof(float));
+}
+
+/* @param at  axis_bytes() of it */
+static struct tap *make_axis(void *at, int from, int to)
+{
+    const size_t room = most_samples(from, to);
+    struct tap *taps = at;
+    float *weights = (float *)(void *)(taps + to);
+
+    for (int i = 0; i < to; i++) {
+        taps[i].weight = weights + (size_t)i * room;
+        fill_tap(&taps[i], i, from, to);
+    }
+    return taps;
 }
 
 /* One row of one plane: down the columns first, then along the row. */
@@ -73,7 +71,7 @@ static int resample_row(void *arg, int index, int worker)
 {
     const struct job *j = arg;
     const int c = index / j->height, y = index % j->height, w = j->img->width;
-    const struct tap *ty = &j->y.taps[y];
+    const struct tap *ty = &j->y[y];
     const float scale = (float)(1 / (255 * j->std[c])), shift = (float)(j->mean[c] / j->std[c]);
     float *row = j->rows + (size_t)worker * (size_t)w, *out = j->out + (size_t)index * (size_t)j->width;
 
@@ -85,7 +83,7 @@ static int resample_row(void *arg, int index, int worker)
             row[x] += ty->weight[k] * in[x];
     }
     for (int x = 0; x < j->width; x++) {
-        const struct tap *tx = &j->x.taps[x];
+        const struct tap *tx = &j->x[x];
         float sum = 0;
 
         for (int k = 0; k < tx->n; k++)
@@ -96,18 +94,17 @@ static int resample_row(void *arg, int index, int worker)
 }
 
 int sst_resample(float *out, int width, int height, const struct sst_image *img, const double mean[3],
-                 const double std[3], int threads)
+                 const double std[3], int threads, struct sst_mem_kept *kept)
 {
     struct job job = { .out = out, .width = width, .height = height, .img = img, .mean = mean, .std = std };
-    int err = make_axis(&job.x, img->width, width);
+    const size_t x_bytes = axis_bytes(img->width, width), y_bytes = axis_bytes(img->height, height);
+    const size_t row_bytes = (size_t)sst_thread_count(threads) * (size_t)img->width * sizeof(*job.rows);
+    uint8_t *at = sst_mem_keep(kept, x_bytes + y_bytes + row_bytes, 1);
 
-    if (!err)
-        err = make_axis(&job.y, img->height, height);
-    job.rows = sst_mem_alloc((size_t)sst_thread_count(threads) * (size_t)img->width, sizeof(*job.rows));
-    if (!err)
-        err = job.rows ? sst_parallel_for(3 * height, threads, resample_row, &job) : -ENOMEM;
-    sst_mem_free(job.rows);
-    free_axis(&job.x);
-    free_axis(&job.y);
-    return err;
+    if (!at)
+        return -ENOMEM;
+    job.x = make_axis(at, img->width, width);
+    job.y = make_axis(at + x_bytes, img->height, height);
+    job.rows = (float *)(void *)(at + x_bytes + y_bytes);
+    return sst_parallel_for(3 * height, threads, resample_row, &job);
 }

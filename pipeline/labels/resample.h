@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_LABELS_RESAMPLE_H
 #define SST_PIPELINE_LABELS_RESAMPLE_H
 
+#include "base/mem.h"
 #include "pipeline/image/image.h"
 
 SST_EXTERN_C_BEGIN
@@ -12,10 +13,11 @@ SST_EXTERN_C_BEGIN
  * threads.
  *
  * @param out  [3][height][width], (sample / 255 - mean[c]) / std[c]
+ * @param kept  scratch
  * @return 0 or -ENOMEM (not logged)
  */
 SST_MUST_CHECK int sst_resample(float *out, int width, int height, const struct sst_image *img, const double mean[3],
-                                const double std[3], int threads);
+                                const double std[3], int threads, struct sst_mem_kept *kept);
 
 SST_EXTERN_C_END
 

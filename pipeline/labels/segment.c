@@ -20,6 +20,10 @@ struct sst_segmenter {
     int threads;
     struct sst_model_info info;
     struct sst_segment_config cfg;
+    /* from image to image */
+    struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct sst_class_grid */
+    struct sst_upsample_memory upsample;
+    struct sst_map_f32 entropy; /* of sst_segment_sure() */
 };
 
 /* An output that covers the image must have its proportions, and a size between a 64th and 8 times its own. */
@@ -89,6 +93,13 @@ void sst_segmenter_close(struct sst_segmenter *seg)
     if (!seg)
         return;
     sst_network_close(seg->net);
+    sst_mem_kept_fini(&seg->picture);
+    sst_mem_kept_fini(&seg->window);
+    sst_mem_kept_fini(&seg->out);
+    sst_mem_kept_fini(&seg->cells);
+    sst_mem_kept_fini(&seg->resample);
+    sst_upsample_memory_fini(&seg->upsample);
+    sst_map_f32_fini(&seg->entropy);
     free(seg->path);
     free(seg);
 }
@@ -129,7 +140,7 @@ struct working {
     int width, height;                                      /* pixels */
     int window_width, window_height, out_width, out_height; /* of a window and of the network's result for it */
     struct sst_tiles across, down;                          /* windows in cells of the result */
-    float *picture, *window, *out; /* [3][height][width], the part that a window sees, its result */
+    float *picture, *window, *out; /* [3][height][width], the part that a window sees (NULL: all), its result */
 };
 
 /* Sides at the image's proportions: `scale` times those of the nominal area. */
@@ -245,7 +256,7 @@ static int add_window(struct sst_class_grid *grid, const struct working *w, int 
 }
 
 /* The image as the network wants it; a grey one is the luma of the three planes, each brought to the same mean. */
-static int make_input(float *in, int width, int height, const struct sst_image *img, const struct sst_segmenter *seg)
+static int make_input(float *in, int width, int height, const struct sst_image *img, struct sst_segmenter *seg)
 {
     const struct sst_model_info *info = &seg->info;
     const size_t plane = (size_t)width * (size_t)height;
@@ -259,7 +270,7 @@ static int make_input(float *in, int width, int height, const struct sst_image *
         swapped.plane[0] = img->plane[2];
         swapped.plane[2] = img->plane[0];
     }
-    err = sst_resample(in, width, height, &swapped, mean, std, seg->threads);
+    err = sst_resample(in, width, height, &swapped, mean, std, seg->threads, &seg->resample);
     for (size_t i = 0; !err && grey && i < plane; i++)
         in[i] = 0.299f * in[i] + 0.587f * in[plane + i] + 0.114f * in[2 * plane + i];
     return err;
@@ -285,8 +296,10 @@ static int run_windows(struct sst_class_grid *grid, const struct working *w, str
 
     for (int j = 0; j < w->down.count && !err; j++) {
         for (int i = 0; i < w->across.count && !err; i++) {
-            cut_window(w, i, j);
-            err = sst_network_run(seg->net, w->window, w->window_width, w->window_height, w->out);
+            if (w->window)
+                cut_window(w, i, j);
+            err = sst_network_run(seg->net, w->window ? w->window : w->picture, w->window_width, w->window_height,
+                                  w->out);
             err = err ? err : add_window(grid, w, i, j, seg);
         }
     }
@@ -297,27 +310,32 @@ static int run_windows(struct sst_class_grid *grid, const struct working *w, str
 static int make_grid(struct sst_class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img)
 {
     struct working w = { 0 };
-    size_t window;
+    size_t cells;
+    bool whole;
     int err = plan(&w, seg, img);
 
     if (err)
         return err;
+    whole = w.window_width == w.width && w.window_height == w.height;
     *grid =
         (struct sst_class_grid){ .width = w.across.total, .height = w.down.total, .count = seg->info.classes.count };
     grid->values = sst_class_grid_values(grid->count);
-    window = (size_t)w.window_width * (size_t)w.window_height;
-    w.picture = sst_mem_alloc_raw((size_t)3 * (size_t)w.width * (size_t)w.height, sizeof(*w.picture));
-    w.window = sst_mem_alloc_raw(3 * window, sizeof(*w.window));
-    w.out = sst_mem_alloc_raw((size_t)seg->info.channels * (size_t)w.out_width * (size_t)w.out_height, sizeof(*w.out));
-    grid->cell = sst_mem_alloc(grid->values * (size_t)grid->width * (size_t)grid->height, sizeof(*grid->cell));
-    err = w.picture && w.window && w.out && grid->cell ? make_input(w.picture, w.width, w.height, img, seg) : -ENOMEM;
+    cells = grid->values * (size_t)grid->width * (size_t)grid->height;
+    w.picture = sst_mem_keep(&seg->picture, (size_t)3 * (size_t)w.width * (size_t)w.height, sizeof(*w.picture));
+    if (!whole)
+        w.window =
+            sst_mem_keep(&seg->window, (size_t)3 * (size_t)w.window_width * (size_t)w.window_height, sizeof(*w.window));
+    w.out = sst_mem_keep(&seg->out, (size_t)seg->info.channels * (size_t)w.out_width * (size_t)w.out_height,
+                         sizeof(*w.out));
+    grid->cell = sst_mem_keep(&seg->cells, cells, sizeof(*grid->cell));
+    if (grid->cell)
+        memset(grid->cell, 0, cells * sizeof(*grid->cell));
+    err = w.picture && (whole || w.window) && w.out && grid->cell ? make_input(w.picture, w.width, w.height, img, seg)
+                                                                  : -ENOMEM;
     if (err)
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
     if (!err)
         err = run_windows(grid, &w, seg);
-    sst_mem_free(w.picture);
-    sst_mem_free(w.window);
-    sst_mem_free(w.out);
     return err;
 }
 
@@ -339,12 +357,12 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     if (!err && entropy)
         err = sst_map_f32_init(&entropy_made, img->width, img->height);
     if (!err)
-        err = sst_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads);
+        err = sst_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
+                           &seg->upsample);
     if (err) {
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
         goto fail;
     }
-    sst_mem_free(grid.cell);
     *label = label_made;
     if (entropy)
         *entropy = entropy_made;
@@ -353,9 +371,33 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     return 0;
 
 fail:
-    sst_mem_free(grid.cell);
     sst_map_u8_fini(&label_made);
     sst_map_f32_fini(&entropy_made);
     free(prob_made);
     return err;
+}
+
+int sst_segment_sure(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label)
+{
+    struct sst_map_f32 *entropy = &seg->entropy;
+    struct sst_map_u8 made = { 0 };
+    struct sst_class_grid grid;
+    int err = make_grid(&grid, seg, img);
+
+    if (err)
+        return err;
+    if (entropy->width != img->width || entropy->height != img->height) {
+        sst_map_f32_fini(entropy);
+        err = sst_map_f32_init(entropy, img->width, img->height);
+    }
+    err = err ? err : sst_map_u8_init(&made, img->width, img->height);
+    err = err ? err : sst_upsample(&made, entropy, NULL, &grid, img, seg->threads, &seg->upsample);
+    if (err) {
+        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
+        sst_map_u8_fini(&made);
+        return err;
+    }
+    sst_hcsm(&made, entropy, seg->info.eps_h);
+    *label = made;
+    return 0;
 }

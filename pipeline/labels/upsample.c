@@ -10,7 +10,7 @@
 #include "pipeline/labels/classes.h"
 #include "pipeline/labels/resample.h"
 
-#define BLOCK SST_CLASS_ROW_MAX
+#define BLOCK  SST_CLASS_ROW_MAX
 #define SPREAD 0.7 /* cells: deviation of the weight of distance; with SST_GUIDE_SIGMA the best of docs/method.md */
 
 /* Scratch of one worker. */
@@ -189,33 +189,54 @@ static void prepare_columns(const struct job *j)
     }
 }
 
+void sst_upsample_memory_fini(struct sst_upsample_memory *m)
+{
+    sst_mem_kept_fini(&m->own);
+    sst_mem_kept_fini(&m->resample);
+}
+
+/* @param at  where the next part begins; moves behind it. NULL: only the bytes are counted */
+static void *part(uint8_t *base, size_t *at, size_t count, size_t size)
+{
+    void *p = base ? base + *at : NULL;
+
+    *at += sst_mem_stride(count, size);
+    return p;
+}
+
+/* @return bytes */
+static size_t lay_out(struct job *j, uint8_t *base, size_t workers)
+{
+    const size_t cells = (size_t)j->grid->width * (size_t)j->grid->height, width = (size_t)j->label->width;
+    size_t at = 0;
+
+    j->scratch = part(base, &at, workers, sizeof(*j->scratch));
+    j->colour = part(base, &at, 3 * cells, sizeof(*j->colour));
+    j->left = part(base, &at, width, sizeof(*j->left));
+    j->across = part(base, &at, 16 * width, sizeof(*j->across));
+    j->winner = part(base, &at, cells, 1);
+    j->sure = part(base, &at, workers * (size_t)j->grid->width, 1);
+    return at;
+}
+
 int sst_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob, struct sst_class_grid *grid,
-                 const struct sst_image *img, int threads)
+                 const struct sst_image *img, int threads, struct sst_upsample_memory *memory)
 {
     static const double mean[3] = { 0, 0, 0 }, std[3] = { 1 / 255.0, 1 / 255.0, 1 / 255.0 };
-    const size_t workers = (size_t)sst_thread_count(threads), cells = (size_t)grid->width * (size_t)grid->height;
-    struct job j = { .kernels = sst_kernels_get(), .grid = grid, .img = img, .label = label, .entropy = entropy,
-                     .prob = prob };
-    int err = -ENOMEM;
+    const size_t workers = (size_t)sst_thread_count(threads);
+    struct job j = {
+        .kernels = sst_kernels_get(), .grid = grid, .img = img, .label = label, .entropy = entropy, .prob = prob
+    };
+    uint8_t *base = sst_mem_keep(&memory->own, lay_out(&j, NULL, workers), 1);
+    int err;
 
-    j.colour = sst_mem_alloc_raw(3 * cells, sizeof(*j.colour));
-    j.left = sst_mem_alloc_raw((size_t)label->width, sizeof(*j.left));
-    j.across = sst_mem_alloc_raw(16 * (size_t)label->width, sizeof(*j.across));
-    j.winner = sst_mem_alloc_raw(cells, 1);
-    j.sure = sst_mem_alloc_raw(workers * (size_t)grid->width, 1);
-    j.scratch = sst_mem_alloc_raw(workers, sizeof(*j.scratch));
-    if (j.colour && j.left && j.across && j.winner && j.sure && j.scratch)
-        err = sst_resample(j.colour, grid->width, grid->height, img, mean, std, threads);
-    if (!err) {
-        prepare_cells(&j);
-        prepare_columns(&j);
-        err = sst_parallel_for(label->height, threads, finish_row, &j);
-    }
-    sst_mem_free(j.colour);
-    sst_mem_free(j.left);
-    sst_mem_free(j.across);
-    sst_mem_free(j.winner);
-    sst_mem_free(j.sure);
-    sst_mem_free(j.scratch);
-    return err;
+    if (!base)
+        return -ENOMEM;
+    lay_out(&j, base, workers);
+    err = sst_resample(j.colour, grid->width, grid->height, img, mean, std, threads, &memory->resample);
+    if (err)
+        return err;
+    prepare_cells(&j);
+    prepare_columns(&j);
+    return sst_parallel_for(label->height, threads, finish_row, &j);
 }

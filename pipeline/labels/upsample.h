@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_LABELS_UPSAMPLE_H
 #define SST_PIPELINE_LABELS_UPSAMPLE_H
 
+#include "base/mem.h"
 #include "pipeline/image/image.h"
 
 SST_EXTERN_C_BEGIN
@@ -12,6 +13,13 @@ struct sst_class_grid {
     size_t values; /* floats of a cell: sst_class_grid_values() */
     float *cell;   /* [height][width][values]: count probabilities, >= 0 with sum 1; the rest is used inside */
 };
+
+/** Scratch. Zeroed: none yet. */
+struct sst_upsample_memory {
+    struct sst_mem_kept own, resample;
+};
+
+void sst_upsample_memory_fini(struct sst_upsample_memory *memory);
 
 /** Floats of a cell of `count` classes: room for the sum of weights, rounded up for the kernel. */
 size_t sst_class_grid_values(int count);
@@ -29,7 +37,8 @@ size_t sst_class_grid_values(int count);
  * @return 0 or -ENOMEM (not logged). Same bytes for any number of threads; the same labels whatever else is wanted.
  */
 SST_MUST_CHECK int sst_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob,
-                                struct sst_class_grid *grid, const struct sst_image *img, int threads);
+                                struct sst_class_grid *grid, const struct sst_image *img, int threads,
+                                struct sst_upsample_memory *memory);
 
 SST_EXTERN_C_END
 

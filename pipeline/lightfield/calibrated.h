@@ -40,13 +40,13 @@ SST_MUST_CHECK int sst_lightfield_fit_calibration(struct sst_lightfield *lf, con
 SST_MUST_CHECK int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use);
 
 /** Share 0..1 of view's pixels that come from inside its raw frame, and of the raw frame's pixels that are kept. */
-struct sst_kept {
+struct sst_pixels_kept {
     double filled, kept;
 };
 
 /** Of a calibrated light field, from one pixel in 256. @return 0 or -ENOMEM (logged) */
-SST_MUST_CHECK int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst_kept *worst,
-                                       struct sst_kept *mean);
+SST_MUST_CHECK int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst_pixels_kept *worst,
+                                       struct sst_pixels_kept *mean);
 
 struct sst_rectify_dir_config {
     const char *dir, *out;

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "pipeline/calib/calib.h"
 
@@ -66,4 +67,26 @@ void sst_view_name(const struct sst_lightfield *lf, int view, char out[16])
 {
     /* Both are below SST_MAX_VIEWS; the remainder tells the compiler so. */
     snprintf(out, 16, "%02u_%02u", (unsigned)(view / lf->cols) % 1000u, (unsigned)(view % lf->cols) % 1000u);
+}
+
+int sst_view_copy(struct sst_view *to, const struct sst_view *from)
+{
+    const struct sst_image *img = &from->image;
+    const size_t bytes = img->stride * (size_t)img->height;
+    int err = 0;
+
+    to->present = from->present;
+    to->bx = from->bx;
+    to->by = from->by;
+    if (!to->present)
+        return 0;
+    if (!to->image.plane[0])
+        err = sst_image_init(&to->image, img->width, img->height);
+    for (int c = 0; !err && c < 3; c++)
+        memcpy(to->image.plane[c], img->plane[c], bytes);
+    if (!err && from->valid.data && !to->valid.data)
+        err = sst_map_u8_init(&to->valid, from->valid.width, from->valid.height);
+    if (!err && from->valid.data)
+        memcpy(to->valid.data, from->valid.data, from->valid.stride * (size_t)from->valid.height);
+    return err;
 }

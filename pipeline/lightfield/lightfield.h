@@ -69,6 +69,10 @@ enum sst_lightfield_load {
 SST_MUST_CHECK int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols);
 void sst_lightfield_fini(struct sst_lightfield *lf);
 
+/** Copy a view's image, its mask and where it is; what `to` holds of the same size is used again.
+ *  @return 0, -ENOMEM (to be freed with its light field all the same) */
+SST_MUST_CHECK int sst_view_copy(struct sst_view *to, const struct sst_view *from);
+
 /** Set ref_view: the middle of the grid, or the present view nearest to it (ties: the lower index).
  *  Offsets are not touched. @return 0, -EBADMSG (no view is present; not logged). */
 SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);

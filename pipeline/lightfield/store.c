@@ -394,48 +394,30 @@ int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int t
     return err ? err : write_files(&copy, dir, dir, threads);
 }
 
-/* Put new/name in the place of dir/name; the old one, if any, goes to new/name-old. */
+/* Put fresh/name in the place of dir/name; the old one, if any, is in fresh then. */
 static int swap_in(const char *dir, const char *fresh, const char *name)
 {
-    char from[SST_PATH_MAX], to[SST_PATH_MAX], old[SST_PATH_MAX], old_name[64];
-    int err;
+    char from[SST_PATH_MAX], to[SST_PATH_MAX];
+    int err = sst_path_join(from, fresh, name);
 
-    snprintf(old_name, sizeof(old_name), "%s-old", name);
-    err = sst_path_join(from, fresh, name);
-    if (!err)
-        err = sst_path_join(to, dir, name);
-    if (!err)
-        err = sst_path_join(old, fresh, old_name);
-    if (err)
-        return err;
-    if (rename(to, old) && errno != ENOENT)
-        goto fail;
-    if (!rename(from, to))
-        return 0;
-    err = errno;
-    (void)rename(old, to);
-    errno = err;
-
-fail:
-    sst_log_error("cannot replace %s: %s", to, strerror(errno));
-    return -EIO;
+    err = err ? err : sst_path_join(to, dir, name);
+    return err ? err : sst_path_swap(from, to);
 }
 
 /* The way back, for what was swapped in before something failed. */
 static void swap_back(const char *dir, const char *fresh, const char *name)
 {
-    char from[SST_PATH_MAX], to[SST_PATH_MAX], old[SST_PATH_MAX], old_name[64];
+    char from[SST_PATH_MAX], to[SST_PATH_MAX];
 
-    snprintf(old_name, sizeof(old_name), "%s-old", name);
-    if (sst_path_join(from, fresh, name) || sst_path_join(to, dir, name) || sst_path_join(old, fresh, old_name))
+    if (sst_path_join(from, fresh, name) || sst_path_join(to, dir, name))
         return;
-    (void)rename(to, from);
-    (void)rename(old, to);
+    if (sst_path_exists(from) ? sst_path_swap(from, to) : rename(to, from))
+        sst_log_error("the new %s stays, without the maps that belong to it", to);
 }
 
 int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, int threads)
 {
-    const char *names[MAP_KINDS + 1];
+    const char *names[MAP_KINDS + 1], *failed = NULL;
     struct sst_outdir fresh;
     char path[SST_PATH_MAX];
     int count = 0, done = 0, err = sst_path_join(path, dir, ".maps");
@@ -450,12 +432,21 @@ int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, i
             names[count++] = kinds[kind].folder;
     }
     names[count++] = "lightfield.json";
+    sst_file_hold_interrupt();
     while (!err && done < count) {
         err = swap_in(dir, fresh.temporary, names[done]);
-        done += !err;
+        if (err)
+            failed = names[done];
+        else
+            done++;
     }
     while (err && done > 0)
         swap_back(dir, fresh.temporary, names[--done]);
+    sst_file_allow_interrupt();
+    if (failed) {
+        sst_log_error("cannot replace %s/%s: %s", dir, failed, strerror(-err));
+        err = -EIO;
+    }
     sst_outdir_abort(&fresh);
     return err;
 }

@@ -11,6 +11,7 @@
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/labels/labels.h"
+#include "pipeline/lightfield/unsure.h"
 
 /* Maps that only explain the result; written beside the main ones. */
 enum extra {
@@ -143,8 +144,9 @@ static int segment_view(void *arg, int view, int worker)
     if (!err)
         unlabel_unseen(v);
     err = err ? err : told(run, copy_map(&run->extra[EXTRA_INITIAL][view], &v->label));
-    return err ? err : told(run, pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
-                                              sst_segmenter_classes(seg)->count));
+    return err ? err
+               : told(run, pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
+                                        sst_segmenter_classes(seg)->count));
 }
 
 /* One segmenter per thread, each on one core: whole views side by side need no waiting between layers. */
@@ -190,6 +192,18 @@ static int label_views(struct run *run)
         err = told(run, copy_map(&run->extra[EXTRA_HCSM][view], &v->label));
     }
     run->report->eps_h = eps_h;
+    return err;
+}
+
+/* How much of the maps is no guess. */
+static int judge(const struct run *run)
+{
+    struct sst_unsure u = { 0 };
+    const int err = told(run, sst_unsure_init(&u, run->lf, run->cfg->threads));
+
+    if (!err)
+        run->report->confirmed = 100 * u.confirmed;
+    sst_unsure_fini(&u);
     return err;
 }
 
@@ -345,6 +359,7 @@ static int run_stages(struct run *run, struct sst_stage_time *clock)
     run->report->labels = lap(clock);
     if (!err && !lf->disparity_given)
         err = match_views(run);
+    err = err ? err : judge(run);
     run->report->disparity = lap(clock);
     if (!err && any_label(lf)) {
         run->report->coverage_hcsm = coverage(run);
@@ -363,7 +378,8 @@ int sst_process(struct sst_lightfield *lf, const char *dir, const struct sst_pro
     struct sst_stage_time clock = { 0 };
     int err;
 
-    *report = (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN };
+    *report =
+        (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN, .confirmed = NAN };
     lap(&clock);
     err = run_stages(&run, &clock);
     if (!err)

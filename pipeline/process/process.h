@@ -9,11 +9,11 @@
 SST_EXTERN_C_BEGIN
 
 struct sst_process_config {
-    const char *model;           /* segmentation network; NULL: no labels are computed */
+    const char *model;            /* segmentation network; NULL: no labels are computed */
     enum sst_precision precision; /* of that network */
-    double eps_h;                /* entropy threshold; negative: the model's own */
-    const char *hand_label;      /* label map of the reference view to find eps_h on, or NULL */
-    double accuracy_weight;      /* m of the score Acc^m Cvg */
+    double eps_h;                 /* entropy threshold; negative: the model's own */
+    const char *hand_label;       /* label map of the reference view to find eps_h on, or NULL */
+    double accuracy_weight;       /* m of the score Acc^m Cvg */
     bool refine;
     struct sst_disparity_config disparity; /* equal range ends: the light field's own, else estimated */
     struct sst_refine_config refinement;
@@ -31,6 +31,7 @@ struct sst_stage_time {
 struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when the disparities were given */
+    double confirmed; /* percent of the disparities that another view has, too; NaN without confidences */
     struct sst_stage_time labels, disparity, refinement, saving;
 };
 

@@ -95,6 +95,34 @@ SST_MUST_CHECK int sst_sampler_create(struct sst_sampler **out, const struct sst
                                       enum sst_filter filter, const struct sst_image *raw, int threads);
 void sst_sampler_destroy(struct sst_sampler *sampler);
 
+/** A black raw frame, to be put in part by part. @return 0, -EINVAL, -ENOMEM; not logged */
+SST_MUST_CHECK int sst_sampler_create_empty(struct sst_sampler **out, const struct sst_rectify_map *map,
+                                            enum sst_filter filter);
+
+/**
+ * Put a part of the raw frame in, columns x .. x+width-1 of rows y .. y+height-1, which lie in the frame. Nobody may
+ * sample meanwhile; parts that do not touch may be put in by several threads.
+ *
+ * @param rgbx    the part's first pixel: R, G, B and a byte of no meaning each
+ * @param stride  bytes
+ */
+void sst_sampler_put(struct sst_sampler *sampler, int x, int y, int width, int height, const uint8_t *rgbx,
+                     size_t stride);
+
+/** The raw frame's pixel (0, 0): R, G, B and a byte of no meaning each. @param stride  out, bytes */
+const uint8_t *sst_sampler_pixels(const struct sst_sampler *sampler, size_t *stride);
+
+/**
+ * Raw pixels that rectified ones come from: samples in columns x .. x+width-1 of rows y .. y+height-1 depend on the raw
+ * columns box[0] .. box[2]-1 of rows box[1] .. box[3]-1 alone.
+ *
+ * @param map    the pixels lie in its rectified picture
+ * @param valid  [height][width] 255 where a pixel has a place in the raw frame, else 0; or NULL
+ * @return false: none has; box is 0
+ */
+bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, int x, int y, int width, int height,
+                         int box[4], uint8_t *valid, size_t valid_stride);
+
 #define SST_SAMPLE_MAX 512
 
 /**

@@ -135,25 +135,34 @@ static int pack_band(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-static int sampler_init(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter,
-                        const struct sst_image *raw, int threads)
+static int sampler_make(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter)
 {
-    const size_t border = 2 * SST_RESAMPLE_BORDER, stride = sst_mem_stride((size_t)raw->width + border, 4);
-    struct packing job = { .sampler = s, .raw = raw };
+    const size_t border = 2 * SST_RESAMPLE_BORDER, stride = sst_mem_stride((size_t)map->chain.raw_width + border, 4);
 
-    if ((size_t)filter >= ARRAY_LEN(filters) || raw->width != map->chain.raw_width ||
-        raw->height != map->chain.raw_height)
+    if ((size_t)filter >= ARRAY_LEN(filters))
         return -EINVAL;
     pthread_once(&once, set_all_weights);
-    *s = (struct sst_sampler){ .map = map, .packed = sst_mem_alloc_raw((size_t)raw->height + border, stride) };
+    *s = (struct sst_sampler){ .map = map, .packed = sst_mem_alloc_raw((size_t)map->chain.raw_height + border, stride) };
     if (!s->packed)
         return -ENOMEM;
     s->from = (struct sst_resample){ .pixel = s->packed + SST_RESAMPLE_BORDER * (stride + 4),
                                      .stride = stride,
                                      .weight = weights[filter],
                                      .taps = filters[filter].taps };
-    return sst_parallel_for((raw->height + (int)border + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads),
-                            pack_band, &job);
+    return 0;
+}
+
+static int sampler_init(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter,
+                        const struct sst_image *raw, int threads)
+{
+    const int rows = raw->height + 2 * SST_RESAMPLE_BORDER;
+    struct packing job = { .sampler = s, .raw = raw };
+    int err;
+
+    if (raw->width != map->chain.raw_width || raw->height != map->chain.raw_height)
+        return -EINVAL;
+    err = sampler_make(s, map, filter);
+    return err ? err : sst_parallel_for((rows + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads), pack_band, &job);
 }
 
 int sst_sampler_create(struct sst_sampler **out, const struct sst_rectify_map *map, enum sst_filter filter,
@@ -175,6 +184,89 @@ void sst_sampler_destroy(struct sst_sampler *s)
         return;
     sst_mem_free(s->packed);
     free(s);
+}
+
+int sst_sampler_create_empty(struct sst_sampler **out, const struct sst_rectify_map *map, enum sst_filter filter)
+{
+    struct sst_sampler *s = calloc(1, sizeof(*s));
+    int err = s ? sampler_make(s, map, filter) : -ENOMEM;
+
+    if (err) {
+        sst_sampler_destroy(s);
+        return err;
+    }
+    memset(s->packed, 0, ((size_t)map->chain.raw_height + 2 * SST_RESAMPLE_BORDER) * s->from.stride);
+    *out = s;
+    return 0;
+}
+
+const uint8_t *sst_sampler_pixels(const struct sst_sampler *s, size_t *stride)
+{
+    *stride = s->from.stride;
+    return s->from.pixel;
+}
+
+void sst_sampler_put(struct sst_sampler *s, int x, int y, int width, int height, const uint8_t *rgbx, size_t stride)
+{
+    const size_t border = SST_RESAMPLE_BORDER, own = s->from.stride;
+    const bool left = x == 0, right = x + width == s->map->chain.raw_width;
+    const bool top = y == 0, bottom = y + height == s->map->chain.raw_height;
+    uint8_t *const first = s->packed + (border + (size_t)y) * own + 4 * (border + (size_t)x);
+    /* With the border's columns at the sides that the part touches: what rows of the border repeat. */
+    const size_t before = left ? 4 * border : 0, after = right ? 4 * border : 0, line = 4 * (size_t)width;
+
+    for (int row = 0; row < height; row++) {
+        uint8_t *to = first + (size_t)row * own;
+
+        memcpy(to, rgbx + (size_t)row * stride, line);
+        for (size_t i = 4; i <= before; i += 4)
+            memcpy(to - i, to, 4);
+        for (size_t i = 0; i < after; i += 4)
+            memcpy(to + line + i, to + line - 4, 4);
+    }
+    for (size_t i = 1; top && i <= border; i++)
+        memcpy(first - before - i * own, first - before, before + line + after);
+    for (size_t i = 0; bottom && i < border; i++) {
+        uint8_t *last = first - before + (size_t)(height - 1) * own;
+
+        memcpy(last + (i + 1) * own, last, before + line + after);
+    }
+}
+
+bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, int x, int y, int width, int height,
+                         int box[4], uint8_t *valid, size_t valid_stride)
+{
+    const int half = filters[filter].taps / 2, w = map->chain.raw_width, h = map->chain.raw_height;
+    int32_t low[2] = { INT32_MAX, INT32_MAX }, high[2] = { INT32_MIN, INT32_MIN };
+    int32_t xy_q8[2 * SST_SAMPLE_MAX];
+
+    for (int row = 0; row < height; row++) {
+        for (int at = 0; at < width; at += SST_SAMPLE_MAX) {
+            const int n = sst_min_int(SST_SAMPLE_MAX, width - at);
+
+            sst_rectify_map_row(map, x + at, y + row, n, xy_q8);
+            for (int i = 0; i < n; i++) {
+                const bool seen = xy_q8[2 * i] != INT32_MIN;
+
+                if (valid)
+                    valid[(size_t)row * valid_stride + (size_t)(at + i)] = seen ? 255 : 0;
+                for (int axis = 0; seen && axis < 2; axis++) {
+                    low[axis] = sst_min_int(low[axis], xy_q8[2 * i + axis] >> 8);
+                    high[axis] = sst_max_int(high[axis], xy_q8[2 * i + axis] >> 8);
+                }
+            }
+        }
+    }
+    if (low[0] == INT32_MAX) {
+        memset(box, 0, 4 * sizeof(*box));
+        return false;
+    }
+    /* The taps of a place after pixel x are at x + 1 - half .. x + half, those beyond the border on it. */
+    box[0] = sst_clamp_int(low[0] + 1 - half, 0, w - 1);
+    box[1] = sst_clamp_int(low[1] + 1 - half, 0, h - 1);
+    box[2] = sst_clamp_int(high[0] + half, 0, w - 1) + 1;
+    box[3] = sst_clamp_int(high[1] + half, 0, h - 1) + 1;
+    return true;
 }
 
 /* --- rows --------------------------------------------------------------------------------------------------------- */

@@ -1,4 +1,4 @@
-/* pipeline/refine/parts.h - the pieces of label refinement; code outside pipeline/refine uses refine.h. */
+/* pipeline/refine/parts.h - the pieces of label refinement; code outside pipeline/refine and pipeline/live uses refine.h. */
 #ifndef SST_PIPELINE_REFINE_PARTS_H
 #define SST_PIPELINE_REFINE_PARTS_H
 

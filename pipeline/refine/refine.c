@@ -252,6 +252,8 @@ static int refine_view(void *arg, int index, int worker)
 
     if (!v->present)
         return 0;
+    if (job->cfg->cancel && *job->cfg->cancel)
+        return -ECANCELED;
     find_grounds(job, w, v);
     seen = find_conflicts(job, w, v);
     if (seen & job->ground && job->cfg->p_normal > 0) {

@@ -1,4 +1,4 @@
-#include "pipeline/render/plan.h"
+#include "pipeline/render/verify.h"
 
 #include <errno.h>
 #include <math.h>
@@ -9,8 +9,19 @@
 #include "base/mem.h"
 #include "base/thread.h"
 
-#define WHOLE_PX 1e-6 /* shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column   \
-                       */
+/* Offline, rarity of colours is counted from every so many-th pixel of every so many-th row of all views. */
+#define RARITY_STEP 8
+/* Shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column. */
+#define WHOLE_PX 1e-6
+
+static void count_rarity(struct sst_renderer *r)
+{
+    int view[SST_MAX_VIEWS], views = r->lf->rows * r->lf->cols;
+
+    for (int i = 0; i < views; i++)
+        view[i] = i;
+    sst_rarity_count(r->rarity, r->lf, view, views, RARITY_STEP);
+}
 
 int sst_renderer_count(struct sst_renderer *r)
 {
@@ -19,12 +30,45 @@ int sst_renderer_count(struct sst_renderer *r)
     pthread_mutex_lock(&r->lock);
     if (!r->counted) {
         err = sst_label_histogram_init(&r->histogram, r->lf, r->threads);
+        if (!err)
+            count_rarity(r);
         r->counted = !err;
     }
     pthread_mutex_unlock(&r->lock);
     if (err)
         sst_log_error("no memory for the histograms of the disparities");
     return err;
+}
+
+int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int step)
+{
+    int err;
+
+    pthread_mutex_lock(&r->lock);
+    err = sst_label_histogram_recount(&r->histogram, r->lf, view, views, step);
+    sst_rarity_count(r->rarity, r->lf, view, views, step);
+    r->counted = true; /* without memory: empty */
+    pthread_mutex_unlock(&r->lock);
+    if (err)
+        sst_log_error("no memory for the histograms of the disparities");
+    return err;
+}
+
+const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r)
+{
+    int err = 0;
+
+    pthread_mutex_lock(&r->lock);
+    if (!r->judged) {
+        err = sst_unsure_init(&r->unsure, r->lf, r->threads);
+        if (err)
+            sst_unsure_fini(&r->unsure);
+        r->judged = !err;
+    }
+    pthread_mutex_unlock(&r->lock);
+    if (err)
+        sst_log_error("no memory to count which disparities other views confirm");
+    return err ? NULL : &r->unsure;
 }
 
 static int check_value(const char *name, double v, double min, double max)
@@ -260,13 +304,41 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
     err = sst_renderer_count(r);
     if (err)
         return err;
-    p->table = sst_mem_alloc((size_t)256 * SST_BLEND_COLUMNS, sizeof(float));
+    p->table = sst_mem_alloc_raw((size_t)256 * SST_BLEND_COLUMNS, sizeof(float));
     if (!p->table) {
         sst_log_error("no memory for the table of label weights");
         return -ENOMEM;
     }
     sst_label_weight_table(p->table, &r->histogram, cfg);
     p->blend.label_weight = p->table;
+    return 0;
+}
+
+/* What verification takes, one of each thread. */
+static int open_verifiers(struct sst_plan *p, struct sst_renderer *r)
+{
+    const int threads = sst_thread_count(p->cfg.threads);
+    int err = 0;
+
+    if (p->cfg.verify == SST_VERIFY_AUTO) {
+        p->unsure = sst_renderer_judge(r);
+        if (!p->unsure)
+            return -ENOMEM;
+        if (isnan(p->unsure->confirmed))
+            return 0;
+    }
+    err = sst_renderer_count(r);
+    if (err)
+        return err;
+    p->rarity = malloc(sizeof(r->rarity));
+    p->verifier = calloc((size_t)threads, sizeof(struct sst_verifier *));
+    for (; p->rarity && p->verifier && p->verifiers < threads && !err; p->verifiers += !err)
+        err = sst_verifier_create(&p->verifier[p->verifiers], p);
+    if (err || !p->rarity || !p->verifier) {
+        sst_log_error("no memory to verify rays on %d threads", threads);
+        return -ENOMEM;
+    }
+    memcpy(p->rarity, r->rarity, sizeof(r->rarity));
     return 0;
 }
 
@@ -285,6 +357,8 @@ int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_r
         err = prepare_raw(p, r);
     if (!err && cfg->method == SST_RENDER_SST)
         err = weigh(p, r);
+    if (!err && cfg->verify != SST_VERIFY_OFF && p->weighted && isfinite(p->cfg.sigma_px))
+        err = open_verifiers(p, r);
     if (err)
         sst_plan_fini(p);
     return err;
@@ -292,8 +366,28 @@ int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_r
 
 void sst_plan_fini(struct sst_plan *p)
 {
+    for (int i = 0; i < p->verifiers; i++)
+        sst_verifier_destroy(p->verifier[i]);
+    free(p->verifier);
+    free(p->rarity);
     sst_mem_free(p->table);
+    p->verifier = NULL;
+    p->verifiers = 0;
+    p->rarity = NULL;
     p->table = NULL;
+}
+
+bool sst_plan_renew(struct sst_plan *p, const struct sst_renderer *r, double tolerance, double share)
+{
+    const bool labels = p->table && sst_label_weight_differs(p->table, &r->histogram, &p->cfg, tolerance, share);
+
+    if (!labels && !(p->rarity && sst_rarity_differs(p->rarity, r->rarity, tolerance)))
+        return false;
+    if (p->table)
+        sst_label_weight_table(p->table, &r->histogram, &p->cfg);
+    if (p->rarity)
+        memcpy(p->rarity, r->rarity, sizeof(r->rarity));
+    return true;
 }
 
 double sst_plan_label_weight(const struct sst_plan *p, int label, uint16_t disp_q6)

@@ -4,13 +4,14 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 
 /* Valleys between objects: counts below this share of the lower peak beside them. */
-#define VALLEY_SHARE 0.2
+#define VALLEY_SHARE   0.2
 #define SMOOTH_COLUMNS 2 /* to each side */
 /* What holds less than this share of its label is matching errors, not an object: it goes with its neighbour. */
 #define OBJECT_SHARE 0.005
@@ -22,7 +23,7 @@ struct job {
         uint16_t first, last; /* first > last: none */
         bool present[256];
         char pad[SST_ALIGN];
-    } *extent;
+    } * extent;
     uint64_t *count; /* [workers][256][bins] */
     size_t bins;
 };
@@ -112,6 +113,7 @@ int sst_label_histogram_init(struct sst_label_histogram *h, const struct sst_lig
             made.present[i] |= e->present[i];
     }
     made.first_bin = made.bins ? first : 0;
+    made.row = made.bins;
     j.bins = (size_t)made.bins;
     if (!err && made.bins) {
         made.memory = j.count = calloc((size_t)workers * 256 * j.bins, sizeof(*j.count));
@@ -131,6 +133,73 @@ void sst_label_histogram_fini(struct sst_label_histogram *h)
 {
     free(h->memory);
     *h = (struct sst_label_histogram){ 0 };
+}
+
+/* Room for `bins` in every row, all counts 0. */
+static int clear_counts(struct sst_label_histogram *h, int bins)
+{
+    for (int i = 0; i < 256; i++) {
+        if (h->count[i])
+            memset(h->count[i], 0, (size_t)h->row * sizeof(*h->count[i]));
+        h->count[i] = NULL;
+        h->present[i] = false;
+    }
+    if (bins <= h->row)
+        return 0;
+    sst_label_histogram_fini(h);
+    bins = sst_min_int(bins + (int)(2 * SST_DISP_SCALE), SST_DISP_NONE); /* a value beyond is no new memory */
+    h->memory = calloc((size_t)256 * (size_t)bins, sizeof(*h->memory));
+    if (!h->memory)
+        return -ENOMEM;
+    h->row = bins;
+    return 0;
+}
+
+static void count_sampled(struct sst_label_histogram *h, const struct sst_view *v, int step)
+{
+    for (int y = step / 2; y < v->disp.height; y += step) {
+        const uint16_t *d = sst_map_u16_row(&v->disp, y);
+        const uint8_t *label = v->label.data ? sst_map_u8_row(&v->label, y) : NULL;
+
+        for (int x = step / 2; x < v->disp.width; x += step) {
+            const int i = label ? label[x] : 0;
+
+            h->present[i] = true;
+            if (d[x] == SST_DISP_NONE)
+                continue;
+            if (!h->count[i])
+                h->count[i] = h->memory + (size_t)i * (size_t)h->row;
+            h->count[i][d[x]]++;
+        }
+    }
+}
+
+int sst_label_histogram_recount(struct sst_label_histogram *h, const struct sst_lightfield *lf, const int *view,
+                                int views, int step)
+{
+    int first = SST_DISP_NONE, bins = 0, err;
+
+    for (int k = 0; k < views; k++) {
+        const struct sst_map_u16 *disp = &lf->views[view[k]].disp;
+
+        for (int y = step / 2; disp->data && y < disp->height; y += step) {
+            const uint16_t *d = sst_map_u16_row(disp, y);
+
+            for (int x = step / 2; x < disp->width; x += step) {
+                first = d[x] < first ? d[x] : first;
+                bins = d[x] != SST_DISP_NONE && d[x] >= bins ? d[x] + 1 : bins;
+            }
+        }
+    }
+    err = clear_counts(h, bins);
+    h->disp_min_px = lf->disp_min_px;
+    h->bins = err ? 0 : bins;
+    h->first_bin = h->bins ? first : 0;
+    for (int k = 0; k < views && !err; k++) {
+        if (lf->views[view[k]].disp.data)
+            count_sampled(h, &lf->views[view[k]], step);
+    }
+    return err;
 }
 
 bool sst_histogram_range(const uint64_t *count, int first, int end, double cut, int *min_bin, int *max_bin)
@@ -258,8 +327,33 @@ static void weight_row(float *row, const struct sst_label_histogram *h, const st
 
 void sst_label_weight_table(float *table, const struct sst_label_histogram *h, const struct sst_render_config *cfg)
 {
-    for (int label = 0; label < 256; label++) {
-        if (h->present[label])
-            weight_row(table + (size_t)label * SST_BLEND_COLUMNS, h, cfg, label);
+    for (int label = 0; label < 256; label++)
+        weight_row(table + (size_t)label * SST_BLEND_COLUMNS, h, cfg, label);
+}
+
+static bool differs(float a, float b, double tolerance)
+{
+    return fabs((double)a - (double)b) > tolerance * fmax((double)a, (double)b);
+}
+
+bool sst_label_weight_differs(const float *table, const struct sst_label_histogram *h,
+                              const struct sst_render_config *cfg, double tolerance, double share)
+{
+    uint64_t total = 0, off = 0;
+
+    for (int label = 0; label < 256; label++, table += SST_BLEND_COLUMNS) {
+        float row[SST_BLEND_COLUMNS];
+
+        if (!h->count[label])
+            continue;
+        weight_row(row, h, cfg, label);
+        for (int bin = 0; bin < h->bins; bin++) {
+            const int column = bin >> SST_BLEND_COLUMN_SHIFT;
+
+            total += h->count[label][bin];
+            if (h->count[label][bin] && differs(row[column], table[column], tolerance))
+                off += h->count[label][bin];
+        }
     }
+    return (double)off > share * (double)total;
 }

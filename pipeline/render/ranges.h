@@ -14,12 +14,23 @@ struct sst_label_histogram {
     bool present[256];    /* label occurs, with or without a disparity */
     uint64_t *count[256]; /* [bins]; NULL: no pixel of this label has a disparity */
     uint64_t *memory;     /* owned: what count points into */
+    int row;              /* bins that each of the 256 rows of memory has room for */
 };
 
 /** @return 0 or -ENOMEM (not logged). The same counts for any number of threads. */
 SST_MUST_CHECK int sst_label_histogram_init(struct sst_label_histogram *h, const struct sst_lightfield *lf,
                                             int threads);
 void sst_label_histogram_fini(struct sst_label_histogram *h);
+
+/**
+ * Count anew, from some views and every step-th of their rows and columns: ranges hold for the scene, and few views see
+ * all of it. Memory is kept from one call to the next. All zero is a histogram, too.
+ *
+ * @param view  in, [views] numbers of views; those without a disparity map are passed over
+ * @return 0 or -ENOMEM (not logged; h is empty then)
+ */
+SST_MUST_CHECK int sst_label_histogram_recount(struct sst_label_histogram *h, const struct sst_lightfield *lf,
+                                               const int *view, int views, int step);
 
 /**
  * Range of bins first..end-1 without the share `cut` at each end: the smallest and the largest value with more than
@@ -39,10 +50,15 @@ int sst_histogram_objects(const uint64_t *count, int bins, int *end);
 
 /**
  * Table of label weights for the kernels: W_s by cfg, including the focus label's factor. The last column is of unknown
- * disparity and takes the label's whole range.
- * @param table  out, [256][SST_BLEND_COLUMNS]; rows of absent labels are left as they are
+ * disparity and takes the label's whole range. A label that does not occur has W_s = 1.
+ * @param table  out, [256][SST_BLEND_COLUMNS]
  */
 void sst_label_weight_table(float *table, const struct sst_label_histogram *h, const struct sst_render_config *cfg);
+
+/** Have more than this share of the pixels a weight in the table that is off what h says now by more than the share
+ *  `tolerance`? */
+bool sst_label_weight_differs(const float *table, const struct sst_label_histogram *h,
+                              const struct sst_render_config *cfg, double tolerance, double share);
 
 SST_EXTERN_C_END
 

@@ -7,9 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/render/plan.h"
-
-#define BAND_ROWS 16
+#include "pipeline/render/verify.h"
 
 _Static_assert(SST_BLEND_MAX <= SST_SAMPLE_MAX, "a run of rays is sampled in one go");
 
@@ -25,6 +23,7 @@ void sst_render_config_defaults(struct sst_render_config *cfg)
         .range_percentile = 0.01,
         .range_margin_px = -1,
         .unsupported = SST_UNSUPPORTED_REFOCUS,
+        .verify = SST_VERIFY_AUTO,
         .aperture = INFINITY,
     };
 }
@@ -62,8 +61,16 @@ void sst_renderer_destroy(struct sst_renderer *r)
     }
     free(r->raw);
     sst_label_histogram_fini(&r->histogram);
+    sst_unsure_fini(&r->unsure);
     pthread_mutex_destroy(&r->lock);
     free(r);
+}
+
+double sst_renderer_confirmed(struct sst_renderer *r)
+{
+    const struct sst_unsure *u = sst_renderer_judge(r);
+
+    return u ? u->confirmed : NAN;
 }
 
 bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *max_px)
@@ -101,29 +108,39 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255])
 
 struct picture {
     const struct sst_plan *plan;
+    const uint8_t *cells; /* [rows][cols]; NULL: all */
+    int cols;
     struct sst_image *out;
     struct sst_map_u8 *valid;
 };
 
-/* Add rays to acc + skip, their colours at top and bottom; output pixels from .. to of row y. */
-static void blend(float *const acc[4], int skip, const struct sst_plan *p, const struct sst_tap *t, struct sst_blend *b,
-                  int from, int to, int y)
+/* Where the rays of a view go: to sums, or one by one. */
+struct sink {
+    float *acc[4];
+    const struct sst_take *take; /* NULL: acc */
+};
+
+/* Rays to skip pixels after the sink's first, their colours at top and bottom; output pixels from .. to of row y. */
+static void blend(const struct sink *s, int skip, const struct sst_plan *p, const struct sst_tap *t,
+                  struct sst_blend *b, int from, int to, int y)
 {
     const struct sst_kernels *k = sst_kernels_get();
-    float *const at[4] = { acc[0] + skip, acc[1] + skip, acc[2] + skip, acc[3] + skip };
 
     b->aperture = (float)t->aperture;
-    if (!p->weighted) {
-        k->blend_plain(at, b, (size_t)(to - from));
-        return;
-    }
-    b->disp = sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx;
+    b->disp = p->weighted ? sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx : NULL;
     b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
-    k->blend_rays(at, b, (size_t)(to - from));
-}
+    if (s->take) {
+        uint8_t *const colour[3] = { s->take->colour[0] + skip, s->take->colour[1] + skip, s->take->colour[2] + skip };
 
-/* Add the rays of one view to acc, output pixels from .. to of row y; acc begins at x. */
-static void add_run(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int from, int to,
+        k->blend_take(colour, s->take->weight + skip, b, (size_t)(to - from));
+    } else {
+        float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
+
+        (p->weighted ? k->blend_rays : k->blend_plain)(at, b, (size_t)(to - from));
+    }
+}
+/* The rays of one view, output pixels from .. to of row y; the sink begins at x. */
+static void add_run(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int from, int to,
                     int y)
 {
     struct sst_blend b = p->blend;
@@ -134,11 +151,11 @@ static void add_run(float *const acc[4], const struct sst_plan *p, const struct 
     }
     b.fx = (float)t->fx;
     b.fy = (float)t->fy;
-    blend(acc, from - x, p, t, &b, from, to, y);
+    blend(s, from - x, p, t, &b, from, to, y);
 }
 
 /* The same straight from a raw frame: the colours are sampled where the rays are, those without a place left out. */
-static void add_raw(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int from, int end,
+static void add_raw(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int from, int end,
                     int y)
 {
     uint8_t colour[3][SST_BLEND_MAX + 1], seen[SST_BLEND_MAX], *const out[3] = { colour[0], colour[1], colour[2] };
@@ -156,7 +173,7 @@ static void add_raw(float *const acc[4], const struct sst_plan *p, const struct 
             continue;
         for (int c = 0; c < 3; c++)
             b.top[c] = b.bottom[c] = colour[c] + i;
-        blend(acc, from + i - x, p, t, &b, from + i, from + to, y);
+        blend(s, from + i - x, p, t, &b, from + i, from + to, y);
     }
 }
 
@@ -168,8 +185,8 @@ static int next_ray(const struct sst_tap *t, int x, int end, int y, bool found)
     return x;
 }
 
-/* Add one view's rays to acc, pixels x .. x + n of row y. */
-static void add_view(float *const acc[4], const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+/* One view's rays, pixels x .. x + n of row y. */
+static void add_view(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
 {
     const int end = sst_min_int(x + n, t->x1);
     int from = sst_max_int(x, t->x0);
@@ -177,17 +194,24 @@ static void add_view(float *const acc[4], const struct sst_plan *p, const struct
     if (from >= end || y < t->y0 || y >= t->y1)
         return;
     if (t->sampler) {
-        add_raw(acc, p, t, x, from, end, y);
+        add_raw(s, p, t, x, from, end, y);
         return;
     }
     while (t->v->valid.data && (from = next_ray(t, from, end, y, true)) < end) {
         const int to = next_ray(t, from, end, y, false);
 
-        add_run(acc, p, t, x, from, to, y);
+        add_run(s, p, t, x, from, to, y);
         from = to;
     }
     if (from < end)
-        add_run(acc, p, t, x, from, end, y);
+        add_run(s, p, t, x, from, end, y);
+}
+
+void sst_plan_take(const struct sst_take *to, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+{
+    const struct sink s = { .take = to };
+
+    add_view(&s, p, t, x, n, y);
 }
 
 /* Pixels whose weights floats have lost; see SST_BLEND_FLOOR. */
@@ -212,26 +236,58 @@ static void mend_row(const struct picture *pic, const float *weight, int x, int 
     }
 }
 
-static int render_band(void *arg, int index, int worker SST_UNUSED)
+/* n pixels of row y, n at most SST_BLEND_MAX. @param weight  out, [n] sums of weights */
+static void render_run(const struct picture *pic, float *weight, int x, int n, int y)
+{
+    const struct sst_plan *p = pic->plan;
+    float sums[3][SST_BLEND_MAX];
+    const struct sink s = { { sums[0], sums[1], sums[2], weight }, NULL };
+
+    for (int c = 0; c < 4; c++)
+        memset(s.acc[c], 0, (size_t)n * sizeof(*weight));
+    for (int k = 0; k < p->count; k++)
+        add_view(&s, p, &p->tap[k], x, n, y);
+    for (int c = 0; c < 3; c++)
+        sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, sums[c], weight, (size_t)n);
+    mend_row(pic, weight, x, n, y);
+}
+
+/* First pixel from x on of a cell that is to be rendered (wanted), or is not. */
+static int next_cell(const uint8_t *cells, int x, int width, bool wanted)
+{
+    while (x < width && (cells[x / SST_RENDER_CELL_WIDTH] != 0) != wanted)
+        x = (x / SST_RENDER_CELL_WIDTH + 1) * SST_RENDER_CELL_WIDTH;
+    return sst_min_int(x, width);
+}
+
+/* One row of cells. */
+static int render_band(void *arg, int index, int worker)
 {
     const struct picture *pic = arg;
-    const struct sst_plan *p = pic->plan;
-    const int end = sst_min_int((index + 1) * BAND_ROWS, p->lf->height);
+    struct sst_verifier *verifier = pic->plan->verifier ? pic->plan->verifier[worker] : NULL;
+    float weight[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
+    const int width = pic->plan->lf->width, top = index * SST_RENDER_CELL_HEIGHT;
+    const int end = sst_min_int(top + SST_RENDER_CELL_HEIGHT, pic->plan->lf->height);
+    const uint8_t *cells = pic->cells ? pic->cells + (size_t)index * (size_t)pic->cols : NULL;
 
-    for (int y = index * BAND_ROWS; y < end; y++) {
-        for (int x = 0; x < p->lf->width; x += SST_BLEND_MAX) {
-            const int n = sst_min_int(SST_BLEND_MAX, p->lf->width - x);
-            float sums[4][SST_BLEND_MAX] = { { 0 } };
-            float *const acc[4] = { sums[0], sums[1], sums[2], sums[3] };
-
-            for (int k = 0; k < p->count; k++)
-                add_view(acc, p, &p->tap[k], x, n, y);
-            for (int c = 0; c < 3; c++)
-                sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, sums[c], sums[3], (size_t)n);
-            mend_row(pic, sums[3], x, n, y);
-        }
+    for (int x = 0, to; x < width; x = to) {
+        x = cells ? next_cell(cells, x, width, true) : x;
+        to = sst_min_int(cells ? next_cell(cells, x, width, false) : width, x + SST_BLEND_MAX);
+        for (int y = top; y < end && x < to; y++)
+            render_run(pic, weight[y - top], x, to - x, y);
+        if (verifier && x < to)
+            sst_verify(verifier, pic->plan, weight, x, to, top, end, pic->out);
     }
     return 0;
+}
+
+int sst_plan_render(const struct sst_plan *p, const uint8_t *cells, struct sst_image *out, struct sst_map_u8 *valid)
+{
+    struct picture pic = { .plan = p, .cells = cells, .out = out, .valid = valid };
+
+    pic.cols = (p->lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
+    return sst_parallel_for((p->lf->height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT,
+                            sst_thread_count(p->cfg.threads), render_band, &pic);
 }
 
 int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
@@ -239,7 +295,6 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
 {
     const struct sst_lightfield *lf = r->lf;
     struct sst_plan plan;
-    struct picture pic = { .plan = &plan, .out = out, .valid = valid };
     int err;
 
     if (out->width != lf->width || out->height != lf->height ||
@@ -251,7 +306,7 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
     err = sst_plan_init(&plan, r, cfg);
     if (err)
         return err;
-    err = sst_parallel_for((lf->height + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(cfg->threads), render_band, &pic);
+    err = sst_plan_render(&plan, NULL, out, valid);
     sst_plan_fini(&plan);
     return err;
 }

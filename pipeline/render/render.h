@@ -25,22 +25,31 @@ enum sst_render_unsupported {
     SST_UNSUPPORTED_INVALID = 1, /* black and 0 in the validity mask */
 };
 
+/** Where rays count whose colours agree at the focus, not by what the maps say of them alone (verify.h). */
+enum sst_render_verify {
+    SST_VERIFY_OFF = 0,
+    SST_VERIFY_ON = 1,   /* wherever the maps give next to no ray to the focus */
+    SST_VERIFY_AUTO = 2, /* of these only where maps are poor: in parts that other views do not confirm. Disparities
+                            without a confidence were given, and are trusted; the default */
+};
+
 struct sst_render_config {
     enum sst_render_method method;
-    double focus_px;        /* d_f, px per spacing */
-    double sigma_px;        /* sigma_d, at least 1e-6; infinity allowed; 0: 1/10 of the disparity range, at least 0.1 */
-    double c1, c2;          /* 0..1 */
-    int focus_label;        /* 0: none */
-    double label_factor;    /* weight of other labels is divided by this, >= 1 */
+    double focus_px;     /* d_f, px per spacing */
+    double sigma_px;     /* sigma_d, at least 1e-6; infinity allowed; 0: 1/10 of the disparity range, at least 0.1 */
+    double c1, c2;       /* 0..1 */
+    int focus_label;     /* 0: none */
+    double label_factor; /* weight of other labels is divided by this, >= 1 */
     enum sst_label_range range;
-    double range_percentile;  /* share cut off at each end for the robust ranges, 0..0.5 */
-    double range_margin_px;   /* SST_RANGE_OBJECT: added at each end, so that noise cannot put the target outside;
-                                 negative: 1/50 of the disparity range */
+    double range_percentile; /* share cut off at each end for the robust ranges, 0..0.5 */
+    double range_margin_px;  /* SST_RANGE_OBJECT: added at each end, so that noise cannot put the target outside;
+                                negative: 1/50 of the disparity range */
     enum sst_render_unsupported unsupported;
-    double aperture;        /* radius of the aperture in spacings around the viewpoint; infinity: all views */
-    bool aperture_soft;     /* cosine fall-off towards the rim instead of a hard one */
-    double view_bx, view_by; /* viewpoint, offset from the reference view */
-    int max_views;          /* use at most this many views, nearest to the viewpoint first; 0: all */
+    double aperture;               /* radius of the aperture in spacings around the viewpoint; infinity: all views */
+    bool aperture_soft;            /* cosine fall-off towards the rim instead of a hard one */
+    double view_bx, view_by;       /* viewpoint, offset from the reference view */
+    enum sst_render_verify verify; /* not in plain refocusing */
+    int max_views;                 /* use at most this many views, nearest to the viewpoint first; 0: all */
     int threads;
 };
 
@@ -85,6 +94,10 @@ int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_co
  */
 bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_render_config *cfg, int pictures);
 
+/** Share 0..1 of the disparities that another view confirms; NaN: not known (given maps, or their
+ *  confidence was not loaded). */
+double sst_renderer_confirmed(struct sst_renderer *r);
+
 /** Smallest and largest disparity: of the maps and of what the light field says it expects. False: neither is known. */
 bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *max_px);
 
@@ -111,12 +124,12 @@ SST_MUST_CHECK int sst_render(struct sst_renderer *r, const struct sst_render_co
 /** One ray of one output pixel. */
 struct sst_ray {
     int view;
-    double x, y;       /* place in the view */
-    double disp_px;    /* NaN: unknown */
+    double x, y;    /* place in the view */
+    double disp_px; /* NaN: unknown */
     int label;
     double aperture, w_depth, w_label; /* w_label includes the factor of the focus label */
-    double share;      /* part of the pixel that this ray makes up; the shares of all rays add up to 1, or are all 0 */
-    double colour[3];  /* 0..255 */
+    double share;     /* part of the pixel that this ray makes up; the shares of all rays add up to 1, or are all 0 */
+    double colour[3]; /* 0..255 */
 };
 
 /**

@@ -185,22 +185,14 @@ static int take_folder(const char *name, char dir[SST_PATH_MAX])
     return 0;
 }
 
-static void stop_early(int sig)
-{
-    if (sst_file_abort_all())
-        _exit(128 + sig);
-}
-
 static int run_session(const struct arguments *a, char *const argv[])
 {
     struct sst_sim_simulator *sim = NULL;
     char dir[SST_PATH_MAX];
     int status = EXIT_FAILURE;
 
-    /* While the world is prepared; later they are blocked and come by the event loop. */
-    (void)signal(SIGINT, stop_early);
-    (void)signal(SIGTERM, stop_early);
-    if (sst_sim_simulator_open(&sim, &a->options))
+    /* While the world is prepared; later signals are blocked and come by the event loop. */
+    if (sst_file_clean_on_interrupt() || sst_sim_simulator_open(&sim, &a->options))
         return EXIT_FAILURE;
     if (take_folder(a->serve, dir) == 0) {
         status = serve(sim, dir, argv);

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/socket.h>
@@ -22,7 +23,7 @@
 #include "base/log.h"
 #include "simulators/devices/proto.h"
 
-#define FOLDER "sst-sim-"
+#define FOLDER  "sst-sim-"
 #define PRELOAD "libsst-sim-preload.so"
 
 /* Nobody listens any more: its sst-sim was killed. A young one may not listen yet. */
@@ -154,10 +155,13 @@ static void give_terminal(int group)
     (void)sigprocmask(SIG_SETMASK, &old, NULL);
 }
 
-static void run_child(char *const argv[], bool terminal, int report, const sigset_t *mask)
+static void run_child(char *const argv[], bool terminal, int report, const sigset_t *mask, pid_t parent)
 {
     int err;
 
+    (void)prctl(PR_SET_PDEATHSIG, SIGTERM); /* without its devices, of which it may be told nothing any more */
+    if (getppid() != parent)
+        _exit(127);
     (void)setpgid(0, 0);
     if (terminal)
         give_terminal(getpid());
@@ -186,6 +190,7 @@ int sst_sim_command_prepare(struct sst_sim_command *c)
 
 int sst_sim_command_start(struct sst_sim_command *c, char *const argv[])
 {
+    const pid_t self = getpid();
     int report[2], err = 0, why;
 
     if (pipe2(report, O_CLOEXEC) < 0)
@@ -193,7 +198,7 @@ int sst_sim_command_start(struct sst_sim_command *c, char *const argv[])
     c->terminal = isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
     c->pid = fork();
     if (c->pid == 0)
-        run_child(argv, c->terminal, report[1], &c->mask);
+        run_child(argv, c->terminal, report[1], &c->mask, self);
     if (c->pid < 0) {
         err = -errno;
         c->pid = 0;
@@ -274,8 +279,8 @@ int sst_sim_session_ask(const char *dir, unsigned op, const char *text, char *an
     struct iovec out[2] = { { &call, sizeof(call) }, { (void *)text, strlen(text) } };
     struct iovec in[2] = { { &head, sizeof(head) }, { answer, size - 1 } };
     struct msghdr msg = { .msg_iov = out, .msg_iovlen = 2 };
-    const struct timeval limit = { .tv_sec = 5 };
-    ssize_t n;
+    const struct timeval limit = { .tv_sec = 20 };
+    ssize_t n = 0;
     int err = 0, fd;
 
     if (snprintf(name.sun_path, sizeof(name.sun_path), "%s/" SST_SIM_SOCKET, dir) >= (int)sizeof(name.sun_path))
@@ -284,11 +289,16 @@ int sst_sim_session_ask(const char *dir, unsigned op, const char *text, char *an
     if (fd < 0)
         return -errno;
     (void)setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
+    (void)setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof(limit)); /* connecting, too */
     if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) < 0 || sendmsg(fd, &msg, MSG_NOSIGNAL) < 0)
         err = -errno;
     msg = (struct msghdr){ .msg_iov = in, .msg_iovlen = 2 };
-    if (!err && (n = recvmsg(fd, &msg, 0)) < (ssize_t)sizeof(head))
-        err = n < 0 ? -errno : -EPIPE;
+    if (!err) {
+        do
+            n = recvmsg(fd, &msg, 0);
+        while (n < 0 && errno == EINTR); /* with a limit of time it is not begun again by itself */
+        err = n < 0 ? -errno : n < (ssize_t)sizeof(head) ? -EPIPE : 0;
+    }
     close(fd);
     if (err) {
         sst_log_error("session '%s': no answer: %s; does its sst-sim still run?", dir, strerror(-err));

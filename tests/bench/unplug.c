@@ -122,7 +122,7 @@ int main(int argc, char **argv)
     static struct trial t;
     int wanted = argc > 1 ? atoi(argv[1]) : 1000, streaming;
 
-    rig_enter_session(argv);
+    rig_enter_session(argv, "pedestrian");
     sst_log_set_level(SST_LOG_ERROR);
     t.seed = argc > 2 ? strtoull(argv[2], NULL, 0) : 1;
     t.times_ns = calloc((size_t)wanted + 1, sizeof(*t.times_ns));

@@ -150,6 +150,5 @@ int main(void)
         cmocka_unit_test(levels_equal_the_reference),
     };
 
-    alarm(60);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

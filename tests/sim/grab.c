@@ -2,8 +2,10 @@
 #include <dirent.h>
 #include <errno.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
+#include <sys/wait.h>
 
 #include <cmocka.h>
 
@@ -11,9 +13,36 @@
 #include "drivers/grab/stream.h"
 #include "tests/grab_rig.h"
 
-#define DEADLINE_S 120 /* for the whole program, under a sanitizer on a busy machine */
+/* So long a condition may take on a busy machine under a sanitizer; what must be quick is measured, see measured(). */
+#define PATIENCE_MS 60000
+#define ATTEMPTS    5
 
 static struct rig rig;
+static char late[160]; /* why the last attempt does not count; "": it does */
+/* Where the whole machine stands still for longer than a camera may: then it is asked again, as it should be. */
+static const char taken_for_hung[] = "times that a healthy camera was taken for hung";
+
+/*
+ * A machine that is busy with other things makes frames come late or not at all. Whoever measures tries again; what
+ * the driver does wrong it does every time.
+ */
+static void measured(void (*attempt)(void))
+{
+    for (int i = 0; i < ATTEMPTS; i++) {
+        late[0] = 0;
+        attempt();
+        if (!late[0])
+            return;
+        print_message("attempt %d: %s\n", i + 1, late);
+    }
+    fail_msg("%s, %d times", late, ATTEMPTS);
+}
+
+static void too_late(const char *what, int64_t is, int64_t limit)
+{
+    if (is > limit && !late[0])
+        snprintf(late, sizeof(late), "%s: %lld, at most %lld", what, (long long)is, (long long)limit);
+}
 
 static int open_descriptors(void)
 {
@@ -51,24 +80,58 @@ static int clean_up(void **state SST_UNUSED)
     return rig_fault_reset();
 }
 
+/* Frames that a camera has lost. Enough buffers for a machine that stops for a second, not for a driver that does. */
+static void expect_lossless(int cam)
+{
+    const struct sst_grab_counters c = counters(cam);
+    char what[48];
+
+    snprintf(what, sizeof(what), "frames that camera %d lost", cam);
+    too_late(what, (int64_t)c.lost, 0);
+    assert_int_equal(c.lost, rig.cam[cam].lost);
+    assert_int_equal(c.bad, 0);
+}
+
+static void patient(int cameras)
+{
+    assert_int_equal(rig_config(&rig, cameras), 0);
+    rig.cfg.buffers = 16;
+}
+
 /* --- tests -------------------------------------------------------------------------------------------------------- */
+
+static bool all_have(uint64_t frames)
+{
+    for (int i = 0; i < rig.cfg.cameras; i++)
+        if (counters(i).frames < frames)
+            return false;
+    return true;
+}
+
+static void stream(void)
+{
+    const int64_t begin_ns = sst_clock_now_ns();
+
+    patient(36);
+    assert_int_equal(rig_start(&rig), 36);
+    do
+        assert_int_equal(rig_run(&rig, 500), 0);
+    while (!all_have(12) && sst_clock_now_ns() - begin_ns < PATIENCE_MS * RIG_MS);
+    assert_true(all_have(12));
+    for (int i = 0; i < 36; i++) {
+        /* 10 a second, and one in the beginning */
+        assert_true(counters(i).frames <= (uint64_t)((sst_clock_now_ns() - begin_ns) / (100 * RIG_MS)) + 2);
+        assert_int_equal(counters(i).frames, rig.cam[i].frames);
+        assert_int_equal(rig.cam[i].faults, 0);
+        assert_int_equal(sst_grab_camera_state(rig.grab, i), SST_GRAB_STREAMING);
+        expect_lossless(i);
+    }
+    rig_stop(&rig);
+}
 
 static void all_cameras_stream(void **state SST_UNUSED)
 {
-    assert_int_equal(rig_config(&rig, 36), 0);
-    assert_int_equal(rig_start(&rig), 36);
-    assert_int_equal(rig_run(&rig, 1500), 0);
-    for (int i = 0; i < 36; i++) {
-        const struct sst_grab_counters c = counters(i);
-
-        assert_in_range(c.frames, 8, 20);
-        assert_int_equal(c.frames, rig.cam[i].frames);
-        if (c.bad || c.lost || rig.cam[i].faults)
-            fail_msg("camera %d: %u of %u frames bad, %u lost, faults 0x%x", i, (unsigned)c.bad, (unsigned)c.frames,
-                     (unsigned)c.lost, rig.cam[i].faults);
-        assert_int_equal(sst_grab_camera_state(rig.grab, i), SST_GRAB_STREAMING);
-    }
-    rig_stop(&rig);
+    measured(stream);
 }
 
 /* Again and again: no descriptor stays behind, but for the simulator's own connections. */
@@ -87,8 +150,47 @@ static void closing_leaves_nothing(void **state SST_UNUSED)
     assert_in_range(open_descriptors(), 3, before + 30);
 }
 
-/* Damaged frames are told by what is wrong with them, and cost no camera its stream. */
-static void damage_is_told_by_kind(void **state SST_UNUSED)
+static void stop_and_go_on(void)
+{
+    const pid_t child = fork();
+    int ended;
+
+    assert_true(child >= 0);
+    for (int i = 0; !child && i < 20; i++) {
+        usleep(30000);
+        kill(getppid(), SIGSTOP);
+        usleep(i == 10 ? 1500000 : 10000);
+        kill(getppid(), SIGCONT);
+    }
+    if (!child)
+        _exit(0);
+    while (!waitpid(child, &ended, WNOHANG))
+        assert_int_equal(rig_run(&rig, 100), 0);
+    assert_int_equal(ended, 0);
+}
+
+static void stop(void)
+{
+    patient(4);
+    rig.cfg.stall_ms = 1000;
+    assert_int_equal(rig_start(&rig), 4);
+    assert_int_equal(rig_run(&rig, 300), 0);
+    stop_and_go_on();
+    assert_int_equal(rig_run(&rig, 700), 0);
+    for (int i = 0; i < 4; i++) {
+        too_late(taken_for_hung, (int64_t)counters(i).rung[SST_GRAB_RESTREAM], 0);
+        assert_true(late[0] || sst_grab_camera_state(rig.grab, i) == SST_GRAB_STREAMING);
+    }
+    rig_stop(&rig);
+}
+
+/* Somebody stops the program and lets it go on, as a machine does that sleeps: no fault of the cameras. */
+static void stopping_and_going_on_is_no_fault(void **state SST_UNUSED)
+{
+    measured(stop);
+}
+
+static void damage(void)
 {
     static const struct {
         const char *fault;
@@ -109,7 +211,7 @@ static void damage_is_told_by_kind(void **state SST_UNUSED)
     };
     const int n = (int)ARRAY_LEN(kinds);
 
-    assert_int_equal(rig_config(&rig, n), 0);
+    patient(n);
     assert_int_equal(rig_start(&rig), n);
     for (int i = 0; i < n; i++)
         assert_int_equal(rig_fault(kinds[i].fault, i), 0);
@@ -121,9 +223,12 @@ static void damage_is_told_by_kind(void **state SST_UNUSED)
             fail_msg("%s: faults 0x%x", kinds[i].fault, rig.cam[i].faults);
         if (rig.cam[i].faults & kinds[i].none_of)
             fail_msg("%s: faults 0x%x", kinds[i].fault, rig.cam[i].faults);
-        assert_int_equal(c.rung[SST_GRAB_RESTREAM] + c.rung[SST_GRAB_REOPEN], 0);
-        assert_int_equal(c.lost > 0, strstr(kinds[i].fault, "gap") != NULL);
+        too_late(taken_for_hung, (int64_t)(c.rung[SST_GRAB_RESTREAM] + c.rung[SST_GRAB_REOPEN]), 0);
         assert_int_equal(c.lost, rig.cam[i].lost);
+        if (strstr(kinds[i].fault, "gap"))
+            assert_true(c.lost > 0);
+        else
+            too_late("frames lost without a gap", (int64_t)c.lost, 0);
         assert_int_equal(rig_fault("camera.%d.frozen=0", i), 0);
     }
     rig_stop(&rig);
@@ -136,14 +241,18 @@ static void damage_is_told_by_kind(void **state SST_UNUSED)
     }
 }
 
-/* Cameras that hang until a rung of the ladder: the rung brings them back, and the others lose nothing. */
-static void each_rung_brings_back_what_it_can(void **state SST_UNUSED)
+/* Damaged frames are told by what is wrong with them, and cost no camera its stream. */
+static void damage_is_told_by_kind(void **state SST_UNUSED)
 {
-    static const int stalled[] = { 2, 4, 6 };
+    measured(damage);
+}
 
-    assert_int_equal(rig_config(&rig, 8), 0);
-    need_usb();
-    rig.cfg.stall_ms = 400;
+static void climb(void)
+{
+    static const int stalled[] = { 2, 4, 6 }, rung[] = { SST_GRAB_RESTREAM, SST_GRAB_REOPEN, SST_GRAB_RESET };
+
+    patient(8);
+    rig.cfg.stall_ms = 1000;
     assert_int_equal(rig_start(&rig), 8);
     assert_int_equal(rig_run(&rig, 500), 0);
     assert_int_equal(rig_fault("camera.%d.stall=1", 2), 0);
@@ -151,31 +260,40 @@ static void each_rung_brings_back_what_it_can(void **state SST_UNUSED)
     assert_int_equal(rig_fault("camera.%d.stall=3", 6), 0);
     assert_int_equal(rig_run(&rig, 300), 0);
     for (int i = 0; i < 3; i++) {
-        assert_true(rig_until(&rig, stalled[i], SST_GRAB_RECOVERING, 2000) >= 0);
-        assert_true(rig_until(&rig, stalled[i], SST_GRAB_STREAMING, 12000) >= 0);
+        assert_true(rig_until(&rig, stalled[i], SST_GRAB_RECOVERING, PATIENCE_MS) >= 0);
+        assert_true(rig_until(&rig, stalled[i], SST_GRAB_STREAMING, PATIENCE_MS) >= 0);
     }
-    assert_int_equal(counters(2).rung[SST_GRAB_RESTREAM], 1);
-    assert_int_equal(counters(2).rung[SST_GRAB_REOPEN], 0);
-    assert_int_equal(counters(4).rung[SST_GRAB_REOPEN], 1);
-    assert_int_equal(counters(4).rung[SST_GRAB_RESET], 0);
-    assert_int_equal(counters(6).rung[SST_GRAB_RESET], 1);
-    for (int i = 0; i < 8; i++) {
-        const struct sst_grab_counters c = counters(i);
+    for (int i = 0; i < 3; i++) { /* by its rung, once, and by none above it */
+        const struct sst_grab_counters c = counters(stalled[i]);
 
-        if (i != 2 && i != 4 && i != 6)
-            assert_int_equal(c.lost + c.bad + c.rung[SST_GRAB_RESTREAM], 0);
+        assert_true(c.rung[rung[i]] >= 1);
+        too_late(taken_for_hung, (int64_t)c.rung[rung[i]], 1);
+        if (rung[i] != SST_GRAB_RESET)
+            too_late(taken_for_hung, (int64_t)c.rung[rung[i] + 1], 0);
+    }
+    for (int i = 0; i < 8; i++) {
+        if (i == 2 || i == 4 || i == 6)
+            continue;
+        expect_lossless(i);
+        too_late(taken_for_hung, (int64_t)counters(i).rung[SST_GRAB_RESTREAM], 0);
     }
     rig_stop(&rig);
 }
 
-/* Unplugged with frames still lent out, back under another number: the same camera, and quickly. */
-static void a_camera_comes_back(void **state SST_UNUSED)
+/* Cameras that hang until a rung of the ladder: the rung brings them back, and the others lose nothing. */
+static void each_rung_brings_back_what_it_can(void **state SST_UNUSED)
+{
+    assert_int_equal(rig_config(&rig, 8), 0);
+    need_usb();
+    measured(climb);
+}
+
+static void come_back(void)
 {
     char before[SST_GRAB_NAME_MAX];
     int ms;
 
-    assert_int_equal(rig_config(&rig, 6), 0);
-    need_usb();
+    patient(6);
     assert_int_equal(rig_start(&rig), 6);
     rig.hold_cam = 3;
     assert_int_equal(rig_run(&rig, 250), 0);
@@ -183,22 +301,32 @@ static void a_camera_comes_back(void **state SST_UNUSED)
     strcpy(before, sst_grab_camera_device(rig.grab, 3)->node);
     assert_int_equal(rig_fault("camera.%d.unplug=1", 1), 0);
     assert_int_equal(rig_fault("camera.%d.unplug=1", 3), 0);
-    assert_true(rig_until(&rig, 3, SST_GRAB_ABSENT, 3000) >= 0);
+    assert_true(rig_until(&rig, 3, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
     assert_int_equal(rig.held[0]->data[0], 0xff); /* what is lent out stays readable */
+    assert_true(rig_until(&rig, 1, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
     assert_int_equal(rig_run(&rig, 300), 0);
     assert_int_equal(rig_fault("camera.%d.unplug=0", 3), 0); /* takes the lower number of camera 1 */
-    ms = rig_until(&rig, 3, SST_GRAB_STREAMING, 4000);
-    assert_in_range(ms, 0, 2000);
+    ms = rig_until(&rig, 3, SST_GRAB_STREAMING, PATIENCE_MS);
+    assert_true(ms >= 0);
+    too_late("ms until a camera is back", ms, 2000);
     rig_release_held(&rig);
     assert_string_not_equal(before, sst_grab_camera_device(rig.grab, 3)->node);
     assert_string_equal(sst_grab_camera_device(rig.grab, 3)->serial, "SIM0003");
     assert_int_equal(rig_fault("camera.%d.unplug=0", 1), 0);
-    assert_true(rig_until(&rig, 1, SST_GRAB_STREAMING, 4000) >= 0);
+    assert_true(rig_until(&rig, 1, SST_GRAB_STREAMING, PATIENCE_MS) >= 0);
     assert_int_equal(counters(3).lost_devices, 1);
     assert_int_equal(counters(3).found_devices, 2); /* at the start, and again */
     assert_int_equal(rig_run(&rig, 500), 0);
-    assert_int_equal(counters(0).lost + counters(0).bad, 0);
+    expect_lossless(0);
     rig_stop(&rig);
+}
+
+/* Unplugged with frames still lent out, back under another number: the same camera, and quickly. */
+static void a_camera_comes_back(void **state SST_UNUSED)
+{
+    assert_int_equal(rig_config(&rig, 6), 0);
+    need_usb();
+    measured(come_back);
 }
 
 /* What a camera refuses is told with its reason, does not climb to a reset, and is tried again. */
@@ -215,8 +343,8 @@ static void refusals_give_their_reason(void **state SST_UNUSED)
     assert_non_null(strstr(rig.cam[1].why, "sst plan"));
     assert_int_equal(rig_fault("camera.%d.busy=0", 0), 0);
     assert_int_equal(rig_fault("camera.%d.nospace=0", 1), 0);
-    assert_true(rig_until(&rig, 0, SST_GRAB_STREAMING, 6000) >= 0);
-    assert_true(rig_until(&rig, 1, SST_GRAB_STREAMING, 6000) >= 0);
+    assert_true(rig_until(&rig, 0, SST_GRAB_STREAMING, PATIENCE_MS) >= 0);
+    assert_true(rig_until(&rig, 1, SST_GRAB_STREAMING, PATIENCE_MS) >= 0);
     assert_int_equal(counters(0).rung[SST_GRAB_RESET] + counters(1).rung[SST_GRAB_RESET], 0);
     rig_stop(&rig);
 
@@ -234,46 +362,57 @@ static void refusals_give_their_reason(void **state SST_UNUSED)
     rig_stop(&rig);
 }
 
-/* A receiver that keeps everything loses frames, which are counted, and harms no other camera. */
-static void a_slow_receiver_is_no_fault_of_the_camera(void **state SST_UNUSED)
+static void hold(void)
 {
-    assert_int_equal(rig_config(&rig, 2), 0);
-    rig.cfg.stall_ms = 300;
+    patient(2);
+    rig.cfg.stall_ms = 1000;
     rig.cfg.rate_hz = 20;
     assert_int_equal(rig_start(&rig), 2);
     rig.hold_cam = 0;
-    assert_int_equal(rig_run(&rig, 1200), 0);
-    assert_int_equal(rig.held_count, rig.cfg.buffers);
-    assert_int_equal(counters(0).rung[SST_GRAB_RESTREAM], 0);
+    assert_int_equal(rig_run(&rig, 3000), 0);
+    too_late(taken_for_hung, (int64_t)counters(0).rung[SST_GRAB_RESTREAM], 0);
+    if (!late[0])
+        assert_int_equal(rig.held_count, rig.cfg.buffers);
     rig_release_held(&rig);
     assert_int_equal(rig_run(&rig, 400), 0);
     assert_true(counters(0).lost >= 10);
     assert_true(counters(0).frames > (uint64_t)rig.cfg.buffers);
-    assert_int_equal(counters(1).lost, 0);
+    expect_lossless(1);
     rig_stop(&rig);
 }
 
-/* A camera that takes seconds to open holds up neither the others nor the end. */
-static void slowness_stays_with_its_camera(void **state SST_UNUSED)
+/* A receiver that keeps everything loses frames, which are counted, and harms no other camera. */
+static void a_slow_receiver_is_no_fault_of_the_camera(void **state SST_UNUSED)
+{
+    measured(hold);
+}
+
+static void open_slowly(void)
 {
     int64_t begin_ns;
 
-    assert_int_equal(rig_config(&rig, 4), 0);
+    patient(4);
     assert_int_equal(rig_start(&rig), 4);
     assert_int_equal(rig_fault("camera.%d.slow_open_ms=4000", 2), 0);
     assert_int_equal(rig_fault("camera.%d.unplug=1", 2), 0);
-    assert_true(rig_until(&rig, 2, SST_GRAB_ABSENT, 3000) >= 0);
+    assert_true(rig_until(&rig, 2, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
     assert_int_equal(rig_fault("camera.%d.unplug=0", 2), 0);
     for (int i = 0; i < 4; i++)
         rig.cam[i].longest_gap_ns = rig.cam[i].last_ns = 0;
     assert_int_equal(rig_run(&rig, 1500), 0);
     for (int i = 0; i < 4; i++)
-        assert_true(rig.cam[i].longest_gap_ns < 1000 * RIG_MS);
-    assert_int_equal(counters(0).lost, 0);
+        too_late("ms between two frames", rig.cam[i].longest_gap_ns / RIG_MS, 1000);
+    expect_lossless(0);
     begin_ns = sst_clock_now_ns();
     rig_stop(&rig);
-    assert_true(sst_clock_now_ns() - begin_ns < 2000 * RIG_MS);
+    too_late("ms until all is closed", (sst_clock_now_ns() - begin_ns) / RIG_MS, 2000);
     assert_int_equal(rig_fault("camera.%d.slow_open_ms=0", 2), 0);
+}
+
+/* A camera that takes seconds to open holds up neither the others nor the end. */
+static void slowness_stays_with_its_camera(void **state SST_UNUSED)
+{
+    measured(open_slowly);
 }
 
 static void two_devices_of_one_serial_are_refused(void **state SST_UNUSED)
@@ -331,6 +470,7 @@ int main(int argc SST_UNUSED, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(all_cameras_stream, clean_up),
         cmocka_unit_test_teardown(closing_leaves_nothing, clean_up),
+        cmocka_unit_test_teardown(stopping_and_going_on_is_no_fault, clean_up),
         cmocka_unit_test_teardown(damage_is_told_by_kind, clean_up),
         cmocka_unit_test_teardown(each_rung_brings_back_what_it_can, clean_up),
         cmocka_unit_test_teardown(a_camera_comes_back, clean_up),
@@ -341,7 +481,6 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test_teardown(controls_are_read_back, clean_up),
     };
 
-    rig_enter_session(argv);
-    alarm(DEADLINE_S);
+    rig_enter_session(argv, "tests/grab_world.yaml");
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -249,6 +249,5 @@ int main(void)
         return 77;
     }
     setenv("SST_PROFILES", "config/profiles", 1);
-    alarm(120);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -191,7 +191,6 @@ int main(int argc, char **argv)
 
     if (!getenv("SST_SIM_DIR"))
         enter_session(argv);
-    alarm(kills > 10 ? 0 : 200);
     if (kills > 10)
         rows = cols = 6;
     printf("seed %u\n", seed);

@@ -154,6 +154,5 @@ int main(int argc SST_UNUSED, char **argv)
     skipped = session_enter(argv);
     if (skipped)
         return skipped;
-    alarm(120);
     return cmocka_run_group_tests_name("USB on a simulated tree", tests, NULL, NULL);
 }

@@ -46,7 +46,7 @@ board=charuco:9x7:25mm:0.7
 
 # capture WORLD SETS DIR
 capture() {
-  timeout 120 "$sim" --quiet --cache "$tmp/cache" --world "$1" -- "$sst" capture array --config array.yaml -n "$2" \
+  timeout 600 "$sim" --quiet --cache "$tmp/cache" --world "$1" -- "$sst" capture array --config array.yaml -n "$2" \
     -o "$3" >out 2>err || fail "capture of $1: $(cat err)"
 }
 # number FILE PATH...: a figure of a JSON file
@@ -66,7 +66,7 @@ a, b = (json.load(open(f)) for f in ("board.json", "scene.json"))
 sys.exit(any(a[k] != b[k] for k in ("cameras", "ideal", "spacing_mm")))' || fail "the two worlds differ in their cameras"
 "$sim" --world board.yaml --parameters truth.yaml || fail "true calibration"
 
-timeout 200 "$sst" calibrate boards.rec --board $board -o calib.yaml --report report.html --json >calib.json 2>err
+timeout 600 "$sst" calibrate boards.rec --board $board -o calib.yaml --report report.html --json >calib.json 2>err
 rc=$?
 grep -q "no solver for calibrations" err && { echo "built without libdogleg"; exit 77; }
 [ $rc -eq 0 ] || fail "calibrate: exit $rc: $(cat err)"
@@ -89,30 +89,31 @@ for key in bad1 rmse; do
 done
 
 # The check of the light field, from its features alone, says that all is well.
-timeout 100 "$sst" calibrate --check calib.lf --json >check.json 2>err || fail "check: exit $?: $(cat err) $(cat check.json)"
+timeout 600 "$sst" calibrate --check calib.lf --json >check.json 2>err || fail "check: exit $?: $(cat err) $(cat check.json)"
 
 # A camera that was knocked: the same scene, camera 4 turned by a third of a degree.
 { cat scene.yaml; echo "cameras: [{ camera: 4, moves: { rotation_deg: [0.3, 0, 0] } }]"; } >knocked.yaml
 capture knocked.yaml 2 knocked.rec
 "$sst" import recording knocked.rec -o knocked --sets 0 -q >out 2>err || fail "import: $(cat err)"
 "$sst" rectify knocked --calib calib.yaml --plane 1000 -o knocked.lf -q >out 2>err || fail "rectify knocked: $(cat err)"
-timeout 100 "$sst" calibrate --check knocked.lf >check.out 2>err && fail "a knocked camera passes: $(cat check.out)"
+timeout 600 "$sst" calibrate --check knocked.lf >check.out 2>err && fail "a knocked camera passes: $(cat check.out)"
 cat check.out err | grep -qE '01_01|row 1, col 1|SIM0004' || fail "the knocked camera is not named: $(cat check.out err)"
 
 # A recording that was cut off: what is left is enough, and the rest is told in one line; so is a grid that is not its.
 cp -r boards.rec cut.rec
 segment=$(find cut.rec/segments -type f | head -n 1)
 truncate -s $(($(stat -c %s "$segment") / 2)) "$segment"
-timeout 200 "$sst" calibrate cut.rec --board $board --no-cross --no-light -o cut.yaml >out 2>err || fail "cut: $(cat err)"
+timeout 600 "$sst" calibrate cut.rec --board $board --no-cross --no-light -o cut.yaml >out 2>err || fail "cut: $(cat err)"
 [ "$(grep -c 'frames are damaged and left out' err)" -eq 1 ] || fail "damaged frames: $(head -c 300 err)"
 want 3 "is of 2x3 cameras, not 3x2" calibrate boards.rec --board $board --grid 3x2 -o bad.yaml
 
+[ -z "${SST_TEST_SMALL-}" ] || exit $failed # the same calibration once more
 # While the board is taken: camera 2 is knocked on the way.
 { sed '/^board:/d; /^loop:/d' board.yaml; echo "board: { kind: charuco, squares: [9, 7], square_mm: 25, poses: 24 }"
   echo "loop: { seconds: 4.8, rate_hz: 5 }"
   echo "cameras: [{ camera: 2, moves: { at_pose: 12, rotation_deg: [0, 0.4, 0] } }]"; } >moved.yaml
 capture moved.yaml 26 moved.rec
-timeout 200 "$sst" calibrate moved.rec --board $board -o bad.yaml >out 2>err && fail "a camera that moved is not noticed"
+timeout 600 "$sst" calibrate moved.rec --board $board -o bad.yaml >out 2>err && fail "a camera that moved is not noticed"
 grep -qE '00_02|row 0, col 2|SIM0002' err || fail "the camera that moved is not named: $(cat err)"
 [ ! -e bad.yaml ] || fail "a calibration that was refused is there"
 [ $failed -eq 0 ]

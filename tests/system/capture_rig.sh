@@ -23,38 +23,39 @@ rig=("$@")
 fail() { echo "FAIL: $*"; bad=1; }
 bad=0
 bus=rtu:/dev/serial/by-id/usb-sst_sim_rig,115200,8E1
-timeout 60 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json >report 2>err || fail "capture over RTU: $(cat err)"
+timeout 600 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json >report 2>err || fail "capture over RTU: $(cat err)"
 grep -q '"taken":3' report || fail "not three views: $(cat report)"
 [ -f lf/lightfield.json ] && [ "$(ls lf/views | wc -l)" -eq 3 ] || fail "no light field: $(ls lf lf/views)"
-timeout 60 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json | grep -q '"taken":0' || fail "complete, and taken again"
+timeout 600 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json | grep -q '"taken":0' || fail "complete, and taken again"
 
-"$sst" capture rig "${rig[@]}" --bus $bus --settle 400 -o cut >/dev/null 2>err & pid=$!
-for _ in $(seq 200); do [ "$(grep -c '"view"' cut/capture.jsonl 2>/dev/null)" -ge 1 ] 2>/dev/null && break; sleep 0.05; done
+"$sst" capture rig "${rig[@]}" --bus $bus --settle 1000 -o cut >/dev/null 2>err & pid=$!
+for _ in $(seq 1200); do [ "$(grep -c '"view"' cut/capture.jsonl 2>/dev/null)" -ge 1 ] 2>/dev/null && break; sleep 0.05; done
 kill -INT $pid; wait $pid; rc=$?
 [ $rc -eq 130 ] || fail "Ctrl-C gives $rc: $(cat err)"
 grep -q "the same command goes on" err || fail "no word of going on: $(cat err)"
 [ -f cut/lightfield.json ] && fail "a light field that is none"
 "$sst" capture rig "${rig[@]}" --pitch 5mm --bus $bus -o cut 2>err && fail "other settings are taken"
 grep -q "pitch_um was" err || fail "what differs is not named: $(cat err)"
-timeout 60 "$sst" capture rig "${rig[@]}" --bus $bus --settle 400 --resume -o cut >/dev/null 2>err || fail "going on: $(cat err)"
+timeout 600 "$sst" capture rig "${rig[@]}" --bus $bus --settle 1000 --resume -o cut >/dev/null 2>err || fail "going on: $(cat err)"
 [ -f cut/lightfield.json ] || fail "not complete after going on"
 
 cat >gpio.yaml <<YAML
 trigger: { source: gpio, chip: sst-trigger, lines: [TRIG0] }
 cameras: { controls: { trigger_mode: 1 } }
 YAML
-timeout 60 "$sst" capture rig "${rig[@]}" -c gpio.yaml --bus $bus -o pulse --json >report 2>err
+timeout 600 "$sst" capture rig "${rig[@]}" -c gpio.yaml --bus $bus -o pulse --json >report 2>err
 rc=$?
 grep -q "libgpiod" err && rc=0
 [ $rc -eq 0 ] || fail "with a trigger line: $(cat err)"
 
-(sleep 1.2; LD_PRELOAD= "$sim" fault camera.0.unplug=1; sleep 1; LD_PRELOAD= "$sim" fault camera.0.unplug=0) &
-timeout 80 "$sst" capture rig "${rig[@]}" --grid 1x6 --bus $bus -o plug --json >report 2>err || fail "unplugged camera: $(cat err)"
+(for _ in $(seq 1200); do grep -q '"view"' plug/capture.jsonl 2>/dev/null && break; sleep 0.05; done
+  LD_PRELOAD= "$sim" fault camera.0.unplug=1; sleep 1; LD_PRELOAD= "$sim" fault camera.0.unplug=0) &
+timeout 600 "$sst" capture rig "${rig[@]}" --grid 1x6 --bus $bus -o plug --json >report 2>err || fail "unplugged camera: $(cat err)"
 wait
 exit $bad
 INSIDE
 export sim sst
-timeout 200 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/world/worlds/small.yaml" -- bash inside.sh "${rig[@]}" ||
+timeout 600 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/world/worlds/small.yaml" -- bash inside.sh "${rig[@]}" ||
   fail "see above"
 if [ -f lf/lightfield.json ]; then
   "$sst" render lf --focus 3 --method refocus -o seen.png || fail "sst render does not read it"

@@ -23,6 +23,13 @@ for command in scene import export process render sweep stereo segment eval; do
 done
 want 2 "no scene\|there is no" scene forest -o bad
 want 2 "say where" scene bush
+mkfifo port
+/usr/bin/python3 -c 'import socket, time; s = socket.create_server(("127.0.0.1", 0)); print(s.getsockname()[1], flush=True); time.sleep(60)' \
+  >port 2>/dev/null &
+listener=$!
+read -r taken <port
+want 3 "in use" demo --port "$taken" -o bad
+kill $listener
 for size in 0x0 100000x10 -1x10 10 10x 10x10x10 axb; do want 2 "size" scene bush -o bad --size $size; done
 for grid in 0x1 1x257 17x16 x; do want 2 "grid\|views" scene bush -o bad --grid $grid; done
 want 2 "whole number" scene bush -o bad --seed -1
@@ -205,18 +212,19 @@ want 3 "no such" render "$(printf 'a\nb\033[31m')" --focus 1 -o bad.png
 
 # --- interrupted: 130, the light field as it was, no temporary folders ---
 for delay in 0.05 0.2 0.5 0.9; do
-  timeout -s INT $delay "$sst" process slow --no-labels --preset balanced --threads 2 >/dev/null 2>err
+  timeout -s INT -k 60 $delay "$sst" process slow --no-labels --preset balanced --threads 2 >/dev/null 2>err
   rc=$?
   [ $rc -eq 0 ] && break # faster than that
+  [ $rc -eq 124 ] || fail "interrupted after $delay s: ended by itself ($rc), or not within a minute"
   [ "$(state slow)" = "$before" ] || fail "interrupted after $delay s: the light field changed"
   [ -z "$(find . -name '*.tmp-*')" ] || fail "interrupted after $delay s: left $(find . -name '*.tmp-*')"
   [ "$(wc -l <err)" -eq 0 ] || fail "interrupted after $delay s: said $(cat err)"
 done
-"$sst" process slow --no-labels >/dev/null 2>err &
+env --default-signal=INT "$sst" process slow --no-labels >/dev/null 2>err & # which the shell has it ignore
 pid=$!
 sleep 0.2
 kill -INT $pid 2>/dev/null
-wait $pid
+ended $pid "an interrupted process"
 rc=$?
 [ $rc -eq 130 ] || [ $rc -eq 0 ] || fail "interrupted: exit $rc, not 130"
 

@@ -44,7 +44,7 @@ build() { # NAME SOURCES...
     { fail "$name against libgpiod 2.x: $(head -c 2000 gcc.log)"; return 1; }
 }
 run() { # PROGRAM: 77 is fine where there are no simulated devices
-  (cd "$root" && LD_LIBRARY_PATH=$lib timeout 120 "$tmp/$1") >run.log 2>&1
+  (cd "$root" && LD_LIBRARY_PATH=$lib timeout 600 "$tmp/$1") >run.log 2>&1
   case $? in
     0) ;;
     77) echo "$1: $(tail -n 1 run.log)";;

@@ -143,7 +143,7 @@ mkdir mine/folder.onnx
 want 3 "regular file" models mine/folder.onnx
 
 # --- installed: the manifest and every network that it lists ---
-make -s -C "$root" install DESTDIR="$tmp/dest" PREFIX=/usr BUILD="${SST_BUILD:-build}" >log 2>&1 || fail "install: $(cat log)"
+make -s -C "$root" install-built DESTDIR="$tmp/dest" PREFIX=/usr BUILD="${SST_BUILD:-build}" >log 2>&1 || fail "install: $(cat log)"
 (cd "$root/models" && ls ./*.onnx manifest.json | sed 's#^\./##' | sort) >want_files
 (cd dest/usr/share/sst/models && ls | sort) | cmp -s - want_files || fail "installed: $(ls dest/usr/share/sst/models)"
 SST_MODELS='' dest/usr/bin/sst models | grep -q "dest/usr/share/sst/models" || fail "the installed program finds no networks"

@@ -22,14 +22,14 @@ for ((i = 0; i < kills; i++)); do
   pid=$!
   sleep "0.0$((RANDOM % 10))$((RANDOM % 10))"
   # Half of the time in the middle of writing, not while it starts.
-  [ $((RANDOM % 2)) = 0 ] || for ((w = 0; w < 500; w++)); do [ -s said ] && break; sleep 0.01; done
+  [ $((RANDOM % 2)) = 0 ] || for ((w = 0; w < 6000; w++)); do [ -s said ] && break; sleep 0.01; done
   sleep "0.0$((RANDOM % 10))$((RANDOM % 10))"
   { kill -KILL "$pid"; wait "$pid"; } 2>/dev/null >&2
   acked=$(tail -n 1 said) last=$written
   acked=${acked:-$last}
   [ -e rec/recording.json ] || continue # killed before anything was there
   # shellcheck disable=SC2086
-  there=$(timeout 60 "$writer" check rec $array 2>check.err) || { fail "kill $i, seed $seed: $(cat check.err)"; break; }
+  there=$(timeout 600 "$writer" check rec $array 2>check.err) || { fail "kill $i, seed $seed: $(cat check.err)"; break; }
   [ "$there" -ge "$acked" ] || fail "kill $i, seed $seed: $acked sets were written, $there are there"
   [ "$there" -le $((acked + 1)) ] || fail "kill $i, seed $seed: $acked sets were written, but $there are there"
   grep -v "warning" err >&2 && fail "kill $i, seed $seed: the writer complained"

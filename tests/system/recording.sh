@@ -5,7 +5,7 @@ set -u
 writer=$root/${SST_BUILD:-build}/tests/tools/record_writer
 [ -x "$writer" ] || { echo "$writer is not built; make tests"; exit 77; }
 "$sst" version --json | grep -q '"libavformat": true' || { echo "built without libavformat: nothing can be recorded"; exit 77; }
-record() { timeout 60 "$writer" write "$@" >/dev/null 2>err || fail "record $*: $(cat err)"; }
+record() { timeout 600 "$writer" write "$@" >/dev/null 2>err || fail "record $*: $(cat err)"; }
 json() { python3 -c "import json, sys; o = json.load(open('$1')) if '$1' != '-' else json.load(sys.stdin); print($2)"; }
 
 # --- pictures of six cameras, twelve sets in three segments ---
@@ -136,16 +136,16 @@ if unshare -rm true 2>/dev/null; then
   cat >script <<'EOS'
 mount -t tmpfs -o size=3m none disk || exit 77
 head -c 2000000 /dev/zero >disk/ballast
-timeout 60 "$1" write disk/rec cameras=6 bytes=20000 exact=1 holes=0 sets=60 stay=1 sync=0.01 >said 2>full.err &
-for ((i = 0; i < 300; i++)); do grep -q stopped full.err && break; sleep 0.02; done
+timeout 600 "$1" write disk/rec cameras=6 bytes=20000 exact=1 holes=0 sets=60 stay=1 sync=0.01 >said 2>full.err &
+for ((i = 0; i < 3000; i++)); do grep -qs stopped full.err && break; sleep 0.02; done
 sleep 0.2
 rm disk/ballast
 wait $! || echo "the writer failed"
 "$2" recording disk/rec --verify --json >full.json || echo "damage after a full disk"
 df --output=used disk >/dev/null
 mount -o remount,ro disk
-timeout 10 "$1" write disk/rec cameras=6 bytes=20000 append=1 2>ro.err && echo "writes on a read-only disk"
-timeout 10 "$1" write disk/rec2 cameras=6 bytes=20000 2>ro2.err && echo "begins on a read-only disk"
+timeout 60 "$1" write disk/rec cameras=6 bytes=20000 append=1 2>ro.err && echo "writes on a read-only disk"
+timeout 60 "$1" write disk/rec2 cameras=6 bytes=20000 2>ro2.err && echo "begins on a read-only disk"
 exit 0
 EOS
   out=$(unshare -rm bash script "$writer" "$sst" 2>&1)
@@ -167,7 +167,7 @@ else
   echo "no user namespaces: the full disk is tested by unit/recording only"
 fi
 # A limit on the size of files is an end of space like any other; the next file is below it.
-(ulimit -f 400; trap '' XFSZ; timeout 60 "$writer" write limit cameras=6 bytes=20000 exact=1 holes=0 sets=12 stay=1 >said 2>err)
+(ulimit -f 400; trap '' XFSZ; timeout 600 "$writer" write limit cameras=6 bytes=20000 exact=1 holes=0 sets=12 stay=1 >said 2>err)
 is=$("$sst" recording limit --verify --json | json - 'o["sets"], o["damaged"]')
 [ "$is" = "$(wc -l <said) 0" ] && [ "$(wc -l <said)" -ge 8 ] && [ -e limit/segments/000002.mkv ] || fail "file-size limit: $is, $(cat err)"
 exit $failed

@@ -8,7 +8,7 @@ truth=$root/${SST_BUILD:-build}/tests/tools/rect_truth
 [ -x "$sim" ] && [ -x "$truth" ] || { echo "sst-sim or rect_truth is not built; make all tests"; exit 77; }
 "$sst" version --json | grep -q '"libgpiod": true' || { echo "built without libgpiod"; exit 77; }
 "$sst" version --json | grep -q '"libavformat": true' || { echo "built without libavformat"; exit 77; }
-ok() { timeout 60 "$sst" "$@" >out 2>err || fail "sst $*: $(cat err)"; }
+ok() { timeout 600 "$sst" "$@" >out 2>err || fail "sst $*: $(cat err)"; }
 json() { /usr/bin/python3 -c "import json; o = json.load(open('out')); assert $1, o" || fail "not $1"; }
 
 cat >world.yaml <<'Y'
@@ -33,7 +33,7 @@ cameras:
 trigger: { source: gpio, chip: sst-trigger, lines: [TRIG0, TRIG1], loopback: LOOP0, rate_hz: 5 }
 Y
 "$sim" --quiet --world world.yaml --parameters calib.yaml || fail "parameters"
-timeout 120 "$sim" --quiet --world world.yaml -- "$sst" capture array --config array.yaml -n 2 -o rec >out 2>err || fail "capture: $(cat err)"
+timeout 600 "$sim" --quiet --world world.yaml -- "$sst" capture array --config array.yaml -n 2 -o rec >out 2>err || fail "capture: $(cat err)"
 
 # --- the same light field both ways, raw frames untouched ---
 ok import recording rec --sets 0 -o raw

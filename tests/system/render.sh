@@ -19,6 +19,15 @@ cmp -s a.png b.png && cmp -s a.png c.png || fail "threads or CPU level change th
 cmp -s plain.png limit.png || fail "sigma inf, c2 1 is not plain refocusing"
 cmp -s plain.png a.png && fail "see-through is plain refocusing"
 
+# --- given maps are trusted, unless rays are to be verified all the same ---
+"$sst" render lf --focus "$focus" --verify-rays off -o off.png --json | grep -q '"verify_rays": "off"' || fail "off"
+cmp -s a.png off.png || fail "given maps are verified"
+"$sst" render lf --focus "$focus" --verify-rays on -o on.png || fail "on"
+"$sst" render lf --focus "$focus" --verify-rays on --threads 1 -o b.png || fail "on, one thread"
+SST_CPU=ref "$sst" render lf --focus "$focus" --verify-rays on --threads 3 -o c.png || fail "on, references"
+cmp -s a.png on.png && fail "--verify-rays on makes no difference"
+cmp -s on.png b.png && cmp -s on.png c.png || fail "threads or CPU level change the verified picture"
+
 # --- options, report, explanation ---
 "$sst" render lf --focus "$focus" --label Pedestrian --range minmax --aperture 2 --soft --view-x 0.5 -o d.jpg --json \
   | grep -q '"label": "Pedestrian"' || fail "json"
@@ -44,6 +53,7 @@ want 2 "outside the disparities" render lf --focus 900 -o bad.png
 want 2 "outside the disparities" sweep lf --from "$focus" --to 900 --steps 3 -o bad
 want 2 "Pedestrian" render lf --focus "$focus" --label Dog -o bad.png
 want 2 "focus" render lf -o bad.png
+want 2 "off, on or auto" render lf --focus "$focus" --verify-rays maybe -o bad.png
 want 2 "neither" render lf --focus "$focus" -o bad.gif
 want 2 "sigma" render lf --focus "$focus" --sigma -1 -o bad.png
 want 2 "twice" render lf --focus "$focus" --aperture 1 --f-stop 2 -o bad.png

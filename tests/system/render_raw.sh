@@ -2,7 +2,7 @@
 # `sst render --sampling`: which way is taken, that both give nearly the same, and what is refused.
 set -u
 . "$(dirname "$0")/../lib.sh"
-ok() { timeout 60 "$sst" "$@" >out 2>err || fail "sst $*: $(head -c 400 err)"; }
+ok() { timeout 600 "$sst" "$@" >out 2>err || fail "sst $*: $(head -c 400 err)"; }
 
 # Frames of a scene taken for those of cameras with lenses: views are then bent, all alike.
 {

@@ -2,12 +2,11 @@
 # The simulated USB tree under lsusb, libusb, libudev, udevadm and the shell: who is there, comes and goes, and fits.
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
-sim="timeout 60 $build/sst-sim --quiet --world $root/simulators/world/worlds/small.yaml"
+sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/world/worlds/small.yaml"
 bus=$build/tests/tools/sim_bus
 for p in lsusb v4l2-ctl; do
   command -v $p >/dev/null || { echo "$p is not installed (scripts/deps.sh)"; exit 77; }
 done
-export XDG_CACHE_HOME=$tmp/cache
 fault() { echo "$build/sst-sim fault $*"; }
 
 # --- who is there: 2 buses, 2 hubs with 2 halves each, 4 cameras; descriptors are whole
@@ -35,7 +34,8 @@ if command -v udevadm >/dev/null; then
 fi
 
 # --- bandwidth: of greedy cameras on one bus the second is refused; each on its own controller they all stream
-stream='v4l2-ctl -d /dev/video0 --stream-mmap --stream-count=60 --stream-to=/dev/null >/dev/null 2>&1 & sleep 1
+export until=$root/tests/until.sh
+stream='v4l2-ctl -d /dev/video0 --stream-mmap --stream-count=6000 --stream-to=/dev/null >/dev/null 2>&1 & $until "streaming 1"
   v4l2-ctl -d /dev/video1 --stream-mmap --stream-count=1 --stream-to=/dev/null; kill $!'
 $sim --usb tight -- sh -c "$stream" >out 2>&1; grep -q 'No space left on device' out || fail "tight: $(cat out)"
 $sim --usb wide -- sh -c "$stream" >out 2>&1; grep -q 'No space left' out && fail "wide: $(cat out)"
@@ -58,7 +58,7 @@ $sim --usb tight -- bash shell.sh >out 2>&1
 
 # --- by libusb; a stall that waits for a reset ends with it
 $sim --usb tight --fault camera.0.stall=3 -- sh -c "timeout 1 v4l2-ctl -d /dev/video0 --stream-mmap --stream-count=1 --stream-to=a
-  $bus usb 1-1.1.1; timeout 5 v4l2-ctl -d /dev/video0 --stream-mmap --stream-count=1 --stream-to=b" >out 2>/dev/null
+  $bus usb 1-1.1.1; timeout 60 v4l2-ctl -d /dev/video0 --stream-mmap --stream-count=1 --stream-to=b" >out 2>/dev/null
 if [ $? -ne 77 ] && ! grep -q 77 out; then
   [ "$(grep -v '^<' out | tr '\n' ' ')" = "serial SIM0000 node gone node there reset LIBUSB_SUCCESS / LIBUSB_TRANSFER_COMPLETED port 0503 power LIBUSB_SUCCESS / LIBUSB_TRANSFER_COMPLETED " ] ||
     fail "libusb: $(cat out)"
@@ -70,7 +70,7 @@ fi
 # --- events of plugs: in order, to two listeners at once, with what udev knows; a hub takes its cameras along
 cat >plugs.sh <<END
 for i in 1 2; do $bus monitor video4linux add >events\$i & done
-for i in \$(seq 50); do grep -q listening events1 && grep -q listening events2 && break; sleep 0.1; done
+for i in \$(seq 600); do grep -q listening events1 && grep -q listening events2 && break; sleep 0.1; done
 $(fault camera.1.unplug=1); $(fault camera.1.unplug=0); wait
 $(fault hub.1.unplug=1); ls /dev/video* 2>/dev/null; lsusb | wc -l; $(fault hub.1.unplug=0); ls /dev/video* | wc -l
 $(fault camera.2.swap=1); cat /sys/bus/usb/devices/1-1.1.3/serial

@@ -2,12 +2,12 @@
 # Simulated cameras under other people's programs: conformance, grabbing, triggers, faults, sessions.
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
-sim="timeout 60 $build/sst-sim --quiet --world $root/simulators/world/worlds/small.yaml"
+until=$root/tests/until.sh
+sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/world/worlds/small.yaml"
 grab="$build/tests/tools/sim_grab"
 for p in v4l2-compliance v4l2-ctl ffmpeg gpioset; do
   command -v $p >/dev/null || { echo "$p is not installed (scripts/deps.sh)"; exit 77; }
 done
-export XDG_CACHE_HOME=$tmp/cache
 
 # columns of sim_grab: camera trigger t_ns stamp_ns sequence flags bytes
 # holds WHAT AWK-CONDITION-ON-EVERY-LINE LINES: of ./out
@@ -25,10 +25,14 @@ grabs() {
   [ $rc -eq "$want" ] || fail "$what: exit $rc, not $want: $(head -c 400 out) $(head -c 300 err)"
 }
 
-# --- conformance: the public tool finds nothing at all, DMABUF from another camera included
+# --- conformance: the public tool finds nothing at all, DMABUF from another camera included. On a busy machine it misses
+# frames, of which it warns: then it looks again.
 for format in MJPG YUYV RGGB; do
-  $sim -- sh -c "v4l2-ctl -d /dev/video1 -v width=160,height=120,pixelformat='$format' &&
-    v4l2-compliance -d /dev/video1 -e /dev/video2 -s4" >out 2>&1
+  for _ in 1 2 3 4 5 6 7 8; do
+    $sim -- sh -c "v4l2-ctl -d /dev/video1 -v width=160,height=120,pixelformat='$format' &&
+      v4l2-compliance -d /dev/video1 -e /dev/video2 -s4" >out 2>&1
+    grep -q 'warn: .*got sequence number' out || break
+  done
   grep -q 'Succeeded: 54, Failed: 0, Warnings: 0' out || fail "v4l2-compliance on $format: $(grep -E 'fail|FAIL|warn|Total' out | head -5)"
 done
 
@@ -60,8 +64,8 @@ $sim -- sh -c 'set -- /dev/bus/usb/003/*; shift; dd if=$1 bs=1 skip=8 count=2 2>
 grep -q '09 12' out || fail "seek in a USB device: $(cat out)"
 
 # --- edges of a line expose its cameras, a frame an edge, at the edge; the truth says the same
-$sim --truth truth --triggers one -- sh -c "for i in 0 1 2 3; do $grab -t 8000 /dev/video\$i 3 MJPG 320x240 1 >grab\$i & done
-  sleep 1.5; for i in 1 2 3 4 5; do gpioset --mode=time --usec=1000 sst-trigger 0=1; gpioset sst-trigger 0=0; sleep 0.1; done; wait" 2>err
+$sim --truth truth --triggers one -- sh -c "for i in 0 1 2 3; do $grab -t 60000 /dev/video\$i 3 MJPG 320x240 1 >grab\$i & done
+  $until 'streaming 4'; for i in 1 2 3 4 5; do gpioset --mode=time --usec=1000 sst-trigger 0=1; gpioset sst-trigger 0=0; sleep 0.1; done; wait" 2>err
 cat grab? | sort -k2n >out
 holds "triggered" '$5 == $2 - first[$1] || ((!($1 in first)) && (first[$1] = $2 - $5) >= 0)' 12
 awk '{ t = $3; if (!($2 in low) || t < low[$2]) low[$2] = t; if (t > high[$2]) high[$2] = t }
@@ -97,7 +101,7 @@ grabs 2 nospace --fault camera.1.nospace=1 -- /dev/video1 2
 grep -q 'STREAMON: No space left' err || fail "nospace: $(cat err)"
 grabs 3 stall --fault camera.1.stall=3 -- -t 300 /dev/video1 2
 grabs 0 late --fault camera.1.late_ms=300 -- /dev/video1 2
-$sim --fault camera.1.stall=1 -- sh -c "$grab -t 200 /dev/video1 1; $grab -t 4000 /dev/video1 1" >out 2>&1
+$sim --fault camera.1.stall=1 -- sh -c "$grab -t 200 /dev/video1 1; $grab -t 60000 /dev/video1 1" >out 2>&1
 holds "stall ends by restreaming" '$1 == 1' 1
 $sim --fault camera.1.control_stuck=1 -- sh -c "v4l2-ctl -d /dev/video1 -c gain=200; v4l2-ctl -d /dev/video1 -C gain" >out 2>&1
 grep -q 'gain: 100' out || fail "control_stuck: $(cat out)"
@@ -107,7 +111,7 @@ $sim -- sh -c "for i in 1 2 3 4 5 6 7 8 9 10; do $grab /dev/video1 1 || exit 1; 
 
 # --- away and back while a program waits: it is told at once; another camera came first, so the number changes
 cat >plug.sh <<END
-$grab -t 9000 /dev/video2 9999 >/dev/null 2>gone & sleep 0.5
+$grab -t 60000 /dev/video2 9999 >/dev/null 2>gone & $until "streaming 1"
 $build/sst-sim fault camera.2.unplug=1 || exit 1
 wait \$!; echo "status \$?"; [ -e /dev/video2 ] && echo "still there"
 $build/sst-sim fault camera.1.unplug=1 && $build/sst-sim fault camera.2.unplug=0 && $build/sst-sim fault camera.1.unplug=0
@@ -119,7 +123,8 @@ grep -q 'No such device' gone || fail "unplug: $(cat gone)"
 
 # --- the program itself
 mkdir runtime
-XDG_RUNTIME_DIR=$tmp/runtime $sim -- sh -c 'touch -d "5 minutes ago" $SST_SIM_DIR; kill -KILL $PPID; sleep 0.2' 2>/dev/null
+XDG_RUNTIME_DIR=$tmp/runtime $sim -- sh -c 'echo $$ >command; touch -d "5 minutes ago" $SST_SIM_DIR; kill -KILL $PPID; exec sleep 100' 2>/dev/null
+"$root/tests/until.sh" "! kill -0 $(cat command) 2>/dev/null" || fail "the command of a killed session goes on"
 [ -n "$(ls runtime)" ] || fail "nothing left of a killed session"
 XDG_RUNTIME_DIR=$tmp/runtime $sim -- true
 [ -z "$(ls runtime)" ] || fail "a killed session's folder stays: $(ls runtime)"
@@ -130,15 +135,15 @@ $sim --fault camera.9.eio=1 -- true 2>err; [ $? -eq 1 ] && grep -q '0 to 3' err 
 $sim --stats stats -- "$grab" /dev/video0 2 >out; grep -q '"frames": [2-9]' stats || fail "figures: $(cat stats)"
 $sim -- "$build/sst-sim" fault --list | grep -q 'camera.N.late_ms' || fail "list of faults"
 $sim --serve served 2>err & server=$!
-for i in $(seq 100); do [ -S served/control.sock ] && break; sleep 0.1; done
+for i in $(seq 600); do [ -S served/control.sock ] && break; sleep 0.1; done
 "$build/sst-sim" --join served -- "$grab" /dev/video0 1 >out 2>&1
 holds "joined" '$1 == 0' 1
 "$build/sst-sim" status --json --dir served | grep -q '"serial":"SIM0003"' || fail "status"
-"$build/sst-sim" stop --dir served; wait $server || fail "serve: $(cat err)"
+"$build/sst-sim" stop --dir served; ended $server "a served session" || fail "serve: $(cat err)"
 [ -e served ] && fail "the session's folder stayed"
 mkdir -p usr/bin usr/lib
 cp "$build/sst-sim" usr/bin; cp "$build/libsst-sim-preload.so" usr/lib
-timeout 60 usr/bin/sst-sim --quiet --world "$root/simulators/world/worlds/small.yaml" -- "$grab" /dev/video0 1 >out 2>err
+timeout 600 usr/bin/sst-sim --quiet --world "$root/simulators/world/worlds/small.yaml" -- "$grab" /dev/video0 1 >out 2>err
 holds "installed" '$1 == 0' 1
 mkdir full; touch full/mine
 $sim --serve full 2>err && fail "a folder in use was taken"

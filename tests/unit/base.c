@@ -1,19 +1,24 @@
 /* base/: files that appear whole or not at all, parallel work. */
+#include <dirent.h>
 #include <errno.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
+#include "tests/small.h"
 
 static int square(void *arg, int index, int worker SST_UNUSED)
 {
@@ -101,6 +106,123 @@ static void outfile_appears_whole_or_not(void **state SST_UNUSED)
     assert_false(sst_path_exists(dir));
 }
 
+static void expect_text(const char *path, const char *text)
+{
+    uint8_t *data;
+    size_t size;
+
+    assert_int_equal(sst_file_read(path, 100, &data, &size), 0);
+    assert_string_equal((const char *)data, text);
+    free(data);
+}
+
+static void swap_exchanges_or_moves(void **state SST_UNUSED)
+{
+    char dir[] = "/tmp/sst-test-XXXXXX", a[SST_PATH_MAX], b[SST_PATH_MAX];
+
+    assert_non_null(mkdtemp(dir));
+    assert_int_equal(sst_path_join(a, dir, "a"), 0);
+    assert_int_equal(sst_path_join(b, dir, "b"), 0);
+    assert_int_equal(sst_path_swap(a, b), -ENOENT);
+    assert_int_equal(sst_file_write(a, "new", 3), 0);
+    assert_int_equal(sst_path_swap(a, b), 0);
+    assert_false(sst_path_exists(a));
+    assert_int_equal(sst_file_write(a, "newer", 5), 0);
+    assert_int_equal(sst_path_swap(a, b), 0);
+    expect_text(a, "new");
+    expect_text(b, "newer");
+    sst_path_remove_tree(dir);
+}
+
+enum { WRITERS = 3, INTERRUPTS = 40 };
+
+/* Replaces its folder again and again, with two files that always say the same. */
+static int replace_for_ever(void *arg, int index, int worker SST_UNUSED)
+{
+    char name[16], path[SST_PATH_MAX], file[SST_PATH_MAX], text[16];
+
+    snprintf(name, sizeof(name), "out-%d", index);
+    assert_int_equal(sst_path_join(path, arg, name), 0);
+    for (int round = 0;; round++) {
+        struct sst_outdir out;
+        const int n = snprintf(text, sizeof(text), "%d", round);
+        int err = sst_outdir_open(&out, path, true);
+
+        for (int i = 0; !err && i < 2; i++) {
+            void *memory = malloc(200000); /* the allocator's lock is often held */
+
+            err = memory ? sst_path_join(file, out.temporary, i ? "b" : "a") : -ENOMEM;
+            err = err ? err : sst_file_write(file, text, (size_t)n);
+            free(memory);
+        }
+        err = err ? err : sst_outdir_commit(&out);
+        if (err)
+            _exit(1);
+    }
+}
+
+static void expect_whole_folders(const char *dir)
+{
+    struct dirent *e;
+    DIR *d = opendir(dir);
+
+    assert_non_null(d);
+    while ((e = readdir(d))) {
+        char path[SST_PATH_MAX], file[SST_PATH_MAX];
+        uint8_t *data;
+        size_t size;
+
+        if (e->d_name[0] == '.')
+            continue;
+        assert_null(strstr(e->d_name, ".tmp-"));
+        assert_int_equal(sst_path_join(path, dir, e->d_name), 0);
+        assert_int_equal(sst_path_join(file, path, "a"), 0);
+        assert_int_equal(sst_file_read(file, 100, &data, &size), 0);
+        assert_int_equal(sst_path_join(file, path, "b"), 0);
+        expect_text(file, (const char *)data);
+        free(data);
+    }
+    closedir(d);
+}
+
+static void interrupt_leaves_whole_folders(void **state SST_UNUSED)
+{
+    char dir[] = "/tmp/sst-test-XXXXXX";
+
+    assert_non_null(mkdtemp(dir));
+    for (int i = 0; i < (small_level() ? 4 : INTERRUPTS); i++) {
+        int status = 0, ready[2];
+        pid_t child;
+        char c;
+
+        assert_int_equal(pipe(ready), 0);
+        child = fork();
+        assert_true(child >= 0);
+        if (!child) {
+            if (sst_file_clean_on_interrupt() || write(ready[1], "r", 1) != 1)
+                _exit(1);
+            _exit(sst_parallel_for(WRITERS, WRITERS, replace_for_ever, dir) ? 1 : 2);
+        }
+        close(ready[1]);
+        assert_int_equal(read(ready[0], &c, 1), 1);
+        close(ready[0]);
+        usleep(2000 + 777 * (useconds_t)i);
+        assert_int_equal(kill(child, SIGINT), 0);
+        assert_int_equal(kill(child, i % 2 ? SIGINT : SIGTERM), 0);
+        for (int64_t end = sst_clock_now_ns() + 60000000000; !waitpid(child, &status, WNOHANG);) {
+            if (sst_clock_now_ns() > end) {
+                kill(child, SIGKILL);
+                fail_msg("the process that was interrupted hangs");
+            }
+            usleep(1000);
+        }
+        assert_true(WIFEXITED(status));
+        assert_true(WEXITSTATUS(status) == 128 + SIGINT || WEXITSTATUS(status) == 128 + SIGTERM);
+        expect_whole_folders(dir);
+    }
+    sst_path_remove_tree(dir);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -109,6 +231,8 @@ int main(void)
         cmocka_unit_test(parallel_for_shows_one_error),
         cmocka_unit_test(alloc_refuses_overflow),
         cmocka_unit_test(outfile_appears_whole_or_not),
+        cmocka_unit_test(swap_exchanges_or_moves),
+        cmocka_unit_test(interrupt_leaves_whole_folders),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

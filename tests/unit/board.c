@@ -302,6 +302,5 @@ int main(void)
         cmocka_unit_test(homographies_are_fitted),
     };
 
-    alarm(60);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

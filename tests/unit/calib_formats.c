@@ -619,6 +619,5 @@ int main(void)
         cmocka_unit_test(names_suggest_formats),
     };
 
-    alarm(60);
     return cmocka_run_group_tests(tests, setup, teardown);
 }

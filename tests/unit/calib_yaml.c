@@ -76,7 +76,6 @@ static void fill(struct sst_calib *calib, int rows, int cols)
 
 static void check_same(const struct sst_calib *a, const struct sst_calib *b)
 {
-
     assert_int_equal(a->rows, b->rows);
     assert_int_equal(a->cols, b->cols);
     assert_int_equal(a->width, b->width);
@@ -170,7 +169,8 @@ static void strange_names_are_cleaned(void **state SST_UNUSED)
 {
     static const char *const cases[][2] = {
         { "a\nb\tc\x7f", "a?b?c?" },
-        { "\xff\xc3[", "?" "?[" },
+        { "\xff\xc3[", "?"
+                       "?[" },
         { "\xc0\xaf", "??" },
         { "\xed\xa0\x80", "???" },
         { "\xc2\x85x\xe2\x80\xa8", "??x???" },
@@ -318,6 +318,5 @@ int main(void)
         cmocka_unit_test(faults_name_their_place),      cmocka_unit_test(missing_file_is_told),
     };
 
-    alarm(60);
     return cmocka_run_group_tests(tests, setup, teardown);
 }

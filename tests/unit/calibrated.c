@@ -20,6 +20,7 @@
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/import.h"
 #include "pipeline/render/render.h"
+#include "tests/small.h"
 
 #define ROWS   2
 #define COLS   3
@@ -537,14 +538,10 @@ static int teardown(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rectified_views_show_the_plane),
-        cmocka_unit_test(light_is_corrected),
-        cmocka_unit_test(threads_raw_and_bake),
-        cmocka_unit_test(maps_and_versions),
-        cmocka_unit_test(what_does_not_fit),
-        cmocka_unit_test(rays_from_outside_do_not_count),
-        cmocka_unit_test(borders_do_not_match),
-        cmocka_unit_test(damaged_folders),
+        serial_test(rectified_views_show_the_plane), serial_test(light_is_corrected),
+        cmocka_unit_test(threads_raw_and_bake),      cmocka_unit_test(maps_and_versions),
+        cmocka_unit_test(what_does_not_fit),         serial_test(rays_from_outside_do_not_count),
+        serial_test(borders_do_not_match),           cmocka_unit_test(damaged_folders),
     };
 
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -18,6 +18,7 @@
 #include "base/log.h"
 #include "pipeline/check/check_parts.h"
 #include "simulators/scene/noise.h"
+#include "tests/small.h"
 
 #define WIDTH  320
 #define HEIGHT 240
@@ -627,26 +628,25 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(quantile_is_nearest_rank),
         cmocka_unit_test(levels_share_centres),
-        cmocka_unit_test(alignment_is_unbiased),
-        cmocka_unit_test(sigmas_are_true),
-        cmocka_unit_test(nothing_is_found_where_nothing_is_wrong),
-        cmocka_unit_test(drifts_are_measured),
-        cmocka_unit_test(another_size_is_measured),
-        cmocka_unit_test(exchanged_views_are_named),
-        cmocka_unit_test(turned_grids_are_named),
-        cmocka_unit_test(unrectified_is_unusable),
-        cmocka_unit_test(blank_and_repeated_walls_raise_no_alarm),
-        cmocka_unit_test(noise_is_measured),
+        serial_test(alignment_is_unbiased),
+        serial_test(sigmas_are_true),
+        plain_test(nothing_is_found_where_nothing_is_wrong),
+        plain_test(drifts_are_measured),
+        serial_test(another_size_is_measured),
+        plain_test(exchanged_views_are_named),
+        plain_test(turned_grids_are_named),
+        plain_test(unrectified_is_unusable),
+        serial_test(blank_and_repeated_walls_raise_no_alarm),
+        plain_test(noise_is_measured),
         cmocka_unit_test(borders_are_no_features),
-        cmocka_unit_test(covered_camera_is_lost),
-        cmocka_unit_test(a_row_sees_vertical_shifts),
-        cmocka_unit_test(two_views_cannot_tell_which),
-        cmocka_unit_test(holes_are_stepped_over),
+        serial_test(covered_camera_is_lost),
+        serial_test(a_row_sees_vertical_shifts),
+        serial_test(two_views_cannot_tell_which),
+        serial_test(holes_are_stepped_over),
         cmocka_unit_test(any_number_of_threads_gives_the_same),
         cmocka_unit_test(unfit_input_is_refused),
-        cmocka_unit_test(the_picture_shows_the_worst_in_red),
+        serial_test(the_picture_shows_the_worst_in_red),
     };
 
-    alarm(240);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -367,6 +367,5 @@ int main(void)
         cmocka_unit_test(damaged_files_are_refused),
     };
 
-    alarm(60);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

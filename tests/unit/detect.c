@@ -14,6 +14,7 @@
 #include "base/thread.h"
 #include "pipeline/board/detect.h"
 #include "tests/board_scene.h"
+#include "tests/small.h"
 
 #ifdef __SANITIZE_THREAD__
 #define WATCH_THREADS true
@@ -427,11 +428,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(exact_pictures_give_exact_points),
         cmocka_unit_test(partial_and_turned_boards_keep_their_numbers),
-        cmocka_unit_test(small_faint_and_saturated_boards_are_right_or_missing),
+        plain_test(small_faint_and_saturated_boards_are_right_or_missing),
         cmocka_unit_test(another_board_is_not_taken_for_ours),
-        cmocka_unit_test(blur_is_measured),
+        plain_test(blur_is_measured),
         cmocka_unit_test(nothing_is_found_where_nothing_is),
-        cmocka_unit_test(large_pictures_are_as_exact),
+        plain_test(large_pictures_are_as_exact),
     };
     const struct CMUnitTest threaded[] = { cmocka_unit_test(threads_find_the_same) };
 
@@ -439,7 +440,6 @@ int main(void)
         print_message("a build without OpenCV finds no boards\n");
         return 77;
     }
-    alarm(400);
     /* The thread sanitizer makes the others fifty times as slow, and they have one thread each. */
     return cmocka_run_group_tests(threaded, NULL, NULL) +
            (WATCH_THREADS ? 0 : cmocka_run_group_tests(tests, NULL, NULL));

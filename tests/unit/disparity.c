@@ -479,6 +479,7 @@ static void median_of_small_maps(void **state SST_UNUSED)
      * five: 50 50 50 0 0 -> 50; 50 50 0 0 0 -> 0; ...; the last 0 50 50 50 50 -> 50. */
     static const uint16_t column[7] = { 50, 0, 0, 0, 0, 50, 50 };
     uint16_t peak[25], holes[25];
+    struct sst_mem_kept lines = { 0 };
     struct sst_map_u16 map;
 
     for (int i = 0; i < 25; i++) {
@@ -486,26 +487,27 @@ static void median_of_small_maps(void **state SST_UNUSED)
         holes[i] = (uint16_t)(i % 2 ? NONE : 100 + i); /* 12 unknown: the centre's median is the largest known value */
     }
     map = map16(3, 1, row);
-    assert_int_equal(sst_median5(&map), 0);
+    assert_int_equal(sst_median5(&map, &lines), 0);
     holds(&map, row);
     sst_map_u16_fini(&map);
     map = map16(1, 1, single);
-    assert_int_equal(sst_median5(&map), 0);
+    assert_int_equal(sst_median5(&map, &lines), 0);
     holds(&map, single);
     sst_map_u16_fini(&map);
     map = map16(1, 7, column);
-    assert_int_equal(sst_median5(&map), 0);
+    assert_int_equal(sst_median5(&map, &lines), 0);
     holds(&map, column);
     sst_map_u16_fini(&map);
     map = map16(5, 5, peak);
-    assert_int_equal(sst_median5(&map), 0);
+    assert_int_equal(sst_median5(&map, &lines), 0);
     peak[12] = 5;
     holds(&map, peak);
     sst_map_u16_fini(&map);
     map = map16(5, 5, holes);
-    assert_int_equal(sst_median5(&map), 0);
+    assert_int_equal(sst_median5(&map, &lines), 0);
     assert_int_equal(sst_map_u16_row(&map, 2)[2], 124);
     sst_map_u16_fini(&map);
+    sst_mem_kept_fini(&lines);
 }
 
 static void filtered(int width, int height, const uint16_t *in, const uint8_t *levels, int tau, const uint16_t *want)

@@ -11,16 +11,18 @@
 #include <cmocka.h>
 
 #include "pipeline/disparity/disparity.h"
+#include "simulators/scene/scene.h"
+#include "tests/small.h"
 
 /* Even, so that half-size views are whole pixels apart too. */
-#define BACK_PX (-2)
+#define BACK_PX  (-2)
 #define FRONT_PX 4
 
 /* What an array may look at. */
 enum look {
     LOOK_PLANES,
-    LOOK_SAME,     /* all views alike */
-    LOOK_STRIPES,  /* a period of 4 px: many disparities fit equally well */
+    LOOK_SAME,    /* all views alike */
+    LOOK_STRIPES, /* a period of 4 px: many disparities fit equally well */
     LOOK_GREY,
     LOOK_BLACK,
     LOOK_WHITE,
@@ -156,12 +158,12 @@ static void two_planes(void **state SST_UNUSED)
         bool joint;
         double share;
     } cases[] = {
-        { "balanced", 3, 3, -1, true, 0.97 }, { "balanced", 3, 3, 4, true, 0.97 }, { "balanced", 3, 3, 0, true, 0.97 },
-        { "accurate", 3, 3, -1, true, 0.97 }, { "preview", 3, 3, -1, true, 0.90 },
-        { "balanced", 3, 3, -1, false, 0.95 },
-        { "balanced", 1, 2, -1, true, 0.90 }, { "balanced", 2, 1, -1, true, 0.90 },
-        { "balanced", 1, 2, -1, false, 0.90 },
-        { "balanced", 2, 1, -1, false, 0.90 }, { "balanced", 1, 4, -1, true, 0.93 },
+        { "balanced", 3, 3, -1, true, 0.97 },  { "balanced", 3, 3, 4, true, 0.97 },
+        { "balanced", 3, 3, 0, true, 0.97 },   { "accurate", 3, 3, -1, true, 0.97 },
+        { "preview", 3, 3, -1, true, 0.90 },   { "balanced", 3, 3, -1, false, 0.95 },
+        { "balanced", 1, 2, -1, true, 0.90 },  { "balanced", 2, 1, -1, true, 0.90 },
+        { "balanced", 1, 2, -1, false, 0.90 }, { "balanced", 2, 1, -1, false, 0.90 },
+        { "balanced", 1, 4, -1, true, 0.93 },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
@@ -252,6 +254,63 @@ static void range(void **state SST_UNUSED)
     }
 }
 
+/* Leaves match other leaves by chance, far off, and of each neighbour others. */
+static void range_of_leaves(void **state SST_UNUSED)
+{
+    struct sst_scene_config cfg;
+    struct sst_scene *scene;
+    struct sst_lightfield lf;
+    double lo = 0, hi = 0, true_lo, true_hi;
+
+    sst_scene_config_defaults(&cfg);
+    cfg.width = 320;
+    cfg.height = 240;
+    cfg.rows = cfg.cols = 3;
+    assert_int_equal(sst_scene_create(&scene, "bush", &cfg), 0);
+    sst_scene_range(scene, &true_lo, &true_hi);
+    assert_int_equal(sst_lightfield_init(&lf, 3, 3), 0);
+    lf.width = cfg.width;
+    lf.height = cfg.height;
+    for (int k = 0; k < 9; k++) {
+        struct sst_view *v = &lf.views[k];
+        struct sst_map_f32 disp = { 0 };
+
+        assert_int_equal(sst_image_init(&v->image, lf.width, lf.height), 0);
+        assert_int_equal(sst_map_f32_init(&disp, lf.width, lf.height), 0);
+        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, &disp, NULL), 0);
+        sst_map_f32_fini(&disp);
+        v->present = true;
+    }
+    assert_int_equal(sst_disparity_range(&lf, 2, &lo, &hi), 0);
+    if (fabs(lo - true_lo) > 4 || fabs(hi - true_hi) > 4)
+        fail_msg("range %g..%g, the truth is %g..%g", lo, hi, true_lo, true_hi);
+    sst_lightfield_fini(&lf);
+    sst_scene_destroy(scene);
+}
+
+/* Views that are not aligned, each side off by its own: what all of them say is taken. */
+static void range_of_views_that_are_not_aligned(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf = field(3, 3, 160, 120, LOOK_PLANES);
+    double lo = 0, hi = 0;
+
+    for (int c = 0; c < 3; c++) {
+        struct sst_image *up = &lf.views[1].image, *down = &lf.views[7].image;
+
+        memmove(sst_image_row(up, c, 0), sst_image_row(up, c, 8), up->stride * 112);
+        memmove(sst_image_row(down, c, 0), sst_image_row(down, c, 16), down->stride * 104);
+        for (int y = 0; y < 120; y++) {
+            uint8_t *row = sst_image_row(&lf.views[3].image, c, y);
+
+            memmove(row, row + 12, 148);
+        }
+    }
+    assert_int_equal(sst_disparity_range(&lf, 2, &lo, &hi), 0);
+    if (lo > BACK_PX || hi < FRONT_PX)
+        fail_msg("range %g..%g", lo, hi);
+    sst_lightfield_fini(&lf);
+}
+
 static void same_maps(const struct sst_lightfield *a, const struct sst_lightfield *b)
 {
     assert_true(a->disp_min_px == b->disp_min_px);
@@ -259,8 +318,8 @@ static void same_maps(const struct sst_lightfield *a, const struct sst_lightfiel
         for (int y = 0; y < a->height; y++) {
             assert_memory_equal(sst_map_u16_row(&a->views[k].disp, y), sst_map_u16_row(&b->views[k].disp, y),
                                 (size_t)a->width * 2);
-            assert_memory_equal(sst_map_u8_row(&a->views[k].confidence, y),
-                                sst_map_u8_row(&b->views[k].confidence, y), (size_t)a->width);
+            assert_memory_equal(sst_map_u8_row(&a->views[k].confidence, y), sst_map_u8_row(&b->views[k].confidence, y),
+                                (size_t)a->width);
         }
     }
 }
@@ -287,6 +346,25 @@ static void any_number_of_threads(void **state SST_UNUSED)
             same_maps(&one, &many);
             sst_lightfield_fini(&many);
         }
+        sst_lightfield_fini(&one);
+    }
+}
+
+/* With little memory: the same bytes, between pixels in quarters (12 px are searched) and in halves. */
+static void frugal(void **state SST_UNUSED)
+{
+    for (int step = 0; step <= 2; step++) {
+        struct sst_disparity_config cfg = preset("balanced", -5, 7);
+        struct sst_lightfield all = field(4, 3, 45, 31, LOOK_PLANES), one = field(4, 3, 45, 31, LOOK_PLANES);
+
+        for (int k = 0; k < 12; k++) /* as measured, not as planned */
+            all.views[k].bx = one.views[k].bx += 0.07 * (k % 5);
+        cfg.phase_step = step;
+        assert_int_equal(sst_disparity_lightfield(&all, &cfg, NULL, NULL), 0);
+        cfg.frugal = true;
+        assert_int_equal(sst_disparity_lightfield(&one, &cfg, NULL, NULL), 0);
+        same_maps(&all, &one);
+        sst_lightfield_fini(&all);
         sst_lightfield_fini(&one);
     }
 }
@@ -322,8 +400,8 @@ static void refused(struct sst_lightfield *lf, const struct sst_disparity_config
 
 static void bad_settings_change_nothing(void **state SST_UNUSED)
 {
-    static const double ranges[][2] = { { 0, 0 }, { 5, 4 }, { NAN, 4 }, { 0, NAN }, { -INFINITY, 0 }, { 0, 512 },
-                                        { 20000, 20010 } };
+    static const double ranges[][2] = { { 0, 0 },         { 5, 4 },   { NAN, 4 },      { 0, NAN },
+                                        { -INFINITY, 0 }, { 0, 512 }, { 20000, 20010 } };
     struct sst_lightfield lf = field(1, 2, 20, 20, LOOK_PLANES);
     struct sst_disparity_config cfg;
 
@@ -341,6 +419,9 @@ static void bad_settings_change_nothing(void **state SST_UNUSED)
     refused(&lf, &cfg, -EINVAL);
     cfg = preset("balanced", 0, 4);
     cfg.support_arm = SST_SUPPORT_MAX_ARM + 1;
+    refused(&lf, &cfg, -EINVAL);
+    cfg = preset("balanced", 0, 4);
+    cfg.phase_step = 3;
     refused(&lf, &cfg, -EINVAL);
     cfg = preset("balanced", 0, 4);
     cfg.cost = SST_COST_BOTH;
@@ -366,15 +447,18 @@ static void the_widest_search(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(two_planes),
+        serial_test(two_planes),
         cmocka_unit_test(a_pair_is_left_minus_right),
-        cmocka_unit_test(tiny_views),
+        serial_test(tiny_views),
         cmocka_unit_test(nothing_to_match),
-        cmocka_unit_test(range),
+        serial_test(range),
+        serial_test(range_of_leaves),
+        serial_test(range_of_views_that_are_not_aligned),
         cmocka_unit_test(any_number_of_threads),
-        cmocka_unit_test(a_view_on_its_own),
+        cmocka_unit_test(frugal),
+        serial_test(a_view_on_its_own),
         cmocka_unit_test(bad_settings_change_nothing),
-        cmocka_unit_test(the_widest_search),
+        serial_test(the_widest_search),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

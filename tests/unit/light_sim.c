@@ -4,8 +4,8 @@
 
 #include "tests/sim_test.h"
 
-#include "pipeline/light/light.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/light/light.h"
 #include "simulators/world/board.h"
 #include "simulators/world/jpeg.h"
 #include "simulators/world/render.h"
@@ -244,6 +244,5 @@ int main(int argc, char **argv)
         calibrate(argv[1]);
         return 0;
     }
-    alarm(120);
     return cmocka_run_group_tests(tests, sim_set_up, sim_tear_down);
 }

@@ -54,10 +54,10 @@ static void lines_are_read_strictly(void **state)
         { -EBADMSG, "{\"set\":1}" },
         { -EBADMSG, SET_HEAD "\"frames\":7,\"missing\":[0,1]}" },
         { -EBADMSG, SET_HEAD "\"frames\":[],\"missing\":[0]}" },
-        { -EBADMSG, SET_HEAD "\"frames\":[[2,7,0,-2,9,100,40,0,0,1]],\"missing\":[0]}" },  /* no such camera */
+        { -EBADMSG, SET_HEAD "\"frames\":[[2,7,0,-2,9,100,40,0,0,1]],\"missing\":[0]}" }, /* no such camera */
         { -EBADMSG, SET_HEAD "\"frames\":[[-1,7,0,-2,9,100,40,0,0,1]],\"missing\":[0]}" },
         { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0,1],[1,7,0,-2,9,100,40,0,0,1]],\"missing\":[]}" },
-        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,-1,40,0,0,1]],\"missing\":[0]}" },   /* bytes, but nowhere */
+        { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,-1,40,0,0,1]],\"missing\":[0]}" }, /* bytes, but nowhere */
         { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,9223372036854775807,40,0,0,1]],\"missing\":[0]}" },
         { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,4294967296,0,0,1]],\"missing\":[0]}" },
         { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0,4294967296]],\"missing\":[0]}" },
@@ -91,17 +91,22 @@ static void round_trip(void **state)
         int cameras, width, height;
         size_t bytes;
     } cases[] = {
-        { V4L2_PIX_FMT_MJPEG, 36, 640, 480, 5000 },  { V4L2_PIX_FMT_YUYV, 4, 64, 48, 64 * 48 * 2 },
-        { V4L2_PIX_FMT_GREY, 2, 7, 5, 35 },          { V4L2_PIX_FMT_Y16, 2, 7, 5, 70 },
-        { V4L2_PIX_FMT_SBGGR8, 2, 1, 1, 1 },         { V4L2_PIX_FMT_SGBRG8, 1, 33, 17, 33 * 17 },
-        { V4L2_PIX_FMT_SGRBG8, 7, 9, 3, 27 },        { V4L2_PIX_FMT_SRGGB8, 256, 5, 5, 25 },
+        { V4L2_PIX_FMT_MJPEG, 36, 640, 480, 5000 }, { V4L2_PIX_FMT_YUYV, 4, 64, 48, 64 * 48 * 2 },
+        { V4L2_PIX_FMT_GREY, 2, 7, 5, 35 },         { V4L2_PIX_FMT_Y16, 2, 7, 5, 70 },
+        { V4L2_PIX_FMT_SBGGR8, 2, 1, 1, 1 },        { V4L2_PIX_FMT_SGBRG8, 1, 33, 17, 33 * 17 },
+        { V4L2_PIX_FMT_SGRBG8, 7, 9, 3, 27 },       { V4L2_PIX_FMT_SRGGB8, 256, 5, 5, 25 },
     };
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
-        struct synthetic s = { .fourcc = cases[i].fourcc, .cameras = cases[i].cameras, .width = cases[i].width,
-                               .height = cases[i].height, .bytes = cases[i].bytes, .period_ns = 100000000,
-                               .holes = true, .exact = cases[i].fourcc != V4L2_PIX_FMT_MJPEG };
+        struct synthetic s = { .fourcc = cases[i].fourcc,
+                               .cameras = cases[i].cameras,
+                               .width = cases[i].width,
+                               .height = cases[i].height,
+                               .bytes = cases[i].bytes,
+                               .period_ns = 100000000,
+                               .holes = true,
+                               .exact = cases[i].fourcc != V4L2_PIX_FMT_MJPEG };
         struct sst_recorder_config cfg;
         const struct sst_recording_info *info;
         struct sst_recording *r;
@@ -210,8 +215,13 @@ static void rolls_over(void **state)
 /* What any program with libavformat sees of segment 0: the same bytes at the same milliseconds. */
 static void others_read_it(void **state)
 {
-    struct synthetic s = { .cameras = 4, .fourcc = V4L2_PIX_FMT_YUYV, .width = 8, .height = 6, .bytes = 96,
-                           .period_ns = 100000000, .exact = true };
+    struct synthetic s = { .cameras = 4,
+                           .fourcc = V4L2_PIX_FMT_YUYV,
+                           .width = 8,
+                           .height = 6,
+                           .bytes = 96,
+                           .period_ns = 100000000,
+                           .exact = true };
     struct sst_recorder_config cfg = synthetic_config(&s, dir);
     AVFormatContext *format = NULL;
     AVPacket *packet = av_packet_alloc();
@@ -387,6 +397,174 @@ static void refuses(void **state)
     synthetic_fini(&s);
 }
 
+/* Segments of four sets; the first goes, and once more while a recorder is at work, and after a kill. */
+static void begins_later(void **state)
+{
+    struct synthetic s = small();
+    struct sst_recorder_config cfg = synthetic_config(&s, dir);
+    struct sst_recording_removed removed;
+    struct sst_recorder *recorder;
+    struct sst_recording *r;
+    int64_t bytes, before;
+    int cam;
+
+    (void)state;
+    cfg.segment_s = 4 * (double)s.period_ns * 1e-9 - 0.001;
+    assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 20)), 0);
+    assert_int_equal(sst_recording_segments(dir), 5);
+    before = size_of(in(dir, "segments/000000.mkv"));
+    assert_int_equal(sst_recording_shorten(dir, 4, &removed, &bytes), 0);
+    assert_true(removed.before_segment == 1 && removed.sets == 4 && bytes >= before && bytes < before + 4096);
+    assert_true(removed.wall_ns >= SYNTHETIC_WALL_NS + 3 * s.period_ns);
+    assert_true(removed.wall_ns <= SYNTHETIC_WALL_NS + 4 * s.period_ns);
+    assert_int_equal(size_of(in(dir, "segments/000000.mkv")), -1);
+    assert_int_equal(sst_recording_shorten(dir, 4, &removed, &bytes), -ENODATA);
+    assert_int_equal(sst_recording_open(&r, dir), 0);
+    assert_int_equal(sst_recording_sets(r), 16);
+    for (int i = 0; i < 16; i++)
+        assert_set(r, i, &s, (uint64_t)i + 4);
+    assert_int_equal(sst_recording_removed(r)->sets, 4);
+    sst_recording_close(r);
+
+    cfg.append = true; /* sets follow, and some go meanwhile */
+    recorder = record(&s, &cfg, 20, 22);
+    assert_int_equal(sst_recording_shorten(dir, 2, &removed, &bytes), 0);
+    assert_int_equal(removed.sets, 8);
+    for (int i = 0; i < 3; i++)
+        assert_int_equal(sst_recording_shorten(dir, 2, &removed, &bytes), i < 2 ? 0 : -ENODATA);
+    assert_int_equal(sst_recorder_close(recorder), 0);
+    assert_int_equal(sst_recording_open(&r, dir), 0);
+    assert_int_equal(sst_recording_sets(r), 6);
+    for (int i = 0; i < 6; i++)
+        assert_set(r, i, &s, (uint64_t)i + 16);
+    sst_recording_close(r);
+
+    /* Killed after it was said that all of them go: what follows does not count as removed. */
+    assert_int_equal(sst_file_write(in(dir, "removed.json"),
+                                    "{\"format\":\"sst-recording-removed\",\"version\":1,\"before_segment\":99,"
+                                    "\"sets\":22,\"t_ns\":0,\"wall_ns\":0}",
+                                    97),
+                     0);
+    assert_int_equal(sst_recording_open(&r, dir), 0);
+    assert_int_equal(sst_recording_sets(r), 0);
+    sst_recording_close(r);
+    assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 2)), 0);
+    assert_int_equal(sst_recording_open(&r, dir), 0);
+    assert_int_equal(sst_recording_sets(r), 2);
+    assert_int_equal(sst_recording_check(r, 1, &cam), 0);
+    sst_recording_close(r);
+    synthetic_fini(&s);
+}
+
+static void damage_the_note(int how, const char *good, size_t size)
+{
+    const char *path = in(dir, "removed.json");
+    char *zeros = calloc(1, 100000);
+
+    assert_non_null(zeros);
+    assert_int_equal(unlink(path), 0);
+    switch (how) {
+    case 0: /* as a power cut leaves it on some disks */
+        assert_int_equal(sst_file_write(path, "", 0), 0);
+        break;
+    case 1:
+        assert_int_equal(sst_file_write(path, zeros, size), 0);
+        break;
+    case 2:
+        assert_int_equal(sst_file_write(path, good, size / 2), 0);
+        break;
+    case 3:
+        assert_int_equal(sst_file_write(path, "{}", 2), 0);
+        break;
+    case 4:
+        assert_int_equal(sst_file_write(path, zeros, 100000), 0);
+        break;
+    case 5:
+        assert_int_equal(mkdir(path, 0777), 0);
+        break;
+    default:
+        assert_int_equal(symlink("nowhere", path), 0);
+        break;
+    }
+    free(zeros);
+}
+
+/* What removed.json said is worked out from the files that are there. */
+static void a_damaged_note_costs_nothing(void **state)
+{
+    struct synthetic s = small();
+    struct sst_recorder_config cfg = synthetic_config(&s, dir);
+    struct sst_recording_removed said_before, removed;
+    struct sst_recording *r;
+    int64_t bytes;
+    uint8_t *good;
+    size_t size;
+    int cam;
+
+    (void)state;
+    cfg.segment_s = 4 * (double)s.period_ns * 1e-9 - 0.001;
+    assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 20)), 0);
+    assert_int_equal(sst_recording_shorten(dir, 1, &removed, &bytes), 0);
+    assert_int_equal(sst_recording_shorten(dir, 1, &said_before, &bytes), 0);
+    assert_int_equal(sst_file_read(in(dir, "removed.json"), 4096, &good, &size), 0);
+    for (int how = 0; how <= 6; how++) {
+        damage_the_note(how, (const char *)good, size);
+        said[0] = 0;
+        assert_int_equal(sst_recording_open(&r, dir), 0);
+        assert_string_equal(said, ""); /* a warning, and no error beside it */
+        assert_int_equal(sst_recording_sets(r), 12);
+        for (int i = 0; i < 12; i++)
+            assert_set(r, i, &s, (uint64_t)i + 8);
+        removed = *sst_recording_removed(r);
+        assert_true(removed.assumed && removed.before_segment == 2 && removed.sets == 8);
+        assert_true(removed.t_ns == said_before.t_ns && removed.wall_ns == said_before.wall_ns);
+        sst_recording_close(r);
+        if (how < 5) {
+            assert_int_equal(sst_recording_write_removed(dir, &removed), 0);
+            assert_int_equal(sst_recording_read_removed(dir, &removed), 0);
+            assert_true(!removed.assumed && removed.before_segment == 2 && removed.sets == 8);
+        } else {
+            assert_int_equal(remove(in(dir, "removed.json")), 0);
+            assert_int_equal(sst_file_write(in(dir, "removed.json"), good, size), 0);
+        }
+    }
+    /* What is missing in the middle stays damage. */
+    assert_int_equal(unlink(in(dir, "segments/000003.mkv")), 0);
+    damage_the_note(0, NULL, 0);
+    assert_int_equal(sst_recording_open(&r, dir), 0);
+    assert_int_equal(sst_recording_sets(r), 12);
+    assert_int_equal(sst_recording_check(r, 3, &cam), 0);
+    assert_int_equal(sst_recording_check(r, 4, &cam), -EBADMSG);
+    assert_int_equal(sst_recording_check(r, 8, &cam), 0);
+    sst_recording_close(r);
+    /* It is mended by going on, and by making room. */
+    assert_int_equal(sst_recording_shorten(dir, 1, &removed, &bytes), 0);
+    assert_true(removed.before_segment == 3 && removed.sets == 12);
+    assert_int_equal(sst_recording_read_removed(dir, &removed), 0);
+    assert_true(!removed.assumed && removed.sets == 12);
+    free(good);
+    synthetic_fini(&s);
+}
+
+/* Nothing was removed, or nothing is there: then nothing is assumed to be gone. */
+static void a_damaged_note_of_a_whole_recording(void **state)
+{
+    struct synthetic s = small();
+    const struct sst_recorder_config cfg = synthetic_config(&s, dir);
+    struct sst_recording *r;
+
+    (void)state;
+    assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 20)), 0);
+    assert_int_equal(sst_file_write(in(dir, "removed.json"), "{", 1), 0);
+    assert_recording(dir, &s, 20);
+    sst_path_remove_tree(in(dir, "segments"));
+    assert_int_equal(sst_recording_open(&r, dir), 0);
+    assert_int_equal(sst_recording_sets(r), 20); /* each of them damaged */
+    assert_true(sst_recording_removed(r)->assumed && !sst_recording_removed(r)->before_segment);
+    sst_recording_close(r);
+    synthetic_fini(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -400,6 +578,9 @@ int main(void)
 #endif
         TEST(goes_on),
         TEST(tells_damage),
+        TEST(begins_later),
+        TEST(a_damaged_note_costs_nothing),
+        TEST(a_damaged_note_of_a_whole_recording),
         TEST(refuses),
     };
     const int rc = begin_tests(WITH_AVFORMAT);

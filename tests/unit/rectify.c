@@ -160,8 +160,8 @@ static void rotated_and_tilted(void **state SST_UNUSED)
     sst_calib_fini(&calib);
 }
 
-/* 3x3, the middle camera 1 mm to the right. Least squares: it moves the mean by 1/9 and no step, so its residual is 8/9,
- * the others' -1/9: RMS sqrt((64 + 8) / 81 / 9). Then 3 mm in front instead: the plane's mean likewise. */
+/* 3x3, the middle camera 1 mm to the right. Least squares: it moves the mean by 1/9 and no step, so its residual is
+ * 8/9, the others' -1/9: RMS sqrt((64 + 8) / 81 / 9). Then 3 mm in front instead: the plane's mean likewise. */
 static void one_camera_off(void **state SST_UNUSED)
 {
     struct sst_calib calib = perfect(3, 3);
@@ -534,6 +534,127 @@ static void identity_keeps_every_pixel(void **state SST_UNUSED)
     sst_calib_fini(&calib);
 }
 
+/* --- frames put in part by part ----------------------------------------------------------------------------------- */
+
+static void fill_random(struct sst_image *img)
+{
+    for (int c = 0; c < 3; c++)
+        for (int y = 0; y < img->height; y++)
+            for (int x = 0; x < img->width; x++)
+                sst_image_row(img, c, y)[x] = (uint8_t)uniform(0, 256);
+}
+
+static void put(struct sst_sampler *s, const struct sst_image *raw, int x0, int y0, int x1, int y1)
+{
+    uint8_t *rgbx = malloc(4 * (size_t)(x1 - x0) * (size_t)(y1 - y0));
+
+    for (int y = y0; y < y1; y++)
+        for (int x = x0; x < x1; x++)
+            for (int c = 0; c < 4; c++)
+                rgbx[4 * ((size_t)(y - y0) * (size_t)(x1 - x0) + (size_t)(x - x0)) + (size_t)c] =
+                    c < 3 ? sst_image_row(raw, c, y)[x] : 255;
+    sst_sampler_put(s, x0, y0, x1 - x0, y1 - y0, rgbx, 4 * (size_t)(x1 - x0));
+    free(rgbx);
+}
+
+/* All samples of a view. */
+static void sample_all(const struct sst_sampler *s, struct sst_image *out)
+{
+    for (int y = 0; y < out->height; y++) {
+        for (int x = 0; x < out->width; x += SST_SAMPLE_MAX) {
+            uint8_t *const row[3] = { sst_image_row(out, 0, y) + x, sst_image_row(out, 1, y) + x,
+                                      sst_image_row(out, 2, y) + x };
+
+            sst_sampler_row(s, x, y, sst_min_int(SST_SAMPLE_MAX, out->width - x), row, NULL);
+        }
+    }
+}
+
+static void frames_in_parts_are_whole_frames(void **state)
+{
+    struct sst_calib calib = perfect(1, 2);
+    struct sst_rectified to;
+    struct sst_rectify_map *map;
+    struct sst_image raw, want, got;
+
+    (void)state;
+    calib.camera[1].lens = 5;
+    calib.camera[1].k[0] = 0.3; /* its picture ends inside the common one: taps repeat the border */
+    sst_rotation_from_vector((const double[3]){ 0.01, -0.02, 0.05 }, calib.camera[1].rotation);
+    to = plan(&calib);
+    assert_int_equal(sst_rectify_map_create(&map, &to, &calib, 1), 0);
+    assert_int_equal(sst_image_init(&raw, 640, 480), 0);
+    assert_int_equal(sst_image_init(&want, to.width, to.height), 0);
+    assert_int_equal(sst_image_init(&got, to.width, to.height), 0);
+    for (int filter = SST_FILTER_BILINEAR; filter <= SST_FILTER_LANCZOS; filter++) {
+        struct sst_sampler *parts;
+
+        fill_random(&raw);
+        assert_int_equal(sst_rectify_view(map, (enum sst_filter)filter, &want, NULL, &raw, 1), 0);
+        assert_int_equal(sst_sampler_create_empty(&parts, map, (enum sst_filter)filter), 0);
+        for (int y = 0; y < 480; y += 97)
+            for (int x = 0; x < 640; x += 128)
+                put(parts, &raw, x, y, sst_min_int(x + 128, 640), sst_min_int(y + 97, 480));
+        sample_all(parts, &got);
+        for (int c = 0; c < 3; c++)
+            assert_memory_equal(want.plane[c], got.plane[c], want.stride * (size_t)want.height);
+        sst_sampler_destroy(parts);
+    }
+    sst_image_fini(&got);
+    sst_image_fini(&want);
+    sst_image_fini(&raw);
+    sst_rectify_map_destroy(map);
+    sst_calib_fini(&calib);
+}
+
+/* What a part of the view depends on is in its box: all else may change. */
+static void boxes_hold_what_is_seen(void **state)
+{
+    struct sst_calib calib = perfect(1, 2);
+    struct sst_rectified to;
+    struct sst_rectify_map *map;
+    struct sst_image one, other, a, b;
+    uint8_t valid[32][32];
+
+    (void)state;
+    calib.camera[1].lens = 5;
+    calib.camera[1].k[0] = 0.3;
+    sst_rotation_from_vector((const double[3]){ 0.01, -0.02, 0.05 }, calib.camera[1].rotation);
+    to = plan(&calib);
+    assert_int_equal(sst_rectify_map_create(&map, &to, &calib, 1), 0);
+    assert_int_equal(sst_image_init(&one, 640, 480), 0);
+    assert_int_equal(sst_image_init(&other, 640, 480), 0);
+    assert_int_equal(sst_image_init(&a, to.width, to.height), 0);
+    assert_int_equal(sst_image_init(&b, to.width, to.height), 0);
+    fill_random(&one);
+    for (int i = 0; i < 8; i++) {
+        const int x = i == 0 ? 0 : i == 1 ? to.width - 32 : (int)uniform(0, to.width - 32);
+        const int y = i == 0 ? 0 : i == 1 ? to.height - 32 : (int)uniform(0, to.height - 32);
+        const enum sst_filter filter = (enum sst_filter)(i % 3);
+        int box[4];
+
+        fill_random(&other);
+        (void)sst_rectify_map_box(map, filter, x, y, 32, 32, box, valid[0], 32);
+        assert_true(box[0] >= 0 && box[1] >= 0 && box[2] <= 640 && box[3] <= 480);
+        assert_true((box[2] - box[0]) * (box[3] - box[1]) < 60 * 60);
+        for (int c = 0; c < 3; c++)
+            for (int v = box[1]; v < box[3]; v++)
+                memcpy(sst_image_row(&other, c, v) + box[0], sst_image_row(&one, c, v) + box[0],
+                       (size_t)(box[2] - box[0]));
+        assert_int_equal(sst_rectify_view(map, filter, &a, NULL, &one, 1), 0);
+        assert_int_equal(sst_rectify_view(map, filter, &b, NULL, &other, 1), 0);
+        for (int c = 0; c < 3; c++)
+            for (int v = y; v < y + 32; v++)
+                assert_memory_equal(sst_image_row(&a, c, v) + x, sst_image_row(&b, c, v) + x, 32);
+    }
+    sst_image_fini(&one);
+    sst_image_fini(&other);
+    sst_image_fini(&a);
+    sst_image_fini(&b);
+    sst_rectify_map_destroy(map);
+    sst_calib_fini(&calib);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -550,6 +671,8 @@ int main(void)
         cmocka_unit_test(map_is_within_its_bound),
         cmocka_unit_test(fold_is_not_seen_twice),
         cmocka_unit_test(identity_keeps_every_pixel),
+        cmocka_unit_test(frames_in_parts_are_whole_frames),
+        cmocka_unit_test(boxes_hold_what_is_seen),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

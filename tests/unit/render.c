@@ -13,9 +13,9 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "pipeline/render/ranges.h"
-#include "pipeline/render/render.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/render/plan.h"
+#include "pipeline/render/ranges.h"
 
 #define UNKNOWN (-1000.0) /* outside what can be stored, so SST_DISP_NONE */
 
@@ -29,8 +29,9 @@ static uint32_t next_random(uint32_t below)
 
 static void make_views(struct sst_lightfield *lf, int rows, int cols, int width, int height)
 {
-    *lf = (struct sst_lightfield){ .rows = rows, .cols = cols, .width = width, .height = height,
-                                   .ref_view = (rows - 1) / 2 * cols + (cols - 1) / 2 };
+    *lf = (struct sst_lightfield){
+        .rows = rows, .cols = cols, .width = width, .height = height, .ref_view = (rows - 1) / 2 * cols + (cols - 1) / 2
+    };
     lf->views = calloc((size_t)(rows * cols), sizeof(*lf->views));
     assert_non_null(lf->views);
     for (int i = 0; i < rows * cols; i++) {
@@ -125,12 +126,12 @@ static void assert_same_image(const struct sst_image *a, const struct sst_image 
     }
 }
 
-#define assert_near(a, b, tolerance)                                                               \
-    do {                                                                                           \
-        const double a_ = (a), b_ = (b);                                                           \
-                                                                                                   \
-        if (!(fabs(a_ - b_) <= (tolerance)))                                                       \
-            fail_msg("%s is %.10g, not %.10g", #a, a_, b_);                                        \
+#define assert_near(a, b, tolerance)                                                                                   \
+    do {                                                                                                               \
+        const double a_ = (a), b_ = (b);                                                                               \
+                                                                                                                       \
+        if (!(fabs(a_ - b_) <= (tolerance)))                                                                           \
+            fail_msg("%s is %.10g, not %.10g", #a, a_, b_);                                                            \
     } while (0)
 
 static void depth_weight_by_hand(void **state SST_UNUSED)
@@ -309,8 +310,8 @@ static void compare_with_naive(const struct sst_lightfield *lf, const struct sst
     struct sst_image out;
 
     for (int i = 1; i < 5; i++)
-        w_label[i] = naive_range_weight(lf, cfg, i) /
-                     (cfg->focus_label && cfg->focus_label != i ? cfg->label_factor : 1);
+        w_label[i] =
+            naive_range_weight(lf, cfg, i) / (cfg->focus_label && cfg->focus_label != i ? cfg->label_factor : 1);
     assert_int_equal(render(lf, cfg, &out, NULL), 0);
     for (int c = 0; c < 3; c++) {
         for (int y = 0; y < lf->height; y++) {
@@ -404,6 +405,49 @@ static void threads_and_levels_do_not_matter(void **state SST_UNUSED)
         sst_image_fini(&other);
     }
     sst_image_fini(&first);
+    free_views(&lf);
+}
+
+/* Any cells, in a picture of which no side is a multiple of theirs: rendered as in the whole, the others left alone. */
+static void parts_equal_the_whole(void **state SST_UNUSED)
+{
+    struct sst_render_config cfg = config(1.7);
+    struct sst_lightfield lf;
+    struct sst_renderer *r;
+    struct sst_image whole, part = { 0 };
+    struct sst_plan plan;
+
+    make_random(&lf);
+    cfg.threads = 2;
+    assert_int_equal(render(&lf, &cfg, &whole, NULL), 0);
+    assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
+    assert_int_equal(sst_plan_init(&plan, r, &cfg), 0);
+    assert_int_equal(sst_image_init(&part, lf.width, lf.height), 0);
+    for (int pattern = 1; pattern < 16; pattern++) {
+        const int cols = (lf.width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
+        const int rows = (lf.height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
+        uint8_t *cells = calloc((size_t)(cols * rows), 1);
+
+        assert_non_null(cells);
+        for (int i = 0; i < cols * rows; i++)
+            cells[i] = (pattern >> (i % 4)) & 1;
+        for (int c = 0; c < 3; c++)
+            memset(part.plane[c], 77, part.stride * (size_t)part.height);
+        assert_int_equal(sst_plan_render(&plan, cells, &part, NULL), 0);
+        for (int y = 0; y < lf.height; y++) {
+            for (int x = 0; x < lf.width; x++) {
+                const bool made = cells[y / SST_RENDER_CELL_HEIGHT * cols + x / SST_RENDER_CELL_WIDTH];
+
+                for (int c = 0; c < 3; c++)
+                    assert_int_equal(sst_image_row(&part, c, y)[x], made ? sst_image_row(&whole, c, y)[x] : 77);
+            }
+        }
+        free(cells);
+    }
+    sst_plan_fini(&plan);
+    sst_renderer_destroy(r);
+    sst_image_fini(&part);
+    sst_image_fini(&whole);
     free_views(&lf);
 }
 
@@ -549,7 +593,7 @@ static void impossible_wishes_are_refused(void **state SST_UNUSED)
     struct sst_image out;
 
     make_random(&lf);
-    sst_log_set_level((enum sst_log_level)-1);
+    sst_log_set_level((enum sst_log_level) - 1);
     cfg = config(900);
     assert_int_equal(render(&lf, &cfg, &out, NULL), -ERANGE);
     sst_image_fini(&out);
@@ -638,6 +682,7 @@ int main(void)
         cmocka_unit_test(pictures_equal_the_naive_renderer),
         cmocka_unit_test(equal_weights_are_plain_refocusing),
         cmocka_unit_test(threads_and_levels_do_not_matter),
+        cmocka_unit_test(parts_equal_the_whole),
         cmocka_unit_test(far_rays_still_make_a_picture),
         cmocka_unit_test(unsupported_pixels_are_said),
         cmocka_unit_test(objects_have_their_own_range),

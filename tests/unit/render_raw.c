@@ -9,6 +9,7 @@
 
 #include "base/log.h"
 #include "tests/raw_field.h"
+#include "tests/small.h"
 
 #define WIDTH  256
 #define HEIGHT 192
@@ -238,13 +239,10 @@ static void rays_add_up_to_the_picture(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(one_view_is_that_view_rectified),
-        cmocka_unit_test(one_interpolation_is_nearer_to_the_truth_than_two),
-        cmocka_unit_test(threads_do_not_matter),
-        cmocka_unit_test(weights_are_those_of_rectified_views),
-        cmocka_unit_test(rays_add_up_to_the_picture),
+        serial_test(one_view_is_that_view_rectified), plain_test(one_interpolation_is_nearer_to_the_truth_than_two),
+        cmocka_unit_test(threads_do_not_matter),      serial_test(weights_are_those_of_rectified_views),
+        serial_test(rays_add_up_to_the_picture),
     };
 
-    alarm(120);
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

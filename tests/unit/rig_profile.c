@@ -65,23 +65,22 @@ static void registers_bits_and_steps(void **state SST_UNUSED)
 /* A small whole profile in which one text is replaced by another. */
 static void refuse(const char *from, const char *to, const char *words)
 {
-    static const char good[] =
-        "name: n\nmanual: m\ntried_on_hardware: false\n"
-        "registers:\n"
-        "  s: { table: input, address: 0x10, type: u16 }\n"
-        "  p: { table: input, address: 0x11, type: s32 }\n"
-        "  c: { table: holding, address: 0, type: u16 }\n"
-        "position: p\n"
-        "flags:\n"
-        "  moving: { register: s, bit: 0 }\n"
-        "  in_position: { register: s, bit: 1 }\n"
-        "  homed: { register: s, bit: 2 }\n"
-        "  alarm: { register: s, mask: 0xF000, equals: 0x1000 }\n"
-        "sequences:\n"
-        "  move: [ { write: c, value: target } ]\n"
-        "  home: [ { write: c, value: 1 } ]\n"
-        "  stop: [ { write: c, value: 2 }, { wait: moving, is: false, within_ms: 5 } ]\n"
-        "  reset: [ { pause_ms: 5 } ]\n";
+    static const char good[] = "name: n\nmanual: m\ntried_on_hardware: false\n"
+                               "registers:\n"
+                               "  s: { table: input, address: 0x10, type: u16 }\n"
+                               "  p: { table: input, address: 0x11, type: s32 }\n"
+                               "  c: { table: holding, address: 0, type: u16 }\n"
+                               "position: p\n"
+                               "flags:\n"
+                               "  moving: { register: s, bit: 0 }\n"
+                               "  in_position: { register: s, bit: 1 }\n"
+                               "  homed: { register: s, bit: 2 }\n"
+                               "  alarm: { register: s, mask: 0xF000, equals: 0x1000 }\n"
+                               "sequences:\n"
+                               "  move: [ { write: c, value: target } ]\n"
+                               "  home: [ { write: c, value: 1 } ]\n"
+                               "  stop: [ { write: c, value: 2 }, { wait: moving, is: false, within_ms: 5 } ]\n"
+                               "  reset: [ { pause_ms: 5 } ]\n";
     const char *at = strstr(good, from);
     char path[] = "/tmp/sst-profile-XXXXXX.yaml", text[2048];
     const int fd = mkstemps(path, 5);
@@ -128,6 +127,5 @@ int main(void)
         cmocka_unit_test(faults_are_told),
     };
 
-    alarm(60);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

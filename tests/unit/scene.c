@@ -17,6 +17,7 @@
 #include "pipeline/labels/classes.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "simulators/scene/world.h"
+#include "tests/small.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
 
@@ -551,15 +552,15 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(facing_square_lands_where_it_must),
-        cmocka_unit_test(floor_disparity_is_the_row_below_the_horizon),
-        cmocka_unit_test(ball_has_its_depth_and_outline),
-        cmocka_unit_test(truth_moves_points_between_views),
-        cmocka_unit_test(texture_agrees_between_views),
-        cmocka_unit_test(hidden_occluders_leave_nothing),
-        cmocka_unit_test(every_disparity_is_within_the_range),
-        cmocka_unit_test(focus_is_the_disparity_of_the_target),
-        cmocka_unit_test(leaves_cover_the_man_but_not_wholly),
-        cmocka_unit_test(time_moves_the_walker_and_the_leaves),
+        serial_test(floor_disparity_is_the_row_below_the_horizon),
+        serial_test(ball_has_its_depth_and_outline),
+        serial_test(truth_moves_points_between_views),
+        serial_test(texture_agrees_between_views),
+        serial_test(hidden_occluders_leave_nothing),
+        serial_test(every_disparity_is_within_the_range),
+        serial_test(focus_is_the_disparity_of_the_target),
+        serial_test(leaves_cover_the_man_but_not_wholly),
+        serial_test(time_moves_the_walker_and_the_leaves),
         cmocka_unit_test(any_number_of_threads_gives_the_same_bytes),
         cmocka_unit_test(folder_says_what_is_in_it),
         cmocka_unit_test(odd_sizes_work),

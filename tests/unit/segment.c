@@ -260,6 +260,7 @@ static void upsampling_follows_the_picture(void **state SST_UNUSED)
 {
     struct sst_class_grid grid = { .width = 2, .height = 1, .count = 2, .values = sst_class_grid_values(2) };
     struct sst_image img = new_image(16, 2, 0, 0, 0);
+    struct sst_upsample_memory memory = { 0 };
     struct sst_map_u8 label, alone;
     struct sst_map_f32 entropy;
     float cells[16] = { 1, 0, 0, 0, 0, 0, 0, 0, 0.25f, 0.75f }, prob[2 * 16 * 2];
@@ -273,8 +274,8 @@ static void upsampling_follows_the_picture(void **state SST_UNUSED)
     assert_int_equal(sst_map_u8_init(&label, 16, 2), 0);
     assert_int_equal(sst_map_u8_init(&alone, 16, 2), 0);
     assert_int_equal(sst_map_f32_init(&entropy, 16, 2), 0);
-    assert_int_equal(sst_upsample(&label, &entropy, prob, &grid, &img, 1), 0);
-    assert_int_equal(sst_upsample(&alone, NULL, NULL, &grid, &img, 2), 0);
+    assert_int_equal(sst_upsample(&label, &entropy, prob, &grid, &img, 1, &memory), 0);
+    assert_int_equal(sst_upsample(&alone, NULL, NULL, &grid, &img, 2, &memory), 0);
     for (int i = 0; i < 32; i++) {
         const bool white = i % 16 >= 7;
 
@@ -286,6 +287,7 @@ static void upsampling_follows_the_picture(void **state SST_UNUSED)
     }
     sst_map_u8_fini(&label);
     sst_map_u8_fini(&alone);
+    sst_upsample_memory_fini(&memory);
     sst_map_f32_fini(&entropy);
     sst_image_fini(&img);
 }
@@ -362,20 +364,22 @@ static void resampling_has_known_values(void **state SST_UNUSED)
 {
     static const double mean[3] = { 0, 0, 0.5 }, std[3] = { 1, 1, 0.5 };
     struct sst_image img = new_image(5, 1, 0, 0, 0);
+    struct sst_mem_kept kept = { 0 };
     float out[3 * 4];
 
     for (int c = 0; c < 3; c++)
         memcpy(sst_image_row(&img, c, 0), (const uint8_t[]){ 10, 20, 30, 40, 255 }, 5);
-    assert_int_equal(sst_resample(out, 2, 1, &img, mean, std, 2), 0);
+    assert_int_equal(sst_resample(out, 2, 1, &img, mean, std, 2, &kept), 0);
     assert_true(fabs((double)out[0] - (10 + 20 + 15) / 2.5 / 255) < 1e-6);
     assert_true(fabs((double)out[1] - (15 + 40 + 255) / 2.5 / 255) < 1e-6);
     assert_true(fabs((double)out[4] - ((10 + 20 + 15) / 2.5 / 255 - 0.5) / 0.5) < 1e-6);
     img.width = 2;
-    assert_int_equal(sst_resample(out, 4, 1, &img, mean, std, 1), 0);
+    assert_int_equal(sst_resample(out, 4, 1, &img, mean, std, 1, &kept), 0);
     for (int i = 0; i < 4; i++)
         assert_true(fabs((double)out[i] - ((const double[]){ 10, 12.5, 17.5, 20 })[i] / 255) < 1e-6);
     img.width = 5;
     sst_image_fini(&img);
+    sst_mem_kept_fini(&kept);
 }
 
 static void models_are_found_by_name(void **state SST_UNUSED)

@@ -89,6 +89,7 @@ static struct sst_sets_counters end(void)
     for (int i = 0; i < SST_BUCKETS; i++)
         sum += n.bucket[i];
     assert_int_equal(sum, t.frames);
+    assert_int_equal(n.waiting, 0);
     assert_int_equal(t.released, t.frames);
     assert_int_equal(n.sets, t.n);
     for (int i = 1; i < t.n; i++)
@@ -224,16 +225,37 @@ static void jumped_stamps_are_not_matched(void **state)
 
 static void frame_before_its_trigger_waits(void **state)
 {
+    struct sst_sets_counters n;
+
     (void)state;
     begin(1, SST_SETS_EDGE, 100 * MS, 4);
     frame(0, 1000 * MS);
     assert_int_equal(t.n, 0);
+    sst_sets_counters(t.sets, &n);
+    assert_int_equal(n.waiting, 1);
     sst_sets_trigger(t.sets, 0, 999 * MS, false);
     sst_sets_tick(t.sets, 1021 * MS);
     assert_int_equal(t.n, 1);
     frame(0, 1100 * MS);
     sst_sets_tick(t.sets, 1500 * MS); /* 250 ms and more after arrival: no trigger came */
     assert_int_equal(end().bucket[SST_BUCKET_STRAY], 1);
+}
+
+static void frames_of_open_sets_wait(void **state)
+{
+    struct sst_sets_counters n;
+
+    (void)state;
+    begin(3, SST_SETS_EDGE, 100 * MS, 4);
+    for (int k = 0; k < 2; k++) {
+        sst_sets_trigger(t.sets, (uint64_t)k, (1000 + 100 * k) * MS, false);
+        frame(0, (1000 + 100 * k) * MS);
+        frame(1, (1000 + 100 * k) * MS);
+    }
+    assert_int_equal(t.n, 0);
+    sst_sets_counters(t.sets, &n);
+    assert_int_equal(n.waiting, 4);
+    assert_int_equal(end().bucket[SST_BUCKET_SET], 4);
 }
 
 static void a_receiver_that_keeps_all_sets(void **state)
@@ -248,7 +270,11 @@ static void a_receiver_that_keeps_all_sets(void **state)
         frame(0, (1000 + 100 * k) * MS);
     }
     assert_int_equal(t.n, 2);
+    sst_sets_counters(t.sets, &n);
+    assert_int_equal(n.waiting, 2);
     sst_sets_recycle(t.sets, t.out[0], false);
+    sst_sets_counters(t.sets, &n);
+    assert_int_equal(n.waiting, 1);
     sst_sets_recycle(t.sets, t.out[1], true);
     n = end();
     assert_int_equal(n.dropped, 3);
@@ -384,6 +410,7 @@ int main(void)
         cmocka_unit_test(buckets),
         cmocka_unit_test(jumped_stamps_are_not_matched),
         cmocka_unit_test(frame_before_its_trigger_waits),
+        cmocka_unit_test(frames_of_open_sets_wait),
         cmocka_unit_test(a_receiver_that_keeps_all_sets),
         cmocka_unit_test(nearest_of_fast_cameras),
         cmocka_unit_test(free_run_follows_the_beat),

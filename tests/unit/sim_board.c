@@ -6,7 +6,6 @@
 
 #include "pipeline/calib/calib.h"
 
-#define SECONDS 300
 #define BOARD                                                                                                          \
     "board: {kind: chessboard, squares: [7, 5], square_mm: 50, poses: [{position_mm: [0, 0, 1200]}, "                  \
     "{position_mm: [40, -30, 1100], rotation_deg: [10, -20, 5]%s}]}\n"
@@ -294,6 +293,5 @@ int main(void)
         cmocka_unit_test_setup_teardown(true_parameters_are_a_calibration, sim_set_up, sim_tear_down),
     };
 
-    alarm(SECONDS);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -455,6 +455,5 @@ int main(void)
         cmocka_unit_test_setup_teardown(an_unknown_world_and_an_unwritable_cache_are_told, sim_set_up, sim_tear_down),
     };
 
-    alarm(120);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "pipeline/solve/solve.h"
 #include "tests/calib_truth.h"
+#include "tests/small.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
 
@@ -350,16 +351,16 @@ static void weights_count(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(exact_corners_give_exact_cameras),
-        cmocka_unit_test(residuals_are_as_predicted),
-        cmocka_unit_test(outliers_are_found),
-        cmocka_unit_test(plain_uses_all),
+        serial_test(exact_corners_give_exact_cameras),
+        serial_test(residuals_are_as_predicted),
+        serial_test(outliers_are_found),
+        serial_test(plain_uses_all),
         cmocka_unit_test(threads_do_not_matter),
-        cmocka_unit_test(lens_is_chosen),
-        cmocka_unit_test(lenses_can_be_kept),
-        cmocka_unit_test(rig_has_one_lens),
-        cmocka_unit_test(parts_may_be_missing),
-        cmocka_unit_test(weights_count),
+        serial_test(lens_is_chosen),
+        serial_test(lenses_can_be_kept),
+        serial_test(rig_has_one_lens),
+        serial_test(parts_may_be_missing),
+        serial_test(weights_count),
     };
 
     if (!WITH_DOGLEG) {

@@ -15,6 +15,7 @@
 #include "drivers/usb/deadline.h"
 #include "drivers/usb/plan.h"
 #include "drivers/usb/sysfs.h"
+#include "tests/quick.h"
 
 /* --- a tree in files ---------------------------------------------------------------------------------------------- */
 
@@ -498,21 +499,33 @@ static void bulk_and_unreadable_cameras(void **state SST_UNUSED)
 
 /* --- deadlines ---------------------------------------------------------------------------------------------------- */
 
-static int sleep_and_return(void *arg)
+static _Atomic bool hangs;
+static _Atomic int ended;
+
+static int wait_and_return(void *arg)
 {
-    usleep((useconds_t)(*(int *)arg * 1000));
+    while (*(bool *)arg && hangs)
+        usleep(1000);
+    ended++;
     return -EIO;
 }
 
 static void calls_are_waited_for_no_longer_than_agreed(void **state SST_UNUSED)
 {
-    const int quick = 1, slow = 500;
-    const int64_t start_ns = sst_clock_now_ns();
+    const bool at_once = false, never = true;
+    int64_t start_ns;
 
-    assert_int_equal(sst_deadline_call(sleep_and_return, &quick, sizeof(quick), 10000), -EIO);
-    assert_int_equal(sst_deadline_call(sleep_and_return, &slow, sizeof(slow), 20), -ETIMEDOUT);
-    assert_true(sst_clock_now_ns() - start_ns < 400000000);
-    usleep(600000); /* its thread ends and frees what it has */
+    assert_int_equal(sst_deadline_call(wait_and_return, &at_once, sizeof(at_once), 60000), -EIO);
+    hangs = true;
+    start_ns = sst_clock_now_ns();
+    assert_int_equal(sst_deadline_call(wait_and_return, &never, sizeof(never), 20), -ETIMEDOUT);
+    assert_quick(start_ns, 400000000);
+    assert_int_equal(ended, 1);
+    hangs = false;
+    for (int i = 0; i < 60000 && ended < 2; i++)
+        usleep(1000);
+    assert_int_equal(ended, 2);
+    usleep(100000); /* its thread frees what it has */
 }
 
 static void resets_of_nothing_are_refused(void **state SST_UNUSED)
@@ -547,6 +560,5 @@ int main(void)
         cmocka_unit_test(resets_of_nothing_are_refused),
     };
 
-    alarm(60);
     return cmocka_run_group_tests_name("usb", tests, NULL, NULL);
 }

@@ -115,6 +115,24 @@ static void faults_name_their_place(void **state SST_UNUSED)
     expect_said("2:4: m wants a whole number in 0..9, not 1.0"); /* the last of the two */
 }
 
+/* A section that is there twice is one fault: what the second holds is nobody's. */
+static void a_second_section_is_one_fault(void **state SST_UNUSED)
+{
+    static const char *const bad[] = { "web: { port: 1 }\nweb: { port: 2 }\n",
+                                       "web: { port: 1 }\nweb: { prot: 2, address: { a: b } }\n",
+                                       "web:\n  port: 1\nweb: [ { port: 2 } ]\n" };
+    struct sst_yaml *doc;
+    int n = 0;
+
+    for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
+        assert_int_equal(parse(&doc, bad[i]), 0);
+        assert_true(sst_yaml_int(doc, sst_yaml_get(sst_yaml_get(sst_yaml_root(doc), "web"), "port"), 0, 9, &n));
+        assert_int_equal(n, 1);
+        assert_int_equal(finish(doc), -EBADMSG);
+        expect_said("web is there already, in line 1"); /* the last that was said */
+    }
+}
+
 /* A wrong key is answered with the one that was most likely meant, if any is near. */
 static void wrong_keys_are_answered_with_the_right_ones(void **state SST_UNUSED)
 {
@@ -209,6 +227,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_tree_has_places_and_typed_values),
         cmocka_unit_test(faults_name_their_place),
+        cmocka_unit_test(a_second_section_is_one_fault),
         cmocka_unit_test(wrong_keys_are_answered_with_the_right_ones),
         cmocka_unit_test(what_is_not_plain_yaml_is_refused),
         cmocka_unit_test(all_faults_are_told),

@@ -1,0 +1,422 @@
+#include "cli/client.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "base/log.h"
+
+#if WITH_CURL
+
+#include <curl/curl.h>
+#include <sys/un.h>
+
+#define CONNECT_S     5
+#define ANSWER_S      15         /* without a byte */
+#define SILENCE_S     60         /* likewise, of what has no end: the service sends signs of life more often */
+#define ANSWER_BYTES  (16 << 20) /* of an answer that is kept in memory, or of a line */
+#define TOKEN_BYTES   4096
+#define TAR_END_BYTES 1024 /* zeros that end an archive; what is sent in chunks does not tell its length */
+
+struct cli_client {
+    CURL *curl;
+    struct curl_slist *get_headers, *post_headers;
+    char place[512];  /* for sentences: socket path or URL */
+    const char *base; /* of URLs */
+    /* of the running transfer */
+    char *text; /* what is kept: the answer, or the beginning of a line; ends in NUL */
+    size_t length, room;
+    FILE *file;   /* or where it goes */
+    size_t zeros; /* zero bytes that it ends with */
+    cli_line_fn *fn;
+    void *arg;
+    int err; /* why receiving ended */
+};
+
+/* --- receiving -----------------------------------------------------------------------------------------------------
+ */
+
+static int keep(struct cli_client *c, const char *data, size_t bytes)
+{
+    if (bytes > ANSWER_BYTES - c->length) {
+        sst_log_error("the service at %s answers with more than %d MiB", c->place, ANSWER_BYTES >> 20);
+        return -EPROTO;
+    }
+    if (c->length + bytes + 1 > c->room) {
+        const size_t room = 2 * (c->length + bytes + 1);
+        char *text = realloc(c->text, room);
+
+        if (!text) {
+            sst_log_error("no memory for an answer of the service");
+            return -ENOMEM;
+        }
+        c->text = text;
+        c->room = room;
+    }
+    memcpy(c->text + c->length, data, bytes);
+    c->length += bytes;
+    c->text[c->length] = 0;
+    return 0;
+}
+
+/* Hand over the whole lines of what is kept; the rest moves to the front. */
+static int hand_lines(struct cli_client *c)
+{
+    char *line = c->text, *end;
+    int err = 0;
+
+    while (!err && (end = memchr(line, '\n', (size_t)(c->text + c->length - line)))) {
+        *end = 0;
+        if (*line)
+            err = c->fn(c->arg, line);
+        line = end + 1;
+    }
+    c->length -= (size_t)(line - c->text);
+    memmove(c->text, line, c->length + 1);
+    return err;
+}
+
+static void count_zeros(struct cli_client *c, const char *data, size_t bytes)
+{
+    size_t n = 0;
+
+    while (n < bytes && !data[bytes - 1 - n])
+        n++;
+    c->zeros = n == bytes ? c->zeros + n : n;
+}
+
+static size_t receive(char *data, size_t one, size_t bytes, void *arg)
+{
+    struct cli_client *c = arg;
+    long code = 0;
+
+    (void)one; /* always 1 */
+    (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &code);
+    if (code / 100 == 2 && c->file) {
+        if (fwrite(data, 1, bytes, c->file) != bytes)
+            c->err = errno ? -errno : -EIO;
+        count_zeros(c, data, bytes);
+    } else {
+        c->err = keep(c, data, bytes);
+        if (!c->err && code / 100 == 2 && c->fn)
+            c->err = hand_lines(c);
+    }
+    return c->err ? 0 : bytes;
+}
+
+/* --- judging -------------------------------------------------------------------------------------------------------
+ */
+
+static int transfer_error(struct cli_client *c, CURLcode code, const char *said)
+{
+    long os = 0;
+
+    (void)curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &os);
+    switch (code) {
+    case CURLE_COULDNT_CONNECT:
+        if (os == EACCES || os == EPERM) {
+            sst_log_error("no right to use %s: join its group (`adduser %s sst`, then log in again), or use sudo",
+                          c->place, getenv("USER") ? getenv("USER") : "USER");
+            return -EACCES;
+        }
+        /* fall through */
+    case CURLE_COULDNT_RESOLVE_HOST:
+        sst_log_error("no service runs at %s: `systemctl status sstd` tells why; --socket or --url name another",
+                      c->place);
+        return -ENOPKG;
+    case CURLE_OPERATION_TIMEDOUT:
+        sst_log_error("the service at %s does not answer: `systemctl status sstd` and `journalctl -u sstd` tell why",
+                      c->place);
+        return -ETIMEDOUT;
+    case CURLE_SSL_CONNECT_ERROR:
+        sst_log_error("the service at %s cannot be asked by TLS: %s; without web.tls_certificate it is http://",
+                      c->place, *said ? said : curl_easy_strerror(code));
+        return -ENOPKG;
+    case CURLE_OUT_OF_MEMORY:
+        sst_log_error("no memory to ask the service");
+        return -ENOMEM;
+    default:
+        sst_log_error("the service at %s cannot be asked: %s", c->place, *said ? said : curl_easy_strerror(code));
+        return code == CURLE_PEER_FAILED_VERIFICATION ? -EACCES : -EPROTO;
+    }
+}
+
+static int refusal(struct cli_client *c, long code)
+{
+    static const struct {
+        long code;
+        int err;
+    } known[] = {
+        { 400, EBADMSG }, { 401, EACCES },  { 403, EACCES },  { 404, ENOENT }, { 409, EBUSY },
+        { 429, EBUSY },   { 501, ENOTSUP }, { 503, ENODATA }, { 507, ENOSPC },
+    };
+    json_t *body = c->length ? json_loadb(c->text, c->length, 0, NULL) : NULL;
+    char sentence[600];
+    int err = EPROTO;
+
+    for (size_t i = 0; i < ARRAY_LEN(known); i++)
+        err = known[i].code == code ? known[i].err : err;
+    cli_text(body, "error", sentence, sizeof(sentence));
+    if (code == 401)
+        sst_log_error("the service at %s wants a token: --token-file FILE names a file that holds it, a copy of its "
+                      "web.token_file",
+                      c->place);
+    else if (*sentence)
+        sst_log_error("%s", sentence);
+    else
+        sst_log_error("the service at %s refuses with HTTP status %ld and no reason", c->place, code);
+    json_decref(body);
+    return -err;
+}
+
+/* One request; what came is where it was to go. */
+static int transfer(struct cli_client *c, const char *path, const char *post, bool endless)
+{
+    char url[1024], said[CURL_ERROR_SIZE] = "";
+    CURLcode code;
+    long status = 0;
+
+    if (snprintf(url, sizeof(url), "%s%s", c->base, path) >= (int)sizeof(url)) {
+        sst_log_error("the address %.40s... is too long", c->base);
+        return -ENAMETOOLONG;
+    }
+    c->err = 0;
+    c->length = 0;
+    (void)curl_easy_setopt(c->curl, CURLOPT_URL, url);
+    (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
+    (void)curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
+    (void)curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, post ? c->post_headers : c->get_headers);
+    (void)curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME, endless ? (long)SILENCE_S : (long)ANSWER_S);
+    if (post) {
+        (void)curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
+        (void)curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE, (long)strlen(post));
+        (void)curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, post);
+    }
+    code = curl_easy_perform(c->curl);
+    (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, NULL);
+    (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &status);
+    if (c->err)
+        return c->err;
+    if (code != CURLE_OK)
+        return transfer_error(c, code, said);
+    return status / 100 == 2 ? 0 : refusal(c, status);
+}
+
+/* --- opening -------------------------------------------------------------------------------------------------------
+ */
+
+static bool add_header(struct curl_slist **list, const char *header)
+{
+    struct curl_slist *longer = curl_slist_append(*list, header);
+
+    if (longer)
+        *list = longer;
+    return longer;
+}
+
+static int add_token(struct cli_client *c, const char *file)
+{
+    char header[TOKEN_BYTES + 32];
+    uint8_t *token;
+    size_t size;
+    int err = sst_file_read(file, TOKEN_BYTES, &token, &size);
+
+    if (err)
+        return err;
+    while (size && (token[size - 1] == '\n' || token[size - 1] == '\r' || token[size - 1] == ' '))
+        size--;
+    for (size_t i = 0; i < size; i++)
+        err = token[i] <= ' ' || token[i] > '~' ? -EBADMSG : err;
+    if (err || !size)
+        sst_log_error("%s: a token is one line of letters and digits", file);
+    snprintf(header, sizeof(header), "Authorization: Bearer %.*s", (int)size, (const char *)token);
+    free(token);
+    if (err || !size)
+        return -EBADMSG;
+    return add_header(&c->get_headers, header) && add_header(&c->post_headers, header) ? 0 : -ENOMEM;
+}
+
+static int set_place(struct cli_client *c, const struct cli_service *where)
+{
+    const char *path = where->socket ? where->socket : getenv("SST_SOCKET");
+
+    path = path && *path ? path : CLI_SERVICE_SOCKET;
+    snprintf(c->place, sizeof(c->place), "%s", where->url ? where->url : path);
+    if (where->url) {
+        if (strncmp(where->url, "http://", 7) && strncmp(where->url, "https://", 8)) {
+            sst_log_error("--url %s: an address begins with http:// or https://", where->url);
+            return -EINVAL;
+        }
+        /* Paths begin with a slash. */
+        if (c->place[strlen(c->place) - 1] == '/')
+            c->place[strlen(c->place) - 1] = 0;
+        c->base = c->place;
+        return where->token_file ? add_token(c, where->token_file) : 0;
+    }
+    if (strlen(path) >= sizeof(((struct sockaddr_un *)NULL)->sun_path)) {
+        sst_log_error("%s: the path of a socket has at most %zu characters", path,
+                      sizeof(((struct sockaddr_un *)NULL)->sun_path) - 1);
+        return -EINVAL;
+    }
+    c->base = "http://localhost";
+    return curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, c->place) ? -ENOMEM : 0;
+}
+
+int cli_client_open(struct cli_client **out, const struct cli_service *where)
+{
+    struct cli_client *c = calloc(1, sizeof(*c));
+    int err = -ENOMEM;
+
+    if (!c || curl_global_init(CURL_GLOBAL_DEFAULT) || !(c->curl = curl_easy_init()))
+        goto fail;
+    if (!add_header(&c->get_headers, "Accept: application/json, application/x-ndjson, */*;q=0.1") ||
+        !add_header(&c->post_headers, "Content-Type: application/json") || !add_header(&c->post_headers, "Expect:"))
+        goto fail;
+    (void)curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, receive);
+    (void)curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, c);
+    (void)curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
+    (void)curl_easy_setopt(c->curl, CURLOPT_PROTOCOLS_STR, "http,https");
+    (void)curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* the service is asked itself, whatever the environment says */
+    (void)curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
+    (void)curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
+    if (where->ca)
+        (void)curl_easy_setopt(c->curl, CURLOPT_CAINFO, where->ca);
+    err = set_place(c, where);
+    if (err)
+        goto fail;
+    *out = c;
+    return 0;
+
+fail:
+    if (err == -ENOMEM)
+        sst_log_error("no memory to ask the service");
+    cli_client_close(c);
+    return err;
+}
+
+void cli_client_close(struct cli_client *c)
+{
+    if (!c)
+        return;
+    curl_easy_cleanup(c->curl);
+    curl_slist_free_all(c->get_headers);
+    curl_slist_free_all(c->post_headers);
+    free(c->text);
+    free(c);
+}
+
+/* --- requests ------------------------------------------------------------------------------------------------------
+ */
+
+int cli_client_json(struct cli_client *c, const char *path, const json_t *post, json_t **out)
+{
+    char *body = post ? json_dumps(post, JSON_COMPACT) : NULL;
+    json_t *answer;
+    int err;
+
+    if (post && !body) {
+        sst_log_error("no memory to ask the service");
+        return -ENOMEM;
+    }
+    err = transfer(c, path, body, false);
+    free(body);
+    if (err)
+        return err;
+    answer = c->length ? json_loadb(c->text, c->length, JSON_REJECT_DUPLICATES, NULL) : NULL;
+    if (!answer) {
+        sst_log_error("what answers at %s is no service of sst: %s is no JSON", c->place, path);
+        return -EPROTO;
+    }
+    *out = answer;
+    return 0;
+}
+
+int cli_client_save(struct cli_client *c, const char *path, const char *type, const char *file)
+{
+    struct sst_outfile out;
+    char *got = NULL;
+    int err = sst_outfile_open(&out, file);
+
+    if (err)
+        return err;
+    c->file = out.stream;
+    c->zeros = 0;
+    err = transfer(c, path, NULL, false);
+    c->file = NULL;
+    if (c->err)
+        sst_log_error("%s: %s: free space, or name another file", file, strerror(-c->err));
+    (void)curl_easy_getinfo(c->curl, CURLINFO_CONTENT_TYPE, &got); /* belongs to curl */
+    if (!err && (!got || strncmp(got, type, strlen(type)) != 0)) {
+        sst_log_error("what answers at %s is no service of sst: %s is no %s", c->place, path, type);
+        err = -EPROTO;
+    } else if (!err && !strcmp(type, "application/x-tar") && c->zeros < TAR_END_BYTES) {
+        sst_log_error("the service at %s broke off while it sent %s: `journalctl -u sstd` tells why", c->place, path);
+        err = -EPROTO;
+    }
+    if (!err)
+        return sst_outfile_commit(&out);
+    sst_outfile_abort(&out);
+    return err;
+}
+
+int cli_client_lines(struct cli_client *c, const char *path, bool endless, cli_line_fn *fn, void *arg)
+{
+    int err;
+
+    c->fn = fn;
+    c->arg = arg;
+    err = transfer(c, path, NULL, endless);
+    c->fn = NULL;
+    if (!err && c->length) /* a last line without an end */
+        err = fn(arg, c->text);
+    return err;
+}
+
+#else /* !WITH_CURL */
+
+int cli_client_open(struct cli_client **out, const struct cli_service *where)
+{
+    (void)out;
+    (void)where;
+    sst_log_error("this build cannot ask the service: it was made without libcurl");
+    return -ENOTSUP;
+}
+
+void cli_client_close(struct cli_client *client)
+{
+    (void)client;
+}
+
+int cli_client_json(struct cli_client *client, const char *path, const json_t *post, json_t **out)
+{
+    (void)client, (void)path, (void)post, (void)out;
+    return -ENOTSUP;
+}
+
+int cli_client_save(struct cli_client *client, const char *path, const char *type, const char *file)
+{
+    (void)client, (void)path, (void)type, (void)file;
+    return -ENOTSUP;
+}
+
+int cli_client_lines(struct cli_client *client, const char *path, bool endless, cli_line_fn *fn, void *arg)
+{
+    (void)client, (void)path, (void)endless, (void)fn, (void)arg;
+    return -ENOTSUP;
+}
+
+#endif
+
+int cli_service_json(const struct cli_service *where, const char *path, const json_t *post, json_t **out)
+{
+    struct cli_client *client;
+    int err = cli_client_open(&client, where);
+
+    if (err)
+        return err;
+    err = cli_client_json(client, path, post, out);
+    cli_client_close(client);
+    return err;
+}

@@ -1,0 +1,272 @@
+/* sst record: has the service record, lists what it keeps, takes it away as files, deletes it. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include "base/log.h"
+#include "cli/client.h"
+
+struct args {
+    struct cli_client *client;
+    double duration_s, ago_s; /* ago_s: negative, not given */
+    const char *name;         /* of what is kept; NULL: not given */
+    const char *time, *recording, *output, *camera;
+    bool json;
+};
+
+/* POST, and print the answer or the name in it. @param request  taken over @param name  out, or NULL */
+static int post(const struct args *a, const char *path, json_t *request, char *name, size_t size)
+{
+    json_t *answer;
+    char text[200];
+    int err = request ? cli_client_json(a->client, path, request, &answer) : -ENOMEM;
+
+    json_decref(request);
+    if (err)
+        return err;
+    cli_text(answer, "name", text, sizeof(text));
+    if (name)
+        snprintf(name, size, "%s", text);
+    if (a->json)
+        return cli_print_json(answer) ? -ENOMEM : 0;
+    if (*text)
+        printf("%s\n", text);
+    json_decref(answer);
+    return 0;
+}
+
+static int start(const struct args *a)
+{
+    json_t *request = json_pack("{s:s}", "action", "start");
+
+    if (request && a->duration_s > 0)
+        (void)json_object_set_new(request, "seconds", json_real(a->duration_s));
+    return post(a, "/api/v1/record", request, NULL, 0);
+}
+
+static int stop(const struct args *a)
+{
+    return post(a, "/api/v1/record", json_pack("{s:s}", "action", "stop"), NULL, 0);
+}
+
+static void print_recordings(const json_t *list)
+{
+    const json_t *one;
+    size_t i;
+
+    json_array_foreach(list, i, one)
+    {
+        char name[100], from[40], to[40], why[200], size[CLI_SHORT];
+
+        printf("%-32s %-24s %-24s %9.0f %9s  %s\n", cli_text(one, "name", name, sizeof(name)),
+               cli_text(one, "from", from, sizeof(from)),
+               cli_number(one, "active") > 0 ? "now" : cli_text(one, "to", to, sizeof(to)), cli_number(one, "sets"),
+               cli_bytes_text(size, cli_number(one, "bytes")), cli_text(one, "why", why, sizeof(why)));
+    }
+}
+
+static void print_moments(const json_t *list, const char *kind)
+{
+    const json_t *one;
+    size_t i;
+
+    json_array_foreach(list, i, one)
+    {
+        char name[100], at[40], size[CLI_SHORT];
+
+        printf("%-32s %-24s %-24s %9d %9s  %s\n", cli_text(one, "name", name, sizeof(name)),
+               cli_text(one, "time", at, sizeof(at)), "", 1, cli_bytes_text(size, cli_number(one, "bytes")),
+               cli_number(one, "active") > 0 ? "being made" : kind);
+    }
+}
+
+static int list(const struct args *a)
+{
+    json_t *answer;
+    int err = cli_client_json(a->client, "/api/v1/recordings", NULL, &answer);
+
+    if (err)
+        return err;
+    if (a->json)
+        return cli_print_json(answer) ? -ENOMEM : 0;
+    if (json_array_size(cli_member(answer, "recordings")) + json_array_size(cli_member(answer, "snapshots")) +
+        json_array_size(cli_member(answer, "exports")))
+        printf("%-32s %-24s %-24s %9s %9s  %s\n", "NAME", "FROM", "TO", "SETS", "SIZE", "WHY");
+    else
+        printf("nothing is kept yet\n");
+    print_recordings(cli_member(answer, "recordings"));
+    print_moments(cli_member(answer, "snapshots"), "snapshot");
+    print_moments(cli_member(answer, "exports"), "export");
+    json_decref(answer);
+    return 0;
+}
+
+static int delete_one(const struct args *a)
+{
+    return post(a, "/api/v1/delete", json_pack("{s:s}", "name", a->name), NULL, 0);
+}
+
+static bool ends_in(const char *text, const char *end)
+{
+    const size_t n = strlen(text), m = strlen(end);
+
+    return n > m && !strcmp(text + n - m, end);
+}
+
+/* FILE.tar is all of it, FILE.jpg the picture of a snapshot, else the video. */
+static int download(const struct args *a)
+{
+    const bool tar = ends_in(a->output, ".tar"), picture = ends_in(a->output, ".jpg");
+    char path[300];
+
+    snprintf(path, sizeof(path), "/api/v1/download/%s%s%s%s", a->name, a->camera ? "." : "", a->camera ? a->camera : "",
+             tar       ? ".tar"
+             : picture ? ".jpg"
+                       : ".mkv");
+    return cli_client_save(a->client, path,
+                           tar       ? "application/x-tar"
+                           : picture ? "image/jpeg"
+                                     : "video/x-matroska",
+                           a->output);
+}
+
+static json_t *export_request(const struct args *a)
+{
+    char text[40];
+    json_t *request;
+
+    if (a->ago_s >= 0) {
+        struct timespec now;
+        struct tm utc;
+        double t;
+        time_t seconds;
+
+        clock_gettime(CLOCK_REALTIME, &now);
+        t = (double)now.tv_sec + (double)now.tv_nsec * 1e-9 - a->ago_s;
+        seconds = (time_t)floor(t);
+        gmtime_r(&seconds, &utc);
+        strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%S", &utc);
+        snprintf(text + strlen(text), sizeof(text) - strlen(text), ".%03dZ", (int)((t - floor(t)) * 1000));
+    } else {
+        snprintf(text, sizeof(text), "%s", a->time);
+    }
+    request = json_pack("{s:s}", "time", text);
+    if (request && a->recording)
+        (void)json_object_set_new(request, "recording", json_string(a->recording));
+    return request;
+}
+
+static int export_moment(const struct args *a)
+{
+    char name[200], path[300];
+    int err = post(a, "/api/v1/export", export_request(a), name, sizeof(name));
+
+    if (err || !a->output)
+        return err;
+    if (!*name || strpbrk(name, "/?#% ")) {
+        sst_log_error("the service made a light field, but does not say under which name");
+        return -EPROTO;
+    }
+    snprintf(path, sizeof(path), "/api/v1/download/%s.tar", name);
+    return cli_client_save(a->client, path, "application/x-tar", a->output);
+}
+
+static const struct {
+    const char *name;
+    int (*run)(const struct args *a);
+    bool named; /* of something that is kept */
+} actions[] = { { "start", start, false },          { "stop", stop, false },        { "list", list, false },
+                { "export", export_moment, false }, { "download", download, true }, { "delete", delete_one, true } };
+
+/* Can it stand in an address? */
+static bool is_name(const char *text)
+{
+    return *text && strlen(text) < 64 &&
+           strspn(text, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_") == strlen(text);
+}
+
+/* Options that do not go with the action. */
+static int check(const struct cli_command *cmd, const struct args *a, const char *action)
+{
+    const bool exports = !strcmp(action, "export"), downloads = !strcmp(action, "download");
+
+    if (a->duration_s > 0 && strcmp(action, "start") != 0)
+        return cli_usage_error(cmd, "--duration belongs to start, not to %s", action);
+    if (!exports && (a->time || a->ago_s >= 0 || a->recording))
+        return cli_usage_error(cmd, "--time, --ago and --recording belong to export, not to %s", action);
+    if (!exports && !downloads && a->output)
+        return cli_usage_error(cmd, "-o belongs to export and download, not to %s", action);
+    if (!downloads && a->camera)
+        return cli_usage_error(cmd, "--camera belongs to download, not to %s", action);
+    if (downloads && !a->output)
+        return cli_usage_error(cmd,
+                               "say where it goes: -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
+    if (downloads && a->camera && (!is_name(a->camera) || ends_in(a->output, ".tar") || ends_in(a->output, ".jpg")))
+        return cli_usage_error(cmd, "--camera r0c5 goes with -o FILE.mkv, the video of that camera");
+    if (exports && !a->time == !(a->ago_s >= 0))
+        return cli_usage_error(cmd, "say which moment: --time 2026-11-21T18:05:00Z, or --ago 30 (seconds)");
+    if (a->time && strlen(a->time) > 35)
+        return cli_usage_error(cmd, "--time %.40s... is no moment; write 2026-11-21T18:05:00Z", a->time);
+    return CLI_GO_ON;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct cli_service where = { 0 };
+    struct args a = { .ago_s = -1 };
+    const char *words[2], *action;
+    const struct cli_option options[] = {
+        { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: end by itself after so many seconds", 0.1, 1e7 },
+        { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z", 0, 0 },
+        { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export: the moment so many seconds ago", 0, 1e9 },
+        { "recording", 0, CLI_STRING, &a.recording, "NAME", "export: from this one; default: any that has the moment",
+          0, 0 },
+        { "output", 'o', CLI_STRING, &a.output, "FILE",
+          "export: fetch the light field as well; download: where it goes", 0, 0 },
+        { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view", 0,
+          0 },
+        { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/api.md)", 0, 0 },
+        CLI_SERVICE_OPTIONS(where),
+    };
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, words, 1, 2), err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    action = words[0];
+    a.name = words[1];
+    for (size_t i = 0; i < ARRAY_LEN(actions); i++) {
+        if (strcmp(action, actions[i].name) != 0)
+            continue;
+        if (actions[i].named ? !a.name || !is_name(a.name) : a.name != NULL)
+            return actions[i].named
+                       ? cli_usage_error(cmd, "%s what? `sst record list` prints the names of what is kept", action)
+                       : cli_usage_error(cmd, "%s takes no name: %s", action, a.name);
+        r = check(cmd, &a, action);
+        if (r != CLI_GO_ON)
+            return r;
+        err = cli_client_open(&a.client, &where);
+        if (!err) {
+            err = actions[i].run(&a);
+            cli_client_close(a.client);
+        }
+        return cli_exit_code(err);
+    }
+    return cli_usage_error(cmd, "there is no record %s: start, stop, list, export, download or delete", action);
+}
+
+const struct cli_command cli_record = {
+    .name = "record",
+    .usage = "start|stop|list|export|download|delete [NAME] [--duration S] [--time T | --ago S] [-o FILE]",
+    .summary = "have the service record; list, fetch and delete what it keeps",
+    .detail =
+        "start begins with what the service still holds in memory (pre-roll), or prolongs what is being recorded;\n"
+        "stop ends what start began. export makes a light field of the set nearest to a moment, for `sst process`\n"
+        "and `sst render`; start and export print the name that the service gave.\n"
+        "download fetches a recording as a video that plays (-o FILE.mkv: the see-through view, or one --camera), or\n"
+        "anything that is kept whole (-o FILE.tar); delete removes it for good. list names all of it.",
+    .example = "sst record start --duration 60\n  sst record export --ago 30 -o then.tar && tar xf then.tar\n"
+               "  sst record download 2026-11-21T18-00-00Z --camera r0c5 -o gate.mkv",
+    .run = run,
+};

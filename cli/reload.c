@@ -1,0 +1,78 @@
+/* sst reload: the service reads its configuration again, or says what that would change. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "cli/client.h"
+
+static const char *meaning(const char *class_)
+{
+    if (!strcmp(class_, "live"))
+        return "applies at once";
+    if (!strcmp(class_, "restart-camera"))
+        return "capturing starts anew for a moment";
+    if (!strcmp(class_, "restart-live"))
+        return "the live picture starts anew, capturing goes on";
+    if (!strcmp(class_, "restart-daemon"))
+        return "needs `systemctl restart sstd`";
+    return class_;
+}
+
+static void print_changes(const json_t *answer, bool dry_run)
+{
+    const json_t *changes = cli_member(answer, "changes"), *one;
+    size_t i;
+
+    if (!json_array_size(changes)) {
+        printf("nothing %s\n", dry_run ? "would change" : "changed");
+        return;
+    }
+    json_array_foreach(changes, i, one)
+    {
+        char key[100], before[300], after[300], class_[40];
+
+        cli_text(one, "before", before, sizeof(before));
+        cli_text(one, "after", after, sizeof(after));
+        cli_text(one, "takes", class_, sizeof(class_));
+        printf("%-28s %s -> %s   (%s)\n", cli_text(one, "key", key, sizeof(key)), *before ? before : "\"\"",
+               *after ? after : "\"\"", meaning(class_));
+    }
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct cli_service where = { 0 };
+    bool dry_run = false, json = false;
+    const struct cli_option options[] = {
+        { "dry-run", 'n', CLI_FLAG, &dry_run, NULL, "say only what would change, and what that takes", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "the service's answer (docs/api.md)", 0, 0 },
+        CLI_SERVICE_OPTIONS(where),
+    };
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    json_t *request, *answer;
+    int err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    request = json_pack("{s:b}", "dry_run", dry_run);
+    err = request ? cli_service_json(&where, "/api/v1/reload", request, &answer) : -ENOMEM;
+    json_decref(request);
+    if (err == -EBADMSG || err == -EBUSY) /* refused: nothing was changed, and the reason was told */
+        return CLI_INPUT;
+    if (err)
+        return cli_exit_code(err);
+    if (json)
+        return cli_print_json(answer);
+    print_changes(answer, dry_run);
+    json_decref(answer);
+    return CLI_OK;
+}
+
+const struct cli_command cli_reload = {
+    .name = "reload",
+    .usage = "[--dry-run] [--json]",
+    .summary = "have the service read its configuration again",
+    .detail = "All changes are applied, or none. Exit code 3: refused, with the reason; the service goes on as before.",
+    .example = "sst reload --dry-run && sst reload",
+    .run = run,
+};

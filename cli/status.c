@@ -1,0 +1,313 @@
+/* sst status: how the service is, on one screen. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "cli/client.h"
+
+#define TEXT      300
+#define NAMED_MAX 12 /* cameras named; more are counted */
+
+static bool coloured(void)
+{
+    const char *no = getenv("NO_COLOR"), *term = getenv("TERM");
+
+    return isatty(STDOUT_FILENO) && !(no && *no) && term && strcmp(term, "dumb") != 0;
+}
+
+/* --- lines ---------------------------------------------------------------------------------------------------------
+ */
+
+static void print_head(const json_t *s)
+{
+    char version[TEXT], state[TEXT], reason[TEXT], up[CLI_SHORT];
+    const char *colour = "33"; /* yellow */
+
+    cli_text(s, "state", state, sizeof(state));
+    cli_text(s, "reason", reason, sizeof(reason));
+    if (!strcmp(state, "capturing"))
+        colour = "32"; /* green */
+    else if (!strcmp(state, "failed"))
+        colour = "31"; /* red */
+    if (!coloured())
+        printf("%s", *state ? state : "?");
+    else
+        printf("\033[1;%sm%s\033[0m", colour, *state ? state : "?");
+    printf("%s%s (sst %s, up %s)\n", *reason ? ": " : "", reason, cli_text(s, "version", version, sizeof(version)),
+           cli_duration_text(up, cli_number(s, "uptime_s")));
+}
+
+static bool streams(const json_t *cam)
+{
+    char state[TEXT];
+
+    return !strcmp(cli_text(cam, "state", state, sizeof(state)), "streaming");
+}
+
+static bool alike(const json_t *a, const json_t *b)
+{
+    return json_equal(cli_member(a, "state"), cli_member(b, "state")) &&
+           json_equal(cli_member(a, "reason"), cli_member(b, "reason"));
+}
+
+/* "r0c5, r0c6 and 3 more absent (unplugged)": the camera at `first`, and those after it that are as it is. */
+static void print_alike(const json_t *list, size_t first)
+{
+    const json_t *like = json_array_get(list, first);
+    char state[TEXT], name[TEXT], reason[TEXT];
+    int n = 0;
+
+    for (size_t i = first; i < json_array_size(list); i++) {
+        const json_t *cam = json_array_get(list, i);
+
+        if (alike(cam, like) && n++ < NAMED_MAX)
+            printf("%s%s", n > 1 ? ", " : "", cli_text(cam, "name", name, sizeof(name)));
+    }
+    if (n > NAMED_MAX)
+        printf(" and %d more", n - NAMED_MAX);
+    cli_text(like, "state", state, sizeof(state));
+    cli_text(like, "reason", reason, sizeof(reason));
+    printf(" %s%s%s%s", state, *reason ? " (" : "", reason, *reason ? ")" : "");
+}
+
+/* "r0c5, r1c5 absent (unplugged); r3c2 recovering": those that do not stream, by why. */
+static void print_missing(const json_t *cameras)
+{
+    const json_t *list = cli_member(cameras, "cameras");
+    bool any = false;
+
+    for (size_t i = 0; i < json_array_size(list); i++) {
+        const json_t *cam = json_array_get(list, i);
+        bool told = streams(cam);
+
+        for (size_t k = 0; k < i && !told; k++)
+            told = alike(json_array_get(list, k), cam);
+        if (told)
+            continue;
+        printf("%s", any ? "; " : "  missing    ");
+        print_alike(list, i);
+        any = true;
+    }
+    if (any)
+        printf("\n");
+}
+
+static void print_capture(const json_t *s)
+{
+    const double sets = cli_number(s, "capture.sets"), complete = cli_number(s, "capture.complete");
+    const double dropped = cli_number(s, "capture.dropped"), refused = cli_number(s, "capture.refused");
+    char source[TEXT];
+
+    printf("  capture    %.0f of %.0f cameras at %.1f Hz, trigger %s; %.0f sets", cli_number(s, "capture.present"),
+           cli_number(s, "capture.cameras"), cli_number(s, "capture.rate_hz"),
+           cli_text(s, "capture.trigger.source", source, sizeof(source)), sets);
+    if (sets > 0)
+        printf(", %.4g %% complete", 100 * complete / sets);
+    if (dropped > 0)
+        printf(", %.0f dropped", dropped);
+    if (refused > 0)
+        printf(", %.0f refused for want of memory", refused);
+    printf("\n");
+}
+
+/* Frames that are in no set, by why. */
+static void print_frames(const json_t *s)
+{
+    static const char *const why[] = { "late", "duplicate", "stray", "corrupt", "flagged", "dropped", "unexplained" };
+    bool any = false;
+
+    for (size_t i = 0; i < ARRAY_LEN(why); i++) {
+        char path[64];
+        double n;
+
+        snprintf(path, sizeof(path), "capture.frames.%s", why[i]);
+        n = cli_number(s, path);
+        if (n > 0)
+            printf("%s%.0f %s", any ? ", " : "  frames     not in a set: ", n, why[i]);
+        any |= n > 0;
+    }
+    if (any)
+        printf("; of %.0f\n", cli_number(s, "capture.frames.delivered"));
+}
+
+static void print_skew(const json_t *s)
+{
+    const double over = cli_number(s, "capture.skew_us.over");
+    char worst[TEXT];
+
+    if (isnan(cli_number(s, "capture.skew_us.p50")))
+        return;
+    printf("  skew       p50 %.0f us, p99 %.0f, max %.0f; limit %.0f", cli_number(s, "capture.skew_us.p50"),
+           cli_number(s, "capture.skew_us.p99"), cli_number(s, "capture.skew_us.max"),
+           cli_number(s, "capture.skew_us.limit"));
+    cli_text(s, "capture.skew_us.worst", worst, sizeof(worst));
+    if (over > 0)
+        printf(", exceeded by %.0f sets", over);
+    printf("%s%s\n", *worst ? "; farthest off: " : "", worst);
+}
+
+static void print_live(const json_t *s)
+{
+    const double focus = cli_number(s, "live.focus_px"), latency_ms = cli_number(s, "live.latency_ms.p50");
+    char reason[TEXT];
+
+    if (!(cli_number(s, "live.enabled") > 0)) {
+        printf("  live       off\n");
+        return;
+    }
+    if (!(cli_number(s, "live.ready") > 0)) {
+        cli_text(s, "live.reason", reason, sizeof(reason));
+        printf("  live       not ready%s%s; %.0f sets seen\n", *reason ? ": " : " yet", reason,
+               cli_number(s, "live.sets"));
+        return;
+    }
+    printf("  live       %.1f sets/s", cli_number(s, "live.rate_hz"));
+    if (!isnan(latency_ms))
+        printf(", latency p50 %.0f ms, p99 %.0f ms", latency_ms, cli_number(s, "live.latency_ms.p99"));
+    printf("; %.3g %% of the scene changed", cli_number(s, "live.changed_percent"));
+    if (!isnan(focus))
+        printf("; focus %.4g px", focus);
+    printf("\n");
+}
+
+static void print_storage(const json_t *s)
+{
+    const double quota = cli_number(s, "storage.quota_bytes"), recordings = cli_number(s, "storage.recordings");
+    char state[TEXT], reason[TEXT], dir[TEXT], oldest[TEXT], used[CLI_SHORT], of[CLI_SHORT], left[CLI_SHORT];
+
+    cli_text(s, "storage.state", state, sizeof(state));
+    if (!*state)
+        return;
+    cli_text(s, "storage.reason", reason, sizeof(reason));
+    cli_text(s, "storage.oldest", oldest, sizeof(oldest));
+    printf("  storage    %s: %s used%s%s, %s free in %s", state,
+           cli_bytes_text(used, cli_number(s, "storage.used_bytes")), quota > 0 ? " of " : "",
+           quota > 0 ? cli_bytes_text(of, quota) : "", cli_bytes_text(left, cli_number(s, "storage.free_bytes")),
+           cli_text(s, "storage.dir", dir, sizeof(dir)));
+    if (recordings > 0)
+        printf("; %.0f recording%s", recordings, recordings > 1 ? "s" : "");
+    printf("%s%s%s%s\n", recordings > 0 && *oldest ? " since " : "", recordings > 0 ? oldest : "", *reason ? "; " : "",
+           reason);
+}
+
+static void print_recording(const json_t *s)
+{
+    const json_t *r = cli_member(s, "storage.recording");
+    char mode[TEXT], name[TEXT], why[TEXT], since[TEXT];
+
+    if (!r)
+        return;
+    cli_text(r, "mode", mode, sizeof(mode));
+    if (!(cli_number(r, "active") > 0)) {
+        printf("  recording  no (mode %s)\n", mode);
+        return;
+    }
+    cli_text(r, "why", why, sizeof(why));
+    printf("  recording  %s%s%s%s: %.0f sets since %s", cli_text(r, "name", name, sizeof(name)), *why ? " (" : "", why,
+           *why ? ")" : "", cli_number(r, "sets"), cli_text(r, "since", since, sizeof(since)));
+    if (cli_number(r, "dropped") > 0)
+        printf("; %.0f sets LOST since the service started: the disk was too slow or full", cli_number(r, "dropped"));
+    printf("\n");
+}
+
+static void print_process(const json_t *s)
+{
+    char memory[CLI_SHORT], until[TEXT];
+
+    cli_text(s, "certificate.until", until, sizeof(until));
+    if (*until)
+        printf("  TLS        certificate until %.10s, %.0f days\n", until, cli_number(s, "certificate.days"));
+    printf("  clients    %.0f on HTTP, %.0f moving pictures, %.0f on RTSP; %.0f requests",
+           cli_number(s, "clients.http"), cli_number(s, "clients.streams"), cli_number(s, "clients.rtsp"),
+           cli_number(s, "clients.requests"));
+    if (cli_number(s, "clients.refused") > 0)
+        printf(", %.0f refused", cli_number(s, "clients.refused"));
+    printf("\n  process    %s of memory, %.0f %% of a processor\n",
+           cli_bytes_text(memory, cli_number(s, "process.rss_bytes")), cli_number(s, "process.cpu_percent"));
+}
+
+static void print_status(const json_t *status, const json_t *cameras)
+{
+    print_head(status);
+    print_capture(status);
+    print_missing(cameras);
+    print_frames(status);
+    print_skew(status);
+    print_live(status);
+    print_storage(status);
+    print_recording(status);
+    print_process(status);
+}
+
+/* --- command -------------------------------------------------------------------------------------------------------
+ */
+
+/* @param failed  out, the service says that it failed */
+static int show(const struct cli_service *where, bool json, bool clear, bool *failed)
+{
+    json_t *status = NULL, *cameras = NULL;
+    struct cli_client *client;
+    char state[TEXT];
+    int err = cli_client_open(&client, where);
+
+    if (err)
+        return err;
+    err = cli_client_json(client, "/api/v1/status", NULL, &status);
+    if (!err && !json)
+        err = cli_client_json(client, "/api/v1/cameras", NULL, &cameras);
+    cli_client_close(client);
+    if (!err) {
+        *failed = !strcmp(cli_text(status, "state", state, sizeof(state)), "failed");
+        if (clear)
+            printf("\033[H\033[2J");
+        if (json) {
+            (void)json_dumpf(status, stdout, JSON_REAL_PRECISION(9) | JSON_COMPACT);
+            printf("\n");
+        } else {
+            print_status(status, cameras);
+        }
+    }
+    json_decref(cameras);
+    json_decref(status);
+    if (fflush(stdout) && !err) {
+        sst_log_error("the status cannot be printed: %s", strerror(errno));
+        err = -EPIPE;
+    }
+    return err;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct cli_service where = { 0 };
+    bool json = false, watch = false, failed = false;
+    const struct cli_option options[] = {
+        { "watch", 'w', CLI_FLAG, &watch, NULL, "again each second, also while the service is away", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "the service's answer (docs/api.md), a line each time", 0, 0 },
+        CLI_SERVICE_OPTIONS(where),
+    };
+    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    int err;
+
+    if (r != CLI_GO_ON)
+        return r;
+    for (;;) {
+        err = show(&where, json, watch && !json && isatty(STDOUT_FILENO), &failed);
+        if (!watch || (err && err != -ENOPKG && err != -ETIMEDOUT && err != -ENODATA))
+            break;
+        sleep(1);
+    }
+    return !err && failed ? CLI_INPUT : cli_exit_code(err);
+}
+
+const struct cli_command cli_status = {
+    .name = "status",
+    .usage = "[--watch] [--json]",
+    .summary = "how the service is: cameras, live picture, storage, recording",
+    .detail = "Exit code 0: the service answers; 3: it answers that it failed, and why; 5: none runs.",
+    .example = "sst status --watch\n  sst status --json | jq .capture.skew_us",
+    .run = run,
+};

@@ -1,0 +1,337 @@
+/* Values against one another, when all files are read. */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "config/load.h"
+
+/* Where one of two keys was read, the first if it can be. */
+static const struct sst_config_place *place(const struct sst_config_load *load, const char *key, const char *other)
+{
+    const struct sst_config_place *p = &load->at[sst_schema_index(key)];
+
+    return p->node || !other ? p : &load->at[sst_schema_index(other)];
+}
+
+/* A key that no file has is at its default, which fits the others' defaults. */
+static void fault(const struct sst_config_place *p, const struct sst_yaml_node *node, const char *fmt, ...)
+    SST_PRINTF(3, 4);
+static void fault(const struct sst_config_place *p, const struct sst_yaml_node *node, const char *fmt, ...)
+{
+    char text[300];
+    va_list args;
+
+    va_start(args, fmt);
+    vsnprintf(text, sizeof(text), fmt, args);
+    va_end(args);
+    if (p->doc)
+        sst_yaml_fault(p->doc, node ? node : p->node, "%s", text);
+}
+
+/* The list's first element; NULL where it was no list. */
+static struct sst_yaml_node *elements(const struct sst_config_place *p)
+{
+    return p->node && p->node->type == SST_YAML_LIST ? p->node->first : NULL;
+}
+
+/* --- array -------------------------------------------------------------------------------------------------------- */
+
+static int line_index(const struct sst_array_config *a, const char *name)
+{
+    for (int i = 0; i < a->lines; i++)
+        if (!strcmp(a->line[i], name))
+            return i;
+    return -1;
+}
+
+static void check_twice(const struct sst_config_place *p, const struct sst_yaml_node *at,
+                        const struct sst_array_config *a, int i)
+{
+    const struct sst_config_camera *c = &a->camera[i];
+
+    for (int k = 0; k < i; k++) {
+        const struct sst_config_camera *o = &a->camera[k];
+
+        if (o->row == c->row && o->col == c->col)
+            fault(p, at, "gives row %d, col %d a second camera", c->row, c->col);
+        if (c->serial[0] && !strcmp(o->serial, c->serial))
+            fault(p, at, "uses serial %s again", c->serial);
+        if (c->port[0] && !strcmp(o->port, c->port))
+            fault(p, at, "uses port %s again", c->port);
+    }
+}
+
+static void check_bind(struct sst_config_load *load)
+{
+    const struct sst_config_place *p = place(load, "cameras.bind", NULL);
+    struct sst_array_config *a = &load->cfg->array;
+    struct sst_yaml_node *n = elements(p);
+
+    for (int i = 0; n && i < a->bound; i++, n = n->next) {
+        struct sst_config_camera *c = &a->camera[i];
+        const struct sst_yaml_node *line = sst_yaml_get(n, "line");
+
+        if (n->type != SST_YAML_MAP)
+            continue;
+        if (i == a->rows * a->cols) {
+            fault(p, n, "has a camera more than the array has places");
+            break;
+        }
+        if (c->row >= a->rows)
+            fault(p, n, "has row %d, but rows are 0..%d", c->row, a->rows - 1);
+        if (c->col >= a->cols)
+            fault(p, n, "has col %d, but columns are 0..%d", c->col, a->cols - 1);
+        if (!c->serial[0] == !c->port[0])
+            fault(p, n, "needs the camera's serial or its port, one of both (sst cameras lists them)");
+        if (line && *line->text)
+            c->line = line_index(a, line->text);
+        if (line && *line->text && c->line < 0)
+            fault(p, line, "names no line of trigger: lines");
+        check_twice(p, n, a, i);
+    }
+    /* Without `line`, cameras hang on the line of their row where there is one for each row, else on the first. */
+    for (int i = 0; i < a->bound; i++)
+        if (a->camera[i].line < 0)
+            a->camera[i].line = a->lines == a->rows ? a->camera[i].row : 0;
+}
+
+static void check_lengths(const struct sst_config_load *load)
+{
+    int count;
+    const struct sst_key *keys = sst_schema(&count);
+
+    for (int i = 0; i < count; i++) {
+        const struct sst_config_place *p = &load->at[i];
+        const bool numbers = keys[i].type == SST_KEY_INTS || keys[i].type == SST_KEY_DOUBLES;
+        const int want = numbers ? sst_max_int(sst_key_count(&keys[i], load->cfg), 1) : 0;
+
+        if (numbers && p->node && p->node->type == SST_YAML_LIST && p->node->count != want)
+            fault(p, NULL, "has %d numbers; %d are needed, or one for all", p->node->count, want);
+    }
+}
+
+static void check_rig(const struct sst_config_load *load)
+{
+    const struct sst_array_config *a = &load->cfg->array;
+    bool zero = false, travel = false;
+
+    for (int axis = 0; axis < a->rig_axes; axis++) {
+        zero = zero || a->rig_um_per_count[axis] == 0;
+        travel = travel || a->rig_travel_min_mm[axis] >= a->rig_travel_max_mm[axis];
+    }
+    if (zero)
+        fault(place(load, "rig.um_per_count", NULL), NULL, "must be other than 0");
+    if (travel)
+        fault(place(load, "rig.travel_min_mm", "rig.travel_max_mm"), NULL,
+              "makes no travel: travel_min_mm must be below travel_max_mm");
+}
+
+void sst_config_check_array(struct sst_config_load *load)
+{
+    const struct sst_array_config *a = &load->cfg->array;
+    const bool gpio = a->source == SST_CONFIG_GPIO;
+
+    if (a->rows * a->cols > SST_CAMERAS_MAX)
+        fault(place(load, "array.cols", "array.rows"), NULL, "makes %d views of %d rows and %d columns, more than %d",
+              a->rows * a->cols, a->rows, a->cols, SST_CAMERAS_MAX);
+    if (gpio && !a->lines)
+        fault(place(load, "trigger.source", "trigger.lines"), NULL,
+              "gpio needs trigger: lines, the names of the lines to pulse (gpioinfo lists them)");
+    if (gpio && a->pulse_us * 1e-6 * a->trigger_hz > 0.9)
+        fault(place(load, "trigger.pulse_us", "trigger.rate_hz"), NULL,
+              "has pulses that fill its period: lower pulse_us or rate_hz");
+    check_lengths(load);
+    check_bind(load);
+    check_rig(load);
+}
+
+/* --- service ------------------------------------------------------------------------------------------------------ */
+
+static void check_zones(const struct sst_config_load *load)
+{
+    const struct sst_config_place *p = place(load, "zones", NULL);
+    const struct sst_config *c = load->cfg;
+    struct sst_yaml_node *n = elements(p);
+
+    for (int i = 0; n && i < c->zones; i++, n = n->next) {
+        const struct sst_zone *z = &c->zone[i];
+
+        if (n->type == SST_YAML_MAP && sst_yaml_get(n, "x0") && sst_yaml_get(n, "x1") && z->x0 >= z->x1)
+            fault(p, n, "has a zone whose x0 is not below its x1");
+        if (n->type == SST_YAML_MAP && sst_yaml_get(n, "y0") && sst_yaml_get(n, "y1") && z->y0 >= z->y1)
+            fault(p, n, "has a zone whose y0 is not below its y1");
+        for (int k = 0; k < i; k++)
+            if (*z->name && !strcmp(c->zone[k].name, z->name))
+                fault(p, n, "has two zones named %s", z->name);
+    }
+}
+
+static int zone_index(const struct sst_config *c, const char *name)
+{
+    for (int i = 0; i < c->zones; i++)
+        if (!strcmp(c->zone[i].name, name))
+            return i;
+    return -1;
+}
+
+static void check_triggers(struct sst_config_load *load)
+{
+    const struct sst_config_place *p = place(load, "storage.record_on", NULL);
+    struct sst_config *c = load->cfg;
+    struct sst_yaml_node *n = elements(p);
+
+    for (int i = 0; n && i < c->storage.triggers; i++, n = n->next) {
+        const struct sst_yaml_node *zone = sst_yaml_get(n, "zone");
+
+        if (!zone || !*zone->text)
+            continue;
+        c->storage.trigger[i].zone = zone_index(c, zone->text);
+        if (c->storage.trigger[i].zone < 0)
+            fault(p, zone, "names no zone: zones has no %.31s", zone->text);
+    }
+    if (c->storage.mode != SST_RECORD_EVENT)
+        return;
+    p = place(load, "storage.mode", NULL);
+    if (!c->storage.triggers)
+        fault(p, NULL, "event needs storage: record_on, a list of what starts a recording");
+    if (!c->live.enabled)
+        fault(p, NULL, "event needs live: enabled: true, which sees the events");
+}
+
+static void check_hooks(const struct sst_config_load *load)
+{
+    const struct sst_config_place *p = place(load, "hooks", NULL);
+    struct sst_yaml_node *n = elements(p);
+
+    for (int i = 0; n && i < load->cfg->hooks; i++, n = n->next) {
+        const struct sst_yaml_node *run = sst_yaml_get(n, "run");
+        const char *program = load->cfg->hook[i].argv[0];
+        struct stat st;
+
+        if (!run || run->type != SST_YAML_LIST)
+            continue;
+        if (!run->count)
+            fault(p, run, "must begin with the program's path");
+        else if (!*program)
+            continue; /* told already */
+        else if (*program != '/')
+            fault(p, run->first, "must begin with the program's path from the root, as /usr/bin/..., not %.60s",
+                  program);
+        else if (stat(program, &st))
+            fault(p, run->first, "names %.100s, which is not there (%s)", program, strerror(errno));
+        else if (!S_ISREG(st.st_mode) || access(program, X_OK))
+            fault(p, run->first, "names %.100s, which is no program that may be run; chmod +x makes it one", program);
+    }
+}
+
+static bool is_loopback(const char *address)
+{
+    return !strncmp(address, "127.", 4) || !strcmp(address, "::1");
+}
+
+static bool is_any(const char *address)
+{
+    return !strcmp(address, "0.0.0.0") || !strcmp(address, "::");
+}
+
+static void check_sockets(const struct sst_config_load *load)
+{
+    const struct sst_config *c = load->cfg;
+    const bool tls = c->web.tls_certificate[0] && c->web.tls_key[0];
+    const bool password = c->rtsp.user[0] && c->rtsp.password_file[0];
+
+    if (strlen(c->control.socket) >= sizeof(((struct sockaddr_un *)0)->sun_path))
+        fault(place(load, "control.socket", NULL), NULL, "is longer than the 107 bytes that a socket's path may have");
+    if (!c->web.tls_certificate[0] != !c->web.tls_key[0])
+        fault(place(load, "web.tls_certificate", "web.tls_key"), NULL, "needs both tls_certificate and tls_key");
+    if (!c->rtsp.user[0] != !c->rtsp.password_file[0])
+        fault(place(load, "rtsp.user", "rtsp.password_file"), NULL, "needs both user and password_file");
+    if (c->mqtt.password_file[0] && !c->mqtt.user[0])
+        fault(place(load, "mqtt.password_file", NULL), NULL, "needs mqtt: user, too");
+    if (c->web.enabled && !is_loopback(c->web.address) && !tls && !c->web.insecure)
+        fault(place(load, "web.address", NULL), NULL,
+              "%s is open to the network: give tls_certificate and tls_key, or insecure: true", c->web.address);
+    if (c->rtsp.enabled && !is_loopback(c->rtsp.address) && !password && !c->rtsp.insecure)
+        fault(place(load, "rtsp.address", NULL), NULL,
+              "%s is open to the network: give user and password_file, or insecure: true", c->rtsp.address);
+    if (c->web.enabled && c->rtsp.enabled && c->web.port && c->web.port == c->rtsp.port &&
+        (!strcmp(c->web.address, c->rtsp.address) || is_any(c->web.address) || is_any(c->rtsp.address)))
+        fault(place(load, "rtsp.port", "web.port"), NULL, "%d is web's and rtsp's; give them different ones",
+              c->rtsp.port);
+    if (c->web.streams > c->web.clients)
+        fault(place(load, "web.streams", "web.clients"), NULL,
+              "must not be above clients (%d), of which streams are part", c->web.clients);
+}
+
+/* --- amounts ------------------------------------------------------------------------------------------------------ */
+
+/** Bytes per second of the whole array, with this many bytes per pixel where frames are compressed. */
+static double array_rate(const struct sst_array_config *a, double jpeg_bytes)
+{
+    const char *format = sst_array_format_name(a->fourcc);
+    const bool jpeg = format && !strcmp(format, "MJPEG"),
+               two = format && (!strcmp(format, "YUYV") || !strcmp(format, "Y16"));
+    const double hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
+
+    return (a->bound ? a->bound : a->rows * a->cols) * hz * a->width * a->height * (jpeg ? jpeg_bytes : two ? 2 : 1);
+}
+
+void sst_config_check_service(struct sst_config_load *load)
+{
+    const struct sst_config *c = load->cfg;
+    const double segment = array_rate(&c->array, 0.1) * c->storage.segment_s; /* of strongly compressed frames */
+
+    check_zones(load);
+    check_triggers(load);
+    check_hooks(load);
+    check_sockets(load);
+    if (c->live.range_min_px > c->live.range_max_px)
+        fault(place(load, "live.range_min_px", "live.range_max_px"), NULL, "must not be above range_max_px");
+    if (c->live.sigma_px > 0 && c->live.sigma_px < 1e-6)
+        fault(place(load, "live.sigma_px", NULL), NULL, "must be 0 or at least 0.000001");
+    if (c->storage.quota_gb > 0 && c->storage.quota_gb * 1e9 < segment)
+        fault(place(load, "storage.quota_gb", NULL), NULL,
+              "is less than one segment of %g s takes, at least %.2g GB; raise it or lower segment_s",
+              c->storage.segment_s, segment / 1e9);
+}
+
+static void warn(const struct sst_config_place *p, const char *text)
+{
+    if (p->node)
+        sst_log_warning("%s:%d:%d: %s", sst_yaml_name(p->doc), p->node->line, p->node->column, text);
+    else
+        sst_log_warning("configuration: %s", text);
+}
+
+void sst_config_warn(const struct sst_config_load *load)
+{
+    const struct sst_config *c = load->cfg;
+    const double need_mb = array_rate(&c->array, 0.33) * c->storage.preroll_s / (1 << 20);
+    int count;
+    const struct sst_key *keys = sst_schema(&count);
+    char text[SST_CONFIG_TEXT_MAX + 100];
+
+    if (need_mb > c->storage.ring_mb) {
+        snprintf(text, sizeof(text),
+                 "preroll_s %g of %d cameras takes about %.0f MB, more than ring_mb (%d) holds; raise ring_mb or "
+                 "recordings begin later",
+                 c->storage.preroll_s, c->array.bound ? c->array.bound : c->array.rows * c->array.cols, need_mb,
+                 c->storage.ring_mb);
+        warn(place(load, "storage.preroll_s", "storage.ring_mb"), text);
+    }
+    for (int i = 0; i < count; i++) {
+        const char *file = (const char *)c + keys[i].offset;
+
+        if (keys[i].type != SST_KEY_TEXT || keys[i].kind != SST_TEXT_FILE || !*file || sst_path_exists(file))
+            continue;
+        snprintf(text, sizeof(text), "%s: %s: %s is not there", keys[i].section, keys[i].name, file);
+        warn(&load->at[i], text);
+    }
+}

@@ -1,0 +1,98 @@
+/* config/schema.h - every key of sstd.yaml in one table: from it come reading, defaults, what a change takes, and the
+ * manual page. */
+#ifndef SST_CONFIG_SCHEMA_H
+#define SST_CONFIG_SCHEMA_H
+
+#include "config/sstd.h"
+
+SST_EXTERN_C_BEGIN
+
+enum sst_key_type {
+    SST_KEY_BOOL = 0,
+    SST_KEY_INT = 1,
+    SST_KEY_DOUBLE = 2,
+    SST_KEY_TEXT = 3,
+    SST_KEY_CHOICE = 4, /* enumeration: index of the name */
+    SST_KEY_FORMAT = 5, /* pixel format by name */
+    SST_KEY_INTS = 6,   /* a list of numbers, or one that stands for all */
+    SST_KEY_DOUBLES = 7,
+    SST_KEY_TEXTS = 8,    /* a list of texts */
+    SST_KEY_CONTROLS = 9, /* a mapping from camera controls to whole numbers */
+    SST_KEY_LIST = 10,    /* a list of mappings */
+    SST_KEY_LINE = 11,    /* int: index of a trigger line, written as its name */
+    SST_KEY_ZONE = 12,    /* int: index of a zone, written as its name */
+};
+
+/** What a text must be. */
+enum sst_text_kind {
+    SST_TEXT_ANY = 0,
+    SST_TEXT_NAME = 1,    /* [a-z0-9_-]+ */
+    SST_TEXT_PATH = 2,    /* absolute: a service has no folder that it is in */
+    SST_TEXT_FILE = 3,    /* the same, of something that is to be there already */
+    SST_TEXT_ADDRESS = 4, /* numeric, IPv4 or IPv6 */
+    SST_TEXT_TOPIC = 5,   /* MQTT topic without wildcards */
+    SST_TEXT_EVENT = 6,   /* type of an event, or "*" */
+};
+
+#define SST_KEY_NO_COUNT ((size_t)-1)
+
+struct sst_key {
+    const char *section; /* "cameras"; "" at the top and in the mappings of a list */
+    const char *name;    /* its unit is the end of it: rate_hz */
+    enum sst_key_type type;
+    size_t offset, size;  /* of the value in struct sst_config, in a list's mappings in the element */
+    const char *standard; /* default as written in YAML; NULL: must be given (in the mappings of a list only) */
+    double min, max;      /* numbers */
+    const char *word;     /* a number's special value by a word, or NULL */
+    double word_value;
+    const char *const *names; /* choices */
+    int n_names;
+    enum sst_text_kind kind; /* texts */
+    bool optional;           /* a text may be "" though that is not its default */
+    size_t count_offset; /* lists: how many there are (of numbers: are used), an int; SST_KEY_NO_COUNT: ends at "" */
+    size_t stride;       /* lists: bytes of an element */
+    const struct sst_key *fields; /* lists of mappings: keys of one */
+    int n_fields;
+    enum sst_reload_class reload;
+    bool switches;    /* a text that is given or taken away takes a restart, whatever `reload` is for another one */
+    const char *help; /* one clause */
+};
+
+/** All keys in the order of the file; those of a section stand together. */
+const struct sst_key *sst_schema(int *count);
+
+/** Index of "section.key" or "key"; it must be there. */
+int sst_schema_index(const char *dotted);
+
+/** Does it land in struct sst_array_config? */
+bool sst_key_of_array(const struct sst_key *key);
+
+/** Types of events that hooks may name, "*" first (daemon/events/events.h). */
+extern const char *const sst_event_types[];
+extern const int sst_event_types_count;
+
+/** Pixel formats that the pipeline reads, by the names that v4l2-ctl and people use. */
+extern const char *const sst_format_names[8];
+
+/** What a section is about, one sentence. */
+const char *sst_schema_section_help(const char *section);
+
+/** Room for a value's text: 16 arguments of 255 bytes with quotes and escapes. */
+#define SST_KEY_TEXT_MAX 16384
+
+/** Give a key its default. @param base  struct sst_config, or the element of a list */
+void sst_key_set_default(const struct sst_key *key, void *base);
+
+/** A value as written in YAML (not of SST_KEY_LIST). @param cfg  names lines and zones @param out  [SST_KEY_TEXT_MAX]
+ */
+void sst_key_text(const struct sst_key *key, const void *base, const struct sst_config *cfg, char *out);
+
+/** An element of a list of mappings, as { key: value, ... }, what is at its default left out. */
+void sst_key_element_text(const struct sst_key *list, const void *base, int i, const struct sst_config *cfg, char *out);
+
+/** How many elements a list has, of numbers: are used. */
+int sst_key_count(const struct sst_key *key, const void *base);
+
+SST_EXTERN_C_END
+
+#endif

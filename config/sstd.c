@@ -1,0 +1,160 @@
+/* The files, one after the other, over the defaults. */
+#include "config/sstd.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "config/load.h"
+
+/* The documents that were read stay until all faults are told. */
+struct files {
+    char *path[1 + SST_CONFIG_FILES_MAX];
+    struct sst_yaml *doc[1 + SST_CONFIG_FILES_MAX];
+    int n;
+};
+
+static bool is_part(const char *name)
+{
+    const size_t n = strlen(name);
+
+    return *name != '.' && n > 5 && !strcmp(name + n - 5, ".yaml");
+}
+
+/* By bytes, whatever the language of the user is. */
+static int by_name(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static int add_path(struct files *f, const char *path)
+{
+    if (f->n == (int)ARRAY_LEN(f->path)) {
+        sst_log_error("%s: more than %d files; put several into one", path, SST_CONFIG_FILES_MAX);
+        return -EBADMSG;
+    }
+    f->path[f->n] = strdup(path);
+    if (!f->path[f->n])
+        return -ENOMEM;
+    f->n++;
+    return 0;
+}
+
+/* conf.d beside the file; without one there are no parts. */
+static int find_parts(struct files *f, const char *path)
+{
+    const size_t dir = (size_t)(sst_path_base(path) - path);
+    char folder[SST_PATH_MAX], part[SST_PATH_MAX];
+    const int first = f->n;
+    struct dirent *entry;
+    DIR *d;
+    int err = 0;
+
+    if (snprintf(folder, sizeof(folder), "%.*sconf.d", (int)dir, path) >= (int)sizeof(folder)) {
+        sst_log_error("%s: the path is too long", path);
+        return -EBADMSG;
+    }
+    d = opendir(folder);
+    if (!d && errno == ENOENT)
+        return 0;
+    if (!d) {
+        err = -errno;
+        sst_log_error("%s: cannot be read: %s; it holds parts of the configuration", folder, strerror(-err));
+        return err == -EACCES || err == -ENOMEM ? err : -EBADMSG;
+    }
+    while (!err && (entry = readdir(d))) {
+        if (!is_part(entry->d_name))
+            continue;
+        err = sst_path_join(part, folder, entry->d_name);
+        if (!err)
+            err = add_path(f, part);
+    }
+    closedir(d);
+    if (f->n > first)
+        qsort(f->path + first, (size_t)(f->n - first), sizeof(f->path[0]), by_name);
+    return err == -ENAMETOOLONG ? -EBADMSG : err;
+}
+
+static int parse(struct sst_yaml **doc, const char *path)
+{
+    uint8_t *text = NULL;
+    size_t size;
+    int err = sst_file_read(path, SST_YAML_MAX_BYTES, &text, &size);
+
+    if (!err)
+        err = sst_yaml_parse(doc, (const char *)text, size, path);
+    free(text);
+    return err == -ENOENT || err == -EACCES || err == -ENOMEM || !err ? err : -EBADMSG;
+}
+
+/* Every file is read and told about, whatever the others are like. */
+static int take_all(struct sst_config_load *load, struct files *f)
+{
+    int err = 0;
+
+    for (int i = 0; i < f->n; i++) {
+        const int bad = parse(&f->doc[i], f->path[i]);
+
+        err = err ? err : bad;
+        if (!bad)
+            sst_config_take(load, f->doc[i]);
+    }
+    if (!err) { /* with a part missing, what fits together is not known */
+        sst_config_check_array(load);
+        if (!load->array_only)
+            sst_config_check_service(load);
+    }
+    for (int i = 0; i < f->n; i++) {
+        const int bad = f->doc[i] ? sst_yaml_finish(f->doc[i]) : 0;
+
+        err = err ? err : bad;
+    }
+    if (!err && !load->array_only)
+        sst_config_warn(load);
+    return err;
+}
+
+int sst_config_load(struct sst_config *cfg, const char *path, bool array_only)
+{
+    struct sst_config_load load = { .array_only = array_only };
+    struct files f = { .n = 0 };
+    int err = 0;
+
+    load.cfg = malloc(sizeof(*load.cfg));
+    if (!load.cfg)
+        return -ENOMEM;
+    *load.cfg = *cfg;
+    if (path || sst_path_exists(SST_CONFIG_PATH))
+        err = add_path(&f, path ? path : SST_CONFIG_PATH);
+    if (!err)
+        err = find_parts(&f, path ? path : SST_CONFIG_PATH);
+    if (!err)
+        err = take_all(&load, &f);
+    if (!err)
+        *cfg = *load.cfg;
+    for (int i = 0; i < f.n; i++) {
+        sst_yaml_destroy(f.doc[i]);
+        free(f.path[i]);
+    }
+    free(load.cfg);
+    return err;
+}
+
+int sst_config_read(struct sst_config *cfg, const char *path)
+{
+    return sst_config_load(cfg, path, false);
+}
+
+void sst_config_defaults(struct sst_config *cfg)
+{
+    int count;
+    const struct sst_key *keys = sst_schema(&count);
+
+    memset(cfg, 0, sizeof(*cfg));
+    for (int i = 0; i < count; i++)
+        sst_key_set_default(&keys[i], cfg);
+}

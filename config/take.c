@@ -1,0 +1,325 @@
+/* Values out of one document by the table; what they must be by themselves. */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "config/load.h"
+
+/* Empty, as "live:" with all its keys commented out. */
+static bool nothing(const struct sst_yaml_node *n)
+{
+    return n->type == SST_YAML_SCALAR && n->plain && !*n->text;
+}
+
+static bool is_address(const char *text)
+{
+    unsigned char bytes[16];
+
+    return inet_pton(AF_INET, text, bytes) == 1 || inet_pton(AF_INET6, text, bytes) == 1;
+}
+
+static void fault_event(struct sst_yaml *doc, const struct sst_yaml_node *n)
+{
+    char list[300] = "";
+
+    for (int i = 1; i < sst_event_types_count; i++)
+        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i > 1 ? ", " : "", sst_event_types[i]);
+    sst_yaml_fault(doc, n, "wants \"*\" or one of %s, not %.40s", list, n->text);
+}
+
+static bool is_event(const char *text)
+{
+    for (int i = 0; i < sst_event_types_count; i++)
+        if (!strcmp(sst_event_types[i], text))
+            return true;
+    return false;
+}
+
+static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum sst_text_kind kind)
+{
+    const size_t size = strlen(n->text);
+
+    switch (kind) {
+    case SST_TEXT_ANY:
+        return true;
+    case SST_TEXT_NAME:
+        if (strspn(n->text, "abcdefghijklmnopqrstuvwxyz0123456789_-") == size)
+            return true;
+        sst_yaml_fault(doc, n, "wants a name of a-z, 0-9, - and _, not %.60s", n->text);
+        return false;
+    case SST_TEXT_PATH:
+    case SST_TEXT_FILE:
+        if (*n->text == '/')
+            return true;
+        sst_yaml_fault(doc, n, "wants a path from the root, as /etc/sst/..., not %.60s", n->text);
+        return false;
+    case SST_TEXT_ADDRESS:
+        if (is_address(n->text))
+            return true;
+        sst_yaml_fault(doc, n, "wants a numeric address, as 127.0.0.1, 0.0.0.0 or ::1, not %.60s", n->text);
+        return false;
+    case SST_TEXT_TOPIC:
+        if (!strpbrk(n->text, "+# $") && n->text[0] != '/' && n->text[size - 1] != '/')
+            return true;
+        sst_yaml_fault(doc, n, "wants an MQTT topic without spaces, +, #, $ and outer slashes, not %.60s", n->text);
+        return false;
+    case SST_TEXT_EVENT:
+        if (is_event(n->text))
+            return true;
+        fault_event(doc, n);
+        return false;
+    }
+    return false;
+}
+
+/* Other readers of YAML take these words for something else than a text, and whoever writes them may mean that. */
+static bool ambiguous(const struct sst_yaml_node *n)
+{
+    static const char *const words[] = { "null", "~", "yes", "no", "on", "off", "true", "false" };
+
+    for (size_t i = 0; n && n->plain && i < ARRAY_LEN(words); i++)
+        if (!strcasecmp(n->text, words[i]))
+            return true;
+    return false;
+}
+
+static bool take_text(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, char *out,
+                      size_t size)
+{
+    const bool optional = key->optional || (key->standard && !*key->standard);
+
+    if (!n)
+        return false;
+    if (optional && n->type == SST_YAML_SCALAR && !n->plain && !*n->text) {
+        *out = 0;
+        return true;
+    }
+    if (ambiguous(n)) {
+        sst_yaml_fault(doc, n, "wants a text, which %s is only in quotes%s", n->text, optional ? "; \"\" is none" : "");
+        return false;
+    }
+    if (n->type == SST_YAML_SCALAR && *n->text && !right_kind(doc, n, key->kind))
+        return false;
+    return sst_yaml_string(doc, n, out, size);
+}
+
+static bool is_word(const struct sst_yaml_node *n, const struct sst_key *key)
+{
+    return n && key->word && n->type == SST_YAML_SCALAR && !strcmp(n->text, key->word);
+}
+
+static void take_number(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *out)
+{
+    if (key->type == SST_KEY_DOUBLE && is_word(n, key))
+        memcpy(out, &key->word_value, sizeof(double));
+    else if (key->type == SST_KEY_DOUBLE || key->type == SST_KEY_DOUBLES)
+        (void)sst_yaml_double(doc, n, key->min, key->max, out);
+    else
+        (void)sst_yaml_int(doc, n, (int)key->min, (int)key->max, out);
+}
+
+/* A single number stands for all; how many a list must have is known only when all files are read. */
+static void take_numbers(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, char *first)
+{
+    const int most = (int)(key->size / key->stride);
+    const struct sst_yaml_node *c = n->first;
+
+    if (n->type == SST_YAML_MAP || (n->type == SST_YAML_LIST && (n->count < 1 || n->count > most))) {
+        sst_yaml_fault(doc, n, "wants one number or a list of 1 to %d in %g..%g", most, key->min, key->max);
+        return;
+    }
+    for (int i = 0; i < most; i++) {
+        if (n->type == SST_YAML_SCALAR && i)
+            memcpy(first + (size_t)i * key->stride, first, key->stride);
+        else if (n->type == SST_YAML_SCALAR || c)
+            take_number(doc, n->type == SST_YAML_SCALAR ? n : c, key, first + (size_t)i * key->stride);
+        c = c ? c->next : NULL;
+    }
+}
+
+static void set_count(const struct sst_key *key, void *base, int n)
+{
+    if (key->count_offset != SST_KEY_NO_COUNT)
+        memcpy((char *)base + key->count_offset, &n, sizeof(n));
+}
+
+/* Number of elements to read; a list that is none or too long is a fault. */
+static int list_count(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key)
+{
+    const int most = (int)(key->size / key->stride);
+
+    if (n->type != SST_YAML_LIST) {
+        sst_yaml_fault(doc, n, "must be a list; [] is an empty one");
+        return 0;
+    }
+    if (n->count > most)
+        sst_yaml_fault(doc, n, "has %d entries, more than the %d that there may be", n->count, most);
+    return sst_min_int(n->count, most);
+}
+
+static void take_texts(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *base)
+{
+    const int count = list_count(doc, n, key);
+    const struct sst_yaml_node *c = n->first;
+    char *first = (char *)base + key->offset;
+
+    memset(first, 0, key->size);
+    for (int i = 0; i < count; i++, c = c->next) {
+        if (take_text(doc, c, key, first + (size_t)i * key->stride, key->stride))
+            for (int k = 0; key->count_offset != SST_KEY_NO_COUNT && k < i; k++)
+                if (!strcmp(first + (size_t)k * key->stride, c->text))
+                    sst_yaml_fault(doc, c, "has %.60s twice", c->text);
+    }
+    set_count(key, base, count);
+}
+
+/* Files add to one another, as with keys of ours. */
+static void take_controls(struct sst_yaml *doc, struct sst_yaml_node *n, struct sst_array_config *a)
+{
+    if (n->type != SST_YAML_MAP) {
+        sst_yaml_fault(doc, n, "must be a mapping of control names (v4l2-ctl --list-ctrls) to numbers");
+        return;
+    }
+    sst_yaml_know_all(n);
+    for (struct sst_yaml_node *c = n->first; c; c = c->next) {
+        double value;
+        int i = 0;
+
+        if (!*c->key || strlen(c->key) >= sizeof(a->control[0].name)) {
+            sst_yaml_fault(doc, c, "is no control's name");
+            continue;
+        }
+        if (!sst_yaml_double(doc, c, -9e15, 9e15, &value))
+            continue;
+        if (value != floor(value)) {
+            sst_yaml_fault(doc, c, "must be a whole number");
+            continue;
+        }
+        while (i < a->controls && strcmp(a->control[i].name, c->key) != 0)
+            i++;
+        if (i == SST_CONFIG_CONTROLS_MAX) {
+            sst_yaml_fault(doc, c, "is one control too many: at most %d", SST_CONFIG_CONTROLS_MAX);
+            return;
+        }
+        a->controls = sst_max_int(a->controls, i + 1);
+        strcpy(a->control[i].name, c->key);
+        a->control[i].value = (int64_t)value;
+    }
+}
+
+static void take_value(struct sst_yaml *doc, struct sst_yaml_node *n, const struct sst_key *key, void *base);
+
+static void take_list(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *base)
+{
+    const int count = list_count(doc, n, key);
+    struct sst_yaml_node *c = n->first;
+
+    memset((char *)base + key->offset, 0, key->size);
+    for (int i = 0; i < count; i++, c = c->next) {
+        char *element = (char *)base + key->offset + (size_t)i * key->stride;
+
+        if (c->type != SST_YAML_MAP)
+            sst_yaml_fault(doc, c, "must be a list of mappings, as - { %s: ... }", key->fields[0].name);
+        for (int f = 0; f < key->n_fields; f++) {
+            struct sst_yaml_node *value = sst_yaml_get(c, key->fields[f].name);
+
+            sst_key_set_default(&key->fields[f], element);
+            if (value)
+                take_value(doc, value, &key->fields[f], element);
+            else if (c->type == SST_YAML_MAP && !key->fields[f].standard)
+                sst_yaml_fault(doc, c, "lacks the key %s; add it", key->fields[f].name);
+        }
+    }
+    set_count(key, base, count);
+}
+
+/* The name of a format becomes V4L2's code. */
+static void take_format(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, uint32_t *out)
+{
+    int index;
+
+    if (sst_yaml_choice(doc, n, key->names, key->n_names, &index))
+        *out = sst_array_format(key->names[index]);
+}
+
+static void take_value(struct sst_yaml *doc, struct sst_yaml_node *n, const struct sst_key *key, void *base)
+{
+    void *p = (char *)base + key->offset;
+    char name[SST_CONFIG_TEXT_MAX];
+
+    switch (key->type) {
+    case SST_KEY_BOOL:
+        (void)sst_yaml_bool(doc, n, p);
+        break;
+    case SST_KEY_INT:
+    case SST_KEY_DOUBLE:
+        take_number(doc, n, key, p);
+        break;
+    case SST_KEY_TEXT:
+        (void)take_text(doc, n, key, p, key->size);
+        break;
+    case SST_KEY_CHOICE:
+        (void)sst_yaml_choice(doc, n, key->names, key->n_names, p);
+        break;
+    case SST_KEY_FORMAT:
+        take_format(doc, n, key, p);
+        break;
+    case SST_KEY_INTS:
+    case SST_KEY_DOUBLES:
+        take_numbers(doc, n, key, p);
+        break;
+    case SST_KEY_TEXTS:
+        take_texts(doc, n, key, base);
+        break;
+    case SST_KEY_CONTROLS:
+        take_controls(doc, n, &((struct sst_config *)base)->array);
+        break;
+    case SST_KEY_LIST:
+        take_list(doc, n, key, base);
+        break;
+    case SST_KEY_LINE: /* what has that name is found when all files are read */
+    case SST_KEY_ZONE:
+        (void)take_text(doc, n, key, name, sizeof(name));
+        break;
+    }
+}
+
+static struct sst_yaml_node *find_section(struct sst_yaml *doc, struct sst_yaml_node *root, const char *name)
+{
+    struct sst_yaml_node *n = *name ? sst_yaml_get(root, name) : root;
+
+    if (!n || n->type == SST_YAML_MAP || nothing(n))
+        return n;
+    sst_yaml_fault(doc, n, "must hold keys with values, such as \"key: value\"");
+    return NULL;
+}
+
+void sst_config_take(struct sst_config_load *load, struct sst_yaml *doc)
+{
+    struct sst_yaml_node *root = sst_yaml_empty(doc) ? NULL : sst_yaml_root(doc), *section = NULL;
+    const char *name = NULL;
+    bool ignored = false;
+    int count;
+    const struct sst_key *keys = sst_schema(&count);
+
+    for (int i = 0; root && i < count; i++) {
+        struct sst_yaml_node *n;
+
+        if (!name || strcmp(name, keys[i].section) != 0) {
+            name = keys[i].section;
+            section = find_section(doc, root, name);
+            ignored = load->array_only && !sst_key_of_array(&keys[i]);
+            if (ignored && *name)
+                sst_yaml_know_tree(section);
+        }
+        n = sst_yaml_get(section, keys[i].name);
+        if (n && ignored) {
+            sst_yaml_know_tree(n);
+        } else if (n) {
+            load->at[i] = (struct sst_config_place){ doc, n };
+            take_value(doc, n, &keys[i], load->cfg);
+        }
+    }
+}

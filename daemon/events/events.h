@@ -1,0 +1,85 @@
+/* daemon/events/events.h - what happened, for people and programs: the journal, the event stream, hooks, MQTT. */
+#ifndef SST_DAEMON_EVENTS_EVENTS_H
+#define SST_DAEMON_EVENTS_EVENTS_H
+
+#include <stdbool.h>
+
+#include <jansson.h>
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+/* Types, as they stand in JSON, hooks and MQTT topics:
+ *   state              the service's state changed            {state, reason}
+ *   camera-lost        a camera fell silent or was unplugged  {row, col, serial, port, reason}
+ *   camera-found       it delivers again                      {row, col, serial, port}
+ *   trigger-lost, trigger-found                               {reason}
+ *   skew               sets exceed the limit, or no longer    {over, spread_us, row, col}
+ *   storage            OK, LOW, FULL, or cannot be written    {state, reason, free_bytes, used_bytes}
+ *   record-start, record-stop                                 {recording, reason, zone, label, sets}
+ *   motion             change in a zone began or ended        {zone, active, share}; zone "": the whole picture
+ *   label              a label appeared in a zone or left     {zone, label, active, share}
+ *                      both, when it ended                    {peak, times, seconds}: largest share; how often it came
+ *                                                             back meanwhile, and once; from its begin to its last sight
+ *   snapshot, export                                          {name}
+ *   reload             a configuration was applied or refused {applied, reason, changes}
+ *   calibration        a check of the calibration             {verdict, sentence}
+ *   certificate        of HTTPS: renewed, refused, expiring, expired {state, until}
+ *   clock              the wall clock was stepped             {step_ms}
+ *   client             a flood or many wrong tokens           {reason}
+ *   start, stop        of the service                         {version, reason} */
+
+enum sst_event_level {
+    SST_EVENT_INFO = 0,
+    SST_EVENT_WARNING = 1,
+    SST_EVENT_ERROR = 2,
+};
+
+struct sst_event {
+    uint64_t id; /* 1, 2, ... since the start */
+    int64_t wall_ns;
+    enum sst_event_level level;
+    char type[32];
+    char message[512]; /* one sentence */
+    json_t *data;      /* object; borrowed, read-only */
+};
+
+struct sst_events; /* opaque; any thread */
+
+/** Keeps the last `capacity` events. @return 0, -EINVAL, -ENOMEM */
+SST_MUST_CHECK int sst_events_create(struct sst_events **out, int capacity);
+
+/**
+ * Something happened: keep it, write it to the journal (fields SST_EVENT=, CAMERA=rRcC, SET=, MESSAGE_ID= where `data`
+ * has them) or, without one, to standard error, and wake those that wait.
+ *
+ * @param data  taken over; NULL: none. "row" and "col", "set" are also told to the journal.
+ */
+void sst_events_emit(struct sst_events *events, enum sst_event_level level, const char *type, json_t *data,
+                     const char *fmt, ...) SST_PRINTF(5, 6);
+
+/** The first event with an id above `after`, as one line of JSON {id, time, level, type, message, data} to free with
+ *  free(). @param id  out @return false: there is none */
+SST_MUST_CHECK bool sst_events_next(struct sst_events *events, uint64_t after, uint64_t *id, char **json);
+
+/** Wait for an event with an id above `after`. @return true: there is one; false: time is up, or shut */
+bool sst_events_wait(struct sst_events *events, uint64_t after, int timeout_ms);
+
+/** Id of the newest; 0: none. */
+uint64_t sst_events_last(struct sst_events *events);
+
+/** Called after each event, on the thread that it came from; must not block nor emit. At most 8 watchers. */
+typedef void sst_events_fn(void *arg);
+SST_MUST_CHECK int sst_events_watch(struct sst_events *events, sst_events_fn *fn, void *arg);
+void sst_events_unwatch(struct sst_events *events, sst_events_fn *fn, void *arg);
+
+/** Events of each level since the start. */
+void sst_events_counts(struct sst_events *events, uint64_t count[3]);
+
+void sst_events_shut(struct sst_events *events);
+void sst_events_destroy(struct sst_events *events); /* NULL is fine */
+
+SST_EXTERN_C_END
+
+#endif

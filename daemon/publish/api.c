@@ -1,0 +1,51 @@
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/word.h"
+#include "daemon/publish/api.h"
+
+static void add(char *out, size_t size, const char *text)
+{
+    const size_t n = strlen(out);
+
+    snprintf(out + n, size - n, "%s", text);
+}
+
+int sst_api_members(const json_t *request, const char *const *known, char error[512])
+{
+    const char *key, *near;
+    json_t *value;
+
+    if (request && !json_is_object(request)) {
+        snprintf(error, 512, "the request must be an object of JSON");
+        return -EINVAL;
+    }
+    json_object_foreach((json_t *)(uintptr_t)request, key, value)
+    {
+        int i = 0;
+
+        while (known[i] && strcmp(known[i], key) != 0)
+            i++;
+        if (known[i])
+            continue;
+        near = sst_word_nearest(key, known);
+        snprintf(error, 512, "there is no member \"%.64s\" here; %s%s%s", key,
+                 near       ? "did you mean "
+                 : known[0] ? "there are "
+                            : "this takes none",
+                 near ? near : "", near ? "?" : "");
+        for (i = 0; !near && known[i]; i++) {
+            add(error, 512, i == 0 ? "" : known[i + 1] ? ", " : " and ");
+            add(error, 512, known[i]);
+        }
+        return -EINVAL;
+    }
+    return 0;
+}
+
+json_t *sst_api_real(double v)
+{
+    return isfinite(v) ? json_real(v) : json_null();
+}

@@ -1,0 +1,367 @@
+/* One thread: it waits for an event, for a program to end, or to be told to stop. */
+#include "daemon/publish/hooks.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "daemon/publish/hooks_env.h"
+#include "daemon/publish/spawn.h"
+
+#define LIMIT_MS 30000
+#define LOOK_MS  20   /* between looks at programs that run */
+#define CLOSE_MS 400  /* killed programs are waited for this long: the disk may hold one */
+#define UNKNOWN  (-1) /* status of a program that has not run */
+
+struct run {
+    struct sst_hook hook;
+    int index;   /* of the hook; -1: another one has its place since */
+    char *event; /* line of JSON */
+    pid_t pid;   /* 0: waits */
+    int64_t end_ns;
+    bool killed;
+};
+
+struct sst_hooks {
+    struct sst_events *events; /* fixed after open */
+    int limit_ms;
+    int wake; /* eventfd */
+    pthread_t thread;
+    atomic_bool stop;
+    pthread_mutex_t lock;
+    /* under lock */
+    struct sst_hook hook[SST_HOOKS_MAX];
+    int hooks;
+    int status[SST_HOOKS_MAX]; /* last one told */
+    unsigned generation;       /* of the settings */
+    struct sst_hooks_counters n;
+    /* thread only */
+    struct run run[SST_HOOKS_AT_ONCE];     /* pid 0: free */
+    struct run waiting[SST_HOOKS_WAITING]; /* oldest first */
+    int n_waiting;
+    uint64_t seen; /* id of the last event */
+};
+
+static void wake(void *arg)
+{
+    const struct sst_hooks *h = arg;
+    const uint64_t one = 1;
+
+    if (write(h->wake, &one, sizeof(one)) < 0)
+        return; /* full: it is awake already */
+}
+
+/* --- starting and ending ------------------------------------------------------------------------------------------ */
+
+/* Told when it differs from the last time, so that a hook that always fails does not fill the journal. */
+static void tell(struct sst_hooks *h, const struct run *r, int status, const char *what)
+{
+    bool changed = false, first = false;
+
+    pthread_mutex_lock(&h->lock);
+    h->n.failed += status != 0;
+    if (r->index >= 0) {
+        first = h->status[r->index] == UNKNOWN;
+        changed = h->status[r->index] != status;
+        h->status[r->index] = status;
+    }
+    pthread_mutex_unlock(&h->lock);
+    if (changed && status)
+        sst_log_warning("hook %s of %s %s; told again when that changes", r->hook.argv[0], r->hook.event, what);
+    else if (changed && !first)
+        sst_log_warning("hook %s of %s succeeds again", r->hook.argv[0], r->hook.event);
+}
+
+static void start(struct sst_hooks *h, struct run *r)
+{
+    char *argv[SST_HOOK_ARGS + 1] = { 0 }, **env = sst_hook_env(r->event), what[160];
+    int err = -ENOMEM;
+
+    for (int i = 0; i < SST_HOOK_ARGS && r->hook.argv[i][0]; i++)
+        argv[i] = r->hook.argv[i];
+    if (env)
+        err = sst_spawn(&r->pid, argv[0], argv, env, (const int[]){ -1, 2, 2 }, 3);
+    sst_hook_env_free(env);
+    free(r->event);
+    r->event = NULL;
+    pthread_mutex_lock(&h->lock);
+    h->n.run++;
+    pthread_mutex_unlock(&h->lock);
+    r->end_ns = sst_clock_now_ns() + (int64_t)h->limit_ms * 1000000;
+    if (!err)
+        return;
+    r->pid = 0;
+    snprintf(what, sizeof(what), "cannot be run: %s", strerror(-err));
+    tell(h, r, err - 1, what);
+}
+
+/* A program ended: it is still to be reaped, so that its group's number is nobody else's. */
+static void end(struct sst_hooks *h, struct run *r)
+{
+    const pid_t pid = r->pid;
+    char what[160];
+    int status = 0;
+
+    kill(-pid, SIGKILL); /* what it left behind */
+    while (waitpid(pid, &status, 0) < 0 && errno == EINTR)
+        ;
+    r->pid = 0;
+    if (r->killed)
+        snprintf(what, sizeof(what), "was killed: it had not ended after %g s", h->limit_ms / 1000.0);
+    else if (WIFSIGNALED(status))
+        snprintf(what, sizeof(what), "ended by signal %d", WTERMSIG(status));
+    else
+        snprintf(what, sizeof(what), "ended with status %d", WEXITSTATUS(status));
+    tell(h, r, status, what);
+}
+
+static void look(struct sst_hooks *h, struct run *r)
+{
+    siginfo_t info = { .si_pid = 0 };
+    const int err = waitid(P_PID, (id_t)r->pid, &info, WEXITED | WNOHANG | WNOWAIT);
+
+    if (!err && info.si_pid) {
+        end(h, r);
+    } else if (err && errno == ECHILD) { /* somebody else reaped it: how it ended is not known */
+        r->pid = 0;
+    } else if (!r->killed && sst_clock_now_ns() > r->end_ns) {
+        r->killed = true;
+        kill(-r->pid, SIGKILL);
+        pthread_mutex_lock(&h->lock);
+        h->n.killed++;
+        pthread_mutex_unlock(&h->lock);
+    }
+}
+
+/* --- events ------------------------------------------------------------------------------------------------------- */
+
+/* @return these are the first */
+static bool drop(struct sst_hooks *h, uint64_t runs)
+{
+    bool first;
+
+    pthread_mutex_lock(&h->lock);
+    first = !h->n.dropped;
+    h->n.dropped += runs;
+    pthread_mutex_unlock(&h->lock);
+    return first;
+}
+
+static void enqueue(struct sst_hooks *h, const struct sst_hook *hook, int index, const char *event)
+{
+    struct run *r = &h->waiting[h->n_waiting];
+    char *copy = h->n_waiting < SST_HOOKS_WAITING ? strdup(event) : NULL;
+
+    if (!copy) {
+        if (drop(h, 1))
+            sst_log_warning("hooks: more than %d programs wait to be run; further ones are dropped and counted. Let "
+                            "them end sooner, or listen to the event stream",
+                            SST_HOOKS_WAITING);
+        return;
+    }
+    *r = (struct run){ .hook = *hook, .index = index, .event = copy };
+    h->n_waiting++;
+}
+
+static void take_event(struct sst_hooks *h, const char *event)
+{
+    json_t *o = json_loads(event, 0, NULL);
+    const char *type = json_string_value(json_object_get(o, "type"));
+    struct sst_hook hook;
+    bool mine;
+
+    for (int i = 0; type && i < SST_HOOKS_MAX; i++) {
+        pthread_mutex_lock(&h->lock);
+        mine = i < h->hooks && (!strcmp(h->hook[i].event, "*") || !strcmp(h->hook[i].event, type));
+        if (mine)
+            hook = h->hook[i];
+        pthread_mutex_unlock(&h->lock);
+        if (mine)
+            enqueue(h, &hook, i, event);
+    }
+    json_decref(o);
+}
+
+static void take_events(struct sst_hooks *h)
+{
+    uint64_t id;
+    char *event;
+
+    while (!h->stop && sst_events_next(h->events, h->seen, &id, &event)) {
+        if (id > h->seen + 1 && drop(h, id - h->seen - 1))
+            sst_log_warning("hooks: events came faster than they are kept; those without a hook's run are counted");
+        h->seen = id;
+        take_event(h, event);
+        free(event);
+    }
+}
+
+/* Runs of hooks that are no more are dropped; those that go on no longer stand for a hook. */
+static void follow_settings(struct sst_hooks *h, unsigned *generation)
+{
+    unsigned now;
+
+    pthread_mutex_lock(&h->lock);
+    now = h->generation;
+    pthread_mutex_unlock(&h->lock);
+    if (now == *generation)
+        return;
+    *generation = now;
+    for (int i = 0; i < SST_HOOKS_AT_ONCE; i++)
+        h->run[i].index = -1;
+    for (int i = 0; i < h->n_waiting; i++)
+        free(h->waiting[i].event);
+    h->n_waiting = 0;
+}
+
+/* @return programs that run */
+static int attend(struct sst_hooks *h)
+{
+    int running = 0;
+
+    for (int i = 0; i < SST_HOOKS_AT_ONCE; i++) {
+        struct run *r = &h->run[i];
+
+        if (r->pid)
+            look(h, r);
+        while (!r->pid && h->n_waiting && !h->stop) {
+            *r = h->waiting[0];
+            memmove(h->waiting, h->waiting + 1, (size_t)--h->n_waiting * sizeof(h->waiting[0]));
+            start(h, r);
+        }
+        running += r->pid != 0;
+    }
+    pthread_mutex_lock(&h->lock);
+    h->n.running = running;
+    h->n.waiting = h->n_waiting;
+    pthread_mutex_unlock(&h->lock);
+    return running;
+}
+
+static void kill_all(struct sst_hooks *h)
+{
+    const int64_t end_ns = sst_clock_now_ns() + CLOSE_MS * INT64_C(1000000);
+
+    for (int i = 0; i < SST_HOOKS_AT_ONCE; i++)
+        if (h->run[i].pid) {
+            h->run[i].index = -1;
+            kill(-h->run[i].pid, SIGKILL);
+        }
+    while (attend(h) && sst_clock_now_ns() < end_ns)
+        poll(NULL, 0, LOOK_MS);
+    for (int i = 0; i < h->n_waiting; i++)
+        free(h->waiting[i].event);
+}
+
+static void *work(void *arg)
+{
+    struct sst_hooks *h = arg;
+    struct pollfd fd = { .fd = h->wake, .events = POLLIN };
+    unsigned generation = 0;
+    uint64_t count;
+
+    sst_thread_name("sst-hooks");
+    while (!h->stop) {
+        follow_settings(h, &generation);
+        take_events(h);
+        if (poll(&fd, 1, attend(h) ? LOOK_MS : -1) > 0 && read(h->wake, &count, sizeof(count)) < 0)
+            continue; /* taken already */
+    }
+    kill_all(h);
+    return NULL;
+}
+
+/* --- verbs -------------------------------------------------------------------------------------------------------- */
+
+static void set(struct sst_hooks *h, const struct sst_hook *hook, int hooks)
+{
+    pthread_mutex_lock(&h->lock);
+    h->hooks = sst_clamp_int(hooks, 0, SST_HOOKS_MAX);
+    memcpy(h->hook, hook, (size_t)h->hooks * sizeof(*hook));
+    for (int i = 0; i < SST_HOOKS_MAX; i++)
+        h->status[i] = UNKNOWN;
+    pthread_mutex_unlock(&h->lock);
+}
+
+int sst_hooks_open(struct sst_hooks **out, const struct sst_hooks_config *cfg)
+{
+    struct sst_hooks *h;
+    int err = -ENOMEM;
+
+    if (cfg->hooks < 0 || cfg->hooks > SST_HOOKS_MAX || cfg->limit_ms < 0)
+        return -EINVAL;
+    h = calloc(1, sizeof(*h));
+    if (!h)
+        return -ENOMEM;
+    pthread_mutex_init(&h->lock, NULL);
+    h->events = cfg->events;
+    h->limit_ms = cfg->limit_ms ? cfg->limit_ms : LIMIT_MS;
+    set(h, cfg->hook, cfg->hooks);
+    h->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (h->wake < 0)
+        goto fail;
+    err = sst_events_watch(h->events, wake, h);
+    if (err)
+        goto fail;
+    err = -pthread_create(&h->thread, NULL, work, h);
+    if (err) {
+        sst_events_unwatch(h->events, wake, h);
+        goto fail;
+    }
+    *out = h;
+    return 0;
+
+fail:
+    if (h->wake >= 0)
+        close(h->wake);
+    pthread_mutex_destroy(&h->lock);
+    free(h);
+    return err;
+}
+
+void sst_hooks_configure(struct sst_hooks *h, const struct sst_hook *hook, int hooks)
+{
+    set(h, hook, hooks);
+    pthread_mutex_lock(&h->lock);
+    h->generation++;
+    pthread_mutex_unlock(&h->lock);
+    wake(h);
+}
+
+void sst_hooks_counters(struct sst_hooks *h, struct sst_hooks_counters *out)
+{
+    pthread_mutex_lock(&h->lock);
+    *out = h->n;
+    pthread_mutex_unlock(&h->lock);
+}
+
+void sst_hooks_stop(struct sst_hooks *h)
+{
+    if (!h)
+        return;
+    h->stop = true;
+    wake(h);
+}
+
+void sst_hooks_close(struct sst_hooks *h)
+{
+    if (!h)
+        return;
+    sst_hooks_stop(h);
+    pthread_join(h->thread, NULL);
+    sst_events_unwatch(h->events, wake, h);
+    close(h->wake);
+    pthread_mutex_destroy(&h->lock);
+    free(h);
+}

@@ -1,0 +1,342 @@
+/* The server: sockets, threads, limits.
+ *
+ * Each connection has a thread, of which there are few (web.clients): a stream simply waits for its next picture, and
+ * a call that takes its second holds up its own client alone. */
+#include "daemon/publish/http_internal.h"
+
+#if WITH_HTTPD
+
+#include <errno.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+
+#define AGAIN_S     5           /* between tries for an address that is not to be had yet */
+#define SPARE       4           /* connections more than there may be: to be told so */
+#define POOL_BYTES  (32 * 1024) /* of a connection, for its headers both ways */
+#define STACK_BYTES (2 * 1024 * 1024)
+
+static _Thread_local char said[256]; /* by the library, last, on this thread */
+
+static void log_library(void *cls, const char *fmt, va_list args)
+{
+    (void)cls;
+    vsnprintf(said, sizeof(said), fmt, args);
+    said[strcspn(said, "\n")] = 0;
+    sst_log_debug("http: %s", said);
+}
+
+static size_t unescape(void *cls, struct MHD_Connection *connection, char *text)
+{
+    (void)cls;
+    (void)connection;
+    return sst_http_unescape(text);
+}
+
+/* A library that did not start has closed its socket at most of its errors, but not at all of them. A number may be
+ * somebody else's by then. */
+static void close_if_left(int fd, const struct stat *was)
+{
+    struct stat is;
+
+    if (!fstat(fd, &is) && is.st_dev == was->st_dev && is.st_ino == was->st_ino)
+        close(fd);
+}
+
+/* Serve on a listening socket, which is taken over. */
+static int serve(struct http_side *side, int fd, bool tls)
+{
+    const unsigned flags = MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
+                           MHD_USE_ITC | MHD_USE_ERROR_LOG | (tls ? MHD_USE_TLS : 0);
+    const unsigned clients = (unsigned)side->http->cfg.clients;
+    struct http_pair *pair = tls ? sst_http_tls_take(&side->http->pairs) : NULL; /* it may be renewed meanwhile */
+    const struct MHD_OptionItem secure[] = {
+        { tls ? MHD_OPTION_HTTPS_MEM_CERT : MHD_OPTION_END, 0, sst_http_tls_pem(pair, false) },
+        { MHD_OPTION_HTTPS_MEM_KEY, 0, sst_http_tls_pem(pair, true) },
+        { MHD_OPTION_END, 0, NULL },
+    };
+    struct stat socket = { 0 };
+
+    (void)fstat(fd, &socket);
+    said[0] = 0;
+    /* The first option, so that all that follows is told to our log. */
+    side->daemon = MHD_start_daemon(
+        flags, 0, NULL, NULL, sst_http_on_request, side, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
+        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, sst_http_on_done, side, MHD_OPTION_NOTIFY_CONNECTION,
+        sst_http_on_link, side, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT,
+        clients + SPARE, MHD_OPTION_PER_IP_CONNECTION_LIMIT, side->local ? 0 : (clients + 3) / 4 * 3,
+        MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)HTTP_IDLE_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES,
+        MHD_OPTION_THREAD_STACK_SIZE, (size_t)STACK_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure,
+        MHD_OPTION_END);
+    sst_http_tls_end(&side->http->pairs, pair);
+    if (side->daemon)
+        return 0;
+    close_if_left(fd, &socket);
+    return -EIO;
+}
+
+static int open_local(struct sst_http *http)
+{
+    const struct sst_http_config *cfg = &http->cfg;
+    /* Who may only look could not even connect with 0660; the kernel's word on each peer decides in either case. */
+    const mode_t mode = http->auth.view_group != (gid_t)-1 ? 0666 : 0660;
+    int fd = cfg->socket_fd, err;
+
+    if (fd < 0 && !cfg->socket)
+        return 0;
+    if (fd < 0)
+        fd = sst_http_listen_unix(&http->unix_socket, cfg->socket, mode, http->auth.group);
+    if (fd < 0)
+        return fd;
+    err = serve(&http->local, fd, false);
+    if (err)
+        sst_log_error("control socket: libmicrohttpd does not start: %s", said);
+    return err;
+}
+
+static int listen_tcp(struct sst_http *http, bool quiet)
+{
+    const int fd = sst_http_listen_tcp(http->address, http->cfg.port, http->tls || http->cfg.insecure, quiet);
+    int before, err;
+
+    if (fd < 0)
+        return fd;
+    before = atomic_exchange(&http->port, sst_http_socket_port(fd)); /* requests may come at once */
+    err = serve(&http->tcp, fd, http->tls);
+    if (err)
+        atomic_store(&http->port, before);
+    if (err && !quiet)
+        sst_log_error("web: libmicrohttpd does not start: %s", said);
+    return err;
+}
+
+/* The reaper's: where the address was not to be had. */
+static void listen_again(struct sst_http *http, int64_t now_ns)
+{
+    int err;
+
+    if (!atomic_load(&http->away) || now_ns < http->again_ns)
+        return;
+    http->again_ns = now_ns + AGAIN_S * 1000000000LL;
+    err = listen_tcp(http, true);
+    atomic_store(&http->away, -err); /* it may be away for another reason by now */
+    if (!err)
+        sst_log_info("web: listens on %s, port %d now", http->address, sst_http_port(http));
+}
+
+static int open_tcp(struct sst_http *http)
+{
+    const struct sst_http_config *cfg = &http->cfg;
+    int err = 0;
+
+    if (!cfg->address)
+        return 0;
+    http->tls = cfg->tls_certificate && cfg->tls_certificate[0];
+    if (http->tls)
+        err = sst_http_tls_open(&http->pairs, cfg);
+    if (err)
+        return err;
+    err = listen_tcp(http, false);
+    if ((err != -EADDRINUSE && err != -EADDRNOTAVAIL) || !http->local.daemon)
+        return err;
+    atomic_store(&http->away, -err);
+    sst_log_warning("web: tried again every %d s; all else goes on without its page", AGAIN_S);
+    return 0;
+}
+
+/* Slow requests go: the library only notices silence. Files of a certificate that have changed are taken over. */
+static void *reap(void *arg)
+{
+    struct sst_http *http = arg;
+    int64_t now_ns;
+
+    pthread_mutex_lock(&http->lock);
+    while (!atomic_load(&http->stopping)) {
+        (void)sst_cond_wait_until(&http->wake, &http->lock, sst_clock_now_ns() + 1000000000);
+        now_ns = sst_clock_now_ns();
+        for (struct http_link *l = http->links; l; l = l->next) {
+            if (now_ns > atomic_load(&l->deadline_ns))
+                shutdown(l->fd, SHUT_RDWR);
+        }
+        sst_http_readers_mark_locked(http, now_ns);
+        pthread_mutex_unlock(&http->lock);
+        if (http->tls)
+            sst_http_tls_look(&http->pairs, http->cfg.api->events, now_ns);
+        listen_again(http, now_ns);
+        pthread_mutex_lock(&http->lock);
+    }
+    pthread_mutex_unlock(&http->lock);
+    return NULL;
+}
+
+static void copy(char *out, size_t size, const char *text)
+{
+    snprintf(out, size, "%s", text ? text : "");
+}
+
+/* The parts of which one must not see the other half made: then threads are started with all signals blocked, so that
+ * the program's handlers run where it expects them. */
+static int start(struct sst_http *http)
+{
+    sigset_t all, before;
+    int err;
+
+    sigfillset(&all);
+    pthread_sigmask(SIG_BLOCK, &all, &before);
+    err = open_local(http);
+    err = err ? err : open_tcp(http);
+    if (!err) {
+        err = -pthread_create(&http->reaper, NULL, reap, http);
+        http->reaping = !err;
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return err;
+}
+
+int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
+{
+    struct sst_http *http;
+    int err;
+
+    if (!cfg->api || cfg->clients < 1 || cfg->streams < 0)
+        return -EINVAL;
+    http = calloc(1, sizeof(*http));
+    if (!http)
+        return -ENOMEM;
+    http->cfg = *cfg;
+    http->tcp = (struct http_side){ .http = http };
+    http->local = (struct http_side){ .http = http, .local = true };
+    copy(http->host, sizeof(http->host), cfg->host);
+    copy(http->address, sizeof(http->address), cfg->address);
+    copy(http->token_file, sizeof(http->token_file), cfg->token_file);
+    err = sst_http_auth_init(&http->auth, cfg);
+    if (err) {
+        free(http);
+        return err;
+    }
+    pthread_mutex_init(&http->lock, NULL);
+    sst_http_tls_init(&http->pairs);
+    sst_cond_init(&http->wake);
+    err = start(http);
+    if (err) {
+        sst_http_close(http);
+        return err;
+    }
+    *out = http;
+    return 0;
+}
+
+int sst_http_port(const struct sst_http *http)
+{
+    return atomic_load(&http->port);
+}
+
+void sst_http_cookie(const struct sst_http *http, char out[HTTP_COOKIE])
+{
+    snprintf(out, HTTP_COOKIE, "sst_%d", sst_http_port(http));
+}
+
+bool sst_http_away(const struct sst_http *http, char *why, size_t room)
+{
+    const int err = atomic_load(&http->away);
+
+    if (err)
+        snprintf(why, room, "web.address %s, port %d: %s", http->address, http->cfg.port, strerror(err));
+    return err != 0;
+}
+
+void sst_http_counters(struct sst_http *http, struct sst_http_counters *out)
+{
+    *out = (struct sst_http_counters){
+        .requests = atomic_load(&http->requests),
+        .refused = atomic_load(&http->refused),
+        .bytes = atomic_load(&http->bytes),
+        .skipped = atomic_load(&http->skipped),
+        .slow = atomic_load(&http->slow),
+        .clients = atomic_load(&http->tcp.clients) + atomic_load(&http->local.clients),
+        .streams = atomic_load(&http->streams),
+        .listeners = atomic_load(&http->listeners),
+    };
+}
+
+void sst_http_stop(struct sst_http *http)
+{
+    if (!http)
+        return;
+    pthread_mutex_lock(&http->lock);
+    atomic_store(&http->stopping, true);
+    pthread_cond_broadcast(&http->wake);
+    pthread_mutex_unlock(&http->lock);
+}
+
+void sst_http_close(struct sst_http *http)
+{
+    if (!http)
+        return;
+    sst_http_stop(http);
+    sst_http_unlink_unix(&http->unix_socket);
+    if (http->reaping)
+        pthread_join(http->reaper, NULL);
+    if (http->tcp.daemon)
+        MHD_stop_daemon(http->tcp.daemon);
+    if (http->local.daemon)
+        MHD_stop_daemon(http->local.daemon);
+    sst_http_auth_fini(&http->auth);
+    sst_http_tls_fini(&http->pairs);
+    pthread_cond_destroy(&http->wake);
+    pthread_mutex_destroy(&http->lock);
+    free(http);
+}
+
+#else
+
+#include <errno.h>
+
+#include "base/log.h"
+
+int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
+{
+    (void)out;
+    (void)cfg;
+    sst_log_error("this build has no HTTP: build it with libmicrohttpd, or set web.enabled: false");
+    return -ENOTSUP;
+}
+
+int sst_http_port(const struct sst_http *http)
+{
+    (void)http;
+    return 0;
+}
+
+bool sst_http_away(const struct sst_http *http, char *why, size_t room)
+{
+    (void)http;
+    (void)why;
+    (void)room;
+    return false;
+}
+
+void sst_http_counters(struct sst_http *http, struct sst_http_counters *out)
+{
+    (void)http;
+    *out = (struct sst_http_counters){ 0 };
+}
+
+void sst_http_stop(struct sst_http *http)
+{
+    (void)http;
+}
+
+void sst_http_close(struct sst_http *http)
+{
+    (void)http;
+}
+
+#endif

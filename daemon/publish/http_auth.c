@@ -1,0 +1,253 @@
+#define _GNU_SOURCE /* struct ucred */
+/* Who may do what: tokens, peers of the UNIX socket, and patience with wrong tokens. */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <grp.h>
+#include <pwd.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "daemon/publish/http_internal.h"
+
+#define TOKEN_BYTES 32
+#define TOKEN_LEAST 32 /* characters of one that somebody chose */
+#define MINUTE_NS   60000000000LL
+#define GROUPS_MAX  1024
+
+static int make_token(const char *path)
+{
+    uint8_t random[TOKEN_BYTES];
+    char text[2 * TOKEN_BYTES + 2];
+    size_t done = 0;
+    ssize_t n;
+    int fd, err = 0;
+
+    while (done < sizeof(random)) {
+        n = getrandom(random + done, sizeof(random) - done, 0);
+        if (n < 0 && errno != EINTR)
+            return -errno;
+        done += n > 0 ? (size_t)n : 0;
+    }
+    for (int i = 0; i < TOKEN_BYTES; i++)
+        snprintf(text + 2 * i, 3, "%02x", random[i]);
+    text[2 * TOKEN_BYTES] = '\n';
+    /* O_EXCL: a link that somebody left here is not followed. */
+    fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    if (fd < 0)
+        return -errno;
+    errno = 0;
+    if (write(fd, text, sizeof(text) - 1) != (ssize_t)sizeof(text) - 1 || fsync(fd))
+        err = errno ? -errno : -EIO;
+    close(fd);
+    if (err)
+        unlink(path);
+    return err;
+}
+
+static int read_token(const char *path, char *out)
+{
+    char text[HTTP_TOKEN_MAX + 2] = "";
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    struct stat st = { 0 };
+    ssize_t n = -1;
+    int err = 0;
+
+    if (fd < 0)
+        return -errno;
+    if (fstat(fd, &st) || (S_ISREG(st.st_mode) && (n = read(fd, text, sizeof(text) - 1)) < 0))
+        err = -EIO;
+    else if (!S_ISREG(st.st_mode))
+        err = S_ISDIR(st.st_mode) ? -EISDIR : -EBADMSG;
+    close(fd);
+    if (err)
+        return err;
+    text[strcspn(text, " \t\r\n")] = 0;
+    if (strlen(text) < TOKEN_LEAST || strlen(text) > HTTP_TOKEN_MAX ||
+        text[strspn(text, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")])
+        return -EBADMSG;
+    if (st.st_mode & 077)
+        sst_log_warning("token %s can be read by others; chmod 600 %s, and remove it to have a new one made", path,
+                        path);
+    strcpy(out, text);
+    return 0;
+}
+
+static int load_token(const char *path, char *out)
+{
+    int err = read_token(path, out);
+
+    if (err == -ENOENT) {
+        err = make_token(path);
+        err = err ? err : read_token(path, out);
+    }
+    if (err == -EBADMSG)
+        sst_log_error("token %s is not %d to %d letters, digits, - _ .; remove it to have a new one made", path,
+                      TOKEN_LEAST, HTTP_TOKEN_MAX);
+    else if (err)
+        sst_log_error("token %s: %s; web.token_file must be in a folder that the service can write", path,
+                      strerror(-err));
+    return err;
+}
+
+static gid_t group_id(const char *name, const char *key)
+{
+    char text[16384];
+    struct group group, *found = NULL;
+
+    if (!name || !name[0])
+        return (gid_t)-1;
+    if (getgrnam_r(name, &group, text, sizeof(text), &found) || !found) {
+        sst_log_warning("%s: there is no group %s; make it by `groupadd %s`", key, name, name);
+        return (gid_t)-1;
+    }
+    return found->gr_gid;
+}
+
+int sst_http_auth_init(struct http_auth *a, const struct sst_http_config *cfg)
+{
+    char view[SST_PATH_MAX];
+    int err = 0;
+
+    memset(a, 0, sizeof(*a));
+    a->group = group_id(cfg->group, "control.group");
+    a->view_group = group_id(cfg->view_group, "control.view_group");
+    snprintf(a->group_name, sizeof(a->group_name), "%s", cfg->group ? cfg->group : "");
+    if (cfg->address) {
+        if (!cfg->token_file || !cfg->token_file[0]) {
+            sst_log_error("web.token_file: name a file for the token of TCP clients, or set web.enabled: false");
+            return -EINVAL;
+        }
+        if (snprintf(view, sizeof(view), "%s.view", cfg->token_file) >= (int)sizeof(view))
+            return -ENAMETOOLONG;
+        err = load_token(cfg->token_file, a->control);
+        err = err ? err : load_token(view, a->view);
+    }
+    if (!err && pthread_mutex_init(&a->lock, NULL))
+        err = -ENOMEM;
+    return err;
+}
+
+void sst_http_auth_fini(struct http_auth *a)
+{
+    pthread_mutex_destroy(&a->lock);
+    memset(a->control, 0, sizeof(a->control));
+    memset(a->view, 0, sizeof(a->view));
+}
+
+/* Takes as long for any token: neither length nor place of a difference shows. */
+static bool same_token(const char *secret, const char *given)
+{
+    const size_t n = strlen(given);
+    volatile unsigned difference = !secret[0];
+
+    for (size_t i = 0; i <= HTTP_TOKEN_MAX; i++)
+        difference |= (unsigned)(secret[i] ^ (i < n ? given[i] : 0));
+    return !difference && n <= HTTP_TOKEN_MAX;
+}
+
+enum sst_role sst_http_auth_token(const struct http_auth *a, const char *token)
+{
+    const bool control = same_token(a->control, token), view = same_token(a->view, token);
+
+    return control ? SST_ROLE_CONTROL : view ? SST_ROLE_VIEW : SST_ROLE_ANYONE;
+}
+
+/* Is the peer in a group, by its own group or one of the others that it had when it connected? */
+static bool peer_in_group(int fd, gid_t own, gid_t wanted)
+{
+    gid_t groups[GROUPS_MAX];
+    socklen_t size = sizeof(groups);
+
+    if (wanted == (gid_t)-1)
+        return false;
+    if (own == wanted)
+        return true;
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, groups, &size))
+        return false;
+    for (size_t i = 0; i < size / sizeof(groups[0]); i++) {
+        if (groups[i] == wanted)
+            return true;
+    }
+    return false;
+}
+
+enum sst_role sst_http_auth_peer(const struct http_auth *a, int fd, char *who)
+{
+    struct ucred peer;
+    socklen_t size = sizeof(peer);
+
+    snprintf(who, 96, "unknown");
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) || size != sizeof(peer))
+        return SST_ROLE_ANYONE;
+    snprintf(who, 96, "uid %u, process %d", (unsigned)peer.uid, (int)peer.pid);
+    if (peer.uid == 0 || peer.uid == geteuid() || peer_in_group(fd, peer.gid, a->group))
+        return SST_ROLE_CONTROL;
+    return peer_in_group(fd, peer.gid, a->view_group) ? SST_ROLE_VIEW : SST_ROLE_ANYONE;
+}
+
+void sst_http_network_of(const struct sockaddr *address, uint8_t out[16])
+{
+    memset(out, 0, 16);
+    if (address->sa_family == AF_INET) {
+        out[10] = out[11] = 0xff;
+        memcpy(out + 12, &((const struct sockaddr_in *)address)->sin_addr, 4);
+    } else if (address->sa_family == AF_INET6) {
+        const uint8_t *v6 = ((const struct sockaddr_in6 *)address)->sin6_addr.s6_addr;
+        const bool mapped = IN6_IS_ADDR_V4MAPPED(&((const struct sockaddr_in6 *)address)->sin6_addr);
+
+        memcpy(out, v6, mapped ? 16 : 8); /* one client has a whole /64 */
+    }
+}
+
+/* The record of an address; the one that was quiet for longest makes room. */
+static struct http_wrong *record_locked(struct http_auth *a, const uint8_t address[16])
+{
+    struct http_wrong *w = &a->wrong[0];
+
+    for (int i = 0; i < HTTP_ADDRESSES_MAX; i++) {
+        if (a->wrong[i].since_ns && !memcmp(a->wrong[i].address, address, 16))
+            return &a->wrong[i];
+        if (a->wrong[i].since_ns < w->since_ns)
+            w = &a->wrong[i];
+    }
+    memset(w, 0, sizeof(*w));
+    memcpy(w->address, address, 16);
+    return w;
+}
+
+int sst_http_auth_wrong(struct http_auth *a, const struct sockaddr *address, int64_t now_ns, bool *first)
+{
+    uint8_t network[16];
+    struct http_wrong *w;
+    int64_t left_ns;
+
+    *first = false;
+    sst_http_network_of(address, network);
+    pthread_mutex_lock(&a->lock);
+    w = record_locked(a, network);
+    if (now_ns >= w->until_ns) {
+        if (!w->since_ns || now_ns - w->since_ns > MINUTE_NS) {
+            if (now_ns - w->until_ns > 15 * MINUTE_NS)
+                w->times = 0;
+            w->since_ns = now_ns;
+            w->count = 0;
+        }
+        if (++w->count > HTTP_WRONG_TOKENS) {
+            w->until_ns = now_ns + (MINUTE_NS << sst_min_int(w->times, 4)); /* 1, 2, 4, 8, 16 minutes */
+            w->times++;
+            w->since_ns = w->until_ns;
+            w->count = 0;
+            *first = true;
+        }
+    }
+    left_ns = w->until_ns - now_ns;
+    pthread_mutex_unlock(&a->lock);
+    return left_ns > 0 ? (int)((left_ns + 999999999) / 1000000000) : 0;
+}

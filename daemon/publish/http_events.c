@@ -1,0 +1,186 @@
+/* Events: those kept as lines of JSON, and the stream of them for as long as somebody listens. */
+#define _GNU_SOURCE /* asprintf */
+#include "daemon/publish/http_internal.h"
+
+#if WITH_HTTPD
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+
+#define LIMIT_USUAL 100
+#define LIMIT_MAX   1000
+#define PIECE_BYTES 4096
+#define SILENCE_S   60 /* longer than signs of life are apart */
+
+struct listener {
+    struct sst_http *http;
+    struct sst_events *events;
+    uint64_t after;
+    int fd;
+    bool sse;
+    char *text; /* being sent */
+    size_t size, at;
+    int64_t sent_ns;
+};
+
+/* A number in the query. @return false: answered already */
+static bool number_of(struct http_request *q, const char *name, uint64_t max, uint64_t *out, int *done)
+{
+    const char *text = sst_http_query(q, name);
+
+    if (!text || sst_http_number(text, max, out))
+        return true;
+    *done = sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "%s=%.40s is not a number from 0 to %llu", name, text,
+                                 (unsigned long long)max);
+    return false;
+}
+
+int sst_http_do_events(struct http_request *q)
+{
+    struct sst_events *events = q->http->cfg.api->events;
+    const uint64_t last = sst_events_last(events);
+    uint64_t limit = LIMIT_USUAL, after, id;
+    char *json, *text = NULL;
+    size_t size = 0;
+    FILE *out;
+    int done;
+
+    if (!number_of(q, "limit", LIMIT_MAX, &limit, &done))
+        return done;
+    after = last > limit ? last - limit : 0;
+    if (!number_of(q, "after", UINT64_MAX, &after, &done))
+        return done;
+    out = open_memstream(&text, &size);
+    if (!out)
+        return MHD_NO;
+    for (uint64_t i = 0; i < limit && sst_events_next(events, after, &id, &json); i++) {
+        fprintf(out, "%s\n", json);
+        free(json);
+        after = id;
+    }
+    if (fclose(out)) {
+        free(text);
+        return MHD_NO;
+    }
+    return sst_http_reply_text(q, MHD_HTTP_OK, "application/x-ndjson", text);
+}
+
+/* The next event, or after a silence a sign of life, as it goes out. @return false: over */
+static bool next_text(struct listener *l)
+{
+    static const int64_t silence_ns = HTTP_KEEP_ALIVE_S * 1000000000LL;
+    uint64_t id;
+    char *json;
+    int n;
+
+    for (;;) {
+        if (atomic_load(&l->http->stopping) || sst_http_peer_gone(l->fd))
+            return false;
+        if (sst_events_next(l->events, l->after, &id, &json))
+            break;
+        if (!l->sent_ns || sst_clock_now_ns() - l->sent_ns > silence_ns) {
+            l->text = strdup(l->sse ? ":\n\n" : "\n");
+            l->size = l->text ? strlen(l->text) : 0;
+            l->sent_ns = sst_clock_now_ns();
+            return l->text != NULL;
+        }
+        sst_events_wait(l->events, l->after, HTTP_WAIT_MS);
+    }
+    if (l->sse)
+        n = asprintf(&l->text, "id: %llu\ndata: %s\n\n", (unsigned long long)id, json);
+    else
+        n = asprintf(&l->text, "%s\n", json);
+    free(json);
+    if (n < 0) {
+        l->text = NULL;
+        return false;
+    }
+    l->size = (size_t)n;
+    l->after = id;
+    l->sent_ns = sst_clock_now_ns();
+    return true;
+}
+
+static ssize_t listener_read(void *arg, uint64_t pos, char *buf, size_t max)
+{
+    struct listener *l = arg;
+    size_t n;
+
+    (void)pos;
+    if (!l->text && !next_text(l))
+        return MHD_CONTENT_READER_END_OF_STREAM;
+    n = l->size - l->at < max ? l->size - l->at : max;
+    memcpy(buf, l->text + l->at, n);
+    l->at += n;
+    if (l->at == l->size) {
+        free(l->text);
+        l->text = NULL;
+        l->at = 0;
+    }
+    atomic_fetch_add(&l->http->bytes, n);
+    return (ssize_t)n;
+}
+
+static void listener_free(void *arg)
+{
+    struct listener *l = arg;
+
+    free(l->text);
+    atomic_fetch_sub(&l->http->listeners, 1);
+    free(l);
+}
+
+/* From where on: what a browser says that it has got, what is asked for, or now. @return false: answered already */
+static bool start_of(struct http_request *q, struct sst_events *events, uint64_t *after, int *done)
+{
+    const char *got = sst_http_header(q, "Last-Event-ID");
+    const uint64_t last = sst_events_last(events);
+
+    *after = last;
+    if (!number_of(q, "after", UINT64_MAX, after, done))
+        return false;
+    if (got)
+        (void)sst_http_number(got, UINT64_MAX, after); /* of another server's making: now */
+    if (*after > last)
+        *after = 0; /* the service was restarted, and counts anew */
+    return true;
+}
+
+int sst_http_do_listen(struct http_request *q)
+{
+    struct sst_events *events = q->http->cfg.api->events;
+    const char *accept = sst_http_header(q, "Accept");
+    struct MHD_Response *response;
+    struct listener *l;
+    uint64_t after;
+    int done;
+
+    if (!start_of(q, events, &after, &done))
+        return done;
+    l = calloc(1, sizeof(*l));
+    if (!l)
+        return MHD_NO;
+    l->http = q->http;
+    l->events = events;
+    l->after = after;
+    l->fd = q->fd;
+    l->sse = !accept || !strstr(accept, "application/x-ndjson");
+    atomic_fetch_add(&q->http->listeners, 1);
+    response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, listener_read, l, listener_free);
+    if (!response) {
+        listener_free(l);
+        return MHD_NO;
+    }
+    if (MHD_set_connection_option(q->connection, MHD_CONNECTION_OPTION_TIMEOUT, SILENCE_S) != MHD_YES) {
+        MHD_destroy_response(response);
+        return MHD_NO;
+    }
+    sst_http_set(response, "Content-Type", l->sse ? "text/event-stream" : "application/x-ndjson");
+    sst_http_set(response, "X-Accel-Buffering", "no");
+    return sst_http_reply(q, MHD_HTTP_OK, response);
+}
+
+#endif

@@ -1,0 +1,266 @@
+/* Texts that clients send, taken apart; nothing here touches anything else. */
+#include <ctype.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "daemon/publish/http_internal.h"
+
+static bool name_char(char c)
+{
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' ||
+           c == '.';
+}
+
+bool sst_http_path_matches(const char *pattern, const char *path, char *name)
+{
+    size_t n = 0;
+
+    name[0] = 0;
+    while (*pattern && *pattern != '{') {
+        if (*pattern++ != *path++)
+            return false;
+    }
+    if (!*pattern)
+        return !*path;
+    while (name_char(path[n]))
+        n++;
+    if (!n || n > HTTP_NAME_MAX || path[0] == '.')
+        return false;
+    pattern = strchr(pattern, '}') + 1;
+    if (strcmp(pattern, path + n))
+        return false;
+    memcpy(name, path, n);
+    name[n] = 0;
+    return true;
+}
+
+static bool port_of(const char *text, int *port)
+{
+    uint64_t value;
+
+    if (!*text) {
+        *port = -1;
+        return true;
+    }
+    if (*text != ':' || !sst_http_number(text + 1, 65535, &value) || !value)
+        return false;
+    *port = (int)value;
+    return true;
+}
+
+bool sst_http_host_split(const char *text, char *host, int *port)
+{
+    const bool v6 = *text == '[';
+    size_t n = 0;
+
+    text += v6;
+    while (text[n] && (v6 ? isxdigit((unsigned char)text[n]) || text[n] == ':' || text[n] == '.' : name_char(text[n])))
+        n++;
+    if (!n || n > 255 || (v6 && text[n] != ']') || !port_of(text + n + v6, port))
+        return false;
+    for (size_t i = 0; i < n; i++)
+        host[i] = (char)tolower((unsigned char)text[i]);
+    n -= !v6 && n > 1 && host[n - 1] == '.';
+    host[n] = 0;
+    return true;
+}
+
+bool sst_http_same_origin(const char *origin, const char *host)
+{
+    const bool tls = !strncmp(origin, "https://", 8);
+    const int usual = tls ? 443 : 80;
+    char a[256], b[256];
+    int port_a, port_b;
+
+    if (!tls && strncmp(origin, "http://", 7))
+        return false;
+    if (!sst_http_host_split(origin + (tls ? 8 : 7), a, &port_a) || !sst_http_host_split(host, b, &port_b))
+        return false;
+    return !strcmp(a, b) && (port_a < 0 ? usual : port_a) == (port_b < 0 ? usual : port_b);
+}
+
+static int base64_value(char c)
+{
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    const char *at = c ? strchr(digits, c) : NULL;
+
+    return at ? (int)(at - digits) : -1;
+}
+
+bool sst_http_basic_password(const char *authorization, char *out)
+{
+    char text[3 * HTTP_TOKEN_MAX];
+    const char *colon;
+    size_t n = 0;
+    unsigned bits = 0;
+    int held = 0, v;
+
+    if (strncasecmp(authorization, "Basic ", 6))
+        return false;
+    for (authorization += 6; (v = base64_value(*authorization)) >= 0; authorization++) {
+        bits = (bits << 6 | (unsigned)v) & 0xfff;
+        held += 6;
+        if (held < 8)
+            continue;
+        held -= 8;
+        if (n + 1 >= sizeof(text))
+            return false;
+        text[n++] = (char)(bits >> held & 0xff);
+        if (!text[n - 1])
+            return false;
+    }
+    text[n] = 0;
+    colon = strchr(text, ':');
+    if (authorization[strspn(authorization, "=")] || !colon || strlen(colon + 1) > HTTP_TOKEN_MAX)
+        return false;
+    strcpy(out, colon + 1);
+    return true;
+}
+
+bool sst_http_form_token(const char *body, size_t size, char *out)
+{
+    const char *end = body + size, *at = body, *stop;
+
+    while (at < end && (end - at < 6 || memcmp(at, "token=", 6))) {
+        at = memchr(at, '&', (size_t)(end - at));
+        if (!at)
+            return false;
+        at++;
+    }
+    if (end - at < 6)
+        return false;
+    at += 6;
+    stop = memchr(at, '&', (size_t)(end - at));
+    stop = stop ? stop : end;
+    /* '+' is a blank: pasted along. */
+    while (at < stop && *at == '+')
+        at++;
+    while (stop > at && stop[-1] == '+')
+        stop--;
+    if (stop == at || stop - at > HTTP_TOKEN_MAX)
+        return false;
+    for (const char *c = at; c < stop; c++) {
+        if (!name_char(*c))
+            return false;
+    }
+    memcpy(out, at, (size_t)(stop - at));
+    out[stop - at] = 0;
+    return true;
+}
+
+bool sst_http_etag_matches(const char *if_none_match, const char *etag)
+{
+    const size_t n = strlen(etag);
+
+    if (!strcmp(if_none_match, "*"))
+        return true;
+    while (*if_none_match) {
+        if_none_match += strspn(if_none_match, " \t,");
+        if (!strncmp(if_none_match, "W/", 2))
+            if_none_match += 2;
+        if (!strncmp(if_none_match, etag, n) && strchr(" \t,", if_none_match[n]))
+            return true;
+        if_none_match += strcspn(if_none_match, ",");
+    }
+    return false;
+}
+
+bool sst_http_is_type(const char *content_type, const char *type)
+{
+    const size_t n = strlen(type);
+
+    return !strncasecmp(content_type, type, n) && strchr("; \t", content_type[n]); /* the NUL counts */
+}
+
+size_t sst_http_unescape(char *text)
+{
+    char *to = text;
+
+    for (const char *from = text; *from; from++) {
+        if (*from == '%' && isxdigit((unsigned char)from[1]) && isxdigit((unsigned char)from[2])) {
+            const char digits[3] = { from[1], from[2], 0 };
+            const int value = (int)strtol(digits, NULL, 16);
+
+            if (value) {
+                *to++ = (char)value;
+                from += 2;
+                continue;
+            }
+        }
+        *to++ = *from;
+    }
+    *to = 0;
+    return (size_t)(to - text);
+}
+
+bool sst_http_number(const char *text, uint64_t max, uint64_t *out)
+{
+    uint64_t value = 0;
+
+    if (!*text)
+        return false;
+    for (; *text; text++) {
+        if (*text < '0' || *text > '9')
+            return false;
+        if (value > (max - (uint64_t)(*text - '0')) / 10)
+            return false;
+        value = value * 10 + (uint64_t)(*text - '0');
+    }
+    *out = value;
+    return value <= max;
+}
+
+/* Digits, as many as there are; what does not fit is as much as fits. @return behind them */
+static const char *read_place(const char *text, uint64_t *value)
+{
+    uint64_t v = 0;
+
+    for (; *text >= '0' && *text <= '9'; text++) {
+        const uint64_t digit = (uint64_t)(*text - '0');
+
+        v = v > (UINT64_MAX - digit) / 10 ? UINT64_MAX : v * 10 + digit;
+    }
+    *value = v;
+    return text;
+}
+
+enum http_range sst_http_range(const char *range, uint64_t size, uint64_t *first, uint64_t *bytes)
+{
+    uint64_t from = 0, to = UINT64_MAX;
+    const char *at, *end;
+
+    if (!range || strncasecmp(range, "bytes=", 6))
+        return HTTP_RANGE_WHOLE;
+    at = range + 6 + strspn(range + 6, " \t");
+    end = read_place(at, &from);
+    if (*end != '-')
+        return HTTP_RANGE_WHOLE;
+    range = read_place(end + 1, &to);
+    if (range[strspn(range, " \t")] || (end == at && range == end + 1)) /* a comma: several */
+        return HTTP_RANGE_WHOLE;
+    if (end == at) { /* the last `to` bytes */
+        if (!to)
+            return HTTP_RANGE_BEYOND;
+        if (!size)
+            return HTTP_RANGE_WHOLE;
+        *bytes = to < size ? to : size;
+        *first = size - *bytes;
+        return HTTP_RANGE_PART;
+    }
+    if (range == end + 1)
+        to = UINT64_MAX;
+    else if (to < from)
+        return HTTP_RANGE_WHOLE;
+    if (from >= size)
+        return HTTP_RANGE_BEYOND;
+    *first = from;
+    *bytes = (to < size ? to + 1 : size) - from;
+    return HTTP_RANGE_PART;
+}
+
+bool sst_http_if_range(const char *if_range, const char *etag)
+{
+    return if_range[0] == '"' && !strcmp(if_range, etag);
+}

@@ -1,0 +1,187 @@
+/* A request from its first byte to its last: connection, body, handler, end. */
+#include "daemon/publish/http_internal.h"
+
+#if WITH_HTTPD
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+
+#define DISCARD_MAX (1 << 20)     /* of a body too large that is read before hanging up, so that the answer arrives */
+#define FLOOD_NS    60000000000LL /* between reports of too many connections */
+#define SECOND_NS   1000000000LL
+
+bool sst_http_crowded(struct http_request *q)
+{
+    struct sst_http *http = q->http;
+    const int64_t now_ns = sst_clock_now_ns();
+    bool report;
+
+    if (atomic_load(&q->side->clients) <= http->cfg.clients)
+        return false;
+    pthread_mutex_lock(&http->lock);
+    report = !http->flood_ns || now_ns - http->flood_ns > FLOOD_NS;
+    http->flood_ns = report ? now_ns : http->flood_ns;
+    pthread_mutex_unlock(&http->lock);
+    if (report)
+        sst_events_emit(http->cfg.api->events, SST_EVENT_WARNING, "client", json_pack("{s:s}", "reason", "flood"),
+                        "more than %d connections at a time: some were refused; web.clients is the limit",
+                        http->cfg.clients);
+    return true;
+}
+
+void sst_http_on_link(void *cls, struct MHD_Connection *connection, void **state,
+                      enum MHD_ConnectionNotificationCode how)
+{
+    struct http_side *side = cls;
+    struct sst_http *http = side->http;
+    struct http_link *l = *state;
+
+    if (how == MHD_CONNECTION_NOTIFY_STARTED) {
+        l = calloc(1, sizeof(*l));
+        *state = l;
+        if (!l)
+            return; /* its requests are refused */
+        atomic_fetch_add(&side->clients, 1);
+        l->pair = sst_http_tls_begin(&http->pairs, connection);
+        l->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+        l->deadline_ns = sst_clock_now_ns() + HTTP_REQUEST_S * SECOND_NS;
+        pthread_mutex_lock(&http->lock);
+        l->next = http->links;
+        l->prev = &http->links;
+        if (l->next)
+            l->next->prev = &l->next;
+        http->links = l;
+        pthread_mutex_unlock(&http->lock);
+    } else if (l) {
+        pthread_mutex_lock(&http->lock);
+        *l->prev = l->next;
+        if (l->next)
+            l->next->prev = l->prev;
+        pthread_mutex_unlock(&http->lock);
+        atomic_fetch_sub(&side->clients, 1);
+        sst_http_tls_end(&http->pairs, l->pair);
+        free(l);
+        *state = NULL;
+    }
+}
+
+static struct http_request *new_request(struct http_side *side, struct MHD_Connection *connection)
+{
+    struct http_link *link = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
+    struct http_request *q = link ? calloc(1, sizeof(*q)) : NULL;
+
+    if (!q)
+        return NULL;
+    q->http = side->http;
+    q->side = side;
+    q->local = side->local;
+    q->connection = connection;
+    q->link = link;
+    q->fd = link->fd;
+    sst_http_name_peer(q);
+    atomic_fetch_add(&side->http->requests, 1);
+    return q;
+}
+
+/* @return false: hang up */
+static bool add_body(struct http_request *q, const char *data, size_t size)
+{
+    size_t capacity = q->capacity ? q->capacity : 1024;
+    char *grown;
+
+    if (q->too_large || q->size + size > HTTP_BODY_MAX) {
+        q->too_large = true;
+        q->size += size;
+        return q->size <= DISCARD_MAX;
+    }
+    while (capacity < q->size + size + 1)
+        capacity *= 2;
+    if (capacity != q->capacity) {
+        grown = realloc(q->data, capacity);
+        if (!grown)
+            return false;
+        q->data = grown;
+        q->capacity = capacity;
+    }
+    memcpy(q->data + q->size, data, size);
+    q->size += size;
+    q->data[q->size] = 0;
+    return true;
+}
+
+/* The body as an object; none is an empty one. @return -1: done; else answered */
+static int parse_body(struct http_request *q)
+{
+    json_error_t error;
+
+    q->body = q->size ? json_loadb(q->data, q->size, JSON_REJECT_DUPLICATES, &error) : json_object();
+    if (!q->body && !q->size)
+        return MHD_NO;
+    if (!q->body)
+        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "the body is not JSON: line %d, column %d: %s", error.line,
+                                    error.column, error.text);
+    if (!json_is_object(q->body))
+        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "the body is JSON, but not an object {...}");
+    return -1;
+}
+
+static int answer(struct http_request *q)
+{
+    const bool post = !strcmp(q->route->method, "POST");
+    int done;
+
+    atomic_store(&q->link->deadline_ns, INT64_MAX);
+    if (q->too_large)
+        return sst_http_reply_error(q, MHD_HTTP_CONTENT_TOO_LARGE, "a body has at most %d bytes", HTTP_BODY_MAX);
+    if (post && strcmp(q->route->path, "/login")) {
+        done = parse_body(q);
+        if (done >= 0)
+            return done;
+    }
+    return sst_http_handler(q->index)(q);
+}
+
+enum MHD_Result sst_http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
+                                    const char *version, const char *data, size_t *size, void **state)
+{
+    struct http_request *q = *state;
+    int done;
+
+    (void)version;
+    if (!q) {
+        *state = q = new_request(cls, connection);
+        if (!q)
+            return MHD_NO;
+        done = sst_http_check(q, path, method);
+        return done ? MHD_YES : MHD_NO;
+    }
+    if (*size) {
+        const bool fine = add_body(q, data, *size);
+
+        *size = 0;
+        return fine ? MHD_YES : MHD_NO;
+    }
+    return answer(q) ? MHD_YES : MHD_NO;
+}
+
+void sst_http_on_done(void *cls, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode how)
+{
+    struct http_request *q = *state;
+
+    (void)cls;
+    (void)connection;
+    (void)how;
+    if (!q)
+        return;
+    /* An idle connection goes earlier, and what comes after it has its time from its first byte on. */
+    atomic_store(&q->link->deadline_ns, sst_clock_now_ns() + (HTTP_IDLE_S + HTTP_REQUEST_S) * SECOND_NS);
+    json_decref(q->body);
+    free(q->data);
+    free(q);
+    *state = NULL;
+}
+
+#endif

@@ -1,0 +1,254 @@
+/* The table of routes, and what each of them does. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "daemon/publish/http_internal.h"
+
+/* method, path, role, one line, handler. The first that fits counts: {name} comes after words. */
+#define ROUTES(X)                                                                                                      \
+    X("GET", "/healthz", ANYONE, "Is the array captured?", healthz)                                                    \
+    X("GET", "/login", ANYONE, "A form for the token", login_form)                                                     \
+    X("POST", "/login", ANYONE, "Log in with a token; sets a cookie", login)                                           \
+    X("GET", "/", VIEW, "The page", page)                                                                              \
+    X("GET", "/web/{file}", VIEW, "A file of the page", web)                                                           \
+    X("GET", "/api/v1/openapi.json", VIEW, "This API", openapi)                                                        \
+    X("GET", "/api/v1/status", VIEW, "State, rates, latencies, counters", status)                                      \
+    X("GET", "/api/v1/cameras", VIEW, "The grid of cameras and each one's state", cameras)                             \
+    X("GET", "/api/v1/labels", VIEW, "Classes, colours, shares of the picture", labels)                                \
+    X("GET", "/api/v1/events", VIEW, "Events kept, a line of JSON each", events)                                       \
+    X("GET", "/api/v1/events/stream", VIEW, "Events as they come", event_stream)                                       \
+    X("GET", "/api/v1/views", VIEW, "Views and their settings", views)                                                 \
+    X("POST", "/api/v1/views", VIEW, "A view with settings of its own", view_create)                                   \
+    X("POST", "/api/v1/views/{id}", VIEW, "Change a view's settings; main: control", view_change)                      \
+    X("GET", "/api/v1/views/{id}/pick", VIEW, "What is under a point of a view", pick)                                 \
+    X("GET", "/stream", VIEW, "Moving picture of the main view", stream_main)                                          \
+    X("GET", "/stream/labels", VIEW, "Moving picture of the labels", stream_labels)                                    \
+    X("GET", "/stream/disparity", VIEW, "Moving picture of the disparity", stream_disparity)                           \
+    X("GET", "/stream/camera/{camera}", VIEW, "Moving picture of a camera", stream_camera)                             \
+    X("GET", "/stream/{id}", VIEW, "Moving picture of a view", stream_view)                                            \
+    X("GET", "/snapshot", VIEW, "Newest picture of the main view", snapshot_main)                                      \
+    X("GET", "/snapshot/labels", VIEW, "Newest picture of the labels", snapshot_labels)                                \
+    X("GET", "/snapshot/disparity", VIEW, "Newest picture of the disparity", snapshot_disparity)                       \
+    X("GET", "/snapshot/camera/{camera}", VIEW, "Newest picture of a camera", snapshot_camera)                         \
+    X("GET", "/snapshot/{id}", VIEW, "Newest picture of a view", snapshot_view)                                        \
+    X("POST", "/api/v1/snapshot", CONTROL, "Keep this moment: light field and picture", snapshot)                      \
+    X("POST", "/api/v1/record", CONTROL, "Start or stop recording", record)                                            \
+    X("GET", "/api/v1/recordings", VIEW, "What is kept: recordings, snapshots, exports", recordings)                   \
+    X("POST", "/api/v1/export", CONTROL, "A light field of a moment of a recording", export)                           \
+    X("GET", "/api/v1/download/{name}", VIEW, "What is kept, as a file", download)                                     \
+    X("POST", "/api/v1/delete", CONTROL, "Delete a recording, snapshot or export", delete)                             \
+    X("POST", "/api/v1/reload", CONTROL, "Read the configuration anew", reload)                                        \
+    X("POST", "/api/v1/calibration/check", CONTROL, "Is the calibration still true?", calibration_check)               \
+    X("GET", "/metrics", VIEW, "Counters and gauges for Prometheus", metrics)
+
+#define PUBLIC(method, path, role, what, handler) { method, path, SST_ROLE_##role, what },
+static const struct sst_route routes[] = { ROUTES(PUBLIC) };
+
+const struct sst_route *sst_http_routes(int *count)
+{
+    *count = ARRAY_LEN(routes);
+    return routes;
+}
+
+#if WITH_HTTPD
+
+static const struct sst_api *api_of(struct http_request *q)
+{
+    return q->http->cfg.api;
+}
+
+static int healthz(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    const int err = api_of(q)->status(api_of(q)->arg, &out);
+    const char *state = err ? "failed" : json_string_value(json_object_get(out.body, "state"));
+    const bool ok = state && (!strcmp(state, "capturing") || !strcmp(state, "degraded"));
+    char *text = malloc(80);
+
+    if (text)
+        snprintf(text, 80, "%.70s\n", ok ? "ok" : state ? state : "unknown");
+    json_decref(out.body);
+    return sst_http_reply_text(q, ok ? MHD_HTTP_OK : MHD_HTTP_SERVICE_UNAVAILABLE, "text/plain; charset=utf-8", text);
+}
+
+static int login_form(struct http_request *q)
+{
+    return sst_http_do_login_form(q);
+}
+
+static int login(struct http_request *q)
+{
+    return sst_http_do_login(q);
+}
+
+static int page(struct http_request *q)
+{
+    return sst_http_do_web(q, "index.html", true);
+}
+
+static int web(struct http_request *q)
+{
+    return sst_http_do_web(q, q->name, true);
+}
+
+static int openapi(struct http_request *q)
+{
+    return sst_http_do_web(q, "openapi.json", false);
+}
+
+static int events(struct http_request *q)
+{
+    return sst_http_do_events(q);
+}
+
+static int event_stream(struct http_request *q)
+{
+    return sst_http_do_listen(q);
+}
+
+/* Calls that take nothing. */
+#define PLAIN(name, what)                                                                                              \
+    static int name(struct http_request *q)                                                                            \
+    {                                                                                                                  \
+        struct sst_api_answer out = { 0 };                                                                             \
+        const int err = api_of(q)->name(api_of(q)->arg, &out);                                                         \
+                                                                                                                       \
+        return sst_http_reply_answer(q, err, &out, what);                                                              \
+    }
+PLAIN(cameras, "cameras")
+PLAIN(labels, "labels")
+PLAIN(views, "views")
+PLAIN(recordings, "recordings")
+
+/* With what the one who asks may do, which the service itself does not know. */
+static int status(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    const int err = api_of(q)->status(api_of(q)->arg, &out);
+
+    if (!err)
+        json_object_set_new(out.body, "role", json_string(q->role == SST_ROLE_CONTROL ? "control" : "view"));
+    return sst_http_reply_answer(q, err, &out, "status");
+}
+
+/* A body, although there is nothing to say. */
+static int calibration_check(struct http_request *q)
+{
+    static const char *const known[] = { NULL };
+    struct sst_api_answer out = { 0 };
+
+    if (sst_api_members(q->body, known, out.error))
+        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "calibration check: %s", out.error);
+    return sst_http_reply_answer(q, api_of(q)->calibration_check(api_of(q)->arg, &out), &out, "calibration check");
+}
+
+/* Calls that take the body. */
+#define WITH_BODY(name, call, what)                                                                                    \
+    static int name(struct http_request *q)                                                                            \
+    {                                                                                                                  \
+        struct sst_api_answer out = { 0 };                                                                             \
+        const int err = api_of(q)->call(api_of(q)->arg, q->body, &out);                                                \
+                                                                                                                       \
+        return sst_http_reply_answer(q, err, &out, what);                                                              \
+    }
+WITH_BODY(view_create, view_create, "view")
+WITH_BODY(snapshot, snapshot, "snapshot")
+WITH_BODY(record, record, "record")
+WITH_BODY(export, export_, "export")
+WITH_BODY(delete, delete_, "delete")
+
+static int view_change(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    int err;
+
+    if (!strcmp(q->name, "main") && q->role < SST_ROLE_CONTROL)
+        return sst_http_reply_error(q, MHD_HTTP_FORBIDDEN,
+                                    "the main view is what everybody sees: changing it takes the control role; "
+                                    "POST /api/v1/views makes a view of your own");
+    err = api_of(q)->view_change(api_of(q)->arg, q->name, q->body, &out);
+    return sst_http_reply_answer(q, err, &out, "view");
+}
+
+static bool coordinate(struct http_request *q, const char *name, double *out)
+{
+    const char *text = sst_http_query(q, name);
+    char *end = NULL;
+
+    if (!text || !text[0])
+        return false;
+    *out = strtod(text, &end);
+    return !*end && isfinite(*out) && fabs(*out) <= 1e6;
+}
+
+static int pick(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    double x, y;
+    int err;
+
+    if (!coordinate(q, "x", &x) || !coordinate(q, "y", &y))
+        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST,
+                                    "pick: give x and y in pixels of the picture, like ?x=320&y=240");
+    err = api_of(q)->pick(api_of(q)->arg, q->name, x, y, &out);
+    return sst_http_reply_answer(q, err, &out, "pick");
+}
+
+static int reload(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    static const char *const known[] = { "dry_run", NULL };
+    const json_t *dry = json_object_get(q->body, "dry_run");
+    int err;
+
+    if (sst_api_members(q->body, known, out.error))
+        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: %s", out.error);
+    if (dry && !json_is_boolean(dry))
+        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: dry_run is true or false");
+    err = api_of(q)->reload(api_of(q)->arg, json_is_true(dry), &out);
+    return sst_http_reply_answer(q, err, &out, "reload");
+}
+
+static int metrics(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    char *text = NULL;
+    const int err = api_of(q)->metrics(api_of(q)->arg, &text);
+
+    if (err)
+        return sst_http_reply_answer(q, err, &out, "metrics");
+    return sst_http_reply_text(q, MHD_HTTP_OK, "text/plain; version=0.0.4; charset=utf-8", text);
+}
+
+static int download(struct http_request *q)
+{
+    return sst_http_do_download(q);
+}
+
+#define PICTURE(what, kind, name)                                                                                      \
+    static int stream_##what(struct http_request *q)                                                                   \
+    {                                                                                                                  \
+        return sst_http_do_stream(q, SST_PICTURE_##kind, name);                                                        \
+    }                                                                                                                  \
+    static int snapshot_##what(struct http_request *q)                                                                 \
+    {                                                                                                                  \
+        return sst_http_do_snapshot(q, SST_PICTURE_##kind, name);                                                      \
+    }
+PICTURE(main, VIEW, "main")
+PICTURE(view, VIEW, q->name)
+PICTURE(camera, CAMERA, q->name)
+PICTURE(labels, LABELS, "")
+PICTURE(disparity, DISPARITY, "")
+
+#define HANDLER(method, path, role, what, handler) handler,
+static http_handler_fn *const handlers[] = { ROUTES(HANDLER) };
+
+http_handler_fn *sst_http_handler(int index)
+{
+    return handlers[index];
+}
+
+#endif

@@ -1,0 +1,279 @@
+/* Pictures: one, or one after the other for as long as somebody looks.
+ *
+ * A stream runs on its connection's thread: it waits at the outlet and hands the shared picture to the socket in
+ * pieces, so that a viewer who is slow holds one picture and nobody else up; what he misses meanwhile is counted. */
+#define _GNU_SOURCE /* POLLRDHUP */
+#include "daemon/publish/http_internal.h"
+
+#if WITH_HTTPD
+
+#include <errno.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "base/clock.h"
+
+#define BOUNDARY    "sst-picture"
+#define PIECE_BYTES 65536
+#define UNSENT_MAX  131072       /* bytes that the kernel holds back for a slow viewer */
+#define REPEAT_NS   5000000000LL /* a still picture is shown again, as a sign of life */
+#define FRESH_NS    1000000000LL /* a picture is worth waiting that long for a newer one */
+#define FIRST_NS    5000000000LL /* ... and that long for the first */
+#define SILENCE_S   20           /* a viewer who takes nothing goes */
+
+struct stream {
+    struct sst_http *http;
+    struct sst_outlet *outlet;
+    const struct sst_jpeg *jpeg; /* being sent */
+    int fd;
+    char head[256];
+    size_t head_bytes, at; /* of head, picture, tail: bytes handed over */
+    uint64_t number;       /* of the last picture; 0: none */
+    int64_t due_ns, sent_ns, period_ns;
+};
+
+/* The next part's boundary goes out with this part: browsers show a part when its end is certain. */
+static const char first_boundary[] = "--" BOUNDARY "\r\n";
+static const char tail[] = "\r\n--" BOUNDARY "\r\n";
+
+/* Pictures that were shown while the last one was on its way are lost for this viewer. */
+static void count_skipped(struct stream *s)
+{
+    const struct sst_jpeg *newest = s->number ? sst_outlet_get(s->outlet, s->number) : NULL;
+
+    if (newest) {
+        atomic_fetch_add(&s->http->skipped, newest->number - s->number - 1);
+        sst_jpeg_unref(newest);
+    }
+}
+
+static void pause_until(struct stream *s, int64_t due_ns)
+{
+    struct timespec t;
+    int64_t left_ns;
+
+    while ((left_ns = due_ns - sst_clock_now_ns()) > 0 && !atomic_load(&s->http->stopping)) {
+        left_ns = left_ns < HTTP_WAIT_MS * 1000000LL ? left_ns : HTTP_WAIT_MS * 1000000LL;
+        t = (struct timespec){ .tv_nsec = (long)left_ns };
+        nanosleep(&t, NULL);
+    }
+}
+
+/* Wait for what to send next: a newer picture, or the same again after a while. */
+static bool next_picture(struct stream *s)
+{
+    int64_t now_ns;
+
+    count_skipped(s);
+    if (s->period_ns)
+        pause_until(s, s->due_ns);
+    for (;;) {
+        if (atomic_load(&s->http->stopping) || sst_outlet_is_shut(s->outlet) || sst_http_peer_gone(s->fd))
+            return false;
+        now_ns = sst_clock_now_ns();
+        s->jpeg = sst_outlet_get(s->outlet, s->number && now_ns - s->sent_ns > REPEAT_NS ? 0 : s->number);
+        if (s->jpeg)
+            break;
+        sst_outlet_wait(s->outlet, s->number, HTTP_WAIT_MS);
+    }
+    /* Steps of one period, so that jitter of the source does not add up. */
+    s->due_ns = s->due_ns + s->period_ns < now_ns - s->period_ns ? now_ns : s->due_ns + s->period_ns;
+    s->sent_ns = now_ns;
+    s->head_bytes =
+        (size_t)snprintf(s->head, sizeof(s->head),
+                         "%sContent-Type: image/jpeg\r\nContent-Length: %zu\r\n"
+                         "X-Timestamp: %lld.%06lld\r\nX-Sst-Set: %llu\r\n\r\n",
+                         s->number ? "" : first_boundary, s->jpeg->bytes, (long long)(s->jpeg->wall_ns / 1000000000),
+                         (long long)(s->jpeg->wall_ns % 1000000000 / 1000), (unsigned long long)s->jpeg->set);
+    s->number = s->jpeg->number;
+    s->at = 0;
+    return true;
+}
+
+/* Copy what fits of a part that lies at `start` of head, picture, tail. */
+static size_t take(const struct stream *s, size_t at, size_t start, const void *part, size_t bytes, char *buf,
+                   size_t room)
+{
+    size_t n;
+
+    (void)s;
+    if (at < start || at >= start + bytes)
+        return 0;
+    n = start + bytes - at;
+    n = n < room ? n : room;
+    memcpy(buf, (const char *)part + (at - start), n);
+    return n;
+}
+
+static ssize_t stream_read(void *arg, uint64_t pos, char *buf, size_t max)
+{
+    struct stream *s = arg;
+    size_t n = 0, end;
+
+    (void)pos;
+    if (!s->jpeg && !next_picture(s))
+        return MHD_CONTENT_READER_END_OF_STREAM;
+    end = s->head_bytes + s->jpeg->bytes + sizeof(tail) - 1;
+    n += take(s, s->at + n, 0, s->head, s->head_bytes, buf + n, max - n);
+    n += take(s, s->at + n, s->head_bytes, s->jpeg->data, s->jpeg->bytes, buf + n, max - n);
+    n += take(s, s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
+    s->at += n;
+    if (s->at == end) {
+        sst_jpeg_unref(s->jpeg);
+        s->jpeg = NULL;
+    }
+    atomic_fetch_add(&s->http->bytes, n);
+    return (ssize_t)n;
+}
+
+static void stream_free(void *arg)
+{
+    struct stream *s = arg;
+
+    if (s->jpeg)
+        sst_jpeg_unref(s->jpeg);
+    sst_outlet_leave(s->outlet);
+    sst_outlet_unref(s->outlet);
+    atomic_fetch_sub(&s->http->streams, 1);
+    free(s);
+}
+
+static int find_outlet(struct http_request *q, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+{
+    static const char *const kinds[] = { "view", "camera", "labels", "disparity" };
+    const struct sst_api *api = q->http->cfg.api;
+    struct sst_api_answer answer = { 0 };
+    const int err = api->outlet(api->arg, kind, name, out);
+
+    if (!err)
+        return -1;
+    if (err == -ENOENT)
+        snprintf(answer.error, sizeof(answer.error), "there is no %s %s; GET /api/v1/%s lists them", kinds[kind], name,
+                 kind == SST_PICTURE_CAMERA ? "cameras" : "views");
+    return sst_http_reply_answer(q, err, &answer, kinds[kind]);
+}
+
+int sst_http_do_stream(struct http_request *q, enum sst_api_picture kind, const char *name)
+{
+    static const char type[] = "multipart/x-mixed-replace; boundary=" BOUNDARY;
+    const int unsent = UNSENT_MAX;
+    struct MHD_Response *response;
+    struct sst_outlet *outlet;
+    struct stream *s;
+    int done;
+
+    if (atomic_fetch_add(&q->http->streams, 1) >= q->http->cfg.streams) {
+        atomic_fetch_sub(&q->http->streams, 1);
+        atomic_fetch_add(&q->http->refused, 1);
+        return sst_http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
+                                    "%d moving pictures are being watched already; close one, or raise web.streams",
+                                    q->http->cfg.streams);
+    }
+    done = find_outlet(q, kind, name, &outlet);
+    s = done < 0 ? calloc(1, sizeof(*s)) : NULL;
+    if (!s) {
+        atomic_fetch_sub(&q->http->streams, 1);
+        if (done < 0)
+            sst_outlet_unref(outlet);
+        return done < 0 ? MHD_NO : done;
+    }
+    s->http = q->http;
+    s->outlet = outlet;
+    s->fd = q->fd;
+    s->period_ns = q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
+    sst_outlet_join(outlet);
+    response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, stream_read, s, stream_free);
+    if (!response) {
+        stream_free(s);
+        return MHD_NO;
+    }
+    /* No chunks: cameras' clients of all ages read until the end of the connection. */
+    if (MHD_set_response_options(response, MHD_RF_HTTP_1_0_COMPATIBLE_STRICT, MHD_RO_END) != MHD_YES ||
+        MHD_set_connection_option(q->connection, MHD_CONNECTION_OPTION_TIMEOUT, SILENCE_S) != MHD_YES) {
+        MHD_destroy_response(response);
+        return MHD_NO;
+    }
+    if (!q->local) /* refused by no kernel of the last years; without it a slow viewer is merely later */
+        (void)!setsockopt(q->fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof(unsent));
+    sst_http_set(response, "Content-Type", "%s", type);
+    sst_http_set(response, "X-Accel-Buffering", "no");
+    return sst_http_reply(q, MHD_HTTP_OK, response);
+}
+
+/* The newest picture; one that is old only when no newer one comes soon. */
+static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_outlet *outlet)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    const struct sst_jpeg *jpeg = sst_outlet_get(outlet, 0);
+    int64_t now_ns = start_ns;
+
+    while (!jpeg || now_ns - jpeg->t_ns > FRESH_NS) {
+        const uint64_t number = jpeg ? jpeg->number : 0;
+        const struct sst_jpeg *newer;
+
+        if (now_ns - start_ns > (jpeg ? FRESH_NS : FIRST_NS) || atomic_load(&q->http->stopping) ||
+            sst_outlet_is_shut(outlet))
+            break;
+        sst_outlet_wait(outlet, number, HTTP_WAIT_MS);
+        newer = sst_outlet_get(outlet, number);
+        if (newer) {
+            if (jpeg)
+                sst_jpeg_unref(jpeg);
+            jpeg = newer;
+            break;
+        }
+        now_ns = sst_clock_now_ns();
+    }
+    return jpeg;
+}
+
+static void jpeg_free(void *arg)
+{
+    sst_jpeg_unref(arg);
+}
+
+int sst_http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const char *name)
+{
+    struct MHD_Response *response;
+    const struct sst_jpeg *jpeg;
+    struct sst_outlet *outlet;
+    const int done = find_outlet(q, kind, name, &outlet);
+    uint64_t set;
+    int64_t wall_ns;
+
+    if (done >= 0)
+        return done;
+    sst_outlet_join(outlet);
+    jpeg = fresh_picture(q, outlet);
+    sst_outlet_leave(outlet);
+    sst_outlet_unref(outlet);
+    if (!jpeg)
+        return sst_http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE, "there is no picture yet; try again in a moment");
+    atomic_fetch_add(&q->http->bytes, jpeg->bytes);
+    set = jpeg->set;
+    wall_ns = jpeg->wall_ns;
+    response = MHD_create_response_from_buffer_with_free_callback_cls(jpeg->bytes, (void *)jpeg->data, jpeg_free,
+                                                                      (void *)jpeg);
+    if (!response) {
+        sst_jpeg_unref(jpeg);
+        return MHD_NO;
+    }
+    sst_http_set(response, "Content-Type", "image/jpeg");
+    sst_http_set(response, "X-Timestamp", "%lld.%06lld", (long long)(wall_ns / 1000000000),
+                 (long long)(wall_ns % 1000000000 / 1000));
+    sst_http_set(response, "X-Sst-Set", "%llu", (unsigned long long)set);
+    return sst_http_reply(q, MHD_HTTP_OK, response);
+}
+
+bool sst_http_peer_gone(int fd)
+{
+    struct pollfd p = { .fd = fd, .events = POLLRDHUP };
+
+    return poll(&p, 1, 0) > 0 && (p.revents & (POLLRDHUP | POLLHUP | POLLERR | POLLNVAL));
+}
+
+#endif

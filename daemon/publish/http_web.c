@@ -1,0 +1,188 @@
+/* The page's files, which are part of the program, and the form for the token. */
+#define _GNU_SOURCE /* asprintf */
+#include "daemon/publish/http_internal.h"
+
+#if WITH_HTTPD
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define COOKIE_S 2592000 /* 30 days */
+
+static const char *type_of(const char *name)
+{
+    static const struct {
+        const char *end, *type;
+    } types[] = {
+        { ".html", "text/html; charset=utf-8" },
+        { ".css", "text/css; charset=utf-8" },
+        { ".js", "text/javascript; charset=utf-8" },
+        { ".json", "application/json" },
+        { ".svg", "image/svg+xml" },
+        { ".png", "image/png" },
+        { ".jpg", "image/jpeg" },
+        { ".ico", "image/x-icon" },
+        { ".woff2", "font/woff2" },
+        { ".webmanifest", "application/manifest+json" },
+    };
+    const char *end = strrchr(name, '.');
+
+    for (size_t i = 0; end && i < ARRAY_LEN(types); i++) {
+        if (!strcmp(end, types[i].end))
+            return types[i].type;
+    }
+    return "application/octet-stream";
+}
+
+/* FNV-1a of the content: the same file has the same tag after an update. */
+static uint64_t hash_of(const struct sst_web_file *f)
+{
+    uint64_t h = 14695981039346656037u;
+
+    for (const uint8_t *p = f->data; p < f->end; p++)
+        h = (h ^ *p) * 1099511628211u;
+    return h;
+}
+
+static struct MHD_Response *empty(void)
+{
+    return MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
+}
+
+void sst_http_set_cookie(struct http_request *q, struct MHD_Response *response, const char *token)
+{
+    char name[HTTP_COOKIE];
+
+    sst_http_cookie(q->http, name);
+    sst_http_set(response, "Set-Cookie", "%s=%s; Path=/; Max-Age=%d; HttpOnly; SameSite=Strict%s", name, token,
+                 COOKIE_S, q->http->tls ? "; Secure" : "");
+}
+
+/* The token goes from the address into a cookie, so that it stands in no history. */
+static int redirect_with_cookie(struct http_request *q, const char *token)
+{
+    struct MHD_Response *response = empty();
+
+    if (!response)
+        return MHD_NO;
+    sst_http_set_cookie(q, response, token);
+    if (!q->name[0])
+        sst_http_set(response, "Location", "/");
+    else
+        sst_http_set(response, "Location", "/web/%s", q->name);
+    return sst_http_reply(q, MHD_HTTP_SEE_OTHER, response);
+}
+
+int sst_http_do_web(struct http_request *q, const char *file, bool redirect)
+{
+    const char *token = redirect ? sst_http_query(q, "token") : NULL;
+    const char *match = sst_http_header(q, "If-None-Match");
+    const struct sst_web_file *f = sst_web_files;
+    struct MHD_Response *response;
+    char etag[32];
+    bool same;
+
+    if (token && !q->local)
+        return redirect_with_cookie(q, token); /* it was right, else we were not here */
+    while (f->name && strcmp(f->name, file))
+        f++;
+    if (!f->name)
+        return sst_http_reply_error(q, MHD_HTTP_NOT_FOUND, "the page has no file %s", file);
+    snprintf(etag, sizeof(etag), "\"%016llx\"", (unsigned long long)hash_of(f));
+    same = match && sst_http_etag_matches(match, etag);
+    response =
+        same ? empty()
+             : MHD_create_response_from_buffer((size_t)(f->end - f->data), (void *)f->data, MHD_RESPMEM_PERSISTENT);
+    if (!response)
+        return MHD_NO;
+    atomic_fetch_add(&q->http->bytes, same ? 0 : (uint64_t)(f->end - f->data));
+    sst_http_set(response, "Content-Type", "%s", type_of(file));
+    sst_http_set(response, "ETag", "%s", etag);
+    sst_http_set(response, "Cache-Control", "no-cache"); /* kept, but asked for each time */
+    return sst_http_reply(q, same ? MHD_HTTP_NOT_MODIFIED : MHD_HTTP_OK, response);
+}
+
+static const char form[] =
+    "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>sst: log in</title>\n"
+    "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+    "<style>:root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:32rem;margin:12vh auto;"
+    "padding:0 1rem}\ninput,button{font:inherit;padding:.5rem;width:100%%;box-sizing:border-box;margin:.3rem 0}"
+    "code{overflow-wrap:anywhere}\n.error{color:#c62828;color:light-dark(#b8232a,#ff7a70);font-weight:600}"
+    "</style></head>\n"
+    "<body><main><h1>sst</h1>%s%s%s\n<form method=\"post\" action=\"/login\">"
+    "<label for=\"token\">Token</label><input id=\"token\" name=\"token\" type=\"password\" "
+    "autocomplete=\"current-password\" required autofocus>\n<button>Log in</button></form>\n"
+    "<p>On the machine that runs the service, this prints it:<br><code>sudo cat %s</code><br>"
+    "The one in <code>%s.view</code> can only look.</p></main></body></html>\n";
+
+/* For text between tags. */
+static void escape(char *out, size_t size, const char *text)
+{
+    size_t n = 0;
+
+    for (; *text && n + 7 < size; text++) {
+        if (strchr("<>&\"'", *text))
+            n += (size_t)snprintf(out + n, size - n, "&#%d;", *text);
+        else
+            out[n++] = *text;
+    }
+    out[n] = 0;
+}
+
+int sst_http_reply_login(struct http_request *q, int status, const char *sentence)
+{
+    struct MHD_Response *response;
+    char file[1024], *text;
+    int n;
+
+    escape(file, sizeof(file), q->http->token_file);
+    n = asprintf(&text, form, sentence ? "<p class=\"error\" role=\"alert\">" : "", sentence ? sentence : "",
+                 sentence ? "</p>" : "", file, file);
+    if (n < 0)
+        return MHD_NO;
+    response = MHD_create_response_from_buffer((size_t)n, text, MHD_RESPMEM_MUST_FREE);
+    if (!response) {
+        free(text);
+        return MHD_NO;
+    }
+    sst_http_set(response, "Content-Type", "text/html; charset=utf-8");
+    /* The one page with a style in it: the files of the page are for those who are logged in. */
+    sst_http_set(response, "Content-Security-Policy",
+                 "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
+                 "frame-ancestors 'none'");
+    return sst_http_reply(q, status, response);
+}
+
+int sst_http_do_login_form(struct http_request *q)
+{
+    return sst_http_reply_login(
+        q, MHD_HTTP_OK, sst_http_query(q, "wrong") ? "The token that was given is not right, or not any more." : NULL);
+}
+
+int sst_http_do_login(struct http_request *q)
+{
+    char token[HTTP_TOKEN_MAX + 1];
+    struct MHD_Response *response;
+    char sentence[96];
+    int retry_s, status;
+
+    if (!sst_http_form_token(q->data ? q->data : "", q->size, token) ||
+        sst_http_auth_token(&q->http->auth, token) == SST_ROLE_ANYONE) {
+        status = sst_http_wrong_token(q, &retry_s);
+        if (status == MHD_HTTP_TOO_MANY_REQUESTS)
+            snprintf(sentence, sizeof(sentence), "Too many wrong tokens; try again in %d seconds.", retry_s);
+        else
+            snprintf(sentence, sizeof(sentence), "That is not the token.");
+        atomic_fetch_add(&q->http->refused, 1);
+        return sst_http_reply_login(q, status, sentence);
+    }
+    response = empty();
+    if (!response)
+        return MHD_NO;
+    sst_http_set_cookie(q, response, token);
+    sst_http_set(response, "Location", "/");
+    return sst_http_reply(q, MHD_HTTP_SEE_OTHER, response);
+}
+
+#endif

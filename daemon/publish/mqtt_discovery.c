@@ -1,0 +1,188 @@
+/* Home Assistant's MQTT discovery: one retained message per entity, all of one device. */
+#include <ctype.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "daemon/publish/mqtt_parts.h"
+
+#if WITH_MQTT
+
+#define ENTITIES_MAX (SST_CAMERAS_MAX + SST_ZONES_MAX + 32)
+
+struct announcement {
+    const struct sst_config *config;
+    char node[128]; /* the topic as one word */
+    struct sst_mqtt_message *list;
+    int n;
+    bool failed;
+};
+
+/* An entity without its common members. */
+struct entity {
+    const char *component, *id, *name;
+    const char *topic;  /* of its state, below mqtt.topic */
+    const char *value;  /* template, or NULL */
+    const char *class_; /* of the device, or NULL */
+    const char *unit, *icon, *category;
+    bool measured;
+};
+
+static const struct entity entities[] = {
+    { "sensor", "state", "State", "status", "{{ value_json.state }}", NULL, NULL, "mdi:state-machine", NULL, false },
+    { "binary_sensor", "problem", "Problem", "status",
+      "{{ 'OFF' if value_json.state in ['capturing', 'armed'] and value_json.storage == 'OK' else 'ON' }}", "problem",
+      NULL, NULL, NULL, false },
+    { "binary_sensor", "cameras", "All cameras", "status",
+      "{{ 'ON' if value_json.present == value_json.cameras else 'OFF' }}", "connectivity", NULL, NULL, NULL, false },
+    { "sensor", "rate", "Capture rate", "status", "{{ value_json.rate_hz }}", "frequency", "Hz", NULL, "diagnostic",
+      true },
+    { "sensor", "live_rate", "See-through rate", "status", "{{ value_json.live_hz }}", "frequency", "Hz", NULL,
+      "diagnostic", true },
+    { "sensor", "latency", "Latency", "status", "{{ value_json.latency_ms }}", "duration", "ms", NULL, "diagnostic",
+      true },
+    { "sensor", "storage", "Storage", "status", "{{ value_json.storage }}", NULL, NULL, "mdi:harddisk", NULL, false },
+    { "sensor", "free", "Storage free", "status", "{{ value_json.free_gb }}", "data_size", "GB", NULL, "diagnostic",
+      true },
+    { "switch", "record", "Record", "record", NULL, NULL, NULL, "mdi:record-rec", NULL, false },
+    { "camera", "picture", "See-through view", "picture", NULL, NULL, NULL, NULL, NULL, false },
+};
+
+static void set_text(json_t *o, const char *key, const char *text)
+{
+    if (text)
+        json_object_set_new(o, key, json_string(text));
+}
+
+static json_t *device(const struct announcement *a)
+{
+    const struct sst_config *c = a->config;
+    char name[160], model[64];
+
+    snprintf(name, sizeof(name), "See-through array%s%s", strcmp(c->mqtt.topic, "sst") ? " " : "",
+             strcmp(c->mqtt.topic, "sst") ? c->mqtt.topic : "");
+    snprintf(model, sizeof(model), "camera array %dx%d", c->array.rows, c->array.cols);
+    return json_pack("{s:[s], s:s, s:s, s:s, s:s}", "identifiers", a->node, "name", name, "manufacturer", "sst",
+                     "model", model, "sw_version", SST_VERSION);
+}
+
+static void below(const struct announcement *a, char out[SST_MQTT_TOPIC_MAX], const char *topic)
+{
+    snprintf(out, SST_MQTT_TOPIC_MAX, "%s/%s", a->config->mqtt.topic, topic);
+}
+
+static void add(struct announcement *a, const struct entity *e)
+{
+    char topic[SST_MQTT_TOPIC_MAX], id[256];
+    json_t *o = json_object();
+    struct sst_mqtt_message *m = &a->list[a->n];
+
+    if (a->n == ENTITIES_MAX || !o) {
+        json_decref(o);
+        return;
+    }
+    snprintf(id, sizeof(id), "%s_%s", a->node, e->id);
+    set_text(o, "name", e->name);
+    set_text(o, "unique_id", id);
+    below(a, topic, e->topic);
+    set_text(o, strcmp(e->component, "camera") ? "state_topic" : "topic", topic);
+    below(a, topic, "available");
+    set_text(o, "availability_topic", topic);
+    set_text(o, "value_template", e->value);
+    set_text(o, "device_class", e->class_);
+    set_text(o, "unit_of_measurement", e->unit);
+    set_text(o, "icon", e->icon);
+    set_text(o, "entity_category", e->category);
+    set_text(o, "state_class", e->measured ? "measurement" : NULL);
+    if (!strcmp(e->component, "switch")) {
+        below(a, topic, "record/set");
+        set_text(o, "command_topic", topic);
+    }
+    if (!strcmp(e->id, "problem")) {
+        below(a, topic, "status");
+        set_text(o, "json_attributes_topic", topic);
+    }
+    json_object_set_new(o, "device", device(a));
+    json_object_set_new(o, "origin", json_pack("{s:s, s:s}", "name", "sstd", "sw_version", SST_VERSION));
+    snprintf(topic, sizeof(topic), "%s/%s/%s/%s/config", a->config->mqtt.discovery, e->component, a->node, e->id);
+    m->topic = strdup(topic);
+    m->payload = json_dumps(o, JSON_COMPACT);
+    a->failed = a->failed || !m->topic || !m->payload;
+    a->n++;
+    json_decref(o);
+}
+
+static void add_cameras(struct announcement *a, const json_t *cameras)
+{
+    const json_t *camera;
+    size_t i;
+
+    json_array_foreach(json_object_get(cameras, "cameras"), i, camera)
+    {
+        const char *name = json_string_value(json_object_get(camera, "name"));
+        char id[48], shown[48], topic[64];
+
+        if (!name)
+            continue;
+        snprintf(id, sizeof(id), "camera_%.32s", name);
+        snprintf(shown, sizeof(shown), "Camera %.32s", name);
+        snprintf(topic, sizeof(topic), "camera/%.32s/state", name);
+        add(a, &(struct entity){ "binary_sensor", id, shown, topic, "{{ 'ON' if value == 'streaming' else 'OFF' }}",
+                                 "connectivity", NULL, NULL, "diagnostic", false });
+    }
+}
+
+static void add_zones(struct announcement *a)
+{
+    for (int i = 0; i < a->config->zones; i++) {
+        char id[48], shown[64], topic[64];
+
+        snprintf(id, sizeof(id), "zone_%.31s", a->config->zone[i].name);
+        snprintf(shown, sizeof(shown), "Motion %.31s", a->config->zone[i].name);
+        snprintf(topic, sizeof(topic), "zone/%.31s/motion", a->config->zone[i].name);
+        add(a, &(struct entity){ "binary_sensor", id, shown, topic, NULL, "motion", NULL, NULL, NULL, false });
+    }
+}
+
+void sst_mqtt_node(char out[128], const struct sst_config *config)
+{
+    const char *t = config->mqtt.topic;
+    size_t n = 0;
+
+    for (; t[n] && n < 127; n++)
+        out[n] = isalnum((unsigned char)t[n]) ? t[n] : '_';
+    out[n] = 0;
+}
+
+int sst_mqtt_announce(struct sst_mqtt_message **out, const struct sst_config *config, const json_t *cameras)
+{
+    struct announcement a = { .config = config };
+
+    a.list = calloc(ENTITIES_MAX, sizeof(*a.list));
+    if (!a.list)
+        return -ENOMEM;
+    sst_mqtt_node(a.node, config);
+    for (size_t i = 0; i < ARRAY_LEN(entities); i++)
+        if (strcmp(entities[i].component, "camera") != 0 || config->mqtt.picture_s > 0)
+            add(&a, &entities[i]);
+    add_cameras(&a, cameras);
+    add_zones(&a);
+    if (a.failed) {
+        sst_mqtt_messages_free(a.list, a.n);
+        return -ENOMEM;
+    }
+    *out = a.list;
+    return a.n;
+}
+
+void sst_mqtt_messages_free(struct sst_mqtt_message *list, int n)
+{
+    for (int i = 0; i < n; i++) {
+        free(list[i].topic);
+        free(list[i].payload);
+    }
+    free(list);
+}
+
+#endif

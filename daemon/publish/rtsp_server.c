@@ -1,0 +1,363 @@
+/* GStreamer's server: who connects, limits, and what its library is kept from. Pipelines are in rtsp_feed.c. */
+#include "daemon/publish/rtsp_internal.h"
+
+#if WITH_RTSP
+
+#include <errno.h>
+#include <linux/tcp.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+
+#define CLIENTS_MAX     16            /* that watch */
+#define SESSIONS_MAX    4             /* of one connection */
+#define CONNECTIONS_MAX 32            /* with those that only ask */
+#define IDLE_NS         5000000000LL  /* a connection that neither watches nor asks goes */
+#define STUCK_NS        30000000000LL /* what was sent away and is still there so much later never goes */
+#define REAP_MS         200
+#define FLOOD_BYTES     262144 /* of one client between two looks; requests and receipts are a few hundred */
+#define BODY_MAX        4096
+#define FAREWELL_MS     1000
+#define TELL_NS         60000000000LL
+#define CLIENT_KEY      "sst-client"
+
+/** Of one connection. Sessions are found in its own pool alone: the library would let a connection command another
+ * one's, and ends the process when pictures are then to go where no channel was agreed. */
+struct client {
+    _Atomic int64_t since_ns; /* it came, or was answered last */
+    atomic_bool busy;         /* waits for an answer that takes a while */
+    GstRTSPSessionPool *sessions;
+    /* the server's thread alone */
+    uint64_t bytes;  /* received at the last look */
+    int64_t away_ns; /* sent away; 0: not yet */
+};
+
+/* What is needed of GStreamer, by the Debian package that has it. */
+static const struct {
+    const char *plugin, *element, *package;
+    bool h264;
+} parts[] = {
+    { "coreelements", "queue", "libgstreamer1.0-0", false },
+    { "app", "appsrc", "gstreamer1.0-plugins-base", false },
+    { "udp", "multiudpsink", "gstreamer1.0-plugins-good", false },
+    { "rtpmanager", "rtpbin", "gstreamer1.0-plugins-good", false },
+    { "rtp", "rtpjpegpay", "gstreamer1.0-plugins-good", false },
+    { "jpeg", "jpegdec", "gstreamer1.0-plugins-good", true },
+    { "videoconvertscale", "videoconvertscale", "gstreamer1.0-plugins-base", true },
+    { "x264", "x264enc", "gstreamer1.0-plugins-ugly", true },
+};
+
+/* What the library complains of, mostly of clients that end in the middle: now and then one line of it. */
+static void complain(const gchar *domain, GLogLevelFlags level, const gchar *text, gpointer arg)
+{
+    static _Atomic int64_t told_ns;
+    const int64_t now_ns = sst_clock_now_ns();
+    int64_t before_ns = atomic_load(&told_ns);
+
+    (void)level;
+    (void)arg;
+    if ((!before_ns || now_ns - before_ns > TELL_NS) && atomic_compare_exchange_strong(&told_ns, &before_ns, now_ns))
+        sst_log_warning("rtsp: %s: %s", domain ? domain : "GLib", text);
+}
+
+static int load_parts(enum sst_rtsp_codec codec)
+{
+    GError *error = NULL;
+
+    /* Only these plugins are loaded: otherwise all that are installed, hundreds perhaps, would be tried at each start
+     * of a service that has no home to keep a list in. */
+    setenv("GST_REGISTRY_DISABLE", "yes", 0);
+    g_log_set_default_handler(complain, NULL);
+    if (!gst_init_check(NULL, NULL, &error)) {
+        sst_log_error("rtsp: GStreamer does not start: %s", error ? error->message : "no reason given");
+        g_clear_error(&error);
+        return -ENOTSUP;
+    }
+    for (size_t i = 0; i < ARRAY_LEN(parts); i++) {
+        GstElementFactory *factory;
+        GstPlugin *plugin;
+        char path[512];
+
+        if (parts[i].h264 && codec != SST_RTSP_H264)
+            continue;
+        snprintf(path, sizeof(path), "%s/libgst%s.so", SST_GST_PLUGINS, parts[i].plugin);
+        plugin = gst_plugin_load_file(path, NULL);
+        factory = plugin ? gst_element_factory_find(parts[i].element) : NULL;
+        if (plugin)
+            gst_object_unref(plugin);
+        if (!factory) {
+            sst_log_error("rtsp: element %s of GStreamer is missing; install %s%s", parts[i].element, parts[i].package,
+                          parts[i].h264 ? ", or set rtsp.codec: mjpeg" : "");
+            return -ENOTSUP;
+        }
+        gst_object_unref(factory);
+    }
+    return 0;
+}
+
+/* --- clients ----------------------------------------------------------------------------------------------------- */
+
+static GSocket *socket_of(GstRTSPClient *client)
+{
+    GstRTSPConnection *connection = gst_rtsp_client_get_connection(client);
+
+    return connection ? gst_rtsp_connection_get_read_socket(connection) : NULL;
+}
+
+void sst_rtsp_send_away(GstRTSPClient *client)
+{
+    const struct sockaddr none = { .sa_family = AF_UNSPEC };
+    GSocket *socket = socket_of(client);
+
+    if (socket)
+        (void)!connect(g_socket_get_fd(socket), &none, sizeof(none));
+}
+
+static uint64_t received(GstRTSPClient *client)
+{
+    GSocket *socket = socket_of(client);
+    struct tcp_info info = { 0 };
+    socklen_t size = sizeof(info);
+
+    if (!socket || getsockopt(g_socket_get_fd(socket), IPPROTO_TCP, TCP_INFO, &info, &size))
+        return 0;
+    return info.tcpi_bytes_received;
+}
+
+static struct client *of(GstRTSPClient *client)
+{
+    return g_object_get_data(G_OBJECT(client), CLIENT_KEY);
+}
+
+static GstRTSPFilterResult find_over(GstRTSPSession *session, GstRTSPSessionMedia *media, gpointer over)
+{
+    (void)session;
+    *(bool *)over |= sst_rtsp_feed_is_over(gst_rtsp_session_media_get_media(media));
+    return GST_RTSP_FILTER_KEEP;
+}
+
+static GstRTSPFilterResult look_at_session(GstRTSPSessionPool *pool, GstRTSPSession *session, gpointer over)
+{
+    (void)pool;
+    g_list_free_full(gst_rtsp_session_filter(session, find_over, over), g_object_unref);
+    return GST_RTSP_FILTER_KEEP;
+}
+
+static GstRTSPFilterResult look_at_client(GstRTSPServer *server, GstRTSPClient *client, gpointer watching)
+{
+    struct client *c = of(client);
+    const uint64_t bytes = received(client);
+    const int64_t now_ns = sst_clock_now_ns();
+    const guint sessions = gst_rtsp_session_pool_get_n_sessions(c->sessions);
+    bool over = false;
+
+    (void)server;
+    gst_rtsp_session_pool_cleanup(c->sessions);
+    g_list_free_full(gst_rtsp_session_pool_filter(c->sessions, look_at_session, &over), g_object_unref);
+    *(guint *)watching += sessions;
+    if (bytes > c->bytes + FLOOD_BYTES || over || (!sessions && !c->busy && now_ns - c->since_ns > IDLE_NS)) {
+        sst_rtsp_send_away(client);
+        c->away_ns = c->away_ns ? c->away_ns : now_ns;
+    }
+    c->bytes = bytes;
+    if (c->away_ns && now_ns - c->away_ns > STUCK_NS) {
+        sst_log_error("rtsp: a connection that was ended is still there; the process that serves viewers ends, too");
+        _exit(EXIT_FAILURE);
+    }
+    return GST_RTSP_FILTER_KEEP;
+}
+
+static gboolean reap(gpointer arg)
+{
+    struct sst_rtsp_server *rtsp = arg;
+    guint watching = 0;
+
+    g_list_free_full(gst_rtsp_server_client_filter(rtsp->server, look_at_client, &watching), g_object_unref);
+    sst_rtsp_say_clients((int)watching);
+    return G_SOURCE_CONTINUE;
+}
+
+static void be_busy(GstRTSPClient *client)
+{
+    atomic_store(&of(client)->busy, true);
+}
+
+static GstRTSPStatusCode before_describe(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
+{
+    be_busy(client);
+    return sst_rtsp_mount(arg, ctx->uri->abspath);
+}
+
+static GstRTSPFilterResult count(GstRTSPServer *server, GstRTSPClient *client, gpointer sessions)
+{
+    (void)server;
+    *(guint *)sessions += gst_rtsp_session_pool_get_n_sessions(of(client)->sessions);
+    return GST_RTSP_FILTER_KEEP;
+}
+
+/* A stream is set up once: the library would go on to send to where it was to go first. */
+static GstRTSPStatusCode before_setup(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
+{
+    struct sst_rtsp_server *rtsp = arg;
+    guint sessions = 0;
+
+    if (ctx->session)
+        return GST_RTSP_STS_METHOD_NOT_VALID_IN_THIS_STATE;
+    g_list_free_full(gst_rtsp_server_client_filter(rtsp->server, count, &sessions), g_object_unref);
+    if (sessions >= CLIENTS_MAX)
+        return GST_RTSP_STS_SERVICE_UNAVAILABLE;
+    be_busy(client);
+    return GST_RTSP_STS_OK;
+}
+
+static void on_play(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
+{
+    (void)client;
+    (void)arg;
+    if (ctx->sessmedia)
+        sst_rtsp_feed_refresh(gst_rtsp_session_media_get_media(ctx->sessmedia));
+}
+
+static GstRTSPFilterResult detach(GstRTSPSession *session, GstRTSPSessionMedia *media, gpointer arg)
+{
+    (void)session;
+    (void)arg;
+    gst_rtsp_session_media_set_state(media, GST_STATE_NULL);
+    return GST_RTSP_FILTER_REMOVE;
+}
+
+static GstRTSPFilterResult end_session(GstRTSPSessionPool *pool, GstRTSPSession *session, gpointer arg)
+{
+    (void)pool;
+    (void)arg;
+    g_list_free_full(gst_rtsp_session_filter(session, detach, NULL), g_object_unref);
+    return GST_RTSP_FILTER_REMOVE;
+}
+
+static gboolean is_time(gpointer arg)
+{
+    (void)arg;
+    return G_SOURCE_REMOVE;
+}
+
+/* Packets are handed to a client without holding it, and an assertion ends the process if it is gone by then: it is
+ * detached from its streams first, and kept while one that is on its way may need it. */
+static void keep_a_moment(struct sst_rtsp_server *rtsp, GstRTSPClient *client)
+{
+    GSource *source = g_timeout_source_new(FAREWELL_MS);
+
+    g_source_set_callback(source, is_time, g_object_ref(client), g_object_unref);
+    g_source_attach(source, rtsp->context);
+    g_source_unref(source);
+}
+
+/* The library keeps a session, empty, until its time is up; its place is wanted. */
+static void on_close(GstRTSPClient *client, gpointer arg)
+{
+    keep_a_moment(arg, client);
+    g_list_free_full(gst_rtsp_session_pool_filter(of(client)->sessions, end_session, NULL), g_object_unref);
+}
+
+static void on_answer(GstRTSPClient *client, GstRTSPContext *ctx, GstRTSPMessage *message, gpointer arg)
+{
+    struct client *c = of(client);
+
+    (void)ctx;
+    (void)message;
+    (void)arg;
+    atomic_store(&c->since_ns, sst_clock_now_ns());
+    atomic_store(&c->busy, false);
+}
+
+static void client_free(gpointer arg)
+{
+    struct client *c = arg;
+
+    g_object_unref(c->sessions);
+    g_free(c);
+}
+
+static void on_connect(GstRTSPServer *server, GstRTSPClient *client, gpointer arg)
+{
+    GList *others = gst_rtsp_server_client_filter(server, NULL, NULL);
+    struct client *c = g_new0(struct client, 1);
+
+    c->since_ns = sst_clock_now_ns();
+    c->sessions = gst_rtsp_session_pool_new();
+    gst_rtsp_session_pool_set_max_sessions(c->sessions, SESSIONS_MAX);
+    gst_rtsp_client_set_session_pool(client, c->sessions);
+    g_object_set_data_full(G_OBJECT(client), CLIENT_KEY, c, client_free);
+    g_signal_connect(client, "pre-describe-request", G_CALLBACK(before_describe), arg);
+    g_signal_connect(client, "pre-setup-request", G_CALLBACK(before_setup), arg);
+    g_signal_connect(client, "play-request", G_CALLBACK(on_play), NULL);
+    g_signal_connect(client, "send-message", G_CALLBACK(on_answer), NULL);
+    g_signal_connect(client, "closed", G_CALLBACK(on_close), arg);
+    if (g_list_length(others) >= CONNECTIONS_MAX)
+        sst_rtsp_send_away(client);
+    g_list_free_full(others, g_object_unref);
+}
+
+/* --- open, run ---------------------------------------------------------------------------------------------------- */
+
+static int listen_on(struct sst_rtsp_server *rtsp, int fd)
+{
+    GError *error = NULL;
+    GSocket *socket = g_socket_new_from_fd(fd, &error);
+    GSource *source;
+
+    if (!socket) {
+        sst_log_error("rtsp: %s", error->message);
+        g_error_free(error);
+        return -EIO;
+    }
+    source = g_socket_create_source(socket, G_IO_IN, NULL);
+    g_source_set_callback(source, G_SOURCE_FUNC(gst_rtsp_server_io_func), rtsp->server, NULL);
+    g_source_attach(source, rtsp->context); /* which holds both from now on */
+    g_source_unref(source);
+    g_object_unref(socket);
+    return 0;
+}
+
+int sst_rtsp_server_open(struct sst_rtsp_server *rtsp, enum sst_rtsp_codec codec, const struct sst_rtsp_login *login)
+{
+    const int err = load_parts(codec);
+    GstRTSPThreadPool *threads;
+    GSource *reaper;
+
+    if (err)
+        return err;
+    rtsp->codec = codec;
+    pthread_mutex_init(&rtsp->lock, NULL);
+    rtsp->factories = g_ptr_array_new();
+    rtsp->context = g_main_context_new();
+    rtsp->server = gst_rtsp_server_new();
+    rtsp->mounts = gst_rtsp_server_get_mount_points(rtsp->server);
+    gst_rtsp_server_set_content_length_limit(rtsp->server, BODY_MAX);
+    /* A thread for each connection: one that waits for a picture holds up no other. */
+    threads = gst_rtsp_server_get_thread_pool(rtsp->server);
+    gst_rtsp_thread_pool_set_max_threads(threads, CONNECTIONS_MAX);
+    g_object_unref(threads);
+    if (login->user[0])
+        sst_rtsp_auth_set(rtsp->server, login);
+    g_signal_connect(rtsp->server, "client-connected", G_CALLBACK(on_connect), rtsp);
+    reaper = g_timeout_source_new(REAP_MS);
+    g_source_set_callback(reaper, reap, rtsp, NULL);
+    g_source_attach(reaper, rtsp->context);
+    g_source_unref(reaper);
+    return listen_on(rtsp, SST_RTSP_LISTEN_FD);
+}
+
+void sst_rtsp_server_run(struct sst_rtsp_server *rtsp)
+{
+    g_main_context_push_thread_default(rtsp->context);
+    for (;;)
+        g_main_context_iteration(rtsp->context, TRUE);
+}
+
+#endif

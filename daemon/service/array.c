@@ -1,0 +1,522 @@
+#include "daemon/service/array.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+
+#define RETRY_MIN_NS INT64_C(500000000)
+#define RETRY_MAX_NS INT64_C(5000000000)
+#define SMOOTH       0.1 /* share of a new set in a camera's skew */
+
+struct sst_array {
+    /* fixed after open */
+    struct sst_ring *ring;
+    struct sst_events *events;
+    pthread_t thread;
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    /* capturing thread */
+    struct sst_array_config config; /* of this opening, with what it found */
+    uint64_t told_skewed, told_sets;
+    int64_t told_ns;
+    bool skew_over, trigger_away;
+    /* under lock */
+    struct sst_array_config wanted;
+    unsigned wanted_count;       /* of configurations */
+    struct sst_capture *capture; /* while it runs */
+    bool stop, ended;
+    struct sst_array_state state;
+    struct sst_layout layout;
+    struct sst_array_camera camera[SST_CAMERAS_MAX];
+    uint64_t sets_before, complete_before;                          /* of earlier openings */
+    uint64_t frames[SST_CAMERAS_MAX], told_frames[SST_CAMERAS_MAX]; /* in sets */
+};
+
+const char *sst_array_state_name(enum sst_grab_state state)
+{
+    static const char *const names[] = { "absent", "streaming", "recovering", "refused", "ready" };
+
+    return names[state];
+}
+
+/* --- events of capture -------------------------------------------------------------------------------------------- */
+
+static int compare_ns(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+
+    return (x > y) - (x < y);
+}
+
+/** Each camera's stamp against the median of its set. */
+static void note_set_locked(struct sst_array *a, const struct sst_set *set)
+{
+    int64_t stamp[SST_CAMERAS_MAX], median;
+    int n = 0;
+
+    for (int i = 0; i < set->cameras; i++)
+        if (set->frame[i])
+            stamp[n++] = set->frame[i]->t_ns;
+    if (!n)
+        return;
+    qsort(stamp, (size_t)n, sizeof(stamp[0]), compare_ns);
+    median = stamp[n / 2];
+    for (int i = 0; i < set->cameras; i++) {
+        struct sst_array_camera *c = &a->camera[i];
+
+        if (set->frame[i]) {
+            const double us = (double)(set->frame[i]->t_ns - median) / 1e3;
+
+            c->skew_us = c->last_ns ? c->skew_us + SMOOTH * (us - c->skew_us) : us;
+            c->last_ns = set->t_ns;
+            a->frames[i]++;
+        }
+    }
+    a->state.frame_ns = sst_clock_now_ns();
+}
+
+/** On the writer's thread of capture: copy the set, so that its frames go back at once. */
+static int on_set(void *arg, const struct sst_set *set)
+{
+    struct sst_array *a = arg;
+    const int err = sst_ring_put(a->ring, set);
+
+    pthread_mutex_lock(&a->lock);
+    note_set_locked(a, set);
+    a->state.ring_refused += err != 0;
+    pthread_mutex_unlock(&a->lock);
+    return err;
+}
+
+static json_t *place(const struct sst_array *a, int cam)
+{
+    const struct sst_config_camera *at = &a->config.camera[cam];
+
+    return json_pack("{s:i, s:i, s:s, s:s}", "row", at->row, "col", at->col, "serial", at->serial, "port", at->port);
+}
+
+static void on_camera(void *arg, int cam, enum sst_grab_state state, const char *why)
+{
+    struct sst_array *a = arg;
+    const struct sst_config_camera *at = &a->config.camera[cam];
+    struct sst_array_camera *c = &a->camera[cam];
+    const bool delivers = state == SST_GRAB_STREAMING;
+    enum sst_grab_state before;
+    bool known;
+
+    pthread_mutex_lock(&a->lock);
+    before = c->state;
+    known = c->last_ns != 0;
+    c->state = state;
+    snprintf(c->reason, sizeof(c->reason), "%s", delivers || !why ? "" : why);
+    pthread_mutex_unlock(&a->lock);
+    if (delivers && before != SST_GRAB_STREAMING && known)
+        sst_events_emit(a->events, SST_EVENT_INFO, "camera-found", place(a, cam),
+                        "camera of row %d, col %d (%s) delivers again", at->row, at->col,
+                        at->serial[0] ? at->serial : at->port);
+    if (before == SST_GRAB_STREAMING && !delivers && state != SST_GRAB_READY) {
+        json_t *data = place(a, cam);
+
+        json_object_set_new(data, "reason", json_string(why ? why : ""));
+        sst_events_emit(a->events, SST_EVENT_WARNING, "camera-lost", data, "camera of row %d, col %d (%s) is lost: %s",
+                        at->row, at->col, at->serial[0] ? at->serial : at->port, why ? why : "unplugged");
+    }
+}
+
+static void tell_skew(struct sst_array *a, const struct sst_capture_report *r, uint64_t sets)
+{
+    const bool over = r->skewed > a->told_skewed && 2 * (r->skewed - a->told_skewed) > sets;
+    const struct sst_config_camera *at = &a->config.camera[sst_max_int(r->worst_cam, 0)];
+    json_t *data;
+
+    a->told_skewed = r->skewed;
+    if (over == a->skew_over || a->config.source != SST_CONFIG_GPIO || !sets)
+        return;
+    a->skew_over = over;
+    data = json_pack("{s:b, s:f, s:i, s:i}", "over", over, "spread_us", (double)r->skew_ns.max / 1e3, "row", at->row,
+                     "col", at->col);
+    if (over)
+        sst_events_emit(a->events, SST_EVENT_WARNING, "skew", data,
+                        "most sets exceed the limit of %d us between exposures; the farthest camera is r%dc%d",
+                        a->config.skew_limit_us, at->row, at->col);
+    else
+        sst_events_emit(a->events, SST_EVENT_INFO, "skew", data, "exposures are within %d us again",
+                        a->config.skew_limit_us);
+}
+
+static void tell_trigger(struct sst_array *a, bool away)
+{
+    if (away == a->trigger_away)
+        return;
+    a->trigger_away = away;
+    if (away)
+        sst_events_emit(a->events, SST_EVENT_ERROR, "trigger-lost", NULL,
+                        "the trigger's GPIO chip \"%s\" is gone; it is looked for, cameras wait",
+                        a->config.chip[0] ? a->config.chip : a->config.line[0]);
+    else
+        sst_events_emit(a->events, SST_EVENT_INFO, "trigger-found", NULL, "the trigger fires again");
+}
+
+static void take_camera_locked(struct sst_array *a, int i, const struct sst_capture_report *r, double s)
+{
+    struct sst_array_camera *c = &a->camera[i];
+    const struct sst_grab_device *device;
+
+    sst_capture_camera(a->capture, i, &c->grab, &device);
+    if (device->port[0]) {
+        memcpy(c->serial, device->serial, sizeof(c->serial));
+        memcpy(c->port, device->port, sizeof(c->port));
+        memcpy(c->name, device->name, sizeof(c->name));
+    }
+    memcpy(c->bucket, r->sets.camera[i], sizeof(c->bucket));
+    c->rate_hz = s > 0 ? (double)(a->frames[i] - a->told_frames[i]) / s : 0;
+    a->told_frames[i] = a->frames[i];
+}
+
+/** Errors are the reason why there are no sets; once these come, they are told as they happen. */
+static void tell_errors(void)
+{
+    char *held = sst_log_hold_errors(NULL);
+
+    if (held && held[0]) {
+        sst_log_error("%s", held);
+        held[0] = 0;
+    }
+}
+
+/** Frames that ended since the last report: were they of any use? */
+static void note_unused_locked(struct sst_array *a, const struct sst_sets_counters *n, int64_t now_ns)
+{
+    const uint64_t *before = a->state.report.sets.bucket, used = n->bucket[SST_BUCKET_SET] - before[SST_BUCKET_SET];
+    uint64_t unused = 0, most = 0;
+
+    for (int i = 0; i < SST_BUCKETS; i++) {
+        const uint64_t more = n->bucket[i] - before[i];
+
+        if (i == SST_BUCKET_SET || i == SST_BUCKET_DROPPED ||
+            (i == SST_BUCKET_STRAY && a->config.source == SST_CONFIG_SOFTWARE))
+            continue; /* marks in time leave most frames stray */
+        unused += more;
+        if (more > most) {
+            most = more;
+            a->state.unused_bucket = (enum sst_bucket)i;
+        }
+    }
+    if (unused)
+        a->state.unused_ns = now_ns;
+    if (unused || used)
+        a->state.unused_s = unused > 9 * used ? a->state.unused_s + 1 : 0;
+}
+
+/** Once a second, on the capturing thread. */
+static void on_progress(void *arg, uint64_t sets)
+{
+    struct sst_array *a = arg;
+    const int64_t now_ns = sst_clock_now_ns();
+    const double s = (double)(now_ns - a->told_ns) / 1e9;
+    struct sst_capture_report r;
+
+    if (!a->capture)
+        return;
+    if (sets)
+        tell_errors();
+    sst_capture_report(a->capture, &r);
+    tell_skew(a, &r, sets - a->told_sets);
+    tell_trigger(a, r.trigger_away);
+    pthread_mutex_lock(&a->lock);
+    if (sets)
+        a->state.reason[0] = 0;
+    a->state.beat_ns = now_ns;
+    note_unused_locked(a, &r.sets, now_ns);
+    a->state.report = r;
+    a->state.sets = a->sets_before + r.handed;
+    a->state.complete = a->complete_before + r.complete;
+    a->state.rate_hz = s > 0 ? (double)(sets - a->told_sets) / s : 0;
+    for (int i = 0; i < a->config.bound; i++)
+        take_camera_locked(a, i, &r, s);
+    pthread_mutex_unlock(&a->lock);
+    a->told_ns = now_ns;
+    a->told_sets = sets;
+}
+
+/* --- the capturing thread ----------------------------------------------------------------------------------------- */
+
+/** How far sets are apart, as they were asked for. */
+static int64_t period_ns(const struct sst_array_config *a)
+{
+    return (int64_t)(1e9 / (a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz));
+}
+
+/** Until an opening succeeds, cameras are where the last one found them. */
+static void forget_cameras_locked(struct sst_array *a)
+{
+    memset(a->camera, 0, sizeof(a->camera));
+    for (int i = 0; a->layout.generation && i < a->layout.config.bound; i++) {
+        const struct sst_config_camera *at = &a->layout.config.camera[i];
+
+        a->camera[i].row = at->row;
+        a->camera[i].col = at->col;
+        memcpy(a->camera[i].serial, at->serial, sizeof(a->camera[i].serial));
+        memcpy(a->camera[i].port, at->port, sizeof(a->camera[i].port));
+    }
+}
+
+/** What was learned by opening: where which camera sits. */
+static void begin_locked(struct sst_array *a, struct sst_capture *capture)
+{
+    struct sst_ring_counters ring;
+
+    sst_ring_counters(a->ring, &ring);
+    a->capture = capture;
+    a->layout.generation++;
+    a->layout.first = ring.kept + 1;
+    a->layout.config = a->config;
+    a->state.beat_ns = sst_clock_now_ns();
+    a->state.open = true;
+    a->state.failed = false;
+    a->state.report = (struct sst_capture_report){ 0 };
+    a->state.unused_s = 0;
+    a->state.cameras = a->config.bound;
+    a->state.period_ns = period_ns(&a->config);
+    a->sets_before = a->state.sets;
+    a->complete_before = a->state.complete;
+    memset(a->frames, 0, sizeof(a->frames));
+    memset(a->told_frames, 0, sizeof(a->told_frames));
+    for (int i = 0; i < a->config.bound; i++) {
+        struct sst_array_camera *c = &a->camera[i];
+        const struct sst_grab_device *device;
+
+        sst_capture_camera(capture, i, &c->grab, &device);
+        c->row = a->config.camera[i].row;
+        c->col = a->config.camera[i].col;
+        memcpy(c->serial, device->port[0] ? device->serial : a->config.camera[i].serial, sizeof(c->serial));
+        memcpy(c->port, device->port[0] ? device->port : a->config.camera[i].port, sizeof(c->port));
+        memcpy(c->name, device->name, sizeof(c->name));
+    }
+}
+
+static void end_locked(struct sst_array *a)
+{
+    a->capture = NULL;
+    a->state.open = false;
+    a->state.rate_hz = 0;
+}
+
+/**
+ * @param count  of configurations, when this one was taken
+ * @param again  it was tried before, and failed
+ * @param why    out, the sentence of the error that ended it, or ""
+ * @return 0, or that error
+ */
+static int capture_once(struct sst_array *a, unsigned count, bool again, char why[SST_LOG_MAX])
+{
+    const struct sst_capture_events events = {
+        .arg = a, .set = on_set, .progress = on_progress, .camera = on_camera, .quiet = true, .again = again
+    };
+    struct sst_capture *capture = NULL;
+    int err;
+
+    why[0] = 0;
+    sst_log_hold_errors(why); /* told as the reason of the state, until sets come */
+    a->told_ns = sst_clock_now_ns();
+    a->told_sets = a->told_skewed = 0;
+    pthread_mutex_lock(&a->lock);
+    forget_cameras_locked(a);
+    pthread_mutex_unlock(&a->lock);
+    err = sst_capture_open(&capture, &a->config, &events);
+    if (!err) {
+        pthread_mutex_lock(&a->lock);
+        begin_locked(a, capture);
+        if (a->stop || a->wanted_count != count) /* asked for while there was nothing to stop */
+            sst_capture_stop(capture);
+        pthread_mutex_unlock(&a->lock);
+        err = sst_capture_run(capture, 0);
+        pthread_mutex_lock(&a->lock);
+        end_locked(a);
+        pthread_mutex_unlock(&a->lock);
+    }
+    sst_capture_close(capture);
+    sst_log_hold_errors(NULL);
+    if (err && !why[0])
+        snprintf(why, SST_LOG_MAX, "capturing ended: %s", strerror(-err));
+    return err;
+}
+
+static void wait_locked(struct sst_array *a, int64_t ns, unsigned count)
+{
+    const int64_t end_ns = sst_clock_now_ns() + ns;
+
+    while (!a->stop && a->wanted_count == count && sst_clock_now_ns() < end_ns) {
+        const int64_t next_ns = sst_clock_now_ns() + 500000000;
+
+        a->state.beat_ns = sst_clock_now_ns();
+        (void)sst_cond_wait_until(&a->changed, &a->lock, next_ns < end_ns ? next_ns : end_ns);
+    }
+    a->state.beat_ns = sst_clock_now_ns();
+}
+
+static void *run(void *arg)
+{
+    struct sst_array *a = arg;
+    int64_t retry_ns = RETRY_MIN_NS;
+    unsigned tried = 0;
+    char told[SST_LOG_MAX] = "", why[SST_LOG_MAX];
+
+    sst_thread_name("sst-capture");
+    pthread_mutex_lock(&a->lock);
+    while (!a->stop) {
+        const unsigned count = a->wanted_count;
+        const uint64_t sets = a->state.sets;
+        const bool again = a->state.failed && count == tried;
+        int err;
+
+        a->config = a->wanted;
+        a->state.beat_ns = sst_clock_now_ns();
+        pthread_mutex_unlock(&a->lock);
+        err = capture_once(a, count, again, why);
+        tried = count;
+        if (why[0] && strcmp(why, told)) /* once, however often it is tried */
+            sst_log_error("%s", why);
+        memcpy(told, why, sizeof(told));
+        pthread_mutex_lock(&a->lock);
+        snprintf(a->state.reason, sizeof(a->state.reason), "%s", err ? why : "");
+        a->state.failed = err != 0;
+        retry_ns = a->state.sets > sets || a->wanted_count != count ? RETRY_MIN_NS
+                   : 2 * retry_ns < RETRY_MAX_NS                    ? 2 * retry_ns
+                                                                    : RETRY_MAX_NS;
+        if (err)
+            wait_locked(a, retry_ns, count);
+    }
+    a->ended = true;
+    pthread_cond_broadcast(&a->changed);
+    pthread_mutex_unlock(&a->lock);
+    return NULL;
+}
+
+/* --- for the others ----------------------------------------------------------------------------------------------- */
+
+int sst_array_open(struct sst_array **out, const struct sst_array_config *config, struct sst_ring *ring,
+                   struct sst_events *events)
+{
+    struct sst_array *a = calloc(1, sizeof(*a));
+    int err;
+
+    if (!a)
+        return -ENOMEM;
+    a->ring = ring;
+    a->events = events;
+    a->wanted = *config;
+    a->state.beat_ns = sst_clock_now_ns();
+    a->state.report.worst_cam = -1;
+    pthread_mutex_init(&a->lock, NULL);
+    sst_cond_init(&a->changed);
+    err = -pthread_create(&a->thread, NULL, run, a);
+    if (err) {
+        sst_array_close(a);
+        return err;
+    }
+    *out = a;
+    return 0;
+}
+
+void sst_array_configure(struct sst_array *a, const struct sst_array_config *config)
+{
+    pthread_mutex_lock(&a->lock);
+    a->wanted = *config;
+    a->wanted_count++;
+    if (a->capture)
+        sst_capture_stop(a->capture);
+    pthread_cond_broadcast(&a->changed);
+    pthread_mutex_unlock(&a->lock);
+}
+
+void sst_array_state(struct sst_array *a, struct sst_array_state *out)
+{
+    pthread_mutex_lock(&a->lock);
+    *out = a->state;
+    out->present = 0;
+    for (int i = 0; a->state.open && i < a->state.cameras; i++)
+        out->present += a->camera[i].state == SST_GRAB_STREAMING;
+    pthread_mutex_unlock(&a->lock);
+}
+
+int sst_array_cameras(struct sst_array *a, struct sst_array_camera *out)
+{
+    int n;
+
+    pthread_mutex_lock(&a->lock);
+    n = a->layout.generation ? a->layout.config.bound : 0;
+    memcpy(out, a->camera, sizeof(*out) * (size_t)n);
+    pthread_mutex_unlock(&a->lock);
+    return n;
+}
+
+unsigned sst_array_generation(struct sst_array *a)
+{
+    unsigned generation;
+
+    pthread_mutex_lock(&a->lock);
+    generation = a->layout.generation;
+    pthread_mutex_unlock(&a->lock);
+    return generation;
+}
+
+void sst_array_layout(struct sst_array *a, struct sst_layout *out)
+{
+    pthread_mutex_lock(&a->lock);
+    *out = a->layout;
+    pthread_mutex_unlock(&a->lock);
+}
+
+void sst_array_tracks(struct sst_array *a, struct sst_recorder_track *out)
+{
+    pthread_mutex_lock(&a->lock);
+    for (int i = 0; a->layout.generation && i < a->layout.config.bound; i++) {
+        const struct sst_array_camera *c = &a->camera[i];
+
+        out[i] = (struct sst_recorder_track){ .row = c->row, .col = c->col };
+        memcpy(out[i].serial, c->serial, sizeof(out[i].serial));
+        memcpy(out[i].port, c->port, sizeof(out[i].port));
+        memcpy(out[i].name, c->name, sizeof(out[i].name));
+    }
+    pthread_mutex_unlock(&a->lock);
+}
+
+void sst_array_stop(struct sst_array *a)
+{
+    pthread_mutex_lock(&a->lock);
+    a->stop = true;
+    if (a->capture)
+        sst_capture_stop(a->capture);
+    pthread_cond_broadcast(&a->changed);
+    pthread_mutex_unlock(&a->lock);
+}
+
+bool sst_array_join(struct sst_array *a, int64_t until_ns)
+{
+    bool ended;
+
+    pthread_mutex_lock(&a->lock);
+    while (!a->ended && sst_cond_wait_until(&a->changed, &a->lock, until_ns))
+        ;
+    ended = a->ended;
+    pthread_mutex_unlock(&a->lock);
+    if (ended)
+        pthread_join(a->thread, NULL);
+    return ended;
+}
+
+void sst_array_close(struct sst_array *a)
+{
+    if (!a)
+        return;
+    pthread_cond_destroy(&a->changed);
+    pthread_mutex_destroy(&a->lock);
+    free(a);
+}

@@ -1,0 +1,497 @@
+#include "daemon/service/service.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "daemon/service/service_parts.h"
+
+#define EVENTS_KEPT   1000
+#define STOP_NS       INT64_C(900000000) /* for all of it, */
+#define SETS_NS       INT64_C(250000000) /* of which sets on their way have this, to be recorded ... */
+#define FREE_NS       INT64_C(500000000) /* ... and cameras and the live picture this: nothing of theirs is needed */
+#define CLOCK_STEP_NS INT64_C(500000000)
+#define FRESH_NS      INT64_C(3000000000) /* sets that are older are no progress */
+#define START_NS      INT64_C(10000000000)
+#define UNUSED_S      3                     /* frames that end outside sets for so long are no hiccup */
+#define LIVE_NS       INT64_C(180000000000) /* the first set of a large array takes its time on a small machine */
+
+const char *sst_service_phase_name(enum sst_service_phase phase)
+{
+    static const char *const names[] = { "starting", "armed", "capturing", "degraded", "draining", "failed" };
+
+    return names[phase];
+}
+
+/* --- start -------------------------------------------------------------------------------------------------------- */
+
+static const char *text_or_null(const char *text)
+{
+    return text[0] ? text : NULL;
+}
+
+static int open_http(struct sst_service *s, const struct sst_service_config *cfg)
+{
+    const struct sst_config *c = &s->config;
+    const struct sst_http_config http = {
+        .socket = cfg->socket ? cfg->socket : text_or_null(c->control.socket),
+        .socket_fd = cfg->socket_fd,
+        .group = text_or_null(c->control.group),
+        .view_group = text_or_null(c->control.view_group),
+        .address = c->web.enabled ? c->web.address : NULL,
+        .port = c->web.port,
+        .host = text_or_null(c->web.host),
+        .token_file = c->web.token_file,
+        .tls_certificate = text_or_null(c->web.tls_certificate),
+        .tls_key = text_or_null(c->web.tls_key),
+        .insecure = c->web.insecure,
+        .clients = c->web.clients,
+        .streams = c->web.streams,
+        .stream_hz = c->web.stream_hz,
+        .api = &s->api,
+    };
+
+    struct sst_http *opened;
+    const int err = sst_http_open(&opened, &http);
+
+    if (err)
+        return err;
+    pthread_mutex_lock(&s->lock); /* its clients ask already */
+    s->http = opened;
+    pthread_mutex_unlock(&s->lock);
+    return 0;
+}
+
+static int open_rtsp(struct sst_service *s)
+{
+    const struct sst_config *c = &s->config;
+    const struct sst_rtsp_config rtsp = {
+        .address = c->rtsp.address,
+        .port = c->rtsp.port,
+        .codec = c->rtsp.codec,
+        .user = c->rtsp.user,
+        .password_file = c->rtsp.password_file,
+        .insecure = c->rtsp.insecure,
+        .api = &s->api,
+    };
+
+    struct sst_rtsp *opened = NULL;
+    const int err = c->rtsp.enabled ? sst_rtsp_open(&opened, &rtsp) : 0;
+
+    if (err)
+        return err;
+    pthread_mutex_lock(&s->lock);
+    s->rtsp = opened;
+    pthread_mutex_unlock(&s->lock);
+    return 0;
+}
+
+/** Neither keeps the service from running: what they lack is told and tried again. */
+static int open_hooks(struct sst_service *s)
+{
+    const struct sst_hooks_config hooks = { .events = s->events, .hook = s->config.hook, .hooks = s->config.hooks };
+    const struct sst_mqtt_config mqtt = { .config = &s->config, .api = &s->api };
+    const int err = sst_hooks_open(&s->hooks, &hooks);
+
+    return err ? err : sst_mqtt_open(&s->mqtt, &mqtt);
+}
+
+/** Another service here would take cameras, lines and folder from this one before it found the socket in use. */
+static int check_alone(const char *path)
+{
+    struct sockaddr_un to = { .sun_family = AF_UNIX };
+    int fd, err = 0;
+
+    if (!path || strlen(path) >= sizeof(to.sun_path))
+        return 0; /* opening it judges */
+    strcpy(to.sun_path, path);
+    fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (fd >= 0 && !connect(fd, (const struct sockaddr *)&to, sizeof(to))) {
+        sst_log_error("a service listens on %s already: stop it (systemctl stop sstd), or give this one another "
+                      "configuration",
+                      path);
+        err = -EADDRINUSE;
+    }
+    if (fd >= 0)
+        close(fd);
+    return err;
+}
+
+void sst_service_record_view(struct sst_service *s)
+{
+    struct sst_outlet *outlet;
+
+    if (sst_viewer_outlet(s->viewer, SST_PICTURE_VIEW, "main", &outlet))
+        return; /* there is no live picture */
+    sst_storage_view(s->storage, outlet);
+    sst_outlet_unref(outlet);
+}
+
+static int open_parts(struct sst_service *s, const struct sst_service_config *cfg)
+{
+    struct sst_config *c = &s->config;
+    const struct sst_recorder_track none = { 0 }; /* which cameras there are is known once they are opened */
+    const int bound = c->array.bound;
+    int err = sst_events_create(&s->events, EVENTS_KEPT);
+
+    if (!err)
+        err = sst_ring_create(&s->ring, (size_t)c->storage.ring_mb << 20);
+    if (err) {
+        sst_log_error("no memory for %d MiB of sets: lower storage: ring_mb", c->storage.ring_mb);
+        return err;
+    }
+    sst_service_api(s);
+    const struct sst_storage_config storage = { .config = c, .ring = s->ring, .events = s->events, .tracks = &none };
+
+    c->array.bound = 0;
+    err = sst_storage_open(&s->storage, &storage);
+    c->array.bound = bound;
+    if (!err)
+        err = sst_array_open(&s->array, &c->array, s->ring, s->events);
+    const struct sst_viewer_config viewer = {
+        .config = c, .ring = s->ring, .array = s->array, .storage = s->storage, .events = s->events
+    };
+
+    if (!err)
+        err = sst_viewer_open(&s->viewer, &viewer);
+    if (!err)
+        sst_service_record_view(s);
+    if (!err)
+        err = open_http(s, cfg);
+    if (!err)
+        err = open_rtsp(s);
+    return err ? err : open_hooks(s);
+}
+
+/* Who asks for a reload while parts come and go is put off. */
+static void set_open(struct sst_service *s, bool open)
+{
+    pthread_mutex_lock(&s->parts);
+    s->open = open;
+    pthread_mutex_unlock(&s->parts);
+}
+
+int sst_service_open(struct sst_service **out, const struct sst_config *config, const struct sst_service_config *cfg)
+{
+    const char *path = cfg->socket ? cfg->socket : text_or_null(config->control.socket);
+    struct sst_service *s;
+    int err = cfg->socket_fd < 0 ? check_alone(path) : 0;
+
+    if (err)
+        return err;
+    s = calloc(1, sizeof(*s));
+    if (!s)
+        return -ENOMEM;
+    s->config = *config;
+    s->start_ns = s->cpu_at_ns = sst_clock_now_ns();
+    s->wall_offset_ns = sst_clock_wall_ns() - s->start_ns;
+    snprintf(s->path, sizeof(s->path), "%s", cfg->path ? cfg->path : "");
+    pthread_mutex_init(&s->reload, NULL);
+    pthread_mutex_init(&s->parts, NULL);
+    pthread_mutex_init(&s->lock, NULL);
+    err = open_parts(s, cfg);
+    if (err) {
+        if (!sst_service_stop(s))
+            sst_log_warning("something hangs while stopping");
+        return err;
+    }
+    set_open(s, true);
+    sst_events_emit(s->events, SST_EVENT_INFO, "start", json_pack("{s:s}", "version", SST_VERSION), "sstd %s started",
+                    SST_VERSION);
+    *out = s;
+    return 0;
+}
+
+/* --- states ------------------------------------------------------------------------------------------------------- */
+
+/** What is missing, of what works. */
+static void name_missing(struct sst_service *s, const struct sst_array_state *a, char *why, size_t size)
+{
+    struct sst_array_camera *c = calloc(SST_CAMERAS_MAX, sizeof(*c));
+    const int n = c ? sst_array_cameras(s->array, c) : 0;
+    int shown = 0, used;
+
+    used = snprintf(why, size, "%d of %d cameras are missing:", a->cameras - a->present, a->cameras);
+    for (int i = 0; i < n && used > 0 && (size_t)used < size; i++) {
+        if (c[i].state == SST_GRAB_STREAMING)
+            continue;
+        if (shown++ == 8) {
+            snprintf(why + used, size - (size_t)used, " ...");
+            break;
+        }
+        used += snprintf(why + used, size - (size_t)used, " r%dc%d (%s)", c[i].row, c[i].col,
+                         sst_array_state_name(c[i].state));
+    }
+    free(c);
+}
+
+static void name_unused(enum sst_bucket bucket, char *why, size_t size)
+{
+    if (bucket == SST_BUCKET_STRAY)
+        snprintf(why, size,
+                 "frames come, but they belong to no trigger: set the cameras' triggered mode in cameras: "
+                 "controls (trigger_mode: 1), or trigger: source software or free-run");
+    else
+        snprintf(why, size, "frames come, but nearly all are %s: the journal tells why of each camera",
+                 sst_bucket_name(bucket));
+}
+
+static enum sst_service_phase judge(struct sst_service *s, const struct sst_array_state *a,
+                                    const struct sst_viewer_state *v, char *why, size_t size)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+    const bool flows = a->frame_ns && now_ns - a->frame_ns < FRESH_NS + 3 * a->period_ns;
+    char away[192];
+
+    why[0] = 0;
+    if (!a->open) {
+        snprintf(why, size, "%s", a->reason);
+        return a->failed ? SST_SERVICE_FAILED : SST_SERVICE_STARTING;
+    }
+    if (!flows && a->report.trigger_away)
+        snprintf(why, size, "the trigger's GPIO chip is gone");
+    else if (!flows && !a->present) /* being tried again: why it failed is still true */
+        snprintf(why, size, "%s", a->reason);
+    if (a->present && a->unused_s >= UNUSED_S)
+        name_unused(a->unused_bucket, why, size);
+    if (!flows && (why[0] || (a->cameras && !a->present && now_ns - s->start_ns > START_NS))) {
+        if (!why[0])
+            snprintf(why, size, "none of the %d cameras delivers", a->cameras);
+        return SST_SERVICE_FAILED;
+    }
+    if (!flows)
+        return a->present ? SST_SERVICE_ARMED : SST_SERVICE_STARTING;
+    if (why[0])
+        return SST_SERVICE_DEGRADED;
+    if (a->present < a->cameras)
+        name_missing(s, a, why, size);
+    else if (a->report.trigger_away)
+        snprintf(why, size, "the trigger's GPIO chip is gone");
+    else if (v->enabled && v->reason[0])
+        snprintf(why, size, "no live picture: %.440s", v->reason);
+    else if (sst_storage_state(s->storage) == SST_STORAGE_FULL)
+        snprintf(why, size, "nothing can be recorded, see storage");
+    else if ((s->http && sst_http_away(s->http, away, sizeof(away))) ||
+             (s->rtsp && sst_rtsp_away(s->rtsp, away, sizeof(away))))
+        snprintf(why, size, "%s; tried again", away);
+    return why[0] ? SST_SERVICE_DEGRADED : SST_SERVICE_CAPTURING;
+}
+
+static void watch_clock(struct sst_service *s)
+{
+    const int64_t offset_ns = sst_clock_wall_ns() - sst_clock_now_ns(), step_ns = offset_ns - s->wall_offset_ns;
+
+    s->wall_offset_ns = offset_ns;
+    if (step_ns > CLOCK_STEP_NS || step_ns < -CLOCK_STEP_NS)
+        sst_events_emit(
+            s->events, SST_EVENT_WARNING, "clock", json_pack("{s:I}", "step_ms", (json_int_t)(step_ns / 1000000)),
+            "the wall clock was set by %+.1f s; sets are timed by another clock and go on", (double)step_ns / 1e9);
+}
+
+/** Recordings say which cameras there are. */
+static void tell_storage(struct sst_service *s)
+{
+    const unsigned generation = sst_array_generation(s->array);
+    struct sst_layout *layout;
+    struct sst_recorder_track *tracks;
+
+    if (generation == s->generation)
+        return;
+    layout = calloc(1, sizeof(*layout));
+    tracks = calloc(SST_CAMERAS_MAX, sizeof(*tracks));
+    if (layout && tracks) {
+        sst_array_layout(s->array, layout);
+        sst_array_tracks(s->array, tracks);
+        sst_storage_cameras(s->storage, &layout->config, tracks);
+        s->generation = generation;
+    }
+    free(layout);
+    free(tracks);
+}
+
+static void measure_cpu(struct sst_service *s)
+{
+    const int64_t now_ns = sst_clock_now_ns(), cpu_ns = sst_clock_cpu_ns();
+
+    if (now_ns - s->cpu_at_ns < 5000000000 && s->cpu_ns)
+        return;
+    pthread_mutex_lock(&s->lock);
+    s->cpu_percent = 100.0 * (double)(cpu_ns - s->cpu_ns) / (double)(now_ns - s->cpu_at_ns);
+    pthread_mutex_unlock(&s->lock);
+    s->cpu_ns = cpu_ns;
+    s->cpu_at_ns = now_ns;
+}
+
+enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
+{
+    struct sst_array_state *a = &s->array_now;
+    struct sst_viewer_state *v = &s->viewer_now;
+    enum sst_service_phase phase = s->phase, before = s->phase;
+    char why[512] = "";
+
+    watch_clock(s);
+    tell_storage(s);
+    measure_cpu(s);
+    sst_array_state(s->array, a);
+    sst_viewer_state(s->viewer, v);
+    phase = judge(s, a, v, why, sizeof(why));
+    snprintf(status, 512, "%s: %d of %d cameras, %.1f sets/s, live %.1f sets/s, latency %.0f ms%s%.300s",
+             sst_service_phase_name(phase), a->present, a->cameras, a->rate_hz, v->rate_hz,
+             sst_window_quantile(&v->latency_ms, 0.5), why[0] ? "; " : "", why);
+    pthread_mutex_lock(&s->lock);
+    s->phase = phase;
+    memcpy(s->reason, why, sizeof(s->reason));
+    pthread_mutex_unlock(&s->lock);
+    if (phase != before)
+        sst_events_emit(s->events,
+                        phase == SST_SERVICE_FAILED     ? SST_EVENT_ERROR
+                        : phase == SST_SERVICE_DEGRADED ? SST_EVENT_WARNING
+                                                        : SST_EVENT_INFO,
+                        "state", json_pack("{s:s, s:s}", "state", sst_service_phase_name(phase), "reason", why),
+                        "%s%s%.480s", sst_service_phase_name(phase), why[0] ? ": " : "", why);
+    return phase;
+}
+
+bool sst_service_alive(struct sst_service *s, int64_t ns)
+{
+    struct sst_array_state *a = &s->array_now;
+    struct sst_viewer_state *v = &s->viewer_now;
+    const int64_t now_ns = sst_clock_now_ns();
+    bool alive;
+
+    sst_array_state(s->array, a);
+    sst_viewer_state(s->viewer, v);
+    /* The capturing thread runs; cameras that do not answer hold up its opening of them for long ... */
+    alive = now_ns - a->beat_ns < (a->open ? ns : 3 * ns);
+    if (alive && a->open && a->present && !a->report.trigger_away) { /* ... frames come, in sets or not ... */
+        const int64_t frame_ns = a->frame_ns > a->unused_ns ? a->frame_ns : a->unused_ns;
+
+        alive = now_ns - (frame_ns > s->start_ns ? frame_ns : s->start_ns) < ns + START_NS + 3 * a->period_ns;
+    }
+    if (alive) /* ... and pictures are made, however slowly: capturing is not to be ended for those */
+        alive = now_ns - v->beat_ns < (3 * ns > LIVE_NS ? 3 * ns : LIVE_NS);
+    return alive;
+}
+
+void sst_service_address(struct sst_service *s, char *out, size_t size)
+{
+    const int port = s->http ? sst_http_port(s->http) : 0;
+    const bool tls = s->config.web.tls_certificate[0] != 0, six = strchr(s->config.web.address, ':') != NULL;
+    char token[128] = "";
+    FILE *f = port ? fopen(s->config.web.token_file, "re") : NULL;
+
+    if (f && (!fgets(token, sizeof(token), f)))
+        token[0] = 0;
+    if (f)
+        fclose(f);
+    token[strcspn(token, "\n")] = 0;
+    out[0] = 0;
+    if (port)
+        snprintf(out, size, "%s://%s%s%s:%d/?token=%s", tls ? "https" : "http", six ? "[" : "", s->config.web.address,
+                 six ? "]" : "", port, token);
+}
+
+/* --- stop --------------------------------------------------------------------------------------------------------- */
+
+static int left_ms(int64_t until_ns)
+{
+    return sst_max_int((int)((until_ns - sst_clock_now_ns()) / 1000000), 50);
+}
+
+/* All that can end by itself begins to. Who asks for a status meanwhile, HTTP's own clients among them, does not find
+ * the servers any more. @return the cameras' thread has ended */
+static bool begin_end(struct sst_service *s, int64_t until_ns, struct sst_http **http, struct sst_rtsp **rtsp)
+{
+    const int64_t sets_ns = until_ns - STOP_NS + SETS_NS;
+    bool ended = true;
+
+    pthread_mutex_lock(&s->lock);
+    s->phase = SST_SERVICE_DRAINING;
+    *http = s->http;
+    *rtsp = s->rtsp;
+    s->http = NULL;
+    s->rtsp = NULL;
+    pthread_mutex_unlock(&s->lock);
+    if (s->viewer)
+        sst_viewer_stop(s->viewer); /* viewers leave, so that servers end at once */
+    if (s->array)
+        sst_array_stop(s->array);
+    sst_mqtt_stop(s->mqtt);
+    sst_hooks_stop(s->hooks);
+    sst_http_stop(*http);
+    sst_rtsp_stop(*rtsp);
+    if (s->array)
+        ended = sst_array_join(s->array, sets_ns);
+    if (s->ring)
+        sst_ring_shut(s->ring);
+    sst_storage_shut(s->storage, left_ms(until_ns));
+    return ended;
+}
+
+/* What a part took to end, for those who wonder. */
+static void note(char *text, size_t size, const char *part, int64_t *since_ns)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+    const size_t n = strlen(text);
+
+    snprintf(text + n, size - n, "%s%s %.0f", n ? ", " : "", part, (double)(now_ns - *since_ns) * 1e-6);
+    *since_ns = now_ns;
+}
+
+bool sst_service_stop(struct sst_service *s)
+{
+    const int64_t start_ns = sst_clock_now_ns(), until_ns = start_ns + STOP_NS;
+    const int64_t free_ns = start_ns + FREE_NS;
+    int64_t since_ns = start_ns;
+    struct sst_http *http;
+    struct sst_rtsp *rtsp;
+    bool mqtt, array, storage, viewer = true;
+    char took[256] = "";
+
+    sst_thread_raise_all();
+    set_open(s, false);
+    if (s->events && s->api.arg)
+        sst_events_emit(s->events, SST_EVENT_INFO, "stop", NULL, "sstd is stopping");
+    array = begin_end(s, until_ns, &http, &rtsp);
+    note(took, sizeof(took), "sets", &since_ns);
+    sst_hooks_close(s->hooks);
+    note(took, sizeof(took), "hooks", &since_ns);
+    if (s->events)
+        sst_events_shut(s->events); /* who listens to them leaves */
+    sst_http_close(http);
+    note(took, sizeof(took), "HTTP", &since_ns);
+    sst_rtsp_close(rtsp); /* HTTP tells of its clients */
+    note(took, sizeof(took), "RTSP", &since_ns);
+    storage = sst_storage_finish(s->storage, left_ms(until_ns));
+    note(took, sizeof(took), "disk", &since_ns);
+    mqtt = sst_mqtt_close(s->mqtt, left_ms(until_ns));
+    note(took, sizeof(took), "MQTT", &since_ns);
+    if (s->viewer)
+        viewer = sst_viewer_join(s->viewer, since_ns < free_ns ? free_ns : since_ns);
+    note(took, sizeof(took), "live", &since_ns);
+    if (!array)
+        array = sst_array_join(s->array, since_ns < free_ns ? free_ns : since_ns);
+    note(took, sizeof(took), "cameras", &since_ns);
+    sst_log_info("stopped in %.0f ms, waiting for %s", (double)(since_ns - start_ns) * 1e-6, took);
+    if (!mqtt || !storage)
+        sst_log_warning("ending without waiting for %s%swhat was acknowledged is on disk",
+                        mqtt ? "" : "the MQTT broker; ", storage ? "" : "the disk; ");
+    if (!mqtt || !array || !storage || !viewer || !sst_storage_close(s->storage, 0))
+        return false; /* their threads may still ask for things */
+    sst_viewer_close(s->viewer);
+    sst_array_close(s->array);
+    sst_ring_destroy(s->ring);
+    sst_events_destroy(s->events);
+    pthread_mutex_destroy(&s->lock);
+    pthread_mutex_destroy(&s->parts);
+    pthread_mutex_destroy(&s->reload);
+    free(s);
+    return !sst_live_left_behind();
+}

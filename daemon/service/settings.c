@@ -1,0 +1,182 @@
+#include "daemon/service/settings.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "daemon/publish/api.h"
+
+/* Numbers, with what they may be. */
+enum number {
+    FOCUS = 0,
+    SIGMA = 1,
+    C1 = 2,
+    C2 = 3,
+    FACTOR = 4,
+    APERTURE = 5,
+    NUMBERS = 6,
+};
+
+static const struct {
+    const char *key;
+    double min, max;
+    bool null; /* may be null: the default */
+} numbers[NUMBERS] = {
+    { "focus_px", -1e4, 1e4, true }, { "sigma_px", 0, 1e4, true },      { "c1", 0, 1, false },
+    { "c2", 0, 1, false },           { "label_factor", 1, 1e6, false }, { "aperture", 0, 1e3, true },
+};
+
+static double *place(struct sst_view_settings *s, enum number i)
+{
+    switch (i) {
+    case FOCUS:
+        return &s->render.focus_px;
+    case SIGMA:
+        return &s->render.sigma_px;
+    case C1:
+        return &s->render.c1;
+    case C2:
+        return &s->render.c2;
+    case FACTOR:
+        return &s->render.label_factor;
+    default:
+        return &s->render.aperture;
+    }
+}
+
+/* What null stands for. */
+static double natural(enum number i)
+{
+    return i == FOCUS ? (double)NAN : i == SIGMA ? 0 : (double)INFINITY;
+}
+
+void sst_view_settings_defaults(struct sst_view_settings *s, const struct sst_live_settings *config)
+{
+    memset(s, 0, sizeof(*s));
+    sst_render_config_defaults(&s->render);
+    s->render.method = SST_RENDER_SST;
+    s->render.focus_px = config->focus_px;
+    s->render.sigma_px = config->sigma_px;
+    s->render.c1 = config->c1;
+    s->render.c2 = config->c2;
+    s->render.label_factor = config->label_factor;
+    s->render.verify = config->verify_rays ? SST_VERIFY_ON : SST_VERIFY_OFF;
+    s->render.threads = config->threads;
+}
+
+void sst_view_settings_follow(struct sst_view_settings *s, const struct sst_live_settings *from,
+                              const struct sst_live_settings *to)
+{
+    if (from->focus_px != to->focus_px && !(isnan(from->focus_px) && isnan(to->focus_px))) {
+        s->render.focus_px = to->focus_px;
+        s->follow = false;
+    }
+    if (from->sigma_px != to->sigma_px)
+        s->render.sigma_px = to->sigma_px;
+    if (from->c1 != to->c1)
+        s->render.c1 = to->c1;
+    if (from->c2 != to->c2)
+        s->render.c2 = to->c2;
+    if (from->label_factor != to->label_factor)
+        s->render.label_factor = to->label_factor;
+    s->render.verify = to->verify_rays ? SST_VERIFY_ON : SST_VERIFY_OFF;
+    s->render.threads = to->threads;
+}
+
+static int take_number(struct sst_view_settings *s, enum number i, const json_t *value, char error[512])
+{
+    const double v = json_number_value(value);
+
+    if (json_is_null(value) && numbers[i].null) {
+        *place(s, i) = natural(i);
+        return 0;
+    }
+    if (!json_is_number(value) || !(v >= numbers[i].min && v <= numbers[i].max)) {
+        snprintf(error, 512, "%s must be a number from %g to %g%s", numbers[i].key, numbers[i].min, numbers[i].max,
+                 numbers[i].null ? " or null" : "");
+        return -EINVAL;
+    }
+    *place(s, i) = v;
+    return 0;
+}
+
+static int take_method(struct sst_view_settings *s, const json_t *value, char error[512])
+{
+    const char *text = json_string_value(value);
+
+    if (!text || (strcmp(text, "sst") && strcmp(text, "refocus"))) {
+        snprintf(error, 512, "method must be \"sst\" or \"refocus\"");
+        return -EINVAL;
+    }
+    s->render.method = strcmp(text, "sst") ? SST_RENDER_REFOCUS : SST_RENDER_SST;
+    return 0;
+}
+
+static int take_label(struct sst_view_settings *s, const json_t *value, char error[512])
+{
+    const char *text = json_is_null(value) ? "" : json_string_value(value);
+
+    if (!text || strlen(text) >= sizeof(s->focus_label)) {
+        snprintf(error, 512, "focus_label must be the name of a class, see /api/v1/labels, or \"\"");
+        return -EINVAL;
+    }
+    snprintf(s->focus_label, sizeof(s->focus_label), "%s", text);
+    return 0;
+}
+
+static int take_member(struct sst_view_settings *s, const char *key, const json_t *value, char error[512])
+{
+    for (int i = 0; i < NUMBERS; i++)
+        if (!strcmp(key, numbers[i].key))
+            return take_number(s, (enum number)i, value, error);
+    if (!strcmp(key, "method"))
+        return take_method(s, value, error);
+    if (!strcmp(key, "focus_label"))
+        return take_label(s, value, error);
+    if (!strcmp(key, "follow") && json_is_boolean(value)) {
+        s->follow = json_is_true(value);
+        return 0;
+    }
+    snprintf(error, 512, "follow must be true or false");
+    return -EINVAL;
+}
+
+int sst_view_settings_take(struct sst_view_settings *s, const json_t *from, char error[512])
+{
+    static const char *const known[] = { "method", "focus_px", "focus_label",  "follow",   "sigma_px",
+                                         "c1",     "c2",       "label_factor", "aperture", NULL };
+    struct sst_view_settings to = *s;
+    const char *key;
+    json_t *value;
+
+    if (!json_is_object(from)) {
+        snprintf(error, 512, "the settings of a view are an object, like {\"focus_px\": 12}");
+        return -EINVAL;
+    }
+    if (sst_api_members(from, known, error))
+        return -EINVAL;
+    json_object_foreach((json_t *)from, key, value)
+    {
+        const int err = take_member(&to, key, value, error);
+
+        if (err)
+            return err;
+    }
+    *s = to;
+    return 0;
+}
+
+json_t *sst_view_settings_json(const struct sst_view_settings *s)
+{
+    json_t *o = json_pack("{s:s, s:s, s:b}", "method", s->render.method == SST_RENDER_SST ? "sst" : "refocus",
+                          "focus_label", s->focus_label, "follow", s->follow);
+
+    for (int i = 0; i < NUMBERS && o; i++) {
+        const double v = *place((struct sst_view_settings *)s, (enum number)i);
+        const bool null = isnan(v) || isinf(v) || (i == SIGMA && v == 0);
+
+        json_object_set_new(o, numbers[i].key, null ? json_null() : json_real(v));
+    }
+    return o;
+}

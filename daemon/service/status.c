@@ -1,0 +1,268 @@
+/* How things stand, as JSON (docs/api.md). */
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "daemon/service/service_parts.h"
+
+static json_t *count(uint64_t n)
+{
+    return json_integer((json_int_t)n);
+}
+
+static const char *const bucket_keys[] = { "set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };
+static const char *const rung_keys[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
+static const char *const source_names[] = { "gpio", "software", "free-run" };
+
+static json_t *counts(const char *const *keys, const uint64_t *n, int size)
+{
+    json_t *o = json_object();
+
+    for (int i = 0; i < size; i++)
+        json_object_set_new(o, keys[i], count(n[i]));
+    return o;
+}
+
+static json_t *skew_json(const struct sst_layout *layout, const struct sst_capture_report *r)
+{
+    const struct sst_config_camera *worst = r->worst_cam >= 0 ? &layout->config.camera[r->worst_cam] : NULL;
+    char name[16] = "";
+
+    if (worst)
+        snprintf(name, sizeof(name), "r%dc%d", worst->row, worst->col);
+    return json_pack("{s:f, s:f, s:f, s:i, s:s, s:I}", "p50", (double)sst_histogram_quantile(&r->skew_ns, 0.5) / 1e3,
+                     "p99", (double)sst_histogram_quantile(&r->skew_ns, 0.99) / 1e3, "max",
+                     (double)r->skew_ns.max / 1e3, "limit", layout->config.skew_limit_us, "worst", name, "over",
+                     (json_int_t)r->skewed);
+}
+
+static json_t *capture_json(const struct sst_array_state *a, const struct sst_layout *layout)
+{
+    const struct sst_capture_report *r = &a->report;
+    json_t *frames = counts(bucket_keys, r->sets.bucket, SST_BUCKETS);
+
+    json_object_set_new(frames, "delivered", count(r->grab.frames));
+    json_object_set_new(frames, "lost_by_drivers", count(r->grab.lost));
+    json_object_set_new(frames, "unexplained", count(r->unexplained));
+    return json_pack(
+        "{s:i, s:i, s:f, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:o}", "cameras", a->cameras, "present", a->present,
+        "rate_hz", a->rate_hz, "sets", (json_int_t)a->sets, "complete", (json_int_t)a->complete, "dropped",
+        (json_int_t)r->sets.dropped, "refused", (json_int_t)a->ring_refused, "trigger",
+        json_pack("{s:s, s:I, s:I, s:I, s:b}", "source", source_names[layout->config.source], "edges",
+                  (json_int_t)r->edges, "stamped", (json_int_t)r->edges_stamped, "skipped",
+                  (json_int_t)r->beats_skipped, "away", r->trigger_away),
+        "frames", frames, "skew_us", skew_json(layout, r), "recovery", counts(rung_keys, r->grab.rung, SST_GRAB_RUNGS));
+}
+
+static json_t *window_json(const struct sst_window *w)
+{
+    return json_pack("{s:f, s:f, s:f}", "p50", sst_window_quantile(w, 0.5), "p99", sst_window_quantile(w, 0.99), "max",
+                     sst_window_quantile(w, 1));
+}
+
+static json_t *skip_json(bool on, uint64_t done, uint64_t skipped, double error)
+{
+    const double all = (double)(done + skipped);
+
+    return json_pack("{s:b, s:f, s:o}", "on", on, "skipped_percent", all > 0 ? 100 * (double)skipped / all : 0.0,
+                     "error", sst_api_real(error));
+}
+
+static json_t *live_json(const struct sst_viewer_state *v, const struct sst_live_settings *settings)
+{
+    json_t *stages = json_object(), *live;
+
+    for (int i = 0; i < SST_VIEWER_STAGES; i++)
+        json_object_set_new(stages, sst_viewer_stage_name((enum sst_viewer_stage)i), window_json(&v->stage_ms[i]));
+    live = json_pack("{s:b, s:b, s:s, s:f, s:I, s:I, s:I, s:I, s:f, s:f, s:i, s:i}", "enabled", v->enabled, "ready",
+                     v->ready, "reason", v->reason, "rate_hz", v->rate_hz, "sets", (json_int_t)v->sets, "dropped",
+                     (json_int_t)v->dropped, "idle", (json_int_t)v->idle, "pictures", (json_int_t)v->pictures,
+                     "changed_percent", v->changed_percent, "cpu_percent", v->cpu_percent, "views", v->views, "present",
+                     v->present);
+    if (!live)
+        return NULL;
+    json_object_set_new(live, "latency_ms", window_json(&v->latency_ms));
+    json_object_set_new(live, "stages_ms", stages);
+    json_object_set_new(
+        live, "skips",
+        json_pack("{s:o, s:o}", "change",
+                  skip_json(settings->skip_change, v->tiles_changed, v->tiles - v->tiles_changed, v->error_change),
+                  "labels", skip_json(settings->skip_labels, v->label_runs, v->label_runs_skipped, v->error_labels)));
+    json_object_set_new(live, "verify_rays", json_boolean(settings->verify_rays));
+    json_object_set_new(live, "size", json_pack("[i, i]", v->width, v->height));
+    json_object_set_new(live, "range_px",
+                        isfinite(v->range_min_px) && isfinite(v->range_max_px)
+                            ? json_pack("[f, f]", v->range_min_px, v->range_max_px)
+                            : json_null());
+    json_object_set_new(live, "focus_px", sst_api_real(v->focus_px));
+    json_object_set_new(live, "focal_px", v->focal_px > 0 ? json_real(v->focal_px) : json_null());
+    json_object_set_new(live, "spacing_mm", v->spacing_mm > 0 ? json_real(v->spacing_mm) : json_null());
+    json_object_set_new(live, "calibration", json_string(v->check));
+    return live;
+}
+
+void sst_service_process(uint64_t *rss_bytes, int *descriptors)
+{
+    FILE *f = fopen("/proc/self/statm", "re");
+    DIR *dir = opendir("/proc/self/fd");
+    unsigned long long pages = 0;
+
+    if (f && fscanf(f, "%*u %llu", &pages) != 1)
+        pages = 0;
+    if (f)
+        fclose(f);
+    *rss_bytes = (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE);
+    *descriptors = -3; /* ".", ".." and this folder itself */
+    while (dir && readdir(dir))
+        ++*descriptors;
+    if (dir)
+        closedir(dir);
+}
+
+/* Under the lock: the servers go when the service stops, and those who ask, MQTT among them, after them. */
+int sst_service_clients(struct sst_service *s, struct sst_http_counters *http, unsigned *restarts)
+{
+    int clients;
+
+    *http = (struct sst_http_counters){ 0 };
+    pthread_mutex_lock(&s->lock);
+    if (s->http)
+        sst_http_counters(s->http, http);
+    *restarts = s->rtsp ? sst_rtsp_restarts(s->rtsp) : 0;
+    clients = s->rtsp ? sst_rtsp_clients(s->rtsp) : 0;
+    pthread_mutex_unlock(&s->lock);
+    return clients;
+}
+
+bool sst_service_certificate(struct sst_service *s, struct sst_http_certificate *out, double *days)
+{
+    bool any;
+
+    pthread_mutex_lock(&s->lock);
+    any = s->http && sst_http_certificate(s->http, out);
+    pthread_mutex_unlock(&s->lock);
+    if (!any)
+        return false;
+    *days = (double)(out->until_s - sst_clock_wall_ns() / 1000000000) / 86400;
+    return true;
+}
+
+static json_t *certificate_json(struct sst_service *s)
+{
+    struct sst_http_certificate c;
+    char text[SST_CLOCK_TEXT];
+    double days;
+
+    if (!sst_service_certificate(s, &c, &days))
+        return json_null();
+    sst_clock_text(text, c.until_s * 1000000000);
+    return json_pack("{s:s, s:f}", "until", text, "days", days);
+}
+
+static json_t *clients_json(struct sst_service *s)
+{
+    struct sst_http_counters h;
+    unsigned restarts;
+    const int rtsp = sst_service_clients(s, &h, &restarts);
+
+    return json_pack("{s:i, s:i, s:i, s:i, s:I, s:I, s:I, s:I, s:I}", "http", h.clients, "streams", h.streams,
+                     "listeners", h.listeners, "rtsp", rtsp, "rtsp_restarts", (json_int_t)restarts, "requests",
+                     (json_int_t)h.requests, "refused", (json_int_t)h.refused, "skipped_pictures",
+                     (json_int_t)h.skipped, "slow_downloads", (json_int_t)h.slow);
+}
+
+static json_t *process_json(double cpu_percent)
+{
+    uint64_t rss_bytes;
+    int descriptors;
+
+    sst_service_process(&rss_bytes, &descriptors);
+    return json_pack("{s:I, s:f, s:i}", "rss_bytes", (json_int_t)rss_bytes, "cpu_percent", cpu_percent, "descriptors",
+                     descriptors);
+}
+
+/* Large together, and not for a stack of a server's thread. */
+struct gathered {
+    struct sst_array_state array;
+    struct sst_viewer_state viewer;
+    struct sst_layout layout;
+    struct sst_live_settings live;
+    enum sst_service_phase phase;
+    char reason[512];
+    double cpu_percent;
+};
+
+int sst_service_status(void *arg, struct sst_api_answer *out)
+{
+    struct sst_service *s = arg;
+    struct gathered *g = calloc(1, sizeof(*g));
+    const int64_t now_ns = sst_clock_now_ns();
+    char time[SST_CLOCK_TEXT];
+
+    if (!g)
+        return -ENOMEM;
+    sst_array_state(s->array, &g->array);
+    sst_array_layout(s->array, &g->layout);
+    sst_viewer_state(s->viewer, &g->viewer);
+    pthread_mutex_lock(&s->lock);
+    g->live = s->config.live;
+    g->phase = s->phase;
+    g->cpu_percent = s->cpu_percent;
+    memcpy(g->reason, s->reason, sizeof(g->reason));
+    if (!g->layout.generation)
+        g->layout.config = s->config.array;
+    pthread_mutex_unlock(&s->lock);
+    sst_clock_text(time, sst_clock_wall_ns());
+    out->body =
+        json_pack("{s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "version", SST_VERSION, "state",
+                  sst_service_phase_name(g->phase), "reason", g->reason, "uptime_s",
+                  (double)(now_ns - s->start_ns) / 1e9, "time", time, "capture", capture_json(&g->array, &g->layout),
+                  "live", live_json(&g->viewer, &g->live), "storage", sst_storage_status(s->storage), "clients",
+                  clients_json(s), "certificate", certificate_json(s), "process", process_json(g->cpu_percent));
+    free(g);
+    return out->body ? 0 : -ENOMEM;
+}
+
+/* --- cameras ------------------------------------------------------------------------------------------------------ */
+
+static json_t *camera_json(const struct sst_array_camera *c, int64_t now_ns)
+{
+    char name[32];
+
+    snprintf(name, sizeof(name), "r%dc%d", c->row, c->col);
+    return json_pack("{s:s, s:i, s:i, s:s, s:s, s:s, s:s, s:I, s:I, s:I, s:f, s:f, s:o, s:o, s:o, s:s}", "name", name,
+                     "row", c->row, "col", c->col, "state", sst_array_state_name(c->state), "serial", c->serial, "port",
+                     c->port, "device", c->name, "frames", (json_int_t)c->grab.frames, "bad", (json_int_t)c->grab.bad,
+                     "lost", (json_int_t)c->grab.lost, "rate_hz", c->rate_hz, "skew_us", c->skew_us, "last_s",
+                     c->last_ns ? json_real((double)(now_ns - c->last_ns) / 1e9) : json_null(), "buckets",
+                     counts(bucket_keys, c->bucket, SST_BUCKETS), "recovery",
+                     counts(rung_keys, c->grab.rung, SST_GRAB_RUNGS), "reason", c->reason);
+}
+
+int sst_service_cameras(void *arg, struct sst_api_answer *out)
+{
+    struct sst_service *s = arg;
+    struct sst_array_camera *cameras = calloc(SST_CAMERAS_MAX, sizeof(*cameras));
+    struct sst_layout *layout = calloc(1, sizeof(*layout));
+    json_t *list = json_array();
+    int n = 0;
+
+    if (cameras && layout) {
+        n = sst_array_cameras(s->array, cameras);
+        sst_array_layout(s->array, layout);
+    }
+    for (int i = 0; i < n; i++)
+        json_array_append_new(list, camera_json(&cameras[i], sst_clock_now_ns()));
+    if (layout)
+        out->body =
+            json_pack("{s:i, s:i, s:O}", "rows", layout->config.rows, "cols", layout->config.cols, "cameras", list);
+    json_decref(list);
+    free(cameras);
+    free(layout);
+    return out->body ? 0 : -ENOMEM;
+}

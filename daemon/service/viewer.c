@@ -1,0 +1,543 @@
+#include "daemon/service/viewer.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "daemon/service/viewer_parts.h"
+#include "pipeline/network/model_path.h"
+
+#define POLL_MS  30
+#define RETRY_NS INT64_C(10000000000)
+/* Who moves the focus sees it at once: pictures for that come before the next set, for as long as settings change about
+ * so often, and for as long as the last set took, so that sets lose half of their time at most. */
+#define HAND_NS     INT64_C(150000000)
+#define HAND_MAX_NS INT64_C(500000000)
+/* Capturing comes first: this thread takes all processors that there are, and so do those that it starts. */
+#define LIVE_NICE 5
+
+const char *sst_viewer_stage_name(enum sst_viewer_stage stage)
+{
+    static const char *const names[SST_VIEWER_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
+                                                          "labels", "refine", "render", "encode" };
+
+    return names[stage];
+}
+
+/* --- the light field that is followed ----------------------------------------------------------------------------- */
+
+/** Labels that start recordings, but are none of the network's: one that is misspelt would never record. */
+static void name_unknown_locked(const struct sst_viewer *v, char out[512])
+{
+    size_t used = 0;
+
+    out[0] = 0;
+    for (int i = 0; i < v->config.storage.triggers && v->classes.count && used < 512; i++) {
+        const char *label = v->config.storage.trigger[i].label;
+
+        if (label[0] && !sst_classes_find(&v->classes, label))
+            used += (size_t)snprintf(out + used, 512 - used, "%s%s", used ? ", " : "", label);
+    }
+}
+
+static void tell_unknown(const char *labels)
+{
+    if (*labels)
+        sst_log_warning("storage: record_on: the network knows no class %s, which will never start a recording; `curl "
+                        "--unix-socket SOCKET http://sst/api/v1/labels` lists them",
+                        labels);
+}
+
+static void close_live(struct sst_viewer *v)
+{
+    struct sst_live *live = v->live;
+
+    if (!live)
+        return;
+    sst_viewer_forget_pictures(v);
+    pthread_mutex_lock(&v->lock);
+    v->live = NULL;
+    v->state.ready = false;
+    pthread_mutex_unlock(&v->lock);
+    sst_live_close(live);
+    sst_use_calibration_fini(&v->use);
+}
+
+/** What the configuration and the array say. @return 0 or an error, logged */
+static int describe(struct sst_viewer *v, const struct sst_config *c)
+{
+    const struct sst_array_config *a = &v->layout.config;
+    struct sst_live_config *l = &v->live_config;
+    int err = 0;
+
+    *l = (struct sst_live_config){
+        .rows = a->rows,
+        .cols = a->cols,
+        .fourcc = a->fourcc,
+        .width = a->width,
+        .height = a->height,
+        .precision = SST_PRECISION_AUTO,
+        .range_min_px = c->live.range_min_px,
+        .range_max_px = c->live.range_max_px,
+        .threads = c->live.threads,
+        .skip_change = c->live.skip_change,
+        .skip_labels = c->live.skip_labels,
+        .background = true,
+        .zones = c->zones,
+    };
+    for (int i = 0; i < a->bound; i++)
+        l->present[a->camera[i].row * a->cols + a->camera[i].col] = true;
+    for (int i = 0; i < c->zones; i++) {
+        l->zone[i].x0 = c->zone[i].x0;
+        l->zone[i].y0 = c->zone[i].y0;
+        l->zone[i].x1 = c->zone[i].x1;
+        l->zone[i].y1 = c->zone[i].y1;
+    }
+    sst_use_calibration_defaults(&v->use);
+    if (c->live.calibration[0]) {
+        err = sst_use_calibration_read(&v->use, c->live.calibration);
+        v->use.plan.plane_mm = c->live.plane_mm;
+        l->calibration = &v->use;
+    }
+    if (!err)
+        err = c->live.model[0] ? sst_model_resolve(v->model, c->live.model)
+                               : sst_model_path(v->model, "pspnet-small.onnx");
+    l->model = v->model;
+    return err;
+}
+
+/** Where the array is and what is wanted of it is known: follow it. */
+static void open_live(struct sst_viewer *v)
+{
+    struct sst_config *c = malloc(sizeof(*c));
+    char why[SST_LOG_MAX] = "", unknown[512] = "";
+    struct sst_live *live = NULL;
+    bool tell;
+    int err = -ENOMEM;
+
+    if (c) {
+        pthread_mutex_lock(&v->lock);
+        *c = v->config;
+        v->config_seen = v->config_count;
+        pthread_mutex_unlock(&v->lock);
+        sst_log_hold_errors(why);
+        err = describe(v, c);
+        if (!err)
+            err = sst_live_open(&live, &v->live_config);
+        sst_log_hold_errors(NULL);
+    }
+    pthread_mutex_lock(&v->lock);
+    tell = err && strcmp(v->state.reason, why);
+    snprintf(v->state.reason, sizeof(v->state.reason), "%s", err ? why : "");
+    v->live = live;
+    if (live && v->stop)
+        sst_live_cancel(live);
+    if (live)
+        v->classes = sst_live_lightfield(live)->classes;
+    v->check_due_ns = 0; /* there may be another calibration */
+    if (live)
+        name_unknown_locked(v, unknown);
+    pthread_mutex_unlock(&v->lock);
+    if (tell)
+        sst_log_error("%s", why);
+    tell_unknown(unknown);
+    if (err)
+        sst_use_calibration_fini(&v->use);
+    v->retry_ns = err ? sst_clock_now_ns() + RETRY_NS : 0;
+    v->last = v->layout.first - 1;
+    free(c);
+}
+
+static bool same_array(const struct sst_array_config *a, const struct sst_array_config *b)
+{
+    bool same = a->rows == b->rows && a->cols == b->cols && a->width == b->width && a->height == b->height &&
+                a->fourcc == b->fourcc && a->bound == b->bound;
+
+    for (int i = 0; same && i < a->bound; i++)
+        same = a->camera[i].row == b->camera[i].row && a->camera[i].col == b->camera[i].col;
+    return same;
+}
+
+/** Follow the array's openings and the configuration's changes. @return there is a light field to bring up to date */
+static bool follow(struct sst_viewer *v)
+{
+    const unsigned generation = sst_array_generation(v->array);
+    bool anew, enabled;
+
+    pthread_mutex_lock(&v->lock);
+    anew = v->config_seen != v->config_count;
+    enabled = v->config.live.enabled;
+    v->state.enabled = enabled;
+    pthread_mutex_unlock(&v->lock);
+    if (generation && generation != v->layout.generation) {
+        const struct sst_array_config before = v->layout.config;
+
+        sst_array_layout(v->array, &v->layout);
+        if (same_array(&before, &v->layout.config))
+            v->last = v->layout.first - 1 > v->last ? v->layout.first - 1 : v->last;
+        else
+            anew = true;
+    }
+    if (anew || !enabled)
+        close_live(v);
+    if (!enabled || !v->layout.generation)
+        return false;
+    if (!v->live && (anew || sst_clock_now_ns() >= v->retry_ns))
+        open_live(v);
+    return v->live != NULL;
+}
+
+/* --- sets --------------------------------------------------------------------------------------------------------- */
+
+static void note_second_locked(struct sst_viewer *v, const struct sst_live_report *r)
+{
+    const int64_t s = sst_clock_now_ns() / 1000000000;
+    struct second *at = &v->second[s % RATE_SLOTS];
+
+    if (at->s != s)
+        *at = (struct second){ .s = s };
+    at->sets++;
+    at->tiles += (uint64_t)r->tiles;
+    at->changed += (uint64_t)r->tiles_changed;
+    at->cpu_ns += r->cpu_ns;
+}
+
+static void note_locked(struct sst_viewer *v, const struct sst_live_report *r, int64_t wait_ns)
+{
+    struct sst_viewer_state *s = &v->state;
+
+    note_second_locked(v, r);
+    s->sets++;
+    s->idle += r->tiles_changed == 0;
+    s->ready = r->ready;
+    snprintf(s->reason, sizeof(s->reason), "%s",
+             r->alone ? "no two neighbouring cameras give pictures, so there is plain refocusing only" : "");
+    s->views = v->layout.config.bound;
+    s->present = r->views;
+    s->tiles += (uint64_t)r->tiles;
+    s->tiles_changed += (uint64_t)r->tiles_changed;
+    s->decodes += (uint64_t)r->decodes;
+    s->decodes_skipped += (uint64_t)r->decodes_skipped;
+    s->label_runs += (uint64_t)r->label_runs;
+    s->label_runs_skipped += (uint64_t)r->label_runs_skipped;
+    if (!isnan(r->error_change))
+        s->error_change = r->error_change;
+    if (!isnan(r->error_labels))
+        s->error_labels = r->error_labels;
+    if (!r->tiles_changed)
+        return;
+    v->update++;
+    sst_window_add(&s->stage_ms[SST_VIEWER_WAIT], (double)wait_ns / 1e6);
+    for (int i = 0; i < SST_LIVE_STAGES; i++)
+        sst_window_add(&s->stage_ms[SST_VIEWER_LIVE + i], (double)r->stage_ns[i] / 1e6);
+    for (int i = 0; i < 256; i++)
+        v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
+}
+
+/** What is where, for those who look at sliders. */
+static void note_scene(struct sst_viewer *v)
+{
+    const struct sst_lightfield *lf = sst_live_lightfield(v->live);
+    double min_px = NAN, max_px = NAN;
+    const bool known = sst_live_range(v->live, &min_px, &max_px);
+    const double focus_px = sst_live_default_focus(v->live);
+
+    pthread_mutex_lock(&v->lock);
+    v->state.range_min_px = known ? min_px : NAN;
+    v->state.range_max_px = known ? max_px : NAN;
+    v->state.focus_px = focus_px;
+    v->state.width = lf->width;
+    v->state.height = lf->height;
+    v->state.focal_px = lf->focal_px;
+    v->state.spacing_mm = lf->spacing_mm > 0 ? lf->spacing_mm : v->layout.config.spacing_mm;
+    v->classes = lf->classes;
+    pthread_mutex_unlock(&v->lock);
+}
+
+/** Recording on event follows what was seen. */
+static void tell_storage(struct sst_viewer *v, const struct sst_kept *kept, const struct sst_live_report *r)
+{
+    struct sst_seen seen = { .number = kept->number, .t_ns = kept->set.t_ns, .zones = v->live_config.zones };
+
+    for (int i = 0; i < seen.zones; i++)
+        seen.changed[i] = r->zone[i].changed;
+    seen.changed[seen.zones] = r->zone[SST_LIVE_ZONES].changed;
+    pthread_mutex_lock(&v->lock);
+    for (int i = 0; i < v->config.storage.triggers; i++) {
+        const struct sst_record_trigger *t = &v->config.storage.trigger[i];
+        const int label = t->label[0] ? sst_classes_find(&v->classes, t->label) : 0;
+
+        if (label && t->zone < seen.zones)
+            seen.label[i] = (double)r->zone[t->zone < 0 ? SST_LIVE_ZONES : t->zone].label[label];
+    }
+    pthread_mutex_unlock(&v->lock);
+    sst_storage_seen(v->storage, &seen);
+}
+
+static void take_set(struct sst_viewer *v, const struct sst_kept *kept, uint64_t dropped)
+{
+    struct sst_live_input *in = &v->input;
+    const int64_t start_ns = sst_clock_now_ns();
+
+    memset(in, 0, sizeof(*in));
+    in->set = kept->set.index;
+    in->t_ns = kept->set.t_ns;
+    for (int i = 0; i < kept->set.cameras && i < v->layout.config.bound; i++) {
+        const struct sst_config_camera *at = &v->layout.config.camera[i];
+        const struct sst_frame *f = kept->set.frame[i];
+
+        if (f && f->bytes) {
+            const int view = at->row * v->layout.config.cols + at->col;
+
+            in->frame[view].data = f->data;
+            in->frame[view].bytes = f->bytes;
+            in->frame[view].stride = f->stride;
+        }
+    }
+    if (sst_live_update(v->live, in, &v->report))
+        return; /* logged, or stopped */
+    pthread_mutex_lock(&v->lock);
+    v->state.dropped += dropped;
+    note_locked(v, &v->report, start_ns - kept->set.t_ns);
+    pthread_mutex_unlock(&v->lock);
+    v->set_index = kept->set.index;
+    v->set_t_ns = kept->set.t_ns;
+    v->set_wall_ns = kept->set.wall_ns;
+    v->latency_due = v->report.tiles_changed > 0;
+    note_scene(v);
+    tell_storage(v, kept, &v->report);
+}
+
+/**
+ * Answer and make pictures, and go on for those who have a hand on theirs.
+ *
+ * @param took_ns  that the work before took, 0: there was none
+ */
+static void attend(struct sst_viewer *v, int64_t took_ns)
+{
+    const int64_t end_ns = sst_clock_now_ns() + (took_ns < HAND_MAX_NS ? took_ns : HAND_MAX_NS);
+    int64_t seen_ns, until_ns;
+    bool more;
+
+    do {
+        pthread_mutex_lock(&v->lock);
+        seen_ns = v->hand_ns;
+        pthread_mutex_unlock(&v->lock);
+        sst_viewer_serve(v);
+        sst_viewer_publish(v);
+        until_ns = seen_ns + HAND_NS < end_ns ? seen_ns + HAND_NS : end_ns;
+        pthread_mutex_lock(&v->lock);
+        while (!v->stop && v->hand_ns == seen_ns && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
+            ;
+        more = !v->stop && v->hand_ns != seen_ns && sst_clock_now_ns() < end_ns;
+        pthread_mutex_unlock(&v->lock);
+    } while (more);
+}
+
+/** Take the newest set in, if its time has come. @return what that took, ns; 0: there was none */
+static int64_t step(struct sst_viewer *v)
+{
+    const struct sst_kept *kept = NULL;
+    uint64_t dropped = 0;
+    double rate_hz;
+    int64_t due_ns, took_ns = 0;
+
+    pthread_mutex_lock(&v->lock);
+    rate_hz = v->config.live.rate_hz;
+    pthread_mutex_unlock(&v->lock);
+    due_ns = rate_hz > 0 ? v->last_ns + (int64_t)(1e9 / rate_hz) : 0;
+    if (sst_clock_now_ns() + POLL_MS * INT64_C(1000000) < due_ns)
+        nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000 }, NULL);
+    else if (sst_ring_wait(v->ring, v->last, POLL_MS))
+        kept = sst_ring_newest(v->ring, v->last, &dropped);
+    if (kept) {
+        v->last = kept->number;
+        v->last_ns = sst_clock_now_ns();
+        take_set(v, kept, dropped);
+        sst_ring_unref(v->ring, kept);
+        took_ns = sst_clock_now_ns() - v->last_ns;
+    }
+    /* Also where sets come faster than they are taken in: what the background holds is large. */
+    if (sst_live_unsettled(v->live) && sst_live_settle(v->live)) {
+        note_scene(v);
+        pthread_mutex_lock(&v->lock);
+        v->update++;
+        pthread_mutex_unlock(&v->lock);
+    }
+    return took_ns;
+}
+
+static void *run(void *arg)
+{
+    struct sst_viewer *v = arg;
+    bool stop = false;
+
+    sst_thread_name("sst-live");
+    sst_thread_nice(LIVE_NICE);
+    while (!stop) {
+        if (follow(v)) {
+            attend(v, step(v));
+            sst_viewer_check_by_time(v);
+        } else {
+            sst_viewer_serve(v);
+            nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000 }, NULL);
+        }
+        pthread_mutex_lock(&v->lock);
+        v->state.beat_ns = sst_clock_now_ns();
+        stop = v->stop;
+        pthread_mutex_unlock(&v->lock);
+    }
+    close_live(v);
+    pthread_mutex_lock(&v->lock);
+    v->ended = true;
+    pthread_cond_broadcast(&v->changed);
+    pthread_mutex_unlock(&v->lock);
+    return NULL;
+}
+
+/* --- for the others ----------------------------------------------------------------------------------------------- */
+
+int sst_viewer_open(struct sst_viewer **out, const struct sst_viewer_config *cfg)
+{
+    struct sst_viewer *v = calloc(1, sizeof(*v));
+    int err;
+
+    if (!v)
+        return -ENOMEM;
+    v->ring = cfg->ring;
+    v->array = cfg->array;
+    v->storage = cfg->storage;
+    v->events = cfg->events;
+    v->config = *cfg->config;
+    v->state.enabled = cfg->config->live.enabled;
+    v->state.error_change = v->state.error_labels = v->state.range_min_px = v->state.range_max_px = v->state.focus_px =
+        NAN;
+    v->state.beat_ns = sst_clock_now_ns();
+    pthread_mutex_init(&v->lock, NULL);
+    sst_cond_init(&v->changed);
+    err = sst_viewer_views_open(v);
+    if (!err) {
+        err = -pthread_create(&v->camera_thread, NULL, sst_viewer_run_cameras, v);
+        v->camera_runs = !err;
+    }
+    if (!err)
+        err = -pthread_create(&v->thread, NULL, run, v);
+    if (err) {
+        sst_viewer_stop(v);
+        if (v->camera_runs)
+            pthread_join(v->camera_thread, NULL);
+        sst_viewer_close(v);
+        return err;
+    }
+    *out = v;
+    return 0;
+}
+
+void sst_viewer_configure(struct sst_viewer *v, const struct sst_config *config, bool anew)
+{
+    char unknown[512];
+
+    pthread_mutex_lock(&v->lock);
+    sst_viewer_views_follow_locked(v, &config->live);
+    v->config = *config;
+    v->config_count += anew;
+    name_unknown_locked(v, unknown);
+    pthread_mutex_unlock(&v->lock);
+    if (!anew)
+        tell_unknown(unknown);
+}
+
+void sst_viewer_state(struct sst_viewer *v, struct sst_viewer_state *out)
+{
+    const int64_t now_s = sst_clock_now_ns() / 1000000000;
+    uint64_t sets = 0, tiles = 0, changed = 0;
+    int64_t cpu_ns = 0;
+
+    pthread_mutex_lock(&v->lock);
+    *out = v->state;
+    for (int i = 0; i < RATE_SLOTS; i++) {
+        const struct second *s = &v->second[i];
+
+        if (s->s < now_s - 10 || s->s >= now_s)
+            continue;
+        sets += s->sets;
+        tiles += s->tiles;
+        changed += s->changed;
+        cpu_ns += s->cpu_ns;
+    }
+    pthread_mutex_unlock(&v->lock);
+    out->rate_hz = (double)sets / 10;
+    out->changed_percent = tiles ? 100.0 * (double)changed / (double)tiles : 0;
+    out->cpu_percent = (double)cpu_ns / 1e8;
+}
+
+int sst_viewer_labels(struct sst_viewer *v, struct sst_api_answer *out)
+{
+    const uint8_t(*palette)[3] = sst_classes_palette();
+    json_t *list = json_array();
+
+    pthread_mutex_lock(&v->lock);
+    for (int i = 1; i <= v->classes.count; i++) {
+        char colour[8];
+
+        snprintf(colour, sizeof(colour), "#%02x%02x%02x", palette[i][0], palette[i][1], palette[i][2]);
+        json_array_append_new(list, json_pack("{s:i, s:s, s:s, s:f}", "label", i, "name", v->classes.names[i - 1],
+                                              "colour", colour, "share", (double)v->share[i]));
+    }
+    pthread_mutex_unlock(&v->lock);
+    out->body = json_pack("{s:o}", "labels", list);
+    return out->body ? 0 : -ENOMEM;
+}
+
+void sst_viewer_stop(struct sst_viewer *v)
+{
+    pthread_mutex_lock(&v->lock);
+    v->stop = true;
+    if (v->live)
+        sst_live_cancel(v->live);
+    for (int i = 0; i < VIEWS_MAX; i++)
+        if (v->view[i].outlet)
+            sst_outlet_shut(v->view[i].outlet);
+    for (int i = 0; i < 2; i++)
+        if (v->overlay[i].outlet)
+            sst_outlet_shut(v->overlay[i].outlet);
+    for (int i = 0; i < SST_CAMERAS_MAX; i++)
+        if (v->camera[i].outlet)
+            sst_outlet_shut(v->camera[i].outlet);
+    pthread_cond_broadcast(&v->changed);
+    pthread_mutex_unlock(&v->lock);
+}
+
+bool sst_viewer_join(struct sst_viewer *v, int64_t until_ns)
+{
+    bool ended;
+
+    pthread_mutex_lock(&v->lock);
+    while ((!v->ended || !v->camera_ended) && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
+        ;
+    /* A check of the calibration cannot be told to end, and is not waited for: the disk needs the time. */
+    ended = v->ended && v->camera_ended && (!v->check_runs || v->check_ended);
+    pthread_mutex_unlock(&v->lock);
+    if (ended) {
+        pthread_join(v->thread, NULL);
+        pthread_join(v->camera_thread, NULL);
+        sst_viewer_check_join(v);
+    }
+    return ended;
+}
+
+void sst_viewer_close(struct sst_viewer *v)
+{
+    if (!v)
+        return;
+    sst_viewer_views_close(v);
+    pthread_cond_destroy(&v->changed);
+    pthread_mutex_destroy(&v->lock);
+    free(v);
+}

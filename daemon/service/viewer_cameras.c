@@ -1,0 +1,101 @@
+/* The cameras' own pictures, as they come. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "daemon/service/viewer_parts.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/image/raw.h"
+
+#define IDLE_MS 200
+
+#define V4L2_MJPG ((uint32_t)'M' | (uint32_t)'J' << 8 | (uint32_t)'P' << 16 | (uint32_t)'G' << 24)
+
+/** A frame as JPEG: its own bytes, or encoded. @return NULL: no memory, or no picture */
+static uint8_t *as_jpeg(const struct sst_frame *f, int quality, size_t *bytes)
+{
+    const struct sst_raw raw = { .fourcc = f->fourcc,
+                                 .width = f->width,
+                                 .height = f->height,
+                                 .stride = f->stride,
+                                 .data = f->data,
+                                 .bytes = f->bytes };
+    struct sst_image image = { 0 };
+    uint8_t *data = NULL;
+
+    if (f->fourcc == V4L2_MJPG) {
+        data = malloc(f->bytes);
+        if (data)
+            memcpy(data, f->data, f->bytes);
+        *bytes = f->bytes;
+    } else if (!sst_raw_to_image(&image, &raw)) {
+        if (sst_image_encode_jpeg(&image, quality, &data, bytes))
+            data = NULL;
+        sst_image_fini(&image);
+    }
+    return data;
+}
+
+static void show(struct sst_viewer *v, const struct sst_kept *kept)
+{
+    for (int i = 0; i < kept->set.cameras; i++) {
+        const struct sst_frame *f = kept->set.frame[i];
+        struct shared *s = &v->camera[i];
+        struct sst_outlet *outlet = NULL;
+        uint8_t *data;
+        size_t bytes;
+        int quality;
+
+        pthread_mutex_lock(&v->lock);
+        if (f && f->bytes && s->outlet && s->shown < kept->number && sst_viewer_wanted(s->outlet, s->used_ns)) {
+            outlet = sst_outlet_ref(s->outlet);
+            s->shown = kept->number;
+        }
+        quality = v->config.live.jpeg_quality;
+        pthread_mutex_unlock(&v->lock);
+        data = outlet ? as_jpeg(f, quality, &bytes) : NULL;
+        if (data && sst_outlet_put(outlet, data, bytes, kept->set.index, kept->set.t_ns, kept->set.wall_ns))
+            sst_log_warning("no memory for a picture of camera %d", i);
+        sst_outlet_unref(outlet);
+    }
+}
+
+static bool any_wanted(struct sst_viewer *v, bool *stop)
+{
+    bool any = false;
+
+    pthread_mutex_lock(&v->lock);
+    for (int i = 0; i < SST_CAMERAS_MAX && !any; i++)
+        any = v->camera[i].outlet && sst_viewer_wanted(v->camera[i].outlet, v->camera[i].used_ns);
+    *stop = v->stop;
+    pthread_mutex_unlock(&v->lock);
+    return any;
+}
+
+void *sst_viewer_run_cameras(void *arg)
+{
+    struct sst_viewer *v = arg;
+    uint64_t last = 0;
+    bool stop = false, wanted;
+
+    sst_thread_name("sst-cameras");
+    while (!stop) {
+        wanted = any_wanted(v, &stop);
+        /* A picture that is wanted all of a sudden is there at once: the newest set is shown, however old. */
+        if (sst_ring_wait(v->ring, wanted ? last : UINT64_MAX - 1, wanted ? IDLE_MS : IDLE_MS / 4) || wanted) {
+            const struct sst_kept *kept = sst_ring_get(v->ring, 0);
+
+            if (kept) {
+                show(v, kept);
+                last = kept->number;
+                sst_ring_unref(v->ring, kept);
+            }
+        }
+    }
+    pthread_mutex_lock(&v->lock);
+    v->camera_ended = true;
+    pthread_cond_broadcast(&v->changed);
+    pthread_mutex_unlock(&v->lock);
+    return NULL;
+}

@@ -1,0 +1,544 @@
+/* Views: who sees what, and the pictures made for them. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "daemon/service/viewer_parts.h"
+#include "pipeline/image/codec.h"
+
+/* --- the list of views, under lock -------------------------------------------------------------------------------- */
+
+static struct view *find_locked(struct sst_viewer *v, const char *id)
+{
+    for (int i = 0; i < VIEWS_MAX; i++)
+        if (v->view[i].used && !strcmp(v->view[i].id, id))
+            return &v->view[i];
+    return NULL;
+}
+
+static int add_locked(struct sst_viewer *v, const char *id, const struct sst_view_settings *settings, struct view **out)
+{
+    const int room = 1 + sst_clamp_int(v->config.web.views, 0, VIEWS_MAX - 1);
+    struct sst_outlet *outlet;
+
+    for (int i = 0; i < room; i++) {
+        struct view *e = &v->view[i];
+
+        if (e->used || e->picture)
+            continue;
+        if (sst_outlet_create(&outlet))
+            return -ENOMEM;
+        *e = (struct view){ .used = true, .settings = *settings, .version = 1, .outlet = outlet };
+        e->used_ns = sst_clock_now_ns();
+        snprintf(e->id, sizeof(e->id), "%s", id);
+        *out = e;
+        return 0;
+    }
+    return -EOVERFLOW;
+}
+
+int sst_viewer_views_open(struct sst_viewer *v)
+{
+    struct sst_view_settings settings;
+    struct view *e;
+
+    sst_view_settings_defaults(&settings, &v->config.live);
+    return add_locked(v, "main", &settings, &e);
+}
+
+void sst_viewer_views_follow_locked(struct sst_viewer *v, const struct sst_live_settings *to)
+{
+    struct view *e = find_locked(v, "main");
+
+    if (!e)
+        return;
+    sst_view_settings_follow(&e->settings, &v->config.live, to);
+    e->version++;
+}
+
+void sst_viewer_views_close(struct sst_viewer *v)
+{
+    for (int i = 0; i < VIEWS_MAX; i++)
+        sst_outlet_unref(v->view[i].outlet);
+    for (int i = 0; i < 2; i++)
+        sst_outlet_unref(v->overlay[i].outlet);
+    for (int i = 0; i < SST_CAMERAS_MAX; i++)
+        sst_outlet_unref(v->camera[i].outlet);
+    sst_jpeg_encoder_destroy(v->encoder);
+    sst_image_fini(&v->overlay_image);
+}
+
+static json_t *view_json_locked(const struct view *e)
+{
+    json_t *o = json_pack("{s:s, s:i, s:o?}", "id", e->id, "viewers", sst_outlet_viewers(e->outlet), "settings",
+                          sst_view_settings_json(&e->settings));
+
+    if (o)
+        json_object_set_new(o, "shown_focus_px", isnan(e->shown_focus_px) ? json_null() : json_real(e->shown_focus_px));
+    return o;
+}
+
+int sst_viewer_views(struct sst_viewer *v, struct sst_api_answer *out)
+{
+    json_t *list = json_array();
+
+    pthread_mutex_lock(&v->lock);
+    for (int i = 0; i < VIEWS_MAX; i++)
+        if (v->view[i].used)
+            json_array_append_new(list, view_json_locked(&v->view[i]));
+    pthread_mutex_unlock(&v->lock);
+    out->body = json_pack("{s:o}", "views", list);
+    return out->body ? 0 : -ENOMEM;
+}
+
+/** A label that the network does not know helps nobody. */
+static int check_label_locked(struct sst_viewer *v, const struct sst_view_settings *s, char error[512])
+{
+    if (!s->focus_label[0] || !v->classes.count || sst_classes_find(&v->classes, s->focus_label))
+        return 0;
+    snprintf(error, 512, "the network knows no class \"%s\"; /api/v1/labels lists them", s->focus_label);
+    return -EINVAL;
+}
+
+int sst_viewer_view_create(struct sst_viewer *v, const json_t *settings, struct sst_api_answer *out)
+{
+    struct sst_view_settings s;
+    struct view *e;
+    char id[16];
+    uint32_t number;
+    int err;
+
+    if (getrandom(&number, sizeof(number), 0) != sizeof(number))
+        return -EIO;
+    snprintf(id, sizeof(id), "v%08x", number);
+    pthread_mutex_lock(&v->lock);
+    sst_view_settings_defaults(&s, &v->config.live);
+    err = settings ? sst_view_settings_take(&s, settings, out->error) : 0;
+    if (!err)
+        err = check_label_locked(v, &s, out->error);
+    if (!err)
+        err = add_locked(v, id, &s, &e);
+    if (err == -EOVERFLOW)
+        snprintf(out->error, sizeof(out->error),
+                 "there are %d views already, more cost too much; close one, or raise web: views", v->config.web.views);
+    out->body = err ? NULL : view_json_locked(e);
+    pthread_mutex_unlock(&v->lock);
+    return err ? err : out->body ? 0 : -ENOMEM;
+}
+
+int sst_viewer_view_change(struct sst_viewer *v, const char *id, const json_t *settings, struct sst_api_answer *out)
+{
+    struct sst_view_settings s;
+    struct view *e;
+    int err = -ENOENT;
+
+    pthread_mutex_lock(&v->lock);
+    e = find_locked(v, id);
+    if (e) {
+        s = e->settings;
+        err = sst_view_settings_take(&s, settings, out->error);
+        if (!err)
+            err = check_label_locked(v, &s, out->error);
+    } else {
+        snprintf(out->error, sizeof(out->error), "there is no view %.32s; it may have ended for want of viewers", id);
+    }
+    if (!err) {
+        e->settings = s;
+        e->version++;
+        e->used_ns = v->hand_ns = sst_clock_now_ns();
+        pthread_cond_broadcast(&v->changed);
+        out->body = view_json_locked(e);
+    }
+    pthread_mutex_unlock(&v->lock);
+    return err ? err : out->body ? 0 : -ENOMEM;
+}
+
+/* --- pictures, live thread ---------------------------------------------------------------------------------------- */
+
+/** Views that nobody looked at for long go. */
+static void expire(struct sst_viewer *v)
+{
+    for (int i = 1; i < VIEWS_MAX; i++) {
+        struct view *e = &v->view[i];
+        struct sst_live_picture *picture = NULL;
+
+        pthread_mutex_lock(&v->lock);
+        if (e->used && sst_outlet_viewers(e->outlet))
+            e->used_ns = sst_clock_now_ns();
+        if (e->used && sst_clock_now_ns() - e->used_ns > EXPIRY_NS) {
+            picture = e->picture;
+            sst_outlet_shut(e->outlet);
+            sst_outlet_unref(e->outlet);
+            *e = (struct view){ 0 };
+        }
+        pthread_mutex_unlock(&v->lock);
+        sst_live_picture_destroy(picture);
+    }
+}
+
+void sst_viewer_forget_pictures(struct sst_viewer *v)
+{
+    for (int i = 0; i < VIEWS_MAX; i++) {
+        struct sst_live_picture *picture;
+
+        pthread_mutex_lock(&v->lock);
+        picture = v->view[i].picture;
+        v->view[i].picture = NULL;
+        v->view[i].shown_version = 0;
+        pthread_mutex_unlock(&v->lock);
+        sst_live_picture_destroy(picture);
+    }
+}
+
+/** Settings as the renderer takes them, here and now. */
+static void resolve(struct sst_viewer *v, const struct sst_view_settings *s, struct sst_render_config *render)
+{
+    const struct sst_classes *classes = &sst_live_lightfield(v->live)->classes;
+
+    *render = s->render;
+    render->focus_label = s->focus_label[0] ? sst_classes_find(classes, s->focus_label) : 0;
+    if (s->follow && render->focus_label) {
+        double disp_px;
+
+        if (!sst_live_label_disparity(v->live, render->focus_label, &disp_px))
+            render->focus_px = disp_px;
+    }
+    if (isnan(render->focus_px))
+        render->focus_px = sst_live_default_focus(v->live);
+    if (isnan(render->focus_px))
+        render->focus_px = 0;
+}
+
+static int show(struct sst_viewer *v, struct sst_outlet *outlet, const struct sst_image *image, int quality)
+{
+    const uint8_t *jpeg;
+    uint8_t *data = NULL;
+    size_t bytes;
+    int err = v->encoder ? 0 : sst_jpeg_encoder_create(&v->encoder);
+
+    err = err ? err : sst_jpeg_encoder_run(v->encoder, image, quality, &jpeg, &bytes);
+    if (!err)
+        data = malloc(bytes);
+    if (err || !data)
+        return err ? err : -ENOMEM;
+    memcpy(data, jpeg, bytes);
+    return sst_outlet_put(outlet, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
+}
+
+/** @param ns  in, out, time spent on rendering and on encoding @return a picture was made */
+static bool render_view(struct sst_viewer *v, struct view *e, const struct sst_view_settings *settings, int quality,
+                        int64_t ns[2])
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    const struct sst_image *image;
+    struct sst_render_config render;
+    int64_t anew = 0, rendered_ns;
+    bool first;
+    int err = 0;
+
+    resolve(v, settings, &render);
+    if (!e->picture)
+        err = sst_live_picture_create(&e->picture, v->live);
+    if (!err)
+        err = sst_live_picture_render(e->picture, &render, &image, &anew);
+    if (err == -ENODATA && render.method == SST_RENDER_SST) {
+        render.method = SST_RENDER_REFOCUS; /* until there are disparities */
+        err = sst_live_picture_render(e->picture, &render, &image, &anew);
+    }
+    rendered_ns = sst_clock_now_ns();
+    ns[0] += rendered_ns - start_ns;
+    if (err)
+        return false;
+    pthread_mutex_lock(&v->lock);
+    first = !e->shown_version;
+    e->shown_focus_px = render.focus_px;
+    pthread_mutex_unlock(&v->lock);
+    if (!anew && !first)
+        return false;
+    err = show(v, e->outlet, image, quality);
+    ns[1] += sst_clock_now_ns() - rendered_ns;
+    return !err;
+}
+
+/** Make a view's picture anew where it is not what is shown.
+ * @param asked  even where nobody looks, as something else needs it
+ * @return a picture was made */
+static bool publish_view(struct sst_viewer *v, struct view *e, bool asked, int64_t ns[2])
+{
+    struct sst_view_settings settings;
+    unsigned version;
+    uint64_t update;
+    bool due, made;
+    int quality;
+
+    pthread_mutex_lock(&v->lock);
+    due = e->used && (asked || sst_viewer_wanted(e->outlet, e->used_ns)) &&
+          (e->shown_version != e->version || e->shown_update != v->update);
+    settings = e->settings;
+    version = e->version;
+    update = v->update;
+    quality = v->config.live.jpeg_quality;
+    pthread_mutex_unlock(&v->lock);
+    if (!due)
+        return false;
+    made = render_view(v, e, &settings, quality, ns);
+    pthread_mutex_lock(&v->lock);
+    e->shown_version = version;
+    e->shown_update = update;
+    pthread_cond_broadcast(&v->changed);
+    pthread_mutex_unlock(&v->lock);
+    return made;
+}
+
+static void publish_overlay(struct sst_viewer *v, enum sst_live_overlay kind)
+{
+    const struct sst_lightfield *lf = sst_live_lightfield(v->live);
+    struct shared *s = &v->overlay[kind];
+    struct sst_image *image = &v->overlay_image;
+    struct sst_outlet *outlet;
+    uint64_t update;
+    int quality;
+
+    pthread_mutex_lock(&v->lock);
+    outlet = s->outlet && s->shown != v->update && sst_viewer_wanted(s->outlet, s->used_ns) ? s->outlet : NULL;
+    update = v->update;
+    quality = v->config.live.jpeg_quality;
+    pthread_mutex_unlock(&v->lock);
+    if (!outlet)
+        return;
+    if (image->width != lf->width || image->height != lf->height) {
+        sst_image_fini(image);
+        if (sst_image_init(image, lf->width, lf->height))
+            return;
+    }
+    if (!sst_live_overlay(v->live, kind, image) && !show(v, outlet, image, quality)) {
+        pthread_mutex_lock(&v->lock);
+        s->shown = update;
+        pthread_cond_broadcast(&v->changed);
+        pthread_mutex_unlock(&v->lock);
+    }
+}
+
+void sst_viewer_publish(struct sst_viewer *v)
+{
+    int64_t ns[2] = { 0, 0 };
+    int made = 0;
+
+    expire(v);
+    if (!v->set_index && !v->set_t_ns)
+        return; /* no set yet */
+    for (int i = 0; i < VIEWS_MAX; i++)
+        made += publish_view(v, &v->view[i], false, ns);
+    publish_overlay(v, SST_LIVE_LABELS_PICTURE);
+    publish_overlay(v, SST_LIVE_DISPARITY_PICTURE);
+    if (!made)
+        return;
+    pthread_mutex_lock(&v->lock);
+    v->state.pictures += (uint64_t)made;
+    if (v->latency_due) {
+        sst_window_add(&v->state.latency_ms, (double)(sst_clock_now_ns() - v->set_t_ns) / 1e6);
+        sst_window_add(&v->state.stage_ms[SST_VIEWER_RENDER], (double)ns[0] / 1e6);
+        sst_window_add(&v->state.stage_ms[SST_VIEWER_ENCODE], (double)ns[1] / 1e6);
+    }
+    pthread_mutex_unlock(&v->lock);
+    v->latency_due = false;
+}
+
+/* --- what is asked from outside ----------------------------------------------------------------------------------- */
+
+bool sst_viewer_wanted(struct sst_outlet *outlet, int64_t used_ns)
+{
+    return sst_outlet_viewers(outlet) > 0 || (used_ns && sst_clock_now_ns() - used_ns < WANTED_NS);
+}
+
+int sst_viewer_share_locked(struct shared *s, struct sst_outlet **out)
+{
+    if (!s->outlet && sst_outlet_create(&s->outlet))
+        return -ENOMEM;
+    s->used_ns = sst_clock_now_ns();
+    *out = sst_outlet_ref(s->outlet);
+    return 0;
+}
+
+static int64_t end_of_wait(void)
+{
+    return sst_clock_now_ns() + FRESH_MS * INT64_C(1000000);
+}
+
+/** Wait, a little, until the picture shows what is there now: it may not have been made for long. */
+static void await_view_locked(struct sst_viewer *v, const char *id)
+{
+    const int64_t end_ns = end_of_wait();
+    const struct view *e;
+
+    while (!v->stop && v->live && (e = find_locked(v, id)) &&
+           (e->shown_version != e->version || e->shown_update != v->update) &&
+           sst_cond_wait_until(&v->changed, &v->lock, end_ns))
+        ;
+}
+
+static int view_outlet_locked(struct sst_viewer *v, const char *id, struct sst_outlet **out)
+{
+    struct view *e = find_locked(v, id);
+
+    if (!e)
+        return -ENOENT;
+    e->used_ns = sst_clock_now_ns();
+    *out = sst_outlet_ref(e->outlet);
+    if (!sst_outlet_viewers(e->outlet))
+        await_view_locked(v, id);
+    return 0;
+}
+
+static int overlay_outlet_locked(struct sst_viewer *v, enum sst_live_overlay kind, struct sst_outlet **out)
+{
+    const int64_t end_ns = end_of_wait();
+    struct shared *s = &v->overlay[kind];
+    const int err = sst_viewer_share_locked(s, out);
+
+    while (!err && !v->stop && v->state.ready && s->shown != v->update && !sst_outlet_viewers(s->outlet) &&
+           sst_cond_wait_until(&v->changed, &v->lock, end_ns))
+        ;
+    return err;
+}
+
+static int camera_outlet_locked(struct sst_viewer *v, const char *name, struct sst_outlet **out)
+{
+    struct sst_layout *layout = malloc(sizeof(*layout));
+    int row, col, end = 0, err = -ENOENT;
+
+    if (!layout)
+        return -ENOMEM;
+    sst_array_layout(v->array, layout);
+    if (sscanf(name, "r%3dc%3d%n", &row, &col, &end) == 2 && !name[end])
+        for (int i = 0; layout->generation && i < layout->config.bound && err == -ENOENT; i++)
+            if (layout->config.camera[i].row == row && layout->config.camera[i].col == col)
+                err = sst_viewer_share_locked(&v->camera[i], out);
+    free(layout);
+    return err;
+}
+
+int sst_viewer_outlet(struct sst_viewer *v, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+{
+    int err;
+
+    pthread_mutex_lock(&v->lock);
+    if (!v->config.live.enabled && kind != SST_PICTURE_CAMERA) {
+        pthread_mutex_unlock(&v->lock);
+        return -ENODATA; /* a picture from before it was switched off would pass for one of now */
+    }
+    switch (kind) {
+    case SST_PICTURE_VIEW:
+        err = view_outlet_locked(v, name, out);
+        break;
+    case SST_PICTURE_CAMERA:
+        err = camera_outlet_locked(v, name, out);
+        break;
+    case SST_PICTURE_LABELS:
+        err = overlay_outlet_locked(v, SST_LIVE_LABELS_PICTURE, out);
+        break;
+    default:
+        err = overlay_outlet_locked(v, SST_LIVE_DISPARITY_PICTURE, out);
+        break;
+    }
+    pthread_mutex_unlock(&v->lock);
+    return err;
+}
+
+void sst_viewer_serve(struct sst_viewer *v)
+{
+    int64_t ns[2] = { 0, 0 };
+    struct sst_live_pick pick;
+    int x, y, err = -ENODATA;
+    unsigned number;
+    struct view *e;
+
+    pthread_mutex_lock(&v->lock);
+    if (!v->request.pending || v->request.done) {
+        pthread_mutex_unlock(&v->lock);
+        return;
+    }
+    e = find_locked(v, v->request.id);
+    number = v->request.number;
+    x = v->request.x;
+    y = v->request.y;
+    pthread_mutex_unlock(&v->lock);
+    if (e && e->picture)
+        err = sst_live_picture_pick(e->picture, x, y, &pick);
+    /* Nobody has looked since cameras came or went. */
+    if (e && err == -ENODATA && v->live && (v->set_index || v->set_t_ns)) {
+        (void)publish_view(v, e, true, ns);
+        err = e->picture ? sst_live_picture_pick(e->picture, x, y, &pick) : err;
+    }
+    pthread_mutex_lock(&v->lock);
+    if (v->request.pending && v->request.number == number) { /* or it was another's, who went */
+        v->request.err = err;
+        v->request.done = true;
+        if (!err)
+            v->request.pick = pick;
+        pthread_cond_broadcast(&v->changed);
+    }
+    pthread_mutex_unlock(&v->lock);
+}
+
+static int answer_pick_locked(struct sst_viewer *v, struct sst_api_answer *out)
+{
+    const struct sst_live_pick *p = &v->request.pick;
+
+    if (v->request.err == -ERANGE)
+        snprintf(out->error, sizeof(out->error), "the point is outside the picture of %d x %d", v->state.width,
+                 v->state.height);
+    else if (v->request.err)
+        snprintf(out->error, sizeof(out->error), "nothing is known about depths yet");
+    if (v->request.err)
+        return v->request.err == -ERANGE ? -EINVAL : v->request.err;
+    out->body = json_pack("{s:o, s:i, s:s, s:o, s:i, s:s}", "disparity_px", sst_api_real(p->disp_px), "label", p->label,
+                          "name", p->label ? sst_classes_name(&v->classes, p->label) : "", "front_px",
+                          sst_api_real(p->front_px), "front_label", p->front_label, "front_name",
+                          p->front_label ? sst_classes_name(&v->classes, p->front_label) : "");
+    return out->body ? 0 : -ENOMEM;
+}
+
+int sst_viewer_pick(struct sst_viewer *v, const char *id, double x, double y, struct sst_api_answer *out)
+{
+    const int64_t end_ns = end_of_wait();
+    int err;
+
+    if (!(x >= -1e6 && x <= 1e6 && y >= -1e6 && y <= 1e6)) {
+        snprintf(out->error, sizeof(out->error), "x and y are pixels of the picture");
+        return -EINVAL;
+    }
+    pthread_mutex_lock(&v->lock);
+    while (v->request.pending && !v->stop && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
+        ;
+    if (!find_locked(v, id)) {
+        snprintf(out->error, sizeof(out->error), "there is no view %.32s; it may have ended for want of viewers", id);
+        err = -ENOENT;
+    } else if (v->request.pending || v->stop) {
+        snprintf(out->error, sizeof(out->error), "the service is busy; ask again");
+        err = -EAGAIN;
+    } else {
+        v->request = (struct request){
+            .pending = true, .number = v->request.number + 1, .x = (int)floor(x + 0.5), .y = (int)floor(y + 0.5)
+        };
+        snprintf(v->request.id, sizeof(v->request.id), "%s", id);
+        while (!v->request.done && !v->stop && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
+            ;
+        if (v->request.done) {
+            err = answer_pick_locked(v, out);
+        } else {
+            snprintf(out->error, sizeof(out->error), "the service is busy; ask again");
+            err = -EAGAIN;
+        }
+        v->request.pending = false;
+        pthread_cond_broadcast(&v->changed);
+    }
+    pthread_mutex_unlock(&v->lock);
+    return err;
+}

@@ -1,0 +1,232 @@
+#include "daemon/storage/catalog.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define PLAUSIBLE_NS (INT64_C(1767225600) * 1000000000) /* 2026-01-01: no clock that is set shows less */
+#define SLACK_NS     (INT64_C(3600) * 1000000000) /* what is made at a time may differ by its pre-roll and its length */
+
+static bool is_before(const struct sst_store_entry *a, const struct sst_store_entry *b)
+{
+    return a->order < b->order || (a->order == b->order && a->made_ns < b->made_ns);
+}
+
+int sst_catalog_add(struct sst_catalog *c, const struct sst_store_entry *entry)
+{
+    int at = c->count;
+
+    if (c->count == c->capacity) {
+        const int capacity = 2 * c->capacity + 64;
+        struct sst_store_entry *grown = realloc(c->entry, (size_t)capacity * sizeof(*grown));
+
+        if (!grown)
+            return -ENOMEM;
+        c->entry = grown;
+        c->capacity = capacity;
+    }
+    while (at > 0 && is_before(entry, &c->entry[at - 1]))
+        at--;
+    memmove(&c->entry[at + 1], &c->entry[at], (size_t)(c->count - at) * sizeof(*c->entry));
+    c->entry[at] = *entry;
+    c->count++;
+    if (entry->order > c->order)
+        c->order = entry->order;
+    return 0;
+}
+
+void sst_catalog_remove(struct sst_catalog *c, const char *name)
+{
+    const struct sst_store_entry *e = sst_catalog_find(c, name);
+    const int at = e ? (int)(e - c->entry) : c->count;
+
+    if (!e)
+        return;
+    memmove(&c->entry[at], &c->entry[at + 1], (size_t)(c->count - at - 1) * sizeof(*c->entry));
+    c->count--;
+}
+
+void sst_catalog_update(struct sst_catalog *c, const struct sst_store_entry *entry)
+{
+    struct sst_store_entry *e = sst_catalog_find(c, entry->name), made = *entry;
+
+    if (!e)
+        return;
+    made.readers = e->readers;
+    made.doomed = e->doomed;
+    *e = made;
+}
+
+struct sst_store_entry *sst_catalog_find(struct sst_catalog *c, const char *name)
+{
+    for (int i = 0; i < c->count; i++) {
+        if (!strcmp(c->entry[i].name, name))
+            return &c->entry[i];
+    }
+    return NULL;
+}
+
+void sst_catalog_fini(struct sst_catalog *c)
+{
+    free(c->entry);
+    *c = (struct sst_catalog){ 0 };
+}
+
+bool sst_store_name_good(const char *name)
+{
+    static const char letters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-.";
+    const size_t n = strlen(name);
+
+    return n > 0 && n < SST_STORE_NAME && name[0] != '.' && strspn(name, letters) == n;
+}
+
+bool sst_store_by_hand(const struct sst_store_entry *e)
+{
+    return e->kind != SST_STORE_RECORDING || !strcmp(e->why, SST_STORE_ON_DEMAND);
+}
+
+const char *sst_store_kind_name(enum sst_store_kind kind)
+{
+    return kind == SST_STORE_SNAPSHOT ? "snapshot" : kind == SST_STORE_EXPORT ? "export" : "recording";
+}
+
+const char *sst_store_prefix(enum sst_store_kind kind)
+{
+    return kind == SST_STORE_SNAPSHOT ? "snapshot-" : kind == SST_STORE_EXPORT ? "export-" : "";
+}
+
+void sst_store_name(char out[SST_STORE_NAME], enum sst_store_kind kind, int64_t wall_ns, int attempt)
+{
+    const time_t s = (time_t)(wall_ns / 1000000000);
+    struct tm tm = { 0 };
+    char date[32], suffix[16] = "";
+
+    /* Four digits of year: any clock gives a name of the same form. */
+    if (!gmtime_r(&s, &tm) || tm.tm_year < 0 || tm.tm_year > 8099 ||
+        !strftime(date, sizeof(date), "%Y-%m-%dT%H-%M-%SZ", &tm))
+        snprintf(date, sizeof(date), "0000-00-00T00-00-00Z");
+    if (attempt > 1)
+        snprintf(suffix, sizeof(suffix), "-%d", attempt);
+    snprintf(out, SST_STORE_NAME, "%s%s%s", sst_store_prefix(kind), date, suffix);
+}
+
+static bool may_go(const struct sst_store_entry *e)
+{
+    return e->stage == SST_STORE_DONE || e->stage == SST_STORE_TORN;
+}
+
+/* Its oldest segments may go while it is being written. */
+static bool may_be_shortened(const struct sst_store_entry *e)
+{
+    return e->kind == SST_STORE_RECORDING && e->stage == SST_STORE_ACTIVE && e->segments > SST_STORE_SEGMENTS;
+}
+
+/* What may go first, of what was made by hand or not; -1: none. */
+static int oldest(const struct sst_catalog *c, bool by_hand)
+{
+    int read = -1, written = -1;
+
+    for (int i = 0; i < c->count; i++) {
+        const struct sst_store_entry *e = &c->entry[i];
+
+        if (sst_store_by_hand(e) != by_hand)
+            continue;
+        if (may_go(e) && !e->readers)
+            return i;
+        if (may_go(e) && read < 0)
+            read = i;
+        if (may_be_shortened(e))
+            written = i; /* there is one at most */
+    }
+    return read >= 0 ? read : written;
+}
+
+int64_t sst_store_room_bytes(const struct sst_store_limits *l, const struct sst_store_room *room)
+{
+    const int64_t disk = room->used_bytes + room->free_bytes - l->min_free_bytes;
+
+    return l->quota_bytes && l->quota_bytes < disk ? l->quota_bytes : disk;
+}
+
+int64_t sst_store_hand_bytes(const struct sst_store_limits *l, const struct sst_store_room *room)
+{
+    return l->hand_bytes ? l->hand_bytes : sst_store_room_bytes(l, room) / 2;
+}
+
+static int too_much(const struct sst_catalog *c, const struct sst_store_limits *limits,
+                    const struct sst_store_room *room)
+{
+    const int self = oldest(c, false), hand = oldest(c, true);
+    int64_t bytes = 0;
+
+    for (int i = 0; i < c->count; i++)
+        bytes += sst_store_by_hand(&c->entry[i]) ? c->entry[i].bytes : 0;
+    return hand >= 0 && (self < 0 || bytes > sst_store_hand_bytes(limits, room)) ? hand : self;
+}
+
+/* Stamped by a clock that was not set yet, or set wrong? Things are made in their order, and none in the future. */
+static bool is_doubtful(int64_t end_ns, int64_t before_ns, int64_t wall_ns)
+{
+    return end_ns < PLAUSIBLE_NS || end_ns - SLACK_NS > wall_ns || end_ns < before_ns - SLACK_NS;
+}
+
+/* By itself, and by hand: -1: there is none. */
+static void find_newest(const struct sst_catalog *c, int newest[2])
+{
+    newest[0] = newest[1] = -1;
+    for (int i = 0; i < c->count; i++)
+        newest[sst_store_by_hand(&c->entry[i])] = i;
+}
+
+/* What bears a doubtful time was made before what came next: the time of that counts. */
+static int too_old(const struct sst_catalog *c, const struct sst_store_limits *limits,
+                   const struct sst_store_room *room)
+{
+    const int64_t age_ns[2] = { limits->max_age_ns, limits->hand_max_age_ns };
+    int newest[2], waits[2] = { -1, -1 }; /* the first that goes by the time of what comes next */
+    int64_t before_ns = 0;                /* the latest begin so far, as far as it is in the past */
+
+    find_newest(c, newest);
+    for (int i = 0; i < c->count; i++) {
+        const struct sst_store_entry *e = &c->entry[i];
+        const bool recording = e->kind == SST_STORE_RECORDING, by_hand = sst_store_by_hand(e);
+        const int64_t begin_ns = recording ? e->from_ns : e->made_ns, end_ns = recording ? e->to_ns : e->made_ns;
+
+        if (end_ns && may_go(e) && i != newest[by_hand] && age_ns[by_hand] && waits[by_hand] < 0)
+            waits[by_hand] = i;
+        if (end_ns && !is_doubtful(end_ns, before_ns, room->wall_ns)) {
+            for (int k = 0; k < 2; k++) {
+                if (waits[k] >= 0 && end_ns < room->wall_ns - age_ns[k])
+                    return waits[k];
+                waits[k] = -1;
+            }
+        }
+        if (e->order && begin_ns > before_ns && begin_ns <= room->wall_ns)
+            before_ns = begin_ns;
+    }
+    return -1;
+}
+
+enum sst_store_verdict sst_store_judge(const struct sst_catalog *c, const struct sst_store_limits *limits,
+                                       const struct sst_store_room *room, int *victim)
+{
+    const bool quota = limits->quota_bytes && room->used_bytes > limits->quota_bytes - limits->margin_bytes;
+    const bool low = limits->min_free_bytes && room->free_bytes < limits->min_free_bytes + limits->margin_bytes;
+    int first = quota || low ? too_much(c, limits, room) : -1;
+
+    if (first >= 0) {
+        *victim = first;
+        return SST_STORE_TOO_MUCH;
+    }
+    if ((limits->quota_bytes &&
+         (room->used_bytes >= limits->quota_bytes || room->used_bytes + room->waiting_bytes > limits->quota_bytes)) ||
+        (limits->min_free_bytes && room->free_bytes < limits->min_free_bytes))
+        return SST_STORE_NO_ROOM;
+    first = room->clock_steady ? too_old(c, limits, room) : -1;
+    if (first < 0)
+        return SST_STORE_FITS;
+    *victim = first;
+    return SST_STORE_TOO_OLD;
+}

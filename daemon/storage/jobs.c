@@ -1,0 +1,448 @@
+/* Snapshots and exports: light fields made one after another on a thread of their own, by calls that wait for a while.
+ */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "daemon/recording/lightfields.h"
+#include "daemon/storage/parts.h"
+
+#define NEAR_NS   10000000000 /* an export is of a set within this of the moment */
+#define STRIDE    64          /* sets between two looks for a moment */
+#define RECENT    5           /* sets among which a snapshot takes a complete one */
+#define NAMES_MAX 99          /* snapshots of one second */
+
+struct sst_store_job {
+    struct sst_store_entry entry;
+    const struct sst_kept *kept; /* of the ring; NULL: of a recording */
+    char recording[SST_STORE_NAME];
+    int64_t wall_ns;
+    uint8_t *jpeg;
+    size_t jpeg_bytes;
+    struct sst_store_settings settings;
+    /* under the storage's lock */
+    bool done, left; /* left: nobody waits for it any more */
+    int err;
+};
+
+/* --- light fields ------------------------------------------------------------------------------------------------- */
+
+static int read_calibration(struct sst_use_calibration *use, const struct sst_store_settings *set)
+{
+    int err;
+
+    sst_use_calibration_defaults(use);
+    err = sst_use_calibration_read(use, set->calibration);
+    if (!err && set->plane_mm >= 0)
+        use->plan.plane_mm = set->plane_mm;
+    return err;
+}
+
+/* A calibration that cannot be used must not cost the moment: it can be given to the light field later. */
+static int make_lightfield(const struct sst_store_job *job, const struct sst_recording *r, int set, const char *source,
+                           const char *out)
+{
+    struct sst_use_calibration *use = calloc(1, sizeof(*use));
+    struct sst_lightfields_config cfg = { .out = out,
+                                          .sets = &set,
+                                          .count = 1,
+                                          .allow_partial = true,
+                                          .source = source,
+                                          .picture = job->jpeg ? "picture.jpg" : NULL,
+                                          .picture_data = job->jpeg,
+                                          .picture_bytes = job->jpeg_bytes,
+                                          .threads = 1 };
+    char why[SST_LOG_MAX] = "", *before = sst_log_hold_errors(why);
+    int err = -ENODATA;
+
+    if (use && job->settings.calibration[0]) {
+        err = read_calibration(use, &job->settings);
+        cfg.calibration = use;
+        if (!err) {
+            err = sst_recording_to_lightfields(r, &cfg);
+            sst_use_calibration_fini(use);
+        }
+        cfg.calibration = NULL;
+    }
+    sst_log_hold_errors(before);
+    free(use);
+    if (!err || err == -ENOSPC || err == -EROFS || err == -EIO) {
+        if (err)
+            sst_log_error("%s", why);
+        return err;
+    }
+    if (why[0])
+        sst_log_warning("%s; %s is kept as the cameras saw it", why, job->entry.name);
+    return sst_recording_to_lightfields(r, &cfg);
+}
+
+/* A set of the ring becomes a recording of one set first: light fields are made of recordings. */
+static int record_one(struct sst_storage *s, const struct sst_store_job *job, const char *dir)
+{
+    const struct sst_set *set = &job->kept->set;
+    struct sst_recorder_config cfg;
+    struct sst_recorder *recorder;
+    struct sst_recorder_track *tracks = sst_store_tracks(s);
+    int err, closed;
+
+    if (!tracks)
+        return -ENOMEM;
+    sst_recorder_config_defaults(&cfg);
+    cfg.dir = dir;
+    cfg.rows = job->settings.rows;
+    cfg.cols = job->settings.cols;
+    cfg.cameras = job->settings.cameras;
+    cfg.tracks = tracks;
+    cfg.fourcc = job->settings.fourcc;
+    cfg.width = job->settings.width;
+    cfg.height = job->settings.height;
+    cfg.rate_hz = job->settings.rate_hz;
+    cfg.spacing_mm = job->settings.spacing_mm;
+    for (int k = 0; k < set->cameras; k++) {
+        if (!set->frame[k])
+            continue;
+        cfg.fourcc = set->frame[k]->fourcc;
+        cfg.width = set->frame[k]->width;
+        cfg.height = set->frame[k]->height;
+        break;
+    }
+    err = sst_recorder_open(&recorder, &cfg);
+    free(tracks);
+    if (err)
+        return err;
+    err = sst_recorder_write(recorder, set);
+    closed = sst_recorder_close(recorder);
+    return err ? err : closed;
+}
+
+static int64_t distance(int64_t a, int64_t b)
+{
+    return a > b ? a - b : b - a;
+}
+
+/* The set nearest to a moment. Wall clocks are stepped: every 64th set is looked at, then those around the nearest. */
+static int find_set(const struct sst_recording *r, int64_t wall_ns, int *nearest)
+{
+    struct sst_recording_set *set = malloc(sizeof(*set));
+    const int n = sst_recording_sets(r);
+    int64_t best = INT64_MAX;
+    int centre = -1, first = 0, last = n - 1, step = STRIDE;
+
+    if (!set)
+        return -ENOMEM;
+    for (int round = 0; round < 2; round++) {
+        for (int i = first; i <= last; i += step) {
+            if (sst_recording_set(r, i, set) || distance(set->wall_ns, wall_ns) >= best)
+                continue;
+            best = distance(set->wall_ns, wall_ns);
+            centre = i;
+        }
+        first = centre < STRIDE ? 0 : centre - STRIDE;
+        last = centre < 0 || centre + STRIDE > n - 1 ? n - 1 : centre + STRIDE;
+        step = 1;
+    }
+    free(set);
+    if (best > NEAR_NS)
+        return -ENOENT;
+    *nearest = centre;
+    return 0;
+}
+
+static int run_job(struct sst_storage *s, const struct sst_store_job *job)
+{
+    char out[SST_PATH_MAX], raw[SST_PATH_MAX], source[SST_PATH_MAX];
+    struct sst_recording *r = NULL;
+    int set = 0, err = sst_path_join(out, s->folder[job->entry.kind], job->entry.name);
+
+    if (!err && job->kept) {
+        err = snprintf(raw, sizeof(raw), "%s.tmp-raw", out) < (int)sizeof(raw) ? 0 : -ENAMETOOLONG;
+        if (!err)
+            err = record_one(s, job, raw);
+        snprintf(source, sizeof(source), "%s", "the running service");
+    } else if (!err) {
+        err = sst_path_join(raw, s->folder[SST_STORE_RECORDING], job->recording);
+        snprintf(source, sizeof(source), "%s", raw);
+    }
+    if (!err)
+        err = sst_recording_open(&r, raw);
+    if (!err && !job->kept)
+        err = find_set(r, job->wall_ns, &set);
+    if (!err)
+        err = make_lightfield(job, r, set, source, out);
+    sst_recording_close(r);
+    if (job->kept)
+        sst_path_remove_tree(raw);
+    return err;
+}
+
+/* --- the thread --------------------------------------------------------------------------------------------------- */
+
+static void free_job(struct sst_storage *s, struct sst_store_job *job)
+{
+    if (job->kept)
+        sst_ring_unref(s->ring, job->kept);
+    free(job->jpeg);
+    free(job);
+}
+
+static void tell(struct sst_storage *s, const struct sst_store_job *job, int err, const char *said)
+{
+    const char *type = job->entry.kind == SST_STORE_SNAPSHOT ? "snapshot" : "export";
+
+    if (err)
+        sst_events_emit(s->events, SST_EVENT_ERROR, type, json_pack("{s:s}", "name", job->entry.name),
+                        "%s cannot be made: %.180s", job->entry.name, said[0] ? said : strerror(-err));
+    else
+        sst_events_emit(s->events, SST_EVENT_INFO, type, json_pack("{s:s}", "name", job->entry.name), "%s is made",
+                        job->entry.name);
+}
+
+/* Without the file that says so it counts as the oldest after the next start: nothing to fail for. */
+static void settle(struct sst_storage *s, struct sst_store_job *job)
+{
+    struct sst_store_entry *e = &job->entry;
+    char path[SST_PATH_MAX];
+
+    e->stage = SST_STORE_DONE;
+    e->made_ns = sst_clock_wall_ns();
+    e->sets = 1;
+    e->picture = job->jpeg != NULL;
+    if (sst_path_join(path, s->folder[e->kind], e->name))
+        return;
+    e->bytes = sst_store_bytes(path);
+    if (sst_store_write(path, e))
+        sst_log_debug("%s: its order is lost", path);
+}
+
+static void end_job(struct sst_storage *s, struct sst_store_job *job, int err)
+{
+    bool left;
+
+    if (!err)
+        settle(s, job);
+    pthread_mutex_lock(&s->lock);
+    if (err)
+        sst_catalog_remove(&s->catalog, job->entry.name);
+    else
+        sst_catalog_update(&s->catalog, &job->entry);
+    pthread_cond_broadcast(&s->wake); /* the limits */
+    s->jobs--;
+    memmove(&s->job[0], &s->job[1], (size_t)s->jobs * sizeof(s->job[0]));
+    job->err = err;
+    job->done = true;
+    left = job->left;
+    pthread_cond_broadcast(&s->answered);
+    pthread_mutex_unlock(&s->lock);
+    if (left)
+        free_job(s, job);
+}
+
+void *sst_store_jobs_run(void *storage)
+{
+    struct sst_storage *s = storage;
+    char said[SST_LOG_MAX];
+
+    sst_log_hold_errors(said);
+    pthread_mutex_lock(&s->lock);
+    while (!s->stop || s->jobs) {
+        struct sst_store_job *job = s->jobs ? s->job[0] : NULL;
+        int err;
+
+        if (!job) {
+            sst_store_wait_locked(s, 1000);
+            continue;
+        }
+        err = s->stop ? -ECANCELED : 0;
+        pthread_mutex_unlock(&s->lock);
+        said[0] = 0;
+        if (!err)
+            err = run_job(s, job);
+        tell(s, job, err, said);
+        end_job(s, job, err);
+        pthread_mutex_lock(&s->lock);
+    }
+    pthread_mutex_unlock(&s->lock);
+    sst_log_hold_errors(NULL);
+    sst_store_thread_ends(s);
+    return NULL;
+}
+
+/* --- calls -------------------------------------------------------------------------------------------------------- */
+
+/* May something be added? What it is too much for goes then: sst-keep sees to that. */
+static int check_room(struct sst_storage *s)
+{
+    int err;
+
+    pthread_mutex_lock(&s->lock);
+    err = s->stop ? -EBUSY : s->ready || s->blocked ? sst_store_refusal_locked(s) : 0;
+    if (!err && s->jobs == SST_STORE_JOBS)
+        err = -EBUSY;
+    pthread_mutex_unlock(&s->lock);
+    return err;
+}
+
+/* Hand the job to the thread and wait a while. It is freed here or there. */
+static int submit(struct sst_storage *s, struct sst_store_job *job, char *name)
+{
+    const int64_t until_ns = sst_clock_now_ns() + SST_STORE_ANSWER_MS * INT64_C(1000000);
+    const enum sst_store_kind kind = job->entry.kind;
+    int err = -EEXIST;
+    bool done;
+
+    for (int attempt = 1; err == -EEXIST && attempt <= NAMES_MAX; attempt++)
+        err = sst_store_reserve(s, kind, job->wall_ns, attempt, "", &job->entry);
+    if (err) {
+        free_job(s, job);
+        return err == -EEXIST ? -EBUSY : err;
+    }
+    pthread_mutex_lock(&s->lock);
+    if (sst_catalog_find(&s->catalog, job->entry.name))
+        sst_catalog_find(&s->catalog, job->entry.name)->picture = job->jpeg != NULL;
+    if (s->jobs == SST_STORE_JOBS || s->stop) {
+        sst_catalog_remove(&s->catalog, job->entry.name);
+        pthread_mutex_unlock(&s->lock);
+        free_job(s, job);
+        return -EBUSY;
+    }
+    job->settings = s->settings;
+    s->job[s->jobs++] = job;
+    snprintf(name, SST_STORE_NAME, "%s", job->entry.name);
+    pthread_cond_broadcast(&s->wake);
+    while (!job->done && !s->stop && sst_store_wait_answer_locked(s, until_ns))
+        ;
+    done = job->done;
+    job->left = !done;
+    err = done ? job->err : s->stop ? -EIO : 0;
+    pthread_mutex_unlock(&s->lock);
+    if (done)
+        free_job(s, job);
+    return err == -ENOSPC || err == -EROFS || err == -EBADMSG || err == -ENOENT || err == -ENOMEM || !err ? err : -EIO;
+}
+
+/* The newest set, or a complete one of the last few; NULL: none. */
+static const struct sst_kept *newest_set(struct sst_ring *ring)
+{
+    const struct sst_kept *k = sst_ring_get(ring, 0);
+    const uint64_t number = k ? k->number : 0;
+    uint64_t dropped;
+
+    if (k)
+        sst_ring_unref(ring, k);
+    return k ? sst_ring_newest(ring, number > RECENT ? number - RECENT : 0, &dropped) : NULL;
+}
+
+int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jpeg, size_t bytes, char *name)
+{
+    struct sst_store_job *job;
+    int err = check_room(s);
+
+    if (err)
+        return err;
+    job = calloc(1, sizeof(*job));
+    if (!job)
+        return -ENOMEM;
+    job->entry.kind = SST_STORE_SNAPSHOT;
+    job->kept = newest_set(s->ring);
+    if (!job->kept || !job->kept->set.present)
+        err = -ENODATA;
+    if (!err && jpeg && bytes) {
+        job->jpeg = malloc(bytes);
+        job->jpeg_bytes = bytes;
+        if (job->jpeg)
+            memcpy(job->jpeg, jpeg, bytes);
+        else
+            err = -ENOMEM;
+    }
+    if (err) {
+        free_job(s, job);
+        return err;
+    }
+    job->wall_ns = job->kept->set.wall_ns;
+    return submit(s, job, name);
+}
+
+/* The set of the ring nearest to a moment, referenced; NULL: none is near. */
+static const struct sst_kept *find_kept(struct sst_ring *ring, int64_t wall_ns)
+{
+    const struct sst_kept *best = NULL;
+    uint64_t number = 1;
+
+    for (;;) {
+        const struct sst_kept *k = sst_ring_get(ring, number);
+
+        if (k && k->number >= number) {
+            number = k->number + 1;
+            if (k->set.present && distance(k->set.wall_ns, wall_ns) <= NEAR_NS &&
+                (!best || distance(k->set.wall_ns, wall_ns) < distance(best->set.wall_ns, wall_ns))) {
+                const struct sst_kept *other = best;
+
+                best = k;
+                k = other;
+            }
+            if (k)
+                sst_ring_unref(ring, k);
+            continue;
+        }
+        if (k)
+            sst_ring_unref(ring, k);
+        return best;
+    }
+}
+
+/* The recording of this name, or that comes nearest to the moment. @return its distance from it; INT64_MAX: none */
+static int64_t find_recording(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name)
+{
+    int64_t best = INT64_MAX;
+
+    pthread_mutex_lock(&s->lock);
+    for (int i = 0; i < s->catalog.count; i++) {
+        const struct sst_store_entry *e = &s->catalog.entry[i];
+        int64_t away = INT64_MAX;
+
+        if (e->kind != SST_STORE_RECORDING || (recording && strcmp(e->name, recording)))
+            continue;
+        if (recording || (wall_ns >= e->from_ns && wall_ns <= e->to_ns))
+            away = 0;
+        else if (e->from_ns)
+            away = wall_ns < e->from_ns ? e->from_ns - wall_ns : distance(wall_ns, e->to_ns);
+        if (away < best) {
+            best = away;
+            memcpy(name, e->name, SST_STORE_NAME);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return best;
+}
+
+int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name)
+{
+    struct sst_store_job *job;
+    int64_t away, away_ram = INT64_MAX;
+    int err = check_room(s);
+
+    if (err)
+        return err;
+    job = calloc(1, sizeof(*job));
+    if (!job)
+        return -ENOMEM;
+    job->entry.kind = SST_STORE_EXPORT;
+    job->wall_ns = wall_ns;
+    away = find_recording(s, recording, wall_ns, job->recording);
+    job->kept = recording ? NULL : find_kept(s->ring, wall_ns);
+    if (job->kept)
+        away_ram = distance(job->kept->set.wall_ns, wall_ns);
+    /* What is in memory needs no reading; half a second is what sets of 1 Hz are apart. */
+    if (job->kept && away_ram > 500000000 && away < away_ram) {
+        sst_ring_unref(s->ring, job->kept);
+        job->kept = NULL;
+    }
+    if (!job->kept && away > NEAR_NS) {
+        free_job(s, job);
+        return -ENOENT;
+    }
+    return submit(s, job, name);
+}

@@ -1,0 +1,212 @@
+/* How things stand, worked out from what the threads have met; nothing here waits for a disk. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "daemon/storage/parts.h"
+
+static bool hangs(int64_t since_ns, int64_t now_ns)
+{
+    return since_ns && now_ns - since_ns > SST_STORE_HUNG_NS;
+}
+
+/* @return true: others than before */
+static bool work_out_locked(struct sst_storage *s)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+    enum sst_store_trouble trouble = s->limit;
+    const char *text = s->limit_text;
+    char hung[SST_STORE_TEXT];
+    bool changed;
+
+    if (s->folder_err) {
+        trouble = SST_TROUBLE_FOLDER;
+        text = s->folder_text;
+    } else if (s->write_err) {
+        trouble = SST_TROUBLE_WRITE;
+        text = s->write_text;
+    } else if (hangs(s->record_busy_ns, now_ns) || hangs(s->keep_busy_ns, now_ns)) {
+        trouble = SST_TROUBLE_HUNG;
+        snprintf(hung, sizeof(hung), "the disk of %.400s does not answer; check it", s->dir);
+        text = hung;
+    }
+    changed = trouble != s->trouble || (trouble == SST_TROUBLE_FOLDER && strcmp(text, s->reason));
+    s->trouble = trouble;
+    s->state = trouble >= SST_TROUBLE_LIMIT       ? SST_STORAGE_FULL
+               : trouble == SST_TROUBLE_LIMIT_LOW ? SST_STORAGE_LOW
+                                                  : SST_STORAGE_OK;
+    snprintf(s->reason, sizeof(s->reason), "%s", trouble == SST_TROUBLE_NONE ? "" : text);
+    return changed;
+}
+
+static const char *state_name(enum sst_storage_state state)
+{
+    return state == SST_STORAGE_OK ? "OK" : state == SST_STORAGE_LOW ? "LOW" : "FULL";
+}
+
+static void tell(struct sst_storage *s, enum sst_storage_state state, const char *reason, int64_t free_bytes,
+                 int64_t used_bytes)
+{
+    const enum sst_event_level level = state == SST_STORAGE_FULL ? SST_EVENT_ERROR : SST_EVENT_INFO;
+
+    sst_events_emit(s->events, level, "storage",
+                    json_pack("{s:s, s:s, s:I, s:I}", "state", state_name(state), "reason", reason, "free_bytes",
+                              (json_int_t)free_bytes, "used_bytes", (json_int_t)used_bytes),
+                    "storage is %s%s%s", state_name(state), reason[0] ? ": " : "", reason);
+}
+
+void *sst_store_state_run(void *storage)
+{
+    struct sst_storage *s = storage;
+
+    pthread_mutex_lock(&s->lock);
+    while (!s->stop) {
+        if (s->checked_ns && work_out_locked(s)) {
+            const enum sst_storage_state state = s->state;
+            const int64_t free_bytes = s->free_bytes, used_bytes = s->used_bytes;
+            char reason[SST_STORE_TEXT];
+
+            memcpy(reason, s->reason, sizeof(reason));
+            pthread_mutex_unlock(&s->lock);
+            tell(s, state, reason, free_bytes, used_bytes);
+            pthread_mutex_lock(&s->lock);
+        }
+        sst_store_wait_locked(s, 250);
+    }
+    pthread_mutex_unlock(&s->lock);
+    sst_store_thread_ends(s);
+    return NULL;
+}
+
+enum sst_storage_state sst_storage_state(struct sst_storage *s)
+{
+    enum sst_storage_state state;
+
+    pthread_mutex_lock(&s->lock);
+    state = s->state;
+    pthread_mutex_unlock(&s->lock);
+    return state;
+}
+
+/* --- for programs ------------------------------------------------------------------------------------------------- */
+
+static json_t *time_json(int64_t wall_ns)
+{
+    char text[SST_CLOCK_TEXT] = "";
+
+    if (wall_ns)
+        sst_clock_text(text, wall_ns);
+    return json_string(text);
+}
+
+static const char *mode_name(enum sst_record_mode mode)
+{
+    return mode == SST_RECORD_CONTINUOUS ? "continuous" : mode == SST_RECORD_EVENT ? "event" : "off";
+}
+
+static json_t *ring_json(struct sst_storage *s)
+{
+    struct sst_ring_counters c;
+    double seconds;
+    int pictures;
+
+    sst_ring_counters(s->ring, &c);
+    pthread_mutex_lock(&s->lock);
+    pictures = s->shown.count;
+    pthread_mutex_unlock(&s->lock);
+    seconds = c.oldest_ns ? (double)(sst_clock_now_ns() - c.oldest_ns) * 1e-9 : 0;
+    return json_pack("{s:I, s:i, s:f, s:i}", "bytes", (json_int_t)c.bytes, "sets", c.sets, "seconds",
+                     seconds > 0 ? seconds : 0.0, "pictures", pictures);
+}
+
+static json_t *recording_json_locked(const struct sst_storage *s)
+{
+    struct sst_catalog catalog = s->catalog;
+    const struct sst_store_entry *e = s->take[0] ? sst_catalog_find(&catalog, s->take) : NULL;
+
+    return json_pack("{s:s, s:b, s:s, s:s, s:o, s:I, s:I}", "mode", mode_name(s->settings.mode), "active", e != NULL,
+                     "name", s->take, "why", e ? s->take_why : "", "since", time_json(e ? e->from_ns : 0), "sets",
+                     (json_int_t)s->take_sets, "dropped", (json_int_t)s->dropped);
+}
+
+/* What the catalog holds, under the status's names. */
+static void add_counts_locked(json_t *status, const struct sst_storage *s)
+{
+    static const char *const names[SST_STORE_KINDS] = { "recordings", "snapshots", "exports" };
+    int64_t count[SST_STORE_KINDS] = { 0 }, hand_bytes = 0, removed = 0;
+
+    for (int i = 0; i < s->catalog.count; i++) {
+        const struct sst_store_entry *e = &s->catalog.entry[i];
+
+        count[e->kind]++;
+        hand_bytes += sst_store_by_hand(e) ? e->bytes : 0;
+    }
+    for (int i = 0; i < SST_STORE_KINDS; i++) {
+        removed += (int64_t)s->removed[i];
+        json_object_set_new(status, names[i], json_integer(count[i]));
+    }
+    json_object_set_new(status, "by_hand_bytes", json_integer(hand_bytes));
+    json_object_set_new(status, "by_hand_limit_bytes", json_integer(s->hand_bytes));
+    json_object_set_new(status, "removed", json_integer(removed));
+    json_object_set_new(status, "shortened", json_integer((json_int_t)s->shortened));
+    json_object_set_new(status, "deleted", json_integer((json_int_t)s->deleted));
+    json_object_set_new(status, "downloads", json_integer(s->downloads));
+}
+
+json_t *sst_storage_status(struct sst_storage *s)
+{
+    json_t *o, *ring = ring_json(s);
+    const struct sst_store_entry *oldest = NULL;
+
+    pthread_mutex_lock(&s->lock);
+    for (int i = 0; i < s->catalog.count && !oldest; i++) {
+        if (s->catalog.entry[i].kind == SST_STORE_RECORDING)
+            oldest = &s->catalog.entry[i];
+    }
+    o = json_pack("{s:s, s:s, s:s, s:I, s:I, s:I, s:o, s:f, s:o, s:o}", "state", state_name(s->state), "reason",
+                  s->reason, "dir", s->dir, "free_bytes", (json_int_t)s->free_bytes, "used_bytes",
+                  (json_int_t)s->used_bytes, "quota_bytes", (json_int_t)s->settings.limits.quota_bytes, "oldest",
+                  time_json(oldest ? oldest->from_ns : 0), "age_s",
+                  s->checked_ns ? (double)(sst_clock_now_ns() - s->checked_ns) * 1e-9 : 0.0, "recording",
+                  recording_json_locked(s), "ring", ring);
+    if (o)
+        add_counts_locked(o, s);
+    pthread_mutex_unlock(&s->lock);
+    return o;
+}
+
+static json_t *entry_json(const struct sst_store_entry *e)
+{
+    const bool active = e->stage == SST_STORE_ACTIVE;
+
+    if (e->kind == SST_STORE_RECORDING)
+        return json_pack("{s:s, s:o, s:o, s:I, s:I, s:s, s:b, s:b, s:b}", "name", e->name, "from",
+                         time_json(e->from_ns), "to", time_json(e->to_ns), "sets", (json_int_t)e->sets, "bytes",
+                         (json_int_t)e->bytes, "why", e->why, "by_hand", sst_store_by_hand(e), "view", e->picture,
+                         "active", active);
+    return json_pack("{s:s, s:o, s:I, s:b, s:b}", "name", e->name, "time", time_json(e->from_ns), "bytes",
+                     (json_int_t)e->bytes, "picture", e->picture, "active", active);
+}
+
+json_t *sst_storage_list(struct sst_storage *s)
+{
+    json_t *list[SST_STORE_KINDS];
+    bool good = true;
+
+    for (int i = 0; i < SST_STORE_KINDS; i++)
+        good &= (list[i] = json_array()) != NULL;
+    pthread_mutex_lock(&s->lock);
+    for (int i = 0; good && i < s->catalog.count; i++) {
+        const struct sst_store_entry *e = &s->catalog.entry[i];
+
+        if (!e->doomed)
+            good = !json_array_append_new(list[e->kind], entry_json(e));
+    }
+    pthread_mutex_unlock(&s->lock);
+    if (good)
+        return json_pack("{s:o, s:o, s:o}", "recordings", list[0], "snapshots", list[1], "exports", list[2]);
+    for (int i = 0; i < SST_STORE_KINDS; i++)
+        json_decref(list[i]);
+    return NULL;
+}

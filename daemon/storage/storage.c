@@ -1,0 +1,481 @@
+/* What the service asks of storage: memory is looked at, threads are told. */
+#define _GNU_SOURCE
+#include "daemon/storage/storage.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "daemon/storage/parts.h"
+
+#define GB 1e9
+
+/* --- threads ------------------------------------------------------------------------------------------------------ */
+
+void sst_store_wait_locked(struct sst_storage *s, int ms)
+{
+    (void)sst_cond_wait_until(&s->wake, &s->lock, sst_clock_now_ns() + (int64_t)ms * 1000000);
+}
+
+/* Who finds that it is late waits a little longer, once: on a machine that stood still the time went by, and the thread
+ * that is to answer had none of it. */
+bool sst_store_wait_answer_locked(struct sst_storage *s, int64_t until_ns)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+
+    if (now_ns >= until_ns)
+        return sst_cond_wait_until(&s->answered, &s->lock, now_ns + SST_STORE_GRACE_NS);
+    (void)sst_cond_wait_until(&s->answered, &s->lock, until_ns);
+    return true;
+}
+
+void sst_store_thread_ends(struct sst_storage *s)
+{
+    pthread_mutex_lock(&s->lock);
+    s->threads--;
+    pthread_cond_broadcast(&s->answered);
+    pthread_mutex_unlock(&s->lock);
+}
+
+void sst_store_busy(struct sst_storage *s, int64_t *since_ns, bool busy)
+{
+    pthread_mutex_lock(&s->lock);
+    *since_ns = busy ? sst_clock_now_ns() : 0;
+    pthread_mutex_unlock(&s->lock);
+}
+
+/* --- settings ----------------------------------------------------------------------------------------------------- */
+
+static int64_t bytes_of(double gb)
+{
+    return gb > 0 ? (int64_t)fmin(gb * GB, 9e18) : 0;
+}
+
+static int64_t ns_of(double s)
+{
+    return s > 0 ? (int64_t)fmin(s * 1e9, 9e18) : 0;
+}
+
+static void take_array(struct sst_store_settings *to, const struct sst_array_config *a)
+{
+    to->rate_hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
+    to->spacing_mm = a->spacing_mm;
+    to->rows = a->rows;
+    to->cols = a->cols;
+    to->cameras = a->bound;
+    to->fourcc = a->fourcc;
+    to->width = a->width;
+    to->height = a->height;
+}
+
+static void take_settings(struct sst_store_settings *to, const struct sst_config *c)
+{
+    *to = (struct sst_store_settings){
+        .mode = c->storage.mode,
+        .view = c->storage.record_view && c->live.enabled,
+        .limits = { .quota_bytes = bytes_of(c->storage.quota_gb),
+                    .min_free_bytes = bytes_of(c->storage.min_free_gb),
+                    .max_age_ns = ns_of(c->storage.max_age_days * 86400),
+                    .hand_max_age_ns = ns_of(c->storage.by_hand_max_age_days * 86400),
+                    .hand_bytes = bytes_of(c->storage.by_hand_gb) },
+        .segment_s = c->storage.segment_s,
+        .sync_s = c->storage.sync_s,
+        .preroll_ns = ns_of(c->storage.preroll_s),
+        .postroll_ns = ns_of(c->storage.postroll_s),
+        .plane_mm = c->live.plane_mm,
+    };
+    snprintf(to->calibration, sizeof(to->calibration), "%s", c->live.calibration);
+    take_array(to, &c->array);
+}
+
+/* What the array was opened with holds until it is opened again. */
+static void keep_array(struct sst_store_settings *to, const struct sst_store_settings *from)
+{
+    to->rate_hz = from->rate_hz;
+    to->spacing_mm = from->spacing_mm;
+    to->rows = from->rows;
+    to->cols = from->cols;
+    to->cameras = from->cameras;
+    to->fourcc = from->fourcc;
+    to->width = from->width;
+    to->height = from->height;
+    to->opening = from->opening;
+}
+
+void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *array,
+                         const struct sst_recorder_track *tracks)
+{
+    pthread_mutex_lock(&s->lock);
+    take_array(&s->settings, array);
+    s->settings.opening++;
+    memcpy(s->tracks, tracks, (size_t)array->bound * sizeof(*tracks));
+    pthread_cond_broadcast(&s->wake);
+    pthread_mutex_unlock(&s->lock);
+}
+
+struct sst_recorder_track *sst_store_tracks(struct sst_storage *s)
+{
+    struct sst_recorder_track *copy = malloc(SST_CAMERAS_MAX * sizeof(*copy));
+
+    if (copy) {
+        pthread_mutex_lock(&s->lock);
+        memcpy(copy, s->tracks, SST_CAMERAS_MAX * sizeof(*copy));
+        pthread_mutex_unlock(&s->lock);
+    }
+    return copy;
+}
+
+int sst_storage_configure(struct sst_storage *s, const struct sst_config *config)
+{
+    struct sst_watches *fresh = malloc(sizeof(*fresh));
+    struct sst_store_settings before;
+
+    if (!fresh)
+        return -ENOMEM;
+    sst_watches_init(fresh, config);
+    pthread_mutex_lock(&s->lock);
+    before = s->settings;
+    take_settings(&s->settings, config);
+    if (before.opening)
+        keep_array(&s->settings, &before);
+    /* What went on goes on, where it is still looked for. */
+    for (int i = 0; i < fresh->count; i++) {
+        struct sst_watch *to = &fresh->watch[i];
+
+        for (int k = 0; k < s->watches.count; k++) {
+            const struct sst_watch *from = &s->watches.watch[k];
+
+            if (!strcmp(to->zone, from->zone) && !strcmp(to->label, from->label) && (from->active || from->told) &&
+                !to->active && !to->told)
+                sst_watch_go_on(to, from);
+        }
+    }
+    s->watches = *fresh;
+    pthread_cond_broadcast(&s->wake);
+    pthread_mutex_unlock(&s->lock);
+    free(fresh);
+    return 0;
+}
+
+/* --- what was seen ------------------------------------------------------------------------------------------------ */
+
+void sst_store_watch_text(char out[SST_STORE_WHY], const struct sst_watch *w)
+{
+    snprintf(out, SST_STORE_WHY, "%.63s%s%.31s", w->label[0] ? w->label : "motion", w->zone[0] ? " in " : "", w->zone);
+}
+
+static double value_of(const struct sst_watch *w, const struct sst_seen *seen)
+{
+    const int zones = sst_clamp_int(seen->zones, 0, SST_ZONES_MAX);
+
+    if (w->label[0])
+        return w->trigger >= 0 ? seen->label[w->trigger] : 0;
+    if (w->index < 0)
+        return seen->changed[zones];
+    return w->index < zones ? seen->changed[w->index] : 0;
+}
+
+/* The recording that follows a watch, which has begun or goes on. */
+static void want_locked(struct sst_storage *s, const struct sst_watch *w)
+{
+    struct sst_store_want *e = &s->event;
+
+    if (!e->armed) {
+        *e = (struct sst_store_want){ .armed = true, .begin_ns = w->begin_ns - s->settings.preroll_ns };
+        sst_store_watch_text(e->why, w);
+        memcpy(e->zone, w->zone, sizeof(e->zone));
+        memcpy(e->label, w->label, sizeof(e->label));
+    }
+    e->end_ns = INT64_MAX; /* until nothing is seen any more */
+}
+
+/* None of what is recorded is seen any more. */
+static void let_go_locked(struct sst_storage *s)
+{
+    int64_t last_ns = INT64_MIN;
+
+    for (int i = 0; i < s->watches.count; i++) {
+        const struct sst_watch *w = &s->watches.watch[i];
+
+        if (w->trigger >= 0 && w->active)
+            return;
+        if (w->trigger >= 0 && w->last_ns > last_ns)
+            last_ns = w->last_ns;
+    }
+    if (s->event.armed && s->event.end_ns == INT64_MAX)
+        s->event.end_ns = last_ns + s->settings.postroll_ns;
+}
+
+struct told {
+    struct sst_watch watch;
+    double value;
+    int64_t since_ns; /* it was told to have begun */
+};
+
+static void tell(struct sst_storage *s, const struct told *t)
+{
+    const struct sst_watch *w = &t->watch;
+    const double share = t->value >= 0 && t->value <= 1 ? t->value : 0;
+    char text[SST_STORE_WHY];
+    json_t *data = json_pack("{s:s, s:b, s:f}", "zone", w->zone, "active", w->told, "share", share);
+
+    if (data && w->label[0])
+        json_object_set_new(data, "label", json_string(w->label));
+    if (data && !w->told) {
+        json_object_set_new(data, "peak", json_real(w->peak >= 0 && w->peak <= 1 ? w->peak : 0));
+        json_object_set_new(data, "times", json_integer(w->times));
+        json_object_set_new(data, "seconds", json_real(round((double)(w->last_ns - t->since_ns) * 1e-8) / 10));
+    }
+    sst_store_watch_text(text, w);
+    sst_events_emit(s->events, SST_EVENT_INFO, w->label[0] ? "label" : "motion", data, "%s %s", text,
+                    w->told ? "began" : "ended");
+}
+
+void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
+{
+    struct told told[SST_WATCHES_MAX];
+    int n = 0;
+
+    pthread_mutex_lock(&s->lock);
+    s->seen_ns = sst_clock_now_ns();
+    for (int i = 0; i < s->watches.count; i++) {
+        struct sst_watch *w = &s->watches.watch[i];
+        const double value = value_of(w, seen);
+        const int64_t since_ns = w->told_ns;
+
+        (void)sst_watch_update(w, value, seen->t_ns);
+        if (sst_watch_tell(w, value, seen->t_ns))
+            told[n++] = (struct told){ *w, value, since_ns };
+        if (w->active && w->trigger >= 0)
+            want_locked(s, w);
+    }
+    let_go_locked(s);
+    if (n)
+        pthread_cond_broadcast(&s->wake);
+    pthread_mutex_unlock(&s->lock);
+    for (int i = 0; i < n; i++)
+        tell(s, &told[i]);
+}
+
+/* --- on demand ---------------------------------------------------------------------------------------------------- */
+
+int sst_store_refusal_locked(const struct sst_storage *s)
+{
+    const int err = s->folder_err ? s->folder_err : s->write_err;
+
+    if (!s->blocked && !s->write_err)
+        return 0;
+    if (!err)
+        return s->limit == SST_TROUBLE_LIMIT ? -ENOSPC : -EIO;
+    return err == -ENOSPC || err == -EROFS || err == -EBUSY ? err : -EIO;
+}
+
+int sst_storage_record(struct sst_storage *s, double seconds, char *name)
+{
+    const int64_t now_ns = sst_clock_now_ns(), until_ns = now_ns + SST_STORE_ANSWER_MS * INT64_C(1000000);
+    const int64_t end_ns = seconds > 0 ? now_ns + ns_of(fmin(seconds, 1e9)) : INT64_MAX;
+    struct sst_ring_counters ring;
+    bool prolonged;
+    uint64_t mine;
+    int err;
+
+    sst_ring_counters(s->ring, &ring);
+    pthread_mutex_lock(&s->lock);
+    err = s->stop || !ring.sets ? -ENODATA : s->ready || s->blocked ? sst_store_refusal_locked(s) : 0;
+    if (err)
+        goto out;
+    prolonged = s->demand.armed;
+    if (!prolonged)
+        s->demand = (struct sst_store_want){ .armed = true,
+                                             .begin_ns = now_ns - s->settings.preroll_ns,
+                                             .why = SST_STORE_ON_DEMAND };
+    if (!prolonged || end_ns > s->demand.end_ns)
+        s->demand.end_ns = end_ns;
+    mine = ++s->asked;
+    pthread_cond_broadcast(&s->wake);
+    while (s->answer < mine && !s->stop && sst_store_wait_answer_locked(s, until_ns))
+        ;
+    if (s->answer >= mine)
+        err = s->answer_err;
+    else
+        err = s->record_busy_ns ? -EIO : -ENODATA; /* the disk hangs; no set has come */
+    if (!err)
+        snprintf(name, SST_STORE_NAME, "%s", s->take);
+    else if (!prolonged)
+        s->demand.armed = false; /* who was refused does not expect a recording later */
+out:
+    pthread_mutex_unlock(&s->lock);
+    return err;
+}
+
+int sst_storage_stop(struct sst_storage *s)
+{
+    int err = -ENOENT;
+
+    pthread_mutex_lock(&s->lock);
+    if (s->demand.armed) {
+        s->demand.end_ns = sst_clock_now_ns();
+        pthread_cond_broadcast(&s->wake);
+        err = 0;
+    }
+    pthread_mutex_unlock(&s->lock);
+    return err;
+}
+
+/* --- the catalog -------------------------------------------------------------------------------------------------- */
+
+int64_t sst_store_used_locked(const struct sst_storage *s)
+{
+    int64_t used = 0;
+
+    for (int i = 0; i < s->catalog.count; i++)
+        used += s->catalog.entry[i].bytes;
+    return used;
+}
+
+int sst_store_reserve(struct sst_storage *s, enum sst_store_kind kind, int64_t wall_ns, int attempt, const char *why,
+                      struct sst_store_entry *out)
+{
+    struct sst_store_entry made = { .kind = kind, .stage = SST_STORE_ACTIVE, .from_ns = wall_ns, .to_ns = wall_ns };
+    int err;
+
+    sst_store_name(made.name, kind, wall_ns, attempt);
+    snprintf(made.why, sizeof(made.why), "%s", why);
+    pthread_mutex_lock(&s->lock);
+    made.order = s->catalog.order + 1;
+    err = sst_catalog_find(&s->catalog, made.name) ? -EEXIST : sst_catalog_add(&s->catalog, &made);
+    pthread_mutex_unlock(&s->lock);
+    if (!err)
+        *out = made;
+    return err;
+}
+
+/* --- open and close ----------------------------------------------------------------------------------------------- */
+
+static void destroy(struct sst_storage *s)
+{
+    sst_store_plans_expire(s, INT64_MAX);
+    sst_view_shown_fini(&s->shown);
+    sst_outlet_unref(s->outlet);
+    sst_catalog_fini(&s->catalog);
+    pthread_cond_destroy(&s->answered);
+    pthread_cond_destroy(&s->wake);
+    pthread_mutex_destroy(&s->lock);
+    free(s->tracks);
+    free(s);
+}
+
+static int set_paths(struct sst_storage *s, const char *dir)
+{
+    static const char *const names[SST_STORE_KINDS] = { "recordings", "snapshots", "exports" };
+    int err = sst_path_join(s->dir, dir, NULL);
+
+    for (int i = 0; !err && i < SST_STORE_KINDS; i++)
+        err = sst_path_join(s->folder[i], dir, names[i]);
+    return err ? -EINVAL : 0;
+}
+
+static void init_locks(struct sst_storage *s)
+{
+    pthread_mutex_init(&s->lock, NULL);
+    sst_cond_init(&s->wake);
+    sst_cond_init(&s->answered);
+}
+
+int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *cfg)
+{
+    static void *(*const run[])(void *) = { sst_store_record_run, sst_store_keep_run, sst_store_jobs_run,
+                                            sst_store_state_run, sst_store_view_run };
+    static const char *const names[] = { "sst-record", "sst-keep", "sst-export", "sst-state", "sst-view" };
+    const int cameras = cfg->config->array.bound;
+    struct sst_storage *s;
+    int err;
+
+    if (!cfg->config->storage.dir[0] || cameras < 0 || cameras > SST_CAMERAS_MAX)
+        return -EINVAL;
+    s = calloc(1, sizeof(*s));
+    if (!s)
+        return -ENOMEM;
+    init_locks(s);
+    s->ring = cfg->ring;
+    s->events = cfg->events;
+    s->blocked = true; /* until the folder has been looked at */
+    s->tracks = calloc(SST_CAMERAS_MAX, sizeof(*s->tracks));
+    err = s->tracks ? set_paths(s, cfg->config->storage.dir) : -ENOMEM;
+    if (!err) {
+        memcpy(s->tracks, cfg->tracks, (size_t)cameras * sizeof(*s->tracks));
+        err = sst_storage_configure(s, cfg->config);
+        s->settings.opening = cameras > 0;
+    }
+    for (int i = 0; !err && i < (int)ARRAY_LEN(run); i++) {
+        pthread_mutex_lock(&s->lock);
+        s->threads++;
+        pthread_mutex_unlock(&s->lock);
+        err = -pthread_create(&s->thread[i], NULL, run[i], s);
+        if (!err) {
+            pthread_setname_np(s->thread[i], names[i]);
+            continue;
+        }
+        sst_log_error("cannot start the threads of storage: %s", strerror(-err));
+        sst_store_thread_ends(s);
+        for (; i < (int)ARRAY_LEN(run); i++)
+            s->thread[i] = 0;
+    }
+    if (err) {
+        if (!sst_storage_close(s, 10000))
+            sst_log_warning("threads of storage stay behind");
+        return err == -EINVAL ? err : -ENOMEM;
+    }
+    *out = s;
+    return 0;
+}
+
+void sst_storage_shut(struct sst_storage *s, int timeout_ms)
+{
+    if (!s)
+        return;
+    pthread_mutex_lock(&s->lock);
+    if (!s->stop)
+        s->stop_ns = sst_clock_now_ns() + (int64_t)timeout_ms * 500000;
+    s->stop = true;
+    pthread_cond_broadcast(&s->wake);
+    pthread_cond_broadcast(&s->answered);
+    pthread_mutex_unlock(&s->lock);
+}
+
+bool sst_storage_finish(struct sst_storage *s, int timeout_ms)
+{
+    const int64_t until_ns = sst_clock_now_ns() + (int64_t)timeout_ms * 1000000;
+    bool ended;
+
+    if (!s)
+        return true;
+    sst_storage_shut(s, timeout_ms);
+    pthread_mutex_lock(&s->lock);
+    while (s->threads && sst_store_wait_answer_locked(s, until_ns))
+        ;
+    ended = !s->threads;
+    pthread_mutex_unlock(&s->lock);
+    if (!ended)
+        sst_log_error("the disk of %s does not answer; what was written last may be cut off at the next start", s->dir);
+    return ended;
+}
+
+bool sst_storage_close(struct sst_storage *s, int timeout_ms)
+{
+    if (!sst_storage_finish(s, timeout_ms))
+        return false;
+    if (!s)
+        return true;
+    for (size_t i = 0; i < ARRAY_LEN(s->thread); i++) {
+        if (s->thread[i])
+            pthread_join(s->thread[i], NULL);
+    }
+    destroy(s);
+    return true;
+}

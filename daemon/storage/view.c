@@ -1,0 +1,236 @@
+#include "daemon/storage/view.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "daemon/storage/parts.h"
+#include "daemon/storage/video.h"
+
+#define LATE_NS  5000000000 /* that pictures may come behind their sets */
+#define FRESH_NS 2000000000
+#define WAIT_MS  100
+
+/* --- the last moments --------------------------------------------------------------------------------------------- */
+
+static const struct sst_jpeg **at(struct sst_view_shown *s, int i)
+{
+    return &s->jpeg[(s->first + i) % SST_VIEW_SHOWN_MAX];
+}
+
+static void drop_first(struct sst_view_shown *s)
+{
+    const struct sst_jpeg *gone = *at(s, 0);
+
+    s->bytes -= gone->bytes;
+    s->first = (s->first + 1) % SST_VIEW_SHOWN_MAX;
+    s->count--;
+    sst_jpeg_unref(gone);
+}
+
+void sst_view_shown_add(struct sst_view_shown *s, const struct sst_jpeg *jpeg, int64_t keep_ns)
+{
+    while (s->count && (s->count == SST_VIEW_SHOWN_MAX || s->bytes + jpeg->bytes > SST_VIEW_SHOWN_BYTES ||
+                        (s->count > 1 && (*at(s, 1))->t_ns <= keep_ns)))
+        drop_first(s);
+    *at(s, s->count++) = jpeg;
+    s->bytes += jpeg->bytes;
+}
+
+const struct sst_jpeg *sst_view_shown_next(struct sst_view_shown *s, uint64_t after)
+{
+    for (int i = 0; i < s->count; i++) {
+        if ((*at(s, i))->number > after)
+            return sst_jpeg_ref(*at(s, i));
+    }
+    return NULL;
+}
+
+const struct sst_jpeg *sst_view_shown_at(struct sst_view_shown *s, int64_t t_ns)
+{
+    for (int i = s->count - 1; i >= 0; i--) {
+        if ((*at(s, i))->t_ns <= t_ns)
+            return sst_jpeg_ref(*at(s, i));
+    }
+    return NULL;
+}
+
+void sst_view_shown_fini(struct sst_view_shown *s)
+{
+    while (s->count)
+        drop_first(s);
+}
+
+/* Pictures are made for those who look: while something is recorded, or may be at any moment, that is us. */
+static bool is_needed_locked(const struct sst_storage *s)
+{
+    return s->settings.view && !s->stop && !s->blocked && (s->take[0] || s->settings.mode != SST_RECORD_OFF);
+}
+
+/* How the thread stands with the outlet. */
+struct looking {
+    bool joined, alone; /* alone: nobody looks, no pictures are made */
+    uint64_t number;    /* of the last picture taken */
+    int64_t until_ns;   /* a newer one is waited for until then; 0: not */
+};
+
+/* Where nobody looked before, the last picture may be of long ago: it counts only if no newer one follows soon. */
+static void look_locked(struct sst_storage *s, struct looking *l)
+{
+    const bool needed = is_needed_locked(s), alone = !needed && sst_outlet_viewers(s->outlet) <= (int)l->joined;
+    const struct sst_jpeg *old = l->alone && !alone ? sst_outlet_get(s->outlet, 0) : NULL;
+
+    if (needed != l->joined)
+        (needed ? sst_outlet_join : sst_outlet_leave)(s->outlet);
+    l->joined = needed;
+    if (alone)
+        sst_view_shown_fini(&s->shown);
+    if (old) {
+        l->number = old->number;
+        l->until_ns = sst_clock_now_ns() + FRESH_NS;
+        sst_jpeg_unref(old);
+    }
+    l->alone = alone;
+}
+
+static const struct sst_jpeg *next_shown(struct sst_outlet *outlet, struct looking *l)
+{
+    const struct sst_jpeg *jpeg =
+        sst_outlet_wait(outlet, l->number, WAIT_MS) ? sst_outlet_get(outlet, l->number) : NULL;
+
+    if (!jpeg && l->until_ns && sst_clock_now_ns() > l->until_ns) {
+        l->until_ns = 0;
+        jpeg = sst_outlet_get(outlet, 0); /* nothing has moved since */
+    }
+    if (jpeg) {
+        l->number = jpeg->number;
+        l->until_ns = 0;
+    }
+    return jpeg;
+}
+
+void *sst_store_view_run(void *storage)
+{
+    struct sst_storage *s = storage;
+    struct looking l = { .alone = true };
+
+    pthread_mutex_lock(&s->lock);
+    while (!s->stop) {
+        struct sst_outlet *outlet = s->outlet;
+        const struct sst_jpeg *jpeg;
+
+        if (!outlet || !s->settings.view || sst_outlet_is_shut(outlet)) {
+            if (l.joined)
+                sst_outlet_leave(outlet);
+            l = (struct looking){ .alone = true };
+            sst_view_shown_fini(&s->shown);
+            sst_store_wait_locked(s, WAIT_MS);
+            continue;
+        }
+        look_locked(s, &l);
+        if (l.alone) {
+            sst_store_wait_locked(s, WAIT_MS);
+            continue;
+        }
+        pthread_mutex_unlock(&s->lock);
+        jpeg = next_shown(outlet, &l);
+        pthread_mutex_lock(&s->lock);
+        if (jpeg)
+            sst_view_shown_add(&s->shown, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
+    }
+    if (l.joined)
+        sst_outlet_leave(s->outlet);
+    pthread_mutex_unlock(&s->lock);
+    sst_store_thread_ends(s);
+    return NULL;
+}
+
+void sst_storage_view(struct sst_storage *s, struct sst_outlet *outlet)
+{
+    pthread_mutex_lock(&s->lock);
+    if (!s->outlet)
+        s->outlet = sst_outlet_ref(outlet);
+    pthread_cond_broadcast(&s->wake);
+    pthread_mutex_unlock(&s->lock);
+}
+
+/* --- the files ---------------------------------------------------------------------------------------------------- */
+
+int sst_view_begin(struct sst_view_files *f, const char *dir)
+{
+    const int flags = O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC;
+    struct sst_view_files made = { 0 };
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, dir, SST_VIDEO_PICTURES);
+
+    made.fd = err ? -1 : open(path, flags, 0666);
+    if (!err && made.fd < 0)
+        err = -errno;
+    if (!err)
+        err = sst_path_join(path, dir, SST_VIDEO_INDEX);
+    if (!err && !(made.index = fopen(path, "wxe")))
+        err = -errno;
+    if (err) {
+        sst_log_error("cannot create %s: %s", path, strerror(-err));
+        if (made.fd >= 0)
+            close(made.fd);
+        return err;
+    }
+    *f = made;
+    return 0;
+}
+
+/* A line stands in the index only when all bytes of its picture are in their file. */
+static int write_line(struct sst_view_files *f, const struct sst_video_line *line)
+{
+    char text[SST_VIDEO_LINE_MAX];
+    const size_t n = sst_video_write_line(text, line);
+
+    if (fwrite(text, 1, n, f->index) != n || fflush(f->index))
+        return errno ? -errno : -EIO;
+    f->last_t_ns = line->t_ns;
+    f->last_at = line->offset;
+    f->last_bytes = line->bytes;
+    f->last_set = line->set;
+    return 0;
+}
+
+int sst_view_write(struct sst_view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns)
+{
+    const struct sst_video_line line = { t_ns, jpeg->wall_ns + (t_ns - jpeg->t_ns), jpeg->set, f->at,
+                                         (int64_t)jpeg->bytes };
+    size_t done = 0;
+
+    while (done < jpeg->bytes) {
+        const ssize_t n = pwrite(f->fd, jpeg->data + done, jpeg->bytes - done, f->at + (int64_t)done);
+
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n <= 0)
+            return n < 0 ? -errno : -EIO;
+        done += (size_t)n;
+    }
+    f->at += (int64_t)jpeg->bytes;
+    return write_line(f, &line);
+}
+
+int sst_view_end(struct sst_view_files *f, int64_t end_ns, int64_t end_wall_ns)
+{
+    const struct sst_video_line last = { end_ns, end_wall_ns, f->last_set, f->last_at, f->last_bytes };
+    int err = 0;
+
+    if (!f->index)
+        return 0;
+    if (f->last_bytes && end_ns > f->last_t_ns)
+        err = write_line(f, &last);
+    if (fclose(f->index) && !err)
+        err = -errno;
+    if (fdatasync(f->fd) && !err)
+        err = -errno;
+    close(f->fd);
+    *f = (struct sst_view_files){ 0 };
+    return err;
+}

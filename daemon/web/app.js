@@ -1,0 +1,245 @@
+// Starts the page: one view, one status a second, and everybody who follows them.
+
+import { Adjust } from "/web/adjust.js";
+import { get, getStatus } from "/web/api.js";
+import { Cameras } from "/web/cameras.js";
+import { Events } from "/web/events.js";
+import { Focus } from "/web/focus.js";
+import { Health } from "/web/health.js";
+import { Labels } from "/web/labels.js";
+import { Recordings } from "/web/recordings.js";
+import { Stage } from "/web/stage.js";
+import { $, complain, finite, forbid, sentence, session, toast } from "/web/ui.js";
+import { View } from "/web/view.js";
+
+const STATUS_MS = 1000;
+const STILL_TAKING_MS = 4000;
+const SLOW = 2; // cameras and labels: at every second status
+const SLOWER = 5; // recordings, while they are shown
+const OWN_AGAIN = 30; // while the main view has to do
+
+let status = null;
+let taken = { sets: -1, idle: 0, at_ms: 0, still: false }; // what the service last took in, and whether it moved
+let failures = 0;
+let trouble = null; // the last of them
+let wake = () => {}; // ask the service now
+
+const app = {
+  /** Does the service take in what the cameras see, and does nothing change there? */
+  still: () => taken.still && Date.now() - taken.at_ms < STILL_TAKING_MS,
+  /** Settings of the picture, and of the one that it is compared with. */
+  change(settings) {
+    app.view.change(settings);
+    app.stage.plain?.change(settings);
+  },
+};
+app.focus = new Focus((px) => {
+  app.focus.followed_px = NaN; // who takes the focus in hand does not want it to follow
+  app.change(app.view.settings.follow ? { focus_px: px, follow: false } : { focus_px: px });
+});
+app.labels = new Labels((name) => app.change({ focus_label: name }));
+app.view = new View($("canvas"), {}, (what, why) => {
+  if (what === "refused") {
+    complain(why);
+    if (why.status === 403) adopt(app.view.id).catch(complain); // the controls show what holds
+  }
+  else if (what === "shared") toast(`${sentence(why.message)} The main view is shown, which all share.`, "error");
+  else app.stage.onStream(what, why);
+});
+app.stage = new Stage(app);
+const adjust = new Adjust(app, () => {
+  const kept = { focus_px: app.focus.px, focus_label: app.labels.chosen };
+  app.view.renew(kept);
+  app.stage.plain?.renew({ ...kept, method: "refocus" });
+});
+const cameras = new Cameras();
+const health = new Health();
+const recordings = new Recordings(() => app.view.stream.shown);
+const events = new Events((event) => {
+  if (event.level === "error") toast(event.message, "error");
+});
+
+async function adopt(id) {
+  const settings = await app.view.adopt(id);
+  if (!settings) return;
+  app.focus.adopt(settings);
+  app.labels.adopt(settings);
+}
+
+// --- panels ---
+
+const tabs = [...document.querySelectorAll("[role=tab]")];
+
+function openTab(tab) {
+  for (const other of tabs) {
+    const on = other === tab;
+    other.setAttribute("aria-selected", on);
+    other.tabIndex = on ? 0 : -1;
+    $(other.getAttribute("aria-controls")).hidden = !on;
+  }
+  if (tab.id === "tab-events") events.seen();
+  if (tab.id === "tab-recordings") recordings.refresh().catch(complain);
+}
+
+for (const tab of tabs) {
+  tab.addEventListener("click", () => openTab(tab));
+  tab.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!step) return;
+    const next = tabs[(tabs.indexOf(tab) + step + tabs.length) % tabs.length];
+    openTab(next);
+    next.focus();
+  });
+}
+
+// --- what the place of the picture says ---
+
+const ADVICE = {
+  starting: ["Starting", "Cameras are being opened and their settings read back. That takes some seconds.", []],
+  idle: ["Not capturing", "The service runs, but captures nothing.",
+    ["`sst cameras` lists the cameras that are plugged in.", "`/etc/sst/sstd.yaml` binds them to their places; `sst reload` applies it."]],
+  armed: ["Waiting for the trigger", "All is ready, but no trigger has come yet.",
+    ["Check the trigger's line and source in `trigger:` of `/etc/sst/sstd.yaml`.", "`sst doctor` measures whether edges arrive."]],
+  draining: ["Stopping", "The service finishes what it writes and ends. This page reconnects when it is back.", []],
+  failed: ["The service has failed", "It cannot go on by itself.",
+    ["`sst doctor` looks for the cause.", "`journalctl -u sstd -e` shows what happened before."]],
+};
+
+function explanation() {
+  if (failures > 1 && trouble.status) return { title: "The service refuses this page", text: `${sentence(trouble.message)} This page tries again by itself.` };
+  if (failures > 1) return { title: "The service does not answer", text: "It may be restarting, or the network is cut. This page tries again by itself.",
+    todo: status ? [] : ["`systemctl status sstd` says whether it runs."] };
+  if (!status) return { title: "Connecting", text: "Asking the service how it is." };
+  const { state, reason, capture = {}, live = {} } = status;
+  if (ADVICE[state]) {
+    const [title, text, todo] = ADVICE[state];
+    return { title, text: sentence(reason || text), todo };
+  }
+  if (capture.present === 0) return { title: "No camera", text: sentence(reason) || "None of the cameras answers.",
+    todo: ["Check the power of the hubs and the USB cables.", "`sst cameras` lists what is plugged in, `sst doctor` looks for the cause."] };
+  if (live.enabled === false) return { title: "The live picture is switched off", text: "The cameras are captured and can be recorded.",
+    todo: ["Set `live.enabled: true` in `/etc/sst/sstd.yaml`, then `sst reload`."] };
+  if (app.stage.refused) return { title: "No moving picture", text: sentence(app.stage.refused) };
+  if (app.view.stream.pictures === 0) return live.ready === false
+    ? { title: "Computing the first picture", text: sentence(live.reason ?? "") || "The first set is computed whole: depth and labels of all views. That takes some seconds." }
+    : { title: "The picture is on its way", text: "Waiting for the first picture of this view." };
+  return null;
+}
+
+// --- following the service ---
+
+function showRole() {
+  const viewer = status?.role === "view";
+  $("role-badge").hidden = !viewer;
+  const reason = viewer ? "Your token may only look. Log in with the control token for this." : failures > 1 ? "The service does not answer." : "";
+  for (const button of document.querySelectorAll("[data-control]")) {
+    const full = button.id === "record" && status?.storage?.state === "FULL" && !recordings.onDemand()
+      ? `Nothing can be recorded: ${status.storage.reason || "the disk is full."}` : "";
+    forbid(button, reason || full);
+  }
+}
+
+/** The page may have been out of reach, and the service another one since. */
+function welcome(body) {
+  if (status && status.version !== body.version) location.reload(); // its page is another, too
+  if (status && body.uptime_s < status.uptime_s) {
+    events.restarted();
+    app.focus.forget();
+  }
+  if (failures > 1) { // a connection that was cut off may be silent for long
+    app.view.restart();
+    app.stage.plain?.restart();
+  }
+}
+
+function take(body) {
+  welcome(body);
+  status = body;
+  failures = 0;
+  const { sets, idle } = status.live ?? {};
+  if (finite(sets) && sets !== taken.sets)
+    taken = { sets, idle, at_ms: Date.now(), still: sets - taken.sets === idle - taken.idle };
+  app.focus.update(status.live);
+  health.update(status);
+  recordings.update(status);
+  adjust.update(status);
+}
+
+async function ask(round) {
+  try {
+    take(await getStatus());
+  } catch (error) {
+    if (error.status === 401) {
+      location.assign("/login");
+      return;
+    }
+    failures++;
+    trouble = error;
+    health.unreachable(error);
+  }
+  if (failures === 0) await askMore(round);
+  if (app.view.shared && round % OWN_AGAIN === 0) app.view.renew(app.view.settings);
+  showRole();
+  app.stage.explain(explanation());
+}
+
+/** Where the focus follows a label only the service knows where it is. */
+async function showFollowed() {
+  const follows = app.view.settings.follow && app.labels.chosen;
+  const view = follows ? await app.view.current() : null;
+  app.focus.setFollowed(finite(view?.shown_focus_px) ? view.shown_focus_px : NaN);
+}
+
+async function askMore(round) {
+  try {
+    await events.refresh();
+    if (round % SLOW !== 0) return;
+    const body = await get("/api/v1/cameras");
+    adjust.setGrid(body.rows, body.cols);
+    cameras.update(body);
+    await app.labels.refresh();
+    await showFollowed();
+    if (round % (SLOW * SLOWER) === 0 && !$("panel-recordings").hidden) await recordings.refresh();
+  } catch (error) {
+    if (error.status !== 503 && error.status !== 0) complain(error); // 503: nothing captured yet, 0: the next status tells
+  }
+}
+
+async function follow() {
+  for (let round = 0; ; round++) {
+    if (!document.hidden) await ask(round);
+    await new Promise((done) => {
+      wake = done;
+      setTimeout(done, STATUS_MS);
+    });
+  }
+}
+
+addEventListener("online", () => wake());
+
+/** What nobody looks at is not sent: a browser has few connections to a host, and pictures cost the service work. */
+function whileVisible() {
+  if (document.hidden) {
+    app.view.stop();
+    app.stage.plain?.stop();
+  } else {
+    app.view.start();
+    app.stage.plain?.start();
+  }
+}
+
+/** A page that is loaded anew takes up the view that it had; a second page of it does not. */
+const KEPT_VIEW = "sst-view";
+
+async function start() {
+  const id = session(KEPT_VIEW);
+  session(KEPT_VIEW, "");
+  if (id) await adopt(id).catch(() => {}); // the next status tells
+  document.addEventListener("visibilitychange", whileVisible);
+  whileVisible();
+  follow();
+}
+
+addEventListener("pagehide", () => session(KEPT_VIEW, app.view.shared ? "" : app.view.id ?? ""));
+addEventListener("pageshow", () => session(KEPT_VIEW, ""));
+start();

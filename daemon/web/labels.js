@@ -1,0 +1,85 @@
+// What can be kept clear: a chip for each label that is in the picture.
+
+import { get } from "/web/api.js";
+import { $, el, number, setText } from "/web/ui.js";
+
+const SHOWN_SHARE = 0.0005; // of the picture; less is noise of the labelling
+
+export class Labels {
+  /** @param onChoose  called with a label's name, "" for none */
+  constructor(onChoose) {
+    this.onChoose = onChoose;
+    this.chosen = "";
+    this.all = [];
+    this.chips = new Map();
+    this.none = this.chip("", "Everything", null);
+    $("chips").append(this.none);
+    this.empty = el("span", { class: "quiet" }, "no labels yet");
+    $("chips").append(this.empty);
+  }
+
+  chip(name, text, colour) {
+    const swatch = colour && el("i", { class: "swatch", "aria-hidden": "true" });
+    if (swatch) swatch.style.background = colour;
+    const share = el("small", {});
+    return el("button", {
+      type: "button", class: "chip", "aria-pressed": String(name === this.chosen),
+      onclick: () => this.choose(name === this.chosen ? "" : name),
+      title: name ? `Keep ${name} clear: all other labels count less` : "All labels count alike",
+    }, swatch, el("span", {}, text), share);
+  }
+
+  choose(name) {
+    this.chosen = name;
+    this.onChoose(name);
+    this.show();
+  }
+
+  adopt({ focus_label }) {
+    this.chosen = focus_label ?? "";
+    this.show();
+  }
+
+  name(label) {
+    return this.all.find((entry) => entry.label === label)?.name ?? "";
+  }
+
+  colour(label) {
+    return this.all.find((entry) => entry.label === label)?.colour ?? "";
+  }
+
+  present() {
+    return this.all.filter((entry) => entry.share >= SHOWN_SHARE || entry.name === this.chosen);
+  }
+
+  async refresh() {
+    this.all = (await get("/api/v1/labels")).labels;
+    if (this.chosen && !this.all.some((entry) => entry.name === this.chosen)) this.choose(""); // another network
+    this.show();
+  }
+
+  show() {
+    const present = this.present();
+    const names = new Set(present.map((entry) => entry.name));
+    for (const [name, chip] of this.chips)
+      if (!names.has(name)) {
+        chip.remove();
+        this.chips.delete(name);
+      }
+    for (const entry of present) {
+      if (!this.chips.has(entry.name)) {
+        const chip = this.chip(entry.name, entry.name, entry.colour);
+        this.chips.set(entry.name, chip);
+        // in the order of the classes, so that chips do not jump about as shares change
+        const later = present.slice(present.indexOf(entry) + 1).find((other) => this.chips.has(other.name));
+        $("chips").insertBefore(chip, later ? this.chips.get(later.name) : this.empty);
+      }
+      const chip = this.chips.get(entry.name);
+      chip.setAttribute("aria-pressed", String(entry.name === this.chosen));
+      const percent = entry.share * 100;
+      setText(chip.lastElementChild, percent < 0.1 ? "0 %" : `${number(percent, percent < 9.95 ? 1 : 0)} %`);
+    }
+    this.none.setAttribute("aria-pressed", String(this.chosen === ""));
+    this.empty.hidden = present.length > 0;
+  }
+}

@@ -1,0 +1,274 @@
+// Snapshots, recording, what is on disk, and light fields of its moments.
+
+import { clock, get, post } from "/web/api.js";
+import { Player } from "/web/player.js";
+import { $, bytes, complain, duration, el, icon, localTime, number, onUse, setText, stopwatch, toast } from "/web/ui.js";
+
+function save(href, name) {
+  const link = el("a", { href, download: name });
+  document.body.append(link);
+  link.click();
+  link.remove();
+}
+
+const download = (name) => `/api/v1/download/${encodeURIComponent(name)}`;
+
+export class Recordings {
+  /** @param picture  () => Blob of the picture shown, or null */
+  constructor(picture) {
+    this.picture = picture;
+    this.recording = null; // of the status
+    this.rows = new Map();
+    this.cameras = []; // names, for videos
+    this.player = new Player((ms) => this.followPlayer(ms));
+    this.played = null; // the row that it is in
+    this.asked = 0; // times that the list was asked for
+
+    onUse($("snapshot"), () => this.snapshot());
+    onUse($("record"), () => this.record());
+    onUse($("delete-yes"), () => this.confirmed());
+    $("delete-no").addEventListener("click", () => $("delete").close());
+    setInterval(() => this.showElapsed(), 500);
+  }
+
+  async snapshot() {
+    const blob = this.picture();
+    $("snapshot").setAttribute("aria-busy", "true");
+    try {
+      const { name } = await post("/api/v1/snapshot", {});
+      if (blob) {
+        const url = URL.createObjectURL(blob);
+        save(url, `sst-${name}.jpg`);
+        setTimeout(() => URL.revokeObjectURL(url), 30000);
+      }
+      toast(`Picture saved. The light field of this moment is kept as ${name}.`, "info",
+        { text: "Light field", href: download(`${name}.tar`), download: `${name}.tar` });
+      if (!$("panel-recordings").hidden) this.refresh().catch(complain);
+    } catch (error) {
+      complain(error);
+    } finally {
+      $("snapshot").removeAttribute("aria-busy");
+    }
+  }
+
+  async record() {
+    const stop = this.onDemand();
+    try {
+      await post("/api/v1/record", { action: stop ? "stop" : "start" });
+      this.update(await get("/api/v1/status"));
+      if (!stop && this.recording?.active && !this.onDemand()) toast(`It is being recorded already: ${this.recording.why}.`);
+      this.refresh().catch(complain);
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  /** Only what was asked for can be stopped; the rest follows its rules. */
+  onDemand() {
+    return this.recording?.active === true && this.recording.why === "on demand";
+  }
+
+  update(status) {
+    this.recording = status.storage?.recording ?? null;
+    const active = this.recording?.active === true;
+    $("rec-badge").hidden = !active;
+    $("rec-badge").title = active ? `${this.recording.name}: ${this.recording.why}` : "";
+    $("record").setAttribute("aria-pressed", String(this.onDemand()));
+    this.showElapsed();
+  }
+
+  showElapsed() {
+    const since = Date.parse(this.recording?.since ?? "");
+    const active = this.recording?.active === true;
+    const time = active && Number.isFinite(since) ? stopwatch((clock.now() - since) / 1000) : "";
+    setText($("rec-badge-text"), `REC ${time}`.trim());
+    setText($("record-text"), this.onDemand() ? `Stop ${time}`.trim() : "Record");
+  }
+
+  async refresh() {
+    const turn = ++this.asked;
+    const kept = await get("/api/v1/recordings");
+    if (!this.cameras.length) this.cameras = (await get("/api/v1/cameras")).cameras.map((camera) => camera.name);
+    if (turn !== this.asked) return; // a newer answer is on its way: an old one would bring back what is gone
+    const byHand = [...(kept.snapshots ?? []), ...(kept.exports ?? [])].sort((a, b) => (a.time < b.time ? 1 : -1));
+    const all = new Set([...kept.recordings, ...byHand].map((entry) => entry.name));
+    for (const [name, row] of this.rows)
+      if (!all.has(name)) {
+        if (this.played === row) this.stop();
+        row.node.remove();
+        this.rows.delete(name);
+      }
+    this.list($("recordings"), kept.recordings.reverse(), (entry) => this.build(entry), (row, entry) => this.show(row, entry));
+    this.list($("moments"), byHand, (entry) => this.buildMoment(entry), (row, entry) => this.showMoment(row, entry));
+    setText($("recordings-state"), kept.recordings.length ? "" : "Nothing has been recorded yet. Record keeps what the cameras see, with the moments before.");
+    $("h-moments").hidden = !byHand.length;
+  }
+
+  /** Newest first; rows that are there stay, open and in focus as they are. */
+  list(box, entries, build, show) {
+    entries.forEach((entry, i) => {
+      if (!this.rows.has(entry.name)) this.rows.set(entry.name, build(entry));
+      const row = this.rows.get(entry.name);
+      row.entry = entry;
+      if (box.children[i] !== row.node) box.insertBefore(row.node, box.children[i] ?? null);
+      show(row, entry);
+    });
+  }
+
+  // --- recordings ---
+
+  build(entry) {
+    const row = { when: el("strong", {}), what: el("p", { class: "quiet" }), made: el("p", { class: "made" }),
+      badge: el("span", { class: "badge", "data-kind": "bad" }, "recording"), screen: el("div", {}), entry };
+    const id = `moment-${entry.name}`;
+    row.moment = el("input", { type: "datetime-local", step: "1", id });
+    const button = el("button", { type: "button", class: "small", "data-control": "" }, "Export this moment");
+    row.source = el("select", { class: "small", "aria-label": "What to play or download" });
+    row.play = el("button", { type: "button", class: "small" }, icon("play"), " Play");
+    row.video = el("a", { class: "button small" }, icon("down"), " Video");
+    row.all = el("a", { class: "button small" }, icon("down"));
+    row.allText = el("span", {});
+    row.all.append(row.allText);
+    row.remove = this.removeButton(row);
+    onUse(button, () => this.exportMoment(entry.name, row.moment, button, row.made));
+    row.play.addEventListener("click", () => this.playRow(row));
+    row.source.addEventListener("change", () => {
+      this.showLinks(row);
+      if (this.played === row) this.playRow(row, this.player.at_ms); // the same moment
+    });
+    row.node = el("details", { class: "card recording" }, el("summary", {}, row.when, row.badge, row.what), row.screen,
+      el("div", { class: "take" }, row.source, row.play, row.video, row.all, row.remove),
+      el("div", { class: "export" }, el("label", { for: id }, "Moment"), row.moment, button), row.made);
+    row.node.addEventListener("toggle", () => {
+      if (!row.node.open && this.played === row) this.stop();
+    });
+    return row;
+  }
+
+  show(row, entry) {
+    const from = Date.parse(entry.from), to = Date.parse(entry.to);
+    setText(row.when, localTime(entry.from));
+    setText(row.what, [duration((to - from) / 1000), `${number(entry.sets)} sets`, bytes(entry.bytes),
+      entry.why].filter(Boolean).join(" · "));
+    row.badge.hidden = !entry.active;
+    row.moment.min = localInput(from);
+    row.moment.max = localInput(to);
+    if (!row.moment.value) row.moment.value = localInput(from);
+    const sources = [...(entry.view ? [["", "See-through"]] : []), ...this.cameras.map((name) => [`.${name}`, `Camera ${name}`])];
+    if (row.source.options.length !== sources.length)
+      row.source.replaceChildren(...sources.map(([value, text]) => el("option", { value }, text)));
+    row.play.hidden = row.remove.hidden = row.all.hidden = entry.active; // what is being written ends first
+    setText(row.allText, ` All of it (${bytes(entry.bytes)})`);
+    this.showLinks(row);
+  }
+
+  showLinks(row) {
+    link(row.video, `${row.entry.name}${row.source.value}.mkv`);
+    link(row.all, `${row.entry.name}.tar`);
+  }
+
+  playRow(row, at_ms = 0) {
+    this.played = row;
+    if (this.player.node.parentNode !== row.screen) row.screen.replaceChildren(this.player.node);
+    this.player.open(download(`${row.entry.name}${row.source.value}.mkv`), at_ms).catch((error) => {
+      if (this.played === row) this.stop();
+      complain(error);
+    });
+  }
+
+  stop() {
+    this.player.stop();
+    this.player.node.remove();
+    this.played = null;
+  }
+
+  /** The moment that is seen is the one that can be exported; the last picture stays for longer than there are sets. */
+  followPlayer(ms) {
+    const entry = this.played?.entry;
+    const at = localInput(Math.min(Date.parse(entry?.from) + ms, Date.parse(entry?.to)));
+    if (at && document.activeElement !== this.played.moment) this.played.moment.value = at;
+  }
+
+  async exportMoment(recording, moment, button, made) {
+    const at = new Date(moment.value);
+    if (!moment.value || Number.isNaN(at.getTime()) || moment.validity.rangeUnderflow || moment.validity.rangeOverflow) {
+      toast(`Choose a moment from ${moment.min.replace("T", " ")} to ${moment.max.replace("T", " ")}.`, "error");
+      moment.focus();
+      return;
+    }
+    button.setAttribute("aria-busy", "true");
+    try {
+      const { name } = await post("/api/v1/export", { time: at.toISOString(), recording });
+      const file = `${name}.tar`;
+      made.append(el("a", { class: "button small", href: download(file), download: file }, icon("down"), ` ${file}`));
+      toast(`The light field of ${localTime(at.toISOString())} is ready.`, "info", { text: "Download", href: download(file), download: file });
+      this.refresh().catch(complain);
+    } catch (error) {
+      complain(error);
+    } finally {
+      button.removeAttribute("aria-busy");
+    }
+  }
+
+  // --- snapshots, exports ---
+
+  buildMoment(entry) {
+    const row = { when: el("strong", {}), what: el("p", { class: "quiet" }), entry };
+    const picture = entry.picture ? download(`${entry.name}.jpg`) : "";
+    row.links = el("div", { class: "take" });
+    if (picture) row.links.append(link(el("a", { class: "button small" }, icon("down"), " Picture"), `${entry.name}.jpg`));
+    row.links.append(link(el("a", { class: "button small" }, icon("down"), " Light field"), `${entry.name}.tar`));
+    row.remove = this.removeButton(row);
+    row.links.append(row.remove);
+    row.node = el("article", { class: "card moment" },
+      picture ? el("a", { href: picture, target: "_blank", class: "thumb" },
+        el("img", { src: picture, alt: `Picture of ${localTime(entry.time)}`, loading: "lazy" })) : null,
+      el("div", {}, row.when, row.what, row.links));
+    return row;
+  }
+
+  showMoment(row, entry) {
+    setText(row.when, localTime(entry.time));
+    setText(row.what, `${kindOf(entry)} · ${entry.active ? "being made" : bytes(entry.bytes)}`);
+    row.remove.hidden = entry.active;
+  }
+
+  // --- deleting ---
+
+  removeButton(row) {
+    const button = el("button", { type: "button", class: "small danger", "data-control": "" }, "Delete");
+    onUse(button, () => this.askToDelete(row.entry));
+    return button;
+  }
+
+  askToDelete(entry) {
+    this.doomed = entry;
+    setText($("delete-text"), `The ${kindOf(entry).toLowerCase()} of ${localTime(entry.from ?? entry.time)} (${bytes(entry.bytes)}) is removed from the disk of the service. It cannot be brought back.`);
+    $("delete").showModal();
+  }
+
+  async confirmed() {
+    $("delete").close();
+    try {
+      await post("/api/v1/delete", { name: this.doomed.name });
+      toast(`${kindOf(this.doomed)} of ${localTime(this.doomed.from ?? this.doomed.time)} deleted.`);
+      await this.refresh();
+    } catch (error) {
+      complain(error);
+    }
+  }
+}
+
+const kindOf = (entry) => (entry.from ? "Recording" : entry.name.startsWith("export-") ? "Export" : "Snapshot");
+
+function link(anchor, file) {
+  anchor.href = download(file);
+  anchor.download = file;
+  return anchor;
+}
+
+/** Value of <input type=datetime-local>, which knows local time alone. */
+function localInput(ms) {
+  if (!Number.isFinite(ms)) return "";
+  return new Date(ms - new Date(ms).getTimezoneOffset() * 60000).toISOString().slice(0, 19);
+}

@@ -1,0 +1,367 @@
+// The picture: pointing at it, comparing, overlays, its age, and what to say while there is none.
+
+import { getBlob } from "/web/api.js";
+import { $, complain, el, finite, number, setText, storage, visible } from "/web/ui.js";
+import { View } from "/web/view.js";
+
+const TAP_PX = 8;
+const TAP_MS = 700;
+const WHEEL_SHARE = 0.00025; // of the range, per px of wheel
+const CARD_MS = 12000;
+const OVERLAY_MS = 500;
+const OLD_MS = 2500;
+
+export class Stage {
+  /** @param app  {view, focus, labels, still(): sets come, and nothing changes in them} */
+  constructor(app) {
+    this.app = app;
+    this.frame = $("stage");
+    this.canvas = $("canvas");
+    this.cross = null; // share of the picture, by the keyboard
+    this.plain = null; // View of the right half
+    this.lost = null;  // since when
+    this.refused = ""; // why there is no stream, where the service or the browser says so
+    this.overlayTimer = null;
+    this.pointers = new Map();
+    this.picks = 0;
+    this.listen();
+    this.compare();
+    this.overlay();
+    this.hint();
+    setInterval(() => this.showAge(), 250);
+  }
+
+  // --- pointing ---
+
+  listen() {
+    const frame = this.frame;
+    frame.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      const px = event.deltaMode === 1 ? event.deltaY * 32 : event.deltaY;
+      this.app.focus.nudge(-Math.max(-200, Math.min(200, px)) * WHEEL_SHARE);
+    }, { passive: false });
+    frame.addEventListener("pointerdown", (event) => this.down(event));
+    frame.addEventListener("pointermove", (event) => this.move(event));
+    frame.addEventListener("pointerup", (event) => this.up(event));
+    for (const kind of ["pointercancel", "pointerleave"])
+      frame.addEventListener(kind, (event) => this.pointers.delete(event.pointerId));
+    frame.addEventListener("keydown", (event) => this.key(event));
+    frame.addEventListener("blur", () => { $("crosshair").hidden = true; });
+    $("fullscreen").addEventListener("click", () => {
+      if (document.fullscreenElement) document.exitFullscreen();
+      else document.querySelector(".viewer").requestFullscreen?.().catch(complain);
+    });
+    $("fullscreen").hidden = !document.fullscreenEnabled;
+  }
+
+  down(event) {
+    if (event.target.closest("#pick, #divider") || event.button > 0) return;
+    this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY, x0: event.clientX, y0: event.clientY,
+      at: event.timeStamp, many: false });
+    if (this.pointers.size > 1) for (const pointer of this.pointers.values()) pointer.many = true;
+  }
+
+  move(event) {
+    const pointer = this.pointers.get(event.pointerId);
+    if (!pointer) return;
+    const before = this.spread();
+    pointer.x = event.clientX;
+    pointer.y = event.clientY;
+    const after = this.spread();
+    if (before > 20 && after > 20) this.app.focus.nudge(Math.log2(after / before) * 0.4);
+  }
+
+  spread() {
+    if (this.pointers.size !== 2) return 0;
+    const [a, b] = [...this.pointers.values()];
+    return Math.hypot(a.x - b.x, a.y - b.y);
+  }
+
+  up(event) {
+    const pointer = this.pointers.get(event.pointerId);
+    this.pointers.delete(event.pointerId);
+    if (!pointer || pointer.many || event.timeStamp - pointer.at > TAP_MS) return;
+    if (Math.hypot(event.clientX - pointer.x0, event.clientY - pointer.y0) > TAP_PX) return;
+    const box = this.canvas.getBoundingClientRect();
+    this.pickAt((event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height);
+  }
+
+  key(event) {
+    if (event.key === "Escape") this.closePick();
+    if (event.target !== this.frame) return;
+    const step = event.shiftKey ? 0.1 : 0.02;
+    const moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] };
+    if (moves[event.key]) {
+      const [x, y] = this.cross ?? [0.5, 0.5];
+      const within = (v) => Math.min(Math.max(v, 0), 0.999);
+      this.cross = [within(x + moves[event.key][0]), within(y + moves[event.key][1])];
+      place($("crosshair"), this.cross);
+    } else if (event.key === "Enter" || event.key === " ") {
+      this.pickAt(...(this.cross ?? [0.5, 0.5]), true);
+    } else if (event.key === "+" || event.key === "-") {
+      this.app.focus.nudge(event.key === "+" ? 0.02 : -0.02);
+    } else {
+      return;
+    }
+    event.preventDefault();
+  }
+
+  async pickAt(x, y, byKey = false) {
+    const mine = ++this.picks;
+    const { view, focus } = this.app;
+    this.closePick();
+    place($("ring"), [x, y]);
+    $("ring").dataset.busy = "1";
+    try {
+      const found = await view.pick(x * this.canvas.width, y * this.canvas.height);
+      if (mine !== this.picks) return;
+      this.closeHint();
+      if (finite(found.disparity_px)) {
+        focus.stopSweep();
+        focus.set(found.disparity_px);
+      }
+      this.showPick(found, x, y);
+      if (byKey) $("pick").querySelector("button")?.focus();
+    } catch (error) {
+      if (mine === this.picks) this.closePick();
+      complain(error);
+    } finally {
+      delete $("ring").dataset.busy;
+    }
+  }
+
+  showPick(found, x, y) {
+    const { focus, labels } = this.app;
+    const card = $("pick");
+    const what = finite(found.disparity_px) ? found.name || "Something without a label" : "Nothing is known here";
+    const head = el("p", { class: "pick-head" }, this.swatch(found.label), el("strong", {}, what));
+    const where = finite(found.disparity_px)
+      ? el("p", { class: "quiet" }, this.measure(found.disparity_px))
+      : el("p", { class: "quiet" }, "No camera pair agrees on this point. Try one close to it.");
+    const buttons = el("div", { class: "pick-buttons" });
+    if (found.name)
+      buttons.append(el("button", { type: "button", class: "small", "aria-pressed": String(labels.chosen === found.name),
+        onclick: () => { labels.choose(labels.chosen === found.name ? "" : found.name); this.closePick(); } },
+      labels.chosen === found.name ? `Stop keeping ${found.name} clear` : `Keep ${found.name} clear`));
+    if (finite(found.front_px) && (!finite(found.disparity_px) || found.front_px > found.disparity_px + 0.75)) {
+      const name = labels.name(found.front_label) || "what stands in front";
+      buttons.append(el("button", { type: "button", class: "small",
+        onclick: () => { focus.set(found.front_px); this.closePick(); } },
+      this.swatch(found.front_label), `In front: ${name}, ${focus.words(found.front_px)}`));
+    }
+    card.replaceChildren(head, where, buttons);
+    place(card, [x, y]);
+    card.dataset.side = `${y < 0.5 ? "below" : "above"} ${x < 0.25 ? "left" : x > 0.75 ? "right" : "middle"}`;
+    clearTimeout(this.cardTimer);
+    this.cardTimer = setTimeout(() => { if (!card.contains(document.activeElement)) this.closePick(); }, CARD_MS);
+  }
+
+  measure(px) {
+    const { focus } = this.app;
+    return focus.metres_px > 0 && px > 0 ? `${focus.metres(px)} away · ${number(px, 1)} px` : `${number(px, 1)} px`;
+  }
+
+  swatch(label) {
+    const colour = this.app.labels.colour(label);
+    if (!colour) return null;
+    const node = el("i", { class: "swatch", "aria-hidden": "true" });
+    node.style.background = colour;
+    return node;
+  }
+
+  closePick() {
+    const held = $("pick").contains(document.activeElement);
+    $("pick").hidden = $("ring").hidden = true;
+    if (held) this.frame.focus();
+  }
+
+  // --- comparing ---
+
+  compare() {
+    const divider = $("divider");
+    let dragging = false;
+    const to = (share) => {
+      const percent = Math.round(Math.min(Math.max(share, 0), 1) * 100);
+      divider.style.left = `${percent}%`;
+      $("canvas-plain").style.clipPath = `inset(0 0 0 ${percent}%)`;
+      divider.setAttribute("aria-valuenow", percent);
+    };
+    const share = () => Number(divider.getAttribute("aria-valuenow")) / 100;
+    divider.addEventListener("pointerdown", (event) => {
+      dragging = true;
+      divider.setPointerCapture(event.pointerId);
+    });
+    divider.addEventListener("pointermove", (event) => {
+      const box = this.frame.getBoundingClientRect();
+      if (dragging) to((event.clientX - box.left) / box.width);
+    });
+    for (const kind of ["pointerup", "pointercancel"]) divider.addEventListener(kind, () => { dragging = false; });
+    divider.addEventListener("keydown", (event) => {
+      const steps = { ArrowLeft: -0.02, ArrowDown: -0.02, ArrowRight: 0.02, ArrowUp: 0.02, PageDown: -0.1, PageUp: 0.1,
+        Home: -1, End: 1 };
+      if (!(event.key in steps)) return;
+      event.preventDefault();
+      to(share() + steps[event.key]);
+    });
+    to(0.5);
+    $("compare").addEventListener("click", () => (this.plain ? this.stopCompare() : this.startCompare()));
+  }
+
+  startCompare() {
+    const { settings } = this.app.view;
+    this.plain = new View($("canvas-plain"), { ...settings, method: "refocus" }, (what, why) => {
+      if (what === "shared") {
+        this.stopCompare();
+        complain(why);
+      }
+      if (what === "picture" && this.plain) $("canvas-plain").hidden = false;
+    });
+    this.plain.start();
+    this.showCompare(true);
+  }
+
+  stopCompare() {
+    this.plain?.stop();
+    this.plain = null;
+    $("canvas-plain").hidden = true;
+    this.showCompare(false);
+  }
+
+  showCompare(on) {
+    $("compare").setAttribute("aria-pressed", on);
+    $("divider").hidden = $("tag-right").hidden = !on;
+  }
+
+  // --- overlays ---
+
+  overlay() {
+    for (const radio of $("overlay").querySelectorAll("input"))
+      radio.addEventListener("change", () => this.setOverlay(radio.value));
+    const fade = () => { $("canvas-overlay").style.opacity = Number($("opacity").value) / 100; };
+    $("opacity").addEventListener("input", fade);
+    fade();
+  }
+
+  setOverlay(kind) {
+    clearTimeout(this.overlayTimer);
+    $("canvas-overlay").hidden = true;
+    $("opacity-box").hidden = $("legend").hidden = !kind;
+    this.overlayKind = kind;
+    if (kind) this.drawOverlay(kind, 0);
+  }
+
+  async drawOverlay(kind, failures) {
+    try {
+      await visible();
+      const bitmap = await createImageBitmap(await getBlob(`/snapshot/${kind}`));
+      if (this.overlayKind !== kind) return;
+      const canvas = $("canvas-overlay");
+      canvas.width = bitmap.width;
+      canvas.height = bitmap.height;
+      canvas.getContext("2d").drawImage(bitmap, 0, 0);
+      canvas.hidden = false;
+      bitmap.close();
+      failures = 0;
+    } catch (error) {
+      if (failures === 0) complain(error); // once; it is tried again
+      failures++;
+    }
+    if (this.overlayKind !== kind) return;
+    this.showLegend(kind);
+    this.overlayTimer = setTimeout(() => this.drawOverlay(kind, failures), OVERLAY_MS);
+  }
+
+  showLegend(kind) {
+    const { focus, labels } = this.app;
+    const legend = $("legend");
+    if (kind === "disparity") {
+      const text = focus.known() ? [`Near ${focus.words(focus.near_px)}`, `Far ${focus.words(focus.far_px)}`] : ["Near", "Far"];
+      if (legend.dataset.now === text.join()) return;
+      legend.dataset.now = text.join();
+      legend.replaceChildren(el("span", {}, text[0]), el("i", { class: "scale", role: "img", "aria-label": "yellow is near, dark blue far" }),
+        el("span", {}, text[1]));
+    } else {
+      const present = labels.present();
+      legend.hidden = present.length === 0;
+      const now = present.map((entry) => entry.name).join();
+      if (legend.dataset.now === now) return;
+      legend.dataset.now = now;
+      legend.replaceChildren(...present.map((entry) => el("span", {}, this.swatch(entry.label), entry.name)));
+    }
+  }
+
+  /** In words at the picture's corner. */
+  showMethod() {
+    const { labels, view } = this.app;
+    const shared = view.shared ? "Main view, shared by all" : "See-through";
+    setText($("tag-left"), labels.chosen ? `${shared} · ${labels.chosen} kept clear` : shared);
+  }
+
+  // --- what is going on ---
+
+  hint() {
+    $("hint").hidden = storage("sst-hint") === "seen";
+    $("hint-close").addEventListener("click", () => {
+      this.closeHint();
+      this.frame.focus();
+    });
+  }
+
+  closeHint() {
+    $("hint").hidden = true;
+    storage("sst-hint", "seen");
+  }
+
+  onStream(what, why) {
+    if (what === "lost") {
+      this.lost ??= Date.now();
+      this.refused = why?.status > 0 && why.status !== 404 ? why.message : "";
+    }
+    if (what === "picture") {
+      this.lost = null;
+      this.refused = "";
+      $("stage-box").style.setProperty("--ratio", this.canvas.width / this.canvas.height);
+      this.frame.dataset.pictures = this.app.view.stream.pictures;
+    }
+  }
+
+  showAge() {
+    this.showMethod();
+    const age_ms = this.app.view.stream.age_ms();
+    const tag = $("age");
+    tag.hidden = !finite(age_ms);
+    if (tag.hidden) return;
+    const s = Math.max(0, age_ms / 1000);
+    const old = s < 60 ? `${number(s, s < 10 ? 1 : 0)} s` : `${Math.floor(s / 60)} min`;
+    const still = age_ms > OLD_MS && !this.lost && this.app.still(); // pictures are made of what changes
+    const late = age_ms > OLD_MS && !still;
+    tag.dataset.kind = this.lost || late ? "late" : "";
+    setText(tag, this.lost ? `${this.refused ? "Stopped" : "Reconnecting"} · picture ${old} old` : still ? `Nothing moved for ${old}`
+      : late ? `Picture ${old} old` : `${old} ago`);
+    this.frame.classList.toggle("stale", this.lost !== null && age_ms > OLD_MS);
+  }
+
+  /** What the place of the picture says: null: nothing. {title, text, todo: [sentence...]} */
+  explain(what) {
+    const box = $("explain");
+    const now = what ? JSON.stringify(what) : "";
+    $("stage-box").classList.toggle("empty", !this.app.view.stream.pictures);
+    box.hidden = !what;
+    if (box.dataset.now === now) return;
+    box.dataset.now = now;
+    if (!what) return;
+    box.replaceChildren(el("h2", {}, what.title), el("p", {}, what.text),
+      what.todo?.length ? el("ul", {}, ...what.todo.map((line) => el("li", {}, ...codes(line)))) : "");
+  }
+}
+
+/** `word` becomes code. */
+function codes(line) {
+  return line.split("`").map((part, i) => (i % 2 ? el("code", {}, part) : part));
+}
+
+function place(node, [x, y]) {
+  node.style.left = `${x * 100}%`;
+  node.style.top = `${y * 100}%`;
+  node.hidden = false;
+}

@@ -1,0 +1,192 @@
+// A moving picture (multipart JPEG) on a canvas. An <img> could show it too, but would not tell how old its picture is
+// nor that the service went away, and would keep decoding in the background.
+
+import { ApiError, clock, open } from "/web/api.js";
+
+const SILENCE_MS = 9000; // a picture that stands still comes every 5 s; a connection that brings nothing for so long is opened anew
+const PART_MAX = 64 << 20;
+const HEADER_MAX = 8192;
+const RETRY_MS = [300, 700, 1500, 3000];
+const SLOTS = 4;
+
+/** Have a lock until the returned function is called; null: another window has it. */
+function lock(name) {
+  return new Promise((done) => {
+    navigator.locks.request(name, { ifAvailable: true },
+      (got) => (got ? new Promise((release) => { done(release); }) : done(null))).catch(() => done(() => {}));
+  });
+}
+
+/** A browser opens six connections to a host, for all its windows together. Pictures hold theirs: some are left for questions. */
+async function takeSlot() {
+  if (!navigator.locks) return () => {}; // plain HTTP from another machine
+  for (let i = 0; i < SLOTS; i++) {
+    const release = await lock(`sst-picture-${i}`);
+    if (release) return release;
+  }
+  throw new ApiError(429, `${SLOTS} moving pictures are open in other windows of this browser, and it takes no more. Close or cover `
+    + "one of them, and this one starts by itself.");
+}
+
+/** Splits a multipart body whose parts tell their length. */
+class Parts {
+  constructor() {
+    this.data = new Uint8Array(1 << 18);
+    this.have = 0;
+  }
+
+  push(chunk) {
+    if (this.have + chunk.length > this.data.length) {
+      const bigger = new Uint8Array(Math.max(this.data.length * 2, this.have + chunk.length));
+      bigger.set(this.data.subarray(0, this.have));
+      this.data = bigger;
+    }
+    this.data.set(chunk, this.have);
+    this.have += chunk.length;
+  }
+
+  /** {headers, body} of the next whole part, or null. */
+  next() {
+    const end = this.find();
+    if (end < 0) {
+      if (this.have > HEADER_MAX) throw new ApiError(0, "The stream of pictures is not multipart.");
+      return null;
+    }
+    const text = new TextDecoder("latin1").decode(this.data.subarray(0, end));
+    const headers = new Map(text.split("\r\n").filter((line) => line.includes(":"))
+      .map((line) => [line.slice(0, line.indexOf(":")).toLowerCase(), line.slice(line.indexOf(":") + 1).trim()]));
+    const length = Number(headers.get("content-length"));
+    if (!Number.isInteger(length) || length <= 0 || length > PART_MAX)
+      throw new ApiError(0, "A picture of the stream does not tell its length.");
+    const start = end + 4;
+    if (this.have < start + length) return null;
+    const body = this.data.slice(start, start + length);
+    this.data.copyWithin(0, start + length, this.have);
+    this.have -= start + length;
+    return { headers, body };
+  }
+
+  find() {
+    const limit = Math.min(this.have, HEADER_MAX) - 3;
+    for (let i = 0; i < limit; i++)
+      if (this.data[i] === 13 && this.data[i + 1] === 10 && this.data[i + 2] === 13 && this.data[i + 3] === 10) return i;
+    return -1;
+  }
+}
+
+export class Stream {
+  /**
+   * @param canvas   takes the size of the pictures
+   * @param address  async () => path; asked at each connection
+   * @param notify   called with "picture", "lost" (why: ApiError or null) as it happens
+   */
+  constructor(canvas, address, notify) {
+    this.canvas = canvas;
+    this.address = address;
+    this.notify = notify;
+    this.abort = null;
+    this.shown_ms = NaN;  // when the shown picture was taken, by the service's clock
+    this.shown = null;    // Blob
+    this.pictures = 0;
+    this.waiting = null;  // the newest that is not decoded yet
+    this.decoding = false;
+  }
+
+  start() {
+    if (this.abort) return;
+    this.abort = new AbortController();
+    this.run(this.abort);
+  }
+
+  stop() {
+    this.abort?.abort();
+    this.abort = null;
+  }
+
+  age_ms() {
+    return clock.now() - this.shown_ms;
+  }
+
+  async run(abort) {
+    let failures = 0;
+    while (!abort.signal.aborted) {
+      const before = this.pictures;
+      let why = null;
+      try {
+        await this.receive(abort);
+      } catch (error) {
+        why = error instanceof ApiError ? error : new ApiError(0, "The connection was lost.");
+      }
+      if (abort.signal.aborted) return;
+      failures = this.pictures > before ? 0 : failures + 1;
+      this.notify("lost", why);
+      await new Promise((done) => setTimeout(done, RETRY_MS[Math.min(failures, RETRY_MS.length - 1)]));
+    }
+  }
+
+  async receive(abort) {
+    const connection = new AbortController();
+    const end = () => connection.abort();
+    abort.signal.addEventListener("abort", end, { once: true });
+    let silence = 0;
+    let release = null;
+    try {
+      release = await takeSlot();
+      silence = setTimeout(end, SILENCE_MS);
+      const { reader } = await open(await this.address(), connection.signal);
+      const parts = new Parts();
+      for (;;) {
+        const { done, value } = await reader.read();
+        if (done) return;
+        clearTimeout(silence);
+        silence = setTimeout(end, SILENCE_MS);
+        parts.push(value);
+        for (let part = parts.next(); part; part = parts.next()) this.take(part, abort);
+      }
+    } finally {
+      clearTimeout(silence);
+      abort.signal.removeEventListener("abort", end);
+      end();
+      release?.();
+    }
+  }
+
+  take(part, abort) {
+    const seconds = Number(part.headers.get("x-timestamp"));
+    this.waiting = {
+      blob: new Blob([part.body], { type: "image/jpeg" }),
+      taken_ms: seconds > 0 ? seconds * 1000 : clock.now(),
+      abort,
+    };
+    if (!this.decoding) this.decode();
+  }
+
+  /** One at a time; pictures that come meanwhile replace each other. */
+  async decode() {
+    this.decoding = true;
+    while (this.waiting) {
+      const { blob, taken_ms, abort } = this.waiting;
+      this.waiting = null;
+      try {
+        const bitmap = await createImageBitmap(blob);
+        if (!abort.signal.aborted) this.show(bitmap, blob, taken_ms);
+        bitmap.close();
+      } catch {
+        continue; // a damaged picture: the next one follows
+      }
+    }
+    this.decoding = false;
+  }
+
+  show(bitmap, blob, taken_ms) {
+    if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
+      this.canvas.width = bitmap.width;
+      this.canvas.height = bitmap.height;
+    }
+    this.canvas.getContext("2d", { alpha: false }).drawImage(bitmap, 0, 0);
+    this.shown = blob;
+    this.shown_ms = taken_ms;
+    this.pictures++;
+    this.notify("picture", null);
+  }
+}

@@ -1,0 +1,131 @@
+// A view of one's own on the service: made when first needed, renewed when it expired or the service was restarted, and
+// told every change of settings, the newest only.
+
+import { ApiError, get, post } from "/web/api.js";
+import { Stream } from "/web/stream.js";
+
+const PICK_TRIES = 6;
+const PICK_AGAIN_MS = 200;
+
+export class View {
+  /**
+   * @param canvas    shows it
+   * @param settings  what differs from the service's defaults; see docs/api.md
+   * @param notify    as of Stream; and "shared" (why) when no view of one's own is to be had: the main view is shown
+   */
+  constructor(canvas, settings, notify) {
+    this.settings = { ...settings };
+    this.notify = notify;
+    this.id = null;
+    this.shared = false;
+    this.pending = null; // settings not sent yet
+    this.sending = false;
+    this.creating = null;
+    this.stream = new Stream(canvas, () => this.address(), (what, why) => this.onStream(what, why));
+  }
+
+  start() {
+    this.stream.start();
+  }
+
+  stop() {
+    this.stream.stop();
+  }
+
+  restart() {
+    this.stop();
+    this.start();
+  }
+
+  /** Take up a view that is there already, if it is. @return its settings, or null */
+  async adopt(id) {
+    const { views } = await get("/api/v1/views");
+    const view = views.find((other) => other.id === id);
+    if (!view) return null;
+    this.id = id;
+    this.settings = Object.fromEntries(Object.entries(view.settings).filter(([, value]) => value !== null));
+    return view.settings;
+  }
+
+  /** Forget the view and its settings; a new one follows at once. */
+  renew(settings) {
+    this.settings = { ...settings };
+    this.id = null;
+    this.pending = null;
+    this.restart();
+  }
+
+  onStream(what, why) {
+    if (what === "lost" && (why?.status === 404 || this.shared)) this.id = null; // gone; ask for one again
+    this.notify(what, why);
+  }
+
+  async address() {
+    if (!this.id) await (this.creating ??= this.create().finally(() => { this.creating = null; }));
+    return `/stream/${encodeURIComponent(this.id)}`;
+  }
+
+  async create() {
+    const sent = { ...this.settings };
+    try {
+      const { id } = await post("/api/v1/views", sent);
+      this.id = id;
+      this.shared = false;
+      this.pending = null;
+      if (JSON.stringify(sent) !== JSON.stringify(this.settings)) this.change(this.settings); // changed meanwhile
+    } catch (error) {
+      if (error.status === 400) this.forget(error);
+      if (error.status !== 429) throw error;
+      if (!this.shared) this.notify("shared", error);
+      this.shared = true;
+      this.id = "main";
+    }
+  }
+
+  /** Settings that the service refuses (a label of another network ...) would be refused for ever. */
+  forget(error) {
+    const { method } = this.settings;
+    this.settings = method ? { method } : {};
+    this.notify("refused", error);
+  }
+
+  /** The newest settings win; at most one request is under way. Failures come as "refused". */
+  change(settings) {
+    Object.assign(this.settings, settings);
+    this.pending = { ...this.pending, ...settings };
+    if (!this.sending && this.id) this.send();
+  }
+
+  async send() {
+    this.sending = true;
+    while (this.pending && this.id) {
+      const settings = this.pending;
+      this.pending = null;
+      try {
+        await post(`/api/v1/views/${encodeURIComponent(this.id)}`, settings);
+      } catch (error) {
+        if (error.status === 404) this.renew(this.settings);
+        else if (error.status !== 0) this.notify("refused", error);
+      }
+    }
+    this.sending = false;
+  }
+
+  async pick(x, y) {
+    if (!this.id) throw new ApiError(0, "There is no picture yet.");
+    for (let left = PICK_TRIES - 1; ; left--) {
+      try {
+        return await get(`/api/v1/views/${encodeURIComponent(this.id)}/pick?x=${Math.floor(x)}&y=${Math.floor(y)}`);
+      } catch (error) {
+        if (error.status !== 409 || left === 0) throw error; // 409: busy with a set, for longer than it waited
+        await new Promise((done) => setTimeout(done, PICK_AGAIN_MS));
+      }
+    }
+  }
+
+  /** {settings (defaults included), shown_focus_px, ...}; null while there is no view. */
+  async current() {
+    const { views } = await get("/api/v1/views");
+    return views.find((view) => view.id === this.id) ?? null;
+  }
+}

@@ -1,0 +1,382 @@
+/* ITU-T T.81, sequential Huffman code (annex F.2). Only what decides how long a block's code is, and its first value,
+ * is read. */
+#include "pipeline/image/jpeg_means.h"
+
+#include <errno.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+
+#define LOOK_BITS   13
+#define SYMBOL_BITS 31 /* that a symbol and what belongs to it take at most: 16 + 15 */
+#define PEEK_BITS   57
+#define MEAN_BITS   11 /* looked up at once: most means */
+#define BROKEN      SIZE_MAX
+/* Zeros after the data: a block that runs past the end is noticed at its own end, 64 symbols later. */
+#define SPARE 512
+
+/* What the next LOOK_BITS bits begin with; 0: no whole symbol. */
+#define STEP_BITS(e)  ((unsigned)(e)&15u)          /* of whole symbols with the bits that belong to them */
+#define STEP_COEFS(e) (((unsigned)(e) >> 4) & 63u) /* coefficients that they stand for */
+#define STEP_END      0x400u                       /* the last symbol is the end of the block */
+
+struct table {
+    uint8_t bits[17], value[256];   /* as the frame gave them */
+    uint16_t first[1 << LOOK_BITS]; /* length << 8 | symbol of the first symbol; 0: longer than LOOK_BITS */
+    uint16_t step[1 << LOOK_BITS];
+    uint32_t mean[1 << MEAN_BITS]; /* difference << 8 | length with its bits; 0: longer than MEAN_BITS */
+    int32_t last_code[17];         /* of each length; -1: none */
+    int32_t offset[17];            /* value[code + offset] */
+    bool made;
+};
+
+struct sst_jpeg_means {
+    struct jpeg_compress_struct standard; /* tables of annex K: frames of video leave them out */
+    struct jpeg_error_mgr errors;
+    struct table dc[NUM_HUFF_TBLS], ac[NUM_HUFF_TBLS];
+    uint8_t *part; /* [room] */
+    size_t room;
+};
+
+int sst_jpeg_means_create(struct sst_jpeg_means **out)
+{
+    struct sst_jpeg_means *m = calloc(1, sizeof(*m));
+
+    if (!m)
+        return -ENOMEM;
+    m->standard.err = jpeg_std_error(&m->errors);
+    jpeg_create_compress(&m->standard);
+    m->standard.input_components = 3;
+    m->standard.in_color_space = JCS_RGB;
+    jpeg_set_defaults(&m->standard);
+    *out = m;
+    return 0;
+}
+
+void sst_jpeg_means_destroy(struct sst_jpeg_means *m)
+{
+    if (!m)
+        return;
+    jpeg_destroy_compress(&m->standard);
+    sst_mem_free(m->part);
+    free(m);
+}
+
+/* --- tables ------------------------------------------------------------------------------------------------------- */
+
+/* As many whole symbols as fit, up to the end of the block. */
+static uint16_t make_step(const struct table *t, unsigned look)
+{
+    unsigned used = 0, coefs = 0;
+
+    for (;;) {
+        const unsigned entry = t->first[(look << used) & ((1u << LOOK_BITS) - 1)], length = entry >> 8;
+        const unsigned run = (entry >> 4) & 15, size = entry & 15, adds = size || run == 15 ? run + 1 : 0;
+
+        /* Bits beyond those looked at are taken as 0: what they decide is left for the next time. */
+        if (!length || used + length + size > LOOK_BITS || coefs + adds > 63)
+            return (uint16_t)(coefs << 4 | used);
+        used += length + size;
+        coefs += adds;
+        if (!adds)
+            return (uint16_t)(STEP_END | coefs << 4 | used);
+    }
+}
+
+/* A difference of `size` bits (F.2.2.1). */
+static inline int extend(int bits, int size)
+{
+    return bits < 1 << (size - 1) ? bits - (1 << size) + 1 : bits;
+}
+
+static uint32_t make_mean(const struct table *t, unsigned look)
+{
+    const unsigned entry = t->first[look << (LOOK_BITS - MEAN_BITS)], length = entry >> 8, size = entry & 255;
+    int bits;
+
+    if (!length || size > 15 || length + size > MEAN_BITS)
+        return 0;
+    bits = (int)(look & ((1u << (MEAN_BITS - length)) - 1));
+    return (uint32_t)(uint16_t)(size ? extend(bits >> (MEAN_BITS - length - size), (int)size) : 0) << 8 |
+           (length + size);
+}
+
+/* Codes of annex C. @return false: no such code is possible */
+static bool make_table(struct table *t, const JHUFF_TBL *from)
+{
+    int32_t code = 0;
+    int n = 0;
+
+    if (t->made && !memcmp(t->bits, from->bits, sizeof(t->bits)) && !memcmp(t->value, from->huffval, sizeof(t->value)))
+        return true;
+    *t = (struct table){ 0 };
+    for (int length = 1; length <= 16; length++, code <<= 1) {
+        t->offset[length] = n - code;
+        t->last_code[length] = -1;
+        for (int i = 0; i < from->bits[length]; i++, n++, code++) {
+            const int32_t low = length <= LOOK_BITS ? code << (LOOK_BITS - length) : 0;
+
+            if (n >= 256 || code >= 1 << length)
+                return false;
+            for (int32_t k = 0; length <= LOOK_BITS && k < 1 << (LOOK_BITS - length); k++)
+                t->first[low + k] = (uint16_t)(length << 8 | from->huffval[n]);
+            t->last_code[length] = code;
+        }
+    }
+    for (unsigned look = 0; look < 1u << LOOK_BITS; look++)
+        t->step[look] = make_step(t, look);
+    for (unsigned look = 0; look < 1u << MEAN_BITS; look++)
+        t->mean[look] = make_mean(t, look);
+    memcpy(t->bits, from->bits, sizeof(t->bits));
+    memcpy(t->value, from->huffval, sizeof(t->value));
+    t->made = true;
+    return true;
+}
+
+/* --- bits --------------------------------------------------------------------------------------------------------- */
+
+/* What lies between two markers, without the stuffed bytes, and zeros after it. */
+struct reader {
+    const uint8_t *bytes;
+    size_t at, end; /* bits */
+};
+
+/* The bits from `at` on, from the highest; at least PEEK_BITS of them. */
+static inline uint64_t peek(const uint8_t *bytes, size_t at)
+{
+    uint64_t next;
+
+    memcpy(&next, bytes + (at >> 3), sizeof(next));
+    return __builtin_bswap64(next) << (at & 7);
+}
+
+/*
+ * Copy the bytes up to the next marker.
+ * @param from  in: the first byte; out: the marker, or the end
+ */
+static int next_part(struct sst_jpeg_means *m, const uint8_t **from, const uint8_t *end, struct reader *r)
+{
+    const uint8_t *at = *from;
+    size_t n = 0;
+
+    if ((size_t)(end - at) + SPARE > m->room) {
+        sst_mem_free(m->part);
+        m->room = (size_t)(end - at) * 5 / 4 + SPARE;
+        m->part = sst_mem_alloc_raw(m->room, 1);
+        if (!m->part) {
+            m->room = 0;
+            return -ENOMEM;
+        }
+    }
+    while (at < end) {
+        const uint8_t *stop = memchr(at, 0xFF, (size_t)(end - at));
+        const size_t plain = (size_t)((stop ? stop : end) - at);
+
+        memcpy(m->part + n, at, plain);
+        n += plain;
+        at += plain;
+        if (end - at < 2 || at[1])
+            break;
+        m->part[n++] = 0xFF;
+        at += 2;
+    }
+    memset(m->part + n, 0, SPARE);
+    *from = at;
+    *r = (struct reader){ .bytes = m->part, .end = 8 * n };
+    return 0;
+}
+
+/* @return the symbol that the bits begin with, and its length; or -1 */
+static inline int symbol(uint64_t bits, const struct table *t, unsigned *length)
+{
+    const unsigned entry = t->first[bits >> (64 - LOOK_BITS)];
+
+    *length = entry >> 8;
+    if (entry)
+        return entry & 255;
+    for (*length = LOOK_BITS + 1; *length <= 16; ++*length) {
+        const int32_t code = (int32_t)(bits >> (64 - *length));
+
+        if (code <= t->last_code[*length] && code + t->offset[*length] >= 0)
+            return t->value[(code + t->offset[*length]) & 255];
+    }
+    return -1;
+}
+
+/* --- blocks ------------------------------------------------------------------------------------------------------- */
+
+/* Step over the coefficients after the mean, at bit `at`. @return the bit after them, or BROKEN */
+static inline size_t step_over(const uint8_t *bytes, size_t at, const struct table *t)
+{
+    unsigned k = 1, length;
+
+    while (k < 64) {
+        uint64_t bits = peek(bytes, at);
+        int rs, i;
+
+        /* Twice LOOK_BITS and a symbol are in what was peeked at. */
+        for (i = 0; i < 2; i++) {
+            const unsigned step = t->step[bits >> (64 - LOOK_BITS)], used = STEP_BITS(step);
+
+            if (!used || k + STEP_COEFS(step) >= 64 + !(step & STEP_END))
+                break;
+            at += used;
+            bits <<= used;
+            k += STEP_COEFS(step);
+            if (step & STEP_END)
+                return at;
+        }
+        if (i == 2 || k == 64)
+            continue;
+        rs = symbol(bits, t, &length);
+        if (rs < 0)
+            return BROKEN;
+        at += length + ((unsigned)rs & 15);
+        if (!(rs & 15) && rs >> 4 != 15)
+            return at;
+        k += ((unsigned)rs >> 4) + 1;
+    }
+    return k == 64 ? at : BROKEN;
+}
+
+/* The difference of a block's mean to the one before. @return the bit after it, or BROKEN */
+static inline size_t read_mean(const uint8_t *bytes, size_t at, const struct table *t, int *diff)
+{
+    const uint64_t bits = peek(bytes, at);
+    const uint32_t known = t->mean[bits >> (64 - MEAN_BITS)];
+    unsigned length;
+    int size;
+
+    if (known) {
+        *diff = (int16_t)(known >> 8);
+        return at + (known & 255);
+    }
+    size = symbol(bits, t, &length);
+    if (size < 0 || size > 15)
+        return BROKEN;
+    *diff = size ? extend((int)(bits << length >> (64 - size)), size) : 0;
+    return at + length + (unsigned)size;
+}
+
+struct component {
+    const struct table *dc, *ac;
+    int across, down;  /* blocks in an MCU */
+    int width, height; /* in blocks */
+    int quant, pred;
+    int16_t *out;
+};
+
+static bool read_mcu(struct reader *r, struct component *c, int mcu_x, int mcu_y)
+{
+    for (int y = mcu_y * c->down; y < (mcu_y + 1) * c->down; y++) {
+        for (int x = mcu_x * c->across; x < (mcu_x + 1) * c->across; x++) {
+            int diff = 0;
+            size_t at = read_mean(r->bytes, r->at, c->dc, &diff);
+
+            if (at != BROKEN)
+                at = step_over(r->bytes, at, c->ac);
+            if (at > r->end)
+                return false;
+            r->at = at;
+            c->pred = (int16_t)(c->pred + diff);
+            if (x < c->width && y < c->height)
+                c->out[(size_t)y * (size_t)c->width + (size_t)x] =
+                    (int16_t)sst_clamp_int(1024 + c->pred * c->quant, 0, 2047);
+        }
+    }
+    return true;
+}
+
+/* Past a restart marker, which must be the next thing: less than a byte of what was before it is left. */
+static int restart(struct sst_jpeg_means *m, struct reader *r, const uint8_t **from, const uint8_t *end)
+{
+    if (r->end - r->at >= 8)
+        return -EBADMSG;
+    while (end - *from >= 2 && (*from)[0] == 0xFF && (*from)[1] == 0xFF)
+        ++*from;
+    if (end - *from < 2 || (*from)[0] != 0xFF || ((*from)[1] & 0xF8) != 0xD0)
+        return -EBADMSG;
+    *from += 2;
+    return next_part(m, from, end, r);
+}
+
+/* --- frames ------------------------------------------------------------------------------------------------------- */
+
+static int set_component(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *h, int i, struct component *c)
+{
+    const jpeg_component_info *info = h->cur_comp_info[i];
+    const bool single = h->num_components == 1;
+    const int d = info->dc_tbl_no, a = info->ac_tbl_no;
+    const JHUFF_TBL *dc, *ac;
+
+    if (info != &h->comp_info[i])
+        return -ENOTSUP;
+    if (d < 0 || d >= NUM_HUFF_TBLS || a < 0 || a >= NUM_HUFF_TBLS || info->quant_tbl_no < 0 ||
+        info->quant_tbl_no >= NUM_QUANT_TBLS || !h->quant_tbl_ptrs[info->quant_tbl_no])
+        return -EBADMSG;
+    dc = h->dc_huff_tbl_ptrs[d] ? h->dc_huff_tbl_ptrs[d] : m->standard.dc_huff_tbl_ptrs[d];
+    ac = h->ac_huff_tbl_ptrs[a] ? h->ac_huff_tbl_ptrs[a] : m->standard.ac_huff_tbl_ptrs[a];
+    if (!dc || !ac || !make_table(&m->dc[d], dc) || !make_table(&m->ac[a], ac))
+        return -EBADMSG;
+    c->dc = &m->dc[d];
+    c->ac = &m->ac[a];
+    c->across = single ? 1 : info->h_samp_factor;
+    c->down = single ? 1 : info->v_samp_factor;
+    c->width = (int)info->width_in_blocks;
+    c->height = (int)info->height_in_blocks;
+    c->quant = h->quant_tbl_ptrs[info->quant_tbl_no]->quantval[0];
+    return 0;
+}
+
+struct scan {
+    struct component c[3];
+    int components, mcus_x, mcus_y;
+    unsigned interval; /* MCUs between restarts; 0: none */
+};
+
+static int read_scan(struct sst_jpeg_means *m, struct scan *s, const uint8_t *from, const uint8_t *end)
+{
+    unsigned left = s->interval;
+    struct reader r;
+    int err = next_part(m, &from, end, &r);
+
+    for (int n = 0; !err && n < s->mcus_x * s->mcus_y; n++, left--) {
+        if (s->interval && !left) {
+            left = s->interval;
+            for (int i = 0; i < s->components; i++)
+                s->c[i].pred = 0;
+            err = restart(m, &r, &from, end);
+        }
+        for (int i = 0; !err && i < s->components; i++) {
+            if (!read_mcu(&r, &s->c[i], n % s->mcus_x, n / s->mcus_x))
+                err = -EBADMSG;
+        }
+    }
+    return err;
+}
+
+int sst_jpeg_means_read(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *h, int16_t *const out[3])
+{
+    const uint8_t *from = h->src->next_input_byte;
+    struct scan s = { .components = h->num_components, .interval = h->restart_interval };
+    int width = 8, height = 8, err;
+
+    if ((s.components != 1 && s.components != 3) || h->comps_in_scan != s.components || h->progressive_mode ||
+        h->arith_code || h->data_precision != 8)
+        return -ENOTSUP;
+    for (int i = 0; i < s.components; i++) {
+        err = set_component(m, h, i, &s.c[i]);
+        if (err)
+            return err;
+        s.c[i].out = out[i];
+    }
+    if (s.components == 3) {
+        width *= h->max_h_samp_factor;
+        height *= h->max_v_samp_factor;
+    }
+    s.mcus_x = ((int)h->image_width + width - 1) / width;
+    s.mcus_y = ((int)h->image_height + height - 1) / height;
+    return read_scan(m, &s, from, from + h->src->bytes_in_buffer);
+}

@@ -1,0 +1,37 @@
+/* pipeline/image/jpeg_means.h - the means of a JPEG frame's blocks, read from its bytes without decoding them. */
+#ifndef SST_PIPELINE_IMAGE_JPEG_MEANS_H
+#define SST_PIPELINE_IMAGE_JPEG_MEANS_H
+
+#include <stdio.h>
+
+#include <jpeglib.h>
+
+#include "base/base.h"
+
+SST_EXTERN_C_BEGIN
+
+/*
+ * A block of 8x8 samples begins with its mean; the rest of its code is stepped over, several symbols at a time. That is
+ * what a frame's change is seen by, for a fraction of the time that decoding takes. libjpeg reads the headers.
+ */
+struct sst_jpeg_means; /* tables of the last frame's codes; one thread at a time */
+
+/** @return 0, -ENOMEM */
+SST_MUST_CHECK int sst_jpeg_means_create(struct sst_jpeg_means **out);
+void sst_jpeg_means_destroy(struct sst_jpeg_means *m);
+
+/**
+ * Means of all blocks, in 1/8 levels (0 .. 2047).
+ *
+ * @param m       of any frames before
+ * @param header  after jpeg_read_header() from memory; it is not read further
+ * @param out     [components][height_in_blocks * width_in_blocks] of comp_info
+ * @return 0, -ENOTSUP (neither baseline nor extended sequential Huffman code of 8 bits in one scan of 1 or 3
+ *         components), -EBADMSG (damaged or truncated), -ENOMEM; not logged, out may be partly written
+ */
+SST_MUST_CHECK int sst_jpeg_means_read(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *header,
+                                       int16_t *const out[3]);
+
+SST_EXTERN_C_END
+
+#endif

@@ -1,0 +1,86 @@
+#include "pipeline/lightfield/unsure.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/thread.h"
+
+struct count {
+    int64_t pixels, unsure;
+};
+
+struct job {
+    struct sst_unsure *u;
+    const struct sst_lightfield *lf;
+    struct count *count; /* [views] */
+};
+
+/* Pixels that the view saw in columns from .. to-1 of row y, and those of them whose disparity is a guess. */
+static void count_run(struct count *c, const struct sst_view *v, int from, int to, int y)
+{
+    const uint8_t *confidence = sst_map_u8_row(&v->confidence, y);
+    const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
+
+    for (int x = from; x < to; x++) {
+        const int seen = !valid || valid[x];
+
+        c->pixels += seen;
+        c->unsure += seen && !confidence[x];
+    }
+}
+
+static int count_view(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    const struct sst_view *v = &job->lf->views[view];
+    struct sst_map_u8 *map = &job->u->view[view];
+    const int width = v->confidence.width, height = v->confidence.height;
+    int err;
+
+    if (!v->confidence.data)
+        return 0;
+    err = sst_map_u8_init(map, (width + SST_UNSURE_BLOCK - 1) / SST_UNSURE_BLOCK,
+                          (height + SST_UNSURE_BLOCK - 1) / SST_UNSURE_BLOCK);
+    for (int i = 0; !err && i < map->width * map->height; i++) {
+        const int x = i % map->width * SST_UNSURE_BLOCK, y = i / map->width * SST_UNSURE_BLOCK;
+        struct count c = { 0, 0 };
+
+        for (int row = y; row < sst_min_int(y + SST_UNSURE_BLOCK, height); row++)
+            count_run(&c, v, x, sst_min_int(x + SST_UNSURE_BLOCK, width), row);
+        if (c.pixels)
+            sst_map_u8_row(map, y / SST_UNSURE_BLOCK)[x / SST_UNSURE_BLOCK] =
+                (uint8_t)fmin(255 / SST_UNSURE_FULL * (double)c.unsure / (double)c.pixels + 0.5, 255);
+        job->count[view].pixels += c.pixels;
+        job->count[view].unsure += c.unsure;
+    }
+    return err;
+}
+
+int sst_unsure_init(struct sst_unsure *u, const struct sst_lightfield *lf, int threads)
+{
+    struct job job = { .u = u, .lf = lf };
+    struct count all = { 0, 0 };
+    int err = -ENOMEM;
+
+    u->views = lf->rows * lf->cols;
+    u->view = calloc((size_t)u->views, sizeof(*u->view));
+    job.count = calloc((size_t)u->views, sizeof(*job.count));
+    if (u->view && job.count)
+        err = sst_parallel_for(u->views, sst_thread_count(threads), count_view, &job);
+    for (int k = 0; !err && k < u->views; k++) {
+        all.pixels += job.count[k].pixels;
+        all.unsure += job.count[k].unsure;
+    }
+    u->confirmed = all.pixels ? 1 - (double)all.unsure / (double)all.pixels : NAN;
+    free(job.count);
+    return err;
+}
+
+void sst_unsure_fini(struct sst_unsure *u)
+{
+    for (int k = 0; u->view && k < u->views; k++)
+        sst_map_u8_fini(&u->view[k]);
+    free(u->view);
+    *u = (struct sst_unsure){ 0 };
+}

@@ -1,0 +1,114 @@
+#include "pipeline/live/live.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "pipeline/live/live_parts.h"
+
+/* Maps are poor from below the first share of what key views agree on up to the second: 0.98 with people before a wall,
+ * 0.74 in dense leaves (docs/live-scene.md). */
+#define SURE       0.95
+#define SURE_AGAIN 0.965
+
+int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg)
+{
+    struct sst_live *live = calloc(1, sizeof(*live));
+    int err;
+
+    if (!live) {
+        sst_log_error("live: no memory");
+        return -ENOMEM;
+    }
+    err = sst_live_init(live, cfg);
+    err = err ? err : sst_live_frames_open(&live->frames, &live->cfg, &live->lf);
+    err = err ? err : sst_live_scene_open(&live->scene, &live->cfg, &live->lf);
+    if (err) {
+        sst_live_close(live);
+        return err;
+    }
+    *out = live;
+    return 0;
+}
+
+void sst_live_close(struct sst_live *live)
+{
+    if (!live)
+        return;
+    sst_live_cancel(live);
+    sst_live_scene_close(live->scene);
+    sst_live_frames_close(live->frames);
+    sst_live_fini(live);
+    free(live);
+}
+
+void sst_live_cancel(struct sst_live *live)
+{
+    atomic_store(&live->canceled, true);
+    if (live->frames)
+        sst_live_frames_cancel(live->frames);
+    if (live->scene)
+        sst_live_scene_cancel(live->scene);
+}
+
+/* --- following the cameras ---------------------------------------------------------------------------------------- */
+
+static void mark_all(struct sst_live_changes *c)
+{
+    c->whole = true;
+    c->changed = 0;
+    for (int k = 0; k < SST_MAX_VIEWS; k++) {
+        if (!c->map[k])
+            continue;
+        memset(c->map[k], 1, (size_t)c->cols * (size_t)c->rows);
+        c->changed += c->cols * c->rows;
+    }
+}
+
+int sst_live_update(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *report)
+{
+    struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .sure = NAN };
+    const int64_t cpu_ns = sst_clock_cpu_ns();
+    double changed[SST_LIVE_ZONES + 1];
+    int err = atomic_load(&live->canceled) ? -ECANCELED : 0;
+
+    err = err ? err : sst_live_frames_update(live->frames, in, &live->changes, &done);
+    if (!err && live->lost)
+        mark_all(&live->changes);
+    live->lost = true;
+    if (!err)
+        sst_live_zones_changed(live, &live->changes, changed);
+    err = err ? err : sst_live_scene_update(live->scene, &live->changes, &done);
+    live->ready = err ? live->ready : done.ready;
+    if (!err && !isnan(done.sure))
+        live->poor = done.sure < (live->poor ? SURE_AGAIN : SURE);
+    err = err ? err : sst_live_take(live, &live->changes);
+    err = err ? err : sst_live_watch(live, in->t_ns);
+    if (err)
+        return err;
+    live->lost = false;
+    for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
+        done.zone[zone].changed = changed[zone];
+        memcpy(done.zone[zone].label, live->zone_label[zone], sizeof(done.zone[zone].label));
+    }
+    done.cpu_ns = sst_clock_cpu_ns() - cpu_ns;
+    *report = done;
+    return 0;
+}
+
+bool sst_live_unsettled(struct sst_live *live)
+{
+    return sst_live_scene_unsettled(live->scene);
+}
+
+bool sst_live_settle(struct sst_live *live)
+{
+    if (!sst_live_scene_settle(live->scene, &live->changes))
+        return false;
+    live->lost = sst_live_take(live, &live->changes) || sst_live_watch(live, live->focus.t_ns);
+    return !live->lost;
+}

@@ -1,0 +1,258 @@
+/* What one viewer sees. A picture is rendered whole when its settings change and afterwards cell by cell: tiles of
+ * views bear the serial number of their last change, and cells whose rays meet tiles with a later number than the
+ * picture's are rendered again. */
+#include <errno.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/live/live_parts.h"
+
+/* Label ranges move with every pixel; everything is rendered again when the weights of so many rays are off so much. */
+#define NOTICEABLE       0.25
+#define NOTICEABLE_SHARE 0.01
+
+struct sst_live_picture {
+    struct sst_live *live;
+    struct sst_image image;
+    struct sst_render_config cfg; /* what the plan was made for */
+    bool planned;
+    struct sst_plan plan;
+    uint64_t serial, counted, present_serial; /* of the light field that the image shows */
+    double disp_min_px;                       /* likewise: what its stored disparities count from */
+    uint8_t *cells;
+    int cols, rows;
+};
+
+int sst_live_picture_create(struct sst_live_picture **out, struct sst_live *live)
+{
+    struct sst_live_picture *p = calloc(1, sizeof(*p));
+    int err;
+
+    if (!p) {
+        sst_log_error("no memory for a picture");
+        return -ENOMEM;
+    }
+    p->live = live;
+    p->cols = (live->lf.width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
+    p->rows = (live->lf.height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
+    p->cells = malloc((size_t)p->cols * (size_t)p->rows);
+    err = p->cells ? sst_image_init(&p->image, live->lf.width, live->lf.height) : -ENOMEM;
+    if (err) {
+        sst_log_error("no memory for a picture of %dx%d pixels", live->lf.width, live->lf.height);
+        sst_live_picture_destroy(p);
+        return -ENOMEM;
+    }
+    *out = p;
+    return 0;
+}
+
+void sst_live_picture_destroy(struct sst_live_picture *p)
+{
+    if (!p)
+        return;
+    if (p->planned)
+        sst_plan_fini(&p->plan);
+    sst_image_fini(&p->image);
+    free(p->cells);
+    free(p);
+}
+
+/* --- settings ----------------------------------------------------------------------------------------------------- */
+
+/* Largest distance of a view from the viewpoint, along either axis. */
+static double reach(const struct sst_lightfield *lf, const struct sst_render_config *cfg)
+{
+    double most = 1;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (!lf->views[k].present)
+            continue;
+        most = fmax(most, fabs(lf->views[k].bx - cfg->view_bx));
+        most = fmax(most, fabs(lf->views[k].by - cfg->view_by));
+    }
+    return most;
+}
+
+/* What the settings leave open, and the focus put where there is something to render. The disparities that are there
+ * decide, not those that are searched, which may be many more. */
+static void resolve(struct sst_render_config *cfg, const struct sst_live *live)
+{
+    const struct sst_lightfield *lf = &live->lf;
+    const double most_px = 0.5 * sst_min_int(lf->width, lf->height) / reach(lf, cfg);
+    double lo, hi;
+
+    cfg->threads = live->cfg.threads;
+    cfg->verify = cfg->verify && live->poor ? SST_VERIFY_ON : SST_VERIFY_OFF;
+    if (isnan(cfg->focus_px))
+        cfg->focus_px = isnan(live->focus.focus_px) ? 0 : live->focus.focus_px;
+    if (sst_live_range(live, &lo, &hi)) {
+        if (cfg->sigma_px == 0)
+            cfg->sigma_px = fmax((hi - lo) / 10, 0.1);
+        if (cfg->range_margin_px < 0)
+            cfg->range_margin_px = (hi - lo) / 50;
+    }
+    if (sst_renderer_disparities(live->renderer, &lo, &hi))
+        cfg->focus_px = sst_clamp_double(cfg->focus_px, lo, hi);
+    cfg->focus_px = sst_clamp_double(cfg->focus_px, -most_px, most_px);
+}
+
+static bool same(double a, double b)
+{
+    return a <= b && a >= b;
+}
+
+static bool same_settings(const struct sst_render_config *a, const struct sst_render_config *b)
+{
+    return a->method == b->method && same(a->focus_px, b->focus_px) && same(a->sigma_px, b->sigma_px) &&
+           same(a->c1, b->c1) && same(a->c2, b->c2) && a->focus_label == b->focus_label &&
+           same(a->label_factor, b->label_factor) && a->range == b->range &&
+           same(a->range_percentile, b->range_percentile) && same(a->range_margin_px, b->range_margin_px) &&
+           a->unsupported == b->unsupported && same(a->aperture, b->aperture) && a->aperture_soft == b->aperture_soft &&
+           same(a->view_bx, b->view_bx) && same(a->view_by, b->view_by) && a->max_views == b->max_views &&
+           a->verify == b->verify && a->threads == b->threads;
+}
+
+/* A plan for these settings and the views that are there. */
+static int make_plan(struct sst_live_picture *p, const struct sst_render_config *cfg)
+{
+    struct sst_plan plan;
+    int err = sst_plan_init(&plan, p->live->renderer, cfg);
+
+    if (err)
+        return err;
+    if (p->planned)
+        sst_plan_fini(&p->plan);
+    p->plan = plan;
+    p->planned = true;
+    p->cfg = *cfg;
+    p->present_serial = p->live->present_serial;
+    p->counted = p->live->counted;
+    p->disp_min_px = p->live->lf.disp_min_px;
+    return 0;
+}
+
+/* --- parts that changed ------------------------------------------------------------------------------------------- */
+
+/* Cells of output pixels whose ray of this tap meets pixels x0 .. x1-1, y0 .. y1-1 of the view: colour is read at
+ * x + ix and, between pixels, at x + ix + 1; disparity and label at one of the two. Rays that are verified count for
+ * the pixels around, too. */
+static void mark_tile(struct sst_live_picture *p, const struct sst_tap *t, int x0, int x1, int y0, int y1)
+{
+    const int around = p->plan.verifier ? 1 : 0;
+    int from_x = sst_max_int(x0 - t->ix - (t->fx > 0), t->x0), to_x = sst_min_int(x1 - t->ix, t->x1) - 1;
+    int from_y = sst_max_int(y0 - t->iy - (t->fy > 0), t->y0), to_y = sst_min_int(y1 - t->iy, t->y1) - 1;
+
+    if (from_x > to_x || from_y > to_y)
+        return;
+    from_x = sst_max_int(from_x - around, 0);
+    to_x = sst_min_int(to_x + around, p->image.width - 1);
+    from_y = sst_max_int(from_y - around, 0);
+    to_y = sst_min_int(to_y + around, p->image.height - 1);
+    for (int y = from_y / SST_RENDER_CELL_HEIGHT; from_y <= to_y && y <= to_y / SST_RENDER_CELL_HEIGHT; y++)
+        memset(p->cells + y * p->cols + from_x / SST_RENDER_CELL_WIDTH, 1,
+               (size_t)(to_x / SST_RENDER_CELL_WIDTH - from_x / SST_RENDER_CELL_WIDTH + 1));
+}
+
+static void mark_view(struct sst_live_picture *p, const struct sst_tap *t)
+{
+    const struct sst_live *live = p->live;
+    const uint64_t *stamp = live->stamp[t->view];
+
+    for (int row = 0; row < live->changes.rows; row++) {
+        for (int col = 0, to; col < live->changes.cols; col = to) {
+            const bool changed = stamp[row * live->changes.cols + col] > p->serial;
+
+            for (to = col + 1; to < live->changes.cols; to++) {
+                if ((stamp[row * live->changes.cols + to] > p->serial) != changed)
+                    break;
+            }
+            if (changed)
+                mark_tile(p, t, col * SST_LIVE_TILE, sst_min_int(to * SST_LIVE_TILE, live->lf.width),
+                          row * SST_LIVE_TILE, sst_min_int((row + 1) * SST_LIVE_TILE, live->lf.height));
+        }
+    }
+}
+
+/* @return pixels in marked cells */
+static int64_t mark_changes(struct sst_live_picture *p)
+{
+    int64_t n = 0;
+
+    memset(p->cells, 0, (size_t)p->cols * (size_t)p->rows);
+    for (int i = 0; i < p->plan.count; i++)
+        mark_view(p, &p->plan.tap[i]);
+    for (int row = 0; row < p->rows; row++) {
+        const int height = sst_min_int(SST_RENDER_CELL_HEIGHT, p->image.height - row * SST_RENDER_CELL_HEIGHT);
+
+        for (int col = 0; col < p->cols; col++) {
+            if (p->cells[row * p->cols + col])
+                n += height * sst_min_int(SST_RENDER_CELL_WIDTH, p->image.width - col * SST_RENDER_CELL_WIDTH);
+        }
+    }
+    return n;
+}
+
+/* --- rendering ---------------------------------------------------------------------------------------------------- */
+
+static bool has_views(const struct sst_live *live)
+{
+    for (int k = 0; k < live->lf.rows * live->lf.cols; k++) {
+        if (live->present[k])
+            return true;
+    }
+    return false;
+}
+
+int sst_live_picture_render(struct sst_live_picture *p, const struct sst_render_config *cfg,
+                            const struct sst_image **image, int64_t *anew)
+{
+    const struct sst_live *live = p->live;
+    struct sst_render_config wanted = *cfg;
+    const int64_t all = (int64_t)p->image.width * p->image.height;
+    int64_t pixels = all;
+    bool whole;
+    int err = 0;
+
+    if (atomic_load(&live->canceled))
+        return -ECANCELED;
+    if (!has_views(live) || (cfg->method == SST_RENDER_SST && !live->ready))
+        return -ENODATA;
+    resolve(&wanted, live);
+    whole = !p->planned || !same_settings(&wanted, &p->cfg) || p->present_serial != live->present_serial ||
+            !same(p->disp_min_px, live->lf.disp_min_px);
+    if (whole) {
+        err = make_plan(p, &wanted);
+    } else if (p->counted != live->counted) {
+        whole = sst_plan_renew(&p->plan, live->renderer, NOTICEABLE, NOTICEABLE_SHARE);
+        p->counted = live->counted;
+    }
+    if (!err && !whole)
+        pixels = p->serial != live->serial ? mark_changes(p) : 0;
+    if (!err && !whole && pixels == all) /* what was counted meanwhile costs nothing then */
+        (void)sst_plan_renew(&p->plan, live->renderer, 0, 0);
+    if (!err && pixels)
+        err = sst_plan_render(&p->plan, whole ? NULL : p->cells, &p->image, NULL);
+    if (err) {
+        p->present_serial = UINT64_MAX; /* everything is to be done again */
+        return err;
+    }
+    p->serial = live->serial;
+    *image = &p->image;
+    *anew = pixels;
+    return 0;
+}
+
+/* --- picking ------------------------------------------------------------------------------------------------------ */
+
+int sst_live_picture_pick(struct sst_live_picture *p, int x, int y, struct sst_live_pick *out)
+{
+    if (x < 0 || y < 0 || x >= p->image.width || y >= p->image.height)
+        return -ERANGE;
+    if (!p->planned || p->present_serial != p->live->present_serial || !p->live->ready)
+        return -ENODATA;
+    *out = sst_live_pick(p->live, &p->plan, x, y);
+    return 0;
+}

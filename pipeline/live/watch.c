@@ -1,0 +1,278 @@
+/* What is known of the scene as a whole: where something changed when, which disparities and labels there are. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/live/live_parts.h"
+
+#define COUNT_COLS   320   /* pixels of a row that are counted, about */
+#define OUTSIDE      0.005 /* share of the pixels beyond each end of the range for sliders */
+#define RANGE_SLACK  0.05  /* the range moves when an end is off by more than this share of it ... */
+#define RANGE_MIN_PX 1.0   /* ... and this; it shrinks when that has been so for ... */
+#define RANGE_S      60.0
+
+int sst_live_look(const struct sst_live *live)
+{
+    const struct sst_lightfield *lf = &live->lf;
+    double best = INFINITY;
+    int look = -1;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const struct sst_view *v = &lf->views[k];
+
+        if (v->present && v->disp.data && hypot(v->bx, v->by) < best) {
+            best = hypot(v->bx, v->by);
+            look = k;
+        }
+    }
+    return look;
+}
+
+/* --- what changed when -------------------------------------------------------------------------------------------- */
+
+static bool stamp_view(uint64_t *stamp, const uint8_t *map, int tiles, bool whole, uint64_t serial)
+{
+    bool any = false;
+
+    for (int i = 0; i < tiles; i++) {
+        if (whole || map[i]) {
+            stamp[i] = serial;
+            any = true;
+        }
+    }
+    return any;
+}
+
+/* A view that is there but has no disparities yet: unknown everywhere. */
+static int give_unknown(struct sst_lightfield *lf, struct sst_view *v)
+{
+    int err;
+
+    if (v->disp.data || !v->image.plane[0])
+        return 0;
+    err = sst_map_u16_init(&v->disp, lf->width, lf->height);
+    for (int y = 0; !err && y < lf->height; y++)
+        memset(sst_map_u16_row(&v->disp, y), 0xFF, (size_t)lf->width * sizeof(uint16_t)); /* SST_DISP_NONE */
+    return err;
+}
+
+int sst_live_take(struct sst_live *live, const struct sst_live_changes *changes)
+{
+    struct sst_lightfield *lf = &live->lf;
+    const uint64_t serial = live->serial + 1;
+    bool any = false, moved = false;
+    int err = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols && !err; k++) {
+        struct sst_view *v = &lf->views[k];
+        const bool present = v->present && v->image.plane[0];
+
+        if (present && live->ready)
+            err = give_unknown(lf, v);
+        moved |= present != live->present[k];
+        live->present[k] = present;
+        if (changes && live->stamp[k] && (changes->whole || changes->map[k]))
+            any |= stamp_view(live->stamp[k], changes->map[k], changes->cols * changes->rows, changes->whole, serial);
+    }
+    if (err) {
+        sst_log_error("no memory for the disparities of a view");
+        return err;
+    }
+    if (moved)
+        live->present_serial = serial;
+    if (any || moved)
+        live->serial = serial;
+    return 0;
+}
+
+/* Tiles that a zone touches: first and last columns and rows. */
+static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, int *y0, int *y1)
+{
+    const int cols = live->changes.cols - 1, rows = live->changes.rows - 1;
+
+    if (zone >= live->cfg.zones) {
+        *x0 = *y0 = 0;
+        *x1 = cols;
+        *y1 = rows;
+        return;
+    }
+    *x0 = sst_clamp_int((int)(live->cfg.zone[zone].x0 * live->lf.width) / SST_LIVE_TILE, 0, cols);
+    *y0 = sst_clamp_int((int)(live->cfg.zone[zone].y0 * live->lf.height) / SST_LIVE_TILE, 0, rows);
+    *x1 = sst_clamp_int((int)ceil(live->cfg.zone[zone].x1 * live->lf.width - 1) / SST_LIVE_TILE, *x0, cols);
+    *y1 = sst_clamp_int((int)ceil(live->cfg.zone[zone].y1 * live->lf.height - 1) / SST_LIVE_TILE, *y0, rows);
+}
+
+void sst_live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed)
+{
+    const int look = sst_live_look(live);
+    const uint8_t *map = changes->map[look < 0 ? live->lf.ref_view : look];
+
+    for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
+        int x0, x1, y0, y1, n = 0;
+
+        changed[zone] = 0;
+        if (!map || (zone >= live->cfg.zones && zone < SST_LIVE_ZONES))
+            continue;
+        zone_tiles(live, zone, &x0, &x1, &y0, &y1);
+        for (int y = y0; y <= y1; y++) {
+            for (int x = x0; x <= x1; x++)
+                n += map[y * changes->cols + x] != 0;
+        }
+        changed[zone] = changes->whole ? 1 : (double)n / ((x1 - x0 + 1) * (y1 - y0 + 1));
+    }
+}
+
+/* --- disparities and labels that there are -------------------------------------------------------------------------*/
+
+/* The view looked through and the outermost ones, which see what it does not. */
+static void choose_sample(struct sst_live *live)
+{
+    static const int corner[][2] = { { -1, -1 }, { 1, -1 }, { -1, 1 }, { 1, 1 } };
+    const struct sst_lightfield *lf = &live->lf;
+
+    live->sampled = 0;
+    live->sample[0] = sst_live_look(live);
+    if (live->sample[0] < 0)
+        return;
+    live->sampled = 1;
+    for (size_t i = 0; i < ARRAY_LEN(corner); i++) {
+        double best = -INFINITY;
+        int at = -1;
+        bool taken = false;
+
+        for (int k = 0; k < lf->rows * lf->cols; k++) {
+            const struct sst_view *v = &lf->views[k];
+            const double out = corner[i][0] * v->bx + corner[i][1] * v->by;
+
+            if (v->present && v->disp.data && out > best) {
+                best = out;
+                at = k;
+            }
+        }
+        for (int s = 0; s < live->sampled; s++)
+            taken |= live->sample[s] == at;
+        if (!taken)
+            live->sample[live->sampled++] = at;
+    }
+}
+
+static uint64_t count_bin(const struct sst_label_histogram *h, int bin)
+{
+    uint64_t n = 0;
+
+    for (int label = 0; label < 256; label++)
+        n += h->count[label] ? h->count[label][bin] : 0;
+    return n;
+}
+
+/* Disparities at which a share of the pixels is beyond either end. @return false: nothing is known */
+static bool find_range(const struct sst_live *live, double *min_px, double *max_px)
+{
+    const struct sst_label_histogram *h = &live->renderer->histogram;
+    uint64_t total = 0, below = 0, above = 0;
+    int lo = h->first_bin, hi = h->bins - 1;
+
+    for (int i = 0; i < h->bins; i++)
+        total += count_bin(h, i);
+    if (!total)
+        return false;
+    while ((double)(below += count_bin(h, lo)) <= OUTSIDE * (double)total)
+        lo++;
+    while ((double)(above += count_bin(h, hi)) <= OUTSIDE * (double)total)
+        hi--;
+    *min_px = sst_disp_px(&live->lf, (uint16_t)lo);
+    *max_px = sst_disp_px(&live->lf, (uint16_t)hi);
+    return true;
+}
+
+/* The range grows at once and shrinks late: it sets the depth of field, which is not to breathe with whoever walks by.
+ */
+static void follow_range(struct sst_live *live, int64_t t_ns)
+{
+    double min_px, max_px, slack;
+
+    if (!find_range(live, &min_px, &max_px))
+        return;
+    if (isnan(live->min_px) || (double)(t_ns - live->range_ns) * 1e-9 > RANGE_S) {
+        live->min_px = min_px;
+        live->max_px = max_px;
+    }
+    slack = fmax(RANGE_MIN_PX, RANGE_SLACK * (live->max_px - live->min_px));
+    if (min_px < live->min_px - slack)
+        live->min_px = min_px;
+    if (max_px > live->max_px + slack)
+        live->max_px = max_px;
+    if (min_px < live->min_px + slack && max_px > live->max_px - slack)
+        live->range_ns = t_ns;
+}
+
+/* Shares of labels in a zone of the view looked through. */
+static void count_zone(struct sst_live *live, int zone, const struct sst_map_u8 *label)
+{
+    const bool all = zone >= live->cfg.zones;
+    const int step = sst_max_int(label->width / COUNT_COLS, 1);
+    const int x0 = all ? 0 : sst_clamp_int((int)(live->cfg.zone[zone].x0 * label->width), 0, label->width - 1);
+    const int y0 = all ? 0 : sst_clamp_int((int)(live->cfg.zone[zone].y0 * label->height), 0, label->height - 1);
+    const int x1 =
+        all ? label->width : sst_clamp_int((int)ceil(live->cfg.zone[zone].x1 * label->width), x0 + 1, label->width);
+    const int y1 =
+        all ? label->height : sst_clamp_int((int)ceil(live->cfg.zone[zone].y1 * label->height), y0 + 1, label->height);
+    uint32_t count[256] = { 0 }, total = 0;
+
+    for (int y = y0; y < y1; y += step) {
+        const uint8_t *row = sst_map_u8_row(label, y);
+
+        for (int x = x0; x < x1; x += step, total++)
+            count[row[x]]++;
+    }
+    for (int i = 0; i < 256; i++)
+        live->zone_label[zone][i] = (float)count[i] / (float)total;
+}
+
+int sst_live_watch(struct sst_live *live, int64_t t_ns)
+{
+    const struct sst_map_u8 *label;
+    int err = 0;
+
+    if (!live->ready)
+        return 0;
+    if (live->counted != live->serial) {
+        choose_sample(live);
+        err = sst_renderer_recount(live->renderer, live->sample, live->sampled,
+                                   sst_max_int(live->lf.width / COUNT_COLS, 1));
+        if (!err && live->sampled)
+            err = sst_live_focus_look(&live->focus, &live->lf, live->sample, live->sampled);
+        if (err)
+            return err;
+        follow_range(live, t_ns);
+        label = live->sampled ? &live->lf.views[live->sample[0]].label : NULL;
+        for (int zone = 0; label && label->data && zone <= SST_LIVE_ZONES; zone++) {
+            if (zone < live->cfg.zones || zone == SST_LIVE_ZONES)
+                count_zone(live, zone, label);
+        }
+        live->counted = live->serial;
+    }
+    sst_live_focus_step(&live->focus, t_ns);
+    return 0;
+}
+
+const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live)
+{
+    return &live->lf;
+}
+
+double sst_live_default_focus(const struct sst_live *live)
+{
+    return live->focus.focus_px;
+}
+
+bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
+{
+    if (isnan(live->min_px))
+        return false;
+    *min_px = live->min_px;
+    *max_px = live->max_px;
+    return true;
+}

@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# install.sh install|uninstall: puts what was built in place, or takes it away again; one list for both. From make:
+# BUILD, PREFIX, SYSCONFDIR, DESTDIR. A configuration that was changed stays in both cases.
+set -eu
+verb=$1
+cd "$(dirname "$0")/.."
+root=${DESTDIR:-}
+p=$root$PREFIX
+etc=$root$SYSCONFDIR/sst
+doc=$p/share/doc/sst
+
+put() { # MODE SOURCE TARGET
+  if [ "$verb" = install ]; then
+    install -D -m "$1" "$2" "$3"
+  else
+    rm -f "$3"
+  fi
+}
+filled() { # SOURCE TARGET: a text with the places of the programs
+  local text
+  text=$(mktemp)
+  sed "s,@BINDIR@,$PREFIX/bin,g; s,@SBINDIR@,$PREFIX/sbin,g" "$1" >"$text"
+  put 644 "$text" "$2"
+  rm -f "$text"
+}
+empty() { [ "$verb" = install ] || rmdir "$@" 2>/dev/null || true; }
+
+put 755 "$BUILD/sst" "$p/bin/sst"
+put 755 "$BUILD/sstd" "$p/sbin/sstd"
+put 755 "$BUILD/sst-sim" "$p/bin/sst-sim"
+put 644 "$BUILD/libsst-sim-preload.so" "$p/lib/libsst-sim-preload.so"
+for f in config/profiles/*.yaml; do put 644 "$f" "$p/share/sst/profiles/${f##*/}"; done
+for f in models/*.onnx models/manifest.json; do put 644 "$f" "$p/share/sst/$f"; done
+for f in docs/man/*.[1-8]; do put 644 "$f" "$p/share/man/man${f##*.}/${f##*/}"; done
+put 644 completions/sst "$p/share/bash-completion/completions/sst"
+
+filled systemd/sstd.service.in "$p/lib/systemd/system/sstd.service"
+put 644 systemd/sstd.socket "$p/lib/systemd/system/sstd.socket"
+put 644 systemd/sysusers.conf "$p/lib/sysusers.d/sst.conf"
+put 644 systemd/tmpfiles.conf "$p/lib/tmpfiles.d/sst.conf"
+put 644 systemd/modules-load.conf "$p/lib/modules-load.d/sst.conf"
+put 644 systemd/60-sst.rules "$p/lib/udev/rules.d/60-sst.rules"
+for f in systemd/examples/*; do put 644 "$f" "$doc/examples/${f##*/}"; done
+
+# The one file to edit; a new version comes beside the documentation only.
+put 644 config/sstd.yaml "$doc/sstd.yaml"
+if [ "$verb" = install ]; then
+  install -d "$etc/conf.d"
+  [ -e "$etc/sstd.yaml" ] || put 644 config/sstd.yaml "$etc/sstd.yaml"
+elif cmp -s config/sstd.yaml "$etc/sstd.yaml"; then
+  rm -f "$etc/sstd.yaml"
+elif [ -e "$etc/sstd.yaml" ]; then
+  echo "$etc/sstd.yaml was changed: it stays"
+fi
+empty "$etc/conf.d" "$etc"
+empty "$p/share/sst/profiles" "$p/share/sst/models" "$p/share/sst" "$doc/examples" "$doc"

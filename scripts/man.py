@@ -1,0 +1,136 @@
+#!/usr/bin/env python3
+"""Write what comes from the table of commands: the man page sst.1 (into docs/man/sst.1.in) and the completion for bash.
+
+`make man` runs it. With --check nothing is written: exit 1 if a file is not what it would be."""
+import argparse
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+COMMON = [("verbose", "v", "say more"), ("quiet", "q", "say errors only"), ("help", "h", "explain, with an example")]
+
+
+def escape(text, literal=False):
+    text = text.replace("\\", "\\e")
+    # What may be typed must be copied with the dash that programs read.
+    text = text.replace("-", "\\-") if literal else re.sub(r"(?<![\w-])-(?=[-\w])", r"\\-", text).replace("\\--", "\\-\\-")
+    return "\n".join("\\&" + line if line[:1] in (".", "'") else line for line in text.split("\n"))
+
+
+def prose(text):
+    """Detail of a command: paragraphs, and lists of lines that begin with two spaces."""
+    out, fresh = [], True
+    for line in text.split("\n"):
+        item = re.match(r"  (\S.*?)  +(\S.*)$", line) or re.match(r"  (\S+) (\S.*)$", line) or re.match(r"  (\S+)()$", line)
+        if not line.strip():
+            out.append(".PP")
+        elif item and not line.startswith("   "):
+            out += [".TP", escape(item[1], True), escape(item[2])]
+            fresh = False
+        elif line.startswith("   "):
+            out.append(escape(line.strip()))
+        else:
+            out += ([] if fresh else [".PP"]) + [escape(line)]
+            fresh = True
+    return [line for line in out if line]
+
+
+def option(name, letter, meta, text):
+    meta = f" \\fI{escape(meta, True)}\\fR" if meta else ""
+    short = f"\\fB\\-{letter}\\fR, " if letter else ""
+    return [".TP", f"{short}\\fB\\-\\-{escape(name, True)}\\fR{meta}", escape(text)]
+
+
+def section(command):
+    out = [f".SS \"sst {escape(command['name'], True)}\"", escape(command["summary"][:1].upper() + command["summary"][1:]) + ".",
+           ".PP", f"\\fBsst {escape(command['name'], True)}\\fR {escape(command['usage'], True)}"]
+    if command["detail"]:
+        out += [".PP"] + prose(command["detail"])
+    for o in command["options"]:
+        out += option(o["name"], o["letter"], o["meta"], o["help"])
+    out += [".PP", "Example:", ".PP", ".RS 4", ".nf"]
+    out += [escape(line.strip(), True) for line in command["example"].split("\n")]
+    return out + [".fi", ".RE"]
+
+
+def man_page(commands, version):
+    common = sum((option(name, letter, None, text) for name, letter, text in COMMON), [])
+    page = (ROOT / "docs/man/sst.1.in").read_text(encoding="utf8").replace("@VERSION@", version)
+    page = page.replace("@COMMON@\n", "\n".join(common) + "\n")
+    return page.replace("@COMMANDS@\n", "\n".join(sum((section(c) for c in commands), [])) + "\n")
+
+
+def words(command):
+    """What the first argument may be, where it is one of a few words."""
+    first = command["usage"].split()[0]
+    if re.fullmatch(r"[a-z]+(\|[a-z]+)+", first):
+        return first.split("|")
+    if first == "FORMAT":
+        return re.findall(r"^  ([a-z]+) ", command["detail"], re.M)
+    if re.match(r"show .*\| convert", command["usage"]):
+        return ["show", "convert"]
+    return []
+
+
+def completion(commands):
+    names, kinds, options, values = [], {}, {}, {}
+    for c in commands:
+        name, _, kind = c["name"].partition(" ")
+        if name not in names:
+            names.append(name)
+        if kind:
+            kinds.setdefault(name, []).append(kind)
+        elif words(c):
+            kinds[name] = words(c)
+        key = c["name"].replace(" ", "-")
+        options[key] = [f"--{o['name']}" for o in c["options"]] + [f"--{name}" for name, _, _ in COMMON]
+        for o in c["options"]:
+            if o["type"] != "flag":
+                for form in [f"--{o['name']}"] + ([f"-{o['letter']}"] if o["letter"] else []):
+                    values.setdefault((key, o["type"] == "text"), []).append(form)
+    lines = ["# Completion of sst for bash. Made from the table of commands by `make man`; do not edit.", "_sst()", "{",
+             "    local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]} cmd=${COMP_WORDS[1]} kinds= opts=",
+             "    COMPREPLY=()", "    if ((COMP_CWORD == 1)); then",
+             f"        COMPREPLY=($(compgen -W '{' '.join(names)} --help --version' -- \"$cur\"))", "        return", "    fi",
+             "    case $cmd in"]
+    lines += [f"    {name}) kinds='{' '.join(kind)}' ;;" for name, kind in kinds.items()]
+    lines += ["    esac", "    # Kinds with options of their own.", "    case $cmd-${COMP_WORDS[2]} in"]
+    lines += [f"    {key}) cmd={key} ;;" for key in options if "-" in key]
+    lines += ["    esac", "    # A file follows, or what only the user knows.", "    case $cmd:$prev in"]
+    for (key, text), forms in values.items():
+        pattern = " | ".join(f"{key}:{form}" for form in forms)
+        lines.append(f"    {pattern})" + (" return ;;" if text else " compopt +o default +o bashdefault; return ;;"))
+    lines += ["    esac", "    if [[ $cur == -* ]]; then", "        case $cmd in"]
+    lines += [f"        {key}) opts='{' '.join(o)}' ;;" for key, o in options.items()]
+    lines += ["        esac", "        COMPREPLY=($(compgen -W \"$opts\" -- \"$cur\"))", "    elif ((COMP_CWORD == 2)) && [[ $kinds ]]; then",
+              "        COMPREPLY=($(compgen -W \"$kinds\" -- \"$cur\"))", "    fi", "}",
+              "complete -o bashdefault -o default -F _sst sst"]
+    return "\n".join(lines) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--build", default="build")
+    parser.add_argument("--check", action="store_true")
+    args = parser.parse_args()
+    sst = str(ROOT / args.build / "sst")
+    run = lambda *a: subprocess.run([sst, *a], check=True, capture_output=True, text=True).stdout
+    commands = [json.loads(line) for line in run("--describe").splitlines()]
+    version = json.loads(run("version", "--json"))["version"]
+    stale = 0
+    for name, text in (("docs/man/sst.1", man_page(commands, version)), ("completions/sst", completion(commands))):
+        path = ROOT / name
+        if path.exists() and path.read_text(encoding="utf8") == text:
+            continue
+        if args.check:
+            print(f"{name} is not what the commands say: run `make man`")
+            stale = 1
+        else:
+            path.write_text(text, encoding="utf8")
+    return stale
+
+
+sys.exit(main())

@@ -1,0 +1,468 @@
+/* tests/http_fake.h - a service that is made up, behind a real HTTP server, and a client that can misbehave. */
+#ifndef SST_TESTS_HTTP_FAKE_H
+#define SST_TESTS_HTTP_FAKE_H
+
+#ifndef _GNU_SOURCE
+#define _GNU_SOURCE /* asprintf */
+#endif
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <pthread.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "daemon/publish/http.h"
+
+#define DEADLINE_MS 60000
+
+static char folder[64];                         /* of this test; removed at its end */
+static SST_UNUSED char control[129], view[129]; /* tokens */
+static atomic_int api_calls;
+static atomic_int api_sleep_ms;
+static const char *fake_state = "capturing";
+static struct sst_outlet *fake_outlet;
+static struct sst_api fake;
+static struct sst_http *server;
+
+/* --- the service ------------------------------------------------------------------------------------------------- */
+
+static int fake_answer(struct sst_api_answer *out, const char *what)
+{
+    const struct timespec t = { .tv_sec = api_sleep_ms / 1000, .tv_nsec = api_sleep_ms % 1000 * 1000000L };
+
+    if (api_sleep_ms)
+        nanosleep(&t, NULL);
+    api_calls++;
+    out->body = json_pack("{s:s, s:s}", "what", what, "state", fake_state);
+    return 0;
+}
+
+#define FAKE_PLAIN(name)                                                                                               \
+    static int fake_##name(void *arg, struct sst_api_answer *out)                                                      \
+    {                                                                                                                  \
+        (void)arg;                                                                                                     \
+        return fake_answer(out, #name);                                                                                \
+    }
+#define FAKE_BODY(name)                                                                                                \
+    static int fake_##name(void *arg, const json_t *body, struct sst_api_answer *out)                                  \
+    {                                                                                                                  \
+        const json_t *fail = json_object_get(body, "fail");                                                            \
+                                                                                                                       \
+        (void)arg;                                                                                                     \
+        if (!json_is_object(body))                                                                                     \
+            abort();                                                                                                   \
+        if (!fail)                                                                                                     \
+            return fake_answer(out, #name);                                                                            \
+        snprintf(out->error, sizeof(out->error), "asked to fail");                                                     \
+        return (int)json_integer_value(fail);                                                                          \
+    }
+FAKE_PLAIN(status)
+FAKE_PLAIN(cameras)
+FAKE_PLAIN(labels)
+FAKE_PLAIN(views)
+FAKE_PLAIN(recordings)
+FAKE_PLAIN(calibration_check)
+FAKE_BODY(view_create)
+FAKE_BODY(record)
+FAKE_BODY(snapshot)
+FAKE_BODY(export_)
+FAKE_BODY(delete_)
+
+static int fake_view_change(void *arg, const char *id, const json_t *body, struct sst_api_answer *out)
+{
+    (void)arg;
+    return strcmp(id, "main") && strcmp(id, "v1") ? -ENOENT : fake_record(NULL, body, out);
+}
+
+static int fake_pick(void *arg, const char *id, double x, double y, struct sst_api_answer *out)
+{
+    (void)arg;
+    (void)id;
+    out->body = json_pack("{s:f, s:f}", "x", x, "y", y);
+    return 0;
+}
+
+static int fake_reload(void *arg, bool dry_run, struct sst_api_answer *out)
+{
+    (void)arg;
+    return fake_answer(out, dry_run ? "dry" : "reload");
+}
+
+static int fake_metrics(void *arg, char **text)
+{
+    (void)arg;
+    *text = strdup("# TYPE sst_sets_total counter\nsst_sets_total 5\n");
+    return 0;
+}
+
+static int fake_find(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+{
+    (void)arg;
+    if ((kind == SST_PICTURE_VIEW && strcmp(name, "main") && strcmp(name, "v1")) ||
+        (kind == SST_PICTURE_CAMERA && strcmp(name, "r0c0")))
+        return -ENOENT;
+    *out = sst_outlet_ref(fake_outlet);
+    return 0;
+}
+
+/* --- downloads: of these names and sizes, byte i is fake_byte(i) --- */
+
+static const struct fake_file {
+    const char *name;
+    int64_t bytes, given; /* given: ends after so many */
+    const char *tag;      /* "": it grows */
+    int err;
+} fake_files[] = {
+    { "picture.jpg", 10, 10, "00000000000000aa", 0 },
+    { "empty.mkv", 0, 0, "00000000000000bb", 0 },
+    { "big.mkv", 3000000, 3000000, "00000000000000cc", 0 },
+    { "growing.mkv", 1000, 1000, "", 0 },
+    { "short.mkv", 100000, 70000, "00000000000000dd", 0 },
+    { "huge.mkv", 300000000, 300000000, "00000000000000ee", 0 },
+    { "gone.mkv", 0, 0, "", -ENOENT },
+    { "silent.mkv", -1, 0, "", 0 },
+    { "torn.mkv", 0, 0, "", -EIO },
+};
+static atomic_int fake_sending;
+
+static SST_UNUSED uint8_t fake_byte(int64_t i)
+{
+    return (uint8_t)(i * 7 + i / 251);
+}
+
+struct fake_sender {
+    const struct fake_file *file;
+    int fd;
+};
+
+static void *fake_send(void *arg)
+{
+    const struct fake_sender t = *(struct fake_sender *)arg;
+    struct sst_download_info info = { .err = t.file->err, .bytes = t.file->bytes };
+    struct sst_download_part part;
+    uint8_t byte[4096];
+
+    free(arg);
+    strcpy(info.tag, t.file->tag);
+    if (t.file->bytes < 0) /* a disk that does not answer */
+        (void)!recv(t.fd, &part, sizeof(part), MSG_WAITALL);
+    else if (send(t.fd, &info, sizeof(info), MSG_NOSIGNAL) == sizeof(info) &&
+             recv(t.fd, &part, sizeof(part), MSG_WAITALL) == sizeof(part)) {
+        for (int64_t at = part.first, n = 1; at < part.first + part.bytes && at < t.file->given && n > 0; at += n) {
+            int64_t have = part.first + part.bytes < t.file->given ? part.first + part.bytes - at : t.file->given - at;
+
+            have = have < (int64_t)sizeof(byte) ? have : (int64_t)sizeof(byte);
+            for (int64_t i = 0; i < have; i++)
+                byte[i] = fake_byte(at + i);
+            n = send(t.fd, byte, (size_t)have, MSG_NOSIGNAL);
+        }
+    }
+    close(t.fd);
+    fake_sending--;
+    return NULL;
+}
+
+static int fake_download(void *arg, const char *name, int *fd, const char **type)
+{
+    struct fake_sender *t;
+    pthread_t thread;
+    int ends[2];
+
+    (void)arg;
+    for (size_t i = 0; i < ARRAY_LEN(fake_files); i++) {
+        if (strcmp(name, fake_files[i].name))
+            continue;
+        if (fake_sending >= SST_DOWNLOADS_MAX)
+            return -EMFILE;
+        t = calloc(1, sizeof(*t));
+        if (!t || socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends))
+            abort();
+        *t = (struct fake_sender){ &fake_files[i], ends[1] };
+        fake_sending++;
+        if (pthread_create(&thread, NULL, fake_send, t))
+            abort();
+        pthread_detach(thread);
+        *fd = ends[0];
+        *type = i ? "video/x-matroska" : "image/jpeg";
+        return 0;
+    }
+    return strcmp(name, "busy.tar") ? -ENOENT : -EBUSY;
+}
+
+/* A picture of this many bytes whose every byte tells its number. */
+static SST_UNUSED void show(uint64_t number, size_t bytes)
+{
+    uint8_t *data = malloc(bytes);
+    struct timespec now;
+
+    assert_non_null(data);
+    memset(data, (int)(number & 0xff), bytes);
+    clock_gettime(CLOCK_REALTIME, &now);
+    assert_int_equal(
+        sst_outlet_put(fake_outlet, data, bytes, number, sst_clock_now_ns(), now.tv_sec * 1000000000LL + now.tv_nsec),
+        0);
+}
+
+/* --- the server ----------------------------------------------------------------------------------------------------
+ */
+
+static const char *in_folder(const char *name)
+{
+    static char paths[8][128];
+    static int next;
+
+    next = (next + 1) % 8;
+    snprintf(paths[next], sizeof(paths[next]), "%s/%s", folder, name);
+    return paths[next];
+}
+
+static struct sst_http_config config(void)
+{
+    static char token_file[128], path[128];
+
+    snprintf(token_file, sizeof(token_file), "%s/token", folder);
+    snprintf(path, sizeof(path), "%s/control.sock", folder);
+    return (struct sst_http_config){ .socket = path,
+                                     .socket_fd = -1,
+                                     .address = "127.0.0.1",
+                                     .token_file = token_file,
+                                     .clients = 64,
+                                     .streams = 12,
+                                     .api = &fake };
+}
+
+static void read_word(const char *path, char *out)
+{
+    FILE *f = fopen(path, "r");
+
+    assert_non_null(f);
+    assert_int_equal(fscanf(f, "%128s", out), 1);
+    fclose(f);
+}
+
+static SST_UNUSED void serve(const struct sst_http_config *cfg)
+{
+    assert_int_equal(sst_http_open(&server, cfg), 0);
+    read_word(in_folder("token"), control);
+    read_word(in_folder("token.view"), view);
+}
+
+static int make_service(void **state)
+{
+    (void)state;
+    snprintf(folder, sizeof(folder), "/tmp/sst-http-XXXXXX");
+    if (!mkdtemp(folder) || sst_events_create(&fake.events, 256) || sst_outlet_create(&fake_outlet))
+        return -1;
+    fake = (struct sst_api){ .status = fake_status,
+                             .cameras = fake_cameras,
+                             .labels = fake_labels,
+                             .metrics = fake_metrics,
+                             .views = fake_views,
+                             .view_create = fake_view_create,
+                             .view_change = fake_view_change,
+                             .pick = fake_pick,
+                             .reload = fake_reload,
+                             .record = fake_record,
+                             .snapshot = fake_snapshot,
+                             .recordings = fake_recordings,
+                             .export_ = fake_export_,
+                             .delete_ = fake_delete_,
+                             .calibration_check = fake_calibration_check,
+                             .outlet = fake_find,
+                             .download = fake_download,
+                             .events = fake.events };
+    fake_state = "capturing";
+    api_sleep_ms = 0;
+    api_calls = 0;
+    return 0;
+}
+
+static int end_service(void **state)
+{
+    static const char *const names[] = { "token", "token.view", "control.sock", "cert.pem", "key.pem" };
+
+    (void)state;
+    sst_http_close(server);
+    server = NULL;
+    sst_outlet_unref(fake_outlet);
+    sst_events_shut(fake.events);
+    sst_events_destroy(fake.events);
+    for (size_t i = 0; i < ARRAY_LEN(names); i++)
+        unlink(in_folder(names[i]));
+    return rmdir(folder);
+}
+
+/* --- the client ----------------------------------------------------------------------------------------------------
+ */
+
+static SST_UNUSED int connect_tcp(void)
+{
+    struct sockaddr_in at = { .sin_family = AF_INET, .sin_port = htons((uint16_t)sst_http_port(server)) };
+    const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+    at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    assert_true(fd >= 0);
+    if (connect(fd, (struct sockaddr *)&at, sizeof(at))) {
+        close(fd);
+        return -1;
+    }
+    return fd;
+}
+
+static SST_UNUSED int connect_local(const char *path)
+{
+    struct sockaddr_un at = { .sun_family = AF_UNIX };
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+    snprintf(at.sun_path, sizeof(at.sun_path), "%s", path);
+    if (fd >= 0 && connect(fd, (struct sockaddr *)&at, sizeof(at))) {
+        close(fd);
+        return -1;
+    }
+    return fd;
+}
+
+static SST_UNUSED bool send_all(int fd, const char *data, size_t bytes)
+{
+    while (bytes) {
+        const ssize_t n = send(fd, data, bytes, MSG_NOSIGNAL);
+
+        if (n <= 0)
+            return false;
+        data += n;
+        bytes -= (size_t)n;
+    }
+    return true;
+}
+
+/* All that comes until the end, or `max`. @return bytes; text ends with NUL */
+static SST_UNUSED size_t receive(int fd, char *text, size_t max)
+{
+    size_t have = 0;
+    ssize_t n;
+
+    while (have + 1 < max && (n = recv(fd, text + have, max - 1 - have, 0)) > 0)
+        have += (size_t)n;
+    text[have] = 0;
+    return have;
+}
+
+static char answer[1 << 18]; /* of the last request, head and body */
+
+/* One request on a connection of its own, closed afterwards. `more`: headers, each with \r\n. @return status; 0: none
+ */
+static SST_UNUSED int ask_on(int fd, const char *method, const char *target, const char *more, const char *body)
+{
+    char *text = NULL;
+    int n, status = 0;
+
+    answer[0] = 0;
+    if (fd < 0)
+        return 0;
+    n = body ? asprintf(&text, "%s %s HTTP/1.1\r\n%s%sConnection: close\r\nContent-Length: %zu\r\n\r\n%s", method,
+                        target, strstr(more, "Host:") ? "" : "Host: localhost\r\n", more, strlen(body), body)
+             : asprintf(&text, "%s %s HTTP/1.1\r\n%s%sConnection: close\r\n\r\n", method, target,
+                        strstr(more, "Host:") ? "" : "Host: localhost\r\n", more);
+    assert_true(n > 0);
+    send_all(fd, text, (size_t)n); /* what is refused early need not take it all */
+    free(text);
+    receive(fd, answer, sizeof(answer));
+    close(fd);
+    return sscanf(answer, "HTTP/1.%*d %d", &status) == 1 ? status : 0;
+}
+
+static SST_UNUSED int ask(const char *method, const char *target, const char *more, const char *body)
+{
+    return ask_on(connect_tcp(), method, target, more, body);
+}
+
+/* "Authorization: Bearer ...\r\n" */
+static SST_UNUSED const char *bearer(const char *token)
+{
+    static _Thread_local char text[256];
+
+    snprintf(text, sizeof(text), "Authorization: Bearer %s\r\n", token);
+    return text;
+}
+
+static SST_NOINLINE SST_UNUSED const char *with(const char *a, const char *b)
+{
+    static char text[4][1024];
+    static int next;
+
+    next = (next + 1) % 4;
+    snprintf(text[next], sizeof(text[next]), "%s%s", a, b);
+    return text[next];
+}
+
+#define JSON "Content-Type: application/json\r\n"
+
+/* The path of a route with its {part} filled in. */
+static SST_UNUSED const char *example(const struct sst_route *route)
+{
+    static char path[256];
+    const char *open = strchr(route->path, '{');
+    const char *part;
+
+    if (!open)
+        return route->path;
+    part = !strncmp(open, "{file}", 6)     ? "index.html"
+           : !strncmp(open, "{camera}", 8) ? "r0c0"
+           : !strncmp(open, "{name}", 6)   ? "picture.jpg"
+                                           : "v1";
+    snprintf(path, sizeof(path), "%.*s%s%s", (int)(open - route->path), route->path, part, strchr(open, '}') + 1);
+    return path;
+}
+
+static SST_UNUSED int count_entries(const char *path)
+{
+    char command[128];
+    FILE *f;
+    int n = -1;
+
+    snprintf(command, sizeof(command), "ls %s | wc -l", path);
+    f = popen(command, "r");
+    if (f) {
+        if (fscanf(f, "%d", &n) != 1)
+            n = -1;
+        pclose(f);
+    }
+    return n;
+}
+
+static SST_UNUSED void sleep_ms(int ms)
+{
+    const struct timespec t = { .tv_sec = ms / 1000, .tv_nsec = ms % 1000 * 1000000L };
+
+    nanosleep(&t, NULL);
+}
+
+#define http_tests(tests) (WITH_HTTPD ? cmocka_run_group_tests(tests, NULL, NULL) : no_http())
+
+static SST_UNUSED int no_http(void)
+{
+    puts("this build has no HTTP server");
+    return 77;
+}
+
+#endif

@@ -1,0 +1,501 @@
+#!/usr/bin/env python3
+"""A service that only pretends: speaks docs/api.md with pictures made by tests/page/pictures.sh, so that the page can be
+worked on and tested without cameras.   fake.py --pictures DIR [--port N] [--still]
+
+POST /fake changes what it pretends: {"status": {...}, "cameras": {"r3c2": {...}}, "role": "view", "views_max": 0,
+"event": {...}, "refuse": {"/api/v1/record": [507, "the disk is full"]}, "hold": true}; GET /fake lists requests."""
+import argparse
+import copy
+import datetime
+import http.server
+import io
+import json
+import math
+import os
+import re
+import struct
+import threading
+import time
+import urllib.parse
+
+from PIL import Image, ImageDraw
+
+WEB = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "daemon", "web")
+TYPES = {"html": "text/html; charset=utf-8", "js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8",
+         "svg": "image/svg+xml"}
+CSP = "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
+CLASSES = [("Sky", "#80b2e6"), ("Building", "#803c32"), ("Pole", "#c0c080"), ("Road", "#804080"), ("Pavement", "#3c28de"),
+           ("Tree", "#6e8c1e"), ("SignSymbol", "#c08080"), ("Fence", "#404080"), ("Car", "#6414aa"),
+           ("Pedestrian", "#e65a1e"), ("Bicyclist", "#0080c0")]
+SETTINGS = {"method": "sst", "focus_px": None, "focus_label": "", "sigma_px": None, "c1": 0.005, "c2": 0.02,
+            "label_factor": 2.0, "aperture": None, "follow": False}
+
+
+def now():
+    return datetime.datetime.now(datetime.timezone.utc)
+
+
+def stamp(at=None):
+    return (at or now()).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
+
+
+def merge(into, patch):
+    for key, value in patch.items():
+        if isinstance(value, dict) and isinstance(into.get(key), dict):
+            merge(into[key], value)
+        else:
+            into[key] = value
+
+
+class World:
+    """Pictures of the scene, by focus."""
+
+    def __init__(self, folder, still):
+        self.still = still
+        self.truth = json.load(open(f"{folder}/truth.json"))
+        self.range = self.truth["range_px"]
+        self.data = {name[:-4]: open(f"{folder}/{name}", "rb").read()
+                     for name in sorted(os.listdir(folder)) if name.endswith(".jpg")}
+        self.steps = sum(name.startswith("sst_") for name in self.data)
+        self.labels = Image.open(f"{folder}/02_02.png")
+        self.size = self.labels.size
+        raw = open(f"{folder}/02_02.pfm", "rb").read()
+        self.disp = raw[-4 * self.size[0] * self.size[1]:]
+        counts = self.labels.histogram()
+        self.share = [counts[i + 1] / (self.size[0] * self.size[1]) for i in range(len(CLASSES))]
+
+    def focus(self, settings):
+        far, near = self.range
+        focus = settings["focus_px"]
+        return min(max(self.truth["focus_px"] if focus is None else focus, far), near)
+
+    def view(self, settings, number):
+        far, near = self.range
+        step = round((self.focus(settings) - far) / (near - far) * (self.steps - 1))
+        data = self.data[f"{settings['method']}_{step:02d}"]
+        return data if self.still else self.marked(data, number)
+
+    def marked(self, data, number):
+        """Something that moves: a mark that walks along the upper edge."""
+        image = Image.open(io.BytesIO(data))
+        x = number * 4 % image.width
+        ImageDraw.Draw(image).rectangle([x, 0, x + 8, 4], fill=(255, 255, 255))
+        out = io.BytesIO()
+        image.save(out, "JPEG", quality=85)
+        return out.getvalue()
+
+    def pick(self, settings, x, y):
+        width, height = self.size
+        at = int(min(max(y, 0), height - 1)) * width + int(min(max(x, 0), width - 1))
+        front = struct.unpack_from("<f", self.disp, 4 * ((height - 1 - at // width) * width + at % width))[0]
+        label = self.labels.getpixel((at % width, at // width))
+        name = CLASSES[label - 1][0] if label else ""
+        back, back_label = front, label
+        for occluder in self.truth["occluders"]:
+            if occluder["label"] == name and front > occluder["focus_px"] * 1.1:
+                back = occluder["focus_px"]
+                back_label = 1 + [c[0] for c in CLASSES].index(occluder["target"])
+        return {"disparity_px": round(back, 2), "label": back_label, "name": CLASSES[back_label - 1][0],
+                "front_px": round(front, 2), "front_label": label}
+
+
+class Service:
+    def __init__(self, world, age_s):
+        self.world = world
+        self.lock = threading.RLock()
+        self.start = time.time() - age_s
+        self.role, self.views_max, self.refuse, self.hold = "control", 8, {}, False
+        self.patch, self.camera_patch = {}, {}
+        self.views = {"main": dict(copy.deepcopy(SETTINGS), viewers=0, seen=math.inf)}
+        self.events, self.log, self.next_view = [], [], 1
+        self.recording = None
+        self.hour = now().replace(minute=0, second=0, microsecond=0)
+        self.deleted, self.matroska = set(), None
+        self.kept = []
+        began = now() - datetime.timedelta(seconds=age_s)
+        self.event(0, "start", "sstd 0.1.0 started", {"version": "0.1.0"}, began)
+        self.event(0, "state", "Capturing 36 of 36 cameras", {"state": "capturing"}, began)
+
+    def event(self, level, kind, message, data=None, at=None):
+        with self.lock:
+            self.events.append({"id": len(self.events) + 1, "time": stamp(at), "level": ["info", "warning", "error"][level],
+                                "type": kind, "message": message, "data": data or {}})
+
+    def wave(self, low, high, phase=0.0):
+        t = time.time()
+        return low + (high - low) * (0.5 + 0.3 * math.sin(t / 7 + phase) + 0.2 * math.sin(t / 1.7 + phase))
+
+    def status(self):
+        up = time.time() - self.start
+        sets = int(up * 10)
+        stages = {"wait": (1, 9), "change": (14, 22), "decode": (22, 35), "rectify": (18, 27), "disparity": (61, 96),
+                  "labels": (31, 88), "refine": (17, 26), "render": (24, 38), "encode": (4, 7)}
+        recording = {"mode": "event", "active": False, "name": "", "why": "", "since": "", "sets": 0, "dropped": 0}
+        if self.recording:
+            recording.update(active=True, name=self.recording[0], why="on demand", since=stamp(self.recording[1]),
+                             sets=int((now() - self.recording[1]).total_seconds() * 10))
+        body = {
+            "version": "0.1.0", "role": self.role, "state": "capturing", "reason": "", "uptime_s": round(up, 1),
+            "time": stamp(),
+            "capture": {
+                "cameras": 36, "present": 36, "rate_hz": round(self.wave(9.9, 10.05), 2), "sets": sets, "complete": sets - 3,
+                "dropped": 0, "refused": 0,
+                "trigger": {"source": "gpio", "edges": sets, "stamped": sets, "skipped": 0},
+                "frames": {"delivered": sets * 36, "set": sets * 36 - 9, "late": 4, "duplicate": 0, "stray": 2,
+                           "corrupt": 3, "flagged": 0, "dropped": 0, "unexplained": 0},
+                "skew_us": {"p50": 110, "p99": round(self.wave(160, 200)), "max": 220, "limit": 1000, "worst": "r3c2",
+                            "over": 0}},
+            "live": {
+                "enabled": True, "ready": True, "rate_hz": round(self.wave(5.6, 6.8), 2), "sets": int(up * 6),
+                "dropped": int(up * 4), "idle": 0, "changed_percent": round(self.wave(9, 19), 1),
+                "latency_ms": {"p50": round(self.wave(190, 230)), "p99": round(self.wave(280, 340, 1)), "max": 412},
+                "stages_ms": {k: {"p50": p50, "p99": p99} for k, (p50, p99) in stages.items()},
+                "skips": {"change": {"on": True, "skipped_percent": 85.8, "error": 0.4},
+                          "labels": {"on": True, "skipped_percent": 75.0, "error": 0.01}},
+                "size": list(self.world.size), "range_px": self.world.range, "focal_px": 560.0, "spacing_mm": 120.0,
+                "focus_px": self.world.truth["focus_px"], "views": 36, "cpu_percent": 92.0},
+            "storage": {
+                "state": "OK", "reason": "", "dir": "/var/lib/sst", "free_bytes": 412 * 10**9, "used_bytes": 188 * 10**9,
+                "quota_bytes": 400 * 10**9, "oldest": stamp(now() - datetime.timedelta(days=6, hours=3)), "recordings": 4,
+                "removed": 2, "recording": recording, "ring": {"bytes": 260 * 10**6, "sets": 100, "seconds": 10.0}},
+            "clients": {"http": 3, "streams": 2, "listeners": 1, "rtsp": 1, "requests": len(self.log), "refused": 0},
+            "process": {"rss_bytes": 640 * 10**6, "cpu_percent": 118.0, "descriptors": 141}}
+        merge(body, self.patch)
+        return body
+
+    def cameras(self):
+        up = time.time() - self.start
+        cameras = []
+        for i in range(36):
+            frames = int(up * 10)
+            camera = {"name": f"r{i // 6}c{i % 6}", "row": i // 6, "col": i % 6, "state": "streaming",
+                      "serial": f"C10{i:02d}A7", "port": f"{1 + i // 12}-1.{1 + i % 12}", "frames": frames, "bad": 0, "lost": 0,
+                      "rate_hz": 10.0, "skew_us": round((i * 37 % 23 - 11) * 9.5, 1), "last_s": 0.05,
+                      "buckets": {"set": frames, "late": 0, "duplicate": 0, "stray": 0, "corrupt": 0, "flagged": 0,
+                                  "dropped": 0},
+                      "recovery": {"restream": 0, "reopen": 0, "reset": 0, "reauthorise": 0, "power": 0, "back_off": 0},
+                      "reason": ""}
+            merge(camera, self.camera_patch.get(camera["name"], {}))
+            cameras.append(camera)
+        return {"rows": 6, "cols": 6, "cameras": cameras}
+
+    def recordings(self):
+        hour = datetime.timedelta(hours=1)
+        body = []
+        for back, long, why in ((26, 0.0006, "zone gate: motion"), (9, 0.03, "Pedestrian in zone gate"), (3, 0.12, "on demand"),
+                                (1, 0.02, "Pedestrian in zone gate")):
+            start = self.hour - back * hour
+            body.append({"name": start.strftime("%Y-%m-%dT%H-%M-%SZ"), "from": stamp(start), "to": stamp(start + long * hour),
+                         "sets": int(long * 36000), "bytes": int(long * 36000 * 36 * 24000), "why": why, "by_hand": why == "on demand",
+                         "view": back != 9, "active": False})
+        if self.recording:
+            sets = int((now() - self.recording[1]).total_seconds() * 10)
+            body.append({"name": self.recording[0], "from": stamp(self.recording[1]), "to": stamp(), "sets": sets,
+                         "bytes": sets * 864000, "why": "on demand", "by_hand": True, "view": True, "active": True})
+        kept = [{"name": "snapshot-" + r["name"], "time": r["from"], "bytes": 31 * 10**6, "picture": True, "active": False} for r in body[:2]]
+        made = [{"name": "export-" + r["name"], "time": r["to"], "bytes": 30 * 10**6, "picture": False, "active": False} for r in body[1:2]]
+        return {"recordings": [r for r in body if r["name"] not in self.deleted],
+                "snapshots": [r for r in kept if r["name"] not in self.deleted],
+                "exports": [r for r in made if r["name"] not in self.deleted]}
+
+    def video(self):
+        """Three seconds of the see-through picture, as Matroska of the form that the service sends."""
+        if not self.matroska:
+            def element(number, data):
+                return number.to_bytes((number.bit_length() + 7) // 8, "big") + (len(data) | 1 << 56).to_bytes(8, "big") + data
+
+            pictures = [self.world.data[f"sst_{i:02d}"] for i in range(3)]
+            clusters = [element(0x1F43B675, element(0xE7, (1000 * i).to_bytes(8, "big")) + b"".join(
+                element(0xA3, b"\x40\x01" + (500 * k).to_bytes(2, "big") + b"\x80" + picture) for k in range(2)))
+                for i, picture in enumerate(pictures)]
+            info = element(0x1549A966, element(0x4489, struct.pack(">d", 3000.0)))
+            tracks = element(0x1654AE6B, element(0xAE, element(0xD7, b"\x01") + element(0x86, b"V_MJPEG")))
+            at, cues = len(info) + len(tracks) + 12 + 3 * 52, b""
+            for i, cluster in enumerate(clusters):
+                cue = element(0xBB, element(0xB3, (1000 * i).to_bytes(8, "big")) + element(0xB7, element(0xF1, at.to_bytes(8, "big"))))
+                cues, at = cues + cue, at + len(cluster)
+            cues = element(0x1C53BB6B, cues)
+            assert len(cues) == 12 + 3 * 52, len(cues)
+            self.matroska = element(0x1A45DFA3, b"") + element(0x18538067, info + tracks + cues + b"".join(clusters))
+        return self.matroska
+
+    def view_json(self, name):
+        view = self.views[name]
+        return {"id": name, "viewers": view["viewers"], "settings": {k: view[k] for k in SETTINGS},
+                "shown_focus_px": self.world.focus(view)}
+
+    def expire(self):
+        for name in [n for n, v in self.views.items() if not v["viewers"] and time.time() - v["seen"] > 30]:
+            del self.views[name]
+
+
+class Refused(Exception):
+    pass
+
+
+class Handler(http.server.BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    service = None
+
+    def log_message(self, *_):
+        pass
+
+    def answer(self, code, body, kind="application/json", extra=()):
+        data = body if isinstance(body, bytes) else json.dumps(body).encode()
+        self.send_response(code)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(data)))
+        self.send_header("Content-Security-Policy", CSP)
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Cache-Control", "no-store")
+        for header in extra:
+            self.send_header(*header)
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(data)
+
+    def do_GET(self):
+        self.route(None)
+
+    def do_POST(self):
+        data = self.rfile.read(int(self.headers.get("Content-Length") or 0))
+        if self.headers.get("Content-Type", "").split(";")[0] != "application/json":
+            self.answer(400, {"error": "Content-Type must be application/json"})
+            return
+        self.route(json.loads(data or b"{}"))
+
+    def route(self, body):
+        s = self.service
+        url = urllib.parse.urlsplit(self.path)
+        query = dict(urllib.parse.parse_qsl(url.query))
+        path = urllib.parse.unquote(url.path)
+        try:
+            if path == "/fake":
+                self.fake(body)
+                return
+            with s.lock:
+                s.log.append({"method": self.command, "path": path, "body": body})
+            while s.hold and path.startswith(("/api", "/stream")):
+                time.sleep(0.1)
+            if path in s.refuse:
+                raise Refused(*s.refuse[path])
+            if body is None:
+                self.get(path, query)
+            else:
+                self.post(path, body)
+        except Refused as e:
+            self.answer(e.args[0], {"error": e.args[1]})
+        except (BrokenPipeError, ConnectionResetError):
+            self.close_connection = True
+
+    def fake(self, body):
+        s = self.service
+        if body is None:
+            with s.lock:
+                self.answer(200, list(s.log))
+            return
+        with s.lock:
+            merge(s.patch, body.get("status", {}))
+            for name, patch in body.get("cameras", {}).items():
+                s.camera_patch.setdefault(name, {}).update(patch)
+            for key in ("role", "views_max", "refuse", "hold"):
+                if key in body:
+                    setattr(s, key, body[key])
+            for e in body.get("events", []):
+                s.event(e["level"], e["type"], e["message"], e.get("data"),
+                        now() - datetime.timedelta(seconds=e.get("ago_s", 0)))
+            if body.get("forget_views"):
+                s.views = {"main": s.views["main"]}
+        self.answer(200, {})
+
+    def get(self, path, query):
+        s = self.service
+        part = path.strip("/").split("/")
+        if path == "/":
+            self.file("index.html")
+        elif part[0] == "web" and len(part) == 2:
+            self.file(part[1])
+        elif path == "/api/v1/status":
+            self.answer(200, s.status())
+        elif path == "/api/v1/cameras":
+            self.answer(200, s.cameras())
+        elif path == "/api/v1/labels":
+            self.answer(200, {"labels": [{"label": i + 1, "name": n, "colour": c, "share": round(s.world.share[i], 4)}
+                                         for i, (n, c) in enumerate(CLASSES)]})
+        elif path == "/api/v1/views":
+            with s.lock:
+                self.answer(200, {"views": [s.view_json(name) for name in s.views]})
+        elif len(part) == 5 and part[2] == "views" and part[4] == "pick":
+            self.answer(200, s.world.pick(self.view(part[3]), float(query["x"]), float(query["y"])))
+        elif path == "/api/v1/events":
+            after, limit = int(query.get("after", 0)), int(query.get("limit", 1000))
+            lines = [json.dumps(e) for e in s.events if e["id"] > after][-limit:]
+            self.answer(200, "".join(line + "\n" for line in lines).encode(), "application/x-ndjson")
+        elif path == "/api/v1/events/stream":
+            self.event_stream(int(query.get("after", 0)))
+        elif path == "/api/v1/recordings":
+            self.answer(200, s.recordings())
+        elif part[0] in ("stream", "snapshot"):
+            self.picture(part)
+        elif path.startswith("/api/v1/download/"):
+            self.download(part[3])
+        else:
+            raise Refused(404, f"there is no {path}")
+
+    def download(self, name):
+        more = [("Content-Disposition", f'attachment; filename="{name}"'), ("ETag", '"0123456789abcdef"')]
+        asked = re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers.get("Range", ""))
+        data = self.service.video() if name.endswith(".mkv") else self.service.world.data["sst_00"]
+        if asked and name.endswith(".mkv"):
+            first, last = int(asked[1]), min(int(asked[2]), len(data) - 1)
+            self.answer(206, data[first:last + 1], "video/x-matroska", more + [("Content-Range", f"bytes {first}-{last}/{len(data)}")])
+        else:
+            self.answer(200, data, "image/jpeg", more)
+
+    def file(self, name):
+        path = os.path.join(WEB, os.path.basename(name))
+        if not os.path.isfile(path):
+            raise Refused(404, f"there is no {name}")
+        with open(path, "rb") as f:
+            self.answer(200, f.read(), TYPES[name.rsplit(".", 1)[-1]])
+
+    def view(self, name):
+        s = self.service
+        with s.lock:
+            s.expire()
+            if name not in s.views:
+                raise Refused(404, f"there is no view {name}: it went after its last viewer, or the service was restarted")
+            return s.views[name]
+
+    def jpeg(self, part, number):
+        s = self.service
+        name = part[1] if len(part) > 1 else "main"
+        if name == "camera":
+            if s.cameras()["cameras"][int(part[2][1]) * 6 + int(part[2][3])]["state"] != "streaming":
+                raise Refused(503, f"camera {part[2]} has not delivered a picture yet")
+            return s.world.data[f"camera_{part[2]}"]
+        if name in ("labels", "disparity"):
+            return s.world.data[name]
+        return s.world.view(self.view(name), number)
+
+    def picture(self, part):
+        s = self.service
+        if part[0] == "snapshot":
+            self.answer(200, self.jpeg(part, 0), "image/jpeg")
+            return
+        name = part[1] if len(part) > 1 else "main"
+        view = self.view(name) if name not in ("camera", "labels", "disparity") else {"viewers": 0}
+        self.jpeg(part, 0)
+        self.send_response(200)
+        self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=sst-picture")
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Connection", "close")
+        self.end_headers()
+        self.close_connection = True
+        with s.lock:
+            view["viewers"] += 1
+        number = 0
+        try:
+            while not (s.hold or "main" in name and s.patch.get("state") == "failed"):
+                number += 1
+                data = self.jpeg(part, number)
+                self.wfile.write(b"--sst-picture\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\nX-Timestamp: %.3f\r\n\r\n"
+                                 % (len(data), time.time() - 0.21) + data + b"\r\n")
+                time.sleep(0.15)
+        except Refused:
+            pass
+        finally:
+            with s.lock:
+                view["viewers"] -= 1
+                view["seen"] = min(view.get("seen", 0), math.inf) if name == "main" else time.time()
+
+    def event_stream(self, after):
+        s = self.service
+        self.send_response(200)
+        self.send_header("Content-Type", "application/x-ndjson")
+        self.send_header("Connection", "close")
+        self.end_headers()
+        self.close_connection = True
+        while True:
+            for e in [e for e in s.events if e["id"] > after]:
+                after = e["id"]
+                self.wfile.write(json.dumps(e).encode() + b"\n")
+            self.wfile.flush()
+            time.sleep(0.1)
+
+    def post(self, path, body):
+        s = self.service
+        part = path.strip("/").split("/")
+        if part[:3] == ["api", "v1", "views"]:
+            self.post_view(part[3] if len(part) > 3 else None, body)
+            return
+        if s.role != "control":
+            raise Refused(403, "this token may only look: use the other token to control")
+        if path == "/api/v1/record":
+            if body.get("action") == "start":
+                s.recording = (now().strftime("%Y-%m-%dT%H-%M-%SZ"), now())
+                s.event(0, "record-start", f"Recording {s.recording[0]} on demand", {"recording": s.recording[0]})
+                self.answer(200, {"name": s.recording[0]})
+            elif s.recording:
+                s.event(0, "record-stop", f"Recording {s.recording[0]} ended", {"recording": s.recording[0]})
+                s.recording = None
+                self.answer(200, {})
+            else:
+                raise Refused(404, "nothing is being recorded on demand")
+        elif path == "/api/v1/snapshot":
+            name = now().strftime("%Y-%m-%dT%H-%M-%S.000Z")
+            s.event(0, "snapshot", f"Snapshot {name} kept", {"name": name})
+            self.answer(200, {"name": name})
+        elif path == "/api/v1/delete":
+            s.deleted.add(body["name"])
+            self.answer(200, {"name": body["name"]})
+        elif path == "/api/v1/export":
+            at = datetime.datetime.fromisoformat(body["time"].replace("Z", "+00:00"))
+            name = at.strftime("%Y-%m-%dT%H-%M-%SZ")
+            s.event(0, "export", f"Exported {name}", {"name": name})
+            self.answer(200, {"name": name})
+        else:
+            raise Refused(404, f"there is no {path}")
+
+    def post_view(self, name, body):
+        s = self.service
+        unknown = [k for k in body if k not in SETTINGS]
+        if unknown:
+            raise Refused(400, f"unknown member {unknown[0]}")
+        with s.lock:
+            if name is None:
+                s.expire()
+                if len(s.views) - 1 >= s.views_max:
+                    raise Refused(429, f"all {s.views_max} views are in use: close another page, or raise web.views")
+                name = f"v{s.next_view}-{int(s.start) % 1000}"
+                s.next_view += 1
+                s.views[name] = dict(copy.deepcopy(SETTINGS), viewers=0, seen=time.time())
+            elif name == "main" and s.role != "control":
+                raise Refused(403, "this token may only look: the main view is for those who control")
+            self.view(name).update(body)
+            self.answer(200, s.view_json(name))
+
+
+class Server(http.server.ThreadingHTTPServer):
+    daemon_threads = True
+    request_queue_size = 64
+
+    def handle_error(self, request, client_address):
+        pass  # browsers leave when they like
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--pictures", required=True)
+    parser.add_argument("--port", type=int, default=0)
+    parser.add_argument("--still", action="store_true", help="without a mark that moves")
+    parser.add_argument("--age", type=float, default=0, help="seconds for which it pretends to run already")
+    args = parser.parse_args()
+    Handler.service = Service(World(args.pictures, args.still), args.age)
+    server = Server(("127.0.0.1", args.port), Handler)
+    print(f"http://127.0.0.1:{server.server_address[1]}/", flush=True)
+    server.serve_forever()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,518 @@
+"""test_page.py PICTURES: what users do on the page, in a real browser, against tests/page/fake.py."""
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+
+import cdp
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+CONTRAST = """(() => {
+  const lum = (c) => { const [r, g, b] = c.map((v) => { v /= 255; return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4; });
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const parse = (text) => { const n = text.match(/[\\d.]+/g).map(Number); return text.startsWith("color(srgb")
+    ? [n[0] * 255, n[1] * 255, n[2] * 255, n[3] ?? 1] : [n[0], n[1], n[2], n[3] ?? 1]; };
+  const under = (node) => { for (; node; node = node.parentElement) { const c = parse(getComputedStyle(node).backgroundColor);
+    if (c[3] > 0.6) return c; } return [0, 0, 0, 1]; };
+  const bad = [];
+  for (const node of document.querySelectorAll("body *")) {
+    if (![...node.childNodes].some((n) => n.nodeType === 3 && n.data.trim())) continue;
+    if (!node.checkVisibility({visibilityProperty: true}) || node.closest("svg, :disabled, [aria-disabled], .visually-hidden, .skip")) continue;
+    const a = lum(parse(getComputedStyle(node).color)), b = lum(under(node));
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (ratio < 4.5) bad.push(`${node.textContent.trim().slice(0, 30)}: ${ratio.toFixed(2)}`);
+  }
+  return bad; })()"""
+
+
+def free_port():
+    """One that is free, also while the service is away: the kernel gives it to nobody who connects."""
+    for i in range(1000):
+        port = 10000 + (os.getpid() * 7 + i) % 20000
+        with socket.socket() as s:
+            try:
+                s.bind(("127.0.0.1", port))
+                return port
+            except OSError:
+                continue
+    raise cdp.Failed("no port is free")
+
+
+class Fake:
+    def __init__(self, pictures):
+        self.port = free_port()
+        self.pictures = pictures
+        self.url = f"http://127.0.0.1:{self.port}/"
+        self.process = None
+
+    def start(self):
+        self.process = subprocess.Popen([sys.executable, f"{HERE}/fake.py", "--pictures", self.pictures, "--port", str(self.port)],
+                                        stdout=subprocess.PIPE)
+        self.process.stdout.readline()
+
+    def stop(self):
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+        self.process.stdout.close()
+
+    def set(self, **what):
+        request = urllib.request.Request(self.url + "fake", json.dumps(what).encode(), {"Content-Type": "application/json"})
+        urllib.request.urlopen(request, timeout=60).read()
+
+    def log(self):
+        return json.load(urllib.request.urlopen(self.url + "fake", timeout=60))
+
+    def posts(self, path):
+        return [r["body"] for r in self.log() if r["method"] == "POST" and r["path"].startswith(path)]
+
+
+def expect(what, seconds=60):
+    """Until a condition of the fake holds."""
+    end = time.time() + seconds
+    while time.time() < end:
+        value = what()
+        if value:
+            return value
+        time.sleep(0.05)
+    return None
+
+
+def rest(what, seconds):
+    """Until a number stays the same for so long. Returns it; None: it does not rest."""
+    before, since, end = what(), time.time(), time.time() + 60
+    while time.time() < end:
+        time.sleep(0.05)
+        value = what()
+        if value != before:
+            before, since = value, time.time()
+        elif time.time() > since + seconds:
+            return value
+    return None
+
+
+def check(ok, sentence):
+    if not ok:
+        raise cdp.Failed(sentence)
+
+
+def last(fake, key):
+    changes = [b for b in fake.posts("/api/v1/views") if key in b]
+    return changes[-1][key] if changes else "never"
+
+
+
+# --- what users do ---
+
+def test_picture(b, fake):
+    b.wait("Number(document.getElementById('stage').dataset.pictures) > 5")
+    b.wait("document.getElementById('explain').hidden && document.getElementById('state-word').textContent === 'Live'")
+    check("ago" in b.js("document.getElementById('age').textContent"), "the age of the picture is not shown")
+    first = b.js("document.getElementById('canvas').toDataURL()")
+    b.wait(f"document.getElementById('canvas').toDataURL() !== {json.dumps(first)}")
+    check(len(fake.posts("/api/v1/views")) >= 1, "no view of its own")
+    b.click("#hint-close")
+    b.wait("document.getElementById('hint').hidden")
+
+
+def test_focus(b, fake):
+    x, y, w, _ = b.box("#focus")
+    b.click((x - 0.4 * w, y))
+    near = expect(lambda: isinstance(last(fake, "focus_px"), float) and last(fake, "focus_px"))
+    check(near and near > 9, f"the left end of the slider is not near: {near}")
+    check("px" in b.js("document.getElementById('focus-value').textContent"), "no figure")
+    check(" m" in b.js("document.getElementById('focus').getAttribute('aria-valuetext')"), "no metres")
+    b.key("ArrowRight", 39)
+    check(expect(lambda: last(fake, "focus_px") < near), "the right arrow does not go farther")
+    x, y, *_ = b.box("#stage")
+    before = last(fake, "focus_px")
+    b.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240)
+    check(expect(lambda: last(fake, "focus_px") != before), "the wheel does not change the focus")
+    b.click("#auto")
+    check(expect(lambda: last(fake, "focus_px") is None), "Auto is not the service's own focus")
+
+
+def test_pick(b, fake):
+    x, y, w, h = b.box("#stage")
+    b.click((x, y))  # the walker, before the car
+    b.wait("!document.getElementById('pick').hidden")
+    text = b.js("document.getElementById('pick').textContent")
+    check("Car" in text and "In front: Pedestrian" in text, f"the card says: {text}")
+    seen = expect(lambda: last(fake, "focus_px"))
+    check(any(r["path"].endswith("/pick") for r in fake.log()), "nothing was asked")
+    b.click("#pick .pick-buttons button:last-child")
+    check(expect(lambda: last(fake, "focus_px") > seen * 1.5), "what stands in front is not focused")
+    b.js("document.getElementById('stage').focus()")
+    b.key("ArrowLeft", 37)
+    b.key("Enter", 13, "\r")
+    b.wait("document.getElementById('pick').contains(document.activeElement)")
+    b.key("Escape", 27)
+    b.wait("document.getElementById('pick').hidden && document.activeElement.id === 'stage'")
+
+
+def test_label(b, fake):
+    b.wait("document.querySelectorAll('.chip').length > 3")
+    b.click("#chips .chip:nth-child(2)")
+    check(expect(lambda: last(fake, "focus_label") == "Building"), "the chip does not choose its label")
+    check(b.js("document.querySelector('.chip:nth-child(2)').getAttribute('aria-pressed')") == "true", "not shown as chosen")
+    b.wait("document.getElementById('tag-left').textContent.includes('Building')")
+    b.click("#chips .chip:first-child")
+    check(expect(lambda: last(fake, "focus_label") == ""), "Everything does not clear the label")
+
+
+def test_compare(b, fake):
+    b.click("#compare")
+    check(expect(lambda: any(p.get("method") == "refocus" for p in fake.posts("/api/v1/views"))), "no plain view")
+    b.wait("!document.getElementById('canvas-plain').hidden")
+    x, y, w, _ = b.box("#stage")
+    b.drag((x, y), (x - 0.25 * w, y))
+    at = b.js("Number(document.getElementById('divider').getAttribute('aria-valuenow'))")
+    check(20 <= at <= 30, f"the divider is at {at} %")
+    b.js("document.getElementById('divider').focus()")
+    b.key("ArrowRight", 39)
+    check(b.js("Number(document.getElementById('divider').getAttribute('aria-valuenow'))") == at + 2, "the key does not move it")
+    check("25%" not in b.js("document.getElementById('canvas-plain').style.clipPath"), "the picture does not follow")
+    b.click("#compare")
+    b.wait("document.getElementById('canvas-plain').hidden")
+
+
+def test_sweep(b, fake):
+    b.js("document.getElementById('sweep-speed').value = '4'")
+    b.click("#sweep")
+    count = len(fake.posts("/api/v1/views"))
+    check(expect(lambda: len(fake.posts("/api/v1/views")) > count + 5), "the sweep does not run")
+    b.click("#sweep")
+    check(rest(lambda: len(fake.posts("/api/v1/views")), 0.5) is not None, "the sweep does not pause")
+    b.click("#auto")
+
+
+def test_overlay(b, fake):
+    for kind in ("disparity", "labels"):
+        b.js(f"document.querySelector('input[name=overlay][value={kind}]').click()")
+        b.wait("!document.getElementById('canvas-overlay').hidden && !document.getElementById('legend').hidden")
+        check(any(r["path"] == f"/snapshot/{kind}" for r in fake.log()), f"{kind} was not asked for")
+    check("Pedestrian" in b.js("document.getElementById('legend').textContent"), "no legend")
+    b.js("document.querySelector('input[name=overlay]').click()")
+    b.wait("document.getElementById('canvas-overlay').hidden")
+
+
+def test_adjust(b, fake):
+    b.click("#adjust")
+    b.wait("!document.getElementById('drawer').hidden && document.activeElement.id === 'adjust-close'")
+    b.js("(() => { const i = document.getElementById('adjust-c1'); i.value = 0.1; i.dispatchEvent(new Event('input')); })()")
+    check(expect(lambda: last(fake, "c1") == 0.1), "the setting is not sent")
+    b.js("document.getElementById('adjust-reset').click()")
+    check(expect(lambda: "c1" not in fake.posts("/api/v1/views")[-1]), "no reset")
+    b.key("Escape", 27)
+    b.wait("document.getElementById('drawer').hidden && document.activeElement.id === 'adjust'")
+
+
+def test_cameras(b, fake):
+    fake.set(cameras={"r3c2": {"state": "absent", "reason": "Nothing is plugged into port 2-1.9"}},
+             status={"state": "degraded", "reason": "35 of 36 cameras: r3c2 is absent", "capture": {"present": 35}},
+             events=[{"level": 1, "type": "camera-lost", "message": "Camera r3c2 was unplugged"}])
+    b.wait("document.querySelector('[data-name=r3c2]').dataset.kind === 'bad'")
+    check(b.js("document.querySelector('[data-name=r3c2] b').textContent") == "×", "told by colour alone")
+    check("Nothing is plugged" in b.js("document.querySelector('[data-name=r3c2]').title"), "no reason")
+    check(b.js("document.getElementById('state-word').textContent") == "Degraded", "the state is not told")
+    b.wait("document.getElementById('latest').textContent.includes('unplugged')")
+    b.click("[data-name=r3c2]")
+    b.wait("document.getElementById('camera').textContent.includes('Nothing is plugged')")
+    b.click("[data-name=r0c0]")
+    b.wait("document.querySelector('#camera .none').hidden")
+    check(any(r["path"] == "/snapshot/camera/r0c0" for r in fake.log()), "no thumbnail")
+    b.click("[data-name=r0c0]")
+    fake.set(cameras={"r1c1": {"lost": 7}})
+    b.wait("document.querySelector('[data-name=r1c1]').classList.contains('lossy')")
+    fake.set(cameras={"r3c2": {"state": "streaming", "reason": ""}},
+             status={"state": "capturing", "reason": "", "capture": {"present": 36}})
+
+
+def test_events(b, fake):
+    b.click("#tab-events")
+    b.js("document.querySelector('input[name=level][value=warning]').click()")
+    b.wait("document.querySelectorAll('#events li').length === 1")
+    fake.set(events=[{"level": 2, "type": "storage", "message": "The disk takes nothing"}])
+    b.wait("document.querySelector('#events li').textContent.includes('The disk takes nothing')")
+    b.wait("document.getElementById('toasts').textContent.includes('The disk takes nothing')")
+
+
+def test_recordings(b, fake):
+    b.click("#tab-recordings")
+    b.click("#record")
+    check(expect(lambda: fake.posts("/api/v1/record")) == [{"action": "start"}], "recording does not start")
+    b.wait("/Stop 0\\d:\\d\\d/.test(document.getElementById('record-text').textContent)")
+    b.wait("document.querySelectorAll('.recording').length === 5")  # nothing moves any more under what is clicked
+    b.click("#record")
+    check(expect(lambda: len(fake.posts("/api/v1/record")) == 2), "recording does not stop")
+    b.wait("document.querySelectorAll('.recording').length === 4")
+    b.click(".recording:last-child summary")
+    b.wait("document.querySelector('.recording:last-child').open")
+    check(b.js("[...document.querySelectorAll('.recording:last-child .take a')].map((a) => a.download.slice(20)).join()") == ".mkv,.tar",
+          "a recording cannot be taken away")
+    b.click(".recording:last-child .take button")
+    b.wait("/^00:0[1-3] . 00:03$/.test(document.querySelector('.player output')?.textContent)")
+    b.wait("document.querySelector('.player canvas').width > 100")
+    parts = [r for r in fake.log() if r["path"].endswith("Z.mkv")]
+    check(len(parts) >= 2, "the video is not asked for in parts")
+    b.wait("document.querySelector('.player button').getAttribute('aria-label') === 'Play'")  # it has ended
+    check(b.js("document.querySelector('.recording:last-child input').validity.valid"), "the last moment seen is not in the recording")
+    b.js("const s = document.querySelector('.recording:last-child select'); s.value = '.r2c3'; s.dispatchEvent(new Event('change'))")
+    check(expect(lambda: any(r["path"].endswith("Z.r2c3.mkv") for r in fake.log())), "no camera's video")
+    check(b.js("document.querySelectorAll('.moment').length") == 3, "snapshots and exports are not listed")
+    b.click(".moment:last-child .danger")
+    b.wait("document.getElementById('delete').open && document.getElementById('delete-text').textContent.includes('31 MB')")
+    b.click("#delete-no")
+    check(not fake.posts("/api/v1/delete"), "deleted without a yes")
+    b.click(".moment:last-child .danger")
+    b.click("#delete-yes")
+    check(expect(lambda: len(fake.posts("/api/v1/delete")) == 1), "not deleted")
+    b.wait("document.querySelectorAll('.moment').length === 2")
+    b.click(".recording:last-child .export button")
+    export = expect(lambda: fake.posts("/api/v1/export"))
+    check(export and export[0]["time"].endswith("Z") and export[0]["recording"], f"no export: {export}")
+    b.wait("document.querySelector('.made a')?.getAttribute('href').endsWith('.tar')")
+    b.click("#snapshot")
+    check(expect(lambda: fake.posts("/api/v1/snapshot") == [{}]), "no snapshot")
+    check(expect(lambda: any(n.startswith("sst-") and n.endswith(".jpg") for n in os.listdir(b.folder))), "no picture saved")
+    fake.set(refuse={"/api/v1/record": [507, "The disk is full: remove recordings or raise storage.quota_gb"]})
+    b.click("#record")
+    b.wait("document.getElementById('toasts').textContent.includes('The disk is full')")
+    fake.set(refuse={})
+    b.click("#tab-overview")
+
+
+def test_role(b, fake):
+    fake.set(role="view")
+    b.wait("document.getElementById('record').getAttribute('aria-disabled') === 'true'")
+    check("control" in b.js("document.getElementById('record').title"), "no reason why")
+    count = len(fake.posts("/api/v1/record"))
+    b.click("#record")
+    b.wait("document.getElementById('toasts').textContent.includes('may only look')")
+    check(len(fake.posts("/api/v1/record")) == count, "a viewer's click was sent")
+    fake.set(role="control")
+    b.wait("!document.getElementById('record').hasAttribute('aria-disabled')")
+
+
+def test_states(b, fake):
+    fake.set(status={"state": "armed", "reason": ""})
+    b.wait("document.getElementById('explain').textContent.includes('Waiting for the trigger')")
+    fake.set(status={"state": "failed", "reason": "gpiochip0 is busy"})
+    b.wait("document.getElementById('explain').textContent.includes('gpiochip0 is busy')")
+    fake.set(status={"state": "capturing", "reason": ""})
+    b.wait("document.getElementById('explain').hidden")
+
+
+def test_shared(b, fake):
+    """No view of one's own is to be had: the main one is shown, and said so."""
+    fake.set(views_max=0, forget_views=True)
+    b.wait("document.getElementById('tag-left').textContent.includes('shared by all')")
+    b.wait("document.getElementById('toasts').textContent.includes('Main view') || "
+           "document.getElementById('toasts').textContent.includes('main view')")
+    fake.set(views_max=8)
+    b.js("document.getElementById('auto').click()")
+    check(expect(lambda: any(r["path"] == "/api/v1/views/main" for r in fake.log())), "the main view cannot be told")
+    fake.set(role="view")
+    x, y, w, _ = b.box("#focus")
+    b.click((x - 0.3 * w, y))
+    b.wait("document.getElementById('toasts').textContent.includes('main view is for those who control')")
+    b.wait("document.getElementById('auto').getAttribute('aria-pressed') === 'true'")  # as the main view is
+    fake.set(role="control")
+
+
+def test_restart(b, fake):
+    fake.stop()
+    b.wait("document.getElementById('age').textContent.includes('Reconnecting')")
+    b.wait("document.getElementById('explain').textContent.includes('does not answer')")
+    check(b.js("document.getElementById('state-word').textContent") == "Reconnecting", "the state is not told")
+    fake.start()
+    pictures = b.js("Number(document.getElementById('stage').dataset.pictures)")
+    b.wait(f"Number(document.getElementById('stage').dataset.pictures) > {pictures} + 3")
+    b.wait("document.getElementById('explain').hidden && document.getElementById('state-word').textContent === 'Live'")
+    check(fake.posts("/api/v1/views"), "no new view")
+
+
+def test_reload(b, fake):
+    """A page that is loaded anew has the view that it had."""
+    x, y, w, _ = b.box("#focus")
+    b.click((x - 0.2 * w, y))
+    b.click("#chips .chip:nth-child(2)")
+    check(expect(lambda: last(fake, "focus_label") == "Building"), "no label")
+    shown = b.js("document.getElementById('focus-value').textContent")
+    count = len([r for r in fake.log() if r["method"] == "POST" and r["path"] == "/api/v1/views"])
+    b.call("Page.reload")
+    b.wait("Number(document.getElementById('stage')?.dataset.pictures) > 1")
+    b.wait("document.getElementById('tag-left').textContent.includes('Building')")
+    b.wait(f"document.getElementById('focus-value').textContent === {json.dumps(shown)}")
+    again = len([r for r in fake.log() if r["method"] == "POST" and r["path"] == "/api/v1/views"])
+    check(again == count, "another view was made")
+    check(b.js("sessionStorage.getItem('sst-view')") == "", "a copy of this tab would take its view")
+    b.click("#chips .chip:first-child")
+    b.click("#auto")
+
+
+def hide(b, on):
+    b.js(("Object.defineProperty(document, 'hidden', {configurable: true, get: () => true});" if on else "delete document.hidden;")
+         + "document.dispatchEvent(new Event('visibilitychange'))")
+
+
+def test_hidden(b, fake):
+    """In the background nothing is fetched, whatever is open."""
+    b.js("document.querySelector('input[name=overlay][value=labels]').click()")
+    b.click("[data-name=r0c0]")
+    b.click("#sweep")
+    hide(b, True)
+    check(rest(lambda: len(fake.log()), 1.5) is not None, f"fetched: {[r['path'] for r in fake.log()[-5:]]}")
+    hide(b, False)
+    pictures = b.js("Number(document.getElementById('stage').dataset.pictures)")
+    b.wait(f"Number(document.getElementById('stage').dataset.pictures) > {pictures} + 2")
+    b.click("[data-name=r0c0]")
+    b.js("document.querySelector('input[name=overlay]').click()")
+    b.click("#auto")
+
+
+def test_windows(b, fake):
+    """More pictures than a browser has connections for."""
+    b.js("""Promise.all([0, 1, 2, 3].map((i) => new Promise((held) => navigator.locks.request(`sst-picture-${i}`,
+        {steal: true}, () => { held(); return new Promise((free) => { (window.free ??= []).push(free); }); }))))""")
+    hide(b, True)
+    hide(b, False)
+    b.wait("document.getElementById('explain').textContent.includes('other windows of this browser')")
+    b.js("window.free.forEach((free) => free())")
+    b.wait("document.getElementById('explain').hidden && document.getElementById('age').textContent.endsWith('ago')")
+
+
+def test_busy(b, fake):
+    """A service that is busy with a set is asked again."""
+    view = [r["path"] for r in fake.log() if r["path"].startswith("/stream/v")][-1].split("/")[-1]
+    path = f"/api/v1/views/{view}/pick"
+    fake.set(refuse={path: [409, "the service is busy; ask again"]})
+    x, y, *_ = b.box("#stage")
+    b.click((x, y))
+    expect(lambda: sum(r["path"] == path for r in fake.log()) > 1)
+    fake.set(refuse={})
+    b.wait("!document.getElementById('pick').hidden")
+    check("busy" not in b.js("document.getElementById('toasts').textContent"), "the user is told to ask again")
+    b.key("Escape", 27)
+    b.click("#auto")
+
+
+def test_cut(b, fake):
+    """The network goes and comes; then something on the way refuses."""
+    fake.set(hold=True)
+    b.wait("document.getElementById('state-word').textContent === 'Reconnecting'")
+    b.wait("document.getElementById('age').dataset.kind === 'late'")
+    fake.set(hold=False, refuse={"/api/v1/status": [429, "too many wrong tokens; try again in 60 seconds"]})
+    b.wait("document.getElementById('explain').textContent.includes('Too many wrong tokens')")
+    check(b.js("document.getElementById('state-word').textContent") == "Refused", "a refusal is told as something else")
+    fake.set(refuse={})
+    b.wait("document.getElementById('explain').hidden && document.getElementById('state-word').textContent === 'Live'")
+
+
+def test_update(b, fake):
+    """Another version of the service brings another page."""
+    b.js("window.old = true")
+    fake.set(status={"version": "0.2.0"})
+    b.wait("!window.old && Number(document.getElementById('stage')?.dataset.pictures) > 1")
+    b.js("window.old = true")
+    fake.set(status={"version": "0.1.0"})
+    b.wait("!window.old && Number(document.getElementById('stage')?.dataset.pictures) > 1")
+
+
+def test_phone(b, fake):
+    b.size(390, 844, phone=True)
+    for tab in ("overview", "health", "events", "recordings"):
+        b.click(f"#tab-{tab}")
+        check(b.js("document.documentElement.scrollWidth <= 390"), f"{tab} scrolls sideways")
+    b.click("#tab-overview")
+    b.js("scrollTo(0, 0)")
+    x, y, w, h = b.box("#stage")
+    before = last(fake, "focus_px")
+    b.touch("touchStart", (x - 30, y), (x + 30, y))
+    for i in range(5):
+        b.touch("touchMove", (x - 30 - 12 * i, y), (x + 30 + 12 * i, y))
+    b.touch("touchEnd")
+    check(expect(lambda: last(fake, "focus_px") != before), "a pinch does not change the focus")
+    small = b.js("""[...document.querySelectorAll("button, select, summary, [role=slider]")].filter((n) => n.checkVisibility())
+      .filter((n) => n.getBoundingClientRect().height < 28).map((n) => n.id || n.textContent)""")
+    check(not small, f"too small for a finger: {small}")
+    for width, height in ((844, 390), (667, 375)):
+        b.size(width, height, phone=True)
+        _, _, w, h = b.box("#canvas")
+        check(h > 0.65 * height and w > 0.45 * width, f"sideways the picture has {w:.0f} x {h:.0f} of {width} x {height}")
+        check(b.js(f"document.documentElement.scrollWidth <= {width}"), f"{width} x {height} scrolls sideways")
+    for width, height in ((360, 640), (320, 568), (740, 360)):
+        b.size(width, height, phone=True)
+        check(b.js(f"document.documentElement.scrollWidth <= {width}"), f"{width} x {height} scrolls sideways")
+        for left, right in (("auto", "sweep"), ("adjust", "record")):
+            apart = b.js(f"Math.abs(document.getElementById('{left}').getBoundingClientRect().y - "
+                         f"document.getElementById('{right}').getBoundingClientRect().y)")
+            check(apart < 10, f"at {width} x {height} {left} and {right} are in different rows")
+    b.size(1440, 900)
+
+
+def test_names(b, fake):
+    roles = {"button", "slider", "checkbox", "radio", "combobox", "tab", "link", "application", "DisclosureTriangle"}
+    nameless = [n for n in b.tree() if n["role"] in roles and not n["name"].strip()]
+    check(not nameless, f"without a name: {nameless}")
+    stops = []
+    b.js("document.activeElement.blur()")
+    for _ in range(40):
+        b.key("Tab", 9)
+        stops.append(b.js("(() => { const n = document.activeElement; return n.id || n.dataset.name || n.name || n.textContent.trim(); })()"))
+    for wanted in ("stage", "auto", "sweep", "sweep-speed", "focus", "compare", "overlay", "adjust", "snapshot", "record",
+                   "tab-overview", "r0c0"):
+        check(wanted in stops, f"Tab does not reach {wanted}: {stops}")
+
+
+def test_contrast(b, fake):
+    for light in (True, False):
+        b.scheme(light)
+        for tab in ("health", "events", "recordings", "overview"):
+            b.click(f"#tab-{tab}")
+            bad = b.js(CONTRAST)
+            check(not bad, f"{'light' if light else 'dark'}, {tab}: too little contrast: {bad[:5]}")
+
+
+TESTS = [test_picture, test_focus, test_pick, test_label, test_compare, test_sweep, test_overlay, test_adjust, test_cameras,
+         test_events, test_recordings, test_role, test_states, test_shared, test_restart, test_reload, test_hidden,
+         test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
+# Errors that the browser itself writes where a test makes the service refuse or end.
+WANTED = ("403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",
+          "ERR_EMPTY_RESPONSE", "ERR_SOCKET_NOT_CONNECTED")
+
+
+def main():
+    fake = Fake(sys.argv[1])
+    fake.start()
+    browser = cdp.Browser()
+    failed = 0
+    try:
+        browser.size(1440, 900)
+        browser.go(fake.url)
+        browser.wait("document.readyState === 'complete' && !!document.getElementById('stage')")
+        for test in TESTS:
+            begin = time.time()
+            try:
+                test(browser, fake)
+                print(f"ok {time.time() - begin:4.1f} s {test.__name__}", flush=True)
+            except cdp.Failed as e:
+                failed += 1
+                print(f"FAIL: {test.__name__}: {e}", flush=True)
+                if os.environ.get("PAGE_SHOTS"):
+                    browser.picture(f"{os.environ['PAGE_SHOTS']}/{test.__name__}.png")
+        for _, source, text in browser.problems:
+            if not any(w in text for w in WANTED) or source in ("exception", "security"):
+                failed += 1
+                print(f"FAIL: the console says: {source}: {text}")
+    finally:
+        browser.close()
+        fake.stop()
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

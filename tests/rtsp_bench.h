@@ -1,0 +1,326 @@
+/* tests/rtsp_bench.h - an RTSP server with pictures that are made up, and clients: ffmpeg, and one that can misbehave.
+ */
+#ifndef SST_TESTS_RTSP_BENCH_H
+#define SST_TESTS_RTSP_BENCH_H
+
+#ifndef _GNU_SOURCE
+#define _GNU_SOURCE /* memmem */
+#endif
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <pthread.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "daemon/publish/rtsp_internal.h"
+#include "pipeline/image/codec.h"
+#include "tests/quick.h"
+
+#define WIDTH     320
+#define HEIGHT    240
+#define BAR       16 /* px; each picture shows its number by the place of a bar */
+#define PLACES    (WIDTH / BAR)
+#define PERIOD_MS 40
+
+#define PATIENCE_MS 60000 /* with what comes sooner or later */
+
+static struct sst_outlet *outlet;
+static struct sst_events *events;
+static struct sst_rtsp *server;
+static pthread_t painter;
+static atomic_bool painting;
+
+/* --- the service ------------------------------------------------------------------------------------------------- */
+
+static int find(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+{
+    (void)arg;
+    if ((kind == SST_PICTURE_VIEW && strcmp(name, "main") && strcmp(name, "v1")) ||
+        (kind == SST_PICTURE_CAMERA && strcmp(name, "r0c0")))
+        return -ENOENT;
+    *out = sst_outlet_ref(outlet);
+    return 0;
+}
+
+static struct sst_api api = { .outlet = find };
+
+/* Red, with a blue bar at the number's place. */
+static void show(int number, int width, int height)
+{
+    struct sst_image img;
+    uint8_t *data;
+    size_t bytes;
+
+    assert_int_equal(sst_image_init(&img, width, height), 0);
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            const bool bar = x / BAR == number % PLACES;
+
+            sst_image_row(&img, 0, y)[x] = bar ? 0 : 200;
+            sst_image_row(&img, 1, y)[x] = 20;
+            sst_image_row(&img, 2, y)[x] = bar ? 200 : 20;
+        }
+    assert_int_equal(sst_image_encode_jpeg(&img, 85, &data, &bytes), 0);
+    sst_image_fini(&img);
+    assert_int_equal(sst_outlet_put(outlet, data, bytes, (uint64_t)number, sst_clock_now_ns(), sst_clock_wall_ns()), 0);
+}
+
+static void sleep_ms(int ms)
+{
+    const struct timespec t = { .tv_sec = ms / 1000, .tv_nsec = ms % 1000 * 1000000L };
+
+    nanosleep(&t, NULL);
+}
+
+static void *paint(void *arg)
+{
+    (void)arg;
+    for (int n = 1; painting; n++) {
+        show(n, WIDTH, HEIGHT);
+        sleep_ms(PERIOD_MS);
+    }
+    return NULL;
+}
+
+static int start_painting(void)
+{
+    painting = true;
+    return pthread_create(&painter, NULL, paint, NULL);
+}
+
+static int make_pictures(void **state)
+{
+    (void)state;
+    if (sst_outlet_create(&outlet) || sst_events_create(&events, 16))
+        return -1;
+    api.events = events;
+    return start_painting();
+}
+
+static void stop_painting(void)
+{
+    if (atomic_exchange(&painting, false))
+        pthread_join(painter, NULL);
+}
+
+/* What ffmpeg says. */
+static const char *err_file(void)
+{
+    static char path[64];
+
+    snprintf(path, sizeof(path), "/tmp/sst-rtsp-%d.err", (int)getpid());
+    return path;
+}
+
+static int end_pictures(void **state)
+{
+    (void)state;
+    sst_rtsp_close(server);
+    server = NULL;
+    stop_painting();
+    sst_outlet_unref(outlet);
+    sst_events_shut(events);
+    sst_events_destroy(events);
+    unlink(err_file());
+    return 0;
+}
+
+static struct sst_rtsp_config config(enum sst_rtsp_codec codec)
+{
+    return (
+        struct sst_rtsp_config){ .address = "127.0.0.1", .codec = codec, .user = "", .password_file = "", .api = &api };
+}
+
+static void serve(enum sst_rtsp_codec codec)
+{
+    const struct sst_rtsp_config cfg = config(codec);
+
+    assert_int_equal(sst_rtsp_open(&server, &cfg), 0);
+}
+
+static void close_server(void)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+
+    sst_rtsp_close(server);
+    server = NULL;
+    assert_quick(start_ns, 1500000000);
+}
+
+/* Until there are so many, on the busiest machine. */
+static void wait_for(int (*count)(void), int want)
+{
+    for (int t = 0; t < PATIENCE_MS && count() != want; t += 20)
+        sleep_ms(20);
+    assert_int_equal(count(), want);
+}
+
+static int viewers(void)
+{
+    return sst_outlet_viewers(outlet);
+}
+
+static int clients(void)
+{
+    return sst_rtsp_clients(server);
+}
+
+/* --- other people's clients ----------------------------------------------------------------------------------------
+ */
+
+/* ffmpeg on rtsp://localhost:port/path with these arguments after it; its output is what it decoded. */
+static FILE *watch(const char *login, const char *path, const char *transport, const char *rest)
+{
+    char command[512];
+
+    snprintf(command, sizeof(command),
+             "exec timeout -s KILL 120 ffmpeg -nostdin -loglevel error -rtsp_transport %s -i "
+             "rtsp://%s127.0.0.1:%d%s -an -fps_mode passthrough %s 2>%s",
+             transport, login, sst_rtsp_port(server), path, rest, err_file());
+    return popen(command, "r");
+}
+
+static int place_of_bar(const uint8_t *rgb)
+{
+    int place = -1;
+
+    for (int i = 0; i < PLACES; i++) {
+        const uint8_t *p = rgb + 3 * ((size_t)HEIGHT / 2 * WIDTH + (size_t)i * BAR + BAR / 2);
+
+        if (p[2] > 150 && p[0] < 60 && place < 0)
+            place = i;
+        else if (abs(p[0] - 200) > 24 || abs(p[1] - 20) > 24 || abs(p[2] - 20) > 24)
+            return -1; /* neither bar nor ground: damaged, or colours of the wrong range */
+    }
+    return place;
+}
+
+/* All pictures arrive whole, in their colours and in order. */
+static void reads_20(const char *path, const char *transport)
+{
+    static uint8_t rgb[3 * WIDTH * HEIGHT];
+    FILE *f = watch("", path, transport, "-frames:v 20 -f rawvideo -pix_fmt rgb24 -");
+    int last = -1, good = 0, moved = 0, n = 0, place, rc;
+
+    assert_non_null(f);
+    for (; fread(rgb, sizeof(rgb), 1, f) == 1; n++) {
+        place = place_of_bar(rgb);
+        good += place >= 0;
+        moved += place >= 0 && last >= 0 && (place - last + PLACES) % PLACES < PLACES / 2 && place != last;
+        last = place;
+    }
+    rc = pclose(f);
+    if (rc || n != 20 || good < 20 || moved < 10) /* some are shown again when the machine is busy */
+        fail_msg("%s by %s: ffmpeg ended with %#x after %d pictures, %d good, %d that moved on", path, transport, rc, n,
+                 good, moved);
+}
+
+/* --- a client of our own -------------------------------------------------------------------------------------------
+ */
+
+static int connect_server(void)
+{
+    struct sockaddr_in at = { .sin_family = AF_INET, .sin_port = htons((uint16_t)sst_rtsp_port(server)) };
+    const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+    at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    assert_true(fd >= 0);
+    if (connect(fd, (struct sockaddr *)&at, sizeof(at))) /* too many at a time */
+        shutdown(fd, SHUT_RDWR);
+    return fd;
+}
+
+static char answer[8192];
+
+/* Pictures that came before the answer. @return bytes left */
+static size_t skip_packets(size_t have)
+{
+    size_t packet;
+
+    while (have >= 4 && answer[0] == '$' &&
+           have >= (packet = 4 + ((size_t)(uint8_t)answer[2] << 8 | (uint8_t)answer[3]))) {
+        have -= packet;
+        memmove(answer, answer + packet, have);
+    }
+    answer[have] = 0;
+    return have;
+}
+
+/* @return status; 0: the server hung up */
+static int ask(int fd, const char *method, const char *path, const char *more)
+{
+    static int number;
+    char text[1024];
+    size_t have = 0;
+    ssize_t n;
+    int status = 0;
+
+    snprintf(text, sizeof(text), "%s rtsp://127.0.0.1:%d%s RTSP/1.0\r\nCSeq: %d\r\n%s\r\n", method,
+             sst_rtsp_port(server), path, ++number, more);
+    answer[0] = 0;
+    if (send(fd, text, strlen(text), MSG_NOSIGNAL) < 0)
+        return 0;
+    while ((answer[0] == '$' || !strstr(answer, "\r\n\r\n")) &&
+           (n = recv(fd, answer + have, sizeof(answer) - 1 - have, 0)) > 0)
+        have = skip_packets(have + (size_t)n);
+    return sscanf(answer, "RTSP/1.0 %d", &status) == 1 ? status : 0;
+}
+
+static int ask_once(const char *method, const char *path, const char *more)
+{
+    const int fd = connect_server(), status = ask(fd, method, path, more);
+
+    close(fd);
+    return status;
+}
+
+static char *write_password(const char *text)
+{
+    static char path[64];
+    FILE *f;
+
+    snprintf(path, sizeof(path), "/tmp/sst-rtsp-password-%d", (int)getpid());
+    f = fopen(path, "w");
+    assert_non_null(f);
+    fputs(text, f);
+    fclose(f);
+    assert_int_equal(chmod(path, 0600), 0);
+    return path;
+}
+
+/* Watches by TCP and then never reads. */
+static int stall(void)
+{
+    char more[128], session[64] = "";
+    const int fd = connect_server(), small = 4096;
+    const char *at;
+
+    setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &small, sizeof(small));
+    assert_int_equal(ask(fd, "DESCRIBE", "/main", ""), 200);
+    assert_int_equal(ask(fd, "SETUP", "/main/stream=0", "Transport: RTP/AVP/TCP;unicast;interleaved=0-1\r\n"), 200);
+    at = strstr(answer, "Session: ");
+    assert_non_null(at);
+    assert_int_equal(sscanf(at, "Session: %63[^;\r\n]", session), 1);
+    snprintf(more, sizeof(more), "Session: %s\r\n", session);
+    assert_int_equal(ask(fd, "PLAY", "/main", more), 200);
+    return fd;
+}
+
+#endif

@@ -1,0 +1,752 @@
+/* MQTT with a real broker (mosquitto): what is told, commands, last will, reconnecting, brokers that refuse or hang. */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "daemon/publish/mqtt_parts.h"
+#include "tests/quick.h"
+
+#define BROKER   "/usr/sbin/mosquitto"
+#define PATIENCE 6000 /* looks, 10 ms apart, for what comes sooner or later */
+
+extern char **environ;
+
+static char folder[64];
+static int port;
+static pid_t broker, subscriber;
+static struct sst_config cfg;
+static struct sst_mqtt *mqtt;
+
+/* --- a service that answers --------------------------------------------------------------------------------------- */
+
+static struct sst_outlet *outlet;
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static struct { /* under lock */
+    char record[16], focus[32];
+    bool recording, lost;
+    int records, focuses, joins;
+} service;
+
+static int status(void *arg, struct sst_api_answer *out)
+{
+    (void)arg;
+    pthread_mutex_lock(&lock);
+    out->body = json_pack("{s:s, s:s, s:{s:i, s:i, s:f, s:{s:i}}, s:{s:b, s:f, s:{s:f}, s:f}, s:{s:s, s:I, s:{s:b}}}",
+                          "state", service.lost ? "degraded" : "capturing", "reason", "", "capture", "cameras", 2,
+                          "present", service.lost ? 1 : 2, "rate_hz", 10.0, "skew_us", "p99", 180, "live", "ready", 1,
+                          "rate_hz", 6.1, "latency_ms", "p50", 210.0, "focus_px", 7.8, "storage", "state", "OK",
+                          "free_bytes", (json_int_t)123456789012, "recording", "active", service.recording);
+    pthread_mutex_unlock(&lock);
+    return out->body ? 0 : -ENOMEM;
+}
+
+static int cameras(void *arg, struct sst_api_answer *out)
+{
+    (void)arg;
+    pthread_mutex_lock(&lock);
+    out->body = json_pack("{s:[{s:s, s:s}, {s:s, s:s}]}", "cameras", "name", "r0c0", "state", "streaming", "name",
+                          "r0c1", "state", service.lost ? "absent" : "streaming");
+    pthread_mutex_unlock(&lock);
+    return out->body ? 0 : -ENOMEM;
+}
+
+static int record(void *arg, const json_t *request, struct sst_api_answer *out)
+{
+    (void)arg;
+    pthread_mutex_lock(&lock);
+    snprintf(service.record, sizeof(service.record), "%s", json_string_value(json_object_get(request, "action")));
+    service.recording = !strcmp(service.record, "start");
+    service.records++;
+    pthread_mutex_unlock(&lock);
+    out->body = json_object();
+    return 0;
+}
+
+static int view_change(void *arg, const char *id, const json_t *settings, struct sst_api_answer *out)
+{
+    const json_t *px = json_object_get(settings, "focus_px");
+
+    (void)arg;
+    assert_string_equal(id, "main");
+    pthread_mutex_lock(&lock);
+    if (json_is_null(px))
+        strcpy(service.focus, "null");
+    else
+        snprintf(service.focus, sizeof(service.focus), "%g", json_number_value(px));
+    service.focuses++;
+    pthread_mutex_unlock(&lock);
+    out->body = json_object();
+    return 0;
+}
+
+static int get_outlet(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+{
+    (void)arg;
+    assert_true(kind == SST_PICTURE_VIEW && !strcmp(name, "main"));
+    *out = sst_outlet_ref(outlet);
+    return 0;
+}
+
+static struct sst_api api = {
+    .status = status, .cameras = cameras, .record = record, .view_change = view_change, .outlet = get_outlet
+};
+
+/* --- processes ---------------------------------------------------------------------------------------------------- */
+
+static pid_t run(const char *const argv[], const char *output)
+{
+    posix_spawn_file_actions_t files;
+    char path[SST_PATH_MAX];
+    pid_t pid;
+
+    snprintf(path, sizeof(path), "%s/%s", folder, output);
+    posix_spawn_file_actions_init(&files);
+    posix_spawn_file_actions_addopen(&files, 1, path, O_WRONLY | O_CREAT | O_APPEND, 0600);
+    posix_spawn_file_actions_adddup2(&files, 1, 2);
+    assert_int_equal(posix_spawnp(&pid, argv[0], &files, NULL, (char *const *)(uintptr_t)argv, environ), 0);
+    posix_spawn_file_actions_destroy(&files);
+    return pid;
+}
+
+static void end(pid_t *pid)
+{
+    if (*pid > 0) {
+        kill(*pid, SIGCONT);
+        kill(*pid, SIGKILL);
+        waitpid(*pid, NULL, 0);
+    }
+    *pid = 0;
+}
+
+static struct sockaddr_in here(int on)
+{
+    return (struct sockaddr_in){ .sin_family = AF_INET,
+                                 .sin_port = htons((uint16_t)on),
+                                 .sin_addr.s_addr = htonl(INADDR_LOOPBACK) };
+}
+
+/* Of those that the kernel gives nobody who connects: free while the broker is away, too. */
+static int free_port(void)
+{
+    static unsigned at;
+    int err = -1, number = 0;
+
+    for (int i = 0; i < 1000 && err; i++) {
+        const int s = socket(AF_INET, SOCK_STREAM, 0);
+        struct sockaddr_in a;
+
+        number = 10000 + (int)((unsigned)getpid() * 7 + ++at) % 20000;
+        a = here(number);
+        err = bind(s, (struct sockaddr *)&a, sizeof(a));
+        close(s);
+    }
+    assert_int_equal(err, 0);
+    return number;
+}
+
+static void start_broker(const char *more)
+{
+    char path[SST_PATH_MAX];
+    const struct sockaddr_in a = here(port);
+    FILE *f;
+
+    snprintf(path, sizeof(path), "%s/broker.conf", folder);
+    f = fopen(path, "w");
+    assert_non_null(f);
+    fprintf(f, "listener %d 127.0.0.1\nuser root\npersistence false\nset_tcp_nodelay true\n%s\n", port, more);
+    fclose(f);
+    broker = run((const char *const[]){ BROKER, "-c", path, NULL }, "broker.log");
+    for (int i = 0; i < PATIENCE; i++) {
+        const int s = socket(AF_INET, SOCK_STREAM, 0), err = connect(s, (const struct sockaddr *)&a, sizeof(a));
+
+        close(s);
+        if (!err)
+            return;
+        usleep(10000);
+    }
+    fail_msg("the broker does not listen");
+}
+
+static void publish(const char *topic, const char *payload, bool retained)
+{
+    char number[16];
+    pid_t pid;
+    int ended;
+
+    snprintf(number, sizeof(number), "%d", port);
+    pid = run((const char *const[]){ "timeout", "60", "mosquitto_pub", "-h", "127.0.0.1", "-p", number, "-t", topic,
+                                     "-m", payload, "-q", "1", retained ? "-r" : NULL, NULL },
+              "pub.log");
+    assert_int_equal(waitpid(pid, &ended, 0), pid);
+    assert_int_equal(ended, 0);
+}
+
+/* Lines of what the subscriber heard that begin with these words. @param last  out, [2048], of the last one */
+static int heard(const char *words, char *last)
+{
+    static char text[1 << 20];
+    char path[SST_PATH_MAX];
+    int n = 0;
+    FILE *f;
+
+    snprintf(path, sizeof(path), "%s/heard", folder);
+    f = fopen(path, "r");
+    text[f ? fread(text, 1, sizeof(text) - 1, f) : 0] = 0;
+    if (f)
+        fclose(f);
+    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
+        if (strncmp(line, words, strlen(words)) != 0)
+            continue;
+        n++;
+        if (last)
+            snprintf(last, 2048, "%s", line);
+    }
+    return n;
+}
+
+static void subscribe(void)
+{
+    char number[16];
+
+    snprintf(number, sizeof(number), "%d", port);
+    subscriber = run((const char *const[]){ "mosquitto_sub", "-h", "127.0.0.1", "-p", number, "-t", "#", "-q", "1",
+                                            "-F", "%t %p", NULL },
+                     "heard");
+    for (int i = 0; i < PATIENCE && !heard("test/ready", NULL); i++)
+        publish("test/ready", "yes", false);
+    assert_true(heard("test/ready", NULL) > 0);
+}
+
+static void expect_heard(const char *words, char *last)
+{
+    for (int i = 0; i < PATIENCE && !heard(words, last); i++)
+        usleep(10000);
+    if (!heard(words, last))
+        fail_msg("not heard: %s", words);
+}
+
+static struct sst_mqtt_counters counters(void)
+{
+    struct sst_mqtt_counters n;
+
+    sst_mqtt_counters(mqtt, &n);
+    return n;
+}
+
+static void expect_connected(void)
+{
+    for (int i = 0; i < PATIENCE && !counters().connected; i++)
+        usleep(10000);
+    assert_true(counters().connected);
+}
+
+/* --- set-up ------------------------------------------------------------------------------------------------------- */
+
+static int setup(void **state)
+{
+    (void)state;
+    strcpy(folder, "/tmp/sst-mqtt-XXXXXX");
+    assert_non_null(mkdtemp(folder));
+    port = free_port();
+    sst_config_defaults(&cfg);
+    cfg.mqtt.enabled = true;
+    cfg.mqtt.port = port;
+    strcpy(cfg.mqtt.host, "127.0.0.1");
+    cfg.zones = 1;
+    strcpy(cfg.zone[0].name, "gate");
+    memset(&service, 0, sizeof(service));
+    assert_int_equal(sst_events_create(&api.events, 64), 0);
+    assert_int_equal(sst_outlet_create(&outlet), 0);
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    assert_true(sst_mqtt_close(mqtt, 1200));
+    mqtt = NULL;
+    end(&subscriber);
+    end(&broker);
+    assert_int_equal(sst_outlet_viewers(outlet), 0);
+    sst_outlet_unref(outlet);
+    sst_events_destroy(api.events);
+    sst_path_remove_tree(folder);
+    return 0;
+}
+
+static void open_mqtt(void)
+{
+    const struct sst_mqtt_config c = { .config = &cfg, .api = &api };
+
+    assert_int_equal(sst_mqtt_open(&mqtt, &c), 0);
+}
+
+static void motion(bool active)
+{
+    sst_events_emit(api.events, SST_EVENT_INFO, "motion", json_pack("{s:s, s:b}", "zone", "gate", "active", active),
+                    "something moves");
+}
+
+/* --- tests -------------------------------------------------------------------------------------------------------- */
+
+static void state_and_events_are_told(void **state)
+{
+    char line[2048];
+    json_t *o;
+
+    (void)state;
+    start_broker("allow_anonymous true");
+    subscribe();
+    sst_events_emit(api.events, SST_EVENT_INFO, "start", NULL, "before there is a connection");
+    open_mqtt();
+    expect_heard("sst/available online", NULL);
+    expect_heard("sst/event/start {", NULL);
+    expect_heard("sst/status {", line);
+    o = json_loads(strchr(line, '{'), 0, NULL);
+    assert_non_null(o);
+    assert_string_equal(json_string_value(json_object_get(o, "state")), "capturing");
+    assert_int_equal(json_integer_value(json_object_get(o, "present")), 2);
+    assert_true(json_number_value(json_object_get(o, "free_gb")) == 123.46);
+    assert_true(json_is_false(json_object_get(o, "recording")));
+    json_decref(o);
+    expect_heard("sst/record OFF", NULL);
+    expect_heard("sst/focus 7.8", NULL);
+    expect_heard("sst/camera/r0c1/state streaming", NULL);
+    motion(true);
+    expect_heard("sst/event/motion {", line);
+    o = json_loads(strchr(line, '{'), 0, NULL);
+    assert_string_equal(json_string_value(json_object_get(json_object_get(o, "data"), "zone")), "gate");
+    json_decref(o);
+    expect_heard("sst/zone/gate/motion ON", NULL);
+    pthread_mutex_lock(&lock);
+    service.lost = true;
+    pthread_mutex_unlock(&lock);
+    sst_events_emit(api.events, SST_EVENT_WARNING, "camera-lost", NULL, "a camera is gone");
+    expect_heard("sst/camera/r0c1/state absent", NULL); /* long before the ten seconds */
+    assert_int_equal(heard("sst/camera/r0c0/state", NULL), 1);
+    assert_true(sst_mqtt_close(mqtt, 1200));
+    mqtt = NULL;
+    expect_heard("sst/available offline", NULL);
+}
+
+/* Every entity of the announcement names topics that are told, and belongs to the one device. */
+static void home_assistant_finds_the_array(void **state)
+{
+    static const char *const ids[] = { "sensor/sst/state",
+                                       "binary_sensor/sst/problem",
+                                       "sensor/sst/rate",
+                                       "switch/sst/record",
+                                       "camera/sst/picture",
+                                       "sensor/sst/latency",
+                                       "sensor/sst/free",
+                                       "binary_sensor/sst/camera_r0c1",
+                                       "sensor/sst/storage",
+                                       "sensor/sst/live_rate",
+                                       "binary_sensor/sst/zone_gate",
+                                       "binary_sensor/sst/cameras" };
+    char line[2048], words[128];
+
+    (void)state;
+    start_broker("allow_anonymous true");
+    open_mqtt();
+    expect_connected();
+    subscribe(); /* later: all of it is retained */
+    for (size_t i = 0; i < ARRAY_LEN(ids); i++) {
+        const char *topic;
+        json_t *o;
+
+        snprintf(words, sizeof(words), "homeassistant/%s/config {", ids[i]);
+        expect_heard(words, line);
+        o = json_loads(strchr(line, '{'), 0, NULL);
+        assert_non_null(o);
+        assert_string_equal(json_string_value(json_object_get(o, "availability_topic")), "sst/available");
+        assert_string_equal(
+            json_string_value(json_array_get(json_object_get(json_object_get(o, "device"), "identifiers"), 0)), "sst");
+        assert_non_null(json_object_get(o, "unique_id"));
+        topic = json_string_value(json_object_get(o, strncmp(ids[i], "camera/", 7) ? "state_topic" : "topic"));
+        assert_non_null(topic);
+        assert_int_equal(strncmp(topic, "sst/", 4), 0);
+        if (!strncmp(ids[i], "switch/", 7))
+            assert_string_equal(json_string_value(json_object_get(o, "command_topic")), "sst/record/set");
+        json_decref(o);
+    }
+}
+
+static void expect_count(const char *words, int n)
+{
+    for (int i = 0; i < PATIENCE && heard(words, NULL) < n; i++)
+        usleep(10000);
+    if (heard(words, NULL) != n)
+        fail_msg("heard %d times, not %d: %s", heard(words, NULL), n, words);
+}
+
+static void configure(void)
+{
+    assert_int_equal(sst_mqtt_configure(mqtt, &cfg), 0);
+}
+
+/* What is announced is what the configuration has, after a reload and after a restart with another one. */
+static void zones_come_and_go(void **state)
+{
+    (void)state;
+    start_broker("allow_anonymous true");
+    publish("homeassistant/binary_sensor/sst/zone_old/config", "{\"of\": \"before the restart\"}", true);
+    publish("homeassistant/binary_sensor/other/zone_old/config", "{\"of\": \"another array\"}", true);
+    publish("sst/zone/old/motion", "ON", true);
+    subscribe();
+    open_mqtt();
+    expect_heard("homeassistant/binary_sensor/sst/zone_gate/config {", NULL);
+    expect_count("homeassistant/binary_sensor/sst/zone_old/config ", 2);
+    expect_heard("sst/zone/old/motion ", NULL);
+    assert_int_equal(heard("homeassistant/binary_sensor/other/zone_old/config ", NULL), 1);
+    assert_int_equal(heard("homeassistant/binary_sensor/sst/zone_gate/config ", NULL), 1);
+    motion(true);
+    expect_heard("sst/zone/gate/motion ON", NULL);
+
+    strcpy(cfg.zone[0].name, "door");
+    cfg.mqtt.picture_s = 0;
+    configure();
+    expect_heard("homeassistant/binary_sensor/sst/zone_door/config {", NULL);
+    expect_count("homeassistant/binary_sensor/sst/zone_gate/config ", 2); /* the second is empty */
+    expect_count("homeassistant/camera/sst/picture/config ", 2);
+    expect_count("sst/zone/gate/motion ", 2);
+    assert_int_equal(heard("homeassistant/binary_sensor/sst/zone_gate/config {", NULL), 1);
+    assert_int_equal(counters().connects, 1);
+}
+
+/* Another topic, another broker, none: without a restart. */
+static void connection_follows_the_configuration(void **state)
+{
+    const int first = port;
+    pid_t first_broker;
+
+    (void)state;
+    start_broker("allow_anonymous true");
+    subscribe();
+    cfg.mqtt.enabled = false;
+    open_mqtt();
+    cfg.mqtt.enabled = true;
+    configure();
+    expect_heard("sst/available online", NULL);
+    expect_heard("homeassistant/binary_sensor/sst/zone_gate/config {", NULL); /* the last */
+    strcpy(cfg.mqtt.topic, "roof/array");
+    configure();
+    expect_heard("roof/array/available online", NULL);
+    expect_heard("homeassistant/binary_sensor/roof_array/zone_gate/config {", NULL);
+    expect_count("sst/available offline", 1);
+    expect_count("homeassistant/switch/sst/record/config ", 2);
+    expect_count("homeassistant/binary_sensor/sst/camera_r0c1/config ", 2);
+    cfg.mqtt.enabled = false;
+    configure();
+    expect_heard("roof/array/available offline", NULL);
+    for (int i = 0; i < PATIENCE && counters().connected; i++)
+        usleep(10000);
+    assert_false(counters().connected);
+    assert_int_equal(heard("homeassistant/switch/roof_array/record/config ", NULL), 1); /* it is only away */
+
+    first_broker = broker;
+    port = free_port();
+    start_broker("allow_anonymous true");
+    cfg.mqtt.enabled = true;
+    cfg.mqtt.port = port;
+    configure();
+    expect_connected();
+    assert_int_not_equal(port, first);
+    assert_int_equal(counters().connects, 3);
+    end(&first_broker);
+    assert_true(counters().connected);
+}
+
+static void commands_reach_the_service(void **state)
+{
+    (void)state;
+    start_broker("allow_anonymous true");
+    publish("sst/record/set", "ON", true); /* left behind by somebody: must not start a recording */
+    subscribe();
+    open_mqtt();
+    expect_heard("sst/available online", NULL);
+    expect_heard("sst/record OFF", NULL);
+    publish("sst/record/set", "ON", false);
+    expect_heard("sst/record ON", NULL);
+    publish("sst/focus/set", "7.25", false);
+    publish("sst/focus/set", "nan", false);
+    publish("sst/focus/set", "; reboot", false);
+    publish("sst/record/set", "perhaps", false);
+    for (int i = 0; i < PATIENCE && counters().commands < 5; i++)
+        usleep(10000);
+    pthread_mutex_lock(&lock);
+    assert_string_equal(service.record, "start");
+    assert_string_equal(service.focus, "7.25");
+    assert_int_equal(service.records, 1);
+    assert_int_equal(service.focuses, 1);
+    pthread_mutex_unlock(&lock);
+    publish("sst/focus/set", "auto", false);
+    publish("sst/record/set", "off", false);
+    for (int i = 0; i < PATIENCE && counters().commands < 7; i++)
+        usleep(10000);
+    pthread_mutex_lock(&lock);
+    assert_string_equal(service.record, "stop");
+    assert_string_equal(service.focus, "null");
+    pthread_mutex_unlock(&lock);
+}
+
+/* At most one each picture_s, and we are a viewer only while one is due. */
+static void pictures_come_at_most_so_often(void **state)
+{
+    static const char jpeg[] = "JPEG";
+    int64_t start, took = 0;
+    int idle = 0, n = 0;
+
+    (void)state;
+    cfg.mqtt.picture_s = 0.5;
+    start_broker("allow_anonymous true");
+    subscribe();
+    open_mqtt();
+    expect_connected();
+    start = sst_clock_now_ns();
+    while (took < INT64_C(2500000000) || (n < 3 && took < INT64_C(60000000000))) {
+        if (sst_outlet_viewers(outlet)) {
+            uint8_t *data = malloc(sizeof(jpeg));
+
+            memcpy(data, jpeg, sizeof(jpeg));
+            assert_int_equal(sst_outlet_put(outlet, data, sizeof(jpeg) - 1, 1, 1, 1), 0);
+        } else {
+            idle++;
+        }
+        usleep(20000);
+        n = heard("sst/picture JPEG", NULL);
+        took = sst_clock_now_ns() - start;
+    }
+    if (n < 3 || n > took / 500000000 + 1 || idle < 20)
+        fail_msg("%d pictures in %.1f s, not viewing %d times", n, (double)took * 1e-9, idle);
+}
+
+/* Killed: the broker says so in our place. */
+static void the_broker_tells_that_we_are_gone(void **state)
+{
+    pid_t child;
+
+    (void)state;
+    start_broker("allow_anonymous true");
+    subscribe();
+    child = fork();
+    assert_true(child >= 0);
+    if (!child) {
+        open_mqtt();
+        pause();
+        _exit(0);
+    }
+    expect_heard("sst/available online", NULL);
+    end(&child);
+    expect_heard("sst/available offline", NULL);
+}
+
+static void a_broker_that_comes_back_is_told_what_it_missed(void **state)
+{
+    (void)state;
+    start_broker("allow_anonymous true");
+    open_mqtt();
+    expect_connected();
+    end(&broker);
+    for (int i = 0; i < PATIENCE && counters().connected; i++)
+        usleep(10000);
+    assert_false(counters().connected);
+    motion(true);
+    start_broker("allow_anonymous true");
+    subscribe();
+    expect_heard("sst/event/motion", NULL);
+    expect_heard("sst/zone/gate/motion ON", NULL);
+    assert_int_equal(counters().connects, 2);
+}
+
+static void a_broker_that_hangs_holds_nobody_up(void **state)
+{
+    const int64_t start = sst_clock_now_ns();
+    int64_t before;
+
+    (void)state;
+    start_broker("allow_anonymous true");
+    open_mqtt();
+    expect_connected();
+    usleep(300000);
+    kill(broker, SIGSTOP);
+    before = sst_clock_now_ns();
+    for (int i = 0; i < 2000; i++)
+        motion(i & 1);
+    assert_quick(before, INT64_C(1000000000));
+    usleep(500000);
+    assert_true(counters().published < 200); /* the rest waits, or is forgotten */
+    before = sst_clock_now_ns();
+    assert_true(sst_mqtt_close(mqtt, 1200));
+    mqtt = NULL;
+    assert_quick(before, INT64_C(1200000000));
+    assert_quick(start, INT64_C(10000000000));
+}
+
+/* What went to a file that stands for the standard error, so far. */
+static const char *said_to(FILE *kept)
+{
+    static char said[4096];
+    const ssize_t n = pread(fileno(kept), said, sizeof(said) - 1, 0);
+
+    said[n > 0 ? n : 0] = 0;
+    return said;
+}
+
+/* A refusal is told once, with the remedy; so is a broker that is not there. */
+static void refusals_are_told_once(void **state)
+{
+    char path[SST_PATH_MAX];
+    const char *said;
+    int before;
+
+    (void)state;
+    start_broker("allow_anonymous false");
+    for (int round = 0; round < 2; round++) {
+        static const char *const words[] = { "Check mqtt: user and password_file", "refused" };
+        FILE *kept = tmpfile();
+        const char *at;
+
+        assert_non_null(kept);
+        before = dup(2);
+        dup2(fileno(kept), 2);
+        open_mqtt();
+        for (int i = 0; i < PATIENCE && !strstr(said_to(kept), words[round]); i++)
+            usleep(10000);
+        usleep(1500000); /* the second attempt comes after a second */
+        assert_false(counters().connected);
+        assert_true(sst_mqtt_close(mqtt, 1200));
+        mqtt = NULL;
+        dup2(before, 2);
+        close(before);
+        said = said_to(kept);
+        fclose(kept);
+        at = strstr(said, words[round]);
+        if (!at || strchr(said, '\n') != said + strlen(said) - 1)
+            fail_msg("not one line with '%s': %s", words[round], said);
+        end(&broker);
+    }
+    snprintf(path, sizeof(path), "%s/password", folder); /* a file that is not there is no reason to give up */
+    strcpy(cfg.mqtt.user, "me");
+    strcpy(cfg.mqtt.password_file, path);
+    open_mqtt();
+    usleep(200000);
+    assert_false(counters().connected);
+}
+
+static void shell(const char *command)
+{
+    const pid_t pid = run((const char *const[]){ "sh", "-c", command, folder, NULL }, "shell.log");
+    int ended;
+
+    assert_int_equal(waitpid(pid, &ended, 0), pid);
+    assert_int_equal(ended, 0);
+}
+
+/* A broker with a certificate and a password, as one that others can reach should have. */
+static void a_broker_may_want_tls_and_a_password(void **state)
+{
+    char more[SST_PATH_MAX];
+    bool ended;
+
+    (void)state;
+    if (access("/usr/bin/openssl", X_OK)) {
+        print_message("skipped: openssl is not installed\n");
+        skip();
+    }
+    shell("cd $0 && openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=broker "
+          "-addext subjectAltName=IP:127.0.0.1 -keyout key.pem -out cert.pem && mosquitto_passwd -c -b users me secret "
+          "&& echo secret >good && echo wrong >bad");
+    snprintf(more, sizeof(more),
+             "allow_anonymous false\npassword_file %s/users\ncertfile %s/cert.pem\nkeyfile %s/key.pem", folder, folder,
+             folder);
+    start_broker(more);
+    strcpy(cfg.mqtt.user, "me");
+    for (int i = 0; i < 3; i++) {
+        snprintf(cfg.mqtt.ca_file, sizeof(cfg.mqtt.ca_file), "%s",
+                 i == 1 ? "/etc/ssl/certs/ca-certificates.crt" : strcat(strcpy(more, folder), "/cert.pem"));
+        snprintf(cfg.mqtt.password_file, sizeof(cfg.mqtt.password_file), "%s/%s", folder, i == 0 ? "bad" : "good");
+        open_mqtt();
+        if (i == 2)
+            expect_connected();
+        else
+            usleep(400000);
+        assert_int_equal(counters().connected, i == 2);
+        ended = sst_mqtt_close(mqtt, 30000);
+        mqtt = NULL; /* it is gone either way */
+        assert_true(ended);
+    }
+}
+
+/* Something listens and never answers, also not to a TLS handshake: closing must not wait for it. */
+static void closing_does_not_wait_for_an_answer(void **state)
+{
+    const struct sockaddr_in a = here(port);
+    const int s = socket(AF_INET, SOCK_STREAM, 0);
+    char path[SST_PATH_MAX];
+    int64_t before;
+
+    (void)state;
+    assert_int_equal(bind(s, (const struct sockaddr *)&a, sizeof(a)), 0);
+    assert_int_equal(listen(s, 4), 0);
+    snprintf(path, sizeof(path), "%s/ca", folder);
+    for (int tls = 0; tls < 2; tls++) {
+        bool ended;
+
+        if (tls) {
+            assert_int_equal(sst_file_write(path, "", 0), 0);
+            strcpy(cfg.mqtt.ca_file,
+                   access("/etc/ssl/certs/ca-certificates.crt", R_OK) ? path : "/etc/ssl/certs/ca-certificates.crt");
+        }
+        open_mqtt();
+        usleep(300000);
+        assert_false(counters().connected);
+        before = sst_clock_now_ns();
+        ended = sst_mqtt_close(mqtt, 1200);
+        mqtt = NULL;
+        assert_quick(before, INT64_C(1500000000));
+        assert_true(ended);
+    }
+    close(s);
+}
+
+#define MQTT_TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        MQTT_TEST(state_and_events_are_told),
+        MQTT_TEST(home_assistant_finds_the_array),
+        MQTT_TEST(zones_come_and_go),
+        MQTT_TEST(connection_follows_the_configuration),
+        MQTT_TEST(commands_reach_the_service),
+        MQTT_TEST(pictures_come_at_most_so_often),
+        MQTT_TEST(the_broker_tells_that_we_are_gone),
+        MQTT_TEST(a_broker_that_comes_back_is_told_what_it_missed),
+        MQTT_TEST(a_broker_that_hangs_holds_nobody_up),
+        MQTT_TEST(refusals_are_told_once),
+        MQTT_TEST(a_broker_may_want_tls_and_a_password),
+        MQTT_TEST(closing_does_not_wait_for_an_answer),
+    };
+
+    if (!WITH_MQTT || access(BROKER, X_OK) || access("/usr/bin/mosquitto_sub", X_OK)) {
+        puts(WITH_MQTT ? "mosquitto or mosquitto-clients is not installed" : "built without MQTT");
+        return 77;
+    }
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,295 @@
+/* tests/storage_bench.h - storage on a folder of its own, fed with synthetic sets. */
+#ifndef SST_TESTS_STORAGE_BENCH_H
+#define SST_TESTS_STORAGE_BENCH_H
+
+#include <sys/socket.h>
+
+#include "base/clock.h"
+#include "daemon/storage/download.h"
+#include "daemon/storage/storage.h"
+#include "pipeline/image/codec.h"
+#include "tests/recording_tests.h"
+
+struct bench {
+    struct synthetic sets;
+    struct sst_config *config;
+    struct sst_ring *ring;
+    struct sst_events *events;
+    struct sst_storage *storage;
+    uint64_t index; /* of the next set */
+};
+
+static inline void bench_open_storage(struct bench *b)
+{
+    const struct sst_storage_config cfg = {
+        .config = b->config, .ring = b->ring, .events = b->events, .tracks = b->sets.track
+    };
+
+    assert_int_equal(sst_storage_open(&b->storage, &cfg), 0);
+}
+
+/* Everything but the storage: the configuration may still be changed. */
+static inline void bench_init(struct bench *b, enum sst_record_mode mode)
+{
+    *b = (struct bench){ .sets = small() };
+    b->config = (struct sst_config *)calloc(1, sizeof(*b->config));
+    assert_non_null(b->config);
+    b->config->array.rows = 1;
+    b->config->array.cols = 6;
+    b->config->array.bound = b->sets.cameras;
+    b->config->array.fourcc = b->sets.fourcc;
+    b->config->array.width = b->sets.width;
+    b->config->array.height = b->sets.height;
+    b->config->array.trigger_hz = 10;
+    b->config->live.plane_mm = -1;
+    assert_true(strlen(dir) < sizeof(b->config->storage.dir));
+    memcpy(b->config->storage.dir, dir, strlen(dir) + 1);
+    b->config->storage.mode = mode;
+    b->config->storage.segment_s = 60;
+    b->config->storage.sync_s = 1;
+    assert_int_equal(sst_ring_create(&b->ring, (size_t)8 << 20), 0);
+    assert_int_equal(sst_events_create(&b->events, 256), 0);
+}
+
+static inline void bench_fini(struct bench *b)
+{
+    sst_ring_shut(b->ring);
+    assert_true(sst_storage_close(b->storage, 60000));
+    sst_events_shut(b->events);
+    sst_events_destroy(b->events);
+    sst_ring_destroy(b->ring);
+    synthetic_fini(&b->sets);
+    free(b->config);
+}
+
+/* The next set, as if it had been taken at this moment of CLOCK_MONOTONIC. */
+static inline void bench_put(struct bench *b, int64_t t_ns)
+{
+    struct sst_set set;
+    int64_t shift;
+
+    synthetic_set(&b->sets, b->index++, &set);
+    shift = t_ns - set.t_ns;
+    set.t_ns = t_ns;
+    set.wall_ns = sst_clock_wall_ns() - (sst_clock_now_ns() - t_ns);
+    for (int k = 0; k < set.cameras; k++) {
+        if (!set.frame[k])
+            continue;
+        set.frame[k]->t_ns += shift;
+        set.frame[k]->arrival_ns += shift;
+    }
+    assert_int_equal(sst_ring_put(b->ring, &set), 0);
+}
+
+/* A number of the status, or of its recording. */
+static inline int64_t bench_number(struct bench *b, const char *part, const char *key)
+{
+    json_t *o = sst_storage_status(b->storage), *of = part ? json_object_get(o, part) : o;
+    const json_t *v = json_object_get(of, key);
+    const int64_t n = json_is_boolean(v) ? json_is_true(v) : json_integer_value(v);
+
+    assert_non_null(v);
+    json_decref(o);
+    return n;
+}
+
+/* Wait until a number of the status is this, or more. */
+static inline void bench_wait(struct bench *b, const char *part, const char *key, int64_t least)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000000000;
+
+    while (bench_number(b, part, key) < least) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(2000);
+    }
+}
+
+static inline void bench_wait_state(struct bench *b, enum sst_storage_state state)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000000000;
+
+    while (sst_storage_state(b->storage) != state) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(2000);
+    }
+}
+
+static inline void bench_wait_ready(struct bench *b)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000000000;
+    bool ready = false;
+
+    while (!ready) {
+        json_t *o = sst_storage_status(b->storage);
+
+        ready = json_integer_value(json_object_get(o, "free_bytes")) > 0;
+        json_decref(o);
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(2000);
+    }
+}
+
+static inline void bench_wait_inactive(struct bench *b)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000000000;
+
+    while (bench_number(b, "recording", "active")) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(2000);
+    }
+}
+
+/* Events of a type, with these words in their line (NULL: any), so far. */
+static inline int bench_events(struct bench *b, const char *type, const char *words)
+{
+    char key[64], *line;
+    uint64_t after = 0;
+    int n = 0;
+
+    snprintf(key, sizeof(key), "\"type\":\"%s\"", type);
+    while (sst_events_next(b->events, after, &after, &line)) {
+        n += strstr(line, key) && (!words || strstr(line, words));
+        free(line);
+    }
+    return n;
+}
+
+static inline void bench_wait_event(struct bench *b, const char *type, const char *words, int n)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000000000;
+
+    while (bench_events(b, type, words) < n) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(2000);
+    }
+    assert_int_equal(bench_events(b, type, words), n);
+}
+
+/* Path of the i-th recording; count of all. */
+static inline int bench_recording(struct bench *b, int i, char path[SST_PATH_MAX])
+{
+    json_t *all = sst_storage_list(b->storage), *list = json_object_get(all, "recordings");
+    const json_t *one = json_array_get(list, (size_t)i);
+    const int n = (int)json_array_size(list);
+
+    if (one)
+        assert_int_equal(sst_path_join(path, in(dir, "recordings"), json_string_value(json_object_get(one, "name"))),
+                         0);
+    json_decref(all);
+    return n;
+}
+
+/* Sets of a recording follow on one another, by content. @return their number; first: index of the first */
+static inline int bench_check(struct bench *b, const char *path, uint64_t *first)
+{
+    struct sst_recording *r;
+    struct sst_recording_set set;
+    static uint8_t want[32768];
+    uint8_t *data;
+    int n;
+
+    assert_int_equal(sst_recording_open(&r, path), 0);
+    n = sst_recording_sets(r);
+    for (int i = 0; i < n; i++) {
+        assert_int_equal(sst_recording_set(r, i, &set), 0);
+        if (!i)
+            *first = set.index;
+        assert_int_equal(set.index, *first + (uint64_t)i);
+        for (int k = 0; k < b->sets.cameras; k++) {
+            assert_int_equal(sst_recording_frame(r, &set, k, &data), 0);
+            assert_true(set.frame[k].bytes <= sizeof(want));
+            synthetic_fill(want, set.frame[k].bytes, set.index, k);
+            assert_memory_equal(data, want, set.frame[k].bytes);
+            free(data);
+        }
+    }
+    sst_recording_close(r);
+    return n;
+}
+
+/* Real pictures, for light fields. */
+static inline void bench_put_pictures(struct bench *b, int n, int64_t first_ns)
+{
+    struct sst_image img;
+    uint8_t *file;
+    size_t bytes;
+
+    assert_int_equal(sst_image_init(&img, 8, 6), 0);
+    for (int c = 0; c < 3; c++)
+        for (int y = 0; y < 6; y++)
+            memset(sst_image_row(&img, c, y), 40 * (c + 1), 8);
+    assert_int_equal(sst_image_write_jpeg(&img, in(top, "view.jpg"), 90), 0);
+    assert_int_equal(sst_file_read(in(top, "view.jpg"), 1 << 20, &file, &bytes), 0);
+    for (int i = 0; i < n; i++) {
+        struct sst_frame frame[3];
+        struct sst_set set = { .index = b->index++, .t_ns = first_ns + i * INT64_C(100000000), .cameras = 3, .present = 3 };
+
+        set.wall_ns = sst_clock_wall_ns() - (sst_clock_now_ns() - set.t_ns);
+        for (int k = 0; k < 3; k++) {
+            frame[k] = (struct sst_frame){ .cam = k,
+                                           .fourcc = V4L2_PIX_FMT_MJPEG,
+                                           .width = 8,
+                                           .height = 6,
+                                           .data = file,
+                                           .bytes = bytes,
+                                           .t_ns = set.t_ns,
+                                           .arrival_ns = set.t_ns };
+            set.frame[k] = &frame[k];
+        }
+        assert_int_equal(sst_ring_put(b->ring, &set), 0);
+    }
+    free(file);
+    sst_image_fini(&img);
+}
+
+/* What a download says of itself first. */
+static inline struct sst_download_info bench_info(int fd)
+{
+    struct sst_download_info info;
+
+    assert_int_equal(recv(fd, &info, sizeof(info), MSG_WAITALL), sizeof(info));
+    return info;
+}
+
+static inline void bench_want(int fd, int64_t first, int64_t bytes)
+{
+    const struct sst_download_part part = { first, bytes };
+
+    assert_int_equal(send(fd, &part, sizeof(part), MSG_NOSIGNAL), sizeof(part));
+}
+
+/* Everything that comes until the end, into a file. @return bytes */
+static inline int64_t bench_read_all(int fd, const char *path)
+{
+    char copy[4096];
+    int64_t all = 0;
+    ssize_t n;
+    FILE *f = fopen(path, "wb");
+
+    while ((n = read(fd, copy, sizeof(copy))) > 0) {
+        assert_int_equal(fwrite(copy, 1, (size_t)n, f), n);
+        all += n;
+    }
+    assert_int_equal(n, 0);
+    fclose(f);
+    close(fd);
+    return all;
+}
+
+/* All of a download, into a file. @return its size */
+static inline int64_t bench_download(struct bench *b, const char *name, const char *want_type, const char *path)
+{
+    struct sst_download_info info;
+    const char *type;
+    int fd;
+
+    assert_int_equal(sst_storage_download(b->storage, name, &fd, &type), 0);
+    assert_string_equal(type, want_type);
+    info = bench_info(fd);
+    assert_int_equal(info.err, 0);
+    bench_want(fd, 0, info.bytes);
+    assert_int_equal(bench_read_all(fd, path), info.bytes);
+    return info.bytes;
+}
+
+#endif

@@ -1,0 +1,44 @@
+#!/usr/bin/env bash
+# Man pages and completion say what the programs know, are in order, and complete what a user begins to type.
+. "$(dirname "$0")/../lib.sh"
+[ "$("$sst" --describe | wc -l)" -gt 20 ] || fail "--describe: $("$sst" --describe | head -c 300)"
+"$root/scripts/man.py" --build "${SST_BUILD:-build}" --check || fail "stale"
+
+for page in "$root"/docs/man/*.[1-8]; do
+  [ -z "$(groff -k -ww -man -Tutf8 "$page" 2>&1 >text)" ] || fail "$page: $(groff -k -ww -man -Tutf8 "$page" 2>&1 >/dev/null)"
+  [ "$(wc -l <text)" -gt 30 ] || fail "$page is empty"
+done
+
+# Options of sstd, both ways.
+sstd=$root/${SST_BUILD:-build}/sstd
+if [ -x "$sstd" ]; then
+  "$sstd" --help >help 2>&1 || fail "sstd --help: exit $?"
+  groff -k -man -Tascii -P-cbou "$root/docs/man/sstd.8" >page
+  sed -n '/^OPTIONS/,/^SIGNALS/p' page | grep -oE '^ +(-[a-z], )?--[a-z-]+' | grep -oE -- '--[a-z-]+' | sort -u >in_page
+  grep -oE '^ +(-[a-z], )?--[a-z-]+' help | grep -oE -- '--[a-z-]+' | sort -u >in_help
+  cmp -s in_page in_help || fail "sstd(8) and sstd --help differ: $(diff in_page in_help)"
+fi
+
+# completes WANTED WORDS...: the last word is what was begun
+completes() {
+  local wanted=$1
+  shift
+  COMP_WORDS=(sst "$@")
+  COMP_CWORD=$#
+  COMPREPLY=()
+  _sst 2>/dev/null
+  [ "${COMPREPLY[*]}" = "$wanted" ] || fail "sst $*: '${COMPREPLY[*]}', not '$wanted'"
+}
+. "$root/completions/sst"
+complete -p sst >/dev/null || fail "nothing completes sst"
+completes 'snapshot' snap
+completes 'recording rectify render record reload' re
+completes 'start stop' record st
+completes '--follow' events --f
+completes 'colmap' export c
+completes 'array rig' capture ''
+completes '--pitch --pitch-y' capture rig --pi
+completes '--duration' capture array --du
+completes '' snapshot -o ''
+completes '' render garden ''
+exit $failed

@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# A certificate that is renewed while the service runs: by sst reload, by SIGHUP; a stream that is open stays.
+. "$(dirname "$0")/../lib.sh"
+"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
+command -v openssl >/dev/null || { echo "no openssl to make certificates with"; exit 77; }
+build=$root/${SST_BUILD:-build}
+export SST_SOCKET=$tmp/c.sock
+curl() { command curl -m 60 "$@"; }
+
+# pair NAME DAYS
+pair() {
+  openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days "$2" -subj "/O=$1/CN=localhost" \
+    -keyout "$1.key" -out "$1.pem" 2>/dev/null
+}
+# place NAME: it becomes the pair of the service
+place() { cp "$1.key" k && cp "$1.pem" c && mv k tls.key && mv c tls.pem; }
+# given: whose certificate a new connection gets
+given() { timeout 60 openssl s_client -connect "127.0.0.1:$port" </dev/null 2>/dev/null | openssl x509 -noout -subject; }
+# until_given NAME SECONDS
+until_given() {
+  for _ in $(seq $(($2 * 10))); do given | grep -q "O = $1" && return; sleep 0.1; done
+  fail "no certificate of $1: $(given); $(cat sstd.log)"
+}
+
+pair First 90; pair Second 180; pair Third 270
+place First
+cat >sstd.yaml <<YAML
+control: {socket: $tmp/c.sock, group: ""}
+web: {port: 0, token_file: $tmp/token, tls_certificate: $tmp/tls.pem, tls_key: $tmp/tls.key}
+storage: {dir: $tmp/store, ring_mb: 4, preroll_s: 0, min_free_gb: 0}
+live: {enabled: false}
+YAML
+"$build/sstd" --config sstd.yaml >sstd.log 2>&1 &
+daemon=$! stream=
+trap 'kill -9 $daemon $stream 2>/dev/null; wait 2>/dev/null; rm -rf "$tmp"' EXIT
+for _ in $(seq 600); do curl -sf --unix-socket c.sock http://x/api/v1/status >/dev/null && break; sleep 0.1; done # no cameras: failed
+port=$(ss -ltnpH 2>/dev/null | grep "pid=$daemon," | grep -o '127.0.0.1:[0-9]*' | head -n 1 | cut -d: -f2)
+[ -n "$port" ] || { echo "no ss to tell the port"; exit 77; }
+until_given First 5
+"$sst" status | grep -q 'TLS *certificate until .*, \(89\|90\) days' || fail "status: $("$sst" status)"
+curl -s --unix-socket c.sock http://x/metrics | grep -Eq '^sst_certificate_days (89|90)' || fail "metrics"
+curl -skN -H "Authorization: Bearer $(cat token)" -H 'Accept: application/x-ndjson' \
+  "https://127.0.0.1:$port/api/v1/events/stream?after=0" >stream &
+stream=$!
+
+place Second
+"$sst" reload --dry-run >out || fail "reload --dry-run"
+grep -q 'certificate until .* -> .*applies at once' out || fail "dry run: $(cat out)"
+until_given First 1
+"$sst" reload >/dev/null || fail "reload"
+until_given Second 1
+"$sst" reload | grep -q 'nothing changed' || fail "the same once more"
+
+# Not the key of it: refused as a whole, and told once.
+cp First.key tls.key
+"$sst" reload >out 2>err; judge 3 'is not the key of the certificate' $? 'a pair that does not fit'
+until_given Second 1
+
+place Third
+kill -HUP "$daemon"
+until_given Third 10
+kill -0 "$stream" || fail "the open stream ended"
+for _ in $(seq 600); do [ "$(grep -c '"state":"renewed"' stream)" -eq 2 ] && break; sleep 0.1; done
+[ "$(grep -c '"state":"renewed"' stream)" -eq 2 ] || fail "events: $(cat stream)"
+kill -TERM "$daemon"
+ended "$daemon" "the service" || fail "the service ended with $?"
+exit $failed

@@ -1,0 +1,198 @@
+#!/usr/bin/env bash
+# The service on simulated devices: it comes up, survives what happens to it, says so, and ends in time.
+. "$(dirname "$0")/../lib.sh"
+"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
+. "$root/tests/service_lib.sh"
+log=sstd.log
+
+cat >sstd.yaml <<YAML
+array: {rows: 6, cols: 6}
+cameras:
+  width: 160
+  height: 128
+  check_frozen: false
+  controls: {trigger_mode: 1, auto_exposure: 1, exposure_time_absolute: 50}
+trigger: {source: gpio, chip: sst-trigger, lines: [TRIG0, TRIG1, TRIG2, TRIG3, TRIG4, TRIG5], loopback: LOOP0, rate_hz: 10}
+control: {socket: $tmp/c.sock, group: ""}
+web: {port: 0, token_file: $tmp/token}
+storage: {dir: $tmp/store, ring_mb: 16, preroll_s: 1, postroll_s: 1, min_free_gb: 0}
+zones: [{name: all, x0: 0, y0: 0, x1: 1, y1: 1}]
+YAML
+
+# A session that stays while services come and go in it.
+"$build/sst-sim" --quiet --world "$root/simulators/world/worlds/quick.yaml" --serve session >sim.log 2>&1 &
+sim=$!
+trap 'kill -9 $daemon 2>/dev/null; kill $sim 2>/dev/null && ended $sim "the simulator"; rm -rf "$tmp"' EXIT
+for _ in $(seq 600); do "$build/sst-sim" fault --dir session --list >/dev/null 2>&1 && break; sleep 0.1; done
+
+# begin [ARGS]: start the service; its process is $daemon
+begin() {
+  rm -f pid
+  "$build/sst-sim" --quiet --join session -- sh -c 'echo $$ >pid; exec "$0" "$@"' "$build/sstd" -v --config sstd.yaml "$@" >sstd.log 2>&1 &
+  written pid
+  daemon=$(cat pid)
+}
+curl() { command curl -m 60 "$@"; }
+fault() { "$build/sst-sim" fault --dir session "$@" >/dev/null || fail "fault $*"; }
+
+# A configuration is judged before anything is touched.
+"$build/sstd" --check --config sstd.yaml 2>err || fail "--check: $(cat err)"
+sed 's/^zones/zonse/' sstd.yaml >wrong.yaml
+"$build/sstd" --check --config wrong.yaml 2>err; [ $? -eq 78 ] || fail "--check of a wrong key: not 78"
+grep -q 'wrong.yaml:[0-9]*:1.*zones' err || fail "--check: $(cat err)"
+mkfifo pipe.yaml
+timeout 5 "$build/sstd" --check --config pipe.yaml 2>err; [ $? -eq 78 ] || fail "--check of a pipe that nobody writes to: not 78: $(cat err)"
+
+begin
+until_is 30 state 'v == "capturing"'
+[ $failed -eq 0 ] || exit 1
+until_is 30 live.ready 'v'
+until_is 5 capture.present 'v == 36'
+until_is 5 capture.frames.unexplained 'v == 0'
+curl -sf --unix-socket c.sock http://x/healthz >/dev/null || fail "healthz"
+"$sst" snapshot -o now.jpg || fail "snapshot"
+[ "$(head -c 2 now.jpg | od -An -tx1)" = " ff d8" ] || fail "snapshot is no JPEG"
+for p in camera/r5c5 labels disparity main; do
+  curl -sf --unix-socket c.sock "http://x/snapshot/$p" >p.jpg && [ "$(head -c 2 p.jpg | od -An -tx1)" = " ff d8" ] || fail "/snapshot/$p"
+done
+"$root/tests/until.sh" "curl -sf -m 10 --unix-socket c.sock http://x/metrics >metrics && grep -q '^sst_cameras_present 36$' metrics" || fail "metrics: $(cat metrics)"
+awk '$1 == "#" && $2 == "TYPE" { type[$3] = $4 } /^[^#].*quantile=/ { sub(/\{.*/, ""); if (type[$0] != "summary") { print; bad = 1 } }
+  END { exit bad }' metrics || fail "quantiles of what is no summary"
+
+# A scene that stands still: nothing is computed.
+until_is 20 live.idle 'v > 10'
+
+# A view of one's own: other focus, what is under a point, and what is refused.
+ask() { curl -s --unix-socket c.sock -H 'Content-Type: application/json' "http://x$1" ${2:+-d "$2"}; }
+id=$(ask /api/v1/views '{"focus_px": 5}' | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin)["id"])')
+curl -sf --unix-socket c.sock "http://x/snapshot/$id" >own.jpg || fail "/snapshot/$id"
+ask "/api/v1/views/$id/pick?x=80&y=64" | grep -q disparity_px || fail "pick"
+ask "/api/v1/views/$id" '{"focus": 5}' | grep -q 'did you mean focus_px' || fail "an unknown setting is not refused"
+ask /api/v1/calibration/check '{"now": true}' | grep -q 'takes none' || fail "an unknown member of a check is not refused"
+ask "/api/v1/views/$id" '{"focus_label": "Dragon"}' | grep -q 'knows no class' || fail "an unknown label is not refused"
+/usr/bin/python3 "$root/tests/openapi.py" "$SST_SOCKET" >out || fail "answers and openapi.json differ: $(cat out)"
+until_is 10 storage.recording.active 'not v'
+
+# Reload: what is wrong is refused and the old one stays; what is right applies.
+cp sstd.yaml good.yaml
+cp wrong.yaml sstd.yaml
+want 3 zones reload
+until_is 2 state 'v == "capturing"'
+{ sed 's/rate_hz: 10/rate_hz: 5/' good.yaml; echo 'live: {focus_px: 2.5}'; } >sstd.yaml
+"$sst" reload --dry-run >out || fail "reload --dry-run"
+grep -q 'trigger.rate_hz' out || fail "dry run: $(cat out)"
+until_is 2 capture.rate_hz 'v > 7'
+"$sst" reload >out || fail "reload"
+until_is 15 capture.rate_hz '3 < v < 6.5'
+sed 's/^live:.*//; $ a live: {c1: 0.5, focus_px: 3}' sstd.yaml >live.yaml && cp live.yaml sstd.yaml
+"$sst" reload >out || fail "reload of the main view's settings"
+ask /api/v1/views | grep -q '"focus_px":3.*"c1":0.5' || ask /api/v1/views | grep -q '"c1":0.5.*"focus_px":3' || fail "reload leaves the main view as it was: $(ask /api/v1/views)"
+kill -HUP "$daemon"
+sleep 0.5
+kill -0 "$daemon" || fail "SIGHUP ended it"
+
+# A camera goes and comes back; a recording goes on meanwhile.
+"$sst" record start >/dev/null || fail "record start"
+until_is 5 storage.recording.active 'v'
+fault camera.7.unplug=1
+until_is 5 state 'v == "degraded"'
+until_is 5 capture.present 'v == 35'
+"$sst" events | grep -q 'row 1, col 1.*lost' || fail "no event of the lost camera: $("$sst" events | tail -3)"
+fault camera.7.unplug=0
+until_is 10 state 'v == "capturing"'
+
+# The trigger's chip goes and comes back.
+fault gpio.vanish=1
+until_is 10 state 'v in ("failed", "degraded")'
+fault gpio.vanish=0
+until_is 20 state 'v == "capturing"'
+"$sst" record stop || fail "record stop"
+
+# All cameras are gone: failed, and back by itself.
+for i in $(seq 0 35); do echo camera.$i.unplug=1; done | xargs "$build/sst-sim" fault --dir session >/dev/null
+until_is 20 state 'v == "failed"'
+for i in $(seq 0 35); do echo camera.$i.unplug=0; done | xargs "$build/sst-sim" fault --dir session >/dev/null
+until_is 30 state 'v == "capturing"'
+for _ in $(seq 100); do ask '/api/v1/views/main/pick?x=80&y=64' >picked && grep -q disparity_px picked && break; sleep 0.2; done
+grep -q disparity_px picked || fail "no pick after all cameras were away: $(cat picked)"
+
+# Frames come, but belong to no trigger (half a period off): told with the remedy, and in few lines.
+for i in $(seq 0 35); do echo camera.$i.clock_step_us=-100000; done | xargs "$build/sst-sim" fault --dir session >/dev/null
+until_is 20 reason '"belong to no trigger" in v and "trigger_mode" in v'
+until_is 5 state 'v in ("failed", "degraded")'
+for i in $(seq 0 35); do echo camera.$i.clock_step_us=0; done | xargs "$build/sst-sim" fault --dir session >/dev/null
+until_is 30 state 'v == "capturing"'
+[ "$(grep -c 'cameras.*frames belong to no trigger' sstd.log)" -lt 20 ] || fail "a line for each camera: $(grep -c trigger sstd.log)"
+
+# Another service on the same socket is refused with a sentence, and this one lives on.
+"$build/sst-sim" --quiet --join session -- "$build/sstd" --config sstd.yaml >other.log 2>&1
+rc=$?
+[ $rc -ne 0 ] && grep -q 'error.*c.sock\|error.*store' other.log || fail "a second service: exit $rc, $(cat other.log)"
+until_is 2 state 'v == "capturing"'
+
+# kill -9 while recording: what was acknowledged is there, and it captures again in time.
+"$sst" record start >/dev/null || fail "record start"
+until_is 10 storage.recording.sets 'v > 5'
+kill -9 "$daemon"
+gone "$daemon" 5000
+start=$(now)
+begin
+until_is 10 state 'v == "capturing"'
+ms=$((($(now) - start) / 1000000))
+echo "capturing again after $ms ms"
+quick $ms 5000 || fail "capturing again after $ms ms"
+count=0
+for r in store/recordings/*/; do
+  "$sst" recording "$r" --verify >out 2>&1 || fail "recording $r --verify: $(tail -n 2 out)"
+  count=$((count + 1))
+done
+[ $count -ge 2 ] || fail "$count recordings"
+curl -sf --unix-socket c.sock http://x/api/v1/recordings | grep -q '"sets"' || fail "recordings"
+
+# A moment of a recording as a light field.
+at=$(ask /api/v1/recordings | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin)["recordings"][0]["from"])')
+name=$(ask /api/v1/export "{\"time\": \"$at\"}" | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin).get("name", ""))')
+[ -n "$name" ] || fail "export of $at: $(ask /api/v1/export "{\"time\": \"$at\"}")"
+curl -sf --retry 5 --unix-socket c.sock "http://x/api/v1/download/$name.tar" | tar -t >out && grep -q lightfield.json out || fail "download: $(head -3 out)"
+
+# A recording as a video, see-through and of a camera, in two parts; then it is deleted.
+taken=$("$sst" record start) || fail "record start: $taken"
+end=$((SECONDS + 120))
+while [ $SECONDS -lt $end ]; do
+  ask /api/v1/recordings | /usr/bin/python3 -c "import json, sys
+sys.exit(not any(r['name'] == '$taken' and r['view'] for r in json.load(sys.stdin)['recordings']))" && break
+  sleep 0.1
+done
+"$sst" record stop || fail "record stop"
+until_is 20 storage.recording.active 'not v'
+for video in "$taken.mkv" "$taken.r0c5.mkv"; do
+  url=http://x/api/v1/download/$video
+  curl -sf --unix-socket c.sock -o whole.mkv "$url" || fail "$video: $(curl -s --unix-socket c.sock "$url" | head -c 300); $(ask /api/v1/recordings)"
+  curl -sf --unix-socket c.sock -r 0-999 -o part.mkv "$url" && curl -sf --unix-socket c.sock -C - -o part.mkv "$url" || fail "$video in parts"
+  cmp whole.mkv part.mkv || fail "$video: its parts are another file"
+  [ "$(head -c 4 whole.mkv | od -An -tx1 | tr -d ' ')" = 1a45dfa3 ] || fail "$video is no Matroska"
+done
+"$sst" record delete "$taken" >/dev/null && [ ! -e "store/recordings/$taken" ] || fail "delete $taken"
+"$sst" record list | grep -q "$taken" && fail "$taken is still listed"
+
+# Garbage, floods and clients that never read do not disturb it.
+head -c 100000 /dev/urandom | timeout 2 curl -s --unix-socket c.sock -T - http://x/api/v1/record >/dev/null
+/usr/bin/python3 - <<'PY'
+import os, socket
+held = []
+for i in range(100):
+    s = socket.socket(socket.AF_UNIX)
+    try:
+        s.connect("c.sock")
+        s.sendall([b"GET /stream HTTP/1.1\r\nHost: x\r\n\r\n", os.urandom(500), b"GET / HT"][i % 3])
+        held.append(s)
+    except OSError:
+        pass
+PY
+until_is 5 state 'v == "capturing"'
+until_is 5 capture.rate_hz '3 < v < 6.5'
+
+kill -TERM "$daemon"
+gone "$daemon" 2000
+"$build/sstd" --help | grep -q -- --check || fail "--help"
+exit $failed

@@ -1,0 +1,136 @@
+#!/usr/bin/env bash
+# sst as a client of the service: what people see, exit codes, and a service that is away, hangs or answers nonsense.
+. "$(dirname "$0")/../lib.sh"
+"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
+export SST_SOCKET=$tmp/s
+/usr/bin/python3 "$root/tests/fake_service.py" s port 2>fake.err &
+fake=$!
+trap 'kill $fake; rm -rf "$tmp"' EXIT
+for _ in $(seq 1200); do [ -S s ] && [ -s port ] && break; sleep 0.05; done
+[ -S s ] || { cat fake.err; exit 1; }
+
+# see ARGS...: succeeds without a word on standard error; the output is in ./out
+see() { "$sst" "$@" >out 2>err </dev/null && [ ! -s err ] || fail "sst $*: exit $?: $(head -c 300 err)"; }
+# shows WORDS: in ./out
+shows() { grep -qF -- "$1" out || fail "no '$1' in: $(head -c 1500 out)"; }
+# told PYTHON: about the last request, r
+told() { /usr/bin/python3 -c "import json; r = json.loads(open('s.log').readlines()[-1]); assert $1, r" || fail "told: $1"; }
+
+see status
+for words in 'degraded: 35 of 36 cameras' 'r0c5 absent (unplugged)' '10.0 Hz' 'p99 180' 'exceeded by 2 sets' 'farthest off: r3c2' \
+    '7 corrupt' 'p99 300 ms' '6.1 sets/s' 'LOW' '410 GB free' 'motion in door' '520 MB'; do shows "$words"; done
+[ "$(wc -l <out)" -le 20 ] && [ "$(wc -L <out)" -le 160 ] || fail "status is more than a screen"
+see status --json
+/usr/bin/python3 -c 'import json; assert json.load(open("out"))["capture"]["present"] == 35' || fail "status --json"
+echo failed >s.mode
+"$sst" status >out 2>err; [ $? -eq 3 ] || fail "status of a failed service: exit $?"
+shows 'failed: no camera'
+rm s.mode
+"$sst" status --watch --json >out 2>err & watch=$!
+for _ in $(seq 600); do [ "$(wc -l <out)" -ge 2 ] && break; sleep 0.1; done
+kill $watch && [ "$(wc -l <out)" -ge 2 ] || fail "--watch: $(wc -l <out) lines, $(cat err)"
+
+see cameras
+shows '35 of 36 cameras stream'
+[ "$(grep -c '^r[0-5] .*10\.0' out)" -eq 6 ] || fail "grid: $(cat out)"
+grep -q '^r0c5 .*absent.*SIM0005.*unplugged' out || fail "missing camera: $(cat out)"
+see cameras --all
+[ "$(grep -c '^r[0-5]c[0-5] ' out)" -eq 36 ] || fail "cameras --all"
+see cameras --json
+/usr/bin/python3 -c 'import json; assert len(json.load(open("out"))["cameras"]) == 36' || fail "cameras --json"
+
+# All pages of what is kept, and what comes.
+see events
+[ "$(wc -l <out)" -eq 30 ] || fail "events: $(wc -l <out) of 30"
+see events --after 25 --type camera-lost --json
+[ "$(wc -l <out)" -eq 1 ] && shows '"id": 30' || fail "events --after: $(cat out)"
+"$sst" events --follow >out 2>err; [ $? -eq 5 ] || fail "events --follow after the end: exit $?"
+[ "$(wc -l <out)" -eq 12 ] && shows 'live 32' || fail "events --follow: $(cat out)"
+
+see reload --dry-run
+told "r['body'] == {'dry_run': True}"
+shows '10 -> 20'
+shows 'capturing starts anew'
+see reload
+told "r['body'] == {'dry_run': False}"
+echo refuse >s.mode
+want 3 'sstd.yaml:7:12' reload
+rm s.mode
+
+see record start --duration 60
+told "r['body'] == {'action': 'start', 'seconds': 60}"
+shows 2026-11-21T18-05-00Z
+see record stop
+told "r['body'] == {'action': 'stop'}"
+see record list
+shows 'motion in door'
+shows 'snapshot-2026-11-21T18-04-30Z'
+see record download 2026-11-21T18-04-00Z -o all.tar
+grep -q 'download/2026-11-21T18-04-00Z.tar' all.tar || fail "download: $(cat all.tar)"
+see record download 2026-11-21T18-04-00Z --camera r0c5 -o cam.mkv
+grep -q 'download/2026-11-21T18-04-00Z.r0c5.mkv' cam.mkv || fail "download of a camera: $(cat cam.mkv)"
+see record download 2026-11-21T18-04-00Z -o view.mkv
+grep -q 'download/2026-11-21T18-04-00Z.mkv' view.mkv || fail "download of the view: $(cat view.mkv)"
+see record delete snapshot-2026-11-21T18-04-30Z
+told "r['body'] == {'name': 'snapshot-2026-11-21T18-04-30Z'}"
+want 2 'delete what' record delete
+want 2 'delete what' record delete ../token
+want 2 'where it goes' record download 2026-11-21T18-04-00Z
+want 2 'goes with -o FILE.mkv' record download 2026-11-21T18-04-00Z --camera r0c5 -o bad.tar
+want 2 'takes no name' record start now
+see record export --time 2026-11-21T18:05:00Z --recording R -o then.tar
+grep -q 'download/2026-11-21T18-05-00Z.tar' then.tar || fail "export: $(cat then.tar)"
+see record export --ago 5
+told "__import__('re').fullmatch(r'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z', r['body']['time'])"
+want 2 'say which moment' record export
+want 2 'belongs to start' record stop --duration 3
+want 2 'no record pause' record pause
+
+see snapshot -o now.jpg
+[ "$(head -c 2 now.jpg | od -An -tx1 | tr -d ' ')" = ffd8 ] || fail "snapshot"
+see snapshot --of r0c5 -o cam.jpg
+told "r['path'] == '/snapshot/camera/r0c5'"
+see snapshot --keep -o kept.tar
+shows 2026-11-21T18-05-00.123Z
+want 2 'say where' snapshot
+want 2 'is no view' snapshot --of ../../etc -o bad.jpg
+want 4 'no-such' snapshot -o no-such/bad.jpg
+
+# What is not the service, or not well. Files appear whole or not at all, and nobody writes to the terminal but us.
+echo garbage >s.mode
+want 1 'no JSON' status
+want 1 'no image/jpeg' snapshot -o bad.jpg
+echo huge >s.mode
+want 1 'more than 16 MiB' status
+echo cut >s.mode
+want 1 'cannot be asked' status
+want 1 'cannot be asked' snapshot -o bad.jpg
+echo torn >s.mode
+"$sst" snapshot --keep -o bad.tar >out 2>err
+judge 1 'broke off' $? 'a torn archive'
+echo evil >s.mode
+want 1 'two?lines and ?' status
+rm s.mode
+want 5 'no service runs at .*nobody' status --socket "$tmp/nobody"
+want 2 'at most 107' status --socket "/$(printf 'x%.0s' {1..200})"
+/usr/bin/python3 -c 'import socket; s = socket.socket(socket.AF_UNIX); s.bind("stale")'
+want 5 'systemctl status sstd' events --socket "$tmp/stale"
+want 5 'no service runs' cameras --socket "$tmp/stale"
+want 5 'no service runs' reload --socket "$tmp/stale"
+
+# Without a service the machine's own cameras are listed.
+SST_SOCKET=$tmp/stale "$sst" cameras >out 2>err || fail "cameras without a service: $(cat err)"
+grep -q stream out && fail "a grid without a service"
+
+# TCP, with its token; a proxy of the environment is not asked.
+url=http://127.0.0.1:$(cat port)
+export http_proxy=http://127.0.0.1:9
+echo fake-token >token
+see status --url "$url/" --token-file token
+want 3 'token' status --url "$url"
+printf 'two\nlines\n' >token
+want 3 'one line' status --url "$url" --token-file token
+want 3 'missing' status --url "$url" --token-file missing
+want 2 'http' status --url ftp://x
+want 5 'no service runs' status --url http://127.0.0.1:1
+exit $failed

@@ -1,0 +1,58 @@
+#!/usr/bin/env bash
+# The installed service: where everything goes, that systemd takes the units, how exposed they are, and that nothing is
+# left of it afterwards.
+. "$(dirname "$0")/../lib.sh"
+build=$root/${SST_BUILD:-build}
+[ -x "$build/sstd" ] || { echo "sstd is not built"; exit 77; }
+run() { make -s -C "$root" BUILD="$build" PREFIX=/usr DESTDIR="$tmp/dest" "$@" >out 2>&1 || fail "make $*: $(cat out)"; }
+
+run install-built
+for f in usr/bin/sst usr/sbin/sstd usr/lib/systemd/system/sstd.service usr/lib/systemd/system/sstd.socket \
+    usr/lib/sysusers.d/sst.conf usr/lib/tmpfiles.d/sst.conf usr/lib/udev/rules.d/60-sst.rules usr/lib/modules-load.d/sst.conf \
+    usr/share/man/man1/sst.1 usr/share/man/man8/sstd.8 usr/share/bash-completion/completions/sst etc/sst/sstd.yaml \
+    usr/share/doc/sst/examples/lan.conf; do
+  [ -s "dest/$f" ] || fail "$f is not installed"
+done
+unit=dest/usr/lib/systemd/system/sstd.service
+grep -q '^ExecStart=/usr/sbin/sstd$' $unit && grep -q '^ExecReload=/usr/bin/sst reload$' $unit || fail "paths: $(grep Exec $unit)"
+grep -rlE '@[A-Z]+@' dest/usr/lib/systemd dest/usr/share/man && fail "a place was not filled in"
+
+# An upgrade keeps what was edited.
+echo '# mine' >>dest/etc/sst/sstd.yaml
+run install-built
+grep -q '# mine' dest/etc/sst/sstd.yaml || fail "the configuration was overwritten"
+run uninstall
+grep -q 'it stays' out || fail "nothing said of the configuration: $(cat out)"
+[ "$(find dest -type f | grep -c .)" -eq 1 ] || fail "left: $(find dest -type f)"
+cp "$root/config/sstd.yaml" dest/etc/sst/sstd.yaml
+run uninstall
+[ -z "$(find dest -type f; find dest -name '*sst*')" ] || fail "left: $(find dest -type f -o -name '*sst*')"
+
+if command -v systemd-analyze >/dev/null; then
+  # Where the programs are, so that the unit can be judged as it is.
+  make -s -C "$root" BUILD="$build" PREFIX="$tmp/here" SYSCONFDIR="$tmp/here/etc" install-built >out 2>&1 || fail "install: $(cat out)"
+  units=here/lib/systemd/system
+  # Man pages are not looked up: those of this tree are not installed.
+  systemd-analyze verify --man=no $units/sstd.service $units/sstd.socket >out 2>&1 || fail "verify: $(cat out)"
+  # Only of ours: other units of the machine have faults of their own.
+  grep -E '(^|/)sstd' out && fail "verify: $(grep sstd out)"
+  systemd-analyze security --offline=true --threshold=15 $units/sstd.service >out 2>&1 || fail "exposure: $(tail -1 out)"
+  for example in "$root"/systemd/examples/*.conf; do
+    mkdir -p $units/sstd.service.d
+    cp "$example" $units/sstd.service.d/
+    systemd-analyze verify --man=no $units/sstd.service 2>&1 | grep -E 'sstd' | grep -vE 'Restart(Steps|MaxDelaySec)' &&
+      fail "verify with ${example##*/}"
+    rm -r $units/sstd.service.d
+  done
+else
+  echo "systemd-analyze is not installed: the units were not judged"
+  [ $failed -eq 0 ] && exit 77
+fi
+
+if command -v systemd-sysusers >/dev/null; then
+  mkdir -p image/etc
+  systemd-sysusers --root="$tmp/image" "$root/systemd/sysusers.conf" >out 2>&1 || fail "sysusers: $(cat out)"
+  grep -q '^sst:.*:/var/lib/sst:' image/etc/passwd || fail "no user sst: $(cat image/etc/passwd)"
+  for group in video gpio dialout plugdev sst; do grep -q "^$group:" image/etc/group || fail "no group $group"; done
+fi
+exit $failed

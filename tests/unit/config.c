@@ -1,0 +1,488 @@
+/* The service's configuration: the shipped file, the table, parts in conf.d, faults with places, differences. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "config/schema.h"
+#include "config/yaml.h"
+
+static struct sst_config cfg, other;
+static char folder[64], said[8192];
+
+/* --- files -------------------------------------------------------------------------------------------------------- */
+
+static int make_folder(void **state)
+{
+    (void)state;
+    strcpy(folder, "/tmp/sst-config-XXXXXX");
+    assert_non_null(mkdtemp(folder));
+    sst_config_defaults(&cfg);
+    return 0;
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    sst_path_remove_tree(folder);
+    return 0;
+}
+
+/* A file of the test's folder; with a '/' in its name in a folder of that. */
+static void put(const char *name, const char *text)
+{
+    char path[SST_PATH_MAX], *slash;
+    FILE *f;
+
+    snprintf(path, sizeof(path), "%s/%s", folder, name);
+    slash = strchr(path + strlen(folder) + 1, '/');
+    if (slash) {
+        *slash = 0;
+        (void)mkdir(path, 0755);
+        *slash = '/';
+    }
+    f = fopen(path, "w");
+    assert_non_null(f);
+    fputs(text, f);
+    assert_int_equal(fclose(f), 0);
+}
+
+/* Read it; all that was said on standard error is kept. */
+static int read_back(struct sst_config *c, const char *name)
+{
+    char path[SST_PATH_MAX];
+    FILE *kept = tmpfile();
+    const int before = dup(2);
+    int err;
+    size_t n;
+
+    assert_non_null(kept);
+    snprintf(path, sizeof(path), "%s/%s", folder, name);
+    fflush(stderr);
+    dup2(fileno(kept), 2);
+    err = sst_config_read(c, path);
+    fflush(stderr);
+    dup2(before, 2);
+    close(before);
+    rewind(kept);
+    n = fread(said, 1, sizeof(said) - 1, kept);
+    said[n] = 0;
+    fclose(kept);
+    return err;
+}
+
+static void expect_said(const char *words)
+{
+    if (!strstr(said, words))
+        fail_msg("no '%s' in: %s", words, said);
+}
+
+static void refuse(const char *text, const char *words)
+{
+    put("c.yaml", text);
+    other = cfg;
+    if (read_back(&cfg, "c.yaml") != -EBADMSG)
+        fail_msg("taken: %s", text);
+    assert_memory_equal(&cfg, &other, sizeof(cfg));
+    expect_said(words);
+}
+
+static void accept(const char *text)
+{
+    put("c.yaml", text);
+    sst_config_defaults(&cfg);
+    if (read_back(&cfg, "c.yaml"))
+        fail_msg("refused: %s: %s", text, said);
+}
+
+/* --- the shipped file --------------------------------------------------------------------------------------------- */
+
+/* The file with its examples in place of what is empty: "#-" and "#name" lose the mark. */
+static char *with_examples(void)
+{
+    char *text, *out;
+    size_t size, n = 0, opener = 0;
+
+    assert_int_equal(sst_file_read("config/sstd.yaml", 1 << 20, (uint8_t **)&text, &size), 0);
+    out = malloc(size + 1);
+    assert_non_null(out);
+    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
+        char *mark = line + strspn(line, " "), *empty;
+
+        if (*mark == '#' && mark[1] != ' ' && mark[1]) {
+            *mark = ' ';
+            empty = strpbrk(out + opener, "[{");
+            if (empty && (empty[1] == ']' || empty[1] == '}') && empty < out + n)
+                empty[0] = empty[1] = ' ';
+        } else {
+            opener = n;
+        }
+        n += (size_t)sprintf(out + n, "%s\n", line);
+    }
+    free(text);
+    return out;
+}
+
+static void shipped_file_is_the_defaults(void **state)
+{
+    (void)state;
+    sst_config_defaults(&cfg);
+    other = cfg;
+    assert_int_equal(sst_config_read(&other, "config/sstd.yaml"), 0);
+    assert_memory_equal(&cfg, &other, sizeof(cfg));
+}
+
+static void shipped_file_has_every_key(void **state)
+{
+    char *text = with_examples();
+    struct sst_yaml *doc;
+    struct sst_yaml_node *root;
+    int count;
+    const struct sst_key *keys = sst_schema(&count);
+
+    (void)state;
+    put("c.yaml", text);
+    sst_config_defaults(&cfg);
+    if (read_back(&cfg, "c.yaml")) /* also: no key that the table lacks */
+        fail_msg("%s", said);
+    assert_int_equal(sst_yaml_parse(&doc, text, strlen(text), "sstd.yaml"), 0);
+    root = sst_yaml_root(doc);
+    for (int i = 0; i < count; i++) {
+        struct sst_yaml_node *n = *keys[i].section ? sst_yaml_get(root, keys[i].section) : root;
+        bool there;
+
+        n = sst_yaml_get(n, keys[i].name);
+        if (!n)
+            fail_msg("%s.%s is not in config/sstd.yaml", keys[i].section, keys[i].name);
+        for (int f = 0; f < keys[i].n_fields; f++) {
+            there = false;
+            for (struct sst_yaml_node *e = n->first; e; e = e->next)
+                there = there || sst_yaml_get(e, keys[i].fields[f].name);
+            if (!there)
+                fail_msg("no example of %s in %s of config/sstd.yaml", keys[i].fields[f].name, keys[i].name);
+        }
+    }
+    sst_yaml_destroy(doc);
+    free(text);
+    assert_int_equal(cfg.array.controls, 3);
+    assert_int_equal(cfg.zones, 1);
+    assert_int_equal(cfg.storage.triggers, 2);
+    assert_int_equal(cfg.hooks, 2);
+    assert_string_equal(cfg.hook[0].argv[3], "a camera was lost");
+    assert_string_equal(cfg.hook[0].argv[4], "");
+}
+
+/* --- values ------------------------------------------------------------------------------------------------------- */
+
+static void defaults_are_sensible(void **state)
+{
+    (void)state;
+    sst_config_defaults(&cfg);
+    assert_true(cfg.live.enabled && cfg.live.skip_change && cfg.live.skip_labels && isnan(cfg.live.focus_px));
+    assert_true(cfg.live.plane_mm < 0 && cfg.live.c1 == 0.005 && cfg.live.jpeg_quality == 85);
+    assert_string_equal(cfg.control.socket, "/run/sst/control.sock");
+    assert_string_equal(cfg.control.group, "sst");
+    assert_true(cfg.web.enabled && cfg.web.port == 8090 && cfg.web.clients == 64 && cfg.web.streams == 32);
+    assert_true(cfg.web.stream_hz == 10 && cfg.web.views == 4 && !cfg.web.insecure);
+    assert_string_equal(cfg.web.address, "127.0.0.1");
+    assert_string_equal(cfg.storage.dir, "/var/lib/sst");
+    assert_true(cfg.storage.mode == SST_RECORD_OFF && cfg.storage.min_free_gb == 2 && cfg.storage.ring_mb == 512);
+    assert_true(!cfg.rtsp.enabled && cfg.rtsp.port == 8554 && cfg.rtsp.codec == SST_RTSP_H264);
+    assert_true(!cfg.mqtt.enabled && cfg.mqtt.port == 1883);
+    assert_int_equal(cfg.array.rig_unit[2], 3);
+    assert_true(cfg.array.rig_travel_max_mm[1] == 400);
+}
+
+static void values_arrive(void **state)
+{
+    (void)state;
+    accept("array: { rows: 2, cols: 2 }\n"
+           "live: { enabled: true, focus_px: 7.25, plane_mm: 3000, range_min_px: -1, range_max_px: 30, c1: 1e-2 }\n"
+           "zones:\n"
+           "  - { name: gate, x0: 0, y0: 0.25, x1: 0.5, y1: 1 }\n"
+           "  - { name: yard, x0: 0.5, y0: 0, x1: 1, y1: 1 }\n"
+           "control: { group: \"\", socket: /tmp/s }\n"
+           "web: { address: \"::1\", port: 0 }\n"
+           "rtsp: { enabled: true, codec: mjpeg }\n"
+           "storage:\n"
+           "  mode: event\n"
+           "  record_on:\n"
+           "    - { zone: yard, label: Pedestrian, share: 0.5, end_s: 20 }\n"
+           "    - {}\n"
+           "mqtt: { topic: site/sst, discovery: \"\" }\n"
+           "hooks: [ { event: motion, run: [/bin/sh, -c, 'echo \"$SST_ZONE\"'] } ]\n");
+    assert_true(cfg.live.focus_px == 7.25 && cfg.live.plane_mm == 3000 && cfg.live.c1 == 0.01);
+    assert_int_equal(cfg.zones, 2);
+    assert_string_equal(cfg.zone[1].name, "yard");
+    assert_true(cfg.zone[0].y0 == 0.25 && cfg.zone[1].x1 == 1);
+    assert_string_equal(cfg.control.group, "");
+    assert_true(cfg.storage.mode == SST_RECORD_EVENT && cfg.storage.triggers == 2 && cfg.rtsp.codec == SST_RTSP_MJPEG);
+    assert_int_equal(cfg.storage.trigger[0].zone, 1);
+    assert_true(cfg.storage.trigger[0].share == 0.5 && cfg.storage.trigger[0].end_s == 20);
+    assert_true(cfg.storage.trigger[1].begin_s == 0.3 && cfg.storage.trigger[1].end_s == 1);
+    assert_int_equal(cfg.storage.trigger[1].zone, -1);
+    assert_true(cfg.storage.trigger[1].share == 0.01 && !*cfg.storage.trigger[1].label);
+    assert_string_equal(cfg.hook[0].argv[2], "echo \"$SST_ZONE\"");
+    accept("");                                 /* nothing at all */
+    accept("# live:\n#   c1: 7\n");             /* nothing but comments */
+    accept("live:\n  # c1: 7\nzones:\n  []\n"); /* a section with nothing in it */
+}
+
+static void parts_replace_key_by_key(void **state)
+{
+    (void)state;
+    put("s/sstd.yaml", "array: { rows: 2, cols: 3 }\n"
+                       "trigger: { source: gpio, lines: [A, B], delay_us: [1, 2] }\n"
+                       "cameras:\n"
+                       "  controls: { gain: 1, exposure: 2 }\n"
+                       "  bind: [ { row: 0, col: 0, serial: X, line: B }, { row: 1, col: 2, serial: Y } ]\n"
+                       "web: { port: 1000, host: a.example }\n"
+                       "zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 }, { name: b, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n"
+                       "storage: { record_on: [ { zone: a } ] }\n");
+    char part[128];
+
+    snprintf(part, sizeof(part), "%s/s/conf.d", folder);
+    assert_int_equal(mkdir(part, 0755), 0);
+    sst_config_defaults(&cfg);
+    assert_int_equal(read_back(&cfg, "s/sstd.yaml"), 0); /* an empty folder is none */
+    assert_int_equal(cfg.zones, 2);
+    snprintf(part, sizeof(part), "%s/s/conf.d/x", folder);
+    for (int i = 0; i < 4; i++) {
+        static const char *const names[] = { "s/conf.d/90-late.yaml", "s/conf.d/10-early.yaml", "s/conf.d/.hidden.yaml",
+                                             "s/conf.d/no.yaml~" };
+        static const char *const texts[] = { "web: { port: 3000 }\ncameras: { controls: { gain: 9 } }\n",
+                                             "web: { port: 2000, address: \"::1\" }\n"
+                                             "trigger: { lines: [B, A] }\n"
+                                             "zones: [ { name: a, x0: 0.5, y0: 0, x1: 1, y1: 1 } ]\n",
+                                             "rubbish", "rubbish" };
+        char path[256];
+        FILE *f;
+
+        snprintf(path, sizeof(path), "%s/%s", folder, names[i]);
+        f = fopen(path, "w");
+        assert_non_null(f);
+        fputs(texts[i], f);
+        fclose(f);
+    }
+    sst_config_defaults(&cfg);
+    if (read_back(&cfg, "s/sstd.yaml"))
+        fail_msg("%s", said);
+    assert_int_equal(cfg.web.port, 3000);
+    assert_string_equal(cfg.web.address, "::1");
+    assert_string_equal(cfg.web.host, "a.example");
+    assert_int_equal(cfg.zones, 1);
+    assert_true(cfg.zone[0].x0 == 0.5);
+    assert_int_equal(cfg.storage.trigger[0].zone, 0);
+    assert_int_equal(cfg.array.controls, 2);
+    assert_int_equal(cfg.array.control[0].value, 9);
+    assert_int_equal(cfg.array.camera[0].line, 0); /* B comes first in the lines that count */
+    assert_int_equal(cfg.array.camera[1].line, 1); /* that of its row */
+}
+
+/* --- faults ------------------------------------------------------------------------------------------------------- */
+
+static void single_faults_are_told(void **state)
+{
+    static const char *const bad[][2] = {
+        { "web: { prot: 1 }\n", "c.yaml:1:8: prot is no key here; did you mean port?" },
+        { "wbe: {}\n", "did you mean web?" },
+        { "hook: []\n", "did you mean hooks?" },
+        { "web: 5\n", "1:6: web must hold keys" },
+        { "zones: {}\n", "zones must be a list" },
+        { "zones: [ 1 ]\n", "list of mappings, as - { name: ... }" },
+        { "live: { enabled: no }\n", "wants false or true, not no" },
+        { "live: { enabled: on }\n", "wants false or true, not on" },
+        { "live: { threads: 012 }\n", "1:18: threads wants a whole number in 0..256, not 012" },
+        { "live: { c1: 00.5 }\n", "c1 wants a number in 0..1, not 00.5" },
+        { "live: { c1: nan }\n", "c1 wants a number" },
+        { "live: { focus_px: .inf }\n", "focus_px wants a number" },
+        { "live: { focus_px: 1e999 }\n", "focus_px wants a number" },
+        { "live: { range_min_px: 3, range_max_px: 2 }\n", "range_min_px must not be above" },
+        { "live: { sigma_px: 1e-9 }\n", "sigma_px must be 0 or" },
+        { "live: { calibration: calib.yaml }\n", "wants a path from the root" },
+        { "control: { group: ~ }\n", "\"\" is none" },
+        { "control: { group: no }\n", "only in quotes" },
+        { "control: { socket: run/s }\n", "wants a path from the root" },
+        { "web: { address: localhost }\n", "wants a numeric address, as 127.0.0.1" },
+        { "web: { address: 10.0.0.1 }\n", "1:17: address 10.0.0.1 is open to the network" },
+        { "web: { tls_key: /etc/hosts }\n", "needs both tls_certificate and tls_key" },
+        { "web: { clients: 3 }\n", "must not be above clients (3)" },
+        { "web: { port: 65536 }\n", "0..65535" },
+        { "web: { port: 8554 }\nrtsp: { enabled: true }\n", "1:14: port 8554 is web's and rtsp's" },
+        { "rtsp: { enabled: true, port: 8090 }\n", "1:30: port 8090 is web's and rtsp's" },
+        { "rtsp: { enabled: true, address: \"::\" }\n", "open to the network" },
+        { "rtsp: { user: me }\n", "needs both user and password_file" },
+        { "rtsp: { codec: h265 }\n", "wants h264 or mjpeg, not h265" },
+        { "mqtt: { topic: a/# }\n", "without spaces" },
+        { "mqtt: { topic: a/ }\n", "outer slashes" },
+        { "mqtt: { password_file: /etc/hosts }\n", "needs mqtt: user" },
+        { "zones: [ { name: A, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n", "wants a name of a-z" },
+        { "zones: [ { name: a, x0: 0, y0: 0, x1: 1.1, y1: 1 } ]\n", "x1 wants a number in 0..1" },
+        { "zones: [ { name: a, x0: 1, y0: 0, x1: 1, y1: 1 } ]\n", "x0 is not below" },
+        { "zones: [ { name: a, x0: 0, y0: 0, x1: 1 } ]\n", "lacks the key y1" },
+        { "zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 }, { name: a, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n",
+          "two zones named a" },
+        { "storage: { record_on: [ { zone: gate } ] }\n", "1:33: zone names no zone: zones has no gate" },
+        { "storage: { record_on: [ { share: 0 } ] }\n", "share wants a number" },
+        { "storage: { record_on: [ { end_s: 0 } ] }\n", "end_s wants a number" },
+        { "storage: { mode: event }\n", "event needs storage: record_on" },
+        { "live: { enabled: false }\nstorage: { mode: event, record_on: [ {} ] }\n", "event needs live" },
+        { "storage: { quota_gb: 0.1 }\n", "is less than one segment" },
+        { "storage: { dir: here }\n", "wants a path from the root" },
+        { "hooks: [ { event: motion } ]\n", "lacks the key run" },
+        { "hooks: [ { event: motion, run: [] } ]\n", "must begin with the program's path" },
+        { "hooks: [ { event: motion, run: [logger] } ]\n",
+          "1:33: run must begin with the program's path from the root" },
+        { "hooks: [ { event: motion, run: [/nonexistent/x] } ]\n", "is not there" },
+        { "hooks: [ { event: motion, run: [/etc/passwd] } ]\n", "no program that may be run" },
+        { "hooks: [ { event: motion, run: [/tmp] } ]\n", "no program that may be run" },
+        { "hooks: [ { event: movement, run: [/bin/sh] } ]\n", "camera-lost, camera-found" },
+        { "hooks: [ { event: motion, run: /bin/sh } ]\n", "run must be a list" },
+        { "trigger: { source: gpio, lines: [A, B], delay_us: [1, 2, 3] }\n", "has 3 numbers; 2 are needed" },
+        { "rig: { um_per_count: 0 }\n", "other than 0" },
+    };
+
+    (void)state;
+    sst_config_defaults(&cfg);
+    for (size_t i = 0; i < ARRAY_LEN(bad); i++)
+        refuse(bad[i][0], bad[i][1]);
+}
+
+/* Also those of values that another file replaces, and of all files at once. */
+static void all_faults_of_all_files_are_told(void **state)
+{
+    char path[128];
+
+    (void)state;
+    put("a.yaml", "web: { port: x }\nlive: { c1: 2 }\nzonse: []\n");
+    put("conf.d/10.yaml", "web: { port: 1 }\nlive: { c2: -1 }\n");
+    put("conf.d/20.yaml", "storage: { record_on: [ { zone: z } ] }\nrtsp:\n  - 1\n");
+    sst_config_defaults(&cfg);
+    assert_int_equal(read_back(&cfg, "a.yaml"), -EBADMSG);
+    expect_said("a.yaml:1:14: port");
+    expect_said("a.yaml:2:13: c1");
+    expect_said("a.yaml:3:1: zonse is no key here; did you mean zones?");
+    expect_said("conf.d/10.yaml:2:13: c2");
+    expect_said("conf.d/20.yaml:1:33: zone names no zone");
+    expect_said("conf.d/20.yaml:3:3: rtsp must hold keys");
+    put("conf.d/15.yaml", "a: [\n"); /* no YAML: the others are told all the same */
+    assert_int_equal(read_back(&cfg, "a.yaml"), -EBADMSG);
+    expect_said("conf.d/15.yaml:2:1: not YAML");
+    expect_said("a.yaml:1:14: port");
+    expect_said("conf.d/10.yaml:2:13: c2");
+    snprintf(path, sizeof(path), "%s/conf.d", folder);
+    sst_path_remove_tree(path);
+    assert_int_equal(read_back(&cfg, "missing.yaml"), -ENOENT);
+}
+
+static void what_is_odd_is_warned_of(void **state)
+{
+    (void)state;
+    accept("storage: { ring_mb: 64 }\n");
+    expect_said("warning: ");
+    expect_said("c.yaml:1:21: preroll_s 5 of 36 cameras takes about 174 MB, more than ring_mb (64)");
+    accept("live: { calibration: /nonexistent/calib.yaml }\n");
+    expect_said("/nonexistent/calib.yaml is not there");
+    accept("storage: { quota_gb: 1 }\n");
+    assert_string_equal(said, "");
+}
+
+/* sst capture must not stumble over what only the service reads. */
+static void the_array_alone_leaves_the_service_alone(void **state)
+{
+    struct sst_array_config a;
+    char path[128];
+
+    (void)state;
+    put("c.yaml", "array: { rows: 3 }\nlive: { whatever: 1 }\nhooks: [ { event: motion, run: [/nonexistent] } ]\n");
+    put("conf.d/a.yaml", "array: { cols: 4 }\nweb: { port: none }\n");
+    snprintf(path, sizeof(path), "%s/c.yaml", folder);
+    sst_array_config_defaults(&a);
+    assert_int_equal(sst_array_config_read(&a, path), 0);
+    assert_int_equal(a.rows * a.cols, 12);
+    snprintf(path, sizeof(path), "%s/conf.d", folder);
+    sst_path_remove_tree(path);
+}
+
+/* --- differences -------------------------------------------------------------------------------------------------- */
+
+static const struct sst_config_change *find(const struct sst_config_change *list, int n, const char *key)
+{
+    for (int i = 0; i < n; i++)
+        if (!strcmp(list[i].key, key))
+            return &list[i];
+    fail_msg("no change of %s", key);
+    return NULL;
+}
+
+static void expect_change(const struct sst_config_change *list, int n, const char *key, const char *before,
+                          const char *after, const char *class_)
+{
+    const struct sst_config_change *c = find(list, n, key);
+
+    assert_string_equal(c->before, before);
+    assert_string_equal(c->after, after);
+    assert_string_equal(sst_reload_class_name(c->class_), class_);
+}
+
+static void differences_are_told(void **state)
+{
+    struct sst_config_change *list = NULL;
+    int n;
+
+    (void)state;
+    accept("zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n");
+    other = cfg;
+    assert_int_equal(sst_config_diff(&list, &cfg, &other), 0); /* NaN is the same as NaN */
+    free(list);
+    accept("zones: [ { name: a, x0: 0.1, y0: 0, x1: 1, y1: 1 }, { name: b, x0: 0, y0: 0, x1: 1, y1: 0.5 } ]\n"
+           "cameras: { rate_hz: 5, controls: { gain: 3 }, bind: [ { row: 0, col: 1, serial: \"007\" } ] }\n"
+           "web: { host: 'a \"b', stream_hz: 0.1 }\n"
+           "live: { focus_px: 7.3 }\n"
+           "storage: { record_on: [ { zone: b, share: 0.3 } ], mode: event }\n");
+    n = sst_config_diff(&list, &other, &cfg);
+    assert_int_equal(n, 10);
+    expect_change(list, n, "zones[0].x0", "0", "0.1", "restart-live");
+    expect_change(list, n, "zones[1]", "", "{ name: b, x0: 0, y0: 0, x1: 1, y1: 0.5 }", "restart-live");
+    expect_change(list, n, "cameras.rate_hz", "10", "5", "restart-camera");
+    expect_change(list, n, "cameras.controls", "{}", "{ gain: 3 }", "restart-camera");
+    expect_change(list, n, "cameras.bind[0]", "", "{ row: 0, col: 1, serial: \"007\" }", "restart-camera");
+    expect_change(list, n, "web.host", "\"\"", "\"a \\\"b\"", "restart-daemon");
+    expect_change(list, n, "web.stream_hz", "10", "0.1", "restart-daemon");
+    expect_change(list, n, "live.focus_px", "auto", "7.3", "live");
+    expect_change(list, n, "storage.mode", "off", "event", "live");
+    expect_change(list, n, "storage.record_on[0]", "", "{ zone: b, share: 0.3 }", "live");
+    assert_string_equal(list[0].key, "cameras.rate_hz"); /* in the order of the file */
+    free(list);
+    n = sst_config_diff(&list, &cfg, &other);
+    expect_change(list, n, "zones[1]", "{ name: b, x0: 0, y0: 0, x1: 1, y1: 0.5 }", "", "restart-live");
+    free(list);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(shipped_file_is_the_defaults),
+        cmocka_unit_test(shipped_file_has_every_key),
+        cmocka_unit_test(defaults_are_sensible),
+        cmocka_unit_test(values_arrive),
+        cmocka_unit_test(parts_replace_key_by_key),
+        cmocka_unit_test(single_faults_are_told),
+        cmocka_unit_test(all_faults_of_all_files_are_told),
+        cmocka_unit_test(what_is_odd_is_warned_of),
+        cmocka_unit_test(the_array_alone_leaves_the_service_alone),
+        cmocka_unit_test(differences_are_told),
+    };
+
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}

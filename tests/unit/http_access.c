@@ -1,0 +1,396 @@
+/* Who may what: every route of the table for everybody who might come, and what a request must bear. */
+#include "tests/http_fake.h"
+
+#include <grp.h>
+#include <sys/wait.h>
+
+static int make_server(void **state)
+{
+    struct sst_http_config cfg;
+
+    if (make_service(state))
+        return -1;
+    cfg = config();
+    cfg.host = "Cam.Example";
+    serve(&cfg);
+    show(1, 1000);
+    return 0;
+}
+
+static bool endless(const struct sst_route *r)
+{
+    return strstr(r->path, "stream") != NULL;
+}
+
+/* A request as its route wants it. */
+static int ask_route(const struct sst_route *r, const char *more)
+{
+    const bool post = !strcmp(r->method, "POST"), login = !strcmp(r->path, "/login");
+    char target[300], form[160], head[512];
+
+    snprintf(target, sizeof(target), "%s%s", example(r), strstr(r->path, "/pick") ? "?x=1&y=2" : "");
+    snprintf(form, sizeof(form), "token=%s", control);
+    snprintf(head, sizeof(head), "%s%s", more,
+             !post   ? ""
+             : login ? "Content-Type: application/x-www-form-urlencoded\r\n"
+                     : JSON);
+    if (!post)
+        return ask(endless(r) ? "HEAD" : "GET", target, head, NULL);
+    return ask("POST", target, head, login ? form : "{}");
+}
+
+static void every_route_for_everybody(void **state)
+{
+    const struct sst_route *routes;
+    int count;
+
+    (void)state;
+    routes = sst_http_routes(&count);
+    assert_true(count > 25);
+    for (int i = 0; i < count; i++) {
+        const struct sst_route *r = &routes[i];
+        const bool public = r->role == SST_ROLE_ANYONE;
+        const int fine = !strcmp(r->method, "POST") && public ? 303 : 200;
+
+        print_message("%s %s\n", r->method, r->path);
+        assert_int_equal(ask_route(r, ""), public ? fine : 401);
+        assert_int_equal(ask_route(r, bearer(view)), r->role == SST_ROLE_CONTROL ? 403 : fine);
+        assert_int_equal(ask_route(r, bearer(control)), fine);
+        assert_non_null(strcasestr(answer, "\r\nX-Content-Type-Options: nosniff"));
+        assert_non_null(strcasestr(answer, "\r\nContent-Security-Policy: default-src"));
+        assert_non_null(strcasestr(answer, "frame-ancestors 'none'"));
+        assert_non_null(strcasestr(answer, "\r\nReferrer-Policy: same-origin"));
+        assert_non_null(strcasestr(answer, "\r\nCache-Control: no-"));
+        assert_null(strcasestr(answer, "Access-Control-"));
+        assert_int_equal(ask("DELETE", example(r), bearer(control), NULL), 405);
+        assert_non_null(strcasestr(answer, "\r\nAllow: "));
+    }
+}
+
+static void main_view_takes_control(void **state)
+{
+    (void)state;
+    assert_int_equal(ask("POST", "/api/v1/views/main", with(bearer(view), JSON), "{}"), 403);
+    assert_int_equal(ask("POST", "/api/v1/views/main", with(bearer(control), JSON), "{}"), 200);
+    assert_int_equal(ask("POST", "/api/v1/views/nobody", with(bearer(control), JSON), "{}"), 404);
+}
+
+static void unknown_paths(void **state)
+{
+    static const char *const paths[] = { "/nothing",
+                                         "/api/v1/status/",
+                                         "/api/v1/statu",
+                                         "/web/",
+                                         "/web/none.js",
+                                         "/web/../token",
+                                         "/web/%2e%2e/token",
+                                         "/web/..%2ftoken",
+                                         "/web/.hidden",
+                                         "/api/v1/download/%2e%2e%2ftoken",
+                                         "/api/v1/download/..",
+                                         "/stream/a/b",
+                                         "/healthz%00",
+                                         "/web/index.html%00.js",
+                                         "//",
+                                         "/api/v1/views//pick",
+                                         "/api/v1/download/picture.jpg%2f..",
+                                         "/web/index.html/",
+                                         "/stream/%ff" };
+    char longest[4000];
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(paths); i++) {
+        print_message("%s\n", paths[i]);
+        assert_int_equal(ask("GET", paths[i], bearer(control), NULL), 404);
+        assert_int_equal(ask("GET", paths[i], "", NULL), 401);
+    }
+    memset(longest, 'a', sizeof(longest));
+    memcpy(longest, "/web/", 5);
+    longest[sizeof(longest) - 1] = 0;
+    assert_int_equal(ask("GET", longest, bearer(control), NULL), 404);
+}
+
+/* The token counts wherever it stands; in an address or as a password it only looks. */
+static void ways_to_give_a_token(void **state)
+{
+    char text[512], basic[400], plain[160];
+    FILE *f;
+
+    (void)state;
+    snprintf(text, sizeof(text), "/?token=%s", control);
+    assert_int_equal(ask("GET", text, "", NULL), 303);
+    snprintf(text, sizeof(text), "Set-Cookie: sst_%d=%s; Path=/; Max-Age=2592000; HttpOnly; SameSite=Strict\r\n",
+             sst_http_port(server), control);
+    assert_non_null(strstr(answer, text));
+    assert_non_null(strstr(answer, "Location: /\r\n"));
+    snprintf(text, sizeof(text), "Cookie: other=1; sst_%d=%s\r\n", sst_http_port(server), control);
+    assert_int_equal(ask("POST", "/api/v1/reload", with(text, JSON), "{}"), 200);
+    snprintf(text, sizeof(text), "/snapshot?token=%s", view);
+    assert_int_equal(ask("GET", text, "", NULL), 200);
+    snprintf(text, sizeof(text), "/api/v1/status?token=%s", control);
+    assert_int_equal(ask("GET", text, "", NULL), 401);
+    snprintf(plain, sizeof(plain), "printf %%s 'me:%s' | base64 -w0", control);
+    f = popen(plain, "r");
+    assert_int_equal(fscanf(f, "%390s", basic), 1);
+    pclose(f);
+    snprintf(text, sizeof(text), "Authorization: Basic %s\r\n", basic);
+    assert_int_equal(ask("GET", "/api/v1/status", text, NULL), 200);
+    assert_non_null(strstr(answer, "\"role\":\"view\""));
+    assert_int_equal(ask("GET", "/api/v1/status", bearer(control), NULL), 200);
+    assert_non_null(strstr(answer, "\"role\":\"control\""));
+    assert_int_equal(ask("POST", "/api/v1/reload", with(text, JSON), "{}"), 403);
+    assert_int_equal(ask("GET", "/snapshot", "", NULL), 401);
+    assert_non_null(strcasestr(answer, "WWW-Authenticate: Basic"));
+    assert_int_equal(ask("GET", "/api/v1/status", "", NULL), 401);
+    assert_null(strcasestr(answer, "WWW-Authenticate: Basic"));
+}
+
+static void login_and_page(void **state)
+{
+    static const char form[] = "Content-Type: application/x-www-form-urlencoded\r\n";
+    char body[200];
+    const char *etag;
+
+    (void)state;
+    assert_int_equal(ask("GET", "/", "Accept: text/html,*/*\r\n", NULL), 303);
+    assert_non_null(strstr(answer, "Location: /login\r\n"));
+    assert_int_equal(ask("GET", "/?token=wrong", "Accept: text/html\r\n", NULL), 303);
+    assert_non_null(strstr(answer, "Location: /login?wrong=1\r\n"));
+    assert_int_equal(ask("GET", "/login?wrong=1", "", NULL), 200);
+    assert_non_null(strstr(answer, "is not right"));
+    assert_int_equal(ask("GET", "/login", "", NULL), 200);
+    assert_null(strstr(answer, "is not right"));
+    assert_int_equal(ask("POST", "/login", form, "token=wrong"), 401);
+    assert_non_null(strstr(answer, "That is not the token."));
+    assert_int_equal(ask("POST", "/login", form, "nothing"), 401);
+    snprintf(body, sizeof(body), "a=b&token=+%s+", view);
+    assert_int_equal(ask("POST", "/login", form, body), 303);
+    assert_non_null(strstr(answer, "Location: /\r\n"));
+    assert_int_equal(ask("POST", "/login", with(form, "Origin: http://evil.example\r\n"), body), 403);
+    assert_int_equal(ask("GET", "/", bearer(view), NULL), 200);
+    assert_non_null(strcasestr(answer, "Content-Type: text/html"));
+    etag = strcasestr(answer, "ETag: ");
+    assert_non_null(etag);
+    snprintf(body, sizeof(body), "If-None-Match: W/\"x\", %.18s\r\n", etag + 6);
+    assert_int_equal(ask("GET", "/", with(bearer(view), body), NULL), 304);
+    assert_int_equal(ask("GET", "/", with(bearer(view), "If-None-Match: \"x\"\r\n"), NULL), 200);
+}
+
+static void hosts_and_origins(void **state)
+{
+    static const struct {
+        const char *head;
+        int get, post;
+    } cases[] = {
+        { "Host: localhost:8090\r\n", 200, 200 },
+        { "Host: 127.0.0.1\r\n", 200, 200 },
+        { "Host: [::1]:80\r\n", 200, 200 },
+        { "Host: cam.example\r\n", 200, 200 },
+        { "Host: CAM.example.:1\r\n", 200, 200 },
+        { "Host: evil.example\r\n", 403, 403 },
+        { "Host: localhost.evil.example\r\n", 403, 403 },
+        { "Host: 10.0.0.1\r\n", 403, 403 },
+        { "Host: \r\n", 403, 403 },
+        { "Host: localhost:0x50\r\n", 403, 403 },
+        { "Host: localhost\r\nOrigin: http://localhost\r\n", 200, 200 },
+        { "Host: localhost:8090\r\nOrigin: http://localhost:8090\r\n", 200, 200 },
+        { "Host: cam.example\r\nOrigin: https://cam.example\r\n", 200, 200 },
+        { "Host: localhost:8090\r\nOrigin: http://localhost:8091\r\n", 200, 403 },
+        { "Host: localhost\r\nOrigin: http://evil.example\r\n", 200, 403 },
+        { "Host: localhost\r\nOrigin: null\r\n", 200, 403 },
+        { "Host: localhost\r\nSec-Fetch-Site: cross-site\r\n", 200, 403 },
+        { "Host: localhost\r\nSec-Fetch-Site: same-site\r\n", 200, 403 },
+        { "Host: localhost\r\nSec-Fetch-Site: same-origin\r\n", 200, 200 },
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        print_message("%s", cases[i].head);
+        assert_int_equal(ask("GET", "/api/v1/status", with(cases[i].head, bearer(view)), NULL), cases[i].get);
+        assert_int_equal(ask("POST", "/api/v1/reload", with(with(cases[i].head, JSON), bearer(control)), "{}"),
+                         cases[i].post);
+    }
+}
+
+static void bodies(void **state)
+{
+    static const struct {
+        const char *type, *body;
+        int status;
+        const char *says;
+    } cases[] = {
+        { "", "{}", 415, "application/json" },
+        { "Content-Type: text/plain\r\n", "{}", 415, "application/json" },
+        { "Content-Type: application/jsonx\r\n", "{}", 415, "application/json" },
+        { "Content-Type: application/json; charset=utf-8\r\n", "{}", 200, "reload" },
+        { JSON, "", 200, "reload" },
+        { JSON, "{\"dry_run\": true}", 200, "dry" },
+        { JSON, "{\"dry_run\": 1}", 400, "true or false" },
+        { JSON, "{\"dry\": true}", 400, "did you mean dry_run" },
+        { JSON, "{", 400, "line 1" },
+        { JSON, "[]", 400, "not an object" },
+        { JSON, "{\"a\": 1, \"a\": 2}", 400, "not JSON" },
+        { JSON, "{} x", 400, "not JSON" },
+        { JSON, "{\"a\": 1e999}", 400, "not JSON" },
+    };
+    char *big = malloc(65537 + 1), chunk[1100];
+    int fd;
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        assert_int_equal(ask("POST", "/api/v1/reload", with(bearer(control), cases[i].type), cases[i].body),
+                         cases[i].status);
+        assert_non_null(strstr(answer, cases[i].says));
+        if (cases[i].status >= 400)
+            assert_non_null(strstr(answer, "{\"error\":\""));
+    }
+    memset(big, ' ', 65537);
+    big[65537] = 0;
+    assert_int_equal(ask("POST", "/api/v1/reload", with(bearer(control), JSON), big), 413);
+    big[65536] = 0;
+    memcpy(big, "{}", 2);
+    assert_int_equal(ask("POST", "/api/v1/reload", with(bearer(control), JSON), big), 200);
+    free(big);
+    /* in pieces, whose sum nobody told */
+    fd = connect_tcp();
+    snprintf(chunk, sizeof(chunk),
+             "POST /api/v1/reload HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"
+             "Transfer-Encoding: chunked\r\n%s%s\r\n",
+             bearer(control), JSON);
+    assert_true(send_all(fd, chunk, strlen(chunk)));
+    snprintf(chunk, sizeof(chunk), "400\r\n%*s\r\n", 1024, "");
+    for (int i = 0; i < 80; i++)
+        assert_true(send_all(fd, chunk, strlen(chunk)));
+    assert_true(send_all(fd, "0\r\n\r\n", 5));
+    receive(fd, answer, sizeof(answer));
+    close(fd);
+    assert_non_null(strstr(answer, " 413 "));
+}
+
+static void errors_of_the_service(void **state)
+{
+    static const struct {
+        int err, status;
+    } cases[] = { { -EINVAL, 400 },  { -ENOENT, 404 },  { -EBUSY, 409 },  { -EAGAIN, 409 },
+                  { -ENOSPC, 507 },  { -EROFS, 507 },   { -EIO, 500 },    { -EOVERFLOW, 429 },
+                  { -ENODATA, 503 }, { -ENOTSUP, 501 }, { -ENOMEM, 503 }, { -EPERM, 500 } };
+    char body[64];
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        snprintf(body, sizeof(body), "{\"fail\": %d}", cases[i].err);
+        assert_int_equal(ask("POST", "/api/v1/record", with(bearer(control), JSON), body), cases[i].status);
+        assert_non_null(strstr(answer, "{\"error\":\"asked to fail\"}"));
+    }
+    assert_int_equal(ask("GET", "/stream/camera/r9c9", bearer(view), NULL), 404);
+    assert_non_null(strstr(answer, "no camera r9c9"));
+    assert_int_equal(ask("GET", "/api/v1/views/main/pick?x=nan&y=1", bearer(view), NULL), 400);
+    assert_int_equal(ask("GET", "/api/v1/views/main/pick?x=1", bearer(view), NULL), 400);
+    fake_state = "armed";
+    assert_int_equal(ask("GET", "/healthz", "", NULL), 503);
+    assert_non_null(strstr(answer, "\r\n\r\narmed\n"));
+    fake_state = "degraded";
+    assert_int_equal(ask("GET", "/healthz", "", NULL), 200);
+    assert_non_null(strstr(answer, "\r\n\r\nok\n"));
+}
+
+static void wrong_tokens_are_put_off(void **state)
+{
+    struct sst_http_counters c;
+    uint64_t id;
+    char *event;
+
+    (void)state;
+    for (int i = 0; i < 10; i++)
+        assert_int_equal(ask("GET", "/api/v1/status", bearer("0123456789abcdef0123456789abcdef"), NULL), 401);
+    for (int i = 0; i < 5; i++) {
+        assert_int_equal(ask("GET", "/api/v1/status", bearer(""), NULL), 429);
+        assert_non_null(strcasestr(answer, "\r\nRetry-After: "));
+    }
+    assert_int_equal(ask("POST", "/login", "Content-Type: application/x-www-form-urlencoded\r\n", "token=x"), 429);
+    assert_int_equal(ask("GET", "/api/v1/status", "", NULL), 401);           /* none is not a wrong one */
+    assert_int_equal(ask("GET", "/api/v1/status", bearer(view), NULL), 200); /* nobody can be locked out */
+    sst_http_counters(server, &c);
+    assert_int_equal(c.requests, 18);
+    assert_int_equal(c.refused, 17);
+    assert_true(sst_events_next(fake.events, 0, &id, &event));
+    assert_non_null(strstr(event, "\"client\""));
+    assert_non_null(strstr(event, "127.0.0.1"));
+    free(event);
+    assert_false(sst_events_next(fake.events, id, &id, &event));
+}
+
+/* What a child with this user and groups is answered; 0: not even connected. */
+static int ask_as(uid_t uid, gid_t gid, int groups, const gid_t *group, const char *method, const char *target)
+{
+    const pid_t child = fork();
+    int status;
+
+    if (!child) {
+        if (setgroups((size_t)groups, group) || setgid(gid) || setuid(uid))
+            _exit(255);
+        status = ask_on(connect_local(in_folder("control.sock")), method, target, !strcmp(method, "POST") ? JSON : "",
+                        !strcmp(method, "POST") ? "{}" : NULL);
+        _exit(status / 100 * 10 + status % 100);
+    }
+    assert_true(child > 0);
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) < 255);
+    status = WEXITSTATUS(status);
+    return status / 10 * 100 + status % 10;
+}
+
+static void peers_of_the_socket(void **state)
+{
+    const struct group *daemon = getgrnam("daemon");
+    const gid_t control_group = daemon ? daemon->gr_gid : 1;
+    const struct group *video = getgrnam("video");
+    const gid_t view_group = video ? video->gr_gid : 44;
+    struct sst_http_config cfg;
+    struct stat st;
+
+    (void)state;
+    assert_int_equal(ask_on(connect_local(in_folder("control.sock")), "POST", "/api/v1/reload", JSON, "{}"), 200);
+    assert_int_equal(
+        ask_on(connect_local(in_folder("control.sock")), "GET", "/api/v1/status", "Host: what.ever\r\n", NULL), 200);
+    assert_int_equal(stat(in_folder("control.sock"), &st), 0);
+    assert_int_equal(st.st_mode & 0777, 0660);
+    if (geteuid() || !daemon || !video) {
+        print_message("not root: strangers are not tried\n");
+        return;
+    }
+    sst_http_close(server);
+    cfg = config();
+    cfg.address = NULL;
+    cfg.group = "daemon";
+    cfg.view_group = "video";
+    assert_int_equal(sst_http_open(&server, &cfg), 0);
+    assert_int_equal(chmod(folder, 0755), 0);
+    assert_int_equal(ask_as(12345, 12345, 0, NULL, "GET", "/api/v1/status"), 403);
+    assert_int_equal(ask_as(12345, 12345, 0, NULL, "GET", "/healthz"), 200);
+    assert_int_equal(ask_as(12345, 12345, 1, &view_group, "GET", "/api/v1/status"), 200);
+    assert_int_equal(ask_as(12345, 12345, 1, &view_group, "POST", "/api/v1/reload"), 403);
+    assert_int_equal(ask_as(12345, 12345, 1, &control_group, "POST", "/api/v1/reload"), 200);
+    assert_int_equal(ask_as(12345, control_group, 0, NULL, "POST", "/api/v1/reload"), 200);
+    assert_int_equal(ask_as(12345, view_group, 0, NULL, "POST", "/api/v1/reload"), 403);
+    assert_int_equal(stat(in_folder("control.sock"), &st), 0);
+    assert_int_equal(st.st_gid, control_group);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(every_route_for_everybody, make_server, end_service),
+        cmocka_unit_test_setup_teardown(main_view_takes_control, make_server, end_service),
+        cmocka_unit_test_setup_teardown(unknown_paths, make_server, end_service),
+        cmocka_unit_test_setup_teardown(ways_to_give_a_token, make_server, end_service),
+        cmocka_unit_test_setup_teardown(login_and_page, make_server, end_service),
+        cmocka_unit_test_setup_teardown(hosts_and_origins, make_server, end_service),
+        cmocka_unit_test_setup_teardown(bodies, make_server, end_service),
+        cmocka_unit_test_setup_teardown(errors_of_the_service, make_server, end_service),
+        cmocka_unit_test_setup_teardown(wrong_tokens_are_put_off, make_server, end_service),
+        cmocka_unit_test_setup_teardown(peers_of_the_socket, make_server, end_service),
+    };
+
+    return http_tests(tests);
+}

@@ -1,0 +1,199 @@
+/* pipeline/live/frames on simulated cameras: noise, unequal gains, light that drifts, somebody who walks by. What is
+ * kept never differs from what exact mode keeps by more than the budget. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+#include <linux/videodev2.h>
+
+#include "base/file.h"
+#include "pipeline/live/change.h"
+#include "pipeline/live/frames.h"
+#include "simulators/world/sim_world.h"
+
+#ifdef __SANITIZE_THREAD__
+#define WATCH_THREADS true
+#else
+#define WATCH_THREADS false
+#endif
+
+#define VIEWS_MAX  16
+#define FRAME_ROOM ((size_t)1 << 18)
+#define STEP_NS    200000000
+
+static char dir[] = "/tmp/sst-live-frames-XXXXXX";
+
+struct keeper {
+    struct sst_live_config cfg;
+    struct sst_lightfield lf;
+    struct sst_live_frames *frames;
+    struct sst_live_changes changes;
+    struct sst_live_report report;
+};
+
+static struct sst_sim_world *open_world(const char *text)
+{
+    struct sst_sim_world *w;
+    char path[SST_PATH_MAX];
+
+    assert_int_equal(sst_path_join(path, dir, "world.yaml"), 0);
+    assert_int_equal(sst_file_write(path, text, strlen(text)), 0);
+    assert_int_equal(sst_sim_world_open(&w, path, dir), 0);
+    return w;
+}
+
+static void open_keeper(struct keeper *k, const struct sst_sim_world *w, bool skip)
+{
+    *k = (struct keeper){ .cfg = { .fourcc = V4L2_PIX_FMT_MJPEG, .threads = 2, .skip_change = skip } };
+    sst_sim_world_grid(w, &k->cfg.rows, &k->cfg.cols);
+    sst_sim_world_size(w, &k->cfg.width, &k->cfg.height);
+    assert_int_equal(sst_lightfield_init(&k->lf, k->cfg.rows, k->cfg.cols), 0);
+    k->lf.width = k->cfg.width;
+    k->lf.height = k->cfg.height;
+    for (int v = 0; v < k->cfg.rows * k->cfg.cols; v++)
+        k->cfg.present[v] = k->lf.views[v].present = true;
+    assert_int_equal(sst_live_frames_open(&k->frames, &k->cfg, &k->lf), 0);
+    assert_int_equal(sst_live_changes_init(&k->changes, &k->lf), 0);
+}
+
+static void close_keeper(struct keeper *k)
+{
+    sst_live_frames_close(k->frames);
+    sst_live_changes_fini(&k->changes);
+    sst_lightfield_fini(&k->lf);
+}
+
+static double worst_difference(const struct keeper *a, const struct keeper *b)
+{
+    double worst = 0;
+
+    for (int v = 0; v < a->lf.rows * a->lf.cols; v++) {
+        for (int t = 0; t < a->changes.cols * a->changes.rows; t++) {
+            const int x0 = t % a->changes.cols * SST_LIVE_TILE, x1 = sst_min_int(x0 + SST_LIVE_TILE, a->lf.width);
+            const int y0 = t / a->changes.cols * SST_LIVE_TILE, y1 = sst_min_int(y0 + SST_LIVE_TILE, a->lf.height);
+            double sum = 0;
+
+            for (int c = 0; c < 3; c++)
+                for (int y = y0; y < y1; y++)
+                    for (int x = x0; x < x1; x++)
+                        sum += abs(sst_image_row(&a->lf.views[v].image, c, y)[x] -
+                                   sst_image_row(&b->lf.views[v].image, c, y)[x]);
+            worst = fmax(worst, sum / (3.0 * (x1 - x0) * (y1 - y0)));
+        }
+    }
+    return worst;
+}
+
+struct outcome {
+    double worst;   /* levels, of any tile in any set */
+    double changed; /* share of tiles computed anew after the first set */
+    int whole;      /* sets computed whole after the first */
+};
+
+static struct outcome run(const char *text, int sets)
+{
+    struct sst_sim_world *w = open_world(text);
+    struct outcome out = { 0 };
+    struct keeper skip, exact;
+    uint8_t *frames = malloc(VIEWS_MAX * FRAME_ROOM);
+
+    open_keeper(&skip, w, true);
+    open_keeper(&exact, w, false);
+    for (int n = 0; n < sets; n++) {
+        struct sst_live_input in = { .set = (uint64_t)n, .t_ns = 1000000000 + (int64_t)n * STEP_NS };
+
+        for (int k = 0; k < sst_sim_world_cameras(w); k++) {
+            const struct sst_sim_exposure e = { .cam = k,
+                                                .trigger = (uint64_t)n,
+                                                .t_ns = in.t_ns,
+                                                .exposure_us = sst_sim_world_exposure_us(w),
+                                                .gain = 1 };
+
+            in.frame[k].data = frames + (size_t)k * FRAME_ROOM;
+            assert_int_equal(sst_sim_world_frame(w, &e, V4L2_PIX_FMT_MJPEG, skip.cfg.width, skip.cfg.height,
+                                                 frames + (size_t)k * FRAME_ROOM, FRAME_ROOM, &in.frame[k].bytes),
+                             0);
+        }
+        assert_int_equal(sst_live_frames_update(skip.frames, &in, &skip.changes, &skip.report), 0);
+        assert_int_equal(sst_live_frames_update(exact.frames, &in, &exact.changes, &exact.report), 0);
+        out.worst = fmax(out.worst, worst_difference(&skip, &exact));
+        out.whole += n && skip.changes.whole;
+        if (n)
+            out.changed += (double)skip.changes.changed / (double)skip.report.tiles / (sets - 1);
+    }
+    print_message("worst tile %.2f levels, %.1f %% of the tiles, %d of %d sets whole\n", out.worst, 100 * out.changed,
+                  out.whole, sets);
+    close_keeper(&skip);
+    close_keeper(&exact);
+    sst_sim_world_close(w);
+    free(frames);
+    return out;
+}
+
+#define ARRAY   "grid: [4, 4]\nsize: [320, 240]\nstrip: false\n"
+#define SENSORS "sensor: {gain_spread_percent: 3, balance_spread_percent: 2, full_well_e: 12000, read_noise_e: 6}\n"
+
+static void somebody_walks_by(void **state)
+{
+    const struct outcome o = run("scene: pedestrian\nloop: {seconds: 4, rate_hz: 5}\n" ARRAY, 24);
+
+    (void)state;
+    assert_true(o.worst < SST_WATCH_BUDGET);
+    assert_true(o.changed > 0.02 && o.changed < 0.4);
+}
+
+/* Two pictures of the same differ by their noise: what is kept may differ by that and the budget. */
+static double noise_worst;
+
+static void nothing_happens_before_real_cameras(void **state)
+{
+    const struct outcome o = run("scene: cat\nloop: {seconds: 4, rate_hz: 2.5}\n" ARRAY SENSORS, 24);
+
+    (void)state;
+    noise_worst = o.worst;
+    assert_true(o.worst < SST_WATCH_BUDGET);
+    assert_true(o.changed < 1e-3);
+    assert_int_equal(o.whole, 0);
+}
+
+static void somebody_walks_by_before_real_cameras(void **state)
+{
+    const struct outcome o =
+        run("scene: pedestrian\nlight_percent: 3\nloop: {seconds: 4, rate_hz: 5}\n" ARRAY SENSORS, 24);
+
+    (void)state;
+    assert_true(o.worst < SST_WATCH_BUDGET + noise_worst);
+    assert_true(o.changed > 0.02 && o.changed < 0.5);
+}
+
+static int remove_all(void **state)
+{
+    (void)state;
+    sst_path_remove_tree(dir);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(somebody_walks_by),
+        cmocka_unit_test(nothing_happens_before_real_cameras),
+        cmocka_unit_test(somebody_walks_by_before_real_cameras),
+    };
+
+    if (WATCH_THREADS) {
+        printf("the thread sanitizer takes a minute to prepare the world; live_frames shows it the same\n");
+        return 77;
+    }
+    if (!mkdtemp(dir))
+        return 1;
+    return cmocka_run_group_tests(tests, NULL, remove_all);
+}

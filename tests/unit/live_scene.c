@@ -1,0 +1,528 @@
+/* pipeline/live/scene: maps that follow a small light field in which a square moves before a wall, and their pieces. */
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "pipeline/live/scene_parts.h"
+#include "tests/quick.h"
+#include "tests/small.h"
+
+#define WIDTH   256
+#define HEIGHT  192
+#define TILES_X (WIDTH / SST_LIVE_TILE)
+#define TILES_Y (HEIGHT / SST_LIVE_TILE)
+#define TILES   (TILES_X * TILES_Y)
+#define WALL_PX 4
+#define NEAR_PX 12
+#define SIDE_PX 60 /* of the square */
+
+/* --- a scene ------------------------------------------------------------------------------------------------------ */
+
+static uint8_t texture(int x, int y, int seed)
+{
+    uint32_t h = (uint32_t)(x + 1000) * 73856093u ^ (uint32_t)(y + 1000) * 19349663u ^ (uint32_t)seed * 83492791u;
+
+    h ^= h >> 13;
+    h *= 0x5bd1e995u;
+    return (uint8_t)(40 + (h >> 15) % 176);
+}
+
+static bool in_square(int x, int y, int left)
+{
+    return x >= left && x < left + SIDE_PX && y >= 64 && y < 64 + SIDE_PX;
+}
+
+/* The square's left edge is at `left` in the reference view. @return disparity */
+static int look(const struct sst_view *v, int x, int y, int left, uint8_t colour[3])
+{
+    const int bx = (int)v->bx, by = (int)v->by;
+    const int xs = x + NEAR_PX * bx, ys = y + NEAR_PX * by, xw = x + WALL_PX * bx, yw = y + WALL_PX * by;
+    const bool near = in_square(xs, ys, left);
+
+    for (int c = 0; c < 3; c++) /* blocks of 2x2, so that half size still has texture */
+        colour[c] = near ? texture((xs - left + 512) / 2, ys / 2, 10 + c) : texture((xw + 512) / 2, (yw + 512) / 2, c);
+    return near ? NEAR_PX : WALL_PX;
+}
+
+struct field {
+    struct sst_lightfield lf;
+    struct sst_live_config cfg;
+    struct sst_live_changes changes;
+    struct sst_live_scene *scene;
+    struct sst_live_report report;
+};
+
+/* Draw the scene; tiles that come out different are the changes. */
+static void draw(struct field *f, int left)
+{
+    f->changes.changed = 0;
+    f->changes.whole = false;
+    for (int view = 0; view < f->lf.rows * f->lf.cols; view++) {
+        struct sst_view *v = &f->lf.views[view];
+
+        memset(f->changes.map[view], 0, TILES);
+        for (int y = 0; y < HEIGHT; y++) {
+            for (int x = 0; x < WIDTH; x++) {
+                uint8_t colour[3];
+
+                look(v, x, y, left, colour);
+                for (int c = 0; c < 3; c++) {
+                    uint8_t *at = &sst_image_row(&v->image, c, y)[x];
+
+                    if (*at != colour[c])
+                        f->changes.map[view][y / SST_LIVE_TILE * TILES_X + x / SST_LIVE_TILE] = 1;
+                    *at = colour[c];
+                }
+            }
+        }
+        for (int i = 0; i < TILES; i++)
+            f->changes.changed += f->changes.map[view][i];
+    }
+}
+
+static void init_field(struct field *f, int rows, int cols)
+{
+    *f = (struct field){ .cfg = { .rows = rows,
+                                  .cols = cols,
+                                  .width = WIDTH,
+                                  .height = HEIGHT,
+                                  .range_min_px = 2,
+                                  .range_max_px = 16,
+                                  .threads = 2,
+                                  .skip_change = true,
+                                  .skip_labels = true } };
+    assert_int_equal(sst_lightfield_init(&f->lf, rows, cols), 0);
+    f->lf.width = WIDTH;
+    f->lf.height = HEIGHT;
+    f->changes.cols = TILES_X;
+    f->changes.rows = TILES_Y;
+    for (int view = 0; view < rows * cols; view++) {
+        f->lf.views[view].present = true;
+        assert_int_equal(sst_image_init(&f->lf.views[view].image, WIDTH, HEIGHT), 0);
+        f->changes.map[view] = calloc(TILES, 1);
+    }
+}
+
+static void open_field(struct field *f, int rows, int cols)
+{
+    init_field(f, rows, cols);
+    assert_int_equal(sst_live_scene_open(&f->scene, &f->cfg, &f->lf), 0);
+}
+
+static void close_field(struct field *f)
+{
+    sst_live_scene_close(f->scene);
+    for (int view = 0; view < f->lf.rows * f->lf.cols; view++)
+        free(f->changes.map[view]);
+    sst_lightfield_fini(&f->lf);
+}
+
+static void update(struct field *f)
+{
+    assert_int_equal(sst_live_scene_update(f->scene, &f->changes, &f->report), 0);
+}
+
+/* Share of a view's pixels, in percent, that are off by more than 1 px. */
+static double bad_share(const struct field *f, int view, int left)
+{
+    const struct sst_view *v = &f->lf.views[view];
+    int bad = 0;
+
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            uint8_t colour[3];
+            const double d = sst_disp_px(&f->lf, sst_map_u16_row(&v->disp, y)[x]);
+
+            bad += !(fabs(d - look(v, x, y, left, colour)) <= 1);
+        }
+    }
+    return 100.0 * bad / (WIDTH * HEIGHT);
+}
+
+/* --- the pieces --------------------------------------------------------------------------------------------------- */
+
+static void keys_are_spread_and_survive_holes(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf;
+    int views[SST_SCENE_KEYS];
+
+    assert_int_equal(sst_lightfield_init(&lf, 6, 6), 0);
+    assert_int_equal(sst_scene_choose_keys(&lf, views), 0);
+    for (int view = 0; view < 36; view++)
+        lf.views[view].present = true;
+    assert_int_equal(sst_scene_choose_keys(&lf, views), 5);
+    assert_int_equal(views[0], 14);
+    assert_int_equal(views[1], 7);
+    assert_int_equal(views[4], 28);
+    lf.views[7].present = false;
+    assert_int_equal(sst_scene_choose_keys(&lf, views), 5);
+    assert_int_not_equal(views[1], 7);
+    assert_true(lf.views[views[1]].present);
+    for (int view = 1; view < 36; view++)
+        lf.views[view].present = view == 35;
+    assert_int_equal(sst_scene_choose_keys(&lf, views), 0); /* two corners are no neighbours */
+    sst_lightfield_fini(&lf);
+}
+
+static void changed_tiles_are_gathered(void **state SST_UNUSED)
+{
+    struct sst_scene_rect r[SST_SCENE_RECTS];
+    uint8_t dirty[20 * 15] = { 0 };
+    int n;
+
+    assert_int_equal(sst_scene_gather(r, dirty, 20, 15, 320, 240), 0);
+    dirty[0] = 1;
+    dirty[7 * 20 + 10] = dirty[8 * 20 + 10] = 1;
+    assert_int_equal(sst_scene_gather(r, dirty, 20, 15, 320, 240), 2);
+    assert_int_equal(r[0].x0, 0);
+    assert_int_equal(r[0].x1, 32);
+    assert_int_equal(r[1].x0, 144);
+    assert_int_equal(r[1].y0, 96);
+    assert_int_equal(r[1].x1, 192);
+    assert_int_equal(r[1].y1, 160);
+    for (int i = 0; i < 300; i += 4) /* far more than there is room for */
+        dirty[i] = 1;
+    n = sst_scene_gather(r, dirty, 20, 15, 320, 240);
+    assert_in_range(n, 1, SST_SCENE_RECTS);
+    for (int i = 0; i < 300; i++) {
+        int holds = 0;
+
+        for (int k = 0; k < n; k++)
+            holds += i % 20 * 16 >= r[k].x0 && i % 20 * 16 < r[k].x1 && i / 20 * 16 >= r[k].y0 && i / 20 * 16 < r[k].y1;
+        assert_true(holds <= 1 && (holds || !dirty[i]));
+    }
+}
+
+/* A surface of 8 px before one of 4 px, seen from one spacing to the right: cells move left by 4 and by 2. */
+static void cells_are_carried_over(void **state SST_UNUSED)
+{
+    struct sst_scene_composer composer;
+    struct sst_scene_key key = { .view = 0 };
+    struct sst_lightfield lf;
+    uint8_t dirty[4] = { 1, 1, 0, 0 };
+
+    assert_int_equal(sst_lightfield_init(&lf, 1, 2), 0);
+    lf.width = 64;
+    lf.height = 64;
+    lf.range_max_px = 16;
+    for (int view = 0; view < 2; view++) {
+        struct sst_view *v = &lf.views[view];
+
+        v->present = true;
+        assert_int_equal(sst_image_init(&v->image, 64, 64), 0);
+        assert_int_equal(sst_map_u16_init(&v->disp, 64, 64), 0);
+        assert_int_equal(sst_map_u8_init(&v->label, 64, 64), 0);
+        memset(v->disp.data, 0xEE, v->disp.stride * 64);
+        memset(v->label.data, 0xEE, v->label.stride * 64);
+    }
+    assert_int_equal(sst_map_u16_init(&key.maps.disp, 32, 32), 0);
+    assert_int_equal(sst_map_u8_init(&key.maps.label, 32, 32), 0);
+    assert_int_equal(sst_map_u8_init(&key.maps.sure, 32, 32), 0);
+    for (int y = 0; y < 32; y++) {
+        for (int x = 0; x < 32; x++) {
+            const bool near = x >= 12 && x < 20;
+
+            sst_map_u16_row(&key.maps.disp, y)[x] = (uint16_t)(64 * (near ? 8 : 4));
+            sst_map_u8_row(&key.maps.label, y)[x] = near ? 2 : 1;
+            sst_map_u8_row(&key.maps.sure, y)[x] = 1;
+        }
+    }
+    assert_int_equal(sst_scene_composer_init(&composer, 32, 32), 0);
+    sst_scene_compose(&composer, &lf, 1, &key, 1, dirty, 2, 2, true);
+    for (int y = 0; y < 64; y++) {
+        for (int x = 0; x < 64; x++) {
+            const int d = sst_map_u16_row(&lf.views[1].disp, y)[x], l = sst_map_u8_row(&lf.views[1].label, y)[x];
+            const bool near = x / 2 >= 8 && x / 2 < 16; /* cells 16 and 17 no key sees: they are of the wall */
+
+            assert_int_equal(d, y >= 32 ? 0xEEEE : near ? 512 : 256);
+            assert_int_equal(l, y >= 32 ? 0xEE : near ? 2 : 1);
+        }
+    }
+    sst_scene_composer_fini(&composer);
+    sst_map_u16_fini(&key.maps.disp);
+    sst_map_u8_fini(&key.maps.label);
+    sst_map_u8_fini(&key.maps.sure);
+    sst_lightfield_fini(&lf);
+}
+
+/* --- updates ------------------------------------------------------------------------------------------------------ */
+
+static void maps_follow_what_moves(void **state SST_UNUSED)
+{
+    uint8_t changed[9][TILES];
+    struct sst_map_u16 before[9];
+    struct field f;
+
+    open_field(&f, 3, 3);
+    draw(&f, 40);
+    update(&f);
+    assert_true(f.report.ready && f.report.whole && f.changes.whole);
+    for (int view = 0; view < 9; view++) {
+        if (!(bad_share(&f, view, 40) < 8))
+            fail_msg("view %d: %.1f %% bad", view, bad_share(&f, view, 40));
+        assert_int_equal(sst_map_u16_init(&before[view], WIDTH, HEIGHT), 0);
+    }
+    assert_true(bad_share(&f, 4, 40) < 5);
+    draw(&f, 40);
+    assert_int_equal(f.changes.changed, 0);
+    update(&f);
+    assert_false(f.report.whole);
+    for (int view = 0; view < 9; view++)
+        memcpy(before[view].data, f.lf.views[view].disp.data, before[view].stride * HEIGHT);
+    draw(&f, 72);
+    for (int view = 0; view < 9; view++)
+        memcpy(changed[view], f.changes.map[view], TILES);
+    update(&f);
+    assert_false(f.report.whole);
+    for (int view = 0; view < 9; view++) {
+        assert_memory_equal(changed[view], f.changes.map[view], TILES);
+        for (int i = 0; i < WIDTH * HEIGHT; i++) {
+            const int x = i % WIDTH, y = i / WIDTH;
+
+            if (!changed[view][y / SST_LIVE_TILE * TILES_X + x / SST_LIVE_TILE])
+                assert_int_equal(sst_map_u16_row(&f.lf.views[view].disp, y)[x], sst_map_u16_row(&before[view], y)[x]);
+        }
+        if (!(bad_share(&f, view, 72) < 8))
+            fail_msg("view %d: %.1f %% bad after the move", view, bad_share(&f, view, 72));
+        sst_map_u16_fini(&before[view]);
+    }
+    close_field(&f);
+}
+
+/* Tiles that changed in the set before, beside one that changes now, had maps of what has left that one. */
+static void what_moved_on_leaves_nothing_behind(void **state SST_UNUSED)
+{
+    uint8_t before[TILES], now[TILES];
+    struct field f;
+    int again = 0;
+
+    open_field(&f, 3, 3);
+    for (int i = 0; i < 4; i++) {
+        draw(&f, 40 + 28 * i);
+        memcpy(now, f.changes.map[4], TILES);
+        update(&f);
+        for (int t = 0; i > 1 && t < TILES; t++) {
+            bool beside = false;
+
+            for (int n = 0; n < TILES; n++)
+                beside |= now[n] && abs(n % TILES_X - t % TILES_X) <= 1 && abs(n / TILES_X - t / TILES_X) <= 1;
+            assert_int_equal(f.changes.map[4][t], now[t] || (before[t] && beside));
+            again += !now[t] && f.changes.map[4][t];
+        }
+        memcpy(before, now, TILES);
+        for (int view = 0; view < 9; view++)
+            if (!(bad_share(&f, view, 40 + 28 * i) < 8))
+                fail_msg("view %d: %.1f %% bad after move %d", view, bad_share(&f, view, 40 + 28 * i), i);
+    }
+    assert_true(again > 0);
+    close_field(&f);
+}
+
+static void threads_make_no_difference(void **state SST_UNUSED)
+{
+    struct field f[2];
+
+    for (int i = 0; i < 2; i++) {
+        init_field(&f[i], 3, 4);
+        f[i].cfg.threads = i ? 5 : 1;
+        f[i].cfg.model = "models/pspnet-small.onnx";
+        assert_int_equal(sst_live_scene_open(&f[i].scene, &f[i].cfg, &f[i].lf), 0);
+        for (int left = 40; left < 80; left += 20) {
+            draw(&f[i], left);
+            update(&f[i]);
+            assert_true(f[i].report.label_runs == 1 && f[i].report.label_runs_skipped == 11);
+        }
+    }
+    assert_true(f[0].lf.classes.count > 0);
+    for (int view = 0; view < 12; view++) {
+        const struct sst_view *a = &f[0].lf.views[view], *b = &f[1].lf.views[view];
+
+        assert_memory_equal(a->disp.data, b->disp.data, a->disp.stride * HEIGHT);
+        assert_memory_equal(a->label.data, b->label.data, a->label.stride * HEIGHT);
+    }
+    close_field(&f[0]);
+    close_field(&f[1]);
+}
+
+static void every_view_is_labelled_without_reuse(void **state SST_UNUSED)
+{
+    struct field f;
+
+    init_field(&f, 2, 2);
+    f.cfg.model = "models/pspnet-small.onnx";
+    f.cfg.skip_labels = false;
+    assert_int_equal(sst_live_scene_open(&f.scene, &f.cfg, &f.lf), 0);
+    draw(&f, 40);
+    update(&f);
+    assert_int_equal(f.report.label_runs, 4);
+    assert_int_equal(f.report.label_runs_skipped, 0);
+    close_field(&f);
+}
+
+static void views_come_and_go(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f, 3, 3);
+    draw(&f, 40);
+    update(&f);
+    f.lf.views[4].present = false; /* the reference, and the only key */
+    assert_int_equal(sst_lightfield_choose_ref(&f.lf), 0);
+    draw(&f, 60);
+    update(&f);
+    assert_true(f.report.ready);
+    assert_true(bad_share(&f, 0, 60) < 8);
+    f.lf.views[4].present = true;
+    f.lf.ref_view = 4;
+    draw(&f, 60);
+    update(&f);
+    assert_true(bad_share(&f, 4, 60) < 8); /* all of it anew, though no tile was told to have changed */
+    close_field(&f);
+}
+
+static void one_camera_is_never_ready(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f, 1, 1);
+    for (int i = 0; i < 3; i++) {
+        draw(&f, 40 + i);
+        update(&f);
+        assert_false(f.report.ready);
+        assert_null(f.lf.views[0].label.data);
+    }
+    close_field(&f);
+}
+
+static void no_texture_is_waited_out(void **state SST_UNUSED)
+{
+    const int64_t end_ns = sst_clock_now_ns() + INT64_C(60000000000);
+    struct field f;
+
+    init_field(&f, 3, 3);
+    f.cfg.range_min_px = f.cfg.range_max_px = 0;
+    assert_int_equal(sst_live_scene_open(&f.scene, &f.cfg, &f.lf), 0);
+    for (int i = 0; i < 2; i++) {
+        f.changes.whole = true;
+        update(&f);
+        assert_false(f.report.ready);
+    }
+    draw(&f, 40);
+    while (!f.report.ready && sst_clock_now_ns() < end_ns) {
+        nanosleep(&(struct timespec){ .tv_nsec = 50000000 }, NULL);
+        update(&f);
+        f.changes.changed = 0;
+    }
+    assert_true(f.report.ready);
+    assert_true(f.lf.range_min_px <= WALL_PX && f.lf.range_max_px >= NEAR_PX);
+    assert_true(bad_share(&f, 4, 40) < 8);
+    close_field(&f);
+}
+
+static void cancel_ends_updates(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f, 3, 3);
+    draw(&f, 40);
+    sst_live_scene_cancel(f.scene);
+    assert_int_equal(sst_live_scene_update(f.scene, &f.changes, &f.report), -ECANCELED);
+    close_field(&f);
+}
+
+/* --- the background ----------------------------------------------------------------------------------------------- */
+
+static void open_with_background(struct field *f)
+{
+    init_field(f, 3, 3);
+    f->cfg.background = true;
+    f->cfg.model = "models/pspnet-small.onnx";
+    assert_int_equal(sst_live_scene_open(&f->scene, &f->cfg, &f->lf), 0);
+    draw(f, 40);
+    update(f);
+    draw(f, 40); /* nothing changes from now on */
+}
+
+static void a_scene_at_rest_becomes_better_once(void **state SST_UNUSED)
+{
+    const int64_t end_ns = sst_clock_now_ns() + INT64_C(60000000000);
+    double before;
+    struct field f;
+
+    open_with_background(&f);
+    before = bad_share(&f, 4, 40);
+    assert_false(sst_live_scene_settle(f.scene, &f.changes));
+    while (!sst_live_scene_unsettled(f.scene)) {
+        if (sst_clock_now_ns() > end_ns) {
+            print_message("the machine has no idle time for the background\n");
+            close_field(&f);
+            skip();
+        }
+        nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
+        update(&f);
+    }
+    draw(&f, 41); /* what changes meanwhile keeps its own maps */
+    update(&f);
+    assert_true(sst_live_scene_settle(f.scene, &f.changes));
+    assert_in_range(f.changes.changed, 1, 9 * TILES - 1);
+    assert_int_equal(f.changes.map[4][0], 1);
+    assert_int_equal(f.changes.map[4][2 * TILES_X + 1], 0);
+    assert_true(bad_share(&f, 4, 41) <= before + 0.5);
+    f.changes.changed = 0;
+    for (int view = 0; view < 9; view++)
+        memset(f.changes.map[view], 0, TILES);
+    update(&f);
+    assert_true(f.report.error_labels >= 0 && f.report.error_labels <= 1);
+    assert_false(sst_live_scene_settle(f.scene, &f.changes));
+    close_field(&f);
+}
+
+static void closing_does_not_wait_for_the_background(void **state SST_UNUSED)
+{
+    const int64_t still_ns = sst_clock_now_ns() + INT64_C(2300000000);
+    int64_t start_ns;
+    struct field f;
+
+    open_with_background(&f);
+    while (sst_clock_now_ns() < still_ns) {
+        nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
+        update(&f);
+    }
+    start_ns = sst_clock_now_ns();
+    sst_live_scene_cancel(f.scene);
+    close_field(&f);
+    assert_quick(start_ns, INT64_C(500000000));
+    /* What stays behind is counted until it is gone: until then the process must not exit(). */
+    while (sst_live_left_behind() && sst_clock_now_ns() - start_ns < INT64_C(60000000000))
+        nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
+    assert_int_equal(sst_live_left_behind(), 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(keys_are_spread_and_survive_holes),
+        cmocka_unit_test(changed_tiles_are_gathered),
+        serial_test(cells_are_carried_over),
+        serial_test(maps_follow_what_moves),
+        cmocka_unit_test(what_moved_on_leaves_nothing_behind),
+        cmocka_unit_test(threads_make_no_difference),
+        serial_test(every_view_is_labelled_without_reuse),
+        cmocka_unit_test(views_come_and_go),
+        cmocka_unit_test(one_camera_is_never_ready),
+        serial_test(no_texture_is_waited_out),
+        cmocka_unit_test(cancel_ends_updates),
+        cmocka_unit_test(a_scene_at_rest_becomes_better_once),
+        cmocka_unit_test(closing_does_not_wait_for_the_background),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,342 @@
+/* What a reload does with each key of the configuration, and what the service does when the wall clock is set. */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "config/schema.h"
+#include "daemon/service/service_parts.h"
+#include "daemon/service/viewer_parts.h"
+
+static char folder[64], base_yaml[600];
+static struct sst_service *service;
+static struct sst_config before;
+
+/* --- a wall clock that can be set --------------------------------------------------------------------------------- */
+
+static _Atomic int64_t shift_s;
+
+/* Instead of the C library's, for all of this program. */
+int clock_gettime(clockid_t id, struct timespec *ts)
+{
+    const int err = (int)syscall(SYS_clock_gettime, id, ts);
+
+    if (!err && id == CLOCK_REALTIME)
+        ts->tv_sec += (time_t)shift_s;
+    return err;
+}
+
+/* --- a service without cameras ------------------------------------------------------------------------------------ */
+
+static void write_config(const char *more)
+{
+    char path[100], text[1600];
+
+    snprintf(path, sizeof(path), "%s/sstd.yaml", folder);
+    snprintf(text, sizeof(text), "%s%s", base_yaml, more);
+    assert_int_equal(sst_file_write(path, text, strlen(text)), 0);
+}
+
+static int begin(void **state)
+{
+    struct sst_service_config cfg = { .socket_fd = -1 };
+    struct sst_config config;
+    char path[100];
+
+    (void)state;
+    strcpy(folder, "/tmp/sst-reload-XXXXXX");
+    if (!mkdtemp(folder))
+        return -1;
+    snprintf(path, sizeof(path), "%s/sstd.yaml", folder);
+    /* Not in flow style: what a test adds comes to the same sections, in conf.d. */
+    snprintf(base_yaml, sizeof(base_yaml),
+             "control: { socket: %s/c.sock, group: \"\" }\nweb: { port: 0, token_file: %s/token }\n"
+             "storage: { dir: %s/store, min_free_gb: 0, ring_mb: 4, preroll_s: 0 }\n",
+             folder, folder, folder);
+    write_config("");
+    sst_config_defaults(&config);
+    assert_int_equal(sst_config_read(&config, path), 0);
+    cfg.path = path;
+    before = config;
+    return sst_service_open(&service, &config, &cfg);
+}
+
+static int end(void **state)
+{
+    (void)state;
+    shift_s = 0;
+    assert_true(sst_service_stop(service));
+    sst_path_remove_tree(folder);
+    return 0;
+}
+
+/* conf.d/test.yaml: read over the rest, key by key. */
+static void write_part(const char *text)
+{
+    char path[100];
+
+    snprintf(path, sizeof(path), "%s/conf.d", folder);
+    assert_int_equal(sst_path_make_dir(path), 0);
+    snprintf(path, sizeof(path), "%s/conf.d/test.yaml", folder);
+    assert_int_equal(sst_file_write(path, text, strlen(text)), 0);
+}
+
+static json_t *reload(bool dry_run)
+{
+    struct sst_api_answer answer = { 0 };
+
+    if (service->api.reload(service->api.arg, dry_run, &answer))
+        fail_msg("%s", answer.error);
+    return answer.body;
+}
+
+/* --- every key ---------------------------------------------------------------------------------------------------- */
+
+/* Keys whose other values must fit something else; the rest is made from the table. */
+static const struct {
+    const char *key, *yaml; /* %s: the folder */
+} special[] = {
+    { "array.rows", "array: { rows: 3 }" },
+    { "array.cols", "array: { cols: 3 }" },
+    { "cameras.format", "cameras: { format: YUYV }" },
+    { "cameras.controls", "cameras: { controls: { gain: 3 } }" },
+    { "cameras.bind", "cameras: { bind: [ { row: 0, col: 0, serial: A } ] }" },
+    { "trigger.source", "trigger: { source: software }" },
+    { "trigger.lines", "trigger: { lines: [ TRIG0 ] }" },
+    { "live.range_min_px", "live: { range_min_px: -1 }" },
+    { "live.focus_px", "live: { focus_px: 3 }" },
+    { "live.plane_mm", "live: { plane_mm: 3000 }" },
+    { "rig.travel_min_mm", "rig: { travel_min_mm: -5 }" },
+    { "zones", "zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 } ]" },
+    { "web.address", "web: { address: 127.0.0.2 }" },
+    { "web.tls_certificate", "web: { tls_certificate: /c.pem, tls_key: /k.pem }" },
+    { "web.tls_key", "web: { tls_certificate: /c.pem, tls_key: /k.pem }" },
+    { "web.streams", "web: { streams: 33 }" },
+    { "rtsp.address", "rtsp: { address: 127.0.0.2 }" },
+    { "rtsp.user", "rtsp: { user: u, password_file: /p }" },
+    { "rtsp.password_file", "rtsp: { user: u, password_file: /p }" },
+    { "storage.mode", "storage: { mode: continuous }" },
+    { "storage.quota_gb", "storage: { quota_gb: 100 }" },
+    { "storage.record_on", "storage: { record_on: [ { label: Pedestrian } ] }" },
+    { "mqtt.enabled", "mqtt: { enabled: true, port: 1 }" },
+    { "mqtt.password_file", "mqtt: { user: u, password_file: /p }" },
+    { "hooks", "hooks: [ { event: stop, run: [ /bin/true ] } ]" },
+};
+
+/* Another value than the one it has, as a file of conf.d. */
+static void other_value(const struct sst_key *key, const char *dotted, char *out, size_t size)
+{
+    const char *p = (const char *)&before + key->offset;
+    char value[SST_KEY_TEXT_MAX];
+
+    for (size_t i = 0; i < ARRAY_LEN(special); i++) {
+        if (strcmp(special[i].key, dotted) != 0)
+            continue;
+        snprintf(out, size, "%s\n", special[i].yaml);
+        return;
+    }
+    sst_key_text(key, &before, &before, value);
+    if (key->type == SST_KEY_BOOL)
+        snprintf(out, size, "%s: { %s: %s }\n", key->section, key->name, *(const bool *)p ? "false" : "true");
+    else if (key->type == SST_KEY_INT || key->type == SST_KEY_INTS)
+        snprintf(out, size, "%s: { %s: %d }\n", key->section, key->name,
+                 *(const int *)p + (*(const int *)p < (int)key->max ? 1 : -1));
+    else if (key->type == SST_KEY_DOUBLE || key->type == SST_KEY_DOUBLES)
+        snprintf(out, size, "%s: { %s: %g }\n", key->section, key->name,
+                 *(const double *)p < key->max ? (*(const double *)p + sst_min_int((int)key->max, 1000)) / 2
+                                               : (*(const double *)p + key->min) / 2);
+    else if (key->type == SST_KEY_CHOICE)
+        snprintf(out, size, "%s: { %s: %s }\n", key->section, key->name, key->names[*(const int *)p ? 0 : 1]);
+    else
+        snprintf(out, size, "%s: { %s: %s }\n", key->section, key->name,
+                 key->kind == SST_TEXT_PATH || key->kind == SST_TEXT_FILE ? "/tmp/other" : "other");
+}
+
+static const json_t *find_change(const json_t *answer, const char *dotted)
+{
+    const json_t *one;
+    size_t i;
+
+    json_array_foreach(json_object_get(answer, "changes"), i, one)
+    {
+        const char *key = json_string_value(json_object_get(one, "key"));
+
+        if (!strncmp(key, dotted, strlen(dotted)) && (!key[strlen(dotted)] || key[strlen(dotted)] == '['))
+            return one;
+    }
+    return NULL;
+}
+
+static void expect_takes(const json_t *answer, const char *dotted, const char *takes)
+{
+    const json_t *one = find_change(answer, dotted);
+
+    if (!one || strcmp(json_string_value(json_object_get(one, "takes")), takes) != 0) {
+        char *text = json_dumps(answer, 0);
+
+        fail_msg("%s does not take %s: %s", dotted, takes, text);
+    }
+}
+
+static bool is_now(const struct sst_key *key, const struct sst_config *now, const struct sst_config *wanted)
+{
+    static char a[SST_KEY_TEXT_MAX], b[SST_KEY_TEXT_MAX];
+
+    if (key->type == SST_KEY_LIST)
+        return sst_key_count(key, now) == sst_key_count(key, wanted);
+    sst_key_text(key, now, now, a);
+    sst_key_text(key, wanted, wanted, b);
+    return !strcmp(a, b);
+}
+
+/* The parts go by their own copies of what they are told. */
+static void expect_in_parts(const struct sst_key *key, const char *dotted, const struct sst_config *wanted)
+{
+    struct sst_config now;
+
+    pthread_mutex_lock(&service->lock);
+    now = service->config;
+    pthread_mutex_unlock(&service->lock);
+    if (!is_now(key, &now, wanted))
+        fail_msg("%s is not what it should be", dotted);
+    pthread_mutex_lock(&service->viewer->lock);
+    now = service->viewer->config;
+    pthread_mutex_unlock(&service->viewer->lock);
+    if (!is_now(key, &now, wanted))
+        fail_msg("%s is not what it should be for the live picture", dotted);
+}
+
+/* What takes a restart is told so, again and again until it is restarted, and the old value holds. All else holds from
+ * then on. */
+static void every_key_does_what_the_table_says(void **state)
+{
+    int count, later = 0;
+    const struct sst_key *keys = sst_schema(&count);
+
+    (void)state;
+    for (int i = 0; i < count; i++) {
+        const struct sst_key *key = &keys[i];
+        const bool switched = key->switches; /* from none to one */
+        const enum sst_reload_class takes = switched ? SST_RELOAD_DAEMON : key->reload;
+        struct sst_config wanted = before;
+        char dotted[96], yaml[SST_KEY_TEXT_MAX], path[100];
+        json_t *answer;
+
+        snprintf(dotted, sizeof(dotted), "%s%s%s", key->section, *key->section ? "." : "", key->name);
+        other_value(key, dotted, yaml, sizeof(yaml));
+        write_part(yaml);
+        snprintf(path, sizeof(path), "%s/sstd.yaml", folder);
+        sst_config_defaults(&wanted);
+        assert_int_equal(sst_config_read(&wanted, path), 0);
+
+        answer = reload(true);
+        expect_takes(answer, dotted, sst_reload_class_name(takes));
+        assert_true(json_is_false(json_object_get(answer, "applied")));
+        assert_int_equal(json_is_true(json_object_get(answer, "restarts_cameras")), takes == SST_RELOAD_CAMERAS);
+        json_decref(answer);
+        expect_in_parts(key, dotted, &before); /* only said */
+        answer = reload(false);
+        expect_takes(answer, dotted, sst_reload_class_name(takes));
+        json_decref(answer);
+        expect_in_parts(key, dotted, takes == SST_RELOAD_DAEMON ? &before : &wanted);
+        answer = reload(true);
+        if (takes == SST_RELOAD_DAEMON)
+            expect_takes(answer, dotted, "restart-daemon");
+        else
+            assert_int_equal(json_array_size(json_object_get(answer, "changes")), 0);
+        later += takes == SST_RELOAD_DAEMON;
+        json_decref(answer);
+        write_part("");
+        json_decref(reload(false));
+        expect_in_parts(key, dotted, &before);
+    }
+    assert_true(later > 10 && later < count / 3);
+}
+
+static void what_is_wrong_changes_nothing(void **state)
+{
+    struct sst_api_answer answer = { 0 };
+    char said[SST_LOG_MAX], *shown;
+
+    (void)state;
+    write_part("live: { rate_hz: 3, colz: 1 }\nmqtt: { discovery: \"\" }\n");
+    shown = sst_log_hold_errors(said);
+    assert_int_equal(service->api.reload(service->api.arg, false, &answer), -EINVAL);
+    sst_log_hold_errors(shown);
+    assert_non_null(strstr(answer.error, "colz is no key here"));
+    assert_null(answer.body);
+    assert_true(service->config.live.rate_hz == before.live.rate_hz);
+}
+
+/* --- clock -------------------------------------------------------------------------------------------------------- */
+
+/* The last event of a type, and how many there were. */
+static int events_of(const char *type, char line[2000])
+{
+    uint64_t id, after = 0;
+    char wanted[64], *text;
+    int n = 0;
+
+    snprintf(wanted, sizeof(wanted), "\"type\":\"%s\"", type);
+    while (sst_events_next(service->events, after, &id, &text)) {
+        if (strstr(text, wanted)) {
+            n++;
+            snprintf(line, 2000, "%s", text);
+        }
+        free(text);
+        after = id;
+    }
+    return n;
+}
+
+/* An hour on, back, to a machine without a battery, and to the right time again: told, each once, and nothing that is
+ * measured by the other clock notices. */
+static void the_wall_clock_may_be_set(void **state)
+{
+    const int64_t now_s = sst_clock_wall_ns() / 1000000000, steps_s[] = { 3600, -3600, -now_s, 0, 86400 * 365 };
+    char status[512], line[2000] = "", year[8] = "";
+    enum sst_service_phase phase;
+    int told = 0;
+
+    (void)state;
+    phase = sst_service_tick(service, status);
+    for (size_t i = 0; i < ARRAY_LEN(steps_s); i++) {
+        struct sst_api_answer answer = { 0 };
+
+        shift_s = steps_s[i];
+        for (int k = 0; k < 3; k++)
+            phase = sst_service_tick(service, status);
+        assert_int_equal(events_of("clock", line), ++told);
+        assert_true(sst_service_alive(service, INT64_C(20000000000)));
+        assert_int_equal(service->api.status(service->api.arg, &answer), 0);
+        assert_in_range((int)json_number_value(json_object_get(answer.body, "uptime_s")), 0, 60);
+        snprintf(year, sizeof(year), "%.4s", json_string_value(json_object_get(answer.body, "time")));
+        assert_int_equal(atoi(year) == 1970, steps_s[i] == -now_s);
+        json_decref(answer.body);
+        assert_true(phase == SST_SERVICE_STARTING || phase == SST_SERVICE_FAILED); /* no cameras, as before */
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(every_key_does_what_the_table_says, begin, end),
+        cmocka_unit_test_setup_teardown(what_is_wrong_changes_nothing, begin, end),
+        cmocka_unit_test_setup_teardown(the_wall_clock_may_be_set, begin, end),
+    };
+
+    sst_log_set_level(SST_LOG_ERROR);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,595 @@
+/* daemon/storage: what is wanted is recorded, from the set that it should begin with to the one that it should end
+ * with. */
+#include <math.h>
+#include <sys/wait.h>
+
+#include "daemon/storage/catalog.h"
+#include "daemon/storage/tar.h"
+#include "daemon/storage/triggers.h"
+#include "tests/quick.h"
+#include "tests/storage_bench.h"
+
+#define MS ((int64_t)1000000)
+#define T0 (INT64_C(20600) * 86400 * 1000 * MS) /* in 2026 */
+
+int fdatasync(int fd SST_UNUSED)
+{
+    return 0; /* the disk has time; the test has not */
+}
+
+/* --- rules -------------------------------------------------------------------------------------------------------- */
+
+static void a_watch_is_not_moved_by_one_set(void **state)
+{
+    struct sst_watch w = { .trigger = 0, .share = 0.1 };
+    int64_t t = 0;
+
+    (void)state;
+    for (int i = 0; i < 50; i++) /* one set in three */
+        assert_false(sst_watch_update(&w, i % 3 ? 0.02 : 0.9, t += 100 * MS));
+    assert_false(sst_watch_update(&w, 0.2, t += 100 * MS));
+    assert_false(sst_watch_update(&w, 0.2, t + 200 * MS));
+    assert_true(sst_watch_update(&w, 0.2, t + 300 * MS));
+    assert_true(w.active);
+    assert_int_equal(w.begin_ns, t);
+    t += 300 * MS;
+    for (int i = 0; i < 50; i++) /* flicker, and what is between both limits */
+        assert_false(sst_watch_update(&w, i % 2 ? 0.0 : 0.075, t += 100 * MS));
+    assert_true(w.active && w.last_ns == t - 100 * MS);
+    for (int i = 0; i < 9; i++)
+        assert_false(sst_watch_update(&w, i % 2 ? NAN : 0.04, t += 100 * MS));
+    assert_true(sst_watch_update(&w, 0.04, t += 100 * MS));
+    assert_false(w.active);
+
+    /* A share of 0: anything; slow pictures need two sets, too. */
+    w = (struct sst_watch){ .share = 0 };
+    assert_false(sst_watch_update(&w, 0, t));
+    assert_false(sst_watch_update(&w, 1e-6, t + 5000 * MS));
+    assert_true(sst_watch_update(&w, 1e-6, t + 10000 * MS));
+    assert_false(sst_watch_update(&w, NAN, t + 15000 * MS));
+    assert_true(sst_watch_update(&w, NAN, t + 20000 * MS));
+}
+
+/* Two sets in three speak for it: it takes three times as long; times that are asked for count. */
+static void odd_sets_only_delay_a_watch(void **state)
+{
+    struct sst_watch w = { .share = 0.1, .begin_s = 1, .end_s = 2 };
+    int64_t t = 0, begun = 0;
+
+    (void)state;
+    for (int i = 0; i < 100 && !w.active; i++)
+        if (sst_watch_update(&w, i % 3 == 2 ? 0 : 0.2, t += 100 * MS))
+            begun = t;
+    assert_true(w.active && w.begin_ns == 100 * MS);
+    assert_in_range(begun, 2500 * MS, 3200 * MS);
+    while (w.active && t < begun + 20000 * MS)
+        (void)sst_watch_update(&w, t / (100 * MS) % 3 ? 0 : 0.2, t + 100 * MS), t += 100 * MS;
+    assert_false(w.active);
+    assert_in_range(t - begun, 5000 * MS, 7000 * MS);
+    /* Time that stands still or runs back speaks for nothing. */
+    w = (struct sst_watch){ .share = 0.1 };
+    for (int i = 0; i < 100; i++)
+        assert_false(sst_watch_update(&w, 0.2, 5000 * MS - i * MS));
+}
+
+/* A second of change every four, for ten minutes. @return times that it was told to have begun */
+static int storm(struct sst_watch *w, int *ended, int *times)
+{
+    int began = 0;
+
+    for (int i = 0; i < 6000; i++) {
+        const double value = i % 40 < 10 ? 0.5 : 0;
+
+        (void)sst_watch_update(w, value, i * 100 * MS);
+        if (!sst_watch_tell(w, value, i * 100 * MS))
+            continue;
+        began += w->told;
+        *ended += !w->told;
+        *times += w->told ? 0 : w->times;
+    }
+    *times += w->told ? w->times : 0;
+    return began;
+}
+
+static void changes_again_and_again_are_told_as_one(void **state)
+{
+    struct sst_watch motion = { .share = 0.1 }, label = { .share = 0.1, .label = "Pedestrian" };
+    int ended = 0, times = 0;
+
+    (void)state;
+    assert_int_equal(storm(&motion, &ended, &times), 3); /* after 1 s, 2 s; then 4 s are longer than the pause */
+    assert_int_equal(ended, 2);
+    assert_int_equal(times, 150);
+    assert_true(motion.told && motion.peak == 0.5);
+    ended = times = 0;
+    assert_int_equal(storm(&label, &ended, &times), 150);
+    assert_int_equal(ended, 150);
+    /* After a rest a single one ends after a second again. */
+    for (int i = 0, told = 0; i < 1000; i++) {
+        const int64_t t = 600000 * MS + i * 100 * MS;
+        const double value = i >= 900 && i < 910 ? 0.5 : 0;
+
+        (void)sst_watch_update(&motion, value, t);
+        told += sst_watch_tell(&motion, value, t);
+        assert_int_equal(motion.told, i < 9 || (i >= 903 && i < 920));
+        assert_int_equal(told, (i >= 9) + (i >= 903) + (i >= 920));
+    }
+}
+
+static void watches_follow_the_configuration(void **state)
+{
+    struct sst_config *c = calloc(1, sizeof(*c));
+    struct sst_watches w;
+
+    (void)state;
+    c->zones = 2;
+    strcpy(c->zone[0].name, "door");
+    strcpy(c->zone[1].name, "gate");
+    c->storage.triggers = 3;
+    c->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.3 };
+    c->storage.trigger[1] = (struct sst_record_trigger){ .zone = 1, .share = 0.1, .label = "Pedestrian" };
+    c->storage.trigger[2] = (struct sst_record_trigger){ .zone = -1, .share = 0.5 };
+    sst_watches_init(&w, c);
+    assert_int_equal(w.count, 4); /* changes at the gate are told, but not recorded */
+    assert_string_equal(w.watch[1].label, "Pedestrian");
+    assert_true(w.watch[2].index == -1 && !w.watch[2].zone[0]);
+    assert_true(w.watch[3].trigger == -1 && w.watch[3].index == 1);
+    assert_string_equal(w.watch[3].zone, "gate");
+    free(c);
+}
+
+static void the_oldest_goes_and_no_clock_takes_the_newest(void **state)
+{
+    struct sst_catalog c = { 0 };
+    struct sst_store_limits l = { .quota_bytes = 1000, .margin_bytes = 50 };
+    struct sst_store_room room = {
+        .used_bytes = 951, .free_bytes = 1 << 30, .wall_ns = T0 + 1000, .clock_steady = true
+    };
+    struct sst_store_entry e = { .bytes = 300 };
+    int victim = -1;
+
+    (void)state;
+    /* Made 3, 1, 2 in the list's order of names; the wall clock went backwards before the last. */
+    for (int i = 0; i < 3; i++) {
+        sst_store_name(e.name, SST_STORE_RECORDING, (int64_t)i * 1000000000, 1);
+        e.order = (uint64_t[]){ 3, 1, 2 }[i];
+        e.from_ns = e.to_ns = T0 + (int64_t[]){ 100, 900, 800 }[i];
+        assert_int_equal(sst_catalog_add(&c, &e), 0);
+    }
+    assert_int_equal(c.order, 3);
+    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_TOO_MUCH);
+    assert_int_equal(c.entry[victim].order, 1);
+    room.used_bytes = 950;
+    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
+    l = (struct sst_store_limits){ .min_free_bytes = 1000, .margin_bytes = 50 };
+    room.free_bytes = 1049;
+    c.entry[0].stage = SST_STORE_ACTIVE; /* is never removed */
+    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_TOO_MUCH);
+    assert_int_equal(c.entry[victim].order, 2);
+    c.entry[1].stage = c.entry[2].stage = SST_STORE_KEPT;
+    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
+    room.free_bytes = 999;
+    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_NO_ROOM);
+
+    /* Ages: all look old after a step, the one made last stays; while the clock is in doubt none goes. */
+    l = (struct sst_store_limits){ .max_age_ns = 150 };
+    for (int i = 0; i < 3; i++)
+        c.entry[i].stage = SST_STORE_DONE;
+    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_TOO_OLD);
+    assert_int_equal(c.entry[victim].order, 2);
+    room.clock_steady = false;
+    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
+    room = (struct sst_store_room){ .wall_ns = INT64_MAX, .clock_steady = true };
+    for (int left = 3; left > 1; left--) {
+        assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_TOO_OLD);
+        sst_catalog_remove(&c, c.entry[victim].name);
+    }
+    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
+    assert_int_equal(c.entry[0].order, 3);
+    sst_catalog_fini(&c);
+}
+
+static void names_are_checked(void **state)
+{
+    static const char *const bad[] = { "", ".", "..", "../x", "a/b", ".lock", "a b", "a\n", "\xc3\xa4", "a%2e" };
+    char name[SST_STORE_NAME], longest[80];
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(bad); i++)
+        assert_false(sst_store_name_good(bad[i]));
+    memset(longest, 'a', sizeof(longest));
+    longest[64] = 0;
+    assert_false(sst_store_name_good(longest));
+    longest[63] = 0;
+    assert_true(sst_store_name_good(longest));
+    sst_store_name(name, SST_STORE_EXPORT, (int64_t)1763748300 * 1000 * MS, 2);
+    assert_string_equal(name, "export-2025-11-21T18-05-00Z-2");
+    assert_true(sst_store_name_good(name));
+    sst_store_name(name, SST_STORE_RECORDING, INT64_MIN, 1);
+    assert_true(sst_store_name_good(name));
+}
+
+/* --- recording ---------------------------------------------------------------------------------------------------- */
+
+static void continuous_recording_holds_every_set(void **state)
+{
+    char path[SST_PATH_MAX];
+    struct bench b;
+    uint64_t first = 0;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_CONTINUOUS);
+    bench_open_storage(&b);
+    for (int i = 0; i < 60; i++) {
+        bench_put(&b, sst_clock_now_ns());
+        usleep(1000);
+    }
+    bench_wait(&b, "recording", "sets", 60);
+    assert_int_equal(bench_number(&b, "recording", "dropped"), 0);
+    assert_int_equal(bench_events(&b, "record-start", "continuous"), 1);
+    assert_int_equal(bench_recording(&b, 0, path), 1);
+    assert_int_equal(bench_check(&b, path, &first), 60); /* readable while it is written */
+
+    /* Off by another configuration; what stopping finds in memory is still written. */
+    b.config->storage.mode = SST_RECORD_OFF;
+    assert_int_equal(sst_storage_configure(b.storage, b.config), 0);
+    bench_wait_inactive(&b);
+    bench_wait_event(&b, "record-stop", "\"sets\":60", 1);
+    assert_int_equal(sst_storage_stop(b.storage), -ENOENT);
+    b.config->storage.mode = SST_RECORD_CONTINUOUS;
+    assert_int_equal(sst_storage_configure(b.storage, b.config), 0);
+    bench_put(&b, sst_clock_now_ns());
+    bench_wait(&b, "recording", "active", 1);
+    for (int i = 0; i < 20; i++)
+        bench_put(&b, sst_clock_now_ns());
+    bench_fini(&b);
+    assert_true(size_of(in(path, "storage.json")) > 0);
+}
+
+static void a_demand_begins_with_the_moments_before(void **state)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+    char path[SST_PATH_MAX], name[64], again[64];
+    struct bench b;
+    uint64_t first = 0;
+    int n;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_OFF);
+    b.config->storage.preroll_s = 2;
+    bench_open_storage(&b);
+    assert_int_equal(sst_storage_record(b.storage, 0, name), -ENODATA);
+    for (int i = 0; i <= 50; i++) /* 5 s, the last one is now */
+        bench_put(&b, now_ns - (50 - i) * 100 * MS);
+    bench_wait_ready(&b);
+    assert_int_equal(sst_storage_record(b.storage, 0, name), 0);
+    assert_int_equal(sst_storage_record(b.storage, 1000, again), 0);
+    assert_string_equal(name, again);
+    for (int i = 0; i < 5; i++) {
+        bench_put(&b, sst_clock_now_ns());
+        usleep(2000);
+    }
+    bench_wait(&b, "recording", "sets", 5);
+    assert_int_equal(sst_storage_stop(b.storage), 0);
+    usleep(1000);
+    bench_put(&b, sst_clock_now_ns()); /* ends it */
+    bench_wait_inactive(&b);
+    assert_int_equal(bench_recording(&b, 0, path), 1);
+    assert_string_equal(sst_path_base(path), name);
+    n = bench_check(&b, path, &first);
+    /* Not one before 2 s ago, and none after that is missing. */
+    assert_true(first >= 31 && now_ns - (50 - (int64_t)first) * 100 * MS >= now_ns - 2000 * MS);
+    assert_true((int64_t)first <= 31 + (sst_clock_now_ns() - now_ns) / (100 * MS) + 1);
+    assert_int_equal((int)first + n, 56);
+    bench_fini(&b);
+}
+
+static void see(struct bench *b, int64_t t_ns, double changed, double label)
+{
+    struct sst_seen seen = { .t_ns = t_ns, .zones = 1, .changed = { changed, 0 }, .label = { 0, label } };
+
+    sst_storage_seen(b->storage, &seen);
+}
+
+static void an_event_is_recorded_with_what_surrounds_it(void **state)
+{
+    const int64_t start_ns = sst_clock_now_ns(); /* the array's time runs faster than ours */
+    char path[SST_PATH_MAX];
+    struct bench b;
+    uint64_t first = 0;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_EVENT);
+    b.config->zones = 1;
+    strcpy(b.config->zone[0].name, "door");
+    b.config->storage.triggers = 2;
+    b.config->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.2 };
+    b.config->storage.trigger[1] = (struct sst_record_trigger){ .zone = 0, .share = 0.1, .label = "Pedestrian" };
+    b.config->storage.preroll_s = 1;
+    b.config->storage.postroll_s = 2;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    /* 10 Hz. Change in sets 30..39, the label in 50..59 (before the post-roll is over): one recording; a flicker;
+     * change in 100..109: another. */
+    for (int i = 0; i < 200; i++) {
+        const bool change = (i >= 30 && i < 40) || (i >= 100 && i < 110) || i == 150;
+
+        bench_put(&b, start_ns + i * 100 * MS);
+        see(&b, start_ns + i * 100 * MS, change ? 0.5 : 0.01, i >= 50 && i < 60 ? 0.3 : 0);
+        usleep(2000);
+    }
+    bench_wait_inactive(&b);
+    assert_int_equal(bench_recording(&b, 0, path), 2);
+    assert_int_equal(bench_check(&b, path, &first), 60 - 1 + 20 - 20 + 1);
+    assert_int_equal(first, 20);
+    assert_int_equal(bench_recording(&b, 1, path), 2);
+    assert_int_equal(bench_check(&b, path, &first), 109 + 20 - 90 + 1);
+    assert_int_equal(first, 90);
+    assert_int_equal(bench_events(&b, "motion", "\"active\":true"), 2);
+    assert_int_equal(bench_events(&b, "motion", "\"active\":false"), 2);
+    assert_int_equal(bench_events(&b, "label", "\"label\":\"Pedestrian\""), 2);
+    assert_int_equal(bench_events(&b, "record-start", "motion in door"), 2);
+    bench_wait_event(&b, "record-stop", NULL, 2);
+    bench_fini(&b);
+}
+
+/* Live pictures that end must not keep a recording going. */
+static void an_event_ends_without_live_pictures(void **state)
+{
+    struct bench b;
+    int64_t t_ns = 0;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_EVENT);
+    b.config->storage.triggers = 1;
+    b.config->storage.trigger[0] = (struct sst_record_trigger){ .zone = -1, .share = 0.2 };
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    for (int i = 0; i < 10; i++) {
+        struct sst_seen seen = { .t_ns = t_ns = sst_clock_now_ns(), .changed = { 0.5 } };
+
+        bench_put(&b, t_ns);
+        sst_storage_seen(b.storage, &seen);
+        usleep(50000);
+    }
+    bench_wait(&b, "recording", "active", 1);
+    while (bench_number(&b, "recording", "active")) {
+        assert_quick(t_ns, 15000 * MS);
+        bench_put(&b, sst_clock_now_ns());
+        usleep(50000);
+    }
+    assert_true(sst_clock_now_ns() - t_ns > 4000 * MS);
+    bench_fini(&b);
+}
+
+/* --- limits ------------------------------------------------------------------------------------------------------- */
+
+/* All that a shortened recording says of itself is about what is left of it. */
+static void check_shortened(const char *path, uint64_t listed)
+{
+    struct sst_recording_set *set = malloc(sizeof(*set));
+    struct sst_recording_removed removed;
+    struct sst_store_entry e;
+    struct sst_recording *r;
+    int n, cam;
+
+    assert_non_null(set);
+    assert_int_equal(sst_recording_open(&r, path), 0);
+    removed = *sst_recording_removed(r);
+    n = sst_recording_sets(r);
+    assert_true(removed.before_segment > 10 && n > 50 && removed.sets + (uint64_t)n == 700);
+    assert_int_equal(n, listed);
+    for (int i = 0; i < n; i++)
+        assert_int_equal(sst_recording_check(r, i, &cam), 0);
+    assert_int_equal(sst_recording_set(r, 0, set), 0);
+    assert_int_equal(set->index, removed.sets);
+    assert_int_equal(set->segment, removed.before_segment);
+    assert_int_equal(set->wall_ns, removed.wall_ns);
+    assert_int_equal(sst_recording_set(r, n - 1, set), 0);
+    assert_int_equal(set->index, 699);
+    sst_recording_close(r);
+    assert_int_equal(sst_store_read(path, &e), 0);
+    assert_true(e.stage == SST_STORE_DONE && (int)e.sets == n && e.from_ns == removed.wall_ns);
+    free(set);
+}
+
+/* A bench that records continuously, with frames of the same size each. */
+static void init_exact(struct bench *b)
+{
+    bench_init(b, SST_RECORD_CONTINUOUS);
+    synthetic_fini(&b->sets);
+    b->sets.bytes = 20000;
+    b->sets.exact = true;
+    synthetic_init(&b->sets);
+}
+
+static void the_quota_holds_while_sets_come(void **state)
+{
+    char path[SST_PATH_MAX];
+    struct bench b;
+    int64_t most = 0, all = 0, sets;
+    json_t *list;
+
+    (void)state;
+    init_exact(&b);
+    sst_ring_destroy(b.ring); /* one that holds everything: a busy machine loses nothing either */
+    assert_int_equal(sst_ring_create(&b.ring, (size_t)64 << 20), 0);
+    b.config->storage.quota_gb = 0.012;
+    b.config->storage.sync_s = 0.02; /* segments of a fifteenth of a second */
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    for (int i = 0; i < 700; i++) { /* 42 MB */
+        bench_put(&b, sst_clock_now_ns());
+        all += 3 * 20000;
+        usleep(3000);
+        if (i % 10 == 0) {
+            const int64_t used = sst_store_bytes(in(dir, "recordings"));
+
+            most = used > most ? used : most;
+        }
+    }
+    do {
+        sets = bench_number(&b, "recording", "sets");
+        usleep(1000000);
+    } while (sets != bench_number(&b, "recording", "sets"));
+    assert_true(most <= 12000000 && most > 8000000 && all > 40000000);
+    assert_int_equal(sst_storage_state(b.storage), SST_STORAGE_LOW);
+    assert_int_equal(bench_events(&b, "storage", "\"state\":\"LOW\""), 1);
+    assert_int_equal(bench_events(&b, "storage", NULL), 1);
+    assert_true(bench_number(&b, NULL, "shortened") > 10);
+    assert_int_equal(bench_number(&b, NULL, "removed"), 0);
+    assert_int_equal(bench_number(&b, "recording", "dropped"), 0);
+    assert_int_equal(bench_recording(&b, 0, path), 1); /* one recording, of which the oldest went */
+    list = sst_storage_list(b.storage);
+    sets = json_integer_value(json_object_get(json_array_get(json_object_get(list, "recordings"), 0), "sets"));
+    json_decref(list);
+    bench_fini(&b);
+    check_shortened(path, (uint64_t)sets);
+}
+
+/* Less room than the two pieces that always stay: FULL is told, and it goes on with what was recorded removed. */
+static void a_quota_of_two_pieces_holds_nothing_up(void **state)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000 * MS;
+    struct bench b;
+
+    (void)state;
+    init_exact(&b);
+    b.config->storage.quota_gb = 0.002;
+    b.config->storage.sync_s = 0.02;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    while (bench_events(&b, "record-start", NULL) < 4) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        bench_put(&b, sst_clock_now_ns());
+        usleep(3000);
+        assert_true(sst_store_bytes(in(dir, "recordings")) <= 2000000 + 3 * 4096); /* the folder itself */
+    }
+    assert_true(bench_events(&b, "storage", "raise it") >= 1);
+    bench_fini(&b);
+}
+
+/* Files of others are neither counted nor removed, whatever they are called. */
+static void what_is_not_ours_stays(void **state)
+{
+    static const char *const others[] = { "recordings/2020-01-01T00-00-00Z", "recordings/mine", "recordings/mine.tmp-x",
+                                          "snapshots/holiday", "snapshots/.hidden" };
+    struct bench b;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_CONTINUOUS);
+    assert_int_equal(mkdir(dir, 0777), 0);
+    assert_int_equal(mkdir(in(dir, "recordings"), 0777), 0);
+    assert_int_equal(mkdir(in(dir, "snapshots"), 0777), 0);
+    for (size_t i = 0; i < ARRAY_LEN(others); i++) {
+        assert_int_equal(mkdir(in(dir, others[i]), 0777), 0);
+        assert_int_equal(sst_file_write(in(in(dir, others[i]), "file"), others[i], 9), 0);
+    }
+    /* A link with a name of ours leads elsewhere. */
+    assert_int_equal(symlink("/usr", in(dir, "recordings/2021-01-01T00-00-00Z.tmp-removed")), 0);
+    assert_int_equal(mkdir(in(dir, "recordings/2022-01-01T00-00-00Z"), 0777), 0); /* begun by a killed service */
+    assert_int_equal(mkdir(in(dir, "snapshots/snapshot-2022-01-01T00-00-00Z.tmp-a1B2c3"), 0777), 0);
+    b.config->storage.quota_gb = 0.001;
+    b.config->storage.max_age_days = 1e-9;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    for (int i = 0; i < 20; i++)
+        bench_put(&b, sst_clock_now_ns());
+    bench_wait(&b, "recording", "sets", 20);
+    assert_int_equal(bench_number(&b, NULL, "recordings"), 1);
+    bench_fini(&b);
+    for (size_t i = 0; i < ARRAY_LEN(others); i++)
+        assert_int_equal(size_of(in(in(dir, others[i]), "file")), 9);
+    assert_true(access("/usr/bin", F_OK) == 0);
+    assert_int_equal(access(in(dir, "recordings/2022-01-01T00-00-00Z"), F_OK), -1);
+    assert_int_equal(access(in(dir, "snapshots/snapshot-2022-01-01T00-00-00Z.tmp-a1B2c3"), F_OK), -1);
+}
+
+/* --- snapshots, exports, downloads -------------------------------------------------------------------------------- */
+
+static void a_snapshot_can_be_taken_away(void **state)
+{
+    static const char *const bad[] = {
+        "..", "../../etc/passwd", "nothing.tar", "", "snapshots", ".lock", "recordings"
+    };
+    char name[64], line[SST_PATH_MAX * 3];
+    const char *type;
+    struct bench b;
+    int fd;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_OFF);
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    assert_int_equal(sst_storage_snapshot(b.storage, NULL, 0, name), -ENODATA);
+    bench_put_pictures(&b, 3, sst_clock_now_ns() - 300 * MS);
+    assert_int_equal(sst_storage_snapshot(b.storage, (const uint8_t *)"picture", 7, name), 0);
+    bench_wait_event(&b, "snapshot", name, 1);
+
+    assert_int_equal(bench_download(&b, name, "image/jpeg", in(top, "got")), 7);
+    snprintf(line, sizeof(line), "%s.tar", name);
+    assert_int_equal(bench_download(&b, line, "application/x-tar", in(top, "got.tar")) % 512, 0);
+    snprintf(line, sizeof(line),
+             "cd %s && tar xf got.tar && diff -r %s %s/snapshots/%s && ls %s/views | wc -l | grep -qx 3", top, name,
+             dir, name, name);
+    assert_int_equal(system(line), 0);
+    for (size_t i = 0; i < ARRAY_LEN(bad); i++)
+        assert_int_equal(sst_storage_download(b.storage, bad[i], &fd, &type), -ENOENT);
+
+    /* Readers that read nothing, or go away, cost a place and no more. */
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), 0), close(fd);
+    bench_fini(&b);
+    snprintf(line, sizeof(line), "ls -A %s/snapshots | wc -l | grep -qx 1", dir);
+    assert_int_equal(system(line), 0);
+}
+
+static void an_export_is_of_the_moment(void **state)
+{
+    const int64_t base_ns = sst_clock_now_ns() - 8000 * MS, wall_ns = sst_clock_wall_ns() - 8000 * MS;
+    char name[64], path[SST_PATH_MAX], line[2 * SST_PATH_MAX];
+    struct bench b;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_CONTINUOUS);
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    bench_put_pictures(&b, 80, base_ns);
+    bench_wait(&b, "recording", "sets", 80);
+    (void)bench_recording(&b, 0, path);
+    assert_int_equal(sst_storage_export(b.storage, NULL, wall_ns - 60000 * MS, name), -ENOENT);
+    assert_int_equal(sst_storage_export(b.storage, "../x", wall_ns, name), -ENOENT);
+    /* From memory, and from the recording that is being written. */
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(sst_storage_export(b.storage, i ? sst_path_base(path) : NULL, wall_ns + 4210 * MS, name), 0);
+        bench_wait_event(&b, "export", name, 1);
+        snprintf(line, sizeof(line), "grep -q '\"set\":42,' %s/exports/%s/set.json", dir, name);
+        assert_int_equal(system(line), 0);
+    }
+    assert_int_equal(sst_storage_export(b.storage, sst_path_base(path), wall_ns + 60000 * MS, name), -ENOENT);
+    bench_fini(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_watch_is_not_moved_by_one_set),
+        TEST(odd_sets_only_delay_a_watch),
+        TEST(changes_again_and_again_are_told_as_one),
+        TEST(watches_follow_the_configuration),
+        TEST(the_oldest_goes_and_no_clock_takes_the_newest),
+        TEST(names_are_checked),
+        TEST(continuous_recording_holds_every_set),
+        TEST(a_demand_begins_with_the_moments_before),
+        TEST(an_event_is_recorded_with_what_surrounds_it),
+        TEST(an_event_ends_without_live_pictures),
+        TEST(the_quota_holds_while_sets_come),
+        TEST(a_quota_of_two_pieces_holds_nothing_up),
+        TEST(what_is_not_ours_stays),
+        TEST(a_snapshot_can_be_taken_away),
+        TEST(an_export_is_of_the_moment),
+    };
+    const int rc = begin_tests(WITH_AVFORMAT);
+
+    return rc ? rc : cmocka_run_group_tests(tests, NULL, remove_all);
+}

@@ -1,0 +1,770 @@
+/* What is kept: who goes first, what is deleted, and how all of it is taken away, whole and in parts. */
+#include <fcntl.h>
+
+#include "daemon/storage/catalog.h"
+#include "daemon/storage/spans.h"
+#include "daemon/storage/tar.h"
+#include "daemon/storage/video.h"
+#include "daemon/storage/view.h"
+#include "tests/storage_bench.h"
+
+#if WITH_AVFORMAT
+#include <libavformat/avformat.h>
+#endif
+
+#define MS  ((int64_t)1000000)
+#define S   (1000 * MS)
+#define DAY ((int64_t)86400 * 1000 * MS)
+#define T0  (20600 * DAY) /* in 2026 */
+
+/* --- who goes first ----------------------------------------------------------------------------------------------- */
+
+static void add(struct sst_catalog *c, enum sst_store_kind kind, uint64_t order, const char *why, int64_t bytes)
+{
+    struct sst_store_entry e = { .kind = kind, .order = order, .bytes = bytes };
+
+    e.from_ns = e.to_ns = e.made_ns = T0 + (int64_t)order * DAY;
+    sst_store_name(e.name, kind, e.made_ns, 1);
+    snprintf(e.why, sizeof(e.why), "%s", why);
+    assert_int_equal(sst_catalog_add(c, &e), 0);
+}
+
+static uint64_t goes(const struct sst_catalog *c, const struct sst_store_limits *l, const struct sst_store_room *room,
+                     enum sst_store_verdict want)
+{
+    int victim = -1;
+
+    assert_int_equal(sst_store_judge(c, l, room, &victim), want);
+    return victim < 0 ? 0 : c->entry[victim].order;
+}
+
+static void what_was_made_by_hand_outlives_the_rest(void **state)
+{
+    struct sst_catalog c = { 0 };
+    struct sst_store_limits l = { .quota_bytes = 1000, .margin_bytes = 50 };
+    struct sst_store_room room = { .used_bytes = 960, .free_bytes = 1 << 30, .clock_steady = true };
+
+    (void)state;
+    add(&c, SST_STORE_SNAPSHOT, 1, "", 100);
+    add(&c, SST_STORE_RECORDING, 2, SST_STORE_ON_DEMAND, 200);
+    add(&c, SST_STORE_RECORDING, 3, "continuous", 300);
+    add(&c, SST_STORE_EXPORT, 4, "", 150);
+    add(&c, SST_STORE_RECORDING, 5, "motion in door", 210);
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 3);
+    /* More than half of the room was made by hand: then the oldest of that. */
+    c.entry[3].bytes = 250;
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
+    l.hand_bytes = 550; /* as somebody wants it */
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 3);
+    l.hand_bytes = 549;
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
+    /* Half of the room is half of what others leave of a disk. */
+    l = (struct sst_store_limits){ .min_free_bytes = 1000, .margin_bytes = 50 };
+    room.free_bytes = 140;
+    assert_int_equal(sst_store_hand_bytes(&l, &room), 50);
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
+    /* What is being read goes after what is not; if nothing else is left, it goes. */
+    l = (struct sst_store_limits){ .quota_bytes = 1000, .margin_bytes = 50, .hand_bytes = 900 };
+    c.entry[2].readers = 1;
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 5);
+    c.entry[4].stage = SST_STORE_ACTIVE;
+    c.entry[4].segments = 3; /* that it could be shortened does not hurry it */
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 3);
+    c.entry[2].stage = SST_STORE_KEPT;
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 5); /* but it makes room, as long as it has some ... */
+    c.entry[4].segments = 2;
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1); /* nothing else: the disk is never full for it */
+    sst_catalog_fini(&c);
+}
+
+static void each_has_an_age_of_its_own(void **state)
+{
+    struct sst_catalog c = { 0 };
+    struct sst_store_limits l = { .max_age_ns = 2 * DAY };
+    const struct sst_store_room room = { .wall_ns = T0 + 10 * DAY, .clock_steady = true };
+
+    (void)state;
+    add(&c, SST_STORE_SNAPSHOT, 1, "", 1);
+    add(&c, SST_STORE_RECORDING, 2, "continuous", 1);
+    add(&c, SST_STORE_RECORDING, 3, SST_STORE_ON_DEMAND, 1);
+    add(&c, SST_STORE_RECORDING, 4, "continuous", 1);
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 2);
+    l = (struct sst_store_limits){ .hand_max_age_ns = 8 * DAY };
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 1);
+    sst_catalog_remove(&c, c.entry[0].name);
+    l.hand_max_age_ns = 1;
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0); /* the newest by hand, however old */
+    sst_catalog_fini(&c);
+}
+
+/* Recorded before the clock was set: it goes when what was made next is too old, and not before. */
+static void what_an_unset_clock_stamped_goes_with_what_came_next(void **state)
+{
+    const struct sst_store_limits l = { .max_age_ns = 2 * DAY };
+    struct sst_store_room room = { .clock_steady = true };
+
+    (void)state;
+    for (int earlier = 0; earlier < 2; earlier++) {
+        /* 1970; the day on which the system was made; long before what is older; in the future */
+        for (int wrong = 0; wrong < 4; wrong++) {
+            const int64_t stamp = (int64_t[]){ 60000 * MS, T0 - 700 * DAY, T0 + 90 * DAY, T0 + 900 * DAY }[wrong];
+            struct sst_catalog c = { 0 };
+            int first = 0;
+
+            if (earlier)
+                add(&c, SST_STORE_RECORDING, 99, "continuous", 1);
+            else if (wrong == 2)
+                continue; /* then nothing gives it away */
+            for (int i = 0; i < 4; i++)
+                add(&c, SST_STORE_RECORDING, 100 + (uint64_t)i, "continuous", 1);
+            first = earlier;
+            for (int i = 0; i < 2; i++)
+                c.entry[first + i].from_ns = c.entry[first + i].to_ns = stamp + i;
+            room.wall_ns = T0 + 100 * DAY;
+            if (earlier)
+                assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0);
+            room.wall_ns = T0 + 101 * DAY + 1;
+            if (earlier) {
+                assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 99);
+                sst_catalog_remove(&c, c.entry[0].name);
+            }
+            room.wall_ns = T0 + 104 * DAY;
+            if (wrong != 2) /* what gave it away has gone */
+                assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0);
+            room.wall_ns++;
+            for (uint64_t n = 100; n < 103; n++) {
+                assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), n);
+                sst_catalog_remove(&c, c.entry[0].name);
+            }
+            room.wall_ns += 900 * DAY;
+            assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0); /* the newest */
+            sst_catalog_fini(&c);
+        }
+    }
+}
+
+/* --- plans -------------------------------------------------------------------------------------------------------- */
+
+struct sink {
+    uint8_t *data;
+    size_t n;
+};
+
+static int take(void *arg, const void *data, size_t n)
+{
+    struct sink *s = arg;
+
+    s->data = realloc(s->data, s->n + n);
+    memcpy(s->data + s->n, data, n);
+    s->n += n;
+    return 0;
+}
+
+static void every_part_of_a_plan_is_that_part(void **state)
+{
+    struct sst_spans s = { 0 };
+    struct sink whole = { 0 }, none = { 0 };
+    int folder, file;
+
+    (void)state;
+    assert_int_equal(mkdir(dir, 0777), 0);
+    assert_int_equal(sst_file_write(in(dir, "a"), "0123456789", 10), 0);
+    assert_int_equal(mkdir(in(dir, "b"), 0777), 0);
+    assert_int_equal(sst_file_write(in(dir, "b/c"), "abcdef", 6), 0);
+    assert_int_equal(symlink("a", in(dir, "link")), 0);
+    assert_int_equal(symlink("b", in(dir, "below")), 0);
+    folder = open(dir, O_RDONLY | O_DIRECTORY);
+    sst_spans_own(&s, "<", 1);
+    sst_spans_own(&s, "", 0);
+    file = sst_spans_file(&s, "a");
+    sst_spans_piece(&s, file, 2, 3);
+    sst_spans_piece(&s, file, 5, 1); /* goes on */
+    sst_spans_piece(&s, sst_spans_file(&s, "b/c"), 0, 6);
+    sst_spans_own(&s, ">>", 2);
+    assert_int_equal(sst_spans_error(&s), 0);
+    assert_int_equal(s.bytes, 13);
+    assert_int_equal(sst_spans_send(&s, folder, 0, 13, take, &whole), 0);
+    assert_memory_equal(whole.data, "<2345abcdef>>", 13);
+    for (int64_t first = 0; first <= 13; first++) {
+        for (int64_t n = 0; n <= 13 - first; n++) {
+            struct sink part = { 0 };
+
+            assert_int_equal(sst_spans_send(&s, folder, first, n, take, &part), 0);
+            assert_int_equal(part.n, n);
+            assert_true(!n || !memcmp(part.data, whole.data + first, (size_t)n));
+            free(part.data);
+        }
+    }
+    /* What is no longer as planned is told; links lead nowhere. */
+    assert_int_equal(truncate(in(dir, "b/c"), 3), 0);
+    assert_int_equal(sst_spans_send(&s, folder, 0, 13, take, &none), -EBADMSG);
+    assert_int_equal(unlink(in(dir, "b/c")), 0);
+    assert_int_equal(sst_spans_send(&s, folder, 0, 13, take, &none), -ENOENT);
+    assert_int_equal(sst_spans_open(folder, "link"), -ELOOP);
+    assert_true(sst_spans_open(folder, "below/c") < 0);
+    sst_spans_fini(&s);
+    free(whole.data);
+    free(none.data);
+    close(folder);
+}
+
+static void lines_of_the_view_are_read_strictly(void **state)
+{
+    const struct sst_video_line l = { -5, 1763748300000000000, 7, 123456789012, 4000 };
+    static const char *const bad[] = { "",
+                                       "{}",
+                                       "{\"t_ns\":1,\"wall_ns\":1,\"set\":1,\"offset\":0,\"bytes\":0}\n",
+                                       "{\"t_ns\":1,\"wall_ns\":1,\"set\":1,\"offset\":-1,\"bytes\":5}\n",
+                                       "{\"t_ns\":1,\"wall_ns\":1,\"set\":1,\"offset\":0,\"bytes\":5",
+                                       "{\"t_ns\":1,\"wall_ns\":1,\"set\":1,\"offset\":0,\"bytes\":5}" };
+    char text[SST_VIDEO_LINE_MAX];
+    struct sst_video_line got;
+    const size_t n = sst_video_write_line(text, &l);
+
+    (void)state;
+    assert_int_equal(strlen(text), n);
+    assert_true(sst_video_read_line(text, &got));
+    assert_memory_equal(&got, &l, sizeof(l));
+    for (size_t i = 0; i < ARRAY_LEN(bad); i++)
+        assert_false(sst_video_read_line(bad[i], &got));
+}
+
+/* The view of a recording whose beginning was removed begins with what was seen there. */
+static void a_shortened_view_begins_where_the_rest_does(void **state)
+{
+    static const uint8_t jpeg[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 120, 0, 160, 1, 1, 0x11, 0, 0xff, 0xd9, 'x' };
+    static const char removed[] = "{\"format\":\"sst-recording-removed\",\"version\":1,\"before_segment\":2,\"sets\":5,"
+                                  "\"t_ns\":5500000000,\"wall_ns\":1763748305500000000}";
+    struct sst_spans whole = { 0 }, rest = { 0 };
+    FILE *pictures, *index;
+    int64_t whole_bytes;
+
+    (void)state;
+    assert_int_equal(mkdir(dir, 0777), 0);
+    pictures = fopen(in(dir, SST_VIDEO_PICTURES), "wb");
+    index = fopen(in(dir, SST_VIDEO_INDEX), "w");
+    assert_true(pictures && index);
+    for (int i = 0; i < 10; i++) {
+        const int64_t n = (int64_t)sizeof(jpeg);
+        const struct sst_video_line l = { i * S, 1763748300000000000 + i * S, (uint64_t)i, i * n, n };
+        char text[SST_VIDEO_LINE_MAX];
+
+        assert_int_equal(fwrite(jpeg, 1, sizeof(jpeg), pictures), sizeof(jpeg));
+        assert_true(fwrite(text, 1, sst_video_write_line(text, &l), index) > 0);
+    }
+    fclose(pictures);
+    fclose(index);
+    assert_int_equal(sst_video_plan_view(&whole, dir), 0);
+    assert_int_equal(sst_file_write(in(dir, "removed.json"), removed, sizeof(removed) - 1), 0);
+    assert_int_equal(sst_video_plan_view(&rest, dir), 0);
+    /* Pictures 5 (at 5.5 s now) to 9 of 0 to 9: five clusters, blocks and places in the index less; another tag. */
+    assert_true(whole.bytes - rest.bytes >= 5 * (int64_t)sizeof(jpeg) && rest.bytes > 5 * (int64_t)sizeof(jpeg));
+    assert_true(whole.tag != rest.tag);
+    whole_bytes = whole.bytes;
+    sst_spans_fini(&whole);
+    sst_spans_fini(&rest);
+    rest = (struct sst_spans){ 0 };
+    assert_int_equal(sst_file_write(in(dir, "removed.json"), "{}", 2), 0);
+    assert_int_equal(sst_video_plan_view(&rest, dir), 0); /* nothing else says what was removed */
+    assert_int_equal(rest.bytes, whole_bytes);
+    sst_spans_fini(&rest);
+}
+
+static struct sst_store_entry scanned(void)
+{
+    struct sst_catalog c = { 0 };
+    struct sst_store_entry e;
+
+    assert_int_equal(sst_store_scan(top, SST_STORE_RECORDING, true, &c), 0);
+    assert_int_equal(c.count, 1);
+    e = c.entry[0];
+    sst_catalog_fini(&c);
+    return e;
+}
+
+/* Its storage.json is from when it began, or from before its beginning was removed; the limits go by what is there. */
+static void what_a_kill_left_is_measured(void **state)
+{
+    static const char removed[] = "{\"format\":\"sst-recording-removed\",\"version\":1,\"before_segment\":2,\"sets\":5,"
+                                  "\"t_ns\":5500000000,\"wall_ns\":1763748305500000000}";
+    static const char lines[] =
+        "{\"segment\":0}\n{\"set\":0}\n{\"set\":1}\n{\"set\":2}\n{\"set\":3}\n"
+        "{\"segment\":1}\n{\"set\":4}\n{\"set\":5}\n{\"set\":6}\n"
+        "{\"segment\":2,\"session\":0,\"start_ns\":7500000000,\"wall_ns\":1763748307500000000,\"crc\":\"1e06bfad\"}\n";
+    static const uint8_t segment[100000];
+    struct sst_recording_removed now;
+    struct sst_store_entry e = { .order = 1, .why = "continuous", .stage = SST_STORE_TORN, .from_ns = T0, .to_ns = T0 };
+
+    (void)state;
+    assert_int_equal(mkdir(dir, 0777), 0);
+    assert_int_equal(mkdir(in(dir, "segments"), 0777), 0);
+    assert_int_equal(sst_file_write(in(dir, "segments/000002.mkv"), segment, sizeof(segment)), 0);
+    assert_int_equal(sst_store_write(dir, &e), 0);
+    e = scanned();
+    assert_true(e.stage == SST_STORE_TORN && e.from_ns == T0 && e.bytes == sst_store_bytes(dir) && e.bytes > 100000);
+    e.stage = SST_STORE_DONE;
+    e.sets = 20;
+    e.bytes = 900000;
+    assert_int_equal(sst_store_write(dir, &e), 0);
+    assert_int_equal(scanned().bytes, 900000); /* not read through at each start */
+    assert_int_equal(sst_file_write(in(dir, "removed.json"), removed, sizeof(removed) - 1), 0);
+    e = scanned();
+    assert_true(e.from_ns == 1763748305500000000 && e.bytes == sst_store_bytes(dir));
+    assert_true(e.sets == 15 && e.gone == 5);
+    /* As it is written when all went well: nothing is taken off twice. */
+    assert_int_equal(sst_store_write(dir, &e), 0);
+    e = scanned();
+    assert_true(e.sets == 15 && e.gone == 5);
+    /* One of before that says nothing of what was removed is believed. */
+    e.gone = UINT64_MAX;
+    assert_int_equal(sst_store_write(dir, &e), 0);
+    e = scanned();
+    assert_true(e.sets == 15 && e.gone == 5);
+    /* Damaged itself: the recording stays in the list, and is looked through. */
+    assert_int_equal(sst_file_write(in(dir, "storage.json"), "{\"format\":", 10), 0);
+    assert_int_equal(rename(dir, in(top, "2026-11-21T12-00-00Z")), 0);
+    assert_true(scanned().stage == SST_STORE_TORN && scanned().order == 1);
+    assert_int_equal(rename(in(top, "2026-11-21T12-00-00Z"), dir), 0);
+    /* The note was damaged: written anew with what is known. */
+    assert_int_equal(sst_store_write(dir, &e), 0);
+    assert_int_equal(sst_file_write(in(dir, "sets.jsonl"), lines, sizeof(lines) - 1), 0);
+    assert_int_equal(sst_file_write(in(dir, "removed.json"), "{\"format\":", 10), 0);
+    e = scanned();
+    assert_true(e.sets == 13 && e.gone == 7 && e.from_ns == 1763748307500000000);
+    assert_int_equal(sst_recording_read_removed(dir, &now), 0);
+    assert_true(!now.assumed && now.before_segment == 2 && now.sets == 7 && now.t_ns == 7500000000);
+}
+
+/* What is left of a recording without its list cannot be used, but it counts, and goes like any other. */
+static void a_recording_without_its_list_is_told(void **state)
+{
+    struct synthetic s = small();
+    const struct sst_recorder_config cfg = synthetic_config(&s, dir);
+    struct sst_store_entry e = { .order = 1, .why = "continuous", .stage = SST_STORE_TORN };
+
+    (void)state;
+    assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 3)), 0);
+    assert_int_equal(unlink(in(dir, "sets.jsonl")), 0);
+    assert_int_equal(sst_store_mend(dir, &e), -EBADMSG);
+    assert_non_null(strstr(said, "sets.jsonl is missing"));
+    sst_path_remove_tree(in(dir, "segments"));
+    assert_int_equal(sst_store_mend(dir, &e), -ENODATA); /* killed before it had one */
+    synthetic_fini(&s);
+}
+
+/* --- videos ------------------------------------------------------------------------------------------------------- */
+
+#if WITH_AVFORMAT
+/* Frames of a file as another program reads them. @param pts_ms  out, [100] */
+static int read_video(const char *path, struct sink *frame, int64_t *pts_ms, double *seconds)
+{
+    AVFormatContext *f = NULL;
+    AVPacket *p = av_packet_alloc();
+    int n = 0;
+
+    assert_int_equal(avformat_open_input(&f, path, NULL, NULL), 0);
+    *seconds = (double)f->duration / AV_TIME_BASE;
+    assert_int_equal(f->nb_streams, 1);
+    assert_int_equal(f->streams[0]->codecpar->codec_id, AV_CODEC_ID_MJPEG);
+    while (n < 100 && !av_read_frame(f, p)) {
+        pts_ms[n] = p->pts;
+        take(&frame[n++], p->data, (size_t)p->size);
+        av_packet_unref(p);
+    }
+    /* By its index, to the second of a moment. */
+    if (n > 40) {
+        assert_true(av_seek_frame(f, 0, 2500, AVSEEK_FLAG_BACKWARD) >= 0);
+        assert_int_equal(av_read_frame(f, p), 0);
+        assert_in_range(p->pts, 1400, 2500);
+        av_packet_unref(p);
+    }
+    av_packet_free(&p);
+    avformat_close_input(&f);
+    return n;
+}
+#endif
+
+static void record_some(struct bench *b, int n)
+{
+    const int64_t first_ns = sst_clock_now_ns() - n * 100 * MS;
+
+    bench_init(b, SST_RECORD_CONTINUOUS);
+    bench_open_storage(b);
+    bench_wait_ready(b);
+    for (int i = 0; i < n; i++)
+        bench_put(b, first_ns + i * 100 * MS);
+    bench_wait(b, "recording", "sets", n);
+}
+
+static void end_recording(struct bench *b)
+{
+    b->config->storage.mode = SST_RECORD_OFF;
+    assert_int_equal(sst_storage_configure(b->storage, b->config), 0);
+    bench_wait_inactive(b);
+    bench_wait_event(b, "record-stop", NULL, 1);
+}
+
+static void a_camera_is_a_video_that_plays(void **state)
+{
+    char path[SST_PATH_MAX], name[SST_STORE_NAME + 16], base[SST_STORE_NAME];
+    int64_t bytes, all;
+    const char *type;
+    struct bench b;
+    int fd;
+
+    (void)state;
+    record_some(&b, 60);
+    (void)bench_recording(&b, 0, path);
+    snprintf(base, sizeof(base), "%s", sst_path_base(path));
+    snprintf(name, sizeof(name), "%s.tar", base);
+    assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), -EBUSY);
+    snprintf(name, sizeof(name), "%s.r0c1.mkv", base);
+    assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), 0);
+    assert_string_equal(bench_info(fd).tag, ""); /* it grows: nothing to put parts of together */
+    close(fd);
+    end_recording(&b);
+    bytes = bench_download(&b, name, "video/x-matroska", in(top, "got.mkv"));
+#if WITH_AVFORMAT
+    struct sink frame[100] = { { 0 } };
+    int64_t pts_ms[100];
+    double seconds;
+
+    assert_int_equal(read_video(in(top, "got.mkv"), frame, pts_ms, &seconds), 60);
+    assert_true(seconds > 5.9 && seconds < 6.1);
+    for (int i = 0; i < 60; i++) {
+        uint8_t want[64];
+
+        assert_in_range(pts_ms[i], i * 100 - (i > 0), i * 100 + 1);
+        assert_int_equal(frame[i].n, synthetic_bytes(&b.sets, (uint64_t)i, 1));
+        synthetic_fill(want, frame[i].n, (uint64_t)i, 1);
+        assert_memory_equal(frame[i].data, want, frame[i].n);
+        free(frame[i].data);
+    }
+#endif
+    /* Again the same bytes under the same tag, also as parts, also a camera's of others. */
+    for (int64_t first = 0; first < bytes; first += all) {
+        char line[SST_PATH_MAX * 2];
+        struct sst_download_info info;
+
+        all = bytes - first < 1000 ? bytes - first : 1000;
+        assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), 0);
+        info = bench_info(fd);
+        assert_int_equal(strlen(info.tag), 16);
+        bench_want(fd, first, all);
+        assert_int_equal(bench_read_all(fd, in(top, "part")), all);
+        snprintf(line, sizeof(line), "cd %s && tail -c +%d got.mkv | head -c %d | cmp - part", top, (int)first + 1,
+                 (int)all);
+        assert_int_equal(system(line), 0);
+    }
+    snprintf(name, sizeof(name), "%s.r5c5.mkv", base);
+    assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), 0);
+    assert_int_equal(bench_info(fd).err, -ENOENT);
+    close(fd);
+    snprintf(name, sizeof(name), "%s.r0c\n1.mkv", base);
+    assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), -ENOENT);
+    snprintf(name, sizeof(name), "%s.mkv", base); /* no view was recorded */
+    assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), -ENOENT);
+    bench_fini(&b);
+}
+
+/* A picture of the view with this content, shown at a time. */
+static void show(struct bench *b, struct sst_outlet *outlet, int content, int64_t t_ns, int in_memory)
+{
+    static const uint8_t head[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 6, 0, 8, 1, 1, 0x11, 0 };
+    uint8_t *data = malloc(sizeof(head) + 1);
+
+    memcpy(data, head, sizeof(head));
+    data[sizeof(head)] = (uint8_t)content;
+    assert_int_equal(sst_outlet_put(outlet, data, sizeof(head) + 1, (uint64_t)content, t_ns, t_ns + 5), 0);
+    bench_wait(b, "ring", "pictures", in_memory);
+}
+
+/* Times that no clock shows: these pictures are left out. */
+static void damage_index(const char *name)
+{
+    char path[SST_PATH_MAX], text[SST_VIDEO_LINE_MAX];
+    struct sst_video_line line = { .t_ns = -9000000000000000000, .bytes = 1 };
+    FILE *f;
+
+    snprintf(path, sizeof(path), "%s/recordings/%s/%s", dir, name, SST_VIDEO_INDEX);
+    f = fopen(path, "ae");
+    assert_non_null(f);
+    for (int i = 0; i < 2; i++, line.t_ns = 9000000000000000000)
+        fwrite(text, 1, sst_video_write_line(text, &line), f);
+    assert_int_equal(fclose(f), 0);
+}
+
+static void the_view_is_recorded_with_what_was_before(void **state)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+    char name[SST_STORE_NAME], file[SST_STORE_NAME + 8];
+    struct sst_outlet *outlet;
+    struct bench b;
+
+    (void)state;
+    assert_int_equal(sst_outlet_create(&outlet), 0);
+    bench_init(&b, SST_RECORD_OFF);
+    b.config->live.enabled = b.config->storage.record_view = true;
+    b.config->storage.preroll_s = 1000;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    sst_storage_view(b.storage, outlet);
+    usleep(50000);
+    assert_int_equal(sst_outlet_viewers(outlet), 0); /* nobody records: no picture is made for it */
+    sst_outlet_join(outlet);                         /* but somebody looks */
+    usleep(300000);                                  /* which is noticed now and then */
+    for (int i = 0; i < 40; i++)
+        bench_put(&b, now_ns - (40 - i) * 100 * MS);
+    show(&b, outlet, 1, now_ns - 6000 * MS, 1);
+    show(&b, outlet, 2, now_ns - 5000 * MS, 2); /* what is seen when it begins, 4 s ago */
+    show(&b, outlet, 3, now_ns - 500 * MS, 3);
+    assert_int_equal(sst_storage_record(b.storage, 0, name), 0);
+    bench_put(&b, now_ns);
+    bench_wait(&b, "recording", "sets", 41);
+    for (int i = 0; sst_outlet_viewers(outlet) < 2 && i < 60000; i++)
+        usleep(1000);
+    assert_int_equal(sst_outlet_viewers(outlet), 2);
+    show(&b, outlet, 4, now_ns, 4);
+    bench_put(&b, now_ns + 3000 * MS);
+    bench_wait(&b, "recording", "sets", 42);
+    assert_int_equal(sst_storage_stop(b.storage), 0);
+    bench_put(&b, sst_clock_now_ns() + 4000 * MS); /* ends it */
+    bench_wait_event(&b, "record-stop", name, 1);
+    snprintf(file, sizeof(file), "%s.mkv", name);
+    damage_index(name);
+    (void)bench_download(&b, file, "video/x-matroska", in(top, "view.mkv"));
+#if WITH_AVFORMAT
+    static const int want[] = { 2, 3, 4 }; /* and the last one until the end */
+    struct sink frame[100] = { { 0 } };
+    int64_t pts_ms[100];
+    double seconds;
+    const int n = read_video(in(top, "view.mkv"), frame, pts_ms, &seconds);
+
+    for (int i = 0; i < n; i++) {
+        assert_int_equal(frame[i].data[frame[i].n - 1], i < 3 ? want[i] : 4);
+        free(frame[i].data);
+    }
+    assert_int_equal(pts_ms[0], 0);
+    assert_int_equal(pts_ms[1], 3500);
+    assert_int_equal(pts_ms[2], 4000);
+    assert_int_equal(n, 4);
+    assert_int_equal(pts_ms[3], 7000);
+    assert_true(seconds > 7 && seconds < 8.1);
+#endif
+    bench_fini(&b);
+    assert_int_equal(sst_outlet_viewers(outlet), 1);
+    sst_outlet_unref(outlet);
+}
+
+/* A picture from before anybody looked is none of now, but if nothing has moved since. */
+static void an_old_picture_does_not_pass_for_a_new_one(void **state)
+{
+    char name[SST_STORE_NAME], file[SST_STORE_NAME + 8];
+
+    (void)state;
+    for (int still = 0; still < 2; still++) {
+        struct sst_outlet *outlet;
+        struct bench b;
+
+        assert_int_equal(sst_outlet_create(&outlet), 0);
+        bench_init(&b, SST_RECORD_OFF);
+        b.config->live.enabled = b.config->storage.record_view = true;
+        bench_open_storage(&b);
+        bench_wait_ready(&b);
+        sst_storage_view(b.storage, outlet);
+        show(&b, outlet, 1, sst_clock_now_ns() - 1000000 * MS, 0);
+        bench_put(&b, sst_clock_now_ns());
+        assert_int_equal(sst_storage_record(b.storage, 0, name), 0);
+        bench_put(&b, sst_clock_now_ns());
+        for (int i = 0; !sst_outlet_viewers(outlet) && i < 60000; i++)
+            usleep(1000);
+        if (!still)
+            assert_int_equal(bench_number(&b, "ring", "pictures"), 0);
+        if (!still)
+            show(&b, outlet, 2, sst_clock_now_ns(), 1);
+        bench_wait(&b, "ring", "pictures", 1);
+        bench_put(&b, sst_clock_now_ns());
+        assert_int_equal(sst_storage_stop(b.storage), 0);
+        bench_put(&b, sst_clock_now_ns() + 4000 * MS);
+        bench_wait_event(&b, "record-stop", name, 1);
+        snprintf(file, sizeof(file), "%s.mkv", name);
+        (void)bench_download(&b, file, "video/x-matroska", in(top, "view.mkv"));
+#if WITH_AVFORMAT
+        struct sink frame[100] = { { 0 } };
+        int64_t pts_ms[100];
+        double seconds;
+        const int n = read_video(in(top, "view.mkv"), frame, pts_ms, &seconds);
+
+        assert_in_range(n, 1, 2);
+        for (int i = 0; i < n; i++) {
+            assert_int_equal(frame[i].data[frame[i].n - 1], still ? 1 : 2);
+            free(frame[i].data);
+        }
+#endif
+        bench_fini(&b);
+        sst_outlet_unref(outlet);
+    }
+}
+
+static void moments_are_kept_as_long_as_they_may_be_wanted(void **state)
+{
+    struct sst_view_shown *shown = calloc(1, sizeof(*shown));
+    struct sst_outlet *outlet;
+    const struct sst_jpeg *jpeg;
+
+    (void)state;
+    assert_int_equal(sst_outlet_create(&outlet), 0);
+    for (int i = 1; i <= 10000; i++) {
+        assert_int_equal(sst_outlet_put(outlet, calloc(1, 100), 100, 0, i * MS, 0), 0);
+        sst_view_shown_add(shown, sst_outlet_get(outlet, 0), i > 9000 ? 9500 * MS : 0);
+        assert_in_range(shown->count, 1, SST_VIEW_SHOWN_MAX);
+    }
+    jpeg = sst_view_shown_next(shown, 0);
+    assert_int_equal(jpeg->number, 9500); /* what was seen then */
+    sst_jpeg_unref(jpeg);
+    jpeg = sst_view_shown_at(shown, 9700 * MS);
+    assert_int_equal(jpeg->number, 9700);
+    sst_jpeg_unref(jpeg);
+    assert_null(sst_view_shown_at(shown, 9499 * MS));
+    assert_null(sst_view_shown_next(shown, 10000));
+    assert_int_equal(shown->bytes, 501 * 100);
+    /* However large: the newest stays. */
+    for (int i = 0; i < 8; i++) {
+        assert_int_equal(sst_outlet_put(outlet, calloc(1, (size_t)30 << 20), (size_t)30 << 20, 0, INT64_MAX, 0), 0);
+        sst_view_shown_add(shown, sst_outlet_get(outlet, 0), 0);
+    }
+    assert_int_equal(shown->count, 2);
+    sst_view_shown_fini(shown);
+    assert_int_equal(shown->bytes, 0);
+    sst_outlet_unref(outlet);
+    free(shown);
+}
+
+/* --- deleting, limits --------------------------------------------------------------------------------------------- */
+
+static void what_is_deleted_is_gone(void **state)
+{
+    char path[SST_PATH_MAX], name[SST_STORE_NAME], file[SST_STORE_NAME + 8], line[SST_PATH_MAX * 2];
+    const char *type;
+    struct bench b;
+    int fd;
+
+    (void)state;
+    record_some(&b, 20);
+    (void)bench_recording(&b, 0, path);
+    snprintf(name, sizeof(name), "%s", sst_path_base(path));
+    assert_int_equal(sst_storage_delete(b.storage, name), -EBUSY);
+    assert_int_equal(sst_storage_delete(b.storage, "../recordings"), -ENOENT);
+    assert_int_equal(sst_storage_delete(b.storage, ""), -ENOENT);
+    end_recording(&b);
+    /* Who downloads it meanwhile gets less than he was told of, or what he had asked for before. */
+    snprintf(file, sizeof(file), "%s.tar", name);
+    assert_int_equal(sst_storage_download(b.storage, file, &fd, &type), 0);
+    const int64_t bytes = bench_info(fd).bytes;
+    assert_int_equal(sst_storage_delete(b.storage, name), 0);
+    assert_true(!sst_path_exists(path));
+    for (int i = 0; i < 60000; i++) { /* its files go behind its name */
+        snprintf(line, sizeof(line), "test -z \"$(ls -A %s/recordings)\"", dir);
+        if (!system(line))
+            break;
+        usleep(1000);
+    }
+    bench_want(fd, 0, bytes);
+    assert_true(bench_read_all(fd, in(top, "cut.tar")) < bytes);
+    assert_int_equal(sst_storage_delete(b.storage, name), -ENOENT);
+    assert_int_equal(sst_storage_download(b.storage, file, &fd, &type), -ENOENT);
+    assert_int_equal(bench_recording(&b, 0, path), 0);
+    assert_int_equal(bench_number(&b, NULL, "deleted"), 1);
+    assert_int_equal(bench_number(&b, NULL, "removed"), 0);
+    assert_int_equal(bench_number(&b, NULL, "recordings"), 0);
+
+    bench_put_pictures(&b, 2, sst_clock_now_ns());
+    assert_int_equal(sst_storage_snapshot(b.storage, (const uint8_t *)"picture", 7, name), 0);
+    bench_wait_event(&b, "snapshot", name, 1); /* also when it took longer than a caller waits */
+    assert_int_equal(bench_number(&b, NULL, "snapshots"), 1);
+    assert_true(bench_number(&b, NULL, "by_hand_bytes") > 0);
+    assert_int_equal(sst_storage_delete(b.storage, name), 0);
+    assert_int_equal(bench_number(&b, NULL, "snapshots"), 0);
+    bench_fini(&b);
+    snprintf(line, sizeof(line), "test -z \"$(ls -A %s/snapshots)\"", dir);
+    assert_int_equal(system(line), 0);
+}
+
+static int snapshots(struct bench *b, char first[SST_STORE_NAME], char last[SST_STORE_NAME])
+{
+    json_t *all = sst_storage_list(b->storage), *list = json_object_get(all, "snapshots");
+    const size_t n = json_array_size(list);
+
+    if (n) {
+        snprintf(first, SST_STORE_NAME, "%s", json_string_value(json_object_get(json_array_get(list, 0), "name")));
+        snprintf(last, SST_STORE_NAME, "%s", json_string_value(json_object_get(json_array_get(list, n - 1), "name")));
+    }
+    json_decref(all);
+    return (int)n;
+}
+
+static void snapshots_never_fill_the_room(void **state)
+{
+    char name[SST_STORE_NAME], first[SST_STORE_NAME] = "", last[SST_STORE_NAME] = "";
+    struct bench b;
+    struct sst_catalog found = { 0 };
+
+    (void)state;
+    bench_init(&b, SST_RECORD_OFF);
+    b.config->storage.quota_gb = 400e3 / 1e9;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    bench_put_pictures(&b, 2, sst_clock_now_ns());
+    for (int i = 0; i < 18; i++) {
+        int err = sst_storage_snapshot(b.storage, NULL, 0, name);
+
+        for (int wait = 0; err == -ENOSPC && wait < 60000; wait++) { /* until sst-keep has made room */
+            usleep(1000);
+            err = sst_storage_snapshot(b.storage, NULL, 0, name);
+        }
+        assert_int_equal(err, 0);
+    }
+    bench_wait(&b, NULL, "removed", 1);
+    assert_in_range(snapshots(&b, first, last), 1, 20);
+    assert_string_equal(last, name);
+    assert_true(bench_number(&b, NULL, "used_bytes") <= 400000 + 60000);
+    bench_fini(&b);
+    assert_int_equal(sst_store_scan(in(dir, "snapshots"), SST_STORE_SNAPSHOT, false, &found), 0);
+    assert_in_range(found.count, 1, 20);
+    assert_string_equal(found.entry[found.count - 1].name, last);
+    for (int i = 1; i < found.count; i++)
+        assert_true(found.entry[i].order > found.entry[i - 1].order && found.entry[i].made_ns > 0);
+
+    /* After a start, too, the order is that in which they were made. */
+    bench_init(&b, SST_RECORD_OFF);
+    bench_open_storage(&b);
+    bench_wait(&b, NULL, "snapshots", found.count);
+    assert_int_equal(snapshots(&b, first, name), found.count);
+    assert_string_equal(first, found.entry[0].name);
+    assert_string_equal(name, last);
+    bench_fini(&b);
+    sst_catalog_fini(&found);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(what_was_made_by_hand_outlives_the_rest),
+        TEST(each_has_an_age_of_its_own),
+        TEST(what_an_unset_clock_stamped_goes_with_what_came_next),
+        TEST(every_part_of_a_plan_is_that_part),
+        TEST(lines_of_the_view_are_read_strictly),
+        TEST(a_shortened_view_begins_where_the_rest_does),
+        TEST(what_a_kill_left_is_measured),
+        TEST(a_recording_without_its_list_is_told),
+        TEST(a_camera_is_a_video_that_plays),
+        TEST(the_view_is_recorded_with_what_was_before),
+        TEST(an_old_picture_does_not_pass_for_a_new_one),
+        TEST(moments_are_kept_as_long_as_they_may_be_wanted),
+        TEST(what_is_deleted_is_gone),
+        TEST(snapshots_never_fill_the_room),
+    };
+    const int rc = begin_tests(WITH_AVFORMAT);
+
+    return rc ? rc : cmocka_run_group_tests(tests, NULL, remove_all);
+}

@@ -1,0 +1,394 @@
+/* Verified rays: a bush whose maps know nothing of what is behind it, maps that are good, foci where nothing is. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/thread.h"
+#include "pipeline/disparity/disparity.h"
+#include "pipeline/eval/eval.h"
+#include "pipeline/lightfield/unsure.h"
+#include "pipeline/render/verify.h"
+#include "simulators/scene/scene.h"
+#include "tests/small.h"
+
+#define WIDTH  258 /* more than one run of cells, and no multiple of anything */
+#define HEIGHT 150
+#define SIDE   5
+
+struct field {
+    struct sst_scene *scene;
+    struct sst_lightfield lf;
+    struct sst_image behind, plain, verified;
+    struct sst_map_u8 mask; /* what is hidden of what is in focus */
+    double focus_px;
+};
+
+static int make_view(void *arg, int k, int worker SST_UNUSED)
+{
+    struct field *f = arg;
+    struct sst_view *v = &f->lf.views[k];
+    struct sst_map_f32 disp = { 0 };
+    int err = sst_map_f32_init(&disp, WIDTH, HEIGHT);
+
+    err = err ? err : sst_image_init(&v->image, WIDTH, HEIGHT);
+    err = err ? err : sst_map_u16_init(&v->disp, WIDTH, HEIGHT);
+    err = err ? err : sst_map_u8_init(&v->label, WIDTH, HEIGHT);
+    err = err ? err : sst_scene_render(f->scene, v->bx, v->by, 0, &v->image, &disp, &v->label);
+    for (int y = 0; !err && y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++)
+            sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(&f->lf, sst_map_f32_row(&disp, y)[x]);
+    }
+    sst_map_f32_fini(&disp);
+    return err;
+}
+
+static void open_field(struct field *f, const char *name)
+{
+    struct sst_scene_config cfg;
+    struct sst_map_f32 with = { 0 }, without = { 0 };
+
+    memset(f, 0, sizeof(*f));
+    sst_scene_config_defaults(&cfg);
+    cfg.width = WIDTH;
+    cfg.height = HEIGHT;
+    cfg.rows = cfg.cols = SIDE;
+    assert_int_equal(sst_scene_create(&f->scene, name, &cfg), 0);
+    assert_int_equal(sst_lightfield_init(&f->lf, SIDE, SIDE), 0);
+    f->lf.width = WIDTH;
+    f->lf.height = HEIGHT;
+    sst_scene_range(f->scene, &f->lf.range_min_px, &f->lf.range_max_px);
+    f->lf.disp_min_px = floor(f->lf.range_min_px);
+    f->focus_px = sst_scene_occluder_at(f->scene, 0)->focus_px;
+    for (int k = 0; k < SIDE * SIDE; k++)
+        f->lf.views[k].present = true;
+    assert_int_equal(sst_parallel_for(SIDE * SIDE, 2, make_view, f), 0);
+    assert_int_equal(sst_image_init(&f->behind, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_image_init(&f->plain, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_image_init(&f->verified, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_u8_init(&f->mask, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_f32_init(&with, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_f32_init(&without, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_scene_render(f->scene, 0, 0, 0, NULL, &with, NULL), 0);
+    assert_int_equal(sst_scene_render(f->scene, 0, 0, 1, &f->behind, &without, NULL), 0);
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            const float d = sst_map_f32_row(&without, y)[x];
+
+            sst_map_u8_row(&f->mask, y)[x] =
+                fabsf(sst_map_f32_row(&with, y)[x] - d) > 0.5f && fabs((double)d - f->focus_px) < 0.7 ? 255 : 0;
+        }
+    }
+    sst_map_f32_fini(&with);
+    sst_map_f32_fini(&without);
+}
+
+static void close_field(struct field *f)
+{
+    sst_image_fini(&f->behind);
+    sst_image_fini(&f->plain);
+    sst_image_fini(&f->verified);
+    sst_map_u8_fini(&f->mask);
+    sst_lightfield_fini(&f->lf);
+    sst_scene_destroy(f->scene);
+}
+
+/* Maps as half-size matching makes them in dense leaves: blocks of 12 px take the nearest surface in them. */
+static void spoil_maps(struct field *f)
+{
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        struct sst_view *v = &f->lf.views[k];
+
+        for (int y0 = 0; y0 < HEIGHT; y0 += 12) {
+            for (int x0 = 0; x0 < WIDTH; x0 += 12) {
+                const int x1 = sst_min_int(x0 + 12, WIDTH), y1 = sst_min_int(y0 + 12, HEIGHT);
+                uint16_t most = 0;
+                uint8_t label = 0;
+
+                for (int i = 0; i < (y1 - y0) * (x1 - x0); i++) {
+                    const int x = x0 + i % (x1 - x0), y = y0 + i / (x1 - x0);
+
+                    if (sst_map_u16_row(&v->disp, y)[x] >= most) {
+                        most = sst_map_u16_row(&v->disp, y)[x];
+                        label = sst_map_u8_row(&v->label, y)[x];
+                    }
+                }
+                for (int i = 0; i < (y1 - y0) * (x1 - x0); i++) {
+                    sst_map_u16_row(&v->disp, y0 + i / (x1 - x0))[x0 + i % (x1 - x0)] = most;
+                    sst_map_u8_row(&v->label, y0 + i / (x1 - x0))[x0 + i % (x1 - x0)] = label;
+                }
+            }
+        }
+    }
+}
+
+static void render(struct sst_image *out, const struct field *f, double focus_px, enum sst_render_verify verify,
+                   int threads)
+{
+    struct sst_render_config cfg;
+    struct sst_renderer *r;
+
+    sst_render_config_defaults(&cfg);
+    cfg.focus_px = focus_px;
+    cfg.verify = verify;
+    cfg.threads = threads;
+    assert_int_equal(sst_renderer_create(&r, &f->lf, 2), 0);
+    assert_int_equal(sst_render(r, &cfg, out, NULL), 0);
+    sst_renderer_destroy(r);
+}
+
+static void render_both(struct field *f, double focus_px)
+{
+    render(&f->plain, f, focus_px, SST_VERIFY_OFF, 2);
+    render(&f->verified, f, focus_px, SST_VERIFY_ON, 2);
+}
+
+static void assert_same_image(const struct sst_image *a, const struct sst_image *b)
+{
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < a->height; y++)
+            assert_memory_equal(sst_image_row(a, c, y), sst_image_row(b, c, y), (size_t)a->width);
+    }
+}
+
+static void poor_maps_no_longer_hide_what_is_behind(void **state SST_UNUSED)
+{
+    double plain_db, verified_db, plain_ssim, verified_ssim;
+    struct field f;
+
+    open_field(&f, "bush");
+    spoil_maps(&f);
+    render_both(&f, f.focus_px);
+    plain_db = sst_psnr(&f.plain, &f.behind, &f.mask);
+    verified_db = sst_psnr(&f.verified, &f.behind, &f.mask);
+    assert_int_equal(sst_ssim(&plain_ssim, &f.plain, &f.behind, &f.mask), 0);
+    assert_int_equal(sst_ssim(&verified_ssim, &f.verified, &f.behind, &f.mask), 0);
+    print_message("bush, poor maps: %.2f dB, SSIM %.3f; verified %.2f dB, %.3f\n", plain_db, plain_ssim, verified_db,
+                  verified_ssim);
+    assert_true(verified_db > plain_db + 3);
+    assert_true(verified_ssim > plain_ssim + 0.1);
+    for (int threads = 1; threads < 4; threads++) {
+        render(&f.plain, &f, f.focus_px, SST_VERIFY_ON, threads);
+        assert_same_image(&f.plain, &f.verified);
+    }
+    close_field(&f);
+}
+
+/* Views that are missing, that saw a part only, with a soft aperture and a viewpoint beside the middle. */
+static void missing_rays_have_no_say(void **state SST_UNUSED)
+{
+    struct sst_render_config cfg;
+    struct sst_map_u8 valid = { 0 };
+    struct sst_renderer *r;
+    struct field f;
+
+    open_field(&f, "bush");
+    spoil_maps(&f);
+    f.lf.views[0].present = f.lf.views[7].present = false;
+    for (int k = 1; k < SIDE * SIDE; k += 3) {
+        struct sst_view *v = &f.lf.views[k];
+
+        assert_int_equal(sst_map_u8_init(&v->valid, WIDTH, HEIGHT), 0);
+        for (int y = 0; y < HEIGHT; y++) {
+            for (int x = 0; x < WIDTH; x++) {
+                const bool seen = x > 9 && y > 5 + x / 40 && x < WIDTH - 17;
+
+                sst_map_u8_row(&v->valid, y)[x] = seen ? 255 : 0;
+                for (int c = 0; c < 3 && !seen; c++)
+                    sst_image_row(&v->image, c, y)[x] = 0;
+            }
+        }
+    }
+    sst_render_config_defaults(&cfg);
+    cfg.focus_px = f.focus_px;
+    cfg.verify = SST_VERIFY_OFF;
+    cfg.threads = 2;
+    cfg.aperture = 2.4;
+    cfg.aperture_soft = true;
+    cfg.view_bx = 0.4;
+    assert_int_equal(sst_map_u8_init(&valid, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_renderer_create(&r, &f.lf, 2), 0);
+    assert_int_equal(sst_render(r, &cfg, &f.plain, &valid), 0);
+    cfg.verify = SST_VERIFY_ON;
+    assert_int_equal(sst_render(r, &cfg, &f.verified, &valid), 0);
+    sst_renderer_destroy(r);
+    /* Nothing is black here but what no view saw: its blackness does not get a vote. */
+    for (int y = 8; y < HEIGHT - 8; y++) {
+        for (int x = 0; x < WIDTH; x++)
+            assert_true(sst_image_row(&f.verified, 0, y)[x] || sst_image_row(&f.verified, 1, y)[x]);
+    }
+    sst_map_u8_fini(&valid);
+    close_field(&f);
+}
+
+static void good_maps_decide_alone(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f, "pedestrian");
+    render_both(&f, f.focus_px);
+    print_message("pedestrian, true maps: %.2f dB, verified %.2f dB\n", sst_psnr(&f.plain, &f.behind, &f.mask),
+                  sst_psnr(&f.verified, &f.behind, &f.mask));
+    assert_true(sst_psnr(&f.verified, &f.behind, &f.mask) > sst_psnr(&f.plain, &f.behind, &f.mask) - 0.1);
+    /* Nothing is in front of the nearest surface: what is out of focus stays blurred. */
+    render_both(&f, f.lf.range_max_px);
+    assert_same_image(&f.plain, &f.verified);
+    close_field(&f);
+}
+
+/* --- where maps are poor by their own account --------------------------------------------------------------------- */
+
+/* Maps as `sst process` makes them, and their confidences; labels stay true. */
+static void match_field(struct field *f)
+{
+    struct sst_disparity_config cfg;
+
+    assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
+    cfg.disp_min_px = floor(f->lf.range_min_px);
+    cfg.disp_max_px = ceil(f->lf.range_max_px);
+    cfg.threads = 2;
+    assert_int_equal(sst_disparity_lightfield(&f->lf, &cfg, NULL, NULL), 0);
+}
+
+static double db(const struct sst_image *img, const struct field *f)
+{
+    return sst_psnr(img, &f->behind, &f->mask);
+}
+
+static void matched_leaves_no_longer_hide_what_is_behind(void **state SST_UNUSED)
+{
+    double plain_ssim, ssim;
+    struct field f;
+
+    open_field(&f, "bush");
+    match_field(&f);
+    render(&f.plain, &f, f.focus_px, SST_VERIFY_OFF, 2);
+    render(&f.verified, &f, f.focus_px, SST_VERIFY_AUTO, 1);
+    assert_int_equal(sst_ssim(&plain_ssim, &f.plain, &f.behind, &f.mask), 0);
+    assert_int_equal(sst_ssim(&ssim, &f.verified, &f.behind, &f.mask), 0);
+    print_message("bush, matched: %.2f dB, SSIM %.3f; auto %.2f dB, %.3f\n", db(&f.plain, &f), plain_ssim,
+                  db(&f.verified, &f), ssim);
+    assert_true(db(&f.verified, &f) > db(&f.plain, &f) + 2);
+    assert_true(ssim > plain_ssim + 0.05);
+    for (int threads = 2; threads < 4; threads++) {
+        render(&f.plain, &f, f.focus_px, SST_VERIFY_AUTO, threads);
+        assert_same_image(&f.plain, &f.verified);
+    }
+    close_field(&f);
+}
+
+static void good_matches_decide_alone(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f, "pedestrian");
+    match_field(&f);
+    render(&f.plain, &f, f.focus_px, SST_VERIFY_OFF, 2);
+    render(&f.verified, &f, f.focus_px, SST_VERIFY_AUTO, 2);
+    print_message("pedestrian, matched: %.2f dB, auto %.2f dB\n", db(&f.plain, &f), db(&f.verified, &f));
+    assert_true(db(&f.verified, &f) > db(&f.plain, &f) - 0.1);
+    close_field(&f);
+}
+
+static void given_maps_are_trusted(void **state SST_UNUSED)
+{
+    struct sst_renderer *r;
+    struct field f;
+
+    open_field(&f, "bush");
+    render(&f.plain, &f, f.focus_px, SST_VERIFY_OFF, 2);
+    render(&f.verified, &f, f.focus_px, SST_VERIFY_AUTO, 2);
+    assert_same_image(&f.plain, &f.verified);
+    assert_int_equal(sst_renderer_create(&r, &f.lf, 2), 0);
+    assert_true(isnan(sst_renderer_confirmed(r)));
+    sst_renderer_destroy(r);
+    close_field(&f);
+}
+
+/* One view of 40x33 pixels: blocks of 32x32, 8x32, 32x1, 8x1. */
+static void guesses_are_counted_in_blocks(void **state SST_UNUSED)
+{
+    struct sst_unsure u = { 0 };
+    struct sst_lightfield lf;
+    struct sst_view *v;
+
+    assert_int_equal(sst_lightfield_init(&lf, 1, 3), 0);
+    v = &lf.views[1];
+    assert_int_equal(sst_unsure_init(&u, &lf, 2), 0);
+    assert_true(isnan(u.confirmed));
+    assert_null(u.view[1].data);
+    sst_unsure_fini(&u);
+
+    assert_int_equal(sst_map_u8_init(&v->confidence, 40, 33), 0);
+    for (int y = 0; y < 33; y++)
+        memset(sst_map_u8_row(&v->confidence, y), 1 + y, 40);
+    memset(sst_map_u8_row(&v->confidence, 5), 0, 32);      /* a row of 32: 1/32 of 1/8 is a quarter of 255 */
+    memset(sst_map_u8_row(&v->confidence, 32) + 32, 0, 8); /* all of the last block */
+    assert_int_equal(sst_unsure_init(&u, &lf, 2), 0);
+    assert_true(fabs(u.confirmed - (1 - 40.0 / (40 * 33))) < 1e-12);
+    assert_int_equal(u.view[1].width, 2);
+    assert_int_equal(u.view[1].height, 2);
+    assert_int_equal(sst_map_u8_row(&u.view[1], 0)[0], 64);
+    assert_int_equal(sst_map_u8_row(&u.view[1], 0)[1], 0);
+    assert_int_equal(sst_map_u8_row(&u.view[1], 1)[0], 0);
+    assert_int_equal(sst_map_u8_row(&u.view[1], 1)[1], 255);
+    assert_null(u.view[0].data);
+    sst_unsure_fini(&u);
+
+    /* What the view did not see is no guess. */
+    assert_int_equal(sst_map_u8_init(&v->valid, 40, 33), 0);
+    for (int y = 0; y < 33; y++)
+        memset(sst_map_u8_row(&v->valid, y), y < 32 && y != 5 ? 255 : 0, 40);
+    assert_int_equal(sst_unsure_init(&u, &lf, 1), 0);
+    assert_true(u.confirmed >= 1);
+    assert_int_equal(sst_map_u8_row(&u.view[1], 0)[0] + sst_map_u8_row(&u.view[1], 1)[1], 0);
+    sst_unsure_fini(&u);
+    sst_lightfield_fini(&lf);
+}
+
+static void rarity_is_that_of_the_pixels(void **state SST_UNUSED)
+{
+    static uint8_t rarity[SST_AGREE_BINS], other[SST_AGREE_BINS];
+    const int views[] = { 0, 3 };
+    struct field f;
+
+    open_field(&f, "pedestrian");
+    for (int i = 0; i < 2; i++) {
+        for (int c = 0; c < 3; c++) {
+            for (int y = 0; y < HEIGHT; y++)
+                memset(sst_image_row(&f.lf.views[views[i]].image, c, y), c == 0 ? 200 : 40, WIDTH);
+        }
+    }
+    sst_rarity_count(rarity, &f.lf, views, 2, 3);
+    assert_int_equal(rarity[0], 255);
+    /* All pixels in one bin, of which smoothing leaves an eighth: 512 times the mean. */
+    assert_int_equal(rarity[12 << 8 | 2 << 4 | 2], (int)(255 * log(1 + 15 / 512.02) / log(751) + 0.5));
+    assert_false(sst_rarity_differs(rarity, rarity, 0));
+    sst_rarity_count(other, &f.lf, (const int[]){ 1, 2 }, 2, 3);
+    assert_true(sst_rarity_differs(rarity, other, 0.25));
+    sst_rarity_count(other, &f.lf, views, 0, 3); /* no view: everything is rare */
+    assert_int_equal(other[77], 255);
+    assert_false(sst_rarity_differs(other, other, 0));
+    close_field(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(poor_maps_no_longer_hide_what_is_behind),
+        cmocka_unit_test(missing_rays_have_no_say),
+        cmocka_unit_test(good_maps_decide_alone),
+        serial_test(matched_leaves_no_longer_hide_what_is_behind),
+        serial_test(good_matches_decide_alone),
+        cmocka_unit_test(given_maps_are_trusted),
+        cmocka_unit_test(guesses_are_counted_in_blocks),
+        cmocka_unit_test(rarity_is_that_of_the_pixels),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
