@@ -36,7 +36,7 @@ fi
 # --- bandwidth: of greedy cameras on one bus the second is refused; each on its own controller they all stream
 export until=$root/tests/until.sh
 stream='v4l2-ctl -d /dev/video0 --stream-mmap --stream-count=6000 --stream-to=/dev/null >/dev/null 2>&1 & $until "streaming 1"
-  v4l2-ctl -d /dev/video1 --stream-mmap --stream-count=1 --stream-to=/dev/null; kill $!'
+  v4l2-ctl -d /dev/video1 --stream-mmap --stream-count=1 --stream-to=/dev/null; kill $!; wait $!'
 $sim --usb tight -- sh -c "$stream" >out 2>&1; grep -q 'No space left on device' out || fail "tight: $(cat out)"
 $sim --usb wide -- sh -c "$stream" >out 2>&1; grep -q 'No space left' out && fail "wide: $(cat out)"
 
