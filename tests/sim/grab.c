@@ -207,6 +207,31 @@ static bool all_shown(const struct kind *kinds, int n)
     return true;
 }
 
+/* So it is while cameras are listed: one that answers in time does so, also when we do not hear it for a while. */
+static void stopping_while_cameras_are_asked_is_no_fault(void **state SST_UNUSED)
+{
+    struct sst_grab_device *devices;
+    int count, ended;
+    pid_t child;
+
+    assert_int_equal(rig_fault("camera.%d.slow_open_ms=500", 0), 0);
+    child = fork();
+    assert_true(child >= 0);
+    if (!child) {
+        usleep(200000);
+        kill(getppid(), SIGSTOP);
+        usleep(2500000);
+        kill(getppid(), SIGCONT);
+        _exit(0);
+    }
+    assert_int_equal(sst_grab_list(&devices, &count), 0);
+    assert_int_equal(waitpid(child, &ended, 0), child);
+    assert_int_equal(rig_fault("camera.%d.slow_open_ms=0", 0), 0);
+    for (int i = 0; i < count; i++)
+        assert_int_equal(devices[i].error, 0);
+    free(devices);
+}
+
 static void damage(void)
 {
     static const struct kind kinds[] = {
@@ -500,6 +525,7 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test_teardown(all_cameras_stream, clean_up),
         cmocka_unit_test_teardown(closing_leaves_nothing, clean_up),
         cmocka_unit_test_teardown(stopping_and_going_on_is_no_fault, clean_up),
+        cmocka_unit_test_teardown(stopping_while_cameras_are_asked_is_no_fault, clean_up),
         cmocka_unit_test_teardown(damage_is_told_by_kind, clean_up),
         cmocka_unit_test_teardown(each_rung_brings_back_what_it_can, clean_up),
         cmocka_unit_test_teardown(a_camera_comes_back, clean_up),
