@@ -557,7 +557,7 @@ static void the_broker_tells_that_we_are_gone(void **state)
     expect_heard("sst/available offline", NULL);
 }
 
-/* Without its password we do not connect: not before somebody listens at the new broker, whom an event comes to once. */
+/* Without its password we do not connect: not before somebody listens at the new broker, as an event is told once. */
 static void a_broker_that_comes_back_is_told_what_it_missed(void **state)
 {
     char path[SST_PATH_MAX];
