@@ -115,7 +115,7 @@ static inline void bench_config(struct bench *b, const char *bus)
     b->rig_cfg.accel_mm_s2 = 2000;
     b->rig_cfg.settle_ms = 15;
     b->rig_cfg.response_ms = 150;
-    b->rig_cfg.reconnect_ms = 2000;
+    b->rig_cfg.reconnect_ms = 20000; /* a serial line is back after half a second, on a machine that is awake */
     sst_rig_capture_config_defaults(&b->cfg);
     b->cfg.dir = b->dir;
     b->cfg.pitch_um[0] = b->cfg.pitch_um[1] = 4000;

@@ -22,6 +22,7 @@
 
 /* A node that does not answer within this is listed with -ETIMEDOUT. */
 #define PROBE_MS 2000
+#define SLICE_MS 100
 
 static void copy(char out[SST_GRAB_NAME_MAX], const char *text)
 {
@@ -345,10 +346,11 @@ static void probe_discard(struct sst_job *job)
     free(job);
 }
 
-/* Ask all nodes at once, each on a thread of its own: one that hangs delays nobody beyond PROBE_MS. */
+/* Ask all nodes at once, each on a thread of its own: one that hangs delays nobody beyond PROBE_MS. Time in which we
+ * stood still ourselves, perhaps with the whole machine, counts for little. */
 static int probe_all(struct sst_grab_node *nodes, int count)
 {
-    const int64_t end_ns = sst_clock_now_ns() + PROBE_MS * INT64_C(1000000);
+    int64_t left_ns = PROBE_MS * INT64_C(1000000);
     struct probe_result result = { nodes, 0 };
     struct sst_jobs *jobs;
     int err = sst_jobs_create(&jobs);
@@ -369,9 +371,14 @@ static int probe_all(struct sst_grab_node *nodes, int count)
         else
             result.running++;
     }
-    while (!err && result.running && sst_clock_now_ns() < end_ns) {
-        sst_jobs_wait(jobs, 100);
+    while (!err && result.running && left_ns > 0) {
+        const int64_t begin_ns = sst_clock_now_ns();
+        int64_t took_ns;
+
+        sst_jobs_wait(jobs, SLICE_MS);
         sst_jobs_collect(jobs, &result);
+        took_ns = sst_clock_now_ns() - begin_ns;
+        left_ns -= took_ns < SLICE_MS * INT64_C(1000000) ? took_ns : SLICE_MS * INT64_C(1000000);
     }
     sst_jobs_destroy(jobs);
     return err;

@@ -353,8 +353,9 @@ static int32_t still_um(const struct sst_rig *rig, int a)
     return (int32_t)fmax(ceil(1.5 * count), rig->cfg.tolerance_um / 4.0);
 }
 
-/* @return 1: arrived and standing; 0: not yet; or what stops the motion */
-static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t now_ns)
+/* @param asked_ns  before the status was asked for: it is that of this time or later, however long we stood still since
+ * @return 1: arrived and standing; 0: not yet; or what stops the motion */
+static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked_ns)
 {
     const struct sst_rig_axis *axis = &rig->axis[a];
     const struct sst_rig_status *s = &axis->now;
@@ -374,12 +375,12 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t now_n
             w->lied = true;
         }
         w->last_um = s->um;
-        w->moved_ns = now_ns;
+        w->moved_ns = sst_clock_now_ns();
         return 0;
     }
     if (says && off_um <= rig->cfg.tolerance_um)
         return 1;
-    if (now_ns - w->moved_ns < STALL_NS)
+    if (asked_ns - w->moved_ns < STALL_NS)
         return 0;
     rig->doubt = true;
     if (says) {
@@ -402,10 +403,11 @@ static int watch_all(struct sst_rig *rig, struct watch *w)
     int there = 1;
 
     for (int a = 0; a < rig->cfg.axes; a++) {
+        const int64_t asked_ns = sst_clock_now_ns();
         int r = sst_rig_drive_status(rig, a);
 
         if (!r)
-            r = watch_axis(rig, a, &w[a], sst_clock_now_ns());
+            r = watch_axis(rig, a, &w[a], asked_ns);
         if (r < 0)
             return r;
         there &= r;
@@ -478,9 +480,10 @@ bool sst_rig_still(struct sst_rig *rig)
     if (rig->moving)
         return false;
     for (int a = 0; a < rig->cfg.axes; a++) {
-        struct watch w = { .last_um = rig->axis[a].now.um, .moved_ns = sst_clock_now_ns() };
+        const int64_t now_ns = sst_clock_now_ns();
+        struct watch w = { .last_um = rig->axis[a].now.um, .moved_ns = now_ns };
 
-        if (!rig->axis[a].has_target || sst_rig_drive_status(rig, a) || watch_axis(rig, a, &w, sst_clock_now_ns()) != 1)
+        if (!rig->axis[a].has_target || sst_rig_drive_status(rig, a) || watch_axis(rig, a, &w, now_ns) != 1)
             return false;
     }
     return true;

@@ -15,11 +15,30 @@
 #include "base/log.h"
 #include "simulators/devices/server_internal.h"
 
-int sst_sim_source_add(struct sst_sim_server *s, int fd, uint32_t events, struct sst_sim_source *source)
+int sst_sim_source_add(int epoll, int fd, uint32_t events, struct sst_sim_source *source)
 {
     struct epoll_event ev = { .events = events, .data.ptr = source };
 
-    return epoll_ctl(s->epoll, EPOLL_CTL_ADD, fd, &ev) < 0 ? -errno : 0;
+    return epoll_ctl(epoll, EPOLL_CTL_ADD, fd, &ev) < 0 ? -errno : 0;
+}
+
+/*
+ * Take the end of files that programs closed. Also before each call is served: a program that let something go and
+ * calls at once must find it free, and epoll has a connection that was just served ready before what came meanwhile.
+ */
+static void take_hangups(struct sst_sim_server *s)
+{
+    struct epoll_event ev[64];
+    int n;
+
+    do {
+        n = epoll_wait(s->hangups, ev, ARRAY_LEN(ev), 0);
+        for (int i = 0; i < n; i++) {
+            struct sst_sim_source *source = ev[i].data.ptr;
+
+            source->ready(s, source, ev[i].events);
+        }
+    } while (n == ARRAY_LEN(ev));
 }
 
 /* --- answers ------------------------------------------------------------------------------------------------------ */
@@ -208,6 +227,7 @@ static bool receive(struct sst_sim_server *s, struct sst_sim_conn *c)
             close(fd);
         return false;
     }
+    take_hangups(s);
     if (call.op == SST_SIM_CANCEL) {
         if (c->pending) {
             request_cancel(s, c);
@@ -253,7 +273,7 @@ static void accept_one(struct sst_sim_server *s, struct sst_sim_source *source, 
     c->server = s;
     c->request.fd = c->request.out_fd = -1;
     c->delay = (struct sst_sim_timer){ .fire = delay_over, .arg = c };
-    if (sst_sim_source_add(s, fd, EPOLLIN, &c->source)) {
+    if (sst_sim_source_add(s->epoll, fd, EPOLLIN, &c->source)) {
         close(fd);
         free(c);
         return;
@@ -272,6 +292,13 @@ static void timers_due(struct sst_sim_server *s, struct sst_sim_source *source, 
     (void)events;
     (void)!read(s->timerfd, &expirations, sizeof(expirations));
     sst_sim_timers_fire(s);
+}
+
+static void hangups_ready(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+{
+    (void)source;
+    (void)events;
+    take_hangups(s);
 }
 
 static void watched_ready(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
@@ -305,7 +332,7 @@ int sst_sim_watch(struct sst_sim_server *s, int fd, void (*fn)(void *arg), void 
     if (!w)
         return -ENOMEM;
     *w = (struct sst_sim_watched){ .source.ready = watched_ready, .fd = fd, .fn = fn, .arg = arg, .next = s->watched };
-    err = sst_sim_source_add(s, fd, EPOLLIN, &w->source);
+    err = sst_sim_source_add(s->epoll, fd, EPOLLIN, &w->source);
     if (err)
         free(w);
     else
@@ -349,12 +376,15 @@ void sst_sim_server_stop(struct sst_sim_server *s)
 static int listen_at(struct sst_sim_server *s)
 {
     struct sockaddr_un name = { .sun_family = AF_UNIX };
+    char path[sizeof(name.sun_path)];
 
-    if (snprintf(name.sun_path, sizeof(name.sun_path), "%s/%s", s->dir, SST_SIM_SOCKET) >= (int)sizeof(name.sun_path))
+    /* Whoever finds it by its name can connect: it has that name when it listens. */
+    if (snprintf(path, sizeof(path), "%s/%s", s->dir, SST_SIM_SOCKET) >= (int)sizeof(path) ||
+        snprintf(name.sun_path, sizeof(name.sun_path), "%s/new.sock", s->dir) >= (int)sizeof(name.sun_path))
         return -ENAMETOOLONG;
     s->listener = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (s->listener < 0 || bind(s->listener, (const struct sockaddr *)&name, sizeof(name)) < 0 ||
-        listen(s->listener, 1024) < 0)
+        listen(s->listener, 1024) < 0 || rename(name.sun_path, path) < 0)
         return -errno;
     return 0;
 }
@@ -367,9 +397,10 @@ int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const stru
     if (!s)
         return err;
     s->control = *control;
-    s->listener = s->epoll = s->timerfd = -1;
+    s->listener = s->epoll = s->hangups = s->timerfd = -1;
     s->listener_source.ready = accept_one;
     s->timer_source.ready = timers_due;
+    s->hangups_source.ready = hangups_ready;
     err = sst_path_join(s->dir, dir, NULL);
     if (!err)
         err = sst_sim_dev_open(s);
@@ -382,13 +413,16 @@ int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const stru
         goto fail;
     }
     s->epoll = epoll_create1(EPOLL_CLOEXEC);
+    s->hangups = epoll_create1(EPOLL_CLOEXEC);
     s->timerfd = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
-    if (s->epoll < 0 || s->timerfd < 0)
+    if (s->epoll < 0 || s->hangups < 0 || s->timerfd < 0)
         err = -errno;
     if (!err)
-        err = sst_sim_source_add(s, s->listener, EPOLLIN, &s->listener_source);
+        err = sst_sim_source_add(s->epoll, s->listener, EPOLLIN, &s->listener_source);
     if (!err)
-        err = sst_sim_source_add(s, s->timerfd, EPOLLIN, &s->timer_source);
+        err = sst_sim_source_add(s->epoll, s->timerfd, EPOLLIN, &s->timer_source);
+    if (!err)
+        err = sst_sim_source_add(s->epoll, s->hangups, EPOLLIN, &s->hangups_source);
     if (err) {
         sst_log_error("simulator: no event loop: %s", strerror(-err));
         goto fail;
@@ -421,6 +455,8 @@ void sst_sim_server_close(struct sst_sim_server *s)
         close(s->listener);
     if (s->epoll >= 0)
         close(s->epoll);
+    if (s->hangups >= 0)
+        close(s->hangups);
     if (s->timerfd >= 0)
         close(s->timerfd);
     free(s->files);

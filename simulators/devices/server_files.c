@@ -98,7 +98,7 @@ int sst_sim_handle_create(struct sst_sim_server *s, const struct sst_sim_ops *op
     }
     f->source.ready = hung_up;
     f->handle = (struct sst_sim_handle){ .server = s, .ops = ops, .device = device, .id = id, .fd = pair[0] };
-    err = sst_sim_source_add(s, pair[0], EPOLLRDHUP, &f->source);
+    err = sst_sim_source_add(s->hangups, pair[0], EPOLLRDHUP, &f->source);
     if (err) {
         close(pair[0]);
         close(pair[1]);

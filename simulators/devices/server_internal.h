@@ -54,8 +54,9 @@ struct sst_sim_server {
     char dir[SST_PATH_MAX];
     struct sst_sim_control control;
     int epoll, listener, timerfd;
+    int hangups; /* epoll of the open files' ends, in the other */
     bool stop;
-    struct sst_sim_source listener_source, timer_source;
+    struct sst_sim_source listener_source, timer_source, hangups_source;
     struct sst_sim_conn *conns;
     struct sst_sim_node *nodes;
     struct sst_sim_watched *watched;
@@ -83,7 +84,7 @@ SST_MUST_CHECK int sst_sim_dev_open(struct sst_sim_server *s);
 struct sst_sim_node *sst_sim_node_find(struct sst_sim_server *s, const char *path);
 
 /* server.c */
-SST_MUST_CHECK int sst_sim_source_add(struct sst_sim_server *s, int fd, uint32_t events, struct sst_sim_source *source);
+SST_MUST_CHECK int sst_sim_source_add(int epoll, int fd, uint32_t events, struct sst_sim_source *source);
 void sst_sim_requests_fail(struct sst_sim_server *s, struct sst_sim_handle *h, int err);
 
 SST_EXTERN_C_END

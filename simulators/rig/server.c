@@ -224,8 +224,7 @@ static bool take_serial(struct sst_sim_drive *d, struct line *l)
     uint8_t request[512];
     size_t n;
 
-    if (l->have && sst_clock_now_ns() - l->last_ns > GAP_NS)
-        l->have = 0;
+    /* What broke off goes when more comes: see receive(). */
     n = l->have < 2 ? 0 : sst_sim_request_size(l->in + 1, l->have - 1);
     if (!n || l->have < n + 3)
         return false;

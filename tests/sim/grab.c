@@ -190,12 +190,51 @@ static void stopping_and_going_on_is_no_fault(void **state SST_UNUSED)
     measured(stop);
 }
 
+struct kind {
+    const char *fault;
+    unsigned any_of, none_of;
+};
+
+/* Every camera has shown what is wrong with it. */
+static bool all_shown(const struct kind *kinds, int n)
+{
+    for (int i = 0; i < n; i++) {
+        if (kinds[i].any_of && !(rig.cam[i].faults & kinds[i].any_of))
+            return false;
+        if (strstr(kinds[i].fault, "gap") && !counters(i).lost)
+            return false;
+    }
+    return true;
+}
+
+/* So it is while cameras are listed: one that answers in time does so, also when we do not hear it for a while. */
+static void stopping_while_cameras_are_asked_is_no_fault(void **state SST_UNUSED)
+{
+    struct sst_grab_device *devices;
+    int count, ended;
+    pid_t child;
+
+    assert_int_equal(rig_fault("camera.%d.slow_open_ms=500", 0), 0);
+    child = fork();
+    assert_true(child >= 0);
+    if (!child) {
+        usleep(200000);
+        kill(getppid(), SIGSTOP);
+        usleep(2500000);
+        kill(getppid(), SIGCONT);
+        _exit(0);
+    }
+    assert_int_equal(sst_grab_list(&devices, &count), 0);
+    assert_int_equal(waitpid(child, &ended, 0), child);
+    assert_int_equal(rig_fault("camera.%d.slow_open_ms=0", 0), 0);
+    for (int i = 0; i < count; i++)
+        assert_int_equal(devices[i].error, 0);
+    free(devices);
+}
+
 static void damage(void)
 {
-    static const struct {
-        const char *fault;
-        unsigned any_of, none_of;
-    } kinds[] = {
+    static const struct kind kinds[] = {
         { "camera.%d.error_flag=0.5", SST_FRAME_FLAGGED, SST_FRAME_FROZEN },
         { "camera.%d.truncated=0.5", SST_FRAME_NO_EOI, SST_FRAME_NO_SOI },
         { "camera.%d.corrupt_soi=0.5", SST_FRAME_NO_SOI, SST_FRAME_NO_EOI },
@@ -216,6 +255,8 @@ static void damage(void)
     for (int i = 0; i < n; i++)
         assert_int_equal(rig_fault(kinds[i].fault, i), 0);
     assert_int_equal(rig_run(&rig, 3500), 0);
+    for (int ms = 0; ms < PATIENCE_MS && !all_shown(kinds, n); ms += 100)
+        assert_int_equal(rig_run(&rig, 100), 0);
     for (int i = 0; i < n; i++) {
         const struct sst_grab_counters c = counters(i);
 
@@ -247,6 +288,18 @@ static void damage_is_told_by_kind(void **state SST_UNUSED)
     measured(damage);
 }
 
+/* Run until a rung was tried with a camera, and it streams. @return false: not within the time */
+static bool brought_back(int cam, int rung)
+{
+    const int64_t begin_ns = sst_clock_now_ns();
+
+    while (!counters(cam).rung[rung] || sst_grab_camera_state(rig.grab, cam) != SST_GRAB_STREAMING) {
+        if (sst_clock_now_ns() - begin_ns > PATIENCE_MS * RIG_MS || sst_grab_poll(rig.grab, 20))
+            return false;
+    }
+    return true;
+}
+
 static void climb(void)
 {
     static const int stalled[] = { 2, 4, 6 }, rung[] = { SST_GRAB_RESTREAM, SST_GRAB_REOPEN, SST_GRAB_RESET };
@@ -259,14 +312,11 @@ static void climb(void)
     assert_int_equal(rig_fault("camera.%d.stall=2", 4), 0);
     assert_int_equal(rig_fault("camera.%d.stall=3", 6), 0);
     assert_int_equal(rig_run(&rig, 300), 0);
-    for (int i = 0; i < 3; i++) {
-        assert_true(rig_until(&rig, stalled[i], SST_GRAB_RECOVERING, PATIENCE_MS) >= 0);
-        assert_true(rig_until(&rig, stalled[i], SST_GRAB_STREAMING, PATIENCE_MS) >= 0);
-    }
+    for (int i = 0; i < 3; i++)
+        assert_true(brought_back(stalled[i], rung[i]));
     for (int i = 0; i < 3; i++) { /* by its rung, once, and by none above it */
         const struct sst_grab_counters c = counters(stalled[i]);
 
-        assert_true(c.rung[rung[i]] >= 1);
         too_late(taken_for_hung, (int64_t)c.rung[rung[i]], 1);
         if (rung[i] != SST_GRAB_RESET)
             too_late(taken_for_hung, (int64_t)c.rung[rung[i] + 1], 0);
@@ -296,7 +346,8 @@ static void come_back(void)
     patient(6);
     assert_int_equal(rig_start(&rig), 6);
     rig.hold_cam = 3;
-    assert_int_equal(rig_run(&rig, 250), 0);
+    for (int i = 0; i < PATIENCE_MS / 250 && !rig.held_count; i++)
+        assert_int_equal(rig_run(&rig, 250), 0);
     assert_true(rig.held_count > 0);
     strcpy(before, sst_grab_camera_device(rig.grab, 3)->node);
     assert_int_equal(rig_fault("camera.%d.unplug=1", 1), 0);
@@ -369,12 +420,15 @@ static void hold(void)
     rig.cfg.rate_hz = 20;
     assert_int_equal(rig_start(&rig), 2);
     rig.hold_cam = 0;
-    assert_int_equal(rig_run(&rig, 3000), 0);
+    for (int ms = 0; ms < PATIENCE_MS && rig.held_count < rig.cfg.buffers; ms += 100)
+        assert_int_equal(rig_run(&rig, 100), 0);
+    assert_int_equal(rig_run(&rig, 2000), 0);
     too_late(taken_for_hung, (int64_t)counters(0).rung[SST_GRAB_RESTREAM], 0);
     if (!late[0])
         assert_int_equal(rig.held_count, rig.cfg.buffers);
     rig_release_held(&rig);
-    assert_int_equal(rig_run(&rig, 400), 0);
+    for (int ms = 0; ms < PATIENCE_MS && counters(0).frames <= (uint64_t)rig.cfg.buffers; ms += 400)
+        assert_int_equal(rig_run(&rig, 400), 0);
     assert_true(counters(0).lost >= 10);
     assert_true(counters(0).frames > (uint64_t)rig.cfg.buffers);
     expect_lossless(1);
@@ -471,6 +525,7 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test_teardown(all_cameras_stream, clean_up),
         cmocka_unit_test_teardown(closing_leaves_nothing, clean_up),
         cmocka_unit_test_teardown(stopping_and_going_on_is_no_fault, clean_up),
+        cmocka_unit_test_teardown(stopping_while_cameras_are_asked_is_no_fault, clean_up),
         cmocka_unit_test_teardown(damage_is_told_by_kind, clean_up),
         cmocka_unit_test_teardown(each_rung_brings_back_what_it_can, clean_up),
         cmocka_unit_test_teardown(a_camera_comes_back, clean_up),

@@ -23,6 +23,7 @@
 
 #define BROKER   "/usr/sbin/mosquitto"
 #define PATIENCE 6000 /* looks, 10 ms apart, for what comes sooner or later */
+#define CLOSE_MS 60000 /* for an end that comes in any case; where it must be quick, that is measured */
 
 extern char **environ;
 
@@ -278,7 +279,7 @@ static int setup(void **state)
 static int teardown(void **state)
 {
     (void)state;
-    assert_true(sst_mqtt_close(mqtt, 1200));
+    assert_true(sst_mqtt_close(mqtt, CLOSE_MS));
     mqtt = NULL;
     end(&subscriber);
     end(&broker);
@@ -339,7 +340,7 @@ static void state_and_events_are_told(void **state)
     sst_events_emit(api.events, SST_EVENT_WARNING, "camera-lost", NULL, "a camera is gone");
     expect_heard("sst/camera/r0c1/state absent", NULL); /* long before the ten seconds */
     assert_int_equal(heard("sst/camera/r0c0/state", NULL), 1);
-    assert_true(sst_mqtt_close(mqtt, 1200));
+    assert_true(sst_mqtt_close(mqtt, CLOSE_MS));
     mqtt = NULL;
     expect_heard("sst/available offline", NULL);
 }
@@ -510,7 +511,7 @@ static void pictures_come_at_most_so_often(void **state)
 {
     static const char jpeg[] = "JPEG";
     int64_t start, took = 0;
-    int idle = 0, n = 0;
+    int looks = 0, idle = 0, n = 0;
 
     (void)state;
     cfg.mqtt.picture_s = 0.5;
@@ -519,7 +520,7 @@ static void pictures_come_at_most_so_often(void **state)
     open_mqtt();
     expect_connected();
     start = sst_clock_now_ns();
-    while (took < INT64_C(2500000000) || (n < 3 && took < INT64_C(60000000000))) {
+    for (; took < INT64_C(2500000000) || ((n < 3 || looks < 100) && took < INT64_C(60000000000)); looks++) {
         if (sst_outlet_viewers(outlet)) {
             uint8_t *data = malloc(sizeof(jpeg));
 
@@ -533,7 +534,7 @@ static void pictures_come_at_most_so_often(void **state)
         took = sst_clock_now_ns() - start;
     }
     if (n < 3 || n > took / 500000000 + 1 || idle < 20)
-        fail_msg("%d pictures in %.1f s, not viewing %d times", n, (double)took * 1e-9, idle);
+        fail_msg("%d pictures in %.1f s, not viewing %d of %d times", n, (double)took * 1e-9, idle, looks);
 }
 
 /* Killed: the broker says so in our place. */
@@ -556,12 +557,20 @@ static void the_broker_tells_that_we_are_gone(void **state)
     expect_heard("sst/available offline", NULL);
 }
 
+/* Without its password we do not connect: not before somebody listens at the new broker, as an event is told once. */
 static void a_broker_that_comes_back_is_told_what_it_missed(void **state)
 {
+    char path[SST_PATH_MAX];
+
     (void)state;
+    snprintf(path, sizeof(path), "%s/password", folder);
+    assert_int_equal(sst_file_write(path, "secret", 6), 0);
+    strcpy(cfg.mqtt.user, "me");
+    strcpy(cfg.mqtt.password_file, path);
     start_broker("allow_anonymous true");
     open_mqtt();
     expect_connected();
+    assert_int_equal(unlink(path), 0);
     end(&broker);
     for (int i = 0; i < PATIENCE && counters().connected; i++)
         usleep(10000);
@@ -569,6 +578,7 @@ static void a_broker_that_comes_back_is_told_what_it_missed(void **state)
     motion(true);
     start_broker("allow_anonymous true");
     subscribe();
+    assert_int_equal(sst_file_write(path, "secret", 6), 0);
     expect_heard("sst/event/motion", NULL);
     expect_heard("sst/zone/gate/motion ON", NULL);
     assert_int_equal(counters().connects, 2);
@@ -585,6 +595,7 @@ static void a_broker_that_hangs_holds_nobody_up(void **state)
     expect_connected();
     usleep(300000);
     kill(broker, SIGSTOP);
+    assert_int_equal(waitpid(broker, NULL, WUNTRACED), broker);
     before = sst_clock_now_ns();
     for (int i = 0; i < 2000; i++)
         motion(i & 1);
@@ -592,7 +603,7 @@ static void a_broker_that_hangs_holds_nobody_up(void **state)
     usleep(500000);
     assert_true(counters().published < 200); /* the rest waits, or is forgotten */
     before = sst_clock_now_ns();
-    assert_true(sst_mqtt_close(mqtt, 1200));
+    assert_true(sst_mqtt_close(mqtt, CLOSE_MS));
     mqtt = NULL;
     assert_quick(before, INT64_C(1200000000));
     assert_quick(start, INT64_C(10000000000));
@@ -630,7 +641,7 @@ static void refusals_are_told_once(void **state)
             usleep(10000);
         usleep(1500000); /* the second attempt comes after a second */
         assert_false(counters().connected);
-        assert_true(sst_mqtt_close(mqtt, 1200));
+        assert_true(sst_mqtt_close(mqtt, CLOSE_MS));
         mqtt = NULL;
         dup2(before, 2);
         close(before);
@@ -687,7 +698,7 @@ static void a_broker_may_want_tls_and_a_password(void **state)
         else
             usleep(400000);
         assert_int_equal(counters().connected, i == 2);
-        ended = sst_mqtt_close(mqtt, 30000);
+        ended = sst_mqtt_close(mqtt, CLOSE_MS);
         mqtt = NULL; /* it is gone either way */
         assert_true(ended);
     }
@@ -717,7 +728,7 @@ static void closing_does_not_wait_for_an_answer(void **state)
         usleep(300000);
         assert_false(counters().connected);
         before = sst_clock_now_ns();
-        ended = sst_mqtt_close(mqtt, 1200);
+        ended = sst_mqtt_close(mqtt, CLOSE_MS);
         mqtt = NULL;
         assert_quick(before, INT64_C(1500000000));
         assert_true(ended);

@@ -11,6 +11,8 @@
 #include "tests/quick.h"
 #include "tests/rig_bench.h"
 
+#define ATTEMPTS 5
+
 static struct bench bench;
 static char said[SST_LOG_MAX];
 
@@ -82,16 +84,19 @@ static void expect_all_views(void)
 
 /* --- the wire ----------------------------------------------------------------------------------------------------- */
 
-/* Faults that the driver mends by itself: no view is tried again. */
+/* Faults that the driver mends by itself: no view is tried again. What is late is not seen to be late when all stands
+ * still meanwhile: then once more. */
 static void mended(const char *fault, const char *value, uint64_t (*count)(const struct sst_rig_counters *c))
 {
-    struct sst_rig_capture_report report;
+    struct sst_rig_capture_report report = { .taken = 0 };
 
-    assert_int_equal(capture_with(fault, value, &report), 0);
-    assert_int_equal(report.taken, 2);
-    assert_int_equal(report.again, 0);
+    for (int i = 0; i < ATTEMPTS && !count(&report.rig); i++) {
+        assert_int_equal(capture_with(fault, value, &report), 0);
+        assert_int_equal(report.taken, 2);
+        assert_int_equal(report.again, 0);
+        expect_all_views();
+    }
     assert_true(count(&report.rig) > 0);
-    expect_all_views();
     set_fault(fault, "off");
 }
 
@@ -219,12 +224,15 @@ static void the_axes(void **state SST_UNUSED)
 
 static void an_early_in_position_is_not_believed(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_rig_capture_report report = { .taken = 0 };
 
-    assert_int_equal(capture_with("in_position_lies", "x:always", &report), 0);
-    assert_int_equal(report.again, 0);
+    /* Who stands still during the whole motion hears no lie: then once more. */
+    for (int i = 0; i < ATTEMPTS && !report.rig.lies; i++) {
+        assert_int_equal(capture_with("in_position_lies", "x:always", &report), 0);
+        assert_int_equal(report.again, 0);
+        expect_all_views();
+    }
     assert_true(report.rig.lies >= 1);
-    expect_all_views();
 }
 
 /* An obstacle that stays: told, stopped, not tried for ever. */

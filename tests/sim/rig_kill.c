@@ -196,7 +196,9 @@ int main(int argc, char **argv)
     printf("seed %u\n", seed);
     (void)fflush(stdout);
     read_bus();
-    snprintf(dir, sizeof(dir), "/tmp/sst-rig-kill-%d", (int)getpid());
+    strcpy(dir, "/tmp/sst-rig-kill-XXXXXX");
+    if (!mkdtemp(dir))
+        fail("no folder", dir);
     while (killed < kills) {
         const int64_t life_ns = (100 + rand_r(&seed) % 1900) * INT64_C(1000000);
         const int rc = end_of(start_capture(), sst_clock_now_ns() + life_ns);

@@ -17,6 +17,8 @@
 #include "drivers/rig/rig.h"
 #include "simulators/rig/drive.h"
 
+#define PATIENCE_MS 60000
+
 struct bench {
     struct sst_sim_drive *drive;
     struct sst_rig *rig;
@@ -46,13 +48,14 @@ static void start(struct bench *b, bool serial)
     b->cfg.speed_mm_s = 200;
     b->cfg.accel_mm_s2 = 2000;
     b->cfg.settle_ms = 20;
+    b->cfg.response_ms = 10000; /* a thread that does not run for a while is no fault of the wire */
 }
 
 static void open_and_home(struct bench *b)
 {
     assert_int_equal(sst_rig_open(&b->rig, &b->cfg), 0);
     assert_false(sst_rig_homed(b->rig));
-    assert_int_equal(sst_rig_home(b->rig, 10000), 0);
+    assert_int_equal(sst_rig_home(b->rig, PATIENCE_MS), 0);
     assert_true(sst_rig_homed(b->rig));
 }
 
@@ -81,7 +84,7 @@ static void go(struct bench *b, int32_t x, int32_t y, int32_t z)
     const struct sst_rig_pos to = { { x, y, z } };
 
     assert_int_equal(sst_rig_move(b->rig, to), 0);
-    assert_int_equal(sst_rig_wait(b->rig, 5000), 0);
+    assert_int_equal(sst_rig_wait(b->rig, PATIENCE_MS), 0);
     assert_true(sst_rig_still(b->rig));
     expect_at(b, x, y, z);
 }
@@ -126,7 +129,7 @@ static void wait_ends_only_when_all_stands(void **state SST_UNUSED)
     for (int i = 1; i <= 5; i++) {
         assert_int_equal(sst_rig_move(b.rig, (struct sst_rig_pos){ { i * 4000, i * 1000, 0 } }), 0);
         assert_false(sst_rig_still(b.rig));
-        assert_int_equal(sst_rig_wait(b.rig, 5000), 0);
+        assert_int_equal(sst_rig_wait(b.rig, PATIENCE_MS), 0);
         t_ns = sst_clock_now_ns();
         usleep(50000);
         for (int ms = 0; ms < 50; ms++) {
@@ -151,7 +154,7 @@ static void counts_are_scaled_and_signed(void **state SST_UNUSED)
     b.cfg.travel_min_um[1] = -300000;
     open_and_home(&b);
     assert_int_equal(sst_rig_move(b.rig, (struct sst_rig_pos){ { 3000, -2000, 0 } }), 0);
-    assert_int_equal(sst_rig_wait(b.rig, 5000), 0);
+    assert_int_equal(sst_rig_wait(b.rig, PATIENCE_MS), 0);
     sst_sim_drive_pose(b.drive, sst_clock_now_ns(), pose);
     assert_in_range(pose[0], 5995, 6005);
     assert_in_range(pose[1], 1995, 2005);
@@ -172,10 +175,11 @@ static void refusals(void **state SST_UNUSED)
     struct sst_rig *none;
 
     start(&b, false);
+    b.cfg.speed_mm_s = 10; /* on the way for seconds, also if we stand still in the middle */
     assert_int_equal(sst_rig_open(&b.rig, &b.cfg), 0);
     (void)sst_log_hold_errors(said);
     assert_int_equal(sst_rig_move(b.rig, near), -ENOTCONN);
-    assert_int_equal(sst_rig_home(b.rig, 10000), 0);
+    assert_int_equal(sst_rig_home(b.rig, PATIENCE_MS), 0);
     sst_sim_drive_pose(b.drive, sst_clock_now_ns(), before);
     assert_int_equal(sst_rig_move(b.rig, far), -ERANGE);
     assert_non_null(strstr(said, "outside the travel"));
@@ -201,6 +205,26 @@ static void refusals(void **state SST_UNUSED)
     end(&b);
 }
 
+/* Slow to start, and told of with a delay, as by a machine that stands still: how long it has not moved is known only
+ * up to when the drive was asked. */
+static void a_late_reading_is_no_stall(void **state SST_UNUSED)
+{
+    struct bench b;
+    char error[160];
+
+    start(&b, false);
+    b.cfg.axes = 1;
+    b.cfg.accel_mm_s2 = 10;
+    open_and_home(&b);
+    assert_int_equal(sst_rig_move(b.rig, (struct sst_rig_pos){ { 2000, 0, 0 } }), 0);
+    /* Of flags and position the second. */
+    assert_int_equal(sst_sim_drive_fault(b.drive, "late_ms", "1200:1/2", error, sizeof(error)), 0);
+    assert_int_equal(sst_rig_wait(b.rig, PATIENCE_MS), 0);
+    assert_int_equal(sst_sim_drive_fault(b.drive, "late_ms", "off", error, sizeof(error)), 0);
+    assert_true(sst_rig_still(b.rig));
+    end(&b);
+}
+
 static struct sst_rig *to_cancel;
 
 static void on_alarm(int sig SST_UNUSED)
@@ -214,12 +238,13 @@ static void cancel_stops_the_motion(void **state SST_UNUSED)
     int32_t pose[3], later[3];
 
     start(&b, false);
+    b.cfg.speed_mm_s = 40; /* on the way for six seconds, also if we stand still in the middle */
     open_and_home(&b);
     to_cancel = b.rig;
     signal(SIGALRM, on_alarm);
     assert_int_equal(sst_rig_move(b.rig, (struct sst_rig_pos){ { 250000, 0, 0 } }), 0);
     ualarm(200000, 0);
-    assert_int_equal(sst_rig_wait(b.rig, 5000), -ECANCELED);
+    assert_int_equal(sst_rig_wait(b.rig, PATIENCE_MS), -ECANCELED);
     signal(SIGALRM, SIG_DFL);
     sst_sim_drive_pose(b.drive, sst_clock_now_ns(), pose);
     assert_in_range(pose[0], 5000, 200000);
@@ -282,6 +307,7 @@ int main(void)
         cmocka_unit_test(wait_ends_only_when_all_stands),
         cmocka_unit_test(counts_are_scaled_and_signed),
         cmocka_unit_test(refusals),
+        cmocka_unit_test(a_late_reading_is_no_stall),
         cmocka_unit_test(cancel_stops_the_motion),
         cmocka_unit_test(a_new_connection_finds_it_homed),
         cmocka_unit_test(a_high_descriptor_is_refused),

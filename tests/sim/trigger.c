@@ -240,7 +240,7 @@ static void vanished_chip_is_found_again(void **state SST_UNUSED)
     assert_int_equal(sst_trigger_start(t, 50, 5), -ENODEV);
     assert_int_equal(sst_trigger_fire(t), -ENODEV);
     set_fault("gpio.vanish=0");
-    for (int i = 0; i < 100 && err == -ENODEV; i++) {
+    for (int i = 0; i < PATIENCE_MS / 100 && err == -ENODEV; i++) {
         usleep(100000);
         err = sst_trigger_start(t, 50, 5);
     }

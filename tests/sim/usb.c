@@ -16,6 +16,8 @@
 #include "drivers/usb/usb.h"
 #include "tests/sim_session.h"
 
+#define PATIENCE 1200 /* looks, 50 ms apart, for what comes on any machine, sooner or later */
+
 static void set_fault(const char *fault)
 {
     assert_int_equal(session_fault(fault), 0);
@@ -40,7 +42,7 @@ static bool look(struct sst_usb_device *out, const char *port, const char *seria
 
 static bool wait_for_node(const char *port, struct sst_usb_device *d)
 {
-    for (int i = 0; i < 100; i++) {
+    for (int i = 0; i < PATIENCE; i++) {
         if (look(d, port, NULL) && d->node[0] && !access(d->node, F_OK))
             return true;
         usleep(50000);
@@ -132,8 +134,8 @@ static void unplugged_port_has_nothing_to_reset(void **state SST_UNUSED)
     assert_true(look(&d, NULL, "SIM0004"));
     strcpy(port, d.port);
     set_fault("camera.4.unplug=1");
-    for (int i = 0; i < 100 && look(&d, port, NULL); i++)
-        usleep(20000);
+    for (int i = 0; i < PATIENCE && look(&d, port, NULL); i++)
+        usleep(50000);
     assert_int_equal(sst_usb_reset(port), -ENODEV);
     assert_int_equal(sst_usb_reauthorise(port), -ENODEV);
     set_fault("camera.4.unplug=0");

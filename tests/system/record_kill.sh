@@ -21,8 +21,8 @@ for ((i = 0; i < kills; i++)); do
   "$writer" write rec $array $how append=1 first=$written sets=30000 >said 2>err &
   pid=$!
   sleep "0.0$((RANDOM % 10))$((RANDOM % 10))"
-  # Half of the time in the middle of writing, not while it starts.
-  [ $((RANDOM % 2)) = 0 ] || for ((w = 0; w < 6000; w++)); do [ -s said ] && break; sleep 0.01; done
+  # Half of the time, and the first time, in the middle of writing, not while it starts.
+  [ $i != 0 ] && [ $((RANDOM % 2)) = 0 ] || for ((w = 0; w < 6000; w++)); do [ -s said ] && break; sleep 0.01; done
   sleep "0.0$((RANDOM % 10))$((RANDOM % 10))"
   { kill -KILL "$pid"; wait "$pid"; } 2>/dev/null >&2
   acked=$(tail -n 1 said) last=$written

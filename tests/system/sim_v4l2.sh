@@ -14,6 +14,14 @@ done
 holds() {
   awk -v lines="$3" "{ if (!($2)) bad = 1 } END { exit bad || NR != lines }" out || fail "$1: $(head -c 600 out) $(head -c 300 err)"
 }
+# unbroken WHAT SIM-OPTIONS -- GRAB-ARGUMENTS: status 0, and no gap in the sequence: a simulator that stands still for a
+# second leaves frames out, and then it is done once more.
+unbroken() {
+  for _ in 1 2 3 4 5; do
+    grabs 0 "$@"
+    awk 'NR > 1 && $5 != (last + 1) % 4294967296 { gap = 1 } { last = $5 } END { exit gap }' out && break
+  done
+}
 # grabs STATUS WHAT SIM-OPTIONS -- GRAB-ARGUMENTS
 grabs() {
   local want=$1 what=$2 options=()
@@ -26,19 +34,19 @@ grabs() {
 }
 
 # --- conformance: the public tool finds nothing at all, DMABUF from another camera included. On a busy machine it misses
-# frames, of which it warns: then it looks again.
+# frames, of which it warns, and where it was stopped itself its epoll_wait() ends with EINTR: then it looks again.
 for format in MJPG YUYV RGGB; do
   for _ in 1 2 3 4 5 6 7 8; do
     $sim -- sh -c "v4l2-ctl -d /dev/video1 -v width=160,height=120,pixelformat='$format' &&
       v4l2-compliance -d /dev/video1 -e /dev/video2 -s4" >out 2>&1
-    grep -q 'warn: .*got sequence number' out || break
+    grep -Eq 'warn: .*got sequence number|fail: v4l2-test-buffers.*: ret < 0 \(got -1\)' out || break
   done
   grep -q 'Succeeded: 54, Failed: 0, Warnings: 0' out || fail "v4l2-compliance on $format: $(grep -E 'fail|FAIL|warn|Total' out | head -5)"
 done
 
 # --- every format carries the frames of its own camera, in order
 for format in MJPG YUYV GREY 'Y16 ' BA81 GBRG GRBG RGGB; do
-  grabs 0 "format $format" -- /dev/video2 3 "$format" 320x240
+  unbroken "format $format" -- /dev/video2 3 "$format" 320x240
   holds "format $format" '$1 == 2 && $5 == NR - 1 && $4 <= $3 && $3 - $4 < 1000' 3
 done
 
@@ -81,13 +89,13 @@ grabs 1 short --fault camera.1.short=1 -- /dev/video1 2
 holds short '/bytes 32$/' 2
 grabs 0 error_flag --fault camera.1.error_flag=1 -- /dev/video1 2
 holds error_flag '$6 == 64' 2
-grabs 0 duplicate --fault camera.1.duplicate=1 -- /dev/video1 4
+unbroken duplicate --fault camera.1.duplicate=1 -- /dev/video1 4
 holds duplicate '$2 == int((NR - 1) / 2) && $5 == NR - 1' 4
-grabs 0 frozen --fault camera.1.frozen=1 -- /dev/video1 3
+unbroken frozen --fault camera.1.frozen=1 -- /dev/video1 3
 holds frozen '$2 == 0 && $5 == NR - 1' 3
 grabs 0 gap --fault camera.1.gap=0.5 -- /dev/video1 8
 awk 'END { exit !($5 > 7) }' out || fail "gap: no gap: $(cat out)"
-grabs 0 sequence_wrap --fault camera.1.sequence_wrap=1 -- /dev/video1 10
+unbroken sequence_wrap --fault camera.1.sequence_wrap=1 -- /dev/video1 10
 holds sequence_wrap '$5 == (NR < 9 ? 4294967287 + NR : NR - 9)' 10
 grabs 0 clock_step_us --fault camera.1.clock_step_us=-70000 -- /dev/video1 2
 holds clock_step_us '$3 - $4 >= 70000000 && $3 - $4 < 70001000' 2
@@ -132,7 +140,7 @@ $sim -- sh -c 'exit 5'; [ $? -eq 5 ] || fail "exit status"
 $sim -- sh -c 'kill -TERM $$'; [ $? -eq 143 ] || fail "status of a signal"
 $sim -- ./no-such-program 2>err; [ $? -eq 127 ] || fail "no program"
 $sim --fault camera.9.eio=1 -- true 2>err; [ $? -eq 1 ] && grep -q '0 to 3' err || fail "bad fault: $(cat err)"
-$sim --stats stats -- "$grab" /dev/video0 2 >out; grep -q '"frames": [2-9]' stats || fail "figures: $(cat stats)"
+$sim --stats stats -- "$grab" /dev/video0 2 >out; grep -Eq '"frames": ([2-9]|1[0-9])' stats || fail "figures: $(cat stats)"
 $sim -- "$build/sst-sim" fault --list | grep -q 'camera.N.late_ms' || fail "list of faults"
 $sim --serve served 2>err & server=$!
 for i in $(seq 600); do [ -S served/control.sock ] && break; sleep 0.1; done

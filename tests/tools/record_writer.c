@@ -6,7 +6,8 @@
  * cameras=36 bytes=40000 sets=100 rate=10 sync=1 segment_s=60 segment_bytes=0 append=0 holes=1 exact=0 pace=0
  * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0
  * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; first: index of
- * the first set; stay: after an error go on with the next set 20 ms later. */
+ * the first set; stay: after an error go on with the next set 20 ms later; the first time that recording is not possible
+ * those sets do not count, a minute at most: somebody is about to mend it. */
 #include <errno.h>
 #include <stdio.h>
 #include <time.h>
@@ -100,7 +101,9 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
 {
     struct sst_recorder_config cfg = synthetic_config(s, dir);
     struct sst_recorder_counters c;
-    const int first = (int)option("first"), n = (int)option("sets");
+    const int first = (int)option("first");
+    int n = (int)option("sets"), failed = 0;
+    bool went_on = false;
     int64_t cpu = 0, wall = 0, longest = 0, due = sst_clock_now_ns();
     struct sst_recorder *r;
     int err;
@@ -128,7 +131,9 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
             printf("%d\n", i + 1);
             fflush(stdout);
         }
+        went_on = went_on || (failed && !err);
         if (err && option("stay") != 0) {
+            n += !went_on && ++failed < 3000;
             usleep(20000);
             err = 0;
         }

@@ -20,6 +20,8 @@
 #include <libudev.h>
 #endif
 
+#define PATIENCE_MS 60000 /* for what a simulator that stands still for a while does later */
+
 #define CHECK(what)                                                                          \
     do {                                                                                     \
         if (!(what)) {                                                                       \
@@ -80,7 +82,7 @@ static int gpio(const char *path, uint32_t out_offset, uint32_t in_offset)
         set(out, i % 2 == 0);
         after[i] = now_ns();
     }
-    CHECK(poll(&p, 1, 1000) == 1 && p.revents == POLLIN);
+    CHECK(poll(&p, 1, PATIENCE_MS) == 1 && p.revents == POLLIN);
     CHECK(read(in, event, 10) == -1 && errno == EINVAL);
     CHECK(read(in, event, sizeof(event)) == 6 * sizeof(event[0]));
     for (uint32_t i = 0; i < 6; i++) {
@@ -96,9 +98,12 @@ static int gpio(const char *path, uint32_t out_offset, uint32_t in_offset)
     CHECK(read(in, event, sizeof(event)) == sizeof(event[0])); /* waits */
     CHECK(pthread_join(thread, NULL) == 0);
     CHECK(close(out) == 0);
-    CHECK(poll(&p, 1, 1000) == 1); /* released: the pin falls */
-    out = request(chip, out_offset, GPIO_V2_LINE_FLAG_OUTPUT);
-    CHECK(out >= 0);
+    CHECK(poll(&p, 1, PATIENCE_MS) == 1); /* released: the pin falls */
+    /* What a program lets go it can take again at once. */
+    for (int i = 0; i < 2000; i++) {
+        out = request(chip, out_offset, GPIO_V2_LINE_FLAG_OUTPUT);
+        CHECK(out >= 0 && close(out) == 0);
+    }
     printf("gpio ok\n");
     return 0;
 }
@@ -148,14 +153,14 @@ static int usb(const char *path)
     CHECK(libusb_release_interface(h, 0) == 0);
     CHECK(libusb_attach_kernel_driver(h, 0) == 0);
     printf("node %s\n", access("/dev/video0", F_OK) == 0 ? "there" : "gone");
-    CHECK(libusb_control_transfer(h, 0x80, 6, 0x0700, 0, text, 9, 1000) == LIBUSB_ERROR_PIPE);
+    CHECK(libusb_control_transfer(h, 0x80, 6, 0x0700, 0, text, 9, PATIENCE_MS) == LIBUSB_ERROR_PIPE);
     rc = libusb_reset_device(h);
     printf("reset %s\n", libusb_error_name(rc));
     port = libusb_get_port_number(device);
     CHECK(libusb_open(libusb_get_parent(device), &hub) == 0);
-    CHECK(libusb_control_transfer(hub, 0xa3, 0, 0, port, status, 4, 1000) == 4);
+    CHECK(libusb_control_transfer(hub, 0xa3, 0, 0, port, status, 4, PATIENCE_MS) == 4);
     printf("port %02x%02x\n", status[1], status[0]);
-    printf("power %s\n", libusb_error_name(libusb_control_transfer(hub, 0x23, 1, 8, port, NULL, 0, 1000)));
+    printf("power %s\n", libusb_error_name(libusb_control_transfer(hub, 0x23, 1, 8, port, NULL, 0, PATIENCE_MS)));
     libusb_close(hub);
     libusb_close(h);
     /* By an open file alone, as programs without the right to search do: the descriptors are the file's contents. */
@@ -181,12 +186,12 @@ static int usb(const char *path)
 /* --- libudev ------------------------------------------------------------------------------------------------------ */
 
 #if WITH_UDEV
-/** Say that it listens, then tell the events of a subsystem until one with this action has come, or after 5 s. */
+/** Say that it listens, then tell the events of a subsystem until one with this action has come, a minute at most. */
 static int monitor(const char *subsystem, const char *last)
 {
     struct udev *udev = udev_new();
     struct udev_monitor *m = udev_monitor_new_from_netlink(udev, "udev");
-    const int64_t end = now_ns() + 5000000000LL;
+    const int64_t end = now_ns() + PATIENCE_MS * 1000000LL;
     bool done = false;
 
     CHECK(m && udev_monitor_filter_add_match_subsystem_devtype(m, subsystem, NULL) == 0);
@@ -219,7 +224,7 @@ static int monitor(const char *subsystem, const char *last)
 
 int main(int argc, char **argv)
 {
-    (void)alarm(20);
+    (void)alarm(4 * PATIENCE_MS / 1000);
     if (argc == 5 && strcmp(argv[1], "gpio") == 0)
         return gpio(argv[2], (uint32_t)atoi(argv[3]), (uint32_t)atoi(argv[4]));
     if (argc == 3 && strcmp(argv[1], "usb") == 0)

@@ -2,7 +2,7 @@
  *   camera trigger t_ns stamp_ns sequence flags bytes
  * usage: sim_grab DEVICE COUNT [FOURCC [WIDTHxHEIGHT [TRIGGER_MODE]]], or sim_grab --luma FILE WIDTHxHEIGHT
  * Exit status 0; 1: a frame without a good strip; 2: a call failed, its name and errno on standard error; 3: no frame
- * in 5 s (-t MS before everything else: another limit). */
+ * in a minute (-t MS before everything else: another limit). */
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/videodev2.h>
@@ -18,7 +18,7 @@
 
 #include "simulators/world/strip.h"
 
-#define BUFFERS 4
+#define BUFFERS 16 /* more than a test wants frames of: none is lost while we stand still */
 
 static int failed(const char *call)
 {
@@ -137,7 +137,7 @@ int main(int argc, char **argv)
 {
     struct v4l2_format f = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
     uint8_t *memory[BUFFERS] = { NULL };
-    int width = 640, height = 480, fd, status, limit_ms = 5000;
+    int width = 640, height = 480, fd, status, limit_ms = 60000;
     size_t length = 0;
 
     if (argc > 2 && strcmp(argv[1], "-t") == 0) {
