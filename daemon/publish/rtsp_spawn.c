@@ -16,9 +16,9 @@
 
 #include "daemon/publish/spawn.h"
 
-#define KILL_LOOKS                                                                                                     \
-    250 /* two milliseconds apart: the disk may hold a process that dumps core. Counted: a machine that stood          \
-         * still ends no wait */
+/* Two milliseconds apart: the disk may hold a process that dumps core. Counted: a machine that stood still ends no
+ * wait. */
+#define KILL_LOOKS 250
 
 int sst_rtsp_spawn(pid_t *pid, int *link, int listener)
 {
