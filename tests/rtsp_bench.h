@@ -164,12 +164,16 @@ static void close_server(void)
     assert_quick(start_ns, 1500000000);
 }
 
-/* Until there are so many, on the busiest machine. */
+/* Until there are so many, on the busiest machine. What comes may go and come again while it begins. */
 static void wait_for(int (*count)(void), int want)
 {
-    for (int t = 0; t < PATIENCE_MS && count() != want; t += 20)
+    int now = count();
+
+    for (int t = 0; t < PATIENCE_MS && now != want; t += 20) {
         sleep_ms(20);
-    assert_int_equal(count(), want);
+        now = count();
+    }
+    assert_int_equal(now, want);
 }
 
 static int viewers(void)
@@ -212,24 +216,35 @@ static int place_of_bar(const uint8_t *rgb)
     return place;
 }
 
-/* All pictures arrive whole, in their colours and in order. */
+/* All pictures arrive whole, in their colours and in order. Where those who send, carry and read them have to wait for
+ * a processor, some are shown again, many are left out, and what goes by UDP is lost: then they are read again. */
 static void reads_20(const char *path, const char *transport)
 {
     static uint8_t rgb[3 * WIDTH * HEIGHT];
-    FILE *f = watch("", path, transport, "-frames:v 20 -f rawvideo -pix_fmt rgb24 -");
-    int last = -1, good = 0, moved = 0, n = 0, place, rc;
+    int good = 0, moved = 0;
 
-    assert_non_null(f);
-    for (; fread(rgb, sizeof(rgb), 1, f) == 1; n++) {
-        place = place_of_bar(rgb);
-        good += place >= 0;
-        moved += place >= 0 && last >= 0 && (place - last + PLACES) % PLACES < PLACES / 2 && place != last;
-        last = place;
+    for (int again = 0; again < 5 && (good < 20 || moved < 10); again++) {
+        FILE *f = watch("", path, transport, "-frames:v 20 -f rawvideo -pix_fmt rgb24 -");
+        int last = -1, n = 0, place, rc;
+
+        assert_non_null(f);
+        good = moved = 0;
+        for (; fread(rgb, sizeof(rgb), 1, f) == 1; n++) {
+            place = place_of_bar(rgb);
+            good += place >= 0;
+            moved += place >= 0 && last >= 0 && (place - last + PLACES) % PLACES < PLACES / 2 && place != last;
+            last = place;
+        }
+        rc = pclose(f);
+        if (rc || n != 20 || good < 20 || moved < 10)
+            print_message("%s by %s: ffmpeg ended with %#x after %d pictures, %d good, %d that moved on\n", path,
+                          transport, rc, n, good, moved);
+        assert_int_equal(rc, 0);
+        assert_int_equal(n, 20);
+        assert_true(good == 20 || !strcmp(transport, "udp")); /* nothing is lost by TCP */
     }
-    rc = pclose(f);
-    if (rc || n != 20 || good < 20 || moved < 10) /* some are shown again when the machine is busy */
-        fail_msg("%s by %s: ffmpeg ended with %#x after %d pictures, %d good, %d that moved on", path, transport, rc, n,
-                 good, moved);
+    assert_int_equal(good, 20);
+    assert_true(moved >= 10);
 }
 
 /* --- a client of our own -------------------------------------------------------------------------------------------

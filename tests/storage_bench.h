@@ -104,6 +104,17 @@ static inline void bench_wait(struct bench *b, const char *part, const char *key
     }
 }
 
+/* Wait until a number of the status is just this. */
+static inline void bench_wait_exactly(struct bench *b, const char *part, const char *key, int64_t want)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000000000;
+
+    while (bench_number(b, part, key) != want) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(2000);
+    }
+}
+
 static inline void bench_wait_state(struct bench *b, enum sst_storage_state state)
 {
     const int64_t end_ns = sst_clock_now_ns() + 60000000000;

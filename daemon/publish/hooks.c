@@ -95,15 +95,17 @@ static void start(struct sst_hooks *h, struct run *r)
     sst_hook_env_free(env);
     free(r->event);
     r->event = NULL;
+    /* Who sees it counted as run must see that it runs, or how it failed. */
+    if (err) {
+        r->pid = 0;
+        snprintf(what, sizeof(what), "cannot be run: %s", strerror(-err));
+        tell(h, r, err - 1, what);
+    }
     pthread_mutex_lock(&h->lock);
     h->n.run++;
+    h->n.running += !err;
     pthread_mutex_unlock(&h->lock);
     r->end_ns = sst_clock_now_ns() + (int64_t)h->limit_ms * 1000000;
-    if (!err)
-        return;
-    r->pid = 0;
-    snprintf(what, sizeof(what), "cannot be run: %s", strerror(-err));
-    tell(h, r, err - 1, what);
 }
 
 /* A program ended: it is still to be reaped, so that its group's number is nobody else's. */

@@ -40,15 +40,15 @@ struct stream {
 static const char first_boundary[] = "--" BOUNDARY "\r\n";
 static const char tail[] = "\r\n--" BOUNDARY "\r\n";
 
-/* Pictures that were shown while the last one was on its way are lost for this viewer. */
-static void count_skipped(struct stream *s)
+/* Pictures that were shown while the last one was on its way are lost for this viewer. @return the newest, if there is
+ * one since */
+static const struct sst_jpeg *count_skipped(struct stream *s)
 {
-    const struct sst_jpeg *newest = s->number ? sst_outlet_get(s->outlet, s->number) : NULL;
+    const struct sst_jpeg *newest = sst_outlet_get(s->outlet, s->number);
 
-    if (newest) {
+    if (newest && s->number)
         atomic_fetch_add(&s->http->skipped, newest->number - s->number - 1);
-        sst_jpeg_unref(newest);
-    }
+    return newest;
 }
 
 static void pause_until(struct stream *s, int64_t due_ns)
@@ -68,14 +68,19 @@ static bool next_picture(struct stream *s)
 {
     int64_t now_ns;
 
-    count_skipped(s);
-    if (s->period_ns)
+    s->jpeg = count_skipped(s);
+    if (s->period_ns) {
+        if (s->jpeg)
+            sst_jpeg_unref(s->jpeg);
+        s->jpeg = NULL; /* by then there may be a newer one */
         pause_until(s, s->due_ns);
+    }
     for (;;) {
         if (atomic_load(&s->http->stopping) || sst_outlet_is_shut(s->outlet) || sst_http_peer_gone(s->fd))
             return false;
         now_ns = sst_clock_now_ns();
-        s->jpeg = sst_outlet_get(s->outlet, s->number && now_ns - s->sent_ns > REPEAT_NS ? 0 : s->number);
+        if (!s->jpeg) /* else the one up to which those that were missed are counted */
+            s->jpeg = sst_outlet_get(s->outlet, s->number && now_ns - s->sent_ns > REPEAT_NS ? 0 : s->number);
         if (s->jpeg)
             break;
         sst_outlet_wait(s->outlet, s->number, HTTP_WAIT_MS);

@@ -54,6 +54,7 @@ struct sst_rtsp {
     /* the opening thread's, then the thread's alone */
     int listener; /* -1: none */
     pid_t pid;    /* 0: there is no process */
+    pid_t late;   /* one that was killed and has not ended yet; 0: none */
     int link;
     bool ready;
     int64_t begun_ns, heard_ns, told_ns;
@@ -200,6 +201,8 @@ static int step(struct sst_rtsp *rtsp)
         err = -ETIMEDOUT;
     for (int i = 0; i < SST_RTSP_PLACES && !err && rtsp->places; i++)
         err = show(rtsp, i);
+    if (rtsp->late && sst_rtsp_reap(rtsp->late))
+        rtsp->late = 0;
     return err;
 }
 
@@ -232,7 +235,8 @@ static void end(struct sst_rtsp *rtsp, char *how, size_t room)
         return;
     }
     close(rtsp->link);
-    sst_rtsp_kill(rtsp->pid, how, room);
+    if (!sst_rtsp_kill(rtsp->pid, how, room))
+        rtsp->late = rtsp->pid;
     rtsp->pid = 0;
 }
 
@@ -398,6 +402,8 @@ void sst_rtsp_close(struct sst_rtsp *rtsp)
     } else {
         end(rtsp, how, sizeof(how));
     }
+    if (rtsp->late && !sst_rtsp_reap(rtsp->late))
+        sst_log_debug("rtsp: a process that was killed has still not ended");
     if (rtsp->listener >= 0)
         close(rtsp->listener);
     if (rtsp->wake >= 0)

@@ -19,8 +19,11 @@ SST_MUST_CHECK int sst_rtsp_listen(const char *address, int port, bool quiet, in
 /** Start the process. @param link  out, the service's end @return 0, -errno */
 SST_MUST_CHECK int sst_rtsp_spawn(pid_t *pid, int *link, int listener);
 
-/** Kill the process, wait for it, and say how it ended, as the end of a sentence. Takes half a second at most. */
-void sst_rtsp_kill(pid_t pid, char *how, size_t room);
+/** Kill the process, wait for it, and say how it ended, as the end of a sentence. Takes about half a second at most.
+ *  @return false: it has not ended yet, and is to be reaped */
+SST_MUST_CHECK bool sst_rtsp_kill(pid_t pid, char *how, size_t room);
+/** Clear away a process that was killed. @return false: it has still not ended */
+SST_MUST_CHECK bool sst_rtsp_reap(pid_t pid);
 
 SST_EXTERN_C_END
 

@@ -14,10 +14,11 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "base/clock.h"
 #include "daemon/publish/spawn.h"
 
-#define KILL_NS 500000000LL /* the disk may hold a process that dumps core */
+/* Two milliseconds apart: the disk may hold a process that dumps core. Counted: a machine that stood still ends no
+ * wait. */
+#define KILL_LOOKS 250
 
 int sst_rtsp_spawn(pid_t *pid, int *link, int listener)
 {
@@ -40,16 +41,14 @@ int sst_rtsp_spawn(pid_t *pid, int *link, int listener)
     return err;
 }
 
-void sst_rtsp_kill(pid_t pid, char *how, size_t room)
+bool sst_rtsp_kill(pid_t pid, char *how, size_t room)
 {
     const struct timespec moment = { .tv_nsec = 2000000 };
-    const int64_t start_ns = sst_clock_now_ns();
-    int status = 0;
+    int status = 0, looks = 0;
     pid_t got;
 
     kill(pid, SIGKILL); /* ended already: this does nothing */
-    while (((got = waitpid(pid, &status, WNOHANG)) == 0 || (got < 0 && errno == EINTR)) &&
-           sst_clock_now_ns() - start_ns < KILL_NS)
+    while (((got = waitpid(pid, &status, WNOHANG)) == 0 || (got < 0 && errno == EINTR)) && looks++ < KILL_LOOKS)
         nanosleep(&moment, NULL);
     if (got != pid)
         snprintf(how, room, "does not end");
@@ -57,6 +56,12 @@ void sst_rtsp_kill(pid_t pid, char *how, size_t room)
         snprintf(how, room, "ended by signal %d (%s)", WTERMSIG(status), strsignal(WTERMSIG(status)));
     else
         snprintf(how, room, "ended with status %d", WEXITSTATUS(status));
+    return got != 0;
+}
+
+bool sst_rtsp_reap(pid_t pid)
+{
+    return waitpid(pid, NULL, WNOHANG) != 0;
 }
 
 #endif

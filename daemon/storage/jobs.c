@@ -217,7 +217,8 @@ static void settle(struct sst_storage *s, struct sst_store_job *job)
         sst_log_debug("%s: its order is lost", path);
 }
 
-static void end_job(struct sst_storage *s, struct sst_store_job *job, int err)
+/* It is told when it can be had, listed, deleted; who waits for it is answered when it has been told. */
+static void end_job(struct sst_storage *s, struct sst_store_job *job, int err, const char *said)
 {
     bool left;
 
@@ -229,6 +230,9 @@ static void end_job(struct sst_storage *s, struct sst_store_job *job, int err)
     else
         sst_catalog_update(&s->catalog, &job->entry);
     pthread_cond_broadcast(&s->wake); /* the limits */
+    pthread_mutex_unlock(&s->lock);
+    tell(s, job, err, said);
+    pthread_mutex_lock(&s->lock);
     s->jobs--;
     memmove(&s->job[0], &s->job[1], (size_t)s->jobs * sizeof(s->job[0]));
     job->err = err;
@@ -260,8 +264,7 @@ void *sst_store_jobs_run(void *storage)
         said[0] = 0;
         if (!err)
             err = run_job(s, job);
-        tell(s, job, err, said);
-        end_job(s, job, err);
+        end_job(s, job, err, said);
         pthread_mutex_lock(&s->lock);
     }
     pthread_mutex_unlock(&s->lock);

@@ -146,7 +146,9 @@ static void lose_folder(struct keep *k)
     pthread_mutex_lock(&s->lock);
     s->ready = false;
     s->take_lost = s->take[0] != 0;
-    while (s->take[0] && !s->stop && sst_clock_now_ns() < until_ns)
+    /* Until nothing is written there, and sst-state has met it: made anew before that, it would not be told. */
+    while ((s->take[0] || s->trouble != SST_TROUBLE_FOLDER || strcmp(s->reason, text)) && !s->stop &&
+           sst_clock_now_ns() < until_ns)
         sst_store_wait_locked(s, 100);
     if (!s->take[0])
         sst_catalog_fini(&s->catalog);

@@ -181,16 +181,19 @@ static void expect_gone(const char *name)
     assert_true(state_of == 'Z' || access(path, F_OK));
 }
 
-/* Also what it started, in its group; and what a program left behind that ended by itself. The limit is one within
- * which a shell comes so far on a busy machine, too. */
+/* Also what it started, in its group; and what a program left behind that ended by itself. A shell that does not come
+ * so far within the limit, on a busy machine, is followed by another. */
 static void programs_are_killed_with_their_groups(void **state)
 {
     const struct sst_hook left = script("motion", "sleep 600 & echo $! >$0/left; wait", "");
     const struct sst_hook behind = script("label", "sleep 600 & echo $! >$0/behind", "");
     struct sst_hooks_counters n;
+    char path[SST_PATH_MAX];
+    uint64_t runs = 0;
     int64_t start;
 
     (void)state;
+    snprintf(path, sizeof(path), "%s/left", folder);
     open_hooks(&behind, 1, 60000);
     sst_events_emit(events, SST_EVENT_INFO, "label", NULL, "label");
     n = wait_for(1);
@@ -198,13 +201,15 @@ static void programs_are_killed_with_their_groups(void **state)
     expect_gone("behind");
     sst_hooks_close(hooks);
     open_hooks(&left, 1, 3000);
-    start = sst_clock_now_ns();
-    sst_events_emit(events, SST_EVENT_INFO, "motion", NULL, "moves");
-    n = wait_for(1);
-    assert_true(sst_clock_now_ns() - start > INT64_C(3000000000));
-    assert_quick(start, INT64_C(6000000000));
-    assert_int_equal(n.killed, 1);
-    assert_int_equal(n.failed, 1);
+    do {
+        start = sst_clock_now_ns();
+        sst_events_emit(events, SST_EVENT_INFO, "motion", NULL, "moves");
+        n = wait_for(++runs);
+        assert_true(sst_clock_now_ns() - start > INT64_C(3000000000));
+        assert_quick(start, INT64_C(6000000000));
+        assert_int_equal(n.killed, runs);
+        assert_int_equal(n.failed, runs);
+    } while (runs < 10 && (access(path, F_OK) || !content("left")[0]));
     expect_gone("left");
 }
 
