@@ -33,10 +33,13 @@ struct sst_scene_background {
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t wake; /* on CLOCK_MONOTONIC */
+    /* Changed under lock, read without: the thread may wait long for the processor while it holds the lock, and who
+     * makes pictures must not wait with it. */
+    _Atomic enum state state;
     /* under lock */
-    enum state state;
-    bool failed, ended, abandoned;
+    bool ended, abandoned;
     /* the thread's while WORKING, else the caller's */
+    bool failed;
     struct sst_lightfield copy;
     struct sst_segmenter *segmenter;
     /* atomic */
@@ -143,8 +146,8 @@ static void *run(void *arg)
             break;
         pthread_mutex_unlock(&b->lock);
         err = work(b);
-        pthread_mutex_lock(&b->lock);
         b->failed = err != 0;
+        pthread_mutex_lock(&b->lock);
         if (b->state == WORKING)
             b->state = DONE;
         b->done = true;
@@ -161,16 +164,6 @@ static void *run(void *arg)
 }
 
 /* --- the caller's ------------------------------------------------------------------------------------------------- */
-
-static enum state state_of(struct sst_scene_background *b)
-{
-    enum state state;
-
-    pthread_mutex_lock(&b->lock);
-    state = b->state;
-    pthread_mutex_unlock(&b->lock);
-    return state;
-}
 
 int sst_scene_background_open(struct sst_scene_background **out, const struct sst_live_config *cfg,
                               const struct sst_lightfield *lf)
@@ -243,7 +236,7 @@ int sst_scene_background_start(struct sst_scene_background *b, double min_px, do
     struct sst_lightfield *lf = &b->copy;
     int err = 0;
 
-    if (state_of(b) != IDLE)
+    if (b->state != IDLE)
         return -EBUSY;
     lf->width = b->live->width;
     lf->height = b->live->height;
@@ -266,7 +259,7 @@ int sst_scene_background_start(struct sst_scene_background *b, double min_px, do
 
 bool sst_scene_background_idle(struct sst_scene_background *b)
 {
-    return state_of(b) == IDLE;
+    return b->state == IDLE;
 }
 
 bool sst_scene_background_done(struct sst_scene_background *b)
@@ -292,14 +285,9 @@ void sst_scene_background_release(struct sst_scene_background *b)
 
 const struct sst_lightfield *sst_scene_background_result(struct sst_scene_background *b)
 {
-    bool failed;
-
-    if (state_of(b) != DONE)
+    if (b->state != DONE)
         return NULL;
-    pthread_mutex_lock(&b->lock);
-    failed = b->failed;
-    pthread_mutex_unlock(&b->lock);
-    if (!failed)
+    if (!b->failed)
         return &b->copy;
     sst_scene_background_release(b);
     return NULL;
