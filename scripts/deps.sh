@@ -2,16 +2,33 @@
 # Install the packages of scripts/packages.txt that are missing. Needs root or sudo only when something is missing.
 set -eu
 cd "$(dirname "$0")/.."
-missing=()
-for p in $(sed 's/#.*//' scripts/packages.txt); do
-  dpkg-query -W -f='${Status}' "$p" 2>/dev/null | grep -q 'ok installed' || missing+=("$p")
-done
+packages=$(sed 's/#.*//' scripts/packages.txt)
+
+find_missing() {
+  local p
+  missing=()
+  for p in $packages; do
+    dpkg-query -W -f='${Status}' "$p" 2>/dev/null | grep 'ok installed' >/dev/null || missing+=("$p")
+  done
+}
+
+find_missing
 [ ${#missing[@]} -eq 0 ] && exit 0
 sudo=
 if [ "$(id -u)" -ne 0 ]; then
   command -v sudo >/dev/null || { echo "missing packages: ${missing[*]}; install them as root" >&2; exit 1; }
   sudo=sudo
 fi
-echo "installing: ${missing[*]}"
-$sudo apt-get update -qq
-DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends "${missing[@]}"
+# A mirror that does not answer, and another program that holds apt's lock, are often over after a while.
+apt() { $sudo env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::Retries=3 -o DPkg::Lock::Timeout=300 "$@"; }
+for pause in 5 20 60 0; do
+  echo "installing: ${missing[*]}"
+  # What matters of the lists is whether the packages come: of another source that fails they need nothing.
+  apt update || echo "not all lists of packages are new" >&2
+  apt install -y --no-install-recommends "${missing[@]}" && exit 0
+  find_missing
+  [ ${#missing[@]} -eq 0 ] && exit 0
+  [ "$pause" -eq 0 ] || { echo "once more in $pause s" >&2; sleep "$pause"; }
+done
+echo "missing packages: ${missing[*]}; they cannot be installed" >&2
+exit 1

@@ -3,6 +3,10 @@
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
 root=$PWD
 sst=$PWD/${SST_BUILD:-build}/sst
+# Other people's programs are judged by what they say, and there are paths that LD_PRELOAD and systemd's units cannot hold.
+export LC_ALL=C.UTF-8
+unset LANGUAGE
+case ${TMPDIR-} in *[!A-Za-z0-9/._-]*) unset TMPDIR;; esac
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
 cd "$tmp" || exit 1

@@ -14,12 +14,11 @@
 #include "base/log.h"
 #include "pipeline/calib/format.h"
 
-static char dir[64];
+static char dir[] = "/tmp/sst-formats-XXXXXX";
 
 static int setup(void **state SST_UNUSED)
 {
-    snprintf(dir, sizeof(dir), "/tmp/sst-formats-%d", (int)getpid());
-    return sst_path_make_dir(dir);
+    return mkdtemp(dir) ? 0 : -1;
 }
 
 static int teardown(void **state SST_UNUSED)

@@ -15,12 +15,13 @@
 #include "base/log.h"
 #include "pipeline/calib/calib.h"
 
-static char path[64];
+static char path[] = "/tmp/sst-calib-XXXXXX.yaml";
 
 static int setup(void **state SST_UNUSED)
 {
-    snprintf(path, sizeof(path), "/tmp/sst-calib-%d.yaml", (int)getpid());
-    return 0;
+    const int fd = mkstemps(path, 5);
+
+    return fd < 0 ? -1 : close(fd);
 }
 
 static int teardown(void **state SST_UNUSED)
