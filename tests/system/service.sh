@@ -50,6 +50,10 @@ until_is 30 state 'v == "capturing"'
 until_is 30 live.ready 'v'
 until_is 5 capture.present 'v == 36'
 until_is 5 capture.frames.unexplained 'v == 0'
+# The alarm by which the process ends, whatever hangs, is for the thread that nothing holds up.
+takes_alarm() { [ $((0x$(awk '/^SigBlk/ { print $2 }' "$1/status") >> 13 & 1)) -eq 0 ]; }
+takes_alarm "/proc/$daemon/task/$daemon" && fail "the main thread would be given the alarm"
+takes_alarm "$(dirname "$(grep -lx sst-signals /proc/"$daemon"/task/*/comm)")" || fail "nobody takes the alarm"
 # What is well may be busy for a moment, and says so.
 awaits "curl -sf -m 10 --unix-socket c.sock http://x/healthz >/dev/null" || fail "healthz"
 awaits "'$sst' snapshot -o now.jpg 2>err" || fail "snapshot: $(cat err)"
