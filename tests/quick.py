@@ -1,7 +1,8 @@
 """What has to be quick, on machines that are busy with other things too, or stand still for a while: as tests/quick.h.
 
 quick.py watch PID FILE: beside a process until it ends; FILE gets a line, from and to in monotonic seconds, for each time
-that a processor stood "still", and for each half second how many threads wanted one.   quick.py judge MS LIMIT_MS FILE: of what has just ended; exit status 0: it was quick."""
+that a processor stood "still", and for each half second how many threads wanted one.
+quick.py judge MS LIMIT_MS FILE: of what has just ended; exit status 0: it was quick."""
 import os
 import sys
 import time
