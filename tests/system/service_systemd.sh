@@ -208,15 +208,24 @@ def is_full():
         return True
 
 
+def heeded(condition):
+    """Until the service is ready for it, systemd hears it: without its main thread it would not come to capture."""
+    try:
+        while True:
+            silent.recv(4096, socket.MSG_DONTWAIT)
+    except BlockingIOError:
+        return condition()
+
+
 def recorded():
     return json.loads(ask("status", "--json"))["storage"]["recording"]["sets"]
 
 
 listener.close()
 service = start(notify="silent")
-wait(20, "capturing", lambda: state() == "capturing")
+wait(20, "capturing", lambda: heeded(lambda: state() == "capturing"))
 name = ask("record", "start").split()[0]
-wait(20, "a recording", lambda: recorded() > 5)
+wait(20, "a recording", lambda: heeded(lambda: recorded() > 5))
 wait(20, "no room for what systemd is told", is_full)
 sets = recorded()
 end(service)
