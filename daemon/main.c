@@ -145,6 +145,7 @@ static int catch_signals(void)
     if (pipe2(signal_pipe, O_CLOEXEC | O_NONBLOCK))
         return -errno;
     sigemptyset(&caught);
+    sigaddset(&caught, SIGALRM); /* the kernel would give it to the main thread, which may wait where none is taken */
     sigaction(SIGALRM, &end, NULL);
     for (size_t i = 0; i < ARRAY_LEN(sigs); i++) {
         sigaddset(&caught, sigs[i]);

@@ -190,4 +190,6 @@ if len(sys.argv) > 2:
         f.write(str(tcp.server_address[1]))
     os.rename(sys.argv[2] + ".new", sys.argv[2])
     threading.Thread(target=tcp.serve_forever, daemon=True).start()
-Unix(SOCKET, Handler).serve_forever()
+unix = Unix(SOCKET + ".new", Handler)
+os.rename(SOCKET + ".new", SOCKET)  # who sees it finds somebody who listens
+unix.serve_forever()

@@ -79,6 +79,7 @@ export class View {
       if (!this.shared) this.notify("shared", error);
       this.shared = true;
       this.id = "main";
+      if (!this.sending) this.send(); // what was changed while there was no view
     }
   }
 

@@ -22,7 +22,12 @@ class Failed(Exception):
 
 
 class Gone(Failed):
-    """The page was left before it answered."""
+    """The page was left before it answered, or the next one is not there yet."""
+
+
+GONE = ("Inspected target navigated or closed", "Cannot find default execution context", "Cannot find context with specified id",
+        "Execution context was destroyed")
+TAP_S = 0.05  # from press to release, as the page sees it
 
 
 class Browser:
@@ -107,7 +112,7 @@ class Browser:
                 del self.answers[number]
         if "error" in answer:
             text = answer["error"]["message"]
-            raise (Gone if text == "Inspected target navigated or closed" else Failed)(f"{method}: {text}")
+            raise (Gone if text.startswith(GONE) else Failed)(f"{method}: {text}")
         return answer["result"]
 
     def scheme(self, light):
@@ -118,6 +123,7 @@ class Browser:
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=2 if phone else 1,
                   mobile=phone)
         self.call("Emulation.setTouchEmulationEnabled", enabled=phone)
+        self.wait(f"matchMedia('(width: {width}px) and (height: {height}px)').matches")
 
     def go(self, url):
         self.call("Page.navigate", url=url)
@@ -156,8 +162,9 @@ class Browser:
             self.js(f"document.querySelector({json.dumps(where)}).scrollIntoView({{block: 'nearest'}})")
             where = self.box(where)
         x, y = where[:2]
-        self.mouse("mousePressed", x, y, button="left", clickCount=1)
-        self.mouse("mouseReleased", x, y, button="left", clickCount=1)
+        at = time.time()  # told to the page: between two calls the machine may stand still, and a press that lasts is no tap
+        self.mouse("mousePressed", x, y, button="left", clickCount=1, timestamp=at)
+        self.mouse("mouseReleased", x, y, button="left", clickCount=1, timestamp=at + TAP_S)
 
     def drag(self, start, end, steps=6):
         self.mouse("mousePressed", *start, button="left", clickCount=1)

@@ -3,7 +3,8 @@
 worked on and tested without cameras.   fake.py --pictures DIR [--port N] [--still]
 
 POST /fake changes what it pretends: {"status": {...}, "cameras": {"r3c2": {...}}, "role": "view", "views_max": 0,
-"event": {...}, "refuse": {"/api/v1/record": [507, "the disk is full"]}, "hold": true}; GET /fake lists requests."""
+"event": {...}, "refuse": {"/api/v1/record": [507, "the disk is full"]}, "hold": true}; GET /fake lists requests. A third
+member of what refuses says how often it does."""
 import argparse
 import copy
 import datetime
@@ -277,8 +278,12 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 s.log.append({"method": self.command, "path": path, "body": body})
             while s.hold and path.startswith(("/api", "/stream")):
                 time.sleep(0.1)
-            if path in s.refuse:
-                raise Refused(*s.refuse[path])
+            with s.lock:
+                refused = s.refuse.get(path)
+                if refused and len(refused) > 2:
+                    s.refuse[path] = [*refused[:2], refused[2] - 1]
+            if refused and (len(refused) == 2 or refused[2] > 0):
+                raise Refused(*refused[:2])
             if body is None:
                 self.get(path, query)
             else:

@@ -16,24 +16,27 @@ sys.path.insert(0, sys.argv[1])
 import cdp
 
 browser = cdp.Browser()
+whole = "document.readyState == 'complete' && "  # not while it comes
 send = "document.querySelector('#token').value = '%s'; document.forms[0].submit(); 1"
 reload = "fetch('/api/v1/reload', {method: 'POST', headers: {'Content-Type': 'application/json'}, body: '{}'}).then(r => r.status)"
 try:
     browser.go(f"http://localhost:{sys.argv[2]}/")
-    browser.wait("location.pathname == '/login' && document.querySelector('#token') !== null")
+    browser.wait(whole + "location.pathname == '/login' && document.querySelector('#token') !== null")
     browser.js(send % "wrong")
-    browser.wait("document.querySelector('.error') !== null")
+    browser.wait(whole + "document.querySelector('.error') !== null")
     assert "not the token" in browser.js("document.querySelector('.error').textContent")
     browser.js(send % open("token.view").read().strip())
-    browser.wait("location.pathname == '/'")
+    browser.wait(whole + "location.pathname == '/'")
     assert browser.js("document.cookie") == "", "a script can read the token"
     assert browser.js(reload) == 403, "the token for looking controls"
+    browser.js("window.old = true")
     browser.go(f"http://localhost:{sys.argv[2]}/?token={open('token').read().strip()}")
-    browser.wait("location.pathname == '/' && location.search == ''")
+    browser.wait(whole + "!window.old && location.pathname == '/' && location.search == ''")
     assert browser.js(reload) == 501, "the page may not POST"
 finally:
     browser.close()
 PYTHON
 timeout 600 /usr/bin/python3 login.py "$root/tests/page" "$port" || fail "logging in"
 kill "$server"
+wait "$server"
 exit $failed

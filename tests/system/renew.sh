@@ -3,6 +3,7 @@
 . "$(dirname "$0")/../lib.sh"
 "$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
 command -v openssl >/dev/null || { echo "no openssl to make certificates with"; exit 77; }
+command -v ss >/dev/null || { echo "no ss to tell the port"; exit 77; }
 build=$root/${SST_BUILD:-build}
 export SST_SOCKET=$tmp/c.sock
 curl() { command curl -m 60 "$@"; }
@@ -34,12 +35,16 @@ YAML
 daemon=$! stream=
 trap 'kill -9 $daemon $stream 2>/dev/null; wait 2>/dev/null; rm -rf "$tmp"' EXIT
 for _ in $(seq 600); do curl -sf --unix-socket c.sock http://x/api/v1/status >/dev/null && break; sleep 0.1; done # no cameras: failed
-port=$(ss -ltnpH 2>/dev/null | grep "pid=$daemon," | grep -o '127.0.0.1:[0-9]*' | head -n 1 | cut -d: -f2)
-[ -n "$port" ] || { echo "no ss to tell the port"; exit 77; }
+for _ in $(seq 600); do # it listens there after it listens on the socket
+  port=$(ss -ltnpH 2>/dev/null | grep "pid=$daemon," | grep -o '127.0.0.1:[0-9]*' | head -n 1 | cut -d: -f2)
+  [ -n "$port" ] && break
+  sleep 0.1
+done
+[ -n "$port" ] || { echo "FAIL: no port: $(cat sstd.log)"; exit 1; }
 until_given First 5
 "$sst" status | grep -q 'TLS *certificate until .*, \(89\|90\) days' || fail "status: $("$sst" status)"
 curl -s --unix-socket c.sock http://x/metrics | grep -Eq '^sst_certificate_days (89|90)' || fail "metrics"
-curl -skN -H "Authorization: Bearer $(cat token)" -H 'Accept: application/x-ndjson' \
+command curl -skN -m 600 -H "Authorization: Bearer $(cat token)" -H 'Accept: application/x-ndjson' \
   "https://127.0.0.1:$port/api/v1/events/stream?after=0" >stream &
 stream=$!
 

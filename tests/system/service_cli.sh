@@ -5,7 +5,7 @@
 export SST_SOCKET=$tmp/s
 /usr/bin/python3 "$root/tests/fake_service.py" s port 2>fake.err &
 fake=$!
-trap 'kill $fake; rm -rf "$tmp"' EXIT
+trap 'kill $fake; wait $fake; rm -rf "$tmp"' EXIT
 for _ in $(seq 1200); do [ -S s ] && [ -s port ] && break; sleep 0.05; done
 [ -S s ] || { cat fake.err; exit 1; }
 
@@ -29,6 +29,7 @@ rm s.mode
 "$sst" status --watch --json >out 2>err & watch=$!
 for _ in $(seq 600); do [ "$(wc -l <out)" -ge 2 ] && break; sleep 0.1; done
 kill $watch && [ "$(wc -l <out)" -ge 2 ] || fail "--watch: $(wc -l <out) lines, $(cat err)"
+wait $watch # it writes no more to what others write to
 
 see cameras
 shows '35 of 36 cameras stream'
