@@ -97,6 +97,28 @@ static int find_preload(char out[SST_PATH_MAX])
     return err;
 }
 
+/* LD_PRELOAD holds no path with a space or colon: that library gets a name in the session's folder. */
+static int name_preload(const char *dir, char path[SST_PATH_MAX])
+{
+    char name[SST_PATH_MAX];
+    int err;
+
+    if (!strpbrk(path, " :"))
+        return 0;
+    err = sst_path_join(name, dir, PRELOAD);
+    if (!err && symlink(path, name) < 0 && errno != EEXIST)
+        err = -errno;
+    if (!err && strpbrk(name, " :"))
+        err = -EINVAL;
+    if (err)
+        sst_log_error("preload library '%s' cannot be loaded from a path with a space or colon, nor as '%s' (%s); "
+                      "set XDG_RUNTIME_DIR to another folder",
+                      path, name, strerror(-err));
+    else
+        strcpy(path, name);
+    return err;
+}
+
 #if defined(__SANITIZE_ADDRESS__)
 /* Programs of a sanitized build must accept that a library comes before their sanitizer's. */
 static int allow_preload(void)
@@ -120,6 +142,8 @@ int sst_sim_session_enter(const char *dir, const char *further)
     char preload[SST_PATH_MAX], all[3 * SST_PATH_MAX];
     int err = find_preload(preload);
 
+    if (!err)
+        err = name_preload(dir, preload);
     if (err)
         return err;
     if (snprintf(all, sizeof(all), "%s%s%s%s%s", preload, further ? ":" : "", further ? further : "",

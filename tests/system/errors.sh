@@ -212,7 +212,8 @@ want 3 "no such" render "$(printf 'a\nb\033[31m')" --focus 1 -o bad.png
 
 # --- interrupted: 130, the light field as it was, no temporary folders ---
 for delay in 0.05 0.2 0.5 0.9; do
-  timeout -s INT -k 60 $delay "$sst" process slow --no-labels --preset balanced --threads 2 >/dev/null 2>err
+  # In the foreground: else it sends SIGCONT, too, and a sanitizer that looks for leaks at the end hangs by that.
+  timeout --foreground -s INT -k 60 $delay "$sst" process slow --no-labels --preset balanced --threads 2 >/dev/null 2>err
   rc=$?
   [ $rc -eq 0 ] && break # faster than that
   [ $rc -eq 124 ] || fail "interrupted after $delay s: ended by itself ($rc), or not within a minute"

@@ -93,7 +93,7 @@ want 2 "no export format" export tiff chess -o bad
   want 4 "File too large" import hci "$data/lf-hci-backgammon-6x6" -o bad --threads 1
   exit $failed
 ) || failed=1
-timeout -s INT 0.3 "$sst" import stanford "$data/lf-stanford-chess-6x6" -o int >/dev/null 2>&1
+timeout --foreground -s INT 0.3 "$sst" import stanford "$data/lf-stanford-chess-6x6" -o int >/dev/null 2>&1
 [ -z "$(find . -name '*.tmp-*')" ] || fail "an interrupted import left a temporary folder"
 
 [ "$failed" -eq 0 ] && echo "import and export as documented"

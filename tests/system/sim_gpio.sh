@@ -15,6 +15,11 @@ grep -q '^gpiochip1 \[sst-trigger\] (10 lines)' out || fail "gpiodetect: $(head 
 grep -Eq 'line +1: +"TRIG1" +unused +input +active-high' out || fail "gpioinfo: $(cat out)"
 [ "$(tail -n 2 out)" = "$(printf 'gpiochip1 2\n0')" ] || fail "gpiofind, gpioget: $(tail -n 2 out)"
 
+# --- from a folder whose name LD_PRELOAD cannot hold
+mkdir 'a b:c' && cp "$build"/{sst-sim,libsst-sim-preload.so} 'a b:c'
+timeout 600 'a b:c/sst-sim' --quiet --world "$root/simulators/world/worlds/small.yaml" -- gpiodetect >out 2>&1
+grep -q '^gpiochip1 \[sst-trigger\]' out && [ -e 'a b:c/libsst-sim-preload.so' ] || fail "a name with a space: $(cat out)"
+
 # --- edges through the loop-back wire, by both versions of the uAPI; a line in use is shown and refused
 for _ in 1 2 3 4 5; do # a busy machine makes a pulse longer: again
   $sim -- sh -c "timeout 60 gpiomon --num-events=4 sst-trigger 2 & $until 'held LOOP0 gpiomon'
