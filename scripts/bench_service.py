@@ -273,9 +273,14 @@ def soak(args):
     rest = sum((x[1] - mean_m - slope * (x[0] - mean_t)) ** 2 for x in late)
     error = (rest / max(1, len(late) - 2) / over) ** 0.5  # of the slope, standard
     heights = sorted(x[1] for x in late)
+    # Memory goes up and down with the background's work, for minutes: what grows shows in the lows.
+    parts = {}
+    for x in samples:
+        parts.setdefault(int(x[0] // 300), []).append(x[1])
     c = o["capture"]
     print(f"{faults} faults; memory {heights[0]:.1f} .. {heights[-1]:.1f} MB in the last two thirds, median "
-          f"{statistics.median(heights):.1f}, slope {slope * 3600:+.2f} MB/h, standard error {error * 3600:.2f}; descriptors {min(x[2] for x in late)}..{max(x[2] for x in late)}; "
+          f"{statistics.median(heights):.1f}, slope {slope * 3600:+.2f} MB/h, standard error {error * 3600:.2f}, "
+          f"least of each 5 minutes {', '.join(f'{min(m):.0f}' for m in parts.values())}; descriptors {min(x[2] for x in late)}..{max(x[2] for x in late)}; "
           f"{c['sets']} sets, {c['complete']} complete, {c['frames']['unexplained']} frames unexplained; "
           f"live {o['live']['sets']} sets, latency p99 {o['live']['latency_ms']['p99']:.0f} ms")
     print(f"stop: {1e3 * s.stop():.0f} ms")
