@@ -129,9 +129,15 @@ static inline void rig_on_state(void *arg, int cam, enum sst_grab_state state, c
 static inline int rig_config(struct rig *r, int cameras)
 {
     struct sst_grab_device *devices;
+    const int64_t begin_ns = sst_clock_now_ns();
     int count, err = sst_grab_list(&devices, &count);
     char *size;
 
+    while (!err && count < cameras && sst_clock_now_ns() - begin_ns < 60000 * RIG_MS) { /* not all are back yet */
+        free(devices);
+        usleep(10000);
+        err = sst_grab_list(&devices, &count);
+    }
     if (err)
         return err;
     memset(r, 0, sizeof(*r));

@@ -22,9 +22,17 @@ static char late[160]; /* why the last attempt does not count; "": it does */
 /* Where the whole machine stands still for longer than a camera may: then it is asked again, as it should be. */
 static const char taken_for_hung[] = "times that a healthy camera was taken for hung";
 
+/* Also after a test that failed half-way. */
+static int clean_up(void **state SST_UNUSED)
+{
+    if (rig.grab)
+        rig_stop(&rig);
+    return rig_fault_reset();
+}
+
 /*
  * A machine that is busy with other things makes frames come late or not at all. Whoever measures tries again; what
- * the driver does wrong it does every time.
+ * the driver does wrong it does every time. An attempt that is too late ends there: what follows from it is not judged.
  */
 static void measured(void (*attempt)(void))
 {
@@ -34,6 +42,7 @@ static void measured(void (*attempt)(void))
         if (!late[0])
             return;
         print_message("attempt %d: %s\n", i + 1, late);
+        assert_int_equal(clean_up(NULL), 0);
     }
     fail_msg("%s, %d times", late, ATTEMPTS);
 }
@@ -70,14 +79,6 @@ static struct sst_grab_counters counters(int cam)
 
     sst_grab_counters(rig.grab, cam, &c);
     return c;
-}
-
-/* Also after a test that failed half-way. */
-static int clean_up(void **state SST_UNUSED)
-{
-    if (rig.grab)
-        rig_stop(&rig);
-    return rig_fault_reset();
 }
 
 /* Frames that a camera has lost. Enough buffers for a machine that stops for a second, not for a driver that does. */
@@ -117,6 +118,10 @@ static void stream(void)
     do
         assert_int_equal(rig_run(&rig, 500), 0);
     while (!all_have(12) && sst_clock_now_ns() - begin_ns < PATIENCE_MS * RIG_MS);
+    for (int i = 0; i < 36; i++)
+        too_late(taken_for_hung, (int64_t)counters(i).rung[SST_GRAB_RESTREAM], 0);
+    if (late[0])
+        return;
     assert_true(all_have(12));
     for (int i = 0; i < 36; i++) {
         /* 10 a second, and one in the beginning */
@@ -179,7 +184,9 @@ static void stop(void)
     assert_int_equal(rig_run(&rig, 700), 0);
     for (int i = 0; i < 4; i++) {
         too_late(taken_for_hung, (int64_t)counters(i).rung[SST_GRAB_RESTREAM], 0);
-        assert_true(late[0] || sst_grab_camera_state(rig.grab, i) == SST_GRAB_STREAMING);
+        if (late[0])
+            return;
+        assert_int_equal(sst_grab_camera_state(rig.grab, i), SST_GRAB_STREAMING);
     }
     rig_stop(&rig);
 }
@@ -260,25 +267,22 @@ static void damage(void)
     for (int i = 0; i < n; i++) {
         const struct sst_grab_counters c = counters(i);
 
+        too_late(taken_for_hung, (int64_t)(c.rung[SST_GRAB_RESTREAM] + c.rung[SST_GRAB_REOPEN]), 0);
+        if (!strstr(kinds[i].fault, "gap"))
+            too_late("frames lost without a gap", (int64_t)c.lost, 0);
+    }
+    if (late[0])
+        return;
+    for (int i = 0; i < n; i++) {
+        const struct sst_grab_counters c = counters(i);
+
         if (kinds[i].any_of && !(rig.cam[i].faults & kinds[i].any_of))
             fail_msg("%s: faults 0x%x", kinds[i].fault, rig.cam[i].faults);
         if (rig.cam[i].faults & kinds[i].none_of)
             fail_msg("%s: faults 0x%x", kinds[i].fault, rig.cam[i].faults);
-        too_late(taken_for_hung, (int64_t)(c.rung[SST_GRAB_RESTREAM] + c.rung[SST_GRAB_REOPEN]), 0);
         assert_int_equal(c.lost, rig.cam[i].lost);
         if (strstr(kinds[i].fault, "gap"))
             assert_true(c.lost > 0);
-        else
-            too_late("frames lost without a gap", (int64_t)c.lost, 0);
-        assert_int_equal(rig_fault("camera.%d.frozen=0", i), 0);
-    }
-    rig_stop(&rig);
-    for (int i = 0; i < n; i++) {
-        char off[64];
-
-        snprintf(off, sizeof(off), "%s", kinds[i].fault);
-        strcpy(strchr(off, '=') + 1, "0");
-        assert_int_equal(rig_fault(off, i), 0);
     }
 }
 
@@ -341,32 +345,35 @@ static void each_rung_brings_back_what_it_can(void **state SST_UNUSED)
 static void come_back(void)
 {
     char before[SST_GRAB_NAME_MAX];
-    int ms;
+    int high, low, ms;
 
     patient(6);
     assert_int_equal(rig_start(&rig), 6);
-    rig.hold_cam = 3;
+    /* By their nodes, which an attempt before this one may have exchanged. */
+    high = strcmp(sst_grab_camera_device(rig.grab, 3)->node, sst_grab_camera_device(rig.grab, 1)->node) > 0 ? 3 : 1;
+    low = 4 - high;
+    strcpy(before, sst_grab_camera_device(rig.grab, high)->node);
+    rig.hold_cam = high;
     for (int i = 0; i < PATIENCE_MS / 250 && !rig.held_count; i++)
         assert_int_equal(rig_run(&rig, 250), 0);
     assert_true(rig.held_count > 0);
-    strcpy(before, sst_grab_camera_device(rig.grab, 3)->node);
-    assert_int_equal(rig_fault("camera.%d.unplug=1", 1), 0);
-    assert_int_equal(rig_fault("camera.%d.unplug=1", 3), 0);
-    assert_true(rig_until(&rig, 3, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
+    assert_int_equal(rig_fault("camera.%d.unplug=1", low), 0);
+    assert_int_equal(rig_fault("camera.%d.unplug=1", high), 0);
+    assert_true(rig_until(&rig, high, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
     assert_int_equal(rig.held[0]->data[0], 0xff); /* what is lent out stays readable */
-    assert_true(rig_until(&rig, 1, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
+    assert_true(rig_until(&rig, low, SST_GRAB_ABSENT, PATIENCE_MS) >= 0);
     assert_int_equal(rig_run(&rig, 300), 0);
-    assert_int_equal(rig_fault("camera.%d.unplug=0", 3), 0); /* takes the lower number of camera 1 */
-    ms = rig_until(&rig, 3, SST_GRAB_STREAMING, PATIENCE_MS);
+    assert_int_equal(rig_fault("camera.%d.unplug=0", high), 0); /* takes the lower number of the other */
+    ms = rig_until(&rig, high, SST_GRAB_STREAMING, PATIENCE_MS);
     assert_true(ms >= 0);
     too_late("ms until a camera is back", ms, 2000);
     rig_release_held(&rig);
-    assert_string_not_equal(before, sst_grab_camera_device(rig.grab, 3)->node);
-    assert_string_equal(sst_grab_camera_device(rig.grab, 3)->serial, "SIM0003");
-    assert_int_equal(rig_fault("camera.%d.unplug=0", 1), 0);
-    assert_true(rig_until(&rig, 1, SST_GRAB_STREAMING, PATIENCE_MS) >= 0);
-    assert_int_equal(counters(3).lost_devices, 1);
-    assert_int_equal(counters(3).found_devices, 2); /* at the start, and again */
+    assert_string_not_equal(before, sst_grab_camera_device(rig.grab, high)->node);
+    assert_string_equal(sst_grab_camera_device(rig.grab, high)->serial, rig.bindings[high].serial);
+    assert_int_equal(rig_fault("camera.%d.unplug=0", low), 0);
+    assert_true(rig_until(&rig, low, SST_GRAB_STREAMING, PATIENCE_MS) >= 0);
+    assert_int_equal(counters(high).lost_devices, 1);
+    assert_int_equal(counters(high).found_devices, 2); /* at the start, and again */
     assert_int_equal(rig_run(&rig, 500), 0);
     expect_lossless(0);
     rig_stop(&rig);
@@ -424,8 +431,9 @@ static void hold(void)
         assert_int_equal(rig_run(&rig, 100), 0);
     assert_int_equal(rig_run(&rig, 2000), 0);
     too_late(taken_for_hung, (int64_t)counters(0).rung[SST_GRAB_RESTREAM], 0);
-    if (!late[0])
-        assert_int_equal(rig.held_count, rig.cfg.buffers);
+    if (late[0])
+        return;
+    assert_int_equal(rig.held_count, rig.cfg.buffers);
     rig_release_held(&rig);
     for (int ms = 0; ms < PATIENCE_MS && counters(0).frames <= (uint64_t)rig.cfg.buffers; ms += 400)
         assert_int_equal(rig_run(&rig, 400), 0);
