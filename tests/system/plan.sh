@@ -5,7 +5,9 @@ set -u
 command -v umockdev-run >/dev/null || { echo "umockdev is not installed"; exit 77; }
 [ "$("$sst" version --json | python3 -c 'import json, sys; print(json.load(sys.stdin)["parts"]["libudev"])')" = True ] ||
   echo "without libudev: cameras are looked for in /dev"
-export ASAN_OPTIONS="${ASAN_OPTIONS:-}:verify_asan_link_order=0" # umockdev's library is loaded before the sanitizer's
+# umockdev's library is loaded before the sanitizer's, which cannot name a file for its reports then.
+export ASAN_OPTIONS=verify_asan_link_order=0
+unset UBSAN_OPTIONS
 
 # tree VENDOR: a controller of that vendor with 4 root ports; on port 1 a hub with three greedy cameras, on port 2 another
 # camera; the SuperSpeed half of the controller is empty.
