@@ -58,9 +58,10 @@ run() {
   # Not under sanitizers, which want to be loaded first.
   if [ -e "$SST_BUILD/one_thread.so" ] && marked one-thread "${tests[$1]}"; then export LD_PRELOAD=$SST_BUILD/one_thread.so; fi
   start=$(date +%s%N)
-  # Not in its own output, where a test may look for other things, or at nothing.
-  export ASAN_OPTIONS="${ASAN_OPTIONS:-}:log_path=$dir/$1.report" UBSAN_OPTIONS="${UBSAN_OPTIONS:-}:log_path=$dir/$1.report"
-  export TSAN_OPTIONS="$TSAN_OPTIONS:log_path=$dir/$1.report"
+  # A script may look for other things in what a program says, or at nothing.
+  if [[ ${tests[$1]} = *.sh ]]; then
+    export ASAN_OPTIONS="${ASAN_OPTIONS:-}:log_path=$dir/$1.report" UBSAN_OPTIONS="${UBSAN_OPTIONS:-}:log_path=$dir/$1.report"
+  fi
   # A session, by which all is found that it leaves behind.
   setsid timeout -k 10 "$limit" "${tests[$1]}" >"$dir/$1.out" 2>&1 </dev/null & pid=$!
   # Waits without a child, which could outlive it and keep our output open.
@@ -79,10 +80,8 @@ shown=0 passed=0 failed=0 skipped=0 again=() second=()
 outcome() {
   local rc ms t=${tests[$1]} out=$dir/$1.out
   read -r rc ms <"$dir/$1.end"
-  if compgen -G "$dir/$1.report.*" >/dev/null; then
-    cat "$dir/$1.report".* >>"$out"
-    [ "$rc" -ne 0 ] && [ "$rc" -ne 77 ] || rc="$rc, but a sanitizer has reported"
-  fi
+  cat "$dir/$1.report".* >>"$out" 2>/dev/null
+  if reported "$1" && { [ "$rc" -eq 0 ] || [ "$rc" -eq 77 ]; }; then rc="$rc, but a sanitizer has reported"; fi
   case $rc in
     0) passed=$((passed + 1)); echo "pass  $t (${ms} ms)${second[$1]:+ in its second run}"; return;;
     77) skipped=$((skipped + 1)); echo "skip  $t: $(tail -n 1 "$out")"; return;;
@@ -97,10 +96,13 @@ outcome() {
   sed 's/^/      /' "$out"
 }
 
+# reported NUMBER: by a sanitizer, in any of its processes
+reported() { grep -qE '(ERROR|WARNING): [A-Za-z]*Sanitizer|: runtime error: ' "$dir/$1.out"; }
+
 # chance NUMBER RC: may the machine be to blame?
 chance() {
   [[ $2 =~ ^[0-9]+$ ]] && [ "$2" -ne 124 ] && [ "$2" -lt 128 ] && [ ${#again[@]} -lt "$again_most" ] &&
-    ! marked one-thread "${tests[$1]}" && ! compgen -G "$dir/$1.report.*" >/dev/null &&
+    ! marked one-thread "${tests[$1]}" && ! reported "$1" &&
     ! grep -qE 'exception: |Segmentation fault|Aborted|Bus error|Illegal instruction' "$dir/$1.out"
 }
 

@@ -10,7 +10,8 @@ make_test sim/once "[ ! -e $tmp/seen ] || exit 0; touch $tmp/seen; echo 'FAIL: t
 make_test sim/crashes 'kill -SEGV $$'
 make_test sim/child_crashes "bash -c 'kill -SEGV \$\$; exit 0'; exit 1"
 make_test sim/hangs 'sleep 100'
-make_test sim/reported "echo 'ERROR: AddressSanitizer: of a child' >\"\${ASAN_OPTIONS##*log_path=}.123\""
+make_test sim/reported "echo 'WARNING: ThreadSanitizer: of a child'"
+make_test sim/unseen.sh "echo 'ERROR: AddressSanitizer: of a child' >\"\${ASAN_OPTIONS##*log_path=}.123\""
 make_test unit/array 'exit 1' # one-thread, as the table of special tests says
 
 # runs CODE WORDS TESTS...: the runner's exit status, and a line of what it says
@@ -48,6 +49,7 @@ fails_at_once sim/hangs
 grep -q 'not ended after 5 s' out || fail "a hang is not told: $(cat out)"
 fails_at_once unit/array
 fails_at_once sim/reported
+fails_at_once sim/unseen.sh
 grep -q 'AddressSanitizer: of a child' out || fail "the report is not shown: $(cat out)"
 
 # So many at once are no chance.
