@@ -4,14 +4,11 @@
 # skip and says why on its last line. A test that takes longer than TEST_LIMIT seconds is ended, with all that it started,
 # after what runs in it is shown.
 # What a sanitizer reports in any process of a test fails it, even if the test did not notice.
-# A test that fails is run again, alone, at the end, and its second outcome counts, because the machine can stand still
-# anywhere; this is told. No second run: after a sanitizer's report, a crash or a hang, which seldom is no excuse for; for
-# tests marked `one-thread`, in which time plays no part; for more than AGAIN_MOST tests, which is no chance any more.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"
 export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$PWD/scripts/tsan.supp}"
-jobs=${JOBS:-$(nproc)} limit=${TEST_LIMIT:-900} again_most=${AGAIN_MOST:-2}
+jobs=${JOBS:-$(nproc)} limit=${TEST_LIMIT:-900}
 dir=$(mktemp -d) || exit 1
 trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$dir"' EXIT
 trap 'exit 130' INT TERM
@@ -75,40 +72,27 @@ run() {
   mv "$dir/$1.new" "$dir/$1.end"
 }
 
-shown=0 passed=0 failed=0 skipped=0 again=() second=()
-# outcome NUMBER: counted and shown; more than one line only if it failed, what tells why first
-outcome() {
-  local rc ms t=${tests[$1]} out=$dir/$1.out
-  read -r rc ms <"$dir/$1.end"
-  cat "$dir/$1.report".* >>"$out" 2>/dev/null
-  if reported "$1" && { [ "$rc" -eq 0 ] || [ "$rc" -eq 77 ]; }; then rc="$rc, but a sanitizer has reported"; fi
-  case $rc in
-    0) passed=$((passed + 1)); echo "pass  $t (${ms} ms)${second[$1]:+ in its second run}"; return;;
-    77) skipped=$((skipped + 1)); echo "skip  $t: $(tail -n 1 "$out")"; return;;
-    124) echo "not ended after $limit s" >>"$out";;
-  esac
-  if [ -z "${second[$1]-}" ] && chance "$1" "$rc"; then
-    again+=("$1"); echo "again $t (exit $rc, ${ms} ms): a second run at the end decides"
-  else
-    failed=$((failed + 1)); echo "FAIL  $t (exit $rc, ${ms} ms)"
-  fi
-  grep -E '^FAIL|^\[ +(ERROR|LINE|FAILED) +\]|^ERROR|rror: |SUMMARY' "$out" | head -n 10 | sed 's/^/   >  /'
-  sed 's/^/      /' "$out"
-}
-
 # reported NUMBER: by a sanitizer, in any of its processes
 reported() { grep -qE '(ERROR|WARNING): [A-Za-z]*Sanitizer|: runtime error: ' "$dir/$1.out"; }
 
-# chance NUMBER RC: may the machine be to blame?
-chance() {
-  [[ $2 =~ ^[0-9]+$ ]] && [ "$2" -ne 124 ] && [ "$2" -lt 128 ] && [ ${#again[@]} -lt "$again_most" ] &&
-    ! marked one-thread "${tests[$1]}" && ! reported "$1" &&
-    ! grep -qE 'exception: |Segmentation fault|Aborted|Bus error|Illegal instruction' "$dir/$1.out"
-}
-
+shown=0 passed=0 failed=0 skipped=0
 show() {
+  local rc ms t out
   while [ -e "$dir/$shown.end" ]; do
-    outcome "$shown"
+    read -r rc ms <"$dir/$shown.end"
+    t=${tests[$shown]} out=$dir/$shown.out
+    cat "$dir/$shown.report".* >>"$out" 2>/dev/null
+    if reported "$shown" && { [ "$rc" -eq 0 ] || [ "$rc" -eq 77 ]; }; then rc="$rc, but a sanitizer has reported"; fi
+    case $rc in
+      0) passed=$((passed + 1)); echo "pass  $t (${ms} ms)";;
+      77) skipped=$((skipped + 1)); echo "skip  $t: $(tail -n 1 "$out")";;
+      *) failed=$((failed + 1))
+         [ "$rc" != 124 ] || echo "not ended after $limit s" >>"$out"
+         echo "FAIL  $t (exit $rc, ${ms} ms)"
+         # What tells why, then all of it.
+         grep -E '^FAIL|^\[ +(ERROR|LINE|FAILED) +\]|^ERROR|rror: |SUMMARY' "$out" | head -n 10 | sed 's/^/   >  /'
+         sed 's/^/      /' "$out";;
+    esac
     shown=$((shown + 1))
   done
 }
@@ -122,15 +106,6 @@ for i in "${!tests[@]}"; do
 done
 wait
 show
-for i in "${again[@]}"; do
-  rm -f "$dir/$i".*
-  second[$i]=1
-  run "$i" &
-  wait
-  outcome "$i"
-done
 echo
-told=''
-[ ${#again[@]} -eq 0 ] || told="; ${#again[@]} of them run twice, as shown above"
-echo "$passed passed, $failed failed, $skipped skipped$told"
+echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" -eq 0 ] && [ "$shown" -eq $# ]
