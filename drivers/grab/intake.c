@@ -179,10 +179,17 @@ int64_t sst_intake_due(const struct sst_grab *g, const struct sst_camera *cam)
 
 void sst_intake_silence(struct sst_grab *g, struct sst_camera *cam, int64_t now_ns)
 {
-    const bool refused = !sst_stream_queued(cam->stream) && !sst_stream_lent(cam->stream);
+    const int64_t ready_ns = sst_stream_ready_ns(cam->stream);
+    const bool refused = !ready_ns && !sst_stream_lent(cam->stream);
     char why[96];
 
-    if (refused || sst_stream_queued(cam->stream) > 0) {
+    if (ready_ns && now_ns - ready_ns < patience_ns(g)) { /* before, it could not speak */
+        cam->heard_ns = ready_ns;
+        if (cam->owed_ns)
+            cam->owed_ns = ready_ns;
+        return;
+    }
+    if (refused || ready_ns) {
         snprintf(why, sizeof(why), "no frame for %.1f s%s", (double)(now_ns - cam->heard_ns) * 1e-9,
                  refused ? ", and its driver takes no buffer" : "");
         sst_recovery_fault(g, cam, why);

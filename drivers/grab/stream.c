@@ -39,6 +39,7 @@ struct sst_stream {
     bool live;   /* streaming: what comes back is queued at once */
     bool closed; /* the descriptor is gone */
     int queued;
+    int64_t ready_ns; /* since when any is */
     int lent;
 };
 
@@ -199,8 +200,8 @@ static int queue_locked(struct sst_stream *s, struct slot *slot)
     const int err = sst_node_ioctl(s->fd, VIDIOC_QBUF, &b);
 
     slot->place = err ? SLOT_IDLE : SLOT_QUEUED;
-    if (!err)
-        s->queued++;
+    if (!err && !s->queued++)
+        s->ready_ns = sst_clock_now_ns();
     return err;
 }
 
@@ -275,6 +276,16 @@ int sst_stream_queued(struct sst_stream *s)
     queued = s->queued;
     pthread_mutex_unlock(&s->lock);
     return queued;
+}
+
+int64_t sst_stream_ready_ns(struct sst_stream *s)
+{
+    int64_t ready_ns;
+
+    pthread_mutex_lock(&s->lock);
+    ready_ns = s->queued ? s->ready_ns : 0;
+    pthread_mutex_unlock(&s->lock);
+    return ready_ns;
 }
 
 int sst_stream_lent(struct sst_stream *s)

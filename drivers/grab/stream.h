@@ -54,6 +54,9 @@ SST_MUST_CHECK int sst_stream_take(struct sst_stream *stream, struct sst_frame *
 /** Buffers that the camera can fill. */
 int sst_stream_queued(struct sst_stream *stream);
 
+/** Since when there have been such buffers without a break, CLOCK_MONOTONIC; 0: there are none. */
+int64_t sst_stream_ready_ns(struct sst_stream *stream);
+
 /** Frames that the receiver has not given back. */
 int sst_stream_lent(struct sst_stream *stream);
 

@@ -437,6 +437,9 @@ static void hold(void)
     rig_release_held(&rig);
     for (int ms = 0; ms < PATIENCE_MS && counters(0).frames <= (uint64_t)rig.cfg.buffers; ms += 400)
         assert_int_equal(rig_run(&rig, 400), 0);
+    too_late(taken_for_hung, (int64_t)counters(0).rung[SST_GRAB_RESTREAM], 0);
+    if (late[0])
+        return;
     assert_true(counters(0).lost >= 10);
     assert_true(counters(0).frames > (uint64_t)rig.cfg.buffers);
     expect_lossless(1);
@@ -447,6 +450,31 @@ static void hold(void)
 static void a_slow_receiver_is_no_fault_of_the_camera(void **state SST_UNUSED)
 {
     measured(hold);
+}
+
+static void give_back_late(void)
+{
+    patient(1);
+    rig.cfg.buffers = 4;
+    rig.cfg.rate_hz = 2;
+    rig.cfg.stall_ms = 1700; /* not a whole number of frames */
+    assert_int_equal(rig_start(&rig), 1);
+    rig.hold_cam = 0;
+    for (int ms = 0; ms < PATIENCE_MS && rig.held_count < rig.cfg.buffers; ms += 20)
+        assert_int_equal(rig_run(&rig, 20), 0);
+    assert_int_equal(rig_run(&rig, 1620 - (int)((sst_clock_now_ns() - rig.cam[0].last_ns) / RIG_MS)), 0);
+    rig_release_held(&rig);
+    for (int ms = 0; ms < PATIENCE_MS && counters(0).frames <= (uint64_t)rig.cfg.buffers; ms += 20)
+        assert_int_equal(rig_run(&rig, 20), 0);
+    assert_true(counters(0).frames > (uint64_t)rig.cfg.buffers);
+    too_late(taken_for_hung, (int64_t)counters(0).rung[SST_GRAB_RESTREAM], 0);
+    rig_stop(&rig);
+}
+
+/* Silence counts from when the camera has a buffer again, and not from its last frame. */
+static void a_camera_that_had_no_buffer_is_not_hung(void **state SST_UNUSED)
+{
+    measured(give_back_late);
 }
 
 static void open_slowly(void)
@@ -539,6 +567,7 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test_teardown(a_camera_comes_back, clean_up),
         cmocka_unit_test_teardown(refusals_give_their_reason, clean_up),
         cmocka_unit_test_teardown(a_slow_receiver_is_no_fault_of_the_camera, clean_up),
+        cmocka_unit_test_teardown(a_camera_that_had_no_buffer_is_not_hung, clean_up),
         cmocka_unit_test_teardown(slowness_stays_with_its_camera, clean_up),
         cmocka_unit_test_teardown(two_devices_of_one_serial_are_refused, clean_up),
         cmocka_unit_test_teardown(controls_are_read_back, clean_up),
