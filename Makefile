@@ -69,9 +69,12 @@ LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LD
 # Simulated devices go into sst-sim and the library that it preloads, never into the product.
 SIM_SRC := $(sort $(wildcard simulators/devices/*.c))
 PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
-LIB_SRC := $(sort $(filter-out $(SIM_SRC),$(wildcard base/*.c config/*.c drivers/*/*.c pipeline/*/*.c pipeline/*/*/*.c \
-           daemon/*/*.c simulators/*/*.c)))
-SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(wildcard pipeline/*.cc))
+LIB_SRC := $(sort $(filter-out daemon/main.c,$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
+           pipeline/*/*/*.c daemon/*.c daemon/*/*.c)))
+SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
+# Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
+WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/rig/*.c simulators/devices/gpio/*.c \
+             simulators/devices/usb/*.c))
 CLI_SRC := $(sort $(wildcard cli/*.c))
 # What starts no thread of its own is nothing for the thread sanitizer.
 NO_THREADS := $(if $(findstring thread,$(SAN)),$(shell sed -nE 's,^([^ ]+) +(one|same)-thread.*,tests/\1.c,p' tests/special.txt))
@@ -79,6 +82,7 @@ TEST_SRC := $(filter-out $(NO_THREADS),$(sort $(wildcard tests/unit/*.c tests/ke
 SIM_OBJ := $(SIM_SRC:%.c=$(BUILD)/obj/%.o)
 # The page is part of the program: its files as they are, and a table of them.
 WEB_FILES := $(sort $(wildcard daemon/web/*))
+WORLD_OBJ := $(WORLD_SRC:%.c=$(BUILD)/obj/%.o)
 LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
@@ -119,13 +123,16 @@ $(BUILD)/obj/web.o: $(BUILD)/web.c $(BUILD)/flags
 $(BUILD)/libsst.a: $(LIB_OBJ)
 	@rm -f $@
 	@ar rcs $@ $^
-$(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst.a
+$(BUILD)/libsst-sim.a: $(WORLD_OBJ)
+	@rm -f $@
+	@ar rcs $@ $^
+$(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 $(BUILD)/sstd: $(BUILD)/obj/daemon/main.o $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
-$(BUILD)/sst-sim: $(SIM_OBJ) $(BUILD)/libsst.a
+$(BUILD)/sst-sim: $(SIM_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
 # Loaded into other people's programs: libc alone, never a sanitizer.
@@ -133,7 +140,7 @@ $(BUILD)/libsst-sim-preload.so: $(PRELOAD_SRC) $(wildcard simulators/devices/*.h
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) -std=gnu11 -I. -O2 -g -fPIC -shared -fvisibility=hidden -pthread $(CWARN) $(PRELOAD_SRC) -ldl -o $@
-$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst.a
+$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
 
@@ -146,7 +153,7 @@ endif
 BENCH_PROGRAMS := $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(wildcard tests/bench/*.c))
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/sgbm.o
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/blend.o
-$(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst.a
+$(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $(filter %.o,$^) $(filter %.a,$^) $(LIBS) -o $@
@@ -198,10 +205,10 @@ check-kernel: $(BUILD)/sst $(GUEST_TESTS) ## boot a stock Debian kernel in an em
 # libFuzzer finds inputs that crash, leak or hang; what it found is kept in build/fuzz/. Needs clang and oneDNN.
 FUZZ_SECONDS ?= 60
 FUZZERS := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
-FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/network/graph*.c pipeline/network/ops.c pipeline/network/plan*.c) \
-            pipeline/network/onnx.c pipeline/network/summary.c pipeline/network/manifest.c pipeline/network/network.c \
-            pipeline/labels/model_info.c pipeline/labels/classes.c \
-            pipeline/calib/calib.c pipeline/calib/calib_yaml.c pipeline/calib/camera.c $(wildcard pipeline/calib/format*.c) \
+FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/method/network/graph*.c pipeline/method/network/ops.c pipeline/method/network/plan*.c) \
+            pipeline/method/network/onnx.c pipeline/method/network/summary.c pipeline/method/network/manifest.c pipeline/method/network/network.c \
+            pipeline/method/labels/model_info.c pipeline/image/classes.c \
+            pipeline/camera/calib.c pipeline/camera/calib_yaml.c pipeline/camera/camera.c $(wildcard pipeline/camera/format*.c) \
             pipeline/lightfield/import_plan.c pipeline/lightfield/lightfield.c pipeline/image/image.c \
             daemon/publish/http_parse.c
 build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
@@ -267,4 +274,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)
+-include $(LIB_OBJ:.o=.d) $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)

@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /** CLOCK_MONOTONIC in nanoseconds. */
 int64_t sst_clock_now_ns(void);
 
@@ -18,7 +16,5 @@ int64_t sst_clock_wall_ns(void);
 #define SST_CLOCK_TEXT 32
 /** "2026-11-21T18:05:00.123Z". */
 void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns);
-
-SST_EXTERN_C_END
 
 #endif

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "base/file.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <ftw.h>
@@ -452,4 +453,50 @@ static int remove_entry(const char *path, const struct stat *st SST_UNUSED, int 
 void sst_path_remove_tree(const char *path)
 {
     (void)nftw(path, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+}
+
+/* Is the folder `inner` the folder `outer` or below it? Both must exist. */
+static bool is_inside(const char *inner, const char *outer)
+{
+    char *a = realpath(inner, NULL), *b = realpath(outer, NULL);
+    const size_t n = b ? strlen(b) : 0;
+    const bool inside = a && b && !strncmp(a, b, n) && (!a[n] || a[n] == '/' || !strcmp(b, "/"));
+
+    free(a);
+    free(b);
+    return inside;
+}
+
+static bool is_empty(const char *dir)
+{
+    DIR *d = opendir(dir);
+    struct dirent *e;
+    int n = 0;
+
+    while (d && n < 3 && (e = readdir(d)))
+        n++;
+    if (d)
+        closedir(d);
+    return d && n < 3; /* . and .. */
+}
+
+int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs)
+{
+    char path[SST_PATH_MAX];
+
+    if (!force || !sst_path_exists(out))
+        return 0; /* a name that exists is refused when the folder is opened */
+    for (; *inputs; inputs++) {
+        if (is_inside(*inputs, out)) {
+            sst_log_error("%s would be replaced, and %s with it; choose another output", out, *inputs);
+            return -EINVAL;
+        }
+    }
+    if (sst_path_join(path, out, marker))
+        return -EEXIST;
+    if (sst_path_exists(path) || is_empty(out))
+        return 0;
+    sst_log_error("%s holds no %s, so --force does not replace it; remove it yourself or choose another output", out,
+                  marker);
+    return -EEXIST;
 }

@@ -7,8 +7,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_PATH_MAX 4096
 
 /** Join two path parts (the second may be NULL); -ENAMETOOLONG when it does not fit SST_PATH_MAX. */
@@ -68,6 +66,10 @@ SST_MUST_CHECK int sst_outdir_open(struct sst_outdir *out, const char *path, boo
 SST_MUST_CHECK int sst_outdir_commit(struct sst_outdir *out);
 void sst_outdir_abort(struct sst_outdir *out);
 
+/** Refuse (logged) an output that would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
+ *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */
+SST_MUST_CHECK int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
+
 /** Remove a folder and all below it; links are not followed. Missing is fine. */
 void sst_path_remove_tree(const char *path);
 
@@ -91,7 +93,5 @@ SST_MUST_CHECK int sst_file_clean_on_interrupt(void);
  *  committed, aborted or fail meanwhile. */
 void sst_file_hold_interrupt(void);
 void sst_file_allow_interrupt(void);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_CAMERAS_MAX 256
 
 /** What is wrong with a frame; bits. A frame with none of the bits up to FRAME_BAD is good. */
@@ -39,7 +37,5 @@ struct sst_frame {
     unsigned faults;      /* sst_frame_fault */
     void *pool;           /* the driver's; nobody else's business */
 };
-
-SST_EXTERN_C_END
 
 #endif

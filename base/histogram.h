@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_HISTOGRAM_BUCKETS (64 * 59) /* 64 for each power of two from 2^6 on */
 
 /** Zeroed: empty. Values are counted in the bucket [lo, lo * (1 + 1/64)), exactly below 128. */
@@ -20,7 +18,5 @@ void sst_histogram_add(struct sst_histogram *h, int64_t value);
 /** Upper end of the bucket that holds the value of rank ceil(q * count), at most max; 0 of an empty one. @param q 0..1
  */
 int64_t sst_histogram_quantile(const struct sst_histogram *h, double q);
-
-SST_EXTERN_C_END
 
 #endif

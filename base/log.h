@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 enum sst_log_level {
     SST_LOG_ERROR = 0,
     SST_LOG_WARNING = 1,
@@ -46,7 +44,5 @@ char *sst_log_hold_errors(char *text);
 /** Show this thread's errors as ever, and put them into `text` as well, one after another with "; " between, as far as
  *  they fit; NULL ends it. */
 void sst_log_copy_errors(char *text, size_t size);
-
-SST_EXTERN_C_END
 
 #endif

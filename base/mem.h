@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_ALIGN 64
 
 /** Zeroed memory of count * size bytes, aligned to SST_ALIGN with SST_ALIGN readable bytes after it;
@@ -34,7 +32,5 @@ static inline size_t sst_mem_stride(size_t n, size_t size)
 {
     return (n * size + SST_ALIGN - 1) / SST_ALIGN * SST_ALIGN;
 }
-
-SST_EXTERN_C_END
 
 #endif

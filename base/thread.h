@@ -7,8 +7,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /**
  * Work on one piece. The result must depend on index alone, never on worker, so that any number of threads
  * gives the same bytes; worker (0 .. threads-1) only picks a scratch buffer.
@@ -43,7 +41,5 @@ void sst_cond_init(pthread_cond_t *cond);
 
 /** Wait for `cond`, at most until sst_clock_now_ns() is `until_ns`. @return false: it is that late */
 bool sst_cond_wait_until(pthread_cond_t *cond, pthread_mutex_t *lock, int64_t until_ns);
-
-SST_EXTERN_C_END
 
 #endif

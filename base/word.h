@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_WORD_FAR 1000000
 
 /** How far a wrong word is from one that exists: letters left out, too many, wrong or exchanged with the next; 1 where
@@ -14,7 +12,5 @@ int sst_word_distance(const char *wrong, const char *word);
 
 /** The nearest of a list that ends in NULL, or NULL if none is near. */
 const char *sst_word_nearest(const char *wrong, const char *const *words);
-
-SST_EXTERN_C_END
 
 #endif

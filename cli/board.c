@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "cli/cli.h"
-#include "pipeline/board/print.h"
+#include "pipeline/calibration/board/print.h"
 
 static bool ends_with(const char *text, const char *end)
 {

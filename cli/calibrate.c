@@ -11,7 +11,7 @@
 #include "cli/calibrate_check.h"
 #include "cli/calibrate_gather.h"
 #include "cli/cli.h"
-#include "pipeline/report/report.h"
+#include "pipeline/calibration/report/report.h"
 
 struct options {
     const char *source, *out, *board, *config, *keep, *lenses, *report, *coverage, *corners, *picture;

@@ -7,7 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/check/check.h"
+#include "pipeline/calibration/drift/check.h"
 #include "pipeline/image/codec.h"
 
 static const char *const state_names[] = { "measured", "blank", "lost" };

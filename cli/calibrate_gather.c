@@ -7,7 +7,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "cli/cli.h"
-#include "pipeline/board/coverage.h"
+#include "pipeline/calibration/board/coverage.h"
 #include "pipeline/image/codec.h"
 
 #define GUESSES 3 /* pictures looked at again to say what they show */

@@ -4,9 +4,7 @@
 
 #include "cli/calibrate_source.h"
 #include "config/array.h"
-#include "pipeline/light/light.h"
-
-SST_EXTERN_C_BEGIN
+#include "pipeline/calibration/photometric/light.h"
 
 struct calibrate_gathered {
     struct sst_detections all;
@@ -66,7 +64,5 @@ SST_MUST_CHECK int calibrate_shoot(struct calibrate_shot *shot, const struct cal
 /** Take a shot over into what was gathered; frees it. */
 SST_MUST_CHECK int calibrate_take(struct calibrate_gathered *to, struct calibrate_shot *shot);
 void calibrate_shot_fini(struct calibrate_shot *shot);
-
-SST_EXTERN_C_END
 
 #endif

@@ -11,9 +11,9 @@
 #include "base/thread.h"
 #include "cli/calibrate_gather.h"
 #include "cli/capture.h"
-#include "daemon/capture/capture.h"
-#include "daemon/recording/recorder.h"
-#include "pipeline/board/coverage.h"
+#include "capture/array/capture.h"
+#include "capture/recording/recorder.h"
+#include "pipeline/calibration/board/coverage.h"
 
 #define STILL_SHARE 0.02 /* of the picture's width: a board that moved less shows nothing new */
 #define TELL_NS     2000000000ll

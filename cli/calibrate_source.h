@@ -5,10 +5,8 @@
 
 #include <stdbool.h>
 
-#include "daemon/recording/recording.h"
+#include "capture/recording/recording.h"
 #include "pipeline/image/image.h"
-
-SST_EXTERN_C_BEGIN
 
 /** Pictures by view and frame; a frame is a moment (or, on a rig, a placement of the board). */
 struct calibrate_source {
@@ -72,7 +70,5 @@ SST_MUST_CHECK int calibrate_source_read(const struct calibrate_source *source, 
 /** A frame's bytes as a picture. @return 0, -EBADMSG, -EINVAL, -ENOMEM; not logged. */
 SST_MUST_CHECK int calibrate_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride,
                                     const uint8_t *data, size_t bytes);
-
-SST_EXTERN_C_END
 
 #endif

@@ -8,7 +8,7 @@
 
 #include "base/log.h"
 #include "cli/cli.h"
-#include "pipeline/calib/format.h"
+#include "pipeline/camera/format.h"
 
 #define DEG (180 / M_PI)
 

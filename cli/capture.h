@@ -4,7 +4,7 @@
 
 #include "cli/cli.h"
 #include "config/array.h"
-#include "daemon/recording/recorder.h"
+#include "capture/recording/recorder.h"
 
 /** Say of an opened array (sst_capture_open) what a recording of it must know, in cfg, and open the recorder. The same
  *  errors. */

@@ -10,8 +10,8 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "cli/capture.h"
-#include "daemon/capture/capture.h"
-#include "daemon/recording/recorder.h"
+#include "capture/array/capture.h"
+#include "capture/recording/recorder.h"
 
 struct array_capture {
     struct sst_array_config config;

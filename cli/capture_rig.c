@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "cli/capture.h"
 #include "config/array.h"
-#include "daemon/capture/rig_camera.h"
+#include "capture/rig/rig_camera.h"
 
 /* What the command line says; the rest is the configuration's. */
 struct options {

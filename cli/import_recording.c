@@ -7,7 +7,7 @@
 
 #include "base/log.h"
 #include "cli/lightfield_line.h"
-#include "daemon/recording/lightfields.h"
+#include "capture/recording/lightfields.h"
 
 /* Numbers and ranges, each set once, in the order of recording. */
 static int choose_listed(const char *text, bool *chosen, int n)

@@ -5,7 +5,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/network/model_path.h"
+#include "pipeline/method/network/model_path.h"
 
 int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_matching *m, char model_path[SST_PATH_MAX])
 {

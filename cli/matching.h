@@ -4,7 +4,7 @@
 
 #include "cli/cli.h"
 #include "cli/precision.h"
-#include "pipeline/disparity/disparity.h"
+#include "pipeline/method/disparity/disparity.h"
 
 /** What the user said; unset numbers keep the preset's values. */
 struct cli_matching {

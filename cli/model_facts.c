@@ -9,12 +9,12 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/labels/labels.h"
-#include "pipeline/labels/model_info.h"
-#include "pipeline/network/graph.h"
-#include "pipeline/network/manifest.h"
-#include "pipeline/network/onnx.h"
-#include "pipeline/network/summary.h"
+#include "pipeline/method/labels/labels.h"
+#include "pipeline/method/labels/model_info.h"
+#include "pipeline/method/network/graph.h"
+#include "pipeline/method/network/manifest.h"
+#include "pipeline/method/network/onnx.h"
+#include "pipeline/method/network/summary.h"
 
 #define KIND_METADATA "sst.kind"
 #define KIND_MATCHING "mccnn-features" /* value of that metadata entry */

@@ -9,8 +9,8 @@
 #include "base/log.h"
 #include "cli/cli.h"
 #include "cli/model_facts.h"
-#include "pipeline/network/manifest.h"
-#include "pipeline/network/model_path.h"
+#include "pipeline/method/network/manifest.h"
+#include "pipeline/method/network/model_path.h"
 
 #define TABLE_WIDTH 120
 

@@ -2,7 +2,7 @@
 #ifndef SST_CLI_PRECISION_H
 #define SST_CLI_PRECISION_H
 
-#include "pipeline/network/network.h"
+#include "pipeline/method/network/network.h"
 
 #define CLI_PRECISION_HELP "networks on f32 or int8 numbers; default: int8 where file and processor have it"
 

@@ -10,8 +10,8 @@
 #include "base/log.h"
 #include "cli/matching.h"
 #include "pipeline/lightfield/given.h"
-#include "pipeline/network/model_path.h"
-#include "pipeline/process/process.h"
+#include "pipeline/method/network/model_path.h"
+#include "pipeline/method/process/process.h"
 
 static void progress(void *arg SST_UNUSED, const char *stage, double done)
 {

@@ -7,8 +7,8 @@
 
 #include "base/log.h"
 #include "cli/cli.h"
-#include "daemon/recording/pixel_format.h"
-#include "daemon/recording/recording.h"
+#include "capture/recording/pixel_format.h"
+#include "capture/recording/recording.h"
 
 #define MAX_NAMED 8 /* cameras or sets named in one line */
 

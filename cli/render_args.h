@@ -3,7 +3,7 @@
 #define SST_CLI_RENDER_ARGS_H
 
 #include "cli/cli.h"
-#include "pipeline/render/render.h"
+#include "pipeline/method/render/render.h"
 
 struct render_args {
     struct sst_render_config cfg;

@@ -14,8 +14,8 @@
 #include "cli/cli.h"
 #include "cli/precision.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/labels/labels.h"
-#include "pipeline/network/model_path.h"
+#include "pipeline/method/labels/labels.h"
+#include "pipeline/method/network/model_path.h"
 
 struct options {
     const char *model, *precision, *output, *prob, *entropy, *scale;

@@ -5,7 +5,7 @@
 #include "base/thread.h"
 #include "cli/cli.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/network/model_path.h"
+#include "pipeline/method/network/model_path.h"
 
 static const struct {
     const char *name;

@@ -6,8 +6,6 @@
 
 #include "base/frame.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_CONFIG_TEXT_MAX     256
 #define SST_CONFIG_CONTROLS_MAX 32
 #define SST_CONFIG_LINES_MAX    64
@@ -77,7 +75,5 @@ SST_MUST_CHECK int sst_array_config_read(struct sst_array_config *cfg, const cha
 uint32_t sst_array_format(const char *name);
 /** The name of a format; NULL: not one of ours. */
 const char *sst_array_format_name(uint32_t fourcc);
-
-SST_EXTERN_C_END
 
 #endif

@@ -3,9 +3,7 @@
 #define SST_CONFIG_LOAD_H
 
 #include "config/schema.h"
-#include "config/yaml.h"
-
-SST_EXTERN_C_BEGIN
+#include "base/yaml.h"
 
 #define SST_CONFIG_PATH      "/etc/sst/sstd.yaml"
 #define SST_CONFIG_FILES_MAX 64 /* of conf.d */
@@ -35,7 +33,5 @@ void sst_config_check_service(struct sst_config_load *load);
 
 /** What is odd and may be meant: logged as warnings. */
 void sst_config_warn(const struct sst_config_load *load);
-
-SST_EXTERN_C_END
 
 #endif

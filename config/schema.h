@@ -5,8 +5,6 @@
 
 #include "config/sstd.h"
 
-SST_EXTERN_C_BEGIN
-
 enum sst_key_type {
     SST_KEY_BOOL = 0,
     SST_KEY_INT = 1,
@@ -92,7 +90,5 @@ void sst_key_element_text(const struct sst_key *list, const void *base, int i, c
 
 /** How many elements a list has, of numbers: are used. */
 int sst_key_count(const struct sst_key *key, const void *base);
-
-SST_EXTERN_C_END
 
 #endif

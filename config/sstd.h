@@ -4,8 +4,6 @@
 
 #include "config/array.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_ZONES_MAX    16
 #define SST_HOOKS_MAX    16
 #define SST_HOOK_ARGS    16
@@ -149,7 +147,5 @@ void sst_config_keep(struct sst_config *to, const struct sst_config *running);
 
 /** "live", "restart-camera", "restart-daemon", "restart-live". */
 const char *sst_reload_class_name(enum sst_reload_class class_);
-
-SST_EXTERN_C_END
 
 #endif

@@ -24,7 +24,7 @@ import common
 import manifest
 import onnx_file
 
-KEY = "sst.ranges"  # SST_RANGES_KEY of pipeline/network/graph.h
+KEY = "sst.ranges"  # SST_RANGES_KEY of pipeline/method/network/graph.h
 BINS = 4096
 
 

@@ -210,7 +210,7 @@ def report(rows, viewers, times, out):
 
 def bench(args):
     rows, viewers, times = [], [], {"stop": [], "again": []}
-    worlds = [("still, noisy cameras", "simulators/world/worlds/still.yaml"), ("pedestrian", "pedestrian"), ("bush", "bush")]
+    worlds = [("still, noisy cameras", "simulators/scene/world/worlds/still.yaml"), ("pedestrian", "pedestrian"), ("bush", "bush")]
     for name, world in worlds:
         s = Service(args.build, world)
         s.wait(lambda o: o["live"]["ready"], 600)

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/solve/solve.h"
+#include "pipeline/calibration/solve/solve.h"
 
 struct made_config {
     int rows, cols, width, height, frames;

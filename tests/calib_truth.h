@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/board/detect.h"
+#include "pipeline/calibration/board/detect.h"
 
 struct truth_config {
     int rows, cols, width, height, frames;

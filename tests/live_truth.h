@@ -13,7 +13,7 @@
 #include "daemon/storage/triggers.h"
 #include "pipeline/live/live.h"
 #include "simulators/scene/scene.h"
-#include "simulators/world/settings.h"
+#include "simulators/scene/world/settings.h"
 
 #define LIVE_TRUTH_TOP     0.125 /* share of the picture above the zone */
 #define LIVE_TRUTH_VIEWS   5     /* the reference and the corners */

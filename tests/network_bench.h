@@ -14,7 +14,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/network/network.h"
+#include "pipeline/method/network/network.h"
 #include "tests/onnx_writer.h"
 
 struct image {

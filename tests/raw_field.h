@@ -8,11 +8,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calib/calib.h"
+#include "pipeline/camera/calib.h"
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/store.h"
-#include "pipeline/render/render.h"
-#include "simulators/world/render.h"
+#include "pipeline/method/render/render.h"
+#include "simulators/scene/world/render.h"
 
 /** NULL-terminated by a failed step: ok says whether everything below is there. */
 struct raw_field {

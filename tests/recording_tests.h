@@ -16,7 +16,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "daemon/recording/recording.h"
+#include "capture/recording/recording.h"
 #include "tests/synthetic_sets.h"
 
 static char top[] = "/tmp/sst-recording-XXXXXX";

@@ -12,10 +12,10 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "daemon/capture/rig.h"
+#include "capture/rig/rig.h"
 #include "pipeline/image/codec.h"
 #include "simulators/rig/drive.h"
-#include "simulators/world/strip.h"
+#include "simulators/scene/world/strip.h"
 
 #define BENCH_WIDTH       640
 #define BENCH_HEIGHT      64

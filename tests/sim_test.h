@@ -18,8 +18,8 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/image.h"
-#include "simulators/world/sim_world.h"
-#include "simulators/world/strip.h"
+#include "simulators/scene/world/sim_world.h"
+#include "simulators/scene/world/strip.h"
 
 #define SIM_CAPACITY ((size_t)4 << 20)
 

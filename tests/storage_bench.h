@@ -5,7 +5,7 @@
 #include <sys/socket.h>
 
 #include "base/clock.h"
-#include "daemon/storage/download.h"
+#include "daemon/slot/download.h"
 #include "daemon/storage/storage.h"
 #include "pipeline/image/codec.h"
 #include "tests/recording_tests.h"

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "daemon/recording/recorder.h"
+#include "capture/recording/recorder.h"
 
 #define SYNTHETIC_START_NS 5000000000000 /* of set 0 */
 #define SYNTHETIC_WALL_NS 1700000000000000000

@@ -8,8 +8,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Types, as they stand in JSON, hooks and MQTT topics:
  *   state              the service's state changed            {state, reason}
  *   camera-lost        a camera fell silent or was unplugged  {row, col, serial, port, reason}
@@ -79,7 +77,5 @@ void sst_events_counts(struct sst_events *events, uint64_t count[3]);
 
 void sst_events_shut(struct sst_events *events);
 void sst_events_destroy(struct sst_events *events); /* NULL is fine */
-
-SST_EXTERN_C_END
 
 #endif

@@ -5,10 +5,8 @@
 #include <jansson.h>
 
 #include "daemon/events/events.h"
-#include "daemon/publish/outlet.h"
-#include "daemon/storage/download.h"
-
-SST_EXTERN_C_BEGIN
+#include "daemon/slot/jpeg_slot.h"
+#include "daemon/slot/download.h"
 
 /** Answer to a request: an object that is the caller's (never NULL at 0), or an error with one sentence. */
 struct sst_api_answer {
@@ -50,7 +48,7 @@ struct sst_api {
     /** A moving picture; a reference to its outlet. @return 0, -ENOENT, -EOVERFLOW, -ENODATA */
     int (*outlet)(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
     /** Something that is kept, by its name and what of it (.tar, .mkv ...): a socket that gives it as
-     *  daemon/storage/download.h says, the caller's.
+     *  daemon/slot/download.h says, the caller's.
      *  @param type  out, MIME type, static @return 0, -ENOENT, -EBUSY (it is being written), -EMFILE (too many) */
     int (*download)(void *arg, const char *name, int *fd, const char **type);
     struct sst_events *events;
@@ -62,7 +60,5 @@ SST_MUST_CHECK int sst_api_members(const json_t *request, const char *const *kno
 
 /** A number, or null for what is none, or infinite: JSON has neither. NULL: no memory */
 json_t *sst_api_real(double v);
-
-SST_EXTERN_C_END
 
 #endif

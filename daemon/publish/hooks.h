@@ -5,8 +5,6 @@
 #include "config/sstd.h"
 #include "daemon/events/events.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_HOOKS_AT_ONCE 4  /* programs that run at a time */
 #define SST_HOOKS_WAITING 64 /* runs that wait for one of them to end; further ones are dropped and counted */
 
@@ -49,7 +47,5 @@ void sst_hooks_stop(struct sst_hooks *h);
 
 /** Kills what runs; within half a second. NULL is fine. */
 void sst_hooks_close(struct sst_hooks *h);
-
-SST_EXTERN_C_END
 
 #endif

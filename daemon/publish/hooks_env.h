@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /**
  * Environment for one event: ours without what is between systemd and the service, and SST_....
  *
@@ -14,7 +12,5 @@ SST_EXTERN_C_BEGIN
  */
 char **sst_hook_env(const char *event);
 void sst_hook_env_free(char **env);
-
-SST_EXTERN_C_END
 
 #endif

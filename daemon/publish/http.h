@@ -6,8 +6,6 @@
 
 #include "daemon/publish/api.h"
 
-SST_EXTERN_C_BEGIN
-
 enum sst_role {
     SST_ROLE_ANYONE = 0,  /* only what says nothing: /healthz, /login */
     SST_ROLE_VIEW = 1,    /* looks */
@@ -99,7 +97,5 @@ struct sst_route {
 };
 
 const struct sst_route *sst_http_routes(int *count);
-
-SST_EXTERN_C_END
 
 #endif

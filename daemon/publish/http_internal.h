@@ -16,8 +16,6 @@
 #include "base/file.h"
 #include "daemon/publish/http.h"
 
-SST_EXTERN_C_BEGIN
-
 struct MHD_Connection;
 struct MHD_Daemon;
 struct MHD_Response;
@@ -355,7 +353,5 @@ struct sst_web_file {
     const uint8_t *data, *end;
 };
 extern const struct sst_web_file sst_web_files[]; /* up to one without a name */
-
-SST_EXTERN_C_END
 
 #endif

@@ -5,8 +5,6 @@
 #include "config/sstd.h"
 #include "daemon/publish/api.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Topics below mqtt.topic (docs/mqtt.md):
  *   available                 online, offline (also by last will); retained
  *   status                    short JSON, each 10 s and when something changes; retained
@@ -58,7 +56,5 @@ bool sst_mqtt_close(struct sst_mqtt *m, int timeout_ms);
 
 /** Begin to end; sst_mqtt_close() waits for it. NULL is fine. */
 void sst_mqtt_stop(struct sst_mqtt *m);
-
-SST_EXTERN_C_END
 
 #endif

@@ -6,8 +6,6 @@
 
 #include "daemon/publish/mqtt.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_MQTT_TOPIC_MAX 320
 #define SST_MQTT_UNDER_WAY 32 /* messages that the broker has not taken yet; more are not handed over */
 
@@ -82,7 +80,5 @@ void sst_mqtt_node(char out[128], const struct sst_config *config);
  *  @return number of messages, or -ENOMEM */
 int sst_mqtt_announce(struct sst_mqtt_message **out, const struct sst_config *config, const json_t *cameras);
 void sst_mqtt_messages_free(struct sst_mqtt_message *list, int n);
-
-SST_EXTERN_C_END
 
 #endif

@@ -12,8 +12,6 @@
 #include "config/sstd.h"
 #include "daemon/publish/api.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_rtsp; /* opaque; a thread and a process of its own */
 
 struct sst_rtsp_config {
@@ -53,7 +51,5 @@ void sst_rtsp_stop(struct sst_rtsp *rtsp);
 
 /** Ends the process and with it all connections, within half a second. NULL is fine. */
 void sst_rtsp_close(struct sst_rtsp *rtsp);
-
-SST_EXTERN_C_END
 
 #endif

@@ -5,8 +5,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_RTSP_LINK_FD     0   /* of the process */
 #define SST_RTSP_LISTEN_FD   3   /* likewise: listening already */
 #define SST_RTSP_PLACES      288 /* pictures that are watched or asked for at a time: all cameras and views */
@@ -53,7 +51,5 @@ SST_MUST_CHECK int sst_rtsp_link_send(int fd, const struct sst_rtsp_message *mes
 
 /** Read exactly `bytes`. @return as above; -EPIPE: the peer is gone */
 SST_MUST_CHECK int sst_rtsp_link_read(int fd, void *out, size_t bytes, int stop);
-
-SST_EXTERN_C_END
 
 #endif

@@ -8,8 +8,6 @@
 #include "daemon/publish/rtsp.h"
 #include "daemon/publish/rtsp_link.h"
 
-SST_EXTERN_C_BEGIN
-
 /** Check the settings and read the password. @return 0, -EINVAL, -ENOENT, -EACCES, -EBADMSG; logged */
 SST_MUST_CHECK int sst_rtsp_check(struct sst_rtsp_login *out, const struct sst_rtsp_config *cfg);
 
@@ -24,7 +22,5 @@ SST_MUST_CHECK int sst_rtsp_spawn(pid_t *pid, int *link, int listener);
 SST_MUST_CHECK bool sst_rtsp_kill(pid_t pid, char *how, size_t room);
 /** Clear away a process that was killed. @return false: it has still not ended */
 SST_MUST_CHECK bool sst_rtsp_reap(pid_t pid);
-
-SST_EXTERN_C_END
 
 #endif

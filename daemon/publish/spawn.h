@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /**
  * Start a program as a process group of its own, so that Ctrl-C on a terminal is for the service alone, with signals as
  * usual.
@@ -19,7 +17,5 @@ SST_EXTERN_C_BEGIN
  */
 SST_MUST_CHECK int sst_spawn(pid_t *pid, const char *program, char *const argv[], char *const env[], const int *fd,
                              int fds);
-
-SST_EXTERN_C_END
 
 #endif

@@ -3,12 +3,10 @@
 #define SST_DAEMON_SERVICE_ARRAY_H
 
 #include "config/sstd.h"
-#include "daemon/capture/capture.h"
-#include "daemon/capture/ring.h"
+#include "capture/array/capture.h"
+#include "capture/array/ring.h"
 #include "daemon/events/events.h"
-#include "daemon/recording/recorder.h"
-
-SST_EXTERN_C_BEGIN
+#include "capture/recording/recorder.h"
 
 struct sst_array; /* opaque; any thread, but open and close */
 
@@ -75,7 +73,5 @@ void sst_array_close(struct sst_array *a);
 
 /** "streaming", "absent" ... */
 const char *sst_array_state_name(enum sst_grab_state state);
-
-SST_EXTERN_C_END
 
 #endif

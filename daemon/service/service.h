@@ -4,8 +4,6 @@
 
 #include "config/sstd.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_service; /* opaque; open, tick, reload, stop on the main thread */
 
 /** States of DESIGN section 8. */
@@ -52,7 +50,5 @@ void sst_service_address(struct sst_service *s, char *out, size_t size);
 SST_MUST_CHECK bool sst_service_stop(struct sst_service *s);
 
 const char *sst_service_phase_name(enum sst_service_phase phase);
-
-SST_EXTERN_C_END
 
 #endif

@@ -5,9 +5,7 @@
 #include <jansson.h>
 
 #include "config/sstd.h"
-#include "pipeline/render/render.h"
-
-SST_EXTERN_C_BEGIN
+#include "pipeline/method/render/render.h"
 
 struct sst_view_settings {
     struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
@@ -30,7 +28,5 @@ SST_MUST_CHECK int sst_view_settings_take(struct sst_view_settings *s, const jso
 
 /** NULL: no memory. */
 json_t *sst_view_settings_json(const struct sst_view_settings *s);
-
-SST_EXTERN_C_END
 
 #endif

@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "daemon/service/viewer_parts.h"
-#include "pipeline/network/model_path.h"
+#include "pipeline/method/network/model_path.h"
 
 #define POLL_MS  30
 #define RETRY_NS INT64_C(10000000000)

@@ -9,8 +9,6 @@
 #include "daemon/storage/storage.h"
 #include "pipeline/live/live.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_viewer; /* opaque; any thread, but open and close */
 
 /** From the trigger to the picture: waiting in the ring, the stages of sst_live_update(), and what follows. */
@@ -74,7 +72,5 @@ void sst_viewer_stop(struct sst_viewer *v);
 SST_MUST_CHECK bool sst_viewer_join(struct sst_viewer *v, int64_t until_ns);
 /** After a join. NULL is fine. */
 void sst_viewer_close(struct sst_viewer *v);
-
-SST_EXTERN_C_END
 
 #endif

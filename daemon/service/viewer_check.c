@@ -9,7 +9,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "daemon/service/viewer_parts.h"
-#include "pipeline/check/check.h"
+#include "pipeline/calibration/drift/check.h"
 
 #define EVERY_NS INT64_C(86400000000000)
 #define FIRST_NS INT64_C(60000000000)

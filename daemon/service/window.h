@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_WINDOW 512
 
 /** Zeroed: empty. The caller locks. */
@@ -18,7 +16,5 @@ struct sst_window {
 void sst_window_add(struct sst_window *w, double value);
 /** Of the last SST_WINDOW values; 0 of an empty one. @param q  0..1, 1: the largest */
 double sst_window_quantile(const struct sst_window *w, double q);
-
-SST_EXTERN_C_END
 
 #endif

@@ -10,8 +10,6 @@
 
 #include "base/file.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_STORE_NAME 64 /* bytes of a name with its end */
 #define SST_STORE_WHY  112
 
@@ -146,7 +144,5 @@ int64_t sst_store_hand_bytes(const struct sst_store_limits *limits, const struct
  */
 enum sst_store_verdict sst_store_judge(const struct sst_catalog *c, const struct sst_store_limits *limits,
                                        const struct sst_store_room *room, int *victim);
-
-SST_EXTERN_C_END
 
 #endif

@@ -1,6 +1,6 @@
 /* What is kept on its way out: planned, then sent by a thread of its own that ends when nobody reads. */
 #define _GNU_SOURCE
-#include "daemon/storage/download.h"
+#include "daemon/slot/download.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -16,7 +16,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/recording/shorten.h"
+#include "capture/recording/shorten.h"
 #include "daemon/storage/parts.h"
 #include "daemon/storage/spans.h"
 #include "daemon/storage/tar.h"

@@ -12,7 +12,7 @@
 #include <jansson.h>
 
 #include "base/log.h"
-#include "daemon/recording/recording.h"
+#include "capture/recording/recording.h"
 #include "daemon/storage/catalog.h"
 #include "daemon/storage/video.h"
 

@@ -7,7 +7,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/recording/lightfields.h"
+#include "capture/recording/lightfields.h"
 #include "daemon/storage/parts.h"
 
 #define NEAR_NS   10000000000 /* an export is of a set within this of the moment */

@@ -13,7 +13,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/recording/shorten.h"
+#include "capture/recording/shorten.h"
 #include "daemon/storage/parts.h"
 
 #define PASS_MS     500

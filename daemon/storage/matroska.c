@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "daemon/recording/ebml.h"
+#include "capture/recording/ebml.h"
 
 #define CLUSTER_NS    1000000000
 #define CLUSTER_BYTES ((int64_t)32 << 20)

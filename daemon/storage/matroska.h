@@ -4,8 +4,6 @@
 
 #include "daemon/storage/spans.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_MATROSKA_TRACK_MAX 4096 /* bytes of a track's description */
 
 struct sst_matroska_frame {
@@ -40,7 +38,5 @@ SST_MUST_CHECK int sst_matroska_find_track(const uint8_t *data, size_t n, int nu
  */
 SST_MUST_CHECK int sst_matroska_plan(struct sst_spans *to, const struct sst_matroska_track *track, const char *title,
                                      int64_t wall_ns, const struct sst_matroska_frame *frame, size_t count);
-
-SST_EXTERN_C_END
 
 #endif

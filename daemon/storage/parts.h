@@ -17,8 +17,6 @@
 #include "daemon/storage/triggers.h"
 #include "daemon/storage/view.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_STORE_TEXT      512
 #define SST_STORE_JOBS      4          /* that wait or run */
 #define SST_STORE_PLANS     4          /* of videos, kept for the next part that is asked for */
@@ -162,7 +160,5 @@ void sst_store_watch_text(char out[SST_STORE_WHY], const struct sst_watch *w);
 
 /** Tracks of the cameras as they are now. @return [SST_CAMERAS_MAX] to free, or NULL: no memory */
 struct sst_recorder_track *sst_store_tracks(struct sst_storage *s);
-
-SST_EXTERN_C_END
 
 #endif

@@ -6,7 +6,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/recording/shorten.h"
+#include "capture/recording/shorten.h"
 #include "daemon/storage/parts.h"
 
 /* First out of its name, so that what is left of it after a kill is no recording any more. */

@@ -9,8 +9,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_span {
     int64_t at;     /* first byte in the whole */
     int64_t offset; /* of it in the file, or in `own` */
@@ -62,7 +60,5 @@ typedef int sst_spans_fn(void *arg, const void *data, size_t n);
  */
 SST_MUST_CHECK int sst_spans_send(const struct sst_spans *s, int folder, int64_t first, int64_t n, sst_spans_fn *fn,
                                   void *arg);
-
-SST_EXTERN_C_END
 
 #endif

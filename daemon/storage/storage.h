@@ -6,12 +6,10 @@
 #include <jansson.h>
 
 #include "config/sstd.h"
-#include "daemon/capture/ring.h"
+#include "capture/array/ring.h"
 #include "daemon/events/events.h"
-#include "daemon/publish/outlet.h"
-#include "daemon/recording/recorder.h"
-
-SST_EXTERN_C_BEGIN
+#include "daemon/slot/jpeg_slot.h"
+#include "capture/recording/recorder.h"
 
 /* storage.dir:
  *   recordings/2026-11-21T18-05-00Z/   recordings as sst capture array writes them (docs/recordings.md); a new one each
@@ -83,7 +81,7 @@ SST_MUST_CHECK int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jp
  */
 SST_MUST_CHECK int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name);
 
-/** Something that is kept, to read as daemon/storage/download.h says: "NAME.tar" is all of it; "NAME" or "NAME.jpg" the
+/** Something that is kept, to read as daemon/slot/download.h says: "NAME.tar" is all of it; "NAME" or "NAME.jpg" the
  *  picture of a snapshot; of a recording "NAME.r0c5.mkv" is the video of a camera, "NAME.mkv" that of the see-through
  *  view. Of a recording that is being written videos give what is there by now. Somebody who reads nothing for a minute
  *  is given up.
@@ -115,7 +113,5 @@ SST_MUST_CHECK bool sst_storage_finish(struct sst_storage *s, int timeout_ms);
 
 /** The same, and free it: nobody calls any more. @return as above; false: it is not freed */
 SST_MUST_CHECK bool sst_storage_close(struct sst_storage *s, int timeout_ms);
-
-SST_EXTERN_C_END
 
 #endif

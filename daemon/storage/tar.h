@@ -4,8 +4,6 @@
 
 #include "daemon/storage/spans.h"
 
-SST_EXTERN_C_BEGIN
-
 /**
  * Plan the archive (POSIX ustar) of a folder's regular files and folders as they are now, in the order of their names;
  * links and devices are left out.
@@ -16,7 +14,5 @@ SST_EXTERN_C_BEGIN
  * @return 0, -ENAMETOOLONG, -ENOMEM or -errno of reading; not logged.
  */
 SST_MUST_CHECK int sst_tar_plan(struct sst_spans *to, int fd, const char *name);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "config/sstd.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Something is seen when its share is reached, and still seen down to half of that. What is seen begins when that was
  * so for begin_s, and ends when it was not for end_s, in two sets at least; sets that say otherwise meanwhile take as
  * much time off again, and one odd set never changes anything. */
@@ -59,7 +57,5 @@ bool sst_watch_tell(struct sst_watch *w, double value, int64_t t_ns);
 
 /** How something stands goes on under other settings. */
 void sst_watch_go_on(struct sst_watch *w, const struct sst_watch *before);
-
-SST_EXTERN_C_END
 
 #endif

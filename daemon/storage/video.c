@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "base/file.h"
-#include "daemon/recording/recording.h"
+#include "capture/recording/recording.h"
 #include "daemon/storage/matroska.h"
 
 #define HEAD_BYTES ((size_t)1 << 20) /* that hold the description of all tracks of a segment */

@@ -4,8 +4,6 @@
 
 #include "daemon/storage/spans.h"
 
-SST_EXTERN_C_BEGIN
-
 /* The see-through view of a recording: pictures one after the other, and a line of JSON for each. */
 #define SST_VIDEO_PICTURES "view.mjpeg"
 #define SST_VIDEO_INDEX    "view.jsonl"
@@ -37,7 +35,5 @@ SST_MUST_CHECK int sst_video_plan_camera(struct sst_spans *to, const char *dir, 
 
 /** Likewise the see-through view. @return as above; -ENOENT: none was recorded */
 SST_MUST_CHECK int sst_video_plan_view(struct sst_spans *to, const char *dir);
-
-SST_EXTERN_C_END
 
 #endif

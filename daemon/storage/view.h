@@ -7,10 +7,8 @@
 
 #include <stdio.h>
 
-#include "daemon/publish/outlet.h"
+#include "daemon/slot/jpeg_slot.h"
 #include "daemon/storage/catalog.h"
-
-SST_EXTERN_C_BEGIN
 
 #define SST_VIEW_SHOWN_MAX   4096
 #define SST_VIEW_SHOWN_BYTES ((size_t)64 << 20)
@@ -45,7 +43,5 @@ SST_MUST_CHECK int sst_view_begin(struct sst_view_files *f, const char *dir);
 SST_MUST_CHECK int sst_view_write(struct sst_view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns);
 /** Close them; the last picture is shown until end_ns. @return 0 or the error that it met; not logged */
 int sst_view_end(struct sst_view_files *f, int64_t end_ns, int64_t end_wall_ns);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "drivers/grab/grab.h"
 
-SST_EXTERN_C_BEGIN
-
 /** "White Balance, Automatic" as v4l2-ctl writes it: white_balance_automatic. */
 void sst_control_name(char *out, size_t size, const char *title);
 
@@ -16,7 +14,5 @@ void sst_control_name(char *out, size_t size, const char *title);
  * @param why  out [size]: one sentence that names every control that is not as asked; "" when all are
  */
 void sst_controls_apply(int fd, const struct sst_grab_control *control, int count, char *why, size_t size);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "drivers/grab/identity.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_GRAB_NODES_MAX 1024
 
 /**
@@ -28,7 +26,5 @@ int sst_grab_watch_fd(const struct sst_grab_watch *watch);
  */
 SST_MUST_CHECK int sst_grab_watch_next(struct sst_grab_watch *watch, struct sst_grab_node *node);
 void sst_grab_watch_close(struct sst_grab_watch *watch);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "drivers/grab/grab.h"
 
-SST_EXTERN_C_BEGIN
-
 /**
  * Set format, size and rate, and read them back.
  *
@@ -18,7 +16,5 @@ SST_MUST_CHECK int sst_format_set(int fd, const struct sst_grab_config *cfg, siz
 
 /** One line of what a camera offers: "MJPG 1920x1080 1280x720, YUYV 640x480". */
 void sst_format_summary(int fd, char *out, size_t size);
-
-SST_EXTERN_C_END
 
 #endif

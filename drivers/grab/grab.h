@@ -6,8 +6,6 @@
 
 #include "base/frame.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_GRAB_NAME_MAX     64
 #define SST_GRAB_CONTROLS_MAX 32
 #define SST_GRAB_FORMATS_MAX  256
@@ -133,7 +131,5 @@ unsigned sst_frame_check(uint32_t fourcc, int width, int height, size_t stride, 
 
 /** Stops within 2 s whatever hangs. Frames not yet released must be released before. NULL is fine. */
 void sst_grab_close(struct sst_grab *grab);
-
-SST_EXTERN_C_END
 
 #endif

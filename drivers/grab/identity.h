@@ -4,8 +4,6 @@
 
 #include "drivers/grab/grab.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_WHY_MAX 512
 
 /** A node and what else discovery knows of it. */
@@ -35,7 +33,5 @@ bool sst_grab_is_usb_port(const char *port);
 
 /** "camera 3 (serial A1)" or "camera 3 (port 1-2.4)" for messages. */
 void sst_grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_binding *binding);
-
-SST_EXTERN_C_END
 
 #endif

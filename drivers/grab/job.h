@@ -5,8 +5,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_jobs; /* opaque; start, collect and destroy on one thread */
 
 /** First member of the caller's object, which is on the heap and belongs to the job until it is done. */
@@ -38,7 +36,5 @@ int sst_jobs_running(const struct sst_jobs *jobs);
 
 /** Does not wait: what still runs is discarded when it ends, and what it hangs in is the kernel's. NULL is fine. */
 void sst_jobs_destroy(struct sst_jobs *jobs);
-
-SST_EXTERN_C_END
 
 #endif

@@ -6,8 +6,6 @@
 
 #include "drivers/grab/grab.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_LADDER_RETRY_NS INT64_C(200000000)      /* pause after a rung that could not be carried out */
 #define SST_LADDER_SETTLE_NS INT64_C(10000000000)   /* a camera that falters again sooner goes on where it was */
 #define SST_LADDER_BACK_OFF_NS INT64_C(1000000000)  /* the first one; each next is twice as long ... */
@@ -57,7 +55,5 @@ int sst_ladder_step(struct sst_ladder *ladder, enum sst_ladder_event event, int6
 
 /** Is the camera's going away what a rung is for? Then it is to be opened again when it is back. */
 bool sst_ladder_expects_loss(const struct sst_ladder *ladder);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "drivers/grab/identity.h"
 
-SST_EXTERN_C_BEGIN
-
 /** ioctl() repeated when interrupted. @return 0 or -errno */
 int sst_node_ioctl(int fd, unsigned long request, void *arg);
 
@@ -14,7 +12,5 @@ int sst_node_ioctl(int fd, unsigned long request, void *arg);
  * @return descriptor, or -errno; -ENOTTY: it is no capture node; -ENODEV also when it is another device by now
  */
 SST_MUST_CHECK int sst_node_open(struct sst_grab_device *device);
-
-SST_EXTERN_C_END
 
 #endif

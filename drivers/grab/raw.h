@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /** Bytes that a whole frame takes at least, 0 for formats not known here. @param stride  bytes of a luma row; 0: packed
  */
 size_t sst_raw_bytes(uint32_t fourcc, int width, int height, size_t stride);
@@ -17,7 +15,5 @@ void sst_fourcc_name(char out[5], uint32_t fourcc);
 
 /** FNV-like hash of whole frames, 32 bytes a step: two frames of equal hash are taken for the same. */
 uint64_t sst_frame_hash(const uint8_t *data, size_t bytes);
-
-SST_EXTERN_C_END
 
 #endif

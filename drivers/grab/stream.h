@@ -5,8 +5,6 @@
 
 #include "drivers/grab/identity.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_STREAM_BUFFERS_MAX 32
 
 /**
@@ -62,7 +60,5 @@ int sst_stream_lent(struct sst_stream *stream);
 
 /** Give a frame back.  Thread: any. */
 void sst_stream_release(struct sst_frame *frame);
-
-SST_EXTERN_C_END
 
 #endif

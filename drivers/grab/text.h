@@ -4,11 +4,7 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /** Append to a string in a buffer of `size`; what does not fit is cut off. */
 void sst_text_add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
-
-SST_EXTERN_C_END
 
 #endif

@@ -6,8 +6,6 @@
 #include "drivers/rig/profile.h"
 #include "drivers/rig/rig.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_rig_bus; /* opaque; one thread at a time */
 
 /**
@@ -45,7 +43,5 @@ SST_MUST_CHECK int sst_rig_bus_restore(struct sst_rig_bus *bus, int reconnect_ms
                                        void *arg);
 
 void sst_rig_bus_counters(const struct sst_rig_bus *bus, struct sst_rig_counters *out);
-
-SST_EXTERN_C_END
 
 #endif

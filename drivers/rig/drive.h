@@ -8,8 +8,6 @@
 #include "drivers/rig/profile.h"
 #include "drivers/rig/rig.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_rig_status {
     bool flag[SST_RIG_FLAGS];
     int32_t um;
@@ -53,7 +51,5 @@ SST_MUST_CHECK int sst_rig_drive_run(struct sst_rig *rig, int a, enum sst_rig_se
 
 /** Sleep in steps that end early when the rig is cancelled. */
 void sst_rig_sleep_ms(struct sst_rig *rig, int ms);
-
-SST_EXTERN_C_END
 
 #endif

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "config/yaml.h"
+#include "base/yaml.h"
 
 #define PROFILE_MAX_BYTES ((size_t)256 << 10)
 

@@ -6,8 +6,6 @@
 
 #include "base/file.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_RIG_REGISTERS_MAX 64
 #define SST_RIG_STEPS_MAX     24
 #define SST_RIG_ALARMS_MAX    128
@@ -113,7 +111,5 @@ SST_MUST_CHECK int sst_rig_profile_read(struct sst_rig_profile *out, const char 
 
 /** "0x21 (following error)"; the code alone where the profile has no text. */
 void sst_rig_profile_alarm(const struct sst_rig_profile *profile, long code, char *text, size_t size);
-
-SST_EXTERN_C_END
 
 #endif

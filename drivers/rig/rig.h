@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_RIG_AXES     3
 #define SST_RIG_TEXT_MAX 256
 
@@ -86,7 +84,5 @@ void sst_rig_cancel(struct sst_rig *rig);
 
 /** Stops what moves. NULL is fine. */
 void sst_rig_close(struct sst_rig *rig);
-
-SST_EXTERN_C_END
 
 #endif

@@ -7,8 +7,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_GPIO_LINES_MAX 64
 #define SST_GPIO_NAME_MAX  64
 
@@ -87,7 +85,5 @@ SST_MUST_CHECK int sst_gpio_probe(const struct sst_gpio_wanted *wanted, char *wh
 
 /** How to get the right to open a GPIO chip, from the owner and mode that `path` has. */
 void sst_gpio_access_remedy(const char *path, char *text, size_t size);
-
-SST_EXTERN_C_END
 
 #endif

@@ -5,8 +5,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /** One change of lines. */
 struct sst_pulse_step {
     int64_t at_ns;   /* after the beat */
@@ -37,7 +35,5 @@ static inline int64_t sst_ns(int64_t s, int64_t ns)
 {
     return s * 1000000000 + ns;
 }
-
-SST_EXTERN_C_END
 
 #endif

@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_TRIGGER_LINES_MAX 64
 #define SST_TRIGGER_NAME_MAX  64
 
@@ -92,7 +90,5 @@ void sst_trigger_counters(struct sst_trigger *trigger, struct sst_trigger_counte
 
 /** Ends a train after the pulse in flight. NULL is fine. */
 void sst_trigger_close(struct sst_trigger *trigger);
-
-SST_EXTERN_C_END
 
 #endif

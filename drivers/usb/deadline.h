@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 typedef int sst_deadline_fn(void *arg);
 
 /**
@@ -15,7 +13,5 @@ typedef int sst_deadline_fn(void *arg);
  * @return what fn returns, -ETIMEDOUT, -ENOMEM or -EAGAIN (no thread)
  */
 SST_MUST_CHECK int sst_deadline_call(sst_deadline_fn *fn, const void *arg, size_t arg_size, int timeout_ms);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,14 +4,10 @@
 
 #include "drivers/usb/usb.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Bus and address as in /dev/bus/usb/BBB/DDD. Control transfers end after 1 s. Nothing is logged.
  * @return 0, -ENODEV, -EACCES, -EIO, -ETIMEDOUT, -ENOSYS (built without libusb) */
 SST_MUST_CHECK int sst_hub_reset_device(int bus, int address); /* may block for as long as the kernel does */
 SST_MUST_CHECK int sst_hub_set_port_power(int bus, int address, int number, bool on);
 enum sst_usb_switching sst_hub_switching(int bus, int address);
-
-SST_EXTERN_C_END
 
 #endif

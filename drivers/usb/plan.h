@@ -17,8 +17,6 @@
 
 #include "drivers/usb/usb.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_usb_stream {
     int device; /* index in the list of sst_usb_list() */
     int64_t
@@ -49,7 +47,5 @@ int64_t sst_usb_format_bytes_s(uint32_t fourcc, int width, int height, double ra
  *  @return 0, -ENOMEM; a plan that does not fit is 0. */
 SST_MUST_CHECK int sst_usb_plan(struct sst_usb_plan *out, const struct sst_usb_device *devices, int count,
                                 struct sst_usb_stream *streams, int stream_count);
-
-SST_EXTERN_C_END
 
 #endif

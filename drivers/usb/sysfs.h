@@ -5,8 +5,6 @@
 #include "base/file.h"
 #include "drivers/usb/usb.h"
 
-SST_EXTERN_C_BEGIN
-
 /** As sst_usb_list(), below `root` instead of /sys. */
 SST_MUST_CHECK int sst_usb_scan(struct sst_usb_device **devices, int *count, const char *root);
 
@@ -25,7 +23,5 @@ int sst_usb_compare_ports(const char *a, const char *b);
 /** The name of the hub that `port` is on ("1-2.3": "1-2"; "1-2": "usb1") and the number of the port there.
  *  @return 0, -EINVAL: no port of a hub */
 SST_MUST_CHECK int sst_usb_split_port(const char *port, char hub[SST_USB_TEXT_MAX], int *number);
-
-SST_EXTERN_C_END
 
 #endif

@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_USB_TEXT_MAX 64
 #define SST_USB_ALTS_MAX 32
 
@@ -65,7 +63,5 @@ SST_MUST_CHECK int sst_usb_reauthorise(const char *port);
  * error.
  *  @return also -ENOTSUP: the hub cannot switch ports by itself. */
 SST_MUST_CHECK int sst_usb_power_cycle(const char *port, int off_ms);
-
-SST_EXTERN_C_END
 
 #endif

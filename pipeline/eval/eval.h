@@ -4,8 +4,6 @@
 
 #include "pipeline/image/image.h"
 
-SST_EXTERN_C_BEGIN
-
 /** Disparity errors over the pixels whose truth is finite (and where mask is not 0, if given). */
 struct sst_disparity_error {
     int64_t pixels;                    /* with truth */
@@ -68,7 +66,5 @@ double sst_psnr(const struct sst_image *a, const struct sst_image *b, const stru
  */
 SST_MUST_CHECK int sst_ssim(double *out, const struct sst_image *a, const struct sst_image *b,
                             const struct sst_map_u8 *mask);
-
-SST_EXTERN_C_END
 
 #endif

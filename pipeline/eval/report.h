@@ -3,9 +3,7 @@
 #define SST_PIPELINE_EVAL_REPORT_H
 
 #include "pipeline/eval/eval.h"
-#include "pipeline/render/render.h"
-
-SST_EXTERN_C_BEGIN
+#include "pipeline/method/render/render.h"
 
 #define SST_TRUTH_MAX_OCCLUDERS 16
 
@@ -68,7 +66,5 @@ struct sst_report {
 SST_MUST_CHECK int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, const char *lf_dir,
                                    const struct sst_truth *truth, const char *truth_dir,
                                    const struct sst_render_config *cfg, int threads);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "pipeline/image/image.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Every reader checks the whole file before it returns, logs one sentence on failure (file, what is wrong, remedy),
  * leaves its output untouched on failure and returns 0, -ENOENT, -EBADMSG (not an image, truncated, of absurd size),
  * -ENOMEM or -EIO. Every writer goes through sst_outfile: whole file or none. Thread: any. */
@@ -61,7 +59,5 @@ SST_MUST_CHECK int sst_map_f32_write_pfm(const struct sst_map_f32 *map, const ch
 
 /** NumPy .npy version 1.0, little-endian float32, C order, shape dims[0..n_dims). n_dims at most 4. */
 SST_MUST_CHECK int sst_npy_write_f32(const float *data, const size_t *dims, int n_dims, const char *path);
-
-SST_EXTERN_C_END
 
 #endif

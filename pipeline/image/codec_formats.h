@@ -4,8 +4,6 @@
 
 #include "pipeline/image/image.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Files above this are no image that sst accepts: the largest image without any compression, and a header. */
 #define SST_IMAGE_MAX_BYTES (SST_IMAGE_MAX_PIXELS * 4 + 65536)
 
@@ -21,7 +19,5 @@ int sst_image_size_error(int err, const char *name, int64_t width, int64_t heigh
 /** Split `width` pixels of packed RGB into row y of the planes, and the way back. */
 void sst_rgb_unpack_row(struct sst_image *img, int y, const uint8_t *rgb);
 void sst_rgb_pack_row(uint8_t *rgb, const struct sst_image *img, int y);
-
-SST_EXTERN_C_END
 
 #endif

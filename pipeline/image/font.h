@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_FONT_WIDTH  6 /* dots from one character to the next; the last is empty */
 #define SST_FONT_HEIGHT 7
 
@@ -16,7 +14,5 @@ SST_EXTERN_C_BEGIN
  * Capitals, digits, space and - . : _ are drawn; small letters as capitals, anything else as space.
  */
 bool sst_font_dot(const char *text, int x, int y);
-
-SST_EXTERN_C_END
 
 #endif

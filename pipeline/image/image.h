@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Larger images are refused everywhere; both fit int and their product fits size_t with room to spare. */
 #define SST_IMAGE_MAX_SIDE 32768
 #define SST_IMAGE_MAX_PIXELS ((size_t)1 << 28)
@@ -86,7 +84,5 @@ static inline float *sst_map_f32_row(const struct sst_map_f32 *map, int y)
 {
     return (float *)(void *)((uint8_t *)map->data + (size_t)y * map->stride);
 }
-
-SST_EXTERN_C_END
 
 #endif

@@ -8,8 +8,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /*
  * A block of 8x8 samples begins with its mean; the rest of its code is stepped over, several symbols at a time. That is
  * what a frame's change is seen by, for a fraction of the time that decoding takes. libjpeg reads the headers.
@@ -31,7 +29,5 @@ void sst_jpeg_means_destroy(struct sst_jpeg_means *m);
  */
 SST_MUST_CHECK int sst_jpeg_means_read(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *header,
                                        int16_t *const out[3]);
-
-SST_EXTERN_C_END
 
 #endif

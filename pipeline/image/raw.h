@@ -6,8 +6,6 @@
 
 #include "pipeline/image/image.h"
 
-SST_EXTERN_C_BEGIN
-
 /** An uncompressed frame as V4L2 describes it. */
 struct sst_raw {
     uint32_t fourcc; /* V4L2: GREY, Y16, YUYV, BA81, GBRG, GRBG, RGGB */
@@ -46,7 +44,5 @@ SST_MUST_CHECK int sst_raw_part(struct sst_image *img, const struct sst_raw *raw
 
 /** Where in each 2x2 of a Bayer format the red sample is. @return false: no Bayer format */
 bool sst_raw_red(uint32_t fourcc, int *x, int *y);
-
-SST_EXTERN_C_END
 
 #endif

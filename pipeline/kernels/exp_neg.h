@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_EXP_NEG_MAX 86.0f /* exp(-86) = 4.5e-38 is the smallest result; it and its factors are normal numbers */
 
 /**
@@ -31,7 +29,5 @@ static inline float sst_exp_neg(float t)
     memcpy(&scale, &bits, sizeof(scale));
     return p * scale;
 }
-
-SST_EXTERN_C_END
 
 #endif

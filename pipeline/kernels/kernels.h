@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /*
  * A kernel is a pure function on rows. `<name>_ref.c` is its definition: the plainest loop. `<name>_tmpl.h` is the form
  * that compilers vectorise; x86/<level>.c compiles all templates for one CPU level. Nothing is contracted to FMA and no
@@ -47,7 +45,7 @@ enum sst_cpu_level {
     X(guide_cells)                                                                                                     \
     X(class_row)
 
-/* --- disparity (pipeline/disparity/) --- */
+/* --- disparity (pipeline/method/disparity/) --- */
 
 /** Matching costs are 0 (equal) to SST_COST_MAX. */
 #define SST_COST_MAX 255
@@ -152,7 +150,7 @@ typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], 
                                   const int16_t *weight, int tau, size_t n);
 #define SST_BILATERAL_STEP_Q6 96
 
-/* --- rendering (pipeline/render/) --- */
+/* --- rendering (pipeline/method/render/) --- */
 
 #define SST_BLEND_MAX          512  /* pixels that one call of a blend kernel takes at most */
 #define SST_BLEND_COLUMNS      4096 /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
@@ -194,7 +192,7 @@ typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *we
 typedef void sst_blend_take_fn(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n);
 
 /*
- * Which rays of a pixel agree (pipeline/render/verify.h). A ray votes for its own colour and, the less the farther, for
+ * Which rays of a pixel agree (pipeline/method/render/verify.h). A ray votes for its own colour and, the less the farther, for
  * those nearby; distances of colours are sums of the three differences.
  */
 #define SST_AGREE_BINS 4096 /* colours by the upper 4 bits of R, G, B */
@@ -236,7 +234,7 @@ typedef void sst_agree_near_fn(uint16_t *near, const uint8_t *const colour[3], c
 typedef void sst_agree_sum_fn(float *const acc[4], const uint16_t *const near[3], const uint8_t *const colour[3],
                               const uint8_t *vote, size_t n);
 
-/* --- live maps (pipeline/live/warp.c) --- */
+/* --- live maps (pipeline/live/scene/warp.c) --- */
 
 /** Two rows of cells of 2x2 pixels: [0] the one that a row of pixels is in, [1] the other one next to the pixels; of
  *  each n cells, and one more on both sides. */
@@ -254,7 +252,7 @@ struct sst_enlarge {
  */
 typedef void sst_enlarge_row_fn(uint16_t *disp, uint8_t *label, const struct sst_enlarge *e, size_t n);
 
-/* --- rectification (pipeline/rectify/) --- */
+/* --- rectification (pipeline/lightfield/rectify/) --- */
 
 #define SST_RESAMPLE_PHASES 256 /* positions between two pixels that have weights of their own */
 #define SST_RESAMPLE_BORDER 4   /* pixels to read on every side of a picture */
@@ -300,7 +298,7 @@ struct sst_light {
 #define SST_LIGHT_KEEP 4
 typedef void sst_light_row_fn(uint8_t *out, const struct sst_light *light, size_t n);
 
-/* --- labels (pipeline/labels/) --- */
+/* --- labels (pipeline/method/labels/) --- */
 
 #define SST_GUIDE_CELLS  16 /* at most */
 #define SST_GUIDE_VALUES 8
@@ -363,7 +361,5 @@ void sst_kernels_fill_base(struct sst_kernels *k);
 void sst_kernels_fill_avx2(struct sst_kernels *k);
 void sst_kernels_fill_avxvnni(struct sst_kernels *k);
 void sst_kernels_fill_avx512(struct sst_kernels *k);
-
-SST_EXTERN_C_END
 
 #endif

@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /** 2 atanh(z) for |z| <= 1/3, to 1e-7 of its value: the series to z^13 leaves less than z^15 / 7. */
 static inline float sst_atanh2(float z)
 {
@@ -34,7 +32,5 @@ static inline float sst_log_pos(float x)
     memcpy(&m, &bits, sizeof(m));
     return (float)k * 0.693359375f + ((float)k * -2.12194440e-4f + sst_atanh2((m - 1) / (m + 1)));
 }
-
-SST_EXTERN_C_END
 
 #endif

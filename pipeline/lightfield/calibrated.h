@@ -3,9 +3,7 @@
 #define SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
 
 #include "base/file.h"
-#include "pipeline/rectify/rectify.h"
-
-SST_EXTERN_C_BEGIN
+#include "pipeline/lightfield/rectify/rectify.h"
 
 #define SST_CALIBRATION_FILE "calibration.yaml" /* in the folder of a calibrated light field */
 
@@ -66,7 +64,5 @@ struct sst_rectify_dir_config {
  */
 SST_MUST_CHECK int sst_lightfield_rectify_dir(const struct sst_rectify_dir_config *cfg,
                                               struct sst_lightfield *calibrated);
-
-SST_EXTERN_C_END
 
 #endif

@@ -7,7 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/calib/format.h"
+#include "pipeline/camera/format.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/export_parts.h"
 #include "pipeline/lightfield/import_plan.h"

@@ -2,10 +2,8 @@
 #ifndef SST_PIPELINE_LIGHTFIELD_EXPORT_PARTS_H
 #define SST_PIPELINE_LIGHTFIELD_EXPORT_PARTS_H
 
-#include "pipeline/calib/calib.h"
+#include "pipeline/camera/calib.h"
 #include "pipeline/lightfield/import.h"
-
-SST_EXTERN_C_BEGIN
 
 /** An export at work. */
 struct sst_export_job {
@@ -43,7 +41,5 @@ SST_MUST_CHECK int sst_colmap_write(const struct sst_calib *calib, const char (*
  * so).
  */
 SST_MUST_CHECK int sst_nerfstudio_write(const struct sst_calib *calib, const char (*name)[64], const char *dir);
-
-SST_EXTERN_C_END
 
 #endif

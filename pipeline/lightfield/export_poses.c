@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/calib/format.h"
+#include "pipeline/camera/format.h"
 #include "pipeline/lightfield/export_parts.h"
 
 #define METRE_MM 1000.0

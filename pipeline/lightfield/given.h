@@ -4,8 +4,6 @@
 
 #include "pipeline/lightfield/lightfield.h"
 
-SST_EXTERN_C_BEGIN
-
 /**
  * Take the disparity (rr_cc.pfm, px per unit spacing, inf unknown) or the labels (rr_cc.png, label values) of every
  * present view from a folder; the views' size is known and their maps of this kind are empty. Labels that the class
@@ -15,7 +13,5 @@ SST_EXTERN_C_BEGIN
  */
 SST_MUST_CHECK int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, int threads);
 SST_MUST_CHECK int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int threads);
-
-SST_EXTERN_C_END
 
 #endif

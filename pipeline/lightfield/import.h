@@ -4,8 +4,6 @@
 
 #include "pipeline/lightfield/calibrated.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_import_config {
     const char *format;        /* "stanford", "hci", "folder" */
     const char *source, *out;  /* folders */
@@ -37,11 +35,5 @@ struct sst_export_config {
 
 /** Write a light field in another format. The same errors. */
 SST_MUST_CHECK int sst_export(const struct sst_export_config *cfg);
-
-/** Refuse (logged) an output that would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
- *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */
-SST_MUST_CHECK int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
-
-SST_EXTERN_C_END
 
 #endif

@@ -7,8 +7,6 @@
 
 #include "pipeline/lightfield/import.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_NAME_MAX 256
 
 /** Regular files of a folder in the order of their names, hidden ones left out. */
@@ -70,7 +68,5 @@ double sst_median(double *v, int n);
  * @return 1 and *value, 0 when the key is absent (*value stays), -EBADMSG when it is not a finite number (logged).
  */
 SST_MUST_CHECK int sst_params_number(const char *text, const char *path, const char *key, double *value);
-
-SST_EXTERN_C_END
 
 #endif

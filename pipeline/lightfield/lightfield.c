@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calib/calib.h"
+#include "pipeline/camera/calib.h"
 
 int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols)
 {

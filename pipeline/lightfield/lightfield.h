@@ -4,9 +4,7 @@
 
 #include "base/file.h"
 #include "pipeline/image/image.h"
-#include "pipeline/labels/classes.h"
-
-SST_EXTERN_C_BEGIN
+#include "pipeline/image/classes.h"
 
 #define SST_MAX_VIEWS 256
 #define SST_DISP_NONE 0xFFFFu       /* disparity unknown */
@@ -121,7 +119,5 @@ static inline double sst_disp_px(const struct sst_lightfield *lf, uint16_t disp_
 {
     return lf->disp_min_px + disp_q6 / SST_DISP_SCALE;
 }
-
-SST_EXTERN_C_END
 
 #endif

@@ -12,7 +12,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/calib/calib.h"
+#include "pipeline/camera/calib.h"
 #include "pipeline/image/codec.h"
 
 /* The kinds of derived maps and their folders. */

@@ -4,8 +4,6 @@
 
 #include "pipeline/lightfield/lightfield.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_LIGHTFIELD_VERSION 2 /* the newest; a light field without a calibration is written as 1 */
 #define SST_DISP_ABS_MAX_PX 32768.0 /* no disparity is larger than an image */
 #define SST_RANGE_MAX_PX 1023.0     /* what 16 bits of 1/64 px hold, less the mark for unknown */
@@ -39,7 +37,5 @@ void sst_calibration_drop(struct sst_lightfield *lf);
 
 /** Turn view's raw image into the rectified one, and make valid. @return 0, -EINVAL, -ENOMEM; logged. */
 SST_MUST_CHECK int sst_calibration_rectify_view(struct sst_lightfield *lf, int view);
-
-SST_EXTERN_C_END
 
 #endif

@@ -1,14 +1,12 @@
 /* pipeline/lightfield/unsure.h - where maps are poor: how many disparities around each ray no other view confirms.
  *
- * Matching gives confidence 0 to disparities that no neighbour has, which are guesses (pipeline/disparity). They are
+ * Matching gives confidence 0 to disparities that no neighbour has, which are guesses (pipeline/method/disparity). They are
  * one in a thousand where things are large, four to eight in a hundred between leaves.
  */
 #ifndef SST_PIPELINE_LIGHTFIELD_UNSURE_H
 #define SST_PIPELINE_LIGHTFIELD_UNSURE_H
 
 #include "pipeline/lightfield/lightfield.h"
-
-SST_EXTERN_C_BEGIN
 
 #define SST_UNSURE_BLOCK 32    /* sides of the blocks that are counted in, px */
 #define SST_UNSURE_FULL  0.125 /* share of a block's pixels that makes 255 of it */
@@ -23,7 +21,5 @@ struct sst_unsure {
  * logged) */
 SST_MUST_CHECK int sst_unsure_init(struct sst_unsure *u, const struct sst_lightfield *lf, int threads);
 void sst_unsure_fini(struct sst_unsure *u);
-
-SST_EXTERN_C_END
 
 #endif

@@ -7,10 +7,8 @@
 #define SST_PIPELINE_LIVE_LIVE_H
 
 #include "pipeline/lightfield/calibrated.h"
-#include "pipeline/network/network.h"
-#include "pipeline/render/render.h"
-
-SST_EXTERN_C_BEGIN
+#include "pipeline/method/network/network.h"
+#include "pipeline/method/render/render.h"
 
 #define SST_LIVE_TILE  32 /* px: side of the tiles that change is told in */
 #define SST_LIVE_ZONES 16
@@ -158,7 +156,5 @@ enum sst_live_overlay {
 /** The reference view's labels (colours of the classes over a darkened view) or disparities (colour scale over the
  *  range; unknown is black). @param out  initialised by the caller to the light field's size @return 0, -ENODATA */
 SST_MUST_CHECK int sst_live_overlay(struct sst_live *live, enum sst_live_overlay kind, struct sst_image *out);
-
-SST_EXTERN_C_END
 
 #endif

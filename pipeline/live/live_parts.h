@@ -4,10 +4,8 @@
 #ifndef SST_PIPELINE_LIVE_LIVE_PARTS_H
 #define SST_PIPELINE_LIVE_LIVE_PARTS_H
 
-#include "pipeline/live/scene.h"
-#include "pipeline/render/plan.h"
-
-SST_EXTERN_C_BEGIN
+#include "pipeline/live/scene/scene.h"
+#include "pipeline/method/render/plan.h"
 
 #define SST_LIVE_SAMPLED 5 /* views that histograms are counted from at most: the reference and the corners */
 
@@ -92,7 +90,5 @@ SST_MUST_CHECK int sst_live_focus_look(struct sst_live_focus *f, const struct ss
 
 /** Let the votes count for the time since the last step. */
 void sst_live_focus_step(struct sst_live_focus *f, int64_t t_ns);
-
-SST_EXTERN_C_END
 
 #endif

@@ -7,10 +7,8 @@
 
 #include "simulators/devices/faults.h"
 #include "simulators/devices/server.h"
-#include "simulators/usb/usb_model.h"
-#include "simulators/world/sim_world.h"
-
-SST_EXTERN_C_BEGIN
+#include "simulators/devices/usb/usb_model.h"
+#include "simulators/scene/world/sim_world.h"
 
 /* --- identity: the one place that V4L2, USB and udev agree on ----------------------------------------------------- */
 
@@ -93,7 +91,5 @@ uint64_t sst_sim_array_frames(const struct sst_sim_array *a);
 
 /** Member "cameras" of the status: an array of objects, the caller's; NULL: no memory. */
 json_t *sst_sim_array_status(const struct sst_sim_array *a);
-
-SST_EXTERN_C_END
 
 #endif

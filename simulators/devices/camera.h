@@ -7,8 +7,6 @@
 
 #include "simulators/devices/array.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_SIM_CAM_BUFFERS  32 /* as the kernel's queues */
 #define SST_SIM_CAM_CONTROLS 16
 #define SST_SIM_CAM_SHOTS    64 /* exposed, not delivered yet */
@@ -209,7 +207,5 @@ void sst_sim_array_truth(struct sst_sim_array *a, const struct sst_sim_cam *cam,
 
 /* v4l2.c */
 extern const struct sst_sim_ops sst_sim_cam_ops;
-
-SST_EXTERN_C_END
 
 #endif

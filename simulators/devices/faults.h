@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_sim_faults; /* opaque; simulator's thread */
 
 /** One fault; 0 is "all well". */
@@ -51,7 +49,5 @@ size_t sst_sim_faults_list(const struct sst_sim_faults *f, char *out, size_t siz
 /** Call fn for each value that is not 0. */
 void sst_sim_faults_each(const struct sst_sim_faults *f, void (*fn)(void *arg, const char *name, double value),
                          void *arg);
-
-SST_EXTERN_C_END
 
 #endif

@@ -1,4 +1,4 @@
-/* simulators/devices/gpio_front.c - the model of simulators/gpio behind /dev/gpiochipN. */
+/* simulators/devices/gpio_front.c - the model of simulators/devices/gpio behind /dev/gpiochipN. */
 #include "simulators/devices/gpio_front.h"
 
 #include <errno.h>
@@ -11,7 +11,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "simulators/gpio/gpio_model.h"
+#include "simulators/devices/gpio/gpio_model.h"
 
 #define CHIPS 2
 #define TRIGGER_CHIP 1

@@ -5,8 +5,6 @@
 #include "simulators/devices/faults.h"
 #include "simulators/devices/sysfs.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_sim_gpio_front; /* opaque; simulator's thread */
 
 struct sst_sim_gpio_front_config {
@@ -26,7 +24,5 @@ struct sst_sim_gpio_front_config {
 SST_MUST_CHECK int sst_sim_gpio_front_open(struct sst_sim_gpio_front **out,
                                            const struct sst_sim_gpio_front_config *cfg);
 void sst_sim_gpio_front_close(struct sst_sim_gpio_front *front);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 /*
  * A session is a folder, named by the environment variable SST_SIM_DIR:
  *   control.sock  SEQPACKET; one call and one answer at a time on each connection, as many connections as wanted
@@ -75,7 +73,5 @@ struct sst_sim_answer {
     uint32_t flags, pid;
     uint64_t arg;
 };
-
-SST_EXTERN_C_END
 
 #endif

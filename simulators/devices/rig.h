@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_sim_rig; /* opaque; simulator's thread */
 
 #define SST_SIM_RIG_LINK "/dev/serial/by-id/usb-sst_sim_rig"
@@ -34,7 +32,5 @@ extern const char sst_sim_rig_faults[];
 
 /** Member "rig" of the status; NULL: no memory. */
 json_t *sst_sim_rig_status(struct sst_sim_rig *rig);
-
-SST_EXTERN_C_END
 
 #endif

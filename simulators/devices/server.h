@@ -6,8 +6,6 @@
 
 #include "simulators/devices/proto.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Everything here runs on the one thread that calls sst_sim_server_run(). */
 struct sst_sim_server; /* opaque */
 struct sst_sim_node;   /* opaque: an entry in /dev */
@@ -144,7 +142,5 @@ SST_MUST_CHECK int sst_sim_watch(struct sst_sim_server *s, int fd, void (*fn)(vo
 /** Serve until sst_sim_server_stop(). @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_sim_server_run(struct sst_sim_server *s);
 void sst_sim_server_stop(struct sst_sim_server *s);
-
-SST_EXTERN_C_END
 
 #endif

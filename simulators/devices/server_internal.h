@@ -5,8 +5,6 @@
 #include "base/file.h"
 #include "simulators/devices/server.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_SIM_HANDLES_MAX 16384
 
 /** What epoll's pointer points to: the first member of everything that is waited for. */
@@ -86,7 +84,5 @@ struct sst_sim_node *sst_sim_node_find(struct sst_sim_server *s, const char *pat
 /* server.c */
 SST_MUST_CHECK int sst_sim_source_add(int epoll, int fd, uint32_t events, struct sst_sim_source *source);
 void sst_sim_requests_fail(struct sst_sim_server *s, struct sst_sim_handle *h, int err);
-
-SST_EXTERN_C_END
 
 #endif

@@ -7,8 +7,6 @@
 
 #include "base/file.h"
 
-SST_EXTERN_C_BEGIN
-
 /** Make a new folder for a session in $XDG_RUNTIME_DIR, /dev/shm or /tmp, for this user alone; folders there of
  * sessions that were killed are removed. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_sim_session_make(char dir[SST_PATH_MAX]);
@@ -45,7 +43,5 @@ void sst_sim_command_close(struct sst_sim_command *c);
 
 /** Ask a session: see enum sst_sim_op. @param answer  out, [size], text. @return the answer's result or -errno. */
 SST_MUST_CHECK int sst_sim_session_ask(const char *dir, unsigned op, const char *text, char *answer, size_t size);
-
-SST_EXTERN_C_END
 
 #endif

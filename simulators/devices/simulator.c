@@ -9,7 +9,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "simulators/world/settings.h"
+#include "simulators/scene/world/settings.h"
 
 struct sst_sim_simulator {
     struct sst_sim_options options;

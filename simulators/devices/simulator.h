@@ -4,8 +4,6 @@
 
 #include "simulators/devices/wires.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_sim_options {
     const char *world, *cache; /* as for sst_sim_world_open() */
     const char *truth;         /* or NULL */
@@ -25,7 +23,5 @@ SST_MUST_CHECK int sst_sim_simulator_start(struct sst_sim_simulator *sim, const 
 /** Also tells what the simulation cost. NULL is fine. */
 void sst_sim_simulator_close(struct sst_sim_simulator *sim);
 struct sst_sim_server *sst_sim_simulator_server(const struct sst_sim_simulator *sim);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "simulators/devices/server.h"
 
-SST_EXTERN_C_BEGIN
-
 /*
  * Paths are those that programs see, "/sys/devices/...". What cannot be written (a full disk) is logged once and seen
  * by programs as missing; sst_sim_sysfs_error() tells it.
@@ -57,7 +55,5 @@ void sst_sim_uevent(struct sst_sim_sysfs *fs, const char *action, const char *de
 
 /** udev's data alone, without an event. udev NULL: removed. */
 void sst_sim_udev_data(struct sst_sim_sysfs *fs, const char *id, const struct sst_sim_props *udev);
-
-SST_EXTERN_C_END
 
 #endif

@@ -5,8 +5,6 @@
 #include "base/file.h"
 #include "simulators/devices/sysfs.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_sim_listener;
 
 struct sst_sim_sysfs {
@@ -22,7 +20,5 @@ struct sst_sim_sysfs {
 /* uevent.c */
 SST_MUST_CHECK int sst_sim_events_open(struct sst_sim_sysfs *fs);
 void sst_sim_events_close(struct sst_sim_sysfs *fs);
-
-SST_EXTERN_C_END
 
 #endif

@@ -1,4 +1,4 @@
-/* simulators/devices/usb_front.c - the model of simulators/usb, shown to programs; and its faults. */
+/* simulators/devices/usb_front.c - the model of simulators/devices/usb, shown to programs; and its faults. */
 #include "simulators/devices/usb_front.h"
 
 #include <errno.h>

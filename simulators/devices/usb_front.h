@@ -4,9 +4,7 @@
 
 #include "simulators/devices/faults.h"
 #include "simulators/devices/sysfs.h"
-#include "simulators/usb/usb_model.h"
-
-SST_EXTERN_C_BEGIN
+#include "simulators/devices/usb/usb_model.h"
 
 struct sst_sim_usb_front; /* opaque; simulator's thread */
 
@@ -36,7 +34,5 @@ struct sst_sim_usb *sst_sim_usb_front_model(struct sst_sim_usb_front *front);
  * @return false: a hub above it is away, so the node must go again
  */
 bool sst_sim_usb_front_video(struct sst_sim_usb_front *front, int cam, bool present, int node);
-
-SST_EXTERN_C_END
 
 #endif

@@ -5,8 +5,6 @@
 #include "base/file.h"
 #include "simulators/devices/usb_front.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_SIM_USB_MAJOR 189
 
 struct usb_file;
@@ -63,7 +61,5 @@ extern const struct sst_sim_ops usb_attribute_ops, usb_driver_ops;
 
 /* usbfs.c */
 extern const struct sst_sim_ops usb_file_ops;
-
-SST_EXTERN_C_END
 
 #endif

@@ -5,8 +5,6 @@
 #include "simulators/devices/array.h"
 #include "simulators/devices/rig.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_sim_wires; /* opaque; simulator's thread */
 
 struct sst_sim_wires_options {
@@ -35,7 +33,5 @@ SST_MUST_CHECK int sst_sim_wires_attach(struct sst_sim_wires *wires, struct sst_
 
 /** After the array has been closed. NULL is fine. */
 void sst_sim_wires_close(struct sst_sim_wires *wires);
-
-SST_EXTERN_C_END
 
 #endif

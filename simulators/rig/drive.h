@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_sim_drive; /* opaque; its servers run on threads of their own; all calls from any thread */
 
 struct sst_sim_drive_config {
@@ -26,7 +24,5 @@ void sst_sim_drive_pose(struct sst_sim_drive *drive, int64_t t_ns, int32_t pose_
  */
 SST_MUST_CHECK int sst_sim_drive_fault(struct sst_sim_drive *drive, const char *name, const char *value, char *error,
                                        size_t error_size);
-
-SST_EXTERN_C_END
 
 #endif

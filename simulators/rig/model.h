@@ -6,8 +6,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_SIM_AXES  3
 #define SST_SIM_TRACE 8192 /* ticks of 1 ms whose true positions are kept */
 
@@ -97,7 +95,5 @@ int32_t sst_sim_axis_commanded(const struct sst_sim_axis *axis); /* counts */
 void sst_sim_axis_alarm(struct sst_sim_axis *axis, uint16_t code);
 /** The drive starts anew: not homed, servo off, counters at 0 where it stands. */
 void sst_sim_axis_power_loss(struct sst_sim_axis *axis);
-
-SST_EXTERN_C_END
 
 #endif

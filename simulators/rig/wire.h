@@ -4,8 +4,6 @@
 
 #include "simulators/rig/model.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_SIM_PDU_MAX 253
 
 /** When a fault of the wire strikes: the next `left` replies, or every `every`-th. */
@@ -44,7 +42,5 @@ size_t sst_sim_request_size(const uint8_t *pdu, size_t have);
 /** As sst_sim_drive_fault() of drive.h. */
 SST_MUST_CHECK int sst_sim_drives_fault(struct sst_sim_drives *bus, const char *name, const char *value, char *error,
                                         size_t error_size);
-
-SST_EXTERN_C_END
 
 #endif

@@ -1,5 +1,5 @@
 /* The scenes on a table: "transportation", "humvee", "cd-cases", "cat", and "cell" under a microscope. */
-#include "pipeline/labels/classes.h"
+#include "pipeline/image/classes.h"
 #include "simulators/scene/models.h"
 
 /*

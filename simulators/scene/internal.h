@@ -4,8 +4,6 @@
 
 #include "simulators/scene/world.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_SCENE_MAX_VIEWS 256
 
 struct sst_scene {
@@ -16,7 +14,5 @@ struct sst_scene {
 
 /** A raster of one view with all outputs NULL. */
 void sst_scene_raster(const struct sst_scene *scene, double bx, double by, unsigned hidden, struct sst_raster *out);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "simulators/scene/world.h"
 
-SST_EXTERN_C_BEGIN
-
 /** A model stands at `base` on the ground, its front turned by `yaw` rad from the picture's right towards the cameras;
  *  `scale` is that of the model to the real thing. */
 struct sst_stand {
@@ -19,7 +17,5 @@ void sst_add_motorcycle(struct sst_world *w, struct sst_stand at);
 void sst_add_humvee(struct sst_world *w, struct sst_stand at);
 void sst_add_cat(struct sst_world *w, struct sst_stand at);
 void sst_add_hen(struct sst_world *w, struct sst_stand at);
-
-SST_EXTERN_C_END
 
 #endif

@@ -4,8 +4,6 @@
 
 #include "base/base.h"
 
-SST_EXTERN_C_BEGIN
-
 struct sst_vec3 {
     double x, y, z;
 };
@@ -34,7 +32,5 @@ float sst_noise(struct sst_vec3 p, uint32_t seed);
 /** Sum of octaves of noise, each of twice the frequency and half the size; 0..1, mean 0.5, stretched to use the range.
  */
 float sst_fbm(struct sst_vec3 p, int octaves, uint32_t seed);
-
-SST_EXTERN_C_END
 
 #endif

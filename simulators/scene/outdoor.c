@@ -1,5 +1,5 @@
 /* The scenes "bush" and "pedestrian". */
-#include "pipeline/labels/classes.h"
+#include "pipeline/image/classes.h"
 #include "simulators/scene/world.h"
 
 /* --- bush: a man on a sofa before a house, behind dense leaves --------------------------------------------------- */

@@ -4,8 +4,6 @@
 
 #include "simulators/scene/world.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_BAND_ROWS 16
 #define SST_COLOURS   4 /* samples that make the colour; */
 #define SST_CENTRE    4 /* and the one that makes the truth */
@@ -54,7 +52,5 @@ void sst_band_colour(struct sst_band *b, const bool *only);
 void sst_band_translucent(struct sst_band *b, uint32_t index);
 /** Write the outputs of the raster. */
 void sst_band_store(const struct sst_band *b);
-
-SST_EXTERN_C_END
 
 #endif

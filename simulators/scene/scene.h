@@ -4,8 +4,6 @@
 
 #include "pipeline/image/image.h"
 
-SST_EXTERN_C_BEGIN
-
 #define SST_SCENE_MAX_OCCLUDERS 4
 
 struct sst_scene_config {
@@ -58,7 +56,5 @@ SST_MUST_CHECK int sst_scene_render(const struct sst_scene *scene, double bx, do
 
 /** Write a whole light-field folder with LF/truth as DESIGN section 9 says. @return as sst_import(). */
 SST_MUST_CHECK int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const char *out, bool force);
-
-SST_EXTERN_C_END
 
 #endif

@@ -9,8 +9,6 @@
 #include "simulators/scene/noise.h"
 #include "simulators/scene/scene.h"
 
-SST_EXTERN_C_BEGIN
-
 /* Positions are mm in the frame of the reference view: x right, y down, z forward. Design pixels are those of a picture
  * 1000 px wide, counted from the principal point; every other size is the same picture scaled. */
 
@@ -294,7 +292,5 @@ void sst_layers_destroy(struct sst_layers *layers);
 /** Draw rows y0 .. y1-1 of the image as they are in another state of the world: the same bytes as by sst_raster_run().
  */
 void sst_layers_draw(struct sst_layers *layers, const struct sst_world *world, int y0, int y1);
-
-SST_EXTERN_C_END
 
 #endif

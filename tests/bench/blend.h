@@ -2,9 +2,11 @@
 #ifndef SST_TESTS_BENCH_BLEND_H
 #define SST_TESTS_BENCH_BLEND_H
 
-#include "pipeline/render/render.h"
+#include "base/base.h"
 
 SST_EXTERN_C_BEGIN
+
+#include "pipeline/method/render/render.h"
 
 struct bench_blend; /* the views as OpenCV holds them, interleaved, and a weight of every ray; opaque */
 

@@ -13,8 +13,8 @@
 #include <jansson.h>
 
 #include "base/clock.h"
-#include "pipeline/solve/solve.h"
-#include "pipeline/rectify/rectify.h"
+#include "pipeline/calibration/solve/solve.h"
+#include "pipeline/lightfield/rectify/rectify.h"
 #include "tests/calib_truth.h"
 
 #define ACROSS    13 /* points over the picture of the reference camera */

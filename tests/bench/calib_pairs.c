@@ -13,7 +13,7 @@
 #include <jansson.h>
 
 #include "base/file.h"
-#include "pipeline/solve/solve.h"
+#include "pipeline/calibration/solve/solve.h"
 #include "pipeline/image/codec.h"
 
 #define FRAMES_MAX 100

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/disparity/stage.h"
+#include "pipeline/method/disparity/stage.h"
 #include "pipeline/eval/eval.h"
 #include "pipeline/image/codec.h"
 

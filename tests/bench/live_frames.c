@@ -12,8 +12,8 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "pipeline/live/frames.h"
-#include "simulators/world/sim_world.h"
+#include "pipeline/live/frames/frames.h"
+#include "simulators/scene/world/sim_world.h"
 
 #define FRAME_ROOM ((size_t)1 << 19)
 #define STEP_NS    100000000
@@ -244,7 +244,7 @@ int main(int argc, char **argv)
     bench("cat", "cat", count);
     bench_noisy(count);
     bench("pedestrian", "pedestrian", count);
-    bench("pedestrian, real cameras", "simulators/world/worlds/array.yaml", count);
+    bench("pedestrian, real cameras", "simulators/scene/world/worlds/array.yaml", count);
     bench("bush", "bush", count);
     return 0;
 }

@@ -23,10 +23,10 @@
 #include "base/file.h"
 #include "base/thread.h"
 #include "pipeline/live/live.h"
-#include "pipeline/render/plan.h"
+#include "pipeline/method/render/plan.h"
 #include "simulators/scene/scene.h"
-#include "simulators/world/settings.h"
-#include "simulators/world/sim_world.h"
+#include "simulators/scene/world/settings.h"
+#include "simulators/scene/world/sim_world.h"
 
 #define WIDTH     640
 #define HEIGHT    480

@@ -15,14 +15,14 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/disparity/disparity.h"
+#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/eval/eval.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/live/scene.h"
-#include "pipeline/live/scene_parts.h"
-#include "pipeline/refine/refine.h"
+#include "pipeline/live/scene/scene.h"
+#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/method/refine/refine.h"
 #include "simulators/scene/scene.h"
-#include "simulators/world/sim_world.h"
+#include "simulators/scene/world/sim_world.h"
 
 #define WIDTH    640
 #define HEIGHT   480

@@ -11,9 +11,9 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/mem.h"
-#include "pipeline/disparity/stage.h"
-#include "pipeline/network/graph.h"
-#include "pipeline/network/network.h"
+#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/network/graph.h"
+#include "pipeline/method/network/network.h"
 
 extern void omp_set_num_threads(int n);
 

@@ -9,7 +9,7 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "simulators/world/sim_world.h"
+#include "simulators/scene/world/sim_world.h"
 
 #define FRAMES 2000
 

@@ -6,10 +6,10 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/disparity/disparity.h"
+#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/eval/eval.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/network/model_path.h"
+#include "pipeline/method/network/model_path.h"
 #include "tests/bench/sgbm.h"
 
 #define DISPARITIES 64 /* the truth of all pairs lies within 0..63 px */

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "pipeline/network/manifest.h"
+#include "pipeline/method/network/manifest.h"
 #include "tests/fuzz/seeds.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

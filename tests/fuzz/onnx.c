@@ -2,10 +2,10 @@
  * enough. `make fuzz` builds and runs it. */
 #include <stdlib.h>
 
-#include "pipeline/network/graph.h"
-#include "pipeline/network/onnx.h"
-#include "pipeline/network/plan.h"
-#include "pipeline/network/summary.h"
+#include "pipeline/method/network/graph.h"
+#include "pipeline/method/network/onnx.h"
+#include "pipeline/method/network/plan.h"
+#include "pipeline/method/network/summary.h"
 #include "tests/fuzz/seeds.h"
 #include "tests/onnx_writer.h"
 

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#include "pipeline/labels/model_info.h"
+#include "pipeline/method/labels/model_info.h"
 #include "tests/fuzz/seeds.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

@@ -17,7 +17,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "pipeline/image/codec.h"
-#include "simulators/world/strip.h"
+#include "simulators/scene/world/strip.h"
 
 #define KILLS       3
 #define RUN_LIMIT_S 120
@@ -36,7 +36,7 @@ static void enter_session(char **argv)
 {
     const char *build = getenv("SST_BUILD") ? getenv("SST_BUILD") : "build";
     char path[512];
-    const char *const args[] = { path,    "--quiet",    "--world", "simulators/world/worlds/small.yaml",
+    const char *const args[] = { path,    "--quiet",    "--world", "simulators/scene/world/worlds/small.yaml",
                                  "--rig", "--rig-port", "0",       "--",
                                  argv[0], argv[1],      NULL };
 

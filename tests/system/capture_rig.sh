@@ -59,7 +59,7 @@ wait
 exit $bad
 INSIDE
 export sim sst
-timeout 600 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/world/worlds/small.yaml" -- bash inside.sh "${rig[@]}" ||
+timeout 600 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/scene/world/worlds/small.yaml" -- bash inside.sh "${rig[@]}" ||
   fail "see above"
 if [ -f lf/lightfield.json ]; then
   "$sst" render lf --focus 3 --method refocus -o seen.png || fail "sst render does not read it"

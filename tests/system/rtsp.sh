@@ -26,7 +26,7 @@ trap 'kill -9 $daemon $hung 2>/dev/null; rm -rf "$tmp"' EXIT
 # begin: start the service; its process is $daemon
 begin() {
   rm -f pid
-  "$build/sst-sim" --quiet --world "$root/simulators/world/worlds/quick.yaml" -- \
+  "$build/sst-sim" --quiet --world "$root/simulators/scene/world/worlds/quick.yaml" -- \
     sh -c 'echo $$ >pid; exec "$0" --config sstd.yaml' "$build/sstd" >sstd.log 2>&1 &
   session=$!
   written pid

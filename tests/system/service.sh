@@ -20,7 +20,7 @@ zones: [{name: all, x0: 0, y0: 0, x1: 1, y1: 1}]
 YAML
 
 # A session that stays while services come and go in it.
-"$build/sst-sim" --quiet --world "$root/simulators/world/worlds/quick.yaml" --serve session >sim.log 2>&1 &
+"$build/sst-sim" --quiet --world "$root/simulators/scene/world/worlds/quick.yaml" --serve session >sim.log 2>&1 &
 sim=$!
 trap 'kill -9 $daemon 2>/dev/null; kill $sim 2>/dev/null && ended $sim "the simulator"; rm -rf "$tmp"' EXIT
 for _ in $(seq 600); do "$build/sst-sim" fault --dir session --list >/dev/null 2>&1 && break; sleep 0.1; done

@@ -251,5 +251,5 @@ sys.exit(failed)
 PY
 watch_machine
 export XDG_CACHE_HOME="${XDG_CACHE_HOME:-$HOME/.cache}"
-timeout 600 "$build/sst-sim" --quiet --world "$root/simulators/world/worlds/quick.yaml" -- /usr/bin/python3 run.py "$build" "$tmp" "$root/tests" 2>&1 || fail "exit $?"
+timeout 600 "$build/sst-sim" --quiet --world "$root/simulators/scene/world/worlds/quick.yaml" -- /usr/bin/python3 run.py "$build" "$tmp" "$root/tests" 2>&1 || fail "exit $?"
 exit $failed

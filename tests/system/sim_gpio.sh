@@ -3,7 +3,7 @@
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 until=$root/tests/until.sh
-sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/world/worlds/small.yaml"
+sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/scene/world/worlds/small.yaml"
 for p in gpioinfo gpioset gpioget gpiomon gpiofind gpiodetect v4l2-ctl; do
   command -v $p >/dev/null || { echo "$p is not installed (scripts/deps.sh)"; exit 77; }
 done
@@ -17,7 +17,7 @@ grep -Eq 'line +1: +"TRIG1" +unused +input +active-high' out || fail "gpioinfo: 
 
 # --- from a folder whose name LD_PRELOAD cannot hold
 mkdir 'a b:c' && cp "$build"/{sst-sim,libsst-sim-preload.so} 'a b:c'
-timeout 600 'a b:c/sst-sim' --quiet --world "$root/simulators/world/worlds/small.yaml" -- gpiodetect >out 2>&1
+timeout 600 'a b:c/sst-sim' --quiet --world "$root/simulators/scene/world/worlds/small.yaml" -- gpiodetect >out 2>&1
 grep -q '^gpiochip1 \[sst-trigger\]' out && [ -e 'a b:c/libsst-sim-preload.so' ] || fail "a name with a space: $(cat out)"
 
 # --- edges through the loop-back wire, by both versions of the uAPI; a line in use is shown and refused

@@ -2,7 +2,7 @@
 # The simulated USB tree under lsusb, libusb, libudev, udevadm and the shell: who is there, comes and goes, and fits.
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
-sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/world/worlds/small.yaml"
+sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/scene/world/worlds/small.yaml"
 bus=$build/tests/tools/sim_bus
 for p in lsusb v4l2-ctl; do
   command -v $p >/dev/null || { echo "$p is not installed (scripts/deps.sh)"; exit 77; }

@@ -3,7 +3,7 @@
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 until=$root/tests/until.sh
-sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/world/worlds/small.yaml"
+sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/scene/world/worlds/small.yaml"
 grab="$build/tests/tools/sim_grab"
 for p in v4l2-compliance v4l2-ctl ffmpeg gpioset; do
   command -v $p >/dev/null || { echo "$p is not installed (scripts/deps.sh)"; exit 77; }
@@ -151,7 +151,7 @@ holds "joined" '$1 == 0' 1
 [ -e served ] && fail "the session's folder stayed"
 mkdir -p usr/bin usr/lib
 cp "$build/sst-sim" usr/bin; cp "$build/libsst-sim-preload.so" usr/lib
-timeout 600 usr/bin/sst-sim --quiet --world "$root/simulators/world/worlds/small.yaml" -- "$grab" /dev/video0 1 >out 2>err
+timeout 600 usr/bin/sst-sim --quiet --world "$root/simulators/scene/world/worlds/small.yaml" -- "$grab" /dev/video0 1 >out 2>err
 holds "installed" '$1 == 0' 1
 mkdir full; touch full/mine
 $sim --serve full 2>err && fail "a folder in use was taken"

@@ -5,7 +5,7 @@
  * bent=-1 moved=-1 rig=0 light=1 pictures=1 nasty=0 (names with markup) cross=0.061 (nan: not done) plain=0 (nothing
  * optional) */
 #include "base/clock.h"
-#include "pipeline/report/report.h"
+#include "pipeline/calibration/report/report.h"
 #include "tests/calib_solution.h"
 
 static struct {

@@ -22,11 +22,11 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/recording/recording.h"
+#include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/live/live.h"
-#include "pipeline/network/model_path.h"
-#include "simulators/world/sim_world.h"
+#include "pipeline/method/network/model_path.h"
+#include "simulators/scene/world/sim_world.h"
 #include "tests/live_truth.h"
 
 #define FRAME_MAX ((size_t)4 << 20)

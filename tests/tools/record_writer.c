@@ -17,8 +17,8 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "daemon/recording/pixel_format.h"
-#include "daemon/recording/recording.h"
+#include "capture/recording/pixel_format.h"
+#include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
 #include "tests/synthetic_sets.h"
 

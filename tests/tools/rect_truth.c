@@ -17,8 +17,8 @@
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
-#include "pipeline/rectify/rectify.h"
-#include "simulators/world/render.h"
+#include "pipeline/lightfield/rectify/rectify.h"
+#include "simulators/scene/world/render.h"
 
 #define HIDDEN 0.998 /* a surface nearer than this share of a point's depth hides it */
 

@@ -11,8 +11,8 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/board/homography.h"
-#include "pipeline/board/print.h"
+#include "pipeline/calibration/board/homography.h"
+#include "pipeline/calibration/board/print.h"
 #include "pipeline/image/codec.h"
 
 #include <errno.h>

@@ -12,7 +12,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/calib/format.h"
+#include "pipeline/camera/format.h"
 
 static char dir[] = "/tmp/sst-formats-XXXXXX";
 

@@ -1,4 +1,4 @@
-/* pipeline/report: figures against hand-worked ones, verdicts, words, and pages of ordinary, odd and empty
+/* pipeline/calibration/report: figures against hand-worked ones, verdicts, words, and pages of ordinary, odd and empty
  * solutions. That the pages are well-formed is for tests/system/calib_report.sh to see. */
 #include <errno.h>
 #include <math.h>
@@ -15,7 +15,7 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "pipeline/report/report_parts.h"
+#include "pipeline/calibration/report/report_parts.h"
 #include "tests/calib_solution.h"
 
 static char dir[] = "/tmp/sst-calib-report-XXXXXX";

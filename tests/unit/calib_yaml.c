@@ -13,7 +13,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/calib/calib.h"
+#include "pipeline/camera/calib.h"
 
 static char path[] = "/tmp/sst-calib-XXXXXX.yaml";
 

@@ -15,11 +15,11 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/disparity/disparity.h"
+#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/import.h"
-#include "pipeline/render/render.h"
+#include "pipeline/method/render/render.h"
 #include "tests/small.h"
 
 #define ROWS   2

@@ -1,4 +1,4 @@
-/* pipeline/calib/check: light fields of known texture, depth and misalignment; what the check must find, and must not.
+/* pipeline/camera/check: light fields of known texture, depth and misalignment; what the check must find, and must not.
  *
  * A view shows two depths (a disc before a wall), computed at exact places, so shifts and rolls of any size are exact.
  */
@@ -16,7 +16,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/check/check_parts.h"
+#include "pipeline/calibration/drift/check_parts.h"
 #include "simulators/scene/noise.h"
 #include "tests/small.h"
 

@@ -18,7 +18,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/labels/classes.h"
+#include "pipeline/image/classes.h"
 
 #define ROBUSTNESS "../shared/data/jpeg-robustness"
 

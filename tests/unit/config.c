@@ -15,7 +15,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "config/schema.h"
-#include "config/yaml.h"
+#include "base/yaml.h"
 
 static struct sst_config cfg, other;
 static char folder[64], said[8192];

@@ -11,7 +11,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/board/coverage.h"
+#include "pipeline/calibration/board/coverage.h"
 #include "tests/board_scene.h"
 
 static struct sst_board parsed(const char *text)

@@ -12,7 +12,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/board/detect.h"
+#include "pipeline/calibration/board/detect.h"
 #include "tests/board_scene.h"
 #include "tests/small.h"
 

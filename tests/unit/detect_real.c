@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "base/file.h"
-#include "pipeline/board/detect.h"
+#include "pipeline/calibration/board/detect.h"
 #include "pipeline/image/codec.h"
 
 #define FOLDER "../shared/data/calib-opencv-stereo"

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/disparity/stage.h"
+#include "pipeline/method/disparity/stage.h"
 
 #define NONE      ((int)SST_DISP_NONE)
 #define MAX_CELLS 4096

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/disparity/disparity.h"
+#include "pipeline/method/disparity/disparity.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
 

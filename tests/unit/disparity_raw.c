@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/disparity/stage.h"
+#include "pipeline/method/disparity/stage.h"
 #include "tests/onnx_writer.h"
 
 #define WIDTH 80

@@ -12,8 +12,8 @@
 #include <cmocka.h>
 
 #include "base/mem.h"
-#include "pipeline/disparity/stage.h"
-#include "pipeline/network/network.h"
+#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/network/network.h"
 #include "tests/onnx_writer.h"
 
 #define SHIPPED "models/mccnn-fast.onnx"

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/labels/labels.h"
+#include "pipeline/method/labels/labels.h"
 
 /* Entropies below, at and above the threshold, and one that is infinite. */
 static void labels_below_the_threshold_are_kept(void **state SST_UNUSED)

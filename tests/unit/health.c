@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "daemon/capture/health.h"
+#include "capture/array/health.h"
 
 enum { CAMERAS = 36 };
 

@@ -1,4 +1,4 @@
-/* pipeline/calib/camera.c: the lens model and its inverse, and rotations as vectors. */
+/* pipeline/camera/camera.c: the lens model and its inverse, and rotations as vectors. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/calib/calib.h"
+#include "pipeline/camera/calib.h"
 
 static struct sst_calib_camera camera(int lens, const double *k)
 {

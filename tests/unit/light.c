@@ -12,8 +12,8 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "pipeline/light/light.h"
-#include "pipeline/rectify/light_map.h"
+#include "pipeline/calibration/photometric/light.h"
+#include "pipeline/lightfield/rectify/light_map.h"
 
 #define WIDTH  640
 #define HEIGHT 480

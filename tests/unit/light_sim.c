@@ -5,10 +5,10 @@
 #include "tests/sim_test.h"
 
 #include "pipeline/image/codec.h"
-#include "pipeline/light/light.h"
-#include "simulators/world/board.h"
-#include "simulators/world/jpeg.h"
-#include "simulators/world/render.h"
+#include "pipeline/calibration/photometric/light.h"
+#include "simulators/scene/world/board.h"
+#include "simulators/scene/world/jpeg.h"
+#include "simulators/scene/world/render.h"
 
 struct shoot {
     const struct sst_sim_settings *settings;

@@ -15,9 +15,9 @@
 #include <linux/videodev2.h>
 
 #include "base/file.h"
-#include "pipeline/live/change.h"
-#include "pipeline/live/frames.h"
-#include "simulators/world/sim_world.h"
+#include "pipeline/live/frames/change.h"
+#include "pipeline/live/frames/frames.h"
+#include "simulators/scene/world/sim_world.h"
 
 #ifdef __SANITIZE_THREAD__
 #define WATCH_THREADS true

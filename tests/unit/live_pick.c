@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "pipeline/live/live_parts.h"
-#include "pipeline/live/sweep.h"
+#include "pipeline/live/picture/sweep.h"
 
 #define SIDE   6
 #define VIEWS  (SIDE * SIDE)

@@ -11,7 +11,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/live/scene_parts.h"
+#include "pipeline/live/scene/scene_parts.h"
 #include "tests/quick.h"
 #include "tests/small.h"
 

@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/live/scene_parts.h"
+#include "pipeline/live/scene/scene_parts.h"
 
 #define COLS   8
 #define ROWS   6

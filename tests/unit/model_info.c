@@ -12,9 +12,9 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/labels/labels.h"
-#include "pipeline/labels/model_info.h"
-#include "pipeline/network/manifest.h"
+#include "pipeline/method/labels/labels.h"
+#include "pipeline/method/labels/model_info.h"
+#include "pipeline/method/network/manifest.h"
 #include "tests/onnx_writer.h"
 
 static char said[SST_LOG_MAX]; /* the last error */

@@ -11,8 +11,8 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "pipeline/network/graph.h"
-#include "pipeline/network/onnx.h"
+#include "pipeline/method/network/graph.h"
+#include "pipeline/method/network/onnx.h"
 #include "tests/onnx_writer.h"
 
 /* Parse and build as the runner does, without running; the model is taken. */

@@ -1,4 +1,4 @@
-/* daemon/recording: what is recorded is read back byte for byte, by us and by others; damage is told; what cannot be is
+/* capture/recording: what is recorded is read back byte for byte, by us and by others; damage is told; what cannot be is
  * refused. */
 #include <fcntl.h>
 
@@ -7,8 +7,8 @@
 #include <libavformat/avformat.h>
 #endif
 
-#include "daemon/recording/ebml.h"
-#include "daemon/recording/setlist.h"
+#include "capture/recording/ebml.h"
+#include "capture/recording/setlist.h"
 #include "tests/recording_tests.h"
 
 /* --- tests -------------------------------------------------------------------------------------------------------- */

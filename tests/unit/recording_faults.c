@@ -1,4 +1,4 @@
-/* daemon/recording: whatever was cut off or failed in between, what was taken is there and nothing else. */
+/* capture/recording: whatever was cut off or failed in between, what was taken is there and nothing else. */
 #include <sys/syscall.h>
 #include <sys/wait.h>
 

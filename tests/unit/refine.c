@@ -1,4 +1,4 @@
-/* pipeline/refine: fits, distances, planes, energies against hand-worked values and plain loops; rules of the driver.
+/* pipeline/method/refine: fits, distances, planes, energies against hand-worked values and plain loops; rules of the driver.
  */
 #include <errno.h>
 #include <math.h>
@@ -13,7 +13,7 @@
 
 #include "base/log.h"
 #include "base/mem.h"
-#include "pipeline/refine/parts.h"
+#include "pipeline/method/refine/parts.h"
 
 #define CLOSE(a, b, eps) assert_true(fabs((double)(a) - (double)(b)) <= (eps))
 

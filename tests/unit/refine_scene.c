@@ -1,4 +1,4 @@
-/* pipeline/refine: labels of a synthetic light field of things standing on a table, and that the normals earn their
+/* pipeline/method/refine: labels of a synthetic light field of things standing on a table, and that the normals earn their
  * keep. */
 #include <math.h>
 #include <setjmp.h>
@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/refine/refine.h"
+#include "pipeline/method/refine/refine.h"
 
 #define SIDE         3
 #define VIEWS        (SIDE * SIDE)

@@ -1,4 +1,4 @@
-/* pipeline/render/: hand-worked weights and pixels, equalities, and pictures against a plain renderer in double. */
+/* pipeline/method/render/: hand-worked weights and pixels, equalities, and pictures against a plain renderer in double. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fenv.h>
@@ -14,8 +14,8 @@
 
 #include "base/log.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/render/plan.h"
-#include "pipeline/render/ranges.h"
+#include "pipeline/method/render/plan.h"
+#include "pipeline/method/render/ranges.h"
 
 #define UNKNOWN (-1000.0) /* outside what can be stored, so SST_DISP_NONE */
 

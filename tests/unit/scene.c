@@ -14,7 +14,7 @@
 
 #include "base/file.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/labels/classes.h"
+#include "pipeline/image/classes.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "simulators/scene/world.h"
 #include "tests/small.h"

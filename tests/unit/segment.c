@@ -13,11 +13,11 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/labels/labels.h"
-#include "pipeline/labels/resample.h"
-#include "pipeline/labels/tiles.h"
-#include "pipeline/labels/upsample.h"
-#include "pipeline/network/model_path.h"
+#include "pipeline/method/labels/labels.h"
+#include "pipeline/method/labels/resample.h"
+#include "pipeline/method/labels/tiles.h"
+#include "pipeline/method/labels/upsample.h"
+#include "pipeline/method/network/model_path.h"
 #include "tests/onnx_writer.h"
 
 struct entry {

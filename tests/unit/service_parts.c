@@ -11,10 +11,10 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/capture/ring.h"
+#include "capture/array/ring.h"
 #include "daemon/events/events.h"
 #include "daemon/publish/api.h"
-#include "daemon/publish/outlet.h"
+#include "daemon/slot/jpeg_slot.h"
 #include "daemon/service/settings.h"
 #include "daemon/service/window.h"
 

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/histogram.h"
-#include "daemon/capture/sets.h"
+#include "capture/array/sets.h"
 
 #define MS 1000000ll
 

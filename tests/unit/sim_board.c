@@ -4,7 +4,7 @@
 
 #include <errno.h>
 
-#include "pipeline/calib/calib.h"
+#include "pipeline/camera/calib.h"
 
 #define BOARD                                                                                                          \
     "board: {kind: chessboard, squares: [7, 5], square_mm: 50, poses: [{position_mm: [0, 0, 1200]}, "                  \

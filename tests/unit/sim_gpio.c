@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "simulators/gpio/gpio_model.h"
+#include "simulators/devices/gpio/gpio_model.h"
 
 #define US 1000LL
 

@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "simulators/usb/usb_model.h"
+#include "simulators/devices/usb/usb_model.h"
 
 static char trace[4096]; /* events as words: "+1-1 b1-1:0 -1-1 ..." */
 

@@ -8,9 +8,9 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#include "simulators/world/convert.h"
-#include "simulators/world/jpeg.h"
-#include "simulators/world/settings.h"
+#include "simulators/scene/world/convert.h"
+#include "simulators/scene/world/jpeg.h"
+#include "simulators/scene/world/settings.h"
 
 static const struct sst_sim_exposure example = {
     .cam = 1, .trigger = 7, .t_ns = 123456789012, .exposure_us = 5000, .gain = 1
@@ -415,7 +415,7 @@ static void the_examples_can_be_read(void **state SST_UNUSED)
         struct sst_sim_settings settings = { 0 };
         char path[64];
 
-        snprintf(path, sizeof(path), "simulators/world/worlds/%s.yaml", names[i]);
+        snprintf(path, sizeof(path), "simulators/scene/world/worlds/%s.yaml", names[i]);
         assert_int_equal(sst_sim_settings_read(&settings, path), 0);
         assert_int_equal(settings.rig, !strcmp(names[i], "rig"));
         assert_int_equal(settings.camera[7].given, !strcmp(names[i], "array") ? SST_SIM_DELAY : 0);

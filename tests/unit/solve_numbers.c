@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_parts.h"
 #include "tests/calib_truth.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/solve/solve.h"
+#include "pipeline/calibration/solve/solve.h"
 #include "pipeline/image/codec.h"
 #include "tests/unit/solve_oracle.h"
 

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "pipeline/solve/solve.h"
+#include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
 
 static char said[SST_LOG_MAX];

@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/solve/solve.h"
+#include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
 
 #define TRIALS    24

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "simulators/world/strip.h"
+#include "simulators/scene/world/strip.h"
 
 #define WIDTH  640
 #define HEIGHT 24 /* 240 bits in rows of 80 cells */

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "config/yaml.h"
+#include "base/yaml.h"
 
 static char said[SST_LOG_MAX]; /* the last error */
 

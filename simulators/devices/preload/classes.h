@@ -4,14 +4,10 @@
 
 #include "simulators/devices/preload/core.h"
 
-SST_EXTERN_C_BEGIN
-
 extern const struct sim_class sim_class_v4l2;      /* v4l2.c */
 extern const struct sim_class sim_class_gpio;      /* gpio.c */
 extern const struct sim_class sim_class_usb;       /* usb.c */
 extern const struct sim_class sim_class_attribute; /* hooks_sysfs.c: attributes in /sys that are written */
 extern const struct sim_class sim_class_uevent;    /* uevent.c: netlink sockets for kernel events */
-
-SST_EXTERN_C_END
 
 #endif

@@ -9,8 +9,6 @@
 
 #include "simulators/devices/proto.h"
 
-SST_EXTERN_C_BEGIN
-
 /*
  * Loaded into any program: libc alone, no allocation, no lock that could be held at a fork. Everything here may be
  * called from any thread. Functions return 0 or a result, or a negative errno.
@@ -138,7 +136,5 @@ bool sim_hidden(int fd);
 
 /** fd may be one of ours from now on. */
 void sim_mark(int fd);
-
-SST_EXTERN_C_END
 
 #endif

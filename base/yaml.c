@@ -1,0 +1,455 @@
+/* libyaml's events become a tree at once; what a document may not hold ends the reading there. */
+#include "base/yaml.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <yaml.h>
+
+#include "base/log.h"
+#include "base/word.h"
+
+struct fault {
+    int line, column;
+    char text[480];
+};
+
+struct sst_yaml_asked {
+    struct sst_yaml_asked *next;
+    char key[];
+};
+
+struct sst_yaml {
+    char *name;
+    struct sst_yaml_node *root;
+    int n_nodes, n_faults; /* the latter may exceed what faults holds */
+    struct fault faults[SST_YAML_MAX_FAULTS];
+};
+
+/* The state of reading: the containers that are open, and the key that waits for its value. */
+struct builder {
+    struct sst_yaml *doc;
+    struct sst_yaml_node *open; /* innermost, or NULL */
+    int depth, documents;
+    char *key;
+    int key_line, key_column;
+    bool again; /* it was there before */
+};
+
+/* --- faults ------------------------------------------------------------------------------------------------------- */
+
+static void note(struct sst_yaml *doc, int line, int column, const char *text)
+{
+    struct fault *f;
+
+    if (doc->n_faults++ >= SST_YAML_MAX_FAULTS)
+        return;
+    f = &doc->faults[doc->n_faults - 1];
+    f->line = line;
+    f->column = column;
+    snprintf(f->text, sizeof(f->text), "%s", text);
+}
+
+void sst_yaml_fault(struct sst_yaml *doc, const struct sst_yaml_node *at, const char *fmt, ...)
+{
+    const struct sst_yaml_node *named = at;
+    char what[400], text[480];
+    va_list args;
+
+    va_start(args, fmt);
+    vsnprintf(what, sizeof(what), fmt, args);
+    va_end(args);
+    while (named && !named->key)
+        named = named->parent; /* elements of a list are named by the list's key */
+    snprintf(text, sizeof(text), "%.60s%s%s", named ? named->key : "", named ? " " : "", what);
+    note(doc, at ? at->line : 1, at ? at->column : 1, text);
+}
+
+static int by_place(const void *a, const void *b)
+{
+    const struct fault *f = a, *g = b;
+
+    return f->line != g->line ? (f->line > g->line) - (f->line < g->line)
+                              : (f->column > g->column) - (f->column < g->column);
+}
+
+static int tell(struct sst_yaml *doc)
+{
+    const int shown = sst_min_int(doc->n_faults, SST_YAML_MAX_FAULTS);
+
+    if (!shown)
+        return 0;
+    qsort(doc->faults, (size_t)shown, sizeof(doc->faults[0]), by_place);
+    for (int i = 0; i < shown; i++)
+        sst_log_error("%s:%d:%d: %s", doc->name, doc->faults[i].line, doc->faults[i].column, doc->faults[i].text);
+    if (doc->n_faults > shown)
+        sst_log_error("%s: %d more faults; correct these first", doc->name, doc->n_faults - shown);
+    return -EBADMSG;
+}
+
+/* --- tree --------------------------------------------------------------------------------------------------------- */
+
+static void free_node(struct sst_yaml_node *node)
+{
+    while (node) {
+        struct sst_yaml_node *next = node->next;
+
+        free_node(node->first); /* no deeper than SST_YAML_MAX_DEPTH */
+        while (node->asked) {
+            struct sst_yaml_asked *asked = node->asked;
+
+            node->asked = asked->next;
+            free(asked);
+        }
+        free((char *)(uintptr_t)node->text);
+        free((char *)(uintptr_t)node->key);
+        free(node);
+        node = next;
+    }
+}
+
+void sst_yaml_destroy(struct sst_yaml *doc)
+{
+    if (!doc)
+        return;
+    free_node(doc->root);
+    free(doc->name);
+    free(doc);
+}
+
+/* A fault that ends the reading. */
+static int refuse(struct builder *b, const yaml_event_t *e, const char *what)
+{
+    note(b->doc, (int)e->start_mark.line + 1, (int)e->start_mark.column + 1, what);
+    return -EBADMSG;
+}
+
+static bool clean(const yaml_char_t *text, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        if (text[i] < 0x20 || text[i] == 0x7f)
+            return false;
+    }
+    return true;
+}
+
+static char *copy(const yaml_char_t *text, size_t n)
+{
+    char *p = malloc(n + 1);
+
+    if (p) {
+        memcpy(p, text, n);
+        p[n] = 0;
+    }
+    return p;
+}
+
+static const struct sst_yaml_node *find(const struct sst_yaml_node *map, const char *key)
+{
+    const struct sst_yaml_node *n = map->first;
+
+    while (n && strcmp(n->key, key) != 0)
+        n = n->next;
+    return n;
+}
+
+/* Append a node to the open container; text is taken. */
+static int append(struct builder *b, const yaml_event_t *e, enum sst_yaml_type type, char *text, bool plain)
+{
+    struct sst_yaml_node *node = calloc(1, sizeof(*node)), *parent = b->open;
+
+    if (!node || !text) {
+        free(node);
+        free(text);
+        return -ENOMEM;
+    }
+    *node = (struct sst_yaml_node){
+        .type = type,
+        .line = (int)e->start_mark.line + 1,
+        .column = (int)e->start_mark.column + 1,
+        .text = text,
+        .plain = plain,
+        .key = b->key,
+        .key_line = b->key_line,
+        .key_column = b->key_column,
+        .again = b->again,
+        .parent = parent,
+    };
+    b->key = NULL;
+    b->again = false;
+    if (!parent)
+        b->doc->root = node;
+    else if (parent->last)
+        parent->last->next = node;
+    else
+        parent->first = node;
+    if (parent) {
+        parent->last = node;
+        parent->count++;
+    }
+    if (type != SST_YAML_SCALAR)
+        b->open = node;
+    return 0;
+}
+
+static int take_key(struct builder *b, const yaml_event_t *e)
+{
+    char text[160];
+
+    b->key = copy(e->data.scalar.value, e->data.scalar.length);
+    b->key_line = (int)e->start_mark.line + 1;
+    b->key_column = (int)e->start_mark.column + 1;
+    if (!b->key)
+        return -ENOMEM;
+    if (b->open->count == SST_YAML_MAX_KEYS)
+        return refuse(b, e, "a mapping with more than 1024 keys; split it");
+    if (find(b->open, b->key)) {
+        snprintf(text, sizeof(text), "%.60s is there already, in line %d; keep one of them", b->key,
+                 find(b->open, b->key)->key_line);
+        note(b->doc, b->key_line, b->key_column, text);
+        b->again = true;
+    }
+    return 0;
+}
+
+static int take_scalar(struct builder *b, const yaml_event_t *e)
+{
+    if (!clean(e->data.scalar.value, e->data.scalar.length))
+        return refuse(b, e, "a text with a line break or another control character; write it in one line");
+    if (b->open && b->open->type == SST_YAML_MAP && !b->key)
+        return take_key(b, e);
+    return append(b, e, SST_YAML_SCALAR, copy(e->data.scalar.value, e->data.scalar.length),
+                  e->data.scalar.style == YAML_PLAIN_SCALAR_STYLE);
+}
+
+static int take_container(struct builder *b, const yaml_event_t *e, enum sst_yaml_type type)
+{
+    if (b->open && b->open->type == SST_YAML_MAP && !b->key)
+        return refuse(b, e, "a key that is a list or a mapping; keys are words");
+    if (b->depth == SST_YAML_MAX_DEPTH)
+        return refuse(b, e, "nested deeper than 16 levels; no file of ours is");
+    b->depth++;
+    return append(b, e, type, calloc(1, 1), false);
+}
+
+static int take_event(struct builder *b, const yaml_event_t *e)
+{
+    const yaml_char_t *anchor = NULL, *tag = NULL;
+
+    switch (e->type) {
+    case YAML_ALIAS_EVENT:
+        return refuse(b, e, "an alias (*name); write the value out");
+    case YAML_SCALAR_EVENT:
+        anchor = e->data.scalar.anchor;
+        tag = e->data.scalar.tag;
+        break;
+    case YAML_SEQUENCE_START_EVENT:
+        anchor = e->data.sequence_start.anchor;
+        tag = e->data.sequence_start.tag;
+        break;
+    case YAML_MAPPING_START_EVENT:
+        anchor = e->data.mapping_start.anchor;
+        tag = e->data.mapping_start.tag;
+        break;
+    case YAML_SEQUENCE_END_EVENT:
+    case YAML_MAPPING_END_EVENT:
+        b->depth--;
+        b->open = b->open->parent;
+        return 0;
+    case YAML_DOCUMENT_START_EVENT:
+        return b->documents++ ? refuse(b, e, "a second document begins here; keep one to a file") : 0;
+    default:
+        return 0;
+    }
+    if (anchor || tag)
+        return refuse(b, e, "an anchor (&name) or a tag (!name); write the plain value");
+    if (b->doc->n_nodes++ == SST_YAML_MAX_NODES)
+        return refuse(b, e, "more than 65536 keys and values; the file is too large to be one of ours");
+    return e->type == YAML_SCALAR_EVENT
+               ? take_scalar(b, e)
+               : take_container(b, e, e->type == YAML_MAPPING_START_EVENT ? SST_YAML_MAP : SST_YAML_LIST);
+}
+
+static int syntax_fault(struct sst_yaml *doc, const yaml_parser_t *p)
+{
+    char text[256];
+
+    if (p->error == YAML_MEMORY_ERROR)
+        return -ENOMEM;
+    snprintf(text, sizeof(text), "not YAML: %s%s%s; correct this line", p->problem ? p->problem : "unreadable",
+             p->context ? " " : "", p->context ? p->context : "");
+    note(doc, (int)p->problem_mark.line + 1, (int)p->problem_mark.column + 1, text);
+    return -EBADMSG;
+}
+
+static int read_events(struct sst_yaml *doc, yaml_parser_t *parser)
+{
+    struct builder b = { .doc = doc };
+    bool end = false;
+    int err = 0;
+
+    while (!err && !end) {
+        yaml_event_t e;
+
+        if (!yaml_parser_parse(parser, &e)) {
+            err = syntax_fault(doc, parser);
+            break;
+        }
+        end = e.type == YAML_STREAM_END_EVENT;
+        err = take_event(&b, &e);
+        yaml_event_delete(&e);
+    }
+    free(b.key);
+    return err;
+}
+
+int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const char *name)
+{
+    struct sst_yaml *doc;
+    yaml_parser_t parser;
+    int err = -ENOMEM;
+
+    if (size > SST_YAML_MAX_BYTES) {
+        sst_log_error("%s has %zu bytes; YAML files of more than 1 MiB are refused", name, size);
+        return -EBADMSG;
+    }
+    doc = calloc(1, sizeof(*doc));
+    if (doc)
+        doc->name = strdup(name);
+    if (doc && doc->name && yaml_parser_initialize(&parser)) {
+        yaml_parser_set_input_string(&parser, (const unsigned char *)text, size);
+        err = read_events(doc, &parser);
+        yaml_parser_delete(&parser);
+    }
+    if (err == -ENOMEM)
+        sst_log_error("%s: not enough memory to read it", name);
+    else if (err)
+        err = tell(doc);
+    if (err)
+        sst_yaml_destroy(doc);
+    else
+        *out = doc;
+    return err;
+}
+
+bool sst_yaml_empty(const struct sst_yaml *doc)
+{
+    const struct sst_yaml_node *r = doc->root;
+
+    return !r || (r->type == SST_YAML_SCALAR && r->plain && !*r->text);
+}
+
+const char *sst_yaml_name(const struct sst_yaml *doc)
+{
+    return doc->name;
+}
+
+struct sst_yaml_node *sst_yaml_root(struct sst_yaml *doc)
+{
+    if (doc->root && doc->root->type == SST_YAML_MAP)
+        return doc->root;
+    sst_yaml_fault(doc, doc->root, "the file must hold keys with values, such as \"key: value\"");
+    return NULL;
+}
+
+/* Without memory for it a wrong key is refused without a proposal. */
+static void remember(struct sst_yaml_node *map, const char *key)
+{
+    const size_t size = strlen(key) + 1;
+    struct sst_yaml_asked *asked;
+
+    for (asked = map->asked; asked; asked = asked->next) {
+        if (!strcmp(asked->key, key))
+            return;
+    }
+    asked = malloc(sizeof(*asked) + size);
+    if (!asked)
+        return;
+    memcpy(asked->key, key, size);
+    asked->next = map->asked;
+    map->asked = asked;
+}
+
+struct sst_yaml_node *sst_yaml_get(struct sst_yaml_node *map, const char *key)
+{
+    struct sst_yaml_node *found = NULL;
+
+    if (!map || map->type != SST_YAML_MAP)
+        return NULL;
+    remember(map, key);
+    for (struct sst_yaml_node *n = map->first; n; n = n->next) {
+        if (strcmp(n->key, key) != 0)
+            continue;
+        n->known = true;
+        found = found ? found : n;
+    }
+    return found;
+}
+
+struct sst_yaml_node *sst_yaml_need(struct sst_yaml *doc, struct sst_yaml_node *map, const char *key)
+{
+    struct sst_yaml_node *node = sst_yaml_get(map, key);
+
+    if (map && !node)
+        sst_yaml_fault(doc, map, "lacks the key %s; add it", key);
+    return node;
+}
+
+void sst_yaml_know_all(struct sst_yaml_node *map)
+{
+    for (struct sst_yaml_node *n = map ? map->first : NULL; n; n = n->next)
+        n->known = true;
+}
+
+void sst_yaml_know_tree(struct sst_yaml_node *node)
+{
+    for (struct sst_yaml_node *n = node ? node->first : NULL; n; n = n->next) {
+        n->known = true;
+        sst_yaml_know_tree(n); /* no deeper than SST_YAML_MAX_DEPTH */
+    }
+}
+
+/* The key that a wrong one most likely means, of those that are not there. */
+static const char *meant(const struct sst_yaml_node *map, const char *key)
+{
+    const char *best = NULL;
+    int least = SST_WORD_FAR;
+
+    for (const struct sst_yaml_asked *a = map->asked; a; a = a->next) {
+        const int distance = find(map, a->key) ? SST_WORD_FAR : sst_word_distance(key, a->key);
+
+        if (distance < least || (best && distance == least && strcmp(a->key, best) < 0)) {
+            best = a->key;
+            least = distance;
+        }
+    }
+    return best;
+}
+
+static void note_unknown(struct sst_yaml *doc, const struct sst_yaml_node *node)
+{
+    char text[200];
+
+    for (const struct sst_yaml_node *n = node->first; n; n = n->next) {
+        if (n->again)
+            continue; /* told already; nobody asked for what is in it */
+        if (node->type == SST_YAML_MAP && !n->known) {
+            const char *best = meant(node, n->key);
+
+            snprintf(text, sizeof(text), "%.60s is no key here; %s%s%s", n->key,
+                     best ? "did you mean " : "correct its spelling or remove it", best ? best : "", best ? "?" : "");
+            note(doc, n->key_line, n->key_column, text);
+        } else {
+            note_unknown(doc, n);
+        }
+    }
+}
+
+int sst_yaml_finish(struct sst_yaml *doc)
+{
+    if (doc->root && doc->root->type == SST_YAML_MAP)
+        note_unknown(doc, doc->root);
+    return tell(doc);
+}

@@ -1,0 +1,608 @@
+#include "capture/array/capture.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "capture/array/health.h"
+#include "drivers/trigger/trigger.h"
+
+#define EDGES         64   /* told by the trigger's thread and not yet taken */
+#define START_WAIT_MS 3000 /* for cameras that need recovery at the start */
+#define LAST_WAIT_NS  2000000000
+#define STOP_WAIT_NS  300000000  /* when told to stop: what is slow or missing is not waited for */
+#define CHIP_WAIT_NS  30000000000 /* for a trigger's chip that went, to come back */
+#define CHIP_RETRY_NS 200000000
+
+struct sst_capture {
+    /* fixed after open */
+    struct sst_array_config *array;
+    struct sst_capture_events events;
+    struct sst_grab *grab;
+    struct sst_trigger *trigger;
+    struct sst_sets *sets;
+    int wake_fd; /* eventfd: edges, stop */
+    atomic_bool stop;
+    /* capturing thread */
+    uint64_t wanted;
+    bool skewed, starting;
+    bool came[SST_CAMERAS_MAX];                  /* cameras that have given a frame */
+    int refused_cam;                             /* the first that was refused or lost ... */
+    char refusal[384];                           /* ... and why, for the log */
+    char name[SST_CAMERAS_MAX][SST_HEALTH_NAME]; /* of cameras, for the log */
+    struct sst_health health;
+    int64_t idle_ns; /* since then the train has failed; 0: it runs */
+    struct sst_capture_report report;
+    /* under lock */
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    struct sst_trigger_edge edge[EDGES];
+    int edge_first, edge_count;
+    struct sst_set *queue[64]; /* closed sets on their way to the writer; the pool is no larger */
+    int queue_first, queue_count;
+    bool writer_ends, writer_runs;
+    uint64_t refused;
+    pthread_t writer;
+};
+
+static void wake(struct sst_capture *c)
+{
+    const uint64_t one = 1;
+
+    if (write(c->wake_fd, &one, sizeof(one)) < 0) {
+        /* full: it is readable anyway */
+    }
+}
+
+/* --- the writer's thread ------------------------------------------------------------------------------------------ */
+
+static void *write_sets(void *arg)
+{
+    struct sst_capture *c = arg;
+
+    pthread_mutex_lock(&c->lock);
+    for (;;) {
+        struct sst_set *set;
+        int err;
+
+        while (!c->queue_count && !c->writer_ends)
+            pthread_cond_wait(&c->changed, &c->lock);
+        if (!c->queue_count)
+            break;
+        set = c->queue[c->queue_first];
+        c->queue_first = (c->queue_first + 1) % (int)ARRAY_LEN(c->queue);
+        c->queue_count--;
+        pthread_mutex_unlock(&c->lock);
+        err = c->events.set(c->events.arg, set);
+        sst_sets_recycle(c->sets, set, err != 0);
+        pthread_mutex_lock(&c->lock);
+        c->refused += err != 0;
+    }
+    pthread_mutex_unlock(&c->lock);
+    return NULL;
+}
+
+/* --- events of the parts, on the capturing thread ----------------------------------------------------------------- */
+
+static void watch_skew(struct sst_capture *c, const struct sst_set *set)
+{
+    const int64_t limit_ns = (int64_t)c->array->skew_limit_us * 1000;
+    const bool over = set->skew.spread_ns > limit_ns;
+
+    if (set->present < 2)
+        return;
+    if (!c->report.skew_ns.count || set->skew.spread_ns > c->report.skew_ns.max)
+        c->report.worst_cam = set->skew.worst_cam;
+    sst_histogram_add(&c->report.skew_ns, set->skew.spread_ns);
+    if (set->edge)
+        sst_histogram_add(&c->report.from_edge_ns, llabs(set->skew.from_edge_ns));
+    c->report.skewed += over;
+    if (c->events.quiet || over == c->skewed || c->array->source != SST_CONFIG_GPIO)
+        return; /* without a common trigger skew is what it is */
+    c->skewed = over;
+    if (over)
+        sst_log_warning(
+            "set %llu: exposures start %.0f us apart, the limit is %d us; farthest is the camera of row %d, "
+            "col %d: check its trigger wiring and its exposure settings",
+            (unsigned long long)set->index, (double)set->skew.spread_ns / 1e3, c->array->skew_limit_us,
+            c->array->camera[set->skew.worst_cam].row, c->array->camera[set->skew.worst_cam].col);
+    else
+        sst_log_warning("set %llu: exposures are within %d us again", (unsigned long long)set->index,
+                        c->array->skew_limit_us);
+}
+
+static void on_set(void *arg, struct sst_set *set)
+{
+    struct sst_capture *c = arg;
+
+    /* Free run begins before all cameras do, and goes on until it is stopped. */
+    if (c->starting || (c->wanted && c->report.handed == c->wanted)) {
+        sst_sets_recycle(c->sets, set, true);
+        return;
+    }
+    for (int cam = 0; cam < set->cameras; cam++)
+        if (set->frame[cam])
+            sst_health_set(&c->health, cam);
+    c->report.handed++;
+    c->report.complete += set->present == set->cameras;
+    c->report.empty += set->present == 0;
+    watch_skew(c, set);
+    pthread_mutex_lock(&c->lock);
+    c->queue[(c->queue_first + c->queue_count++) % (int)ARRAY_LEN(c->queue)] = set;
+    pthread_cond_signal(&c->changed);
+    pthread_mutex_unlock(&c->lock);
+}
+
+static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucket)
+{
+    struct sst_capture *c = arg;
+
+    if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && !c->starting &&
+        c->array->source != SST_CONFIG_SOFTWARE)
+        sst_health_bucket(&c->health, frame, bucket); /* marks leave most frames stray */
+    sst_grab_release(c->grab, frame);
+}
+
+static void on_frame(void *arg, struct sst_frame *frame)
+{
+    struct sst_capture *c = arg;
+
+    c->came[frame->cam] = true;
+    if (!c->starting)
+        sst_health_frame(&c->health, frame);
+    sst_sets_frame(c->sets, frame);
+}
+
+static void on_state(void *arg, int cam, enum sst_grab_state state, const char *why)
+{
+    struct sst_capture *c = arg;
+
+    if (c->sets)
+        sst_sets_camera(c->sets, cam, state == SST_GRAB_STREAMING);
+    if (why && why[0] && state != SST_GRAB_STREAMING && state != SST_GRAB_READY && cam <= c->refused_cam) {
+        c->refused_cam = cam; /* the same one each time */
+        snprintf(c->refusal, sizeof(c->refusal), "; the first is the camera of %s: %s", c->name[cam], why);
+    }
+    if (c->events.camera)
+        c->events.camera(c->events.arg, cam, state, why);
+}
+
+/** On the trigger's thread. */
+static void on_edge(void *arg, const struct sst_trigger_edge *edge)
+{
+    struct sst_capture *c = arg;
+    bool full;
+
+    pthread_mutex_lock(&c->lock);
+    full = c->edge_count == EDGES;
+    if (!full)
+        c->edge[(c->edge_first + c->edge_count++) % EDGES] = *edge;
+    pthread_mutex_unlock(&c->lock);
+    wake(c);
+    if (full)
+        sst_log_error("trigger: edge %llu came while %d were waiting: the capturing thread is held up",
+                      (unsigned long long)edge->index, EDGES);
+}
+
+static void take_edges(struct sst_capture *c)
+{
+    struct sst_trigger_edge edge;
+    uint64_t n;
+    bool any;
+
+    if (read(c->wake_fd, &n, sizeof(n)) < 0) {
+        /* nothing there: woken by something else */
+    }
+    for (;;) {
+        int64_t t_ns;
+
+        pthread_mutex_lock(&c->lock);
+        any = c->edge_count > 0;
+        if (any) {
+            edge = c->edge[c->edge_first];
+            c->edge_first = (c->edge_first + 1) % EDGES;
+            c->edge_count--;
+        }
+        pthread_mutex_unlock(&c->lock);
+        if (!any)
+            return;
+        t_ns = edge.kernel_ns ? edge.kernel_ns : edge.before_ns + (edge.after_ns - edge.before_ns) / 2;
+        c->report.edges++;
+        c->report.edges_stamped += edge.kernel_ns != 0;
+        sst_sets_trigger(c->sets, edge.index, t_ns, edge.kernel_ns != 0);
+        sst_grab_expect(c->grab, t_ns);
+    }
+}
+
+/* --- opening ------------------------------------------------------------------------------------------------------ */
+
+/** Without `bind`: every capture device that is there, by port, fills the grid row by row. */
+static int bind_all(struct sst_array_config *a, bool again)
+{
+    struct sst_grab_device *devices;
+    int n, err = sst_grab_list(&devices, &n);
+
+    if (err)
+        return err;
+    if (n > a->rows * a->cols && !again)
+        sst_log_warning("%d cameras are there, the array has places for %d: the first by port are taken; "
+                        "say which in cameras: bind",
+                        n, a->rows * a->cols);
+    else if (n && n < a->rows * a->cols && !again)
+        sst_log_warning(
+            "%d cameras are there, the array has places for %d: they fill the first places by port; say where "
+            "each sits in cameras: bind (sst identify --write proposes it)",
+            n, a->rows * a->cols);
+    n = sst_min_int(n, a->rows * a->cols);
+    for (int i = 0; i < n; i++) {
+        struct sst_config_camera *cam = &a->camera[i];
+
+        *cam = (struct sst_config_camera){ .row = i / a->cols, .col = i % a->cols };
+        cam->line = a->lines == a->rows ? cam->row : 0;
+        memcpy(cam->port, devices[i].port, sizeof(cam->port)); /* serials may be equal or absent, ports never are */
+    }
+    a->bound = n;
+    free(devices);
+    if (!n)
+        sst_log_error("no camera is there: plug one in, or see `sst doctor`");
+    return n ? 0 : -ENODEV;
+}
+
+static void name_cameras(struct sst_capture *c)
+{
+    for (int i = 0; i < c->array->bound; i++) {
+        const struct sst_config_camera *cam = &c->array->camera[i];
+
+        snprintf(c->name[i], sizeof(c->name[i]), "row %d, col %d (%s)", cam->row, cam->col,
+                 cam->serial[0] ? cam->serial : cam->port);
+    }
+}
+
+static int open_sets(struct sst_capture *c)
+{
+    const struct sst_array_config *a = c->array;
+    const double hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
+    struct sst_sets_config cfg = {
+        .cameras = a->bound,
+        .match = a->source == SST_CONFIG_GPIO       ? SST_SETS_EDGE
+                 : a->source == SST_CONFIG_SOFTWARE ? SST_SETS_NEAREST
+                                                    : SST_SETS_FREE,
+        .period_ns = (int64_t)(1e9 / hz),
+        .window_ns = (int64_t)a->window_us * 1000,
+        .wait_ns = (int64_t)a->wait_ms * 1000000,
+        .pool = sst_clamp_int(a->buffers - 2, 2, 30), /* so that policy runs out of sets before the driver of buffers */
+    };
+    const struct sst_sets_events events = { .arg = c, .set = on_set, .release = on_release };
+
+    if (cfg.match == SST_SETS_NEAREST && !cfg.window_ns)
+        cfg.window_ns = (int64_t)(0.6e9 / a->rate_hz); /* half a camera's period, and some jitter */
+    for (int i = 0; i < a->bound && a->lines; i++)
+        cfg.delay_ns[i] = (int64_t)a->delay_us[a->camera[i].line] * 1000;
+    return sst_sets_create(&c->sets, &cfg, &events);
+}
+
+static int open_grab(struct sst_capture *c)
+{
+    const struct sst_array_config *a = c->array;
+    const struct sst_grab_events events = { .arg = c, .frame = on_frame, .state = on_state };
+    struct sst_grab_binding *bindings = calloc((size_t)a->bound, sizeof(*bindings));
+    struct sst_grab_config cfg;
+    int err;
+
+    if (!bindings)
+        return -ENOMEM;
+    sst_capture_grab_config(&cfg, a);
+    for (int i = 0; i < a->bound; i++) {
+        memcpy(bindings[i].serial, a->camera[i].serial, sizeof(bindings[i].serial));
+        memcpy(bindings[i].port, a->camera[i].port, sizeof(bindings[i].port));
+    }
+    cfg.cameras = a->bound;
+    cfg.bindings = bindings;
+    err = sst_grab_open(&c->grab, &cfg, &events);
+    free(bindings);
+    return err;
+}
+
+void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array_config *a)
+{
+    sst_grab_config_defaults(cfg);
+    cfg->fourcc = a->fourcc;
+    cfg->width = a->width;
+    cfg->height = a->height;
+    cfg->rate_hz = a->rate_hz;
+    cfg->buffers = a->buffers;
+    cfg->stall_ms = a->stall_ms;
+    cfg->port_power = a->port_power;
+    cfg->check_frozen = a->check_frozen;
+    cfg->triggered = a->source == SST_CONFIG_GPIO;
+    cfg->controls = a->controls;
+    for (int i = 0; i < a->controls; i++) {
+        memcpy(cfg->control[i].name, a->control[i].name, sizeof(cfg->control[i].name));
+        cfg->control[i].value = a->control[i].value;
+    }
+}
+
+void sst_capture_trigger_config(struct sst_trigger_config *cfg, const struct sst_array_config *a)
+{
+    sst_trigger_config_defaults(cfg);
+    cfg->source = a->source == SST_CONFIG_GPIO ? SST_TRIGGER_GPIO : SST_TRIGGER_SOFTWARE;
+    memcpy(cfg->chip, a->chip, sizeof(cfg->chip));
+    cfg->lines = a->lines;
+    for (int i = 0; i < a->lines; i++) {
+        memcpy(cfg->line[i], a->line[i], sizeof(cfg->line[i]));
+        cfg->delay_us[i] = a->delay_us[i];
+    }
+    memcpy(cfg->loopback, a->loopback, sizeof(cfg->loopback));
+    cfg->active_low = a->active_low;
+    cfg->pulse_us = a->pulse_us;
+}
+
+static int open_trigger(struct sst_capture *c)
+{
+    const struct sst_array_config *a = c->array;
+    struct sst_trigger_config cfg;
+
+    if (a->source == SST_CONFIG_FREE_RUN)
+        return 0;
+    sst_capture_trigger_config(&cfg, a);
+    cfg.quiet = c->events.quiet;
+    return sst_trigger_open(&c->trigger, &cfg, on_edge, c);
+}
+
+int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, const struct sst_capture_events *events)
+{
+    struct sst_capture *c = calloc(1, sizeof(*c));
+    int err;
+
+    if (!c)
+        return -ENOMEM;
+    c->array = array;
+    c->events = *events;
+    c->report.worst_cam = -1;
+    c->refused_cam = SST_CAMERAS_MAX;
+    pthread_mutex_init(&c->lock, NULL);
+    pthread_cond_init(&c->changed, NULL);
+    c->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    err = c->wake_fd < 0 ? -errno : 0;
+    if (!err && !array->bound)
+        err = bind_all(array, events->again);
+    name_cameras(c);
+    if (!err)
+        err = open_sets(c);
+    if (!err)
+        err = open_trigger(c);
+    if (!err)
+        err = open_grab(c);
+    if (!err) {
+        err = -pthread_create(&c->writer, NULL, write_sets, c);
+        c->writer_runs = !err;
+    }
+    if (err) {
+        sst_capture_close(c);
+        return err;
+    }
+    *out = c;
+    return 0;
+}
+
+/* --- running ------------------------------------------------------------------------------------------------------ */
+
+/** Cameras that stream, and that have given a frame where they run on their own. */
+static int ready_cameras(const struct sst_capture *c)
+{
+    int n = 0;
+
+    for (int i = 0; i < c->array->bound; i++)
+        n += sst_grab_camera_state(c->grab, i) == SST_GRAB_STREAMING &&
+             (c->array->source == SST_CONFIG_GPIO || c->came[i]);
+    return n;
+}
+
+/** Start the cameras and give those a little time that do not start at once; what comes meanwhile is not wanted yet. */
+static int start_cameras(struct sst_capture *c)
+{
+    const int64_t until_ns = sst_clock_now_ns() + (int64_t)START_WAIT_MS * 1000000;
+    int err = sst_grab_start(c->grab);
+
+    c->starting = true;
+    while (err >= 0 && ready_cameras(c) < c->array->bound && sst_clock_now_ns() < until_ns && !c->stop) {
+        err = sst_grab_poll(c->grab, 50);
+        sst_sets_tick(c->sets, sst_clock_now_ns());
+    }
+    if (c->array->source == SST_CONFIG_FREE_RUN)
+        sst_sets_flush(c->sets);
+    c->starting = false;
+    if (err < 0)
+        return err;
+    if (ready_cameras(c) || c->stop)
+        return 0;
+    sst_log_error("none of the %d cameras streams%s; `sst cameras` lists all, `sst doctor` checks rights and bandwidth",
+                  c->array->bound, c->refusal);
+    return -ENODEV;
+}
+
+/** One round: wait for frames, edges or the next deadline. */
+static int serve(struct sst_capture *c, int64_t until_ns)
+{
+    struct pollfd fds[2] = { { .fd = sst_grab_fd(c->grab), .events = POLLIN }, { .fd = c->wake_fd, .events = POLLIN } };
+    const int64_t now_ns = sst_clock_now_ns(), due_ns = sst_sets_tick(c->sets, now_ns);
+    int64_t wait_ns = (due_ns < until_ns ? due_ns : until_ns) - now_ns;
+
+    if (c->trigger && sst_trigger_idle(c->trigger) && wait_ns > CHIP_RETRY_NS)
+        wait_ns = CHIP_RETRY_NS;
+    if (poll(fds, 2, wait_ns <= 0 ? 0 : (int)sst_clamp_double((double)wait_ns / 1e6 + 1, 1, 1000)) < 0 &&
+        errno != EINTR)
+        return -errno;
+    take_edges(c);
+    return sst_grab_poll(c->grab, 0);
+}
+
+/** Begin the train again when a failed chip is back. @return its error when it stays away */
+static int renew_trigger(struct sst_capture *c, int64_t now_ns)
+{
+    const uint64_t left = c->wanted ? c->wanted - c->report.edges : 0;
+    const int err = sst_trigger_start(c->trigger, c->array->trigger_hz, left);
+
+    if (!err) {
+        c->idle_ns = 0;
+        return 0;
+    }
+    if (!c->idle_ns)
+        c->idle_ns = now_ns;
+    return now_ns - c->idle_ns < CHIP_WAIT_NS ? 0 : err;
+}
+
+/** All pulses that were wanted have been fired. */
+static bool all_fired(struct sst_capture *c)
+{
+    if (!c->trigger || !sst_trigger_idle(c->trigger))
+        return false;
+    take_edges(c);
+    return c->wanted && c->report.edges >= c->wanted;
+}
+
+/** All that was triggered is in sets that were handed on. */
+static bool all_in(const struct sst_capture *c)
+{
+    struct sst_sets_counters n;
+
+    sst_sets_counters(c->sets, &n);
+    return n.sets + n.dropped >= c->report.edges;
+}
+
+static void end_writer(struct sst_capture *c)
+{
+    if (!c->writer_runs)
+        return;
+    pthread_mutex_lock(&c->lock);
+    c->writer_ends = true;
+    pthread_cond_signal(&c->changed);
+    pthread_mutex_unlock(&c->lock);
+    pthread_join(c->writer, NULL);
+    c->writer_runs = false;
+}
+
+/** Stop exposing. @return until when to wait for what was exposed */
+static int64_t begin_end(struct sst_capture *c, int64_t now_ns)
+{
+    const int64_t wait_ns = (int64_t)c->array->wait_ms * 1000000 + LAST_WAIT_NS;
+
+    if (!c->trigger)
+        return now_ns;
+    if (sst_trigger_stop(c->trigger)) {
+        /* told by the trigger; its train was to be renewed */
+    }
+    take_edges(c);
+    return now_ns + (c->stop && wait_ns > STOP_WAIT_NS ? STOP_WAIT_NS : wait_ns);
+}
+
+int sst_capture_run(struct sst_capture *c, uint64_t sets)
+{
+    int64_t told_ns = sst_clock_now_ns(), end_ns = INT64_MAX;
+    int err = start_cameras(c), trigger_err = 0;
+
+    if (err)
+        return err;
+    c->wanted = sets;
+    if (c->trigger)
+        err = sst_trigger_start(c->trigger, c->array->trigger_hz, sets);
+    while (!err) {
+        const int64_t now_ns = sst_clock_now_ns(), next_ns = told_ns + 1000000000;
+
+        if (end_ns == INT64_MAX) {
+            if (c->stop || trigger_err || all_fired(c) || (sets && c->report.handed == sets))
+                end_ns = begin_end(c, now_ns);
+            else if (c->trigger && sst_trigger_idle(c->trigger))
+                trigger_err = renew_trigger(c, now_ns);
+        }
+        if (end_ns != INT64_MAX && (now_ns >= end_ns || (c->trigger && all_in(c))))
+            break;
+        err = serve(c, next_ns < end_ns ? next_ns : end_ns);
+        if (sst_clock_now_ns() >= next_ns) {
+            told_ns = sst_clock_now_ns();
+            sst_health_tell(&c->health, c->array->bound, c->name);
+            if (c->events.progress)
+                c->events.progress(c->events.arg, c->report.handed);
+        }
+    }
+    sst_sets_flush(c->sets);
+    end_writer(c);
+    sst_health_tell(&c->health, c->array->bound, c->name);
+    if (c->events.progress)
+        c->events.progress(c->events.arg, c->report.handed);
+    return err ? err : trigger_err;
+}
+
+void sst_capture_stop(struct sst_capture *c)
+{
+    c->stop = true;
+    wake(c);
+}
+
+/* --- what happened ------------------------------------------------------------------------------------------------ */
+
+void sst_capture_report(const struct sst_capture *capture, struct sst_capture_report *out)
+{
+    struct sst_capture *c = (struct sst_capture *)capture;
+    uint64_t known;
+
+    *out = c->report;
+    sst_sets_counters(c->sets, &out->sets);
+    out->grab = (struct sst_grab_counters){ 0 };
+    for (int cam = 0; cam < c->array->bound; cam++) {
+        struct sst_grab_counters n;
+
+        sst_grab_counters(c->grab, cam, &n);
+        out->grab.frames += n.frames;
+        out->grab.bad += n.bad;
+        out->grab.lost += n.lost;
+        out->grab.io_errors += n.io_errors;
+        for (size_t i = 0; i < ARRAY_LEN(n.fault); i++)
+            out->grab.fault[i] += n.fault[i];
+        out->grab.lost_devices += n.lost_devices;
+        out->grab.found_devices += n.found_devices;
+        for (int i = 0; i < SST_GRAB_RUNGS; i++)
+            out->grab.rung[i] += n.rung[i];
+    }
+    known = out->sets.waiting;
+    for (int i = 0; i < SST_BUCKETS; i++)
+        known += out->sets.bucket[i];
+    out->trigger_away = c->idle_ns != 0;
+    out->unexplained = known > out->grab.frames ? known - out->grab.frames : out->grab.frames - known;
+    out->beats_skipped = c->trigger ? sst_trigger_skipped(c->trigger) : 0;
+    pthread_mutex_lock(&c->lock);
+    out->refused = c->refused;
+    pthread_mutex_unlock(&c->lock);
+}
+
+void sst_capture_camera(const struct sst_capture *c, int cam, struct sst_grab_counters *grab,
+                        const struct sst_grab_device **device)
+{
+    sst_grab_counters(c->grab, cam, grab);
+    *device = sst_grab_camera_device(c->grab, cam);
+}
+
+void sst_capture_close(struct sst_capture *c)
+{
+    if (!c)
+        return;
+    sst_trigger_close(c->trigger);
+    if (c->sets)
+        sst_sets_flush(c->sets);
+    end_writer(c);
+    sst_grab_close(c->grab);
+    sst_sets_destroy(c->sets);
+    if (c->wake_fd >= 0)
+        close(c->wake_fd);
+    pthread_cond_destroy(&c->changed);
+    pthread_mutex_destroy(&c->lock);
+    free(c);
+}

@@ -1,0 +1,135 @@
+#include "capture/array/health.h"
+
+#include <limits.h>
+
+#include "base/log.h"
+
+static const struct {
+    const char *what, *remedy;
+} texts[SST_TROUBLES] = {
+    [SST_TROUBLE_FLAGGED] = { "the driver flags frames as damaged", "check its cable, hub and USB power" },
+    [SST_TROUBLE_CUT] = { "frames end early", "check its cable, and the USB bandwidth by `sst plan`" },
+    [SST_TROUBLE_DAMAGED] = { "frames are damaged", "check its cable, hub and USB power" },
+    [SST_TROUBLE_STAMP] = { "time stamps jump", "its frames cannot be matched to triggers meanwhile" },
+    [SST_TROUBLE_LOST] = { "the driver loses frames", "raise cameras: buffers, or see `sst plan`" },
+    [SST_TROUBLE_FROZEN] = { "the picture stands still, byte for byte", "restart the camera if the scene moves" },
+    [SST_TROUBLE_LATE] = { "frames come when their set is closed", "raise sets: wait_ms or lower the rate" },
+    [SST_TROUBLE_DUPLICATE] = { "there is more than one frame for a trigger",
+                                "check its trigger line for bouncing, and that the camera is in its triggered mode" },
+    [SST_TROUBLE_STRAY] = { "frames belong to no trigger",
+                            "check that the camera is in its triggered mode (cameras: controls), and sets: window_us" },
+};
+
+static void note(struct sst_health *h, int cam, enum sst_trouble trouble)
+{
+    if (!h->camera[cam][trouble].on) {
+        const int need = h->camera[cam][trouble].need;
+        const bool again = need && h->camera[cam][trouble].well < SST_HEALTH_AGAIN + need;
+
+        h->camera[cam][trouble].on = h->camera[cam][trouble].began = true;
+        h->camera[cam][trouble].events = 0;
+        h->camera[cam][trouble].need = again ? sst_min_int(2 * need, SST_HEALTH_SETS_MAX) : SST_HEALTH_SETS;
+    }
+    h->camera[cam][trouble].events++;
+    h->camera[cam][trouble].well = 0;
+}
+
+void sst_health_frame(struct sst_health *h, const struct sst_frame *frame)
+{
+    static const struct {
+        unsigned bits;
+        enum sst_trouble trouble;
+    } by_fault[] = {
+        { SST_FRAME_FLAGGED, SST_TROUBLE_FLAGGED },
+        { SST_FRAME_EMPTY | SST_FRAME_SHORT | SST_FRAME_NO_EOI, SST_TROUBLE_CUT },
+        { SST_FRAME_NO_SOI | SST_FRAME_MARKER, SST_TROUBLE_DAMAGED },
+        { SST_FRAME_BACKWARDS, SST_TROUBLE_STAMP },
+        { SST_FRAME_FROZEN, SST_TROUBLE_FROZEN },
+    };
+
+    if (frame->lost_before)
+        note(h, frame->cam, SST_TROUBLE_LOST);
+    for (size_t i = 0; i < ARRAY_LEN(by_fault); i++)
+        if (frame->faults & by_fault[i].bits) {
+            note(h, frame->cam, by_fault[i].trouble);
+            return; /* the flag says it all, a cut frame's markers are broken too */
+        }
+}
+
+void sst_health_bucket(struct sst_health *h, const struct sst_frame *frame, enum sst_bucket bucket)
+{
+    const int cam = frame->cam;
+
+    if (bucket == SST_BUCKET_CORRUPT && !(frame->faults & SST_FRAME_BAD))
+        note(h, cam, SST_TROUBLE_STAMP);
+    else if (bucket == SST_BUCKET_LATE)
+        note(h, cam, SST_TROUBLE_LATE);
+    else if (bucket == SST_BUCKET_DUPLICATE)
+        note(h, cam, SST_TROUBLE_DUPLICATE);
+    else if (bucket == SST_BUCKET_STRAY)
+        note(h, cam, SST_TROUBLE_STRAY);
+}
+
+void sst_health_set(struct sst_health *h, int cam)
+{
+    for (int i = 0; i < SST_TROUBLES; i++) {
+        if (!h->camera[cam][i].need || h->camera[cam][i].well == INT_MAX)
+            continue;
+        if (++h->camera[cam][i].well <= h->camera[cam][i].need || !h->camera[cam][i].on)
+            continue;
+        h->camera[cam][i].on = false;
+        h->camera[cam][i].ended = true;
+    }
+}
+
+/** Of the cameras whose trouble began since the last telling. @return lines */
+static int tell_began(struct sst_health *h, enum sst_trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+{
+    int n = 0, first = 0;
+
+    for (int cam = cameras - 1; cam >= 0; cam--)
+        if (h->camera[cam][trouble].began) {
+            h->camera[cam][trouble].began = false;
+            first = cam;
+            n++;
+        }
+    if (n == 1)
+        sst_log_warning("camera %s: %s; %s", name[first], texts[trouble].what, texts[trouble].remedy);
+    else if (n > 1)
+        sst_log_warning("%d of %d cameras, the first of %s: %s; %s", n, cameras, name[first], texts[trouble].what,
+                        texts[trouble].remedy);
+    return n > 0;
+}
+
+/** Of those whose trouble ended. @return lines */
+static int tell_ended(struct sst_health *h, enum sst_trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+{
+    uint64_t frames = 0;
+    int n = 0, first = 0;
+
+    for (int cam = cameras - 1; cam >= 0; cam--)
+        if (h->camera[cam][trouble].ended) {
+            h->camera[cam][trouble].ended = false;
+            frames += h->camera[cam][trouble].events;
+            first = cam;
+            n++;
+        }
+    if (n == 1)
+        sst_log_warning("camera %s: well again; that %s was so for %llu frames", name[first], texts[trouble].what,
+                        (unsigned long long)frames);
+    else if (n > 1)
+        sst_log_warning("%d of %d cameras, the first of %s: well again; that %s was so for %llu frames of them", n,
+                        cameras, name[first], texts[trouble].what, (unsigned long long)frames);
+    return n > 0;
+}
+
+int sst_health_tell(struct sst_health *h, int cameras, const char (*name)[SST_HEALTH_NAME])
+{
+    int lines = 0;
+
+    for (int i = 0; i < SST_TROUBLES; i++) {
+        lines += tell_began(h, (enum sst_trouble)i, cameras, name);
+        lines += tell_ended(h, (enum sst_trouble)i, cameras, name);
+    }
+    return lines;
+}

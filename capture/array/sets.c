@@ -1,0 +1,523 @@
+#include "capture/array/sets.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define BEATS              128 /* triggers that are remembered, to tell late frames from stray ones */
+#define PENDING_PER_CAMERA 2   /* frames that are here before their trigger is told */
+#define STAMP_AHEAD_NS     1000000
+
+struct beat {
+    uint64_t index;
+    int64_t t_ns;
+    bool edge, closed;
+    struct sst_set *set;                 /* while open; NULL then: dropped, no set was free */
+    uint64_t seen[SST_CAMERAS_MAX / 64]; /* cameras that gave a good frame */
+};
+
+struct camera {
+    bool streaming;
+    bool heard;         /* last_ns and latency_ns hold */
+    int64_t last_ns;    /* newest stamp */
+    int64_t latency_ns; /* from stamp to arrival, as it is usually */
+    bool doubtful;      /* its stamps ran backwards, and have not been shown to be right again */
+    int64_t beat;       /* FREE: its index */
+};
+
+struct sst_sets {
+    /* fixed after create */
+    struct sst_sets_config cfg;
+    struct sst_sets_events events;
+    struct sst_set *pool;
+    /* assembling thread */
+    struct beat beat[BEATS]; /* ring in the order of time */
+    int first, count;
+    struct camera camera[SST_CAMERAS_MAX];
+    struct sst_frame **pending;
+    int pending_count;
+    double period_ns; /* FREE: as the cameras have it */
+    /* under lock */
+    pthread_mutex_t lock;
+    bool busy[64];    /* sets of the pool that are open or with the receiver */
+    bool counted[64]; /* of them those whose frames are in their buckets */
+    struct sst_sets_counters counters;
+};
+
+const char *sst_bucket_name(enum sst_bucket bucket)
+{
+    static const char *const names[] = { "in a set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };
+
+    return names[bucket];
+}
+
+static void count_locked(struct sst_sets *s, int cam, enum sst_bucket bucket)
+{
+    s->counters.bucket[bucket]++;
+    s->counters.camera[cam][bucket]++;
+}
+
+static void end_frame(struct sst_sets *s, struct sst_frame *frame, enum sst_bucket bucket)
+{
+    pthread_mutex_lock(&s->lock);
+    count_locked(s, frame->cam, bucket);
+    pthread_mutex_unlock(&s->lock);
+    s->events.release(s->events.arg, frame, bucket);
+}
+
+static struct beat *beat_at(struct sst_sets *s, int i)
+{
+    return &s->beat[(s->first + i) % BEATS];
+}
+
+static bool has_seen(const struct beat *b, int cam)
+{
+    return b->seen[cam / 64] >> cam % 64 & 1;
+}
+
+/* --- sets --------------------------------------------------------------------------------------------------------- */
+
+static struct sst_set *take_set(struct sst_sets *s)
+{
+    struct sst_set *set = NULL;
+
+    pthread_mutex_lock(&s->lock);
+    for (int i = 0; i < s->cfg.pool && !set; i++)
+        if (!s->busy[i]) {
+            s->busy[i] = true;
+            set = &s->pool[i];
+        }
+    if (!set)
+        s->counters.dropped++;
+    pthread_mutex_unlock(&s->lock);
+    if (set)
+        memset(set, 0, sizeof(*set));
+    return set;
+}
+
+void sst_sets_recycle(struct sst_sets *s, struct sst_set *set, bool dropped)
+{
+    const enum sst_bucket bucket = dropped ? SST_BUCKET_DROPPED : SST_BUCKET_SET;
+
+    pthread_mutex_lock(&s->lock);
+    for (int cam = 0; cam < set->cameras; cam++)
+        if (set->frame[cam])
+            count_locked(s, cam, bucket);
+    s->counted[set - s->pool] = true;
+    pthread_mutex_unlock(&s->lock);
+    for (int cam = 0; cam < set->cameras; cam++)
+        if (set->frame[cam])
+            s->events.release(s->events.arg, set->frame[cam], bucket);
+    pthread_mutex_lock(&s->lock);
+    s->busy[set - s->pool] = s->counted[set - s->pool] = false;
+    pthread_mutex_unlock(&s->lock);
+}
+
+static int by_time(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+
+    return x < y ? -1 : x > y;
+}
+
+static void measure_skew(const struct sst_sets *s, struct sst_set *set)
+{
+    int64_t t[SST_CAMERAS_MAX], far = -1, median;
+    int n = 0;
+
+    set->skew = (struct sst_skew){ .worst_cam = -1 };
+    for (int cam = 0; cam < set->cameras; cam++)
+        if (set->frame[cam])
+            t[n++] = set->frame[cam]->t_ns - s->cfg.delay_ns[cam];
+    if (n < 2)
+        return;
+    qsort(t, (size_t)n, sizeof(t[0]), by_time);
+    median = t[(n - 1) / 2];
+    set->skew.spread_ns = t[n - 1] - t[0];
+    for (int cam = 0; cam < set->cameras; cam++)
+        if (set->frame[cam]) {
+            const int64_t at = set->frame[cam]->t_ns - s->cfg.delay_ns[cam];
+
+            if (llabs(at - median) > far) {
+                far = llabs(at - median);
+                set->skew.worst_cam = cam;
+                set->skew.from_edge_ns = set->edge ? at - set->t_ns : 0;
+            }
+        }
+}
+
+static int64_t wall_at(int64_t t_ns)
+{
+    struct timespec mono, wall;
+
+    clock_gettime(CLOCK_MONOTONIC, &mono);
+    clock_gettime(CLOCK_REALTIME, &wall);
+    return (int64_t)(wall.tv_sec - mono.tv_sec) * 1000000000 + (wall.tv_nsec - mono.tv_nsec) + t_ns;
+}
+
+static void close_beat(struct sst_sets *s, struct beat *b)
+{
+    struct sst_set *set = b->set;
+
+    b->closed = true;
+    b->set = NULL;
+    if (!set)
+        return;
+    set->index = b->index;
+    set->t_ns = b->t_ns;
+    set->edge = b->edge;
+    set->cameras = s->cfg.cameras;
+    if (s->cfg.match == SST_SETS_FREE) {
+        set->t_ns = INT64_MAX;
+        for (int cam = 0; cam < set->cameras; cam++)
+            if (set->frame[cam] && set->frame[cam]->t_ns < set->t_ns)
+                set->t_ns = set->frame[cam]->t_ns;
+        if (!set->present)
+            set->t_ns = b->t_ns;
+    }
+    set->wall_ns = wall_at(set->t_ns);
+    measure_skew(s, set);
+    pthread_mutex_lock(&s->lock);
+    s->counters.sets++;
+    s->counters.complete += set->present == set->cameras;
+    s->counters.empty += set->present == 0;
+    pthread_mutex_unlock(&s->lock);
+    s->events.set(s->events.arg, set);
+}
+
+/**
+ * Are a good frame's stamps to be believed? Its clock may have jumped: by whole periods its frames would go into other
+ * triggers' sets unseen. None is stamped after it arrived; and once stamps ran backwards the way from stamp to arrival
+ * must be what it was. Without that frames may be late for other reasons, and their stamps be right.
+ */
+static bool stamp_holds(const struct sst_sets *s, struct camera *c, const struct sst_frame *frame)
+{
+    const int64_t latency_ns = frame->arrival_ns - frame->t_ns;
+
+    if (latency_ns < -STAMP_AHEAD_NS)
+        return false;
+    if (!c->heard)
+        c->latency_ns = latency_ns;
+    if (c->doubtful && llabs(latency_ns - c->latency_ns) > s->cfg.window_ns)
+        return false;
+    c->doubtful = false;
+    c->latency_ns += (latency_ns - c->latency_ns) / 8;
+    return true;
+}
+
+/** The window around a beat in which camera cam's frame of it starts. */
+static int64_t window_of(const struct sst_sets *s)
+{
+    return s->cfg.match == SST_SETS_FREE ? (int64_t)(0.75 * s->period_ns) : s->cfg.window_ns;
+}
+
+/** Will no further frame of this camera belong to the beat? */
+static bool is_past(const struct sst_sets *s, const struct beat *b, int cam)
+{
+    const struct camera *c = &s->camera[cam];
+
+    if (s->cfg.match != SST_SETS_NEAREST && has_seen(b, cam))
+        return true;
+    if (!c->streaming)
+        return true;
+    if (!c->heard)
+        return false;
+    return s->cfg.match == SST_SETS_FREE ? c->beat > (int64_t)b->index
+                                         : c->last_ns - s->cfg.delay_ns[cam] > b->t_ns + window_of(s);
+}
+
+static bool is_done(const struct sst_sets *s, const struct beat *b)
+{
+    for (int cam = 0; cam < s->cfg.cameras; cam++)
+        if (!is_past(s, b, cam))
+            return false;
+    return true;
+}
+
+/** With no camera streaming a beat is done at once, before a frame that is on its way: those wait out their time. */
+static bool is_due(const struct sst_sets *s, const struct beat *b, int64_t now_ns)
+{
+    bool any = false;
+
+    if (now_ns - b->t_ns >= s->cfg.wait_ns)
+        return true;
+    for (int cam = 0; cam < s->cfg.cameras && !any; cam++)
+        any = s->camera[cam].streaming;
+    return any && is_done(s, b);
+}
+
+static struct beat *add_beat(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edge)
+{
+    struct beat *b;
+
+    if (s->count == BEATS) { /* far more triggers than any set waits for */
+        if (!s->beat[s->first].closed)
+            close_beat(s, &s->beat[s->first]);
+        s->first = (s->first + 1) % BEATS;
+        s->count--;
+    }
+    b = beat_at(s, s->count++);
+    *b = (struct beat){ .index = index, .t_ns = t_ns, .edge = edge, .set = take_set(s) };
+    return b;
+}
+
+/* --- frames ------------------------------------------------------------------------------------------------------- */
+
+static void place(struct sst_sets *s, struct beat *b, struct sst_frame *frame)
+{
+    const int cam = frame->cam;
+    struct sst_frame *old;
+
+    if (b->closed) {
+        end_frame(s, frame, has_seen(b, cam) ? SST_BUCKET_DUPLICATE : SST_BUCKET_LATE);
+        return;
+    }
+    if (!b->set) {
+        end_frame(s, frame, has_seen(b, cam) ? SST_BUCKET_DUPLICATE : SST_BUCKET_DROPPED);
+        b->seen[cam / 64] |= 1ull << cam % 64;
+        return;
+    }
+    old = b->set->frame[cam];
+    if (old && s->cfg.match == SST_SETS_NEAREST) {
+        const int64_t due = b->t_ns + s->cfg.delay_ns[cam];
+        const bool nearer = llabs(frame->t_ns - due) < llabs(old->t_ns - due);
+
+        end_frame(s, nearer ? old : frame, SST_BUCKET_STRAY);
+        if (nearer)
+            b->set->frame[cam] = frame;
+        return;
+    }
+    if (old) {
+        end_frame(s, frame, SST_BUCKET_DUPLICATE);
+        return;
+    }
+    b->seen[cam / 64] |= 1ull << cam % 64;
+    b->set->frame[cam] = frame;
+    b->set->present++;
+}
+
+/** The trigger next to a time, or NULL when there is none; in the ring's order, newest first. */
+static struct beat *nearest_beat(struct sst_sets *s, int64_t t_ns)
+{
+    struct beat *best = NULL;
+
+    for (int i = s->count - 1; i >= 0; i--) {
+        struct beat *b = beat_at(s, i);
+
+        if (best && llabs(b->t_ns - t_ns) >= llabs(best->t_ns - t_ns))
+            break;
+        best = b;
+    }
+    return best;
+}
+
+/** @return false: newer than every trigger, its own may be on the way */
+static bool place_by_trigger(struct sst_sets *s, struct sst_frame *frame)
+{
+    const int64_t t = frame->t_ns - s->cfg.delay_ns[frame->cam];
+    struct beat *b = nearest_beat(s, t);
+
+    if (b && llabs(b->t_ns - t) <= s->cfg.window_ns)
+        place(s, b, frame);
+    else if (!b || (b == beat_at(s, s->count - 1) && t > b->t_ns))
+        return false;
+    else
+        end_frame(s, frame, SST_BUCKET_STRAY);
+    return true;
+}
+
+static void hold(struct sst_sets *s, struct sst_frame *frame)
+{
+    if (s->pending_count == PENDING_PER_CAMERA * s->cfg.cameras) {
+        end_frame(s, s->pending[0], SST_BUCKET_STRAY);
+        memmove(s->pending, s->pending + 1, (size_t)--s->pending_count * sizeof(s->pending[0]));
+    }
+    s->pending[s->pending_count++] = frame;
+}
+
+/**
+ * FREE: number the frame by the time since the camera's last one, so that a camera near the border between two beats
+ * does not jump between them; a camera that slipped by three quarters of a period is taken to the nearest beat.
+ */
+static void place_by_beat(struct sst_sets *s, struct sst_frame *frame)
+{
+    struct camera *c = &s->camera[frame->cam];
+    struct beat *last = s->count ? beat_at(s, s->count - 1) : NULL;
+    int64_t k = 0;
+
+    if (last) {
+        const double ahead = (double)(frame->t_ns - last->t_ns) / s->period_ns;
+
+        k = (int64_t)last->index + (int64_t)floor(ahead + 0.5);
+        if (c->heard) {
+            const double steps = floor((double)(frame->t_ns - c->last_ns) / s->period_ns + 0.5);
+            const int64_t counted = c->beat + (int64_t)steps;
+
+            if (fabs((double)(counted - (int64_t)last->index) - ahead) <= 0.75)
+                k = counted;
+            else {
+                pthread_mutex_lock(&s->lock);
+                s->counters.relocked++;
+                pthread_mutex_unlock(&s->lock);
+            }
+            if (steps >= 1) /* small steps: all cameras together have it soon, none alone */
+                s->period_ns += 0.002 * ((double)(frame->t_ns - c->last_ns) / steps - s->period_ns);
+        }
+        if (k < 0)
+            k = 0;
+    }
+    c->heard = true;
+    c->last_ns = frame->t_ns;
+    c->beat = k;
+    if (!last || k > (int64_t)last->index) {
+        const int64_t t =
+            last ? last->t_ns + (int64_t)((double)(k - (int64_t)last->index) * s->period_ns) : frame->t_ns;
+
+        place(s, add_beat(s, (uint64_t)k, t, false), frame);
+        return;
+    }
+    for (int i = s->count - 1; i >= 0; i--)
+        if (beat_at(s, i)->index == (uint64_t)k) {
+            place(s, beat_at(s, i), frame);
+            return;
+        }
+    end_frame(s, frame, SST_BUCKET_LATE); /* a beat that no frame opened while it was time */
+}
+
+void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
+{
+    struct camera *c = &s->camera[frame->cam];
+
+    assert(frame->cam >= 0 && frame->cam < s->cfg.cameras);
+    if (frame->faults & SST_FRAME_BACKWARDS)
+        c->doubtful = true;
+    if (frame->faults & SST_FRAME_BAD) {
+        end_frame(s, frame, frame->faults & SST_FRAME_FLAGGED ? SST_BUCKET_FLAGGED : SST_BUCKET_CORRUPT);
+        return;
+    }
+    if (s->cfg.match == SST_SETS_FREE) {
+        place_by_beat(s, frame);
+        return;
+    }
+    if (!stamp_holds(s, c, frame)) {
+        end_frame(s, frame, SST_BUCKET_CORRUPT);
+        return;
+    }
+    c->heard = true;
+    c->last_ns = frame->t_ns;
+    if (!place_by_trigger(s, frame))
+        hold(s, frame);
+}
+
+void sst_sets_trigger(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edge)
+{
+    int kept = 0;
+
+    add_beat(s, index, t_ns, edge);
+    for (int i = 0; i < s->pending_count; i++)
+        if (!place_by_trigger(s, s->pending[i]))
+            s->pending[kept++] = s->pending[i];
+    s->pending_count = kept;
+}
+
+void sst_sets_camera(struct sst_sets *s, int cam, bool streaming)
+{
+    s->camera[cam].streaming = streaming;
+    if (!streaming)
+        s->camera[cam].heard = false;
+}
+
+int64_t sst_sets_tick(struct sst_sets *s, int64_t now_ns)
+{
+    int64_t next = INT64_MAX;
+    int kept = 0;
+
+    for (int i = 0; i < s->count; i++) {
+        struct beat *b = beat_at(s, i);
+
+        if (b->closed)
+            continue;
+        if (!is_due(s, b, now_ns)) { /* those after it wait too: sets go out in order */
+            next = b->t_ns + s->cfg.wait_ns;
+            break;
+        }
+        close_beat(s, b);
+    }
+    for (int i = 0; i < s->pending_count; i++) {
+        if (now_ns - s->pending[i]->arrival_ns >= s->cfg.wait_ns) {
+            end_frame(s, s->pending[i], SST_BUCKET_STRAY);
+            continue;
+        }
+        if (s->pending[i]->arrival_ns + s->cfg.wait_ns < next)
+            next = s->pending[i]->arrival_ns + s->cfg.wait_ns;
+        s->pending[kept++] = s->pending[i];
+    }
+    s->pending_count = kept;
+    return next;
+}
+
+void sst_sets_flush(struct sst_sets *s)
+{
+    for (int i = 0; i < s->count; i++)
+        if (!beat_at(s, i)->closed)
+            close_beat(s, beat_at(s, i));
+    for (int i = 0; i < s->pending_count; i++)
+        end_frame(s, s->pending[i], SST_BUCKET_STRAY);
+    s->pending_count = 0;
+}
+
+void sst_sets_counters(const struct sst_sets *sets, struct sst_sets_counters *out)
+{
+    struct sst_sets *s = (struct sst_sets *)sets;
+
+    pthread_mutex_lock(&s->lock);
+    *out = s->counters;
+    out->waiting = (uint64_t)s->pending_count;
+    for (int i = 0; i < s->cfg.pool; i++)
+        for (int cam = 0; s->busy[i] && !s->counted[i] && cam < s->cfg.cameras; cam++) /* of open ones, too */
+            out->waiting += s->pool[i].frame[cam] != NULL;
+    pthread_mutex_unlock(&s->lock);
+}
+
+int sst_sets_create(struct sst_sets **out, const struct sst_sets_config *cfg, const struct sst_sets_events *events)
+{
+    struct sst_sets *s;
+
+    if (cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX || cfg->pool < 2 || cfg->pool > 64 || cfg->period_ns < 0 ||
+        (cfg->match == SST_SETS_FREE && cfg->period_ns == 0))
+        return -EINVAL;
+    s = calloc(1, sizeof(*s));
+    if (!s)
+        return -ENOMEM;
+    pthread_mutex_init(&s->lock, NULL);
+    s->cfg = *cfg;
+    s->events = *events;
+    s->period_ns = (double)cfg->period_ns;
+    if (!s->cfg.window_ns)
+        s->cfg.window_ns = cfg->period_ns * 2 / 5 > 1000000 ? cfg->period_ns * 2 / 5 : 1000000;
+    if (!s->cfg.wait_ns)
+        s->cfg.wait_ns = cfg->period_ns * 5 / 2 > 250000000 ? cfg->period_ns * 5 / 2 : 250000000;
+    s->pool = calloc((size_t)cfg->pool, sizeof(*s->pool));
+    s->pending = calloc((size_t)cfg->cameras * PENDING_PER_CAMERA, sizeof(*s->pending));
+    if (!s->pool || !s->pending) {
+        sst_sets_destroy(s);
+        return -ENOMEM;
+    }
+    *out = s;
+    return 0;
+}
+
+void sst_sets_destroy(struct sst_sets *s)
+{
+    if (!s)
+        return;
+    pthread_mutex_destroy(&s->lock);
+    free(s->pool);
+    free(s->pending);
+    free(s);
+}

@@ -1,0 +1,406 @@
+#include "capture/recording/lightfields.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include <jansson.h>
+#include <linux/videodev2.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/image/raw.h"
+#include "pipeline/lightfield/import.h"
+#include "pipeline/lightfield/lightfield.h"
+
+#define MAX_NAMED 4 /* views named in one message */
+
+/* A frame whose bytes are in doubt; a stamp that went backwards says nothing about them. */
+#define BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
+
+/* One set on its way; the threads write only their own view's places. */
+struct job {
+    const struct sst_recording *recording;
+    const struct sst_recording_info *info;
+    const struct sst_lightfields_config *cfg;
+    const char *dir; /* of this light field, in the output's temporary folder */
+    int number;
+    struct sst_recording_set set;
+    int cam[SST_MAX_VIEWS];         /* by view; -1: the array has no camera there */
+    const char *why[SST_MAX_VIEWS]; /* the view is missing; NULL: it is there */
+    struct sst_lightfield lf;
+};
+
+/* --- views -------------------------------------------------------------------------------------------------------- */
+
+static bool is_jpeg(const struct job *job)
+{
+    return job->info->fourcc == V4L2_PIX_FMT_MJPEG || job->info->fourcc == V4L2_PIX_FMT_JPEG;
+}
+
+/* Is it a whole picture of the right size? What the decoder says about it is said in the message about the set. */
+static bool decodes(const struct job *job, const uint8_t *data, size_t bytes)
+{
+    char text[SST_LOG_MAX] = "", *before = sst_log_hold_errors(text);
+    struct sst_image img;
+    const int err = sst_image_decode(&img, data, bytes, "frame");
+    bool good;
+
+    sst_log_hold_errors(before);
+    if (err)
+        return false;
+    good = img.width == job->info->width && img.height == job->info->height;
+    sst_image_fini(&img);
+    return good;
+}
+
+static int write_view(struct job *job, int view, const struct sst_recording_frame *f, const uint8_t *data)
+{
+    const struct sst_raw raw = { job->info->fourcc, job->info->width, job->info->height, f->stride, data, f->bytes };
+    struct sst_view *v = &job->lf.views[view];
+    char name[300], path[SST_PATH_MAX];
+    int err;
+
+    sst_view_name(&job->lf, view, v->file);
+    strcat(v->file, is_jpeg(job) ? ".jpg" : ".png");
+    snprintf(name, sizeof(name), "views/%s", v->file);
+    err = sst_path_join(path, job->dir, name);
+    if (err)
+        return err;
+    v->present = true;
+    return is_jpeg(job) ? sst_file_write(path, data, f->bytes) : sst_raw_write_png(&raw, path);
+}
+
+static int take_view(void *arg, int view, int worker SST_UNUSED)
+{
+    struct job *job = arg;
+    const int cam = job->cam[view];
+    const struct sst_recording_frame *f = cam < 0 ? NULL : &job->set.frame[cam];
+    uint8_t *data;
+    int err;
+
+    if (!f)
+        return 0;
+    err = f->faults & BAD_PICTURE ? -ECANCELED : sst_recording_frame(job->recording, &job->set, cam, &data);
+    job->why[view] = err == -ENODATA ? "missing" : err == -ECANCELED ? "bad when it was taken" : "damaged on the disk";
+    if (err == -ENODATA || err == -ECANCELED || err == -EBADMSG)
+        return 0;
+    if (err) {
+        sst_log_error("cannot read set %d of %s: %s", job->number, sst_recording_dir(job->recording), strerror(-err));
+        return err;
+    }
+    job->why[view] = NULL;
+    if (is_jpeg(job) && !decodes(job, data, f->bytes))
+        job->why[view] = "no whole picture of its size";
+    else
+        err = write_view(job, view, f, data);
+    free(data);
+    return err;
+}
+
+/* Refuse or tell what is missing. */
+static int check_missing(const struct job *job)
+{
+    char named[MAX_NAMED * 64 + 8] = "";
+    int missing = 0, cameras = job->info->cameras;
+
+    for (int view = 0; view < job->lf.rows * job->lf.cols; view++) {
+        char rr_cc[16];
+        size_t n = strlen(named);
+
+        if (!job->why[view] || missing++ >= MAX_NAMED)
+            continue;
+        sst_view_name(&job->lf, view, rr_cc);
+        snprintf(named + n, sizeof(named) - n, "%s%s (%s)", n ? ", " : "", rr_cc, job->why[view]);
+    }
+    if (missing > MAX_NAMED)
+        strcat(named, " ...");
+    if (missing == cameras || (missing && !job->cfg->allow_partial)) {
+        sst_log_error("set %d of %s lacks %d of %d views: %s; %s", job->number, sst_recording_dir(job->recording),
+                      missing, cameras, named,
+                      missing == cameras ? "leave it out" : "leave it out or add --allow-partial");
+        return -EBADMSG;
+    }
+    if (missing)
+        sst_log_warning("set %d lacks %d of %d views: %s", job->number, missing, cameras, named);
+    return 0;
+}
+
+/* --- one light field ---------------------------------------------------------------------------------------------- */
+
+static void format_wall(char out[40], int64_t wall_ns)
+{
+    const time_t s = (time_t)(wall_ns / 1000000000);
+    struct tm tm;
+    char date[32];
+
+    if (!gmtime_r(&s, &tm) || !strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%S", &tm))
+        snprintf(date, sizeof(date), "?");
+    snprintf(out, 40, "%s.%03dZ", date, (int)(wall_ns / 1000000 % 1000));
+}
+
+/* JSON holds UTF-8 only; the name of a folder may be anything. */
+static void make_utf8(char *text)
+{
+    json_t *probe = json_string(text);
+
+    for (; !probe && *text; text++)
+        *text = (unsigned char)*text < 0x80 ? *text : '?';
+    json_decref(probe);
+}
+
+static void describe(struct job *job)
+{
+    const struct sst_recording_set *set = &job->set;
+    struct sst_lightfield *lf = &job->lf;
+    char wall[40];
+    int present = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        present += lf->views[k].present;
+    format_wall(wall, set->wall_ns);
+    snprintf(lf->source, sizeof(lf->source),
+             "recording import of %.700s, set %d: trigger %llu of run %d, %s, t_ns %lld "
+             "(%s), skew %.3f us, %d of %d views",
+             job->cfg->source ? job->cfg->source : sst_recording_dir(job->recording), job->number,
+             (unsigned long long)set->index, set->session, wall, (long long)set->t_ns,
+             set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3, present,
+             job->info->cameras);
+    make_utf8(lf->source);
+}
+
+/* Is it the camera that a calibration calls by this name? */
+static bool is_called(const struct sst_recorder_track *t, const char *name)
+{
+    return name[0] && (!strcmp(t->serial, name) || !strcmp(t->port, name) || !strcmp(t->name, name));
+}
+
+static const struct sst_recorder_track *find_called(const struct sst_recording_info *info, const char *name)
+{
+    for (int cam = 0; cam < info->cameras; cam++) {
+        if (is_called(&info->track[cam], name))
+            return &info->track[cam];
+    }
+    return NULL;
+}
+
+/* A calibration that names none of the recording's cameras was made from files, and says nothing about them. */
+static int check_cameras(const struct job *job)
+{
+    const struct sst_recording_info *info = job->info;
+    const struct sst_use_calibration *use = job->cfg->calibration;
+    bool any = false;
+
+    for (int k = 0; k < info->rows * info->cols; k++)
+        any |= use->calib.camera[k].known && find_called(info, use->calib.camera[k].name);
+    for (int cam = 0; any && cam < info->cameras; cam++) {
+        const struct sst_recorder_track *t = &info->track[cam], *other;
+        const struct sst_calib_camera *c = &use->calib.camera[t->row * info->cols + t->col];
+
+        if (!c->known || is_called(t, c->name))
+            continue;
+        other = find_called(info, c->name);
+        if (other)
+            sst_log_error("%s does not fit %s: camera %s was calibrated at row %d, column %d, but recorded at row %d, "
+                          "column %d; if cameras were swapped, calibrate again",
+                          use->path, sst_recording_dir(job->recording), c->name, t->row, t->col, other->row,
+                          other->col);
+        else
+            sst_log_error("%s does not fit %s: at row %d, column %d it knows camera %s, but %s was recorded; calibrate "
+                          "again",
+                          use->path, sst_recording_dir(job->recording), t->row, t->col, c->name,
+                          t->serial[0] ? t->serial
+                          : t->port[0] ? t->port
+                                       : t->name);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+/* Refuse a calibration of another array; cameras that it does not know have no views. */
+static int fit_calibration(struct job *job)
+{
+    struct sst_lightfield *lf = &job->lf;
+    int err;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        lf->views[k].present = job->cam[k] >= 0;
+    err = sst_lightfield_fit_calibration(lf, job->cfg->calibration);
+    if (!err)
+        err = check_cameras(job);
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (!lf->views[k].present)
+            job->cam[k] = -1;
+        lf->views[k].present = false;
+    }
+    return err;
+}
+
+static int prepare(struct job *job)
+{
+    const struct sst_recording_info *info = job->info;
+    struct sst_lightfield *lf = &job->lf;
+    int err = sst_lightfield_init(lf, info->rows, info->cols);
+
+    if (err) {
+        sst_log_error("%s has a grid of %dx%d, which is no light field: at most %d views are",
+                      sst_recording_dir(job->recording), info->rows, info->cols, SST_MAX_VIEWS);
+        return err == -EINVAL ? -EBADMSG : err;
+    }
+    lf->width = info->width;
+    lf->height = info->height;
+    lf->spacing_mm = info->spacing_mm;
+    if (job->cfg->range_min_px < job->cfg->range_max_px) {
+        lf->range_min_px = job->cfg->range_min_px;
+        lf->range_max_px = job->cfg->range_max_px;
+        lf->disp_min_px = floor(lf->range_min_px);
+    }
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        job->cam[k] = -1;
+    for (int cam = 0; cam < info->cameras; cam++)
+        job->cam[info->track[cam].row * info->cols + info->track[cam].col] = cam;
+    return job->cfg->calibration ? fit_calibration(job) : 0;
+}
+
+static int set_offsets(struct sst_lightfield *lf)
+{
+    const int err = sst_lightfield_choose_ref(lf);
+
+    for (int k = 0; !err && k < lf->rows * lf->cols; k++) {
+        lf->views[k].bx = k % lf->cols - lf->ref_view % lf->cols;
+        lf->views[k].by = k / lf->cols - lf->ref_view / lf->cols;
+    }
+    return err;
+}
+
+static int write_line(const struct job *job)
+{
+    char path[SST_PATH_MAX], *line;
+    int err = sst_path_join(path, job->dir, "set.json");
+
+    if (!err)
+        err = sst_recording_line(job->recording, job->number, &line);
+    if (err)
+        return err;
+    err = sst_file_write(path, line, strlen(line));
+    free(line);
+    return err;
+}
+
+static int write_picture(const struct job *job)
+{
+    char path[SST_PATH_MAX];
+    const int err = sst_path_join(path, job->dir, job->cfg->picture);
+
+    return err ? err : sst_file_write(path, job->cfg->picture_data, job->cfg->picture_bytes);
+}
+
+static int fill(struct job *job)
+{
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, job->dir, "views");
+
+    if (!err)
+        err = sst_path_make_dir(path);
+    if (!err)
+        err = sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), take_view, job);
+    if (!err)
+        err = check_missing(job);
+    if (!err)
+        err = set_offsets(&job->lf);
+    if (!err && job->cfg->calibration)
+        err = sst_lightfield_calibrate(&job->lf, job->cfg->calibration);
+    if (err)
+        return err;
+    describe(job);
+    err = write_line(job);
+    if (!err && job->cfg->picture)
+        err = write_picture(job);
+    return err ? err : sst_lightfield_write(&job->lf, job->dir, job->cfg->threads);
+}
+
+static int make_one(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, int number,
+                    const char *dir)
+{
+    struct job *job = calloc(1, sizeof(*job));
+    int err;
+
+    if (!job)
+        return -ENOMEM;
+    *job = (struct job){
+        .recording = recording, .info = sst_recording_info(recording), .cfg = cfg, .dir = dir, .number = number
+    };
+    err = sst_recording_set(recording, number, &job->set);
+    if (err)
+        sst_log_error("set %d of %s cannot be read (%s); leave it out", number, sst_recording_dir(recording),
+                      err == -EBADMSG ? "its line in sets.jsonl is damaged" : strerror(-err));
+    if (!err)
+        err = prepare(job);
+    if (!err)
+        err = fill(job);
+    sst_lightfield_fini(&job->lf);
+    free(job);
+    return err;
+}
+
+/* --- all of them -------------------------------------------------------------------------------------------------- */
+
+static int make_each(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, const char *out)
+{
+    json_t *list = json_array();
+    char path[SST_PATH_MAX], *text = NULL;
+    int err = list ? 0 : -ENOMEM;
+
+    for (int i = 0; !err && i < cfg->count; i++) {
+        char name[32];
+
+        snprintf(name, sizeof(name), "set-%06d", cfg->sets[i]);
+        err = sst_path_join(path, out, name);
+        if (!err)
+            err = sst_path_make_dir(path);
+        if (!err)
+            err = make_one(recording, cfg, cfg->sets[i], path);
+        if (!err && json_array_append_new(list, json_pack("{s:i, s:s}", "set", cfg->sets[i], "lightfield", name)))
+            err = -ENOMEM;
+        if (cfg->progress)
+            cfg->progress(cfg->progress_arg, (i + 1.0) / cfg->count);
+    }
+    if (!err)
+        err = sst_path_join(path, out, "sets.json");
+    if (!err)
+        text = json_dumps(list, JSON_INDENT(1));
+    if (!err)
+        err = text ? sst_file_write(path, text, strlen(text)) : -ENOMEM;
+    free(text);
+    json_decref(list);
+    return err;
+}
+
+int sst_recording_to_lightfields(const struct sst_recording *recording, const struct sst_lightfields_config *cfg)
+{
+    const char *const inputs[] = { sst_recording_dir(recording), NULL };
+    struct sst_outdir out;
+    int err;
+
+    if (cfg->count < 1 || (!cfg->each && cfg->count != 1))
+        return -EINVAL;
+    err = sst_check_output(cfg->out, cfg->force, cfg->each ? "sets.json" : "lightfield.json", inputs);
+    if (!err)
+        err = sst_outdir_open(&out, cfg->out, cfg->force);
+    if (err)
+        return err;
+    err = cfg->each ? make_each(recording, cfg, out.temporary) : make_one(recording, cfg, cfg->sets[0], out.temporary);
+    if (err == -ENOMEM)
+        sst_log_error("no memory to import %s", sst_recording_dir(recording));
+    if (err)
+        sst_outdir_abort(&out);
+    else
+        err = sst_outdir_commit(&out);
+    return err;
+}

@@ -1,0 +1,39 @@
+/* capture/recording/lightfields.h - sets of a recording as light fields, for everything that works on pictures. */
+#ifndef SST_CAPTURE_RECORDING_LIGHTFIELDS_H
+#define SST_CAPTURE_RECORDING_LIGHTFIELDS_H
+
+#include "capture/recording/recording.h"
+#include "pipeline/lightfield/calibrated.h"
+
+struct sst_lightfields_config {
+    const char *out;
+    const int *sets; /* [count] numbers in the recording */
+    int count;
+    bool each; /* one folder out/set-NNNNNN per set and out/sets.json, even of one set; else out is the light field */
+    bool allow_partial;                            /* views may be missing or damaged; the light field then has holes */
+    bool force;                                    /* replace an output made before */
+    double range_min_px, range_max_px;             /* disparities in the scene; equal: unknown */
+    const struct sst_use_calibration *calibration; /* of this array, or NULL: the views are as the cameras saw them */
+    const char *source;                            /* what it says that it was made of; NULL: the recording's folder */
+    const char *picture;                           /* a further file in each light field: its name, or NULL */
+    const void *picture_data;
+    size_t picture_bytes;
+    int threads;
+    void (*progress)(void *arg, double done); /* or NULL */
+    void *progress_arg;
+};
+
+/**
+ * Make light fields of sets. JPEG stays as the camera sent it; other formats become PNG (pipeline/image/raw.h). Each
+ * light field also gets set.json, the set's line of the recording. A calibration of other cameras, or of these at other
+ * places of the grid, is refused where its names are serials, ports or names that the recording has.
+ *
+ * A view is missing where its frame is missing, damaged, marked bad by the driver, or no picture of the recording's
+ * size.
+ * @return 0, -EINVAL (cfg), -EBADMSG (a set is damaged or, without allow_partial, has missing views; the calibration
+ *         does not fit), -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged. All light fields appear or none.
+ */
+SST_MUST_CHECK int sst_recording_to_lightfields(const struct sst_recording *recording,
+                                                const struct sst_lightfields_config *cfg);
+
+#endif

@@ -1,0 +1,508 @@
+/* One set at a time: bytes into the segment, sync if the policy says so, line into the manifest. Whatever fails in
+ * between is undone, so that the manifest never says more than the segments hold. */
+#include "capture/recording/recorder.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <zlib.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "capture/recording/append.h"
+#include "capture/recording/setlist.h"
+#include "capture/recording/pixel_format.h"
+#include "capture/recording/segment.h"
+#include "capture/recording/sync.h"
+
+#define RETRY_NS 500000000      /* between attempts while the disk takes nothing */
+#define SEGMENT_NUMBER_MAX 999999
+#define STAMP_SLACK_NS 1000000000 /* as in the segment: a stamp farther from its set's is wrong */
+
+struct sst_recorder {
+    /* fixed after open */
+    struct sst_recorder_config cfg;
+    struct sst_recorder_track *tracks;
+    char dir[SST_PATH_MAX], manifest[SST_PATH_MAX], folder[SST_PATH_MAX]; /* folder: of the segments */
+    int lock_fd; /* of the folder, locked against other recorders */
+    int session;
+    struct sst_sync *sync; /* NULL: every set is synced here */
+    /* the caller's thread only */
+    int manifest_fd; /* -1 after a failure: opened again */
+    int64_t manifest_bytes;
+    struct sst_segment *segment; /* NULL: the next set begins one */
+    int number;                  /* of the segment, or of the next */
+    int64_t segment_start_ns;
+    bool watched; /* the sync thread knows the segment */
+    int failing;  /* negative errno while the disk takes nothing */
+    int64_t retry_ns;
+    uint64_t dropped_in_row;
+    struct sst_recorder_counters counters;
+    int64_t offset[SST_CAMERAS_MAX];
+    uint32_t crc32[SST_CAMERAS_MAX];
+    char line[2 * SST_SETLIST_LINE_MAX];
+};
+
+void sst_recorder_config_defaults(struct sst_recorder_config *cfg)
+{
+    *cfg = (struct sst_recorder_config){ .segment_s = 60, .segment_bytes = (int64_t)1 << 30, .sync_s = 1 };
+}
+
+/* --- open --------------------------------------------------------------------------------------------------------- */
+
+static int check_config(const struct sst_recorder_config *cfg)
+{
+    char format[5];
+    const char *fault = NULL;
+
+    sst_pixel_format_name(cfg->fourcc, format);
+    if (!cfg->dir || !cfg->dir[0] || !cfg->tracks)
+        fault = "no folder or no cameras are given";
+    else if (cfg->rows < 1 || cfg->cols < 1 || cfg->rows > SST_CAMERAS_MAX || cfg->cols > SST_CAMERAS_MAX ||
+             cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX || cfg->cameras > cfg->rows * cfg->cols)
+        fault = "the grid does not hold the cameras";
+    else if (cfg->width < 1 || cfg->height < 1 || cfg->width > 32768 || cfg->height > 32768)
+        fault = "the size is outside 1x1 to 32768x32768";
+    else if (!(cfg->rate_hz >= 0) || !isfinite(cfg->rate_hz) || !(cfg->spacing_mm >= 0) || !isfinite(cfg->spacing_mm))
+        fault = "rate or spacing is below 0";
+    else if (!(cfg->segment_s >= 0 && cfg->segment_s <= 86400) || cfg->segment_bytes < 0 ||
+             !(cfg->sync_s >= 0 && cfg->sync_s <= 86400))
+        fault = "segments or syncs are longer than a day, or below 0";
+    for (int k = 0; !fault && k < cfg->cameras; k++) {
+        if (cfg->tracks[k].row < 0 || cfg->tracks[k].row >= cfg->rows || cfg->tracks[k].col < 0 ||
+            cfg->tracks[k].col >= cfg->cols)
+            fault = "a camera is outside the grid";
+        for (int i = 0; i < k; i++) {
+            if (cfg->tracks[i].row == cfg->tracks[k].row && cfg->tracks[i].col == cfg->tracks[k].col)
+                fault = "two cameras have the same row and col";
+        }
+    }
+    if (!fault && !sst_pixel_format_known(cfg->fourcc)) {
+        sst_log_error("frames of format %s cannot be recorded; set MJPG, YUYV, GREY, Y16 or 8-bit Bayer", format);
+        return -EINVAL;
+    }
+    if (fault)
+        sst_log_error("cannot record: %s", fault);
+    return fault ? -EINVAL : 0;
+}
+
+/* Two recorders in one folder would cut each other's sets off. */
+static int lock_folder(struct sst_recorder *r)
+{
+    int err;
+
+    r->lock_fd = open(r->dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (r->lock_fd >= 0 && !flock(r->lock_fd, LOCK_EX | LOCK_NB))
+        return 0;
+    err = errno;
+    if (r->lock_fd >= 0 && err != EWOULDBLOCK)
+        return 0; /* a file system without locks */
+    if (err == EWOULDBLOCK)
+        sst_log_error("another process records into %s; stop it or name another folder", r->dir);
+    else
+        sst_log_error("cannot open the folder %s: %s", r->dir, strerror(err));
+    return err == EWOULDBLOCK ? -EBUSY : -EIO;
+}
+
+static int open_manifest(struct sst_recorder *r, int flags)
+{
+    struct stat st;
+    int err = 0;
+
+    r->manifest_fd = open(r->manifest, O_RDWR | O_CLOEXEC | flags, 0666);
+    if (r->manifest_fd < 0)
+        return -errno;
+    if (fstat(r->manifest_fd, &st))
+        err = -errno;
+    else if (st.st_size < r->manifest_bytes)
+        err = -EIO; /* not the file that we wrote */
+    else if (ftruncate(r->manifest_fd, r->manifest_bytes))
+        err = -errno;
+    if (err) {
+        close(r->manifest_fd);
+        r->manifest_fd = -1;
+    }
+    return err;
+}
+
+static int code_of(int err)
+{
+    switch (-err) {
+    case ENOSPC: case EDQUOT: case EFBIG:
+        return -ENOSPC;
+    case EROFS: case ENOMEM: case EINVAL: case ENOTSUP:
+        return err;
+    default:
+        return -EIO;
+    }
+}
+
+/* A new recording, or the state to go on from. */
+static int open_files(struct sst_recorder *r)
+{
+    char info[SST_PATH_MAX];
+    struct sst_append from;
+    bool there;
+    int err = sst_path_join(info, r->dir, "recording.json");
+
+    if (err)
+        return err;
+    there = sst_path_exists(info);
+    if (there ? !r->cfg.append : sst_path_exists(r->manifest)) {
+        sst_log_error("%s holds %s already; name another folder%s", r->dir, there ? "a recording" : "sets.jsonl",
+                      there ? " or append to it" : "");
+        return -EEXIST;
+    }
+    if (!there)
+        err = sst_setlist_write_info(info, &r->cfg);
+    if (err)
+        return err;
+    r->manifest_fd = open(r->manifest, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (r->manifest_fd < 0) {
+        err = -errno;
+        sst_log_error("cannot create %s: %s", r->manifest, strerror(-err));
+        return code_of(err);
+    }
+    if (!there)
+        return 0;
+    err = sst_append_prepare(&from, &r->cfg, r->manifest_fd);
+    if (err)
+        return err;
+    r->manifest_bytes = from.manifest_bytes;
+    r->number = from.segment;
+    r->session = from.session;
+    return 0;
+}
+
+/* The names of the list and of the segments' folder, in the recording's; and its own, without which they are nothing. */
+static int sync_names(const struct sst_recorder *r)
+{
+    char above[SST_PATH_MAX];
+    int err = sst_sync_folder(r->dir);
+
+    if (!err && !sst_path_join(above, r->dir, ".."))
+        err = sst_sync_folder(above);
+    if (err == -EACCES) /* one may write into a folder without reading the one above */
+        err = 0;
+    if (err)
+        sst_log_error("cannot sync the folder %s: %s", r->dir, strerror(-err));
+    return err ? code_of(err) : 0;
+}
+
+static int copy_config(struct sst_recorder *r, const struct sst_recorder_config *cfg)
+{
+    const size_t bytes = (size_t)cfg->cameras * sizeof(*r->tracks);
+    struct sst_recorder_config defaults;
+    int err = sst_path_join(r->dir, cfg->dir, NULL);
+
+    if (!err)
+        err = sst_path_join(r->manifest, cfg->dir, "sets.jsonl");
+    if (!err)
+        err = sst_path_join(r->folder, cfg->dir, "segments");
+    if (err)
+        return err;
+    r->tracks = malloc(bytes);
+    if (!r->tracks)
+        return -ENOMEM;
+    memcpy(r->tracks, cfg->tracks, bytes);
+    sst_recorder_config_defaults(&defaults);
+    r->cfg = *cfg;
+    r->cfg.dir = r->dir;
+    r->cfg.tracks = r->tracks;
+    if (r->cfg.segment_s == 0)
+        r->cfg.segment_s = defaults.segment_s;
+    if (!r->cfg.segment_bytes)
+        r->cfg.segment_bytes = defaults.segment_bytes;
+    return 0;
+}
+
+int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_config *cfg)
+{
+    struct sst_recorder *r;
+    int err = check_config(cfg);
+
+#if !WITH_AVFORMAT
+    sst_log_error("this build has no libavformat, so it cannot record; build it with libavformat");
+    err = err ? err : -ENOTSUP;
+#endif
+    if (err)
+        return err;
+    r = calloc(1, sizeof(*r));
+    if (!r)
+        return -ENOMEM;
+    r->lock_fd = r->manifest_fd = -1;
+    err = copy_config(r, cfg);
+    if (!err)
+        err = sst_path_make_dir(r->dir);
+    if (!err)
+        err = lock_folder(r);
+    if (!err)
+        err = open_files(r);
+    if (!err)
+        err = sst_path_make_dir(r->folder);
+    if (!err)
+        err = sync_names(r);
+    if (!err && r->cfg.sync_s > 0)
+        err = sst_sync_start(&r->sync, r->folder, r->cfg.sync_s);
+    if (err) {
+        (void)sst_recorder_close(r); /* no set was written: there is nothing that closing could lose */
+        return err;
+    }
+    *out = r;
+    return 0;
+}
+
+/* --- segments ----------------------------------------------------------------------------------------------------- */
+
+/* Time zero of a segment: no frame of its first set is before it. */
+static int64_t earliest(const struct sst_set *set)
+{
+    int64_t t = set->t_ns;
+
+    for (int k = 0; k < set->cameras; k++) {
+        const struct sst_frame *f = set->frame[k];
+
+        if (f && f->t_ns < t && f->t_ns >= set->t_ns - STAMP_SLACK_NS)
+            t = f->t_ns;
+    }
+    return t;
+}
+
+static int finish_segment(struct sst_recorder *r)
+{
+    int err = 0;
+
+    if (!r->segment)
+        return 0;
+    err = sst_segment_finish(r->segment, !r->sync);
+    if (err)
+        sst_log_warning("segment %06d of %s cannot be finished: %s; its sets are all there, but no index to seek by",
+                        r->number, r->dir, strerror(-err));
+    r->segment = NULL;
+    r->number++;
+    return err;
+}
+
+static bool segment_is_full(struct sst_recorder *r, const struct sst_set *set)
+{
+    if ((double)(set->t_ns - r->segment_start_ns) * 1e-9 < r->cfg.segment_s &&
+        sst_segment_bytes(r->segment) < r->cfg.segment_bytes)
+        return false;
+    return !r->sync || sst_sync_has_room(r->sync); /* else the disk is far behind: this one grows on */
+}
+
+static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
+{
+    char path[SST_PATH_MAX];
+    int err;
+
+    r->segment_start_ns = earliest(set);
+    r->watched = false;
+    /* A file of that number is one that could not be removed when the disk failed. */
+    for (;; r->number++) {
+        err = r->number > SEGMENT_NUMBER_MAX ? -ENOSPC : sst_segment_path(path, r->dir, r->number);
+        if (!err)
+            err = sst_segment_open(&r->segment, path, &r->cfg, r->segment_start_ns);
+        if (err != -EEXIST)
+            return err;
+    }
+}
+
+/* --- sets --------------------------------------------------------------------------------------------------------- */
+
+static int check_set(const struct sst_recorder *r, const struct sst_set *set)
+{
+    const char *fault = NULL;
+
+    if (set->cameras != r->cfg.cameras)
+        fault = "it is of another array";
+    for (int k = 0; !fault && k < set->cameras; k++) {
+        const struct sst_frame *f = set->frame[k];
+
+        if (!f)
+            continue;
+        if (f->cam != k)
+            fault = "a frame is in another camera's place";
+        else if (f->fourcc != r->cfg.fourcc)
+            fault = "a frame has another format";
+        else if (f->bytes > SST_SEGMENT_FRAME_MAX || f->stride > INT32_MAX)
+            fault = "a frame is larger than 1 GiB";
+    }
+    if (fault)
+        sst_log_error("set %llu cannot be recorded: %s", (unsigned long long)set->index, fault);
+    return fault ? -EINVAL : 0;
+}
+
+static int write_line(struct sst_recorder *r, size_t n)
+{
+    size_t done = 0;
+
+    while (done < n) {
+        const ssize_t got = pwrite(r->manifest_fd, r->line + done, n - done, r->manifest_bytes + (int64_t)done);
+
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got <= 0)
+            return got < 0 ? -errno : -EIO;
+        done += (size_t)got;
+    }
+    return 0;
+}
+
+static int sync_here(struct sst_recorder *r, int fd)
+{
+    const int64_t start = sst_clock_now_ns();
+    const int err = fdatasync(fd) ? -errno : 0;
+    const int64_t took = sst_clock_now_ns() - start;
+
+    r->counters.syncs++;
+    r->counters.sync_failures += err != 0;
+    if (took > r->counters.sync_max_ns)
+        r->counters.sync_max_ns = took;
+    return err;
+}
+
+static int add_set(struct sst_recorder *r, const struct sst_set *set)
+{
+    size_t n = 0;
+    int err = r->manifest_fd < 0 ? open_manifest(r, 0) : 0;
+
+    if (!err && !r->segment)
+        err = begin_segment(r, set);
+    if (!err)
+        err = sst_segment_add(r->segment, set, r->offset);
+    if (!err && !r->sync)
+        err = sync_here(r, sst_segment_fd(r->segment));
+    if (!err && !r->sync && !r->watched)
+        err = sst_sync_folder(r->folder);
+    if (err)
+        return err;
+    for (int k = 0; k < set->cameras; k++)
+        r->crc32[k] = set->frame[k] ? (uint32_t)crc32_z(0, set->frame[k]->data, set->frame[k]->bytes) : 0;
+    if (!r->watched)
+        n = sst_setlist_segment_line(r->line, r->number, r->session, r->segment_start_ns, set->wall_ns);
+    n += sst_setlist_set_line(r->line + n, set, r->offset, r->crc32);
+    err = write_line(r, n);
+    if (!err && !r->sync)
+        err = sync_here(r, r->manifest_fd);
+    if (!err && r->sync && !r->watched)
+        err = sst_sync_watch(r->sync, sst_segment_fd(r->segment), r->manifest_fd);
+    if (err)
+        return err;
+    r->manifest_bytes += (int64_t)n;
+    sst_segment_keep(r->segment);
+    r->counters.segments += !r->watched;
+    r->watched = true;
+    return 0;
+}
+
+/* Undo what is left of the set. The segment ends here: after a failed write or sync nobody knows what of it is on the
+ * disk. */
+static void take_back(struct sst_recorder *r)
+{
+    if (r->manifest_fd >= 0) {
+        if (ftruncate(r->manifest_fd, r->manifest_bytes))
+            sst_log_debug("%s: %s; it is cut when it is opened again", r->manifest, strerror(errno));
+        close(r->manifest_fd);
+        r->manifest_fd = -1;
+    }
+    if (r->segment) {
+        const bool kept = r->watched;
+
+        sst_segment_abandon(r->segment);
+        r->segment = NULL;
+        r->number += kept;
+    }
+}
+
+static void tell_failure(struct sst_recorder *r, int err)
+{
+    const int code = code_of(err);
+    const char *remedy = code == -ENOSPC ? "free space there" : code == -EROFS ? "make it writable" : "check the disk";
+
+    if (code != r->failing)
+        sst_log_error("recording into %s has stopped: %s; %s, it then goes on by itself", r->dir, strerror(-err),
+                      remedy);
+    r->retry_ns = r->failing ? sst_clock_now_ns() + RETRY_NS : 0; /* a new segment may do at once */
+    r->failing = code;
+}
+
+static void tell_recovery(struct sst_recorder *r)
+{
+    if (r->failing)
+        sst_log_warning("recording into %s goes on with segment %06d; %llu sets are lost", r->dir, r->number,
+                        (unsigned long long)r->dropped_in_row);
+    r->failing = 0;
+    r->dropped_in_row = 0;
+}
+
+static int drop(struct sst_recorder *r)
+{
+    r->counters.dropped++;
+    r->dropped_in_row++;
+    return r->failing;
+}
+
+int sst_recorder_write(struct sst_recorder *r, const struct sst_set *set)
+{
+    int err = check_set(r, set);
+
+    if (err)
+        return err;
+    if (r->failing && sst_clock_now_ns() < r->retry_ns)
+        return drop(r);
+    if (r->sync && sst_sync_take_error(r->sync))
+        take_back(r); /* told by the thread; a new segment from here on */
+    if (r->segment && segment_is_full(r, set))
+        (void)finish_segment(r); /* told; the next segment shows whether the disk takes anything */
+    err = add_set(r, set);
+    if (err) {
+        take_back(r);
+        tell_failure(r, err);
+        return drop(r);
+    }
+    tell_recovery(r);
+    r->counters.sets++;
+    for (int k = 0; k < set->cameras; k++)
+        r->counters.bytes += set->frame[k] ? set->frame[k]->bytes : 0;
+    return 0;
+}
+
+void sst_recorder_set_segment_bytes(struct sst_recorder *r, int64_t bytes)
+{
+    struct sst_recorder_config defaults;
+
+    sst_recorder_config_defaults(&defaults);
+    r->cfg.segment_bytes = bytes > 0 ? bytes : defaults.segment_bytes;
+}
+
+void sst_recorder_counters(struct sst_recorder *r, struct sst_recorder_counters *out)
+{
+    *out = r->counters;
+    if (r->sync)
+        sst_sync_count(r->sync, out);
+}
+
+int sst_recorder_close(struct sst_recorder *r)
+{
+    int err, sync_err;
+
+    if (!r)
+        return 0;
+    err = finish_segment(r);
+    sync_err = sst_sync_stop(r->sync);
+    if (r->manifest_fd >= 0)
+        close(r->manifest_fd);
+    if (r->lock_fd >= 0)
+        close(r->lock_fd);
+    free(r->tracks);
+    free(r);
+    return err ? code_of(err) : sync_err ? code_of(sync_err) : 0;
+}

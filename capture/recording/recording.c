@@ -1,0 +1,307 @@
+#include "capture/recording/recording.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <zlib.h>
+
+#include "base/log.h"
+#include "capture/recording/index.h"
+
+/* --- the index ---------------------------------------------------------------------------------------------------- */
+
+static struct sst_index_line *next_line(struct sst_recording *r)
+{
+    if (r->count == r->capacity) {
+        const int capacity = 2 * r->capacity + 1024;
+        struct sst_index_line *grown = realloc(r->line, (size_t)capacity * sizeof(*grown));
+
+        if (!grown)
+            return NULL;
+        r->line = grown;
+        r->capacity = capacity;
+    }
+    return &r->line[r->count++];
+}
+
+/* One line of n bytes without its end, at `at` in the file. */
+static int index_line(struct sst_recording *r, const char *line, size_t n, int64_t at)
+{
+    struct sst_setlist_segment s;
+    struct sst_index_line *l;
+    int kind = 1;
+
+    const bool whole = sst_setlist_line_whole(line, n);
+    if (whole)
+        kind = sst_setlist_parse(line, n, r->info.cameras, &s, NULL);
+    if (kind == -ENOMEM)
+        return kind;
+    if (whole)
+        r->good_bytes = at + (int64_t)n + 1;
+    if (kind == 0) {
+        r->segment = s.segment;
+        r->session = s.session;
+        return 0;
+    }
+    if (r->segment >= 0 && r->segment < r->removed.before_segment)
+        return 0;
+    l = next_line(r);
+    if (!l)
+        return -ENOMEM;
+    *l = (struct sst_index_line){ .at = at, .bytes = n < UINT32_MAX ? (uint32_t)n : UINT32_MAX, .segment = r->segment,
+                                  .session = r->session, .damaged = !whole || kind < 0 };
+    return 0;
+}
+
+static int index_lines(struct sst_recording *r)
+{
+    FILE *f = fdopen(dup(r->fd), "rb");
+    char *line = NULL;
+    size_t capacity = 0;
+    int64_t at = 0;
+    ssize_t n;
+    int err = 0;
+
+    if (!f)
+        return -errno;
+    while (!err && (n = getline(&line, &capacity, f)) > 0) {
+        r->size = at + n;
+        if (line[n - 1] == '\n') /* else its writer was stopped, or is writing */
+            err = index_line(r, line, (size_t)n - 1, at);
+        at += n;
+    }
+    if (!err && ferror(f))
+        err = errno == ENOMEM ? -ENOMEM : -EIO;
+    /* Damaged lines with no whole one behind them are a torn end, not sets. */
+    while (r->count && r->line[r->count - 1].at >= r->good_bytes)
+        r->count--;
+    free(line);
+    fclose(f);
+    return err;
+}
+
+int sst_recording_open(struct sst_recording **out, const char *dir)
+{
+    struct sst_recording *r = calloc(1, sizeof(*r));
+    char path[SST_PATH_MAX];
+    int err;
+
+    if (!r)
+        return -ENOMEM;
+    r->fd = -1;
+    r->segment = -1;
+    r->dir = strdup(dir);
+    err = r->dir ? sst_path_join(path, dir, "recording.json") : -ENOMEM;
+    if (!err && !sst_path_exists(path)) {
+        err = -ENOENT;
+        sst_log_error("%s is no recording: %s", dir, sst_path_is_dir(dir) ? "it has no recording.json"
+                                                                          : "there is no such folder");
+    }
+    if (!err)
+        err = sst_setlist_read_info(path, &r->info);
+    if (!err)
+        err = sst_recording_read_removed(dir, &r->removed);
+    if (!err)
+        err = sst_path_join(path, dir, "sets.jsonl");
+    if (err)
+        goto fail;
+    r->fd = open(path, O_RDONLY | O_CLOEXEC);
+    err = r->fd < 0 ? -errno : index_lines(r);
+    if (err) {
+        sst_log_error("cannot read %s: %s", path, strerror(-err));
+        goto fail;
+    }
+    *out = r;
+    return 0;
+
+fail:
+    sst_recording_close(r);
+    return err;
+}
+
+void sst_recording_close(struct sst_recording *r)
+{
+    if (!r)
+        return;
+    if (r->fd >= 0)
+        close(r->fd);
+    free(r->line);
+    free(r->dir);
+    free(r);
+}
+
+const struct sst_recording_info *sst_recording_info(const struct sst_recording *r)
+{
+    return &r->info;
+}
+
+const char *sst_recording_dir(const struct sst_recording *r)
+{
+    return r->dir;
+}
+
+int sst_recording_sets(const struct sst_recording *r)
+{
+    return r->count;
+}
+
+const struct sst_recording_removed *sst_recording_removed(const struct sst_recording *r)
+{
+    return &r->removed;
+}
+
+int64_t sst_recording_torn_bytes(const struct sst_recording *r)
+{
+    return r->size - r->good_bytes;
+}
+
+/* --- sets --------------------------------------------------------------------------------------------------------- */
+
+/* All n bytes at a place, or -EBADMSG where the file ends. */
+static int read_at(int fd, void *data, size_t n, int64_t at)
+{
+    size_t done = 0;
+
+    while (done < n) {
+        const ssize_t got = pread(fd, (char *)data + done, n - done, at + (int64_t)done);
+
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got <= 0)
+            return got < 0 ? -EIO : -EBADMSG;
+        done += (size_t)got;
+    }
+    return 0;
+}
+
+int sst_recording_line(const struct sst_recording *r, int i, char **text)
+{
+    const struct sst_index_line *l = &r->line[i];
+    char *made;
+    int err;
+
+    if (l->damaged)
+        return -EBADMSG;
+    made = malloc((size_t)l->bytes + 1);
+    if (!made)
+        return -ENOMEM;
+    err = read_at(r->fd, made, l->bytes, l->at);
+    if (!err && !sst_setlist_line_whole(made, l->bytes))
+        err = -EBADMSG;
+    if (err) {
+        free(made);
+        return err;
+    }
+    made[l->bytes] = 0;
+    *text = made;
+    return 0;
+}
+
+int sst_recording_set(const struct sst_recording *r, int i, struct sst_recording_set *set)
+{
+    struct sst_setlist_segment unused;
+    char *text;
+    int err = sst_recording_line(r, i, &text);
+
+    if (err)
+        return err;
+    err = sst_setlist_parse(text, r->line[i].bytes, r->info.cameras, &unused, set);
+    free(text);
+    if (err < 0)
+        return err;
+    set->segment = r->line[i].segment;
+    set->session = r->line[i].session;
+    return 0;
+}
+
+int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *segment, int64_t *wall_ns,
+                           struct sst_recording_frame *frame)
+{
+    struct sst_recording_set *set;
+    char *text;
+    int err = sst_recording_line(r, i, &text);
+
+    if (err)
+        return err;
+    *segment = r->line[i].segment;
+    err = sst_setlist_parse_frame(text, cam, wall_ns, frame);
+    free(text);
+    if (!err)
+        return 0;
+    set = malloc(sizeof(*set));
+    err = set ? sst_recording_set(r, i, set) : -ENOMEM;
+    if (!err) {
+        *wall_ns = set->wall_ns;
+        *frame = set->frame[cam];
+    }
+    free(set);
+    return err;
+}
+
+/* An offset that no file can have must not reserve memory for its frame. */
+static int read_frame(int fd, const struct sst_recording_frame *f, uint8_t **data)
+{
+    struct stat st;
+    uint8_t *made;
+    int err;
+
+    if (fstat(fd, &st))
+        return -EIO;
+    if (f->offset > st.st_size || (int64_t)f->bytes > st.st_size - f->offset)
+        return -EBADMSG;
+    made = malloc(f->bytes);
+    if (!made)
+        return -ENOMEM;
+    err = read_at(fd, made, f->bytes, f->offset);
+    if (!err && (uint32_t)crc32_z(0, made, f->bytes) != f->crc32)
+        err = -EBADMSG;
+    if (err)
+        free(made);
+    else
+        *data = made;
+    return err;
+}
+
+int sst_recording_frame(const struct sst_recording *r, const struct sst_recording_set *set, int cam, uint8_t **data)
+{
+    const struct sst_recording_frame *f = &set->frame[cam];
+    char path[SST_PATH_MAX];
+    int err, fd;
+
+    if (!f->present || !f->bytes)
+        return -ENODATA;
+    if (set->segment < 0)
+        return -EBADMSG;
+    err = sst_segment_path(path, r->dir, set->segment);
+    if (err)
+        return err;
+    fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return errno == ENOENT ? -EBADMSG : -EIO;
+    err = read_frame(fd, f, data);
+    close(fd);
+    return err;
+}
+
+int sst_recording_check(const struct sst_recording *r, int i, int *cam)
+{
+    struct sst_recording_set set;
+    uint8_t *data;
+    int err = sst_recording_set(r, i, &set);
+
+    *cam = -1;
+    for (int k = 0; !err && k < r->info.cameras; k++) {
+        *cam = k;
+        err = sst_recording_frame(r, &set, k, &data);
+        if (!err)
+            free(data);
+        else if (err == -ENODATA)
+            err = 0;
+    }
+    return err;
+}

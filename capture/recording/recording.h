@@ -1,0 +1,89 @@
+/* capture/recording/recording.h - a recording that is there: its sets, its frames' bytes, and what is damaged. */
+#ifndef SST_CAPTURE_RECORDING_RECORDING_H
+#define SST_CAPTURE_RECORDING_RECORDING_H
+
+#include "capture/recording/recorder.h"
+#include "capture/recording/shorten.h"
+
+struct sst_recording; /* opaque; after open any number of threads may read */
+
+/** recording.json: what holds for all sets. */
+struct sst_recording_info {
+    int rows, cols, cameras;
+    uint32_t fourcc;
+    int width, height;
+    double rate_hz, spacing_mm; /* 0 unknown */
+    struct sst_recorder_track track[SST_CAMERAS_MAX];
+};
+
+struct sst_recording_frame {
+    bool present;
+    uint32_t sequence, lost_before;
+    int64_t t_ns, arrival_ns; /* CLOCK_MONOTONIC of the recording machine */
+    int64_t offset;           /* first byte in the segment's file; -1: empty frame */
+    size_t bytes, stride;     /* stride 0: compressed */
+    unsigned faults;          /* sst_frame_fault */
+    uint32_t crc32;
+};
+
+struct sst_recording_set {
+    uint64_t index; /* of the trigger; starts anew with each run of the recorder */
+    int64_t t_ns, wall_ns;
+    bool edge;
+    int segment, session; /* session: count of the run of the recorder */
+    int present;
+    struct sst_skew skew;
+    struct sst_recording_frame frame[SST_CAMERAS_MAX];
+};
+
+/**
+ * Read recording.json and index sets.jsonl; lines of sets are read again when asked for. A torn end (a recorder was
+ * killed, or is at work) is passed over, and so are sets that were removed to make room (shorten.h); where the note of
+ * that is damaged, those of segments before the first that is there.
+ *
+ * @return 0, -ENOENT (no recording), -EBADMSG, -EIO, -EACCES, -ENOMEM; logged.
+ */
+SST_MUST_CHECK int sst_recording_open(struct sst_recording **out, const char *dir);
+void sst_recording_close(struct sst_recording *recording); /* NULL is fine */
+
+const struct sst_recording_info *sst_recording_info(const struct sst_recording *recording);
+const char *sst_recording_dir(const struct sst_recording *recording);
+
+/** Number of sets, in the order of recording: 0 .. n-1. */
+int sst_recording_sets(const struct sst_recording *recording);
+
+/** What was removed of its beginning. */
+const struct sst_recording_removed *sst_recording_removed(const struct sst_recording *recording);
+
+/** Bytes behind the last whole line of the manifest. */
+int64_t sst_recording_torn_bytes(const struct sst_recording *recording);
+
+/** What the manifest says of set i. @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged. */
+SST_MUST_CHECK int sst_recording_set(const struct sst_recording *recording, int i, struct sst_recording_set *set);
+
+/**
+ * What the manifest says of one camera's frame in set i: what follows a camera through an hour of sets needs no more.
+ * @param segment, wall_ns  out, of the set; frame: out, without its arrival_ns
+ * @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged.
+ */
+SST_MUST_CHECK int sst_recording_frame_of(const struct sst_recording *recording, int i, int cam, int *segment,
+                                          int64_t *wall_ns, struct sst_recording_frame *frame);
+
+/** The line itself, as it is in the file, without its end. *text to free with free(). The same errors. */
+SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int i, char **text);
+
+/**
+ * The bytes of camera cam's frame in a set, as they came from the camera, checked against their checksum.
+ *
+ * @param data  out, to free with free(); frame[cam].bytes of them
+ * @return 0, -ENODATA (the frame is missing or empty), -EBADMSG (damaged: the bytes differ or are not there), -EIO,
+ *         -ENOMEM. Not logged.
+ */
+SST_MUST_CHECK int sst_recording_frame(const struct sst_recording *recording, const struct sst_recording_set *set,
+                                       int cam, uint8_t **data);
+
+/** Read all of set i. @param cam  out, the first camera whose frame is damaged, -1: the line.
+ *  @return 0 or the error. */
+SST_MUST_CHECK int sst_recording_check(const struct sst_recording *recording, int i, int *cam);
+
+#endif

@@ -1,0 +1,371 @@
+/* Matroska through libavformat. The camera's bytes go to av_write_frame() where they lie; libavformat gathers them in
+ * one cluster and hands that to write_bytes(), which knows position and errors. */
+#include "capture/recording/segment.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/log.h"
+
+#if WITH_AVFORMAT
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <linux/videodev2.h>
+
+#include "capture/recording/ebml.h"
+
+#define IO_BYTES (64 << 10)
+#define SLACK_NS 1000000000 /* a stamp farther from its set's is wrong and must not move the others */
+
+struct sst_segment {
+    char *path;
+    int fd, cameras;
+    int64_t start_ns;
+    int64_t pos, end, kept; /* where the next byte goes; end of what is added; end of what stays */
+    int64_t last_ms[SST_CAMERAS_MAX];
+    int error; /* of the first write that failed, negative; no more is written then */
+    AVFormatContext *format;
+    AVPacket *packet;
+};
+
+static const struct {
+    uint32_t fourcc;
+    enum AVPixelFormat pixel;
+} raw_formats[] = {
+    { V4L2_PIX_FMT_YUYV, AV_PIX_FMT_YUYV422 },        { V4L2_PIX_FMT_GREY, AV_PIX_FMT_GRAY8 },
+    { V4L2_PIX_FMT_Y16, AV_PIX_FMT_GRAY16LE },        { V4L2_PIX_FMT_SBGGR8, AV_PIX_FMT_BAYER_BGGR8 },
+    { V4L2_PIX_FMT_SGBRG8, AV_PIX_FMT_BAYER_GBRG8 },  { V4L2_PIX_FMT_SGRBG8, AV_PIX_FMT_BAYER_GRBG8 },
+    { V4L2_PIX_FMT_SRGGB8, AV_PIX_FMT_BAYER_RGGB8 },
+};
+
+/* --- bytes out ---------------------------------------------------------------------------------------------------- */
+
+/* libavformat 61 made the buffer const. */
+#if LIBAVFORMAT_VERSION_MAJOR >= 61
+static int write_bytes(void *opaque, const uint8_t *data, int size)
+#else
+static int write_bytes(void *opaque, uint8_t *data, int size)
+#endif
+{
+    struct sst_segment *s = opaque;
+    int done = 0;
+
+    while (!s->error && done < size) {
+        const ssize_t n = pwrite(s->fd, data + done, (size_t)(size - done), s->pos);
+
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n <= 0) {
+            s->error = n < 0 ? -errno : -EIO;
+            break;
+        }
+        s->pos += n;
+        done += (int)n;
+    }
+    if (s->pos > s->end)
+        s->end = s->pos;
+    return s->error ? s->error : size;
+}
+
+static int64_t seek(void *opaque, int64_t offset, int whence)
+{
+    struct sst_segment *s = opaque;
+
+    if (whence == AVSEEK_SIZE)
+        return s->end;
+    if (whence != SEEK_SET || offset < 0)
+        return AVERROR(EINVAL);
+    s->pos = offset;
+    return offset;
+}
+
+/* What a call of libavformat failed with: the system's word if it said one. */
+static int failure(const struct sst_segment *s, int err)
+{
+    return s->error ? s->error : err == AVERROR(ENOMEM) ? -ENOMEM : -EIO;
+}
+
+/* --- the head ----------------------------------------------------------------------------------------------------- */
+
+static int add_track(AVFormatContext *format, const struct sst_recorder_config *cfg, int k)
+{
+    const struct sst_recorder_track *track = &cfg->tracks[k];
+    AVStream *stream = avformat_new_stream(format, NULL);
+    char title[192];
+
+    if (!stream)
+        return -ENOMEM;
+    stream->id = k + 1;
+    stream->codecpar->codec_type = AVMEDIA_TYPE_VIDEO;
+    stream->codecpar->codec_id = AV_CODEC_ID_MJPEG;
+    stream->codecpar->width = cfg->width;
+    stream->codecpar->height = cfg->height;
+    if (cfg->rate_hz > 0)
+        stream->avg_frame_rate = av_d2q(cfg->rate_hz, 60000);
+    for (size_t i = 0; i < ARRAY_LEN(raw_formats); i++) {
+        if (raw_formats[i].fourcc != cfg->fourcc)
+            continue;
+        stream->codecpar->codec_id = AV_CODEC_ID_RAWVIDEO;
+        stream->codecpar->format = raw_formats[i].pixel;
+    }
+    snprintf(title, sizeof(title), "r%02d c%02d %s", track->row, track->col,
+             track->serial[0] ? track->serial : track->port);
+    return av_dict_set(&stream->metadata, "title", title, 0) < 0 ? -ENOMEM : 0;
+}
+
+static int write_head(struct sst_segment *s, const struct sst_recorder_config *cfg)
+{
+    AVDictionary *options = NULL;
+    int err = 0;
+
+    for (int k = 0; !err && k < cfg->cameras; k++)
+        err = add_track(s->format, cfg, k);
+    if (err)
+        return err;
+    s->format->flags |= AVFMT_FLAG_BITEXACT;  /* no random numbers: the same frames give the same file */
+    s->format->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
+    av_dict_set(&options, "allow_raw_vfw", "1", 0);
+    av_dict_set(&options, "write_crc32", "0", 0); /* the manifest has one of each frame */
+    err = avformat_init_output(s->format, &options);
+    av_dict_free(&options);
+    if (err < 0)
+        return failure(s, err);
+    /* The start clears tags that AVI does not know; Matroska takes any, and players go by them. */
+    for (int k = 0; k < cfg->cameras; k++) {
+        AVCodecParameters *par = s->format->streams[k]->codecpar;
+
+        if (par->codec_id == AV_CODEC_ID_RAWVIDEO)
+            par->codec_tag = avcodec_pix_fmt_to_codec_tag((enum AVPixelFormat)par->format);
+    }
+    err = avformat_write_header(s->format, NULL);
+    if (err < 0 && !s->error) {
+        sst_log_error("libavformat refuses to write %s: %s", s->path, av_err2str(err));
+        return -EINVAL;
+    }
+    avio_flush(s->format->pb);
+    return s->error;
+}
+
+static void close_format(struct sst_segment *s)
+{
+    if (s->format && s->format->pb) {
+        av_freep(&s->format->pb->buffer);
+        avio_context_free(&s->format->pb);
+    }
+    avformat_free_context(s->format);
+    av_packet_free(&s->packet);
+    if (s->fd >= 0)
+        close(s->fd);
+    free(s->path);
+    free(s);
+}
+
+int sst_segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg,
+                     int64_t start_ns)
+{
+    struct sst_segment *s = calloc(1, sizeof(*s));
+    uint8_t *buffer = NULL;
+    int err = -ENOMEM;
+
+    if (!s)
+        return -ENOMEM;
+    s->cameras = cfg->cameras;
+    s->start_ns = start_ns;
+    s->fd = open(path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (s->fd < 0) {
+        err = -errno;
+        free(s);
+        return err;
+    }
+    s->path = strdup(path);
+    s->packet = av_packet_alloc();
+    if (!s->path || !s->packet || avformat_alloc_output_context2(&s->format, NULL, "matroska", NULL) < 0)
+        goto fail;
+    buffer = av_malloc(IO_BYTES);
+    s->format->pb = buffer ? avio_alloc_context(buffer, IO_BYTES, 1, s, NULL, write_bytes, seek) : NULL;
+    if (!s->format->pb) {
+        av_free(buffer);
+        goto fail;
+    }
+    s->format->pb->direct = 1; /* a cluster is written from where it was gathered */
+    err = write_head(s, cfg);
+    if (err)
+        goto fail;
+    *out = s;
+    return 0;
+
+fail:
+    if (s->path)
+        unlink(s->path);
+    close_format(s);
+    return err;
+}
+
+/* --- sets --------------------------------------------------------------------------------------------------------- */
+
+static int add_frame(struct sst_segment *s, const struct sst_set *set, const struct sst_frame *f)
+{
+    int64_t from_set = f->t_ns - set->t_ns, ms;
+
+    if (from_set > SLACK_NS)
+        from_set = SLACK_NS;
+    if (from_set < -SLACK_NS)
+        from_set = -SLACK_NS;
+    ms = set->t_ns + from_set - s->start_ns;
+    ms = ms > 0 ? (ms + 500000) / 1000000 : 0;
+    if (ms < s->last_ms[f->cam])
+        ms = s->last_ms[f->cam];
+    s->last_ms[f->cam] = ms;
+    s->packet->data = (uint8_t *)f->data;
+    s->packet->size = (int)f->bytes;
+    s->packet->stream_index = f->cam;
+    s->packet->flags = AV_PKT_FLAG_KEY;
+    s->packet->pts = s->packet->dts = ms;
+    return av_write_frame(s->format, s->packet);
+}
+
+/* One element at pos: step into it, note its frame, or step over it. @return where the next one is, or -errno */
+static int64_t read_element(const struct sst_segment *s, int64_t pos, const struct sst_set *set, int64_t *offset)
+{
+    uint8_t head[SST_EBML_HEAD_MAX + 8];
+    const ssize_t n = pread(s->fd, head, sizeof(head), pos);
+    struct sst_ebml e;
+    uint64_t track;
+    size_t bytes;
+
+    if (n <= 0)
+        return n < 0 ? -errno : -EIO;
+    if (sst_ebml_head(head, (size_t)n, &e))
+        return -EIO;
+    if (e.id == SST_EBML_CLUSTER || e.id == SST_EBML_BLOCK_GROUP)
+        return pos + (int64_t)e.head;
+    if (e.size > (uint64_t)(s->end - pos))
+        return -EIO;
+    if (e.id == SST_EBML_SIMPLE_BLOCK || e.id == SST_EBML_BLOCK) {
+        /* A block: the track's number, two bytes of time, one of flags, the frame. */
+        bytes = sst_ebml_number(head + e.head, (size_t)n - e.head, &track) + 3;
+        if (bytes == 3 || track < 1 || track > (uint64_t)s->cameras || !set->frame[track - 1] ||
+            e.size != bytes + set->frame[track - 1]->bytes)
+            return -EIO;
+        offset[track - 1] = pos + (int64_t)(e.head + bytes);
+    }
+    return pos + (int64_t)(e.head + e.size);
+}
+
+/* libavformat does not say where it put a frame. */
+static int find_frames(const struct sst_segment *s, int64_t pos, const struct sst_set *set, int64_t *offset)
+{
+    while (pos >= 0 && pos < s->end)
+        pos = read_element(s, pos, set, offset);
+    for (int k = 0; pos >= 0 && k < s->cameras; k++) {
+        if (set->frame[k] && set->frame[k]->bytes && offset[k] < 0)
+            pos = -EIO;
+    }
+    if (pos < 0)
+        sst_log_error("%s does not read back as it was written (%s); is the disk failing?", s->path,
+                      strerror((int)-pos));
+    return pos < 0 ? (int)pos : 0;
+}
+
+int sst_segment_add(struct sst_segment *s, const struct sst_set *set, int64_t offset[SST_CAMERAS_MAX])
+{
+    const int64_t from = s->end;
+    int err = 0;
+
+    for (int k = 0; k < s->cameras; k++)
+        offset[k] = -1;
+    for (int k = 0; err >= 0 && k < s->cameras; k++) {
+        if (set->frame[k] && set->frame[k]->bytes)
+            err = add_frame(s, set, set->frame[k]);
+    }
+    if (err >= 0)
+        err = av_write_frame(s->format, NULL); /* ends the cluster */
+    avio_flush(s->format->pb);
+    if (err < 0 || s->error)
+        return failure(s, err);
+    return find_frames(s, from, set, offset);
+}
+
+void sst_segment_keep(struct sst_segment *s)
+{
+    s->kept = s->end;
+}
+
+int64_t sst_segment_bytes(const struct sst_segment *s)
+{
+    return s->end;
+}
+
+int sst_segment_fd(const struct sst_segment *s)
+{
+    return s->fd;
+}
+
+int sst_segment_finish(struct sst_segment *s, bool sync)
+{
+    int err = av_write_trailer(s->format);
+
+    avio_flush(s->format->pb);
+    if (err < 0 || s->error) {
+        err = failure(s, err);
+        sst_segment_abandon(s);
+        return err;
+    }
+    err = sync && fdatasync(s->fd) ? -errno : 0;
+    close_format(s);
+    return err;
+}
+
+void sst_segment_abandon(struct sst_segment *s)
+{
+    if (!s)
+        return;
+    s->error = s->error ? s->error : -ECANCELED; /* whatever libavformat still holds goes nowhere */
+    if (!s->kept)
+        unlink(s->path);
+    else if (ftruncate(s->fd, s->kept))
+        sst_log_warning("cannot cut %s behind its last set: %s; readers pass over the rest", s->path, strerror(errno));
+    close_format(s);
+}
+
+#else
+
+int sst_segment_open(struct sst_segment **out SST_UNUSED, const char *path SST_UNUSED,
+                     const struct sst_recorder_config *cfg SST_UNUSED, int64_t start_ns SST_UNUSED)
+{
+    return -ENOTSUP;
+}
+
+int sst_segment_add(struct sst_segment *s SST_UNUSED, const struct sst_set *set SST_UNUSED,
+                    int64_t offset[SST_CAMERAS_MAX] SST_UNUSED)
+{
+    return -ENOTSUP;
+}
+
+void sst_segment_keep(struct sst_segment *s SST_UNUSED)
+{
+}
+
+int64_t sst_segment_bytes(const struct sst_segment *s SST_UNUSED)
+{
+    return 0;
+}
+
+int sst_segment_fd(const struct sst_segment *s SST_UNUSED)
+{
+    return -1;
+}
+
+int sst_segment_finish(struct sst_segment *s SST_UNUSED, bool sync SST_UNUSED)
+{
+    return -ENOTSUP;
+}
+
+void sst_segment_abandon(struct sst_segment *s SST_UNUSED)
+{
+}
+#endif

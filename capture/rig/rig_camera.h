@@ -1,0 +1,29 @@
+/* capture/rig/rig_camera.h - the one camera of a rig: a grab on a thread of its own, so that its stream never waits
+ * for the motors. */
+#ifndef SST_CAPTURE_RIG_RIG_CAMERA_H
+#define SST_CAPTURE_RIG_RIG_CAMERA_H
+
+#include "config/array.h"
+#include "capture/rig/rig.h"
+#include "drivers/grab/grab.h"
+
+struct sst_rig_grab; /* opaque; one thread at a time */
+
+/**
+ * Open the camera, start its stream and, with source gpio, the trigger that exposes it.
+ *
+ * @param array   cameras: size, format, rate, controls; trigger
+ * @param which   serial or port; NULL: the only camera that there is
+ * @param cancel  ends waiting; may be NULL
+ * @param camera  out: to capture with until close
+ * @return 0, -ENODEV (no such camera, or several: they are listed), or what drivers return; logged.
+ */
+SST_MUST_CHECK int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *array, const char *which,
+                                     const SST_ATOMIC(bool) * cancel, struct sst_rig_camera *camera);
+
+void sst_rig_grab_counters(const struct sst_rig_grab *grab, struct sst_grab_counters *out);
+
+/** NULL is fine. */
+void sst_rig_grab_close(struct sst_rig_grab *grab);
+
+#endif

@@ -1,0 +1,627 @@
+/* DIR/views/rr_cc.*, DIR/capture.jsonl: a line with the settings, then a line for each view, appended and synced after
+ * the view's file; DIR/lightfield.json at the end. The last line of a view holds. */
+#define _GNU_SOURCE
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <jansson.h>
+#include <sha2.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "capture/rig/rig.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/lightfield.h"
+
+#define MANIFEST       "capture.jsonl"
+#define MANIFEST_MAX   ((size_t)16 << 20)
+#define FORMAT_NAME    "sst-rig-capture"
+#define FORMAT_VERSION 1
+#define GREY_FOURCC    ('G' | 'R' << 8 | 'E' << 16 | (uint32_t)'Y' << 24)
+#define Y16_FOURCC     ('Y' | '1' << 8 | '6' << 16 | (uint32_t)' ' << 24)
+#define MJPG_FOURCC    ('M' | 'J' << 8 | 'P' << 16 | (uint32_t)'G' << 24)
+
+struct stored_view {
+    bool there;
+    struct sst_rig_pos read;
+    char sha256[SHA256_DIGEST_STRING_LENGTH], serial[64], port[64];
+};
+
+struct sst_rig_store {
+    char dir[SST_PATH_MAX], views_dir[SST_PATH_MAX], manifest[SST_PATH_MAX];
+    int dir_fd, fd; /* the folder, locked; the manifest, to append */
+    int rows, cols, damaged;
+    int32_t pitch_um[2];
+    uint32_t fourcc;
+    bool put_any;
+    json_t *settings;
+    struct stored_view *view; /* [rows * cols] */
+};
+
+static const char *extension(uint32_t fourcc)
+{
+    return fourcc == MJPG_FOURCC ? "jpg" : "png";
+}
+
+static void file_name(const struct sst_rig_store *s, int view, char out[32])
+{
+    snprintf(out, 32, "%02d_%02d.%s", view / s->cols, view % s->cols, extension(s->fourcc));
+}
+
+static int view_path(const struct sst_rig_store *s, int view, char out[SST_PATH_MAX])
+{
+    char name[32];
+
+    file_name(s, view, name);
+    return sst_path_join(out, s->views_dir, name);
+}
+
+static int no_memory(const struct sst_rig_store *s)
+{
+    sst_log_error("%s: not enough memory", s->dir);
+    return -ENOMEM;
+}
+
+/* --- settings ----------------------------------------------------------------------------------------------------- */
+
+static json_t *settings_of(const struct sst_rig_capture_config *cfg)
+{
+    char fourcc[5];
+
+    for (int i = 0; i < 4; i++)
+        fourcc[i] = (char)(cfg->fourcc >> 8 * i);
+    fourcc[4] = 0;
+    return json_pack("{s:i, s:i, s:[ii], s:[iii], s:i, s:s, s:i, s:i, s:s}", "rows", cfg->rows, "cols", cfg->cols,
+                     "pitch_um", cfg->pitch_um[0], cfg->pitch_um[1], "origin_um", cfg->origin_um[0], cfg->origin_um[1],
+                     cfg->origin_um[2], "backlash_um", cfg->backlash_um, "format", fourcc, "width", cfg->width,
+                     "height", cfg->height, "controls", cfg->controls ? cfg->controls : "");
+}
+
+/* Name every setting that differs. */
+static int compare_settings(const struct sst_rig_store *s, json_t *there)
+{
+    char text[512] = "";
+    const char *key;
+    json_t *asked;
+
+    json_object_foreach(s->settings, key, asked)
+    {
+        json_t *old = json_object_get(there, key);
+        char *a, *b;
+        const size_t at = strlen(text);
+
+        if (json_equal(old, asked))
+            continue;
+        a = json_dumps(old, JSON_ENCODE_ANY | JSON_COMPACT);
+        b = json_dumps(asked, JSON_ENCODE_ANY | JSON_COMPACT);
+        snprintf(text + at, sizeof(text) - at, "%s%s was %s and is now %s", at ? ", " : "", key, a ? a : "missing",
+                 b ? b : "?");
+        free(a);
+        free(b);
+    }
+    if (!text[0])
+        return 0;
+    sst_log_error("%s holds a capture with other settings: %s; give the old ones or another folder", s->dir, text);
+    return -EINVAL;
+}
+
+/* --- reading ------------------------------------------------------------------------------------------------------ */
+
+static bool read_pos(json_t *list, struct sst_rig_pos *out)
+{
+    struct sst_rig_pos pos;
+
+    if (json_array_size(list) != SST_RIG_AXES)
+        return false;
+    for (int a = 0; a < SST_RIG_AXES; a++) {
+        json_t *v = json_array_get(list, (size_t)a);
+
+        if (!json_is_integer(v) || json_integer_value(v) < INT32_MIN || json_integer_value(v) > INT32_MAX)
+            return false;
+        pos.um[a] = (int32_t)json_integer_value(v);
+    }
+    *out = pos;
+    return true;
+}
+
+static bool read_view(struct sst_rig_store *s, json_t *line)
+{
+    json_t *view = json_object_get(line, "view");
+    const char *sha256 = json_string_value(json_object_get(line, "sha256"));
+    const char *serial = json_string_value(json_object_get(line, "serial"));
+    const char *port = json_string_value(json_object_get(line, "port"));
+    const char *file = json_string_value(json_object_get(line, "file"));
+    struct stored_view v = { .there = true };
+    char name[32];
+
+    if (!json_is_integer(view) || json_integer_value(view) < 0 || json_integer_value(view) >= s->rows * s->cols ||
+        !sha256 || strlen(sha256) != 64 || !serial || strlen(serial) >= sizeof(v.serial) || !port ||
+        strlen(port) >= sizeof(v.port) || !file || !read_pos(json_object_get(line, "read_um"), &v.read))
+        return false;
+    file_name(s, (int)json_integer_value(view), name);
+    if (strcmp(name, file) != 0)
+        return false;
+    strcpy(v.sha256, sha256);
+    strcpy(v.serial, serial);
+    strcpy(v.port, port);
+    s->view[json_integer_value(view)] = v;
+    return true;
+}
+
+static int read_header(struct sst_rig_store *s, json_t *line)
+{
+    const char *format = json_string_value(json_object_get(line, "format"));
+
+    if (!format || strcmp(format, FORMAT_NAME) != 0 ||
+        json_integer_value(json_object_get(line, "version")) != FORMAT_VERSION) {
+        sst_log_error("%s is not the manifest of a rig capture that this version reads; choose another folder",
+                      s->manifest);
+        return -EBADMSG;
+    }
+    return compare_settings(s, json_object_get(line, "settings"));
+}
+
+/* @param keep  out: bytes up to the end of the last whole line */
+static int read_lines(struct sst_rig_store *s, const char *text, size_t size, size_t *keep)
+{
+    size_t at = 0;
+
+    *keep = 0;
+    for (int n = 1; at < size; n++) {
+        const char *end = memchr(text + at, '\n', size - at);
+        json_t *line;
+        int err = 0;
+
+        if (!end)
+            break; /* the process was killed while it wrote this */
+        line = json_loadb(text + at, (size_t)(end - text) - at, JSON_REJECT_DUPLICATES, NULL);
+        at = (size_t)(end - text) + 1;
+        if (n == 1)
+            err = read_header(s, line);
+        else if (!line || !read_view(s, line))
+            sst_log_warning("%s:%d is damaged; its view is taken again", s->manifest, n);
+        json_decref(line);
+        if (err)
+            return err;
+        *keep = at;
+    }
+    if (*keep)
+        return 0;
+    sst_log_error("%s has no whole first line; choose another folder or remove this one", s->manifest);
+    return -EBADMSG;
+}
+
+static int read_manifest(struct sst_rig_store *s)
+{
+    uint8_t *text;
+    size_t size, keep = 0;
+    int err = sst_file_read(s->manifest, MANIFEST_MAX, &text, &size);
+
+    if (err)
+        return err;
+    err = read_lines(s, (const char *)text, size, &keep);
+    free(text);
+    if (err || keep == size)
+        return err;
+    if (truncate(s->manifest, (off_t)keep)) {
+        err = -errno;
+        sst_log_error("cannot cut the broken last line off %s: %s", s->manifest, strerror(errno));
+    }
+    return err;
+}
+
+static void check_views(struct sst_rig_store *s)
+{
+    for (int k = 0; k < s->rows * s->cols; k++) {
+        char path[SST_PATH_MAX], hash[SHA256_DIGEST_STRING_LENGTH] = "";
+
+        if (!s->view[k].there)
+            continue;
+        if (!view_path(s, k, path) && SHA256File(path, hash) && !strcmp(hash, s->view[k].sha256))
+            continue;
+        sst_log_warning("%s %s; it is taken again", path,
+                        hash[0] ? "has changed since it was stored" : "cannot be read");
+        s->view[k].there = false;
+        s->damaged++;
+    }
+}
+
+/* --- opening ------------------------------------------------------------------------------------------------------ */
+
+static int fault(const char *what, const char *path)
+{
+    const int e = errno;
+
+    sst_log_error("cannot %s %s: %s", what, path, strerror(e));
+    return e == ENOSPC || e == EROFS || e == EDQUOT || e == EACCES ? -e : -EIO;
+}
+
+/* A temporary file of ours (base/file.h), by the name that it was to get. */
+static bool is_left_over(const char *name)
+{
+    return strstr(name, ".tmp-") &&
+           (!strncmp(name, MANIFEST, strlen(MANIFEST)) || !strncmp(name, "lightfield.json", 15) ||
+            (name[0] >= '0' && name[0] <= '9' && name[2] == '_'));
+}
+
+/* Remove what a killed process left; false: there are files that are not of a capture. */
+static bool tidy(const char *dir)
+{
+    DIR *d = opendir(dir);
+    bool ours = true;
+
+    for (struct dirent *e = d ? readdir(d) : NULL; e; e = readdir(d)) {
+        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, "..") || !strcmp(e->d_name, "views"))
+            continue;
+        if (is_left_over(e->d_name))
+            (void)unlinkat(dirfd(d), e->d_name, 0);
+        else
+            ours = false;
+    }
+    if (d)
+        closedir(d);
+    return ours;
+}
+
+static int begin_new(struct sst_rig_store *s, bool must_exist)
+{
+    json_t *line =
+        json_pack("{s:s, s:i, s:O}", "format", FORMAT_NAME, "version", FORMAT_VERSION, "settings", s->settings);
+    char *text = line ? json_dumps(line, JSON_COMPACT) : NULL, *with_end = NULL;
+    int err = 0;
+
+    if (must_exist) {
+        sst_log_error("%s holds no capture to resume; leave --resume out to begin one", s->dir);
+        err = -ENOENT;
+    } else if (!tidy(s->views_dir)) {
+        sst_log_error("%s is a folder of something else; choose another one", s->dir);
+        err = -EEXIST;
+    } else if (!text || asprintf(&with_end, "%s\n", text) < 0) {
+        with_end = NULL;
+        err = no_memory(s);
+    } else {
+        err = sst_file_write(s->manifest, with_end, strlen(with_end));
+    }
+    free(with_end);
+    free(text);
+    json_decref(line);
+    return err;
+}
+
+static int lock_folder(struct sst_rig_store *s)
+{
+    s->dir_fd = open(s->dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (s->dir_fd < 0)
+        return fault("open the folder", s->dir);
+    if (!flock(s->dir_fd, LOCK_EX | LOCK_NB))
+        return 0;
+    if (errno != EWOULDBLOCK)
+        return fault("lock the folder", s->dir);
+    sst_log_error("%s: another capture is at work in this folder; wait for it or choose another one", s->dir);
+    return -EBUSY;
+}
+
+static int make_folders(struct sst_rig_store *s, bool must_exist)
+{
+    int err = 0;
+
+    if (must_exist && !sst_path_exists(s->dir)) {
+        sst_log_error("there is no folder %s to resume; leave --resume out to begin one", s->dir);
+        return -ENOENT;
+    }
+    err = sst_path_make_dir(s->dir);
+    if (!err)
+        err = lock_folder(s);
+    if (!err && sst_path_exists(s->manifest))
+        return sst_path_make_dir(s->views_dir);
+    if (!err && !must_exist && !tidy(s->dir)) {
+        sst_log_error("%s is a folder of something else; choose another one", s->dir);
+        return -EEXIST;
+    }
+    return err || must_exist ? err : sst_path_make_dir(s->views_dir);
+}
+
+static int open_all(struct sst_rig_store *s, const struct sst_rig_capture_config *cfg)
+{
+    int err = sst_path_join(s->dir, cfg->dir, NULL);
+
+    if (!err)
+        err = sst_path_join(s->views_dir, cfg->dir, "views");
+    if (!err)
+        err = sst_path_join(s->manifest, cfg->dir, MANIFEST);
+    if (!err)
+        err = make_folders(s, cfg->must_exist);
+    if (!err && !sst_path_exists(s->manifest))
+        err = begin_new(s, cfg->must_exist);
+    if (!err)
+        err = read_manifest(s);
+    if (err)
+        return err;
+    (void)tidy(s->dir);
+    (void)tidy(s->views_dir);
+    check_views(s);
+    s->fd = open(s->manifest, O_WRONLY | O_APPEND | O_CLOEXEC);
+    return s->fd < 0 ? fault("open", s->manifest) : 0;
+}
+
+int sst_rig_store_open(struct sst_rig_store **out, const struct sst_rig_capture_config *cfg)
+{
+    struct sst_rig_store *s = calloc(1, sizeof(*s));
+    int err = -ENOMEM;
+
+    if (!s)
+        return err;
+    s->dir_fd = s->fd = -1;
+    s->rows = cfg->rows;
+    s->cols = cfg->cols;
+    s->fourcc = cfg->fourcc;
+    memcpy(s->pitch_um, cfg->pitch_um, sizeof(s->pitch_um));
+    if (s->fourcc != MJPG_FOURCC && s->fourcc != GREY_FOURCC && s->fourcc != Y16_FOURCC) {
+        sst_log_error(
+            "a rig capture stores MJPG untouched, GREY and Y16 as PNG; choose one of them as the cameras' format");
+        err = -EINVAL;
+        goto fail;
+    }
+    s->view = calloc((size_t)(s->rows * s->cols), sizeof(*s->view));
+    s->settings = settings_of(cfg);
+    err = s->view && s->settings ? open_all(s, cfg) : no_memory(s);
+    if (err)
+        goto fail;
+    *out = s;
+    return 0;
+
+fail:
+    sst_rig_store_close(s);
+    return err;
+}
+
+void sst_rig_store_close(struct sst_rig_store *s)
+{
+    if (!s)
+        return;
+    if (s->fd >= 0)
+        close(s->fd);
+    if (s->dir_fd >= 0)
+        close(s->dir_fd);
+    json_decref(s->settings);
+    free(s->view);
+    free(s);
+}
+
+bool sst_rig_store_has(const struct sst_rig_store *s, int view)
+{
+    return s->view[view].there;
+}
+
+int sst_rig_store_count(const struct sst_rig_store *s)
+{
+    int n = 0;
+
+    for (int k = 0; k < s->rows * s->cols; k++)
+        n += s->view[k].there;
+    return n;
+}
+
+int sst_rig_store_damaged(const struct sst_rig_store *s)
+{
+    return s->damaged;
+}
+
+int sst_rig_store_check_camera(const struct sst_rig_store *s, const struct sst_rig_camera *camera)
+{
+    for (int k = 0; k < s->rows * s->cols; k++) {
+        const struct stored_view *v = &s->view[k];
+
+        if (!v->there || (v->serial[0] ? !strcmp(v->serial, camera->serial) : !strcmp(v->port, camera->port)))
+            continue;
+        sst_log_error(
+            "%s was begun with the camera %s at %s, this one is %s at %s; connect the old one or choose another folder",
+            s->dir, v->serial[0] ? v->serial : "without a serial", v->port,
+            camera->serial[0] ? camera->serial : "without a serial", camera->port);
+        return -EINVAL;
+    }
+    return 0;
+}
+
+/* --- storing ------------------------------------------------------------------------------------------------------ */
+
+static int write_grey(const char *path, const struct sst_frame *f)
+{
+    struct sst_map_u8 map = { 0 };
+    int err = sst_map_u8_init(&map, f->width, f->height);
+
+    for (int y = 0; !err && y < f->height; y++)
+        memcpy(sst_map_u8_row(&map, y), f->data + (size_t)y * f->stride, (size_t)f->width);
+    if (!err)
+        err = sst_map_u8_write_png(&map, path, NULL);
+    sst_map_u8_fini(&map);
+    return err;
+}
+
+static int write_y16(const char *path, const struct sst_frame *f)
+{
+    struct sst_map_u16 map = { 0 };
+    int err = sst_map_u16_init(&map, f->width, f->height);
+
+    for (int y = 0; !err && y < f->height; y++) {
+        const uint8_t *from = f->data + (size_t)y * f->stride;
+        uint16_t *row = sst_map_u16_row(&map, y);
+
+        for (int x = 0; x < f->width; x++)
+            row[x] = (uint16_t)(from[2 * x] | from[2 * x + 1] << 8);
+    }
+    if (!err)
+        err = sst_map_u16_write_png(&map, path);
+    sst_map_u16_fini(&map);
+    return err;
+}
+
+static int write_frame(const struct sst_rig_store *s, const char *path, const struct sst_frame *f)
+{
+    const size_t sample = s->fourcc == Y16_FOURCC ? 2 : 1;
+
+    if (s->fourcc == MJPG_FOURCC)
+        return sst_file_write(path, f->data, f->bytes);
+    if (f->stride < (size_t)f->width * sample ||
+        f->bytes < f->stride * (size_t)(f->height - 1) + (size_t)f->width * sample)
+        return -EBADMSG;
+    return sample == 1 ? write_grey(path, f) : write_y16(path, f);
+}
+
+static int64_t wall_ns(int64_t t_ns)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_REALTIME, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec - (sst_clock_now_ns() - t_ns);
+}
+
+static char *view_line(const struct sst_rig_store *s, int view, const struct sst_rig_shot *shot,
+                       const struct sst_rig_camera *camera, const struct sst_frame *f, const char *sha256)
+{
+    char name[32], *text, *line = NULL;
+    const int32_t *asked = shot->asked.um, *read = shot->read.um;
+    json_t *o;
+
+    file_name(s, view, name);
+    o = json_pack("{s:i, s:i, s:i, s:s, s:[iii], s:[iii], s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:I, s:s}", "view", view,
+                  "row", view / s->cols, "col", view % s->cols, "file", name, "asked_um", asked[0], asked[1], asked[2],
+                  "read_um", read[0], read[1], read[2], "serial", camera->serial, "port", camera->port, "sequence",
+                  (json_int_t)f->sequence, "t_ns", (json_int_t)f->t_ns, "wall_ns", (json_int_t)wall_ns(f->t_ns),
+                  "arrival_ns", (json_int_t)f->arrival_ns, "attempts", shot->attempts, "bytes", (json_int_t)f->bytes,
+                  "sha256", sha256);
+    text = o ? json_dumps(o, JSON_COMPACT) : NULL;
+    if (text && asprintf(&line, "%s\n", text) < 0)
+        line = NULL;
+    free(text);
+    json_decref(o);
+    return line;
+}
+
+/* The whole line durably, or nothing of it. */
+static int append(struct sst_rig_store *s, const char *line)
+{
+    const size_t size = strlen(line);
+    struct stat st;
+    ssize_t n;
+    int err;
+
+    if (fstat(s->fd, &st))
+        return fault("append to", s->manifest);
+    errno = 0;
+    n = write(s->fd, line, size);
+    if (n == (ssize_t)size && !fdatasync(s->fd))
+        return 0;
+    if (n >= 0 && !errno)
+        errno = ENOSPC;
+    err = fault("append to", s->manifest);
+    if (ftruncate(s->fd, st.st_size))
+        sst_log_warning("%s: its last line is broken and cannot be cut off: %s", s->manifest, strerror(errno));
+    return err;
+}
+
+/* A light field whose view is taken again is none until all are there: its hashes and offsets would be the old ones. */
+static int reopen_capture(struct sst_rig_store *s)
+{
+    if (!unlinkat(s->dir_fd, "lightfield.json", 0))
+        sst_log_warning("%s: what was computed from its old views is out of date; process it again", s->dir);
+    else if (errno != ENOENT)
+        return fault("replace the lightfield.json of", s->dir);
+    return 0;
+}
+
+int sst_rig_store_put(struct sst_rig_store *s, int view, const struct sst_rig_shot *shot,
+                      const struct sst_rig_camera *camera, const struct sst_frame *f)
+{
+    struct stored_view v = { .there = true, .read = shot->read };
+    char path[SST_PATH_MAX], *line;
+    int err = view_path(s, view, path);
+
+    s->view[view].there = false;
+    if (!err && !s->put_any)
+        err = reopen_capture(s);
+    s->put_any = true;
+    if (!err)
+        err = write_frame(s, path, f);
+    if (err)
+        return err;
+    /* Of the file, not of the memory: a disk that does not return what it was given is found out here. */
+    if (!SHA256File(path, v.sha256))
+        return fault("read back", path);
+    snprintf(v.serial, sizeof(v.serial), "%s", camera->serial);
+    snprintf(v.port, sizeof(v.port), "%s", camera->port);
+    line = view_line(s, view, shot, camera, f, v.sha256);
+    err = line ? append(s, line) : no_memory(s);
+    free(line);
+    if (err)
+        return err;
+    s->view[view] = v;
+    return 0;
+}
+
+/* --- the light field ---------------------------------------------------------------------------------------------- */
+
+static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
+{
+    const struct sst_rig_pos *ref;
+    int err = sst_lightfield_init(lf, s->rows, s->cols);
+
+    if (err)
+        return err;
+    ref = &s->view[lf->ref_view].read;
+    lf->spacing_mm = s->pitch_um[0] / 1000.0;
+    snprintf(lf->source, sizeof(lf->source), "rig capture, camera %s at %s",
+             s->view[lf->ref_view].serial[0] ? s->view[lf->ref_view].serial : "without serial",
+             s->view[lf->ref_view].port);
+    for (int k = 0; !err && k < s->rows * s->cols; k++) {
+        struct sst_view *v = &lf->views[k];
+        char path[SST_PATH_MAX];
+        int width, height;
+
+        v->present = true;
+        v->bx = (double)(s->view[k].read.um[0] - ref->um[0]) / s->pitch_um[0];
+        v->by = (double)(s->view[k].read.um[1] - ref->um[1]) / s->pitch_um[0];
+        file_name(s, k, v->file);
+        memcpy(v->sha256, s->view[k].sha256, sizeof(v->sha256));
+        err = view_path(s, k, path);
+        if (!err)
+            err = sst_image_read_size(path, &width, &height);
+        if (!err && k && (width != lf->width || height != lf->height)) {
+            sst_log_error("%s has %dx%d pixels, the views before it %dx%d; remove it, the same command takes it again",
+                          path, width, height, lf->width, lf->height);
+            err = -EBADMSG;
+        }
+        if (!err) {
+            lf->width = width;
+            lf->height = height;
+        }
+    }
+    return err;
+}
+
+int sst_rig_store_finish(struct sst_rig_store *s)
+{
+    struct sst_lightfield lf = { 0 };
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, s->dir, "lightfield.json");
+
+    if (err || (sst_path_exists(path) && !s->put_any))
+        return err;
+    err = fill(s, &lf);
+    if (!err)
+        err = sst_lightfield_write(&lf, s->dir, 1);
+    sst_lightfield_fini(&lf);
+    if (!err)
+        s->put_any = false;
+    return err;
+}

@@ -1,0 +1,157 @@
+#include "daemon/slot/jpeg_slot.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+
+#include "base/clock.h"
+#include "base/thread.h"
+
+struct jpeg {
+    struct sst_jpeg jpeg;
+    uint8_t *data;
+    atomic_int refs;
+};
+
+struct sst_outlet {
+    atomic_int refs, viewers;
+    pthread_mutex_t lock; /* of the picture */
+    pthread_cond_t changed;
+    /* under lock */
+    struct jpeg *newest;
+    uint64_t number;
+    bool shut;
+};
+
+int sst_outlet_create(struct sst_outlet **out)
+{
+    struct sst_outlet *o = calloc(1, sizeof(*o));
+
+    if (!o)
+        return -ENOMEM;
+    o->refs = 1;
+    pthread_mutex_init(&o->lock, NULL);
+    sst_cond_init(&o->changed);
+    *out = o;
+    return 0;
+}
+
+struct sst_outlet *sst_outlet_ref(struct sst_outlet *o)
+{
+    o->refs++;
+    return o;
+}
+
+void sst_outlet_unref(struct sst_outlet *o)
+{
+    if (!o || --o->refs)
+        return;
+    if (o->newest)
+        sst_jpeg_unref(&o->newest->jpeg);
+    pthread_cond_destroy(&o->changed);
+    pthread_mutex_destroy(&o->lock);
+    free(o);
+}
+
+int sst_outlet_put(struct sst_outlet *o, uint8_t *data, size_t bytes, uint64_t set, int64_t t_ns, int64_t wall_ns)
+{
+    struct jpeg *j = calloc(1, sizeof(*j)), *before;
+
+    if (!j) {
+        free(data);
+        return -ENOMEM;
+    }
+    j->data = data;
+    j->refs = 1;
+    j->jpeg = (struct sst_jpeg){ .set = set, .t_ns = t_ns, .wall_ns = wall_ns, .bytes = bytes, .data = data };
+    pthread_mutex_lock(&o->lock);
+    before = o->newest;
+    j->jpeg.number = ++o->number;
+    o->newest = j;
+    pthread_cond_broadcast(&o->changed);
+    pthread_mutex_unlock(&o->lock);
+    if (before)
+        sst_jpeg_unref(&before->jpeg);
+    return 0;
+}
+
+const struct sst_jpeg *sst_outlet_get(struct sst_outlet *o, uint64_t after)
+{
+    struct jpeg *j = NULL;
+
+    pthread_mutex_lock(&o->lock);
+    if (o->newest && o->number > after) {
+        j = o->newest;
+        j->refs++;
+    }
+    pthread_mutex_unlock(&o->lock);
+    return j ? &j->jpeg : NULL;
+}
+
+static struct jpeg *whole(const struct sst_jpeg *jpeg)
+{
+    return (struct jpeg *)(void *)((uint8_t *)jpeg - offsetof(struct jpeg, jpeg));
+}
+
+const struct sst_jpeg *sst_jpeg_ref(const struct sst_jpeg *jpeg)
+{
+    whole(jpeg)->refs++;
+    return jpeg;
+}
+
+void sst_jpeg_unref(const struct sst_jpeg *jpeg)
+{
+    struct jpeg *j = whole(jpeg);
+
+    if (--j->refs)
+        return;
+    free(j->data);
+    free(j);
+}
+
+bool sst_outlet_wait(struct sst_outlet *o, uint64_t after, int timeout_ms)
+{
+    const int64_t end_ns = sst_clock_now_ns() + (int64_t)timeout_ms * 1000000;
+    bool there;
+
+    pthread_mutex_lock(&o->lock);
+    while (!o->shut && o->number <= after && sst_cond_wait_until(&o->changed, &o->lock, end_ns))
+        ;
+    there = !o->shut && o->number > after;
+    pthread_mutex_unlock(&o->lock);
+    return there;
+}
+
+void sst_outlet_join(struct sst_outlet *o)
+{
+    o->viewers++;
+}
+
+void sst_outlet_leave(struct sst_outlet *o)
+{
+    o->viewers--;
+}
+
+int sst_outlet_viewers(struct sst_outlet *o)
+{
+    return o->viewers;
+}
+
+void sst_outlet_shut(struct sst_outlet *o)
+{
+    pthread_mutex_lock(&o->lock);
+    o->shut = true;
+    pthread_cond_broadcast(&o->changed);
+    pthread_mutex_unlock(&o->lock);
+}
+
+bool sst_outlet_is_shut(struct sst_outlet *o)
+{
+    bool shut;
+
+    pthread_mutex_lock(&o->lock);
+    shut = o->shut;
+    pthread_mutex_unlock(&o->lock);
+    return shut;
+}

@@ -1,0 +1,257 @@
+/* The board in one picture: grey, find, refine, judge. */
+#include <errno.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/calibration/board/detect_parts.h"
+#include "pipeline/camera/numbers.h"
+
+#define LEAST_POINTS  6
+#define COARSE_SIDE   1100 /* px: boards are sought in pictures no larger, if they are found there */
+#define FLOOR_PX      0.05 /* corner noise that no picture goes below: print, flatness, lens model */
+#define LEAST_BLUR_PX 0.3  /* a pixel's own width: sharper is not to be seen */
+#define FOREIGN_LEAST 4    /* markers that do not belong: fewer are read from clutter */
+
+/* --- size -------------------------------------------------------------------------------------------------------- */
+
+/* Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. */
+static int halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
+{
+    const int err = sst_map_u8_init(out, sst_max_int(in->width / 2, 1), sst_max_int(in->height / 2, 1));
+
+    for (int y = 0; y < out->height && !err; y++) {
+        const uint8_t *a = sst_map_u8_row(in, 2 * y), *b = sst_map_u8_row(in, sst_min_int(2 * y + 1, in->height - 1));
+        uint8_t *row = sst_map_u8_row(out, y);
+
+        for (int x = 0; x < out->width; x++) {
+            const int at = sst_min_int(2 * x, in->width - 1), next = sst_min_int(2 * x + 1, in->width - 1);
+
+            row[x] = (uint8_t)((a[at] + a[next] + b[at] + b[next] + 2) >> 2);
+        }
+    }
+    return err;
+}
+
+int sst_pyramid_init(struct sst_pyramid *p, const struct sst_map_u8 *luma)
+{
+    *p = (struct sst_pyramid){ .levels = 1, .level = { luma } };
+    while (p->levels < (int)ARRAY_LEN(p->level)) {
+        const struct sst_map_u8 *last = p->level[p->levels - 1];
+
+        if (sst_max_int(last->width, last->height) <= COARSE_SIDE)
+            break;
+        if (halve(&p->half[p->levels - 1], last)) {
+            sst_pyramid_fini(p);
+            return -ENOMEM;
+        }
+        p->level[p->levels] = &p->half[p->levels - 1];
+        p->levels++;
+    }
+    return 0;
+}
+
+void sst_pyramid_fini(struct sst_pyramid *p)
+{
+    for (size_t i = 0; i < ARRAY_LEN(p->half); i++)
+        sst_map_u8_fini(&p->half[i]);
+    *p = (struct sst_pyramid){ 0 };
+}
+
+/* --- judging ----------------------------------------------------------------------------------------------------- */
+
+/*
+ * The usual point spread of all points, as width and aspect. A tone curve moves the grey where the edges cross, which
+ * looks like skew of one sign at points with black at the upper left and of the other at the rest: the medians of both
+ * kinds are averaged.
+ */
+static int measure_blur(struct sst_detection *d, const struct sst_sighting *s)
+{
+    double *v = malloc((size_t)d->corners * sizeof(*v)), b[3] = { 0 }, middle, half;
+
+    if (!v)
+        return -ENOMEM;
+    for (int axis = 0; axis < 3; axis++) {
+        int kinds = 0;
+
+        for (int sign = 0; sign < 2; sign++) {
+            int n = 0;
+
+            for (int i = 0; i < d->corners; i++) {
+                const struct sst_saddle *c = &s->saddle[d->corner[i].id];
+
+                if ((c->contrast > 0) == sign)
+                    v[n++] = axis == 0 ? c->blur_xx : axis == 1 ? c->blur_xy : c->blur_yy;
+            }
+            b[axis] += sst_upper_median(v, n);
+            kinds += n > 0;
+        }
+        b[axis] /= kinds;
+    }
+    free(v);
+    middle = (b[0] + b[2]) / 2;
+    half = hypot((b[0] - b[2]) / 2, b[1]);
+    d->blur_px = sqrt(fmax(middle, LEAST_BLUR_PX * LEAST_BLUR_PX));
+    d->blur_aspect =
+        sqrt(fmax(middle + half, LEAST_BLUR_PX * LEAST_BLUR_PX) / fmax(middle - half, LEAST_BLUR_PX * LEAST_BLUR_PX));
+    return 0;
+}
+
+/* Do the points spread over a plane, not along a line? In board coordinates, where a line is told from a tilt. */
+static bool spread_out(const struct sst_detection *d, const struct sst_board *board)
+{
+    const double pitch = sst_board_pitch_mm(board);
+    double m[2] = { 0, 0 }, xx = 0, xy = 0, yy = 0, p[2];
+
+    for (int i = 0; i < d->corners; i++) {
+        sst_board_point(board, d->corner[i].id, p);
+        m[0] += p[0] / d->corners;
+        m[1] += p[1] / d->corners;
+    }
+    for (int i = 0; i < d->corners; i++) {
+        sst_board_point(board, d->corner[i].id, p);
+        xx += (p[0] - m[0]) * (p[0] - m[0]) / d->corners;
+        xy += (p[0] - m[0]) * (p[1] - m[1]) / d->corners;
+        yy += (p[1] - m[1]) * (p[1] - m[1]) / d->corners;
+    }
+    return (xx + yy) / 2 - hypot((xx - yy) / 2, xy) > 0.1 * pitch * pitch;
+}
+
+/* --- the picture ------------------------------------------------------------------------------------------------- */
+
+static int fill(struct sst_detection *out, const struct sst_sighting *s, int count)
+{
+    struct sst_detection d = { .corner = calloc((size_t)count + 1, sizeof(*d.corner)) };
+    int err;
+
+    if (!d.corner)
+        return -ENOMEM;
+    for (int i = 0; i < sst_board_points(s->board); i++) {
+        const struct sst_saddle *c = &s->saddle[i];
+
+        if (s->seen[i])
+            d.corner[d.corners++] = (struct sst_corner){ i, c->x, c->y, FLOOR_PX / hypot(FLOOR_PX, c->noise_px) };
+    }
+    err = measure_blur(&d, s);
+    if (err) {
+        sst_detection_fini(&d);
+        return err;
+    }
+    *out = d;
+    return 0;
+}
+
+/* Outcome of points that were found: the detection is kept where it is usable or nearly. */
+static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, const struct sst_sighting *s, int count,
+                 const struct sst_detect_config *cfg)
+{
+    const double max_blur = cfg && cfg->max_blur_px > 0 ? cfg->max_blur_px : 3;
+    const double max_aspect = cfg && cfg->max_aspect > 0 ? cfg->max_aspect : 1.8;
+    struct sst_detection d;
+    int err;
+
+    *outcome = SST_DETECT_FEW;
+    if (count < LEAST_POINTS)
+        return 0;
+    err = fill(&d, s, count);
+    if (err)
+        return err;
+    if (!spread_out(&d, s->board)) {
+        sst_detection_fini(&d);
+        return 0;
+    }
+    *outcome = d.blur_aspect > max_aspect ? SST_DETECT_MOVING
+               : d.blur_px > max_blur     ? SST_DETECT_BLURRED
+                                          : SST_DETECT_FOUND;
+    *out = d;
+    return 0;
+}
+
+static int detect_markers(struct sst_sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
+                          const struct sst_detect_config *cfg)
+{
+    int decoded, good = sst_find_markers(s, cfg && cfg->quick, &decoded), count;
+
+    if (good < 0)
+        return good;
+    if (decoded - good >= FOREIGN_LEAST && decoded > 2 * good) {
+        *outcome = SST_DETECT_OTHER_BOARD;
+        return 0;
+    }
+    if (good == 0) {
+        *outcome = decoded > 0 ? SST_DETECT_FEW : SST_DETECT_NONE;
+        return 0;
+    }
+    count = sst_find_points(s);
+    return count < 0 ? count : judge(out, outcome, s, count, cfg);
+}
+
+static int detect_chessboard(struct sst_sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
+                             const struct sst_detect_config *cfg)
+{
+    const int found = sst_find_chessboard(s, cfg && cfg->quick);
+    int count;
+
+    *outcome = SST_DETECT_NONE;
+    if (found <= 0)
+        return found;
+    count = sst_find_points(s);
+    if (count >= 0 && (sst_chessboard_ends_early(s) || sst_chessboard_goes_on(s))) {
+        *outcome = SST_DETECT_OTHER_BOARD;
+        return 0;
+    }
+    return count < 0 ? count : judge(out, outcome, s, count, cfg);
+}
+
+static int detect(const struct sst_board *board, const struct sst_map_u8 *luma, const struct sst_detect_config *cfg,
+                  struct sst_detection *out, enum sst_detect_outcome *outcome)
+{
+    const size_t points = (size_t)sst_board_points(board);
+    struct sst_sighting s = { .board = board, .luma = luma };
+    int err = -ENOMEM;
+
+    s.seen = calloc(points, sizeof(*s.seen));
+    s.saddle = calloc(points, sizeof(*s.saddle));
+    if (s.seen && s.saddle)
+        err = board->kind == SST_BOARD_CHESSBOARD ? detect_chessboard(&s, out, outcome, cfg)
+                                                  : detect_markers(&s, out, outcome, cfg);
+    free(s.anchor);
+    free(s.seen);
+    free(s.saddle);
+    return err;
+}
+
+int sst_board_detect(const struct sst_board *board, const struct sst_image *image, const struct sst_detect_config *cfg,
+                     struct sst_detection *out, enum sst_detect_outcome *outcome)
+{
+    static atomic_flag told = ATOMIC_FLAG_INIT;
+    enum sst_detect_outcome what = SST_DETECT_NONE;
+    struct sst_detection found = { 0 };
+    struct sst_map_u8 luma;
+    int err = sst_luma(&luma, image);
+
+    if (err)
+        return err;
+    err = detect(board, &luma, cfg, &found, &what);
+    sst_map_u8_fini(&luma);
+    if (err == -EINVAL) { /* OpenCV does not take such a picture: nothing is to be seen in it */
+        err = 0;
+        what = SST_DETECT_NONE;
+    }
+    if (err == -ENOTSUP && !atomic_flag_test_and_set(&told))
+        sst_log_error("boards are found by OpenCV, which this build is without; install libopencv-dev and "
+                      "libopencv-contrib-dev, and build again");
+    if (err)
+        return err;
+    *out = found;
+    *outcome = what;
+    return 0;
+}
+
+void sst_detection_fini(struct sst_detection *detection)
+{
+    free(detection->corner);
+    *detection = (struct sst_detection){ 0 };
+}

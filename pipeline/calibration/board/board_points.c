@@ -1,0 +1,264 @@
+/* From anchors to the points of a board: predicted from their neighbours, refined, and checked against each other. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/calibration/board/detect_parts.h"
+#include "pipeline/calibration/board/homography.h"
+#include "pipeline/camera/numbers.h"
+
+#define NEIGHBOURS  14
+#define GROW_ROUNDS 12
+#define LARGEST_PX  8 /* of a window, from its point, for pictures up to 1000 pixels wide; more sees the lens bend */
+#define TAG_BORDER  0.2
+
+/* --- prediction -------------------------------------------------------------------------------------------------- */
+
+struct near {
+    int index;
+    double distance2;
+};
+
+/* The nearest anchors, nearest first; of equal ones the first. */
+static int nearest(struct near out[NEIGHBOURS], const struct sst_anchor *anchor, int n, const double at[2], int skip)
+{
+    int count = 0;
+
+    for (int i = 0; i < n; i++) {
+        const double dx = anchor[i].board[0] - at[0], dy = anchor[i].board[1] - at[1], d2 = dx * dx + dy * dy;
+        int k = count;
+
+        if (i == skip || (count == NEIGHBOURS && d2 >= out[count - 1].distance2))
+            continue;
+        if (count < NEIGHBOURS)
+            count++;
+        else
+            k--;
+        for (; k > 0 && out[k - 1].distance2 > d2; k--)
+            out[k] = out[k - 1];
+        out[k] = (struct near){ i, d2 };
+    }
+    return count;
+}
+
+/* Where a place of the board is, from the anchors around it, but for one (skip; -1: none). slope: px per mm there.
+ * @return false: nothing near enough to tell */
+static bool predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n, double step_mm,
+                    const double at[2], int skip)
+{
+    double from[NEIGHBOURS][2], to[NEIGHBOURS][2], weight[NEIGHBOURS], h[9];
+    struct near found[NEIGHBOURS];
+    const int count = nearest(found, anchor, n, at, skip);
+
+    if (count < 4 || found[0].distance2 > 2.6 * step_mm * step_mm)
+        return false;
+    for (int i = 0; i < count; i++) {
+        const struct sst_anchor *a = &anchor[found[i].index];
+
+        memcpy(from[i], a->board, sizeof(from[i]));
+        memcpy(to[i], a->px, sizeof(to[i]));
+        /* Far ones tell less: the lens bends the board. */
+        weight[i] = a->weight / (1 + found[i].distance2 / (step_mm * step_mm));
+    }
+    return sst_homography_fit(h, (const double(*)[2])from, (const double(*)[2])to, weight, count) &&
+           sst_homography_apply(h, at, px) && sst_homography_slope(h, at, slope) &&
+           slope[0] * slope[3] - slope[1] * slope[2] > 0;
+}
+
+/* --- refinement -------------------------------------------------------------------------------------------------- */
+
+/* What surrounds a point of this board. */
+static void surroundings(struct sst_saddle_place *place, const struct sst_board *b, int id, bool other)
+{
+    if (b->kind == SST_BOARD_APRILGRID) {
+        place->sign = id % 2 ? 1 : -1;
+        place->half_mm = b->marker * b->square_mm;
+        place->core_mm = TAG_BORDER * b->square_mm;
+        place->core_sign = -place->sign;
+    } else {
+        const int i = id % (b->cols - 1), j = id / (b->cols - 1);
+        const bool white = (i + j) % 2 != other;
+
+        place->sign = white ? 1 : -1;
+        place->half_mm = 0.8 * b->square_mm;
+        place->core_mm = b->kind == SST_BOARD_CHARUCO ? (1 - b->marker) / 2 * b->square_mm : INFINITY;
+        place->core_sign = place->sign;
+    }
+}
+
+static double largest_window(const struct sst_map_u8 *luma)
+{
+    return LARGEST_PX * fmax(1, sqrt(fmax(luma->width, luma->height) / 1000.0));
+}
+
+/* Look for a point where the anchors put it. */
+static bool look(struct sst_saddle *out, const struct sst_sighting *s, int id, const struct sst_anchor *anchor, int n,
+                 double reach)
+{
+    const double pitch = sst_board_pitch_mm(s->board);
+    struct sst_saddle_place place;
+    double at[2], px[2];
+
+    sst_board_point(s->board, id, at);
+    if (!predict(px, place.slope, anchor, n, s->board->square_mm, at, -1))
+        return false;
+    place.x = px[0];
+    place.y = px[1];
+    surroundings(&place, s->board, id, s->other);
+    place.reach_px = reach * (1 + pitch * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4);
+    return sst_saddle_refine(out, s->luma, &place, largest_window(s->luma));
+}
+
+/* Anchors for what has been found: refined points, and where few are around them still the markers' corners. */
+static int collect(struct sst_anchor *out, int *id, const struct sst_sighting *s, int points)
+{
+    int n = 0;
+
+    for (int i = 0; i < points; i++) {
+        if (!s->seen[i])
+            continue;
+        sst_board_point(s->board, i, out[n].board);
+        out[n].px[0] = s->saddle[i].x;
+        out[n].px[1] = s->saddle[i].y;
+        out[n].weight = 1;
+        if (id)
+            id[n] = i;
+        n++;
+    }
+    return n;
+}
+
+/* --- checks ------------------------------------------------------------------------------------------------------ */
+
+/* Distance of each point from where its neighbours put it, NAN where they do not tell, and the scale there. */
+static void stray(double *distance, const struct sst_sighting *s, const struct sst_anchor *anchor, int n)
+{
+    const double pitch = sst_board_pitch_mm(s->board);
+
+    for (int i = 0; i < n; i++) {
+        double px[2], slope[4];
+
+        distance[i] = NAN;
+        if (!predict(px, slope, anchor, n, s->board->square_mm, anchor[i].board, i))
+            continue;
+        /* In pitches at 0.04 of one, in px where squares are small. */
+        distance[i] = hypot(px[0] - anchor[i].px[0], px[1] - anchor[i].px[1]) /
+                      fmax(1, pitch * sqrt(slope[0] * slope[3] - slope[1] * slope[2]) / 25);
+    }
+}
+
+/*
+ * Drop, the worst first, points that are not where their neighbours put them: further than 5 times the usual distance,
+ * at least 0.4 px (or 0.016 of the pitch, where that is more), and in any case than 4 times this.
+ */
+static void drop_strays(struct sst_sighting *s, struct sst_anchor *anchor, double *distance, int *id, int points)
+{
+    for (;;) {
+        const int n = collect(anchor, id, s, points);
+        double *sorted = distance + points, limit;
+        int known = 0, worst = -1;
+
+        stray(distance, s, anchor, n);
+        for (int i = 0; i < n; i++) {
+            if (isnan(distance[i]))
+                continue;
+            sorted[known++] = distance[i];
+            if (worst < 0 || distance[i] > distance[worst])
+                worst = i;
+        }
+        if (known < 1)
+            return;
+        limit = sst_clamp_double(5 * sst_upper_median(sorted, known), 0.4, 1.6);
+        if (distance[worst] <= limit)
+            return;
+        s->seen[id[worst]] = false;
+    }
+}
+
+int sst_find_points(struct sst_sighting *s)
+{
+    const int points = sst_board_points(s->board);
+    struct sst_anchor *anchor = malloc((size_t)(points + s->anchors) * sizeof(*anchor));
+    double *distance = malloc(2 * (size_t)points * sizeof(*distance));
+    int *id = malloc((size_t)points * sizeof(*id));
+    int count = 0, before = -1;
+
+    if (!anchor || !distance || !id) {
+        count = -ENOMEM;
+        goto out;
+    }
+    for (int round = 0; round < GROW_ROUNDS && count > before; round++) {
+        const int refined = collect(anchor, NULL, s, points);
+
+        before = count;
+        memcpy(anchor + refined, s->anchor, (size_t)s->anchors * sizeof(*anchor));
+        for (int i = 0; i < points; i++) {
+            if (!s->seen[i] && look(&s->saddle[i], s, i, anchor, refined + s->anchors, round ? 0.6 : 1)) {
+                s->seen[i] = true;
+                count++;
+            }
+        }
+    }
+    drop_strays(s, anchor, distance, id, points);
+    count = collect(anchor, id, s, points);
+out:
+    free(anchor);
+    free(distance);
+    free(id);
+    return count;
+}
+
+/* --- chessboards that are not of this size ------------------------------------------------------------------------ */
+
+bool sst_chessboard_ends_early(const struct sst_sighting *s)
+{
+    const int cols = s->board->cols - 1, rows = s->board->rows - 1;
+
+    for (int side = 0; side < 4; side++) {
+        const int length = side < 2 ? rows : cols;
+        int seen = 0;
+
+        for (int k = 0; k < length; k++) {
+            const int i = side == 0 ? 0 : side == 1 ? cols - 1 : k, j = side == 2 ? 0 : side == 3 ? rows - 1 : k;
+
+            seen += s->seen[j * cols + i];
+        }
+        if (2 * seen < length)
+            return true;
+    }
+    return false;
+}
+
+bool sst_chessboard_goes_on(const struct sst_sighting *s)
+{
+    const int cols = s->board->cols - 1, rows = s->board->rows - 1;
+
+    for (int side = 0; side < 4; side++) {
+        const int length = side < 2 ? rows : cols;
+        int crossings = 0;
+
+        /* As long as they still can be most of the side. */
+        for (int k = 0; k < length && 2 * (crossings + length - k) > length; k++) {
+            const int i = side == 0 ? -1 : side == 1 ? cols : k, j = side == 2 ? -1 : side == 3 ? rows : k;
+            const double at[2] = { i * s->board->square_mm, j * s->board->square_mm };
+            struct sst_saddle_place place = { .half_mm = 0.8 * s->board->square_mm,
+                                              .core_mm = INFINITY,
+                                              .core_sign = 1,
+                                              .sign = (i + j + 2) % 2 != s->other ? 1 : -1 };
+            struct sst_saddle saddle;
+            double px[2];
+
+            if (!predict(px, place.slope, s->anchor, s->anchors, s->board->square_mm, at, -1))
+                continue;
+            place.x = px[0];
+            place.y = px[1];
+            place.reach_px =
+                s->board->square_mm * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4;
+            crossings += sst_saddle_refine(&saddle, s->luma, &place, largest_window(s->luma));
+        }
+        if (2 * crossings > length)
+            return true;
+    }
+    return false;
+}

@@ -1,0 +1,295 @@
+/* multical's calibration.json: cameras by name (image_size, K, dist in OpenCV's order, model) and camera_poses, which
+ * take points from the rig's axes ("NAME") or from another camera ("NAME_to_OTHER") into the camera: X = R X' + T,
+ * metres; pixel centres on integers. */
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/camera/format_parts.h"
+
+#define METRE_MM  1000.0
+#define MAX_BYTES ((size_t)64 << 20) /* it lists every picture of the calibration */
+#define MOST      16
+
+/* A file being read. */
+struct reader {
+    const char *name;
+    double unit_mm;
+    json_t *cameras, *poses;
+    struct sst_loose *loose;
+};
+
+/* Numbers of a list, also of lists of lists. @return how many, -1: something else is there, or too many */
+static int numbers(const json_t *v, double out[MOST], int n, int depth)
+{
+    const json_t *item;
+    size_t i;
+
+    if (json_is_number(v)) {
+        if (n == MOST || !(fabs(json_number_value(v)) <= SST_CALIB_LARGEST))
+            return -1;
+        out[n] = json_number_value(v);
+        return n + 1;
+    }
+    if (!json_is_array(v) || depth == 0)
+        return -1;
+    json_array_foreach(v, i, item)
+    {
+        n = numbers(item, out, n, depth - 1);
+        if (n < 0)
+            return -1;
+    }
+    return n;
+}
+
+static int fault(const struct reader *r, const char *camera, const char *what)
+{
+    sst_log_error("%s: %.80s: %s", r->name, camera, what);
+    return -EBADMSG;
+}
+
+static bool place_part(const json_t *camera, const char *key, int *out)
+{
+    const json_t *v = json_object_get(camera, key);
+
+    if (!json_is_integer(v) || json_integer_value(v) < 0 || json_integer_value(v) >= SST_MAX_VIEWS)
+        return false;
+    *out = (int)json_integer_value(v);
+    return true;
+}
+
+static int read_camera(const struct reader *r, const char *name, const json_t *camera)
+{
+    struct sst_loose_camera *c = sst_loose_add(r->loose, name, r->name);
+    const json_t *size = json_object_get(camera, "image_size"), *dist = json_object_get(camera, "dist");
+    double K[MOST], d[MOST], s[MOST];
+    const char *what;
+    int n;
+
+    if (!c)
+        return -EBADMSG;
+    if (numbers(json_object_get(camera, "K"), K, 0, 2) != 9)
+        return fault(r, name, "K is no matrix of 3 x 3 numbers");
+    what = sst_loose_matrix(&c->cam, K);
+    n = json_is_null(dist) ? 0 : numbers(dist, d, 0, 2); /* Python's None is a lens without distortion */
+    if (!what)
+        what = n < 0 ? "dist is no list of numbers" : sst_loose_lens(&c->cam, d, n);
+    if (what)
+        return fault(r, name, what);
+    if (numbers(size, s, 0, 1) != 2 || !(s[0] >= 1 && s[0] <= SST_IMAGE_MAX_SIDE) ||
+        !(s[1] >= 1 && s[1] <= SST_IMAGE_MAX_SIDE))
+        return fault(r, name, "image_size is no [width, height]");
+    c->width = (int)s[0];
+    c->height = (int)s[1];
+    if (!place_part(camera, "row", &c->row) || !place_part(camera, "col", &c->col))
+        (void)sst_loose_place(name, &c->row, &c->col);
+    return 0;
+}
+
+static int read_transform(const struct reader *r, const char *key, const json_t *v, struct sst_loose_camera *out)
+{
+    double R[MOST], T[MOST];
+    const char *what = NULL;
+
+    if (numbers(json_object_get(v, "R"), R, 0, 2) != 9 || numbers(json_object_get(v, "T"), T, 0, 2) != 3)
+        what = "R is no matrix of 3 x 3 numbers, or T no vector of 3";
+    else
+        what = sst_loose_pose(out, R, T, r->unit_mm);
+    return what ? fault(r, key, what) : 0;
+}
+
+static int find_camera(const struct reader *r, const char *name, size_t n)
+{
+    const char *key;
+    json_t *camera;
+    int i = 0;
+
+    json_object_foreach(r->cameras, key, camera)
+    {
+        if (strlen(key) == n && !memcmp(key, name, n))
+            return i;
+        i++;
+    }
+    return -1;
+}
+
+/* X_camera = R (R_o (X - c_o) - c): the step's pose is in the other's axes. */
+static void follow(struct sst_loose_camera *out, const struct sst_loose_camera *step,
+                   const struct sst_loose_camera *other)
+{
+    const double *o = other->cam.rotation, *s = step->cam.rotation;
+    double *r = out->cam.rotation, *p = out->cam.position_mm;
+
+    for (int i = 0; i < 3; i++) {
+        p[i] = other->cam.position_mm[i];
+        for (int l = 0; l < 3; l++)
+            p[i] += o[3 * l + i] * step->cam.position_mm[l];
+        for (int j = 0; j < 3; j++) {
+            r[3 * i + j] = 0;
+            for (int l = 0; l < 3; l++)
+                r[3 * i + j] += s[3 * i + l] * o[3 * l + j];
+        }
+    }
+    out->posed = true;
+}
+
+/* One pose, where what it is relative to is known. @return 1: taken, 0: not yet, or a negative errno, logged */
+static int read_pose(const struct reader *r, const char *key, const json_t *v)
+{
+    const char *to = strstr(key, "_to_");
+    const int whole = find_camera(r, key, strlen(key));
+    const int one = whole >= 0 ? whole : to ? find_camera(r, key, (size_t)(to - key)) : -1;
+    const int other = whole >= 0 ? -1 : to ? find_camera(r, to + 4, strlen(to + 4)) : -1;
+    struct sst_loose_camera *c, step;
+    int err;
+
+    if (one < 0 || (whole < 0 && other < 0))
+        return fault(r, key, "camera_poses names a camera that cameras does not list");
+    c = &r->loose->camera[one];
+    if (c->posed)
+        return 0;
+    if (whole >= 0) {
+        err = read_transform(r, key, v, c);
+    } else {
+        if (!r->loose->camera[other].posed)
+            return 0;
+        step = *c;
+        err = read_transform(r, key, v, &step);
+        if (!err)
+            follow(c, &step, &r->loose->camera[other]);
+    }
+    return err ? err : 1;
+}
+
+static int read_all(const struct reader *r)
+{
+    const char *key;
+    json_t *v;
+    int taken = 1, err = 0;
+
+    json_object_foreach(r->cameras, key, v)
+    {
+        err = read_camera(r, key, v);
+        if (err)
+            return err;
+    }
+    while (taken > 0) { /* poses may follow each other in any order */
+        taken = 0;
+        json_object_foreach(r->poses, key, v)
+        {
+            const int one = read_pose(r, key, v);
+
+            if (one < 0)
+                return one;
+            taken += one;
+        }
+    }
+    return 0;
+}
+
+int sst_multical_parse(struct sst_calib *out, const char *text, size_t size, const char *name,
+                       const struct sst_calib_format_config *cfg)
+{
+    struct reader r = { .name = name, .unit_mm = cfg->unit_mm > 0 ? cfg->unit_mm : METRE_MM };
+    json_error_t where;
+    json_t *root = json_loadb(text, size, JSON_REJECT_DUPLICATES, &where);
+    int err;
+
+    if (!root) {
+        sst_log_error("%s:%d:%d: not JSON: %s", name, where.line, where.column, where.text);
+        return -EBADMSG;
+    }
+    r.cameras = json_object_get(root, "cameras");
+    r.poses = json_object_get(root, "camera_poses");
+    r.loose = sst_loose_create();
+    if (!r.loose) {
+        err = -ENOMEM;
+    } else if (!json_is_object(r.cameras) || (r.poses && !json_is_object(r.poses))) {
+        sst_log_error("%s has no objects \"cameras\" and \"camera_poses\"; is it multical's calibration.json?", name);
+        err = -EBADMSG;
+    } else {
+        err = read_all(&r);
+    }
+    if (!err)
+        err = sst_loose_assemble(out, r.loose, cfg, name, "multical");
+    free(r.loose);
+    json_decref(root);
+    return err;
+}
+
+int sst_multical_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg)
+{
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(path, MAX_BYTES, &data, &size);
+
+    if (err)
+        return err;
+    err = sst_multical_parse(out, (const char *)data, size, path, cfg);
+    free(data);
+    return err;
+}
+
+/* --- writing ------------------------------------------------------------------------------------------------------ */
+
+static void put_rows(FILE *f, const double *v)
+{
+    for (int i = 0; i < 3; i++) {
+        fputs(i ? ", [" : "[[", f);
+        sst_put_numbers(f, v + 3 * i, 3);
+        fputs("]", f);
+    }
+    fputs("]", f);
+}
+
+static void put_camera(FILE *f, const struct sst_calib *calib, int k, const char *separator)
+{
+    const struct sst_calib_camera *c = &calib->camera[k];
+    const int row = k / calib->cols, col = k % calib->cols;
+
+    fprintf(f, "%s\n    \"%02d_%02d\": {\n      \"model\": \"%s\",\n      \"image_size\": [%d, %d],\n      \"K\": ",
+            separator, row, col, c->lens == 8 ? "rational" : "standard", calib->width, calib->height);
+    put_rows(f, (const double[]){ c->fx, 0, c->cx, 0, c->fy, c->cy, 0, 0, 1 });
+    fputs(",\n      \"dist\": [[", f);
+    sst_put_numbers(f, c->k, c->lens ? c->lens : 5);
+    fprintf(f, "]],\n      \"row\": %d,\n      \"col\": %d\n    }", row, col);
+}
+
+static void put_pose(FILE *f, const struct sst_calib *calib, int k, const char *separator)
+{
+    const int ref = calib->reference;
+    double t[3];
+
+    sst_camera_translation(&calib->camera[k], METRE_MM, t);
+    fprintf(f, "%s\n    \"%02d_%02d", separator, k / calib->cols, k % calib->cols);
+    if (k != ref)
+        fprintf(f, "_to_%02d_%02d", ref / calib->cols, ref % calib->cols);
+    fputs("\": {\n      \"R\": ", f);
+    put_rows(f, calib->camera[k].rotation);
+    fputs(",\n      \"T\": [", f);
+    sst_put_numbers(f, t, 3);
+    fputs("]\n    }", f);
+}
+
+int sst_multical_write(const struct sst_calib *calib, const char *path,
+                       const struct sst_calib_format_config *cfg SST_UNUSED)
+{
+    const int first = sst_calib_next(calib, 0);
+    struct sst_outfile out;
+    int err = sst_outfile_open(&out, path);
+
+    if (err)
+        return err;
+    fputs("{\n  \"cameras\": {", out.stream);
+    for (int k = first; k >= 0; k = sst_calib_next(calib, k + 1))
+        put_camera(out.stream, calib, k, k == first ? "" : ",");
+    fputs("\n  },\n  \"camera_poses\": {", out.stream);
+    for (int k = first; k >= 0; k = sst_calib_next(calib, k + 1))
+        put_pose(out.stream, calib, k, k == first ? "" : ",");
+    fputs("\n  }\n}\n", out.stream);
+    return sst_outfile_commit(&out);
+}

@@ -1,0 +1,442 @@
+/* From cameras as other tools list them to a grid of cameras, and what all writers do. */
+#include "pipeline/camera/format_parts.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/lightfield/import.h"
+
+struct sst_loose *sst_loose_create(void)
+{
+    struct sst_loose *loose = calloc(1, sizeof(*loose));
+
+    if (!loose)
+        sst_log_error("not enough memory to read a calibration");
+    return loose;
+}
+
+struct sst_loose_camera *sst_loose_add(struct sst_loose *loose, const char *name, const char *file)
+{
+    struct sst_loose_camera *c = &loose->camera[loose->count];
+
+    if (loose->count == SST_MAX_VIEWS) {
+        sst_log_error("%s has more than %d cameras, the most that there may be", file, SST_MAX_VIEWS);
+        return NULL;
+    }
+    loose->count++;
+    *c = (struct sst_loose_camera){ .row = -1, .col = -1 };
+    c->cam = (struct sst_calib_camera){ .known = true, .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, .gain = { 1, 1, 1 } };
+    snprintf(c->cam.name, sizeof(c->cam.name), "%s", name);
+    return c;
+}
+
+const char *sst_loose_matrix(struct sst_calib_camera *cam, const double K[9])
+{
+    if (K[1] != 0)
+        return "the camera matrix has a skew, which no camera here has";
+    if (K[3] != 0 || K[6] != 0 || K[7] != 0 || K[8] != 1)
+        return "the camera matrix is not of the form [fx 0 cx; 0 fy cy; 0 0 1]";
+    cam->fx = K[0];
+    cam->fy = K[4];
+    cam->cx = K[2];
+    cam->cy = K[5];
+    return NULL;
+}
+
+const char *sst_loose_lens(struct sst_calib_camera *cam, const double *d, int n)
+{
+    if (n != 0 && n != 4 && n != 5 && n != 8 && n != 12 && n != 14)
+        return "the number of distortion coefficients is none of 0, 4, 5, 8, 12, 14";
+    for (int i = SST_LENS_MAX; i < n; i++) {
+        if (d[i] != 0)
+            return "the lens has thin-prism or tilt terms, which are not supported; calibrate with 8 coefficients";
+    }
+    cam->lens = n == 0 ? 0 : n <= 5 ? 5 : 8;
+    for (int i = 0; i < SST_LENS_MAX; i++)
+        cam->k[i] = i < n ? d[i] : 0;
+    return NULL;
+}
+
+static void cofactors(const double r[9], double c[9])
+{
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            const int a = (i + 1) % 3, b = (i + 2) % 3, p = (j + 1) % 3, q = (j + 2) % 3;
+
+            c[3 * i + j] = r[3 * a + p] * r[3 * b + q] - r[3 * a + q] * r[3 * b + p];
+        }
+    }
+}
+
+/* The rotation nearest to a matrix that nearly is one: Newton's iteration for the polar factor, R <- (R + R^-T) / 2
+ * (Higham 1986). @return false: it is not near one */
+static bool nearest_rotation(const double in[9], double out[9])
+{
+    double r[9], c[9];
+
+    memcpy(r, in, sizeof(r));
+    for (int pass = 0; pass < 6; pass++) {
+        double det;
+
+        cofactors(r, c);
+        det = r[0] * c[0] + r[1] * c[1] + r[2] * c[2];
+        if (!(det > 0.5 && det < 2))
+            return false;
+        for (int i = 0; i < 9; i++)
+            r[i] = 0.5 * (r[i] + c[i] / det);
+    }
+    for (int i = 0; i < 9; i++) {
+        if (!(fabs(r[i] - in[i]) < 1e-3))
+            return false;
+    }
+    memcpy(out, r, sizeof(r));
+    return true;
+}
+
+const char *sst_loose_pose(struct sst_loose_camera *camera, const double R[9], const double T[3], double unit_mm)
+{
+    double *r = camera->cam.rotation;
+
+    if (!nearest_rotation(R, r))
+        return "R is no rotation matrix";
+    for (int i = 0; i < 3; i++)
+        camera->cam.position_mm[i] = -(r[i] * T[0] + r[3 + i] * T[1] + r[6 + i] * T[2]) * unit_mm;
+    camera->posed = true;
+    return NULL;
+}
+
+/* At most three digits before `end`, which moves to their beginning. @return their value, -1 without any */
+static int digits_before(const char *begin, const char **end)
+{
+    int value = 0, weight = 1;
+    const char *p = *end;
+
+    while (p > begin && isdigit((unsigned char)p[-1]) && weight <= 100) {
+        value += weight * (*--p - '0');
+        weight *= 10;
+    }
+    if (p == *end || (p > begin && isdigit((unsigned char)p[-1])))
+        return -1;
+    *end = p;
+    return value;
+}
+
+bool sst_loose_place(const char *name, int *row, int *col)
+{
+    const char *p = name + strlen(name);
+    const int c = digits_before(name, &p), r = c >= 0 && p > name && *--p == '_' ? digits_before(name, &p) : -1;
+
+    if (r < 0)
+        return false;
+    *row = r;
+    *col = c;
+    return true;
+}
+
+/* --- the grid ----------------------------------------------------------------------------------------------------- */
+
+/* Every camera's place is known, all differ, and none is outside a grid that is given. */
+static bool all_placed(const struct sst_loose *loose)
+{
+    for (int i = 0; i < loose->count; i++) {
+        if (loose->camera[i].row < 0 || loose->camera[i].col < 0)
+            return false;
+    }
+    return true;
+}
+
+static int find_grid(const struct sst_loose *loose, const struct sst_calib_format_config *cfg, const char *file,
+                     int *rows, int *cols)
+{
+    int need_rows = 1, need_cols = 1;
+
+    if (!all_placed(loose)) {
+        *rows = cfg->rows;
+        *cols = cfg->cols;
+        if (loose->count == 1 && !cfg->rows)
+            *rows = *cols = 1;
+        if (*rows * *cols == loose->count)
+            return 0;
+        if (cfg->rows)
+            sst_log_error("%s has %d cameras, which do not fill a grid of %d x %d; correct --grid", file, loose->count,
+                          cfg->rows, cfg->cols);
+        else
+            sst_log_error("%s lists %d cameras without their places; add --grid ROWSxCOLUMNS, to be filled row by row",
+                          file, loose->count);
+        return -EINVAL;
+    }
+    for (int i = 0; i < loose->count; i++) {
+        need_rows = sst_max_int(need_rows, loose->camera[i].row + 1);
+        need_cols = sst_max_int(need_cols, loose->camera[i].col + 1);
+    }
+    *rows = cfg->rows ? cfg->rows : need_rows;
+    *cols = cfg->cols ? cfg->cols : need_cols;
+    if (need_rows <= *rows && need_cols <= *cols && need_rows <= SST_MAX_VIEWS && need_cols <= SST_MAX_VIEWS &&
+        *rows * *cols <= SST_MAX_VIEWS)
+        return 0;
+    sst_log_error("%s names cameras up to row %d, column %d (from 0), beyond %s", file, need_rows - 1, need_cols - 1,
+                  cfg->rows ? "the --grid given" : "the 256 views that there may be");
+    return -EINVAL;
+}
+
+static int take_size(struct sst_calib *out, const struct sst_loose_camera *c, const struct sst_calib_format_config *cfg,
+                     const char *file)
+{
+    const int width = c->width ? c->width : cfg->width, height = c->height ? c->height : cfg->height;
+
+    if (!width || !height) {
+        sst_log_error("%s does not tell the size of the pictures; add --size WIDTHxHEIGHT", file);
+        return -EINVAL;
+    }
+    if ((cfg->width && (width != cfg->width || height != cfg->height)) ||
+        (out->width && (width != out->width || height != out->height))) {
+        sst_log_error("%s: camera %s has pictures of %d x %d pixels, %s of %d x %d; all must agree", file, c->cam.name,
+                      width, height, cfg->width ? "--size is" : "others", cfg->width ? cfg->width : out->width,
+                      cfg->width ? cfg->height : out->height);
+        return -EBADMSG;
+    }
+    out->width = width;
+    out->height = height;
+    return 0;
+}
+
+static int place_cameras(struct sst_calib *out, const struct sst_loose *loose,
+                         const struct sst_calib_format_config *cfg, const char *file)
+{
+    const bool placed = all_placed(loose);
+
+    for (int i = 0; i < loose->count; i++) {
+        const struct sst_loose_camera *c = &loose->camera[i];
+        const int view = placed ? c->row * out->cols + c->col : i;
+        const char *fault = sst_camera_fault(&c->cam);
+        int err;
+
+        if (fault || (!c->posed && loose->count > 1) || out->camera[view].known) {
+            sst_log_error("%s: camera %s: %s", file, c->cam.name,
+                          fault      ? fault
+                          : c->posed ? "another one has the same place; rename one of them"
+                                     : "its pose (R, T) is missing; calibrate the cameras together");
+            return -EBADMSG;
+        }
+        err = take_size(out, c, cfg, file);
+        if (err)
+            return err;
+        out->camera[view] = c->cam;
+    }
+    return 0;
+}
+
+/* The known camera nearest to the grid's reference view; ties: the lower index, as for light fields. */
+static int nearest_known(const struct sst_calib *calib)
+{
+    const int row = calib->reference / calib->cols, col = calib->reference % calib->cols;
+    int best = 0;
+    long least = -1;
+
+    for (int k = 0; k < calib->rows * calib->cols; k++) {
+        const long dy = k / calib->cols - row, dx = k % calib->cols - col, d = dx * dx + dy * dy;
+
+        if (calib->camera[k].known && (least < 0 || d < least)) {
+            least = d;
+            best = k;
+        }
+    }
+    return best;
+}
+
+/* X' = R_ref (X - c_ref). A reference that is there already moves nothing, not even by rounding. */
+static void rebase(struct sst_calib *calib)
+{
+    const struct sst_calib_camera ref = calib->camera[calib->reference];
+    double moved = 0;
+
+    for (int i = 0; i < 9; i++)
+        moved += fabs(ref.rotation[i] - (i % 4 == 0));
+    for (int i = 0; i < 3; i++)
+        moved += fabs(ref.position_mm[i]);
+    for (int k = 0; moved > 0 && k < calib->rows * calib->cols; k++) {
+        struct sst_calib_camera *c = &calib->camera[k];
+        double r[9], p[3];
+
+        if (!c->known || k == calib->reference)
+            continue;
+        for (int i = 0; i < 3; i++) {
+            p[i] = 0;
+            for (int l = 0; l < 3; l++)
+                p[i] += ref.rotation[3 * i + l] * (c->position_mm[l] - ref.position_mm[l]);
+        }
+        sst_rotation_between(c->rotation, ref.rotation, r);
+        memcpy(c->rotation, r, sizeof(r));
+        memcpy(c->position_mm, p, sizeof(p));
+    }
+    memcpy(calib->camera[calib->reference].rotation, (const double[]){ 1, 0, 0, 0, 1, 0, 0, 0, 1 }, 9 * sizeof(double));
+    memset(calib->camera[calib->reference].position_mm, 0, 3 * sizeof(double));
+}
+
+int sst_loose_assemble(struct sst_calib *out, const struct sst_loose *loose, const struct sst_calib_format_config *cfg,
+                       const char *file, const char *format)
+{
+    struct sst_calib made = { 0 };
+    const char *fault;
+    int rows, cols, err;
+
+    if (!loose->count) {
+        sst_log_error("%s holds no camera; is it a calibration?", file);
+        return -EBADMSG;
+    }
+    err = find_grid(loose, cfg, file, &rows, &cols);
+    if (err)
+        return err;
+    err = sst_calib_init(&made, rows, cols);
+    if (err) {
+        sst_log_error("%s: a grid of %d x %d is not possible", file, rows, cols);
+        return err;
+    }
+    snprintf(made.source, sizeof(made.source), "%s (%s)", file, format);
+    err = place_cameras(&made, loose, cfg, file);
+    if (!err) {
+        made.reference = nearest_known(&made);
+        rebase(&made);
+        fault = sst_calib_fault(&made);
+        if (fault) {
+            sst_log_error("%s: %s", file, fault);
+            err = -EBADMSG;
+        }
+    }
+    if (err)
+        sst_calib_fini(&made);
+    else
+        *out = made;
+    return err;
+}
+
+/* --- writing ------------------------------------------------------------------------------------------------------ */
+
+void sst_camera_translation(const struct sst_calib_camera *cam, double unit_mm, double out[3])
+{
+    for (int i = 0; i < 3; i++) {
+        double sum = 0;
+
+        for (int l = 0; l < 3; l++)
+            sum += cam->rotation[3 * i + l] * cam->position_mm[l];
+        out[i] = (0 - sum) / unit_mm; /* no -0 */
+    }
+}
+
+int sst_calib_next(const struct sst_calib *calib, int view)
+{
+    while (view < calib->rows * calib->cols && !calib->camera[view].known)
+        view++;
+    return view < calib->rows * calib->cols ? view : -1;
+}
+
+static void put_number(FILE *f, double v)
+{
+    char text[40], *e;
+
+    for (int digits = 15; digits <= 17; digits++) {
+        snprintf(text, sizeof(text), "%.*g", digits, v);
+        if (strtod(text, NULL) == v)
+            break;
+    }
+    if (!strchr(text, '.')) { /* Python makes integers of 0, which libraries then refuse; YAML 1.1 words of 1e-05 */
+        e = text + strcspn(text, "e");
+        memmove(e + 2, e, strlen(e) + 1);
+        memcpy(e, ".0", 2);
+    }
+    fputs(text, f);
+}
+
+void sst_put_numbers(FILE *f, const double *v, int n)
+{
+    for (int i = 0; i < n; i++) {
+        fputs(i ? ", " : "", f);
+        put_number(f, v[i]);
+    }
+}
+
+int sst_utf8_character(const unsigned char *s, uint32_t *code)
+{
+    static const uint32_t least[] = { 0, 0, 0x80, 0x800, 0x10000 };
+    const int n = s[0] < 0x80 ? 1 : s[0] >> 5 == 6 ? 2 : s[0] >> 4 == 14 ? 3 : s[0] >> 3 == 30 ? 4 : 0;
+    uint32_t c = n <= 1 ? s[0] : s[0] & (0xffu >> (n + 1));
+
+    *code = 0;
+    for (int i = 1; i < n; i++) {
+        if ((s[i] & 0xc0) != 0x80) /* also at the end of the text */
+            return 0;
+        c = c << 6 | (s[i] & 0x3f);
+    }
+    if (n == 0 || c < least[n] || c > 0x10ffff || (c >= 0xd800 && c < 0xe000))
+        return 0;
+    if (c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0xfffe || c == 0xffff)
+        return 0;
+    *code = c;
+    return n;
+}
+
+static bool ends_in(const char *path, const char *ending)
+{
+    const size_t n = strlen(path), m = strlen(ending);
+
+    return n > m && !strcmp(path + n - m, ending);
+}
+
+static int write_folder(const struct sst_calib *calib, const char *path, const char *ending, bool force,
+                        void (*put)(FILE *f, const struct sst_calib *calib, int view))
+{
+    char name[64], file[SST_PATH_MAX];
+    const char *const inputs[] = { NULL };
+    const int first = sst_calib_next(calib, 0);
+    struct sst_outdir folder;
+    struct sst_outfile out;
+    int err;
+
+    snprintf(name, sizeof(name), "%02d_%02d%s", first / calib->cols, first % calib->cols, ending);
+    err = sst_check_output(path, force, name, inputs);
+    if (!err)
+        err = sst_outdir_open(&folder, path, force);
+    if (err)
+        return err;
+    for (int k = sst_calib_next(calib, 0); k >= 0 && !err; k = sst_calib_next(calib, k + 1)) {
+        snprintf(name, sizeof(name), "%02d_%02d%s", k / calib->cols, k % calib->cols, ending);
+        err = sst_path_join(file, folder.temporary, name);
+        if (!err)
+            err = sst_outfile_open(&out, file);
+        if (err)
+            break;
+        put(out.stream, calib, k);
+        err = sst_outfile_commit(&out);
+    }
+    if (err)
+        sst_outdir_abort(&folder);
+    else
+        err = sst_outdir_commit(&folder);
+    return err;
+}
+
+int sst_calib_write_each(const struct sst_calib *calib, const char *path, const char *ending,
+                         const struct sst_calib_format_config *cfg,
+                         void (*put)(FILE *f, const struct sst_calib *calib, int view))
+{
+    const int first = sst_calib_next(calib, 0);
+    struct sst_outfile out;
+    int err;
+
+    if (!ends_in(path, ending))
+        return write_folder(calib, path, ending, cfg->force, put);
+    if (sst_calib_next(calib, first + 1) >= 0) {
+        sst_log_error("%s would be the file of one camera, and there are more; name a folder without %s", path, ending);
+        return -EINVAL;
+    }
+    err = sst_outfile_open(&out, path);
+    if (err)
+        return err;
+    put(out.stream, calib, first);
+    return sst_outfile_commit(&out);
+}

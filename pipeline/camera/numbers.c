@@ -1,0 +1,66 @@
+#include "pipeline/camera/numbers.h"
+
+#include <math.h>
+
+bool sst_solve_definite(double *a, double *b, int n)
+{
+    for (int j = 0; j < n; j++) {
+        const double before = a[j * n + j];
+
+        for (int i = j; i < n; i++) {
+            double sum = a[i * n + j];
+
+            for (int k = 0; k < j; k++)
+                sum -= a[i * n + k] * a[j * n + k];
+            if (i > j) {
+                a[i * n + j] = sum / a[j * n + j];
+            } else {
+                if (!(sum > 1e-13 * before) || !(sum > 1e-280))
+                    return false;
+                a[j * n + j] = sqrt(sum);
+            }
+        }
+    }
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++)
+            b[i] -= a[i * n + k] * b[k];
+        b[i] /= a[i * n + i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++)
+            b[i] -= a[k * n + i] * b[k];
+        b[i] /= a[i * n + i];
+    }
+    return true;
+}
+
+/* Hoare's selection. */
+double sst_upper_median(double *v, int n)
+{
+    int low = 0, high = n - 1;
+
+    if (n < 1)
+        return 0;
+    while (low < high) {
+        const double pivot = v[n / 2];
+        int i = low, j = high;
+
+        while (i <= j) {
+            while (v[i] < pivot)
+                i++;
+            while (v[j] > pivot)
+                j--;
+            if (i <= j) {
+                const double t = v[i];
+
+                v[i++] = v[j];
+                v[j--] = t;
+            }
+        }
+        if (j < n / 2)
+            low = i;
+        if (i > n / 2)
+            high = j;
+    }
+    return v[n / 2];
+}

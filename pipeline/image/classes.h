@@ -1,0 +1,59 @@
+/* pipeline/image/classes.h - the classes that labels stand for. */
+#ifndef SST_PIPELINE_IMAGE_CLASSES_H
+#define SST_PIPELINE_IMAGE_CLASSES_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+#define SST_MAX_CLASSES 64
+#define SST_CLASS_NAME_MAX 32
+#define SST_LABEL_NONE 0 /* unlabeled; label = index in the class list + 1 */
+
+/** A class list, in label order: label i + 1 is names[i]. */
+struct sst_classes {
+    int count;
+    char names[SST_MAX_CLASSES][SST_CLASS_NAME_MAX];
+    bool ground[SST_MAX_CLASSES]; /* a surface that runs through many depths: road, pavement, table top */
+};
+
+/** CamVid's eleven in CamVid's order, then those of the simulated scenes. */
+extern const struct sst_classes sst_classes_default;
+
+/** The values of the default list, for code that names a class. */
+enum sst_default_label {
+    SST_LABEL_SKY = 1,
+    SST_LABEL_BUILDING = 2,
+    SST_LABEL_POLE = 3,
+    SST_LABEL_ROAD = 4,
+    SST_LABEL_PAVEMENT = 5,
+    SST_LABEL_TREE = 6,
+    SST_LABEL_SIGN_SYMBOL = 7,
+    SST_LABEL_FENCE = 8,
+    SST_LABEL_CAR = 9,
+    SST_LABEL_PEDESTRIAN = 10,
+    SST_LABEL_BICYCLIST = 11,
+    SST_LABEL_FURNITURE = 12,
+    SST_LABEL_TABLE = 13,
+    SST_LABEL_HORSE = 14,
+    SST_LABEL_BICYCLE = 15,
+    SST_LABEL_MOTORCYCLE = 16,
+    SST_LABEL_TOY = 17,
+    SST_LABEL_CASE = 18,
+    SST_LABEL_POSTER = 19,
+    SST_LABEL_CAT = 20,
+    SST_LABEL_HEN = 21,
+    SST_LABEL_MEMBRANE = 22,
+    SST_LABEL_NUCLEUS = 23,
+};
+
+/** Label of a class name, upper or lower case alike, or 0 when the list lacks it. */
+int sst_classes_find(const struct sst_classes *classes, const char *name);
+
+/** Name of a label; "unlabeled" for 0, "label N" outside the list (static storage of the thread). */
+const char *sst_classes_name(const struct sst_classes *classes, int label);
+
+/** 256 RGB colours, one per label, 0 black: the palette of label pictures. */
+const uint8_t (*sst_classes_palette(void))[3];
+
+#endif

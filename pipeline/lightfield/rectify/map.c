@@ -1,0 +1,327 @@
+/* The map of one view: the exact chain at the corners of a grid of cells, cubic in between.
+ *
+ * Lens and homography are smooth: a cubic through four nodes h apart is off by at most 3/128 h^4 of their fourth
+ * derivative, 1e-4 px for h = 32 and the lenses of ordinary cameras. No bound is taken on trust: the build compares
+ * each cell with the chain where cubics err most (its middle and the middles of two edges), halves the cells until the
+ * worst is below TOLERANCE_PX, and leaves cells that never are to the chain itself, pixel by pixel. */
+#include "pipeline/lightfield/rectify/map.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/lightfield/rectify/light_map.h"
+
+#define FIRST_SHIFT  5
+#define LAST_SHIFT   2
+#define TOLERANCE_PX (1.0 / 1024) /* the places are rounded to 1/512 px: 1/341 together */
+#define SNAP_PX      (1.0 / 512)  /* nearer to the border than this is on it */
+#define FAR_PX       1e6          /* places beyond are none */
+#define STRETCH_MAX  4096         /* px between two nodes: beyond, single precision inside a cell would not do */
+
+enum cell {
+    CELL_SMOOTH = 0, /* cubic */
+    CELL_EXACT = 1,  /* by the chain */
+    CELL_NONE = 2,   /* nothing is seen in it */
+};
+
+static void chain_init(struct sst_chain *chain, const struct sst_rectified *to, const struct sst_calib *calib, int view)
+{
+    const struct sst_calib_camera *cam = &calib->camera[view];
+
+    *chain = (struct sst_chain){ .cam = *cam,
+                                 .focal_px = to->focal_px * to->view[view].scale,
+                                 .cx = to->cx,
+                                 .cy = to->cy,
+                                 .raw_width = calib->width,
+                                 .raw_height = calib->height };
+    sst_rotation_between(cam->rotation, to->rotation, chain->turn);
+}
+
+/* Where rectified (x, y) is in the raw picture or beyond its borders; false: behind the camera, or the lens folds over
+ * before it. Beyond its fold a lens sees again what it saw before: only what undistorting leads back to is seen. */
+static bool chain_place(const struct sst_chain *chain, double x, double y, double *raw_x, double *raw_y)
+{
+    const double *m = chain->turn;
+    const double a = (x - chain->cx) / chain->focal_px, b = (y - chain->cy) / chain->focal_px;
+    const double p[3] = { m[0] * a + m[1] * b + m[2], m[3] * a + m[4] * b + m[5], m[6] * a + m[7] * b + m[8] };
+    double u, v, back[2];
+
+    if (!(p[2] > 1e-6 * (fabs(p[0]) + fabs(p[1]))))
+        return false;
+    sst_camera_distort(&chain->cam, p[0] / p[2], p[1] / p[2], &u, &v);
+    if (!(fabs(u) < FAR_PX && fabs(v) < FAR_PX) || !sst_camera_undistort(&chain->cam, u, v, &back[0], &back[1]) ||
+        !(fabs(back[0] - p[0] / p[2]) + fabs(back[1] - p[1] / p[2]) < 1e-6))
+        return false;
+    *raw_x = u;
+    *raw_y = v;
+    return true;
+}
+
+static bool in_picture(const struct sst_chain *chain, double u, double v, double margin)
+{
+    return u >= -margin && v >= -margin && u <= chain->raw_width - 1 + margin && v <= chain->raw_height - 1 + margin;
+}
+
+bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x, double y,
+                       double *raw_x, double *raw_y)
+{
+    struct sst_chain chain;
+    double u, v;
+
+    if (view < 0 || view >= to->rows * to->cols || !to->view[view].known)
+        return false;
+    chain_init(&chain, to, calib, view);
+    if (!chain_place(&chain, x, y, &u, &v) || !in_picture(&chain, u, v, SNAP_PX))
+        return false;
+    *raw_x = u;
+    *raw_y = v;
+    return true;
+}
+
+/* --- cubics through nodes at -1, 0, 1, 2 -------------------------------------------------------------------------- */
+
+static void node_weights(double t, double w[4])
+{
+    w[0] = -t * (t - 1) * (t - 2) / 6;
+    w[1] = (t + 1) * (t - 1) * (t - 2) / 2;
+    w[2] = -(t + 1) * t * (t - 2) / 2;
+    w[3] = (t + 1) * t * (t - 1) / 6;
+}
+
+static const double *node_at(const struct sst_rectify_map *map, int i, int j)
+{
+    return map->node[(size_t)(j + 1) * (size_t)(map->cells_x + 3) + (size_t)(i + 1)];
+}
+
+/* Nodes i .. i + 3 of the line at t between node rows j and j + 1. */
+static void nodes_on_line(const struct sst_rectify_map *map, int i, int j, const double w[4], double p[4][2])
+{
+    for (int l = 0; l < 4; l++) {
+        for (int axis = 0; axis < 2; axis++) {
+            p[l][axis] = 0;
+            for (int m = 0; m < 4; m++)
+                p[l][axis] += w[m] * node_at(map, i + l, j - 1 + m)[axis];
+        }
+    }
+}
+
+/* --- building ----------------------------------------------------------------------------------------------------- */
+
+/* Largest error of a smooth cell where it counts; INFINITY: the chain sees nothing where the cubic does. */
+static double cell_error(const struct sst_rectify_map *map, int i, int j)
+{
+    static const double at[3][2] = { { 0.5, 0.5 }, { 0.5, 0 }, { 0, 0.5 } };
+    const double side = 1 << map->shift;
+    double worst = 0;
+
+    for (int k = 0; k < 3; k++) {
+        double wx[4], wy[4], p[4][2], u, v, du, dv;
+
+        node_weights(at[k][0], wx);
+        node_weights(at[k][1], wy);
+        nodes_on_line(map, i - 1, j, wy, p);
+        if (!chain_place(&map->chain, (i + at[k][0]) * side, (j + at[k][1]) * side, &u, &v))
+            return INFINITY;
+        if (!in_picture(&map->chain, u, v, side))
+            continue;
+        du = wx[0] * p[0][0] + wx[1] * p[1][0] + wx[2] * p[2][0] + wx[3] * p[3][0] - u;
+        dv = wx[0] * p[0][1] + wx[1] * p[1][1] + wx[2] * p[2][1] + wx[3] * p[3][1] - v;
+        worst = fmax(worst, hypot(du, dv));
+    }
+    return worst;
+}
+
+/* By the 16 nodes around. */
+static enum cell classify(const struct sst_rectify_map *map, const bool *seen, int i, int j)
+{
+    const size_t row = (size_t)(map->cells_x + 3);
+    int all = 0, corners = 0;
+
+    for (int m = 0; m < 4; m++) {
+        for (int l = 0; l < 4; l++) {
+            const bool is = seen[(size_t)(j + m) * row + (size_t)(i + l)];
+
+            all += is;
+            corners += is && m > 0 && m < 3 && l > 0 && l < 3;
+        }
+    }
+    if (!corners)
+        return CELL_NONE;
+    for (int l = 0; all == 16 && l < 16; l++) {
+        const double *from = node_at(map, i - 1 + l % 4, j - 1 + l / 4), *here = node_at(map, i, j);
+
+        if (fmax(fabs(from[0] - here[0]), fabs(from[1] - here[1])) > STRETCH_MAX)
+            all = 0;
+    }
+    return all == 16 ? CELL_SMOOTH : CELL_EXACT;
+}
+
+/* Nodes and cells of the present shift. @return 0, -ENOMEM, or -ERANGE: smaller cells are needed */
+static int make_cells(struct sst_rectify_map *map)
+{
+    const int side = 1 << map->shift;
+    size_t nodes;
+    bool *seen;
+
+    map->cells_x = (map->width + side - 1) / side;
+    map->cells_y = (map->height + side - 1) / side;
+    nodes = (size_t)(map->cells_x + 3) * (size_t)(map->cells_y + 3);
+    free(map->node);
+    free(map->cell);
+    map->node = calloc(nodes, sizeof(*map->node));
+    map->cell = calloc((size_t)map->cells_x, (size_t)map->cells_y);
+    seen = calloc(nodes, sizeof(*seen));
+    if (!map->node || !map->cell || !seen) {
+        free(seen);
+        return -ENOMEM;
+    }
+    for (size_t k = 0; k < nodes; k++) {
+        const int i = (int)(k % (size_t)(map->cells_x + 3)) - 1, j = (int)(k / (size_t)(map->cells_x + 3)) - 1;
+
+        seen[k] = chain_place(&map->chain, i * side, j * side, &map->node[k][0], &map->node[k][1]);
+    }
+    for (int j = 0; j < map->cells_y; j++) {
+        for (int i = 0; i < map->cells_x; i++) {
+            enum cell kind = classify(map, seen, i, j);
+            const double error = kind == CELL_SMOOTH ? cell_error(map, i, j) : 0;
+
+            if (error > TOLERANCE_PX && isfinite(error) && map->shift > LAST_SHIFT) {
+                free(seen);
+                return -ERANGE;
+            }
+            if (error > TOLERANCE_PX)
+                kind = CELL_EXACT;
+            map->cell[(size_t)j * (size_t)map->cells_x + (size_t)i] = (uint8_t)kind;
+        }
+    }
+    free(seen);
+    return 0;
+}
+
+int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectified *to, const struct sst_calib *calib,
+                           int view)
+{
+    struct sst_rectify_map *map;
+    int err;
+
+    if (view < 0 || view >= to->rows * to->cols || to->rows != calib->rows || to->cols != calib->cols ||
+        !to->view[view].known || !calib->camera[view].known)
+        return -EINVAL;
+    map = calloc(1, sizeof(*map));
+    if (!map)
+        return -ENOMEM;
+    chain_init(&map->chain, to, calib, view);
+    map->width = to->width;
+    map->height = to->height;
+    map->shift = FIRST_SHIFT;
+    while ((err = make_cells(map)) == -ERANGE)
+        map->shift--;
+    if (!err)
+        err = sst_light_map_create(&map->light, to, calib, view);
+    if (err)
+        sst_rectify_map_destroy(map);
+    else
+        *out = map;
+    return err;
+}
+
+void sst_rectify_map_destroy(struct sst_rectify_map *map)
+{
+    if (!map)
+        return;
+    sst_light_map_destroy(map->light);
+    free(map->node);
+    free(map->cell);
+    free(map);
+}
+
+/* --- rows --------------------------------------------------------------------------------------------------------- */
+
+/* Nearest whole number of |v| < 2^22, ties to even, in a form that vectorises. */
+static inline int32_t nearest(float v)
+{
+    const float shifted = v + 12582912.0f; /* 1.5 2^23: the fraction is rounded away */
+    int32_t bits;
+
+    memcpy(&bits, &shifted, sizeof(bits));
+    return bits - 0x4B400000;
+}
+
+/* One axis of a smooth cell: q8 = whole + c0 + k (c1 + k (c2 + k c3)), k pixels from the cell's left edge. */
+struct cubic {
+    int32_t whole_q8;
+    float c[4];
+};
+
+static struct cubic make_cubic(const double p[4][2], int axis, double side)
+{
+    const double a = p[0][axis], b = p[1][axis], c = p[2][axis], d = p[3][axis], whole = floor(b);
+
+    return (struct cubic){
+        .whole_q8 = (int32_t)whole * 256,
+        .c = { (float)((b - whole) * 256), (float)((-a / 3 - b / 2 + c - d / 6) * 256 / side),
+               (float)((a / 2 - b + c / 2) * 256 / (side * side)),
+               (float)((-a / 6 + b / 2 - c / 2 + d / 6) * 256 / (side * side * side)) },
+    };
+}
+
+static void smooth_run(const struct sst_rectify_map *map, const struct cubic cubic[2], float k0, int n, int32_t *xy_q8)
+{
+    const int32_t right = 256 * (map->chain.raw_width - 1), bottom = 256 * (map->chain.raw_height - 1);
+    const struct cubic h = cubic[0], v = cubic[1];
+
+    for (int i = 0; i < n; i++) {
+        const float k = k0 + (float)i;
+        const int32_t x = h.whole_q8 + nearest(h.c[0] + k * (h.c[1] + k * (h.c[2] + k * h.c[3])));
+        const int32_t y = v.whole_q8 + nearest(v.c[0] + k * (v.c[1] + k * (v.c[2] + k * v.c[3])));
+        const bool inside = (x >= 0) & (x <= right) & (y >= 0) & (y <= bottom);
+
+        xy_q8[2 * i] = inside ? x : INT32_MIN;
+        xy_q8[2 * i + 1] = inside ? y : INT32_MIN;
+    }
+}
+
+static void exact_run(const struct sst_rectify_map *map, double x0, double y, int n, int32_t *xy_q8)
+{
+    for (int i = 0; i < n; i++) {
+        double u, v;
+
+        xy_q8[2 * i] = xy_q8[2 * i + 1] = INT32_MIN;
+        if (!chain_place(&map->chain, x0 + i, y, &u, &v) || !in_picture(&map->chain, u, v, SNAP_PX))
+            continue;
+        xy_q8[2 * i] = sst_clamp_int((int)lrint(u * 256), 0, 256 * (map->chain.raw_width - 1));
+        xy_q8[2 * i + 1] = sst_clamp_int((int)lrint(v * 256), 0, 256 * (map->chain.raw_height - 1));
+    }
+}
+
+void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y, int n, int32_t *xy_q8)
+{
+    const double side = 1 << map->shift;
+    const int j = sst_clamp_int((int)floor(y / side), 0, map->cells_y - 1);
+    double w[4];
+
+    node_weights(y / side - j, w);
+    for (int done = 0; done < n;) {
+        const int i = sst_clamp_int((int)floor((x0 + done) / side), 0, map->cells_x - 1);
+        const int to_edge = (int)ceil((i + 1) * side - x0), end = i + 1 < map->cells_x ? sst_min_int(n, to_edge) : n;
+        int32_t *out = xy_q8 + 2 * (size_t)done;
+        double p[4][2];
+
+        switch (map->cell[(size_t)j * (size_t)map->cells_x + (size_t)i]) {
+        case CELL_SMOOTH:
+            nodes_on_line(map, i - 1, j, w, p);
+            smooth_run(map, (struct cubic[2]){ make_cubic(p, 0, side), make_cubic(p, 1, side) },
+                       (float)(x0 + done - i * side), end - done, out);
+            break;
+        case CELL_EXACT:
+            exact_run(map, x0 + done, y, end - done, out);
+            break;
+        default:
+            for (int k = 0; k < 2 * (end - done); k++)
+                out[k] = INT32_MIN;
+        }
+        done = end;
+    }
+}

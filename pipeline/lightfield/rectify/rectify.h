@@ -1,0 +1,143 @@
+/* pipeline/lightfield/rectify/rectify.h - views as if all cameras shared one rotation and one K: plan, maps, resampling. */
+#ifndef SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_H
+#define SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_H
+
+#include "pipeline/camera/calib.h"
+#include "pipeline/image/image.h"
+
+enum sst_filter {
+    SST_FILTER_BILINEAR = 0,
+    SST_FILTER_BICUBIC = 1, /* Keys 1981, a = -1/2 */
+    SST_FILTER_LANCZOS = 2, /* 6 taps: a = 3 */
+};
+
+/** Common geometry of the rectified views. */
+struct sst_rectified {
+    int rows, cols, width, height;
+    int reference;
+    double focal_px, cx, cy; /* of all views */
+    double rotation[9];      /* rectified axes from the rig's: z normal to the plane of the centres, x along its rows */
+    double spacing_mm;       /* nominal: mean of the two lattice steps */
+    double plane_mm;         /* depth at which views off the plane of the centres are exact; 0: infinity */
+    double out_rms_mm, out_max_mm;         /* distance of the centres from their plane */
+    double lattice_rms_mm, lattice_max_mm; /* in it, from the best regular lattice */
+    double step_mm[2], skew_deg;           /* lattice: column and row step, angle between them less 90 degrees */
+    struct {
+        bool known;
+        double bx, by; /* true offset from the reference in spacings: what the light field stores */
+        double dz_mm;  /* in front of (positive) the reference's plane */
+        double scale;  /* of the picture about (cx, cy) that dz asks for at plane_mm */
+    } view[SST_MAX_VIEWS];
+};
+
+struct sst_rectify_config {
+    int width, height; /* 0: as the cameras' */
+    double focal_px;   /* 0: the cameras' mean; smaller keeps more of the edges */
+    double plane_mm;   /* negative: the calibration's range_mm; 0: infinity */
+};
+
+/**
+ * Fit plane and lattice to the centres and choose the common rotation and K, so that most of every view stays in the
+ * picture. Grids of one row or column take the missing direction from the mean of the cameras' axes. Derived in plan.c.
+ *
+ * @return 0, -EINVAL (cfg: sizes, a plane nearer than twice a camera's dz), -EBADMSG (fewer than 2 known cameras,
+ * centres that are no lattice or contradict the grid's order: which camera, how far, which two are swapped; cameras
+ * that look away from the plane's normal); logged
+ */
+SST_MUST_CHECK int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib,
+                                    const struct sst_rectify_config *cfg);
+
+/** Fill in view[] from rotation, spacing_mm, plane_mm and reference: what a stored geometry leaves out.
+ *  @return 0, -EINVAL (plane_mm is too near to a camera; logged) */
+SST_MUST_CHECK int sst_rectified_place(struct sst_rectified *to, const struct sst_calib *calib);
+
+/** Where a rectified pixel is in the raw picture; the exact chain, in double. @return false: more than 1/512 px outside
+ *  the raw picture's outermost pixel centres, behind the camera, or beyond where the lens folds over */
+SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x,
+                                      double y, double *raw_x, double *raw_y);
+
+struct sst_rectify_map; /* of one view: homography, lens and light fused; any number of threads may use it */
+
+/** @return 0, -EINVAL, -ENOMEM */
+SST_MUST_CHECK int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectified *to,
+                                          const struct sst_calib *calib, int view);
+void sst_rectify_map_destroy(struct sst_rectify_map *map);
+
+/**
+ * Places of the rectified positions (x0 + i, y), i = 0 .. n-1, in the raw picture.
+ *
+ * @param x0, y  inside the rectified picture, with x0 + n - 1 too; need not be whole
+ * @param xy_q8  out, [2 n] x, y in 1/256 px, within 1/256 of the exact chain; both INT32_MIN where there is none
+ */
+void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y, int n, int32_t *xy_q8);
+
+/**
+ * Resample one view: one pass from raw to rectified, light corrected. Deterministic for any number of threads.
+ *
+ * @param out    initialised by the caller to the rectified size; black where there is no place in the raw picture
+ * @param valid  255 where there is one (taps of the filter beyond the border repeat it), or NULL; initialised by the
+ *               caller
+ * @return 0, -EINVAL (sizes), -ENOMEM; not logged
+ */
+SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
+                                    struct sst_map_u8 *valid, const struct sst_image *raw, int threads);
+
+/** A raw frame made ready to be sampled at any rectified position. Any number of threads may sample it. */
+struct sst_sampler;
+
+/**
+ * @param map  borrowed; raw is copied
+ * @return 0, -EINVAL (sizes), -ENOMEM; not logged
+ */
+SST_MUST_CHECK int sst_sampler_create(struct sst_sampler **out, const struct sst_rectify_map *map,
+                                      enum sst_filter filter, const struct sst_image *raw, int threads);
+void sst_sampler_destroy(struct sst_sampler *sampler);
+
+/** A black raw frame, to be put in part by part. @return 0, -EINVAL, -ENOMEM; not logged */
+SST_MUST_CHECK int sst_sampler_create_empty(struct sst_sampler **out, const struct sst_rectify_map *map,
+                                            enum sst_filter filter);
+
+/**
+ * Put a part of the raw frame in, columns x .. x+width-1 of rows y .. y+height-1, which lie in the frame. Nobody may
+ * sample meanwhile; parts that do not touch may be put in by several threads.
+ *
+ * @param rgbx    the part's first pixel: R, G, B and a byte of no meaning each
+ * @param stride  bytes
+ */
+void sst_sampler_put(struct sst_sampler *sampler, int x, int y, int width, int height, const uint8_t *rgbx,
+                     size_t stride);
+
+/** The raw frame's pixel (0, 0): R, G, B and a byte of no meaning each. @param stride  out, bytes */
+const uint8_t *sst_sampler_pixels(const struct sst_sampler *sampler, size_t *stride);
+
+/**
+ * Raw pixels that rectified ones come from: samples in columns x .. x+width-1 of rows y .. y+height-1 depend on the raw
+ * columns box[0] .. box[2]-1 of rows box[1] .. box[3]-1 alone.
+ *
+ * @param map    the pixels lie in its rectified picture
+ * @param valid  [height][width] 255 where a pixel has a place in the raw frame, else 0; or NULL
+ * @return false: none has; box is 0
+ */
+bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, int x, int y, int width, int height,
+                         int box[4], uint8_t *valid, size_t valid_stride);
+
+#define SST_SAMPLE_MAX 512
+
+/**
+ * Colours at the rectified positions (x0 + i, y), i = 0 .. n-1: straight from the raw frame, light corrected; at whole
+ * positions the bytes of sst_rectify_view().
+ *
+ * @param x0, y  as of sst_rectify_map_row()
+ * @param n      at most SST_SAMPLE_MAX
+ * @param out    three rows of n; black where there is no place in the raw frame
+ * @param seen   [n] 255 where there is one, else 0; or NULL
+ */
+void sst_sampler_row(const struct sst_sampler *sampler, double x0, double y, int n, uint8_t *const out[3],
+                     uint8_t *seen);
+
+/** "bilinear", "bicubic", "lanczos". */
+const char *sst_filter_name(enum sst_filter filter);
+/** @return false: no such filter */
+SST_MUST_CHECK bool sst_filter_find(enum sst_filter *out, const char *name);
+
+#endif

@@ -1,0 +1,349 @@
+/* Pictures through a map, in one pass: places of a row, samples there in 1/128 levels, light, bytes. */
+#include <errno.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/lightfield/rectify/light_map.h"
+#include "pipeline/lightfield/rectify/map.h"
+
+#define BAND_ROWS 16
+#define MAX_TAPS  6
+
+static const struct {
+    const char *name;
+    int taps;
+} filters[] = {
+    [SST_FILTER_BILINEAR] = { "bilinear", 2 },
+    [SST_FILTER_BICUBIC] = { "bicubic", 4 },
+    [SST_FILTER_LANCZOS] = { "lanczos", 6 },
+};
+
+static int16_t weights[ARRAY_LEN(filters)][SST_RESAMPLE_PHASES * MAX_TAPS]; /* fixed after once */
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+
+const char *sst_filter_name(enum sst_filter filter)
+{
+    return filters[filter].name;
+}
+
+bool sst_filter_find(enum sst_filter *out, const char *name)
+{
+    for (size_t i = 0; i < ARRAY_LEN(filters); i++) {
+        if (!strcmp(filters[i].name, name)) {
+            *out = (enum sst_filter)i;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* --- filters ------------------------------------------------------------------------------------------------------ */
+
+static double sinc(double x)
+{
+    return x == 0 ? 1 : sin(M_PI * x) / (M_PI * x);
+}
+
+/* The filter at distance x from its centre. */
+static double filter_at(enum sst_filter filter, double x)
+{
+    x = fabs(x);
+    switch (filter) {
+    case SST_FILTER_BILINEAR:
+        return x < 1 ? 1 - x : 0;
+    case SST_FILTER_BICUBIC: /* Keys 1981, eq. (4) with a = -1/2 */
+        return x < 1 ? (1.5 * x - 2.5) * x * x + 1 : x < 2 ? ((-0.5 * x + 2.5) * x - 4) * x + 2 : 0;
+    case SST_FILTER_LANCZOS:
+        break;
+    }
+    return x < 3 ? sinc(x) * sinc(x / 3) : 0;
+}
+
+/* Weights of one position, whole and adding up to 2^14: the largest takes what rounding leaves. */
+static void set_weights(int16_t *out, enum sst_filter filter, double part)
+{
+    const int taps = filters[filter].taps;
+    double w[MAX_TAPS], sum = 0;
+    int left = 1 << 14, largest = 0;
+
+    for (int i = 0; i < taps; i++) {
+        w[i] = filter_at(filter, i + 1 - taps / 2 - part);
+        sum += w[i];
+    }
+    for (int i = 0; i < taps; i++) {
+        out[i] = (int16_t)lrint(w[i] / sum * (1 << 14));
+        left -= out[i];
+        largest = out[i] > out[largest] ? i : largest;
+    }
+    out[largest] = (int16_t)(out[largest] + left);
+}
+
+static void set_all_weights(void)
+{
+    for (size_t f = 0; f < ARRAY_LEN(filters); f++) {
+        for (int p = 0; p < SST_RESAMPLE_PHASES; p++)
+            set_weights(&weights[f][p * filters[f].taps], (enum sst_filter)f, p / (double)SST_RESAMPLE_PHASES);
+    }
+}
+
+/* --- raw frames --------------------------------------------------------------------------------------------------- */
+
+struct sst_sampler {
+    const struct sst_rectify_map *map;
+    uint8_t *packed; /* the frame with its colours side by side, its border repeated */
+    struct sst_resample from;
+};
+
+struct packing {
+    const struct sst_sampler *sampler;
+    const struct sst_image *raw;
+};
+
+/* One row of the packed picture, those of the border among them. */
+static void pack_row(const struct packing *job, int y)
+{
+    const struct sst_image *raw = job->raw;
+    const int w = raw->width, from = sst_clamp_int(y, 0, raw->height - 1);
+    const uint8_t *r = sst_image_row(raw, 0, from), *g = sst_image_row(raw, 1, from), *b = sst_image_row(raw, 2, from);
+    uint8_t *line = job->sampler->packed + (size_t)(y + SST_RESAMPLE_BORDER) * job->sampler->from.stride, *first, *last;
+
+    first = line + 4 * (size_t)SST_RESAMPLE_BORDER;
+    last = first + 4 * (size_t)(w - 1);
+    for (int x = 0; x < w; x++) {
+        const uint32_t pixel = (uint32_t)r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
+
+        memcpy(first + 4 * (size_t)x, &pixel, sizeof(pixel));
+    }
+    for (size_t i = 1; i <= SST_RESAMPLE_BORDER; i++) {
+        memcpy(first - 4 * i, first, 4);
+        memcpy(last + 4 * i, last, 4);
+    }
+}
+
+static int pack_band(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct packing *job = arg;
+    const int first = index * BAND_ROWS - SST_RESAMPLE_BORDER;
+
+    for (int y = first; y < sst_min_int(first + BAND_ROWS, job->raw->height + SST_RESAMPLE_BORDER); y++)
+        pack_row(job, y);
+    return 0;
+}
+
+static int sampler_make(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter)
+{
+    const size_t border = 2 * SST_RESAMPLE_BORDER, stride = sst_mem_stride((size_t)map->chain.raw_width + border, 4);
+
+    if ((size_t)filter >= ARRAY_LEN(filters))
+        return -EINVAL;
+    pthread_once(&once, set_all_weights);
+    *s = (struct sst_sampler){ .map = map, .packed = sst_mem_alloc_raw((size_t)map->chain.raw_height + border, stride) };
+    if (!s->packed)
+        return -ENOMEM;
+    s->from = (struct sst_resample){ .pixel = s->packed + SST_RESAMPLE_BORDER * (stride + 4),
+                                     .stride = stride,
+                                     .weight = weights[filter],
+                                     .taps = filters[filter].taps };
+    return 0;
+}
+
+static int sampler_init(struct sst_sampler *s, const struct sst_rectify_map *map, enum sst_filter filter,
+                        const struct sst_image *raw, int threads)
+{
+    const int rows = raw->height + 2 * SST_RESAMPLE_BORDER;
+    struct packing job = { .sampler = s, .raw = raw };
+    int err;
+
+    if (raw->width != map->chain.raw_width || raw->height != map->chain.raw_height)
+        return -EINVAL;
+    err = sampler_make(s, map, filter);
+    return err ? err : sst_parallel_for((rows + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads), pack_band, &job);
+}
+
+int sst_sampler_create(struct sst_sampler **out, const struct sst_rectify_map *map, enum sst_filter filter,
+                       const struct sst_image *raw, int threads)
+{
+    struct sst_sampler *s = calloc(1, sizeof(*s));
+    int err = s ? sampler_init(s, map, filter, raw, threads) : -ENOMEM;
+
+    if (err)
+        sst_sampler_destroy(s);
+    else
+        *out = s;
+    return err;
+}
+
+void sst_sampler_destroy(struct sst_sampler *s)
+{
+    if (!s)
+        return;
+    sst_mem_free(s->packed);
+    free(s);
+}
+
+int sst_sampler_create_empty(struct sst_sampler **out, const struct sst_rectify_map *map, enum sst_filter filter)
+{
+    struct sst_sampler *s = calloc(1, sizeof(*s));
+    int err = s ? sampler_make(s, map, filter) : -ENOMEM;
+
+    if (err) {
+        sst_sampler_destroy(s);
+        return err;
+    }
+    memset(s->packed, 0, ((size_t)map->chain.raw_height + 2 * SST_RESAMPLE_BORDER) * s->from.stride);
+    *out = s;
+    return 0;
+}
+
+const uint8_t *sst_sampler_pixels(const struct sst_sampler *s, size_t *stride)
+{
+    *stride = s->from.stride;
+    return s->from.pixel;
+}
+
+void sst_sampler_put(struct sst_sampler *s, int x, int y, int width, int height, const uint8_t *rgbx, size_t stride)
+{
+    const size_t border = SST_RESAMPLE_BORDER, own = s->from.stride;
+    const bool left = x == 0, right = x + width == s->map->chain.raw_width;
+    const bool top = y == 0, bottom = y + height == s->map->chain.raw_height;
+    uint8_t *const first = s->packed + (border + (size_t)y) * own + 4 * (border + (size_t)x);
+    /* With the border's columns at the sides that the part touches: what rows of the border repeat. */
+    const size_t before = left ? 4 * border : 0, after = right ? 4 * border : 0, line = 4 * (size_t)width;
+
+    for (int row = 0; row < height; row++) {
+        uint8_t *to = first + (size_t)row * own;
+
+        memcpy(to, rgbx + (size_t)row * stride, line);
+        for (size_t i = 4; i <= before; i += 4)
+            memcpy(to - i, to, 4);
+        for (size_t i = 0; i < after; i += 4)
+            memcpy(to + line + i, to + line - 4, 4);
+    }
+    for (size_t i = 1; top && i <= border; i++)
+        memcpy(first - before - i * own, first - before, before + line + after);
+    for (size_t i = 0; bottom && i < border; i++) {
+        uint8_t *last = first - before + (size_t)(height - 1) * own;
+
+        memcpy(last + (i + 1) * own, last, before + line + after);
+    }
+}
+
+bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, int x, int y, int width, int height,
+                         int box[4], uint8_t *valid, size_t valid_stride)
+{
+    const int half = filters[filter].taps / 2, w = map->chain.raw_width, h = map->chain.raw_height;
+    int32_t low[2] = { INT32_MAX, INT32_MAX }, high[2] = { INT32_MIN, INT32_MIN };
+    int32_t xy_q8[2 * SST_SAMPLE_MAX];
+
+    for (int row = 0; row < height; row++) {
+        for (int at = 0; at < width; at += SST_SAMPLE_MAX) {
+            const int n = sst_min_int(SST_SAMPLE_MAX, width - at);
+
+            sst_rectify_map_row(map, x + at, y + row, n, xy_q8);
+            for (int i = 0; i < n; i++) {
+                const bool seen = xy_q8[2 * i] != INT32_MIN;
+
+                if (valid)
+                    valid[(size_t)row * valid_stride + (size_t)(at + i)] = seen ? 255 : 0;
+                for (int axis = 0; seen && axis < 2; axis++) {
+                    low[axis] = sst_min_int(low[axis], xy_q8[2 * i + axis] >> 8);
+                    high[axis] = sst_max_int(high[axis], xy_q8[2 * i + axis] >> 8);
+                }
+            }
+        }
+    }
+    if (low[0] == INT32_MAX) {
+        memset(box, 0, 4 * sizeof(*box));
+        return false;
+    }
+    /* The taps of a place after pixel x are at x + 1 - half .. x + half, those beyond the border on it. */
+    box[0] = sst_clamp_int(low[0] + 1 - half, 0, w - 1);
+    box[1] = sst_clamp_int(low[1] + 1 - half, 0, h - 1);
+    box[2] = sst_clamp_int(high[0] + half, 0, w - 1) + 1;
+    box[3] = sst_clamp_int(high[1] + half, 0, h - 1) + 1;
+    return true;
+}
+
+/* --- rows --------------------------------------------------------------------------------------------------------- */
+
+/* Samples to bytes: with the light corrected, or rounded. */
+static void finish_row(const struct sst_light_map *light, uint16_t *const sample[3], double x0, double y, int n,
+                       uint8_t *const out[3])
+{
+    struct sst_light_factors factors = { 0 };
+    float scratch[2 * SST_SAMPLE_MAX];
+
+    if (light)
+        sst_light_map_row(light, x0, y, n, scratch, &factors);
+    for (int c = 0; c < 3; c++) {
+        const struct sst_light l = { .value = sample[c],
+                                     .falloff = factors.falloff,
+                                     .falloff_root = factors.falloff_root,
+                                     .gain = factors.gain[c],
+                                     .gain_root = factors.gain_root[c] };
+
+        if (light)
+            sst_kernels_get()->light_row(out[c], &l, (size_t)n);
+        for (int i = 0; !light && i < n; i++)
+            out[c][i] = (uint8_t)((sample[c][i] + (1 << (SST_LIGHT_SHIFT - 1))) >> SST_LIGHT_SHIFT);
+    }
+}
+
+void sst_sampler_row(const struct sst_sampler *s, double x0, double y, int n, uint8_t *const out[3], uint8_t *seen)
+{
+    int32_t xy_q8[2 * SST_SAMPLE_MAX];
+    uint16_t samples[3][SST_SAMPLE_MAX], *const sample[3] = { samples[0], samples[1], samples[2] };
+
+    sst_rectify_map_row(s->map, x0, y, n, xy_q8);
+    sst_kernels_get()->resample_row(sample, &s->from, xy_q8, (size_t)n);
+    finish_row(s->map->light, sample, x0, y, n, out);
+    for (int i = 0; seen && i < n; i++)
+        seen[i] = xy_q8[2 * i] == INT32_MIN ? 0 : 255;
+}
+
+/* --- views -------------------------------------------------------------------------------------------------------- */
+
+struct job {
+    struct sst_sampler sampler;
+    struct sst_image *out;
+    struct sst_map_u8 *valid;
+};
+
+static int resample_band(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    const int end = sst_min_int((index + 1) * BAND_ROWS, job->out->height);
+
+    for (int y = index * BAND_ROWS; y < end; y++) {
+        for (int x = 0; x < job->out->width; x += SST_SAMPLE_MAX) {
+            uint8_t *const out[3] = { sst_image_row(job->out, 0, y) + x, sst_image_row(job->out, 1, y) + x,
+                                      sst_image_row(job->out, 2, y) + x };
+
+            sst_sampler_row(&job->sampler, x, y, sst_min_int(SST_SAMPLE_MAX, job->out->width - x), out,
+                            job->valid ? sst_map_u8_row(job->valid, y) + x : NULL);
+        }
+    }
+    return 0;
+}
+
+int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
+                     struct sst_map_u8 *valid, const struct sst_image *raw, int threads)
+{
+    struct job job = { .out = out, .valid = valid };
+    int err;
+
+    if (out->width != map->width || out->height != map->height ||
+        (valid && (valid->width != out->width || valid->height != out->height)))
+        return -EINVAL;
+    err = sampler_init(&job.sampler, map, filter, raw, threads);
+    if (!err)
+        err =
+            sst_parallel_for((out->height + BAND_ROWS - 1) / BAND_ROWS, sst_thread_count(threads), resample_band, &job);
+    sst_mem_free(job.sampler.packed);
+    return err;
+}

@@ -1,0 +1,321 @@
+#include "pipeline/live/frames/change.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/live/live.h"
+
+#define LEVEL       8.0          /* 1/8 levels */
+#define DARK        (12 * LEVEL) /* tiles below tell nothing of the light */
+#define GAIN_ONE    (1 << 14)
+#define SETTLE_SETS 4 /* after a change thresholds are lower for so long: the rest of it is taken over, too */
+#define SETTLE      0.6
+#define NOISE_FIRST LEVEL
+#define NOISE_STEP  4    /* one tile in so many tells the noise */
+#define NOISE_RISE  1.25 /* at most, from picture to picture: one that something large crosses says nothing of noise */
+
+/* Thresholds: floor + factor x median. Medians of |mean| are 0.67 sigma; those of mean |e| are 0.8 sigma of the cells,
+ * with a spread of 0.15 sigma; those of the largest of 16 are 2 sigma. All three stay beyond 6 sigma. */
+static const struct {
+    double floor, factor;
+} limits[SST_WATCH_STATS] = {
+    { SST_WATCH_MEAN * LEVEL, 9 },
+    { SST_WATCH_ABS * LEVEL, 2.2 },
+    { SST_WATCH_PEAK * LEVEL, 3 },
+};
+
+int sst_watch_init(struct sst_watch *w, int width, int height)
+{
+    const int cols = (width + SST_LIVE_TILE - 1) / SST_LIVE_TILE, rows = (height + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
+    const size_t tiles = (size_t)cols * (size_t)rows;
+
+    *w = (struct sst_watch){ .width = width, .height = height, .cols = cols, .rows = rows };
+    w->gain_kept = sst_mem_alloc(tiles, sizeof(*w->gain_kept));
+    w->unsettled = sst_mem_alloc(tiles, 1);
+    w->scratch = sst_mem_alloc(tiles, SST_WATCH_STATS * sizeof(*w->scratch));
+    if (!w->gain_kept || !w->unsettled || !w->scratch || sst_cells_init(&w->now, width, height) ||
+        sst_cells_init(&w->before, width, height) || sst_cells_init(&w->kept, width, height)) {
+        sst_watch_fini(w);
+        return -ENOMEM;
+    }
+    sst_watch_forget(w);
+    return 0;
+}
+
+void sst_watch_fini(struct sst_watch *w)
+{
+    sst_mem_free(w->gain_kept);
+    sst_mem_free(w->unsettled);
+    sst_mem_free(w->scratch);
+    sst_cells_fini(&w->now);
+    sst_cells_fini(&w->before);
+    sst_cells_fini(&w->kept);
+    *w = (struct sst_watch){ 0 };
+}
+
+void sst_watch_forget(struct sst_watch *w)
+{
+    w->judged = 0;
+    w->gain = 1;
+    w->before.planes = w->kept.planes = 0;
+    for (int p = 0; p < 3; p++)
+        for (int s = 0; s < SST_WATCH_STATS; s++)
+            w->noise[p][s] = NOISE_FIRST;
+}
+
+/* --- numbers of tiles -------------------------------------------------------------------------------------------- */
+
+/* Cells of a tile in a plane. */
+struct span {
+    int x0, y0, x1, y1;
+};
+
+static struct span cells_of(const struct sst_cells *c, int p, int col, int row)
+{
+    const int sx = c->plane[p].step_x, sy = c->plane[p].step_y;
+
+    return (struct span){ col * SST_LIVE_TILE / sx, row * SST_LIVE_TILE / sy,
+                          sst_min_int(c->plane[p].cols, ((col + 1) * SST_LIVE_TILE + sx - 1) / sx),
+                          sst_min_int(c->plane[p].rows, ((row + 1) * SST_LIVE_TILE + sy - 1) / sy) };
+}
+
+static int count_of(struct span s)
+{
+    return (s.x1 - s.x0) * (s.y1 - s.y0);
+}
+
+/* Sum of a tile's cells above zero light or colour. */
+static int sum_of(const struct sst_cells *c, int p, struct span s)
+{
+    int sum = 0;
+
+    for (int y = s.y0; y < s.y1; y++)
+        for (int x = s.x0; x < s.x1; x++)
+            sum += c->plane[p].mean[(size_t)y * (size_t)c->plane[p].cols + (size_t)x] - c->plane[p].zero;
+    return sum;
+}
+
+/* Inlined with a width that is known, it is all done without loops. */
+static inline void compare_span(const int16_t *a, const int16_t *b, size_t stride, int width, int height, int zero,
+                                int gain_q14, float out[SST_WATCH_STATS])
+{
+    int sum = 0, abs_sum = 0, most = 0;
+
+    for (int y = 0; y < height; y++) {
+        for (int x = 0; x < width; x++) {
+            const int e = a[x] - zero - (((b[x] - zero) * gain_q14 + GAIN_ONE / 2) >> 14), size = abs(e);
+
+            sum += e;
+            abs_sum += size;
+            most = size > most ? size : most;
+        }
+        a += stride;
+        b += stride;
+    }
+    out[0] = (float)abs(sum) / (float)(width * height);
+    out[1] = (float)abs_sum / (float)(width * height);
+    out[2] = (float)most;
+}
+
+/* |mean e|, mean |e|, max |e| with e = a - gain b. */
+static void compare(const struct sst_cells *a, const struct sst_cells *b, int p, struct span s, double gain,
+                    float out[SST_WATCH_STATS])
+{
+    const size_t stride = (size_t)a->plane[p].cols, at = (size_t)s.y0 * stride + (size_t)s.x0;
+    const int16_t *u = a->plane[p].mean + at, *v = b->plane[p].mean + at;
+    const int zero = a->plane[p].zero, gain_q14 = (int)lrint(gain * GAIN_ONE), w = s.x1 - s.x0, h = s.y1 - s.y0;
+
+    if (w == 4 && h == 4)
+        compare_span(u, v, stride, 4, 4, zero, gain_q14, out);
+    else if (w == 2 && h == 4)
+        compare_span(u, v, stride, 2, 4, zero, gain_q14, out);
+    else if (w == 2 && h == 2)
+        compare_span(u, v, stride, 2, 2, zero, gain_q14, out);
+    else
+        compare_span(u, v, stride, w, h, zero, gain_q14, out);
+}
+
+/* --- medians ----------------------------------------------------------------------------------------------------- */
+
+/* Hoare's selection; reorders v. */
+static float median(float *v, int n)
+{
+    int lo = 0, hi = n - 1;
+    const int k = n / 2;
+
+    while (lo < hi) {
+        const float pivot = v[(lo + hi) / 2];
+        int i = lo, j = hi;
+
+        while (i <= j) {
+            while (v[i] < pivot)
+                i++;
+            while (v[j] > pivot)
+                j--;
+            if (i <= j) {
+                const float t = v[i];
+
+                v[i++] = v[j];
+                v[j--] = t;
+            }
+        }
+        if (k <= j)
+            hi = j;
+        else if (k >= i)
+            lo = i;
+        else
+            break;
+    }
+    return v[k];
+}
+
+/* --- light ------------------------------------------------------------------------------------------------------- */
+
+/*
+ * Follow the light: now / kept, tile by tile, in the median. Light that rises by a factor multiplies sRGB codes by a
+ * factor, too (but for the darkest).
+ * @return how much of it has gathered since the tiles were taken over, in levels at half of white
+ */
+static double follow_light(struct sst_watch *w)
+{
+    float *ratio = w->scratch, *raw = w->scratch + (size_t)w->cols * (size_t)w->rows;
+    int n = 0;
+
+    for (int t = 0; t < w->cols * w->rows; t++) {
+        const struct span s = cells_of(&w->now, 0, t % w->cols, t / w->cols);
+        const double kept = sum_of(&w->kept, 0, s);
+
+        if (kept < DARK * count_of(s))
+            continue;
+        raw[n] = (float)(sum_of(&w->now, 0, s) / kept);
+        ratio[n] = (float)(raw[n] * w->gain_kept[t]);
+        n++;
+    }
+    if (n < sst_min_int(8, w->cols * w->rows))
+        return 0;
+    w->gain = sst_clamp_double(median(ratio, n), 1e-3, 1e3);
+    return fabs(median(raw, n) - 1.0) * 128;
+}
+
+/* --- noise ------------------------------------------------------------------------------------------------------- */
+
+/* From this picture and the one judged before it; of the tiles some are enough. */
+static void follow_noise(struct sst_watch *w, double gain_step)
+{
+    const int tiles = w->cols * w->rows, step = w->judged < 2 ? 1 : NOISE_STEP;
+
+    w->noise_phase = (w->noise_phase + 1) % NOISE_STEP;
+    for (int p = 0; p < w->now.planes; p++) {
+        int n = 0;
+
+        for (int t = w->noise_phase % step; t < tiles; t += step, n++) {
+            float stat[SST_WATCH_STATS];
+
+            compare(&w->now, &w->before, p, cells_of(&w->now, p, t % w->cols, t / w->cols), gain_step, stat);
+            for (int s = 0; s < SST_WATCH_STATS; s++)
+                w->scratch[s * tiles + n] = stat[s];
+        }
+        for (int s = 0; n && s < SST_WATCH_STATS; s++) {
+            const double seen = median(w->scratch + (size_t)s * (size_t)tiles, n), known = w->noise[p][s];
+
+            if (w->judged < 2)
+                w->noise[p][s] = seen;
+            else
+                w->noise[p][s] += (fmin(seen, NOISE_RISE * known + LEVEL / 8) - known) / 8;
+        }
+    }
+}
+
+/* --- judging ----------------------------------------------------------------------------------------------------- */
+
+static struct sst_verdict all_changed(const struct sst_watch *w, uint8_t *changed, double light)
+{
+    const int tiles = w->cols * w->rows;
+
+    memset(changed, 1, (size_t)tiles);
+    return (struct sst_verdict){ .changed = tiles, .whole = true, .light = light };
+}
+
+static bool tile_changed(const struct sst_watch *w, int t)
+{
+    const double gain = w->gain / w->gain_kept[t], ease = w->unsettled[t] ? SETTLE : 1;
+
+    for (int p = 0; p < w->now.planes; p++) {
+        const struct span span = cells_of(&w->now, p, t % w->cols, t / w->cols);
+        float stat[SST_WATCH_STATS];
+
+        compare(&w->now, &w->kept, p, span, gain, stat);
+        for (int s = 0; s < SST_WATCH_STATS; s++) {
+            if (stat[s] > ease * limits[s].floor + limits[s].factor * w->noise[p][s])
+                return true;
+        }
+        if (fabs(gain - 1) * 255 > SST_WATCH_BUDGET - SST_WATCH_MEAN &&
+            fabs((double)sum_of(&w->now, p, span) - sum_of(&w->kept, p, span)) >
+                (SST_WATCH_BUDGET * LEVEL + limits[0].factor * w->noise[p][0]) * count_of(span))
+            return true;
+    }
+    return false;
+}
+
+struct sst_verdict sst_watch_judge(struct sst_watch *w, uint8_t *changed)
+{
+    struct sst_verdict v = { 0 };
+    const double gain_before = w->gain;
+
+    if (!sst_cells_alike(&w->now, &w->kept)) {
+        sst_watch_forget(w);
+        sst_cells_copy(&w->before, &w->now);
+        w->judged = 1;
+        return all_changed(w, changed, 0);
+    }
+    v.light = follow_light(w);
+    follow_noise(w, w->gain / gain_before);
+    w->judged = 2;
+    sst_cells_copy(&w->before, &w->now);
+    if (v.light > SST_WATCH_LIGHT)
+        return all_changed(w, changed, v.light);
+    for (int t = 0; t < w->cols * w->rows; t++) {
+        changed[t] = tile_changed(w, t);
+        v.changed += changed[t];
+        if (changed[t])
+            w->unsettled[t] = SETTLE_SETS;
+        else if (w->unsettled[t])
+            w->unsettled[t]--;
+    }
+    return v;
+}
+
+static void take_tile(struct sst_watch *w, int t)
+{
+    for (int p = 0; p < w->now.planes; p++) {
+        const struct span s = cells_of(&w->now, p, t % w->cols, t / w->cols);
+        const size_t cols = (size_t)w->now.plane[p].cols;
+
+        for (int y = s.y0; y < s.y1; y++)
+            memcpy(w->kept.plane[p].mean + (size_t)y * cols + s.x0, w->now.plane[p].mean + (size_t)y * cols + s.x0,
+                   (size_t)(s.x1 - s.x0) * sizeof(int16_t));
+    }
+    w->gain_kept[t] = w->gain;
+}
+
+void sst_watch_take(struct sst_watch *w, const uint8_t *changed)
+{
+    const int tiles = w->cols * w->rows;
+
+    if (memchr(changed, 0, (size_t)tiles)) {
+        for (int t = 0; t < tiles; t++) {
+            if (changed[t])
+                take_tile(w, t);
+        }
+        return;
+    }
+    sst_cells_copy(&w->kept, &w->now);
+    w->gain = 1;
+    for (int t = 0; t < tiles; t++) {
+        w->gain_kept[t] = 1;
+        w->unsettled[t] = 0;
+    }
+}

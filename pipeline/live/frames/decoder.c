@@ -1,0 +1,403 @@
+#include "pipeline/live/frames/decoder.h"
+
+#include <errno.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <jerror.h>
+#include <jpeglib.h>
+#include <linux/videodev2.h>
+
+#include "base/mem.h"
+#include "pipeline/image/jpeg_means.h"
+#include "pipeline/image/raw.h"
+
+#define CELL 8
+/* Decoding less of a row saves little, and the margin is for the neighbours that colour is interpolated from. */
+#define CROP_MARGIN 32
+
+struct sst_decoder {
+    /* fixed after create */
+    uint32_t fourcc;
+    int width, height;
+    size_t stride;
+    /* of the last frame */
+    uint8_t *pixels;        /* [height][stride] */
+    struct sst_image image; /* of raw formats */
+    char fault[JMSG_LENGTH_MAX];
+    bool refused;
+    /* JPEG */
+    struct sst_jpeg_means *means;
+    struct jpeg_decompress_struct jpeg;
+    struct jpeg_error_mgr errors;
+    jmp_buf escape;
+};
+
+/* --- small pictures ---------------------------------------------------------------------------------------------- */
+
+int sst_cells_init(struct sst_cells *c, int width, int height)
+{
+    const size_t n = (size_t)((width + CELL - 1) / CELL) * (size_t)((height + CELL - 1) / CELL);
+
+    *c = (struct sst_cells){ 0 };
+    for (int p = 0; p < 3; p++) {
+        c->plane[p].mean = sst_mem_alloc(n, sizeof(int16_t));
+        if (!c->plane[p].mean) {
+            sst_cells_fini(c);
+            return -ENOMEM;
+        }
+    }
+    return 0;
+}
+
+void sst_cells_fini(struct sst_cells *c)
+{
+    for (int p = 0; p < 3; p++)
+        sst_mem_free(c->plane[p].mean);
+    *c = (struct sst_cells){ 0 };
+}
+
+bool sst_cells_alike(const struct sst_cells *a, const struct sst_cells *b)
+{
+    if (a->planes != b->planes)
+        return false;
+    for (int p = 0; p < a->planes; p++) {
+        if (a->plane[p].cols != b->plane[p].cols || a->plane[p].rows != b->plane[p].rows ||
+            a->plane[p].step_x != b->plane[p].step_x || a->plane[p].step_y != b->plane[p].step_y ||
+            a->plane[p].zero != b->plane[p].zero)
+            return false;
+    }
+    return true;
+}
+
+void sst_cells_copy(struct sst_cells *to, const struct sst_cells *from)
+{
+    to->planes = from->planes;
+    for (int p = 0; p < from->planes; p++) {
+        int16_t *mean = to->plane[p].mean;
+
+        memcpy(mean, from->plane[p].mean, (size_t)from->plane[p].cols * (size_t)from->plane[p].rows * sizeof(*mean));
+        to->plane[p] = from->plane[p];
+        to->plane[p].mean = mean;
+    }
+}
+
+static void set_plane(struct sst_cells *c, int p, int cols, int rows, int step_x, int step_y, int zero)
+{
+    c->plane[p].cols = cols;
+    c->plane[p].rows = rows;
+    c->plane[p].step_x = step_x;
+    c->plane[p].step_y = step_y;
+    c->plane[p].zero = zero;
+}
+
+/* --- uncompressed frames ----------------------------------------------------------------------------------------- */
+
+/* Samples of one plane: every dx-th byte from x0 of every dy-th row from y0. */
+struct samples {
+    size_t x0, dx;
+    int y0, dy, zero;
+};
+
+/* Means of the samples in each cell; columns is the count of them in a row of the frame. */
+static void mean_plane(struct sst_cells *c, int p, const struct sst_raw *raw, const struct samples *s, int columns,
+                       int per_cell)
+{
+    const int rows = c->plane[p].rows, cols = c->plane[p].cols;
+
+    for (int j = 0; j < rows; j++) {
+        for (int i = 0; i < cols; i++) {
+            const int end_y = sst_min_int((j + 1) * CELL, raw->height), end = sst_min_int((i + 1) * per_cell, columns);
+            int sum = 0, n = 0;
+
+            for (int y = j * CELL + s->y0; y < end_y; y += s->dy) {
+                const uint8_t *row = raw->data + (size_t)y * raw->stride + s->x0;
+
+                for (int k = i * per_cell; k < end; k++)
+                    sum += row[(size_t)k * s->dx];
+                n += end - i * per_cell;
+            }
+            c->plane[p].mean[(size_t)j * (size_t)cols + (size_t)i] = (int16_t)(n > 0 ? (8 * sum + n / 2) / n : s->zero);
+        }
+    }
+}
+
+static void raw_cells(struct sst_cells *c, const struct sst_raw *raw)
+{
+    const int cols = (raw->width + CELL - 1) / CELL, rows = (raw->height + CELL - 1) / CELL;
+    int red_x = 0, red_y = 0;
+    const bool bayer = sst_raw_red(raw->fourcc, &red_x, &red_y), yuyv = raw->fourcc == V4L2_PIX_FMT_YUYV;
+    const size_t bytes = yuyv || raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1;
+    struct samples all = { .x0 = raw->fourcc == V4L2_PIX_FMT_Y16, .dx = bytes, .dy = 1 };
+
+    c->planes = bayer || yuyv ? 3 : 1;
+    for (int p = 0; p < c->planes; p++)
+        set_plane(c, p, cols, rows, CELL, CELL, p && yuyv ? 1024 : 0);
+    mean_plane(c, 0, raw, &all, raw->width, CELL);
+    for (int p = 1; p < c->planes; p++) {
+        const int x = p == 1 ? red_x : 1 - red_x, y = p == 1 ? red_y : 1 - red_y;
+        const struct samples colour = { .x0 = yuyv ? (size_t)(2 * p - 1) : (size_t)x,
+                                        .dx = yuyv ? 4 : 2,
+                                        .y0 = yuyv ? 0 : y,
+                                        .dy = yuyv ? 1 : 2,
+                                        .zero = c->plane[p].zero };
+
+        mean_plane(c, p, raw, &colour, yuyv ? raw->width / 2 : (raw->width - x + 1) / 2, CELL / 2);
+    }
+}
+
+static size_t row_bytes(const struct sst_decoder *d)
+{
+    return (size_t)d->width * (d->fourcc == V4L2_PIX_FMT_YUYV || d->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1);
+}
+
+static int raw_of(struct sst_decoder *d, const struct sst_decoder_frame *frame, struct sst_raw *raw)
+{
+    const size_t row = row_bytes(d), stride = frame->stride ? frame->stride : row;
+
+    *raw = (struct sst_raw){ d->fourcc, d->width, d->height, stride, frame->data, frame->bytes };
+    if (stride >= row && frame->bytes >= row && (frame->bytes - row) / stride >= (size_t)d->height - 1)
+        return 0;
+    snprintf(d->fault, sizeof(d->fault), "%zu bytes in rows of %zu do not make %dx%d pixels", frame->bytes, stride,
+             d->width, d->height);
+    return -EBADMSG;
+}
+
+static int decode_raw(struct sst_decoder *d, const struct sst_decoder_frame *frame, int x0, int y0, int x1, int y1)
+{
+    struct sst_raw raw;
+    int err = raw_of(d, frame, &raw);
+
+    if (!err)
+        err = sst_raw_part(&d->image, &raw, x0, y0, x1, y1);
+    for (int y = y0; !err && y < y1; y++) {
+        const uint8_t *r = sst_image_row(&d->image, 0, y), *g = sst_image_row(&d->image, 1, y),
+                      *b = sst_image_row(&d->image, 2, y);
+        uint8_t *to = d->pixels + (size_t)y * d->stride;
+
+        for (int x = x0; x < x1; x++) {
+            to[4 * x] = r[x];
+            to[4 * x + 1] = g[x];
+            to[4 * x + 2] = b[x];
+        }
+    }
+    return err;
+}
+
+/* --- JPEG -------------------------------------------------------------------------------------------------------- */
+
+static void on_error(j_common_ptr c)
+{
+    struct sst_decoder *d = c->client_data;
+
+    c->err->format_message(c, d->fault);
+    longjmp(d->escape, 1);
+}
+
+/* Warnings tell of samples that are made up, apart from bytes between the parts of a frame, which many cameras leave.
+ */
+static void on_message(j_common_ptr c, int level)
+{
+    struct sst_decoder *d = c->client_data;
+
+    if (level >= 0 || c->err->msg_code == JWRN_EXTRANEOUS_DATA || d->refused)
+        return;
+    c->err->format_message(c, d->fault);
+    d->refused = true;
+}
+
+/* @return 0, -EBADMSG; may escape */
+static int read_header(struct sst_decoder *d, const struct sst_decoder_frame *frame)
+{
+    d->refused = false;
+    jpeg_mem_src(&d->jpeg, frame->data, frame->bytes);
+    (void)jpeg_read_header(&d->jpeg, TRUE);
+    if (d->refused)
+        return -EBADMSG;
+    if (d->jpeg.image_width != (JDIMENSION)d->width || d->jpeg.image_height != (JDIMENSION)d->height) {
+        snprintf(d->fault, sizeof(d->fault), "it has %ux%u pixels instead of %dx%d", d->jpeg.image_width,
+                 d->jpeg.image_height, d->width, d->height);
+        return -EBADMSG;
+    }
+    if (d->jpeg.num_components != 1 && d->jpeg.num_components != 3) {
+        snprintf(d->fault, sizeof(d->fault), "it has %d colours instead of 1 or 3", d->jpeg.num_components);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+static void jpeg_planes(struct sst_cells *c, const struct jpeg_decompress_struct *jpeg)
+{
+    const int n = jpeg->num_components;
+
+    c->planes = n;
+    for (int p = 0; p < n; p++) {
+        const jpeg_component_info *info = &jpeg->comp_info[p];
+        const bool colour = p && (jpeg->jpeg_color_space == JCS_YCbCr);
+
+        set_plane(c, p, (int)info->width_in_blocks, (int)info->height_in_blocks,
+                  n == 1 ? CELL : CELL * jpeg->max_h_samp_factor / info->h_samp_factor,
+                  n == 1 ? CELL : CELL * jpeg->max_v_samp_factor / info->v_samp_factor, colour ? 1024 : 0);
+    }
+}
+
+static int look_jpeg(struct sst_decoder *d, const struct sst_decoder_frame *frame, struct sst_cells *cells)
+{
+    int err;
+
+    if (setjmp(d->escape)) {
+        jpeg_abort_decompress(&d->jpeg);
+        return -EBADMSG;
+    }
+    err = read_header(d, frame);
+    if (!err) {
+        int16_t *const out[3] = { cells->plane[0].mean, cells->plane[1].mean, cells->plane[2].mean };
+
+        jpeg_planes(cells, &d->jpeg);
+        err = sst_jpeg_means_read(d->means, &d->jpeg, out);
+        if (err == -EBADMSG)
+            snprintf(d->fault, sizeof(d->fault), "its code is damaged, or it ends early");
+    }
+    jpeg_abort_decompress(&d->jpeg);
+    return err;
+}
+
+/* May escape. */
+static void decode_rows(struct sst_decoder *d, int x0, int y0, int x1, int y1)
+{
+    struct jpeg_decompress_struct *jpeg = &d->jpeg;
+    JDIMENSION left = (JDIMENSION)sst_max_int(x0 - CROP_MARGIN, 0);
+    JDIMENSION width = (JDIMENSION)sst_min_int(x1 + CROP_MARGIN, d->width) - left;
+
+    jpeg->out_color_space = JCS_EXT_RGBX;
+    jpeg->dct_method = JDCT_ISLOW;
+    jpeg_start_decompress(jpeg);
+    if (width < jpeg->output_width)
+        jpeg_crop_scanline(jpeg, &left, &width);
+    else
+        left = 0;
+    if (y0)
+        (void)jpeg_skip_scanlines(jpeg, (JDIMENSION)y0);
+    while ((int)jpeg->output_scanline < y1 && !d->refused) {
+        JSAMPROW row = d->pixels + (size_t)jpeg->output_scanline * d->stride + 4 * (size_t)left;
+
+        (void)jpeg_read_scanlines(jpeg, &row, 1);
+    }
+}
+
+static int decode_jpeg(struct sst_decoder *d, const struct sst_decoder_frame *frame, int x0, int y0, int x1, int y1)
+{
+    int err;
+
+    if (setjmp(d->escape)) {
+        jpeg_abort_decompress(&d->jpeg);
+        return -EBADMSG;
+    }
+    err = read_header(d, frame);
+    if (!err) {
+        decode_rows(d, x0, y0, x1, y1);
+        err = d->refused ? -EBADMSG : 0;
+    }
+    jpeg_abort_decompress(&d->jpeg);
+    return err;
+}
+
+static int open_jpeg(struct sst_decoder *d)
+{
+    d->jpeg.err = jpeg_std_error(&d->errors);
+    d->errors.error_exit = on_error;
+    d->errors.emit_message = on_message;
+    d->jpeg.client_data = d;
+    if (setjmp(d->escape))
+        return -ENOMEM;
+    jpeg_create_decompress(&d->jpeg);
+    return sst_jpeg_means_create(&d->means);
+}
+
+/* --- both -------------------------------------------------------------------------------------------------------- */
+
+bool sst_decoder_is_jpeg(uint32_t fourcc)
+{
+    return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
+}
+
+static bool is_raw(uint32_t fourcc, int width)
+{
+    int x, y;
+
+    return fourcc == V4L2_PIX_FMT_GREY || fourcc == V4L2_PIX_FMT_Y16 ||
+           (fourcc == V4L2_PIX_FMT_YUYV && width % 2 == 0) || sst_raw_red(fourcc, &x, &y);
+}
+
+int sst_decoder_create(struct sst_decoder **out, uint32_t fourcc, int width, int height)
+{
+    const bool jpeg = sst_decoder_is_jpeg(fourcc);
+    struct sst_decoder *d;
+    int err = 0;
+
+    if (width < 1 || height < 1 || width > SST_IMAGE_MAX_SIDE || height > SST_IMAGE_MAX_SIDE ||
+        (!jpeg && !is_raw(fourcc, width)))
+        return -EINVAL;
+    d = calloc(1, sizeof(*d));
+    if (!d)
+        return -ENOMEM;
+    d->fourcc = fourcc;
+    d->width = width;
+    d->height = height;
+    d->stride = sst_mem_stride((size_t)width, 4);
+    d->pixels = sst_mem_alloc((size_t)height, d->stride);
+    if (!d->pixels)
+        err = -ENOMEM;
+    else
+        err = jpeg ? open_jpeg(d) : sst_image_init(&d->image, width, height);
+    if (err)
+        sst_decoder_destroy(d);
+    else
+        *out = d;
+    return err;
+}
+
+void sst_decoder_destroy(struct sst_decoder *d)
+{
+    if (!d)
+        return;
+    if (d->jpeg.err)
+        jpeg_destroy_decompress(&d->jpeg);
+    sst_jpeg_means_destroy(d->means);
+    sst_image_fini(&d->image);
+    sst_mem_free(d->pixels);
+    free(d);
+}
+
+int sst_decoder_look(struct sst_decoder *d, const struct sst_decoder_frame *frame, struct sst_cells *cells)
+{
+    struct sst_raw raw;
+    int err;
+
+    if (sst_decoder_is_jpeg(d->fourcc))
+        return look_jpeg(d, frame, cells);
+    err = raw_of(d, frame, &raw);
+    if (!err)
+        raw_cells(cells, &raw);
+    return err;
+}
+
+int sst_decoder_decode(struct sst_decoder *d, const struct sst_decoder_frame *frame, int x0, int y0, int x1, int y1,
+                       const uint8_t **pixels, size_t *stride)
+{
+    const int err =
+        sst_decoder_is_jpeg(d->fourcc) ? decode_jpeg(d, frame, x0, y0, x1, y1) : decode_raw(d, frame, x0, y0, x1, y1);
+
+    if (err)
+        return err;
+    *pixels = d->pixels;
+    *stride = d->stride;
+    return 0;
+}
+
+const char *sst_decoder_fault(const struct sst_decoder *d)
+{
+    return d->fault;
+}

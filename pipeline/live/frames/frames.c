@@ -1,0 +1,329 @@
+/* Three steps a set: look at small pictures of some views (all, where one of them changed), decode what changed, and
+ * rectify what depends on it. */
+#include "pipeline/live/frames/frames.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/live/frames/frames_parts.h"
+
+#define ABSENT_NS 2000000000
+
+/* --- changes ----------------------------------------------------------------------------------------------------- */
+
+static int tiles_across(int px)
+{
+    return (px + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
+}
+
+int sst_live_changes_init(struct sst_live_changes *c, const struct sst_lightfield *lf)
+{
+    *c = (struct sst_live_changes){ .cols = tiles_across(lf->width), .rows = tiles_across(lf->height) };
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (!lf->views[k].present && !lf->views[k].image.plane[0])
+            continue;
+        c->map[k] = sst_mem_alloc((size_t)c->cols, (size_t)c->rows);
+        if (!c->map[k]) {
+            sst_live_changes_fini(c);
+            return -ENOMEM;
+        }
+    }
+    return 0;
+}
+
+void sst_live_changes_fini(struct sst_live_changes *c)
+{
+    for (int k = 0; k < SST_MAX_VIEWS; k++)
+        sst_mem_free(c->map[k]);
+    *c = (struct sst_live_changes){ 0 };
+}
+
+/* --- opening ----------------------------------------------------------------------------------------------------- */
+
+static void choose_keys(struct sst_live_frames *f)
+{
+    const int r = f->lf->rows - 1, c = f->lf->cols - 1;
+    const int place[SST_LIVE_KEY_VIEWS][2] = { { 0, 0 }, { 0, c }, { r, 0 }, { r, c }, { r / 2, c / 2 } };
+
+    for (int i = 0; i < SST_LIVE_KEY_VIEWS; i++) {
+        int best = -1, best_far = 0;
+
+        for (int k = 0; k < f->views; k++) {
+            const int dy = k / f->lf->cols - place[i][0], dx = k % f->lf->cols - place[i][1], far = dx * dx + dy * dy;
+
+            if (f->view[k].used && (best < 0 || far < best_far)) {
+                best = k;
+                best_far = far;
+            }
+        }
+        if (best >= 0)
+            f->view[best].key = true;
+    }
+}
+
+/* What each rectified tile comes from, and which pixels come from nowhere. */
+static int open_map(struct sst_live_frames *f, struct live_view *v, struct sst_view *view)
+{
+    const struct sst_lightfield *lf = f->lf;
+    const enum sst_filter filter = (enum sst_filter)lf->filter;
+    bool all = true;
+    int err = sst_rectify_map_create(&v->map, lf->rectified, lf->calibration, (int)(view - lf->views));
+
+    if (!err)
+        err = sst_sampler_create_empty(&v->sampler, v->map, filter);
+    if (!err)
+        err = sst_map_u8_init(&view->valid, lf->width, lf->height);
+    if (err)
+        return err;
+    v->from = calloc((size_t)f->cols * (size_t)f->rows, sizeof(*v->from));
+    if (!v->from)
+        return -ENOMEM;
+    for (int t = 0; t < f->cols * f->rows; t++) {
+        const int x = t % f->cols * SST_LIVE_TILE, y = t / f->cols * SST_LIVE_TILE;
+        const int w = sst_min_int(SST_LIVE_TILE, lf->width - x), h = sst_min_int(SST_LIVE_TILE, lf->height - y);
+        int box[4];
+
+        if (!sst_rectify_map_box(v->map, filter, x, y, w, h, box, sst_map_u8_row(&view->valid, y) + x,
+                                 view->valid.stride))
+            continue;
+        for (int i = 0; i < 4; i++)
+            v->from[t].tile[i] = (uint16_t)((box[i] + (i < 2 ? 0 : SST_LIVE_TILE - 1)) / SST_LIVE_TILE);
+    }
+    for (int y = 0; all && y < lf->height; y++)
+        all = !memchr(sst_map_u8_row(&view->valid, y), 0, (size_t)lf->width);
+    if (all)
+        sst_map_u8_fini(&view->valid);
+    return 0;
+}
+
+static int open_view(void *arg, int index, int worker SST_UNUSED)
+{
+    struct sst_live_frames *f = arg;
+    struct live_view *v = &f->view[index];
+    struct sst_view *view = &f->lf->views[index];
+    int err;
+
+    if (!v->used)
+        return 0;
+    err = sst_image_init(&view->image, f->lf->width, f->lf->height);
+    if (!err)
+        err = sst_watch_init(&v->watch, f->cfg->width, f->cfg->height);
+    if (!err && f->cfg->calibration)
+        err = open_map(f, v, view);
+    v->dirty = sst_mem_alloc((size_t)f->raw_cols, (size_t)f->raw_rows);
+    v->last = f->last_room ? sst_mem_alloc(f->last_room, 1) : NULL;
+    return err ? err : v->dirty && (v->last || !f->last_room) ? 0 : -ENOMEM;
+}
+
+static int open_all(struct sst_live_frames *f)
+{
+    const struct sst_live_config *cfg = f->cfg;
+    int err;
+
+    f->view = calloc((size_t)f->views, sizeof(*f->view));
+    f->decoder = calloc((size_t)f->threads, sizeof(struct sst_decoder *));
+    if (!f->view || !f->decoder)
+        return -ENOMEM;
+    for (int k = 0; k < f->views; k++) {
+        f->view[k].used = cfg->present[k] && f->lf->views[k].present;
+        f->used += f->view[k].used;
+    }
+    choose_keys(f);
+    for (int i = 0; i < f->threads; i++) {
+        err = sst_decoder_create(&f->decoder[i], cfg->fourcc, cfg->width, cfg->height);
+        if (err == -EINVAL)
+            sst_log_error("the live picture cannot be made from frames of format %.4s with %dx%d pixels; choose MJPG, "
+                          "YUYV, GREY, Y16 or an 8-bit Bayer format",
+                          (const char *)&cfg->fourcc, cfg->width, cfg->height);
+        if (err)
+            return err;
+    }
+    return sst_parallel_for(f->views, f->threads, open_view, f);
+}
+
+int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_config *cfg, struct sst_lightfield *lf)
+{
+    struct sst_live_frames *f;
+    int err;
+
+    if (cfg->rows != lf->rows || cfg->cols != lf->cols || (cfg->calibration && !(lf->calibration && lf->rectified)) ||
+        (!cfg->calibration && (cfg->width != lf->width || cfg->height != lf->height)))
+        return -EINVAL;
+    f = calloc(1, sizeof(*f));
+    if (!f)
+        return -ENOMEM;
+    f->cfg = cfg;
+    f->lf = lf;
+    f->threads = sst_thread_count(cfg->threads);
+    f->views = lf->rows * lf->cols;
+    f->raw_cols = tiles_across(cfg->width);
+    f->raw_rows = tiles_across(cfg->height);
+    f->cols = tiles_across(lf->width);
+    f->rows = tiles_across(lf->height);
+    /* Frames of ordinary quality fit; larger ones are read again even where nothing changed. */
+    f->last_room = sst_decoder_is_jpeg(cfg->fourcc) ? (size_t)cfg->width * (size_t)cfg->height / 2 : 0;
+    f->all = true;
+    f->sample = SST_LIVE_SAMPLE_SETS;
+    err = open_all(f);
+    if (err) {
+        if (err == -ENOMEM)
+            sst_log_error("no memory for the live pictures of %d cameras", f->used);
+        sst_live_frames_close(f);
+        return err;
+    }
+    *out = f;
+    return 0;
+}
+
+void sst_live_frames_close(struct sst_live_frames *f)
+{
+    if (!f)
+        return;
+    for (int k = 0; f->view && k < f->views; k++) {
+        struct live_view *v = &f->view[k];
+
+        sst_watch_fini(&v->watch);
+        sst_sampler_destroy(v->sampler);
+        sst_rectify_map_destroy(v->map);
+        free(v->from);
+        sst_mem_free(v->dirty);
+        sst_mem_free(v->last);
+        if (v->used) {
+            sst_image_fini(&f->lf->views[k].image);
+            sst_map_u8_fini(&f->lf->views[k].valid);
+        }
+    }
+    for (int i = 0; f->decoder && i < f->threads; i++)
+        sst_decoder_destroy(f->decoder[i]);
+    free(f->decoder);
+    free(f->view);
+    free(f);
+}
+
+void sst_live_frames_cancel(struct sst_live_frames *f)
+{
+    atomic_store(&f->cancelled, true);
+}
+
+/* --- sets -------------------------------------------------------------------------------------------------------- */
+
+static void begin_set(struct sst_live_frames *f, const struct sst_live_input *in, struct sst_live_changes *changes)
+{
+    f->in = in;
+    f->changes = changes;
+    for (int k = 0; k < f->views; k++) {
+        struct live_view *v = &f->view[k];
+
+        v->verdict = (struct sst_verdict){ 0 };
+        v->looked = v->refused = v->decoded = false;
+        if (v->dirty)
+            memset(v->dirty, 0, (size_t)raw_tiles(f));
+        if (changes->map[k])
+            memset(changes->map[k], 0, (size_t)changes->cols * (size_t)changes->rows);
+    }
+    changes->changed = 0;
+    changes->whole = false;
+}
+
+/* Say once that a camera's frames are no use, and once that they are again. */
+static void tell(const struct sst_live_frames *f, int k)
+{
+    struct live_view *v = &f->view[k];
+
+    if (v->refused && !v->broken)
+        sst_log_warning(
+            "a frame of the camera of row %d, column %d is no use (%s): its view stays as it was; check its "
+            "cable and its format",
+            k / f->lf->cols, k % f->lf->cols, v->fault);
+    if (v->looked && !v->refused && v->broken)
+        sst_log_info("frames of the camera of row %d, column %d are good again", k / f->lf->cols, k % f->lf->cols);
+    if (v->looked)
+        v->broken = v->refused;
+}
+
+/* A view is present from its first picture on, while frames come. */
+static void follow_presence(struct sst_live_frames *f, int k)
+{
+    struct live_view *v = &f->view[k];
+    struct sst_view *view = &f->lf->views[k];
+
+    if (!v->used)
+        return;
+    if (has_frame(f, k) && !v->refused && !(v->broken && !v->looked))
+        v->seen_ns = f->in->t_ns;
+    tell(f, k);
+    view->present = v->made && f->in->t_ns - v->seen_ns < ABSENT_NS;
+    if (!view->present && v->made) {
+        /* What it shows when it comes back is new to everybody. */
+        v->made = false;
+        sst_watch_forget(&v->watch);
+        memset(f->changes->map[k], 1, (size_t)f->cols * (size_t)f->rows);
+    }
+}
+
+static void end_set(struct sst_live_frames *f, struct sst_live_report *report)
+{
+    const int tiles = f->cols * f->rows;
+    int decoded = 0, given = 0, whole = 0;
+
+    for (int k = 0; k < f->views; k++) {
+        struct live_view *v = &f->view[k];
+
+        follow_presence(f, k);
+        given += has_frame(f, k) && !v->refused;
+        decoded += v->decoded;
+        whole += v->decoded && v->verdict.changed == raw_tiles(f);
+        for (int t = 0; f->changes->map[k] && t < tiles; t++)
+            f->changes->changed += f->changes->map[k][t];
+    }
+    f->changes->whole = given && whole == given;
+    report->views = given;
+    report->tiles = (int64_t)given * tiles;
+    report->tiles_changed = f->changes->changed;
+    report->decodes = decoded;
+    report->decodes_skipped = given - decoded;
+    report->whole = f->changes->whole;
+}
+
+static int run(struct sst_live_frames *f, struct sst_live_report *report)
+{
+    const int64_t start = sst_clock_now_ns();
+    int64_t found, decoded;
+    int err = sst_live_frames_look(f);
+
+    found = sst_clock_now_ns();
+    if (!err)
+        err = sst_live_frames_decode(f);
+    decoded = sst_clock_now_ns();
+    if (!err)
+        err = sst_live_frames_rectify(f);
+    report->stage_ns[SST_LIVE_CHANGE] = found - start;
+    report->stage_ns[SST_LIVE_DECODE] = decoded - found;
+    report->stage_ns[SST_LIVE_RECTIFY] = sst_clock_now_ns() - decoded;
+    return err;
+}
+
+int sst_live_frames_update(struct sst_live_frames *f, const struct sst_live_input *in, struct sst_live_changes *changes,
+                           struct sst_live_report *report)
+{
+    int err;
+
+    begin_set(f, in, changes);
+    report->error_change = NAN;
+    err = run(f, report);
+    f->all = err != 0;
+    if (err)
+        return err;
+    if (f->cfg->skip_change && --f->sample <= 0) {
+        f->sample = SST_LIVE_SAMPLE_SETS;
+        report->error_change = sst_live_frames_sample(f);
+    }
+    end_set(f, report);
+    return 0;
+}

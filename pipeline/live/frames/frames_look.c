@@ -1,0 +1,142 @@
+/* Which tiles of which views changed. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/thread.h"
+#include "pipeline/live/frames/frames_parts.h"
+
+#define SKIP_SETS    4   /* any view is looked at at least once in so many sets */
+#define FEW_VIEWS    12  /* are all looked at */
+#define MOST_CHANGED 0.6 /* share of all tiles from which on everything is taken over */
+
+static void set_all_dirty(const struct sst_live_frames *f, struct live_view *v)
+{
+    memset(v->dirty, 1, (size_t)raw_tiles(f));
+    v->verdict.changed = raw_tiles(f);
+    v->verdict.whole = true;
+}
+
+void sst_live_frames_refuse(struct live_view *v, const struct sst_decoder *d)
+{
+    v->refused = true;
+    v->last_bytes = 0;
+    v->verdict = (struct sst_verdict){ 0 };
+    snprintf(v->fault, sizeof(v->fault), "%.190s", sst_decoder_fault(d));
+}
+
+static int look(void *arg, int index, int worker)
+{
+    struct sst_live_frames *f = arg;
+    const int k = f->list[index];
+    struct live_view *v = &f->view[k];
+    const struct sst_decoder_frame frame = frame_of(f, k);
+    int err;
+
+    if (atomic_load(&f->cancelled))
+        return -ECANCELED;
+    v->looked = true;
+    if (v->made && !f->all && v->last_bytes && frame.bytes == v->last_bytes &&
+        !memcmp(frame.data, v->last, frame.bytes))
+        return 0;
+    err = sst_decoder_look(f->decoder[worker], &frame, &v->watch.now);
+    if (err == -EBADMSG) {
+        sst_live_frames_refuse(v, f->decoder[worker]);
+        return 0;
+    }
+    if (err && err != -ENOTSUP)
+        return err;
+    if (!err)
+        v->verdict = sst_watch_judge(&v->watch, v->dirty);
+    else
+        v->watch.now.planes = 0;
+    if (err || !v->made || f->all)
+        set_all_dirty(f, v);
+    v->last_bytes = frame.bytes <= f->last_room ? frame.bytes : 0;
+    if (v->last_bytes)
+        memcpy(v->last, frame.data, v->last_bytes);
+    return 0;
+}
+
+/* Views to look at first: all, or the key views and those whose turn it is. */
+static int first_views(struct sst_live_frames *f)
+{
+    const int in_turn = (f->used - SST_LIVE_KEY_VIEWS + SKIP_SETS - 1) / SKIP_SETS;
+    int n = 0, others = 0;
+
+    for (int k = 0; k < f->views; k++) {
+        struct live_view *v = &f->view[k];
+        /* The views that take turns stand in a ring of places; SKIP_SETS steps of in_turn places go all round. */
+        const bool turn = !v->key && v->used && (others++ / sst_max_int(in_turn, 1)) % SKIP_SETS == f->turn;
+
+        if (has_frame(f, k) && (f->all || f->used <= FEW_VIEWS || v->key || turn || !v->made || v->broken))
+            f->list[n++] = k;
+    }
+    f->turn = (f->turn + 1) % SKIP_SETS;
+    return n;
+}
+
+static int other_views(struct sst_live_frames *f)
+{
+    int n = 0;
+
+    for (int k = 0; k < f->views; k++) {
+        if (has_frame(f, k) && !f->view[k].looked)
+            f->list[n++] = k;
+    }
+    return n;
+}
+
+static bool any_changed(const struct sst_live_frames *f)
+{
+    for (int k = 0; k < f->views; k++) {
+        if (f->view[k].verdict.changed)
+            return true;
+    }
+    return false;
+}
+
+/* Another light, or so much that telling the rest apart is not worth while? All views have been looked at. */
+static bool is_whole(const struct sst_live_frames *f)
+{
+    int looked = 0, lit = 0, over = 0;
+    int64_t changed = 0;
+
+    for (int k = 0; k < f->views; k++) {
+        const struct live_view *v = &f->view[k];
+
+        if (!v->looked || v->refused)
+            continue;
+        looked++;
+        changed += v->verdict.changed;
+        over += v->verdict.light > SST_WATCH_LIGHT;
+        lit += v->verdict.light > SST_WATCH_LIGHT / 2;
+    }
+    return looked && ((over && 2 * lit > looked) || (double)changed > MOST_CHANGED * looked * raw_tiles(f));
+}
+
+int sst_live_frames_look(struct sst_live_frames *f)
+{
+    int err;
+
+    if (!f->cfg->skip_change) {
+        for (int k = 0; k < f->views; k++) {
+            f->view[k].looked = has_frame(f, k);
+            if (f->view[k].looked)
+                set_all_dirty(f, &f->view[k]);
+        }
+        return 0;
+    }
+    err = sst_parallel_for(first_views(f), f->threads, look, f);
+    if (!err && any_changed(f))
+        err = sst_parallel_for(other_views(f), f->threads, look, f);
+    if (err)
+        return err;
+    if (any_changed(f) && is_whole(f)) {
+        for (int k = 0; k < f->views; k++) {
+            if (f->view[k].looked && !f->view[k].refused)
+                set_all_dirty(f, &f->view[k]);
+        }
+    }
+    return 0;
+}

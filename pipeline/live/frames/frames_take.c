@@ -1,0 +1,232 @@
+/* Changed tiles taken over: decoded, rectified. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/thread.h"
+#include "pipeline/live/frames/frames_parts.h"
+
+/* --- decoding ---------------------------------------------------------------------------------------------------- */
+
+/* Pixels of a run of tiles in a row, colours apart. */
+static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, const uint8_t *pixels, size_t stride)
+{
+    for (int y = y0; y < y1; y++) {
+        const uint8_t *from = pixels + (size_t)y * stride;
+        uint8_t *r = sst_image_row(image, 0, y), *g = sst_image_row(image, 1, y), *b = sst_image_row(image, 2, y);
+
+        for (int x = x0; x < x1; x++) {
+            r[x] = from[4 * x];
+            g[x] = from[4 * x + 1];
+            b[x] = from[4 * x + 2];
+        }
+    }
+}
+
+static void take_pixels(struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
+{
+    struct live_view *v = &f->view[k];
+
+    for (int row = 0; row < f->raw_rows; row++) {
+        const int y0 = row * SST_LIVE_TILE, y1 = sst_min_int(y0 + SST_LIVE_TILE, f->cfg->height);
+        const uint8_t *dirty = v->dirty + (size_t)row * (size_t)f->raw_cols;
+
+        for (int col = 0, end; col < f->raw_cols; col = end + 1) {
+            const int x0 = col * SST_LIVE_TILE;
+            int x1;
+
+            for (end = col; end < f->raw_cols && dirty[end];)
+                end++;
+            x1 = sst_min_int(end * SST_LIVE_TILE, f->cfg->width);
+            if (end == col)
+                continue;
+            if (v->sampler)
+                sst_sampler_put(v->sampler, x0, y0, x1 - x0, y1 - y0, pixels + (size_t)y0 * stride + 4 * (size_t)x0,
+                                stride);
+            else
+                unpack(&f->lf->views[k].image, x0, y0, x1, y1, pixels, stride);
+        }
+    }
+}
+
+/* Bounds of the dirty tiles, px. */
+static void bounds(const struct sst_live_frames *f, const struct live_view *v, int box[4])
+{
+    int low[2] = { f->raw_cols, f->raw_rows }, high[2] = { 0, 0 };
+
+    for (int t = 0; t < raw_tiles(f); t++) {
+        const int at[2] = { t % f->raw_cols, t / f->raw_cols };
+
+        for (int i = 0; v->dirty[t] && i < 2; i++) {
+            low[i] = sst_min_int(low[i], at[i]);
+            high[i] = sst_max_int(high[i], at[i] + 1);
+        }
+    }
+    box[0] = low[0] * SST_LIVE_TILE;
+    box[1] = low[1] * SST_LIVE_TILE;
+    box[2] = sst_min_int(high[0] * SST_LIVE_TILE, f->cfg->width);
+    box[3] = sst_min_int(high[1] * SST_LIVE_TILE, f->cfg->height);
+}
+
+static int decode(void *arg, int index, int worker)
+{
+    struct sst_live_frames *f = arg;
+    const int k = f->list[index];
+    struct live_view *v = &f->view[k];
+    const struct sst_decoder_frame frame = frame_of(f, k);
+    const uint8_t *pixels;
+    size_t stride;
+    int box[4], err;
+
+    if (atomic_load(&f->cancelled))
+        return -ECANCELED;
+    bounds(f, v, box);
+    err = sst_decoder_decode(f->decoder[worker], &frame, box[0], box[1], box[2], box[3], &pixels, &stride);
+    if (err == -EBADMSG) {
+        sst_live_frames_refuse(v, f->decoder[worker]);
+        return 0;
+    }
+    if (err)
+        return err;
+    take_pixels(f, k, pixels, stride);
+    if (f->cfg->skip_change)
+        sst_watch_take(&v->watch, v->dirty);
+    v->decoded = v->made = true;
+    return 0;
+}
+
+static int dirty_views(struct sst_live_frames *f)
+{
+    int n = 0;
+
+    for (int k = 0; k < f->views; k++) {
+        if (f->view[k].verdict.changed)
+            f->list[n++] = k;
+    }
+    return n;
+}
+
+int sst_live_frames_decode(struct sst_live_frames *f)
+{
+    return sst_parallel_for(dirty_views(f), f->threads, decode, f);
+}
+
+/* --- rectifying -------------------------------------------------------------------------------------------------- */
+
+static bool any_dirty(const struct sst_live_frames *f, const struct live_view *v, const struct from *from)
+{
+    for (int row = from->tile[1]; row < from->tile[3]; row++) {
+        if (memchr(v->dirty + (size_t)row * (size_t)f->raw_cols + from->tile[0], 1,
+                   (size_t)(from->tile[2] - from->tile[0])))
+            return true;
+    }
+    return false;
+}
+
+/* Runs of changed tiles, row by row of pixels. */
+static void rectify_row(struct sst_live_frames *f, int k, int row, const uint8_t *map)
+{
+    const struct sst_image *image = &f->lf->views[k].image;
+    const int y1 = sst_min_int((row + 1) * SST_LIVE_TILE, image->height);
+
+    for (int col = 0, end; col < f->cols; col = end + 1) {
+        for (end = col; end < f->cols && map[end] && (end - col + 1) * SST_LIVE_TILE <= SST_SAMPLE_MAX;)
+            end++;
+        for (int y = row * SST_LIVE_TILE; end > col && y < y1; y++) {
+            const int x = col * SST_LIVE_TILE, n = sst_min_int(end * SST_LIVE_TILE, image->width) - x;
+            uint8_t *const out[3] = { sst_image_row(image, 0, y) + x, sst_image_row(image, 1, y) + x,
+                                      sst_image_row(image, 2, y) + x };
+
+            sst_sampler_row(f->view[k].sampler, x, y, n, out, NULL);
+        }
+        if (end > col)
+            end--;
+    }
+}
+
+static int rectify(void *arg, int index, int worker SST_UNUSED)
+{
+    struct sst_live_frames *f = arg;
+    const int k = f->list[index];
+    const struct live_view *v = &f->view[k];
+    uint8_t *map = f->changes->map[k];
+
+    if (atomic_load(&f->cancelled))
+        return -ECANCELED;
+    if (!v->sampler) {
+        memcpy(map, v->dirty, (size_t)raw_tiles(f));
+        return 0;
+    }
+    for (int t = 0; t < f->cols * f->rows; t++)
+        map[t] = any_dirty(f, v, &v->from[t]);
+    for (int row = 0; row < f->rows; row++)
+        rectify_row(f, k, row, map + (size_t)row * (size_t)f->cols);
+    return 0;
+}
+
+static int decoded_views(struct sst_live_frames *f)
+{
+    int n = 0;
+
+    for (int k = 0; k < f->views; k++) {
+        if (f->view[k].decoded)
+            f->list[n++] = k;
+    }
+    return n;
+}
+
+int sst_live_frames_rectify(struct sst_live_frames *f)
+{
+    return sst_parallel_for(decoded_views(f), f->threads, rectify, f);
+}
+
+/* --- what skipping costs ----------------------------------------------------------------------------------------- */
+
+static double difference(const struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
+{
+    const struct live_view *v = &f->view[k];
+    const struct sst_image *image = &f->lf->views[k].image;
+    size_t kept_stride = 0;
+    const uint8_t *kept = v->sampler ? sst_sampler_pixels(v->sampler, &kept_stride) : NULL;
+    int64_t sum = 0, n = 0;
+
+    for (int y = 0; y < f->cfg->height; y++) {
+        const uint8_t *dirty = v->dirty + (size_t)(y / SST_LIVE_TILE) * (size_t)f->raw_cols;
+        const uint8_t *now = pixels + (size_t)y * stride;
+
+        for (int x = 0; x < f->cfg->width; x++) {
+            if (dirty[x / SST_LIVE_TILE])
+                continue;
+            for (int c = 0; c < 3; c++) {
+                const int was =
+                    kept ? kept[(size_t)y * kept_stride + (size_t)(4 * x + c)] : sst_image_row(image, c, y)[x];
+
+                sum += abs(now[4 * x + c] - was);
+            }
+            n += 3;
+        }
+    }
+    return n ? (double)sum / (double)n : NAN;
+}
+
+/* Decode one of the views of which tiles were skipped, and compare. */
+double sst_live_frames_sample(struct sst_live_frames *f)
+{
+    const int first = (int)(f->in->set / SST_LIVE_SAMPLE_SETS % (uint64_t)f->views);
+
+    for (int i = 0; i < f->views; i++) {
+        const int k = (first + i) % f->views;
+        const struct live_view *v = &f->view[k];
+        const struct sst_decoder_frame frame = frame_of(f, k);
+        const uint8_t *pixels;
+        size_t stride;
+
+        if (!has_frame(f, k) || !v->made || v->refused || v->verdict.changed == raw_tiles(f))
+            continue;
+        if (sst_decoder_decode(f->decoder[0], &frame, 0, 0, f->cfg->width, f->cfg->height, &pixels, &stride))
+            return NAN;
+        return difference(f, k, pixels, stride);
+    }
+    return NAN;
+}

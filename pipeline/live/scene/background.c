@@ -1,0 +1,294 @@
+#define _GNU_SOURCE
+#include <errno.h>
+#include <pthread.h>
+#include <sched.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/method/refine/refine.h"
+
+/* How long close waits. */
+#define CLOSE_NS INT64_C(300000000)
+
+/* Threads that were left behind and have not ended yet. */
+static _Atomic int left_behind;
+
+enum state {
+    IDLE = 0,
+    WORKING = 1,
+    DONE = 2,
+    QUIT = 3,
+};
+
+struct sst_scene_background {
+    /* fixed after open */
+    char *model; /* NULL: no labels */
+    enum sst_precision precision;
+    bool estimates;                    /* the range is looked for */
+    const struct sst_lightfield *live; /* the caller's thread alone */
+    pthread_t thread;
+    pthread_mutex_t lock;
+    pthread_cond_t wake; /* on CLOCK_MONOTONIC */
+    /* Changed under lock, read without: the thread may wait long for the processor while it holds the lock, and who
+     * makes pictures must not wait with it. */
+    _Atomic enum state state;
+    /* under lock */
+    bool ended, abandoned;
+    /* the thread's while WORKING, else the caller's */
+    bool failed;
+    struct sst_lightfield copy;
+    struct sst_segmenter *segmenter;
+    /* atomic */
+    _Atomic bool cancel, done;
+};
+
+/* --- its thread --------------------------------------------------------------------------------------------------- */
+
+/* The range of what is seen now, where that is wider than what is known. */
+static void widen_range(struct sst_scene_background *b)
+{
+    struct sst_lightfield *lf = &b->copy;
+    char text[SST_LOG_MAX], *before;
+    double min_px, max_px;
+    int err;
+
+    if (!b->estimates)
+        return;
+    before = sst_log_hold_errors(text);
+    err = sst_disparity_range(lf, 1, &min_px, &max_px);
+    (void)sst_log_hold_errors(before);
+    if (err)
+        return;
+    if (min_px < lf->range_min_px)
+        lf->range_min_px = min_px;
+    if (max_px > lf->range_max_px)
+        lf->range_max_px = max_px;
+}
+
+static int label_views(struct sst_scene_background *b)
+{
+    int err = 0;
+
+    if (!b->segmenter)
+        err = sst_segmenter_open(&b->segmenter, b->model, b->precision, 1);
+    for (int view = 0; !err && view < b->copy.rows * b->copy.cols; view++) {
+        struct sst_view *v = &b->copy.views[view];
+
+        if (!v->present)
+            continue;
+        if (b->cancel)
+            return -ECANCELED;
+        sst_map_u8_fini(&v->label);
+        err = sst_scene_segment(b->segmenter, &v->image, &v->label);
+        for (int y = 0; !err && v->valid.data && y < v->label.height; y++) {
+            for (int x = 0; x < v->label.width; x++)
+                sst_map_u8_row(&v->label, y)[x] &= sst_map_u8_row(&v->valid, y)[x];
+        }
+    }
+    return err;
+}
+
+/* What sst process --preset balanced does, with a coarser census between pixels. */
+static int work(struct sst_scene_background *b)
+{
+    struct sst_disparity_config match;
+    struct sst_refine_config refine;
+    int err = sst_disparity_preset(&match, "balanced");
+
+    if (err)
+        return err;
+    widen_range(b);
+    match.disp_min_px = b->copy.range_min_px;
+    match.disp_max_px = b->copy.range_max_px;
+    match.threads = 1;
+    match.phase_step = 2; /* as good a picture as quarters give (docs/service.md) */
+    match.frugal = true;
+    match.cancel = &b->cancel;
+    err = b->cancel ? -ECANCELED : sst_disparity_lightfield(&b->copy, &match, NULL, NULL);
+    if (err || !b->model)
+        return err;
+    sst_refine_config_defaults(&refine);
+    refine.threads = 1;
+    refine.cancel = &b->cancel;
+    err = label_views(b);
+    return err ? err : sst_refine_labels(&b->copy, &refine, NULL);
+}
+
+static void free_background(struct sst_scene_background *b)
+{
+    sst_segmenter_close(b->segmenter);
+    sst_lightfield_fini(&b->copy);
+    pthread_mutex_destroy(&b->lock);
+    pthread_cond_destroy(&b->wake);
+    free(b->model);
+    free(b);
+}
+
+static void *run(void *arg)
+{
+    struct sst_scene_background *b = arg;
+    const struct sched_param none = { 0 };
+    bool abandoned;
+
+    /* Only time that nothing else wants. */
+    (void)pthread_setschedparam(pthread_self(), SCHED_IDLE, &none);
+    pthread_mutex_lock(&b->lock);
+    for (;;) {
+        int err;
+
+        while (b->state != WORKING && b->state != QUIT)
+            pthread_cond_wait(&b->wake, &b->lock);
+        if (b->state == QUIT)
+            break;
+        pthread_mutex_unlock(&b->lock);
+        err = work(b);
+        b->failed = err != 0;
+        pthread_mutex_lock(&b->lock);
+        if (b->state == WORKING)
+            b->state = DONE;
+        b->done = true;
+    }
+    b->ended = true;
+    abandoned = b->abandoned;
+    pthread_cond_broadcast(&b->wake);
+    pthread_mutex_unlock(&b->lock);
+    if (abandoned) {
+        free_background(b);
+        left_behind--;
+    }
+    return NULL;
+}
+
+/* --- the caller's ------------------------------------------------------------------------------------------------- */
+
+int sst_scene_background_open(struct sst_scene_background **out, const struct sst_live_config *cfg,
+                              const struct sst_lightfield *lf)
+{
+    struct sst_scene_background *b = calloc(1, sizeof(*b));
+
+    if (!b)
+        return -ENOMEM;
+    pthread_mutex_init(&b->lock, NULL);
+    sst_cond_init(&b->wake);
+    b->live = lf;
+    b->model = cfg->model ? strdup(cfg->model) : NULL;
+    b->precision = cfg->precision;
+    b->estimates = !(cfg->range_min_px < cfg->range_max_px);
+    if ((cfg->model && !b->model) || sst_lightfield_init(&b->copy, lf->rows, lf->cols) ||
+        pthread_create(&b->thread, NULL, run, b)) {
+        free_background(b);
+        return -ENOMEM;
+    }
+    *out = b;
+    return 0;
+}
+
+void sst_scene_background_cancel(struct sst_scene_background *b)
+{
+    const struct sched_param none = { 0 };
+
+    if (!b)
+        return;
+    b->cancel = true;
+    /* Where that is allowed it gets to the next place to stop without waiting for idle time. */
+    (void)pthread_setschedparam(b->thread, SCHED_OTHER, &none);
+}
+
+void sst_scene_background_close(struct sst_scene_background *b)
+{
+    const int64_t until_ns = sst_clock_now_ns() + CLOSE_NS;
+    pthread_t thread;
+    bool ended;
+
+    if (!b)
+        return;
+    thread = b->thread;
+    sst_scene_background_cancel(b);
+    pthread_mutex_lock(&b->lock);
+    b->state = QUIT;
+    pthread_cond_broadcast(&b->wake);
+    while (!b->ended && sst_cond_wait_until(&b->wake, &b->lock, until_ns))
+        ;
+    ended = b->ended;
+    b->abandoned = !ended;
+    left_behind += !ended;
+    pthread_mutex_unlock(&b->lock);
+    if (ended) {
+        pthread_join(thread, NULL);
+        free_background(b);
+        return;
+    }
+    /* On a machine that has no idle time it may take long to see the sign: then it cleans up behind itself. */
+    pthread_detach(thread);
+}
+
+int sst_live_left_behind(void)
+{
+    return left_behind;
+}
+
+int sst_scene_background_start(struct sst_scene_background *b, double min_px, double max_px)
+{
+    struct sst_lightfield *lf = &b->copy;
+    int err = 0;
+
+    if (b->state != IDLE)
+        return -EBUSY;
+    lf->width = b->live->width;
+    lf->height = b->live->height;
+    lf->ref_view = b->live->ref_view;
+    lf->focal_px = b->live->focal_px;
+    lf->spacing_mm = b->live->spacing_mm;
+    lf->classes = b->live->classes;
+    lf->range_min_px = min_px;
+    lf->range_max_px = max_px;
+    for (int view = 0; !err && view < lf->rows * lf->cols; view++)
+        err = sst_view_copy(&lf->views[view], &b->live->views[view]);
+    if (err)
+        return err;
+    pthread_mutex_lock(&b->lock);
+    b->state = WORKING;
+    pthread_cond_broadcast(&b->wake);
+    pthread_mutex_unlock(&b->lock);
+    return 0;
+}
+
+bool sst_scene_background_idle(struct sst_scene_background *b)
+{
+    return b->state == IDLE;
+}
+
+bool sst_scene_background_done(struct sst_scene_background *b)
+{
+    return b && b->done;
+}
+
+void sst_scene_background_release(struct sst_scene_background *b)
+{
+    for (int view = 0; view < b->copy.rows * b->copy.cols; view++) {
+        struct sst_view *v = &b->copy.views[view];
+
+        sst_map_u16_fini(&v->disp);
+        sst_map_u8_fini(&v->label);
+        sst_map_u8_fini(&v->confidence);
+        sst_image_fini(&v->image); /* hundreds of kilobytes each, that nobody needs until the next rest */
+    }
+    pthread_mutex_lock(&b->lock);
+    b->state = IDLE;
+    b->done = false;
+    pthread_mutex_unlock(&b->lock);
+}
+
+const struct sst_lightfield *sst_scene_background_result(struct sst_scene_background *b)
+{
+    if (b->state != DONE)
+        return NULL;
+    if (!b->failed)
+        return &b->copy;
+    sst_scene_background_release(b);
+    return NULL;
+}

@@ -1,0 +1,195 @@
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/method/refine/parts.h"
+
+/* Disparities of one surface in two key views differ by no more: three quarters of a cell. */
+#define AGREE_Q6 96
+/* Neighbouring cells this close are one surface, and take labels from each other. */
+#define SURFACE_Q6 64
+/* A label needs so many cells for a distribution, and the noise of disparities at half size. */
+#define MIN_CELLS 25
+#define SIGMA_PX  0.5
+
+/* The cell of another view that shows the same surface point; -1: outside. */
+static int place_in(const struct sst_scene_way *way, const struct sst_map_u16 *there, int x, int y, uint16_t disp_q6,
+                    int *ty)
+{
+    const int64_t d = way->zero_q6 + disp_q6;
+    const int tx = x - sst_scene_shift(d, way->bx_q16);
+
+    *ty = y - sst_scene_shift(d, way->by_q16);
+    return tx >= 0 && tx < there->width && *ty >= 0 && *ty < there->height ? tx : -1;
+}
+
+static void check_against(struct sst_scene_key *key, const struct sst_scene_key *other, const struct sst_scene_way *way,
+                          const uint8_t *tiles, int y)
+{
+    const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
+    uint8_t *sure = sst_map_u8_row(&key->maps.sure, y);
+    int ty;
+
+    for (int x = 0; x < key->maps.disp.width; x++) {
+        int tx, d;
+
+        if (!tiles[x / SST_SCENE_CELLS]) {
+            x |= SST_SCENE_CELLS - 1;
+            continue;
+        }
+        if (sure[x] || disp[x] == SST_DISP_NONE)
+            continue;
+        tx = place_in(way, &other->maps.disp, x, y, disp[x], &ty);
+        if (tx < 0)
+            continue;
+        d = sst_map_u16_row(&other->maps.disp, ty)[tx];
+        sure[x] = d != (int)SST_DISP_NONE && abs(d - disp[x]) <= AGREE_Q6;
+    }
+}
+
+void sst_scene_check(struct sst_scene_key *keys, int count, int k, const struct sst_lightfield *lf,
+                     const uint8_t *dirty, int tile_cols)
+{
+    struct sst_scene_key *key = &keys[k];
+
+    for (int y = 0; y < key->maps.sure.height; y++) {
+        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        uint8_t *sure = sst_map_u8_row(&key->maps.sure, y);
+
+        for (int x = 0; x < key->maps.sure.width; x++)
+            sure[x] = (uint8_t)(tiles[x / SST_SCENE_CELLS] ? 0 : sure[x]);
+    }
+    for (int i = 0; i < count; i++) {
+        const struct sst_scene_way way = sst_scene_way(lf, key->view, keys[i].view);
+
+        for (int y = 0; i != k && y < key->maps.disp.height; y++)
+            check_against(key, &keys[i], &way, dirty + y / SST_SCENE_CELLS * tile_cols, y);
+    }
+}
+
+void sst_scene_take_labels(struct sst_scene_key *key, const struct sst_scene_key *ref, const struct sst_lightfield *lf,
+                           const uint8_t *dirty, int tile_cols)
+{
+    const struct sst_scene_way way = sst_scene_way(lf, key->view, ref->view);
+
+    for (int y = 0; y < key->maps.disp.height; y++) {
+        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
+        uint8_t *label = sst_map_u8_row(&key->maps.label, y);
+
+        for (int x = 0; x < key->maps.disp.width; x++) {
+            int tx, ty;
+
+            if (!tiles[x / SST_SCENE_CELLS])
+                continue;
+            label[x] = SST_LABEL_NONE;
+            tx = disp[x] == SST_DISP_NONE ? -1 : place_in(&way, &ref->maps.disp, x, y, disp[x], &ty);
+            if (tx >= 0 && abs(sst_map_u16_row(&ref->maps.disp, ty)[tx] - disp[x]) <= AGREE_Q6)
+                label[x] = sst_map_u8_row(&ref->maps.label, ty)[tx];
+        }
+    }
+}
+
+/* Count a label's disparities. @return cells */
+static int64_t count_label(int64_t *hist, const struct sst_scene_maps *maps, int label)
+{
+    int64_t cells = 0;
+
+    for (int y = 0; y < maps->label.height; y++) {
+        const uint8_t *l = sst_map_u8_row(&maps->label, y);
+        const uint16_t *d = sst_map_u16_row(&maps->disp, y);
+
+        for (int x = 0; x < maps->label.width; x++) {
+            if (l[x] != label || d[x] == SST_DISP_NONE)
+                continue;
+            if (!cells++)
+                memset(hist, 0, SST_DISP_BINS * sizeof(*hist));
+            hist[d[x]]++;
+        }
+    }
+    return cells;
+}
+
+void sst_scene_fit_labels(struct sst_scene_candidates *c, const struct sst_scene_maps *maps, int classes,
+                          double disp_min_px, int64_t *hist)
+{
+    float highest[SST_SCENE_COLUMNS] = { 0 };
+    struct sst_refine_config cfg;
+
+    sst_refine_config_defaults(&cfg);
+    cfg.min_pixels = MIN_CELLS;
+    cfg.matcher_sigma_px = SIGMA_PX;
+    *c = (struct sst_scene_candidates){ 0 };
+    for (int label = 1; label <= classes; label++) {
+        struct sst_label_fit fit;
+
+        if (count_label(hist, maps, label) < MIN_CELLS)
+            continue;
+        fit = sst_label_fit_histogram(hist, disp_min_px, &cfg);
+        for (int i = 0; i < SST_SCENE_COLUMNS; i++) {
+            const double px = disp_min_px + ((i + 0.5) * (1 << SST_SCENE_COLUMN_SHIFT)) / SST_DISP_SCALE;
+            const float density = (float)sst_label_fit_density(&fit, px);
+
+            if (!((double)density > cfg.eps_d))
+                continue;
+            c->mask[i] |= (uint64_t)1 << (label - 1);
+            if (density > highest[i]) {
+                highest[i] = density;
+                c->best[i] = (uint8_t)label;
+            }
+        }
+    }
+}
+
+/* The label of a neighbouring cell, if it is of the same surface and a candidate; else 0. */
+static uint8_t from_neighbour(const struct sst_scene_maps *maps, const struct sst_scene_candidates *c, int disp_q6,
+                              int x, int y)
+{
+    int label, d;
+
+    if (x < 0 || y < 0 || x >= maps->label.width || y >= maps->label.height)
+        return SST_LABEL_NONE;
+    label = sst_map_u8_row(&maps->label, y)[x];
+    d = sst_map_u16_row(&maps->disp, y)[x];
+    if (label == SST_LABEL_NONE || d == (int)SST_DISP_NONE || abs(d - disp_q6) > SURFACE_Q6)
+        return SST_LABEL_NONE;
+    return c->mask[disp_q6 >> SST_SCENE_COLUMN_SHIFT] >> (label - 1) & 1 ? (uint8_t)label : SST_LABEL_NONE;
+}
+
+/* Labels spread to cells without one: rightwards and down (step 1), or leftwards and up (step -1). */
+static void spread(struct sst_scene_maps *maps, const struct sst_scene_candidates *c, const uint8_t *dirty,
+                   int tile_cols, int step)
+{
+    const int w = maps->label.width, h = maps->label.height;
+
+    for (int y = step > 0 ? 0 : h - 1; y >= 0 && y < h; y += step) {
+        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint16_t *disp = sst_map_u16_row(&maps->disp, y);
+        uint8_t *label = sst_map_u8_row(&maps->label, y);
+
+        for (int x = step > 0 ? 0 : w - 1; x >= 0 && x < w; x += step) {
+            if (!tiles[x / SST_SCENE_CELLS] || label[x] != SST_LABEL_NONE || disp[x] == SST_DISP_NONE)
+                continue;
+            label[x] = from_neighbour(maps, c, disp[x], x - step, y);
+            if (label[x] == SST_LABEL_NONE)
+                label[x] = from_neighbour(maps, c, disp[x], x, y - step);
+        }
+    }
+}
+
+void sst_scene_fill_labels(struct sst_scene_maps *maps, const struct sst_scene_candidates *c, const uint8_t *dirty,
+                           int tile_cols)
+{
+    spread(maps, c, dirty, tile_cols, 1);
+    spread(maps, c, dirty, tile_cols, -1);
+    for (int y = 0; y < maps->label.height; y++) {
+        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint16_t *disp = sst_map_u16_row(&maps->disp, y);
+        uint8_t *label = sst_map_u8_row(&maps->label, y);
+
+        for (int x = 0; x < maps->label.width; x++) {
+            if (tiles[x / SST_SCENE_CELLS] && label[x] == SST_LABEL_NONE && disp[x] != SST_DISP_NONE)
+                label[x] = c->best[disp[x] >> SST_SCENE_COLUMN_SHIFT];
+        }
+    }
+}

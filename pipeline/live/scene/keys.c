@@ -1,0 +1,224 @@
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#include "pipeline/live/scene/scene_parts.h"
+
+/* One key for so many views along a row, and along a column. */
+#define KEY_SPACING 3
+/* Steps of half a pixel at half size: what see-through weights tell apart is far coarser. */
+#define DIVISOR 2
+/* Census between pixels in halves: as fine as the steps. */
+#define PHASE_STEP 2
+/* Penalties of the semi-global optimisation: those of the preview preset. */
+#define PENALTY_1 14
+#define PENALTY_2 90
+#define EDGE_STEP 24
+#define PATHS     4
+
+static bool present_at(const struct sst_lightfield *lf, int row, int col)
+{
+    return row >= 0 && col >= 0 && row < lf->rows && col < lf->cols && lf->views[row * lf->cols + col].present;
+}
+
+int sst_scene_neighbours(const struct sst_lightfield *lf, int view, int out[SST_SCENE_NEIGHBOURS])
+{
+    static const int sides[][2] = {
+        { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 }, { -1, -1 }, { -1, 1 }, { 1, -1 }, { 1, 1 }
+    };
+    int count = 0;
+
+    for (int i = 0; i < (int)ARRAY_LEN(sides) && count < SST_SCENE_NEIGHBOURS; i++) {
+        const int row = view / lf->cols + sides[i][0], col = view % lf->cols + sides[i][1];
+
+        if (present_at(lf, row, col))
+            out[count++] = row * lf->cols + col;
+    }
+    return count;
+}
+
+/* The present view with a neighbour nearest to a place, within reach; -1: none. Ties go to the lower index. */
+static int nearest_view(const struct sst_lightfield *lf, int row, int col, int reach)
+{
+    int best = -1, least = 0;
+
+    for (int r = row - reach; r <= row + reach; r++) {
+        for (int c = col - reach; c <= col + reach; c++) {
+            const int distance = (r - row) * (r - row) + (c - col) * (c - col);
+            int unused[SST_SCENE_NEIGHBOURS];
+
+            if (!present_at(lf, r, c) || (best >= 0 && distance >= least))
+                continue;
+            if (sst_scene_neighbours(lf, r * lf->cols + c, unused)) {
+                best = r * lf->cols + c;
+                least = distance;
+            }
+        }
+    }
+    return best;
+}
+
+static int add_key(int *views, int count, int view)
+{
+    for (int i = 0; i < count; i++) {
+        if (views[i] == view)
+            return count;
+    }
+    if (view < 0 || count == SST_SCENE_KEYS)
+        return count;
+    views[count] = view;
+    return count + 1;
+}
+
+int sst_scene_choose_keys(const struct sst_lightfield *lf, int views[SST_SCENE_KEYS])
+{
+    const int down = (lf->rows + KEY_SPACING - 1) / KEY_SPACING, across = (lf->cols + KEY_SPACING - 1) / KEY_SPACING;
+    const int ref = lf->ref_view;
+    /* Where views are missing the reference may stand alone: then the nearest one that does not. */
+    int count = add_key(views, 0, nearest_view(lf, ref / lf->cols, ref % lf->cols, sst_max_int(lf->rows, lf->cols)));
+
+    for (int i = 0; i < down; i++) {
+        for (int j = 0; j < across; j++)
+            count = add_key(views, count,
+                            nearest_view(lf, (2 * i + 1) * lf->rows / (2 * down), (2 * j + 1) * lf->cols / (2 * across),
+                                         KEY_SPACING / 2));
+    }
+    return count;
+}
+
+static bool overlap(const struct sst_scene_rect *a, const struct sst_scene_rect *b)
+{
+    return a->x0 < b->x1 && b->x0 < a->x1 && a->y0 < b->y1 && b->y0 < a->y1;
+}
+
+static void join(struct sst_scene_rect *a, const struct sst_scene_rect *b)
+{
+    a->x0 = sst_min_int(a->x0, b->x0);
+    a->y0 = sst_min_int(a->y0, b->y0);
+    a->x1 = sst_max_int(a->x1, b->x1);
+    a->y1 = sst_max_int(a->y1, b->y1);
+}
+
+/* Take a rectangle in: joined with those that it meets, and with the last one when there is no room. */
+static int take_in(struct sst_scene_rect *rects, int count, struct sst_scene_rect r)
+{
+    for (int i = 0; i < count;) {
+        if (!overlap(&rects[i], &r) && count < SST_SCENE_RECTS) {
+            i++;
+            continue;
+        }
+        join(&r, &rects[i]);
+        rects[i] = rects[--count];
+        i = 0;
+    }
+    rects[count] = r;
+    return count + 1;
+}
+
+int sst_scene_gather(struct sst_scene_rect rects[SST_SCENE_RECTS], const uint8_t *dirty, int cols, int rows, int width,
+                     int height)
+{
+    int count = 0;
+
+    for (int y = 0; y < rows; y++) {
+        for (int x = 0, end; x < cols; x = end + 1) {
+            for (end = x; end < cols && dirty[y * cols + end] == 1; end++)
+                ;
+            if (end > x)
+                count = take_in(rects, count, (struct sst_scene_rect){ x - 1, y - 1, end + 1, y + 2 });
+        }
+    }
+    for (int i = 0; i < count; i++) {
+        rects[i].x0 = sst_max_int(rects[i].x0 * SST_SCENE_CELLS, 0);
+        rects[i].y0 = sst_max_int(rects[i].y0 * SST_SCENE_CELLS, 0);
+        rects[i].x1 = sst_min_int(rects[i].x1 * SST_SCENE_CELLS, width);
+        rects[i].y1 = sst_min_int(rects[i].y1 * SST_SCENE_CELLS, height);
+    }
+    return count;
+}
+
+double sst_scene_disp_min(double min_px)
+{
+    return 2 * floor(min_px / 2);
+}
+
+int sst_scene_matcher_init(struct sst_scene_matcher *m, double min_px, double max_px, int width, int height)
+{
+    struct sst_scene_matcher made = { 0 };
+    const int first = (int)floor(min_px / 2), last = (int)ceil(max_px / 2);
+    int err = sst_volume_init(&made.volume, width, height, first, (last - first) * DIVISOR + 1);
+
+    made.volume.divisor = DIVISOR;
+    made.volume.phase_step = PHASE_STEP;
+    err = err ? err : sst_map_u16_init(&made.disp, width, height);
+    err = err ? err : sst_map_u8_init(&made.confidence, width, height);
+    if (err)
+        sst_scene_matcher_fini(&made);
+    else
+        *m = made;
+    return err;
+}
+
+void sst_scene_matcher_fini(struct sst_scene_matcher *m)
+{
+    sst_volume_fini(&m->volume);
+    sst_map_u16_fini(&m->disp);
+    sst_map_u8_fini(&m->confidence);
+}
+
+/* The part of a picture that a rectangle holds; borrowed. */
+static struct sst_image part_of(const struct sst_image *img, const struct sst_scene_rect *r)
+{
+    struct sst_image part = { .width = r->x1 - r->x0, .height = r->y1 - r->y0, .stride = img->stride };
+
+    for (int c = 0; c < 3; c++)
+        part.plane[c] = sst_image_row(img, c, r->y0) + r->x0;
+    return part;
+}
+
+/* Into the key's map, changed tiles only; half-size disparities become full-size ones. */
+static void keep(struct sst_scene_key *key, const struct sst_map_u16 *disp, const struct sst_descriptor *desc,
+                 const struct sst_scene_rect *r, const uint8_t *dirty, int tile_cols)
+{
+    for (int y = r->y0; y < r->y1; y++) {
+        const uint16_t *from = sst_map_u16_row(disp, y - r->y0);
+        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
+        const uint8_t *seen = desc->seen.data ? sst_map_u8_row(&desc->seen, y) : NULL;
+        uint16_t *to = sst_map_u16_row(&key->maps.disp, y);
+
+        for (int x = r->x0; x < r->x1; x++) {
+            if (tiles[x / SST_SCENE_CELLS])
+                to[x] = seen && !seen[x] ? (uint16_t)SST_DISP_NONE : (uint16_t)(2 * from[x - r->x0]);
+        }
+    }
+}
+
+int sst_scene_match(struct sst_scene_matcher *m, const struct sst_lightfield *lf, const struct sst_descriptor *desc,
+                    struct sst_scene_key *key, const struct sst_scene_rect *rect, const uint8_t *dirty, int tile_cols)
+{
+    static const struct sst_disparity_config cfg = {
+        .paths = PATHS, .p1 = PENALTY_1, .p2 = PENALTY_2, .edge_step = EDGE_STEP
+    };
+    const struct sst_view *v = &lf->views[key->view];
+    const struct sst_image part = part_of(&desc[key->view].image, rect);
+    struct sst_neighbour neighbours[SST_SCENE_NEIGHBOURS];
+    struct sst_map_u16 disp = m->disp;
+    struct sst_map_u8 confidence = m->confidence;
+    int err;
+
+    for (int i = 0; i < key->neighbours; i++) {
+        const int n = key->neighbour[i];
+
+        neighbours[i] = (struct sst_neighbour){ &desc[n], lf->views[n].bx - v->bx, lf->views[n].by - v->by };
+    }
+    disp.width = confidence.width = part.width;
+    disp.height = confidence.height = part.height;
+    sst_volume_window(&m->volume, rect->x0, rect->y0, part.width, part.height);
+    sst_volume_fill(&m->volume, &desc[key->view], neighbours, key->neighbours);
+    err = sst_sgm(&m->volume, &part, &cfg);
+    err = err ? err : sst_volume_winner(&m->volume, false, &disp, &confidence);
+    err = err ? err : sst_median5(&disp, &m->volume.lines);
+    if (!err)
+        keep(key, &disp, &desc[key->view], rect, dirty, tile_cols);
+    return err;
+}

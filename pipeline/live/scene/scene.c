@@ -1,0 +1,288 @@
+/* The parts of an update in order, and what is kept from set to set. */
+#include "pipeline/live/scene/scene.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/live/scene/scene_state.h"
+#include "pipeline/method/refine/parts.h"
+
+/* Sides of what the network sees over those of its nominal size: at half the work of the whole picture (measured in
+ * docs/live-scene.md). */
+#define LABEL_SCALE 1.0
+/* More tiles changed than this share: everything is computed. */
+#define WHOLE_SHARE 0.8
+
+static void free_maps(struct sst_scene_maps *m)
+{
+    sst_map_u16_fini(&m->disp);
+    sst_map_u8_fini(&m->label);
+    sst_map_u8_fini(&m->sure);
+}
+
+void sst_live_scene_close(struct sst_live_scene *s)
+{
+    if (!s)
+        return;
+    sst_scene_background_close(s->background);
+    for (int i = 0; i < s->threads; i++) {
+        if (s->composers)
+            sst_scene_composer_fini(&s->composers[i]);
+        if (s->segmenters)
+            sst_segmenter_close(s->segmenters[i]);
+    }
+    for (int i = 0; i < SST_SCENE_KEYS; i++)
+        free_maps(&s->key[i].maps);
+    for (int view = 0; view < s->views; view++) {
+        if (s->desc)
+            sst_descriptor_fini(&s->desc[view]);
+        free(s->dirty[view]);
+        free(s->before[view]);
+        free(s->changed_ns[view]);
+        free(s->settled[view]);
+    }
+    sst_scene_free_matchers(s);
+    free(s->composers);
+    free(s->segmenters);
+    free(s->desc);
+    free(s->jobs);
+    free(s->all);
+    free(s->candidates);
+    sst_scene_things_close(s->things);
+    sst_mem_free(s->hist);
+    free(s);
+}
+
+static int allocate(struct sst_live_scene *s)
+{
+    int err = 0;
+
+    s->composers = calloc((size_t)s->threads, sizeof(*s->composers));
+    s->desc = calloc((size_t)s->views, sizeof(*s->desc));
+    s->all = malloc((size_t)s->tiles);
+    s->jobs = calloc(1 + SST_SCENE_KEYS * SST_SCENE_RECTS, sizeof(*s->jobs));
+    s->candidates = calloc(1, sizeof(*s->candidates));
+    s->hist = sst_mem_alloc(SST_DISP_BINS, sizeof(*s->hist));
+    if (!s->composers || !s->desc || !s->all || !s->jobs || !s->candidates || !s->hist)
+        return -ENOMEM;
+    memset(s->all, 1, (size_t)s->tiles);
+    for (int i = 0; !err && i < s->threads; i++)
+        err = sst_scene_composer_init(&s->composers[i], s->width, s->height);
+    for (int view = 0; !err && view < s->views; view++) {
+        s->dirty[view] = calloc((size_t)s->tiles, 1);
+        s->before[view] = calloc((size_t)s->tiles, 1);
+        s->changed_ns[view] = calloc((size_t)s->tiles, sizeof(int64_t));
+        s->settled[view] = calloc((size_t)s->tiles, sizeof(bool));
+        if (!s->dirty[view] || !s->before[view] || !s->changed_ns[view] || !s->settled[view])
+            err = -ENOMEM;
+    }
+    return err;
+}
+
+static int open_labels(struct sst_live_scene *s)
+{
+    const struct sst_segment_config quick = { .scale = LABEL_SCALE };
+    int err;
+
+    if (!s->cfg->model)
+        return 0;
+    s->segmenters = calloc((size_t)s->threads, sizeof(*s->segmenters));
+    if (!s->segmenters)
+        return -ENOMEM;
+    err = sst_scene_open_segmenter(s, 0);
+    if (err)
+        return err;
+    if (s->cfg->skip_labels)
+        sst_segmenter_configure(s->segmenters[0], &quick);
+    s->lf->classes = *sst_segmenter_classes(s->segmenters[0]);
+    err = sst_scene_things_open(&s->things, s->width, s->height, s->cols, s->rows);
+    if (err)
+        sst_log_error("not enough memory to label what moves in a view of %dx%d", s->lf->width, s->lf->height);
+    return err;
+}
+
+int sst_live_scene_open(struct sst_live_scene **out, const struct sst_live_config *cfg, struct sst_lightfield *lf)
+{
+    struct sst_live_scene *s = calloc(1, sizeof(*s));
+    int err;
+
+    if (!s)
+        return -ENOMEM;
+    s->cfg = cfg;
+    s->lf = lf;
+    s->threads = sst_thread_count(cfg->threads);
+    s->views = lf->rows * lf->cols;
+    s->width = (lf->width + 1) / 2;
+    s->height = (lf->height + 1) / 2;
+    s->cols = (lf->width + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
+    s->rows = (lf->height + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
+    s->tiles = s->cols * s->rows;
+    s->error_labels = s->sure = NAN;
+    err = allocate(s);
+    if (err)
+        sst_log_error("not enough memory to follow a scene of %d views of %dx%d", s->views, lf->width, lf->height);
+    err = err ? err : open_labels(s);
+    if (!err && cfg->background)
+        err = sst_scene_background_open(&s->background, cfg, lf);
+    if (err)
+        sst_live_scene_close(s);
+    else
+        *out = s;
+    return err;
+}
+
+void sst_live_scene_cancel(struct sst_live_scene *s)
+{
+    s->cancel = true;
+    sst_scene_background_cancel(s->background);
+}
+
+/* --- an update ---------------------------------------------------------------------------------------------------- */
+
+static bool beside_changed(const struct sst_live_scene *s, int view, int tile)
+{
+    const int x0 = sst_max_int(tile % s->cols - 1, 0), x1 = sst_min_int(tile % s->cols + 1, s->cols - 1);
+    const int y0 = sst_max_int(tile / s->cols - 1, 0), y1 = sst_min_int(tile / s->cols + 1, s->rows - 1);
+
+    for (int y = y0; y <= y1; y++)
+        for (int x = x0; x <= x1; x++)
+            if (s->dirty[view][y * s->cols + x] == 1)
+                return true;
+    return false;
+}
+
+/* What is computed once more: see SST_SCENE_AGAIN. */
+static void mark_again(struct sst_live_scene *s, int view)
+{
+    for (int i = 0; i < s->tiles; i++) {
+        if (!s->dirty[view][i] && s->before[view][i] && beside_changed(s, view, i))
+            s->dirty[view][i] = SST_SCENE_AGAIN;
+    }
+}
+
+/* What there is to compute. @return tiles */
+static int64_t mark_dirty(struct sst_live_scene *s, const struct sst_live_changes *changes)
+{
+    const int64_t now = sst_clock_now_ns();
+    int64_t all = 0, count = 0;
+
+    for (int view = 0; view < s->views; view++) {
+        if (!s->lf->views[view].present) {
+            memset(s->dirty[view], 0, (size_t)s->tiles);
+            continue;
+        }
+        for (int i = 0; i < s->tiles; i++) {
+            /* New views are marked already. */
+            s->dirty[view][i] |= !changes->map[view] || changes->map[view][i];
+            count += s->dirty[view][i];
+        }
+        all += s->tiles;
+    }
+    s->whole = s->whole_next || !s->ready || changes->whole || (!s->cfg->skip_change && count > 0) ||
+               (double)count > WHOLE_SHARE * (double)all;
+    for (int view = 0; view < s->views; view++) {
+        for (int i = 0; s->lf->views[view].present && i < s->tiles; i++) {
+            s->dirty[view][i] |= s->whole;
+            if (s->dirty[view][i]) {
+                s->changed_ns[view][i] = now;
+                s->settled[view][i] = false;
+            }
+        }
+        if (s->lf->views[view].present && !s->whole)
+            mark_again(s, view);
+    }
+    return s->whole ? all : count;
+}
+
+/* Tell what was computed: pictures, and maps where everything was. */
+static void tell(const struct sst_live_scene *s, struct sst_live_changes *changes)
+{
+    changes->whole = s->whole;
+    changes->changed = 0;
+    for (int view = 0; view < s->views; view++) {
+        if (!changes->map[view] || !s->lf->views[view].present)
+            continue;
+        for (int i = 0; i < s->tiles; i++) {
+            changes->map[view][i] = s->dirty[view][i] != 0;
+            changes->changed += changes->map[view][i];
+        }
+    }
+}
+
+static void clean(struct sst_live_scene *s)
+{
+    for (int view = 0; view < s->views; view++) {
+        for (int i = 0; i < s->tiles; i++)
+            s->before[view][i] = !s->whole && s->dirty[view][i] == 1;
+        memset(s->dirty[view], 0, (size_t)s->tiles);
+    }
+    memset(s->key_whole, 0, sizeof(s->key_whole));
+    s->whole_next = false;
+    s->ready = true;
+}
+
+/* What changed, as far as it can be computed. */
+static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, struct sst_live_report *report)
+{
+    int64_t tiles;
+    int err = sst_scene_plan(s);
+
+    if (err)
+        return err;
+    if (!s->keys) {
+        if (!s->told_alone)
+            sst_log_warning("no two neighbouring cameras give pictures: disparities need two, so there is plain"
+                            " refocusing only");
+        s->told_alone = true;
+        s->ready = false;
+        return 0;
+    }
+    s->told_alone = false;
+    tiles = mark_dirty(s, changes);
+    if (s->things)
+        sst_scene_things_rest(s->things, &s->key[0], s->dirty[s->key[0].view]);
+    if (!tiles)
+        return sst_scene_follow_range(s, true);
+    err = sst_scene_find_range(s);
+    if (err || !s->ranged)
+        return err;
+    err = sst_scene_follow_range(s, false);
+    err = err ? err : sst_scene_compute(s, report);
+    if (err)
+        return err;
+    report->label_runs = s->label_runs;
+    tell(s, changes);
+    clean(s);
+    report->whole = s->whole;
+    return 0;
+}
+
+int sst_live_scene_update(struct sst_live_scene *s, struct sst_live_changes *changes, struct sst_live_report *report)
+{
+    int64_t present = 0;
+    int err = sst_scene_cancelled(s);
+
+    report->stage_ns[SST_LIVE_DISPARITY] = report->stage_ns[SST_LIVE_LABELS] = report->stage_ns[SST_LIVE_REFINE] = 0;
+    report->label_runs = 0;
+    report->whole = false;
+    err = err ? err : follow(s, changes, report);
+    for (int view = 0; view < s->views; view++)
+        present += s->lf->views[view].present;
+    report->label_runs_skipped = s->segmenters ? present - report->label_runs : 0;
+    report->ready = s->ready;
+    report->alone = s->told_alone;
+    report->error_labels = s->error_labels;
+    report->sure = s->sure;
+    s->error_labels = NAN;
+    if (err)
+        s->whole_next = true;
+    else if (s->ready)
+        sst_scene_look_for_rest(s);
+    if (err == -ENOMEM)
+        sst_log_error("not enough memory to follow the scene; the next set is computed anew");
+    return err;
+}

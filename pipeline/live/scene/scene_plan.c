@@ -1,0 +1,246 @@
+/* Which views are keys, and the range of disparities. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/live/scene/scene_state.h"
+
+#define RETRY_NS INT64_C(2000000000)
+/* Something may have come nearer than the range where so much of what changed in the reference, one tile of so many at
+ * least, is seen by no other key at the same disparity: 1 % is usual, 25 to 40 % what is out of range. An estimate
+ * costs as much as three sets: after one that tells nothing new so many such sets pass before the next, four times as
+ * many each time, and after a rest as few as at first. */
+#define UNSURE_SHARE 0.15
+#define CHANGED      33
+#define LOOK_FIRST   2
+#define LOOK_MOST    512
+#define REST_SETS    100
+/* The range grows when two estimates in a row say so, by more than what they are good to. */
+#define NEARER_PX 2.0
+
+/* --- which views are keys ----------------------------------------------------------------------------------------- */
+
+static int make_key(struct sst_live_scene *s, struct sst_scene_key *key, int view)
+{
+    struct sst_scene_maps *m = &key->maps;
+    int err = 0;
+
+    key->view = view;
+    key->neighbours = sst_scene_neighbours(s->lf, view, key->neighbour);
+    if (!m->disp.data) {
+        err = sst_map_u16_init(&m->disp, s->width, s->height);
+        err = err ? err : sst_map_u8_init(&m->label, s->width, s->height);
+        err = err ? err : sst_map_u8_init(&m->sure, s->width, s->height);
+    }
+    if (!err)
+        memset(m->disp.data, 0xFF, m->disp.stride * (size_t)m->disp.height);
+    return err;
+}
+
+/* Maps of a view that is there for the first time: nothing is known. */
+static int make_view_maps(struct sst_live_scene *s, struct sst_view *v)
+{
+    int err = 0;
+
+    if (!v->disp.data) {
+        err = sst_map_u16_init(&v->disp, s->lf->width, s->lf->height);
+        if (!err)
+            memset(v->disp.data, 0xFF, v->disp.stride * (size_t)v->disp.height);
+    }
+    if (!err && s->cfg->model && !v->label.data)
+        err = sst_map_u8_init(&v->label, s->lf->width, s->lf->height);
+    return err;
+}
+
+/* Choose keys anew; those that were keys before keep their maps. */
+static int choose_keys(struct sst_live_scene *s)
+{
+    int views[SST_SCENE_KEYS], err = 0;
+    const int count = sst_scene_choose_keys(s->lf, views);
+
+    for (int i = 0; !err && i < count; i++) {
+        int at = i;
+
+        while (at < s->keys && s->key[at].view != views[i])
+            at++;
+        if (at < s->keys) {
+            const struct sst_scene_key swap = s->key[i];
+            const bool whole = s->key_whole[i];
+
+            s->key[i] = s->key[at];
+            s->key_whole[i] = s->key_whole[at];
+            s->key[at] = swap;
+            s->key_whole[at] = whole;
+            s->key[i].neighbours = sst_scene_neighbours(s->lf, views[i], s->key[i].neighbour);
+            continue;
+        }
+        err = make_key(s, &s->key[i], views[i]);
+        s->key_whole[i] = true;
+    }
+    s->keys = err ? 0 : count;
+    return err;
+}
+
+/* Follow the views that come and go. */
+int sst_scene_plan(struct sst_live_scene *s)
+{
+    bool same = true;
+    int err = 0;
+
+    for (int view = 0; view < s->views; view++)
+        same = same && s->planned[view] == s->lf->views[view].present;
+    if (same)
+        return 0;
+    for (int view = 0; !err && view < s->views; view++) {
+        if (!s->lf->views[view].present)
+            continue;
+        err = make_view_maps(s, &s->lf->views[view]);
+        if (!s->planned[view])
+            memset(s->dirty[view], 1, (size_t)s->tiles);
+    }
+    err = err ? err : choose_keys(s);
+    memset(s->described, 0, sizeof(s->described));
+    for (int k = 0; !err && k < s->keys; k++) {
+        s->described[s->key[k].view] = true;
+        for (int i = 0; i < s->key[k].neighbours; i++)
+            s->described[s->key[k].neighbour[i]] = true;
+    }
+    for (int view = 0; !err && view < s->views; view++) {
+        s->planned[view] = s->lf->views[view].present;
+        /* Made anew when it is needed again. */
+        if (!s->described[view])
+            sst_descriptor_fini(&s->desc[view]);
+    }
+    return err;
+}
+
+/* --- the range ---------------------------------------------------------------------------------------------------- */
+
+void sst_scene_free_matchers(struct sst_live_scene *s)
+{
+    for (int i = 0; s->matchers && i < s->threads; i++)
+        sst_scene_matcher_fini(&s->matchers[i]);
+    free(s->matchers);
+    s->matchers = NULL;
+}
+
+int sst_scene_set_range(struct sst_live_scene *s, double min_px, double max_px)
+{
+    struct sst_scene_matcher *made = calloc((size_t)s->threads, sizeof(*made));
+    int err = made ? 0 : -ENOMEM;
+
+    for (int i = 0; !err && i < s->threads; i++)
+        err = sst_scene_matcher_init(&made[i], min_px, max_px, s->width, s->height);
+    if (err) {
+        for (int i = 0; made && i < s->threads; i++)
+            sst_scene_matcher_fini(&made[i]);
+        free(made);
+        return err;
+    }
+    sst_scene_free_matchers(s);
+    s->matchers = made;
+    s->lf->range_min_px = min_px;
+    s->lf->range_max_px = max_px;
+    s->lf->disp_min_px = sst_scene_disp_min(min_px);
+    return 0;
+}
+
+/* The range of disparities, once. @return 0; s->ranged tells whether it is known */
+int sst_scene_find_range(struct sst_live_scene *s)
+{
+    double min_px = s->cfg->range_min_px, max_px = s->cfg->range_max_px;
+    char text[SST_LOG_MAX], *before;
+    int err;
+
+    if (s->ranged)
+        return 0;
+    if (!(min_px < max_px)) {
+        if (sst_clock_now_ns() < s->next_range_ns)
+            return 0;
+        before = sst_log_hold_errors(text);
+        err = sst_disparity_range(s->lf, s->threads, &min_px, &max_px);
+        (void)sst_log_hold_errors(before);
+        if (err && err != -ENODATA)
+            return err;
+        if (err) {
+            if (!s->told_range)
+                sst_log_warning(
+                    "the pictures have too little texture to tell how far away things are; see-through begins"
+                    " when they have, or give live.range_min_px and live.range_max_px");
+            s->told_range = true;
+            s->next_range_ns = sst_clock_now_ns() + RETRY_NS;
+            return 0;
+        }
+        sst_log_info("disparities found between %.0f and %.0f px", min_px, max_px);
+    }
+    err = sst_scene_set_range(s, min_px, max_px);
+    s->ranged = !err;
+    return err;
+}
+
+/* The near end of the range, by the estimate of this set. */
+static int look_nearer(struct sst_live_scene *s)
+{
+    double min_px, max_px, both_px;
+    char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
+    int err = sst_disparity_range(s->lf, s->threads, &min_px, &max_px);
+
+    (void)sst_log_hold_errors(before);
+    if (err && err != -ENODATA)
+        return err;
+    both_px = fmin(max_px, s->nearer_px);
+    s->nearer_px = err ? 0 : max_px;
+    if (err || max_px < s->lf->range_max_px + NEARER_PX) {
+        s->look_in = s->look_every;
+        s->look_every = sst_min_int(4 * s->look_every, LOOK_MOST);
+        return 0;
+    }
+    s->look_in = 0;
+    if (both_px < s->lf->range_max_px + NEARER_PX)
+        return 0;
+    s->look_every = LOOK_FIRST;
+    sst_log_info("disparities found up to %.0f px", both_px);
+    return sst_scene_set_range(s, s->lf->range_min_px, both_px);
+}
+
+void sst_scene_note_unsure(struct sst_live_scene *s)
+{
+    const struct sst_scene_maps *maps = &s->key[0].maps;
+    const uint8_t *dirty = s->dirty[s->key[0].view];
+    int tiles = 0, cells = 0, unsure = 0;
+
+    for (int i = 0; i < s->tiles; i++) {
+        const int x0 = i % s->cols * SST_SCENE_CELLS, y0 = i / s->cols * SST_SCENE_CELLS;
+        const int x1 = sst_min_int(x0 + SST_SCENE_CELLS, s->width), y1 = sst_min_int(y0 + SST_SCENE_CELLS, s->height);
+
+        if (dirty[i] != 1)
+            continue;
+        tiles++;
+        for (int y = y0; y < y1; y++)
+            for (int x = x0; x < x1; x++, cells++)
+                unsure += !sst_map_u8_row(&maps->sure, y)[x];
+    }
+    s->unsure_share = CHANGED * tiles < s->tiles ? 0 : (double)unsure / cells;
+}
+
+int sst_scene_follow_range(struct sst_live_scene *s, bool still)
+{
+    if (s->cfg->range_min_px < s->cfg->range_max_px || !s->ranged)
+        return 0;
+    if (still) {
+        s->rested = sst_min_int(s->rested + 1, REST_SETS);
+        return 0;
+    }
+    if (s->rested == REST_SETS || !s->look_every) {
+        s->look_every = LOOK_FIRST;
+        s->look_in = 0;
+    }
+    s->rested = 0;
+    if (s->whole || s->unsure_share < UNSURE_SHARE || s->look_in-- > 0)
+        return 0;
+    return look_nearer(s);
+}

@@ -1,0 +1,189 @@
+/* What the background is started for, and takes over of what it made. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/live/scene/scene_state.h"
+
+/* The background starts when this share of the tiles stood still for so long, and enough of it can become better. */
+#define STILL_NS      INT64_C(2000000000)
+#define STILL_SHARE   0.7
+#define BETTER_SHARE  0.05
+#define LOOK_EVERY_NS INT64_C(250000000)
+/* After a background that failed. */
+#define RETRY_NS INT64_C(60000000000)
+
+void sst_scene_look_for_rest(struct sst_live_scene *s)
+{
+    const int64_t now = sst_clock_now_ns();
+    int64_t all = 0, still = 0, better = 0;
+
+    if (!s->background || now < s->next_look_ns)
+        return;
+    s->next_look_ns = now + LOOK_EVERY_NS;
+    for (int view = 0; view < s->views; view++) {
+        if (!s->lf->views[view].present)
+            continue;
+        all += s->tiles;
+        for (int i = 0; i < s->tiles; i++) {
+            const bool stands = now - s->changed_ns[view][i] >= STILL_NS;
+
+            still += stands;
+            better += stands && !s->settled[view][i];
+        }
+    }
+    if ((double)still < STILL_SHARE * (double)all || (double)better < BETTER_SHARE * (double)all ||
+        !sst_scene_background_idle(s->background))
+        return;
+    if (sst_scene_background_start(s->background, s->lf->range_min_px, s->lf->range_max_px)) {
+        s->next_look_ns = now + RETRY_NS;
+        return;
+    }
+    s->copied_ns = now;
+}
+
+bool sst_live_scene_unsettled(struct sst_live_scene *s)
+{
+    return sst_scene_background_done(s->background);
+}
+
+/* Move all maps to another zero. */
+static void move_zero(struct sst_live_scene *s, double before_px)
+{
+    const int by = (int)lround((before_px - s->lf->disp_min_px) * SST_DISP_SCALE);
+    struct sst_map_u16 *maps[SST_MAX_VIEWS + SST_SCENE_KEYS];
+    int count = 0;
+
+    for (int view = 0; view < s->views; view++)
+        maps[count++] = &s->lf->views[view].disp;
+    for (int k = 0; k < s->keys; k++)
+        maps[count++] = &s->key[k].maps.disp;
+    for (int i = 0; by && i < count; i++) {
+        for (int y = 0; y < maps[i]->height; y++) {
+            uint16_t *d = sst_map_u16_row(maps[i], y);
+
+            for (int x = 0; x < maps[i]->width; x++)
+                d[x] = d[x] == SST_DISP_NONE ? d[x] : (uint16_t)sst_clamp_int(d[x] + by, 0, (int)SST_DISP_MAX_Q6);
+        }
+    }
+}
+
+/* A range that the background found wider. @return it is searched from now on */
+static bool take_range(struct sst_live_scene *s, const struct sst_lightfield *from)
+{
+    const double before_px = s->lf->disp_min_px;
+
+    if (from->range_min_px >= s->lf->range_min_px && from->range_max_px <= s->lf->range_max_px)
+        return false;
+    if (sst_scene_set_range(s, from->range_min_px, from->range_max_px)) {
+        sst_log_warning("not enough memory to search disparities from %.0f to %.0f px; those from %.0f to %.0f px stay",
+                        from->range_min_px, from->range_max_px, s->lf->range_min_px, s->lf->range_max_px);
+        return false;
+    }
+    sst_log_info("disparities found between %.0f and %.0f px", from->range_min_px, from->range_max_px);
+    move_zero(s, before_px);
+    if (s->things && s->lf->disp_min_px != before_px)
+        sst_scene_things_forget(s->things);
+    return true;
+}
+
+/* One tile of one view. @return pixels whose label became another */
+static int64_t take_tile(struct sst_live_scene *s, const struct sst_lightfield *from, int view, int tile)
+{
+    struct sst_view *to = &s->lf->views[view];
+    const struct sst_view *v = &from->views[view];
+    const int x0 = tile % s->cols * SST_LIVE_TILE, y0 = tile / s->cols * SST_LIVE_TILE;
+    const int x1 = sst_min_int(x0 + SST_LIVE_TILE, s->lf->width), y1 = sst_min_int(y0 + SST_LIVE_TILE, s->lf->height);
+    const int by = (int)lround((from->disp_min_px - s->lf->disp_min_px) * SST_DISP_SCALE);
+    int64_t other = 0;
+
+    for (int y = y0; y < y1; y++) {
+        const uint16_t *d = sst_map_u16_row(&v->disp, y);
+        uint16_t *out = sst_map_u16_row(&to->disp, y);
+
+        for (int x = x0; x < x1; x++)
+            out[x] = d[x] == SST_DISP_NONE ? d[x] : (uint16_t)sst_clamp_int(d[x] + by, 0, (int)SST_DISP_MAX_Q6);
+        for (int x = x0; v->label.data && to->label.data && x < x1; x++) {
+            uint8_t *label = &sst_map_u8_row(&to->label, y)[x];
+
+            other += *label != sst_map_u8_row(&v->label, y)[x];
+            *label = sst_map_u8_row(&v->label, y)[x];
+        }
+    }
+    return other;
+}
+
+/* The same cells of a key: what it carries over to other views becomes better, too. */
+static void take_cells(struct sst_live_scene *s, struct sst_scene_key *key, const struct sst_view *from, int tile)
+{
+    const struct sst_view *v = &s->lf->views[key->view];
+    const int x0 = tile % s->cols * SST_SCENE_CELLS, y0 = tile / s->cols * SST_SCENE_CELLS;
+    const int x1 = sst_min_int(x0 + SST_SCENE_CELLS, s->width), y1 = sst_min_int(y0 + SST_SCENE_CELLS, s->height);
+
+    for (int y = y0; y < y1; y++) {
+        for (int x = x0; x < x1; x++) {
+            sst_map_u16_row(&key->maps.disp, y)[x] = sst_map_u16_row(&v->disp, 2 * y)[2 * x];
+            sst_map_u8_row(&key->maps.sure, y)[x] = sst_map_u8_row(&from->confidence, 2 * y)[2 * x] > 0;
+            if (v->label.data)
+                sst_map_u8_row(&key->maps.label, y)[x] = sst_map_u8_row(&v->label, 2 * y)[2 * x];
+        }
+    }
+}
+
+static int key_of(const struct sst_live_scene *s, int view)
+{
+    for (int k = 0; k < s->keys; k++) {
+        if (s->key[k].view == view)
+            return k;
+    }
+    return -1;
+}
+
+bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *changes)
+{
+    const struct sst_lightfield *from;
+    int64_t taken = 0, other = 0, pixels = 0;
+
+    changes->whole = false;
+    changes->changed = 0;
+    for (int view = 0; view < s->views; view++) {
+        if (changes->map[view])
+            memset(changes->map[view], 0, (size_t)s->tiles);
+    }
+    if (!s->background || !sst_scene_background_done(s->background))
+        return false;
+    from = sst_scene_background_result(s->background);
+    if (!from) {
+        s->next_look_ns = sst_clock_now_ns() + RETRY_NS;
+        return false;
+    }
+    (void)take_range(s, from);
+    for (int view = 0; view < s->views; view++) {
+        const int k = key_of(s, view);
+
+        if (!from->views[view].present || !s->lf->views[view].present || !s->planned[view])
+            continue;
+        for (int i = 0; i < s->tiles; i++) {
+            if (s->changed_ns[view][i] > s->copied_ns)
+                continue;
+            other += take_tile(s, from, view, i);
+            pixels += SST_LIVE_TILE * SST_LIVE_TILE;
+            if (k >= 0)
+                take_cells(s, &s->key[k], &from->views[view], i);
+            if (k == 0 && s->things)
+                sst_scene_things_settle(s->things, &s->key[0], i);
+            s->settled[view][i] = true;
+            if (changes->map[view])
+                changes->map[view][i] = 1;
+            taken++;
+        }
+    }
+    sst_scene_background_release(s->background);
+    if (s->segmenters && pixels)
+        s->error_labels = (double)other / (double)pixels;
+    changes->changed = taken;
+    return taken > 0;
+}

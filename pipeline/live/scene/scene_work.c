@@ -1,0 +1,278 @@
+/* The work of an update, piece by piece, each on one thread. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/live/scene/scene_state.h"
+#include "pipeline/method/refine/parts.h"
+
+/* The network runs where at least one tile of so many changed in the reference; less follows what is around. */
+#define LABEL_TILES 100
+/* Label distributions are fitted anew with every whole set and after so many runs of the network. */
+#define FIT_RUNS 16
+
+int sst_scene_open_segmenter(struct sst_live_scene *s, int worker)
+{
+    const int err =
+        s->segmenters[worker] ? 0 : sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
+
+    return err;
+}
+
+static bool any(const uint8_t *tiles, int count)
+{
+    return memchr(tiles, 1, (size_t)count) != NULL;
+}
+
+/* Rows of half size that hold the changed tiles. */
+static void changed_rows(const struct sst_live_scene *s, int view, int *y0, int *y1)
+{
+    *y0 = s->height;
+    *y1 = 0;
+    for (int y = 0; y < s->rows; y++) {
+        if (!any(s->dirty[view] + y * s->cols, s->cols))
+            continue;
+        *y0 = sst_min_int(*y0, y * SST_SCENE_CELLS);
+        *y1 = sst_min_int((y + 1) * SST_SCENE_CELLS, s->height);
+    }
+}
+
+static unsigned phases_of(const struct sst_live_scene *s, int view)
+{
+    unsigned phases = 0;
+
+    for (int k = 0; k < s->keys; k++) {
+        const struct sst_view *key = &s->lf->views[s->key[k].view];
+
+        for (int i = 0; i < s->key[k].neighbours; i++) {
+            if (s->key[k].neighbour[i] == view)
+                phases |= sst_volume_phases(&s->matchers[0].volume, s->lf->views[view].bx - key->bx,
+                                            s->lf->views[view].by - key->by);
+        }
+    }
+    return phases;
+}
+
+static int describe_job(void *arg, int view, int worker SST_UNUSED)
+{
+    struct sst_live_scene *s = arg;
+    const struct sst_view *v = &s->lf->views[view];
+    struct sst_descriptor *d = &s->desc[view];
+    int y0, y1, err = sst_scene_cancelled(s);
+
+    if (err || !s->described[view])
+        return err;
+    if (d->luma.data) {
+        changed_rows(s, view, &y0, &y1);
+        err = y0 < y1 ? sst_descriptor_renew(d, &v->image, y0, y1) : 0;
+        return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
+    }
+    err = sst_descriptor_init(d, &v->image, 2, SST_COST_CENSUS, NULL);
+    if (!err && v->valid.data)
+        err = sst_mask_reduce(&d->seen, &v->valid, 2);
+    return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
+}
+
+/* Tiles of a key that are to be matched. */
+static const uint8_t *dirty_of(const struct sst_live_scene *s, int k)
+{
+    return s->key_whole[k] ? s->all : s->dirty[s->key[k].view];
+}
+
+static int match_job(void *arg, int index, int worker)
+{
+    struct sst_live_scene *s = arg;
+    const struct sst_scene_job *job = &s->jobs[index];
+    int64_t start_ns;
+    int err = sst_scene_cancelled(s);
+
+    if (err || job->key >= 0)
+        return err ? err
+                   : sst_scene_match(&s->matchers[worker], s->lf, s->desc, &s->key[job->key], &job->rect,
+                                     dirty_of(s, job->key), s->cols);
+    start_ns = sst_clock_now_ns();
+    err = sst_scene_segment(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
+    s->label_ns = sst_clock_now_ns() - start_ns;
+    s->label_runs += !err;
+    return err;
+}
+
+static int area(const struct sst_scene_rect *r)
+{
+    return (r->x1 - r->x0) * (r->y1 - r->y0);
+}
+
+static int larger_first(const void *a, const void *b)
+{
+    return area(&((const struct sst_scene_job *)b)->rect) - area(&((const struct sst_scene_job *)a)->rect);
+}
+
+/* The network and the rectangles of all keys; the longest pieces of work first. @return how many */
+static int make_jobs(struct sst_live_scene *s)
+{
+    struct sst_scene_rect rects[SST_SCENE_RECTS];
+    int count = 0, changed = 0;
+
+    for (int i = 0; i < s->tiles; i++)
+        changed += dirty_of(s, 0)[i] == 1;
+    if (s->segmenters && s->cfg->skip_labels && LABEL_TILES * changed >= s->tiles && changed)
+        s->jobs[count++] = (struct sst_scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
+    for (int k = 0; k < s->keys; k++) {
+        const int n = sst_scene_gather(rects, dirty_of(s, k), s->cols, s->rows, s->width, s->height);
+
+        for (int i = 0; i < n; i++)
+            s->jobs[count++] = (struct sst_scene_job){ k, rects[i] };
+    }
+    qsort(s->jobs, (size_t)count, sizeof(*s->jobs), larger_first);
+    return count;
+}
+
+static int check_job(void *arg, int k, int worker SST_UNUSED)
+{
+    struct sst_live_scene *s = arg;
+
+    if (any(dirty_of(s, k), s->tiles))
+        sst_scene_check(s->key, s->keys, k, s->lf, dirty_of(s, k), s->cols);
+    return sst_scene_cancelled(s);
+}
+
+/* Share of the keys' disparities that another key sees, too. */
+static double count_sure(const struct sst_live_scene *s)
+{
+    int64_t known = 0, sure = 0;
+
+    for (int k = 0; k < s->keys; k++) {
+        const struct sst_scene_maps *m = &s->key[k].maps;
+
+        for (int y = 0; y < m->disp.height; y++) {
+            const uint16_t *disp = sst_map_u16_row(&m->disp, y);
+            const uint8_t *row = sst_map_u8_row(&m->sure, y);
+            int n[2] = { 0, 0 };
+
+            for (int x = 0; x < m->disp.width; x++) {
+                n[0] += disp[x] != SST_DISP_NONE;
+                n[1] += row[x];
+            }
+            known += n[0];
+            sure += n[1];
+        }
+    }
+    return known && s->keys > 1 ? (double)sure / (double)known : NAN;
+}
+
+/* The reference key takes the network's labels in changed tiles, and fills what it left out. */
+static void label_reference(struct sst_live_scene *s)
+{
+    struct sst_scene_maps *maps = &s->key[0].maps;
+    const uint8_t *dirty = dirty_of(s, 0);
+
+    for (int y = 0; s->labels.data && y < maps->label.height; y++) {
+        const uint8_t *from = sst_map_u8_row(&s->labels, y), *tiles = dirty + y / SST_SCENE_CELLS * s->cols;
+        uint8_t *to = sst_map_u8_row(&maps->label, y);
+
+        for (int x = 0; x < maps->label.width; x++)
+            to[x] = tiles[x / SST_SCENE_CELLS] ? from[x] : to[x];
+    }
+    if (s->whole)
+        sst_scene_things_forget(s->things);
+    sst_scene_things_label(s->things, &s->key[0], s->candidates, dirty, s->labels.data != NULL);
+    s->runs += s->labels.data != NULL;
+    if (s->labels.data && (s->whole || s->runs >= FIT_RUNS)) {
+        sst_scene_fit_labels(s->candidates, maps, s->lf->classes.count, s->lf->disp_min_px, s->hist);
+        s->runs = 0;
+    }
+    sst_map_u8_fini(&s->labels);
+    sst_scene_fill_labels(maps, s->candidates, dirty, s->cols);
+}
+
+static int label_job(void *arg, int index, int worker SST_UNUSED)
+{
+    struct sst_live_scene *s = arg;
+    struct sst_scene_key *key = &s->key[index + 1];
+    const uint8_t *dirty = dirty_of(s, index + 1);
+
+    if (any(dirty, s->tiles)) {
+        sst_scene_take_labels(key, &s->key[0], s->lf, dirty, s->cols);
+        sst_scene_fill_labels(&key->maps, s->candidates, dirty, s->cols);
+    }
+    return sst_scene_cancelled(s);
+}
+
+static int compose_job(void *arg, int view, int worker)
+{
+    struct sst_live_scene *s = arg;
+    int err = sst_scene_cancelled(s);
+
+    if (!err && s->lf->views[view].present)
+        sst_scene_compose(&s->composers[worker], s->lf, view, s->key, s->keys, s->dirty[view], s->cols, s->rows,
+                          s->cfg->model != NULL);
+    return err;
+}
+
+/* Without S4: the network on every view that changed; what it is not sure of keeps what came with the disparities. */
+static int segment_job(void *arg, int view, int worker)
+{
+    struct sst_live_scene *s = arg;
+    struct sst_view *v = &s->lf->views[view];
+    struct sst_map_u8 label = { 0 };
+    int err = sst_scene_cancelled(s);
+
+    if (err || !v->present || !any(s->dirty[view], s->tiles))
+        return err;
+    err = sst_scene_open_segmenter(s, worker);
+    err = err ? err : sst_scene_segment(s->segmenters[worker], &v->image, &label);
+    s->label_runs += !err;
+    for (int y = 0; !err && y < label.height; y++) {
+        const uint8_t *from = sst_map_u8_row(&label, y), *tiles = s->dirty[view] + y / SST_LIVE_TILE * s->cols;
+        const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
+        uint8_t *to = sst_map_u8_row(&v->label, y);
+
+        for (int x = 0; x < label.width; x++) {
+            if (tiles[x / SST_LIVE_TILE] && from[x] != SST_LABEL_NONE && (!valid || valid[x]))
+                to[x] = from[x];
+        }
+    }
+    sst_map_u8_fini(&label);
+    return err;
+}
+
+/* Nanoseconds since *from, which moves up to now. */
+static int64_t lap(int64_t *from)
+{
+    const int64_t now = sst_clock_now_ns(), took = now - *from;
+
+    *from = now;
+    return took;
+}
+
+int sst_scene_compute(struct sst_live_scene *s, struct sst_live_report *report)
+{
+    int64_t clock = sst_clock_now_ns();
+    int err = sst_parallel_for(s->views, s->threads, describe_job, s);
+
+    s->label_ns = 0;
+    s->label_runs = 0;
+    err = err ? err : sst_parallel_for(make_jobs(s), s->threads, match_job, s);
+    err = err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
+    if (!err) {
+        s->sure = count_sure(s);
+        sst_scene_note_unsure(s);
+    }
+    report->stage_ns[SST_LIVE_DISPARITY] = lap(&clock);
+    if (!err && s->segmenters) {
+        label_reference(s);
+        err = sst_parallel_for(s->keys - 1, s->threads, label_job, s);
+    }
+    err = err ? err : sst_parallel_for(s->views, s->threads, compose_job, s);
+    report->stage_ns[SST_LIVE_REFINE] = lap(&clock);
+    if (!err && s->segmenters && !s->cfg->skip_labels) {
+        err = sst_parallel_for(s->views, s->threads, segment_job, s);
+        s->label_ns = lap(&clock);
+    }
+    report->stage_ns[SST_LIVE_LABELS] = s->label_ns;
+    sst_map_u8_fini(&s->labels);
+    return err;
+}

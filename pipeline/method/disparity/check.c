@@ -1,0 +1,209 @@
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/method/disparity/stage.h"
+
+#define AGREE_Q6   64 /* |d - D_n| <= 1 px */
+#define DIRECTIONS 16
+
+/* floor(v + 0.5) for |v| < 65536: a conversion instead of a library call. */
+static int nearest(double v)
+{
+    return (int)(v + 65536.5) - 65536;
+}
+
+/* Does view n hold disparity d (1/64 px) where pixel (x, y) falls with it? */
+static bool agrees(const struct sst_checked_view *n, int x, int y, int d_q6, double disp_min_px)
+{
+    const double d = disp_min_px + d_q6 / 64.0;
+    const int xn = nearest(x - d * n->bx), yn = nearest(y - d * n->by);
+    int there;
+
+    if (xn < 0 || yn < 0 || xn >= n->disp_q6->width || yn >= n->disp_q6->height)
+        return false;
+    there = sst_map_u16_row(n->disp_q6, yn)[xn];
+    return there != (int)SST_DISP_NONE && abs(there - d_q6) <= AGREE_Q6;
+}
+
+static bool agrees_with_any(const struct sst_checked_view *views, int count, int x, int y, int d_q6, double disp_min_px)
+{
+    for (int i = 0; i < count; i++) {
+        if (agrees(&views[i], x, y, d_q6, disp_min_px))
+            return true;
+    }
+    return false;
+}
+
+/*
+ * Mark every pixel p for which |d - D_n(p - d b_n)| <= 1 holds for some whole-pixel d: seen from the neighbour, its
+ * pixel q with disparity D serves p = q + d b_n for the d within 1 of D.
+ */
+static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *n, double disp_min_px, int steps)
+{
+    for (int yn = 0; yn < mark->height; yn++) {
+        const uint16_t *dn = sst_map_u16_row(n->disp_q6, yn);
+
+        for (int xn = 0; xn < mark->width; xn++) {
+            const int first = sst_max_int((dn[xn] - AGREE_Q6 + 63) / 64, 0);
+            const int last = sst_min_int((dn[xn] + AGREE_Q6) / 64, steps - 1);
+
+            if (dn[xn] == SST_DISP_NONE)
+                continue;
+            for (int i = first; i <= last; i++) {
+                const double d = disp_min_px + i;
+                const int x = nearest(xn + d * n->bx), y = nearest(yn + d * n->by);
+
+                if (x >= 0 && y >= 0 && x < mark->width && y < mark->height)
+                    sst_map_u8_row(mark, y)[x] = SST_CHECK_MISMATCH;
+            }
+        }
+    }
+}
+
+void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,
+                     const struct sst_checked_view *views, int count)
+{
+    memset(status->data, SST_CHECK_OCCLUSION, status->stride * (size_t)status->height);
+    for (int i = 0; i < count; i++)
+        mark_served(status, &views[i], disp_min_px, steps);
+    for (int y = 0; y < disp_q6->height; y++) {
+        const uint16_t *d = sst_map_u16_row(disp_q6, y);
+        uint8_t *out = sst_map_u8_row(status, y);
+
+        for (int x = 0; x < disp_q6->width; x++) {
+            if (d[x] != SST_DISP_NONE && agrees_with_any(views, count, x, y, d[x], disp_min_px))
+                out[x] = SST_CHECK_CORRECT;
+        }
+    }
+}
+
+/* Project the correct pixels of a neighbour into this view; the foremost one stays. */
+static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, double disp_min_px)
+{
+    for (int yn = 0; yn < out->height; yn++) {
+        const uint16_t *d = sst_map_u16_row(n->disp_q6, yn);
+        const uint8_t *ok = sst_map_u8_row(n->status, yn);
+
+        for (int xn = 0; xn < out->width; xn++) {
+            const double dp = disp_min_px + d[xn] / 64.0;
+            const int x = nearest(xn + dp * n->bx), y = nearest(yn + dp * n->by);
+            uint16_t *at;
+
+            if (ok[xn] != SST_CHECK_CORRECT || x < 0 || y < 0 || x >= out->width || y >= out->height)
+                continue;
+            at = &sst_map_u16_row(out, y)[x];
+            if (*at == SST_DISP_NONE || d[xn] > *at)
+                *at = d[xn];
+        }
+    }
+}
+
+/* Give every pixel that is still NONE in disp the projected value, and say how it came by it. */
+static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
+                           const struct sst_map_u16 *projected)
+{
+    for (int y = 0; y < disp->height; y++) {
+        const uint16_t *p = sst_map_u16_row(projected, y);
+        const uint8_t *s = sst_map_u8_row(status, y);
+        uint16_t *d = sst_map_u16_row(disp, y);
+
+        for (int x = 0; x < disp->width; x++) {
+            if (s[x] == SST_CHECK_OCCLUSION && d[x] == SST_DISP_NONE)
+                d[x] = p[x];
+        }
+    }
+}
+
+/* Median of the nearest correct pixels in 16 directions (lower one of an even number); NONE if there is none. */
+static uint16_t median_around(const struct sst_map_u16 *disp, const struct sst_map_u8 *status, int x, int y)
+{
+    /* 16 directions at about 22.5 degrees, in half pixels. */
+    static const int8_t step[DIRECTIONS][2] = { { 2, 0 },  { 2, 1 },  { 2, 2 },  { 1, 2 },   { 0, 2 },   { -1, 2 },
+                                                { -2, 2 }, { -2, 1 }, { -2, 0 }, { -2, -1 }, { -2, -2 }, { -1, -2 },
+                                                { 0, -2 }, { 1, -2 }, { 2, -2 }, { 2, -1 } };
+    uint16_t v[DIRECTIONS];
+    int n = 0;
+
+    for (int k = 0; k < DIRECTIONS; k++) {
+        for (int r = 1;; r++) {
+            const int i = x + step[k][0] * r / 2, j = y + step[k][1] * r / 2;
+            int at;
+
+            if (i < 0 || j < 0 || i >= disp->width || j >= disp->height)
+                break;
+            if (sst_map_u8_row(status, j)[i] != SST_CHECK_CORRECT)
+                continue;
+            for (at = n++; at > 0 && v[at - 1] > sst_map_u16_row(disp, j)[i]; at--)
+                v[at] = v[at - 1];
+            v[at] = sst_map_u16_row(disp, j)[i];
+            break;
+        }
+    }
+    return n ? v[(n - 1) / 2] : (uint16_t)SST_DISP_NONE;
+}
+
+/* What is left takes the farther of the nearest known disparities to its left and right: the background. */
+static void fill_row_from_background(uint16_t *d, int width)
+{
+    for (int x = 0; x < width;) {
+        int end = x;
+        uint16_t left, right;
+
+        if (d[x] != SST_DISP_NONE) {
+            x++;
+            continue;
+        }
+        while (end < width && d[end] == SST_DISP_NONE)
+            end++;
+        left = x > 0 ? d[x - 1] : (uint16_t)SST_DISP_NONE;
+        right = end < width ? d[end] : (uint16_t)SST_DISP_NONE;
+        for (; x < end; x++)
+            d[x] = left < right ? left : right; /* NONE is the largest value */
+    }
+}
+
+static void fill_rest(struct sst_map_u16 *disp)
+{
+    int known = -1;
+
+    for (int y = 0; y < disp->height; y++) {
+        uint16_t *d = sst_map_u16_row(disp, y);
+
+        fill_row_from_background(d, disp->width);
+        if (d[0] == SST_DISP_NONE)
+            continue;
+        /* A filled row is dense; empty rows above take the first one, those below the last one. */
+        for (int j = known + 1; j < y; j++)
+            memcpy(sst_map_u16_row(disp, j), sst_map_u16_row(disp, known >= 0 ? known : y),
+                   (size_t)disp->width * sizeof(*d));
+        known = y;
+    }
+    for (int j = known + 1; known >= 0 && j < disp->height; j++)
+        memcpy(sst_map_u16_row(disp, j), sst_map_u16_row(disp, known), (size_t)disp->width * sizeof(uint16_t));
+}
+
+void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, double disp_min_px,
+                    const struct sst_checked_view *views, int count, int near_count, struct sst_map_u16 *scratch)
+{
+    for (int y = 0; y < disp_q6->height; y++) {
+        uint16_t *d = sst_map_u16_row(disp_q6, y);
+
+        for (int x = 0; x < disp_q6->width; x++) {
+            const int s = sst_map_u8_row(status, y)[x];
+
+            if (s == SST_CHECK_MISMATCH)
+                d[x] = median_around(disp_q6, status, x, y);
+            else if (s == SST_CHECK_OCCLUSION)
+                d[x] = SST_DISP_NONE;
+        }
+    }
+    for (int i = 0; i < count;) {
+        const int end = i < near_count ? near_count : count;
+
+        memset(scratch->data, 0xFF, scratch->stride * (size_t)scratch->height);
+        for (; i < end; i++)
+            project(scratch, &views[i], disp_min_px);
+        take_projected(disp_q6, status, scratch);
+    }
+    fill_rest(disp_q6);
+}

@@ -1,0 +1,143 @@
+#include <errno.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/method/disparity/stage.h"
+#include "pipeline/kernels/kernels.h"
+
+#define CENSUS_MARGIN 8 /* columns repeated on each side; the census window reaches 4 */
+
+/* Row y of the luma sampled at (x, y) + (px, py) / 4, with CENSUS_MARGIN columns repeated on both sides. */
+static void phase_row(uint8_t *out, const struct sst_map_u8 *luma, int y, int px, int py)
+{
+    const int w = luma->width, h = luma->height;
+    const uint8_t *a = sst_map_u8_row(luma, sst_clamp_int(y, 0, h - 1));
+    const uint8_t *b = sst_map_u8_row(luma, sst_clamp_int(y + 1, 0, h - 1));
+    uint8_t *o = out + CENSUS_MARGIN;
+
+    for (int x = 0; x + 1 < w; x++)
+        o[x] =
+            (uint8_t)(((4 - py) * ((4 - px) * a[x] + px * a[x + 1]) + py * ((4 - px) * b[x] + px * b[x + 1]) + 8) >> 4);
+    o[w - 1] = (uint8_t)(((4 - py) * a[w - 1] + py * b[w - 1] + 2) >> 2);
+    memset(out, o[0], CENSUS_MARGIN);
+    memset(o + w, o[w - 1], CENSUS_MARGIN);
+}
+
+/* Rows y0 .. y1-1 of the census of one phase. */
+static int census_rows(struct sst_descriptor *desc, int phase, int y0, int y1)
+{
+    const size_t w = (size_t)desc->width, padded = sst_mem_stride(w + 2 * CENSUS_MARGIN, 1);
+    const struct sst_kernels *k = sst_kernels_get();
+    uint8_t *ring = sst_mem_keep(&desc->rows, 7, padded);
+
+    if (!ring)
+        return -ENOMEM;
+    for (int y = y0, next = y0 - 3; y < y1; y++) {
+        const uint8_t *rows[7];
+
+        /* Row j of the image, borders repeated, lives in ring slot (j + 7) % 7. */
+        for (; next <= y + 3; next++)
+            phase_row(ring + (size_t)((next + 7) % 7) * padded, &desc->luma, next, phase % 4, phase / 4);
+        for (int j = 0; j < 7; j++)
+            rows[j] = ring + (size_t)((y + j - 3 + 7) % 7) * padded + CENSUS_MARGIN;
+        k->census_row(desc->census[phase] + (size_t)y * desc->census_stride, rows, w);
+    }
+    return 0;
+}
+
+static int make_census(struct sst_descriptor *desc, int phase)
+{
+    desc->census_stride = sst_mem_stride((size_t)desc->width, sizeof(uint64_t)) / sizeof(uint64_t);
+    desc->census[phase] = sst_mem_alloc_raw((size_t)desc->height * desc->census_stride, sizeof(uint64_t));
+    return desc->census[phase] ? census_rows(desc, phase, 0, desc->height) : -ENOMEM;
+}
+
+int sst_descriptor_renew(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1)
+{
+    int err = 0;
+
+    sst_image_halve_rows(&desc->image, img, y0, y1);
+    sst_luma_rows(&desc->luma, &desc->image, y0, y1);
+    /* A phase between two rows looks one row further down than the window. */
+    for (int p = 0; !err && p < SST_PHASES; p++) {
+        if (desc->census[p])
+            err = census_rows(desc, p, sst_max_int(y0 - 4, 0), sst_min_int(y1 + 3, desc->height));
+    }
+    return err;
+}
+
+int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases)
+{
+    int err = 0;
+
+    for (int p = 1; !err && desc->census[0] && p < SST_PHASES; p++) {
+        if (phases & 1u << p && !desc->census[p])
+            err = make_census(desc, p);
+    }
+    return err;
+}
+
+void sst_descriptor_drop_phases(struct sst_descriptor *desc)
+{
+    for (int p = 1; p < SST_PHASES; p++) {
+        sst_mem_free(desc->census[p]);
+        desc->census[p] = NULL;
+    }
+}
+
+int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale, enum sst_cost cost,
+                        struct sst_network *net)
+{
+    struct sst_descriptor made = { .image = *img };
+    int err = 0;
+
+    if (scale == 2) {
+        err = sst_image_halve(&made.image, img);
+        if (err)
+            return err;
+        made.image_owned = true;
+    }
+    made.width = made.image.width;
+    made.height = made.image.height;
+    err = sst_luma(&made.luma, &made.image);
+    if (!err && cost & SST_COST_CENSUS)
+        err = make_census(&made, 0);
+    if (!err && cost & SST_COST_MCCNN)
+        err = sst_descriptor_add_features(&made, net);
+    if (err) {
+        sst_descriptor_fini(&made);
+        return err;
+    }
+    *desc = made;
+    return 0;
+}
+
+int sst_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor)
+{
+    const int err = sst_map_u8_init(out, (mask->width + factor - 1) / factor, (mask->height + factor - 1) / factor);
+
+    if (err)
+        return err;
+    memset(out->data, 255, out->stride * (size_t)out->height);
+    for (int y = 0; y < mask->height; y++) {
+        const uint8_t *in = sst_map_u8_row(mask, y);
+        uint8_t *to = sst_map_u8_row(out, y / factor);
+
+        for (int x = 0; x < mask->width; x++)
+            to[x / factor] &= in[x];
+    }
+    return 0;
+}
+
+void sst_descriptor_fini(struct sst_descriptor *desc)
+{
+    if (desc->image_owned)
+        sst_image_fini(&desc->image);
+    sst_map_u8_fini(&desc->luma);
+    sst_map_u8_fini(&desc->seen);
+    for (int p = 0; p < SST_PHASES; p++)
+        sst_mem_free(desc->census[p]);
+    sst_mem_free(desc->feature_memory);
+    sst_mem_kept_fini(&desc->rows);
+    *desc = (struct sst_descriptor){ 0 };
+}

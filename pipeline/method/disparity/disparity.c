@@ -1,0 +1,520 @@
+#include "pipeline/method/disparity/disparity.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/network/network.h"
+
+/* Cost volumes of views that are matched at once may take this much memory together. */
+#define VOLUME_BUDGET_BYTES ((size_t)6 << 30)
+/* Up to this range steps are quarter pixels, up to twice as much half ones. */
+#define FINE_RANGE_PX 24
+/* Up to this many pixels a view is matched in quarter-pixel phases. */
+#define FINE_PIXELS ((size_t)1200000)
+
+/* Everything of one run; descriptors live only while a grid row or its neighbours are matched. */
+struct run {
+    struct sst_lightfield *lf;
+    const struct sst_disparity_config *cfg;
+    struct sst_network **nets; /* [workers]; NULL without features */
+    bool fill;
+    int scale, width, height;      /* of the images that are matched */
+    int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
+    int divisor;                   /* steps per pixel */
+    unsigned phases;               /* of the census that some pair of neighbours needs */
+    struct sst_descriptor *desc;   /* [views] */
+    struct sst_map_u16 *disp;      /* [views], at matching size */
+    struct sst_map_u8 *confidence; /* [views] */
+    struct sst_map_u8 *status;     /* [views] */
+    struct sst_map_u16 *filled;    /* [views] */
+    struct sst_volume *volumes;    /* [workers] */
+    int first_view;                /* of the grid row at hand */
+};
+
+static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
+{
+    const double range = cfg->disp_max_px - cfg->disp_min_px;
+    int neighbours = 0;
+
+    if (!(range > 0) || range + 1 > SST_DISPARITY_MAX_STEPS || !(fabs(cfg->disp_min_px) < 1e4)) {
+        sst_log_error("the disparity range %g..%g px is not usable: it must rise and span at most %d px",
+                      cfg->disp_min_px, cfg->disp_max_px, SST_DISPARITY_MAX_STEPS - 1);
+        return -EINVAL;
+    }
+    if ((cfg->paths != 4 && cfg->paths != 8) || cfg->p1 < 1 || cfg->p2 < cfg->p1 ||
+        cfg->p2 > SST_DISPARITY_MAX_PENALTY || cfg->support_arm < 0 || cfg->support_arm > SST_SUPPORT_MAX_ARM ||
+        (cfg->scale != 1 && cfg->scale != 2) || cfg->phase_step < 0 || cfg->phase_step > 2) {
+        sst_log_error("matching parameters are outside their ranges: paths 4 or 8, 0 < P1 <= P2 <= %d, arm 0..%d",
+                      SST_DISPARITY_MAX_PENALTY, SST_SUPPORT_MAX_ARM);
+        return -EINVAL;
+    }
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        const int col = view % lf->cols;
+
+        if (!lf->views[view].present)
+            continue;
+        neighbours += col + 1 < lf->cols && lf->views[view + 1].present;
+        neighbours += view + lf->cols < lf->rows * lf->cols && lf->views[view + lf->cols].present;
+    }
+    if (!neighbours) {
+        sst_log_error("disparity needs two neighbouring views; this light field of %dx%d has none", lf->rows, lf->cols);
+        return -EINVAL;
+    }
+    return 0;
+}
+
+static int cancelled(const struct run *run)
+{
+    return run->cfg->cancel && *run->cfg->cancel ? -ECANCELED : 0;
+}
+
+static int describe_job(void *arg, int index, int worker)
+{
+    struct run *run = arg;
+    const int view = run->first_view + index;
+    const struct sst_view *v = &run->lf->views[view];
+    int err;
+
+    if (run->desc[view].luma.data || !v->present)
+        return 0;
+    err = cancelled(run);
+    err = err ? err
+              : sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost,
+                                    run->nets ? run->nets[worker] : NULL);
+    if (!err && v->valid.data)
+        err = sst_mask_reduce(&run->desc[view].seen, &v->valid, run->scale);
+    return err || run->cfg->frugal ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
+}
+
+/* View at (row + dr, col + dc), or -1. */
+static int view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
+{
+    const int row = view / lf->cols + dr, col = view % lf->cols + dc;
+
+    if (row < 0 || col < 0 || row >= lf->rows || col >= lf->cols || !lf->views[row * lf->cols + col].present)
+        return -1;
+    return row * lf->cols + col;
+}
+
+/* (dr, dc): left, right, up, down; the diagonals; two steps left, right, up, down. */
+static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 }, { -1, -1 }, { -1, 1 },
+                                                  { 1, -1 }, { 1, 1 }, { 0, -2 }, { 0, 2 }, { -2, 0 },  { 2, 0 } };
+
+/* What lies between a neighbour's pixels, for one view alone. */
+static int add_phases(struct run *run, const struct sst_volume *v, int view, int neighbour)
+{
+    const struct sst_view *from = &run->lf->views[view], *to = &run->lf->views[neighbour];
+
+    return sst_descriptor_add_phases(&run->desc[neighbour], sst_volume_phases(v, to->bx - from->bx, to->by - from->by));
+}
+
+static void drop_phases(struct run *run)
+{
+    for (int view = 0; view < run->lf->rows * run->lf->cols; view++)
+        sst_descriptor_drop_phases(&run->desc[view]);
+}
+
+/* Match one view against the neighbours of the sides in first..last into disp and confidence. */
+static int match_sides(struct run *run, struct sst_volume *v, int view, int first, int last,
+                       const struct sst_support *support, struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
+{
+    const struct sst_lightfield *lf = run->lf;
+    const struct sst_disparity_config *cfg = run->cfg;
+    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
+    int count = 0, err = 0;
+
+    for (int s = first; s <= last && !err; s++) {
+        const int n = view_at(lf, view, sides[s][0], sides[s][1]);
+
+        if (n >= 0)
+            neighbours[count++] = (struct sst_neighbour){ &run->desc[n], lf->views[n].bx - lf->views[view].bx,
+                                                          lf->views[n].by - lf->views[view].by };
+        if (n >= 0 && cfg->frugal)
+            err = add_phases(run, v, view, n);
+    }
+    if (err || !count)
+        return err ? err : -ENODATA;
+    sst_volume_fill(v, &run->desc[view], neighbours, count);
+    if (cfg->frugal)
+        drop_phases(run);
+    if (cfg->raw)
+        return sst_volume_winner(v, true, disp, confidence);
+    err = cancelled(run);
+    err = err ? err : sst_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
+    err = err ? err : cancelled(run);
+    err = err ? err : sst_sgm(v, &run->desc[view].image, cfg);
+    if (!err && cfg->support_arm && cfg->support_after) {
+        sst_volume_requantise(v);
+        err = sst_support_aggregate(v, support, cfg->support_after);
+    }
+    return err ? err : sst_volume_winner(v, cfg->support_arm && cfg->support_after, disp, confidence);
+}
+
+static int match_apart(struct run *run, struct sst_volume *v, int view, const struct sst_support *support)
+{
+    struct sst_map_u16 disp = { 0 };
+    struct sst_map_u8 confidence = { 0 };
+    int across, down = sst_map_u16_init(&disp, run->width, run->height);
+
+    down = down ? down : sst_map_u8_init(&confidence, run->width, run->height);
+    if (down)
+        goto done;
+    across = match_sides(run, v, view, 0, 1, support, &run->disp[view], &run->confidence[view]);
+    down = across && across != -ENODATA ? across : match_sides(run, v, view, 2, 3, support, &disp, &confidence);
+    if (!down && !across)
+        sst_fuse(&run->disp[view], &run->confidence[view], &disp, &confidence);
+    if (!down && across == -ENODATA) {
+        memcpy(run->disp[view].data, disp.data, disp.stride * (size_t)disp.height);
+        memcpy(run->confidence[view].data, confidence.data, confidence.stride * (size_t)confidence.height);
+    }
+    if (down == -ENODATA)
+        down = across;
+done:
+    sst_map_u16_fini(&disp);
+    sst_map_u8_fini(&confidence);
+    return down;
+}
+
+/* What is not there has no disparity, and none to check or fill others by. */
+static void forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *seen)
+{
+    for (int y = 0; seen->data && y < disp->height; y++) {
+        for (int x = 0; x < disp->width; x++) {
+            if (!sst_map_u8_row(seen, y)[x])
+                sst_map_u16_row(disp, y)[x] = SST_DISP_NONE;
+        }
+    }
+}
+
+static int match_job(void *arg, int index, int worker)
+{
+    struct run *run = arg;
+    const int view = run->first_view + index;
+    struct sst_support support = { 0 };
+    int err;
+
+    if (!run->lf->views[view].present)
+        return 0;
+    err = cancelled(run);
+    err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
+    err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
+    if (!err && run->cfg->support_arm && !run->cfg->raw)
+        err = sst_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
+    if (!err)
+        err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
+                                            &run->disp[view], &run->confidence[view])
+                              : match_apart(run, &run->volumes[worker], view, &support);
+    sst_support_fini(&support);
+    if (err == -ENODATA) { /* a view on its own: unknown everywhere, filled from afar below */
+        memset(run->disp[view].data, 0xFF, run->disp[view].stride * (size_t)run->height);
+        return 0;
+    }
+    if (!err && !run->cfg->raw)
+        err = sst_median5(&run->disp[view], &run->volumes[worker].lines);
+    if (!err && !run->cfg->raw)
+        err = sst_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
+    if (!err)
+        forget_unseen(&run->disp[view], &run->desc[view].seen);
+    return err;
+}
+
+/* Views one and two steps away on all sides; the near ones first. @return how many; *near of them are one step away. */
+static int checked_views(const struct run *run, int view, struct sst_checked_view *out, int *near)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int count = 0;
+
+    for (int s = 0; s < SST_MAX_NEIGHBOURS; s++) {
+        const int n = view_at(lf, view, sides[s][0], sides[s][1]);
+
+        if (n >= 0)
+            out[count++] =
+                (struct sst_checked_view){ &run->disp[n], &run->status[n], lf->views[n].bx - lf->views[view].bx,
+                                           lf->views[n].by - lf->views[view].by };
+        if (s == 7)
+            *near = count;
+    }
+    return count;
+}
+
+static int check_job(void *arg, int view, int worker SST_UNUSED)
+{
+    struct run *run = arg;
+    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
+    int near, count, err;
+
+    if (!run->lf->views[view].present)
+        return 0;
+    count = checked_views(run, view, views, &near);
+    err = cancelled(run);
+    err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
+    if (!err)
+        sst_check_views(&run->status[view], &run->disp[view], run->disp_min, run->range + 1, views, count);
+    return err;
+}
+
+static int fill_job(void *arg, int view, int worker SST_UNUSED)
+{
+    struct run *run = arg;
+    struct sst_map_u16 scratch = { 0 }, *out = &run->filled[view];
+    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
+    int near, count, err;
+
+    if (!run->lf->views[view].present)
+        return 0;
+    count = checked_views(run, view, views, &near);
+    err = cancelled(run);
+    err = err ? err : sst_map_u16_init(out, run->width, run->height);
+    err = err ? err : sst_map_u16_init(&scratch, run->width, run->height);
+    if (!err) {
+        memcpy(out->data, run->disp[view].data, out->stride * (size_t)out->height);
+        sst_fill_views(out, &run->status[view], run->disp_min, views, count, near, &scratch);
+        err = 0;
+    }
+    sst_map_u16_fini(&scratch);
+    return err;
+}
+
+/* Scale the map up to the view's size (disparities in full-size pixels) and hand it over. */
+static int deliver(struct run *run, int view)
+{
+    struct sst_view *v = &run->lf->views[view];
+    struct sst_map_u16 *from = run->fill ? &run->filled[view] : &run->disp[view], disp = { 0 };
+    const struct sst_map_u8 *conf_from = &run->confidence[view];
+    struct sst_map_u8 conf = { 0 };
+    int err = sst_map_u16_init(&disp, run->lf->width, run->lf->height);
+
+    err = err ? err : sst_map_u8_init(&conf, run->lf->width, run->lf->height);
+    if (err) {
+        sst_map_u16_fini(&disp);
+        return err;
+    }
+    for (int y = 0; y < disp.height; y++) {
+        const uint16_t *in = sst_map_u16_row(from, y / run->scale);
+        const uint8_t *conf_in = sst_map_u8_row(conf_from, y / run->scale);
+        const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
+        const uint8_t *status = run->fill ? sst_map_u8_row(&run->status[view], y / run->scale) : NULL;
+
+        for (int x = 0; x < disp.width; x++) {
+            const bool seen = !valid || valid[x];
+            const unsigned d = seen ? in[x / run->scale] : SST_DISP_NONE;
+
+            sst_map_u16_row(&disp, y)[x] = (uint16_t)(d == SST_DISP_NONE ? d : d * (unsigned)run->scale);
+            /* What was filled in is a guess. */
+            sst_map_u8_row(&conf, y)[x] = !seen || (status && status[x / run->scale]) ? 0 : conf_in[x / run->scale];
+        }
+    }
+    sst_map_u16_fini(&v->disp);
+    sst_map_u8_fini(&v->confidence);
+    v->disp = disp;
+    v->confidence = conf;
+    return 0;
+}
+
+static int match_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int err = 0;
+
+    for (int row = 0; !err && row < lf->rows; row++) {
+        for (int r = row; !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
+            run->first_view = r * lf->cols;
+            err = sst_parallel_for(lf->cols, threads, describe_job, run);
+        }
+        run->first_view = row * lf->cols;
+        err = err ? err : sst_parallel_for(lf->cols, threads, match_job, run);
+        for (int col = 0; row > 1 && col < lf->cols; col++)
+            sst_descriptor_fini(&run->desc[(row - 2) * lf->cols + col]);
+        if (progress)
+            progress(progress_arg, 0.9 * (row + 1) / lf->rows);
+    }
+    return err;
+}
+
+static int steps_of(const struct run *run)
+{
+    return run->range * run->divisor + 1;
+}
+
+static int make_volume(const struct run *run, struct sst_volume *v)
+{
+    const int err = sst_volume_init(v, run->width, run->height, run->disp_min, steps_of(run));
+
+    if (!err) {
+        v->divisor = run->divisor;
+        /* In halves where the views are so large that 16 phases would not fit. */
+        v->phase_step = run->cfg->phase_step                                     ? run->cfg->phase_step
+                        : (size_t)run->width * (size_t)run->height > FINE_PIXELS ? 2
+                                                                                 : 1;
+    }
+    return err;
+}
+
+/* Every phase that matching a view with one of its neighbours will ask for. */
+static unsigned phases_needed(const struct run *run)
+{
+    const struct sst_lightfield *lf = run->lf;
+    unsigned phases = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        for (int s = 0; lf->views[view].present && s < SST_MAX_NEIGHBOURS; s++) {
+            const int n = view_at(lf, view, sides[s][0], sides[s][1]);
+
+            if (n >= 0)
+                phases |= sst_volume_phases(&run->volumes[0], lf->views[n].bx - lf->views[view].bx,
+                                            lf->views[n].by - lf->views[view].by);
+        }
+    }
+    return phases;
+}
+
+/* One network per worker, each with its share of the threads: views side by side need no waiting between layers. */
+static int open_networks(struct run *run, int workers, int threads)
+{
+    int err = 0;
+
+    if (!(run->cfg->cost & SST_COST_MCCNN))
+        return 0;
+    run->nets = calloc((size_t)workers, sizeof(*run->nets));
+    if (!run->nets)
+        return -ENOMEM;
+    for (int i = 0; !err && i < workers; i++)
+        err = sst_network_open(&run->nets[i], run->cfg->model, run->cfg->precision, threads / workers);
+    return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
+}
+
+static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
+{
+    const int views = run->lf->rows * run->lf->cols;
+    const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
+    const int most = run->cfg->frugal ? 1 : sst_min_int(threads, run->lf->cols);
+    const int workers = sst_clamp_int((int)(VOLUME_BUDGET_BYTES / each), 1, most);
+    int err = 0, made = 0;
+
+    run->volumes = calloc((size_t)workers, sizeof(*run->volumes));
+    if (!run->volumes)
+        return -ENOMEM;
+    for (; !err && made < workers; made++)
+        err = make_volume(run, &run->volumes[made]);
+    run->phases = err ? 0 : phases_needed(run);
+    err = err ? err : open_networks(run, workers, threads);
+    err = err ? err : match_all(run, workers, progress, progress_arg);
+    for (int i = 0; i < workers; i++) {
+        sst_volume_fini(&run->volumes[i]);
+        if (run->nets)
+            sst_network_close(run->nets[i]);
+    }
+    free(run->volumes);
+    free(run->nets);
+    if (run->fill) {
+        err = err ? err : sst_parallel_for(views, threads, check_job, run);
+        err = err ? err : sst_parallel_for(views, threads, fill_job, run);
+    }
+    for (int view = 0; !err && view < views; view++) {
+        if (run->lf->views[view].present)
+            err = deliver(run, view);
+    }
+    if (!err)
+        run->lf->disp_min_px = (double)run->disp_min * run->scale;
+    if (!err && progress)
+        progress(progress_arg, 1.0);
+    return err;
+}
+
+static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
+{
+    const size_t views = (size_t)(lf->rows * lf->cols);
+
+    *run = (struct run){ .lf = lf, .cfg = cfg, .scale = cfg->scale, .fill = cfg->fill && !cfg->raw };
+    run->width = (lf->width + cfg->scale - 1) / cfg->scale;
+    run->height = (lf->height + cfg->scale - 1) / cfg->scale;
+    run->disp_min = (int)floor(cfg->disp_min_px / cfg->scale);
+    run->range = (int)ceil(cfg->disp_max_px / cfg->scale) - run->disp_min;
+    /* Short ranges leave room for finer steps, and need them: their scenes' depth lies within few pixels. */
+    run->divisor = run->range <= FINE_RANGE_PX ? 4 : run->range <= 2 * FINE_RANGE_PX ? 2 : 1;
+    run->desc = calloc(views, sizeof(*run->desc));
+    run->disp = calloc(views, sizeof(*run->disp));
+    run->confidence = calloc(views, sizeof(*run->confidence));
+    run->status = calloc(views, sizeof(*run->status));
+    run->filled = calloc(views, sizeof(*run->filled));
+    return run->desc && run->disp && run->confidence && run->status && run->filled ? 0 : -ENOMEM;
+}
+
+static void run_fini(struct run *run)
+{
+    for (int view = 0; view < run->lf->rows * run->lf->cols; view++) {
+        if (run->desc)
+            sst_descriptor_fini(&run->desc[view]);
+        if (run->disp)
+            sst_map_u16_fini(&run->disp[view]);
+        if (run->confidence)
+            sst_map_u8_fini(&run->confidence[view]);
+        if (run->status)
+            sst_map_u8_fini(&run->status[view]);
+        if (run->filled)
+            sst_map_u16_fini(&run->filled[view]);
+    }
+    free(run->desc);
+    free(run->disp);
+    free(run->confidence);
+    free(run->status);
+    free(run->filled);
+}
+
+int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
+                             sst_progress_fn *progress, void *progress_arg)
+{
+    const int threads = sst_thread_count(cfg->threads);
+    struct run run;
+    int err = check_config(lf, cfg);
+
+    if (err)
+        return err;
+    err = run_init(&run, lf, cfg);
+    if (!err)
+        err = run_all(&run, threads, progress, progress_arg);
+    if (err == -ENOMEM)
+        sst_log_error("not enough memory to match %d disparities at %dx%d; use fewer threads or a narrower range",
+                      run.range + 1, run.width, run.height);
+    run_fini(&run);
+    return err;
+}
+
+int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, const struct sst_image *right,
+                         const struct sst_disparity_config *cfg)
+{
+    struct sst_lightfield lf;
+    int err;
+
+    if (left->width != right->width || left->height != right->height) {
+        sst_log_error("the pair differs in size: left %dx%d, right %dx%d", left->width, left->height, right->width,
+                      right->height);
+        return -EBADMSG;
+    }
+    err = sst_lightfield_init(&lf, 1, 2);
+    if (err)
+        return err;
+    lf.width = left->width;
+    lf.height = left->height;
+    /* The pair is a light field of one row; its images are borrowed. */
+    lf.views[0].present = lf.views[1].present = true;
+    lf.views[0].image = *left;
+    lf.views[1].image = *right;
+    err = sst_disparity_lightfield(&lf, cfg, NULL, NULL);
+    err = err ? err : sst_map_f32_init(out, left->width, left->height);
+    for (int y = 0; !err && y < left->height; y++) {
+        const uint16_t *d = sst_map_u16_row(&lf.views[0].disp, y);
+
+        for (int x = 0; x < left->width; x++)
+            sst_map_f32_row(out, y)[x] = d[x] == SST_DISP_NONE ? INFINITY : (float)sst_disp_px(&lf, d[x]);
+    }
+    lf.views[0].image = lf.views[1].image = (struct sst_image){ 0 };
+    sst_lightfield_fini(&lf);
+    return err;
+}

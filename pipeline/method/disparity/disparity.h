@@ -1,0 +1,77 @@
+/* pipeline/method/disparity/disparity.h - dense disparity of every view, and of one rectified pair. */
+#ifndef SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
+#define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
+
+#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/method/network/network.h"
+
+/** Matching costs; with both, their mean. */
+enum sst_cost {
+    SST_COST_CENSUS = 1,
+    SST_COST_MCCNN = 2,
+    SST_COST_BOTH = 3,
+};
+
+/* Largest number of one-pixel steps searched, and of the penalty: with costs up to 255, 8 paths sum to at most
+ * 8 * (255 + 4000) = 34040 < 2^16 (see sgm.c). */
+#define SST_DISPARITY_MAX_STEPS   512
+#define SST_DISPARITY_MAX_PENALTY 4000
+/* Longest support arm: 11^2 * 255 < 2^16, so column sums modulo 2^16 are exact; so are the means of equal costs, which
+ * the rounded-up reciprocal of the kernel spoils from 151 pixels on. */
+#define SST_SUPPORT_MAX_ARM 5
+
+struct sst_disparity_config {
+    double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
+    enum sst_cost cost;
+    const char *model;            /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
+    enum sst_precision precision; /* of that network */
+    int paths;                    /* of the semi-global optimisation: 4 or 8 */
+    int p1, p2;                   /* smoothness penalties in cost units (costs are 0..255); 0 < p1 <= p2 */
+    int edge_step;                /* intensity step (0..255) at which p2 is halved; larger steps weaken it further */
+    int support_arm;              /* longest arm of the cross-based support region, px; 0 switches aggregation off */
+    int support_tau;              /* largest intensity step inside an arm, 1..255 */
+    int support_before, support_after; /* rounds of aggregation before and after the optimisation */
+    int bilateral_tau;                 /* eps_I of the bilateral filter, 1..255; 0 switches it off */
+    bool raw;       /* the cheapest disparity of each pixel as matched, to judge costs by: no aggregation,
+                       optimisation, filter or filling; what these need is ignored */
+    bool fill;      /* check and fill: the result is dense */
+    bool joint;     /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
+    int neighbours; /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
+    int scale;      /* 1 full size, 2 half size with the result scaled up */
+    int phase_step; /* census between pixels in quarters (1) or in halves (2), which takes a quarter of the memory;
+                       0: in quarters unless views are very large */
+    bool frugal;    /* one view after the other on one thread, with what lies between its neighbours' pixels made for it
+                       and dropped again: the same result in a fraction of the memory */
+    int threads;
+    const SST_ATOMIC(bool) * cancel; /* once true, light fields are given up within a part of a view; or NULL */
+};
+
+/** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */
+SST_MUST_CHECK int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset);
+
+/** Called now and then with 0..1, from the calling thread. */
+typedef void sst_progress_fn(void *arg, double done);
+
+/**
+ * Fill views[].disp and views[].confidence of every present view; images must be loaded. Sets lf->disp_min_px.
+ * @return 0, -EINVAL, -ENOMEM, -ENOENT/-EBADMSG (model); logged; -ECANCELED, not logged.
+ */
+SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
+                                            sst_progress_fn *progress, void *progress_arg);
+
+/**
+ * The range of disparities in a light field, from a coarse match of the reference view with its neighbours (images of
+ * those must be loaded): the bulk of the confident pixels
+ * on which two neighbours agree plus a margin (of all of them where too few agree: views that are not aligned).
+ * @return 0, -ENODATA (no texture to tell it from; logged), -ENOMEM
+ */
+SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *min_px, double *max_px);
+
+/**
+ * Disparity of the left image of a rectified pair: left(x) matches right(x - d). Unknown is +inf.
+ * @param out  out, initialised here
+ */
+SST_MUST_CHECK int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left,
+                                        const struct sst_image *right, const struct sst_disparity_config *cfg);
+
+#endif

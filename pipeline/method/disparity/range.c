@@ -1,0 +1,181 @@
+/* Disparity range of a light field from a coarse match of its reference view. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/log.h"
+#include "pipeline/method/disparity/stage.h"
+
+#define REDUCED_SIDE 320    /* longer sides are halved until they are at most about this */
+#define CONFIDENT    100    /* of 255: a clear second minimum; filled pixels have 0 */
+#define CUT          0.005  /* share of the confident pixels left out at each end */
+#define CUT_AGREED   0.0005 /* likewise, of those on which two sides agree: chance leaves next to nothing there */
+#define AGREE        64     /* two sides have the same disparity: 1 px (reduced), in 1/64 px */
+#define SHARE        0.25   /* fewer that agree: views that are not aligned, where each side is off by its own */
+
+enum { SIDES = 4, BINS = 2 * SST_DISPARITY_MAX_STEPS };
+
+static int reduce(struct sst_image *out, const struct sst_image *in, int *factor)
+{
+    struct sst_image half = { 0 };
+    int err = sst_image_halve(out, in);
+
+    *factor = 2;
+    while (!err && (out->width > 2 * REDUCED_SIDE || out->height > 2 * REDUCED_SIDE)) {
+        err = sst_image_halve(&half, out);
+        if (err)
+            break;
+        sst_image_fini(out);
+        *out = half;
+        *factor *= 2;
+    }
+    return err;
+}
+
+/* Disparity of a pixel of the reference as a pair has it, in 1/64 px from the lowest searched; < 0: none, or doubtful.
+ */
+static int confident(const struct sst_lightfield *pair, int x, int y)
+{
+    const uint16_t d = sst_map_u16_row(&pair->views[0].disp, y)[x];
+
+    return sst_map_u8_row(&pair->views[0].confidence, y)[x] < CONFIDENT || d == SST_DISP_NONE ? -1 : d;
+}
+
+static bool agrees(const struct sst_lightfield pair[SIDES], int side, int x, int y)
+{
+    const int d = confident(&pair[side], x, y);
+
+    for (int i = 0; i < SIDES; i++) {
+        const int other = i != side && pair[i].width ? confident(&pair[i], x, y) : -1;
+
+        if (other >= 0 && abs(other - d) <= AGREE)
+            return true;
+    }
+    return false;
+}
+
+/* Disparities of the confident pixels of a side, in half pixels (reduced) from the lowest searched: all, and those that
+ * another side has as well. Chance finds its own disparity for each side, of leaves above all. */
+static void collect(int64_t all[BINS], int64_t agreed[BINS], const struct sst_lightfield pair[SIDES], int side)
+{
+    for (int y = 0; y < pair[side].height; y++)
+        for (int x = 0; x < pair[side].width; x++) {
+            const int d = confident(&pair[side], x, y), bin = sst_min_int(d / 32, BINS - 1);
+
+            if (d < 0)
+                continue;
+            all[bin]++;
+            agreed[bin] += agrees(pair, side, x, y);
+        }
+}
+
+static int64_t sum(const int64_t histogram[BINS])
+{
+    int64_t n = 0;
+
+    for (int i = 0; i < BINS; i++)
+        n += histogram[i];
+    return n;
+}
+
+/* Fill a light field of one pair from two views of lf, reduced. */
+static int make_pair(struct sst_lightfield *pair, const struct sst_lightfield *lf, int a, int b, int *factor)
+{
+    int err = sst_lightfield_init(pair, 1, 2);
+
+    for (int i = 0; !err && i < 2; i++) {
+        const struct sst_view *from = &lf->views[i ? b : a];
+
+        err = reduce(&pair->views[i].image, &from->image, factor);
+        if (!err && from->valid.data)
+            err = sst_mask_reduce(&pair->views[i].valid, &from->valid, *factor);
+        pair->views[i].present = true;
+        pair->views[i].bx = from->bx - lf->views[a].bx;
+        pair->views[i].by = from->by - lf->views[a].by;
+        pair->width = pair->views[i].image.width;
+        pair->height = pair->views[i].image.height;
+    }
+    return err;
+}
+
+/* The reference view, or the nearest to it that is there. */
+static int middle(const struct sst_lightfield *lf)
+{
+    double best = INFINITY;
+    int at = lf->ref_view;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const double far = hypot(lf->views[k].bx, lf->views[k].by);
+
+        if (lf->views[k].present && (far < best || (k == lf->ref_view && far <= best))) {
+            best = far;
+            at = k;
+        }
+    }
+    return at;
+}
+
+/* Match the reference with its neighbours, one after the other. @param pair  zeroed; without a width: no neighbour
+ * there
+ * @param reach  of the search to either side, px (reduced) */
+static int match_sides(struct sst_lightfield pair[SIDES], const struct sst_lightfield *lf, int threads, int *factor,
+                       double *reach)
+{
+    struct sst_disparity_config cfg;
+    const int ref = middle(lf), col = ref % lf->cols, row = ref / lf->cols;
+    int err = sst_disparity_preset(&cfg, "balanced");
+
+    cfg.threads = threads;
+    for (int side = 0; !err && side < SIDES; side++) {
+        const int c = col + (side == 0) - (side == 1), r = row + (side == 2) - (side == 3);
+
+        if (c < 0 || r < 0 || c >= lf->cols || r >= lf->rows || !lf->views[r * lf->cols + c].present)
+            continue;
+        err = make_pair(&pair[side], lf, ref, r * lf->cols + c, factor);
+        /* Nothing nearer than a fifth of the picture's longer side per spacing, either way. */
+        *reach = fmin(ceil(sst_max_int(pair[side].width, pair[side].height) / 5.0), SST_DISPARITY_MAX_STEPS / 2 - 1);
+        cfg.disp_min_px = -*reach;
+        cfg.disp_max_px = *reach;
+        err = err ? err : sst_disparity_lightfield(&pair[side], &cfg, NULL, NULL);
+    }
+    return err;
+}
+
+int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *min_px, double *max_px)
+{
+    struct sst_lightfield pair[SIDES] = { 0 };
+    int64_t all[BINS] = { 0 }, agreed[BINS] = { 0 }, below = 0;
+    const int64_t *histogram = all;
+    int64_t total;
+    double reach = 0, cut = CUT;
+    int factor = 1, first = -1, last = -1, err = match_sides(pair, lf, threads, &factor, &reach);
+
+    for (int side = 0; !err && side < SIDES; side++)
+        collect(all, agreed, pair, side);
+    for (int side = 0; side < SIDES; side++)
+        sst_lightfield_fini(&pair[side]);
+    if (err)
+        return err;
+    total = sum(all);
+    if ((double)sum(agreed) >= SHARE * (double)total) {
+        histogram = agreed;
+        total = sum(agreed);
+        cut = CUT_AGREED;
+    }
+    for (int i = 0; i < BINS; i++) {
+        below += histogram[i];
+        if (first < 0 && (double)below > cut * (double)total)
+            first = i;
+        if (last < 0 && (double)below >= (1 - cut) * (double)total && below > 0)
+            last = i;
+    }
+    if (total < 100 || first < 0) {
+        sst_log_error("the disparity range cannot be told from these views; give it with --range-min and --range-max");
+        return -ENODATA;
+    }
+    /* One reduced pixel of margin: half a bin is all that the histogram blurs, the rest is for what the cut left out.
+     */
+    *min_px = floor((-reach + first * 0.5 - 1.0) * factor);
+    *max_px = ceil((-reach + (last + 1) * 0.5 + 1.0) * factor);
+    return 0;
+}

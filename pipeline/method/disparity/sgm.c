@@ -1,0 +1,93 @@
+#include <assert.h>
+#include <errno.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/method/disparity/stage.h"
+#include "pipeline/kernels/kernels.h"
+
+/* L <= SST_COST_MAX + p2 along one path (the predecessor's minimum is subtracted), so 8 of them fit 16 bits, and so
+ * does the mark for "outside" with p1 added. */
+static_assert(8 * (SST_COST_MAX + SST_DISPARITY_MAX_PENALTY) <= 65535, "sums of 8 paths fit uint16_t");
+static_assert(SST_SGM_FAR + SST_DISPARITY_MAX_PENALTY <= 65535, "the outside mark plus p1 fits uint16_t");
+static_assert(SST_SGM_FAR > SST_COST_MAX + SST_DISPARITY_MAX_PENALTY, "the outside mark is never the minimum");
+
+/* Rows of L that one direction needs: three slants (from above left, above, above right), this row and the last. */
+struct paths {
+    uint16_t *now[3], *last[3], *line;
+    uint8_t *penalty;
+    uint16_t p1[256], p2[256]; /* by colour step */
+};
+
+static void set_penalties(struct paths *p, const struct sst_disparity_config *cfg)
+{
+    for (int step = 0; step < 256; step++) {
+        const int weakened = cfg->edge_step > 0 ? cfg->p2 * cfg->edge_step / (cfg->edge_step + step) : cfg->p2;
+
+        p->p1[step] = (uint16_t)cfg->p1;
+        p->p2[step] = (uint16_t)sst_max_int(weakened, cfg->p1);
+    }
+}
+
+/* Colour step from the predecessor (x + dx, y + dy) into (x, y); 0 where that is outside. */
+static void penalty_row(uint8_t *out, const struct sst_image *img, int y, int dx, int dy)
+{
+    const int x0 = sst_max_int(0, -dx), x1 = sst_min_int(img->width, img->width - dx);
+
+    memset(out, 0, (size_t)img->width);
+    if (y + dy >= 0 && y + dy < img->height && x1 > x0)
+        sst_colour_step_row(out + x0, img, y, x0, y + dy, x0 + dx, x1 - x0);
+}
+
+/* All paths that come from above (dir 1, rows top down) or below (dir -1, rows bottom up), and one along the row. */
+static void sweep(struct sst_volume *v, const struct sst_image *img, int slants, int dir, struct paths *p)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+    const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
+    const size_t line_bytes = (n + 2) * (nd + 2 * SST_SGM_PAD) * sizeof(uint16_t);
+
+    for (int s = 0; s < slants; s++) {
+        memset(p->last[s], 0, line_bytes);
+        memset(p->now[s], 0, line_bytes);
+    }
+    memset(p->line, 0, line_bytes);
+    for (int i = 0; i < v->height; i++) {
+        const int y = dir > 0 ? i : v->height - 1 - i;
+        uint16_t *sum = v->sum + (size_t)y * row_cells;
+        const uint8_t *cost = v->cost + (size_t)y * row_cells;
+
+        penalty_row(p->penalty, img, y, -dir, 0);
+        k->sgm_along_row(p->line, sum, cost, p->penalty, p->p1, p->p2, dir, dir > 0, n, nd);
+        for (int s = 0; s < slants; s++) {
+            const int dx = slants == 1 ? 0 : s - 1;
+            uint16_t *swap = p->last[s];
+
+            penalty_row(p->penalty, img, y, dx, -dir);
+            k->sgm_across_row(p->now[s], p->last[s], sum, cost, p->penalty, p->p1, p->p2, dx, 0, n, nd);
+            p->last[s] = p->now[s];
+            p->now[s] = swap;
+        }
+    }
+}
+
+int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg)
+{
+    const size_t line = sst_sgm_line(v);
+    const int slants = cfg->paths == 8 ? 3 : 1;
+    struct paths p;
+    const size_t lines = (size_t)(2 * slants + 1) * line;
+    uint16_t *rows = sst_mem_keep(&v->lines, lines + (size_t)v->width, sizeof(uint16_t));
+
+    if (!rows)
+        return -ENOMEM;
+    p.penalty = (uint8_t *)(rows + lines);
+    for (int s = 0; s < slants; s++) {
+        p.now[s] = rows + (size_t)(2 * s) * line;
+        p.last[s] = p.now[s] + line;
+    }
+    p.line = rows + (size_t)(2 * slants) * line;
+    set_penalties(&p, cfg);
+    sweep(v, img, slants, 1, &p);
+    sweep(v, img, slants, -1, &p);
+    return 0;
+}

@@ -1,0 +1,247 @@
+/* pipeline/method/disparity/stage.h - the steps of the disparity stage, for disparity.c and the tests. */
+#ifndef SST_PIPELINE_METHOD_DISPARITY_STAGE_H
+#define SST_PIPELINE_METHOD_DISPARITY_STAGE_H
+
+#include "base/mem.h"
+#include "pipeline/method/disparity/disparity.h"
+#include "pipeline/kernels/kernels.h"
+
+/*
+ * Neighbours at fractional offsets, and steps of less than a pixel, fall between pixels. The census of a view is
+ * therefore made of the view shifted by quarter pixels, bilinearly: phase 4 * py + px stands for (px / 4, py / 4). Only
+ * phases that some disparity needs are made; phase 0 always is.
+ */
+#define SST_PHASES 16
+
+/** What matching needs of one view. Owner: whoever made it, with sst_descriptor_fini(). */
+struct sst_descriptor {
+    int width, height;
+    struct sst_image image; /* borrowed, or half size and owned */
+    bool image_owned;
+    struct sst_map_u8 luma; /* BT.601 */
+    struct sst_map_u8 seen; /* 0 where the image has nothing to match: from outside the raw frame; empty: nowhere */
+    uint64_t
+        *census[SST_PHASES];  /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
+    size_t census_stride;     /* elements */
+    uint8_t *features;        /* [height][16][feature_stride / 4][4] (see sst_feature_cost_rows_fn), or NULL;
+                               * feature_stride bytes before and after it are readable */
+    size_t feature_stride;    /* bytes between groups of four channels of one row */
+    void *feature_memory;     /* what holds them */
+    struct sst_mem_kept rows; /* of making a census */
+};
+
+struct sst_network;
+
+/**
+ * Whether a network can make features of views of this size: one channel in, 64 of the same size out.
+ * @param name  of its file, for messages
+ * @return 0, -EBADMSG (logged), errors of sst_network_out_shape()
+ */
+SST_MUST_CHECK int sst_descriptor_check_network(struct sst_network *net, const char *name, int width, int height);
+
+/**
+ * Luma, and census or MC-CNN features or both.
+ * @param net    for features: passed sst_descriptor_check_network(); normalised luma in, 64 unit-length channels out
+ * @param scale  1: img is borrowed and must outlive desc; 2: matched at half size
+ */
+SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,
+                                       enum sst_cost cost, struct sst_network *net);
+/** A mask at 1 / factor of the size, rounded up: 255 where all of its pixels are. @param out  out, initialised here */
+SST_MUST_CHECK int sst_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor);
+void sst_descriptor_fini(struct sst_descriptor *desc);
+
+/** Make the census of more phases (bit p of `phases`); a descriptor without census is left alone. */
+SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases);
+
+/** Drop the census of all phases but 0. */
+void sst_descriptor_drop_phases(struct sst_descriptor *desc);
+
+/**
+ * Follow a view whose picture changed in some rows: the descriptor is then as if made anew.
+ *
+ * @param desc  of scale 2 and census alone
+ * @param img   the view, as large as ever
+ * @param y0, y1  rows of the descriptor, y1 not included, that hold all that changed
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_descriptor_renew(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1);
+
+#define SST_FEATURE_TILE 4
+
+/**
+ * The bands of rows in which the matching network is run over a view: a function of the view's size alone, so that the
+ * features never depend on threads. Bands are of one height. Each starts `step` rows below the one before, but the last
+ * one, which ends with the view; all starts are multiples of SST_FEATURE_TILE, so Winograd's tiles lie where they lie
+ * in the whole view.
+ */
+struct sst_feature_bands {
+    int count, step, height;
+};
+
+/** Rows first .. end - 1 are kept of a run over those from start on. */
+struct sst_feature_band {
+    int start, first, end;
+};
+
+/**
+ * @param rows    of the view, at least 1
+ * @param radius  of the network: rows above and below that a result depends on; negative: not known, one band of all
+ */
+struct sst_feature_bands sst_feature_bands(int rows, int radius);
+struct sst_feature_band sst_feature_band(const struct sst_feature_bands *bands, int rows, int radius, int i);
+
+/**
+ * Make the features of a descriptor that has its luma: standardised over the whole view, the network run band by band
+ * where its metadata sst.radius tells its radius. The values of a run over the whole view, but for the last digits of
+ * Winograd's floats, which depend on up to five rows beyond the radius: at most one step of a component, rarely.
+ *
+ * @return 0, -EBADMSG (not a matching network: one channel in, SST_FEATURE_CHANNELS of the same size out; a radius that
+ * is no number; logged), -ENOMEM and what sst_network_run_s8() returns
+ */
+SST_MUST_CHECK int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net);
+
+/** A view to match with: a point at x in the reference is at x - d * b there. */
+struct sst_neighbour {
+    const struct sst_descriptor *desc;
+    double bx, by;
+};
+
+#define SST_MAX_NEIGHBOURS 12
+
+/** Cost volume of a view: [height][width_padded][steps_padded] uint8, entry i of a pixel is disparity
+ *  disp_min + i / divisor. */
+struct sst_volume {
+    int width, height;
+    size_t width_padded; /* multiple of 64 */
+    int x0, y0;          /* the pixel of the view that is the volume's first: 0, 0 but for windows */
+    size_t pixels;       /* room: width_padded * height at most */
+    int disp_min, steps;
+    int divisor;         /* steps per pixel: 1 (set by init), 2 or 4 */
+    int phase_step;      /* quarter pixels that shifts are rounded to: 4 (whole pixels, set by init), 2 or 1 */
+    size_t steps_padded; /* multiple of 32; the padding costs SST_COST_MAX */
+    uint8_t *cost;
+    uint16_t *sum;             /* the same shape: summed path costs; made by sst_sgm() */
+    void *scratch;             /* of sst_volume_fill(), see volume.c */
+    struct sst_mem_kept lines; /* of the other steps, one after the other */
+};
+
+SST_MUST_CHECK int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps);
+void sst_volume_fini(struct sst_volume *v);
+
+/**
+ * Let the volume stand for a part of a view, inside it, from now on: only that is matched, against whole neighbours.
+ * For views with census alone.
+ *
+ * @param width, height  at most those of sst_volume_init()
+ */
+void sst_volume_window(struct sst_volume *v, int x0, int y0, int width, int height);
+
+/** Bytes that a volume of this size takes. */
+size_t sst_volume_bytes(int width, int height, int steps);
+
+/**
+ * Fill the costs of `ref` against 1..SST_MAX_NEIGHBOURS neighbours. Of several, occluded ones are expected to be the
+ * dear ones: with two the cheaper one counts three times the other, with more the mean of the two cheapest. What one
+ * neighbour alone sees takes its cost, and what none sees, or is not there to be seen, a constant.
+ */
+void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
+                     int count);
+
+/** Largest difference of a colour channel between pixels of two rows, n of them. */
+void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n);
+
+/** Arms of the cross-based support regions (Zhang et al. 2009), in colour: each [height][width], and the region's pixel
+ *  count. */
+struct sst_support {
+    struct sst_map_u8 left, right, up, down;
+    struct sst_map_u16 count;
+};
+
+SST_MUST_CHECK int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau);
+void sst_support_fini(struct sst_support *s);
+
+/** Replace every cost by its mean over the pixel's support region; `rounds` times. */
+SST_MUST_CHECK int sst_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds);
+
+/**
+ * Semi-global optimisation of v->cost into v->sum along 4 or 8 paths (paper: energy E(D); Hirschmueller 2008, with the
+ * minimum subtracted, so that L <= 255 + p2).
+ */
+SST_MUST_CHECK int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg);
+
+/** Elements of one row of paths. */
+static inline size_t sst_sgm_line(const struct sst_volume *v)
+{
+    return ((size_t)v->width + 2) * (v->steps_padded + 2 * SST_SGM_PAD);
+}
+
+/** The phases that matching against a neighbour at offset b needs of it. */
+unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by);
+
+/** Put v->sum, less each pixel's minimum and cut at 255, back into v->cost for another aggregation. */
+void sst_volume_requantise(struct sst_volume *v);
+
+/**
+ * Winner takes all with the parabola through three costs (flat or border minimum: the integer).
+ *
+ * @param disp_q6     out, 1/64 px above v->disp_min
+ * @param confidence  out, 0..255: how far the second minimum is
+ * @param from_cost   read v->cost instead of v->sum
+ */
+SST_MUST_CHECK int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,
+                                     struct sst_map_u8 *confidence);
+
+/** The parabola's minimum between three costs, in 1/64 steps from the middle one; 0 where it is flat. */
+int sst_parabola_q6(int before, int at, int after);
+
+/** 5x5 median, borders repeated. In place. @param lines  scratch */
+SST_MUST_CHECK int sst_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines);
+
+/**
+ * Bilateral filter of the paper with g the standard normal density (radius 3):
+ * D(p) = sum D(q) g(|p-q|) 1(|I(p)-I(q)| < tau) / sum, over q with a known disparity within SST_BILATERAL_STEP_Q6 of
+ * D(p): averaging across a depth edge would put pixels where nothing is.
+ */
+SST_MUST_CHECK int sst_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
+
+/** Fuse two maps of a view by confidence: agreement within 1 px averages, else the surer one wins, ties to the first.
+ */
+void sst_fuse(struct sst_map_u16 *disp, struct sst_map_u8 *confidence, const struct sst_map_u16 *other_disp,
+              const struct sst_map_u8 *other_confidence);
+
+/** Outcome of the multi-view check. */
+enum sst_check {
+    SST_CHECK_CORRECT = 0,
+    SST_CHECK_MISMATCH = 1,
+    SST_CHECK_OCCLUSION = 2,
+};
+
+/** A neighbouring view's disparities at offset b from the view under check. */
+struct sst_checked_view {
+    const struct sst_map_u16 *disp_q6; /* the same zero as the view's own */
+    const struct sst_map_u8 *status;   /* for filling; NULL while checking */
+    double bx, by;
+};
+
+/**
+ * DESIGN 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if
+ * that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
+ *
+ * @param status  out, enum sst_check
+ * @param disp_min_px  disparity of stored value 0
+ */
+void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,
+                     const struct sst_checked_view *views, int count);
+
+/**
+ * DESIGN 5.2 step 5: occlusions take the disparity of a correct pixel of a neighbour that projects onto them (near
+ * views first, the foremost one where several do), mismatches the median of the nearest correct pixels in 16
+ * directions, the rest the smaller of the nearest correct disparities to both sides (background). The result is dense
+ * if any pixel is correct.
+ *
+ * @param views  the nearer neighbours first; near_count of them are one spacing away
+ */
+void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, double disp_min_px,
+                    const struct sst_checked_view *views, int count, int near_count, struct sst_map_u16 *scratch);
+
+#endif

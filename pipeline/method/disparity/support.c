@@ -1,0 +1,123 @@
+#include <errno.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/method/disparity/stage.h"
+#include "pipeline/kernels/kernels.h"
+
+/* Rows of column sums kept: one above the highest arm, the row itself, and the lowest arm below. */
+#define RING (2 * SST_SUPPORT_MAX_ARM + 2)
+
+void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n)
+{
+    memset(out, 0, (size_t)n);
+    for (int c = 0; c < 3; c++) {
+        const uint8_t *p = sst_image_row(img, c, y0) + x0, *q = sst_image_row(img, c, y1) + x1;
+
+        for (int i = 0; i < n; i++) {
+            const uint8_t a = p[i], b = q[i], step = (uint8_t)(a > b ? a - b : b - a);
+
+            out[i] = step > out[i] ? step : out[i];
+        }
+    }
+}
+
+/*
+ * Arm lengths of one row towards (dx, dy): an arm stops at the border, at `arm`, and before a pixel that differs by tau
+ * or more. Step by step over the whole row, so that compilers vectorise it.
+ *
+ * @param scratch  2 * width bytes
+ */
+static void arm_row(uint8_t *length, uint8_t *scratch, const struct sst_image *img, int y, int dx, int dy, int arm,
+                    int tau)
+{
+    const int w = img->width;
+    uint8_t *alive = scratch, *step_size = scratch + w;
+
+    memset(length, 0, (size_t)w);
+    memset(alive, 1, (size_t)w);
+    for (int step = 1; step <= arm; step++) {
+        const int j = y + step * dy, x0 = sst_max_int(0, -step * dx), x1 = sst_min_int(w, w - step * dx);
+
+        if (j < 0 || j >= img->height || x1 <= x0)
+            return;
+        sst_colour_step_row(step_size, img, y, x0, j, x0 + step * dx, x1 - x0);
+        for (int x = x0; x < x1; x++) {
+            alive[x] = (uint8_t)(step_size[x - x0] < tau ? alive[x] : 0);
+            length[x] = (uint8_t)(length[x] + alive[x]);
+        }
+    }
+}
+
+int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau)
+{
+    const int w = img->width, h = img->height;
+    struct sst_support made = { 0 };
+    int err = sst_map_u8_init(&made.left, w, h);
+
+    err = err ? err : sst_map_u8_init(&made.right, w, h);
+    err = err ? err : sst_map_u8_init(&made.up, w, h);
+    err = err ? err : sst_map_u8_init(&made.down, w, h);
+    err = err ? err : sst_map_u16_init(&made.count, w, h);
+    if (err) {
+        sst_support_fini(&made);
+        return err;
+    }
+    for (int y = 0; y < h; y++) {
+        uint8_t *scratch = (uint8_t *)sst_map_u16_row(&made.count, y); /* free until the counts are made */
+
+        arm_row(sst_map_u8_row(&made.left, y), scratch, img, y, -1, 0, arm, tau);
+        arm_row(sst_map_u8_row(&made.right, y), scratch, img, y, 1, 0, arm, tau);
+        arm_row(sst_map_u8_row(&made.up, y), scratch, img, y, 0, -1, arm, tau);
+        arm_row(sst_map_u8_row(&made.down, y), scratch, img, y, 0, 1, arm, tau);
+    }
+    for (int y = 0; y < h; y++) {
+        for (int x = 0; x < w; x++) {
+            unsigned count = 0;
+
+            for (int j = y - sst_map_u8_row(&made.up, y)[x]; j <= y + sst_map_u8_row(&made.down, y)[x]; j++)
+                count += 1u + sst_map_u8_row(&made.left, j)[x] + sst_map_u8_row(&made.right, j)[x];
+            sst_map_u16_row(&made.count, y)[x] = (uint16_t)count;
+        }
+    }
+    *s = made;
+    return 0;
+}
+
+void sst_support_fini(struct sst_support *s)
+{
+    sst_map_u8_fini(&s->left);
+    sst_map_u8_fini(&s->right);
+    sst_map_u8_fini(&s->up);
+    sst_map_u8_fini(&s->down);
+    sst_map_u16_fini(&s->count);
+}
+
+int sst_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+    const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
+    const int arm = SST_SUPPORT_MAX_ARM;
+    uint16_t *ring = sst_mem_keep(&v->lines, RING * row_cells + (n + 1) * nd, sizeof(uint16_t)), *prefix;
+
+    if (!ring)
+        return -ENOMEM;
+    prefix = ring + RING * row_cells;
+    for (int round = 0; round < rounds; round++) {
+        memset(ring + (RING - 1) * row_cells, 0, row_cells * sizeof(*ring)); /* the row above the first */
+        for (int next = 0, y = 0; y < v->height; y++) {
+            const uint16_t *rows[RING], *const *at = rows + arm + 1;
+
+            for (; next < v->height && next <= y + arm; next++)
+                k->support_sum_row(ring + (size_t)(next % RING) * row_cells,
+                                   ring + (size_t)((next + RING - 1) % RING) * row_cells, prefix,
+                                   v->cost + (size_t)next * row_cells, sst_map_u8_row(&s->left, next),
+                                   sst_map_u8_row(&s->right, next), n, nd);
+            for (int j = -arm - 1; j <= arm; j++)
+                rows[j + arm + 1] = ring + (size_t)((y + j + 2 * RING) % RING) * row_cells;
+            k->support_mean_row(v->cost + (size_t)y * row_cells, at, sst_map_u8_row(&s->up, y),
+                                sst_map_u8_row(&s->down, y), sst_map_u16_row(&s->count, y), n, nd);
+        }
+    }
+    return 0;
+}

@@ -1,0 +1,349 @@
+#include <assert.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/method/disparity/stage.h"
+#include "pipeline/kernels/kernels.h"
+
+/* Real costs are kept below it, so that it can mark "the neighbour does not see this" inside the tiles. */
+#define ABSENT 255
+/* Cost of what no neighbour sees: the same for every disparity, so that only smoothness decides. */
+#define COST_UNSEEN 96
+/*
+ * Costs are made in tiles: BAND rows of a strip of columns, one neighbour after the other. What a tile reads of a
+ * neighbour (steps rows below each other for those above and below) then stays in the second-level cache for all rows
+ * of the band.
+ */
+#define BAND  16
+#define STRIP 128 /* multiple of 64 */
+
+/* Where a disparity step puts a pixel in a neighbour. */
+struct step {
+    int x, y;           /* whole pixels, rounded down ... */
+    int phase;          /* ... and which quarters */
+    int near_x, near_y; /* nearest whole pixels: features are made for those only */
+    int place;          /* row of feature costs: steps that share the nearest pixel share it */
+};
+
+static size_t padded_steps(int steps)
+{
+    return ((size_t)steps + 31) / 32 * 32;
+}
+
+size_t sst_volume_bytes(int width, int height, int steps)
+{
+    const size_t cells = ((size_t)width + 63) / 64 * 64 * (size_t)height * padded_steps(steps);
+
+    return 3 * cells;
+}
+
+/* Two costs of a tile, feature costs of a row of it, one row of census costs; then places and steps. */
+static size_t tile_bytes(const struct sst_volume *v)
+{
+    return STRIP * ((2 * BAND + 1) * v->steps_padded + 1);
+}
+
+static size_t scratch_bytes(const struct sst_volume *v)
+{
+    return tile_bytes(v) + v->steps_padded * (sizeof(const uint8_t *) + SST_MAX_NEIGHBOURS * sizeof(struct step));
+}
+
+int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps)
+{
+    struct sst_volume made = {
+        .width = width, .height = height, .disp_min = disp_min, .steps = steps, .divisor = 1, .phase_step = 4
+    };
+    size_t cells;
+
+    made.width_padded = ((size_t)width + 63) / 64 * 64;
+    made.steps_padded = padded_steps(steps);
+    made.pixels = made.width_padded * (size_t)height;
+    cells = made.pixels * made.steps_padded;
+    made.cost = sst_mem_alloc_raw(cells, 1);
+    made.sum = sst_mem_alloc_raw(cells, sizeof(uint16_t));
+    made.scratch = sst_mem_alloc_raw(1, scratch_bytes(&made));
+    /* What sst_sgm() needs on 4 paths, so that nothing is taken later on. */
+    if (!made.cost || !made.sum || !made.scratch ||
+        !sst_mem_keep(&made.lines, 3 * sst_sgm_line(&made) + (size_t)width, sizeof(uint16_t))) {
+        sst_volume_fini(&made);
+        return -ENOMEM;
+    }
+    *v = made;
+    return 0;
+}
+
+void sst_volume_window(struct sst_volume *v, int x0, int y0, int width, int height)
+{
+    v->x0 = x0;
+    v->y0 = y0;
+    v->width = width;
+    v->height = height;
+    v->width_padded = ((size_t)width + 63) / 64 * 64;
+    assert(v->width_padded * (size_t)height <= v->pixels);
+}
+
+void sst_volume_fini(struct sst_volume *v)
+{
+    sst_mem_free(v->cost);
+    sst_mem_free(v->sum);
+    sst_mem_free(v->scratch);
+    sst_mem_kept_fini(&v->lines);
+    *v = (struct sst_volume){ 0 };
+}
+
+/* Where disparity step i puts a pixel in a neighbour at offset b along one axis: in quarter pixels from its own place.
+ */
+static int shift_q2(const struct sst_volume *v, int i, double b)
+{
+    const double d = v->disp_min + (double)i / v->divisor;
+
+    return v->phase_step * (int)floor(-d * b * 4.0 / v->phase_step + 0.5);
+}
+
+/* Whole pixels, rounded down, and the quarters left over. */
+static int whole(int q2)
+{
+    return (q2 - (q2 & 3)) / 4;
+}
+
+unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by)
+{
+    unsigned phases = 0;
+
+    for (int i = 0; i < v->steps; i++)
+        phases |= 1u << (4 * (shift_q2(v, i, by) & 3) + (shift_q2(v, i, bx) & 3));
+    return phases;
+}
+
+static void set_steps(struct step *steps, const struct sst_volume *v, const struct sst_neighbour *n)
+{
+    for (int i = 0; i < v->steps; i++) {
+        const int qx = shift_q2(v, i, n->bx), qy = shift_q2(v, i, n->by);
+        struct step *s = &steps[i];
+
+        *s = (struct step){ .x = whole(qx),
+                            .y = whole(qy),
+                            .phase = 4 * (qy & 3) + (qx & 3),
+                            .near_x = whole(qx + 2),
+                            .near_y = whole(qy + 2) };
+        if (i > 0)
+            s->place = s[-1].place + (s->near_x != s[-1].near_x || s->near_y != s[-1].near_y);
+    }
+}
+
+static const uint8_t *features_at(const struct sst_descriptor *d, int x, int y)
+{
+    return d->features + (ptrdiff_t)y * SST_FEATURE_CHANNELS / 4 * (ptrdiff_t)d->feature_stride + 4 * (ptrdiff_t)x;
+}
+
+/* A strip of one view's columns. */
+struct strip {
+    const struct sst_volume *v;
+    const struct sst_descriptor *ref;
+    int x0, x1;
+    size_t padded;              /* x1 - x0, rounded up to 64 */
+    uint8_t *first, *second;    /* [BAND][steps][padded] cheapest costs so far */
+    uint8_t *features, *census; /* [place][STRIP], [STRIP]: costs of one row */
+    const uint8_t **places;
+};
+
+/* Costs of row y against every place of a neighbour's features. */
+static void feature_costs(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y)
+{
+    const struct sst_volume *v = s->v;
+    const uint8_t *here = features_at(s->ref, s->x0, y);
+    int count = 0;
+
+    for (int i = 0; i < v->steps; i++) {
+        const struct step *at = &steps[i];
+        /* What lies beside the row within its width may be read (see struct sst_descriptor); what is farther off, and
+         * other rows, no step will ask for: any features do. */
+        const bool inside = y + at->near_y >= 0 && y + at->near_y < v->height && abs(at->near_x) < v->width;
+
+        if (at->place == count)
+            s->places[count++] = inside ? features_at(n->desc, s->x0 + at->near_x, y + at->near_y) : here;
+    }
+    sst_kernels_get()->feature_cost_rows(s->features, STRIP, here, s->places, (size_t)count, s->ref->feature_stride,
+                                         s->padded);
+}
+
+/* Costs of one row and step: [x1 - x0) pixels from x0 on, of the census, the features or both. */
+static void take_costs(const struct strip *s, uint8_t *first, uint8_t *second, const uint8_t *features, int from,
+                       int to)
+{
+    const uint8_t *census = s->census + from, *cost = features + from;
+
+    sst_kernels_get()->cheapest_row(first + from, second + from, s->ref->census[0] ? census : cost,
+                                    s->ref->features ? cost : census, (size_t)(to - from));
+}
+
+/* The same where the pixel and what it is matched with are in the pictures: black borders are like nothing, and each
+ * other. Windows that reach into them tell enough to be kept (docs/calibration-rectify.md). */
+static void take_seen(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
+                      int y, uint8_t *first, uint8_t *second, const uint8_t *features)
+{
+    const int left = s->v->x0;
+    const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) + left : NULL;
+    const uint8_t *there = n->desc->seen.data ? sst_map_u8_row(&n->desc->seen, y + at->y) + left : NULL;
+
+    for (int from = x0, to; from < x1; from = to + 1) {
+        for (to = from; to < x1 && (!own || own[to]) && (!there || there[to + at->x]); to++)
+            ;
+        if (to > from)
+            take_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, from - x0, to - x0);
+    }
+}
+
+/* Take row y of the view, matched with one neighbour, into the two cheapest costs, [steps][padded] each. Columns are
+ * the volume's, which begins at column v->x0 of the view. */
+static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y,
+                      uint8_t *first, uint8_t *second)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+    const struct sst_volume *v = s->v;
+    const struct sst_descriptor *ref = s->ref;
+    const int h = ref->height;
+
+    if (ref->features)
+        feature_costs(s, n, steps, y);
+    for (int i = 0; i < v->steps; i++, first += s->padded, second += s->padded) {
+        const struct step *at = &steps[i];
+        const int yn = y + at->y, near_y = y + at->near_y;
+        const int x0 = sst_max_int(s->x0, -v->x0 - sst_min_int(at->x, at->near_x));
+        const int x1 = sst_min_int(s->x1, ref->width - v->x0 - sst_max_int(at->x, at->near_x));
+        const uint8_t *features = s->features + (size_t)at->place * STRIP + (x0 - s->x0);
+
+        if (yn < 0 || near_y < 0 || yn >= h || near_y >= h || x1 <= x0)
+            continue;
+        if (ref->census[0])
+            k->hamming_row(s->census, ref->census[0] + (size_t)y * ref->census_stride + (v->x0 + x0),
+                           n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x),
+                           (size_t)(x1 - x0));
+        if (ref->seen.data || n->desc->seen.data)
+            take_seen(s, n, at, x0, x1, y, first, second, features);
+        else
+            take_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, 0, x1 - x0);
+    }
+}
+
+/* One cost from the two cheapest ones, into the first. */
+static void merge(uint8_t *restrict first, const uint8_t *restrict second, int count, size_t cells)
+{
+    for (size_t i = 0; i < cells; i++) {
+        const unsigned a = first[i], b = second[i];
+        const unsigned two = count == 2 ? (3 * a + b + 2) >> 2 : (a + b + 1) >> 1;
+
+        first[i] = (uint8_t)(a == ABSENT ? COST_UNSEEN : b == ABSENT ? a : two);
+    }
+}
+
+/* Rows y0 .. y1-1 of a strip. @param steps  [neighbour][v->steps] */
+static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours, const struct step *steps,
+                      int count, int y0, int y1)
+{
+    const struct sst_volume *v = s->v;
+    const size_t cells = s->padded * v->steps_padded, real = s->padded * (size_t)v->steps;
+
+    memset(s->first, ABSENT, (size_t)(y1 - y0) * cells);
+    memset(s->second, ABSENT, (size_t)(y1 - y0) * cells);
+    for (int i = 0; i < count; i++) {
+        for (int y = y0; y < y1; y++)
+            match_row(s, &neighbours[i], steps + (size_t)i * (size_t)v->steps, v->y0 + y,
+                      s->first + (size_t)(y - y0) * cells, s->second + (size_t)(y - y0) * cells);
+    }
+    for (int y = y0; y < y1; y++) {
+        uint8_t *first = s->first + (size_t)(y - y0) * cells;
+        uint8_t *out = v->cost + ((size_t)y * v->width_padded + (size_t)s->x0) * v->steps_padded;
+
+        merge(first, s->second + (size_t)(y - y0) * cells, count, real);
+        memset(first + real, SST_COST_MAX, cells - real);
+        sst_kernels_get()->transpose_u8(out, v->steps_padded, first, s->padded, s->padded, v->steps_padded);
+    }
+}
+
+void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
+                     int count)
+{
+    const size_t tile = STRIP * BAND * v->steps_padded;
+    struct strip s = { .v = v, .ref = ref, .first = v->scratch };
+    struct step *steps;
+
+    s.second = s.first + tile;
+    s.features = s.second + tile;
+    s.census = s.features + STRIP * v->steps_padded;
+    s.places = (const uint8_t **)(void *)(s.first + tile_bytes(v));
+    steps = (struct step *)(void *)(s.places + v->steps_padded);
+    for (int i = 0; i < count; i++)
+        set_steps(steps + (size_t)i * (size_t)v->steps, v, &neighbours[i]);
+    for (s.x0 = 0; s.x0 < v->width; s.x0 += STRIP) {
+        s.x1 = sst_min_int(s.x0 + STRIP, v->width);
+        s.padded = ((size_t)(s.x1 - s.x0) + 63) / 64 * 64;
+        for (int y = 0; y < v->height; y += BAND)
+            fill_tile(&s, neighbours, steps, count, y, sst_min_int(y + BAND, v->height));
+    }
+}
+
+void sst_volume_requantise(struct sst_volume *v)
+{
+    const size_t pixels = v->width_padded * (size_t)v->height, nd = v->steps_padded;
+
+    for (size_t p = 0; p < pixels; p++) {
+        const uint16_t *s = v->sum + p * nd;
+        uint8_t *c = v->cost + p * nd;
+        uint16_t lowest = 65535;
+
+        for (size_t d = 0; d < nd; d++)
+            lowest = s[d] < lowest ? s[d] : lowest;
+        for (size_t d = 0; d < nd; d++) {
+            const uint16_t above = (uint16_t)(s[d] - lowest);
+
+            c[d] = (uint8_t)(above < SST_COST_MAX ? above : SST_COST_MAX);
+        }
+    }
+}
+
+int sst_parabola_q6(int before, int at, int after)
+{
+    const int curvature = before - 2 * at + after, slope = 32 * (before - after);
+
+    /* `at` is the least of the three, so curvature >= |slope| / 32 and the result is within half a step. */
+    if (curvature <= 0)
+        return 0;
+    return (slope >= 0 ? slope + curvature / 2 : slope - curvature / 2) / curvature;
+}
+
+int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6, struct sst_map_u8 *confidence)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+    const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
+    uint16_t *wide = sst_mem_keep(&v->lines, (from_cost ? row_cells : 0) + 2 * n, sizeof(uint16_t)), *best, *second;
+
+    if (!wide)
+        return -ENOMEM;
+    best = wide + (from_cost ? row_cells : 0); /* row_cells is a multiple of the alignment */
+    second = best + n;
+    for (int y = 0; y < v->height; y++) {
+        const uint16_t *sum = from_cost ? wide : v->sum + (size_t)y * row_cells;
+        uint16_t *disp = sst_map_u16_row(disp_q6, y);
+        uint8_t *conf = sst_map_u8_row(confidence, y);
+
+        for (size_t i = 0; from_cost && i < row_cells; i++)
+            wide[i] = v->cost[(size_t)y * row_cells + i];
+        k->winner_row(best, second, sum, nd, n, (size_t)v->steps);
+        for (size_t x = 0; x < n; x++) {
+            const uint16_t *s = sum + x * nd;
+            const int b = best[x], gap = second[x] - s[b];
+            int offset = 0;
+
+            if (b > 0 && b + 1 < v->steps)
+                offset = sst_parabola_q6(s[b - 1], s[b], s[b + 1]);
+            disp[x] = (uint16_t)((b * 64 + offset + v->divisor / 2) / v->divisor);
+            /* Half of full confidence at a gap of 128 cost units. */
+            conf[x] = (uint8_t)(gap > 0 ? 255 * gap / (gap + 128) : 0);
+        }
+    }
+    return 0;
+}

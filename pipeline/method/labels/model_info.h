@@ -1,0 +1,42 @@
+/* pipeline/method/labels/model_info.h - what a segmentation network wants and gives, told by its metadata or by a YAML file.
+ */
+#ifndef SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
+#define SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
+
+#include "base/file.h"
+#include "pipeline/image/classes.h"
+#include "pipeline/method/network/network.h"
+
+#define SST_MODEL_MAX_CHANNELS 256
+
+struct sst_model_info {
+    struct sst_classes classes;               /* the labels, after channels were joined by `labels` */
+    int channels;                             /* of the network's output */
+    uint8_t class_of[SST_MODEL_MAX_CHANNELS]; /* channel -> index in classes */
+    bool bgr;                                 /* order of a colour network's input channels */
+    double mean[3], std[3];                   /* input channel c is (v / 255 - mean[c]) / std[c], v the 8-bit sample */
+    double eps_h, temperature;
+    int width, height; /* nominal working size */
+    bool fixed_size;   /* the network runs at that size only; images are stretched to it */
+    bool probabilities;
+};
+
+/**
+ * The description of a network: each entry from the file beside it (FILE.yaml or FILE.onnx.yaml for FILE.onnx), else
+ * from its metadata (sst.*), else the default. docs/formats.md lists both. A file that takes precedence over metadata
+ * is told as a debug message.
+ *
+ * @param net   the network's metadata and its fixed input size count
+ * @param path  of the network
+ * @return 0, -EBADMSG (faults: those of the YAML file with line and column, a sentence each), -ENOMEM; logged.
+ */
+SST_MUST_CHECK int sst_model_info_read(struct sst_model_info *out, const struct sst_network *net, const char *path);
+
+/** The same with the YAML text given; NULL: none. @param net  NULL: no metadata either */
+SST_MUST_CHECK int sst_model_info_parse(struct sst_model_info *out, const struct sst_network *net, const char *path,
+                                        const char *yaml, size_t size, const char *yaml_name);
+
+/** The YAML file beside a network. @return 0, -ENOENT (none; not logged), -EBADMSG (both spellings), -ENAMETOOLONG */
+SST_MUST_CHECK int sst_model_sidecar(char out[SST_PATH_MAX], const char *path);
+
+#endif

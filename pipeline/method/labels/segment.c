@@ -1,0 +1,403 @@
+/* Image -> working size -> network, whole or in windows -> probabilities at the network's resolution -> labels and
+ * entropy at the image's size (upsample.c). */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/method/labels/labels.h"
+#include "pipeline/method/labels/model_info.h"
+#include "pipeline/method/labels/resample.h"
+#include "pipeline/method/labels/tiles.h"
+#include "pipeline/method/labels/upsample.h"
+
+struct sst_segmenter {
+    struct sst_network *net;
+    char *path;
+    int threads;
+    struct sst_model_info info;
+    struct sst_segment_config cfg;
+    /* from image to image */
+    struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct sst_class_grid */
+    struct sst_upsample_memory upsample;
+    struct sst_map_f32 entropy; /* of sst_segment_sure() */
+};
+
+/* An output that covers the image must have its proportions, and a size between a 64th and 8 times its own. */
+static bool covers(int width, int height, int out_width, int out_height)
+{
+    const double x = (double)out_width / width, y = (double)out_height / height;
+
+    return fabs(x - y) <= 3.0 / sst_min_int(width, height) && x >= 1.0 / 64 && x <= 8 && y >= 1.0 / 64;
+}
+
+/* A network for other pictures, or with another number of classes, is told at once and not at the first image. */
+static int check_shape(struct sst_segmenter *seg)
+{
+    const struct sst_model_info *info = &seg->info;
+    const int in = sst_network_in_channels(seg->net);
+    int c, w, h, err;
+
+    if (in != 3 && in != 1) {
+        sst_log_error("model %s takes %d channels, neither the 3 of a colour image nor 1 of a grey one; use a"
+                      " segmentation network",
+                      seg->path, in);
+        return -EBADMSG;
+    }
+    err = sst_network_out_shape(seg->net, info->width, info->height, &c, &w, &h);
+    if (err)
+        return err == -EINVAL ? -EBADMSG : err;
+    if (c != info->channels) {
+        sst_log_error("model %s gives %d channels for the %d classes that its description lists; correct the list",
+                      seg->path, c, info->channels);
+        return -EBADMSG;
+    }
+    if (!covers(info->width, info->height, w, h)) {
+        sst_log_error("model %s gives %dx%d results for an image of %dx%d, which are no labels of its pixels; use a"
+                      " segmentation network",
+                      seg->path, w, h, info->width, info->height);
+        return -EBADMSG;
+    }
+    return 0;
+}
+
+int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_precision precision, int threads)
+{
+    struct sst_segmenter *seg = malloc(sizeof(*seg));
+    int err = -ENOMEM;
+
+    if (!seg)
+        return err;
+    *seg = (struct sst_segmenter){
+        .path = strdup(model),
+        .threads = threads,
+    };
+    if (seg->path)
+        err = sst_network_open(&seg->net, model, precision, threads);
+    if (!err)
+        err = sst_model_info_read(&seg->info, seg->net, model);
+    if (!err)
+        err = check_shape(seg);
+    if (err)
+        sst_segmenter_close(seg);
+    else
+        *out = seg;
+    return err;
+}
+
+void sst_segmenter_close(struct sst_segmenter *seg)
+{
+    if (!seg)
+        return;
+    sst_network_close(seg->net);
+    sst_mem_kept_fini(&seg->picture);
+    sst_mem_kept_fini(&seg->window);
+    sst_mem_kept_fini(&seg->out);
+    sst_mem_kept_fini(&seg->cells);
+    sst_mem_kept_fini(&seg->resample);
+    sst_upsample_memory_fini(&seg->upsample);
+    sst_map_f32_fini(&seg->entropy);
+    free(seg->path);
+    free(seg);
+}
+
+const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg)
+{
+    return &seg->info;
+}
+
+struct sst_network *sst_segmenter_network(const struct sst_segmenter *seg)
+{
+    return seg->net;
+}
+
+const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg)
+{
+    return &seg->info.classes;
+}
+
+void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment_config *cfg)
+{
+    seg->cfg = *cfg;
+}
+
+double sst_segmenter_eps_h(const struct sst_segmenter *seg)
+{
+    return seg->info.eps_h;
+}
+
+/* --- one image ------------------------------------------------------------------------------------ */
+
+#define UNIT       8   /* sides of working pictures and places of windows are multiples of it */
+#define MOST_SCALE 1.5 /* of the sides of the nominal area, where the image's size decides: docs/bench-labels.md */
+#define LONGEST    8   /* a strip is at most so many times longer than the longer nominal side */
+
+/* The picture that the network sees, whole or window by window, and where the windows' results go. */
+struct working {
+    int width, height;                                      /* pixels */
+    int window_width, window_height, out_width, out_height; /* of a window and of the network's result for it */
+    struct sst_tiles across, down;                          /* windows in cells of the result */
+    float *picture, *window, *out; /* [3][height][width], the part that a window sees (NULL: all), its result */
+};
+
+/* Sides at the image's proportions: `scale` times those of the nominal area. */
+static void working_size(struct working *w, const struct sst_segmenter *seg, const struct sst_image *img)
+{
+    const double nominal = (double)seg->info.width * seg->info.height, area = (double)img->width * img->height;
+    const double longest = LONGEST * (double)sst_max_int(seg->info.width, seg->info.height);
+    const double own = sst_clamp_double(sqrt(area / nominal), 1, MOST_SCALE);
+    const double scale = fmin((seg->cfg.scale > 0 ? seg->cfg.scale : own) * sqrt(nominal / area),
+                              longest / sst_max_int(img->width, img->height));
+
+    w->width = sst_max_int(UNIT, UNIT * (int)lround(img->width * scale / UNIT));
+    w->height = sst_max_int(UNIT, UNIT * (int)lround(img->height * scale / UNIT));
+    if (seg->info.fixed_size || !sst_network_accepts(seg->net, w->width, w->height)) {
+        w->width = seg->info.width;
+        w->height = seg->info.height;
+    }
+}
+
+/* Windows of the nominal size. They need results whose cells are 1, 2, 4 or 8 pixels wide. */
+static int plan_windows(struct working *w, struct sst_segmenter *seg)
+{
+    const int width = sst_min_int(w->width, seg->info.width / UNIT * UNIT);
+    const int height = sst_min_int(w->height, seg->info.height / UNIT * UNIT);
+    int channels, x, y, err = sst_network_out_shape(seg->net, width, height, &channels, &x, &y);
+
+    if (err)
+        return err;
+    if (UNIT * x % width || UNIT * y % height || seg->info.fixed_size) {
+        sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is taken whole",
+                        seg->path, width, height, x, y);
+        return 0;
+    }
+    w->window_width = width;
+    w->window_height = height;
+    w->out_width = x;
+    w->out_height = y;
+    w->across = sst_tiles_plan(w->width / UNIT * (UNIT * x / width), x, UNIT * x / width);
+    w->down = sst_tiles_plan(w->height / UNIT * (UNIT * y / height), y, UNIT * y / height);
+    return 0;
+}
+
+static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_image *img)
+{
+    int channels, err;
+
+    working_size(w, seg, img);
+    if (seg->cfg.windows) {
+        err = plan_windows(w, seg);
+        if (err || w->across.count)
+            return err;
+    }
+    w->window_width = w->width;
+    w->window_height = w->height;
+    err = sst_network_out_shape(seg->net, w->width, w->height, &channels, &w->out_width, &w->out_height);
+    w->across = sst_tiles_plan(w->out_width, w->out_width, 1);
+    w->down = sst_tiles_plan(w->out_height, w->out_height, 1);
+    return err;
+}
+
+/* Logits or unnormalised probabilities of one pixel become probabilities; false if they cannot. */
+static bool to_probabilities(float *p, const struct sst_segmenter *seg)
+{
+    const struct sst_model_info *info = &seg->info;
+    double max = -INFINITY, sum = 0;
+
+    for (int c = 0; c < info->channels; c++) {
+        if (!isfinite(p[c]) || (info->probabilities && p[c] < 0))
+            return false;
+        max = p[c] > max ? p[c] : max;
+    }
+    for (int c = 0; c < info->channels; c++) {
+        if (!info->probabilities)
+            p[c] = expf((float)((p[c] - max) / info->temperature));
+        sum += p[c];
+    }
+    if (!(sum > 0))
+        return false;
+    for (int c = 0; c < info->channels; c++)
+        p[c] = (float)(p[c] / sum);
+    return true;
+}
+
+/* The network's result for window (i, j) into the grid, weighted: probabilities of channels that are one class add up.
+ */
+static int add_window(struct sst_class_grid *grid, const struct working *w, int i, int j,
+                      const struct sst_segmenter *seg)
+{
+    const size_t plane = (size_t)w->out_width * (size_t)w->out_height;
+    const int x0 = sst_tiles_start(&w->across, i), y0 = sst_tiles_start(&w->down, j);
+    float p[SST_MODEL_MAX_CHANNELS];
+
+    for (int y = 0; y < w->out_height; y++) {
+        const float down = sst_tiles_weight(&w->down, j, y);
+        float *row = grid->cell + ((size_t)(y0 + y) * (size_t)grid->width + (size_t)x0) * grid->values;
+
+        for (int x = 0; x < w->out_width; x++) {
+            const float weight = down * sst_tiles_weight(&w->across, i, x);
+
+            for (int c = 0; c < seg->info.channels; c++)
+                p[c] = w->out[(size_t)c * plane + (size_t)y * (size_t)w->out_width + (size_t)x];
+            if (!to_probabilities(p, seg)) {
+                sst_log_error("model %s: its output at (%d, %d) is no probability (NaN, infinite or negative); use"
+                              " another model",
+                              seg->path, x0 + x, y0 + y);
+                return -EBADMSG;
+            }
+            for (int c = 0; c < seg->info.channels; c++)
+                row[(size_t)x * grid->values + seg->info.class_of[c]] += weight * p[c];
+        }
+    }
+    return 0;
+}
+
+/* The image as the network wants it; a grey one is the luma of the three planes, each brought to the same mean. */
+static int make_input(float *in, int width, int height, const struct sst_image *img, struct sst_segmenter *seg)
+{
+    const struct sst_model_info *info = &seg->info;
+    const size_t plane = (size_t)width * (size_t)height;
+    const bool grey = sst_network_in_channels(seg->net) == 1;
+    const double mean[3] = { info->mean[0], info->mean[grey ? 0 : 1], info->mean[grey ? 0 : 2] };
+    const double std[3] = { info->std[0], info->std[grey ? 0 : 1], info->std[grey ? 0 : 2] };
+    struct sst_image swapped = *img;
+    int err;
+
+    if (info->bgr && !grey) {
+        swapped.plane[0] = img->plane[2];
+        swapped.plane[2] = img->plane[0];
+    }
+    err = sst_resample(in, width, height, &swapped, mean, std, seg->threads, &seg->resample);
+    for (size_t i = 0; !err && grey && i < plane; i++)
+        in[i] = 0.299f * in[i] + 0.587f * in[plane + i] + 0.114f * in[2 * plane + i];
+    return err;
+}
+
+/* Copy what window (i, j) sees out of the whole picture. */
+static void cut_window(const struct working *w, int i, int j)
+{
+    const int x0 = sst_tiles_start(&w->across, i) * w->window_width / w->out_width;
+    const int y0 = sst_tiles_start(&w->down, j) * w->window_height / w->out_height;
+    float *to = w->window;
+
+    for (int c = 0; c < 3; c++) {
+        for (int y = y0; y < y0 + w->window_height; y++, to += w->window_width)
+            memcpy(to, w->picture + ((size_t)c * (size_t)w->height + (size_t)y) * (size_t)w->width + x0,
+                   (size_t)w->window_width * sizeof(*to));
+    }
+}
+
+static int run_windows(struct sst_class_grid *grid, const struct working *w, struct sst_segmenter *seg)
+{
+    int err = 0;
+
+    for (int j = 0; j < w->down.count && !err; j++) {
+        for (int i = 0; i < w->across.count && !err; i++) {
+            if (w->window)
+                cut_window(w, i, j);
+            err = sst_network_run(seg->net, w->window ? w->window : w->picture, w->window_width, w->window_height,
+                                  w->out);
+            err = err ? err : add_window(grid, w, i, j, seg);
+        }
+    }
+    return err;
+}
+
+/* Distributions at the network's resolution. */
+static int make_grid(struct sst_class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img)
+{
+    struct working w = { 0 };
+    size_t cells;
+    bool whole;
+    int err = plan(&w, seg, img);
+
+    if (err)
+        return err;
+    whole = w.window_width == w.width && w.window_height == w.height;
+    *grid =
+        (struct sst_class_grid){ .width = w.across.total, .height = w.down.total, .count = seg->info.classes.count };
+    grid->values = sst_class_grid_values(grid->count);
+    cells = grid->values * (size_t)grid->width * (size_t)grid->height;
+    w.picture = sst_mem_keep(&seg->picture, (size_t)3 * (size_t)w.width * (size_t)w.height, sizeof(*w.picture));
+    if (!whole)
+        w.window =
+            sst_mem_keep(&seg->window, (size_t)3 * (size_t)w.window_width * (size_t)w.window_height, sizeof(*w.window));
+    w.out = sst_mem_keep(&seg->out, (size_t)seg->info.channels * (size_t)w.out_width * (size_t)w.out_height,
+                         sizeof(*w.out));
+    grid->cell = sst_mem_keep(&seg->cells, cells, sizeof(*grid->cell));
+    if (grid->cell)
+        memset(grid->cell, 0, cells * sizeof(*grid->cell));
+    err = w.picture && (whole || w.window) && w.out && grid->cell ? make_input(w.picture, w.width, w.height, img, seg)
+                                                                  : -ENOMEM;
+    if (err)
+        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
+    if (!err)
+        err = run_windows(grid, &w, seg);
+    return err;
+}
+
+int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,
+                struct sst_map_f32 *entropy, float **prob)
+{
+    const size_t pixels = (size_t)img->width * (size_t)img->height;
+    struct sst_map_u8 label_made = { 0 };
+    struct sst_map_f32 entropy_made = { 0 };
+    struct sst_class_grid grid = { 0 };
+    float *prob_made = NULL;
+    int err = make_grid(&grid, seg, img);
+
+    if (err)
+        goto fail;
+    if (prob)
+        prob_made = malloc((size_t)grid.count * pixels * sizeof(*prob_made));
+    err = prob && !prob_made ? -ENOMEM : sst_map_u8_init(&label_made, img->width, img->height);
+    if (!err && entropy)
+        err = sst_map_f32_init(&entropy_made, img->width, img->height);
+    if (!err)
+        err = sst_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
+                           &seg->upsample);
+    if (err) {
+        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
+        goto fail;
+    }
+    *label = label_made;
+    if (entropy)
+        *entropy = entropy_made;
+    if (prob)
+        *prob = prob_made;
+    return 0;
+
+fail:
+    sst_map_u8_fini(&label_made);
+    sst_map_f32_fini(&entropy_made);
+    free(prob_made);
+    return err;
+}
+
+int sst_segment_sure(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label)
+{
+    struct sst_map_f32 *entropy = &seg->entropy;
+    struct sst_map_u8 made = { 0 };
+    struct sst_class_grid grid;
+    int err = make_grid(&grid, seg, img);
+
+    if (err)
+        return err;
+    if (entropy->width != img->width || entropy->height != img->height) {
+        sst_map_f32_fini(entropy);
+        err = sst_map_f32_init(entropy, img->width, img->height);
+    }
+    err = err ? err : sst_map_u8_init(&made, img->width, img->height);
+    err = err ? err : sst_upsample(&made, entropy, NULL, &grid, img, seg->threads, &seg->upsample);
+    if (err) {
+        sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
+        sst_map_u8_fini(&made);
+        return err;
+    }
+    sst_hcsm(&made, entropy, seg->info.eps_h);
+    *label = made;
+    return 0;
+}

@@ -1,0 +1,42 @@
+#include "pipeline/method/labels/tiles.h"
+
+struct sst_tiles sst_tiles_plan(int total, int length, int unit)
+{
+    struct sst_tiles t = { .total = total, .length = sst_min_int(length, total), .unit = unit, .count = 1 };
+    int step;
+
+    if (t.length == total)
+        return t;
+    t.overlap = length / 4;
+    step = length - t.overlap - unit; /* starts are rounded to units: neighbours still share the overlap */
+    t.count = 1 + (total - length + step - 1) / step;
+    return t;
+}
+
+int sst_tiles_start(const struct sst_tiles *t, int k)
+{
+    const int64_t room = (t->total - t->length) / t->unit, steps = t->count - 1;
+
+    return steps ? (int)((2 * room * k + steps) / (2 * steps)) * t->unit : 0;
+}
+
+/* How much the windows from k on have taken over at `at`: 0 before the middle of what k shares with k - 1, 1 after. */
+static float taken_over(const struct sst_tiles *t, int k, double at)
+{
+    double u;
+
+    if (k <= 0)
+        return 1;
+    if (k >= t->count)
+        return 0;
+    u = at - (sst_tiles_start(t, k) + sst_tiles_start(t, k - 1) + t->length - t->overlap) / 2.0;
+    u = sst_clamp_double(u / t->overlap, 0, 1);
+    return (float)(u * u * (3 - 2 * u));
+}
+
+float sst_tiles_weight(const struct sst_tiles *t, int k, int i)
+{
+    const double at = sst_tiles_start(t, k) + i + 0.5;
+
+    return taken_over(t, k, at) - taken_over(t, k + 1, at);
+}

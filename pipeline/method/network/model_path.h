@@ -1,0 +1,37 @@
+/* pipeline/method/network/model_path.h - where networks lie that are named without a folder. */
+#ifndef SST_PIPELINE_METHOD_NETWORK_MODEL_PATH_H
+#define SST_PIPELINE_METHOD_NETWORK_MODEL_PATH_H
+
+#include "base/file.h"
+
+#define SST_MODEL_FOLDERS 4
+
+/** The folders that are searched, in this order. */
+struct sst_model_folders {
+    int n;
+    char path[SST_MODEL_FOLDERS][SST_PATH_MAX];
+};
+
+/**
+ * Those that there are of: $SST_MODELS, ../models beside the program's folder (a build tree), ../share/sst/models
+ * beside it (an installation), the folder that the build was configured for. None occurs twice.
+ */
+void sst_model_folders(struct sst_model_folders *out);
+
+/**
+ * Find a network by its file name: the first match in those folders.
+ *
+ * @return 0, -ENOPKG (in none of them; sst_model_path() logs it), -ENAMETOOLONG (logged)
+ */
+SST_MUST_CHECK int sst_model_find(char out[SST_PATH_MAX], const char *name);
+SST_MUST_CHECK int sst_model_path(char out[SST_PATH_MAX], const char *name);
+
+/**
+ * What a user means: the path of an existing .onnx file, else the name of an installed network, with or without .onnx,
+ * else a path that opening it will judge.
+ *
+ * @return 0, -ENOPKG (a name without a point or slash, and nothing of that name is there), -ENAMETOOLONG; logged
+ */
+SST_MUST_CHECK int sst_model_resolve(char out[SST_PATH_MAX], const char *text);
+
+#endif

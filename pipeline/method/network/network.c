@@ -1,0 +1,424 @@
+#include "pipeline/method/network/network.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "pipeline/method/network/graph.h"
+#include "pipeline/method/network/manifest.h"
+#include "pipeline/method/network/onnx.h"
+#include "pipeline/method/network/ops.h"
+#include "pipeline/method/network/plan.h"
+#include "pipeline/method/network/opencv_net.h"
+
+struct metadata {
+    char *key, *value;
+};
+
+struct sst_network {
+    /* fixed after open */
+    char path[SST_PATH_MAX];
+    int threads, in_channels, in_width, in_height, n_metadata;
+    enum sst_precision precision; /* never auto */
+    struct metadata *metadata;
+    struct sst_graph graph; /* of the runner oneDNN */
+    struct sst_cv_net *cv;  /* of the runner OpenCV, else NULL */
+    /* for the size used last */
+    int width, height;
+    struct sst_shape out;
+    struct sst_plan *plan;
+};
+
+static char *copy_str(struct sst_onnx_str s)
+{
+    char *p = malloc(s.n + 1);
+
+    if (p) {
+        memcpy(p, s.n ? s.p : "", s.n);
+        p[s.n] = 0;
+    }
+    return p;
+}
+
+static int copy_metadata(struct sst_network *net, const struct sst_onnx *model)
+{
+    net->metadata = calloc((size_t)model->n_metadata + 1, sizeof(*net->metadata));
+    if (!net->metadata)
+        return -ENOMEM;
+    for (int i = 0; i < model->n_metadata; i++) {
+        struct metadata *m = &net->metadata[net->n_metadata++];
+
+        m->key = copy_str(model->metadata[i].key);
+        m->value = copy_str(model->metadata[i].value);
+        if (!m->key || !m->value)
+            return -ENOMEM;
+    }
+    return 0;
+}
+
+/* The first input that is not a constant (old files list those, too), or NULL. */
+static const struct sst_onnx_value *find_input(const struct sst_onnx *model)
+{
+    for (int i = 0; i < model->n_ins; i++) {
+        bool constant = false;
+
+        for (int k = 0; k < model->n_tensors && !constant; k++)
+            constant = sst_onnx_str_same(model->tensors[k].name, model->ins[i].name);
+        if (!constant)
+            return &model->ins[i];
+    }
+    return NULL;
+}
+
+static int unfit(const struct sst_network *net, const char *what)
+{
+    sst_log_error("model %s: %s", net->path, what);
+    return -EBADMSG;
+}
+
+/* What goes in and comes out must be images of numbers, channels first. */
+static int check_ends(struct sst_network *net, const struct sst_onnx *model)
+{
+    const struct sst_onnx_value *in = find_input(model), *out = model->n_outs ? &model->outs[0] : NULL;
+
+    if (out && out->type != SST_ONNX_FLOAT && out->type != SST_ONNX_HALF && out->type != 0)
+        return unfit(
+            net,
+            "its output holds whole numbers (classes, by an ArgMax at its end?), not one value per class; export the"
+            " network up to its logits");
+    if (!in)
+        return unfit(net, "it has no input; export the network with its image as the input");
+    if (in->type != SST_ONNX_FLOAT && in->type != 0)
+        return unfit(net, "its input is not of 32-bit floats; export it for float32 images");
+    if (in->n_dims == 4 && in->dims[3] >= 1 && in->dims[3] <= 4 && (in->dims[1] == 0 || in->dims[1] > 4))
+        return unfit(net, "its input is height x width x channels (NHWC); export it as channels x height x width"
+                          " (NCHW)");
+    if (in->n_dims != 4 || in->dims[0] > 1 || in->dims[1] < 1 || in->dims[1] > 4096)
+        return unfit(net, "its input is not 1 x C x height x width with a fixed C of 1..4096; export it so");
+    net->in_channels = (int)in->dims[1];
+    if (in->dims[2] && in->dims[3]) {
+        net->in_height = (int)in->dims[2];
+        net->in_width = (int)in->dims[3];
+    }
+    return 0;
+}
+
+#if WITH_DNNL
+/* Settle the precision for a network that oneDNN runs. */
+static int choose_precision(struct sst_network *net)
+{
+    if (net->precision == SST_PRECISION_INT8 && !net->graph.range) {
+        sst_log_error("model %s: it has no ranges to run on 8 bits; add them with models/quantise.py or use"
+                      " --precision f32",
+                      net->path);
+        return -ENOTSUP;
+    }
+    if (net->precision == SST_PRECISION_AUTO)
+        net->precision = net->graph.range && sst_plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+    return 0;
+}
+#endif
+
+static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data SST_UNUSED,
+                       size_t size SST_UNUSED, const char *reason)
+{
+    char why[256] = "it is not built in";
+    int err = -EINVAL;
+
+    if (net->precision == SST_PRECISION_INT8) {
+        sst_log_error("model %s: %s, and OpenCV runs networks on floats only; use --precision f32", net->path, reason);
+        return -ENOTSUP;
+    }
+    net->precision = SST_PRECISION_F32;
+#if WITH_OPENCV
+    if (model->n_outs == 1)
+        err = sst_cv_net_open(&net->cv, data, size, why);
+    else
+        strcpy(why, "it has several outputs");
+#endif
+    if (!err) {
+        sst_log_warning("model %s: %s, so OpenCV runs the network, several times slower", net->path, reason);
+        return 0;
+    }
+    if (err == -ENOMEM)
+        sst_log_error("model %s: not enough memory to read it", net->path);
+    else
+        sst_log_error("model %s: %s, and OpenCV cannot run the network either (%s); export it with plain layers",
+                      net->path, reason, why);
+    return err == -ENOMEM ? err : -ENOTSUP;
+}
+
+static int open_from_memory(struct sst_network *net, const uint8_t *data, size_t size)
+{
+    char reason[320] = "oneDNN is not built in";
+    struct sst_onnx model;
+    int err = sst_onnx_parse(&model, data, size, net->path);
+
+    if (err)
+        return err;
+    err = copy_metadata(net, &model);
+    if (err == -ENOMEM)
+        sst_log_error("model %s: not enough memory to read it", net->path);
+    if (!err)
+        err = check_ends(net, &model);
+    if (err)
+        goto done;
+#if WITH_DNNL
+    char why[256] = "";
+
+    err = sst_graph_build(&net->graph, &model, net->path, why);
+    snprintf(reason, sizeof(reason), "%s is not supported on oneDNN", why);
+#else
+    err = -ENOTSUP;
+#endif
+    if (err == -ENOTSUP)
+        err = open_opencv(net, &model, data, size, reason);
+    else if (err == -ENOMEM)
+        sst_log_error("model %s: not enough memory to read it", net->path);
+done:
+    sst_onnx_fini(&model);
+    return err;
+}
+
+int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision, int threads)
+{
+    struct sst_network *net = calloc(1, sizeof(*net));
+    uint8_t *data = NULL;
+    size_t size;
+    int err = -ENOMEM;
+
+    if (!net)
+        return err;
+    net->threads = threads;
+    net->precision = precision;
+    err = sst_path_join(net->path, path, NULL);
+    if (!err)
+        err = sst_file_read(path, SST_ONNX_MAX_BYTES, &data, &size);
+    if (!err)
+        err = sst_manifest_check(path, data, size);
+    if (!err)
+        err = open_from_memory(net, data, size);
+#if WITH_DNNL
+    if (!err && !net->cv)
+        err = choose_precision(net);
+#endif
+    free(data);
+    if (err)
+        sst_network_close(net);
+    else
+        *out = net;
+    return err;
+}
+
+void sst_network_close(struct sst_network *net)
+{
+    if (!net)
+        return;
+#if WITH_DNNL
+    sst_plan_destroy(net->plan);
+#endif
+#if WITH_OPENCV
+    sst_cv_net_close(net->cv);
+#endif
+    sst_graph_fini(&net->graph);
+    for (int i = 0; i < net->n_metadata; i++) {
+        free(net->metadata[i].key);
+        free(net->metadata[i].value);
+    }
+    free(net->metadata);
+    free(net);
+}
+
+const char *sst_network_runner(const struct sst_network *net)
+{
+    return net->cv ? "opencv" : "onednn";
+}
+
+enum sst_precision sst_network_precision(const struct sst_network *net)
+{
+    return net->precision;
+}
+
+const char *sst_network_metadata(const struct sst_network *net, const char *key)
+{
+    for (int i = 0; i < net->n_metadata; i++) {
+        if (!strcmp(net->metadata[i].key, key))
+            return net->metadata[i].value;
+    }
+    return NULL;
+}
+
+int sst_network_in_channels(const struct sst_network *net)
+{
+    return net->in_channels;
+}
+
+void sst_network_in_size(const struct sst_network *net, int *width, int *height)
+{
+    *width = net->in_width;
+    *height = net->in_height;
+}
+
+/* --- one size at a time --------------------------------------------------------------------------- */
+
+#if WITH_DNNL
+static int plan_dnnl(struct sst_network *net, int width, int height)
+{
+    struct sst_shape *shapes = calloc((size_t)net->graph.n_values, sizeof(*shapes));
+    int err = shapes ? sst_graph_shapes(&net->graph, width, height, shapes, net->path) : -ENOMEM;
+
+    if (!err) {
+        net->out = shapes[net->graph.output];
+        err = sst_plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
+    }
+    free(shapes);
+    return err;
+}
+#endif
+
+bool sst_network_accepts(const struct sst_network *net, int width, int height)
+{
+    struct sst_shape *shapes;
+    bool ok;
+
+    if (net->cv)
+        return true;
+    shapes = calloc((size_t)net->graph.n_values, sizeof(*shapes));
+    ok = shapes && !sst_graph_shapes(&net->graph, width, height, shapes, NULL);
+    free(shapes);
+    return ok;
+}
+
+#if WITH_OPENCV
+static int run_opencv(struct sst_network *net, const float *in, int width, int height, const float **result,
+                      struct sst_shape *out)
+{
+    const int in_shape[3] = { net->in_channels, height, width };
+    char why[256] = "";
+    int shape[3], err = sst_cv_net_run(net->cv, in, in_shape, net->threads, result, shape, why);
+
+    if (err == -ENOMEM)
+        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
+                      height);
+    else if (err)
+        sst_log_error("model %s: OpenCV cannot run it on an image of %d x %d (%s); use another size or model",
+                      net->path, width, height, why);
+    else
+        *out = (struct sst_shape){ shape[0], shape[1], shape[2] };
+    return err;
+}
+
+/* OpenCV tells the shape of a result only by making one. */
+static int plan_opencv(struct sst_network *net, int width, int height)
+{
+    float *in = calloc((size_t)net->in_channels * (size_t)width, (size_t)height * sizeof(*in));
+    const float *result;
+    int err = in ? run_opencv(net, in, width, height, &result, &net->out) : -ENOMEM;
+
+    free(in);
+    return err;
+}
+#endif
+
+static int plan(struct sst_network *net, int width, int height)
+{
+    int err = -ENOTSUP; /* not reached: open found a runner */
+
+    if (net->width == width && net->height == height)
+        return 0;
+    if (width < 1 || height < 1 || (int64_t)width * height > SST_ONNX_MAX_ELEMENTS / net->in_channels) {
+        sst_log_error("model %s: an image of %d x %d is empty or too large", net->path, width, height);
+        return -EINVAL;
+    }
+    net->width = net->height = 0;
+#if WITH_DNNL
+    sst_plan_destroy(net->plan);
+    net->plan = NULL;
+    if (!net->cv)
+        err = plan_dnnl(net, width, height);
+#endif
+#if WITH_OPENCV
+    if (net->cv)
+        err = plan_opencv(net, width, height);
+#endif
+    if (err)
+        return err;
+    net->width = width;
+    net->height = height;
+    return 0;
+}
+
+int sst_network_out_shape(struct sst_network *net, int width, int height, int *out_channels, int *out_width,
+                          int *out_height)
+{
+    int err = plan(net, width, height);
+
+    if (err)
+        return err;
+    *out_channels = net->out.c;
+    *out_width = net->out.w;
+    *out_height = net->out.h;
+    return 0;
+}
+
+int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int width, int height, float *out SST_UNUSED)
+{
+    int err = plan(net, width, height);
+
+    if (err)
+        return err;
+#if WITH_OPENCV
+    if (net->cv) {
+        struct sst_shape shape;
+        const float *result;
+
+        err = run_opencv(net, in, width, height, &result, &shape);
+        if (!err)
+            memcpy(out, result, (size_t)net->out.c * (size_t)net->out.h * (size_t)net->out.w * sizeof(*out));
+        return err;
+    }
+#endif
+#if WITH_DNNL
+    err = sst_plan_run(net->plan, in, out);
+    if (err)
+        sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
+#endif
+    return err;
+}
+
+/* By way of floats. */
+static int run_rounded(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
+{
+    const size_t plane = (size_t)net->out.h * (size_t)net->out.w, c = (size_t)net->out.c;
+    float *values = sst_mem_alloc_raw(plane * c, sizeof(*values));
+    int err = values ? sst_network_run(net, in, width, height, values) : -ENOMEM;
+
+    if (!values)
+        sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
+                      height);
+    for (size_t i = 0; !err && i < plane * c; i++)
+        out[i] = sst_op_to_byte(values[i % c * plane + i / c] * factor);
+    sst_mem_free(values);
+    return err;
+}
+
+int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
+{
+    int err = plan(net, width, height);
+
+    if (err)
+        return err;
+#if WITH_DNNL
+    if (!net->cv && sst_plan_has_s8(net->plan)) {
+        err = sst_plan_run_s8(net->plan, in, factor, out);
+        if (err)
+            sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
+        return err;
+    }
+#endif
+    return run_rounded(net, in, width, height, factor, out);
+}

@@ -1,0 +1,90 @@
+/* pipeline/method/network/network.h - run a convolutional network from an ONNX file on oneDNN. */
+#ifndef SST_PIPELINE_METHOD_NETWORK_NETWORK_H
+#define SST_PIPELINE_METHOD_NETWORK_NETWORK_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+struct sst_network; /* one thread at a time */
+
+/** Numbers that a network computes with. */
+enum sst_precision {
+    SST_PRECISION_AUTO = 0, /* 8 bits where the file has ranges for them and the processor VNNI, else floats */
+    SST_PRECISION_F32 = 1,
+    SST_PRECISION_INT8 = 2,
+};
+
+/**
+ * Load and check a network: at most 64 MiB, 4096 nodes, tensors of 2^28 numbers; data in other files is refused.
+ *
+ * Run on oneDNN: Conv, Relu, BatchNormalization after Conv, Add, Concat of channels, MaxPool, AveragePool,
+ * GlobalAveragePool, Resize (bilinear; to fixed scales or sizes, or to the size of another image), Softmax and
+ * LpNormalization over channels (also x / |x| as exporters write it in single steps), Pad with zeros before Conv,
+ * Identity, Dropout, Constant; and of the domain "sst" AdaptiveAveragePool (output_size) and ResizeLike (x, like;
+ * align_corners). Sizes of images are free: H and W that the file gives are told by sst_network_in_size(). Of several
+ * outputs the first one counts. The result is the same for any number of threads (tested); it may differ in the last
+ * digits between machines, as oneDNN takes other code on other processors. Other operators make the network fall back
+ * to OpenCV's DNN, which is said in a warning.
+ *
+ * A network that the manifest.json beside it lists must be the file that is listed there (pipeline/method/network/manifest.h).
+ *
+ * On SST_PRECISION_INT8 convolutions behind the first one, and what lies between them, are computed on 8 bits in ranges
+ * that the file's metadata sst.ranges hold (see docs/method.md); sums are exact. Processors without VNNI use 7 of them
+ * for values that are never negative.
+ *
+ * @param threads  used by runs; at least 1
+ * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit, not the
+ * file of the manifest), -ENOTSUP (neither runner can, or SST_PRECISION_INT8 and no ranges), -ENOMEM; logged in one
+ * sentence.
+ */
+SST_MUST_CHECK int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision,
+                                    int threads);
+void sst_network_close(struct sst_network *net);
+
+/** "onednn" or "opencv". */
+const char *sst_network_runner(const struct sst_network *net);
+
+/** What was chosen: never SST_PRECISION_AUTO. */
+enum sst_precision sst_network_precision(const struct sst_network *net);
+
+/** Value of a metadata_props entry of the ONNX file, or NULL. Owner: the network. */
+const char *sst_network_metadata(const struct sst_network *net, const char *key);
+
+/**
+ * Channels of input and output, and the factor by which the output is smaller (1 for per-pixel output).
+ * Input and output are NCHW with N = 1.
+ */
+int sst_network_in_channels(const struct sst_network *net);
+
+/** Size that the file fixes for its input; 0 and 0 where it leaves one of the two free. */
+void sst_network_in_size(const struct sst_network *net, int *width, int *height);
+
+/**
+ * False where the layers rule out this input size, as fixed windows do that must fit each other. Nothing is logged.
+ * True means nothing for a network that OpenCV runs.
+ */
+bool sst_network_accepts(const struct sst_network *net, int width, int height);
+
+/** Shape of the output for an input of width x height; plans memory and primitives for that size on first use. */
+SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int height, int *out_channels,
+                                         int *out_width, int *out_height);
+
+/**
+ * Run once.
+ *
+ * @param in   [in_channels][height][width]
+ * @param out  [out_channels][out_height][out_width] of sst_network_out_shape()
+ */
+SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out);
+
+/**
+ * Run once, with the result as bytes: factor times it to the nearest integer, halves away from 0, cut at -127 and 127;
+ * NaN gives 0. Takes less time and memory than floats where the network ends with a normalisation.
+ *
+ * @param out  [out_height][out_width][out_channels]
+ */
+SST_MUST_CHECK int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor,
+                                      int8_t *out);
+
+#endif

@@ -1,0 +1,154 @@
+#include "pipeline/method/refine/parts.h"
+
+#include <math.h>
+#include <string.h>
+
+#define FAR UINT32_MAX /* no pixel of the region in this column */
+
+/* Distance to the nearest pixel of the region in the same column: one sweep down, one up. */
+static bool sweep_columns(uint32_t *dist, const struct sst_map_u8 *label, int value)
+{
+    const size_t width = (size_t)label->width;
+    bool any = memchr(sst_map_u8_row(label, 0), value, width) != NULL;
+
+    for (int y = 0; y < label->height && !any; y++)
+        any = memchr(sst_map_u8_row(label, y), value, width) != NULL;
+    if (!any)
+        return false;
+    for (int y = 0; y < label->height; y++) {
+        const uint8_t *row = sst_map_u8_row(label, y);
+        uint32_t *d = dist + (size_t)y * width;
+
+        for (size_t x = 0; x < width; x++) {
+            const uint32_t above = y ? d[x - width] : FAR;
+
+            d[x] = row[x] == value ? 0 : above == FAR ? FAR : above + 1;
+        }
+    }
+    for (int y = label->height - 2; y >= 0; y--) {
+        uint32_t *d = dist + (size_t)y * width;
+
+        for (size_t x = 0; x < width; x++) {
+            const uint32_t below = d[x + width];
+
+            if (below < d[x])
+                d[x] = below + 1 < d[x] ? below + 1 : d[x];
+        }
+    }
+    return true;
+}
+
+/*
+ * Lower envelope of the parabolas of one row. Two of them cross at s = ((g_q + q^2) - (g_v + v^2)) / 2 (q - v);
+ * numerator and denominator are integers below 2^33 and 2^17, so the rounded s lies on the same side of every integer
+ * as the true one.
+ */
+static void envelope_row(uint32_t *d, int width, struct sst_distance_scratch *scratch)
+{
+    uint32_t *g = scratch->row;
+    double *start = scratch->start;
+    int32_t *vertex = scratch->vertex;
+    int n = 0, at = 0;
+
+    for (int q = 0; q < width; q++) {
+        double s = -INFINITY;
+
+        g[q] = d[q] == FAR ? FAR : d[q] * d[q];
+        if (g[q] == FAR)
+            continue;
+        while (n > 0) {
+            const int v = vertex[n - 1];
+
+            s = ((double)g[q] + (double)q * q - ((double)g[v] + (double)v * v)) / (2.0 * (q - v));
+            if (s > start[n - 1])
+                break;
+            n--;
+            s = -INFINITY;
+        }
+        start[n] = s;
+        vertex[n++] = q;
+    }
+    for (int x = 0; x < width; x++) {
+        while (at + 1 < n && start[at + 1] <= x)
+            at++;
+        d[x] = (uint32_t)((x - vertex[at]) * (x - vertex[at])) + g[vertex[at]];
+    }
+}
+
+bool sst_distance_nearest(uint32_t *dist2, const struct sst_map_u8 *label, int value,
+                          struct sst_distance_scratch *scratch)
+{
+    if (!sweep_columns(dist2, label, value))
+        return false;
+    for (int y = 0; y < label->height; y++)
+        envelope_row(dist2 + (size_t)y * (size_t)label->width, label->width, scratch);
+    return true;
+}
+
+/* Twice the area of the triangle of the chain's last two points and (x, y). */
+static int64_t turn(const struct sst_hull *h, int x, int y)
+{
+    const int64_t ax = h->x[h->count - 1] - h->x[h->count - 2], ay = h->y[h->count - 1] - h->y[h->count - 2];
+
+    return ax * (y - h->y[h->count - 2]) - ay * (x - h->x[h->count - 2]);
+}
+
+/* Append a point to the chain that began at index `first`; sign tells which way it must turn. */
+static void chain_append(struct sst_hull *h, int first, int sign, int x, int y)
+{
+    if (h->count > first && h->x[h->count - 1] == x && h->y[h->count - 1] == y)
+        return;
+    while (h->count - first >= 2 && turn(h, x, y) * sign <= 0)
+        h->count--;
+    h->x[h->count] = x;
+    h->y[h->count++] = y;
+}
+
+static int first_of(const uint8_t *row, int width, int value)
+{
+    const uint8_t *p = memchr(row, value, (size_t)width);
+
+    return p ? (int)(p - row) : -1;
+}
+
+static int last_of(const uint8_t *row, int width, int value)
+{
+    int x = width - 1;
+
+    while (x >= 0 && row[x] != value)
+        x--;
+    return x;
+}
+
+/* Two chains from the top row to the bottom one; a region one pixel wide appears in both, which does no harm. */
+void sst_hull_build(struct sst_hull *hull, const struct sst_map_u8 *label, int value)
+{
+    int left_count;
+
+    hull->count = 0;
+    for (int y = 0; y < label->height; y++) {
+        const int x = first_of(sst_map_u8_row(label, y), label->width, value);
+
+        if (x >= 0)
+            chain_append(hull, 0, -1, x, y);
+    }
+    left_count = hull->count;
+    for (int y = 0; y < label->height; y++) {
+        const int x = last_of(sst_map_u8_row(label, y), label->width, value);
+
+        if (x >= 0)
+            chain_append(hull, left_count, 1, x, y);
+    }
+}
+
+uint32_t sst_hull_farthest(const struct sst_hull *hull, int x, int y)
+{
+    int32_t best = 0; /* 2 * (SST_IMAGE_MAX_SIDE - 1)^2 < 2^31 */
+
+    for (int i = 0; i < hull->count; i++) {
+        const int32_t dx = hull->x[i] - x, dy = hull->y[i] - y, d2 = dx * dx + dy * dy;
+
+        best = d2 > best ? d2 : best;
+    }
+    return (uint32_t)best;
+}

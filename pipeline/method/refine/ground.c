@@ -1,0 +1,117 @@
+#include "pipeline/method/refine/parts.h"
+
+#include <math.h>
+#include <string.h>
+
+#define ROUNDS       4
+#define LIMIT_SIGMAS 5.0
+#define MAD_TO_SIGMA 1.4826
+#define COLLINEAR    1e-6
+
+/* Exact sums over a region, x and y from the picture's corner: at most 2^28 pixels, so 2^28 * 2^46 < 2^63 * 2^63. */
+struct sums {
+    int64_t n, x, y, d;
+    __int128 xx, xy, yy, xd, yd;
+};
+
+/* n^2 times the centred moment of two sums. */
+static double centred(__int128 uv, int64_t u, int64_t v, int64_t n)
+{
+    return (double)(n * uv - (__int128)u * v);
+}
+
+static double miss(const struct sst_ground *g, int x, int y, uint16_t q)
+{
+    return fabs(q - (g->d0 + g->a * x + g->b * y));
+}
+
+/* Sums over the region's pixels that the plane so far misses by at most its limit. */
+static struct sums sum_up(const struct sst_ground *g, const struct sst_view *v, int value)
+{
+    struct sums s = { 0 };
+
+    for (int y = 0; y < v->label.height; y++) {
+        const uint8_t *label = sst_map_u8_row(&v->label, y);
+        const uint16_t *q = sst_map_u16_row(&v->disp, y);
+
+        for (int x = 0; x < v->label.width; x++) {
+            if (label[x] != value || q[x] == SST_DISP_NONE || miss(g, x, y, q[x]) > g->limit)
+                continue;
+            s.n++;
+            s.x += x;
+            s.y += y;
+            s.d += q[x];
+            s.xx += (int64_t)x * x;
+            s.xy += (int64_t)x * y;
+            s.yy += (int64_t)y * y;
+            s.xd += (int64_t)x * q[x];
+            s.yd += (int64_t)y * q[x];
+        }
+    }
+    return s;
+}
+
+static bool solve(struct sst_ground *g, const struct sums *s)
+{
+    const double xx = centred(s->xx, s->x, s->x, s->n), yy = centred(s->yy, s->y, s->y, s->n);
+    const double xy = centred(s->xy, s->x, s->y, s->n), det = xx * yy - xy * xy;
+    const double xd = centred(s->xd, s->x, s->d, s->n), yd = centred(s->yd, s->y, s->d, s->n);
+
+    if (s->n < 3 || !(det > COLLINEAR * xx * yy))
+        return false;
+    g->a = (xd * yy - yd * xy) / det;
+    g->b = (yd * xx - xd * xy) / det;
+    g->d0 = ((double)s->d - g->a * (double)s->x - g->b * (double)s->y) / (double)s->n;
+    return true;
+}
+
+/* Median of the misses of all pixels of the region, and how many there are. */
+static double median_miss(const struct sst_ground *g, const struct sst_view *v, int value, int64_t *hist, int64_t *n)
+{
+    int64_t below;
+    int m = 0;
+
+    memset(hist, 0, SST_DISP_BINS * sizeof(*hist));
+    *n = 0;
+    for (int y = 0; y < v->label.height; y++) {
+        const uint8_t *label = sst_map_u8_row(&v->label, y);
+        const uint16_t *q = sst_map_u16_row(&v->disp, y);
+
+        for (int x = 0; x < v->label.width; x++) {
+            if (label[x] != value || q[x] == SST_DISP_NONE)
+                continue;
+            hist[(int)fmin(miss(g, x, y, q[x]) + 0.5, SST_DISP_BINS - 1)]++;
+            ++*n;
+        }
+    }
+    below = hist[0];
+    while (2 * below < *n)
+        below += hist[++m];
+    return m;
+}
+
+bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int value, const struct sst_refine_config *cfg,
+                    int64_t *hist)
+{
+    struct sst_ground g = { .limit = INFINITY };
+    int64_t n = 0;
+    struct sums s;
+
+    for (int i = 0; i < ROUNDS; i++) {
+        s = sum_up(&g, v, value);
+        if (s.n < cfg->min_pixels || !solve(&g, &s))
+            return false;
+        g.limit = LIMIT_SIGMAS * fmax(MAD_TO_SIGMA * median_miss(&g, v, value, hist, &n),
+                                      fmax(cfg->matcher_sigma_px * SST_DISP_SCALE, 0.5));
+    }
+    s = sum_up(&g, v, value);
+    if (4 * (n - s.n) > n)
+        return false;
+    *ground = g;
+    return true;
+}
+
+bool sst_ground_has(const struct sst_ground *ground, int x, int y, uint16_t disp_q6)
+{
+    return miss(ground, x, y, disp_q6) <= ground->limit;
+}

@@ -1,0 +1,176 @@
+/* pipeline/method/refine/parts.h - the pieces of label refinement; code outside pipeline/method/refine and pipeline/live uses refine.h. */
+#ifndef SST_PIPELINE_METHOD_REFINE_PARTS_H
+#define SST_PIPELINE_METHOD_REFINE_PARTS_H
+
+#include "pipeline/method/refine/refine.h"
+
+#define SST_DISP_BINS         65536 /* one per stored disparity; that of SST_DISP_NONE stays empty */
+#define SST_NORMAL_WINDOW_MIN 21    /* smaller windows give noise: 5x5 normals are off by some 30 degrees */
+#define SST_NORMAL_WINDOW_MAX 127   /* keeps every product of sums inside int64_t */
+
+/* --- fit.c: the distribution of a label's disparities ------------------------------------------------------------- */
+
+/**
+ * Robust normal distribution of disparities given as a histogram. All sums are exact integers, so neither the order of
+ * the pixels nor the number of threads matters.
+ *
+ * Rule: with the median M and sigma_r = max(1.4826 MAD, floor), disparities further than 5 sigma_r from M are trimmed,
+ * unless that is more than a quarter of them: then they are no outliers but a second body of the label (near and far
+ * trees), and all count. Mean and sample variance of the rest; the spread is floored by
+ * floor^2 = quantum^2 / 12 + matcher_sigma_px^2.   Equation: DESIGN 5.3.
+ *
+ * @param hist  [SST_DISP_BINS] pixels per stored disparity
+ * @return a fit that takes part if its pixels number at least cfg->min_pixels; no pixels: mean 0 and the floor
+ */
+struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_min_px,
+                                             const struct sst_refine_config *cfg);
+
+/** Density of the fit at disp_px, 1/px. */
+double sst_label_fit_density(const struct sst_label_fit *fit, double disp_px);
+
+/**
+ * Bit i of mask[q] is set where label i + 1 takes part and g_i(D) > eps_d, D the disparity stored as q.
+ *
+ * @param mask  out [SST_DISP_BINS]; 0 for SST_DISP_NONE
+ */
+void sst_candidate_masks(uint64_t *mask, const struct sst_label_fit *fits, int count, double disp_min_px, double eps_d);
+
+/* --- distance.c: squared distances from every pixel to a region --------------------------------------------------- */
+
+/** Working memory of sst_distance_nearest() for rows of `width` pixels. */
+struct sst_distance_scratch {
+    double *start;   /* [width] first abscissa at which a parabola is the lowest */
+    int32_t *vertex; /* [width] column of that parabola */
+    uint32_t *row;   /* [width] squared vertical distances */
+};
+
+/**
+ * Exact squared Euclidean distance from every pixel to the nearest one whose label is `value`.
+ *
+ * Separable: vertical distances by two sweeps, then per row the lower envelope of the parabolas (x - i)^2 + g(i)^2
+ * (Felzenszwalb and Huttenlocher 2012). O(pixels). SST_IMAGE_MAX_SIDE bounds the result by 2^31.
+ *
+ * @param dist2  out [height][width], tightly packed; untouched when the region is empty
+ * @return false: no pixel has this label
+ */
+bool sst_distance_nearest(uint32_t *dist2, const struct sst_map_u8 *label, int value,
+                          struct sst_distance_scratch *scratch);
+
+/** Vertices of the convex hull of a region, no three of them on a line. */
+struct sst_hull {
+    int count;
+    int32_t *x, *y; /* [2 * height + 2] capacity */
+};
+
+/** Hull of the pixels whose label is `value` (monotone chain over the outermost pixels of each row); count 0: none. */
+void sst_hull_build(struct sst_hull *hull, const struct sst_map_u8 *label, int value);
+
+/**
+ * Largest squared distance from (x, y) to the region: that to the farthest vertex of its hull, because a convex
+ * function on a convex polygon is largest at a vertex. Exact; 0 for an empty hull.
+ */
+uint32_t sst_hull_farthest(const struct sst_hull *hull, int x, int y);
+
+/* --- normals.c: surface normals from planes in disparity space ---------------------------------------------------- */
+
+/** Plane d = d0 + a (x - x0) + b (y - y0) of the window around a pixel (x0, y0). */
+struct sst_plane {
+    float a, b;     /* px per px */
+    float d0;       /* px above disp_min_px */
+    float variance; /* of the residuals, px^2; +inf: refused (fewer than 3 pixels, or all near one line) */
+};
+
+/** The planes of a view. */
+struct sst_planes {
+    int width, height, window;
+    struct sst_plane *at; /* [height][width] */
+};
+
+/** Working memory of sst_planes_fit(): 6 * width sums. */
+#define SST_PLANE_SUMS 6
+
+/**
+ * Least squares planes in windows cut at the border, unknown disparities left out. Coordinates are centred; sums slide
+ * and are exact integers. Refused: determinant of the centred 2x2 system below 1e-6 of the product of its diagonal.
+ *
+ * @param sums  scratch [SST_PLANE_SUMS * width]
+ */
+void sst_planes_fit(struct sst_planes *planes, const struct sst_map_u16 *disp, int64_t *sums);
+
+/** What turns a plane of disparities into a normal in space. */
+struct sst_normal_frame {
+    double focal_px;     /* > 0 */
+    double cx, cy;       /* principal point */
+    double disp_zero_px; /* disparity of stored value 0, counted from points at infinity */
+    double score_max;    /* px^2: a plane that explains its pixels no better than this gives no normal */
+};
+
+/** The image centre is the principal point. Unknown focal length: the image width. A light field with negative
+ *  disparities converges inside the scene: infinity is then put at disp_min_px, so that all points are in front.
+ *  Planes may miss their pixels by twice the matcher's noise: foliage, of one window a dozen leaves, has no normals. */
+struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, const struct sst_refine_config *cfg);
+
+/**
+ * Unit normal of the surface at a pixel.
+ *
+ * The plane is that of one of the nine windows that are centred on the pixel or touch it with an edge or corner: the
+ * one with the least residual variance, centre first, a squared miss of the pixel itself added where it is beyond
+ * noise. So windows across an edge lose against one on the pixel's own side of it. With d = a x + b y + c from the
+ * principal point, the plane in space is f a X + f b Y + c Z = f B, so the normal is (f a, f b, c), c the plane's value
+ * at the principal point. Its product with the viewing ray (x, y, f) is f d > 0: all normals point away from the
+ * camera, so those of one surface agree in sign.
+ *
+ * @return false where there is none, or the best one misses by frame->score_max or more; n is then untouched
+ */
+bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct sst_map_u16 *disp,
+                   const struct sst_normal_frame *frame, int x, int y);
+
+/* --- ground.c: the plane of a ground in one view ------------------------------------------------------------------ */
+
+/** d = d0 + a x + b y, in 1/64 px above disp_min_px, x and y from the corner; `limit` is how far its own pixels stray.
+ */
+struct sst_ground {
+    double a, b, d0, limit;
+};
+
+/**
+ * Fit the plane of a ground's confident pixels in one view.
+ *
+ * A ground runs through many depths, so the distribution of its disparities says little about a pixel; its plane says
+ * nearly all. Least squares with exact sums, then three times again without the pixels that miss by more than the
+ * limit: 5 times the larger of 1.4826 median |miss| and the matcher's noise.
+ *
+ * @param hist  scratch [SST_DISP_BINS]
+ * @return false (untouched): fewer than cfg->min_pixels, all near one line, or over a quarter beyond the limit: no
+ * plane
+ */
+bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int value, const struct sst_refine_config *cfg,
+                    int64_t *hist);
+
+/** Does a disparity at a pixel lie on the ground, within its limit? */
+bool sst_ground_has(const struct sst_ground *ground, int x, int y, uint16_t disp_q6);
+
+/* --- energy.c: E = p_n E_n + p_d E_d ------------------------------------------------------------------------------ */
+
+/** Confident region of a label in one view, as the energy sees it. */
+struct sst_region {
+    double normal_sum[3]; /* of the unit normals of its pixels */
+    int64_t normals;      /* how many */
+    int64_t pixels;       /* with a normal or without */
+};
+
+/** Have at least half of its pixels a normal? Else it is no surface that normals could be compared with. */
+bool sst_region_has_normal(const struct sst_region *region);
+
+/**
+ * E_n = -S / (S + tau |R|), S = sum over the region of <m, n(r)> = <m, sum n(r)>; in (-1, 0], lower is more parallel.
+ *
+ * tau counts per pixel of the region: with one tau for all, the larger region would win whatever the normals are.
+ * S <= 0 (normals that oppose m) is no consistency at all: 0, which also keeps the denominator positive. No normals: 0.
+ */
+double sst_energy_normal(const double m[3], const struct sst_region *region, double tau);
+
+/** E_d = min |p-r|^2 / max |p-r|^2, 0..1. */
+double sst_energy_distance(uint32_t nearest2, uint32_t farthest2);
+
+#endif

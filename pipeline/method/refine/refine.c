@@ -1,0 +1,401 @@
+#include "pipeline/method/refine/refine.h"
+
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/method/refine/parts.h"
+
+/* Nearest candidate so far of an unlabeled pixel with two or more: among the objects [0] and among the grounds [1]. */
+struct choice {
+    float distance[2]; /* p_d E_d */
+    uint8_t label[2];  /* 0: none yet */
+};
+
+/* Scratch of one worker. */
+struct worker {
+    struct choice *choice; /* [height * width] */
+    uint32_t *nearest2;    /* [height * width] */
+    struct sst_planes planes;
+    int64_t *plane_sums;
+    struct sst_distance_scratch distance;
+    struct sst_hull hull;
+    int64_t *misses; /* [SST_DISP_BINS] */
+    uint64_t planar; /* bit i: label i + 1 is a ground with a plane in this view */
+    struct sst_ground ground[SST_MAX_CLASSES];
+};
+
+struct job {
+    struct sst_lightfield *lf; /* the views' labels are written, each by its own piece of work */
+    const struct sst_refine_config *cfg;
+    struct sst_normal_frame frame;
+    uint64_t ground;      /* bit i: label i + 1 is a ground */
+    uint64_t *candidates; /* [SST_DISP_BINS] */
+    int64_t *hist;        /* [n_workers][classes][SST_DISP_BINS] pixels, while the labels are fitted */
+    struct worker *workers;
+    int n_workers;
+};
+
+void sst_refine_config_defaults(struct sst_refine_config *cfg)
+{
+    *cfg = (struct sst_refine_config){
+        .eps_d = 1e-3,
+        .matcher_sigma_px = 0.25,
+        .min_pixels = 100,
+        .p_normal = 1,
+        .p_distance = 10,
+        .tau = 1,
+        .normal_window = SST_NORMAL_WINDOW_MIN,
+        .ground_plane = true,
+    };
+}
+
+static int check_config(const struct sst_refine_config *cfg)
+{
+    const struct {
+        const char *name;
+        double value, min, max;
+    } fields[] = {
+        { "eps_d", cfg->eps_d, 1e-12, 1e6 },
+        { "matcher_sigma_px", cfg->matcher_sigma_px, 0, 512 },
+        { "min_pixels", cfg->min_pixels, 1, INT32_MAX },
+        { "p_normal", cfg->p_normal, 0, 1e6 },
+        { "p_distance", cfg->p_distance, 0, 1e6 },
+        { "tau", cfg->tau, 1e-9, 1e9 },
+        { "normal_window", cfg->normal_window, SST_NORMAL_WINDOW_MIN, SST_NORMAL_WINDOW_MAX },
+    };
+
+    for (size_t i = 0; i < ARRAY_LEN(fields); i++) {
+        if (!(fields[i].value >= fields[i].min && fields[i].value <= fields[i].max)) {
+            sst_log_error("label refinement: %s %g is outside %g..%g", fields[i].name, fields[i].value, fields[i].min,
+                          fields[i].max);
+            return -EINVAL;
+        }
+    }
+    if (cfg->normal_window % 2 == 0) {
+        sst_log_error("label refinement: normal_window %d is even; take %d", cfg->normal_window,
+                      cfg->normal_window + 1);
+        return -EINVAL;
+    }
+    return 0;
+}
+
+static int check_maps(const struct sst_lightfield *lf)
+{
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        const struct sst_view *v = &lf->views[view];
+
+        if (!v->present)
+            continue;
+        if (v->disp.width != lf->width || v->disp.height != lf->height || v->label.width != lf->width ||
+            v->label.height != lf->height) {
+            sst_log_error("label refinement: view %02d_%02d lacks %s of %dx%d pixels; compute or import them first",
+                          view / lf->cols, view % lf->cols, v->disp.width == lf->width ? "labels" : "disparities",
+                          lf->width, lf->height);
+            return -EINVAL;
+        }
+    }
+    return 0;
+}
+
+/* Sum of the region's normals in raster order, so that it has the same bits whoever computes it. */
+static struct sst_region region_of(const struct job *job, const struct worker *w, const struct sst_view *v, int label)
+{
+    struct sst_region region = { { 0 }, 0, 0 };
+
+    for (int y = 0; y < v->label.height; y++) {
+        const uint8_t *row = sst_map_u8_row(&v->label, y);
+
+        for (int x = 0; x < v->label.width; x++) {
+            double n[3];
+
+            if (row[x] != label)
+                continue;
+            region.pixels++;
+            if (!sst_normal_at(n, &w->planes, &v->disp, &job->frame, x, y))
+                continue;
+            for (int i = 0; i < 3; i++)
+                region.normal_sum[i] += n[i];
+            region.normals++;
+        }
+    }
+    return region;
+}
+
+/* Fit the planes of the grounds of a view. */
+static void find_grounds(const struct job *job, struct worker *w, const struct sst_view *v)
+{
+    w->planar = 0;
+    for (int i = 0; i < job->lf->classes.count && job->cfg->ground_plane; i++) {
+        if (job->ground >> i & 1 && sst_ground_fit(&w->ground[i], v, i + 1, job->cfg, w->misses))
+            w->planar |= (uint64_t)1 << i;
+    }
+}
+
+/* Candidates of an unlabeled pixel: by the label's distribution, and, of a ground that is a plane, by that plane. */
+static uint64_t candidates_at(const struct job *job, const struct worker *w, uint16_t disp_q6, int x, int y)
+{
+    uint64_t mask = job->candidates[disp_q6];
+
+    for (uint64_t left = mask & w->planar; left; left &= left - 1) {
+        const int i = __builtin_ctzll(left);
+
+        if (!sst_ground_has(&w->ground[i], x, y, disp_q6))
+            mask &= ~((uint64_t)1 << i);
+    }
+    return mask;
+}
+
+static bool is_conflict(uint64_t candidates)
+{
+    return (candidates & (candidates - 1)) != 0;
+}
+
+/* All labels that stand in some conflict of the view, and whether a ground does; also empties the choices. */
+static uint64_t find_conflicts(const struct job *job, struct worker *w, const struct sst_view *v)
+{
+    uint64_t seen = 0;
+
+    for (int y = 0; y < v->label.height; y++) {
+        const uint8_t *label = sst_map_u8_row(&v->label, y);
+        const uint16_t *disp = sst_map_u16_row(&v->disp, y);
+        struct choice *choice = w->choice + (size_t)y * (size_t)v->label.width;
+
+        for (int x = 0; x < v->label.width; x++) {
+            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
+
+            if (!is_conflict(mask))
+                continue;
+            choice[x] = (struct choice){ .distance = { INFINITY, INFINITY } };
+            seen |= mask;
+        }
+    }
+    return seen;
+}
+
+/* Let one label compete among its kind. Labels come in rising order, so < leaves ties to the smaller. */
+static void compete(const struct job *job, struct worker *w, const struct sst_view *v, int label)
+{
+    const uint64_t bit = (uint64_t)1 << (label - 1);
+    const int kind = (job->ground & bit) != 0;
+    const bool here = sst_distance_nearest(w->nearest2, &v->label, label, &w->distance);
+
+    sst_hull_build(&w->hull, &v->label, label);
+    for (int y = 0; y < v->label.height; y++) {
+        const uint8_t *row = sst_map_u8_row(&v->label, y);
+        const uint16_t *disp = sst_map_u16_row(&v->disp, y);
+
+        for (int x = 0; x < v->label.width; x++) {
+            const uint64_t mask = row[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
+            const size_t i = (size_t)y * (size_t)v->label.width + (size_t)x;
+            double distance = job->cfg->p_distance;
+
+            if (!(mask & bit) || !is_conflict(mask))
+                continue;
+            if (here)
+                distance *= sst_energy_distance(w->nearest2[i], sst_hull_farthest(&w->hull, x, y));
+            if ((float)distance < w->choice[i].distance[kind]) {
+                w->choice[i].distance[kind] = (float)distance;
+                w->choice[i].label[kind] = (uint8_t)label;
+            }
+        }
+    }
+}
+
+/* The nearest object against the nearest ground: only here do the normals count, unless one of the two has none. */
+static uint8_t decide(const struct job *job, const struct worker *w, const struct sst_view *v,
+                      const struct sst_region *regions, int x, int y)
+{
+    const struct choice *c = &w->choice[(size_t)y * (size_t)v->label.width + (size_t)x];
+    const uint8_t object = c->label[0], ground = c->label[1];
+    double e_object = c->distance[0], e_ground = c->distance[1], m[3];
+
+    if (!object || !ground)
+        return object ? object : ground;
+    if (sst_region_has_normal(&regions[object - 1]) && sst_region_has_normal(&regions[ground - 1]) &&
+        sst_normal_at(m, &w->planes, &v->disp, &job->frame, x, y)) {
+        e_object += job->cfg->p_normal * sst_energy_normal(m, &regions[object - 1], job->cfg->tau);
+        e_ground += job->cfg->p_normal * sst_energy_normal(m, &regions[ground - 1], job->cfg->tau);
+    }
+    if (e_object == e_ground)
+        return object < ground ? object : ground;
+    return e_object < e_ground ? object : ground;
+}
+
+/* Write all labels at last: until here the map is the HCSM, whose regions the distances and normals come from. */
+static void assign(const struct job *job, const struct worker *w, struct sst_view *v, const struct sst_region *regions)
+{
+    for (int y = 0; y < v->label.height; y++) {
+        uint8_t *label = sst_map_u8_row(&v->label, y);
+        const uint16_t *disp = sst_map_u16_row(&v->disp, y);
+
+        for (int x = 0; x < v->label.width; x++) {
+            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
+
+            if (!mask)
+                continue;
+            label[x] = is_conflict(mask) ? decide(job, w, v, regions, x, y) : (uint8_t)(__builtin_ctzll(mask) + 1);
+        }
+    }
+}
+
+static int refine_view(void *arg, int index, int worker)
+{
+    struct job *job = arg;
+    struct worker *w = &job->workers[worker];
+    struct sst_view *v = &job->lf->views[index];
+    struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0 } };
+    uint64_t seen;
+
+    if (!v->present)
+        return 0;
+    if (job->cfg->cancel && *job->cfg->cancel)
+        return -ECANCELED;
+    find_grounds(job, w, v);
+    seen = find_conflicts(job, w, v);
+    if (seen & job->ground && job->cfg->p_normal > 0) {
+        sst_planes_fit(&w->planes, &v->disp, w->plane_sums);
+        for (int label = 1; label <= job->lf->classes.count; label++) {
+            if (seen >> (label - 1) & 1)
+                regions[label - 1] = region_of(job, w, v, label);
+        }
+    }
+    for (int label = 1; label <= job->lf->classes.count; label++) {
+        if (seen >> (label - 1) & 1)
+            compete(job, w, v, label);
+    }
+    assign(job, w, v, regions);
+    return 0;
+}
+
+static int count_view(void *arg, int index, int worker)
+{
+    struct job *job = arg;
+    const struct sst_view *v = &job->lf->views[index];
+    int64_t *hist = job->hist + (size_t)worker * (size_t)job->lf->classes.count * SST_DISP_BINS;
+
+    if (!v->present)
+        return 0;
+    for (int y = 0; y < v->label.height; y++) {
+        const uint8_t *label = sst_map_u8_row(&v->label, y);
+        const uint16_t *disp = sst_map_u16_row(&v->disp, y);
+
+        for (int x = 0; x < v->label.width; x++) {
+            if (label[x] != SST_LABEL_NONE && label[x] <= job->lf->classes.count && disp[x] != SST_DISP_NONE)
+                hist[(size_t)(label[x] - 1) * SST_DISP_BINS + disp[x]]++;
+        }
+    }
+    return 0;
+}
+
+/* Fit all labels and draw up the candidates of every disparity. */
+static int fit_labels(struct job *job, struct sst_label_fit *fits)
+{
+    const struct sst_lightfield *lf = job->lf;
+    const size_t size = (size_t)lf->classes.count * SST_DISP_BINS;
+    int err;
+
+    job->hist = sst_mem_alloc((size_t)job->n_workers, size * sizeof(*job->hist));
+    if (!job->hist)
+        return -ENOMEM;
+    err = sst_parallel_for(lf->rows * lf->cols, job->n_workers, count_view, job);
+    for (int k = 1; k < job->n_workers; k++) {
+        for (size_t i = 0; i < size; i++)
+            job->hist[i] += job->hist[(size_t)k * size + i];
+    }
+    for (int i = 0; i < lf->classes.count && !err; i++)
+        fits[i] = sst_label_fit_histogram(job->hist + (size_t)i * SST_DISP_BINS, lf->disp_min_px, job->cfg);
+    sst_mem_free(job->hist);
+    job->hist = NULL;
+    if (!err)
+        sst_candidate_masks(job->candidates, fits, lf->classes.count, lf->disp_min_px, job->cfg->eps_d);
+    return err;
+}
+
+static void job_fini(struct job *job)
+{
+    for (int k = 0; job->workers && k < job->n_workers; k++) {
+        struct worker *w = &job->workers[k];
+
+        sst_mem_free(w->choice);
+        sst_mem_free(w->nearest2);
+        sst_mem_free(w->planes.at);
+        sst_mem_free(w->plane_sums);
+        sst_mem_free(w->distance.start);
+        sst_mem_free(w->distance.vertex);
+        sst_mem_free(w->distance.row);
+        sst_mem_free(w->hull.x);
+        sst_mem_free(w->hull.y);
+        sst_mem_free(w->misses);
+    }
+    sst_mem_free(job->workers);
+    sst_mem_free(job->candidates);
+}
+
+static int worker_init(struct worker *w, const struct sst_lightfield *lf, const struct sst_refine_config *cfg)
+{
+    const size_t width = (size_t)lf->width, height = (size_t)lf->height, pixels = width * height;
+
+    w->choice = sst_mem_alloc_raw(pixels, sizeof(*w->choice));
+    w->nearest2 = sst_mem_alloc_raw(pixels, sizeof(*w->nearest2));
+    w->planes = (struct sst_planes){ .width = lf->width, .height = lf->height, .window = cfg->normal_window };
+    w->planes.at = sst_mem_alloc_raw(pixels, sizeof(*w->planes.at));
+    w->plane_sums = sst_mem_alloc_raw(width, SST_PLANE_SUMS * sizeof(*w->plane_sums));
+    w->distance.start = sst_mem_alloc_raw(width, sizeof(*w->distance.start));
+    w->distance.vertex = sst_mem_alloc_raw(width, sizeof(*w->distance.vertex));
+    w->distance.row = sst_mem_alloc_raw(width, sizeof(*w->distance.row));
+    w->hull.x = sst_mem_alloc_raw(2 * height + 2, sizeof(*w->hull.x));
+    w->hull.y = sst_mem_alloc_raw(2 * height + 2, sizeof(*w->hull.y));
+    w->misses = sst_mem_alloc_raw(SST_DISP_BINS, sizeof(*w->misses));
+    if (!w->choice || !w->nearest2 || !w->planes.at || !w->plane_sums || !w->distance.start || !w->distance.vertex ||
+        !w->distance.row || !w->hull.x || !w->hull.y || !w->misses)
+        return -ENOMEM;
+    return 0;
+}
+
+static int job_init(struct job *job, struct sst_lightfield *lf, const struct sst_refine_config *cfg)
+{
+    *job = (struct job){ .lf = lf, .cfg = cfg, .frame = sst_normal_frame_of(lf, cfg) };
+    job->n_workers = sst_min_int(sst_thread_count(cfg->threads), lf->rows * lf->cols);
+    for (int i = 0; i < lf->classes.count; i++)
+        job->ground |= (uint64_t)lf->classes.ground[i] << i;
+    job->workers = sst_mem_alloc((size_t)job->n_workers, sizeof(*job->workers));
+    job->candidates = sst_mem_alloc_raw(SST_DISP_BINS, sizeof(*job->candidates));
+    if (!job->workers || !job->candidates)
+        return -ENOMEM;
+    for (int k = 0; k < job->n_workers; k++) {
+        if (worker_init(&job->workers[k], lf, cfg))
+            return -ENOMEM;
+    }
+    return 0;
+}
+
+int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg, struct sst_label_fit *fits)
+{
+    struct sst_label_fit fitted[SST_MAX_CLASSES];
+    struct job job;
+    int err = check_config(cfg);
+
+    if (!err)
+        err = check_maps(lf);
+    if (err)
+        return err;
+    if (!(lf->focal_px > 0))
+        sst_log_info("label refinement: the focal length is unknown; the image width, %d px, stands in for it",
+                     lf->width);
+    err = job_init(&job, lf, cfg);
+    if (!err)
+        err = fit_labels(&job, fitted);
+    if (!err)
+        err = sst_parallel_for(lf->rows * lf->cols, job.n_workers, refine_view, &job);
+    job_fini(&job);
+    if (err == -ENOMEM)
+        sst_log_error("label refinement: no memory for %d threads at %dx%d; use fewer threads", job.n_workers,
+                      lf->width, lf->height);
+    if (!err && fits)
+        memcpy(fits, fitted, (size_t)lf->classes.count * sizeof(*fits));
+    return err;
+}

@@ -1,0 +1,396 @@
+#include "pipeline/method/render/verify.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/mem.h"
+#include "base/thread.h"
+
+/* Offline, rarity of colours is counted from every so many-th pixel of every so many-th row of all views. */
+#define RARITY_STEP 8
+/* Shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column. */
+#define WHOLE_PX 1e-6
+
+static void count_rarity(struct sst_renderer *r)
+{
+    int view[SST_MAX_VIEWS], views = r->lf->rows * r->lf->cols;
+
+    for (int i = 0; i < views; i++)
+        view[i] = i;
+    sst_rarity_count(r->rarity, r->lf, view, views, RARITY_STEP);
+}
+
+int sst_renderer_count(struct sst_renderer *r)
+{
+    int err = 0;
+
+    pthread_mutex_lock(&r->lock);
+    if (!r->counted) {
+        err = sst_label_histogram_init(&r->histogram, r->lf, r->threads);
+        if (!err)
+            count_rarity(r);
+        r->counted = !err;
+    }
+    pthread_mutex_unlock(&r->lock);
+    if (err)
+        sst_log_error("no memory for the histograms of the disparities");
+    return err;
+}
+
+int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int step)
+{
+    int err;
+
+    pthread_mutex_lock(&r->lock);
+    err = sst_label_histogram_recount(&r->histogram, r->lf, view, views, step);
+    sst_rarity_count(r->rarity, r->lf, view, views, step);
+    r->counted = true; /* without memory: empty */
+    pthread_mutex_unlock(&r->lock);
+    if (err)
+        sst_log_error("no memory for the histograms of the disparities");
+    return err;
+}
+
+const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r)
+{
+    int err = 0;
+
+    pthread_mutex_lock(&r->lock);
+    if (!r->judged) {
+        err = sst_unsure_init(&r->unsure, r->lf, r->threads);
+        if (err)
+            sst_unsure_fini(&r->unsure);
+        r->judged = !err;
+    }
+    pthread_mutex_unlock(&r->lock);
+    if (err)
+        sst_log_error("no memory to count which disparities other views confirm");
+    return err ? NULL : &r->unsure;
+}
+
+static int check_value(const char *name, double v, double min, double max)
+{
+    if (isgreaterequal(v, min) && islessequal(v, max)) /* false for NaN, quietly */
+        return 0;
+    sst_log_error("render: %s %g is outside %g..%g", name, v, min, max);
+    return -EINVAL;
+}
+
+static int check_config(const struct sst_render_config *cfg)
+{
+    const struct {
+        const char *name;
+        double v, min, max;
+    } values[] = {
+        { "focus", cfg->focus_px, -SST_IMAGE_MAX_SIDE, SST_IMAGE_MAX_SIDE },
+        { "sigma", cfg->sigma_px ? cfg->sigma_px : 1, 1e-6, INFINITY },
+        { "c1", cfg->c1, 0, 1 },
+        { "c2", cfg->c2, 0, 1 },
+        { "focus label", cfg->focus_label, 0, 255 },
+        { "label factor", cfg->label_factor, 1, 1e6 },
+        { "range percentile", cfg->range_percentile, 0, 0.5 },
+        { "range margin", cfg->range_margin_px, -1e6, 1e6 },
+        { "aperture", cfg->aperture, 0, INFINITY },
+        { "viewpoint x", cfg->view_bx, -SST_MAX_VIEWS, SST_MAX_VIEWS },
+        { "viewpoint y", cfg->view_by, -SST_MAX_VIEWS, SST_MAX_VIEWS },
+    };
+
+    for (size_t i = 0; i < ARRAY_LEN(values); i++) {
+        int err = check_value(values[i].name, values[i].v, values[i].min, values[i].max);
+
+        if (err)
+            return err;
+    }
+    return 0;
+}
+
+/* Check the focus against the disparities, and choose what the configuration leaves to their range. */
+static int fit_to_disparities(struct sst_render_config *cfg, struct sst_renderer *r)
+{
+    double lo = 0, hi = 0, slack;
+    const bool known = sst_renderer_disparities(r, &lo, &hi);
+
+    slack = 0.1 * (hi - lo) + 1;
+    if (known && (cfg->focus_px < lo - slack || cfg->focus_px > hi + slack)) {
+        sst_log_error("the focus %g px lies outside the disparities of this light field; choose one in %.2f..%.2f",
+                      cfg->focus_px, lo, hi);
+        return -ERANGE;
+    }
+    if (cfg->sigma_px == 0)
+        cfg->sigma_px = fmax((hi - lo) / 10, 0.1);
+    if (cfg->range_margin_px < 0)
+        cfg->range_margin_px = (hi - lo) / 50;
+    return 0;
+}
+
+static double distance(const struct sst_tap *t, const struct sst_render_config *cfg)
+{
+    return hypot(t->v->bx - cfg->view_bx, t->v->by - cfg->view_by);
+}
+
+static bool in_aperture(const struct sst_tap *t, const struct sst_render_config *cfg)
+{
+    return t->v->present && distance(t, cfg) <= cfg->aperture + 1e-9;
+}
+
+int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_config *cfg)
+{
+    int n = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++)
+        n += in_aperture(&(struct sst_tap){ .v = &lf->views[view] }, cfg);
+    return cfg->max_views > 0 ? sst_min_int(n, cfg->max_views) : n;
+}
+
+bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_render_config *cfg, int pictures)
+{
+    int present = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++)
+        present += lf->views[view].present;
+    return lf->calibration && (int64_t)pictures * sst_render_views(lf, cfg) <= present;
+}
+
+/* Where a shift by `shift` px puts output pixels: first tap, fraction, nearest tap, which pixels' taps are inside. */
+static void place(double shift, int size, int *tap, double *part, int *nearest, int *from, int *to)
+{
+    const double whole = floor(shift + WHOLE_PX);
+
+    *part = shift - whole < WHOLE_PX ? 0 : shift - whole;
+    *tap = (int)whole;
+    *nearest = *tap + (*part >= 0.5);
+    *from = sst_clamp_int(-*tap, 0, size);
+    *to = sst_clamp_int(size - *tap - (*part > 0), 0, size);
+}
+
+/* Keep the max_views taps nearest to the viewpoint, the earlier view first where two are as near; order stays. */
+static void keep_nearest(struct sst_plan *p)
+{
+    struct sst_tap kept[SST_MAX_VIEWS];
+    int n = 0;
+
+    for (int i = 0; i < p->count; i++) {
+        const double d = distance(&p->tap[i], &p->cfg);
+        int nearer = 0;
+
+        for (int k = 0; k < p->count; k++) {
+            const double other = distance(&p->tap[k], &p->cfg);
+
+            nearer += other < d || (other == d && k < i);
+        }
+        if (nearer < p->cfg.max_views)
+            kept[n++] = p->tap[i];
+    }
+    memcpy(p->tap, kept, (size_t)n * sizeof(kept[0]));
+    p->count = n;
+}
+
+static int choose_views(struct sst_plan *p)
+{
+    const struct sst_lightfield *lf = p->lf;
+    double rim = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        struct sst_tap t = { .view = view, .v = &lf->views[view], .aperture = 1 };
+
+        if (t.v->image.plane[0] && in_aperture(&t, &p->cfg))
+            p->tap[p->count++] = t;
+    }
+    if (p->cfg.max_views > 0 && p->cfg.max_views < p->count)
+        keep_nearest(p);
+    if (!p->count) {
+        sst_log_error("no view lies within %g spacings of the viewpoint (%g, %g); widen the aperture", p->cfg.aperture,
+                      p->cfg.view_bx, p->cfg.view_by);
+        return -ERANGE;
+    }
+    for (int i = 0; i < p->count; i++)
+        rim = fmax(rim, distance(&p->tap[i], &p->cfg));
+    /* cos^2 that reaches 0 half a spacing outside the outermost view. */
+    for (int i = 0; i < p->count && p->cfg.aperture_soft; i++) {
+        const double c = cos(M_PI / 2 * distance(&p->tap[i], &p->cfg) / (rim + 0.5));
+
+        p->tap[i].aperture = c * c;
+    }
+    return 0;
+}
+
+static int place_views(struct sst_plan *p)
+{
+    int overlapping = 0;
+
+    for (int i = 0; i < p->count; i++) {
+        struct sst_tap *t = &p->tap[i];
+
+        place(-p->cfg.focus_px * (t->v->bx - p->cfg.view_bx), p->lf->width, &t->ix, &t->fx, &t->nx, &t->x0, &t->x1);
+        place(-p->cfg.focus_px * (t->v->by - p->cfg.view_by), p->lf->height, &t->iy, &t->fy, &t->ny, &t->y0, &t->y1);
+        overlapping += t->x0 < t->x1 && t->y0 < t->y1;
+    }
+    if (overlapping > 1 || overlapping == p->count)
+        return 0;
+    sst_log_error("at the focus %g px the views of %d x %d pixels do not overlap; choose one nearer to 0",
+                  p->cfg.focus_px, p->lf->width, p->lf->height);
+    return -ERANGE;
+}
+
+/* --- raw frames --------------------------------------------------------------------------------------------------- */
+
+struct raw_job {
+    struct sst_renderer *r;
+    const struct sst_plan *plan;
+};
+
+static int make_raw(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct raw_job *job = arg;
+    const struct sst_lightfield *lf = job->r->lf;
+    const struct sst_tap *t = &job->plan->tap[index];
+    struct sst_raw_view *raw = &job->r->raw[t->view];
+    int err = 0;
+
+    if (!raw->map)
+        err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
+    if (!err && !raw->sampler)
+        err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
+    if (err)
+        sst_log_error("cannot sample the raw frame %s: %s", t->v->file, strerror(-err));
+    return err;
+}
+
+/* Samplers of the plan's views: those of earlier pictures are kept. */
+static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
+{
+    struct raw_job job = { r, p };
+    int err;
+
+    if (!r->raw)
+        return 0;
+    pthread_mutex_lock(&r->lock);
+    err = sst_parallel_for(p->count, sst_thread_count(r->threads), make_raw, &job);
+    pthread_mutex_unlock(&r->lock);
+    for (int i = 0; i < p->count && !err; i++)
+        p->tap[i].sampler = r->raw[p->tap[i].view].sampler;
+    return err;
+}
+
+/* Constants of the weights, and the table where labels have a say. */
+static int weigh(struct sst_plan *p, struct sst_renderer *r)
+{
+    const struct sst_render_config *cfg = &p->cfg;
+    const double sigma_q6 = cfg->sigma_px * SST_DISP_SCALE;
+    const double focus_q6 = (cfg->focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
+    const bool by_depth = isfinite(cfg->sigma_px) && cfg->c1 < 1, by_label = cfg->c2 < 1 || cfg->focus_label;
+    int err;
+
+    p->weighted = by_depth || by_label;
+    p->blend.focus_whole_q6 = (float)rint(focus_q6);
+    p->blend.focus_part_q6 = (float)(focus_q6 - rint(focus_q6));
+    p->blend.half_inverse_variance = by_depth ? (float)(0.5 / (sigma_q6 * sigma_q6)) : 0;
+    p->blend.c1 = by_depth ? (float)cfg->c1 : 0;
+    p->blend.one_minus_c1 = by_depth ? (float)(1 - cfg->c1) : 1;
+    p->blend.unknown = by_depth ? (float)cfg->c1 : 1;
+    for (int i = 0; i < p->count && p->weighted; i++) {
+        if (!p->tap[i].v->disp.data) {
+            sst_log_error("view %d has no disparity map: run `sst process` on this light field first, or choose the "
+                          "method refocus",
+                          p->tap[i].view);
+            return -ENODATA;
+        }
+    }
+    if (!p->weighted || !by_label)
+        return 0;
+    err = sst_renderer_count(r);
+    if (err)
+        return err;
+    p->table = sst_mem_alloc_raw((size_t)256 * SST_BLEND_COLUMNS, sizeof(float));
+    if (!p->table) {
+        sst_log_error("no memory for the table of label weights");
+        return -ENOMEM;
+    }
+    sst_label_weight_table(p->table, &r->histogram, cfg);
+    p->blend.label_weight = p->table;
+    return 0;
+}
+
+/* What verification takes, one of each thread. */
+static int open_verifiers(struct sst_plan *p, struct sst_renderer *r)
+{
+    const int threads = sst_thread_count(p->cfg.threads);
+    int err = 0;
+
+    if (p->cfg.verify == SST_VERIFY_AUTO) {
+        p->unsure = sst_renderer_judge(r);
+        if (!p->unsure)
+            return -ENOMEM;
+        if (isnan(p->unsure->confirmed))
+            return 0;
+    }
+    err = sst_renderer_count(r);
+    if (err)
+        return err;
+    p->rarity = malloc(sizeof(r->rarity));
+    p->verifier = calloc((size_t)threads, sizeof(struct sst_verifier *));
+    for (; p->rarity && p->verifier && p->verifiers < threads && !err; p->verifiers += !err)
+        err = sst_verifier_create(&p->verifier[p->verifiers], p);
+    if (err || !p->rarity || !p->verifier) {
+        sst_log_error("no memory to verify rays on %d threads", threads);
+        return -ENOMEM;
+    }
+    memcpy(p->rarity, r->rarity, sizeof(r->rarity));
+    return 0;
+}
+
+int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
+{
+    int err = check_config(cfg);
+
+    *p = (struct sst_plan){ .lf = r->lf, .cfg = *cfg };
+    if (!err)
+        err = fit_to_disparities(&p->cfg, r);
+    if (!err)
+        err = choose_views(p);
+    if (!err)
+        err = place_views(p);
+    if (!err)
+        err = prepare_raw(p, r);
+    if (!err && cfg->method == SST_RENDER_SST)
+        err = weigh(p, r);
+    if (!err && cfg->verify != SST_VERIFY_OFF && p->weighted && isfinite(p->cfg.sigma_px))
+        err = open_verifiers(p, r);
+    if (err)
+        sst_plan_fini(p);
+    return err;
+}
+
+void sst_plan_fini(struct sst_plan *p)
+{
+    for (int i = 0; i < p->verifiers; i++)
+        sst_verifier_destroy(p->verifier[i]);
+    free(p->verifier);
+    free(p->rarity);
+    sst_mem_free(p->table);
+    p->verifier = NULL;
+    p->verifiers = 0;
+    p->rarity = NULL;
+    p->table = NULL;
+}
+
+bool sst_plan_renew(struct sst_plan *p, const struct sst_renderer *r, double tolerance, double share)
+{
+    const bool labels = p->table && sst_label_weight_differs(p->table, &r->histogram, &p->cfg, tolerance, share);
+
+    if (!labels && !(p->rarity && sst_rarity_differs(p->rarity, r->rarity, tolerance)))
+        return false;
+    if (p->table)
+        sst_label_weight_table(p->table, &r->histogram, &p->cfg);
+    if (p->rarity)
+        memcpy(p->rarity, r->rarity, sizeof(r->rarity));
+    return true;
+}
+
+double sst_plan_label_weight(const struct sst_plan *p, int label, uint16_t disp_q6)
+{
+    return p->table ? (double)p->table[(size_t)label * SST_BLEND_COLUMNS + (disp_q6 >> SST_BLEND_COLUMN_SHIFT)] : 1;
+}

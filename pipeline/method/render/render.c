@@ -1,0 +1,312 @@
+#include "pipeline/method/render/render.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/method/render/verify.h"
+
+_Static_assert(SST_BLEND_MAX <= SST_SAMPLE_MAX, "a run of rays is sampled in one go");
+
+void sst_render_config_defaults(struct sst_render_config *cfg)
+{
+    *cfg = (struct sst_render_config){
+        .method = SST_RENDER_SST,
+        .sigma_px = 0,
+        .c1 = 0.005,
+        .c2 = 0.02,
+        .label_factor = 2,
+        .range = SST_RANGE_OBJECT,
+        .range_percentile = 0.01,
+        .range_margin_px = -1,
+        .unsupported = SST_UNSUPPORTED_REFOCUS,
+        .verify = SST_VERIFY_AUTO,
+        .aperture = INFINITY,
+    };
+}
+
+int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *lf, int threads)
+{
+    struct sst_renderer *r = calloc(1, sizeof(*r));
+
+    if (!r) {
+        sst_log_error("no memory for a renderer");
+        return -ENOMEM;
+    }
+    r->lf = lf;
+    r->threads = threads;
+    if (lf->images_raw) {
+        r->raw = calloc((size_t)(lf->rows * lf->cols), sizeof(*r->raw));
+        if (!r->raw) {
+            free(r);
+            sst_log_error("no memory for a renderer");
+            return -ENOMEM;
+        }
+    }
+    pthread_mutex_init(&r->lock, NULL);
+    *out = r;
+    return 0;
+}
+
+void sst_renderer_destroy(struct sst_renderer *r)
+{
+    if (!r)
+        return;
+    for (int k = 0; r->raw && k < r->lf->rows * r->lf->cols; k++) {
+        sst_sampler_destroy(r->raw[k].sampler);
+        sst_rectify_map_destroy(r->raw[k].map);
+    }
+    free(r->raw);
+    sst_label_histogram_fini(&r->histogram);
+    sst_unsure_fini(&r->unsure);
+    pthread_mutex_destroy(&r->lock);
+    free(r);
+}
+
+double sst_renderer_confirmed(struct sst_renderer *r)
+{
+    const struct sst_unsure *u = sst_renderer_judge(r);
+
+    return u ? u->confirmed : NAN;
+}
+
+bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *max_px)
+{
+    const struct sst_lightfield *lf = r->lf;
+    double lo = INFINITY, hi = -INFINITY;
+
+    if (lf->range_min_px < lf->range_max_px) {
+        lo = lf->range_min_px;
+        hi = lf->range_max_px;
+    }
+    if (!sst_renderer_count(r) && r->histogram.bins) {
+        lo = fmin(lo, sst_disp_px(lf, (uint16_t)r->histogram.first_bin));
+        hi = fmax(hi, sst_disp_px(lf, (uint16_t)(r->histogram.bins - 1)));
+    }
+    if (lo > hi)
+        return false;
+    *min_px = lo;
+    *max_px = hi;
+    return true;
+}
+
+int sst_renderer_labels(struct sst_renderer *r, int label[255])
+{
+    int n = 0;
+
+    if (sst_renderer_count(r))
+        return 0;
+    for (int i = 1; i < 256; i++) {
+        if (r->histogram.present[i])
+            label[n++] = i;
+    }
+    return n;
+}
+
+struct picture {
+    const struct sst_plan *plan;
+    const uint8_t *cells; /* [rows][cols]; NULL: all */
+    int cols;
+    struct sst_image *out;
+    struct sst_map_u8 *valid;
+};
+
+/* Where the rays of a view go: to sums, or one by one. */
+struct sink {
+    float *acc[4];
+    const struct sst_take *take; /* NULL: acc */
+};
+
+/* Rays to skip pixels after the sink's first, their colours at top and bottom; output pixels from .. to of row y. */
+static void blend(const struct sink *s, int skip, const struct sst_plan *p, const struct sst_tap *t,
+                  struct sst_blend *b, int from, int to, int y)
+{
+    const struct sst_kernels *k = sst_kernels_get();
+
+    b->aperture = (float)t->aperture;
+    b->disp = p->weighted ? sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx : NULL;
+    b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
+    if (s->take) {
+        uint8_t *const colour[3] = { s->take->colour[0] + skip, s->take->colour[1] + skip, s->take->colour[2] + skip };
+
+        k->blend_take(colour, s->take->weight + skip, b, (size_t)(to - from));
+    } else {
+        float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
+
+        (p->weighted ? k->blend_rays : k->blend_plain)(at, b, (size_t)(to - from));
+    }
+}
+/* The rays of one view, output pixels from .. to of row y; the sink begins at x. */
+static void add_run(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int from, int to,
+                    int y)
+{
+    struct sst_blend b = p->blend;
+
+    for (int c = 0; c < 3; c++) {
+        b.top[c] = sst_image_row(&t->v->image, c, y + t->iy) + from + t->ix;
+        b.bottom[c] = t->fy > 0 ? b.top[c] + t->v->image.stride : b.top[c];
+    }
+    b.fx = (float)t->fx;
+    b.fy = (float)t->fy;
+    blend(s, from - x, p, t, &b, from, to, y);
+}
+
+/* The same straight from a raw frame: the colours are sampled where the rays are, those without a place left out. */
+static void add_raw(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int from, int end,
+                    int y)
+{
+    uint8_t colour[3][SST_BLEND_MAX + 1], seen[SST_BLEND_MAX], *const out[3] = { colour[0], colour[1], colour[2] };
+    const int n = end - from;
+
+    sst_sampler_row(t->sampler, from + t->ix + t->fx, y + t->iy + t->fy, n, out, seen);
+    for (int c = 0; c < 3; c++)
+        colour[c][n] = 0; /* the kernels read one more, and give it no weight */
+    for (int i = 0, to; i < n; i = to) {
+        struct sst_blend b = p->blend;
+
+        for (to = i + 1; to < n && seen[to] == seen[i]; to++)
+            ;
+        if (!seen[i])
+            continue;
+        for (int c = 0; c < 3; c++)
+            b.top[c] = b.bottom[c] = colour[c] + i;
+        blend(s, from + i - x, p, t, &b, from + i, from + to, y);
+    }
+}
+
+/* First output pixel from x on whose ray is inside what the view saw (found), or is not. */
+static int next_ray(const struct sst_tap *t, int x, int end, int y, bool found)
+{
+    while (x < end && sst_tap_sees(t, x, y) != found)
+        x++;
+    return x;
+}
+
+/* One view's rays, pixels x .. x + n of row y. */
+static void add_view(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+{
+    const int end = sst_min_int(x + n, t->x1);
+    int from = sst_max_int(x, t->x0);
+
+    if (from >= end || y < t->y0 || y >= t->y1)
+        return;
+    if (t->sampler) {
+        add_raw(s, p, t, x, from, end, y);
+        return;
+    }
+    while (t->v->valid.data && (from = next_ray(t, from, end, y, true)) < end) {
+        const int to = next_ray(t, from, end, y, false);
+
+        add_run(s, p, t, x, from, to, y);
+        from = to;
+    }
+    if (from < end)
+        add_run(s, p, t, x, from, end, y);
+}
+
+void sst_plan_take(const struct sst_take *to, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+{
+    const struct sink s = { .take = to };
+
+    add_view(&s, p, t, x, n, y);
+}
+
+/* Pixels whose weights floats have lost; see SST_BLEND_FLOOR. */
+static void mend_row(const struct picture *pic, const float *weight, int x, int n, int y)
+{
+    struct sst_ray rays[SST_MAX_VIEWS];
+    double rgb[3];
+    int count;
+
+    for (int i = 0; i < n; i++) {
+        enum sst_pixel found = SST_PIXEL_SUPPORTED;
+
+        if (weight[i] < SST_BLEND_FLOOR) {
+            found = sst_pixel_exact(pic->plan, x + i, y, rgb, rays, &count);
+            if (found == SST_PIXEL_UNSUPPORTED && pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID)
+                memset(rgb, 0, sizeof(rgb));
+            for (int c = 0; c < 3; c++)
+                sst_image_row(pic->out, c, y)[x + i] = (uint8_t)(rgb[c] + 0.5);
+        }
+        if (pic->valid)
+            sst_map_u8_row(pic->valid, y)[x + i] = found == SST_PIXEL_SUPPORTED ? 255 : 0;
+    }
+}
+
+/* n pixels of row y, n at most SST_BLEND_MAX. @param weight  out, [n] sums of weights */
+static void render_run(const struct picture *pic, float *weight, int x, int n, int y)
+{
+    const struct sst_plan *p = pic->plan;
+    float sums[3][SST_BLEND_MAX];
+    const struct sink s = { { sums[0], sums[1], sums[2], weight }, NULL };
+
+    for (int c = 0; c < 4; c++)
+        memset(s.acc[c], 0, (size_t)n * sizeof(*weight));
+    for (int k = 0; k < p->count; k++)
+        add_view(&s, p, &p->tap[k], x, n, y);
+    for (int c = 0; c < 3; c++)
+        sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, sums[c], weight, (size_t)n);
+    mend_row(pic, weight, x, n, y);
+}
+
+/* First pixel from x on of a cell that is to be rendered (wanted), or is not. */
+static int next_cell(const uint8_t *cells, int x, int width, bool wanted)
+{
+    while (x < width && (cells[x / SST_RENDER_CELL_WIDTH] != 0) != wanted)
+        x = (x / SST_RENDER_CELL_WIDTH + 1) * SST_RENDER_CELL_WIDTH;
+    return sst_min_int(x, width);
+}
+
+/* One row of cells. */
+static int render_band(void *arg, int index, int worker)
+{
+    const struct picture *pic = arg;
+    struct sst_verifier *verifier = pic->plan->verifier ? pic->plan->verifier[worker] : NULL;
+    float weight[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
+    const int width = pic->plan->lf->width, top = index * SST_RENDER_CELL_HEIGHT;
+    const int end = sst_min_int(top + SST_RENDER_CELL_HEIGHT, pic->plan->lf->height);
+    const uint8_t *cells = pic->cells ? pic->cells + (size_t)index * (size_t)pic->cols : NULL;
+
+    for (int x = 0, to; x < width; x = to) {
+        x = cells ? next_cell(cells, x, width, true) : x;
+        to = sst_min_int(cells ? next_cell(cells, x, width, false) : width, x + SST_BLEND_MAX);
+        for (int y = top; y < end && x < to; y++)
+            render_run(pic, weight[y - top], x, to - x, y);
+        if (verifier && x < to)
+            sst_verify(verifier, pic->plan, weight, x, to, top, end, pic->out);
+    }
+    return 0;
+}
+
+int sst_plan_render(const struct sst_plan *p, const uint8_t *cells, struct sst_image *out, struct sst_map_u8 *valid)
+{
+    struct picture pic = { .plan = p, .cells = cells, .out = out, .valid = valid };
+
+    pic.cols = (p->lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
+    return sst_parallel_for((p->lf->height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT,
+                            sst_thread_count(p->cfg.threads), render_band, &pic);
+}
+
+int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
+               struct sst_map_u8 *valid)
+{
+    const struct sst_lightfield *lf = r->lf;
+    struct sst_plan plan;
+    int err;
+
+    if (out->width != lf->width || out->height != lf->height ||
+        (valid && (valid->width != lf->width || valid->height != lf->height))) {
+        sst_log_error("render: the picture is %d x %d, the light field %d x %d", out->width, out->height, lf->width,
+                      lf->height);
+        return -EINVAL;
+    }
+    err = sst_plan_init(&plan, r, cfg);
+    if (err)
+        return err;
+    err = sst_plan_render(&plan, NULL, out, valid);
+    sst_plan_fini(&plan);
+    return err;
+}

@@ -1,0 +1,387 @@
+#include "pipeline/method/render/verify.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+
+/* Of docs/live-view.md, which has the figures that they were chosen by. */
+#define DOUBT        0.5f  /* added to all weights, which are 0..1 ... */
+#define DOUBT_LEAST  0.3f  /* ... or, where a disparity has a confidence, from this for 255 on ... */
+#define DOUBT_MOST   2.3f  /* ... to this for 0 */
+#define ENOUGH       0.2f  /* of a pixel's rays, given to the focus by the maps: nothing to verify */
+#define FRONT_LOW    0.25f /* of a pixel's rays that end in front: nothing to see through ... */
+#define FRONT_HIGH   0.5f  /* ... and surely something */
+#define UNSURE_LOW   0.03f /* of the disparities around a pixel's rays: good maps ... */
+#define UNSURE_HIGH  0.05f /* ... and poor ones */
+#define AGREE_LOW    0.1f  /* of all votes: chance ... */
+#define AGREE_HIGH   0.2f  /* ... and surely a surface */
+#define FLAT_LOW     0.35f /* of all votes, where maps are poor: rays that see through something, or what is in ... */
+#define FLAT_HIGH    0.45f /* ... front itself, out of focus, of one colour */
+#define FRONT_SIGMAS 0.5   /* in front: nearer than the focus by so many sigma_d */
+#define CANDIDATES   2     /* the colours of one ray in so many are voted for */
+/* Votes for a colour are sums in 16 bits. */
+#define ALL_VOTES (65535 / (SST_AGREE_MODE / 2))
+/* Open cells that are done in one go; with a pixel on both sides and room for whole blocks of 64. */
+#define RUN_CELLS 5
+#define STRIDE    ((RUN_CELLS + 1) * SST_RENDER_CELL_WIDTH)
+_Static_assert(STRIDE <= SST_BLEND_MAX && STRIDE % 64 == 0, "a run is taken in one go");
+
+#define RARITY_GAIN  15.0
+#define RARITY_FLOOR 0.02
+#define SIDE         16 /* bins of a colour */
+_Static_assert(SIDE *SIDE *SIDE == SST_AGREE_BINS, "4 bits a colour");
+
+/* --- how rare colours are ------------------------------------------------------------------------------------------
+ */
+
+static int64_t count_colours(float *count, const struct sst_view *v, int step)
+{
+    int64_t n = 0;
+
+    for (int y = step / 2; y < v->image.height; y += step) {
+        const uint8_t *r = sst_image_row(&v->image, 0, y), *g = sst_image_row(&v->image, 1, y);
+        const uint8_t *b = sst_image_row(&v->image, 2, y);
+        const uint8_t *valid = v->valid.data ? sst_map_u8_row(&v->valid, y) : NULL;
+
+        for (int x = step / 2; x < v->image.width; x += step) {
+            if (valid && !valid[x])
+                continue;
+            count[(r[x] >> 4) << 8 | (g[x] >> 4) << 4 | b[x] >> 4] += 1;
+            n++;
+        }
+    }
+    return n;
+}
+
+/* (1 2 1) / 4 along one colour; the ends repeat. */
+static void smooth(float *to, const float *from, int stride)
+{
+    for (int i = 0; i < SST_AGREE_BINS; i++) {
+        const int at = i / stride % SIDE;
+        const float before = from[at > 0 ? i - stride : i], after = from[at < SIDE - 1 ? i + stride : i];
+
+        to[i] = 0.25f * (before + after) + 0.5f * from[i];
+    }
+}
+
+void sst_rarity_count(uint8_t *rarity, const struct sst_lightfield *lf, const int *view, int views, int step)
+{
+    const double most = log(1 + RARITY_GAIN / RARITY_FLOOR);
+    float count[SST_AGREE_BINS] = { 0 }, other[SST_AGREE_BINS];
+    int64_t n = 0;
+
+    for (int i = 0; i < views; i++) {
+        if (lf->views[view[i]].image.plane[0])
+            n += count_colours(count, &lf->views[view[i]], step);
+    }
+    smooth(other, count, 1);
+    smooth(count, other, SIDE);
+    smooth(other, count, SIDE * SIDE);
+    for (int i = 0; i < SST_AGREE_BINS; i++) {
+        const double share = n ? (double)other[i] * SST_AGREE_BINS / (double)n : 0;
+
+        rarity[i] = (uint8_t)(255 * log(1 + RARITY_GAIN / (share + RARITY_FLOOR)) / most + 0.5);
+    }
+}
+
+bool sst_rarity_differs(const uint8_t *was, const uint8_t *is, double tolerance)
+{
+    const double most = log(1 + RARITY_GAIN / RARITY_FLOOR);
+    double off = 0, sum = 0;
+
+    for (int i = 0; i < SST_AGREE_BINS; i++) {
+        const double share = RARITY_GAIN / expm1(fmax(is[i], 0.5) / 255 * most) - RARITY_FLOOR;
+
+        off += share * abs(is[i] - was[i]);
+        sum += share * is[i];
+    }
+    return off > tolerance * sum;
+}
+
+/* --- memory --------------------------------------------------------------------------------------------------------
+ */
+
+/* A row of all rays; three of them are kept, by y modulo 3. */
+struct row {
+    uint8_t *colour; /* [views][3][STRIDE]; of no meaning where there is no ray */
+    uint8_t *vote;   /* [views][STRIDE] 0: no ray */
+    uint16_t *near;  /* [views][STRIDE] */
+    float total[STRIDE];
+};
+
+struct sst_verifier {
+    size_t views;
+    uint8_t *memory;
+    struct row row[3];
+    uint8_t mode[3][STRIDE];
+    float weight[STRIDE];
+    /* of the row of cells */
+    float share[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX]; /* that the votes have in the result, as far as the maps go */
+};
+
+int sst_verifier_create(struct sst_verifier **out, const struct sst_plan *p)
+{
+    const size_t n = (size_t)p->count * STRIDE;
+    struct sst_verifier *v = calloc(1, sizeof(*v));
+
+    if (!v)
+        return -ENOMEM;
+    v->views = (size_t)p->count;
+    v->memory = sst_mem_alloc(3 * 6 * n, 1);
+    if (!v->memory) {
+        free(v);
+        return -ENOMEM;
+    }
+    for (size_t i = 0; i < 3; i++) {
+        v->row[i].near = (uint16_t *)(void *)(v->memory + i * 6 * n);
+        v->row[i].colour = v->memory + i * 6 * n + 2 * n;
+        v->row[i].vote = v->memory + i * 6 * n + 5 * n;
+    }
+    *out = v;
+    return 0;
+}
+
+void sst_verifier_destroy(struct sst_verifier *v)
+{
+    if (!v)
+        return;
+    sst_mem_free(v->memory);
+    free(v);
+}
+
+/* --- what the maps leave open --------------------------------------------------------------------------------------
+ */
+
+/* Of the rays of a pixel, by their apertures. */
+struct rays {
+    float there;  /* all */
+    float front;  /* that end in front of the focus, or nobody knows where */
+    float unsure; /* shares of unsure disparities around them, 255 for SST_UNSURE_FULL */
+};
+
+static void add_unsure(struct rays *rays, const struct sst_map_u8 *unsure, int x, int y, int n, float aperture)
+{
+    const uint8_t *row = sst_map_u8_row(unsure, y / SST_UNSURE_BLOCK);
+
+    for (int i = 0; i < n; i++)
+        rays[i].unsure += aperture * (float)row[(x + i) / SST_UNSURE_BLOCK];
+}
+
+/* Disparities above this end in front of the focus. */
+static double front_of(const struct sst_render_config *cfg)
+{
+    return cfg->focus_px + FRONT_SIGMAS * cfg->sigma_px;
+}
+
+/* Rays of a row of one cell. */
+static void count_rays(struct rays *rays, const struct sst_plan *p, int x, int to, int y)
+{
+    const double limit = (front_of(&p->cfg) - p->lf->disp_min_px) * SST_DISP_SCALE;
+    const int nearest = (int)sst_clamp_double(limit, -1, 65534);
+
+    memset(rays, 0, SST_RENDER_CELL_WIDTH * sizeof(*rays));
+    for (int k = 0; k < p->count; k++) {
+        const struct sst_tap *t = &p->tap[k];
+        const int from = sst_max_int(x, t->x0), n = sst_min_int(to, t->x1) - from;
+        const float aperture = (float)t->aperture;
+        const uint16_t *disp;
+
+        if (n <= 0 || y < t->y0 || y >= t->y1)
+            continue;
+        disp = sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx;
+        for (int i = 0; i < n; i++) {
+            rays[from - x + i].there += aperture;
+            rays[from - x + i].front += disp[i] > nearest ? aperture : 0;
+        }
+        if (p->unsure && p->unsure->view[t->view].data)
+            add_unsure(rays + (from - x), &p->unsure->view[t->view], from + t->nx, y + t->ny, n, aperture);
+    }
+}
+
+/* From 0 up to low to 1 from high on. */
+static float ramp(float v, float low, float high)
+{
+    return fminf(fmaxf((v - low) / (high - low), 0), 1);
+}
+
+/* The votes' share in a pixel, to whose focus the maps give rays of the weight `given`, as far as the maps decide it.
+ */
+static float open_share(const struct sst_plan *p, const struct rays *r, float given)
+{
+    float share;
+
+    /* A pixel that is to be told invalid stays that. */
+    if (!(r->there > 0) || (p->cfg.unsupported == SST_UNSUPPORTED_INVALID && given < SST_BLEND_FLOOR))
+        return 0;
+    share = fmaxf(1 - given / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
+    if (p->unsure)
+        share *= ramp(r->unsure / r->there * (float)(SST_UNSURE_FULL / 255), UNSURE_LOW, UNSURE_HIGH);
+    return share;
+}
+
+double sst_verify_open(const struct sst_plan *p, const struct sst_ray *ray, int count)
+{
+    struct rays rays = { .unsure = 0 };
+    float given = 0;
+
+    for (int i = 0; i < count; i++) {
+        const float aperture = (float)ray[i].aperture;
+
+        rays.there += aperture;
+        rays.front += islessequal(ray[i].disp_px, front_of(&p->cfg)) ? 0 : aperture;
+        rays.unsure += 255 * aperture;
+        given += aperture * (float)(ray[i].w_depth * ray[i].w_label);
+    }
+    return (double)open_share(p, &rays, given);
+}
+
+/* The votes' share in the pixels of a cell as far as the maps decide it. @return any is above 0 */
+static bool open_cell(struct sst_verifier *v, const struct sst_plan *p, float (*weight)[SST_BLEND_MAX], int left, int x,
+                      int to, int y, int end)
+{
+    struct rays rays[SST_RENDER_CELL_WIDTH];
+    float all = 0, least = INFINITY;
+    bool open = false;
+
+    for (int k = 0; k < p->count; k++)
+        all += (float)p->tap[k].aperture;
+    for (int row = y; row < end; row++) {
+        for (int i = x; i < to; i++)
+            least = fminf(least, weight[row - y][i - left]);
+    }
+    if (!(least < ENOUGH * all))
+        return false;
+    for (int row = y; row < end; row++) {
+        count_rays(rays, p, x, to, row);
+        for (int i = x; i < to; i++) {
+            const float share = open_share(p, &rays[i - x], weight[row - y][i - left]);
+
+            v->share[row - y][i - left] = share;
+            open = open || share > 0;
+        }
+    }
+    return open;
+}
+
+/* --- votes ---------------------------------------------------------------------------------------------------------
+ */
+
+/* Add what the maps' confidence leaves of doubt to the weights of a tap's rays, output pixels x .. x+n-1 of row y.
+ * @return false: the view has no confidences, and nothing was added */
+static bool add_doubt(float *weight, const struct sst_tap *t, int x, int n, int y)
+{
+    const float least = DOUBT_LEAST * (float)t->aperture, step = (DOUBT_MOST - DOUBT_LEAST) / 255 * (float)t->aperture;
+    const int from = sst_max_int(x, t->x0), to = sst_min_int(x + n, t->x1);
+    const uint8_t *confidence;
+
+    if (!t->v->confidence.data)
+        return false;
+    if (from >= to || y < t->y0 || y >= t->y1)
+        return true;
+    confidence = sst_map_u8_row(&t->v->confidence, y + t->ny) + from + t->nx;
+    for (int i = 0; i < to - from; i++) {
+        float *w = &weight[from - x + i];
+
+        *w = *w < 0 ? *w : *w + least + step * (float)(255 - confidence[i]);
+    }
+    return true;
+}
+
+/* Votes of row y, columns x .. to-1, which may lie a pixel outside the picture, and how near each ray is to the colour
+ * with most of them. */
+static void vote_row(struct sst_verifier *v, const struct sst_plan *p, int x, int to, int y)
+{
+    const struct sst_kernels *kernels = sst_kernels_get();
+    const float most = (float)sst_min_int(ALL_VOTES / p->count, 255);
+    struct row *r = &v->row[(y + 3) % 3]; /* the row above the picture is one, too, without rays */
+    uint8_t *const mode[3] = { v->mode[0], v->mode[1], v->mode[2] };
+    const size_t n = (size_t)(to - x), stride = (n + 63) / 64 * 64;
+
+    memset(r->total, 0, sizeof(r->total));
+    for (size_t k = 0; k < v->views; k++) {
+        const struct sst_tap *t = &p->tap[k];
+        struct sst_voting voting = { p->rarity, 0, most / (255 * (1 + DOUBT)), most };
+        uint8_t *colour = r->colour + k * 3 * stride, *vote = r->vote + k * stride;
+        const struct sst_take take = { { colour, colour + stride, colour + 2 * stride }, v->weight };
+
+        for (size_t i = 0; i < stride; i++)
+            v->weight[i] = -1;
+        sst_plan_take(&take, p, t, x, (int)n, y);
+        if (!add_doubt(v->weight, t, x, (int)n, y))
+            voting.doubt = DOUBT * (float)t->aperture;
+        kernels->agree_votes(vote, (const uint8_t *const *)take.colour, v->weight, &voting, stride);
+        for (size_t i = 0; i < n; i++)
+            r->total[i] += vote[i];
+    }
+    kernels->agree_mode(mode, r->colour, r->vote, v->views, CANDIDATES, stride);
+    for (size_t k = 0; k < v->views; k++) {
+        const uint8_t *colour = r->colour + k * 3 * stride;
+        const uint8_t *const planes[3] = { colour, colour + stride, colour + 2 * stride };
+
+        kernels->agree_near(r->near + k * stride, planes, (const uint8_t *const *)mode, r->vote + k * stride, stride);
+    }
+}
+
+/* What the votes say of n pixels from x on of row y, by the rows above and below. */
+static void finish_row(const struct sst_verifier *v, const struct sst_plan *p, const float *share, int x, int n, int y,
+                       size_t stride, struct sst_image *out)
+{
+    const struct row *const rows[3] = { &v->row[(y + 2) % 3], &v->row[y % 3], &v->row[(y + 1) % 3] };
+    float sums[4][STRIDE] = { { 0 } };
+    float *const acc[4] = { sums[0], sums[1], sums[2], sums[3] };
+
+    for (size_t k = 0; k < v->views; k++) {
+        const uint16_t *const near[3] = { rows[0]->near + k * stride, rows[1]->near + k * stride,
+                                          rows[2]->near + k * stride };
+        const uint8_t *colour = rows[1]->colour + k * 3 * stride + 1;
+        const uint8_t *const planes[3] = { colour, colour + stride, colour + 2 * stride };
+
+        sst_kernels_get()->agree_sum(acc, near, planes, rows[1]->vote + k * stride + 1, (size_t)n);
+    }
+    for (int i = 0; i < n; i++) {
+        float total = 0, agree, by;
+
+        if (!(share[i] > 0) || !(sums[3][i] > 0))
+            continue;
+        for (int row = 0; row < 3; row++)
+            total += rows[row]->total[i] + rows[row]->total[i + 1] + rows[row]->total[i + 2];
+        agree = sums[3][i] / (SST_AGREE_NEAR * total);
+        by = share[i] * ramp(agree, AGREE_LOW, AGREE_HIGH);
+        if (p->unsure)
+            by *= 1 - ramp(agree, FLAT_LOW, FLAT_HIGH);
+        for (int c = 0; c < 3; c++) {
+            uint8_t *at = sst_image_row(out, c, y) + x + i;
+
+            *at = (uint8_t)(by * (sums[c][i] / sums[3][i]) + (1 - by) * (float)*at + 0.5f);
+        }
+    }
+}
+
+void sst_verify(struct sst_verifier *v, const struct sst_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to, int y,
+                int end, struct sst_image *out)
+{
+    const int left = x;
+
+    while (x < to) {
+        int next, cells = 0;
+
+        for (next = x; next < to && cells < RUN_CELLS; cells++, next = sst_min_int(next + SST_RENDER_CELL_WIDTH, to)) {
+            if (!open_cell(v, p, weight, left, next, sst_min_int(next + SST_RENDER_CELL_WIDTH, to), y, end))
+                break;
+        }
+        if (!cells) {
+            x = sst_min_int(x + SST_RENDER_CELL_WIDTH, to);
+            continue;
+        }
+        for (int row = y - 1; row <= end; row++) {
+            vote_row(v, p, x - 1, next + 1, row);
+            if (row > y)
+                finish_row(v, p, v->share[row - 1 - y] + x - left, x, next - x, row - 1,
+                           ((size_t)(next - x) + 2 + 63) / 64 * 64, out);
+        }
+        x = next;
+    }
+}

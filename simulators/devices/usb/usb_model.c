@@ -1,0 +1,347 @@
+/* simulators/devices/usb/usb_model.c - plugging, authorisation, drivers, power and resets. */
+#include "simulators/devices/usb/usb_model.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "simulators/devices/usb/usb_internal.h"
+
+static void tell(struct sst_sim_usb *usb, int device, enum sst_sim_usb_event event, int interface)
+{
+    if (usb->event)
+        usb->event(usb->arg, device, event, interface);
+}
+
+/* --- who is there ------------------------------------------------------------------------------------------------- */
+
+/** A port has power unless it was switched off; where a twin feeds the same socket, both must have done so. */
+static bool powered(const struct sst_sim_usb *usb, int hub, int port)
+{
+    const struct sst_sim_usb_device *h = &usb->device[hub];
+
+    return !h->off[port] || (h->twin >= 0 && !usb->device[h->twin].off[port]);
+}
+
+static bool should_be_here(const struct sst_sim_usb *usb, int device)
+{
+    const struct sst_sim_usb_device *d = &usb->device[device];
+
+    if (d->kind == SST_SIM_USB_ROOT)
+        return true;
+    return d->plugged && usb->device[d->parent].here && (usb->device[d->parent].bound & 1) &&
+           !usb->device[d->parent].disabled[d->port] && powered(usb, d->parent, d->port);
+}
+
+static void set_bound(struct sst_sim_usb *usb, int device, int interface, bool bound)
+{
+    struct sst_sim_usb_device *d = &usb->device[device];
+
+    if ((d->bound >> interface & 1) == (unsigned)bound)
+        return;
+    d->bound ^= 1u << interface;
+    if (!bound)
+        d->alt = 0;
+    tell(usb, device, bound ? SST_SIM_USB_BOUND : SST_SIM_USB_UNBOUND, interface);
+}
+
+static void set_all_bound(struct sst_sim_usb *usb, int device, bool bound)
+{
+    for (int i = 0; i < usb->device[device].interfaces; i++)
+        set_bound(usb, device, i, bound);
+}
+
+static void arrive(struct sst_sim_usb *usb, int device)
+{
+    struct sst_sim_usb_device *d = &usb->device[device];
+    int *next = &usb->next_address[d->bus];
+
+    /* Numbers go up with each plug-in and start anew past 127, as the kernel gives them. */
+    do
+        *next = *next % 127 + 1;
+    while (sst_sim_usb_at(usb, d->bus, *next) >= 0);
+    d->address = *next;
+    d->here = true;
+    d->authorized = true;
+    memset(d->off, 0, sizeof(d->off));
+    memset(d->disabled, 0, sizeof(d->disabled));
+    tell(usb, device, SST_SIM_USB_ADDED, 0);
+    set_all_bound(usb, device, true);
+}
+
+static void leave(struct sst_sim_usb *usb, int device)
+{
+    struct sst_sim_usb_device *d = &usb->device[device];
+
+    set_all_bound(usb, device, false);
+    d->here = false;
+    tell(usb, device, SST_SIM_USB_REMOVED, 0);
+    d->address = 0;
+}
+
+/** Parents come first in the list: who arrives is found in order, who leaves is told from the leaves. */
+void usb_refresh(struct sst_sim_usb *usb)
+{
+    bool changed = true;
+
+    while (changed) {
+        changed = false;
+        for (int i = usb->count - 1; i >= 0; i--) {
+            bool stays = true;
+
+            for (int up = i; up >= 0 && stays; up = usb->device[up].parent)
+                stays = should_be_here(usb, up);
+            if (usb->device[i].here && !stays) {
+                leave(usb, i);
+                changed = true;
+            }
+        }
+        for (int i = 0; i < usb->count; i++) {
+            if (!usb->device[i].here && should_be_here(usb, i)) {
+                arrive(usb, i);
+                changed = true;
+            }
+        }
+    }
+}
+
+/* --- what happens to devices -------------------------------------------------------------------------------------- */
+
+void sst_sim_usb_plug(struct sst_sim_usb *usb, int device, bool plugged)
+{
+    struct sst_sim_usb_device *d = &usb->device[device];
+
+    /* A hub is one box: both halves go. */
+    if (d->kind == SST_SIM_USB_ROOT)
+        return;
+    d->plugged = plugged;
+    if (d->twin >= 0)
+        usb->device[d->twin].plugged = plugged;
+    usb_refresh(usb);
+}
+
+static void set_serial(struct sst_sim_usb_device *d, int camera)
+{
+    snprintf(d->serial, sizeof(d->serial), "SIM%04d", camera);
+}
+
+void sst_sim_usb_swap(struct sst_sim_usb *usb, int device, int body)
+{
+    const bool plugged = usb->device[device].plugged;
+
+    sst_sim_usb_plug(usb, device, false);
+    set_serial(&usb->device[device], body);
+    sst_sim_usb_plug(usb, device, plugged);
+}
+
+int sst_sim_usb_authorize(struct sst_sim_usb *usb, int device, bool authorized)
+{
+    struct sst_sim_usb_device *d = &usb->device[device];
+
+    if (!d->here)
+        return -ENODEV;
+    if (d->kind == SST_SIM_USB_ROOT)
+        return -EINVAL;
+    if (d->authorized == authorized)
+        return 0;
+    d->authorized = authorized;
+    if (authorized)
+        tell(usb, device, SST_SIM_USB_REAUTHORISED, 0);
+    set_all_bound(usb, device, authorized);
+    tell(usb, device, SST_SIM_USB_CHANGED, 0);
+    usb_refresh(usb);
+    return 0;
+}
+
+int sst_sim_usb_bind(struct sst_sim_usb *usb, int device, int interface, bool bound)
+{
+    struct sst_sim_usb_device *d = &usb->device[device];
+
+    if (!d->here || !d->authorized || interface < 0 || interface >= d->interfaces)
+        return -ENODEV;
+    if ((d->bound >> interface & 1) == (unsigned)bound)
+        return bound ? -EBUSY : -ENODEV;
+    set_bound(usb, device, interface, bound);
+    usb_refresh(usb);
+    return 0;
+}
+
+static bool has_port(const struct sst_sim_usb *usb, int hub, int port)
+{
+    return port >= 1 && port <= usb->device[hub].ports;
+}
+
+/** After a port came back: the stuck camera there has been without power. */
+static void tell_powered(struct sst_sim_usb *usb, int hub, int port)
+{
+    const int child = sst_sim_usb_child(usb, hub, port);
+
+    if (child >= 0)
+        tell(usb, child, SST_SIM_USB_POWERED, 0);
+}
+
+int sst_sim_usb_disable(struct sst_sim_usb *usb, int hub, int port, bool disabled)
+{
+    if (!usb->device[hub].here)
+        return -ENODEV;
+    if (!has_port(usb, hub, port))
+        return -EINVAL;
+    if (usb->device[hub].disabled[port] == disabled)
+        return 0;
+    usb->device[hub].disabled[port] = disabled;
+    tell(usb, hub, SST_SIM_USB_CHANGED, 0);
+    if (!disabled && !usb->fault[SST_SIM_USB_NO_PORT_POWER])
+        tell_powered(usb, hub, port); /* the kernel switches the power of a disabled port off where it can */
+    usb_refresh(usb);
+    return 0;
+}
+
+int sst_sim_usb_power(struct sst_sim_usb *usb, int hub, int port, bool on)
+{
+    struct sst_sim_usb_device *h = &usb->device[hub];
+    bool before;
+
+    if (!h->here)
+        return -ENODEV;
+    if (!has_port(usb, hub, port))
+        return -EINVAL;
+    if (usb->fault[SST_SIM_USB_NO_PORT_POWER])
+        return -EPIPE;
+    before = powered(usb, hub, port);
+    h->off[port] = !on;
+    tell(usb, hub, SST_SIM_USB_CHANGED, 0);
+    if (!before && powered(usb, hub, port)) {
+        tell_powered(usb, hub, port);
+        if (h->twin >= 0)
+            tell_powered(usb, h->twin, port);
+    }
+    usb_refresh(usb);
+    return 0;
+}
+
+int sst_sim_usb_reset(struct sst_sim_usb *usb, int device)
+{
+    struct sst_sim_usb_device *d = &usb->device[device];
+    const unsigned bound = d->bound;
+
+    if (!d->here)
+        return -ENODEV;
+    if (usb->fault[SST_SIM_USB_RESET_FAILS])
+        return -ETIMEDOUT;
+    tell(usb, device, SST_SIM_USB_RESET, 0);
+    for (int i = 0; i < d->interfaces; i++)
+        set_bound(usb, device, i, false);
+    usb_refresh(usb); /* what hangs at a hub that is reset comes anew */
+    for (int i = 0; i < d->interfaces; i++)
+        set_bound(usb, device, i, bound >> i & 1);
+    usb_refresh(usb);
+    return 0;
+}
+
+void sst_sim_usb_fault(struct sst_sim_usb *usb, enum sst_sim_usb_fault fault, bool on)
+{
+    usb->fault[fault] = on;
+}
+
+/* --- looking ------------------------------------------------------------------------------------------------------ */
+
+int sst_sim_usb_count(const struct sst_sim_usb *usb)
+{
+    return usb->count;
+}
+
+const struct sst_sim_usb_device *sst_sim_usb_device(const struct sst_sim_usb *usb, int device)
+{
+    return &usb->device[device];
+}
+
+int sst_sim_usb_camera(const struct sst_sim_usb *usb, int camera)
+{
+    for (int i = 0; i < usb->count; i++)
+        if (usb->device[i].camera == camera)
+            return i;
+    return -1;
+}
+
+int sst_sim_usb_find(const struct sst_sim_usb *usb, const char *path)
+{
+    for (int i = 0; i < usb->count; i++)
+        if (strcmp(usb->device[i].path, path) == 0)
+            return i;
+    return -1;
+}
+
+int sst_sim_usb_at(const struct sst_sim_usb *usb, int bus, int address)
+{
+    for (int i = 0; i < usb->count; i++)
+        if (usb->device[i].here && usb->device[i].bus == bus && usb->device[i].address == address)
+            return i;
+    return -1;
+}
+
+int sst_sim_usb_child(const struct sst_sim_usb *usb, int hub, int port)
+{
+    for (int i = 0; i < usb->count; i++)
+        if (usb->device[i].parent == hub && usb->device[i].port == port)
+            return i;
+    return -1;
+}
+
+bool sst_sim_usb_works(const struct sst_sim_usb *usb, int device)
+{
+    const struct sst_sim_usb_device *d = &usb->device[device];
+
+    return d->kind == SST_SIM_USB_CAMERA && d->here && d->authorized && (d->bound & 1);
+}
+
+const char *sst_sim_usb_driver(const struct sst_sim_usb_device *device)
+{
+    return device->kind == SST_SIM_USB_CAMERA ? "uvcvideo" : "hub";
+}
+
+const char *sst_sim_usb_product(const struct sst_sim_usb_device *device)
+{
+    if (device->kind == SST_SIM_USB_CAMERA)
+        return "SST Array Camera";
+    if (device->kind == SST_SIM_USB_ROOT)
+        return "xHCI Host Controller";
+    return device->speed_mbit >= 5000 ? "USB3.0 Hub" : "USB2.0 Hub";
+}
+
+const char *sst_sim_usb_maker(const struct sst_sim_usb_device *device)
+{
+    return device->kind == SST_SIM_USB_ROOT ? "Linux 6.1.0 xhci-hcd" : "sst";
+}
+
+/* --- the whole ---------------------------------------------------------------------------------------------------- */
+
+int sst_sim_usb_create(struct sst_sim_usb **out, const struct sst_sim_usb_config *cfg)
+{
+    struct sst_sim_usb *usb = calloc(1, sizeof(*usb));
+    int err;
+
+    if (!usb)
+        return -ENOMEM;
+    usb->size_count = sst_min_int(cfg->size_count, USB_SIZES_MAX);
+    if (usb->size_count > 0)
+        memcpy(usb->sizes, cfg->sizes, (size_t)usb->size_count * sizeof(usb->sizes[0]));
+    err = usb_layout_build(usb, cfg->layout, cfg->cameras);
+    if (err) {
+        sst_sim_usb_destroy(usb);
+        return err;
+    }
+    usb_refresh(usb);
+    usb->arg = cfg->arg;
+    usb->event = cfg->event;
+    *out = usb;
+    return 0;
+}
+
+void sst_sim_usb_destroy(struct sst_sim_usb *usb)
+{
+    if (!usb)
+        return;
+    free(usb->device);
+    free(usb);
+}

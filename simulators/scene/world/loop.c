@@ -1,0 +1,303 @@
+/*
+ * The file: struct head, struct entry [cams][frames], then the frames' bytes in the order in which cameras were done.
+ * It is written and read on one machine only: numbers are in its own order.
+ */
+#include "simulators/scene/world/loop.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "base/thread.h"
+
+#define CACHE_KEPT        16   /* loops */
+#define CACHE_LOOKED_AT   256  /* loops */
+#define CACHE_LEFT_OVER_S 3600 /* a temporary file this old is nobody's */
+
+static const char magic[8] = "SSTLOOP1";
+
+struct head {
+    char magic[8];
+    uint8_t key[SST_SIM_KEY_BYTES];
+    uint64_t bytes; /* of the whole file */
+    uint32_t cams, frames;
+};
+
+struct entry {
+    uint64_t offset;
+    uint32_t bytes, scan, rest, dc_step; /* as in struct sst_sim_jpeg */
+};
+
+struct sst_sim_loop {
+    const uint8_t *map;
+    size_t bytes;
+    const struct entry *entries;
+    uint32_t cams, frames;
+};
+
+/* --- reading ----------------------------------------------------------------------------------------------------- */
+
+/* A file that was cut short or changed must not make us read outside it. */
+static bool is_whole(const struct sst_sim_loop *l, const uint8_t key[SST_SIM_KEY_BYTES])
+{
+    const struct head *h = (const struct head *)(const void *)l->map;
+    const size_t count = (size_t)l->cams * l->frames, first = sizeof(*h) + count * sizeof(struct entry);
+
+    if (l->bytes < first || memcmp(h->magic, magic, sizeof(magic)) || memcmp(h->key, key, SST_SIM_KEY_BYTES) ||
+        h->bytes != l->bytes || h->cams != l->cams || h->frames != l->frames)
+        return false;
+    for (size_t i = 0; i < count; i++) {
+        const struct entry *e = &l->entries[i];
+
+        if (e->offset < first || e->offset > l->bytes || e->bytes > l->bytes - e->offset || e->scan > e->rest ||
+            e->rest > e->bytes || !e->dc_step)
+            return false;
+    }
+    return true;
+}
+
+/* @return 0, -ENOENT (no such loop, or none that can be used), -ENOMEM */
+static int map_file(struct sst_sim_loop **out, const char *path, const uint8_t key[SST_SIM_KEY_BYTES], int cams,
+                    int frames)
+{
+    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    struct sst_sim_loop *l = NULL;
+    struct stat st;
+    int err = -ENOENT;
+    void *map;
+
+    if (fd < 0)
+        return err;
+    if (fstat(fd, &st) || st.st_size < (off_t)sizeof(struct head)) {
+        sst_log_warning("the prepared world %s is damaged; it is made again", path);
+        goto done;
+    }
+    l = calloc(1, sizeof(*l));
+    map = l ? mmap(NULL, (size_t)st.st_size, PROT_READ, MAP_SHARED, fd, 0) : MAP_FAILED;
+    if (map == MAP_FAILED) {
+        err = -ENOMEM;
+        goto done;
+    }
+    *l = (struct sst_sim_loop){
+        .map = map,
+        .bytes = (size_t)st.st_size,
+        .entries = (const struct entry *)(const void *)((const uint8_t *)map + sizeof(struct head)),
+        .cams = (uint32_t)cams,
+        .frames = (uint32_t)frames,
+    };
+    if (!is_whole(l, key)) {
+        sst_log_warning("the prepared world %s is damaged; it is made again", path);
+        goto done;
+    }
+    *out = l;
+    l = NULL;
+    err = 0;
+
+done:
+    close(fd);
+    sst_sim_loop_close(l);
+    return err;
+}
+
+/* --- writing ----------------------------------------------------------------------------------------------------- */
+
+struct job {
+    FILE *file;
+    const char *name;
+    int cams, frames;
+    sst_sim_render_fn *render;
+    void *arg;
+    pthread_mutex_t lock;
+    struct entry *entries; /* under lock, as all below */
+    uint64_t end;
+    int done;
+};
+
+static int store_locked(struct job *j, int cam, const struct sst_sim_jpeg *frames)
+{
+    for (int i = 0; i < j->frames; i++) {
+        const struct sst_sim_jpeg *f = &frames[i];
+
+        if (fwrite(f->data, f->bytes, 1, j->file) != 1) {
+            const int err = errno ? -errno : -EIO;
+
+            sst_log_error("a frame of the simulated world cannot be written: %s; check the disk of the cache",
+                          strerror(-err));
+            return err;
+        }
+        j->entries[(size_t)cam * (size_t)j->frames + (size_t)i] =
+            (struct entry){ j->end, f->bytes, f->scan, f->rest, f->dc_step };
+        j->end += f->bytes;
+    }
+    j->done++;
+    if (isatty(STDERR_FILENO))
+        fprintf(stderr, "\rpreparing the world %s: %d of %d cameras%s", j->name, j->done, j->cams,
+                j->done == j->cams ? "\n" : "");
+    return 0;
+}
+
+static int prepare_camera(void *arg, int cam, int worker SST_UNUSED)
+{
+    struct job *j = arg;
+    struct sst_sim_jpeg *frames = calloc((size_t)j->frames, sizeof(*frames));
+    int err = frames ? j->render(j->arg, cam, frames) : -ENOMEM;
+
+    if (!err) {
+        pthread_mutex_lock(&j->lock);
+        err = store_locked(j, cam, frames);
+        pthread_mutex_unlock(&j->lock);
+    }
+    for (int i = 0; frames && i < j->frames; i++)
+        free(frames[i].data);
+    free(frames);
+    return err;
+}
+
+/* The index comes first in the file and is known last. */
+static int write_index(const struct job *j, const uint8_t key[SST_SIM_KEY_BYTES])
+{
+    struct head h = { .bytes = j->end, .cams = (uint32_t)j->cams, .frames = (uint32_t)j->frames };
+
+    memcpy(h.magic, magic, sizeof(magic));
+    memcpy(h.key, key, SST_SIM_KEY_BYTES);
+    if (fseeko(j->file, 0, SEEK_SET) || fwrite(&h, sizeof(h), 1, j->file) != 1 ||
+        fwrite(j->entries, sizeof(*j->entries), (size_t)j->cams * (size_t)j->frames, j->file) !=
+            (size_t)j->cams * (size_t)j->frames) {
+        const int err = errno ? -errno : -EIO;
+
+        sst_log_error("the index of the simulated world cannot be written: %s; check the disk of the cache",
+                      strerror(-err));
+        return err;
+    }
+    return 0;
+}
+
+static int prepare(const char *path, const uint8_t key[SST_SIM_KEY_BYTES], struct job *j)
+{
+    const size_t count = (size_t)j->cams * (size_t)j->frames;
+    struct sst_outfile file;
+    int err = sst_outfile_open(&file, path);
+
+    if (err)
+        return err;
+    j->file = file.stream;
+    j->end = sizeof(struct head) + count * sizeof(struct entry);
+    j->entries = calloc(count, sizeof(*j->entries));
+    err = !j->entries ? -ENOMEM : fseeko(j->file, (off_t)j->end, SEEK_SET) ? -EIO : 0;
+    if (!err)
+        err = sst_parallel_for(j->cams, sst_thread_count(0), prepare_camera, j);
+    if (!err)
+        err = write_index(j, key);
+    free(j->entries);
+    if (!err)
+        return sst_outfile_commit(&file);
+    sst_outfile_abort(&file);
+    return err;
+}
+
+/* --- the cache ---------------------------------------------------------------------------------------------------- */
+
+struct cached {
+    char name[SST_SIM_KEY_BYTES + 8];
+    int64_t used_s;
+};
+
+static int newest_first(const void *a, const void *b)
+{
+    const int64_t x = ((const struct cached *)a)->used_s, y = ((const struct cached *)b)->used_s;
+
+    return x > y ? -1 : x < y;
+}
+
+/** Make room before another loop is written: files that a killed program left, and all but the loops used last. What
+ *  programs have mapped stays theirs; what cannot be removed stays. */
+static void tidy(const char *folder)
+{
+    struct cached all[CACHE_LOOKED_AT];
+    const time_t now = time(NULL);
+    DIR *dir = opendir(folder);
+    const struct dirent *e;
+    int n = 0;
+
+    while (dir && n < CACHE_LOOKED_AT && (e = readdir(dir))) {
+        const char *end = strstr(e->d_name, ".loop");
+        struct stat st;
+
+        if (!end || fstatat(dirfd(dir), e->d_name, &st, AT_SYMLINK_NOFOLLOW) || !S_ISREG(st.st_mode))
+            continue;
+        if (!strncmp(end, ".loop.tmp-", 10) && now - st.st_mtime > CACHE_LEFT_OVER_S)
+            (void)unlinkat(dirfd(dir), e->d_name, 0);
+        if (!end[5] && end - e->d_name == SST_SIM_KEY_BYTES) {
+            memcpy(all[n].name, e->d_name, sizeof(".loop") + SST_SIM_KEY_BYTES);
+            all[n++].used_s = st.st_mtime;
+        }
+    }
+    qsort(all, (size_t)n, sizeof(all[0]), newest_first);
+    for (int i = CACHE_KEPT - 1; i < n; i++)
+        (void)unlinkat(dirfd(dir), all[i].name, 0);
+    if (dir)
+        closedir(dir);
+}
+
+int sst_sim_loop_open(struct sst_sim_loop **out, const char *folder, const uint8_t key[SST_SIM_KEY_BYTES],
+                      const char *name, int cams, int frames, sst_sim_render_fn *render, void *arg)
+{
+    struct job j = { .name = name, .cams = cams, .frames = frames, .render = render, .arg = arg };
+    char file[SST_SIM_KEY_BYTES + 8], path[SST_PATH_MAX];
+    int err;
+
+    for (int i = 0; i < SST_SIM_KEY_BYTES / 2; i++)
+        snprintf(file + 2 * i, 3, "%02x", key[i]);
+    snprintf(file + SST_SIM_KEY_BYTES, 8, ".loop");
+    err = sst_path_join(path, folder, file);
+    if (!err)
+        err = sst_path_make_dir(folder);
+    if (err)
+        return err;
+    err = map_file(out, path, key, cams, frames);
+    if (!err)
+        (void)utimensat(AT_FDCWD, path, NULL, 0); /* used now */
+    if (err != -ENOENT)
+        return err;
+    tidy(folder);
+    pthread_mutex_init(&j.lock, NULL);
+    err = prepare(path, key, &j);
+    pthread_mutex_destroy(&j.lock);
+    if (!err && (err = map_file(out, path, key, cams, frames)) == -ENOENT) {
+        sst_log_error("the prepared world %s vanished; choose another folder for the cache", path);
+        err = -EIO;
+    }
+    return err;
+}
+
+void sst_sim_loop_close(struct sst_sim_loop *l)
+{
+    if (!l)
+        return;
+    if (l->map)
+        munmap((void *)(uintptr_t)l->map, l->bytes);
+    free(l);
+}
+
+struct sst_sim_jpeg sst_sim_loop_frame(const struct sst_sim_loop *l, int cam, int frame)
+{
+    const struct entry *e = &l->entries[(size_t)cam * l->frames + (size_t)frame];
+
+    return (struct sst_sim_jpeg){
+        .data = (uint8_t *)(uintptr_t)(l->map + e->offset),
+        .bytes = e->bytes,
+        .scan = e->scan,
+        .rest = e->rest,
+        .dc_step = e->dc_step,
+    };
+}

@@ -1,0 +1,110 @@
+#include "simulators/scene/world/made.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct item {
+    struct sst_sim_made_key key;
+    struct sst_sim_jpeg frame;
+    uint64_t used;
+};
+
+struct shelf {
+    struct item *items;
+    int count, capacity;
+};
+
+struct sst_sim_made {
+    struct shelf *shelves; /* one a camera, so that looking up stays short */
+    int cams;
+    size_t bytes, budget;
+    uint64_t clock;
+};
+
+int sst_sim_made_create(struct sst_sim_made **out, int cams, size_t budget_bytes)
+{
+    struct sst_sim_made *m = calloc(1, sizeof(*m));
+
+    if (!m)
+        return -ENOMEM;
+    *m = (struct sst_sim_made){ calloc((size_t)cams, sizeof(*m->shelves)), cams, 0, budget_bytes, 0 };
+    if (!m->shelves) {
+        free(m);
+        return -ENOMEM;
+    }
+    *out = m;
+    return 0;
+}
+
+void sst_sim_made_destroy(struct sst_sim_made *m)
+{
+    if (!m)
+        return;
+    for (int c = 0; c < m->cams; c++) {
+        for (int i = 0; i < m->shelves[c].count; i++)
+            free(m->shelves[c].items[i].frame.data);
+        free(m->shelves[c].items);
+    }
+    free(m->shelves);
+    free(m);
+}
+
+static bool same(const struct sst_sim_made_key *a, const struct sst_sim_made_key *b)
+{
+    return a->frame == b->frame && a->fourcc == b->fourcc && a->width == b->width && a->height == b->height &&
+           a->light == b->light && !memcmp(a->pose_um, b->pose_um, sizeof(a->pose_um));
+}
+
+const struct sst_sim_jpeg *sst_sim_made_find(struct sst_sim_made *m, const struct sst_sim_made_key *key)
+{
+    const struct shelf *s = &m->shelves[key->cam];
+
+    for (int i = 0; i < s->count; i++) {
+        if (same(&s->items[i].key, key)) {
+            s->items[i].used = ++m->clock;
+            return &s->items[i].frame;
+        }
+    }
+    return NULL;
+}
+
+static void drop_oldest(struct sst_sim_made *m)
+{
+    struct shelf *from = NULL;
+    int oldest = 0;
+
+    for (int c = 0; c < m->cams; c++) {
+        for (int i = 0; i < m->shelves[c].count; i++) {
+            if (!from || m->shelves[c].items[i].used < from->items[oldest].used) {
+                from = &m->shelves[c];
+                oldest = i;
+            }
+        }
+    }
+    m->bytes -= from->items[oldest].frame.bytes;
+    free(from->items[oldest].frame.data);
+    from->items[oldest] = from->items[--from->count];
+}
+
+int sst_sim_made_keep(struct sst_sim_made *m, const struct sst_sim_made_key *key, const struct sst_sim_jpeg *frame)
+{
+    struct shelf *s = &m->shelves[key->cam];
+
+    while (m->bytes && m->bytes + frame->bytes > m->budget)
+        drop_oldest(m);
+    if (s->count == s->capacity) {
+        const int capacity = s->capacity ? 2 * s->capacity : 8;
+        struct item *grown = realloc(s->items, (size_t)capacity * sizeof(*grown));
+
+        if (!grown) {
+            free(frame->data);
+            return -ENOMEM;
+        }
+        s->items = grown;
+        s->capacity = capacity;
+    }
+    s->items[s->count++] = (struct item){ *key, *frame, ++m->clock };
+    m->bytes += frame->bytes;
+    return 0;
+}

@@ -1,0 +1,360 @@
+#include "simulators/scene/world/settings.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "base/yaml.h"
+#include "simulators/scene/scene.h"
+#include "simulators/scene/world/board.h"
+#include "simulators/scene/world/strip.h"
+
+#define SIDE_MAX   8192
+#define FRAMES_MAX 1000
+#define US_MAX     1e7
+#define SCENES     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat or board"
+
+static bool is_scene(const char *name)
+{
+    for (int i = 0; sst_scene_names()[i]; i++) {
+        if (!strcmp(name, sst_scene_names()[i]))
+            return true;
+    }
+    return !strcmp(name, "board");
+}
+
+static void default_board(struct sst_sim_board *b)
+{
+    b->kind = SST_SIM_CHARUCO;
+    b->cols = 9;
+    b->rows = 7;
+    b->square_mm = 50;
+    b->marker = 0.7;
+    b->poses = 20;
+    b->seeded = true;
+}
+
+/* Whole periods of what moves in the scene, so that the loop has no seam. */
+static void default_loop(struct sst_sim_settings *s)
+{
+    s->rate_hz = !strcmp(s->scene, "bush") ? 5 : s->board.kind ? 1 : 10;
+    s->loop_s = !strcmp(s->scene, "pedestrian") ? 4 : !strcmp(s->scene, "bush") ? 2 : 0.1;
+    if (s->board.kind)
+        s->loop_s = fmax(s->loop_s, s->board.poses / s->rate_hz);
+}
+
+void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
+{
+    memset(s, 0, sizeof(*s)); /* also between the fields: the bytes are the cache's key */
+    snprintf(s->scene, sizeof(s->scene), "%s", scene);
+    s->seed = 1;
+    s->rows = s->cols = 6;
+    s->width = 640;
+    s->height = 480;
+    s->quality = 75;
+    s->exposure_us = 5000;
+    s->strip = true;
+    s->line_us = 20;
+    s->latency_us = 8000;
+    if (!strcmp(scene, "board"))
+        default_board(&s->board);
+    default_loop(s);
+}
+
+/* --- the file ---------------------------------------------------------------------------------------------------- */
+
+/* "[a, b]" with whole numbers. */
+static void read_pair(struct sst_yaml *doc, const struct sst_yaml_node *node, int min, int max, int *a, int *b)
+{
+    double v[2];
+
+    if (!sst_yaml_doubles(doc, node, min, max, v, 2))
+        return;
+    if (v[0] != floor(v[0]) || v[1] != floor(v[1])) {
+        sst_yaml_fault(doc, node, "must be two whole numbers");
+        return;
+    }
+    *a = (int)v[0];
+    *b = (int)v[1];
+}
+
+static void read_loop(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    sst_yaml_double(doc, sst_yaml_get(map, "seconds"), 0.01, 3600, &s->loop_s);
+    sst_yaml_double(doc, sst_yaml_get(map, "rate_hz"), 0.1, 120, &s->rate_hz);
+    if (s->loop_s * s->rate_hz > FRAMES_MAX)
+        sst_yaml_fault(doc, map, "makes %.0f frames of each camera; %d are the most", s->loop_s * s->rate_hz,
+                       FRAMES_MAX);
+}
+
+static void read_shutter(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    static const char *const kinds[] = { "global", "rolling" };
+    int kind = 0;
+
+    sst_yaml_choice(doc, sst_yaml_get(map, "kind"), kinds, 2, &kind);
+    s->rolling = kind == 1;
+    sst_yaml_double(doc, sst_yaml_get(map, "line_us"), 0, 100000, &s->line_us);
+}
+
+static void read_optics(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    struct sst_yaml_node *scene = sst_yaml_get(map, "scene");
+
+    if (sst_yaml_string(doc, scene, s->optics_scene, sizeof(s->optics_scene))) {
+        if (!is_scene(s->optics_scene))
+            sst_yaml_fault(doc, scene, "is no scene; choose " SCENES);
+        else if (strcmp(s->scene, "board"))
+            sst_yaml_fault(doc, scene, "is for worlds of the scene board alone; others have optics of their own");
+    }
+    sst_yaml_doubles(doc, sst_yaml_get(map, "distortion"), -10, 10, s->distortion, 5);
+    sst_yaml_doubles(doc, sst_yaml_get(map, "distortion_spread"), 0, 10, s->distortion_spread, 5);
+    sst_yaml_double(doc, sst_yaml_get(map, "focal_spread_percent"), 0, 20, &s->focal_spread_percent);
+    sst_yaml_double(doc, sst_yaml_get(map, "principal_spread_px"), 0, 500, &s->principal_spread_px);
+    sst_yaml_double(doc, sst_yaml_get(map, "vignetting"), 0, 1, &s->vignetting);
+}
+
+static void read_mounting(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    sst_yaml_double(doc, sst_yaml_get(map, "rotation_spread_deg"), 0, 20, &s->rotation_spread_deg);
+    sst_yaml_double(doc, sst_yaml_get(map, "position_spread_mm"), 0, 1000, &s->position_spread_mm);
+}
+
+static void read_sensor(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    sst_yaml_double(doc, sst_yaml_get(map, "gain_spread_percent"), 0, 100, &s->gain_spread_percent);
+    sst_yaml_double(doc, sst_yaml_get(map, "balance_spread_percent"), 0, 100, &s->balance_spread_percent);
+    sst_yaml_double(doc, sst_yaml_get(map, "full_well_e"), 0, 1e7, &s->full_well_e);
+    sst_yaml_double(doc, sst_yaml_get(map, "read_noise_e"), 0, 1e5, &s->read_noise_e);
+}
+
+static void read_timing(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    sst_yaml_double(doc, sst_yaml_get(map, "delay_us"), 0, US_MAX, &s->delay_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "delay_spread_us"), 0, US_MAX, &s->delay_spread_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "jitter_us"), 0, US_MAX, &s->jitter_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "latency_us"), 0, US_MAX, &s->latency_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "latency_spread_us"), 0, US_MAX, &s->latency_spread_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "phase_spread_us"), 0, US_MAX, &s->phase_spread_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "clock_offset_spread_us"), 0, US_MAX, &s->clock_offset_spread_us);
+    sst_yaml_double(doc, sst_yaml_get(map, "clock_drift_spread_ppm"), 0, 1000, &s->clock_drift_spread_ppm);
+}
+
+/* A number: so many poses by the seed. A list: the poses themselves. */
+static void read_poses(struct sst_yaml *doc, struct sst_yaml_node *node, struct sst_sim_board *b, bool alone)
+{
+    if (!node)
+        return;
+    if (node->type != SST_YAML_LIST) {
+        b->seeded = sst_yaml_int(doc, node, 1, SST_SIM_POSES_MAX, &b->poses);
+        return;
+    }
+    if (node->count < 1 || node->count > SST_SIM_POSES_MAX) {
+        sst_yaml_fault(doc, node, "must have 1 to %d poses", SST_SIM_POSES_MAX);
+        return;
+    }
+    b->seeded = false;
+    b->poses = 0;
+    for (struct sst_yaml_node *n = node->first; n; n = n->next) {
+        struct sst_sim_pose *p = &b->pose[b->poses++];
+
+        if (n->type != SST_YAML_MAP) {
+            sst_yaml_fault(doc, n, "must be a pose: {position_mm: [x, y, z], rotation_deg: [x, y, z]}");
+            continue;
+        }
+        sst_yaml_doubles(doc, sst_yaml_need(doc, n, "position_mm"), -1e6, 1e6, p->position_mm, 3);
+        sst_yaml_doubles(doc, sst_yaml_get(n, "rotation_deg"), -360, 360, p->rotation_deg, 3);
+        if (sst_yaml_double(doc, sst_yaml_get(n, "blur_px"), 0, 100, &p->blur_px) && !alone)
+            sst_yaml_fault(doc, n, "has blur_px, which is for worlds of the scene board alone");
+    }
+}
+
+static void read_board(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_board *b, bool alone)
+{
+    static const char *const kinds[] = { "none", "chessboard", "charuco", "aprilgrid" };
+    int kind = SST_SIM_CHARUCO, most;
+
+    if (!map)
+        return;
+    default_board(b);
+    sst_yaml_choice(doc, sst_yaml_get(map, "kind"), kinds, 4, &kind);
+    b->kind = (enum sst_sim_board_kind)kind;
+    if (b->kind == SST_SIM_APRILGRID) {
+        b->cols = b->rows = 6;
+        b->marker = 0.3;
+    }
+    read_pair(doc, sst_yaml_get(map, "squares"), 1, 50, &b->cols, &b->rows);
+    sst_yaml_double(doc, sst_yaml_get(map, "square_mm"), 0.01, 1e4, &b->square_mm);
+    sst_yaml_double(doc, sst_yaml_get(map, "marker"), 0.05, 0.95, &b->marker);
+    read_poses(doc, sst_yaml_get(map, "poses"), b, alone);
+    most = b->kind == SST_SIM_CHARUCO ? 2 * SST_SIM_CHARUCO_MARKERS : SST_SIM_APRIL_TAGS;
+    if (b->kind >= SST_SIM_CHARUCO && b->cols * b->rows > most)
+        sst_yaml_fault(doc, map, "has %dx%d squares; there are markers for %d", b->cols, b->rows, most);
+}
+
+struct number {
+    const char *key;
+    enum sst_sim_given bit;
+    double *out;
+    int n;
+    double min, max;
+};
+
+static void read_override(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_override *o)
+{
+    const struct number numbers[] = {
+        { "distortion", SST_SIM_DISTORTION, o->distortion, 5, -10, 10 },
+        { "rotation_deg", SST_SIM_ROTATION, o->rotation_deg, 3, -45, 45 },
+        { "position_mm", SST_SIM_POSITION, o->position_mm, 3, -1e5, 1e5 },
+        { "focal_percent", SST_SIM_FOCAL, &o->focal_percent, 1, -50, 100 },
+        { "principal_px", SST_SIM_PRINCIPAL, o->principal_px, 2, -SIDE_MAX, SIDE_MAX },
+        { "gain", SST_SIM_GAIN, o->gain, 3, 0, 16 },
+        { "delay_us", SST_SIM_DELAY, &o->delay_us, 1, 0, US_MAX },
+        { "jitter_us", SST_SIM_JITTER, &o->jitter_us, 1, 0, US_MAX },
+        { "latency_us", SST_SIM_LATENCY, &o->latency_us, 1, 0, US_MAX },
+        { "phase_us", SST_SIM_PHASE, &o->phase_us, 1, 0, US_MAX },
+        { "clock_offset_us", SST_SIM_OFFSET, &o->clock_offset_us, 1, -US_MAX, US_MAX },
+        { "clock_drift_ppm", SST_SIM_DRIFT, &o->clock_drift_ppm, 1, -1000, 1000 },
+    };
+
+    for (size_t i = 0; i < ARRAY_LEN(numbers); i++) {
+        const struct number *k = &numbers[i];
+
+        if (sst_yaml_doubles(doc, sst_yaml_get(map, k->key), k->min, k->max, k->out, k->n))
+            o->given |= k->bit;
+    }
+}
+
+/* "moves": from a frame of the loop on. */
+static void read_moves(struct sst_yaml *doc, struct sst_yaml_node *map, const struct sst_sim_settings *s,
+                       struct sst_sim_override *o)
+{
+    if (!map)
+        return;
+    if (map->type != SST_YAML_MAP)
+        sst_yaml_fault(doc, map, "must be {at_pose: 10, rotation_deg: [x, y, z], position_mm: [x, y, z]}");
+    if (s->rig)
+        sst_yaml_fault(doc, map, "is for arrays; the camera of a rig stays as it is mounted");
+    o->given |= SST_SIM_MOVES;
+    sst_yaml_int(doc, sst_yaml_get(map, "at_pose"), 0, sst_max_int(1, (int)lround(s->loop_s * s->rate_hz)) - 1,
+                 &o->moves_at);
+    sst_yaml_doubles(doc, sst_yaml_get(map, "rotation_deg"), -45, 45, o->moves_deg, 3);
+    sst_yaml_doubles(doc, sst_yaml_get(map, "position_mm"), -1e5, 1e5, o->moves_mm, 3);
+}
+
+static void read_cameras(struct sst_yaml *doc, struct sst_yaml_node *list, struct sst_sim_settings *s)
+{
+    const int cams = s->rig ? 1 : s->rows * s->cols;
+
+    if (list && list->type != SST_YAML_LIST) {
+        sst_yaml_fault(doc, list, "must be a list of cameras: - {camera: 0, ...}");
+        return;
+    }
+    for (struct sst_yaml_node *n = list ? list->first : NULL; n; n = n->next) {
+        int cam;
+
+        if (n->type != SST_YAML_MAP)
+            sst_yaml_fault(doc, n, "must be a camera: {camera: 0, ...}");
+        else if (sst_yaml_int(doc, sst_yaml_need(doc, n, "camera"), 0, cams - 1, &cam)) {
+            read_override(doc, n, &s->camera[cam]);
+            read_moves(doc, sst_yaml_get(n, "moves"), s, &s->camera[cam]);
+        }
+    }
+}
+
+static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_sim_settings *s)
+{
+    struct sst_yaml_node *size = sst_yaml_get(root, "size"), *grid = sst_yaml_get(root, "grid");
+
+    read_pair(doc, grid, 1, SST_CAMERAS_MAX, &s->rows, &s->cols);
+    if (s->rows * s->cols > SST_CAMERAS_MAX) {
+        sst_yaml_fault(doc, grid, "has %d cameras; %d are the most", s->rows * s->cols, SST_CAMERAS_MAX);
+        s->rows = s->cols = 1;
+    }
+    read_pair(doc, size, 16, SIDE_MAX, &s->width, &s->height);
+    if (s->width % 16 || s->height % 8)
+        sst_yaml_fault(doc, size, "must be a multiple of 16 wide and of 8 high");
+    else if (s->strip && 2 * sst_strip_height(s->width) > s->height)
+        sst_yaml_fault(doc, size, "is too small for the strip, which takes %d rows; choose a larger size or strip: "
+                       "false", sst_strip_height(s->width));
+}
+
+/* A mapping below the root, where it is there. */
+static struct sst_yaml_node *section(struct sst_yaml *doc, struct sst_yaml_node *root, const char *key)
+{
+    struct sst_yaml_node *node = sst_yaml_get(root, key);
+
+    if (!node || node->type == SST_YAML_MAP)
+        return node;
+    sst_yaml_fault(doc, node, "must be a mapping of keys, one a line, indented below it");
+    return NULL;
+}
+
+static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
+{
+    struct sst_yaml_node *root = sst_yaml_root(doc), *scene = sst_yaml_need(doc, root, "scene");
+    char name[sizeof(s->scene)] = "pedestrian";
+    int seed = 1;
+
+    if (sst_yaml_string(doc, scene, name, sizeof(name)) && !is_scene(name))
+        sst_yaml_fault(doc, scene, "is no scene; choose " SCENES);
+    sst_sim_settings_defaults(s, name);
+    if (sst_yaml_int(doc, sst_yaml_get(root, "seed"), 0, INT32_MAX, &seed))
+        s->seed = (uint64_t)seed;
+    sst_yaml_bool(doc, sst_yaml_get(root, "strip"), &s->strip);
+    sst_yaml_bool(doc, sst_yaml_get(root, "rig"), &s->rig);
+    read_size(doc, root, s);
+    read_board(doc, section(doc, root, "board"), &s->board, !strcmp(name, "board"));
+    default_loop(s);
+    read_loop(doc, section(doc, root, "loop"), s);
+    sst_yaml_int(doc, sst_yaml_get(root, "jpeg_quality"), 20, 100, &s->quality);
+    sst_yaml_int(doc, sst_yaml_get(root, "exposure_us"), 1, 1000000, &s->exposure_us);
+    sst_yaml_double(doc, sst_yaml_get(root, "light_percent"), 0, 90, &s->light_percent);
+    read_shutter(doc, section(doc, root, "shutter"), s);
+    read_optics(doc, section(doc, root, "optics"), s);
+    read_mounting(doc, section(doc, root, "mounting"), s);
+    read_sensor(doc, section(doc, root, "sensor"), s);
+    read_timing(doc, section(doc, root, "timing"), s);
+    read_cameras(doc, sst_yaml_get(root, "cameras"), s);
+}
+
+int sst_sim_settings_read(struct sst_sim_settings *s, const char *world)
+{
+    struct sst_sim_settings *read;
+    struct sst_yaml *doc;
+    uint8_t *text;
+    size_t size;
+    int err;
+
+    if (is_scene(world)) {
+        sst_sim_settings_defaults(s, world);
+        return 0;
+    }
+    if (!sst_path_exists(world)) {
+        sst_log_error("there is no world %s; give the path of a world file, or a scene: " SCENES, world);
+        return -EINVAL;
+    }
+    err = sst_file_read(world, SST_YAML_MAX_BYTES, &text, &size);
+    if (err)
+        return err;
+    err = sst_yaml_parse(&doc, (const char *)text, size, world);
+    free(text);
+    if (err)
+        return err;
+    read = calloc(1, sizeof(*read));
+    if (read) {
+        read_all(doc, read);
+        err = sst_yaml_finish(doc);
+    } else {
+        err = -ENOMEM;
+    }
+    if (!err)
+        memcpy(s, read, sizeof(*s));
+    free(read);
+    sst_yaml_destroy(doc);
+    return err;
+}

@@ -1,0 +1,97 @@
+/* simulators/scene/world/settings.h - what a world file says: the scene, its loop, and how far the cameras are from ideal. */
+#ifndef SST_SIMULATORS_SCENE_WORLD_SETTINGS_H
+#define SST_SIMULATORS_SCENE_WORLD_SETTINGS_H
+
+#include <stdbool.h>
+
+#include "base/frame.h"
+
+#define SST_SIM_POSES_MAX 64
+
+enum sst_sim_board_kind {
+    SST_SIM_NO_BOARD = 0,
+    SST_SIM_CHESSBOARD = 1,
+    SST_SIM_CHARUCO = 2,
+    SST_SIM_APRILGRID = 3,
+};
+
+/** Of a board's centre: mm from the reference camera, and turns about x, then y, then z. */
+struct sst_sim_pose {
+    double position_mm[3], rotation_deg[3];
+    double blur_px; /* it moves by this along x during the exposure */
+};
+
+struct sst_sim_board {
+    enum sst_sim_board_kind kind;
+    int cols, rows;   /* squares of a chessboard or ChArUco, tags of an AprilGrid */
+    double square_mm; /* side of a square; of a tag */
+    double marker;    /* ChArUco: side of a marker in squares; AprilGrid: gap between tags in tags */
+    int poses;        /* shown one after another, one each frame of the loop */
+    bool seeded;      /* they follow from the seed */
+    struct sst_sim_pose pose[SST_SIM_POSES_MAX];
+};
+
+/** What a world file may say of one camera; bits of `given`. */
+enum sst_sim_given {
+    SST_SIM_DISTORTION = 1 << 0,
+    SST_SIM_ROTATION = 1 << 1,
+    SST_SIM_POSITION = 1 << 2,
+    SST_SIM_FOCAL = 1 << 3,
+    SST_SIM_PRINCIPAL = 1 << 4,
+    SST_SIM_GAIN = 1 << 5,
+    SST_SIM_DELAY = 1 << 6,
+    SST_SIM_JITTER = 1 << 7,
+    SST_SIM_LATENCY = 1 << 8,
+    SST_SIM_PHASE = 1 << 9,
+    SST_SIM_OFFSET = 1 << 10,
+    SST_SIM_DRIFT = 1 << 11,
+    SST_SIM_MOVES = 1 << 12,
+};
+
+struct sst_sim_override {
+    unsigned given;
+    double distortion[5], rotation_deg[3], position_mm[3], focal_percent, principal_px[2], gain[3];
+    double delay_us, jitter_us, latency_us, phase_us, clock_offset_us, clock_drift_ppm;
+    /* From this frame of the loop on it is turned (in its own axes) and shifted against all of the above. */
+    int moves_at;
+    double moves_deg[3], moves_mm[3];
+};
+
+/** Spreads are standard deviations of a normal distribution over the cameras. All plain values: the cache's key. */
+struct sst_sim_settings {
+    char scene[32];
+    uint64_t seed;
+    int rows, cols, width, height;
+    double loop_s, rate_hz;
+    int quality, exposure_us;
+    bool strip, rig, rolling;
+    double line_us;        /* rolling shutter: from row to row */
+    double light_percent;  /* the light rises and falls by this once each loop */
+    /* optics: */
+    char optics_scene[32]; /* whose ideal focal length, principal point and spacing they are; "": the scene's own */
+    double distortion[5], distortion_spread[5]; /* k1 k2 p1 p2 k3 */
+    double focal_spread_percent, principal_spread_px;
+    double vignetting; /* light lost in the corners, 0..1 */
+    /* mounting: */
+    double rotation_spread_deg, position_spread_mm; /* of each axis */
+    /* sensor: */
+    double gain_spread_percent, balance_spread_percent;
+    double full_well_e, read_noise_e; /* full_well_e 0: no noise */
+    /* timing: */
+    double delay_us, delay_spread_us, jitter_us, latency_us, latency_spread_us, phase_spread_us;
+    double clock_offset_spread_us, clock_drift_spread_ppm;
+    struct sst_sim_board board;
+    struct sst_sim_override camera[SST_CAMERAS_MAX];
+};
+
+/** Ideal cameras on a scene, or on "board", an empty wall with a calibration board before it. */
+void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene);
+
+/**
+ * Settings of a world: the name of a scene, or a world file.
+ *
+ * @return 0, -EINVAL (neither), -ENOENT, -EBADMSG (all faults logged with file:line:column), -ENOMEM
+ */
+SST_MUST_CHECK int sst_sim_settings_read(struct sst_sim_settings *s, const char *world);
+
+#endif

@@ -1,0 +1,385 @@
+#define _GNU_SOURCE
+#include "simulators/scene/world/sim_world.h"
+
+#include <errno.h>
+#include <math.h>
+#include <sha2.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <linux/videodev2.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/image/codec.h"
+#include "simulators/scene/world/convert.h"
+#include "simulators/scene/world/loop.h"
+#include "simulators/scene/world/made.h"
+#include "simulators/scene/world/photo.h"
+#include "simulators/scene/world/render.h"
+#include "simulators/scene/world/truth.h"
+
+#define VERSION     3 /* part of the cache's key: raise it when the same settings give other bytes */
+#define SIZES_MAX   4
+#define MADE_BYTES  ((size_t)256 << 20)
+#define LIGHT_ONE   1024
+#define TRIGGERS    64 /* whose loop frame is remembered */
+
+struct sst_sim_world {
+    struct sst_sim_settings settings;
+    struct sst_sim_stage *stage;
+    struct sst_sim_loop *loop; /* NULL on a rig */
+    struct sst_sim_made *made;
+    int cams, frames, size_count;
+    int held; /* the loop's frame that is shown; -1: by time */
+    int sizes[SIZES_MAX][2];
+    struct {
+        uint64_t trigger;
+        int64_t t_ns;
+        int frame;
+    } shown[TRIGGERS];
+    uint8_t *luma; /* of a strip */
+};
+
+/* --- opening ----------------------------------------------------------------------------------------------------- */
+
+/* Native, 3/4, 1/2 and 1/4 of it: whole cells of 16x8 px and no less than the strip needs twice. */
+static void find_sizes(struct sst_sim_world *w)
+{
+    static const int quarters[SIZES_MAX] = { 4, 3, 2, 1 };
+
+    for (int i = 0; i < SIZES_MAX; i++) {
+        const int width = w->settings.width * quarters[i] / 4, height = w->settings.height * quarters[i] / 4;
+
+        if (i && (width % 16 || height % 8 || w->settings.width * quarters[i] % 4 ||
+                  w->settings.height * quarters[i] % 4 || 2 * sst_strip_height(width) > height))
+            continue;
+        w->sizes[w->size_count][0] = width;
+        w->sizes[w->size_count++][1] = height;
+    }
+}
+
+static int make_parents(const char *path)
+{
+    char part[SST_PATH_MAX];
+
+    for (const char *end = strchr(path + 1, '/'); end; end = strchr(end + 1, '/')) {
+        snprintf(part, sizeof(part), "%.*s", (int)(end - path), path);
+        const int err = sst_path_make_dir(part);
+
+        if (err)
+            return err;
+    }
+    return 0;
+}
+
+static int cache_folder(char out[SST_PATH_MAX], const char *cache)
+{
+    const char *base = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
+    char dot[SST_PATH_MAX];
+    int err;
+
+    if (cache) {
+        err = sst_path_join(out, cache, NULL);
+    } else if (base && *base) {
+        err = sst_path_join(out, base, "sst-sim");
+    } else if (home && *home) {
+        err = sst_path_join(dot, home, ".cache");
+        if (!err)
+            err = sst_path_join(out, dot, "sst-sim");
+    } else {
+        sst_log_error("there is no folder for prepared worlds; set HOME or XDG_CACHE_HOME");
+        return -EINVAL;
+    }
+    return err ? err : make_parents(out);
+}
+
+struct encoding {
+    const struct sst_sim_settings *settings;
+    struct sst_sim_jpeg *frames; /* the first of them is the loop's frame `first` */
+    int first;
+};
+
+static int encode(void *arg, int frame, const struct sst_image *image)
+{
+    const struct encoding *e = arg;
+
+    return sst_sim_jpeg_encode(image, e->settings->quality, e->settings->strip, &e->frames[frame - e->first]);
+}
+
+static int render_camera(void *arg, int cam, struct sst_sim_jpeg *frames)
+{
+    const struct sst_sim_world *w = arg;
+    struct encoding e = { &w->settings, frames, 0 };
+
+    return sst_sim_stage_loop(w->stage, cam, encode, &e);
+}
+
+static int open_loop(struct sst_sim_world *w, const char *cache)
+{
+    uint8_t key[SHA256_DIGEST_LENGTH];
+    const int version = VERSION;
+    char folder[SST_PATH_MAX];
+    SHA2_CTX hash;
+    int err = cache_folder(folder, cache);
+
+    if (err)
+        return err;
+    SHA256Init(&hash);
+    SHA256Update(&hash, (const uint8_t *)&version, sizeof(version));
+    SHA256Update(&hash, (const uint8_t *)&w->settings, sizeof(w->settings));
+    SHA256Final(key, &hash);
+    return sst_sim_loop_open(&w->loop, folder, key, w->settings.scene, w->cams, w->frames, render_camera, w);
+}
+
+int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache)
+{
+    struct sst_sim_world *w = calloc(1, sizeof(*w));
+    int err = w ? sst_sim_settings_read(&w->settings, world ? world : "pedestrian") : -ENOMEM;
+
+    if (!err)
+        err = sst_sim_stage_open(&w->stage, &w->settings);
+    if (err)
+        goto fail;
+    w->cams = w->settings.rig ? 1 : w->settings.rows * w->settings.cols;
+    w->frames = sst_sim_stage_frames(w->stage);
+    (void)!sst_sim_world_hold(w, 0);
+    find_sizes(w);
+    w->luma = malloc((size_t)w->settings.width * (size_t)w->settings.height);
+    err = w->luma ? sst_sim_made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
+    if (!err && !w->settings.rig)
+        err = open_loop(w, cache);
+    if (err)
+        goto fail;
+    *out = w;
+    return 0;
+
+fail:
+    sst_sim_world_close(w);
+    return err;
+}
+
+void sst_sim_world_close(struct sst_sim_world *w)
+{
+    if (!w)
+        return;
+    sst_sim_loop_close(w->loop);
+    sst_sim_made_destroy(w->made);
+    sst_sim_stage_close(w->stage);
+    free(w->luma);
+    free(w);
+}
+
+int sst_sim_world_cameras(const struct sst_sim_world *w)
+{
+    return w->cams;
+}
+
+void sst_sim_world_grid(const struct sst_sim_world *w, int *rows, int *cols)
+{
+    *rows = w->settings.rows;
+    *cols = w->settings.cols;
+}
+
+void sst_sim_world_size(const struct sst_sim_world *w, int *width, int *height)
+{
+    *width = w->settings.width;
+    *height = w->settings.height;
+}
+
+const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *w, int cam)
+{
+    return &sst_sim_stage_camera(w->stage, cam)->timing;
+}
+
+int sst_sim_world_exposure_us(const struct sst_sim_world *world)
+{
+    return world->settings.exposure_us;
+}
+
+uint64_t sst_sim_world_seed(const struct sst_sim_world *w)
+{
+    return w->settings.seed;
+}
+
+int sst_sim_world_sizes(const struct sst_sim_world *w, const int (**sizes)[2])
+{
+    *sizes = w->sizes;
+    return w->size_count;
+}
+
+int sst_sim_world_hold(struct sst_sim_world *w, int pose)
+{
+    const struct sst_sim_board *board = sst_sim_stage_board(w->stage);
+    const int poses = board->kind ? board->poses : 0;
+
+    if (pose < 0 || pose > sst_min_int(poses, w->frames))
+        return -ERANGE;
+    /* A rig takes much longer for its views than the board stays by time. */
+    w->held = pose ? pose - 1 : w->settings.rig && poses ? 0 : -1;
+    return 0;
+}
+
+int sst_sim_world_parameters(const char *world, const char *path)
+{
+    struct sst_sim_settings *settings = calloc(1, sizeof(*settings));
+    const char *end = strrchr(path, '.');
+    const bool yaml = end && !strcmp(end, ".yaml");
+    struct sst_sim_stage *stage = NULL;
+    int err = settings ? sst_sim_settings_read(settings, world ? world : "pedestrian") : -ENOMEM;
+
+    if (!err)
+        err = sst_sim_stage_open(&stage, settings);
+    if (!err)
+        err = yaml ? sst_sim_truth_calib(settings, stage, path) : sst_sim_truth_write(settings, stage, path);
+    sst_sim_stage_close(stage);
+    free(settings);
+    return err;
+}
+
+int sst_sim_world_truth(const struct sst_sim_world *w, const char *path)
+{
+    return sst_sim_truth_write(&w->settings, w->stage, path);
+}
+
+/* --- frames ------------------------------------------------------------------------------------------------------ */
+
+/*
+ * The loop's frame at a time. All cameras of one trigger show the same one, though their exposures begin microseconds
+ * apart and may lie on both sides of a change: who comes within a quarter of a step takes the first one's.
+ */
+static int frame_at(struct sst_sim_world *w, const struct sst_sim_exposure *e)
+{
+    const int64_t step_ns = (int64_t)(1e9 / w->settings.rate_hz);
+    const int64_t now = e->t_ns / step_ns;
+    const int frame = (int)(((now % w->frames) + w->frames) % w->frames);
+    const size_t slot = e->trigger % TRIGGERS;
+
+    if (w->held >= 0)
+        return w->held;
+
+    if (w->shown[slot].t_ns && w->shown[slot].trigger == e->trigger &&
+        llabs(w->shown[slot].t_ns - e->t_ns) < step_ns / 4)
+        return w->shown[slot].frame;
+    w->shown[slot].trigger = e->trigger;
+    w->shown[slot].t_ns = e->t_ns;
+    w->shown[slot].frame = frame;
+    return frame;
+}
+
+/* The frame as the camera's sensor sees it at nominal exposure, native size, MJPEG. @return 0 or a negative errno */
+static int native(struct sst_sim_world *w, const struct sst_sim_made_key *wanted, struct sst_sim_jpeg *out)
+{
+    struct sst_sim_made_key key = *wanted;
+    const struct sst_sim_jpeg *found;
+    struct encoding e;
+    int err;
+
+    if (w->loop) {
+        *out = sst_sim_loop_frame(w->loop, key.cam, key.frame);
+        return 0;
+    }
+    key.fourcc = V4L2_PIX_FMT_MJPEG;
+    key.width = w->settings.width;
+    key.height = w->settings.height;
+    key.light = LIGHT_ONE;
+    found = sst_sim_made_find(w->made, &key);
+    if (found) {
+        *out = *found;
+        return 0;
+    }
+    e = (struct encoding){ &w->settings, out, key.frame };
+    err = sst_sim_stage_pose(w->stage, key.pose_um, key.frame, encode, &e);
+    return err ? err : sst_sim_made_keep(w->made, &key, out);
+}
+
+/* The slow way: decode, light, scale, encode or pack. */
+static int make(struct sst_sim_world *w, const struct sst_sim_made_key *key, struct sst_sim_jpeg *out)
+{
+    const bool native_size = key->width == w->settings.width && key->height == w->settings.height;
+    struct sst_image full = { 0 }, small = { 0 };
+    struct sst_sim_jpeg from;
+    int err = native(w, key, &from);
+
+    if (!err)
+        err = sst_image_decode(&full, from.data, from.bytes, "a simulated frame");
+    if (!err && key->light != LIGHT_ONE)
+        sst_sim_light(&full, (double)key->light / LIGHT_ONE);
+    if (!err && !native_size && !(err = sst_image_init(&small, key->width, key->height)))
+        sst_sim_shrink(&full, &small);
+    if (err)
+        goto done;
+    if (key->fourcc == V4L2_PIX_FMT_MJPEG) {
+        err = sst_sim_jpeg_encode(native_size ? &full : &small, w->settings.quality, w->settings.strip, out);
+    } else {
+        const size_t bytes = sst_sim_format_bytes(key->fourcc, key->width, key->height);
+
+        *out = (struct sst_sim_jpeg){ .data = malloc(bytes), .bytes = (uint32_t)bytes };
+        err = out->data ? 0 : -ENOMEM;
+        if (!err)
+            sst_sim_pack(native_size ? &full : &small, key->fourcc, out->data);
+    }
+    if (!err)
+        err = sst_sim_made_keep(w->made, key, out);
+
+done:
+    sst_image_fini(&small);
+    sst_image_fini(&full);
+    return err;
+}
+
+static bool offered(const struct sst_sim_world *w, uint32_t fourcc, int width, int height)
+{
+    if (fourcc != V4L2_PIX_FMT_MJPEG && !sst_sim_format_bytes(fourcc, 2, 2))
+        return false;
+    for (int i = 0; i < w->size_count; i++) {
+        if (w->sizes[i][0] == width && w->sizes[i][1] == height)
+            return true;
+    }
+    return false;
+}
+
+static int deliver_packed(struct sst_sim_world *w, const struct sst_sim_jpeg *frame, const struct sst_sim_made_key *key,
+                          const struct sst_sim_exposure *e, uint8_t *out, size_t capacity, size_t *bytes)
+{
+    if (capacity < frame->bytes)
+        return -ENOSPC;
+    memcpy(out, frame->data, frame->bytes);
+    if (w->settings.strip) {
+        sst_strip_draw(w->luma, (size_t)key->width, key->width, e);
+        sst_sim_pack_luma(w->luma, key->width, sst_strip_height(key->width), key->fourcc, out);
+    }
+    *bytes = frame->bytes;
+    return 0;
+}
+
+int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *e, uint32_t fourcc, int width,
+                        int height, uint8_t *out, size_t capacity, size_t *bytes)
+{
+    const double light = e->gain * e->exposure_us / w->settings.exposure_us * LIGHT_ONE;
+    struct sst_sim_made_key key = { .cam = e->cam, .fourcc = fourcc, .width = width, .height = height };
+    const struct sst_sim_jpeg *found;
+    struct sst_sim_jpeg frame;
+    int err;
+
+    if (e->cam < 0 || e->cam >= w->cams || !offered(w, fourcc, width, height) || !(light >= 0))
+        return -EINVAL;
+    key.frame = frame_at(w, e);
+    key.light = (int)sst_clamp_double(light + 0.5, 0, 1 << 24);
+    if (w->settings.rig)
+        memcpy(key.pose_um, e->pose_um, sizeof(key.pose_um));
+    found = sst_sim_made_find(w->made, &key);
+    if (found)
+        frame = *found;
+    else if (fourcc == V4L2_PIX_FMT_MJPEG && key.light == LIGHT_ONE && width == w->settings.width &&
+             height == w->settings.height)
+        err = native(w, &key, &frame);
+    else
+        err = make(w, &key, &frame);
+    if (!found && err)
+        return err;
+    if (fourcc == V4L2_PIX_FMT_MJPEG)
+        return sst_sim_jpeg_copy(&frame, width, w->settings.strip ? e : NULL, out, capacity, bytes);
+    return deliver_packed(w, &frame, &key, e, out, capacity, bytes);
+}

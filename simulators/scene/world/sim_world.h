@@ -1,0 +1,91 @@
+/* simulators/scene/world/sim_world.h - the simulated world: what each camera of the array sees at any time and pose. */
+#ifndef SST_SIMULATORS_SCENE_WORLD_SIM_WORLD_H
+#define SST_SIMULATORS_SCENE_WORLD_SIM_WORLD_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+struct sst_sim_world; /* opaque; frames from one thread at a time */
+
+/** How camera cam's time differs from the trigger's. */
+struct sst_sim_timing {
+    int64_t delay_ns;        /* from the trigger's edge to start of exposure */
+    int64_t jitter_ns;       /* standard deviation of that delay */
+    int64_t latency_ns;      /* from the end of exposure to the buffer being done */
+    int64_t clock_offset_ns; /* added to its time stamps ... */
+    double clock_drift_ppm;  /* ... and growing since the world began */
+    int64_t phase_ns;        /* of its free run */
+};
+
+/** One exposure: the truth, also written into the frame's strip. */
+struct sst_sim_exposure {
+    int cam;
+    uint64_t trigger; /* index of the edge, or of the frame in free run */
+    int64_t t_ns;     /* true start of exposure, CLOCK_MONOTONIC */
+    int exposure_us;
+    double gain;        /* 1: nominal */
+    int32_t pose_um[3]; /* of the rig; 0 on an array */
+};
+
+/**
+ * Read a world and prepare it: render and encode its loop, or take it from the cache.
+ *
+ * @param world  name of a scene, or path of a world file (YAML); NULL: "pedestrian"
+ * @param cache  folder for prepared loops; NULL: $XDG_CACHE_HOME/sst-sim or ~/.cache/sst-sim
+ * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, -EIO, -ENOSPC; logged.
+ */
+SST_MUST_CHECK int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache);
+void sst_sim_world_close(struct sst_sim_world *world);
+
+int sst_sim_world_cameras(const struct sst_sim_world *world); /* 36 for an array, 1 on a rig */
+void sst_sim_world_grid(const struct sst_sim_world *world, int *rows, int *cols);
+void sst_sim_world_size(const struct sst_sim_world *world, int *width, int *height); /* native */
+const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *world, int cam);
+int sst_sim_world_exposure_us(const struct sst_sim_world *world); /* nominal: what an automatic exposure settles on */
+uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
+
+/**
+ * Keep the board where it is in one of its poses, whatever time it is.
+ *
+ * @param pose  from 1; 0: by time again, on a rig the first
+ * @return 0, -ERANGE (no such pose)
+ */
+SST_MUST_CHECK int sst_sim_world_hold(struct sst_sim_world *world, int pose);
+
+/**
+ * Write all true parameters of a world without preparing it: as JSON, or to a name that ends in .yaml as a calibration
+ * (docs/formats.md) in the reference camera's axes.
+ *
+ * @param world  as for sst_sim_world_open()
+ * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, or what a failed output returns; logged
+ */
+SST_MUST_CHECK int sst_sim_world_parameters(const char *world, const char *path);
+
+/**
+ * Write all true parameters as JSON (docs/simulation.md explains it): cameras, loop, board.
+ *
+ * @return 0, -ENOMEM, or what a failed output returns; logged
+ */
+SST_MUST_CHECK int sst_sim_world_truth(const struct sst_sim_world *world, const char *path);
+
+/** Sizes that cameras offer, largest (native) first: count of {width, height}. */
+int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2]);
+
+/**
+ * The bytes that a camera delivers for an exposure. MJPEG at native size comes from the prepared loop with only the
+ * strip drawn anew; other formats and sizes are decoded, scaled and converted from it, and so is light other than the
+ * nominal (exposure_us of the world at gain 1); what was made is kept. The loop's frame follows from t_ns alone (a
+ * board before a rig stays in its first pose, see sst_sim_world_hold()), except that cameras with the same trigger
+ * index whose exposures begin within a quarter of the loop's step show the same one. A new pose of a rig is rendered
+ * at once, which takes a good part of a second.
+ *
+ * @param fourcc  V4L2: MJPG, YUYV, GREY, Y16, BA81/GBRG/GRBG/RGGB
+ * @param out     [capacity]; *bytes of it are written
+ * @return 0, -EINVAL (format or size that no camera offers), -ENOSPC (capacity)
+ */
+SST_MUST_CHECK int sst_sim_world_frame(struct sst_sim_world *world, const struct sst_sim_exposure *exposure,
+                                       uint32_t fourcc, int width, int height, uint8_t *out, size_t capacity,
+                                       size_t *bytes);
+
+#endif
