@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measure calibration against known truth and renew docs/bench-calibration.md and its charts: bench_calib.py.
+"""Measure calibration against known truth and renew docs/measured/bench-calibration.md and its charts: bench_calib.py.
 
 Corners are made up (tests/calib_truth.h): 6x6 cameras of 2000x1500 px, 100 frames of a board with 150 points, 0.1 px of
 noise, unless a table says otherwise. Raw figures go to BUILD/bench/calib.json. The comparison with OpenCV needs its
@@ -368,7 +368,7 @@ def main():
     measured["frames"] = {int(n): tried for n, tried in measured["frames"].items()}
     for path in report(measured, f"{out}/docs", "make bench-calib"):
         if not args.keep:
-            shutil.copy(path, "docs")
+            shutil.copy(path, "docs/measured")
         say(path)
 
 

@@ -1,4 +1,4 @@
-"""docs/bench-labels.md and its charts from what scripts/bench_labels.py measured."""
+"""docs/measured/bench-labels.md and its charts from what scripts/bench_labels.py measured."""
 from bench_report import COLOURS, cpu_name, draw, number, page, table, write_page
 
 # Published: Mehta et al., ESPNet (ECCV 2018), as quoted in the source paper's comparison.
@@ -131,7 +131,7 @@ those of the **second half**.
 ## Quality
 
 {quality}
-![picture, truth, labels, labels below epsilon_H](pictures/labels-scenes.jpg)
+![picture, truth, labels, labels below epsilon_H](../pictures/labels-scenes.jpg)
 
 *Scenes of seed 150: picture, truth, labels, labels whose entropy is below epsilon_H (black: none).*
 
