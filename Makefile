@@ -222,8 +222,9 @@ fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of net
 	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \
 	done
 
-check-includes: ## headers compile alone, includes go one way
+check-includes: ## headers compile alone, includes go one way, links and citations of the docs resolve
 	scripts/check_includes.sh
+	$(PYTHON) scripts/check_docs.py
 
 BENCH := $(BUILD)/sst $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
 bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-* and docs/measured/time-error-*
@@ -264,6 +265,10 @@ man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml
 	scripts/man.py --build $(BUILD)
 	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
 	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5
+
+.PHONY: api-index
+api-index: ## list all public headers with their purpose lines
+	@scripts/api_index.sh
 
 format: ## lay out the sources by .clang-format
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cc')

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Check the documentation: links and anchors of all pages, citations of design.md, paths and functions of architecture.md.
 
-check_docs.py   prints each fault as FILE:LINE: sentence; exit status 1 if there is one. Needs git and nothing else.
+check_docs.py   prints each fault as FILE:LINE: sentence; exit status 1 if there is one.
 """
 import os
 import re
@@ -9,8 +9,20 @@ import subprocess
 import sys
 
 os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
-FILES = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], capture_output=True, text=True, check=True).stdout.split("\n")
-FILES = [f for f in FILES if f and os.path.isfile(f)]
+
+
+def list_files():
+    """Files of the tree, of a checkout or of an unpacked archive, without what is built."""
+    git = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], capture_output=True, text=True)
+    if not git.returncode:
+        found = git.stdout.split("\n")
+    else:
+        found = [os.path.relpath(os.path.join(d, f), ".") for d, _, names in os.walk(".") for f in names
+                 if not re.match(r"\./(build|\.git)", d)]
+    return [f for f in found if f and os.path.isfile(f)]
+
+
+FILES = list_files()
 CODE = re.compile(r"\.(c|h|cc|py|sh|js|in|yaml|json|service|rules|txt)$|(^|/)Makefile$")
 faults = []
 
