@@ -10,7 +10,7 @@ for folder in base config drivers capture pipeline daemon client publishers cli 
       NR == 1 { text = $0; sub(/^.*\.h - /, "", text) }
       NR > 1 { sub(/^ \*\/?/, ""); text = text $0 }
       text ~ /\.( |$)/ || text ~ /\*\// || NR == 6 {
-        sub(/ *\*\/.*/, "", text); sub(/\. .*/, ".", text)
+        sub(/^.*\.h - /, "", text); sub(/ *\*\/.*/, "", text); sub(/\. .*/, ".", text)
         print "- `" header "`: " text; exit
       }' "$header"
   done
