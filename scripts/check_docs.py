@@ -24,6 +24,9 @@ def list_files():
 
 FILES = list_files()
 CODE = re.compile(r"\.(c|h|cc|py|sh|js|in|yaml|json|service|rules|txt)$|(^|/)Makefile$")
+# Pages whose paths and functions must exist.
+NAMING = ["CONTRIBUTING.md"] + [f"docs/design/{name}.md" for name in
+                                ("architecture", "calibration", "design", "live", "method", "rectification")]
 faults = []
 
 
@@ -87,17 +90,19 @@ def check_citations(path, sections):
 
 def check_names(path):
     """Backticked paths and functions of a page exist."""
-    sources = "\n".join(read(f) for f in FILES if f.endswith((".c", ".h", ".cc")) and not f.startswith("tests/"))
-    names = {os.path.basename(f) for f in FILES}
+    sources, names = SOURCES, {os.path.basename(f) for f in FILES}
     for number, line in enumerate(prose(read(path)), 1):
         for text in re.findall(r"`([^`]+)`", line):
             if re.fullmatch(r"\w+\(\)", text):
                 # A definition or a prototype: the name after a type, at the start of a line.
                 if not re.search(rf"^[\w][^\n;=()]*[\s*]{text[:-2]}\(", sources, re.M):
                     fault(path, number, f"no function {text} in the sources")
-            elif re.fullmatch(r"[\w.-]+(/[\w.-]+)*/?", text) and ("/" in text or re.search(r"\.(c|h|md|py|sh|yaml)$", text)):
-                if not os.path.exists(text) and text not in names and not is_folder_of_table(text):
+            elif re.fullmatch(r"[\w.-]+(/[\w.-]+)*/?", text) and ("/" in text or re.search(r"\.(c|h|py|sh)$", text)):
+                if not (os.path.exists(text) or text in names or text.startswith("build") or is_folder_of_table(text)):
                     fault(path, number, f"there is no {text}")
+
+
+SOURCES = "\n".join(read(f) for f in FILES if f.endswith((".c", ".h", ".cc")) and not f.startswith("tests/"))
 
 
 def is_folder_of_table(text):
@@ -113,7 +118,8 @@ def main():
     for path in FILES:
         if CODE.search(path) and not path.startswith("docs/") and path != "scripts/check_docs.py" or path in pages:
             check_citations(path, sections)
-    check_names("docs/design/architecture.md")
+    for path in NAMING:
+        check_names(path)
     for page in pages:
         if page.startswith("docs/") and page != "docs/README.md" and os.path.basename(page) not in read("docs/README.md"):
             fault("docs/README.md", 1, f"the index does not name {page}")
