@@ -191,7 +191,7 @@ def report(rows, viewers, times, out):
                 "36 simulated cameras of 640x480 (MJPEG, trigger at 10 Hz), service and simulation on the same two cores, by\n"
                 "`make bench-service`. Processor time in percent of one core; the simulation is counted apart and not in the\n"
                 "service's. Latency is from the trigger's edge to the encoded picture. One viewer.\n\n"
-                "| world | sets/s taken in | pictures/s seen | latency p50, p99 (ms) | tiles changed | service | of it the live "
+                "| world | sets/s processed | pictures/s seen | latency p50, p99 (ms) | tiles changed | service | of it the live "
                 "picture | simulation | memory |\n|---|---|---|---|---|---|---|---|---|\n")
         for name, r in rows:
             f.write(f"| {name} | {r['rate']:.1f} | {r['seen']:.1f} | {r['p50']:.0f}, {r['p99']:.0f} | {r['changed']:.0f} % | "
