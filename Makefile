@@ -222,7 +222,7 @@ fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of net
 	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \
 	done
 
-check-includes: ## headers compile alone, includes go one way, links and citations of the docs resolve
+check-includes: ## headers compile alone, includes go one way
 	scripts/check_includes.sh
 	$(PYTHON) scripts/check_docs.py
 
