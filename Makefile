@@ -224,7 +224,6 @@ fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of net
 
 check-includes: ## headers compile alone, includes go one way
 	scripts/check_includes.sh
-	$(PYTHON) scripts/check_docs.py
 
 BENCH := $(BUILD)/sst $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
 bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-* and docs/measured/time-error-*
@@ -266,7 +265,11 @@ man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml
 	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
 	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5
 
-.PHONY: api-index
+.PHONY: check-docs api-index
+check-docs: ## links, citations and names in the docs resolve; part of check-includes
+	$(PYTHON) scripts/check_docs.py
+check-includes: check-docs
+
 api-index: ## list all public headers with their purpose lines
 	@scripts/api_index.sh
 
