@@ -41,6 +41,10 @@ HARDEN := -fstack-protector-strong -fstack-clash-protection -fcf-protection -fPI
           $(if $(SAN),,-D_FORTIFY_SOURCE=2)
 # A sanitized build is compiled three times as fast with -O1, and its reports need lines alone.
 OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
+# ... but for kernels and drawn scenes, in which sanitized tests would spend most of their time.
+ifneq (,$(SAN))
+$(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/simulators/scene/%.o: OPT = -O2 -g1
+endif
 SANFLAGS := $(if $(SAN),-fsanitize=$(SAN) -fno-omit-frame-pointer)
 # With them, and with less optimisation, gcc guesses worse what a string can hold and where a value comes from.
 SANWARN := $(if $(SAN),-Wno-format-truncation -Wno-maybe-uninitialized)
@@ -54,7 +58,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_CURL=$(WITH_CURL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES)))
 PACKAGE_LIBS := $(shell pkg-config --libs $(PACKAGES))
-BASEFLAGS := -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
+BASEFLAGS = -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
              $(PACKAGE_CFLAGS) $(CFLAGS)
 # OpenCV's headers do not survive our warnings.
@@ -91,7 +95,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built check check-tests check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing check-includes check-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, and sst-sim (simulated devices)
@@ -166,33 +170,42 @@ tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 deps: ## install what building and testing needs (Debian 12; root or sudo)
 	scripts/deps.sh
 
-# Tests run after everything is built, as many at a time as there are processors: docs in CONTRIBUTING.md.
+# Tests run after everything is built, as many at a time as scripts/run_tests.sh finds right: docs in CONTRIBUTING.md.
 PARALLEL = $(if $(filter -j%,$(MAKEFLAGS)),,-j$(shell nproc))
-RUN_TESTS = SST_BUILD=$(BUILD) $(if $(SAN),SST_TEST_SMALL=$(if $(findstring thread,$(SAN)),2,1)) scripts/run_tests.sh
+RUN_TESTS = SST_BUILD=$(BUILD) scripts/run_tests.sh
 SYSTEM_TESTS := $(sort $(wildcard tests/system/*.sh))
-BUILT := $(PROGRAMS) $(TESTS) $(TOOLS) $(BUILD)/config_man $(if $(SAN),,$(BUILD)/one_thread.so)
+# Optimised kernels are other code than sanitized ones, and plain_test() (tests/small.h) marks what sanitized builds leave out.
+PLAIN_TESTS := $(filter $(BUILD)/tests/kernels/%,$(TESTS)) \
+               $(patsubst tests/%.c,$(BUILD)/tests/%,$(shell grep -l plain_test $(TEST_SRC)))
+TIMING_TESTS := $(shell awk '$$2 == "timing" { print $$1 }' tests/special.txt)
+ADDRESS := build-address-undefined
 
-check: deps ## build with warnings as errors and run every test, also under the sanitizers
-	$(MAKE) WERROR=1 $(PARALLEL) built check-includes
-	$(MAKE) WERROR=1 check-tests
-	$(MAKE) WERROR=1 check-san
+check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
+	$(MAKE) WERROR=1 $(PARALLEL) built-check
+	$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS)
 
-built: $(BUILT)
+check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer
+	$(MAKE) WERROR=1 $(PARALLEL) SAN=thread built
+	$(MAKE) WERROR=1 SAN=thread check-unit
 
-check-tests: built
+check-timing: ## tests that measure time, one by one, with their limits: for a quiet machine
+	$(MAKE) WERROR=1 $(PARALLEL) built-plain $(filter-out %.sh,$(TIMING_TESTS:%=$(BUILD)/tests/%))
+	JOBS=1 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
+
+built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
+built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(TOOLS) $(BUILD)/config_man
+built-check: built-plain built-address check-includes
+built-address: $(BUILD)/one_thread.so
+	+$(MAKE) SAN=address,undefined built
+
+check-tests: built $(BUILD)/config_man
 	$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
 
 check-unit: built
 	$(RUN_TESTS) $(TESTS)
 
-check-cli: built
+check-cli: built-plain
 	$(RUN_TESTS) $(SYSTEM_TESTS)
-
-check-san: ## all tests under the address and undefined sanitizers, all but system tests under the thread sanitizer
-	$(MAKE) SAN=address,undefined $(PARALLEL) built
-	$(MAKE) SAN=address,undefined check-tests
-	$(MAKE) SAN=thread $(PARALLEL) built
-	$(MAKE) SAN=thread check-unit
 
 # Loaded into tests that tests/special.txt says have one thread.
 $(BUILD)/one_thread.so: tests/one_thread.c
@@ -222,7 +235,13 @@ fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of net
 	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \
 	done
 
-check-includes: ## headers compile alone, includes go one way
+# Each header compiles alone; those that a .c includes several times with other macros (templates) do not.
+HEADERS := $(filter-out %_tmpl.h %/templates.h,$(wildcard $(foreach d,base config drivers capture pipeline daemon cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
+$(BUILD)/headers/%.h.ok: %.h
+	@mkdir -p $(@D)
+	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
+	@touch $@
+check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, includes go one way
 	scripts/check_includes.sh
 
 BENCH := $(BUILD)/sst $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
@@ -274,4 +293,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)
+-include $(LIB_OBJ:.o=.d) $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
