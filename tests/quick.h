@@ -1,5 +1,5 @@
-/* tests/quick.h - limits of time: as written under `make check-timing`, on a quiet machine, which sets SST_TIMING. Elsewhere
- * half a minute more, so that a busy machine fails no test and what never ends still does. */
+/* tests/quick.h - limits of time: as written under `make check-timing`, on a quiet machine, which sets SST_TIMING.
+ * Elsewhere half a minute more, so that a busy machine fails no test and what never ends still does. */
 #ifndef SST_TESTS_QUICK_H
 #define SST_TESTS_QUICK_H
 
