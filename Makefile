@@ -28,7 +28,6 @@ WITH_DOGLEG ?= $(shell echo '\#include <dogleg.h>' | $(CC) -I/usr/include/suites
 WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
 
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
-            $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale) \
             $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
             $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
             $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_MQTT)),libmosquitto) $(if $(filter 1,$(WITH_CURL)),libcurl) \
@@ -56,17 +55,19 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
         -DWITH_CURL=$(WITH_CURL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
-PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES)))
+AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
+PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell pkg-config --libs $(PACKAGES))
 BASEFLAGS = -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
              $(PACKAGE_CFLAGS) $(CFLAGS)
 # OpenCV's headers do not survive our warnings.
-CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
+CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) -fPIC $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
 LIBS = $(PACKAGE_LIBS) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
-       $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack) \
-       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
+       $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack)
+OPENCV_LIBS := -lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++
+AV_LIBS := $(if $(AV_PACKAGES),$(shell pkg-config --libs $(AV_PACKAGES)))
 LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 
 # --- sources -------------------------------------------------------------------------------------------------------
@@ -79,7 +80,7 @@ SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
 WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/rig/*.c simulators/devices/gpio/*.c \
              simulators/devices/usb/*.c))
-CLI_SRC := $(sort $(wildcard cli/*.c))
+CLI_SRC := $(sort $(filter-out %_libav.c,$(wildcard cli/*.c)))
 # What starts no thread of its own is nothing for the thread sanitizer.
 NO_THREADS := $(if $(findstring thread,$(SAN)),$(shell sed -nE 's,^([^ ]+) +(one|same)-thread.*,tests/\1.c,p' tests/special.txt))
 TEST_SRC := $(filter-out $(NO_THREADS),$(sort $(wildcard tests/unit/*.c tests/kernels/*.c tests/sim/*.c)))
@@ -87,7 +88,10 @@ SIM_OBJ := $(SIM_SRC:%.c=$(BUILD)/obj/%.o)
 # The page is part of the program: its files as they are, and a table of them.
 WEB_FILES := $(sort $(wildcard daemon/web/*))
 WORLD_OBJ := $(WORLD_SRC:%.c=$(BUILD)/obj/%.o)
-LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o
+LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o
+SHIM_OBJ := $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
+# Loaded when first used (base/plugin.h), so that a start of sst does not load OpenCV and FFmpeg.
+PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AVFORMAT)),$(BUILD)/libsst-video.so)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 # Programs that tests/system runs beside sst.
@@ -97,11 +101,11 @@ GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
 .PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing check-includes check-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
-PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
+PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, and sst-sim (simulated devices)
 
 # Objects of other flags or optional parts are made anew.
-FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS))
+FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS))
 $(BUILD)/flags: FORCE
 	@mkdir -p $(@D)
 	@echo '$(subst ','\'',$(FLAGS))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS))' > $@
@@ -130,9 +134,17 @@ $(BUILD)/libsst.a: $(LIB_OBJ)
 $(BUILD)/libsst-sim.a: $(WORLD_OBJ)
 	@rm -f $@
 	@ar rcs $@ $^
+# libsst-video.so writes files and logs by functions of the program.
 $(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@echo "  LD   $@"
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+	@$(CC) $(LDFLAGS_ALL) -Wl,--export-dynamic-symbol='sst_log*' -Wl,--export-dynamic-symbol='sst_outfile_*' $^ $(LIBS) -o $@
+$(BUILD)/libsst-opencv.so: $(SHIM_OBJ)
+	@echo "  LD   $@"
+	@$(CXX) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(OPENCV_LIBS) -o $@
+$(BUILD)/obj/cli/video_libav.o: private CFLAGS_ALL += -fPIC
+$(BUILD)/libsst-video.so: $(BUILD)/obj/cli/video_libav.o
+	@echo "  LD   $@"
+	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(AV_LIBS) -o $@
 $(BUILD)/sstd: $(BUILD)/obj/daemon/main.o $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -144,13 +156,14 @@ $(BUILD)/libsst-sim-preload.so: $(PRELOAD_SRC) $(wildcard simulators/devices/*.h
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) -std=gnu11 -I. -O2 -g -fPIC -shared -fvisibility=hidden -pthread $(CWARN) $(PRELOAD_SRC) -ldl -o $@
-$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
+$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
 	@mkdir -p $(@D)
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) $(AV_LIBS) -lcmocka -o $@
 
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
+$(BUILD)/tests/unit/solve_opencv $(BUILD)/bench/stereo $(BUILD)/bench/render: private LIBS += $(OPENCV_LIBS)
 endif
 
 # One program per file of tests/bench; two bring what they compare with.
@@ -219,7 +232,7 @@ check-kernel: $(BUILD)/sst $(GUEST_TESTS) ## boot a stock Debian kernel in an em
 FUZZ_SECONDS ?= 60
 FUZZERS := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
 FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/method/network/graph*.c pipeline/method/network/ops.c pipeline/method/network/plan*.c) \
-            pipeline/method/network/onnx.c pipeline/method/network/summary.c pipeline/method/network/manifest.c pipeline/method/network/network.c \
+            pipeline/method/network/onnx.c pipeline/method/network/summary.c pipeline/method/network/manifest.c pipeline/method/network/network.c pipeline/method/network/opencv.c \
             pipeline/method/labels/model_info.c pipeline/image/classes.c \
             pipeline/camera/calib.c pipeline/camera/calib_yaml.c pipeline/camera/camera.c $(wildcard pipeline/camera/format*.c) \
             pipeline/lightfield/import_plan.c pipeline/lightfield/lightfield.c pipeline/image/image.c \
@@ -228,7 +241,7 @@ build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
 	@mkdir -p $(@D)
 	@echo "  FUZZ $@"
 	@clang -g -O1 -std=c11 -D_DEFAULT_SOURCE -I. -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-	      $(filter-out -DWITH_OPENCV=%,$(DEFS)) -DWITH_OPENCV=0 $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
+	      $(DEFS) $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
 fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks and calibrations: FUZZ_SECONDS=60 for each of them
 	@for f in $(FUZZERS); do mkdir -p build/fuzz/corpus-$$f; \
 	  build/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=120 \
@@ -293,4 +306,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
