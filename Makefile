@@ -99,7 +99,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing check-includes check-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing coverage check-includes check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, and sst-sim (simulated devices)
@@ -225,8 +225,18 @@ $(BUILD)/one_thread.so: tests/one_thread.c
 	@mkdir -p $(@D)
 	@$(CC) -std=gnu11 -D_GNU_SOURCE -fPIC -shared $(CWARN) $< -o $@
 
-check-kernel: $(BUILD)/sst $(GUEST_TESTS) ## boot a stock Debian kernel in an emulator and test on its devices; GUEST=name for one test
+deps-kernel: ## install what check-kernel needs besides
+	scripts/deps.sh scripts/kernel/packages.txt
+
+check-kernel: $(BUILD)/sst $(PLUGINS) $(GUEST_TESTS) ## boot a stock Debian kernel in an emulator and test on its devices; GUEST=name for one test
 	SST_BUILD=$(BUILD) scripts/kernel/check.sh $(GUEST)
+
+# Statement and branch coverage by all tests but those that measure time; per folder to build-coverage/coverage.txt.
+coverage: deps ## measure which lines and branches the tests run, about half an hour
+	rm -rf build-coverage && mkdir build-coverage
+	$(MAKE) $(PARALLEL) BUILD=build-coverage OPT='-O1 -g1' CFLAGS='--coverage -fprofile-update=atomic' CXXFLAGS=--coverage LDFLAGS=--coverage built build-coverage/config_man
+	-SST_BUILD=build-coverage SST_TEST_SMALL=1 scripts/run_tests.sh $(TESTS:$(BUILD)/%=build-coverage/%) $(SYSTEM_TESTS)
+	$(PYTHON) scripts/coverage.py build-coverage | tee build-coverage/coverage.txt
 
 # libFuzzer finds inputs that crash, leak or hang; what it found is kept in build/fuzz/. Needs clang and oneDNN.
 FUZZ_SECONDS ?= 60
