@@ -99,7 +99,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing coverage check-includes check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, and sst-sim (simulated devices)
@@ -207,7 +207,7 @@ check-timing: ## tests that measure time, one by one, with their limits: for a q
 
 built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
 built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(TOOLS) $(BUILD)/config_man
-built-check: built-plain built-address check-includes
+built-check: built-plain built-address check-includes check-names
 built-address: $(BUILD)/one_thread.so
 	+$(MAKE) SAN=address,undefined built
 
@@ -266,6 +266,8 @@ $(BUILD)/headers/%.h.ok: %.h
 	@touch $@
 check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, includes go one way
 	scripts/check_includes.sh
+check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) ## names say which folder they belong to, links go one way
+	SST_BUILD=$(BUILD) scripts/check_names.sh
 
 BENCH := $(BUILD)/sst $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
 bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/bench-* and docs/time-error-*
