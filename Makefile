@@ -190,7 +190,7 @@ SYSTEM_TESTS := $(sort $(wildcard tests/system/*.sh))
 # Optimised kernels are other code than sanitized ones, and plain_test() (tests/small.h) marks what sanitized builds leave out.
 PLAIN_TESTS := $(filter $(BUILD)/tests/kernels/%,$(TESTS)) \
                $(patsubst tests/%.c,$(BUILD)/tests/%,$(shell grep -l plain_test $(TEST_SRC)))
-TIMING_TESTS := $(shell awk '$$2 == "timing" { print $$1 }' tests/special.txt)
+TIMING_TESTS := $(shell awk '/^[^\#]/ && $$2 == "timing" { print $$1 }' tests/special.txt)
 ADDRESS := build-address-undefined
 
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
@@ -202,7 +202,7 @@ check-thread: deps ## unit and simulator tests that have threads, under the thre
 	$(MAKE) WERROR=1 SAN=thread check-unit
 
 check-timing: ## tests that measure time, one by one, with their limits: for a quiet machine
-	$(MAKE) WERROR=1 $(PARALLEL) built-plain $(filter-out %.sh,$(TIMING_TESTS:%=$(BUILD)/tests/%))
+	$(MAKE) WERROR=1 $(PARALLEL) built-plain $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(TIMING_TESTS)))
 	JOBS=1 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
 
 built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
