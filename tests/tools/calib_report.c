@@ -1,9 +1,9 @@
-/* Writes reports of made-up solutions, for tests/system/calib_report.sh and for a look at the page.
+/* Writes reports of made-up solutions, for tests/system/calib_report.sh and to view the page.
  *
  *   calib_report OUT.html [name=value ...]   prints the text, then the JSON object
  * rows=6 cols=6 frames=100 across=15 down=10 width=2000 height=1500 noise=0.1 outliers=0.003 hole=-1 unsolved=-1
  * bent=-1 moved=-1 rig=0 light=1 pictures=1 nasty=0 (names with markup) cross=0.061 (nan: not done) plain=0 (nothing
- * optional) */
+ * optional) forgotten=0 (all figures unknown) */
 #include "base/clock.h"
 #include "pipeline/calibration/report/report.h"
 #include "tests/calib_solution.h"
@@ -15,7 +15,7 @@ static struct {
     { "rows", 6 },      { "cols", 6 },      { "frames", 100 },  { "across", 15 },      { "down", 10 },
     { "width", 2000 },  { "height", 1500 }, { "noise", 0.1 },   { "outliers", 0.003 }, { "hole", -1 },
     { "unsolved", -1 }, { "bent", -1 },     { "moved", -1 },    { "rig", 0 },          { "light", 1 },
-    { "pictures", 1 },  { "nasty", 0 },     { "cross", 0.061 }, { "plain", 0 },
+    { "pictures", 1 },  { "nasty", 0 },     { "cross", 0.061 }, { "plain", 0 },        { "forgotten", 0 },
 };
 
 static double option(const char *name)
@@ -138,6 +138,8 @@ int main(int argc, char **argv)
         free(m.solution.carry_sigma);
         m.solution.lens_sigma = NULL, m.solution.carry_sigma = NULL;
     }
+    if (option("forgotten") > 0)
+        made_forget(&m);
     begun = sst_clock_now_ns();
     if (sst_calib_report_write(argv[1], &report))
         return 1;

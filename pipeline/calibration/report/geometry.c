@@ -6,7 +6,7 @@
 
 #include "pipeline/calibration/report/report_internal.h"
 
-#define PAIR_REGIONS (SST_REPORT_ROWS * SST_REPORT_COLS)
+#define PAIR_REGIONS (REPORT_ROWS * REPORT_COLS)
 #define PAIR_CORNERS 20    /* of a region or pair that counts: enough to average the corners' noise out */
 #define STEPS_PER_PX 1000  /* quantiles are found to 0.001 px ... */
 #define STEPS        20000 /* ... up to 20 px */
@@ -43,7 +43,7 @@ static void fit_steps(struct lattice_fit *fit)
     }
 }
 
-static void fit_lattice(struct calib_figures *f, int cols, const struct sst_calib *calib)
+static void fit_lattice(struct figures *f, int cols, const struct sst_calib *calib)
 {
     struct lattice_fit fit = { 0 };
 
@@ -84,7 +84,7 @@ static void fit_lattice(struct calib_figures *f, int cols, const struct sst_cali
     }
 }
 
-void calib_figures_centres(struct calib_figures *f, const struct sst_calib_report *report)
+void figures_centres(struct figures *f, const struct sst_calib_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const double *r = common_rotation(report), *from = calib->camera[calib->reference].position_mm;
@@ -100,6 +100,34 @@ void calib_figures_centres(struct calib_figures *f, const struct sst_calib_repor
         f->lattice_mm[k][0] = f->lattice_mm[k][1] = (double)NAN;
     }
     fit_lattice(f, report->detections->cols, calib);
+}
+
+void figures_angles(const struct figures *f, const struct sst_calib_report *report, double *mean_deg, double *most_deg,
+                    int *most)
+{
+    const struct sst_calib *calib = &report->solution->calib;
+    double sum = 0;
+    int n = 0;
+
+    *most = -1;
+    *most_deg = *mean_deg = (double)NAN;
+    for (int k = 0; k < f->views; k++) {
+        double m[9], v[3], deg;
+
+        if (!calib->camera[k].known)
+            continue;
+        sst_rotation_between(common_rotation(report), calib->camera[k].rotation, m);
+        sst_rotation_to_vector(m, v);
+        deg = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * 180 / M_PI;
+        sum += deg;
+        n++;
+        if (*most < 0 || deg > *most_deg) {
+            *most = k;
+            *most_deg = deg;
+        }
+    }
+    if (n)
+        *mean_deg = sum / n;
 }
 
 /* --- pairs -------------------------------------------------------------------------------------------------------- */
@@ -146,10 +174,9 @@ static double across(const struct sst_solve_view *v, int corner, const struct tu
 
 static int region_of(const struct sst_detections *all, const struct sst_corner *c)
 {
-    const double x = (c->x + 0.5) / all->width * SST_REPORT_COLS, y = (c->y + 0.5) / all->height * SST_REPORT_ROWS;
+    const double x = (c->x + 0.5) / all->width * REPORT_COLS, y = (c->y + 0.5) / all->height * REPORT_ROWS;
 
-    return (int)sst_clamp_double(y, 0, SST_REPORT_ROWS - 1) * SST_REPORT_COLS +
-           (int)sst_clamp_double(x, 0, SST_REPORT_COLS - 1);
+    return (int)sst_clamp_double(y, 0, REPORT_ROWS - 1) * REPORT_COLS + (int)sst_clamp_double(x, 0, REPORT_COLS - 1);
 }
 
 /* Corners that both detections have. */
@@ -183,7 +210,7 @@ struct pairs {
     int regions, *step; /* [STEPS + 1] */
 };
 
-static void add_pair(struct calib_figures *f, const struct sst_calib_report *report, int a, int b, struct pairs *pairs)
+static void add_pair(struct figures *f, const struct sst_calib_report *report, int a, int b, struct pairs *pairs)
 {
     struct pair_sums p = { .turn = { turn_of(report, a), turn_of(report, b) },
                            .vertical = b != a + 1 || report->detections->cols == 1 };
@@ -216,7 +243,7 @@ static void add_pair(struct calib_figures *f, const struct sst_calib_report *rep
     }
 }
 
-int calib_figures_pairs(struct calib_figures *f, const struct sst_calib_report *report)
+int figures_pairs(struct figures *f, const struct sst_calib_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const int rows = report->detections->rows, cols = report->detections->cols;
