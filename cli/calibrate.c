@@ -16,8 +16,8 @@ struct options {
     bool live, check, json, force, no_light, no_cross, flat;
     int lens;
     double max_blur_px, rate_hz, outliers_percent;
-    struct calibrate_pick pick;
-    struct calibrate_live_config live_cfg;
+    struct sst_gather_selection pick;
+    struct sst_gather_live_config limits; /* live */
     int threads;
 };
 
@@ -26,10 +26,9 @@ struct options {
 /* Everything between the pictures and the files. */
 struct job {
     const struct options *o;
-    struct calibrate_source source; /* pictures for the report; none: path NULL */
-    int *set;
-    double spacing_mm; /* of the array by its configuration; 0: unknown */
-    struct calibrate_gathered gathered;
+    struct sst_gather_source source; /* pictures for the report; none: path NULL */
+    double spacing_mm;               /* of the array by its configuration; 0: unknown */
+    struct sst_gathered gathered;
     struct sst_calib lenses; /* kept intrinsics; camera NULL: none */
     struct sst_solution solution;
     bool solved, lit;
@@ -42,12 +41,12 @@ static int picture(void *arg, int view, int frame, struct sst_image *out)
 {
     const struct job *job = arg;
 
-    return calibrate_source_read(&job->source, view, frame, out);
+    return sst_gather_source_read(&job->source, view, frame, out);
 }
 
 /* --- corners ------------------------------------------------------------------------------------------------------ */
 
-/* What the command line says of the grid; bound cameras have their places already. */
+/* The grid of the command line; bound cameras have their positions already. */
 static int set_grid(struct sst_array_config *array, const int grid[2])
 {
     if (!grid[0])
@@ -67,12 +66,13 @@ static int set_grid(struct sst_array_config *array, const int grid[2])
     return 0;
 }
 
-static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
+static int gather_live(struct job *job, const struct sst_gather_config *cfg)
 {
     const struct options *o = job->o;
     struct sst_array_config *array = malloc(sizeof(*array));
-    struct calibrate_live_config live = o->live_cfg;
-    const struct calibrate_pick all = { .max = 0 };
+    struct sst_gather_live_config limits = o->limits;
+    const struct sst_gather_selection all = { .max = 0 };
+    int *frameset = NULL;
     int err = array ? 0 : -ENOMEM;
 
     if (!err) {
@@ -85,22 +85,21 @@ static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
         array->trigger_hz = o->rate_hz;
         if (array->source == SST_CONFIG_FREE_RUN)
             array->rate_hz = o->rate_hz;
-        live.array = array;
-        live.keep = o->keep;
+        limits.array = array;
         fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",
                 o->coverage ? "; look at " : "", o->coverage ? o->coverage : "");
         job->spacing_mm = array->spacing_mm;
-        err = calibrate_live(&job->gathered, cfg, &live);
-        job->set = live.set;
+        err = cli_calibrate_live(&job->gathered, &frameset, cfg, &limits, o->keep, o->coverage);
     }
-    if (!err && o->keep) { /* pictures for the report: of the sets that were taken */
-        err = calibrate_source_open(&job->source, o->keep, &all);
+    if (!err && o->keep) { /* pictures for the report: of the accepted framesets */
+        err = sst_gather_source_open(&job->source, o->keep, &all);
         if (!err) {
-            free(job->source.set);
-            job->source.set = job->set;
-            job->set = NULL;
+            free(job->source.frameset);
+            job->source.frameset = frameset;
+            frameset = NULL;
         }
     }
+    free(frameset);
     free(array);
     return err;
 }
@@ -112,10 +111,15 @@ static bool is_corners_file(const char *path)
     return n > 5 && !strcmp(path + n - 5, ".json");
 }
 
+static void progress(void *arg, double done)
+{
+    cli_progress(arg, done);
+}
+
 static int gather(struct job *job)
 {
     const struct options *o = job->o;
-    struct calibrate_gather_config cfg = { .light = !o->no_light, .threads = o->threads, .coverage = o->coverage };
+    struct sst_gather_config cfg = { .light = !o->no_light, .threads = o->threads };
     int err;
 
     cfg.detect.max_blur_px = o->max_blur_px;
@@ -126,20 +130,18 @@ static int gather(struct job *job)
     if (!err && o->live)
         return gather_live(job, &cfg);
     if (!err)
-        err = calibrate_source_open(&job->source, o->source, &o->pick);
+        err = sst_gather_source_open(&job->source, o->source, &o->pick);
     if (!err) {
         job->spacing_mm = job->source.spacing_mm;
-        err = calibrate_gather(&job->gathered, &job->source, &cfg);
+        cfg.progress = progress;
+        cfg.arg = (void *)(uintptr_t) "corners";
+        err = sst_gather(&job->gathered, &job->source, &cfg);
+        cli_progress_end();
     }
     return err;
 }
 
 /* --- solution ----------------------------------------------------------------------------------------------------- */
-
-static void progress(void *arg, double done)
-{
-    cli_progress(arg, done);
-}
 
 static int solve(struct job *job)
 {
@@ -297,7 +299,7 @@ static int calibrate(const struct options *o)
     if (!err)
         err = gather(job);
     if (!err && o->coverage)
-        err = calibrate_write_coverage(&job->gathered.all, o->coverage);
+        err = sst_gather_write_coverage(&job->gathered.all, o->coverage);
     if (!err && o->corners)
         err = sst_detections_write(&job->gathered.all, o->corners);
     if (!err)
@@ -312,11 +314,10 @@ static int calibrate(const struct options *o)
         err = deliver(job);
     if (job->solved)
         sst_solution_fini(&job->solution);
-    calibrate_gathered_fini(&job->gathered);
-    calibrate_source_close(&job->source);
+    sst_gathered_fini(&job->gathered);
+    sst_gather_source_close(&job->source);
     sst_calib_fini(&job->lenses);
     free(job->rectified);
-    free(job->set);
     free(job);
     return cli_exit_code(err);
 }
@@ -345,7 +346,7 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
         return cli_usage_error(cmd, "-o calib.yaml is missing");
     if (!o->board && !(o->source && is_corners_file(o->source)))
         return cli_usage_error(cmd, "--board is missing, such as --board charuco:9x7:50mm:0.7");
-    if (!o->live && (o->keep || o->config || o->live_cfg.sets || o->live_cfg.seconds > 0))
+    if (!o->live && (o->keep || o->config || o->limits.accepted || o->limits.seconds > 0))
         return cli_usage_error(cmd, "--config, --keep, --sets and --duration belong to --live");
     if (o->live && (o->pick.rig || o->pick.every || o->pick.max))
         return cli_usage_error(cmd, "--rig, --every and --max-frames belong to pictures that exist already");
@@ -369,7 +370,7 @@ static bool not_for_check(const struct options *o)
     return o->out || o->board || o->live || o->report || o->coverage || o->corners || o->config || o->keep ||
            o->lenses || o->lens || o->flat || o->force || o->no_light || o->no_cross || o->pick.grid[0] ||
            o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0 || o->outliers_percent > 0 ||
-           o->live_cfg.sets || o->live_cfg.seconds > 0;
+           o->limits.accepted || o->limits.seconds > 0;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -403,9 +404,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "config", 0, CLI_STRING, &o.config, "FILE", "live: configuration of the array; /etc/sst/sstd.yaml", 0, 0 },
         { "keep", 0, CLI_STRING, &o.keep, "DIR", "live: record the sets too", 0, 0 },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "live: sets per second; 1", 0.01, 30 },
-        { "sets", 'n', CLI_INT, &o.live_cfg.sets, "N", "live: so many sets with the board (default: until complete)", 1,
-          100000 },
-        { "duration", 0, CLI_DOUBLE, &o.live_cfg.seconds, "S", "live: at most so many seconds", 0.1, 1e6 },
+        { "sets", 'n', CLI_INT, &o.limits.accepted, "N", "live: so many sets with the board (default: until complete)",
+          1, 100000 },
+        { "duration", 0, CLI_DOUBLE, &o.limits.seconds, "S", "live: at most so many seconds", 0.1, 1e6 },
         { "check", 0, CLI_FLAG, &o.check, NULL, "is the calibration of a light field still true? By its features alone",
           0, 0 },
         { "picture", 0, CLI_STRING, &o.picture, "FILE", "check: picture of what is off (PNG)", 0, 0 },

@@ -1,5 +1,4 @@
-/* pipeline/calibration/report/report.h - a calibration as one self-contained HTML page that a person can judge; its
- * summary as text and JSON. */
+/* pipeline/calibration/report/report.h - acceptance report of a calibration: one self-contained HTML page, text, JSON. */
 #ifndef SST_PIPELINE_CALIBRATION_REPORT_REPORT_H
 #define SST_PIPELINE_CALIBRATION_REPORT_REPORT_H
 
@@ -21,9 +20,9 @@ struct sst_calib_report {
 };
 
 /**
- * Write the page: summary with verdicts, residual vectors per camera, coverage, worst frames, residuals per region of
- * the picture, link graph with the weakest link, uncertainty maps, light, lattice. No network access and no script is
- * needed to view it. It is well-formed XML too. How to read it: docs/calibration-report.md.
+ * Write the page: one HTML file that draws itself from the JSON in it, offline. It shows the verdict, residual vectors
+ * and maps of each camera, frames, the worst pictures, links, uncertainties, light, lattice. How to read it:
+ * docs/calibration-report.md.
  *
  * Deterministic: the same report gives the same bytes.
  * @return 0, -ENOMEM, or what outputs return; logged.
@@ -31,7 +30,7 @@ struct sst_calib_report {
 SST_MUST_CHECK int sst_calib_report_write(const char *path, const struct sst_calib_report *report);
 
 /** The summary in about twenty lines for a terminal, with the page's verdict and definitions.
- *  @return 0, -ENOMEM; logged. Whether `out` took it is for the caller to see (ferror). */
+ *  @return 0, -ENOMEM; logged. The caller checks `out` for errors (ferror). */
 SST_MUST_CHECK int sst_calib_report_text(FILE *out, const struct sst_calib_report *report);
 
 /** All figures as one JSON object (docs/calibration-report.md), unknown ones null; to free with free().
