@@ -70,7 +70,7 @@ static int print_json(const struct sst_check *c)
 
 /* --- tables ------------------------------------------------------------------------------------------------------- */
 
-/* A figure in a column; what is not known is a dash. */
+/* A figure in a column; a dash if unknown. */
 static void cell(double v, int width, int digits)
 {
     if (isfinite(v))
@@ -118,7 +118,7 @@ static void print_tables(const struct sst_check *c)
     print_cameras(c);
     putchar('\n');
     print_pairs(c);
-    printf("\ncross disparity over %d of %d pairs: mean", c->measured, c->pairs);
+    printf("\nepipolar error over %d of %d pairs: mean", c->measured, c->pairs);
     cell(c->mean_px, 0, 3);
     printf(", p95");
     cell(c->p95_px, 0, 3);

@@ -17,15 +17,15 @@ void sst_gathered_fini(struct sst_gathered *g)
     sst_light_samples_fini(&g->light);
 }
 
-void picture_result_fini(struct picture_result *result)
+void gather_result_fini(struct gather_result *result)
 {
     sst_detection_fini(&result->detection);
     sst_light_samples_fini(&result->light);
-    *result = (struct picture_result){ 0 };
+    *result = (struct gather_result){ 0 };
 }
 
-int detect_in_picture(struct picture_result *out, const struct sst_gather_config *cfg, struct sst_image *image,
-                      int view, int frame)
+int gather_detect(struct gather_result *out, const struct sst_gather_config *cfg, struct sst_image *image, int view,
+                  int frame)
 {
     int err = sst_board_detect(&cfg->board, image, &cfg->detect, &out->detection, &out->outcome);
 
@@ -38,7 +38,7 @@ int detect_in_picture(struct picture_result *out, const struct sst_gather_config
     return err;
 }
 
-int add_result(struct sst_gathered *to, struct picture_result *result)
+int gather_add(struct sst_gathered *to, struct gather_result *result)
 {
     struct sst_light_samples *light = &to->light;
     int err = 0;
@@ -63,7 +63,7 @@ int add_result(struct sst_gathered *to, struct picture_result *result)
             light->count = need;
         }
     }
-    picture_result_fini(result);
+    gather_result_fini(result);
     return err;
 }
 
@@ -90,7 +90,7 @@ struct work {
     const struct sst_gather_source *source;
     const struct sst_gather_config *cfg;
     int views, width, height;
-    struct picture_result *result; /* [frames * views] */
+    struct gather_result *result; /* [frames * views] */
     SST_ATOMIC(int) done;
 };
 
@@ -112,7 +112,7 @@ static int detect_one(void *arg, int index, int worker)
         sst_image_fini(&image);
         return -EBADMSG;
     }
-    err = detect_in_picture(&w->result[index], w->cfg, &image, view, frame);
+    err = gather_detect(&w->result[index], w->cfg, &image, view, frame);
     done = ++w->done;
     if (!worker && w->cfg->progress)
         w->cfg->progress(w->cfg->arg, (double)done / (w->source->frames * w->views));
@@ -182,7 +182,7 @@ static void log_left_out(const struct work *w)
         int n = 0, worst = -1;
 
         for (int i = 0; i < w->source->frames * w->views; i++) {
-            const struct picture_result *s = &w->result[i];
+            const struct gather_result *s = &w->result[i];
 
             if (!s->present || s->outcome != kinds[k].outcome)
                 continue;
@@ -237,7 +237,7 @@ static int add_all(struct sst_gathered *out, struct work *w)
 
         err = frame < 0 ? frame : 0;
         for (int view = 0; view < w->views && !err; view++)
-            err = add_result(out, &w->result[f * w->views + view]);
+            err = gather_add(out, &w->result[f * w->views + view]);
     }
     return err;
 }
@@ -266,7 +266,7 @@ int sst_gather(struct sst_gathered *out, const struct sst_gather_source *source,
     if (!err)
         err = add_all(&g, &w);
     for (int i = 0; w.result && i < n; i++)
-        picture_result_fini(&w.result[i]);
+        gather_result_fini(&w.result[i]);
     free(w.result);
     if (err)
         sst_gathered_fini(&g);

@@ -121,8 +121,8 @@ static void numbers_have_sensible_digits(void **state)
     assert_string_equal(COUNT(53214), "53,214");
     assert_string_equal(COUNT(-1234567), "-1,234,567");
     assert_string_equal(COUNT(-123), "-123");
-    assert_string_equal(format_date(0).text, "unknown");
-    assert_string_equal(format_date(1700000000000000000).text, "2023-11-14 22:13:20 UTC");
+    assert_string_equal(report_date(0).text, "unknown");
+    assert_string_equal(report_date(1700000000000000000).text, "2023-11-14 22:13:20 UTC");
 }
 
 /* What browsers and parsers stumble over. */
@@ -146,7 +146,7 @@ static void text_is_valid_utf8(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(pairs); i++) {
-        clean_utf8(clean, pairs[i][0]);
+        report_utf8(clean, pairs[i][0]);
         assert_string_equal(clean, pairs[i][1]);
     }
 }
@@ -158,7 +158,7 @@ static void figures_are_those_worked_by_hand(void **state)
     static const double right[4][2] = { { 0.1, 0.2 }, { -0.1, 0.2 }, { 0, 0.2 }, { 0, 0.2 } };
     struct made_config cfg = made_defaults();
     struct made m;
-    struct figures f;
+    struct report_figures f;
 
     (void)state;
     cfg.rows = 1, cfg.cols = 2, cfg.frames = 1, cfg.across = cfg.down = 1, cfg.width = 800, cfg.height = 600;
@@ -180,7 +180,7 @@ static void figures_are_those_worked_by_hand(void **state)
     m.solution.frame[0] = (struct sst_solve_frame){ .known = true, .rms_px = 0.25 };
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(figures_init(&f, &report), 0);
+    assert_int_equal(report_figures_init(&f, &report), 0);
     assert_int_equal(f.known, 2);
     /* Column 210.5 / 100 = 2, row 510.5 / 100 = 5; the outlier does not count. */
     assert_int_equal(f.camera[0].region[5][2].corners, 3);
@@ -206,7 +206,7 @@ static void figures_are_those_worked_by_hand(void **state)
     assert_int_equal(f.pairs, 0); /* three shared corners are too few */
     assert_near(f.centre_mm[0][0], 0, 1e-12);
     assert_near(f.lattice_mm[1][0], 0, 1e-9); /* two places are always a lattice */
-    figures_fini(&f);
+    report_figures_fini(&f);
     made_close(&m);
 }
 
@@ -215,7 +215,7 @@ static void lattice_is_fitted(void **state)
 {
     struct made_config cfg = small();
     struct made m;
-    struct figures f;
+    struct report_figures f;
     double sum[2] = { 0 };
 
     (void)state;
@@ -230,16 +230,16 @@ static void lattice_is_fitted(void **state)
     }
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(figures_init(&f, &report), 0);
+    assert_int_equal(report_figures_init(&f, &report), 0);
     for (int k = 0; k < 6; k++) {
         assert_near(f.lattice_mm[k][0], 0, 1e-12);
         assert_near(f.lattice_mm[k][1], 0, 1e-12);
         assert_near(f.centre_mm[k][2], k == 3 ? 0.5 : -0.1, 1e-12); /* against the mean */
     }
-    figures_fini(&f);
+    report_figures_fini(&f);
     m.solution.calib.camera[0].position_mm[0] += 0.6;
     m.solution.calib.camera[0].position_mm[1] -= 0.3;
-    assert_int_equal(figures_init(&f, &report), 0);
+    assert_int_equal(report_figures_init(&f, &report), 0);
     /* Leverage of a corner of 2x3 with three parameters: 1/6 + 1/4 + 1/6 = 7/12 is fitted away. */
     assert_near(f.lattice_mm[0][0], 0.6 * 5 / 12, 1e-12);
     assert_near(f.lattice_mm[0][1], -0.3 * 5 / 12, 1e-12);
@@ -249,7 +249,7 @@ static void lattice_is_fitted(void **state)
     }
     assert_near(sum[0], 0, 1e-12);
     assert_near(sum[1], 0, 1e-12);
-    figures_fini(&f);
+    report_figures_fini(&f);
     made_close(&m);
 }
 
@@ -259,7 +259,7 @@ static void pairs_are_compared_across_their_line(void **state)
     static const double quarter[9] = { 0, 1, 0, -1, 0, 0, 0, 0, 1 }; /* camera from rig */
     struct made_config cfg = small();
     struct made m;
-    struct figures f;
+    struct report_figures f;
 
     (void)state;
     cfg.rows = 1, cfg.cols = 2, cfg.noise_px = 0.01, cfg.frames = 40;
@@ -276,7 +276,7 @@ static void pairs_are_compared_across_their_line(void **state)
     }
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(figures_init(&f, &report), 0);
+    assert_int_equal(report_figures_init(&f, &report), 0);
     assert_int_equal(f.pairs, 1);
     assert_near(f.pair_mean_px, 0.2, 0.005);
     assert_near(f.pair_max_px, 0.2, 0.005);
@@ -285,12 +285,12 @@ static void pairs_are_compared_across_their_line(void **state)
     assert_true(f.camera[0].systematic_px < 0.003);
     assert_int_equal(f.systematic_camera, 1);
     assert_true(f.direction_z > 10);
-    figures_fini(&f);
+    report_figures_fini(&f);
     /* Its picture's down is the rig's left: along the line between them, so no longer across it. */
     memcpy(m.solution.calib.camera[1].rotation, quarter, sizeof(quarter));
-    assert_int_equal(figures_init(&f, &report), 0);
+    assert_int_equal(report_figures_init(&f, &report), 0);
     assert_near(f.pair_mean_px, 0, 0.005);
-    figures_fini(&f);
+    report_figures_fini(&f);
     made_close(&m);
 }
 
@@ -298,30 +298,30 @@ static void random_residuals_look_random(void **state)
 {
     struct made_config cfg = small();
     struct made m;
-    struct figures f;
+    struct report_figures f;
 
     (void)state;
     cfg.frames = 60;
     made_open(&m, &cfg);
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(figures_init(&f, &report), 0);
+    assert_int_equal(report_figures_init(&f, &report), 0);
     assert_true(f.regions > 100);
     assert_true(fabs(f.direction_z) < 3);
     assert_true(f.regions_off < 3);
     assert_near((double)f.within[0] / (double)f.samples, 0.6827, 0.01);
     assert_near((double)f.within[1] / (double)f.samples, 0.9545, 0.006);
-    figures_fini(&f);
+    report_figures_fini(&f);
     made_close(&m);
 }
 
 /* Verdict of the small array with one thing changed. */
-static enum verdict verdict_with(void (*change)(struct made *), const char *reason)
+static enum report_verdict verdict_with(void (*change)(struct made *), const char *reason)
 {
     struct made_config cfg = small();
     struct made m;
-    struct figures f;
-    enum verdict verdict;
+    struct report_figures f;
+    enum report_verdict verdict;
     char text[640];
     bool found = false;
 
@@ -330,9 +330,9 @@ static enum verdict verdict_with(void (*change)(struct made *), const char *reas
     change(&m);
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(figures_init(&f, &report), 0);
+    assert_int_equal(report_figures_init(&f, &report), 0);
     for (int i = 0; i < f.criteria; i++) {
-        if (criterion_reason(&f.criterion[i], text)) {
+        if (report_criterion_reason(&f.criterion[i], text)) {
             if (!reason || !strstr(text, reason))
                 fail_msg("not expected: %s", text);
             found = true;
@@ -340,7 +340,7 @@ static enum verdict verdict_with(void (*change)(struct made *), const char *reas
     }
     assert_true(found == (reason != NULL));
     verdict = f.verdict;
-    figures_fini(&f);
+    report_figures_fini(&f);
     made_close(&m);
     return verdict;
 }

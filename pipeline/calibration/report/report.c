@@ -59,29 +59,29 @@ static char *dump(json_t *o, size_t flags)
 
 int sst_calib_report_write(const char *path, const struct sst_calib_report *report)
 {
-    struct figures f;
+    struct report_figures f;
     char *figures, *drawing;
-    int err = figures_init(&f, report);
+    int err = report_figures_init(&f, report);
 
     if (err)
         return err;
-    figures = dump(figures_json(report, &f), JSON_COMPACT | JSON_REAL_PRECISION(12));
-    drawing = figures ? dump(drawing_json(report, &f), JSON_COMPACT | JSON_REAL_PRECISION(5)) : NULL;
+    figures = dump(report_figures_json(report, &f), JSON_COMPACT | JSON_REAL_PRECISION(12));
+    drawing = figures ? dump(report_drawing_json(report, &f), JSON_COMPACT | JSON_REAL_PRECISION(5)) : NULL;
     err = drawing ? write_page(path, figures, drawing) : -ENOMEM;
     free(figures);
     free(drawing);
-    figures_fini(&f);
+    report_figures_fini(&f);
     return err;
 }
 
 char *sst_calib_report_json(const struct sst_calib_report *report)
 {
-    struct figures f;
+    struct report_figures f;
     char *out;
 
-    if (figures_init(&f, report))
+    if (report_figures_init(&f, report))
         return NULL;
-    out = dump(figures_json(report, &f), JSON_INDENT(1) | JSON_REAL_PRECISION(12));
-    figures_fini(&f);
+    out = dump(report_figures_json(report, &f), JSON_INDENT(1) | JSON_REAL_PRECISION(12));
+    report_figures_fini(&f);
     return out;
 }

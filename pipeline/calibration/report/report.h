@@ -1,4 +1,5 @@
-/* pipeline/calibration/report/report.h - acceptance report of a calibration: one self-contained HTML page, text, JSON. */
+/* pipeline/calibration/report/report.h - acceptance report of a calibration: one self-contained HTML page, text, JSON.
+ */
 #ifndef SST_PIPELINE_CALIBRATION_REPORT_REPORT_H
 #define SST_PIPELINE_CALIBRATION_REPORT_REPORT_H
 

@@ -14,44 +14,44 @@
 #define REPORT_LISTED   24 /* outliers listed */
 #define REPORT_BINS     40 /* of the histogram, from -5 to 5 times the noise */
 
-/* --- numbers.c: numbers and text ---------------------------------------------------------------------------------- */
+/* --- report_numbers.c: numbers and text --------------------------------------------------------------------------- */
 
-struct number_text {
+struct report_number {
     char text[32];
 };
 
 /** Rounded to significant digits, all digits before the point; "unknown" if not finite. */
-struct number_text format_number(double value, int digits);
+struct report_number report_number(double value, int digits);
 /** With as many digits as an error or uncertainty deserves: 3, below 0.1 two. */
-struct number_text format_figure(double value);
+struct report_number report_figure(double value);
 /** 53,214 */
-struct number_text format_count(int64_t count);
+struct report_number report_count(int64_t count);
 /** "2024-05-06 07:08:09 UTC", "unknown" for 0 */
-struct number_text format_date(int64_t wall_ns);
-#define NUM(value, digits) (format_number(value, digits).text)
-#define FIGURE(value)      (format_figure(value).text)
-#define COUNT(n)           (format_count(n).text)
+struct report_number report_date(int64_t wall_ns);
+#define NUM(value, digits) (report_number(value, digits).text)
+#define FIGURE(value)      (report_figure(value).text)
+#define COUNT(n)           (report_count(n).text)
 /** 0 counts as unknown: for figures that cannot be 0. */
-#define NUM0(value, digits) (format_number((value) > 0 ? (value) : (double)NAN, digits).text)
+#define NUM0(value, digits) (report_number((value) > 0 ? (value) : (double)NAN, digits).text)
 
 /** Text as valid UTF-8 without control characters: anything else becomes U+FFFD. @param out  [3 strlen(text) + 1] */
-void clean_utf8(char *out, const char *text);
+void report_utf8(char *out, const char *text);
 
-/* --- figures.c: what the report shows beyond the solution's own numbers ------------------------------------------- */
+/* --- report_figures.c: what the report shows beyond the solution's own numbers ------------------------------------ */
 
 /** Residuals of the used corners in one region of one camera's picture, px. */
-struct region {
+struct report_region {
     int corners;
     double mean[2]; /* NAN without corners */
     double rms_px;  /* per point; likewise */
 };
 
-struct camera_figures {
+struct report_camera {
     char name[64];      /* the user's name of it, else "rr_cc"; any bytes */
     bool expected;      /* it is known, named or has detections: not merely a hole */
     int frames;         /* detections */
     int used, outliers; /* corners with a residual that count; all that do not */
-    struct region region[REPORT_ROWS][REPORT_COLS];
+    struct report_region region[REPORT_ROWS][REPORT_COLS];
     int seen[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]; /* corners, outliers included */
     double systematic_px;                                 /* RMS of the regions' mean residuals less what random ones
                                                              would leave; NAN unknown */
@@ -60,7 +60,7 @@ struct camera_figures {
 };
 
 /** A detection or corner far off. */
-struct far_off {
+struct report_outlier {
     int detection, corner; /* indices; corner -1: the whole detection */
     double px;             /* residual; of a whole detection the median over its corners, outliers included */
 };
@@ -74,7 +74,7 @@ enum criterion_state {
 };
 
 /** A figure and its thresholds; smaller is better. */
-struct criterion {
+struct report_criterion {
     const char *key, *what, *unit; /* what: its definition */
     double value;                  /* NAN unknown */
     double stretch, pass, limit;
@@ -84,23 +84,23 @@ struct criterion {
     const char *remedy; /* for one that is missed */
 };
 
-enum verdict {
+enum report_verdict {
     VERDICT_GOOD = 0,
     VERDICT_USABLE = 1,
     VERDICT_BAD = 2,
 };
 
-struct figures {
+struct report_figures {
     int views, known, missing;     /* missing: expected but not known */
     int used_frames;               /* frames with a known board pose */
-    struct camera_figures *camera; /* [views] */
+    struct report_camera *camera;  /* [views] */
     int *detection;                /* [frames][views] index of the detection or -1 */
     int worst_camera, worst_frame; /* -1 none */
     int worst_transfer;            /* camera; -1 none */
     int worst_count;
-    struct far_off worst[REPORT_WORST];    /* one picture each of the worst frames */
-    int listed, outliers;                  /* outliers: all with a finite residual */
-    struct far_off outlier[REPORT_LISTED]; /* largest first */
+    struct report_outlier worst[REPORT_WORST];    /* one picture each of the worst frames */
+    int listed, outliers;                         /* outliers: all with a finite residual */
+    struct report_outlier outlier[REPORT_LISTED]; /* largest first */
     /* Histogram of (weight times residual) / noise, each axis a count. */
     int64_t bin[REPORT_BINS], below, above, within[3]; /* within 1, 2, 3 times the noise */
     int64_t samples;
@@ -115,40 +115,40 @@ struct figures {
     double lattice_mm[SST_MAX_VIEWS][2]; /* centre less its place in the best regular lattice, right and down; NAN */
     double centre_mm[SST_MAX_VIEWS][3];  /* right, down, towards the scene, from the reference, common axes; NAN */
     int criteria;
-    struct criterion criterion[REPORT_CRITERIA];
-    enum verdict verdict;
+    struct report_criterion criterion[REPORT_CRITERIA];
+    enum report_verdict verdict;
 };
 
 /** @return 0 or -ENOMEM; logged. */
-SST_MUST_CHECK int figures_init(struct figures *out, const struct sst_calib_report *report);
-void figures_fini(struct figures *figures);
+SST_MUST_CHECK int report_figures_init(struct report_figures *out, const struct sst_calib_report *report);
+void report_figures_fini(struct report_figures *figures);
 
-/* geometry.c: pairs, centres and lattice of the figures. @return 0, -ENOMEM */
-SST_MUST_CHECK int figures_pairs(struct figures *f, const struct sst_calib_report *report);
-void figures_centres(struct figures *f, const struct sst_calib_report *report);
+/* report_geometry.c: pairs, centres and lattice of the figures. @return 0, -ENOMEM */
+SST_MUST_CHECK int report_figures_pairs(struct report_figures *f, const struct sst_calib_report *report);
+void report_figures_centres(struct report_figures *f, const struct sst_calib_report *report);
 /** Rotations against the common axes: the mean angle, the largest and its camera (-1: none known). */
-void figures_angles(const struct figures *f, const struct sst_calib_report *report, double *mean_deg, double *most_deg,
-                    int *most);
+void report_figures_angles(const struct report_figures *f, const struct sst_calib_report *report, double *mean_deg,
+                           double *most_deg, int *most);
 
-/* criteria.c: acceptance criteria and verdict, from everything else. */
-void figures_judge(struct figures *f, const struct sst_calib_report *report);
-const char *verdict_word(enum verdict verdict);
-const char *criterion_word(enum criterion_state state);
+/* report_criteria.c: acceptance criteria and verdict, from everything else. */
+void report_figures_judge(struct report_figures *f, const struct sst_calib_report *report);
+const char *report_verdict_word(enum report_verdict verdict);
+const char *report_criterion_word(enum criterion_state state);
 /** Why the verdict is not better, and what to do: one sentence, plain text. @return false: this one is no reason */
-bool criterion_reason(const struct criterion *c, char out[640]);
+bool report_criterion_reason(const struct report_criterion *c, char out[640]);
 
 /* --- JSON: docs/calibration-report.md ----------------------------------------------------------------------------- */
 
 /** null where not finite */
-json_t *json_number(double value);
+json_t *report_json_number(double value);
 /** Any bytes: cleaned. */
-json_t *json_text(const char *text);
-json_t *json_numbers(const double *values, int n);
+json_t *report_json_text(const char *text);
+json_t *report_json_numbers(const double *values, int n);
 
-/** json.c: all figures. @return NULL: no memory */
-json_t *figures_json(const struct sst_calib_report *report, const struct figures *f);
+/** report_json.c: all figures. @return NULL: no memory */
+json_t *report_figures_json(const struct sst_calib_report *report, const struct report_figures *f);
 
-/** drawing.c: maps, residual vectors and pictures, which the page draws. @return NULL: no memory */
-json_t *drawing_json(const struct sst_calib_report *report, const struct figures *f);
+/** report_drawing.c: maps, residual vectors and pictures, which the page draws. @return NULL: no memory */
+json_t *report_drawing_json(const struct sst_calib_report *report, const struct report_figures *f);
 
 #endif

@@ -43,7 +43,7 @@ static void fit_steps(struct lattice_fit *fit)
     }
 }
 
-static void fit_lattice(struct figures *f, int cols, const struct sst_calib *calib)
+static void fit_lattice(struct report_figures *f, int cols, const struct sst_calib *calib)
 {
     struct lattice_fit fit = { 0 };
 
@@ -84,7 +84,7 @@ static void fit_lattice(struct figures *f, int cols, const struct sst_calib *cal
     }
 }
 
-void figures_centres(struct figures *f, const struct sst_calib_report *report)
+void report_figures_centres(struct report_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const double *r = common_rotation(report), *from = calib->camera[calib->reference].position_mm;
@@ -102,8 +102,8 @@ void figures_centres(struct figures *f, const struct sst_calib_report *report)
     fit_lattice(f, report->detections->cols, calib);
 }
 
-void figures_angles(const struct figures *f, const struct sst_calib_report *report, double *mean_deg, double *most_deg,
-                    int *most)
+void report_figures_angles(const struct report_figures *f, const struct sst_calib_report *report, double *mean_deg,
+                           double *most_deg, int *most)
 {
     const struct sst_calib *calib = &report->solution->calib;
     double sum = 0;
@@ -210,7 +210,7 @@ struct pairs {
     int regions, *step; /* [STEPS + 1] */
 };
 
-static void add_pair(struct figures *f, const struct sst_calib_report *report, int a, int b, struct pairs *pairs)
+static void add_pair(struct report_figures *f, const struct sst_calib_report *report, int a, int b, struct pairs *pairs)
 {
     struct pair_sums p = { .turn = { turn_of(report, a), turn_of(report, b) },
                            .vertical = b != a + 1 || report->detections->cols == 1 };
@@ -243,7 +243,7 @@ static void add_pair(struct figures *f, const struct sst_calib_report *report, i
     }
 }
 
-int figures_pairs(struct figures *f, const struct sst_calib_report *report)
+int report_figures_pairs(struct report_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const int rows = report->detections->rows, cols = report->detections->cols;

@@ -3,7 +3,7 @@
 
 #include "pipeline/calibration/report/report_internal.h"
 
-static void errors(FILE *out, const struct sst_calib_report *report, const struct figures *f)
+static void errors(FILE *out, const struct sst_calib_report *report, const struct report_figures *f)
 {
     const struct sst_solution *s = report->solution;
     const double all = (double)s->corners + s->outliers;
@@ -23,7 +23,7 @@ static void errors(FILE *out, const struct sst_calib_report *report, const struc
     if (f->worst_transfer >= 0) {
         char name[3 * sizeof(f->camera->name)];
 
-        clean_utf8(name, f->camera[f->worst_transfer].name);
+        report_utf8(name, f->camera[f->worst_transfer].name);
         fprintf(out, "  %9s px  expected error of transferring a pixel from the reference view at %s mm, worst: %s\n",
                 NUM(s->calib.camera[f->worst_transfer].sigma_px, 2), NUM0(s->calib.range_mm, 4), name);
     }
@@ -32,25 +32,25 @@ static void errors(FILE *out, const struct sst_calib_report *report, const struc
                 FIGURE(f->pair_p95_px), f->pairs, f->pairs == 1 ? "" : "s");
 }
 
-static void worst(FILE *out, const struct sst_calib_report *report, const struct figures *f)
+static void worst(FILE *out, const struct sst_calib_report *report, const struct report_figures *f)
 {
     const struct sst_solution *s = report->solution;
     char a[3 * 64], b[3 * 64];
 
     if (f->worst_camera >= 0) {
-        clean_utf8(a, f->camera[f->worst_camera].name);
+        report_utf8(a, f->camera[f->worst_camera].name);
         fprintf(out, "  worst camera  %s: %s px RMS per point over %s corners\n", a,
                 NUM(s->calib.camera[f->worst_camera].rms_px, 3), COUNT(s->calib.camera[f->worst_camera].corners));
     }
     if (f->worst_frame >= 0) {
-        clean_utf8(a, report->detections->frame_name[f->worst_frame]);
+        report_utf8(a, report->detections->frame_name[f->worst_frame]);
         fprintf(out, "  worst frame   %s: %s px RMS per point\n", a, NUM(s->frame[f->worst_frame].rms_px, 3));
     }
     if (s->weakest >= 0 && s->weakest < s->links) {
         const struct sst_solve_link *l = &s->link[s->weakest];
 
-        clean_utf8(a, f->camera[l->a].name);
-        clean_utf8(b, f->camera[l->b].name);
+        report_utf8(a, f->camera[l->a].name);
+        report_utf8(b, f->camera[l->b].name);
         fprintf(out, "  weakest link  %s - %s: %s corners in %s frames\n", a, b, COUNT(l->corners), COUNT(l->frames));
     }
     if (report->rectified)
@@ -69,23 +69,23 @@ static void worst(FILE *out, const struct sst_calib_report *report, const struct
 
 int sst_calib_report_text(FILE *out, const struct sst_calib_report *report)
 {
-    struct figures f;
+    struct report_figures f;
     char reason[640], clean[3 * sizeof(reason)];
-    int err = figures_init(&f, report);
+    int err = report_figures_init(&f, report);
 
     if (err)
         return err;
-    fprintf(out, "calibration: %s\n", verdict_word(f.verdict));
+    fprintf(out, "calibration: %s\n", report_verdict_word(f.verdict));
     for (int state = CRITERION_FAILED; state >= CRITERION_UNKNOWN; state--) {
         for (int i = 0; i < f.criteria; i++) {
-            if ((int)f.criterion[i].state != state || !criterion_reason(&f.criterion[i], reason))
+            if ((int)f.criterion[i].state != state || !report_criterion_reason(&f.criterion[i], reason))
                 continue;
-            clean_utf8(clean, reason);
-            fprintf(out, "  %s: %s\n", criterion_word(f.criterion[i].state), clean);
+            report_utf8(clean, reason);
+            fprintf(out, "  %s: %s\n", report_criterion_word(f.criterion[i].state), clean);
         }
     }
     errors(out, report, &f);
     worst(out, report, &f);
-    figures_fini(&f);
+    report_figures_fini(&f);
     return 0;
 }

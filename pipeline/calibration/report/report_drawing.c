@@ -25,7 +25,7 @@ static json_t *sigma_map(const float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_C
         const double v = (double)map[i / SST_UNCERTAINTY_COLS][i % SST_UNCERTAINTY_COLS];
 
         any = any || isfinite(v);
-        json_array_append_new(list, json_number(v));
+        json_array_append_new(list, report_json_number(v));
     }
     if (any)
         return list;
@@ -39,21 +39,21 @@ static bool add_vector(json_t *list, const struct sst_corner *c, const double re
     if (!isfinite(residual[0]) || !isfinite(residual[1]))
         return false;
     if (list) {
-        json_array_append_new(list, json_number(c->x));
-        json_array_append_new(list, json_number(c->y));
+        json_array_append_new(list, report_json_number(c->x));
+        json_array_append_new(list, report_json_number(c->y));
         json_array_append_new(list, json_real(residual[0]));
         json_array_append_new(list, json_real(residual[1]));
     }
     return true;
 }
 
-static int vectors_of_camera(const struct figures *f)
+static int vectors_of_camera(const struct report_figures *f)
 {
     return sst_max_int(VECTORS_LEAST, sst_min_int(VECTORS, VECTORS_ALL / sst_max_int(f->known, 1)));
 }
 
 /* A subset of a camera's residuals, evenly over their number: used corners, or outliers. */
-static json_t *vectors(const struct sst_calib_report *report, const struct figures *f, int view, bool outliers)
+static json_t *vectors(const struct sst_calib_report *report, const struct report_figures *f, int view, bool outliers)
 {
     const struct sst_detections *all = report->detections;
     const int64_t total = outliers ? f->camera[view].outliers : f->camera[view].used, most = vectors_of_camera(f);
@@ -75,35 +75,35 @@ static json_t *vectors(const struct sst_calib_report *report, const struct figur
 }
 
 /* RMS of each region, and the means of those with enough corners. */
-static void add_regions(json_t *o, const struct camera_figures *cam)
+static void add_regions(json_t *o, const struct report_camera *cam)
 {
     json_t *rms = json_array(), *mean = json_array();
 
     for (int i = 0; i < REPORT_ROWS * REPORT_COLS; i++) {
-        const struct region *r = &cam->region[i / REPORT_COLS][i % REPORT_COLS];
+        const struct report_region *r = &cam->region[i / REPORT_COLS][i % REPORT_COLS];
 
-        json_array_append_new(rms, json_number(r->rms_px));
+        json_array_append_new(rms, report_json_number(r->rms_px));
         for (int a = 0; a < 2; a++)
-            json_array_append_new(mean, r->corners >= MEAN_CORNERS ? json_number(r->mean[a]) : json_null());
+            json_array_append_new(mean, r->corners >= MEAN_CORNERS ? report_json_number(r->mean[a]) : json_null());
     }
     json_object_set_new(o, "rms", rms);
     json_object_set_new(o, "mean", mean);
 }
 
 /* RMS of the camera's picture in each frame. */
-static json_t *frames_of_camera(const struct sst_calib_report *report, const struct figures *f, int view)
+static json_t *frames_of_camera(const struct sst_calib_report *report, const struct report_figures *f, int view)
 {
     json_t *list = json_array();
 
     for (int frame = 0; frame < report->detections->frames; frame++) {
         const int i = f->detection[(size_t)frame * (size_t)f->views + (size_t)view];
 
-        json_array_append_new(list, json_number(i >= 0 ? report->solution->view[i].rms_px : (double)NAN));
+        json_array_append_new(list, report_json_number(i >= 0 ? report->solution->view[i].rms_px : (double)NAN));
     }
     return list;
 }
 
-static json_t *camera(const struct sst_calib_report *report, const struct figures *f, int view)
+static json_t *camera(const struct sst_calib_report *report, const struct report_figures *f, int view)
 {
     const struct sst_solution *s = report->solution;
     json_t *o = json_object(), *seen = json_array();
@@ -194,7 +194,7 @@ static char *base64(const uint8_t *data, size_t size)
 }
 
 /* The cut-out as a JPEG in base64, null where the picture is not available. */
-static json_t *jpeg_of(const struct sst_calib_report *r, const struct figures *f, const struct sst_detection *d,
+static json_t *jpeg_of(const struct sst_calib_report *r, const struct report_figures *f, const struct sst_detection *d,
                        struct cut cut)
 {
     struct sst_image whole = { 0 }, part = { 0 };
@@ -221,7 +221,7 @@ static json_t *jpeg_of(const struct sst_calib_report *r, const struct figures *f
     return out;
 }
 
-static json_t *picture(const struct sst_calib_report *report, const struct figures *f, int index)
+static json_t *picture(const struct sst_calib_report *report, const struct report_figures *f, int index)
 {
     const struct sst_detection *d = &report->detections->detection[index];
     const struct sst_solve_view *v = &report->solution->view[index];
@@ -234,7 +234,7 @@ static json_t *picture(const struct sst_calib_report *report, const struct figur
                      cut.height, "jpeg", jpeg_of(report, f, d, cut), "used", used, "outliers", outliers);
 }
 
-json_t *drawing_json(const struct sst_calib_report *report, const struct figures *f)
+json_t *report_drawing_json(const struct sst_calib_report *report, const struct report_figures *f)
 {
     json_t *cameras = json_array(), *pictures = json_array();
 

@@ -30,7 +30,7 @@ enum key {
 
 /* A small RMS alone is no evidence, as a lean model with few corners fits anything: the verdict needs the
  * cross-validation too. */
-static const struct criterion thresholds[] = {
+static const struct report_criterion thresholds[] = {
     [RMS_CAMERA] = { .key = "rms_camera",
                      .what = "largest RMS per point of a camera, over its used corners",
                      .unit = "px",
@@ -138,9 +138,9 @@ static const struct criterion thresholds[] = {
                   .limit = INFINITY },
 };
 
-static struct criterion *add(struct figures *f, enum key key, double value)
+static struct report_criterion *add(struct report_figures *f, enum key key, double value)
 {
-    struct criterion c = thresholds[key];
+    struct report_criterion c = thresholds[key];
 
     c.value = value;
     c.state = !isfinite(value)     ? CRITERION_UNKNOWN
@@ -152,16 +152,16 @@ static struct criterion *add(struct figures *f, enum key key, double value)
     return &f->criterion[f->criteria++];
 }
 
-static struct criterion *add_of_camera(struct figures *f, enum key key, double value, int view)
+static struct report_criterion *add_of_camera(struct report_figures *f, enum key key, double value, int view)
 {
-    struct criterion *c = add(f, key, value);
+    struct report_criterion *c = add(f, key, value);
 
     if (view >= 0 && view < f->views)
         snprintf(c->where, sizeof(c->where), "camera %s", f->camera[view].name);
     return c;
 }
 
-static void judge_residuals(struct figures *f, const struct sst_solution *s)
+static void judge_residuals(struct report_figures *f, const struct sst_solution *s)
 {
     const double all = (double)s->corners + s->outliers, expected = s->predicted_rms_px;
 
@@ -174,7 +174,7 @@ static void judge_residuals(struct figures *f, const struct sst_solution *s)
                   f->systematic_camera);
 }
 
-static void judge_cross(struct figures *f, const struct sst_solution *s)
+static void judge_cross(struct report_figures *f, const struct sst_solution *s)
 {
     const bool done = isfinite(s->cross_px);
     const double ratio = done && s->cross_expected_px > 0 ? s->cross_px / s->cross_expected_px : (double)NAN;
@@ -184,9 +184,9 @@ static void judge_cross(struct figures *f, const struct sst_solution *s)
     add(f, CROSS_OVER_EXPECTED, ratio)->judged = done && s->cross_px > CROSS_HARMLESS_PX;
 }
 
-static void judge_geometry(struct figures *f, const struct sst_solution *s)
+static void judge_geometry(struct report_figures *f, const struct sst_solution *s)
 {
-    struct criterion *c;
+    struct report_criterion *c;
 
     if (f->known < 2)
         return;
@@ -201,9 +201,9 @@ static void judge_geometry(struct figures *f, const struct sst_solution *s)
                  f->camera[f->pair_worst[1]].name);
 }
 
-static void judge_missing(struct figures *f, const struct sst_solution *s)
+static void judge_missing(struct report_figures *f, const struct sst_solution *s)
 {
-    struct criterion *c = add(f, MISSING, f->known ? f->missing : (double)NAN);
+    struct report_criterion *c = add(f, MISSING, f->known ? f->missing : (double)NAN);
 
     for (int k = 0; k < f->views && f->missing; k++) {
         const size_t used = strlen(c->where);
@@ -213,7 +213,7 @@ static void judge_missing(struct figures *f, const struct sst_solution *s)
     }
 }
 
-void figures_judge(struct figures *f, const struct sst_calib_report *report)
+void report_figures_judge(struct report_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_solution *s = report->solution;
 
@@ -225,7 +225,7 @@ void figures_judge(struct figures *f, const struct sst_calib_report *report)
     add(f, SECONDS, s->seconds > 0 ? s->seconds : (double)NAN);
     f->verdict = VERDICT_GOOD;
     for (int i = 0; i < f->criteria; i++) {
-        const struct criterion *c = &f->criterion[i];
+        const struct report_criterion *c = &f->criterion[i];
 
         if (!c->judged)
             continue;
@@ -238,21 +238,21 @@ void figures_judge(struct figures *f, const struct sst_calib_report *report)
         f->verdict = VERDICT_BAD;
 }
 
-const char *verdict_word(enum verdict verdict)
+const char *report_verdict_word(enum report_verdict verdict)
 {
     static const char *const words[] = { "good", "usable", "do not use" };
 
     return words[verdict];
 }
 
-const char *criterion_word(enum criterion_state state)
+const char *report_criterion_word(enum criterion_state state)
 {
     static const char *const words[] = { "unknown", "met easily", "met", "missed", "failed" };
 
     return words[state];
 }
 
-bool criterion_reason(const struct criterion *c, char out[640])
+bool report_criterion_reason(const struct report_criterion *c, char out[640])
 {
     const bool over = c->state == CRITERION_MISSED || c->state == CRITERION_FAILED;
 

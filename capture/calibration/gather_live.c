@@ -25,7 +25,7 @@ struct sst_gather_live {
     /* writer's thread only, while run lasts */
     struct sst_gathered *out;
     struct sst_coverage *coverage; /* [views] */
-    struct picture_result *result; /* [views] of the current frameset */
+    struct gather_result *result;  /* [views] of the current frameset */
     double (*last)[2];             /* [views] middle of the corners in the last accepted frameset; NAN: none */
     const struct sst_set *set;
     int *frameset, capacity; /* of the accepted ones: their numbers */
@@ -46,9 +46,9 @@ static int detect_one(void *arg, int cam, int worker SST_UNUSED)
     const int view = view_of(l->array, cam);
     struct sst_image image;
 
-    if (!f || decode_frame(&image, f->fourcc, f->width, f->height, f->stride, f->data, f->bytes))
+    if (!f || gather_decode(&image, f->fourcc, f->width, f->height, f->stride, f->data, f->bytes))
         return 0;
-    return detect_in_picture(&l->result[view], &l->cfg, &image, view, l->out->all.frames);
+    return gather_detect(&l->result[view], &l->cfg, &image, view, l->out->all.frames);
 }
 
 static bool found(const struct sst_gather_live *l, int view)
@@ -107,7 +107,7 @@ static int accept_frameset(struct sst_gather_live *l, uint64_t index)
         return frame;
     l->frameset[frame] = l->framesets;
     for (int k = 0; k < l->views && !err; k++)
-        err = add_result(l->out, &l->result[k]);
+        err = gather_add(l->out, &l->result[k]);
     return err;
 }
 
@@ -173,7 +173,7 @@ static int on_set(void *arg, const struct sst_set *set)
             sst_coverage_count(l->coverage, &l->out->all);
     }
     for (int k = 0; k < l->views; k++)
-        picture_result_fini(&l->result[k]);
+        gather_result_fini(&l->result[k]);
     l->framesets++;
     if (!err) /* also while nothing is accepted: that is when the user needs it */
         err = report_status(l, sst_clock_now_ns());

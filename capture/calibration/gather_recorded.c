@@ -15,7 +15,7 @@
 /* A frame whose bytes are in doubt; a timestamp that went backwards does not count. */
 #define BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
 
-int recorded_open(struct sst_gather_source *out, const struct sst_gather_selection *selection)
+int gather_recorded_open(struct sst_gather_source *out, const struct sst_gather_selection *selection)
 {
     const struct sst_recording_info *info;
     int sets, err = sst_recording_open(&out->recording, out->path);
@@ -32,7 +32,7 @@ int recorded_open(struct sst_gather_source *out, const struct sst_gather_selecti
         return -EBADMSG;
     }
     out->spacing_mm = info->spacing_mm;
-    out->frames = selection_count(selection, sets);
+    out->frames = gather_selection_count(selection, sets);
     if (!out->frames) {
         sst_log_error("%s holds no set; record some first", out->path);
         return -EBADMSG;
@@ -54,14 +54,14 @@ int recorded_open(struct sst_gather_source *out, const struct sst_gather_selecti
                      t->col);
     }
     for (int i = 0; i < out->frames; i++) {
-        out->frameset[i] = selection_at(selection, sets, i);
+        out->frameset[i] = gather_selection_at(selection, sets, i);
         snprintf(out->frame_name[i], sizeof(*out->frame_name), "set %d", out->frameset[i]);
     }
     return 0;
 }
 
-int decode_frame(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data,
-                 size_t bytes)
+int gather_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data,
+                  size_t bytes)
 {
     const struct sst_raw raw = { fourcc, width, height, stride, data, bytes };
     char text[SST_LOG_MAX] = "", *before;
@@ -79,7 +79,7 @@ int decode_frame(struct sst_image *out, uint32_t fourcc, int width, int height, 
     return err;
 }
 
-int recorded_read(const struct sst_gather_source *source, int view, int frame, struct sst_image *out)
+int gather_recorded_read(const struct sst_gather_source *source, int view, int frame, struct sst_image *out)
 {
     const struct sst_recording_info *info = sst_recording_info(source->recording);
     struct sst_recording_set *set = malloc(sizeof(*set));
@@ -97,8 +97,8 @@ int recorded_read(const struct sst_gather_source *source, int view, int frame, s
     if (!err)
         err = sst_recording_frame(source->recording, set, cam, &data);
     if (!err)
-        err = decode_frame(out, info->fourcc, info->width, info->height, set->frame[cam].stride, data,
-                           set->frame[cam].bytes);
+        err = gather_decode(out, info->fourcc, info->width, info->height, set->frame[cam].stride, data,
+                            set->frame[cam].bytes);
     free(data);
     free(set);
     return err == -EBADMSG ? -EILSEQ : err;

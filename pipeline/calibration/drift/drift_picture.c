@@ -1,5 +1,4 @@
-/* The check as a picture: cameras in their grid, coloured by how far they are off, arrows for shifts, bars for pairs.
- */
+/* The check as a picture: cameras in their grid, coloured by displacement, arrows for shifts, bars for pairs. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -160,7 +159,7 @@ int sst_check_picture(struct sst_image *out, const struct sst_check *check)
     box(out, 0, 0, out->width, out->height, paper);
     text(out, 12, 8, 2, sst_check_verdict_name(check->verdict), ink);
     if (check->measured)
-        snprintf(figures, sizeof(figures), "CROSS DISPARITY: MEAN %.3f P95 %.3f PX", check->mean_px, check->p95_px);
+        snprintf(figures, sizeof(figures), "EPIPOLAR ERROR: MEAN %.3f P95 %.3f PX", check->mean_px, check->p95_px);
     text(out, 12, 27, 1, figures, ink);
     for (int i = 0; i < check->pairs; i++)
         draw_pair(out, check, &check->pair[i]);

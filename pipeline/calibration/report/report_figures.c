@@ -36,7 +36,7 @@ static bool is_outlier(const struct sst_solve_view *v, int corner)
 }
 
 /* Keep the `most` largest, ties in the order of coming. @return the new count */
-static int keep_largest(struct far_off *list, int count, int most, struct far_off far)
+static int keep_largest(struct report_outlier *list, int count, int most, struct report_outlier far)
 {
     int at = count < most ? count : most;
 
@@ -51,7 +51,7 @@ static int keep_largest(struct far_off *list, int count, int most, struct far_of
     return count;
 }
 
-static void count_axis(struct figures *f, double in_sigma)
+static void count_axis(struct report_figures *f, double in_sigma)
 {
     const double at = (in_sigma + 5) * REPORT_BINS / 10, size = fabs(in_sigma);
 
@@ -66,8 +66,8 @@ static void count_axis(struct figures *f, double in_sigma)
         f->bin[(int)at]++;
 }
 
-static void add_used(struct figures *f, const struct sst_calib_report *report, const struct sst_corner *c,
-                     const double e[2], struct region *region, struct sums *s)
+static void add_used(struct report_figures *f, const struct sst_calib_report *report, const struct sst_corner *c,
+                     const double e[2], struct report_region *region, struct sums *s)
 {
     const double noise = report->solution->noise_px, length = hypot(e[0], e[1]);
 
@@ -83,13 +83,13 @@ static void add_used(struct figures *f, const struct sst_calib_report *report, c
 }
 
 /* One detection into its camera's figures and the lists of the worst. */
-static void add_detection(struct figures *f, const struct sst_calib_report *report, int index,
+static void add_detection(struct report_figures *f, const struct sst_calib_report *report, int index,
                           struct sums (*sums)[REGIONS])
 {
     const struct sst_detections *all = report->detections;
     const struct sst_detection *d = &all->detection[index];
     const struct sst_solve_view *v = &report->solution->view[index];
-    struct camera_figures *cam = &f->camera[d->view];
+    struct report_camera *cam = &f->camera[d->view];
 
     cam->frames++;
     for (int i = 0; i < d->corners; i++) {
@@ -107,7 +107,7 @@ static void add_detection(struct figures *f, const struct sst_calib_report *repo
         }
         f->outliers++;
         f->listed = keep_largest(f->outlier, f->listed, REPORT_LISTED,
-                                 (struct far_off){ index, i, hypot(v->residual[i][0], v->residual[i][1]) });
+                                 (struct report_outlier){ index, i, hypot(v->residual[i][0], v->residual[i][1]) });
     }
 }
 
@@ -124,10 +124,10 @@ static double median_off(const struct sst_detection *d, const struct sst_solve_v
 }
 
 /* The worst picture of each frame, and of these the worst: a frame taken in motion is bad in all its pictures. */
-static int rank_pictures(struct figures *f, const struct sst_calib_report *report)
+static int rank_pictures(struct report_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_detections *all = report->detections;
-    struct far_off worst = { -1, -1, 0 };
+    struct report_outlier worst = { -1, -1, 0 };
     int most = 1;
     double *length;
 
@@ -140,7 +140,7 @@ static int rank_pictures(struct figures *f, const struct sst_calib_report *repor
         const double off = median_off(&all->detection[i], &report->solution->view[i], length);
 
         if (isfinite(off) && (worst.detection < 0 || off > worst.px))
-            worst = (struct far_off){ i, -1, off };
+            worst = (struct report_outlier){ i, -1, off };
         if (worst.detection < 0 || (i + 1 < all->count && all->detection[i + 1].frame == all->detection[i].frame))
             continue;
         f->worst_count = keep_largest(f->worst, f->worst_count, REPORT_WORST, worst);
@@ -151,13 +151,13 @@ static int rank_pictures(struct figures *f, const struct sst_calib_report *repor
 }
 
 /* Means of one camera's regions; what random residuals would leave in them is known from their own spread. */
-static void finish_camera(struct figures *f, int view, const struct sums *s, double total[3])
+static void finish_camera(struct report_figures *f, int view, const struct sums *s, double total[3])
 {
-    struct camera_figures *cam = &f->camera[view];
+    struct report_camera *cam = &f->camera[view];
     double excess = 0, corners = 0, random = 0;
 
     for (int i = 0; i < REGIONS; i++) {
-        struct region *r = &cam->region[i / REPORT_COLS][i % REPORT_COLS];
+        struct report_region *r = &cam->region[i / REPORT_COLS][i % REPORT_COLS];
         const double n = r->corners;
 
         for (int a = 0; a < 2; a++)
@@ -205,13 +205,13 @@ static double map_rms(const float (*map)[SST_UNCERTAINTY_COLS])
 }
 
 /* Names, maps and the worst of the cameras. */
-static void describe_cameras(struct figures *f, const struct sst_calib_report *report)
+static void describe_cameras(struct report_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_solution *s = report->solution;
     const struct sst_detections *all = report->detections;
 
     for (int k = 0; k < f->views; k++) {
-        struct camera_figures *cam = &f->camera[k];
+        struct report_camera *cam = &f->camera[k];
         const struct sst_calib_camera *c = &s->calib.camera[k];
         const char *name = c->name[0] ? c->name : all->camera_name ? all->camera_name[k] : "";
 
@@ -234,7 +234,7 @@ static void describe_cameras(struct figures *f, const struct sst_calib_report *r
     }
 }
 
-static int describe_coverage(struct figures *f, const struct sst_detections *all)
+static int describe_coverage(struct report_figures *f, const struct sst_detections *all)
 {
     struct sst_coverage *coverage = calloc((size_t)f->views, sizeof(*coverage));
 
@@ -249,7 +249,7 @@ static int describe_coverage(struct figures *f, const struct sst_detections *all
     return 0;
 }
 
-static void describe_frames(struct figures *f, const struct sst_calib_report *report)
+static void describe_frames(struct report_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_solution *s = report->solution;
 
@@ -263,7 +263,7 @@ static void describe_frames(struct figures *f, const struct sst_calib_report *re
     }
 }
 
-static void add_all(struct figures *f, const struct sst_calib_report *report, struct sums (*sums)[REGIONS])
+static void add_all(struct report_figures *f, const struct sst_calib_report *report, struct sums (*sums)[REGIONS])
 {
     const struct sst_detections *all = report->detections;
     double total[3] = { 0 }; /* excess of means, corners, chi square of the directions */
@@ -278,16 +278,16 @@ static void add_all(struct figures *f, const struct sst_calib_report *report, st
     f->direction_z = f->regions ? chi_square_z(total[2], 2 * f->regions) : (double)NAN;
 }
 
-int figures_init(struct figures *out, const struct sst_calib_report *report)
+int report_figures_init(struct report_figures *out, const struct sst_calib_report *report)
 {
     const struct sst_detections *all = report->detections;
     const size_t views = (size_t)all->rows * (size_t)all->cols, slots = views * (size_t)all->frames;
-    struct figures f = { .views = (int)views,
-                         .worst_camera = -1,
-                         .worst_frame = -1,
-                         .worst_transfer = -1,
-                         .systematic_camera = -1,
-                         .pair_worst = { -1, -1 } };
+    struct report_figures f = { .views = (int)views,
+                                .worst_camera = -1,
+                                .worst_frame = -1,
+                                .worst_transfer = -1,
+                                .systematic_camera = -1,
+                                .pair_worst = { -1, -1 } };
     struct sums(*sums)[REGIONS] = calloc(views, sizeof(*sums));
     int err = -ENOMEM;
 
@@ -300,27 +300,27 @@ int figures_init(struct figures *out, const struct sst_calib_report *report)
     add_all(&f, report, sums);
     describe_cameras(&f, report);
     describe_frames(&f, report);
-    figures_centres(&f, report);
+    report_figures_centres(&f, report);
     err = describe_coverage(&f, report->detections);
     if (!err)
         err = rank_pictures(&f, report);
     if (!err)
-        err = figures_pairs(&f, report);
+        err = report_figures_pairs(&f, report);
     if (err)
         goto out;
-    figures_judge(&f, report);
+    report_figures_judge(&f, report);
     *out = f;
-    f = (struct figures){ 0 };
+    f = (struct report_figures){ 0 };
 
 out:
     if (err == -ENOMEM)
         sst_log_error("no memory for the report of %d pictures; close other programs", all->count);
     free(sums);
-    figures_fini(&f);
+    report_figures_fini(&f);
     return err;
 }
 
-void figures_fini(struct figures *figures)
+void report_figures_fini(struct report_figures *figures)
 {
     free(figures->camera);
     free(figures->detection);

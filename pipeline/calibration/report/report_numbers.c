@@ -8,9 +8,9 @@
 #include "pipeline/calibration/report/report_internal.h"
 #include "pipeline/camera/format_parts.h"
 
-struct number_text format_number(double value, int digits)
+struct report_number report_number(double value, int digits)
 {
-    struct number_text n;
+    struct report_number n;
     int decimals;
 
     if (!isfinite(value) || value == 0) {
@@ -28,15 +28,15 @@ struct number_text format_number(double value, int digits)
     return n;
 }
 
-struct number_text format_figure(double value)
+struct report_number report_figure(double value)
 {
     /* Below a billionth of a pixel or millimetre only rounding is left. */
-    return format_number(fabs(value) < 1e-9 ? 0 : value, fabs(value) < 0.1 ? 2 : 3);
+    return report_number(fabs(value) < 1e-9 ? 0 : value, fabs(value) < 0.1 ? 2 : 3);
 }
 
-struct number_text format_count(int64_t count)
+struct report_number report_count(int64_t count)
 {
-    struct number_text n;
+    struct report_number n;
     char digits[24];
     int used = 0;
     const int length = snprintf(digits, sizeof(digits), "%" PRId64, count);
@@ -50,9 +50,9 @@ struct number_text format_count(int64_t count)
     return n;
 }
 
-struct number_text format_date(int64_t wall_ns)
+struct report_number report_date(int64_t wall_ns)
 {
-    struct number_text n = { "unknown" };
+    struct report_number n = { "unknown" };
     const time_t seconds = (time_t)(wall_ns / 1000000000);
     struct tm tm;
 
@@ -61,7 +61,7 @@ struct number_text format_date(int64_t wall_ns)
     return n;
 }
 
-void clean_utf8(char *out, const char *text)
+void report_utf8(char *out, const char *text)
 {
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
         uint32_t code;

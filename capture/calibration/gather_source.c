@@ -309,12 +309,12 @@ static int arrange(struct sst_gather_source *s, struct list *l, const struct sst
         err = view ? assign_views(s, camera, cameras, selection->grid, view) : -ENOMEM;
     }
     if (!err) {
-        s->frames = selection_count(selection, all);
+        s->frames = gather_selection_count(selection, all);
         s->camera_name = calloc((size_t)(s->rows * s->cols), sizeof(*s->camera_name));
         s->file = calloc((size_t)s->frames * (size_t)(s->rows * s->cols), sizeof(*s->file));
         err = s->camera_name && s->file ? 0 : -ENOMEM;
         for (int f = 0; f < s->frames; f++)
-            memmove(s->frame_name[f], s->frame_name[selection_at(selection, all, f)], sizeof(*s->frame_name));
+            memmove(s->frame_name[f], s->frame_name[gather_selection_at(selection, all, f)], sizeof(*s->frame_name));
     }
     for (int i = 0; i < cameras && !err; i++)
         memcpy(s->camera_name[view[i]], camera[i], sizeof(*camera));
@@ -357,7 +357,7 @@ int sst_gather_source_open(struct sst_gather_source *out, const char *path,
         return there ? -EBADMSG : -ENOENT;
     }
     if (has(path, "recording.json")) {
-        err = recorded_open(out, selection);
+        err = gather_recorded_open(out, selection);
     } else {
         err = scan_all(out, &l);
         if (!err && !l.count) {
@@ -391,7 +391,7 @@ int sst_gather_source_read(const struct sst_gather_source *s, int view, int fram
     const char *path;
 
     if (s->recording)
-        return recorded_read(s, view, frame, out);
+        return gather_recorded_read(s, view, frame, out);
     path = s->file[(size_t)frame * (size_t)(s->rows * s->cols) + (size_t)view];
     return path ? sst_image_read(out, path) : -ENODATA;
 }
