@@ -33,7 +33,7 @@ struct job {
     struct sst_solution solution;
     bool solved, lit;
     int overridden; /* refusals that --force turned into warnings */
-    struct sst_light_report light;
+    struct sst_photometric_report light;
     struct sst_rectified *rectified; /* NULL: one camera */
 };
 
@@ -188,7 +188,7 @@ static int light(struct job *job)
 
     if (job->o->no_light || !job->gathered.light.count || known_cameras(&job->solution.calib) < 2)
         return 0;
-    err = sst_light_solve(&job->solution.calib, &job->gathered.light, &job->light);
+    err = sst_photometric_solve(&job->solution.calib, &job->gathered.light, &job->light);
     job->lit = !err;
     return err == -ENODATA ? 0 : err;
 }

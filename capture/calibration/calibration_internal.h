@@ -35,7 +35,7 @@ struct gather_result {
     bool present; /* there was a picture */
     bool damaged; /* there was a frame that cannot be decoded */
     struct sst_detection detection;
-    struct sst_light_samples light;
+    struct sst_photometric_samples light;
 };
 
 /** Find the board in one picture; the picture is released. */

@@ -14,13 +14,13 @@
 void sst_gathered_fini(struct sst_gathered *g)
 {
     sst_detections_fini(&g->all);
-    sst_light_samples_fini(&g->light);
+    sst_photometric_samples_fini(&g->light);
 }
 
 void gather_result_fini(struct gather_result *result)
 {
     sst_detection_fini(&result->detection);
-    sst_light_samples_fini(&result->light);
+    sst_photometric_samples_fini(&result->light);
     *result = (struct gather_result){ 0 };
 }
 
@@ -33,14 +33,14 @@ int gather_detect(struct gather_result *out, const struct sst_gather_config *cfg
     out->detection.view = view;
     out->detection.frame = frame;
     if (!err && out->outcome == SST_DETECT_FOUND && cfg->light)
-        err = sst_light_collect(&out->light, &cfg->board, image, &out->detection);
+        err = sst_photometric_collect(&out->light, &cfg->board, image, &out->detection);
     sst_image_fini(image);
     return err;
 }
 
 int gather_add(struct sst_gathered *to, struct gather_result *result)
 {
-    struct sst_light_samples *light = &to->light;
+    struct sst_photometric_samples *light = &to->light;
     int err = 0;
 
     if (result->present)
@@ -51,7 +51,7 @@ int gather_add(struct sst_gathered *to, struct gather_result *result)
         const int need = light->count + result->light.count;
 
         if (need > light->capacity) {
-            struct sst_light_sample *more = realloc(light->sample, 2 * (size_t)need * sizeof(*more));
+            struct sst_photometric_sample *more = realloc(light->sample, 2 * (size_t)need * sizeof(*more));
 
             err = more ? 0 : -ENOMEM;
             light->sample = more ? more : light->sample;

@@ -5,7 +5,7 @@
 
 #include "config/array.h"
 #include "pipeline/calibration/board/detect.h"
-#include "pipeline/calibration/photometric/light.h"
+#include "pipeline/calibration/photometric/photometric.h"
 
 struct sst_recording;
 struct sst_set;
@@ -55,7 +55,7 @@ SST_MUST_CHECK int sst_gather_source_read(const struct sst_gather_source *source
 
 struct sst_gathered {
     struct sst_detections all;
-    struct sst_light_samples light;
+    struct sst_photometric_samples light;
 };
 void sst_gathered_fini(struct sst_gathered *gathered);
 

@@ -99,7 +99,7 @@ static void nasty_names(struct made *m)
 int main(int argc, char **argv)
 {
     struct made_config cfg = made_defaults();
-    struct sst_light_report light = {
+    struct sst_photometric_report light = {
         .samples = 41872, .cameras = 36, .before = 0.062, .after = 0.007, .worst_falloff = 0.31, .worst_gain = 0.053
     };
     struct sst_rectified plan;

@@ -5,14 +5,14 @@
 
 #include <stdio.h>
 
-#include "pipeline/calibration/photometric/light.h"
+#include "pipeline/calibration/photometric/photometric.h"
 #include "pipeline/calibration/solve/solve.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
 struct sst_calib_report {
     const struct sst_detections *detections;
     const struct sst_solution *solution;
-    const struct sst_light_report *light;  /* or NULL */
+    const struct sst_photometric_report *light;  /* or NULL */
     const struct sst_rectified *rectified; /* or NULL: one camera */
     int overridden;                        /* refusals that were turned into warnings by force */
     /** A picture, to show the worst ones; 0 or a negative errno (then it is left out). May be NULL. */

@@ -151,7 +151,7 @@ static json_t *array(const struct sst_calib_report *report, const struct report_
     return o;
 }
 
-static json_t *light(const struct sst_light_report *l)
+static json_t *light(const struct sst_photometric_report *l)
 {
     if (!l)
         return json_null();
