@@ -104,7 +104,7 @@ static void make(struct sst_lightfield *lf, const struct recipe *r)
     }
 }
 
-static void run(struct sst_check *out, const struct sst_lightfield *lf, int threads)
+static void run(struct sst_drift *out, const struct sst_lightfield *lf, int threads)
 {
     const struct sst_check_config cfg = { .threads = threads };
 
@@ -112,7 +112,7 @@ static void run(struct sst_check *out, const struct sst_lightfield *lf, int thre
     print_message("%s\n", out->sentence);
 }
 
-static void check_recipe(struct sst_check *out, const struct recipe *r)
+static void check_recipe(struct sst_drift *out, const struct recipe *r)
 {
     struct sst_lightfield lf;
 
@@ -235,7 +235,7 @@ static void nothing_is_found_where_nothing_is_wrong(void **state)
     (void)state;
     for (uint64_t seed = 1; seed <= 3; seed++) {
         struct recipe r = plain(seed == 3 ? 6 : 3, seed == 3 ? 6 : 4, seed);
-        struct sst_check c;
+        struct sst_drift c;
 
         r.noise = seed == 1 ? 0 : 3;
         for (int v = 0; v < r.rows * r.cols; v++)
@@ -272,7 +272,7 @@ static void drifts_are_measured(void **state)
                   { 13, 1, -1, 0.1, true }, { 20, 0, 0, 0.25, true },   { 22, -2.2, 3, 0, true },
                   { 33, 10, -4, 0, true },  { 35, 0.35, 0.35, 0, true } };
     struct recipe r = plain(6, 6, 11);
-    struct sst_check c;
+    struct sst_drift c;
     int drifted = 0;
 
     (void)state;
@@ -305,7 +305,7 @@ static void drifts_are_measured(void **state)
 static void another_size_is_measured(void **state)
 {
     struct recipe r = plain(3, 3, 12);
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     r.fault[4].scale = 0.003;
@@ -337,7 +337,7 @@ static void exchanged_views_are_named(void **state)
     (void)state;
     make(&lf, &r);
     for (size_t i = 0; i < ARRAY_LEN(pair); i++) {
-        struct sst_check c;
+        struct sst_drift c;
 
         swap_images(&lf, pair[i][0], pair[i][1]);
         run(&c, &lf, 2);
@@ -355,7 +355,7 @@ static void turned_grids_are_named(void **state)
 {
     const struct recipe r = plain(4, 4, 22);
     struct sst_lightfield lf;
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     make(&lf, &r);
@@ -385,7 +385,7 @@ static void turned_grids_are_named(void **state)
 static void unrectified_is_unusable(void **state)
 {
     struct recipe r = plain(4, 4, 31);
-    struct sst_check c;
+    struct sst_drift c;
     uint64_t random = 5;
 
     (void)state;
@@ -401,7 +401,7 @@ static void unrectified_is_unusable(void **state)
 static void blank_and_repeated_walls_raise_no_alarm(void **state)
 {
     struct recipe r = plain(3, 3, 41);
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     r.contrast = 0;
@@ -481,7 +481,7 @@ static void covered_camera_is_lost(void **state)
 {
     const struct recipe r = plain(4, 4, 51), other = plain(4, 4, 52);
     struct sst_lightfield lf;
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     make(&lf, &r);
@@ -502,7 +502,7 @@ static void covered_camera_is_lost(void **state)
 static void a_row_sees_vertical_shifts(void **state)
 {
     struct recipe r = plain(1, 5, 61);
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     r.fault[3].y = -0.6;
@@ -520,7 +520,7 @@ static void a_row_sees_vertical_shifts(void **state)
 static void two_views_cannot_tell_which(void **state)
 {
     struct recipe r = plain(1, 2, 62);
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     check_recipe(&c, &r);
@@ -539,7 +539,7 @@ static void holes_are_stepped_over(void **state)
 {
     struct recipe r = plain(3, 4, 63);
     struct sst_lightfield lf;
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     r.fault[7].y = 0.7;
@@ -562,7 +562,7 @@ static void any_number_of_threads_gives_the_same(void **state)
 {
     struct recipe r = plain(3, 3, 71);
     struct sst_lightfield lf;
-    struct sst_check a, b;
+    struct sst_drift a, b;
 
     (void)state;
     r.fault[2].x = 1;
@@ -585,7 +585,7 @@ static void any_number_of_threads_gives_the_same(void **state)
 static void unfit_input_is_refused(void **state)
 {
     const struct sst_check_config cfg = { .threads = 1 };
-    struct sst_check c = { .pairs = -7 };
+    struct sst_drift c = { .pairs = -7 };
     struct sst_lightfield lf;
     char text[SST_LOG_MAX];
 
@@ -609,7 +609,7 @@ static void unfit_input_is_refused(void **state)
 static void the_picture_shows_the_worst_in_red(void **state)
 {
     struct recipe r = plain(3, 4, 81);
-    struct sst_check c;
+    struct sst_drift c;
     struct sst_image out;
 
     (void)state;

@@ -47,7 +47,7 @@ struct sst_check_camera {
     bool lost;          /* enough features, but nothing matches in any neighbour */
 };
 
-struct sst_check {
+struct sst_drift {
     enum sst_check_verdict verdict;
     int rows, cols;
     double ok_px, unusable_px;         /* thresholds of the verdict */
@@ -78,9 +78,9 @@ struct sst_check_config {
  * take 0.4 to 0.7 s, foliage 1.5 to 2.5 s, up to 2.5 times as long where views seem swapped.
  * @return 0, -EINVAL (cfg), -EBADMSG (fewer than 2 views, or pictures too small), -ENOMEM; logged.
  */
-SST_MUST_CHECK int sst_check_lightfield(struct sst_check *out, const struct sst_lightfield *lf,
+SST_MUST_CHECK int sst_check_lightfield(struct sst_drift *out, const struct sst_lightfield *lf,
                                         const struct sst_check_config *cfg);
-void sst_check_fini(struct sst_check *check);
+void sst_check_fini(struct sst_drift *check);
 
 /** "OK", "DRIFTED" ... */
 const char *sst_check_verdict_name(enum sst_check_verdict verdict);
@@ -90,6 +90,6 @@ const char *sst_check_verdict_name(enum sst_check_verdict verdict);
  * @param out  initialised here
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_check_picture(struct sst_image *out, const struct sst_check *check);
+SST_MUST_CHECK int sst_check_picture(struct sst_image *out, const struct sst_drift *check);
 
 #endif

@@ -23,7 +23,7 @@ const char *sst_check_verdict_name(enum sst_check_verdict verdict)
 
 /* --- sentences ---------------------------------------------------------------------------------------------------- */
 
-SST_PRINTF(2, 3) static void append(struct sst_check *out, const char *fmt, ...)
+SST_PRINTF(2, 3) static void append(struct sst_drift *out, const char *fmt, ...)
 {
     const size_t n = strlen(out->sentence);
     va_list args;
@@ -34,7 +34,7 @@ SST_PRINTF(2, 3) static void append(struct sst_check *out, const char *fmt, ...)
 }
 
 /* "camera 02_03 sits 0.8 px too low and 0.3 px too far right (rolled 0.05 degrees clockwise)" */
-static void describe_camera(struct sst_check *out, const struct drift_work *w, int view, double radius)
+static void describe_camera(struct sst_drift *out, const struct drift_work *w, int view, double radius)
 {
     const struct sst_check_camera *c = &out->camera[view];
     const double least = fmax(0.05, 0.15 * c->off_px), roll = c->roll_deg * (M_PI / 180) * radius;
@@ -66,7 +66,7 @@ static void describe_camera(struct sst_check *out, const struct drift_work *w, i
 }
 
 /* Cameras that are off, the worst first; then the largest displacement of the others. */
-static void describe_drifted(struct sst_check *out, const struct drift_work *w, int drifted)
+static void describe_drifted(struct sst_drift *out, const struct drift_work *w, int drifted)
 {
     const double radius = hypot(w->lf->width, w->lf->height) / sqrt(12);
     bool named[SST_MAX_VIEWS] = { false };
@@ -100,7 +100,7 @@ static void describe_drifted(struct sst_check *out, const struct drift_work *w, 
 }
 
 /* Two cameras: which of them moved is not observable. */
-static bool describe_two(struct sst_check *out, const struct drift_work *w)
+static bool describe_two(struct sst_drift *out, const struct drift_work *w)
 {
     int seen[2] = { 0 }, n = 0;
     char a[16], b[16];
@@ -121,7 +121,7 @@ static bool describe_two(struct sst_check *out, const struct drift_work *w)
     return true;
 }
 
-static void describe_unchecked(struct sst_check *out, const struct drift_work *w)
+static void describe_unchecked(struct sst_drift *out, const struct drift_work *w)
 {
     int n = 0, first = -1;
     char name[16];
@@ -141,7 +141,7 @@ static void describe_unchecked(struct sst_check *out, const struct drift_work *w
 /* --- figures ------------------------------------------------------------------------------------------------------ */
 
 /* Over measured pairs. */
-static int fill_pairs(struct sst_check *out, const struct drift_work *w)
+static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
 {
     double *v = malloc(((size_t)w->links * DRIFT_CELLS + 1) * sizeof(*v)), sum = 0;
     int n = 0;
@@ -180,7 +180,7 @@ static int fill_pairs(struct sst_check *out, const struct drift_work *w)
 }
 
 /* RMS of its pairs, and whether it is off or lost. @return cameras that are */
-static int judge_camera(struct sst_check *out, const struct drift_work *w, int view)
+static int judge_camera(struct sst_drift *out, const struct drift_work *w, int view)
 {
     struct sst_check_camera *c = &out->camera[view];
     double squares = 0;
@@ -205,7 +205,7 @@ static int judge_camera(struct sst_check *out, const struct drift_work *w, int v
     return c->drifted;
 }
 
-static void decide(struct sst_check *out, const struct drift_work *w, const char *order)
+static void decide(struct sst_drift *out, const struct drift_work *w, const char *order)
 {
     int bad = 0, usable = 0, drifted = 0, known = 0, present = 0;
     double worst = 0;
@@ -319,7 +319,7 @@ static void end(struct drift_work *w)
     free(w->link);
 }
 
-static int run(struct sst_check *out, struct drift_work *w)
+static int run(struct sst_drift *out, struct drift_work *w)
 {
     char order[128] = "";
     int err = drift_make_links(w);
@@ -345,9 +345,9 @@ static int run(struct sst_check *out, struct drift_work *w)
     return 0;
 }
 
-int sst_check_lightfield(struct sst_check *out, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
+int sst_check_lightfield(struct sst_drift *out, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
 {
-    struct sst_check made = { 0 };
+    struct sst_drift made = { 0 };
     struct drift_work w;
     int err = begin(&w, lf, cfg);
 
@@ -362,9 +362,9 @@ int sst_check_lightfield(struct sst_check *out, const struct sst_lightfield *lf,
     return err;
 }
 
-void sst_check_fini(struct sst_check *check)
+void sst_check_fini(struct sst_drift *check)
 {
     free(check->pair);
     free(check->camera);
-    *check = (struct sst_check){ 0 };
+    *check = (struct sst_drift){ 0 };
 }

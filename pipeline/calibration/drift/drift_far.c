@@ -94,7 +94,7 @@ static int far_pair(struct drift_link *far, const struct drift_work *w, int a, i
     return n;
 }
 
-int drift_measure_corner_pairs(struct sst_check *out, struct drift_work *w)
+int drift_measure_corner_pairs(struct sst_drift *out, struct drift_work *w)
 {
     const int rows = w->lf->rows, cols = w->lf->cols, last = rows * cols - 1;
     const int ends[2][2] = { { 0, last }, { cols - 1, last - cols + 1 } };

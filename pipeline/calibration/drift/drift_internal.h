@@ -165,7 +165,7 @@ const struct drift_link *drift_other_link(const struct drift_work *w, int index)
 SST_MUST_CHECK int drift_measure_axes(const struct drift_work *w, double *axes_px);
 
 /** The corner-to-corner figures. */
-SST_MUST_CHECK int drift_measure_corner_pairs(struct sst_check *out, struct drift_work *w);
+SST_MUST_CHECK int drift_measure_corner_pairs(struct sst_drift *out, struct drift_work *w);
 
 /* --- drift_cameras.c: camera displacements from matches ----------------------------------------------------------- */
 
@@ -184,7 +184,7 @@ void drift_fix_gauge(struct sst_check_camera *camera, const struct drift_work *w
 
 /** Find two swapped views or a mirrored or transposed grid that explain the bad pairs. Sets swapped_a, swapped_b, or
  *  describes the wrong order of the grid in `order` (else ""). */
-SST_MUST_CHECK int drift_find_wrong_order(struct sst_check *out, const struct drift_work *w, char order[128]);
+SST_MUST_CHECK int drift_find_wrong_order(struct sst_drift *out, const struct drift_work *w, char order[128]);
 
 /* --- statistics --------------------------------------------------------------------------------------------------- */
 

@@ -184,7 +184,7 @@ static int try_reorder(bool *explains, const struct drift_work *w, const struct 
     return err;
 }
 
-int drift_find_wrong_order(struct sst_check *out, const struct drift_work *w, char order[128])
+int drift_find_wrong_order(struct sst_drift *out, const struct drift_work *w, char order[128])
 {
     static const struct reorder orders[] = {
         { false, true, false, "the columns run the other way (right to left)" },

@@ -98,7 +98,7 @@ static void arrow(struct sst_image *out, double x, double y, double dx, double d
     }
 }
 
-static void draw_pair(struct sst_image *out, const struct sst_check *check, const struct sst_check_pair *p)
+static void draw_pair(struct sst_image *out, const struct sst_drift *check, const struct sst_check_pair *p)
 {
     const int x0 = p->a % check->cols * CELL + CELL / 2, y0 = p->a / check->cols * CELL + CELL / 2 + TOP;
     const int x1 = p->b % check->cols * CELL + CELL / 2, y1 = p->b / check->cols * CELL + CELL / 2 + TOP;
@@ -114,7 +114,7 @@ static void draw_pair(struct sst_image *out, const struct sst_check *check, cons
         box(out, x0 - BAR / 2, y0, BAR, y1 - y0, c);
 }
 
-static void draw_camera(struct sst_image *out, const struct sst_check *check, int view)
+static void draw_camera(struct sst_image *out, const struct sst_drift *check, int view)
 {
     const struct sst_check_camera *c = &check->camera[view];
     const int x = view % check->cols * CELL + CELL / 2, y = view / check->cols * CELL + CELL / 2 + TOP;
@@ -134,7 +134,7 @@ static void draw_camera(struct sst_image *out, const struct sst_check *check, in
     text_middle(out, x, y + BOX / 2 - 10, line_of, c->lost ? white : ink);
 }
 
-static void draw_key(struct sst_image *out, const struct sst_check *check)
+static void draw_key(struct sst_image *out, const struct sst_drift *check)
 {
     const int y = out->height - BOTTOM + 8, width = 276;
     char value[32];
@@ -149,7 +149,7 @@ static void draw_key(struct sst_image *out, const struct sst_check *check)
     text(out, 12 + width + 16, y + 16, 1, "FRAMED: DRIFTED. GREY: UNKNOWN.", ink);
 }
 
-int sst_check_picture(struct sst_image *out, const struct sst_check *check)
+int sst_check_picture(struct sst_image *out, const struct sst_drift *check)
 {
     char figures[96] = "NOTHING MEASURED";
     int err = sst_image_init(out, sst_max_int(check->cols * CELL, LEAST), check->rows * CELL + TOP + BOTTOM);
