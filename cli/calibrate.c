@@ -246,26 +246,26 @@ static int check_scale(struct job *job)
 static int deliver(const struct job *job)
 {
     const struct options *o = job->o;
-    const struct sst_calib_report report = { .detections = &job->gathered.all,
-                                             .solution = &job->solution,
-                                             .light = job->lit ? &job->light : NULL,
-                                             .rectified = job->rectified,
-                                             .overridden = job->overridden,
-                                             .picture = job->source.path ? picture : NULL,
-                                             .arg = (void *)(uintptr_t)job };
+    const struct sst_calibration_report report = { .detections = &job->gathered.all,
+                                                   .solution = &job->solution,
+                                                   .light = job->lit ? &job->light : NULL,
+                                                   .rectified = job->rectified,
+                                                   .overridden = job->overridden,
+                                                   .picture = job->source.path ? picture : NULL,
+                                                   .arg = (void *)(uintptr_t)job };
     int err = o->out ? sst_calib_write(&job->solution.calib, o->out) : 0;
 
     if (!err && o->report)
-        err = sst_calib_report_write(o->report, &report);
+        err = sst_calibration_report_write(o->report, &report);
     if (!err && o->json) {
-        char *text = sst_calib_report_json(&report);
+        char *text = sst_calibration_report_json(&report);
 
         if (!text)
             return -ENOMEM;
         puts(text);
         free(text);
     } else if (!err) {
-        err = sst_calib_report_text(stdout, &report);
+        err = sst_calibration_report_text(stdout, &report);
     }
     return err;
 }

@@ -122,12 +122,12 @@ int main(int argc, char **argv)
     rectified(&plan, &m);
     if (option("nasty") > 0)
         nasty_names(&m);
-    struct sst_calib_report report = { .detections = &m.all,
-                                       .solution = &m.solution,
-                                       .light = &light,
-                                       .rectified = &plan,
-                                       .picture = picture,
-                                       .arg = &m };
+    struct sst_calibration_report report = { .detections = &m.all,
+                                             .solution = &m.solution,
+                                             .light = &light,
+                                             .rectified = &plan,
+                                             .picture = picture,
+                                             .arg = &m };
     if (option("light") <= 0)
         report.light = NULL;
     if (option("pictures") <= 0)
@@ -141,10 +141,10 @@ int main(int argc, char **argv)
     if (option("forgotten") > 0)
         made_forget(&m);
     begun = sst_clock_now_ns();
-    if (sst_calib_report_write(argv[1], &report))
+    if (sst_calibration_report_write(argv[1], &report))
         return 1;
     fprintf(stderr, "written in %.0f ms\n", (double)(sst_clock_now_ns() - begun) / 1e6);
-    json = sst_calib_report_text(stdout, &report) ? NULL : sst_calib_report_json(&report);
+    json = sst_calibration_report_text(stdout, &report) ? NULL : sst_calibration_report_json(&report);
     if (json)
         puts(json);
     free(json);

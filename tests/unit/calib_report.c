@@ -20,9 +20,9 @@
 
 static char dir[] = "/tmp/sst-calib-report-XXXXXX";
 
-static struct sst_calib_report report_of(const struct made *m)
+static struct sst_calibration_report report_of(const struct made *m)
 {
-    return (struct sst_calib_report){ .detections = &m->all, .solution = &m->solution };
+    return (struct sst_calibration_report){ .detections = &m->all, .solution = &m->solution };
 }
 
 /* A small array: 2x3 cameras, 12 frames of 24 points. */
@@ -36,14 +36,14 @@ static struct made_config small(void)
 }
 
 /* The page as text; to free. */
-static char *page_of(const struct sst_calib_report *report, size_t *size)
+static char *page_of(const struct sst_calibration_report *report, size_t *size)
 {
     char path[SST_PATH_MAX];
     uint8_t *data = NULL;
     size_t n = 0;
 
     assert_int_equal(sst_path_join(path, dir, "page.html"), 0);
-    assert_int_equal(sst_calib_report_write(path, report), 0);
+    assert_int_equal(sst_calibration_report_write(path, report), 0);
     assert_int_equal(sst_file_read(path, 1 << 26, &data, &n), 0);
     assert_int_equal(strlen((char *)data), n);
     unlink(path);
@@ -178,7 +178,7 @@ static void figures_are_those_worked_by_hand(void **state)
     m.solution.view[0].outliers = 1;
     m.all.count = 2;
     m.solution.frame[0] = (struct sst_solve_frame){ .known = true, .rms_px = 0.25 };
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     assert_int_equal(report_figures_init(&f, &report), 0);
     assert_int_equal(f.known, 2);
@@ -228,7 +228,7 @@ static void lattice_is_fitted(void **state)
         at[1] = 40 * (k / 3);
         at[2] = k == 3 ? 0.6 : 0;
     }
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     assert_int_equal(report_figures_init(&f, &report), 0);
     for (int k = 0; k < 6; k++) {
@@ -274,7 +274,7 @@ static void pairs_are_compared_across_their_line(void **state)
         for (int j = 0; j < m.all.detection[i].corners && m.all.detection[i].view == 1; j++)
             m.solution.view[i].residual[j][1] += 0.2;
     }
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     assert_int_equal(report_figures_init(&f, &report), 0);
     assert_int_equal(f.pairs, 1);
@@ -303,7 +303,7 @@ static void random_residuals_look_random(void **state)
     (void)state;
     cfg.frames = 60;
     made_open(&m, &cfg);
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     assert_int_equal(report_figures_init(&f, &report), 0);
     assert_true(f.regions > 100);
@@ -328,7 +328,7 @@ static enum report_verdict verdict_with(void (*change)(struct made *), const cha
     cfg.frames = 40;
     made_open(&m, &cfg);
     change(&m);
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     assert_int_equal(report_figures_init(&f, &report), 0);
     for (int i = 0; i < f.criteria; i++) {
@@ -478,20 +478,20 @@ static void page_text_and_json_agree_with_the_solution(void **state)
     cfg.outliers = 0.01;
     cfg.moved = 3;
     made_open(&m, &cfg);
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     page = page_of(&report, NULL);
     again = page_of(&report, NULL);
     assert_string_equal(page, again);
     f = open_memstream(&text, &size);
-    assert_int_equal(sst_calib_report_text(f, &report), 0);
+    assert_int_equal(sst_calibration_report_text(f, &report), 0);
     fclose(f);
     snprintf(want, sizeof(want), "RMS per point over %s corners of 6 cameras in 12 frames", COUNT(m.solution.corners));
     assert_has(text, want);
     snprintf(want, sizeof(want), "%9.3f px  RMS per point", m.solution.rms_px);
     assert_has(text, want);
     assert_has(text, "worst frame   frame0003: ");
-    json = sst_calib_report_json(&report);
+    json = sst_calibration_report_json(&report);
     assert_non_null(json);
     o = data_of(page);
     assert_same_figures(o, json);
@@ -529,7 +529,7 @@ static void pictures_are_jpegs_in_base64(void **state)
 
     (void)state;
     made_open(&m, &cfg);
-    struct sst_calib_report report = report_of(&m);
+    struct sst_calibration_report report = report_of(&m);
 
     report.picture = plain_picture;
     report.arg = &m;
@@ -564,13 +564,13 @@ static void names_stay_text(void **state)
         snprintf(m.all.frame_name[i], 64, "</td>\x02<b title='%d'>", i);
     snprintf(m.solution.calib.source, 64, "</style><!--<script>");
     snprintf(m.solution.calib.board, 64, "-->\"@DATA@");
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     page = page_of(&report, NULL);
     assert_lacks(page, "<script>alert");
     assert_lacks(page, "<!--<script");
     assert_lacks(page, "</td>");
-    json = sst_calib_report_json(&report);
+    json = sst_calibration_report_json(&report);
     assert_non_null(json);
     assert_has(json, "\"<script>alert(\\\"1\\\")</script>&'\"");
     o = data_of(page);
@@ -583,12 +583,12 @@ static void names_stay_text(void **state)
 
 static void assert_page_is_sane(const struct made *m)
 {
-    const struct sst_calib_report report = report_of(m);
-    char *page = page_of(&report, NULL), *json = sst_calib_report_json(&report), *text = NULL;
+    const struct sst_calibration_report report = report_of(m);
+    char *page = page_of(&report, NULL), *json = sst_calibration_report_json(&report), *text = NULL;
     size_t size;
     FILE *f = open_memstream(&text, &size);
 
-    assert_int_equal(sst_calib_report_text(f, &report), 0);
+    assert_int_equal(sst_calibration_report_text(f, &report), 0);
     fclose(f);
     assert_non_null(json);
     json_decref(data_of(page));
@@ -659,7 +659,7 @@ static void a_large_array_is_quick_and_small(void **state)
 #endif
     (void)state;
     made_open(&m, &cfg);
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     begun = sst_clock_cpu_ns();
     free(page_of(&report, &size));
@@ -678,10 +678,10 @@ static void a_page_that_cannot_be_written_is_reported(void **state)
 
     (void)state;
     made_open(&m, &cfg);
-    const struct sst_calib_report report = report_of(&m);
+    const struct sst_calibration_report report = report_of(&m);
 
     assert_int_equal(sst_path_join(path, dir, "nowhere/page.html"), 0);
-    assert_true(sst_calib_report_write(path, &report) < 0);
+    assert_true(sst_calibration_report_write(path, &report) < 0);
     assert_false(sst_path_exists(path));
     made_close(&m);
 }

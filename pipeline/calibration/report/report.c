@@ -57,7 +57,7 @@ static char *dump(json_t *o, size_t flags)
     return out;
 }
 
-int sst_calib_report_write(const char *path, const struct sst_calib_report *report)
+int sst_calibration_report_write(const char *path, const struct sst_calibration_report *report)
 {
     struct report_figures f;
     char *figures, *drawing;
@@ -74,7 +74,7 @@ int sst_calib_report_write(const char *path, const struct sst_calib_report *repo
     return err;
 }
 
-char *sst_calib_report_json(const struct sst_calib_report *report)
+char *sst_calibration_report_json(const struct sst_calibration_report *report)
 {
     struct report_figures f;
     char *out;

@@ -9,12 +9,12 @@
 #include "pipeline/calibration/solve/solve.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
-struct sst_calib_report {
+struct sst_calibration_report {
     const struct sst_detections *detections;
     const struct sst_solution *solution;
-    const struct sst_photometric_report *light;  /* or NULL */
-    const struct sst_rectified *rectified; /* or NULL: one camera */
-    int overridden;                        /* refusals that were turned into warnings by force */
+    const struct sst_photometric_report *light; /* or NULL */
+    const struct sst_rectified *rectified;      /* or NULL: one camera */
+    int overridden;                             /* refusals that were turned into warnings by force */
     /** A picture, to show the worst ones; 0 or a negative errno (then it is left out). May be NULL. */
     int (*picture)(void *arg, int view, int frame, struct sst_image *out);
     void *arg;
@@ -28,14 +28,14 @@ struct sst_calib_report {
  * Deterministic: the same report gives the same bytes.
  * @return 0, -ENOMEM, or what outputs return; logged.
  */
-SST_MUST_CHECK int sst_calib_report_write(const char *path, const struct sst_calib_report *report);
+SST_MUST_CHECK int sst_calibration_report_write(const char *path, const struct sst_calibration_report *report);
 
 /** The summary in about twenty lines for a terminal, with the page's verdict and definitions.
  *  @return 0, -ENOMEM; logged. The caller checks `out` for errors (ferror). */
-SST_MUST_CHECK int sst_calib_report_text(FILE *out, const struct sst_calib_report *report);
+SST_MUST_CHECK int sst_calibration_report_text(FILE *out, const struct sst_calibration_report *report);
 
 /** All figures as one JSON object (docs/calibration-report.md), unknown ones null; to free with free().
  *  @return NULL: no memory; logged. */
-SST_MUST_CHECK char *sst_calib_report_json(const struct sst_calib_report *report);
+SST_MUST_CHECK char *sst_calibration_report_json(const struct sst_calibration_report *report);
 
 #endif

@@ -213,7 +213,7 @@ static void judge_missing(struct report_figures *f, const struct sst_solution *s
     }
 }
 
-void report_figures_judge(struct report_figures *f, const struct sst_calib_report *report)
+void report_figures_judge(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_solution *s = report->solution;
 

@@ -53,7 +53,8 @@ static int vectors_of_camera(const struct report_figures *f)
 }
 
 /* A subset of a camera's residuals, evenly over their number: used corners, or outliers. */
-static json_t *vectors(const struct sst_calib_report *report, const struct report_figures *f, int view, bool outliers)
+static json_t *vectors(const struct sst_calibration_report *report, const struct report_figures *f, int view,
+                       bool outliers)
 {
     const struct sst_detections *all = report->detections;
     const int64_t total = outliers ? f->camera[view].outliers : f->camera[view].used, most = vectors_of_camera(f);
@@ -91,7 +92,7 @@ static void add_regions(json_t *o, const struct report_camera *cam)
 }
 
 /* RMS of the camera's picture in each frame. */
-static json_t *frames_of_camera(const struct sst_calib_report *report, const struct report_figures *f, int view)
+static json_t *frames_of_camera(const struct sst_calibration_report *report, const struct report_figures *f, int view)
 {
     json_t *list = json_array();
 
@@ -103,7 +104,7 @@ static json_t *frames_of_camera(const struct sst_calib_report *report, const str
     return list;
 }
 
-static json_t *camera(const struct sst_calib_report *report, const struct report_figures *f, int view)
+static json_t *camera(const struct sst_calibration_report *report, const struct report_figures *f, int view)
 {
     const struct sst_solution *s = report->solution;
     json_t *o = json_object(), *seen = json_array();
@@ -194,8 +195,8 @@ static char *base64(const uint8_t *data, size_t size)
 }
 
 /* The cut-out as a JPEG in base64, null where the picture is not available. */
-static json_t *jpeg_of(const struct sst_calib_report *r, const struct report_figures *f, const struct sst_detection *d,
-                       struct cut cut)
+static json_t *jpeg_of(const struct sst_calibration_report *r, const struct report_figures *f,
+                       const struct sst_detection *d, struct cut cut)
 {
     struct sst_image whole = { 0 }, part = { 0 };
     uint8_t *jpeg = NULL;
@@ -221,7 +222,7 @@ static json_t *jpeg_of(const struct sst_calib_report *r, const struct report_fig
     return out;
 }
 
-static json_t *picture(const struct sst_calib_report *report, const struct report_figures *f, int index)
+static json_t *picture(const struct sst_calibration_report *report, const struct report_figures *f, int index)
 {
     const struct sst_detection *d = &report->detections->detection[index];
     const struct sst_solve_view *v = &report->solution->view[index];
@@ -234,7 +235,7 @@ static json_t *picture(const struct sst_calib_report *report, const struct repor
                      cut.height, "jpeg", jpeg_of(report, f, d, cut), "used", used, "outliers", outliers);
 }
 
-json_t *report_drawing_json(const struct sst_calib_report *report, const struct report_figures *f)
+json_t *report_drawing_json(const struct sst_calibration_report *report, const struct report_figures *f)
 {
     json_t *cameras = json_array(), *pictures = json_array();
 

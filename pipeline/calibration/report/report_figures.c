@@ -66,7 +66,7 @@ static void count_axis(struct report_figures *f, double in_sigma)
         f->bin[(int)at]++;
 }
 
-static void add_used(struct report_figures *f, const struct sst_calib_report *report, const struct sst_corner *c,
+static void add_used(struct report_figures *f, const struct sst_calibration_report *report, const struct sst_corner *c,
                      const double e[2], struct report_region *region, struct sums *s)
 {
     const double noise = report->solution->noise_px, length = hypot(e[0], e[1]);
@@ -83,7 +83,7 @@ static void add_used(struct report_figures *f, const struct sst_calib_report *re
 }
 
 /* One detection into its camera's figures and the lists of the worst. */
-static void add_detection(struct report_figures *f, const struct sst_calib_report *report, int index,
+static void add_detection(struct report_figures *f, const struct sst_calibration_report *report, int index,
                           struct sums (*sums)[REGIONS])
 {
     const struct sst_detections *all = report->detections;
@@ -124,7 +124,7 @@ static double median_off(const struct sst_detection *d, const struct sst_solve_v
 }
 
 /* The worst picture of each frame, and of these the worst: a frame taken in motion is bad in all its pictures. */
-static int rank_pictures(struct report_figures *f, const struct sst_calib_report *report)
+static int rank_pictures(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_detections *all = report->detections;
     struct report_outlier worst = { -1, -1, 0 };
@@ -205,7 +205,7 @@ static double map_rms(const float (*map)[SST_UNCERTAINTY_COLS])
 }
 
 /* Names, maps and the worst of the cameras. */
-static void describe_cameras(struct report_figures *f, const struct sst_calib_report *report)
+static void describe_cameras(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_solution *s = report->solution;
     const struct sst_detections *all = report->detections;
@@ -249,7 +249,7 @@ static int describe_coverage(struct report_figures *f, const struct sst_detectio
     return 0;
 }
 
-static void describe_frames(struct report_figures *f, const struct sst_calib_report *report)
+static void describe_frames(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_solution *s = report->solution;
 
@@ -263,7 +263,7 @@ static void describe_frames(struct report_figures *f, const struct sst_calib_rep
     }
 }
 
-static void add_all(struct report_figures *f, const struct sst_calib_report *report, struct sums (*sums)[REGIONS])
+static void add_all(struct report_figures *f, const struct sst_calibration_report *report, struct sums (*sums)[REGIONS])
 {
     const struct sst_detections *all = report->detections;
     double total[3] = { 0 }; /* excess of means, corners, chi square of the directions */
@@ -278,7 +278,7 @@ static void add_all(struct report_figures *f, const struct sst_calib_report *rep
     f->direction_z = f->regions ? chi_square_z(total[2], 2 * f->regions) : (double)NAN;
 }
 
-int report_figures_init(struct report_figures *out, const struct sst_calib_report *report)
+int report_figures_init(struct report_figures *out, const struct sst_calibration_report *report)
 {
     const struct sst_detections *all = report->detections;
     const size_t views = (size_t)all->rows * (size_t)all->cols, slots = views * (size_t)all->frames;

@@ -14,7 +14,7 @@
 static const double straight[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
 
 /* Common axes from the rig's. */
-static const double *common_rotation(const struct sst_calib_report *report)
+static const double *common_rotation(const struct sst_calibration_report *report)
 {
     return report->rectified ? report->rectified->rotation : straight;
 }
@@ -84,7 +84,7 @@ static void fit_lattice(struct report_figures *f, int cols, const struct sst_cal
     }
 }
 
-void report_figures_centres(struct report_figures *f, const struct sst_calib_report *report)
+void report_figures_centres(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const double *r = common_rotation(report), *from = calib->camera[calib->reference].position_mm;
@@ -102,8 +102,8 @@ void report_figures_centres(struct report_figures *f, const struct sst_calib_rep
     fit_lattice(f, report->detections->cols, calib);
 }
 
-void report_figures_angles(const struct report_figures *f, const struct sst_calib_report *report, double *mean_deg,
-                           double *most_deg, int *most)
+void report_figures_angles(const struct report_figures *f, const struct sst_calibration_report *report,
+                           double *mean_deg, double *most_deg, int *most)
 {
     const struct sst_calib *calib = &report->solution->calib;
     double sum = 0;
@@ -137,7 +137,7 @@ struct turn {
     double m[4];
 };
 
-static struct turn turn_of(const struct sst_calib_report *report, int view)
+static struct turn turn_of(const struct sst_calibration_report *report, int view)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const struct sst_calib_camera *c = &calib->camera[view];
@@ -180,7 +180,7 @@ static int region_of(const struct sst_detections *all, const struct sst_corner *
 }
 
 /* Corners that both detections have. */
-static void add_shared(struct pair_sums *p, const struct sst_calib_report *report, int ia, int ib)
+static void add_shared(struct pair_sums *p, const struct sst_calibration_report *report, int ia, int ib)
 {
     const struct sst_detections *all = report->detections;
     const struct sst_detection *a = &all->detection[ia], *b = &all->detection[ib];
@@ -210,7 +210,8 @@ struct pairs {
     int regions, *step; /* [STEPS + 1] */
 };
 
-static void add_pair(struct report_figures *f, const struct sst_calib_report *report, int a, int b, struct pairs *pairs)
+static void add_pair(struct report_figures *f, const struct sst_calibration_report *report, int a, int b,
+                     struct pairs *pairs)
 {
     struct pair_sums p = { .turn = { turn_of(report, a), turn_of(report, b) },
                            .vertical = b != a + 1 || report->detections->cols == 1 };
@@ -243,7 +244,7 @@ static void add_pair(struct report_figures *f, const struct sst_calib_report *re
     }
 }
 
-int report_figures_pairs(struct report_figures *f, const struct sst_calib_report *report)
+int report_figures_pairs(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const int rows = report->detections->rows, cols = report->detections->cols;

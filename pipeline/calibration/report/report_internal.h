@@ -120,18 +120,18 @@ struct report_figures {
 };
 
 /** @return 0 or -ENOMEM; logged. */
-SST_MUST_CHECK int report_figures_init(struct report_figures *out, const struct sst_calib_report *report);
+SST_MUST_CHECK int report_figures_init(struct report_figures *out, const struct sst_calibration_report *report);
 void report_figures_fini(struct report_figures *figures);
 
 /* report_geometry.c: pairs, centres and lattice of the figures. @return 0, -ENOMEM */
-SST_MUST_CHECK int report_figures_pairs(struct report_figures *f, const struct sst_calib_report *report);
-void report_figures_centres(struct report_figures *f, const struct sst_calib_report *report);
+SST_MUST_CHECK int report_figures_pairs(struct report_figures *f, const struct sst_calibration_report *report);
+void report_figures_centres(struct report_figures *f, const struct sst_calibration_report *report);
 /** Rotations against the common axes: the mean angle, the largest and its camera (-1: none known). */
-void report_figures_angles(const struct report_figures *f, const struct sst_calib_report *report, double *mean_deg,
-                           double *most_deg, int *most);
+void report_figures_angles(const struct report_figures *f, const struct sst_calibration_report *report,
+                           double *mean_deg, double *most_deg, int *most);
 
 /* report_criteria.c: acceptance criteria and verdict, from everything else. */
-void report_figures_judge(struct report_figures *f, const struct sst_calib_report *report);
+void report_figures_judge(struct report_figures *f, const struct sst_calibration_report *report);
 const char *report_verdict_word(enum report_verdict verdict);
 const char *report_criterion_word(enum criterion_state state);
 /** Why the verdict is not better, and what to do: one sentence, plain text. @return false: this one is no reason */
@@ -146,9 +146,9 @@ json_t *report_json_text(const char *text);
 json_t *report_json_numbers(const double *values, int n);
 
 /** report_json.c: all figures. @return NULL: no memory */
-json_t *report_figures_json(const struct sst_calib_report *report, const struct report_figures *f);
+json_t *report_figures_json(const struct sst_calibration_report *report, const struct report_figures *f);
 
 /** report_drawing.c: maps, residual vectors and pictures, which the page draws. @return NULL: no memory */
-json_t *report_drawing_json(const struct sst_calib_report *report, const struct report_figures *f);
+json_t *report_drawing_json(const struct sst_calibration_report *report, const struct report_figures *f);
 
 #endif

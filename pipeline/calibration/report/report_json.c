@@ -55,7 +55,7 @@ static json_t *criteria(const struct report_figures *f)
     return list;
 }
 
-static json_t *cameras(const struct sst_calib_report *report, const struct report_figures *f)
+static json_t *cameras(const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_calib *calib = &report->solution->calib;
     json_t *list = json_array();
@@ -97,7 +97,7 @@ static json_t *cameras(const struct sst_calib_report *report, const struct repor
     return list;
 }
 
-static json_t *frames(const struct sst_calib_report *report)
+static json_t *frames(const struct sst_calibration_report *report)
 {
     const struct sst_solution *s = report->solution;
     json_t *list = json_array();
@@ -127,7 +127,7 @@ static json_t *links(const struct sst_solution *s, const struct report_figures *
     return list;
 }
 
-static json_t *array(const struct sst_calib_report *report, const struct report_figures *f)
+static json_t *array(const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_rectified *r = report->rectified;
     double turn[3], mean_deg, most_deg;
@@ -204,7 +204,7 @@ static json_t *outcomes(const struct sst_detections *all)
     return o;
 }
 
-static json_t *outliers(const struct sst_calib_report *report, const struct report_figures *f)
+static json_t *outliers(const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_detections *all = report->detections;
     json_t *list = json_array();
@@ -222,7 +222,7 @@ static json_t *outliers(const struct sst_calib_report *report, const struct repo
     return list;
 }
 
-static json_t *worst_pictures(const struct sst_calib_report *report, const struct report_figures *f)
+static json_t *worst_pictures(const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_detections *all = report->detections;
     json_t *list = json_array();
@@ -279,7 +279,7 @@ static void add_solution(json_t *o, const struct sst_solution *s)
     json_object_set_new(o, "rcond", positive(s->rcond));
 }
 
-json_t *report_figures_json(const struct sst_calib_report *report, const struct report_figures *f)
+json_t *report_figures_json(const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_solution *s = report->solution;
     json_t *o = json_object();

@@ -3,7 +3,7 @@
 
 #include "pipeline/calibration/report/report_internal.h"
 
-static void errors(FILE *out, const struct sst_calib_report *report, const struct report_figures *f)
+static void errors(FILE *out, const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_solution *s = report->solution;
     const double all = (double)s->corners + s->outliers;
@@ -32,7 +32,7 @@ static void errors(FILE *out, const struct sst_calib_report *report, const struc
                 FIGURE(f->pair_p95_px), f->pairs, f->pairs == 1 ? "" : "s");
 }
 
-static void worst(FILE *out, const struct sst_calib_report *report, const struct report_figures *f)
+static void worst(FILE *out, const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_solution *s = report->solution;
     char a[3 * 64], b[3 * 64];
@@ -67,7 +67,7 @@ static void worst(FILE *out, const struct sst_calib_report *report, const struct
             NUM0(s->seconds, 2));
 }
 
-int sst_calib_report_text(FILE *out, const struct sst_calib_report *report)
+int sst_calibration_report_text(FILE *out, const struct sst_calibration_report *report)
 {
     struct report_figures f;
     char reason[640], clean[3 * sizeof(reason)];
