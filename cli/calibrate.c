@@ -23,7 +23,7 @@ struct options {
 
 #define SCALE_OFF 0.05 /* relative tolerance of the spacing against the configuration */
 
-/* Everything between the pictures and the files. */
+/* One run, from the pictures to the files. */
 struct job {
     const struct options *o;
     struct sst_gather_source source; /* pictures for the report; none: path NULL */

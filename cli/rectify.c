@@ -1,4 +1,4 @@
-/* sst rectify: a light field of raw frames made true by a calibration. */
+/* sst rectify: attach a calibration to a light field of raw frames, or resample it. */
 #include "cli/cli_internal.h"
 
 #include <jansson.h>
@@ -18,7 +18,7 @@ int cli_use_calibration(struct sst_use_calibration *use, const struct cli_comman
     return err ? cli_exit_code(err) : CLI_GO_ON;
 }
 
-/* The largest dz: of it depends where views off the plane are exact. */
+/* The largest distance of a camera from the plane. */
 static double worst_dz(const struct sst_rectified *to)
 {
     double worst = 0;
@@ -72,7 +72,7 @@ static void progress(void *arg, double done)
     cli_progress(arg, done);
 }
 
-/* What came out; the geometry is that of the calibrated light field, which a baked one has forgotten. */
+/* Figures of the result; the geometry is that of the calibrated light field, which a baked one no longer holds. */
 static int report(const char *out, struct sst_lightfield *calibrated, int threads, bool json)
 {
     struct sst_pixels_kept worst, mean;
@@ -129,7 +129,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     use.plan = (struct sst_rectify_config){
         .width = size[0], .height = size[1], .focal_px = focal, .plane_mm = isinf(plane) ? 0 : plane
     };
-    /* Other settings mean another plan, of the light field's own calibration where no other is given. */
+    /* Other settings need a new plan, of the light field's own calibration unless another is given. */
     if (!calib && (filter || focal > 0 || plane >= 0 || size[0])) {
         err = sst_path_join(own, cfg.dir, SST_CALIBRATION_FILE);
         if (err)

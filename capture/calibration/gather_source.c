@@ -127,7 +127,7 @@ static int add_flat(struct list *l, const char *dir, const char *name)
     while (digits && isdigit((unsigned char)camera[digits - 1]))
         digits--;
     err = 0;
-    if (!camera[digits]) /* no number: one camera, a picture of its own */
+    if (!camera[digits]) /* no number: one camera, its name is the frame */
         return list_add(l, "camera", camera, path);
     {
         char frame[256];
@@ -150,7 +150,7 @@ static int add_lightfield(struct sst_gather_source *s, struct list *l, const cha
     if (err)
         return err;
     if (s->rows && (s->rows != lf.rows || s->cols != lf.cols)) {
-        sst_log_error("%s has %dx%d views, but the light fields before it %dx%d; take them apart", dir, lf.rows,
+        sst_log_error("%s has %dx%d views, but the light fields before it %dx%d; calibrate them separately", dir, lf.rows,
                       lf.cols, s->rows, s->cols);
         err = -EBADMSG;
     }
@@ -253,7 +253,7 @@ static int assign_views(struct sst_gather_source *s, char (*name)[64], int n, co
     int rows = grid[0], cols = grid[1], row, col;
     bool positioned = true;
 
-    if (rows && s->rows && (rows != s->rows || cols != s->cols)) { /* drives' positions are by its views */
+    if (rows && s->rows && (rows != s->rows || cols != s->cols)) { /* the drives' positions are indexed by its views */
         sst_log_error("%s is a light field of %dx%d views, not %dx%d; leave --grid out", s->path, s->rows, s->cols,
                       rows, cols);
         return -EBADMSG;
@@ -353,7 +353,7 @@ int sst_gather_source_open(struct sst_gather_source *out, const char *path,
         const bool there = sst_path_exists(path);
 
         sst_log_error("%s %s; give a recording, a light field or a folder of pictures", path,
-                      there ? "is no folder" : "does not exist");
+                      there ? "is not a folder" : "does not exist");
         return there ? -EBADMSG : -ENOENT;
     }
     if (has(path, "recording.json")) {

@@ -98,8 +98,9 @@ def check_page(browser, name, figures, expect):
     browser.go("about:blank")
     browser.wait("location.href == 'about:blank'")
     browser.go(f"file://{os.getcwd()}/{name}.html")
-    browser.wait("document.body && (document.body.dataset.drawn || document.getElementById('fault'))")
+    browser.wait("document.readyState == 'complete' && location.protocol == 'file:'")
     assert not browser.problems, browser.problems
+    assert browser.js("document.body.dataset.drawn"), "the script did not end"
     assert not browser.js("document.documentElement.scrollWidth > innerWidth"), "wider than the window"
     root = xml.fromstring(browser.js("document.querySelectorAll('script, style').forEach((e) => e.remove());"
                                      "new XMLSerializer().serializeToString(document.documentElement)"))

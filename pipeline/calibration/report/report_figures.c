@@ -1,4 +1,4 @@
-/* What the report says beyond the solution's own numbers: sums over regions, worst pictures, histogram, directions. */
+/* Figures beyond the solution's own numbers: sums over regions, worst pictures, histogram, directions. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -35,7 +35,7 @@ static bool is_outlier(const struct sst_solve_view *v, int corner)
     return v->outlier && v->outlier[corner];
 }
 
-/* Keep the `most` largest, ties in the order of coming. @return the new count */
+/* Keep the `most` largest, ties in the order of insertion. @return the new count */
 static int keep_largest(struct report_outlier *list, int count, int most, struct report_outlier far)
 {
     int at = count < most ? count : most;
@@ -82,7 +82,7 @@ static void add_used(struct report_figures *f, const struct sst_calibration_repo
     }
 }
 
-/* One detection into its camera's figures and the lists of the worst. */
+/* Add one detection to its camera's figures and the lists of the worst. */
 static void add_detection(struct report_figures *f, const struct sst_calibration_report *report, int index,
                           struct sums (*sums)[REGIONS])
 {
@@ -111,7 +111,7 @@ static void add_detection(struct report_figures *f, const struct sst_calibration
     }
 }
 
-/* Median distance of all corners, outliers included: a few of them do not make a picture bad. @param length  scratch */
+/* Median distance of all corners, outliers included: a few of them do not count. @param length  scratch */
 static double median_off(const struct sst_detection *d, const struct sst_solve_view *v, double *length)
 {
     int n = 0;
@@ -150,7 +150,7 @@ static int rank_pictures(struct report_figures *f, const struct sst_calibration_
     return 0;
 }
 
-/* Means of one camera's regions; what random residuals would leave in them is known from their own spread. */
+/* Means of one camera's regions, less what random residuals leave in them, estimated from their spread. */
 static void finish_camera(struct report_figures *f, int view, const struct sums *s, double total[3])
 {
     struct report_camera *cam = &f->camera[view];
