@@ -115,6 +115,8 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
+# The assembler includes the page of the calibration report.
+$(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
 # Where plugins of GStreamer lie: they are loaded one by one.
 $(BUILD)/obj/daemon/publish/rtsp_server.o: private CFLAGS_ALL += -DSST_GST_PLUGINS='"$(shell pkg-config --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
 $(BUILD)/obj/%.o: %.cc $(BUILD)/flags

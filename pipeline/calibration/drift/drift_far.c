@@ -1,4 +1,4 @@
-/* What ties more than two views together: disparities along rows and columns, and views at opposite corners. */
+/* Consistency beyond neighbours: disparities along rows against columns, and views at opposite corners. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 
 /* --- disparities along rows and columns --------------------------------------------------------------------------- */
 
-bool check_two_disparities(double *out, const struct check_link *p, const struct check_link *q, int k)
+bool drift_disparity_difference(double *out, const struct drift_link *p, const struct drift_link *q, int k)
 {
     if (!p->used[k] || !q->used[k] || p->feature[k] != q->feature[k])
         return false;
@@ -15,46 +15,48 @@ bool check_two_disparities(double *out, const struct check_link *p, const struct
     return true;
 }
 
-const struct check_link *check_other_link(const struct check_work *w, int index)
+const struct drift_link *drift_other_link(const struct drift_work *w, int index)
 {
-    const struct check_link *next = &w->link[index + 1];
+    const struct drift_link *next = &w->link[index + 1];
 
-    return index + 1 < w->links && next->a == w->link[index].a && check_link_useful(next) ? next : NULL;
+    return index + 1 < w->links && next->a == w->link[index].a && drift_link_useful(next) ? next : NULL;
 }
 
-int check_axes(const struct check_work *w, double *axes_px)
+int drift_measure_axes(const struct drift_work *w, double *axes_px)
 {
-    double *v = malloc(((size_t)w->links * SST_CHECK_CELLS + 1) * sizeof(*v));
+    double *v = malloc(((size_t)w->links * DRIFT_CELLS + 1) * sizeof(*v));
     int n = 0;
 
     if (!v)
         return -ENOMEM;
     for (int i = 0; i < w->links; i++) {
-        const struct check_link *l = &w->link[i], *other = check_other_link(w, i);
+        const struct drift_link *l = &w->link[i], *other = drift_other_link(w, i);
 
-        for (int k = 0; check_link_useful(l) && other && k < SST_CHECK_CELLS; k++) {
+        for (int k = 0; drift_link_useful(l) && other && k < DRIFT_CELLS; k++) {
             double difference;
 
-            if (check_two_disparities(&difference, l, other, k))
+            if (drift_disparity_difference(&difference, l, other, k))
                 v[n++] = fabs(difference);
         }
     }
-    *axes_px = n ? check_quantile(v, n, 0.5) : NAN;
+    *axes_px = n ? drift_quantile(v, n, 0.5) : NAN;
     free(v);
     return 0;
 }
 
 /* --- corner to corner --------------------------------------------------------------------------------------------- */
 
-#define DISPARITY_VAR 0.01 /* px^2 per spacing^2: disparities known worse do not lead from corner to corner */
+#define DISPARITY_VAR                                                                                                  \
+    0.01 /* px^2 per spacing^2: disparities with more variance do not predict from corner to corner                    \
+          */
 
 /* A feature of a cell, and its disparity, from the better of the view's matches with neighbours. */
-static bool cell_disparity(const struct check_work *w, int view, int k, int *feature, double *d)
+static bool cell_disparity(const struct drift_work *w, int view, int k, int *feature, double *d)
 {
     double best = DISPARITY_VAR;
 
     for (int i = 0; i < w->links; i++) {
-        const struct check_link *l = &w->link[i];
+        const struct drift_link *l = &w->link[i];
         const double var = l->a == view && l->used[k] ? l->m[k].var_along / (l->length * l->length) : best;
 
         if (var >= best)
@@ -67,37 +69,37 @@ static bool cell_disparity(const struct check_work *w, int view, int k, int *fea
 }
 
 /* Appends the magnitudes of the matches of one pair that are used. */
-static int far_pair(struct check_link *far, const struct check_work *w, int a, int b, double *v)
+static int far_pair(struct drift_link *far, const struct drift_work *w, int a, int b, double *v)
 {
     int n = 0;
 
-    check_link_set(far, w, a, b);
-    for (int k = 0; k < SST_CHECK_CELLS; k++) {
-        struct check_match *m = &far->m[k];
+    drift_link_set(far, w, a, b);
+    for (int k = 0; k < DRIFT_CELLS; k++) {
+        struct drift_match *m = &far->m[k];
         double d = 0;
         int feature = 0;
 
-        m->outcome = SST_CHECK_OUTSIDE;
+        m->outcome = DRIFT_OUTSIDE;
         if (far->length <= 0 || !cell_disparity(w, a, k, &feature, &d))
             continue;
         m->dx = -d * far->length * far->s.u[0];
         m->dy = -d * far->length * far->s.u[1];
-        check_refine(m, &w->view[a], &w->view[b], &w->view[a].feature[feature], &far->s, 1);
+        drift_refine_match(m, &w->view[a], &w->view[b], &w->view[a].feature[feature], &far->s, 1);
     }
-    check_link_judge(far, 1);
-    for (int k = 0; k < SST_CHECK_CELLS; k++) {
+    drift_link_judge(far, 1);
+    for (int k = 0; k < DRIFT_CELLS; k++) {
         if (far->used[k])
-            v[n++] = fabs(far->m[k].cross);
+            v[n++] = fabs(far->m[k].across);
     }
     return n;
 }
 
-int check_far(struct sst_check *out, struct check_work *w)
+int drift_measure_corner_pairs(struct sst_drift *out, struct drift_work *w)
 {
     const int rows = w->lf->rows, cols = w->lf->cols, last = rows * cols - 1;
     const int ends[2][2] = { { 0, last }, { cols - 1, last - cols + 1 } };
-    struct check_link *far = malloc(sizeof(*far));
-    double v[2 * SST_CHECK_CELLS];
+    struct drift_link *far = malloc(sizeof(*far));
+    double v[2 * DRIFT_CELLS];
     int n = 0;
 
     if (!far)
@@ -109,6 +111,6 @@ int check_far(struct sst_check *out, struct check_work *w)
     }
     free(far);
     out->far_matches = n;
-    out->far_p95_px = n >= w->cfg.min_matches ? check_quantile(v, n, 0.95) : NAN;
+    out->far_p95_px = n >= w->cfg.min_matches ? drift_quantile(v, n, 0.95) : NAN;
     return 0;
 }

@@ -1,7 +1,7 @@
 /* Grey pyramids of the views, and features: one well textured place per cell of the picture.
  *
  * Only what the search needs is made: the half-size level in one pass over the picture, smaller ones from it. Full
- * size is read around features alone (check_patch). */
+ * size is read around features alone (drift_read_patch). */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -17,13 +17,13 @@
     0.25                   /* least eigenvalue of the structure tensor, (grey levels / half-size px)^2: rounding alone \
                               gives 1/12 */
 #define TEXTURE_NOISE 15.0 /* and this many times what noise gives */
-#define NOISE_CAP     3.0  /* grey levels: what looks like more is texture everywhere */
+#define NOISE_CAP     3.0  /* grey levels: more than that is texture everywhere */
 #define NOISE_BLOCK   8    /* half-size px */
 #define NOISE_BLOCKS  2000 /* at most */
 #define NOISE_BIAS    1.25 /* of the 2 % of blocks with the least noise, where there is nothing but noise */
-#define CELL_STEP     2    /* the least eigenvalue is looked at on every second pixel both ways */
+#define CELL_STEP     2    /* the least eigenvalue is computed on every second pixel both ways */
 
-void check_level_size(const struct check_view *view, int level, int *width, int *height)
+void drift_level_size(const struct drift_pyramid *view, int level, int *width, int *height)
 {
     *width = level ? view->level[level].width : view->image->width;
     *height = level ? view->level[level].height : view->image->height;
@@ -158,22 +158,22 @@ static double texture_needed(double noise)
     return fmax(TEXTURE_FLOOR, TEXTURE_NOISE * noise * noise * 12.0 / 64.0);
 }
 
-#define PARTS_X (SST_CHECK_CELLS_X * SST_CHECK_SPLIT)
-#define PARTS_Y (SST_CHECK_CELLS_Y * SST_CHECK_SPLIT)
+#define PARTS_X (DRIFT_CELLS_X * DRIFT_SPLIT)
+#define PARTS_Y (DRIFT_CELLS_Y * DRIFT_SPLIT)
 
 /* Cell by cell, the best first. */
-static void sort_features(struct check_view *view, const double *best, const struct check_feature *at)
+static void sort_features(struct drift_pyramid *view, const double *best, const struct drift_feature *at)
 {
     int n = 0;
 
-    for (int cell = 0; cell < SST_CHECK_CELLS; cell++) {
-        const int x0 = cell % SST_CHECK_CELLS_X * SST_CHECK_SPLIT, y0 = cell / SST_CHECK_CELLS_X * SST_CHECK_SPLIT;
-        double value[SST_CHECK_SPLIT * SST_CHECK_SPLIT];
+    for (int cell = 0; cell < DRIFT_CELLS; cell++) {
+        const int x0 = cell % DRIFT_CELLS_X * DRIFT_SPLIT, y0 = cell / DRIFT_CELLS_X * DRIFT_SPLIT;
+        double value[DRIFT_SPLIT * DRIFT_SPLIT];
         const int first = n;
 
         view->first[cell] = n;
-        for (int k = 0; k < SST_CHECK_SPLIT * SST_CHECK_SPLIT; k++) {
-            const int part = (y0 + k / SST_CHECK_SPLIT) * PARTS_X + x0 + k % SST_CHECK_SPLIT;
+        for (int k = 0; k < DRIFT_SPLIT * DRIFT_SPLIT; k++) {
+            const int part = (y0 + k / DRIFT_SPLIT) * PARTS_X + x0 + k % DRIFT_SPLIT;
             int i = n;
 
             if (best[part] <= 0)
@@ -187,12 +187,12 @@ static void sort_features(struct check_view *view, const double *best, const str
             n++;
         }
     }
-    view->first[SST_CHECK_CELLS] = n;
+    view->first[DRIFT_CELLS] = n;
 }
 
-/* Is all that is looked at around a place of level 1 picture? What a camera does not see of the common view is a border
- * without holes, so the corners tell. */
-static bool seen(const struct sst_map_u8 *valid, int x, int y)
+/* Whether all pixels around a position of level 1 are valid. The invalid part of a rectified view is a border without
+ * holes, so its corners suffice. */
+static bool is_valid_around(const struct sst_map_u8 *valid, int x, int y)
 {
     const int reach = 2 * MARGIN;
 
@@ -209,12 +209,12 @@ static bool seen(const struct sst_map_u8 *valid, int x, int y)
 }
 
 /* Best place of every part of every cell. */
-static int find_features(struct check_view *view, const struct sst_map_u8 *valid)
+static int find_features(struct drift_pyramid *view, const struct sst_map_u8 *valid)
 {
     const struct sst_map_u8 *grey = &view->level[1];
     const double needed = texture_needed(view->noise);
     double best[PARTS_X * PARTS_Y] = { 0 };
-    struct check_feature at[PARTS_X * PARTS_Y];
+    struct drift_feature at[PARTS_X * PARTS_Y];
     struct tensor t = { .width = grey->width };
     int32_t *rows = sst_mem_alloc((size_t)grey->width * 3, sizeof(*rows));
 
@@ -231,9 +231,9 @@ static int find_features(struct check_view *view, const struct sst_map_u8 *valid
             const int i = y * PARTS_Y / grey->height * PARTS_X + x * PARTS_X / grey->width;
             const double e = least_eigenvalue(&t, x);
 
-            if (e > needed && e > best[i] && seen(valid, x, y)) {
+            if (e > needed && e > best[i] && is_valid_around(valid, x, y)) {
                 best[i] = e;
-                at[i] = (struct check_feature){ 2 * x, 2 * y };
+                at[i] = (struct drift_feature){ 2 * x, 2 * y };
             }
         }
         add_row(&t, grey, y - WINDOW, -1);
@@ -243,11 +243,12 @@ static int find_features(struct check_view *view, const struct sst_map_u8 *valid
     return 0;
 }
 
-int check_view_init(struct check_view *view, const struct sst_image *image, const struct sst_map_u8 *valid, int side)
+int drift_pyramid_init(struct drift_pyramid *view, const struct sst_image *image, const struct sst_map_u8 *valid,
+                       int side)
 {
     int w = image->width, h = image->height, err = 0;
 
-    *view = (struct check_view){ .image = image, .levels = 1 };
+    *view = (struct drift_pyramid){ .image = image, .levels = 1 };
     if (w < SMALLEST || h < SMALLEST)
         return -EBADMSG;
     do {
@@ -263,31 +264,31 @@ int check_view_init(struct check_view *view, const struct sst_image *image, cons
         else
             halve_grey(&view->level[i], &view->level[i - 1]);
         view->levels++;
-    } while (sst_max_int(w, h) > side && sst_min_int(w, h) >= SMALLEST && view->levels < SST_CHECK_LEVELS);
+    } while (sst_max_int(w, h) > side && sst_min_int(w, h) >= SMALLEST && view->levels < DRIFT_LEVELS);
     if (!err) {
         view->noise = fmin(noise_of(&view->level[1]), NOISE_CAP);
         err = find_features(view, valid);
     }
     if (err)
-        check_view_fini(view);
+        drift_pyramid_fini(view);
     return err;
 }
 
-void check_view_fini(struct check_view *view)
+void drift_pyramid_fini(struct drift_pyramid *view)
 {
-    for (int i = 1; i < SST_CHECK_LEVELS; i++)
+    for (int i = 1; i < DRIFT_LEVELS; i++)
         sst_map_u8_fini(&view->level[i]);
-    *view = (struct check_view){ 0 };
+    *view = (struct drift_pyramid){ 0 };
 }
 
 /* --- patches ------------------------------------------------------------------------------------------------------ */
 
-int check_to_level(int x, int level)
+int drift_to_level(int x, int level)
 {
     return (int)floor((x - 0.5 * ((1 << level) - 1)) / (1 << level) + 0.5);
 }
 
-void check_grey_row(uint8_t *out, const struct check_view *view, int level, int x0, int y, int n)
+void drift_read_grey_row(uint8_t *out, const struct drift_pyramid *view, int level, int x0, int y, int n)
 {
     if (level) {
         memcpy(out, sst_map_u8_row(&view->level[level], y) + x0, (size_t)n);
@@ -303,7 +304,7 @@ void check_grey_row(uint8_t *out, const struct check_view *view, int level, int 
 #define PATCH_MAX 64 /* with the margin */
 
 /* A row of grey values: at full size R + 2 G + B over 4, unrounded. */
-static void grey_row(float *out, const struct check_view *view, int level, int x0, int y, int n)
+static void grey_row(float *out, const struct drift_pyramid *view, int level, int x0, int y, int n)
 {
     if (level) {
         const uint8_t *p = sst_map_u8_row(&view->level[level], y) + x0;
@@ -319,12 +320,12 @@ static void grey_row(float *out, const struct check_view *view, int level, int x
     }
 }
 
-bool check_patch(float *out, const struct check_view *view, int level, int x0, int y0, int width, int height)
+bool drift_read_patch(float *out, const struct drift_pyramid *view, int level, int x0, int y0, int width, int height)
 {
     float row[PATCH_MAX], across[PATCH_MAX][PATCH_MAX];
     int w, h;
 
-    check_level_size(view, level, &w, &h);
+    drift_level_size(view, level, &w, &h);
     if (x0 < 2 || y0 < 2 || x0 > w - width - 2 || y0 > h - height - 2 || width > PATCH_MAX - 4 ||
         height > PATCH_MAX - 4)
         return false;

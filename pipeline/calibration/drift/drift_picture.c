@@ -1,5 +1,4 @@
-/* The check as a picture: cameras in their grid, coloured by how far they are off, arrows for shifts, bars for pairs.
- */
+/* The check as a picture: cameras in their grid, coloured by displacement, arrows for shifts, bars for pairs. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -99,7 +98,7 @@ static void arrow(struct sst_image *out, double x, double y, double dx, double d
     }
 }
 
-static void draw_pair(struct sst_image *out, const struct sst_check *check, const struct sst_check_pair *p)
+static void draw_pair(struct sst_image *out, const struct sst_drift *check, const struct sst_check_pair *p)
 {
     const int x0 = p->a % check->cols * CELL + CELL / 2, y0 = p->a / check->cols * CELL + CELL / 2 + TOP;
     const int x1 = p->b % check->cols * CELL + CELL / 2, y1 = p->b / check->cols * CELL + CELL / 2 + TOP;
@@ -115,7 +114,7 @@ static void draw_pair(struct sst_image *out, const struct sst_check *check, cons
         box(out, x0 - BAR / 2, y0, BAR, y1 - y0, c);
 }
 
-static void draw_camera(struct sst_image *out, const struct sst_check *check, int view)
+static void draw_camera(struct sst_image *out, const struct sst_drift *check, int view)
 {
     const struct sst_check_camera *c = &check->camera[view];
     const int x = view % check->cols * CELL + CELL / 2, y = view / check->cols * CELL + CELL / 2 + TOP;
@@ -135,7 +134,7 @@ static void draw_camera(struct sst_image *out, const struct sst_check *check, in
     text_middle(out, x, y + BOX / 2 - 10, line_of, c->lost ? white : ink);
 }
 
-static void draw_key(struct sst_image *out, const struct sst_check *check)
+static void draw_key(struct sst_image *out, const struct sst_drift *check)
 {
     const int y = out->height - BOTTOM + 8, width = 276;
     char value[32];
@@ -150,7 +149,7 @@ static void draw_key(struct sst_image *out, const struct sst_check *check)
     text(out, 12 + width + 16, y + 16, 1, "FRAMED: DRIFTED. GREY: UNKNOWN.", ink);
 }
 
-int sst_check_picture(struct sst_image *out, const struct sst_check *check)
+int sst_check_picture(struct sst_image *out, const struct sst_drift *check)
 {
     char figures[96] = "NOTHING MEASURED";
     int err = sst_image_init(out, sst_max_int(check->cols * CELL, LEAST), check->rows * CELL + TOP + BOTTOM);
@@ -160,7 +159,7 @@ int sst_check_picture(struct sst_image *out, const struct sst_check *check)
     box(out, 0, 0, out->width, out->height, paper);
     text(out, 12, 8, 2, sst_check_verdict_name(check->verdict), ink);
     if (check->measured)
-        snprintf(figures, sizeof(figures), "CROSS DISPARITY: MEAN %.3f P95 %.3f PX", check->mean_px, check->p95_px);
+        snprintf(figures, sizeof(figures), "EPIPOLAR ERROR: MEAN %.3f P95 %.3f PX", check->mean_px, check->p95_px);
     text(out, 12, 27, 1, figures, ink);
     for (int i = 0; i < check->pairs; i++)
         draw_pair(out, check, &check->pair[i]);

@@ -12,10 +12,10 @@
 #define HUBER        1.5
 #define TUKEY        4.685
 #define DONE         1e-9
-#define OWN_SIGMA    0.01 /* coefficients of cameras of one make differ by about this */
-#define ALIKE        10   /* residuals of a camera in one frame err alike: so many are worth one */
+#define OWN_SIGMA    0.01 /* spread of coefficients between cameras of one model */
+#define ALIKE        10   /* residuals of a camera in one frame are correlated: this many count as one */
 #define SCALE_MIN    5e-4 /* quantisation; keeps the weights defined where everything fits */
-#define STEPS        64   /* of r2 where a fall-off is looked at */
+#define STEPS        64   /* of r2 at which a fall-off is checked */
 #define VALUES       5    /* derivatives of one value that are not 0 */
 
 /* Of the common coefficients: of cos^4 of a lens with 60 degrees across the diagonal they are -0.67, 0.33, -0.15. Where
@@ -29,7 +29,7 @@ static const double common_sigma[3] = { 0.7, 0.3, 0.15 };
  * Unknowns: 3 gains of each camera, 3 coefficients of the common polynomial, 1 own coefficient of each camera.
  */
 struct fit {
-    struct light_problem *p;
+    struct photometric_problem *p;
     int unknowns;
     double *normal;                    /* [unknowns][unknowns], lower triangle */
     double *right, *step, *sum;        /* [unknowns]; sum: of w J in a group */
@@ -47,14 +47,14 @@ static double poly(const double a[3], double r2)
     return 1 + r2 * (a[0] + r2 * (a[1] + r2 * a[2]));
 }
 
-static void coefficients(const struct light_problem *p, int cam, double a[3])
+static void coefficients(const struct photometric_problem *p, int cam, double a[3])
 {
     memcpy(a, p->common, sizeof(p->common));
     if (cam < p->cams)
         a[0] += p->cam[cam].own;
 }
 
-double light_log_falloff(const struct light_problem *p, int cam, double r2)
+double photometric_log_falloff(const struct photometric_problem *p, int cam, double r2)
 {
     double a[3];
 
@@ -71,7 +71,7 @@ static double lowest(const double a[3], double reach)
     return least;
 }
 
-int light_fall_fault(const struct light_problem *p)
+int photometric_falloff_fault(const struct photometric_problem *p)
 {
     double reach = 1;
 
@@ -89,15 +89,15 @@ int light_fall_fault(const struct light_problem *p)
             down += fmax(before - v, 0);
             before = v;
         }
-        if (!(lowest(a, end) >= SST_LIGHT_FALLOFF_MIN) || !(fmin(up, down) <= 0.01))
+        if (!(lowest(a, end) >= PHOTOMETRIC_FALLOFF_MIN) || !(fmin(up, down) <= 0.01))
             return cam;
     }
     return -1;
 }
 
-static void differentiate(const struct fit *f, const struct light_seen *s, int colour, struct jacobian *j)
+static void differentiate(const struct fit *f, const struct photometric_observation *s, int colour, struct jacobian *j)
 {
-    const struct light_problem *p = f->p;
+    const struct photometric_problem *p = f->p;
     double a[3], power;
 
     coefficients(p, s->cam, a);
@@ -118,7 +118,7 @@ static void differentiate(const struct fit *f, const struct light_seen *s, int c
     }
 }
 
-static int group_end(const struct light_problem *p, int from)
+static int group_end(const struct photometric_problem *p, int from)
 {
     int end = from + 1;
 
@@ -127,10 +127,10 @@ static int group_end(const struct light_problem *p, int from)
     return end;
 }
 
-/* Residuals against the weighted mean of their group. @return the sum of what the weights make of them */
+/* Residuals against the weighted mean of their group. @return their weighted cost */
 static void find_residuals(struct fit *f)
 {
-    const struct light_problem *p = f->p;
+    const struct photometric_problem *p = f->p;
 
     for (int from = 0, end; from < p->count; from = end) {
         end = group_end(p, from);
@@ -138,8 +138,8 @@ static void find_residuals(struct fit *f)
             double sum = 0, weights = 0;
 
             for (int i = from; i < end; i++) {
-                const struct light_seen *s = &p->seen[i];
-                const double y = s->value[c] - p->cam[s->cam].gain[c] - light_log_falloff(p, s->cam, s->r2);
+                const struct photometric_observation *s = &p->seen[i];
+                const double y = s->value[c] - p->cam[s->cam].gain[c] - photometric_log_falloff(p, s->cam, s->r2);
 
                 f->residual[3 * i + c] = y;
                 sum += f->weight[3 * i + c] * y;
@@ -209,10 +209,10 @@ static void add_group(struct fit *f, int from, int end, int colour)
         f->sum[f->touched[a]] = 0;
 }
 
-/* What the values leave open: the mean gain of each part, coefficients that nothing measures. */
+/* Gauge and priors: the mean gain of each part, unobserved coefficients. */
 static void add_priors(struct fit *f)
 {
-    const struct light_problem *p = f->p;
+    const struct photometric_problem *p = f->p;
     const size_t n = (size_t)f->unknowns;
     const double s2 = ALIKE * p->scale * p->scale;
 
@@ -279,7 +279,7 @@ static void solve(struct fit *f)
 
 static void move(struct fit *f, double share)
 {
-    struct light_problem *p = f->p;
+    struct photometric_problem *p = f->p;
     const double *x = f->step;
 
     for (int i = 0; i < 3; i++)
@@ -291,7 +291,7 @@ static void move(struct fit *f, double share)
     }
 }
 
-static bool all_positive(const struct light_problem *p)
+static bool all_positive(const struct photometric_problem *p)
 {
     for (int k = 0; k < p->cams; k++) {
         double a[3];
@@ -323,7 +323,7 @@ static double go(struct fit *f)
 }
 
 /* The mean log gain of each part is exactly 0 in each colour. */
-static void centre(struct light_problem *p)
+static void centre(struct photometric_problem *p)
 {
     for (int part = 0; part < p->parts; part++) {
         for (int c = 0; c < 3; c++) {
@@ -340,7 +340,7 @@ static void centre(struct light_problem *p)
     }
 }
 
-static int fit_init(struct fit *f, struct light_problem *p)
+static int fit_init(struct fit *f, struct photometric_problem *p)
 {
     const size_t n = 4 * (size_t)p->cams + 3, values = 3 * (size_t)p->count;
 
@@ -368,7 +368,7 @@ static void fit_fini(struct fit *f)
     free(f->residual);
 }
 
-int light_fit_gains(struct light_problem *p)
+int photometric_fit_gains(struct photometric_problem *p)
 {
     struct fit f;
     int err = fit_init(&f, p);

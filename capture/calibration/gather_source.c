@@ -1,6 +1,4 @@
-/* Folders of pictures: who is the camera, what is the moment. */
-#include "cli/cli_internal.h"
-
+/* Folders of pictures: camera and moment from the names of folders and files. */
 #include <ctype.h>
 #include <dirent.h>
 #include <errno.h>
@@ -11,6 +9,8 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "capture/calibration/calibration_internal.h"
+#include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
 
@@ -127,7 +127,7 @@ static int add_flat(struct list *l, const char *dir, const char *name)
     while (digits && isdigit((unsigned char)camera[digits - 1]))
         digits--;
     err = 0;
-    if (!camera[digits]) /* no number: one camera, a picture of its own */
+    if (!camera[digits]) /* no number: one camera, its name is the frame */
         return list_add(l, "camera", camera, path);
     {
         char frame[256];
@@ -141,7 +141,7 @@ static int add_flat(struct list *l, const char *dir, const char *name)
 }
 
 /* Views of a light field: they are its files, raw where it has a calibration. */
-static int add_lightfield(struct calibrate_source *s, struct list *l, const char *dir, const char *frame)
+static int add_lightfield(struct sst_gather_source *s, struct list *l, const char *dir, const char *frame)
 {
     struct sst_lightfield lf;
     char path[SST_PATH_MAX];
@@ -150,7 +150,7 @@ static int add_lightfield(struct calibrate_source *s, struct list *l, const char
     if (err)
         return err;
     if (s->rows && (s->rows != lf.rows || s->cols != lf.cols)) {
-        sst_log_error("%s has %dx%d views, but the light fields before it %dx%d; take them apart", dir, lf.rows,
+        sst_log_error("%s has %dx%d views, but the light fields before it %dx%d; calibrate them separately", dir, lf.rows,
                       lf.cols, s->rows, s->cols);
         err = -EBADMSG;
     }
@@ -189,7 +189,7 @@ static bool has(const char *dir, const char *name)
     return !sst_path_join(path, dir, name) && sst_path_exists(path);
 }
 
-static int scan_all(struct calibrate_source *s, struct list *l)
+static int scan_all(struct sst_gather_source *s, struct list *l)
 {
     struct dirent **names;
     int n, err = 0;
@@ -213,7 +213,7 @@ static int scan_all(struct calibrate_source *s, struct list *l)
     return err;
 }
 
-/* --- names into places -------------------------------------------------------------------------------------------- */
+/* --- names into views -------------------------------------------------------------------------------------------- */
 
 static int by_name(const void *a, const void *b)
 {
@@ -239,7 +239,7 @@ static int distinct(const struct list *l, size_t field, char (**out)[64])
     return n;
 }
 
-static bool place(const char *name, int *row, int *col)
+static bool parse_position(const char *name, int *row, int *col)
 {
     int end = 0;
 
@@ -248,24 +248,24 @@ static bool place(const char *name, int *row, int *col)
 }
 
 /* The view of each camera name. */
-static int seat(struct calibrate_source *s, char (*name)[64], int n, const int grid[2], int *view)
+static int assign_views(struct sst_gather_source *s, char (*name)[64], int n, const int grid[2], int *view)
 {
     int rows = grid[0], cols = grid[1], row, col;
-    bool placed = true;
+    bool positioned = true;
 
-    if (rows && s->rows && (rows != s->rows || cols != s->cols)) { /* drives' positions are by its views */
+    if (rows && s->rows && (rows != s->rows || cols != s->cols)) { /* the drives' positions are indexed by its views */
         sst_log_error("%s is a light field of %dx%d views, not %dx%d; leave --grid out", s->path, s->rows, s->cols,
                       rows, cols);
         return -EBADMSG;
     }
     for (int i = 0; i < n; i++)
-        placed = placed && place(name[i], &row, &col);
+        positioned = positioned && parse_position(name[i], &row, &col);
     if (!rows && s->rows) {
         rows = s->rows;
         cols = s->cols;
     }
-    for (int i = 0; i < n && placed && !grid[0] && !s->rows; i++) {
-        if (place(name[i], &row, &col)) {
+    for (int i = 0; i < n && positioned && !grid[0] && !s->rows; i++) {
+        if (parse_position(name[i], &row, &col)) {
             rows = row + 1 > rows ? row + 1 : rows;
             cols = col + 1 > cols ? col + 1 : cols;
         }
@@ -274,10 +274,10 @@ static int seat(struct calibrate_source *s, char (*name)[64], int n, const int g
         rows = 1;
         cols = n;
     }
-    if (rows * cols > SST_CAMERAS_MAX || (!placed && rows * cols != n)) {
+    if (rows * cols > SST_CAMERAS_MAX || (!positioned && rows * cols != n)) {
         sst_log_error(
             "%s has pictures of %d cameras (%s ... %s), which do not fill a grid of %dx%d; name them rr_cc by "
-            "row and column, or say --grid",
+            "row and column, or give --grid",
             s->path, n, name[0], name[n - 1], rows, cols);
         return -EBADMSG;
     }
@@ -285,9 +285,9 @@ static int seat(struct calibrate_source *s, char (*name)[64], int n, const int g
     s->cols = cols;
     for (int i = 0; i < n; i++) {
         view[i] = i;
-        if (placed && place(name[i], &row, &col))
+        if (positioned && parse_position(name[i], &row, &col))
             view[i] = row * cols + col;
-        if (placed && (row >= rows || col >= cols)) {
+        if (positioned && (row >= rows || col >= cols)) {
             sst_log_error("camera %s of %s lies outside of a grid of %dx%d; correct --grid", name[i], s->path, rows,
                           cols);
             return -EBADMSG;
@@ -296,7 +296,7 @@ static int seat(struct calibrate_source *s, char (*name)[64], int n, const int g
     return 0;
 }
 
-static int arrange(struct calibrate_source *s, struct list *l, const struct calibrate_pick *pick)
+static int arrange(struct sst_gather_source *s, struct list *l, const struct sst_gather_selection *selection)
 {
     char(*camera)[64] = NULL;
     int *view = NULL;
@@ -306,15 +306,15 @@ static int arrange(struct calibrate_source *s, struct list *l, const struct cali
     err = all < 0 ? all : 0;
     if (!err) {
         view = calloc((size_t)cameras, sizeof(*view));
-        err = view ? seat(s, camera, cameras, pick->grid, view) : -ENOMEM;
+        err = view ? assign_views(s, camera, cameras, selection->grid, view) : -ENOMEM;
     }
     if (!err) {
-        s->frames = calibrate_pick_count(pick, all);
+        s->frames = gather_selection_count(selection, all);
         s->camera_name = calloc((size_t)(s->rows * s->cols), sizeof(*s->camera_name));
         s->file = calloc((size_t)s->frames * (size_t)(s->rows * s->cols), sizeof(*s->file));
         err = s->camera_name && s->file ? 0 : -ENOMEM;
         for (int f = 0; f < s->frames; f++)
-            memmove(s->frame_name[f], s->frame_name[calibrate_pick_at(pick, all, f)], sizeof(*s->frame_name));
+            memmove(s->frame_name[f], s->frame_name[gather_selection_at(selection, all, f)], sizeof(*s->frame_name));
     }
     for (int i = 0; i < cameras && !err; i++)
         memcpy(s->camera_name[view[i]], camera[i], sizeof(*camera));
@@ -342,21 +342,22 @@ static int arrange(struct calibrate_source *s, struct list *l, const struct cali
     return err;
 }
 
-int calibrate_source_open(struct calibrate_source *out, const char *path, const struct calibrate_pick *pick)
+int sst_gather_source_open(struct sst_gather_source *out, const char *path,
+                           const struct sst_gather_selection *selection)
 {
     struct list l = { 0 };
     int err;
 
-    *out = (struct calibrate_source){ .path = path, .rig = pick->rig };
+    *out = (struct sst_gather_source){ .path = path, .rig = selection->rig };
     if (!sst_path_is_dir(path)) {
         const bool there = sst_path_exists(path);
 
         sst_log_error("%s %s; give a recording, a light field or a folder of pictures", path,
-                      there ? "is no folder" : "does not exist");
+                      there ? "is not a folder" : "does not exist");
         return there ? -EBADMSG : -ENOENT;
     }
     if (has(path, "recording.json")) {
-        err = calibrate_recording_open(out, pick);
+        err = gather_recorded_open(out, selection);
     } else {
         err = scan_all(out, &l);
         if (!err && !l.count) {
@@ -364,15 +365,15 @@ int calibrate_source_open(struct calibrate_source *out, const char *path, const 
             err = -EBADMSG;
         }
         if (!err)
-            err = arrange(out, &l, pick);
+            err = arrange(out, &l, selection);
     }
     list_fini(&l);
     if (err)
-        calibrate_source_close(out);
+        sst_gather_source_close(out);
     return err;
 }
 
-void calibrate_source_close(struct calibrate_source *s)
+void sst_gather_source_close(struct sst_gather_source *s)
 {
     for (int i = 0; s->file && i < s->frames * s->rows * s->cols; i++)
         free(s->file[i]);
@@ -380,17 +381,17 @@ void calibrate_source_close(struct calibrate_source *s)
     free(s->camera_name);
     free(s->frame_name);
     free(s->drive_mm);
-    free(s->set);
+    free(s->frameset);
     sst_recording_close(s->recording);
-    *s = (struct calibrate_source){ 0 };
+    *s = (struct sst_gather_source){ 0 };
 }
 
-int calibrate_source_read(const struct calibrate_source *s, int view, int frame, struct sst_image *out)
+int sst_gather_source_read(const struct sst_gather_source *s, int view, int frame, struct sst_image *out)
 {
     const char *path;
 
     if (s->recording)
-        return calibrate_recording_read(s, view, frame, out);
+        return gather_recorded_read(s, view, frame, out);
     path = s->file[(size_t)frame * (size_t)(s->rows * s->cols) + (size_t)view];
     return path ? sst_image_read(out, path) : -ENODATA;
 }

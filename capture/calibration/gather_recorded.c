@@ -1,4 +1,4 @@
-/* Pictures of a recording's sets. */
+/* Pictures of a recording's framesets. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,14 +7,15 @@
 #include <linux/videodev2.h>
 
 #include "base/log.h"
-#include "cli/cli_internal.h"
+#include "capture/calibration/calibration_internal.h"
+#include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
 
-/* A frame whose bytes are in doubt; a stamp that went backwards says nothing about them. */
+/* A frame whose bytes are in doubt; a timestamp that went backwards does not count. */
 #define BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
 
-int calibrate_recording_open(struct calibrate_source *out, const struct calibrate_pick *pick)
+int gather_recorded_open(struct sst_gather_source *out, const struct sst_gather_selection *selection)
 {
     const struct sst_recording_info *info;
     int sets, err = sst_recording_open(&out->recording, out->path);
@@ -25,21 +26,21 @@ int calibrate_recording_open(struct calibrate_source *out, const struct calibrat
     sets = sst_recording_sets(out->recording);
     out->rows = info->rows;
     out->cols = info->cols;
-    if (pick->grid[0] && (pick->grid[0] != out->rows || pick->grid[1] != out->cols)) {
+    if (selection->grid[0] && (selection->grid[0] != out->rows || selection->grid[1] != out->cols)) {
         sst_log_error("%s is of %dx%d cameras, not %dx%d; leave out --grid", out->path, out->rows, out->cols,
-                      pick->grid[0], pick->grid[1]);
+                      selection->grid[0], selection->grid[1]);
         return -EBADMSG;
     }
     out->spacing_mm = info->spacing_mm;
-    out->frames = calibrate_pick_count(pick, sets);
+    out->frames = gather_selection_count(selection, sets);
     if (!out->frames) {
         sst_log_error("%s holds no set; record some first", out->path);
         return -EBADMSG;
     }
     out->camera_name = calloc((size_t)(out->rows * out->cols), sizeof(*out->camera_name));
     out->frame_name = calloc((size_t)out->frames, sizeof(*out->frame_name));
-    out->set = calloc((size_t)out->frames, sizeof(*out->set));
-    if (!out->camera_name || !out->frame_name || !out->set)
+    out->frameset = calloc((size_t)out->frames, sizeof(*out->frameset));
+    if (!out->camera_name || !out->frame_name || !out->frameset)
         return -ENOMEM;
     for (int i = 0; i < info->cameras; i++) {
         const struct sst_recorder_track *t = &info->track[i];
@@ -53,14 +54,14 @@ int calibrate_recording_open(struct calibrate_source *out, const struct calibrat
                      t->col);
     }
     for (int i = 0; i < out->frames; i++) {
-        out->set[i] = calibrate_pick_at(pick, sets, i);
-        snprintf(out->frame_name[i], sizeof(*out->frame_name), "set %d", out->set[i]);
+        out->frameset[i] = gather_selection_at(selection, sets, i);
+        snprintf(out->frame_name[i], sizeof(*out->frame_name), "set %d", out->frameset[i]);
     }
     return 0;
 }
 
-int calibrate_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data,
-                     size_t bytes)
+int gather_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data,
+                  size_t bytes)
 {
     const struct sst_raw raw = { fourcc, width, height, stride, data, bytes };
     char text[SST_LOG_MAX] = "", *before;
@@ -78,7 +79,7 @@ int calibrate_decode(struct sst_image *out, uint32_t fourcc, int width, int heig
     return err;
 }
 
-int calibrate_recording_read(const struct calibrate_source *source, int view, int frame, struct sst_image *out)
+int gather_recorded_read(const struct sst_gather_source *source, int view, int frame, struct sst_image *out)
 {
     const struct sst_recording_info *info = sst_recording_info(source->recording);
     struct sst_recording_set *set = malloc(sizeof(*set));
@@ -90,14 +91,14 @@ int calibrate_recording_read(const struct calibrate_source *source, int view, in
     if (!err && cam == info->cameras)
         err = -ENODATA;
     if (!err)
-        err = sst_recording_set(source->recording, source->set[frame], set);
+        err = sst_recording_set(source->recording, source->frameset[frame], set);
     if (!err && set->frame[cam].faults & BAD_PICTURE)
         err = -ENODATA;
     if (!err)
         err = sst_recording_frame(source->recording, set, cam, &data);
     if (!err)
-        err = calibrate_decode(out, info->fourcc, info->width, info->height, set->frame[cam].stride, data,
-                               set->frame[cam].bytes);
+        err = gather_decode(out, info->fourcc, info->width, info->height, set->frame[cam].stride, data,
+                            set->frame[cam].bytes);
     free(data);
     free(set);
     return err == -EBADMSG ? -EILSEQ : err;

@@ -1,73 +1,73 @@
-#include "cli/cli_internal.h"
-
+/* Corners and samples of light from all pictures of a source. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
 #include "base/thread.h"
+#include "capture/calibration/calibration_internal.h"
 #include "pipeline/calibration/board/coverage.h"
 #include "pipeline/image/codec.h"
 
-#define GUESSES 3 /* pictures looked at again to say what they show */
+#define GUESSES 3 /* pictures without the board that are searched for other boards */
 
-void calibrate_gathered_fini(struct calibrate_gathered *g)
+void sst_gathered_fini(struct sst_gathered *g)
 {
     sst_detections_fini(&g->all);
-    sst_light_samples_fini(&g->light);
+    sst_photometric_samples_fini(&g->light);
 }
 
-void calibrate_shot_fini(struct calibrate_shot *shot)
+void gather_result_fini(struct gather_result *result)
 {
-    sst_detection_fini(&shot->detection);
-    sst_light_samples_fini(&shot->light);
-    *shot = (struct calibrate_shot){ 0 };
+    sst_detection_fini(&result->detection);
+    sst_photometric_samples_fini(&result->light);
+    *result = (struct gather_result){ 0 };
 }
 
-int calibrate_shoot(struct calibrate_shot *shot, const struct calibrate_gather_config *cfg, struct sst_image *image,
-                    int view, int frame)
+int gather_detect(struct gather_result *out, const struct sst_gather_config *cfg, struct sst_image *image, int view,
+                  int frame)
 {
-    int err = sst_board_detect(&cfg->board, image, &cfg->detect, &shot->detection, &shot->outcome);
+    int err = sst_board_detect(&cfg->board, image, &cfg->detect, &out->detection, &out->outcome);
 
-    shot->there = true;
-    shot->detection.view = view;
-    shot->detection.frame = frame;
-    if (!err && shot->outcome == SST_DETECT_FOUND && cfg->light)
-        err = sst_light_collect(&shot->light, &cfg->board, image, &shot->detection);
+    out->present = true;
+    out->detection.view = view;
+    out->detection.frame = frame;
+    if (!err && out->outcome == SST_DETECT_FOUND && cfg->light)
+        err = sst_photometric_collect(&out->light, &cfg->board, image, &out->detection);
     sst_image_fini(image);
     return err;
 }
 
-int calibrate_take(struct calibrate_gathered *to, struct calibrate_shot *shot)
+int gather_add(struct sst_gathered *to, struct gather_result *result)
 {
-    struct sst_light_samples *light = &to->light;
+    struct sst_photometric_samples *light = &to->light;
     int err = 0;
 
-    if (shot->there)
-        to->all.outcome[shot->outcome]++;
-    if (shot->there && shot->outcome == SST_DETECT_FOUND)
-        err = sst_detections_add(&to->all, &shot->detection);
-    if (!err && shot->light.count) {
-        const int need = light->count + shot->light.count;
+    if (result->present)
+        to->all.outcome[result->outcome]++;
+    if (result->present && result->outcome == SST_DETECT_FOUND)
+        err = sst_detections_add(&to->all, &result->detection);
+    if (!err && result->light.count) {
+        const int need = light->count + result->light.count;
 
         if (need > light->capacity) {
-            struct sst_light_sample *more = realloc(light->sample, 2 * (size_t)need * sizeof(*more));
+            struct sst_photometric_sample *more = realloc(light->sample, 2 * (size_t)need * sizeof(*more));
 
             err = more ? 0 : -ENOMEM;
             light->sample = more ? more : light->sample;
             light->capacity = more ? 2 * need : light->capacity;
         }
         if (!err) {
-            memcpy(light->sample + light->count, shot->light.sample,
-                   (size_t)shot->light.count * sizeof(*light->sample));
+            memcpy(light->sample + light->count, result->light.sample,
+                   (size_t)result->light.count * sizeof(*light->sample));
             light->count = need;
         }
     }
-    calibrate_shot_fini(shot);
+    gather_result_fini(result);
     return err;
 }
 
-int calibrate_write_coverage(const struct sst_detections *all, const char *path)
+int sst_gather_write_coverage(const struct sst_detections *all, const char *path)
 {
     struct sst_coverage *coverage = calloc((size_t)(all->rows * all->cols), sizeof(*coverage));
     struct sst_image picture = { 0 };
@@ -87,22 +87,22 @@ int calibrate_write_coverage(const struct sst_detections *all, const char *path)
 /* --- all pictures of a source ------------------------------------------------------------------------------------- */
 
 struct work {
-    const struct calibrate_source *source;
-    const struct calibrate_gather_config *cfg;
+    const struct sst_gather_source *source;
+    const struct sst_gather_config *cfg;
     int views, width, height;
-    struct calibrate_shot *shot; /* [frames * views] */
+    struct gather_result *result; /* [frames * views] */
     SST_ATOMIC(int) done;
 };
 
-static int look(void *arg, int index, int worker)
+static int detect_one(void *arg, int index, int worker)
 {
     struct work *w = arg;
     const int view = index % w->views, frame = index / w->views;
     struct sst_image image = { 0 };
-    int err = calibrate_source_read(w->source, view, frame, &image), done;
+    int err = sst_gather_source_read(w->source, view, frame, &image), done;
 
-    if (err == -EILSEQ) /* one damaged frame is no reason to give up: it is as if the camera had missed it */
-        w->shot[index].damaged = true;
+    if (err == -EILSEQ) /* a damaged frame counts as one that the camera missed */
+        w->result[index].damaged = true;
     if (err)
         return err == -ENODATA || err == -EILSEQ ? 0 : err;
     if (image.width != w->width || image.height != w->height) {
@@ -112,10 +112,10 @@ static int look(void *arg, int index, int worker)
         sst_image_fini(&image);
         return -EBADMSG;
     }
-    err = calibrate_shoot(&w->shot[index], w->cfg, &image, view, frame);
+    err = gather_detect(&w->result[index], w->cfg, &image, view, frame);
     done = ++w->done;
-    if (!worker)
-        cli_progress((char[]){ "corners" }, (double)done / (w->source->frames * w->views));
+    if (!worker && w->cfg->progress)
+        w->cfg->progress(w->cfg->arg, (double)done / (w->source->frames * w->views));
     return err;
 }
 
@@ -123,7 +123,7 @@ static int find_size(struct work *w)
 {
     for (int i = 0; i < w->source->frames * w->views; i++) {
         struct sst_image image;
-        const int err = calibrate_source_read(w->source, i % w->views, i / w->views, &image);
+        const int err = sst_gather_source_read(w->source, i % w->views, i / w->views, &image);
 
         if (err == -ENODATA || err == -EILSEQ)
             continue;
@@ -138,8 +138,8 @@ static int find_size(struct work *w)
     return -EBADMSG;
 }
 
-/* What the pictures without the board show instead, if that can be told. */
-static void tell_other(const struct work *w, const struct sst_detections *all)
+/* What the pictures without the board show instead, as far as it can be guessed. */
+static void log_other_board(const struct work *w, int found)
 {
     char text[128], shows[160];
     int tried = 0;
@@ -147,18 +147,18 @@ static void tell_other(const struct work *w, const struct sst_detections *all)
     sst_board_format(&w->cfg->board, text);
     for (int i = 0; i < w->source->frames * w->views && tried < GUESSES; i++) {
         struct sst_image image;
-        bool told;
+        bool guessed;
 
-        if (!w->shot[i].there ||
-            (w->shot[i].outcome != SST_DETECT_NONE && w->shot[i].outcome != SST_DETECT_OTHER_BOARD) ||
-            calibrate_source_read(w->source, i % w->views, i / w->views, &image))
+        if (!w->result[i].present ||
+            (w->result[i].outcome != SST_DETECT_NONE && w->result[i].outcome != SST_DETECT_OTHER_BOARD) ||
+            sst_gather_source_read(w->source, i % w->views, i / w->views, &image))
             continue;
         tried++;
-        told = sst_board_guess(&w->cfg->board, &image, shows);
+        guessed = sst_board_guess(&w->cfg->board, &image, shows);
         sst_image_fini(&image);
-        if (told) {
+        if (guessed) {
             sst_log_error("%s: the board %s is in %d of %d pictures; camera %s, %s: %s; correct --board",
-                          w->source->path, text, all->count, w->done, w->source->camera_name[i % w->views],
+                          w->source->path, text, found, w->done, w->source->camera_name[i % w->views],
                           w->source->frame_name[i / w->views], shows);
             return;
         }
@@ -166,10 +166,10 @@ static void tell_other(const struct work *w, const struct sst_detections *all)
     sst_log_error(
         "%s: the board %s is in %d of %d pictures; are its kind and its numbers of squares right (--board), is it "
         "sharp, lit, not mirrored and large enough in the picture?",
-        w->source->path, text, all->count, w->done);
+        w->source->path, text, found, w->done);
 }
 
-static void tell_left_out(const struct work *w)
+static void log_left_out(const struct work *w)
 {
     static const struct {
         enum sst_detect_outcome outcome;
@@ -182,19 +182,19 @@ static void tell_left_out(const struct work *w)
         int n = 0, worst = -1;
 
         for (int i = 0; i < w->source->frames * w->views; i++) {
-            const struct calibrate_shot *s = &w->shot[i];
+            const struct gather_result *s = &w->result[i];
 
-            if (!s->there || s->outcome != kinds[k].outcome)
+            if (!s->present || s->outcome != kinds[k].outcome)
                 continue;
             n++;
-            if (worst < 0 || s->detection.blur_px > w->shot[worst].detection.blur_px)
+            if (worst < 0 || s->detection.blur_px > w->result[worst].detection.blur_px)
                 worst = i;
         }
-        if (n && w->shot[worst].detection.blur_px > 0)
+        if (n && w->result[worst].detection.blur_px > 0)
             sst_log_warning(
                 "%d of %d pictures are left out because they are %s; worst: camera %s, %s, edges %.1f px wide", n,
                 w->done, kinds[k].what, w->source->camera_name[worst % w->views],
-                w->source->frame_name[worst / w->views], w->shot[worst].detection.blur_px);
+                w->source->frame_name[worst / w->views], w->result[worst].detection.blur_px);
         else if (n)
             sst_log_warning("%d of %d pictures are left out because they are %s, the first of camera %s, %s", n,
                             w->done, kinds[k].what, w->source->camera_name[worst % w->views],
@@ -202,12 +202,12 @@ static void tell_left_out(const struct work *w)
     }
 }
 
-static void tell_damaged(const struct work *w)
+static void log_damaged(const struct work *w)
 {
     int n = 0, first = -1;
 
     for (int i = 0; i < w->source->frames * w->views; i++) {
-        if (!w->shot[i].damaged)
+        if (!w->result[i].damaged)
             continue;
         first = n++ ? first : i;
     }
@@ -217,9 +217,9 @@ static void tell_damaged(const struct work *w)
                         w->source->frame_name[first / w->views]);
 }
 
-static int take_all(struct calibrate_gathered *out, struct work *w)
+static int add_all(struct sst_gathered *out, struct work *w)
 {
-    const struct calibrate_source *s = w->source;
+    const struct sst_gather_source *s = w->source;
     int err = sst_detections_init(&out->all, &w->cfg->board, s->rows, s->cols, w->width, w->height);
 
     if (err)
@@ -237,45 +237,39 @@ static int take_all(struct calibrate_gathered *out, struct work *w)
 
         err = frame < 0 ? frame : 0;
         for (int view = 0; view < w->views && !err; view++)
-            err = calibrate_take(out, &w->shot[f * w->views + view]);
+            err = gather_add(out, &w->result[f * w->views + view]);
     }
     return err;
 }
 
-int calibrate_gather(struct calibrate_gathered *out, const struct calibrate_source *source,
-                     const struct calibrate_gather_config *cfg)
+int sst_gather(struct sst_gathered *out, const struct sst_gather_source *source, const struct sst_gather_config *cfg)
 {
     struct work w = { .source = source, .cfg = cfg, .views = source->rows * source->cols };
     const int n = source->frames * w.views;
-    struct calibrate_gathered g = { 0 };
-    int err;
+    struct sst_gathered g = { 0 };
+    int found = 0, err;
 
-    w.shot = calloc((size_t)n, sizeof(*w.shot));
-    err = w.shot ? find_size(&w) : -ENOMEM;
+    w.result = calloc((size_t)n, sizeof(*w.result));
+    err = w.result ? find_size(&w) : -ENOMEM;
     if (!err)
-        err = sst_parallel_for(n, cfg->threads, look, &w);
-    cli_progress_end();
+        err = sst_parallel_for(n, cfg->threads, detect_one, &w);
     if (!err) {
-        int found = 0;
-
-        tell_damaged(&w);
-        tell_left_out(&w);
+        log_damaged(&w);
+        log_left_out(&w);
         for (int i = 0; i < n; i++)
-            found += w.shot[i].there && w.shot[i].outcome == SST_DETECT_FOUND;
-        g.all.count = found;
+            found += w.result[i].present && w.result[i].outcome == SST_DETECT_FOUND;
         if (found * 10 < w.done) { /* in hardly any: most likely another board */
-            tell_other(&w, &g.all);
+            log_other_board(&w, found);
             err = -EBADMSG;
         }
-        g.all.count = 0;
     }
     if (!err)
-        err = take_all(&g, &w);
-    for (int i = 0; w.shot && i < n; i++)
-        calibrate_shot_fini(&w.shot[i]);
-    free(w.shot);
+        err = add_all(&g, &w);
+    for (int i = 0; w.result && i < n; i++)
+        gather_result_fini(&w.result[i]);
+    free(w.result);
     if (err)
-        calibrate_gathered_fini(&g);
+        sst_gathered_fini(&g);
     else
         *out = g;
     return err;

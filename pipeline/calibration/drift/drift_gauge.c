@@ -1,5 +1,5 @@
-/* What matches cannot tell of the cameras' shifts, chosen so that most cameras are at rest: least absolute deviations,
- * by least squares with weights of one over the deviation (Schlossmacher 1973). */
+/* The gauge: shifts that no match observes, fixed so that most cameras are undisplaced. Least absolute deviations, by
+ * least squares with weights of one over the deviation (Schlossmacher 1973). */
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -28,8 +28,8 @@ static void solve3(double a[3][3], double v[3])
     }
 }
 
-/* Do the offsets of the shifts that were seen differ? */
-static bool spread_out(const struct sst_check_camera *cam, const struct check_work *w)
+/* Whether the offsets of the observed shifts differ. */
+static bool spread_out(const struct sst_check_camera *cam, const struct drift_work *w)
 {
     double mean[2] = { 0 }, squares = 0;
     int n[2] = { 0 };
@@ -47,11 +47,11 @@ static bool spread_out(const struct sst_check_camera *cam, const struct check_wo
                 mean[axis] += (offset - mean[axis]) / ++n[axis];
         }
     }
-    return squares >= SST_CHECK_SPREAD * (n[0] + n[1]);
+    return squares >= DRIFT_SPREAD * (n[0] + n[1]);
 }
 
-/* Common shift and proportion of the offsets that leave the smallest sum of magnitudes of the shifts that were seen. */
-static void rest_shifts(struct sst_check_camera *cam, const struct check_work *w)
+/* Common shift and proportion of the offsets that minimise the sum of magnitudes of the observed shifts. */
+static void fix_shifts(struct sst_check_camera *cam, const struct drift_work *w)
 {
     const bool proportion = spread_out(cam, w);
     double g[3] = { 0 };
@@ -83,7 +83,7 @@ static void rest_shifts(struct sst_check_camera *cam, const struct check_work *w
     }
 }
 
-static void rest_median(struct sst_check_camera *cam, int views, size_t field)
+static void subtract_median(struct sst_check_camera *cam, int views, size_t field)
 {
     double v[SST_MAX_VIEWS], median;
     int n = 0;
@@ -96,9 +96,9 @@ static void rest_median(struct sst_check_camera *cam, int views, size_t field)
     }
     if (!n)
         return;
-    median = check_quantile(v, n, 0.5);
+    median = drift_quantile(v, n, 0.5);
     if (n % 2 == 0)
-        median = 0.5 * (median + check_quantile(v, n, 0.5 - 0.5 / n));
+        median = 0.5 * (median + drift_quantile(v, n, 0.5 - 0.5 / n));
     for (int c = 0; c < views; c++) {
         double *p = (double *)(void *)((char *)&cam[c] + field);
 
@@ -106,9 +106,9 @@ static void rest_median(struct sst_check_camera *cam, int views, size_t field)
     }
 }
 
-void check_rest(struct sst_check_camera *camera, const struct check_work *w)
+void drift_fix_gauge(struct sst_check_camera *camera, const struct drift_work *w)
 {
-    rest_shifts(camera, w);
-    rest_median(camera, w->views, offsetof(struct sst_check_camera, roll_deg));
-    rest_median(camera, w->views, offsetof(struct sst_check_camera, scale));
+    fix_shifts(camera, w);
+    subtract_median(camera, w->views, offsetof(struct sst_check_camera, roll_deg));
+    subtract_median(camera, w->views, offsetof(struct sst_check_camera, scale));
 }

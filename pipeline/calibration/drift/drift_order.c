@@ -1,4 +1,4 @@
-/* Views in each other's places: does another order of the pictures make good what is bad? */
+/* Swapped views, mirrored or transposed grids: whether another order of the pictures makes bad pairs good. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -7,13 +7,13 @@
 
 #include "pipeline/calibration/drift/drift_internal.h"
 
-#define SUSPECTS 6    /* cameras that are tried in each other's places */
-#define SUSPECT  0.3  /* share of a camera's pairs that are bad */
-#define MOSTLY   0.75 /* share of the pairs in question that must be good in the right order */
+#define SUSPECTS 6    /* cameras tried as swapped */
+#define SUSPECT  0.3  /* fraction of a camera's pairs that are bad */
+#define MOSTLY   0.75 /* fraction of the tried pairs that must be good in the right order */
 
 /* One order of the pictures, tried. */
 struct trial {
-    struct check_work w; /* own view and link */
+    struct drift_work w; /* own view and link */
     bool *only;          /* [links] */
     int good, bad;       /* of those */
 };
@@ -24,9 +24,9 @@ static void count(struct trial *t)
     for (int i = 0; i < t->w.links; i++) {
         if (!t->only[i])
             continue;
-        t->bad += check_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
+        t->bad += drift_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
         t->good +=
-            t->w.link[i].state == SST_CHECK_PAIR_MEASURED && !check_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
+            t->w.link[i].state == SST_CHECK_PAIR_MEASURED && !drift_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
     }
 }
 
@@ -42,7 +42,7 @@ static void trial_end(struct trial *t)
     free(t->only);
 }
 
-static int trial_begin(struct trial *t, const struct check_work *w)
+static int trial_begin(struct trial *t, const struct drift_work *w)
 {
     *t = (struct trial){ .w = *w };
     t->w.view = malloc((size_t)w->views * sizeof(*t->w.view));
@@ -60,23 +60,23 @@ static int trial_begin(struct trial *t, const struct check_work *w)
 /* --- two views ---------------------------------------------------------------------------------------------------- */
 
 /* Share of a camera's pairs that are bad. */
-static double bad_share(const struct check_work *w, int view)
+static double bad_share(const struct drift_work *w, int view)
 {
     int bad = 0, all = 0;
 
     for (int i = 0; i < w->links; i++) {
-        const struct check_link *l = &w->link[i];
+        const struct drift_link *l = &w->link[i];
 
         if ((l->a != view && l->b != view) || l->state == SST_CHECK_PAIR_BLANK)
             continue;
         all++;
-        bad += check_link_bad(l, w->cfg.unusable_px);
+        bad += drift_link_bad(l, w->cfg.unusable_px);
     }
     return all ? (double)bad / all : 0;
 }
 
 /* The most suspicious first, equal ones by index. */
-static int find_suspects(int suspect[SUSPECTS], const struct check_work *w)
+static int find_suspects(int suspect[SUSPECTS], const struct drift_work *w)
 {
     double share[SUSPECTS];
     int n = 0;
@@ -102,7 +102,7 @@ static int find_suspects(int suspect[SUSPECTS], const struct check_work *w)
     return n;
 }
 
-/* Exchanged views are off by as much as their places are apart, one this way and one that way. */
+/* Swapped views are off by the distance between their positions, in opposite directions. */
 static bool opposed(const struct sst_check_camera *a, const struct sst_check_camera *b, double unusable_px)
 {
     const double x = isnan(a->shift_x_px) || isnan(b->shift_x_px) ? 0 : a->shift_x_px * b->shift_x_px;
@@ -113,11 +113,11 @@ static bool opposed(const struct sst_check_camera *a, const struct sst_check_cam
     return a->off_px > unusable_px && b->off_px > unusable_px && x + y < 0;
 }
 
-/* Exchange a and b: are their pairs bad now and good then? */
-static int try_exchange(bool *explains, const struct check_work *w, int a, int b)
+/* Exchange a and b: *explains if their pairs are bad before and good after. */
+static int try_exchange(bool *explains, const struct drift_work *w, int a, int b)
 {
     struct trial t;
-    struct check_view view;
+    struct drift_pyramid view;
     int before, err = trial_begin(&t, w);
 
     if (err)
@@ -129,7 +129,7 @@ static int try_exchange(bool *explains, const struct check_work *w, int a, int b
     view = t.w.view[a];
     t.w.view[a] = t.w.view[b];
     t.w.view[b] = view;
-    err = check_match_links(&t.w, t.only);
+    err = drift_match_links(&t.w, t.only);
     count(&t);
     *explains = !err && before >= 2 && 2 * t.bad < before && mostly_good(&t);
     trial_end(&t);
@@ -138,29 +138,29 @@ static int try_exchange(bool *explains, const struct check_work *w, int a, int b
 
 /* --- the whole grid ----------------------------------------------------------------------------------------------- */
 
-struct turn {
+struct reorder {
     bool transpose, flip_cols, flip_rows;
     const char *what;
 };
 
-static int turned(const struct turn *turn, int rows, int cols, int view)
+static int reordered(const struct reorder *order, int rows, int cols, int view)
 {
     int row = view / cols, col = view % cols;
 
-    if (turn->transpose) {
+    if (order->transpose) {
         const int r = row;
 
         row = col;
         col = r;
     }
-    if (turn->flip_cols)
+    if (order->flip_cols)
         col = cols - 1 - col;
-    if (turn->flip_rows)
+    if (order->flip_rows)
         row = rows - 1 - row;
     return row * cols + col;
 }
 
-static int try_turn(bool *explains, const struct check_work *w, const struct turn *turn)
+static int try_reorder(bool *explains, const struct drift_work *w, const struct reorder *order)
 {
     struct trial t;
     double axes = NAN;
@@ -169,24 +169,24 @@ static int try_turn(bool *explains, const struct check_work *w, const struct tur
     if (err)
         return err;
     for (int v = 0; v < w->views; v++)
-        t.w.view[v] = w->view[turned(turn, w->lf->rows, w->lf->cols, v)];
+        t.w.view[v] = w->view[reordered(order, w->lf->rows, w->lf->cols, v)];
     for (int i = 0; i < w->links; i++) {
-        /* A grid with holes may have none where it needs a view. */
+        /* Holes of the grid move too. */
         t.only[i] = t.w.view[w->link[i].a].image && t.w.view[w->link[i].b].image;
         if (!t.only[i])
             t.w.link[i].state = SST_CHECK_PAIR_BLANK;
     }
-    err = check_match_links(&t.w, t.only);
+    err = drift_match_links(&t.w, t.only);
     count(&t);
-    err = err ? err : check_axes(&t.w, &axes);
+    err = err ? err : drift_measure_axes(&t.w, &axes);
     *explains = !err && mostly_good(&t) && axes <= w->cfg.unusable_px;
     trial_end(&t);
     return err;
 }
 
-int check_places(struct sst_check *out, const struct check_work *w, char whole[128])
+int drift_find_wrong_order(struct sst_drift *out, const struct drift_work *w, char order[128])
 {
-    static const struct turn turns[] = {
+    static const struct reorder orders[] = {
         { false, true, false, "the columns run the other way (right to left)" },
         { false, false, true, "the rows run the other way (upwards)" },
         { false, true, true, "rows and columns both run the other way" },
@@ -195,20 +195,20 @@ int check_places(struct sst_check *out, const struct check_work *w, char whole[1
     int suspect[SUSPECTS], n = find_suspects(suspect, w), err = 0, bad = 0, usable = 0;
     bool explains = false;
 
-    whole[0] = 0;
+    order[0] = 0;
     out->swapped_a = out->swapped_b = -1;
     for (int i = 0; i < w->links; i++) {
-        bad += check_link_bad(&w->link[i], w->cfg.unusable_px);
+        bad += drift_link_bad(&w->link[i], w->cfg.unusable_px);
         usable += w->link[i].state != SST_CHECK_PAIR_BLANK;
     }
     if (2 * bad > usable || out->axes_px > w->cfg.unusable_px) {
-        for (size_t i = 0; !err && i < ARRAY_LEN(turns); i++) {
-            if (turns[i].transpose && w->lf->rows != w->lf->cols)
+        for (size_t i = 0; !err && i < ARRAY_LEN(orders); i++) {
+            if (orders[i].transpose && w->lf->rows != w->lf->cols)
                 continue;
-            err = try_turn(&explains, w, &turns[i]);
+            err = try_reorder(&explains, w, &orders[i]);
             if (err || !explains)
                 continue;
-            snprintf(whole, 128, "%s", turns[i].what);
+            snprintf(order, 128, "%s", orders[i].what);
             return 0;
         }
     }

@@ -1,19 +1,19 @@
-/* From samples of white places to gain and fall-off of each camera: what is of use, what it is worth, what to say. */
+/* Gain and fall-off of each camera from samples of white patches: selection of samples, the fit, its report. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/photometric/light.h"
+#include "pipeline/calibration/photometric/photometric.h"
 #include "pipeline/calibration/photometric/photometric_internal.h"
 
 #define FEWEST_SAMPLES 12 /* of a camera, on patches that another one sees too */
 #define ORDER          3
 
-/* A sample with what it takes to sort it. */
+/* A sample, and whether it is used. */
 struct usable {
-    const struct sst_light_sample *sample;
+    const struct sst_photometric_sample *sample;
     bool dropped;
 };
 
@@ -23,11 +23,11 @@ struct solving {
     struct usable *usable; /* by frame, patch, view: groups are neighbours */
     int *samples;          /* [views] in groups of two or more; 0: not part of the solution */
     int *cam;              /* [views] number in the problem, or -1 */
-    struct light_seen *seen;
-    struct light_problem problem;
+    struct photometric_observation *seen;
+    struct photometric_problem problem;
 };
 
-/* --- what is of use ---------------------------------------------------------------------------------------------- */
+/* --- usable samples ---------------------------------------------------------------------------------------------- */
 
 static int compare(int a, int b)
 {
@@ -36,7 +36,8 @@ static int compare(int a, int b)
 
 static int by_group(const void *a, const void *b)
 {
-    const struct sst_light_sample *s = ((const struct usable *)a)->sample, *t = ((const struct usable *)b)->sample;
+    const struct sst_photometric_sample *s = ((const struct usable *)a)->sample,
+                                        *t = ((const struct usable *)b)->sample;
     int order = compare(s->frame, t->frame);
 
     order = order ? order : compare(s->patch, t->patch);
@@ -45,7 +46,7 @@ static int by_group(const void *a, const void *b)
     return order ? order : (s->y > t->y) - (s->y < t->y);
 }
 
-static bool is_sane(const struct solving *s, const struct sst_light_sample *a)
+static bool is_sane(const struct solving *s, const struct sst_photometric_sample *a)
 {
     if (a->view < 0 || a->view >= s->views || !s->calib->camera[a->view].known || !isfinite(a->x) || !isfinite(a->y))
         return false;
@@ -61,7 +62,7 @@ static bool same_group(const struct usable *a, const struct usable *b)
     return a->sample->frame == b->sample->frame && a->sample->patch == b->sample->patch;
 }
 
-/* Drop samples that no other camera shares, and cameras with too few, until neither makes more of the other. */
+/* Drop samples that no other camera shares, and cameras with too few, until nothing changes. */
 static void drop_lonely(struct solving *s)
 {
     bool changed = true;
@@ -103,7 +104,7 @@ static double r2_of(const struct sst_calib *calib, const struct sst_calib_camera
     return ((x - cam->cx) * (x - cam->cx) + (y - cam->cy) * (y - cam->cy)) / half2;
 }
 
-/* r2 of the farthest corner, at most 4: a principal point far outside of the picture is none. */
+/* r2 of the farthest corner, at most 4: a principal point far outside the picture is not used. */
 static double reach_of(const struct sst_calib *calib, const struct sst_calib_camera *cam)
 {
     const double x = cam->cx > 0.5 * calib->width ? 0 : calib->width - 1;
@@ -114,14 +115,14 @@ static double reach_of(const struct sst_calib *calib, const struct sst_calib_cam
 
 /* --- parts: cameras that patches link ---------------------------------------------------------------------------- */
 
-static int root_of(struct light_cam *cam, int k)
+static int root_of(struct photometric_camera *cam, int k)
 {
     while (cam[k].part != k)
         k = cam[k].part = cam[cam[k].part].part;
     return k;
 }
 
-static void find_parts(struct light_problem *p)
+static void find_parts(struct photometric_problem *p)
 {
     for (int k = 0; k < p->cams; k++)
         p->cam[k].part = k;
@@ -146,7 +147,7 @@ static void find_parts(struct light_problem *p)
 
 static int make_cams(struct solving *s)
 {
-    struct light_problem *p = &s->problem;
+    struct photometric_problem *p = &s->problem;
 
     for (int view = 0; view < s->views; view++)
         s->cam[view] = s->samples[view] ? p->cams++ : -1;
@@ -163,11 +164,11 @@ static int make_cams(struct solving *s)
 
 static void make_seen(struct solving *s)
 {
-    struct light_problem *p = &s->problem;
+    struct photometric_problem *p = &s->problem;
 
     for (int i = 0, group = 0; i < s->count; i++) {
-        const struct sst_light_sample *a = s->usable[i].sample;
-        struct light_seen *seen = &s->seen[p->count];
+        const struct sst_photometric_sample *a = s->usable[i].sample;
+        struct photometric_observation *seen = &s->seen[p->count];
 
         group += i > 0 && !same_group(&s->usable[i - 1], &s->usable[i]);
         if (s->usable[i].dropped)
@@ -182,7 +183,7 @@ static void make_seen(struct solving *s)
     p->seen = s->seen;
 }
 
-static int prepare(struct solving *s, const struct sst_light_samples *all)
+static int prepare(struct solving *s, const struct sst_photometric_samples *all)
 {
     s->views = s->calib->rows * s->calib->cols;
     s->usable = calloc((size_t)all->count + 1, sizeof(*s->usable));
@@ -206,9 +207,9 @@ static int prepare(struct solving *s, const struct sst_light_samples *all)
     return 0;
 }
 
-/* The highest degree whose common fall-off is one that lenses have; then cameras whose own is none get the common one.
+/* The highest degree with a plausible common fall-off; then cameras whose own is implausible get the common one.
  */
-static int fit(struct light_problem *p)
+static int fit(struct photometric_problem *p)
 {
     int bad = 0, err = 0;
 
@@ -218,9 +219,9 @@ static int fit(struct light_problem *p)
             p->cam[k].own = 0;
             memset(p->cam[k].gain, 0, sizeof(p->cam[k].gain));
         }
-        err = light_fit_gains(p);
-        bad = light_fall_fault(p);
-        for (int k = bad; k >= 0 && k < p->cams && !err; k = light_fall_fault(p)) {
+        err = photometric_fit_gains(p);
+        bad = photometric_falloff_fault(p);
+        for (int k = bad; k >= 0 && k < p->cams && !err; k = photometric_falloff_fault(p)) {
             p->cam[k].plain = true;
             p->cam[k].own = 0;
         }
@@ -230,13 +231,14 @@ static int fit(struct light_problem *p)
 
 /* --- results ----------------------------------------------------------------------------------------------------- */
 
-static double residual_of(const struct light_problem *p, const struct light_seen *s, int c, bool corrected)
+static double residual_of(const struct photometric_problem *p, const struct photometric_observation *s, int c,
+                          bool corrected)
 {
-    return corrected ? s->value[c] - p->cam[s->cam].gain[c] - light_log_falloff(p, s->cam, s->r2) : s->value[c];
+    return corrected ? s->value[c] - p->cam[s->cam].gain[c] - photometric_log_falloff(p, s->cam, s->r2) : s->value[c];
 }
 
 /* RMS of light over the mean of its patch less 1. */
-static double spread(const struct light_problem *p, bool corrected)
+static double spread(const struct photometric_problem *p, bool corrected)
 {
     double sum = 0;
 
@@ -257,13 +259,13 @@ static double spread(const struct light_problem *p, bool corrected)
     return sqrt(sum / (3.0 * p->count));
 }
 
-static void store(struct sst_calib *calib, const struct solving *s, struct sst_light_report *report)
+static void store(struct sst_calib *calib, const struct solving *s, struct sst_photometric_report *report)
 {
-    const struct light_problem *p = &s->problem;
+    const struct photometric_problem *p = &s->problem;
 
     for (int view = 0; view < s->views; view++) {
         struct sst_calib_camera *cam = &calib->camera[view];
-        const struct light_cam *found = s->cam[view] >= 0 ? &p->cam[s->cam[view]] : NULL;
+        const struct photometric_camera *found = s->cam[view] >= 0 ? &p->cam[s->cam[view]] : NULL;
 
         if (!cam->known)
             continue;
@@ -274,13 +276,13 @@ static void store(struct sst_calib *calib, const struct solving *s, struct sst_l
         }
         if (found)
             report->worst_falloff =
-                fmax(report->worst_falloff, -expm1(light_log_falloff(p, s->cam[view], found->reach)));
+                fmax(report->worst_falloff, -expm1(photometric_log_falloff(p, s->cam[view], found->reach)));
     }
 }
 
 static void say(const struct solving *s)
 {
-    const struct light_problem *p = &s->problem;
+    const struct photometric_problem *p = &s->problem;
 
     for (int view = 0; view < s->views; view++) {
         const struct sst_calib_camera *cam = &s->calib->camera[view];
@@ -310,10 +312,11 @@ static void solving_fini(struct solving *s)
     free(s->problem.cam);
 }
 
-int sst_light_solve(struct sst_calib *calib, const struct sst_light_samples *all, struct sst_light_report *report)
+int sst_photometric_solve(struct sst_calib *calib, const struct sst_photometric_samples *all,
+                          struct sst_photometric_report *report)
 {
     struct solving s = { .calib = calib };
-    struct sst_light_report made = { 0 };
+    struct sst_photometric_report made = { 0 };
     int err = prepare(&s, all);
 
     if (!err)

@@ -7,7 +7,7 @@
 #define BLOCK_W            8 /* pixels of the level: x - 4 .. x + 3, y - 4 .. y + 4 */
 #define BLOCK_H            9
 #define ALONG_MAX          512
-#define CROSS_MAX          65
+#define ACROSS_MAX         65
 #define AREA_MAX           65536
 #define CORRELATION_COARSE 0.7
 #define DISTINCT           0.75 /* best match's distance from 1 over the next one's: above this it is ambiguous */
@@ -35,11 +35,11 @@ static const uint8_t *area_at(const struct area *a, int x, int y)
 }
 
 /* The part of a level inside x0 .. x1, y0 .. y1. @return false: none, or too large a part */
-static bool area_read(struct area *a, const struct check_view *view, int level, int x0, int y0, int x1, int y1)
+static bool area_read(struct area *a, const struct drift_pyramid *view, int level, int x0, int y0, int x1, int y1)
 {
     int w, h;
 
-    check_level_size(view, level, &w, &h);
+    drift_level_size(view, level, &w, &h);
     a->x0 = sst_max_int(x0, 0);
     a->y0 = sst_max_int(y0, 0);
     a->width = sst_min_int(x1, w - 1) - a->x0 + 1;
@@ -47,7 +47,7 @@ static bool area_read(struct area *a, const struct check_view *view, int level, 
     if (a->width < BLOCK_W || a->height < BLOCK_H || (int64_t)a->width * a->height > AREA_MAX)
         return false;
     for (int y = 0; y < a->height; y++)
-        check_grey_row(a->v + (size_t)y * (size_t)a->width, view, level, a->x0, a->y0 + y, a->width);
+        drift_read_grey_row(a->v + (size_t)y * (size_t)a->width, view, level, a->x0, a->y0 + y, a->width);
     return true;
 }
 
@@ -129,8 +129,8 @@ static float correlate(const struct block *a, const struct area *in, const struc
 }
 
 struct field {
-    int along, cross; /* steps of one pixel of the level */
-    float v[ALONG_MAX][CROSS_MAX];
+    int along, across; /* steps of one pixel of the level */
+    float v[ALONG_MAX][ACROSS_MAX];
 };
 
 #define OUT_OF_PICTURE (-2.0f)
@@ -144,7 +144,7 @@ static bool is_peak(const struct field *f, int i, int j)
             const int k = i + di, l = j + dj;
 
             /* Equal neighbours: the first of them is the peak. */
-            if ((di || dj) && k >= 0 && l >= 0 && k < f->along && l < f->cross &&
+            if ((di || dj) && k >= 0 && l >= 0 && k < f->along && l < f->across &&
                 (f->v[k][l] > v || (f->v[k][l] == v && (di < 0 || (!di && dj < 0)))))
                 return false;
         }
@@ -158,7 +158,7 @@ static bool two_peaks(const struct field *f, int *i, int *j, float *second)
     float best = OUT_OF_PICTURE;
 
     for (int k = 0; k < f->along; k++) {
-        for (int l = 0; l < f->cross; l++) {
+        for (int l = 0; l < f->across; l++) {
             if (f->v[k][l] > best) {
                 best = f->v[k][l];
                 *i = k;
@@ -168,7 +168,7 @@ static bool two_peaks(const struct field *f, int *i, int *j, float *second)
     }
     *second = 0;
     for (int k = 0; k < f->along; k++) {
-        for (int l = 0; l < f->cross; l++) {
+        for (int l = 0; l < f->across; l++) {
             const bool apart = k < *i - 2 || k > *i + 2 || l < *j - 2 || l > *j + 2;
 
             if (apart && f->v[k][l] > *second && is_peak(f, k, l))
@@ -178,15 +178,15 @@ static bool two_peaks(const struct field *f, int *i, int *j, float *second)
     return best > OUT_OF_PICTURE;
 }
 
-/* Place in the other view of a step along and across, px of the level. */
-static void place(const struct check_search *s, double along, double cross, int *x, int *y)
+/* Pixel of the other view at a step along and across, px of the level. */
+static void to_pixel(const struct drift_search *s, double along, double across, int *x, int *y)
 {
-    *x = (int)floor(s->u[0] * along + s->n[0] * cross + 0.5);
-    *y = (int)floor(s->u[1] * along + s->n[1] * cross + 0.5);
+    *x = (int)floor(s->u[0] * along + s->n[0] * across + 0.5);
+    *y = (int)floor(s->u[1] * along + s->n[1] * across + 0.5);
 }
 
 /* Everything that the search can touch: the corners of the band, and the block around. */
-static bool read_band(struct area *area, const struct check_view *b, const struct check_search *s, int level, int x,
+static bool read_band(struct area *area, const struct drift_pyramid *b, const struct drift_search *s, int level, int x,
                       int y, double from, double to, double low, double high)
 {
     int x0 = INT32_MAX, y0 = INT32_MAX, x1 = INT32_MIN, y1 = INT32_MIN;
@@ -194,7 +194,7 @@ static bool read_band(struct area *area, const struct check_view *b, const struc
     for (int i = 0; i < 4; i++) {
         int px, py;
 
-        place(s, i % 2 ? to : from, i / 2 ? high : low, &px, &py);
+        to_pixel(s, i % 2 ? to : from, i / 2 ? high : low, &px, &py);
         x0 = sst_min_int(x0, px);
         x1 = sst_max_int(x1, px);
         y0 = sst_min_int(y0, py);
@@ -203,14 +203,14 @@ static bool read_band(struct area *area, const struct check_view *b, const struc
     return area_read(area, b, level, x + x0 - 4, y + y0 - 4, x + x1 + 4, y + y1 + 4);
 }
 
-void check_search(struct check_match *out, const struct check_view *a, const struct check_view *b,
-                  const struct check_feature *f, const struct check_search *s, int level)
+void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, const struct drift_pyramid *b,
+                        const struct drift_feature *f, const struct drift_search *s, int level)
 {
-    const double size = 1 << level, from = s->from_px / size, middle = s->cross_px / size;
-    const int x = check_to_level(f->x, level), y = check_to_level(f->y, level);
-    const int band = sst_min_int((int)ceil(s->band_px / size), CROSS_MAX / 2);
+    const double size = 1 << level, from = s->from_px / size, middle = s->across_px / size;
+    const int x = drift_to_level(f->x, level), y = drift_to_level(f->y, level);
+    const int band = sst_min_int((int)ceil(s->band_px / size), ACROSS_MAX / 2);
     struct field field = { .along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX),
-                           .cross = 2 * band + 1 };
+                           .across = 2 * band + 1 };
     struct area area;
     struct sums sums;
     struct block block;
@@ -218,23 +218,23 @@ void check_search(struct check_match *out, const struct check_view *a, const str
     int i = 0, j = 0;
     bool whole = true;
 
-    *out = (struct check_match){ .outcome = SST_CHECK_OUTSIDE };
+    *out = (struct drift_match){ .outcome = DRIFT_OUTSIDE };
     if (!area_read(&area, a, level, x - 4, y - 4, x + 4, y + 4) || !block_inside(&area, x, y))
         return;
     block_read(&block, &area, x, y);
     if (block.spread <= 0) {
-        out->outcome = SST_CHECK_AMBIGUOUS;
+        out->outcome = DRIFT_AMBIGUOUS;
         return;
     }
     if (!read_band(&area, b, s, level, x, y, from, from + field.along - 1, middle - band, middle + band))
         return;
     sum_blocks(&sums, &area);
     for (int k = 0; k < field.along; k++) {
-        for (int l = 0; l < field.cross; l++) {
+        for (int l = 0; l < field.across; l++) {
             int bx, by;
             bool inside;
 
-            place(s, from + k, middle + l - band, &bx, &by);
+            to_pixel(s, from + k, middle + l - band, &bx, &by);
             inside = block_inside(&area, x + bx, y + by);
             field.v[k][l] = inside ? correlate(&block, &area, &sums, x + bx, y + by) : OUT_OF_PICTURE;
             whole = whole && (inside || l != band);
@@ -242,17 +242,17 @@ void check_search(struct check_match *out, const struct check_view *a, const str
     }
     if (!two_peaks(&field, &i, &j, &second))
         return;
-    if (field.v[i][j] < CORRELATION_COARSE || !i || !j || i + 1 == field.along || j + 1 == field.cross) {
-        out->outcome = whole ? SST_CHECK_NOWHERE : SST_CHECK_OUTSIDE;
+    if (field.v[i][j] < CORRELATION_COARSE || !i || !j || i + 1 == field.along || j + 1 == field.across) {
+        out->outcome = whole ? DRIFT_NOWHERE : DRIFT_OUTSIDE;
         return;
     }
     if (1 - field.v[i][j] > DISTINCT * (1 - second)) {
-        out->outcome = SST_CHECK_AMBIGUOUS;
+        out->outcome = DRIFT_AMBIGUOUS;
         return;
     }
-    out->outcome = SST_CHECK_MATCHED;
+    out->outcome = DRIFT_FOUND;
     out->along = s->from_px + i * size;
-    out->cross = s->cross_px + (j - band) * size;
-    out->dx = s->u[0] * out->along + s->n[0] * out->cross;
-    out->dy = s->u[1] * out->along + s->n[1] * out->cross;
+    out->across = s->across_px + (j - band) * size;
+    out->dx = s->u[0] * out->along + s->n[0] * out->across;
+    out->dy = s->u[1] * out->along + s->n[1] * out->across;
 }

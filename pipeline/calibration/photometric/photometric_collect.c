@@ -1,14 +1,14 @@
-/* White places of boards: found by the corners around them, measured in linear light. */
+/* White patches of boards: located by the corners around them, measured in linear light. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/calibration/photometric/light.h"
+#include "pipeline/calibration/photometric/photometric.h"
 #include "pipeline/image/srgb.h"
 
 #define CLIPPED_CODE  254  /* a pixel this bright may have been brighter */
-#define CLIPPED_SHARE 0.01 /* noise may reach that far; more pixels are a clipped patch */
-#define UNEVEN        0.1  /* standard deviation over mean: beyond, something lies on it, or shines */
+#define CLIPPED_SHARE 0.01 /* noise may reach it; more pixels mean a clipped patch */
+#define UNEVEN        0.1  /* standard deviation over mean: beyond: occluded, or a highlight */
 #define DARK          0.004
 #define CONTRAST      2.0 /* white over black squares, at least */
 #define FEWEST_PIXELS 12
@@ -19,7 +19,7 @@
 struct patch {
     int id;
     bool odd;     /* chessboards: squares of one colour, either */
-    double inner; /* half side of what is not white in the middle, 0..0.5 */
+    double inner; /* half side of the part in the middle that is not white, 0..0.5 */
     const struct sst_corner *corner[4];
 };
 
@@ -46,7 +46,7 @@ static bool unit_from_image(const struct patch *p, double inverse[9])
     const double det = dx1 * dy2 - dx2 * dy1;
     double a, b, c, d, e, f, g, h;
 
-    for (int i = 0; i < 4; i++) { /* each corner turns the same way, and clearly */
+    for (int i = 0; i < 4; i++) { /* all corners turn the same way, with a margin */
         const struct sst_corner *o = q[i], *m = q[(i + 1) & 3], *n = q[(i + 2) & 3];
 
         if (!((m->x - o->x) * (n->y - m->y) - (m->y - o->y) * (n->x - m->x) > 4))
@@ -120,7 +120,7 @@ static void add_pixel(struct measured *m, double *square, const struct pictured 
     *square += green * green;
 }
 
-/* @return false: not to be measured here: too small, out of the picture */
+/* @return false: too small, or outside the picture */
 static bool measure(const struct patch *p, const struct pictured *in, struct measured *out)
 {
     struct measured m = { 0 };
@@ -203,7 +203,7 @@ static int list_gaps(struct patch *list, const struct sst_board *b, const struct
     return n;
 }
 
-/* Which of a chessboard's two sets of squares is the white one: 0, 1, or -1 where that is not clear. Clipped and uneven
+/* Which of a chessboard's two sets of squares is the white one: 0, 1, or -1 if ambiguous. Clipped and uneven
  * squares vote as well: a set of only such ones must not leave the other as the brighter one. */
 static int white_set(const struct patch *list, const struct measured *m, int n)
 {
@@ -232,11 +232,11 @@ static bool is_fair(const struct measured *m)
     return m->linear[0] >= DARK && m->linear[1] >= DARK && m->linear[2] >= DARK;
 }
 
-static int keep(struct sst_light_samples *all, const struct sst_light_sample *s)
+static int keep(struct sst_photometric_samples *all, const struct sst_photometric_sample *s)
 {
     if (all->count == all->capacity) {
         const int capacity = all->capacity ? 2 * all->capacity : 256;
-        struct sst_light_sample *grown = realloc(all->sample, (size_t)capacity * sizeof(*grown));
+        struct sst_photometric_sample *grown = realloc(all->sample, (size_t)capacity * sizeof(*grown));
 
         if (!grown)
             return -ENOMEM;
@@ -247,9 +247,9 @@ static int keep(struct sst_light_samples *all, const struct sst_light_sample *s)
     return 0;
 }
 
-/* Measure all patches in the list, keep the white and fair ones. @param m  scratch [n] */
-static int keep_white(struct sst_light_samples *all, const struct patch *list, struct measured *m, int n, bool squares,
-                      const struct pictured *in, const struct sst_detection *det)
+/* Measure all patches in the list, keep the white and usable ones. @param m  scratch [n] */
+static int keep_white(struct sst_photometric_samples *all, const struct patch *list, struct measured *m, int n,
+                      bool squares, const struct pictured *in, const struct sst_detection *det)
 {
     const int before = all->count;
     int white = 0;
@@ -261,7 +261,7 @@ static int keep_white(struct sst_light_samples *all, const struct patch *list, s
     if (squares)
         white = white_set(list, m, n);
     for (int i = 0; i < n && white >= 0; i++) {
-        struct sst_light_sample s = { det->view, det->frame, list[i].id, (float)m[i].x, (float)m[i].y, { 0 } };
+        struct sst_photometric_sample s = { det->view, det->frame, list[i].id, (float)m[i].x, (float)m[i].y, { 0 } };
 
         for (int c = 0; c < 3; c++)
             s.linear[c] = (float)m[i].linear[c];
@@ -275,8 +275,8 @@ static int keep_white(struct sst_light_samples *all, const struct patch *list, s
     return 0;
 }
 
-int sst_light_collect(struct sst_light_samples *all, const struct sst_board *board, const struct sst_image *image,
-                      const struct sst_detection *det)
+int sst_photometric_collect(struct sst_photometric_samples *all, const struct sst_board *board,
+                            const struct sst_image *image, const struct sst_detection *det)
 {
     const bool squares = board->kind != SST_BOARD_APRILGRID;
     const int points = squares ? (board->cols - 1) * (board->rows - 1) : 4 * board->cols * board->rows;
@@ -310,8 +310,8 @@ int sst_light_collect(struct sst_light_samples *all, const struct sst_board *boa
     return err;
 }
 
-void sst_light_samples_fini(struct sst_light_samples *all)
+void sst_photometric_samples_fini(struct sst_photometric_samples *all)
 {
     free(all->sample);
-    *all = (struct sst_light_samples){ 0 };
+    *all = (struct sst_photometric_samples){ 0 };
 }

@@ -1,15 +1,15 @@
-/* Which cameras explain the matches: robust least squares for the place, roll and size of every picture.
+/* Camera displacements from matches: robust least squares for shift, roll and scale of every picture.
  *
- * A picture that sits at s, rolled by r and larger by q, shows what belongs at x (from the picture's centre, in units
- * of R = its RMS over the picture) displaced by  e(x) = s + r J x + q x,  J x = (-x_y, x_x): all four in px, of one
- * size. A match of a and b tells along u and across n of the line between their centres, L spacings long:
- *     cross = n (e_b - e_a),     along = -d L + u (e_b - e_a),  d the disparity.
- * The cross part needs no disparity. A feature matched to the right and below tells d twice; the difference ties rows
- * and columns to each other, which the cross parts alone leave apart.
+ * A picture shifted by s, rolled by r and larger by q shows the point x (from the picture's centre, in units of R = its
+ * RMS over the picture) displaced by  e(x) = s + r J x + q x,  J x = (-x_y, x_x): all four in px, of one
+ * size. A match of a and b measures along u and across n of the line between their centres, L spacings long:
+ *     across = n (e_b - e_a),     along = -d L + u (e_b - e_a),  d the disparity.
+ * The part across needs no disparity. A feature matched to the right and below gives d twice; the difference ties rows
+ * and columns to each other, which the parts across alone leave independent.
  *
- * What no match can tell: s alike for all, and s = c * offset (another d for all). Sums of these are set to 0 in the
- * equations, so that sigmas are those relative to the array; then both are moved to where most cameras are at rest
- * (least absolute deviations), so that few cameras that are far off do not pull at the others. */
+ * Gauge freedoms, which no match determines: a common s, and s = c * offset (another d for all). Their sums are set to
+ * 0 in the equations, so that sigmas are relative to the array; then the gauge is fixed by least absolute deviations
+ * (drift_gauge.c), so that a few cameras that are far off do not bias the others. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -23,10 +23,10 @@
 #define ROUNDS_HUBER 5
 #define ROUNDS_OPEN  3
 #define ROUNDS_TUKEY 8
-#define LOOSE_PX     2.0  /* a priori sigma of every state: what no match tells stays there */
-#define PRESUMED_PX  0.05 /* per spacing: how well neighbouring rows and columns fit before any match says so */
+#define LOOSE_PX     2.0  /* a priori sigma of every state */
+#define PRESUMED_PX  0.05 /* per spacing: a priori agreement of neighbouring rows and columns */
 #define UNSEEN_PX    0.7  /* a state with a larger sigma was not seen */
-#define TIE_PX       1e-3 /* sigma of the sums that are set to 0 */
+#define TIE_PX       1e-3 /* sigma of the gauge constraints */
 
 struct observation {
     int cams;
@@ -36,7 +36,7 @@ struct observation {
 };
 
 struct system {
-    const struct check_work *w;
+    const struct drift_work *w;
     double radius;    /* R, px */
     double centre[2]; /* px */
     int n;            /* states */
@@ -44,7 +44,7 @@ struct system {
     double inflation; /* of the variances that the normal equations give */
     int presumed;     /* those that are not */
     struct observation *o;
-    bool *open;                 /* [n] states that no match tells: out of all sums and not reported */
+    bool *open;                 /* [n] unobservable states: out of all sums and not reported */
     double *normal, *right, *x; /* [n][n] lower half, then its factor; [n]; [n] */
     double *sort;               /* [count] */
     bool seen[SST_MAX_VIEWS];   /* cameras that take part */
@@ -67,10 +67,10 @@ static void add_part(struct observation *o, const struct system *s, int cam, con
     o->part[i][3] += f * (axis[0] * x + axis[1] * y);
 }
 
-static void add_match(struct observation *o, const struct system *s, const struct check_link *l, int k,
+static void add_match(struct observation *o, const struct system *s, const struct drift_link *l, int k,
                       const double axis[2], double f)
 {
-    const struct check_feature *p = &s->w->view[l->a].feature[l->feature[k]];
+    const struct drift_feature *p = &s->w->view[l->a].feature[l->feature[k]];
     const double at_a[2] = { p->x, p->y }, at_b[2] = { p->x + l->m[k].dx, p->y + l->m[k].dy };
 
     add_part(o, s, l->b, at_b, axis, f);
@@ -78,8 +78,8 @@ static void add_match(struct observation *o, const struct system *s, const struc
 }
 
 /* Disparity along p less that along q, which begin at the same view. */
-static struct observation two_disparities(const struct system *s, const struct check_link *p,
-                                          const struct check_link *q, int k, double difference)
+static struct observation two_disparities(const struct system *s, const struct drift_link *p,
+                                          const struct drift_link *q, int k, double difference)
 {
     struct observation o = { .value = difference };
 
@@ -89,8 +89,8 @@ static struct observation two_disparities(const struct system *s, const struct c
     return o;
 }
 
-/* A pair tells shifts across it; rolls and sizes in any case. */
-static void see(struct system *s, const struct check_link *l)
+/* A pair observes shifts across it; rolls and scales in any case. */
+static void mark_observed(struct system *s, const struct drift_link *l)
 {
     const int across = fabs(l->s.n[0]) > fabs(l->s.n[1]) ? 0 : 1;
 
@@ -102,37 +102,37 @@ static void see(struct system *s, const struct check_link *l)
     }
 }
 
-/* A few matches are too few for a pair's figures, but not for the cameras'. */
+/* Pairs with few matches count too: their figures are not reported, but the cameras use them. */
 static void observe(struct system *s)
 {
     for (int i = 0; i < s->w->links; i++) {
-        const struct check_link *l = &s->w->link[i], *other = check_other_link(s->w, i);
+        const struct drift_link *l = &s->w->link[i], *other = drift_other_link(s->w, i);
 
-        if (!check_link_useful(l))
+        if (!drift_link_useful(l))
             continue;
-        for (int k = 0; k < SST_CHECK_CELLS; k++) {
-            struct observation o = { .value = l->m[k].cross, .sigma = sqrt(l->m[k].var_cross) };
+        for (int k = 0; k < DRIFT_CELLS; k++) {
+            struct observation o = { .value = l->m[k].across, .sigma = sqrt(l->m[k].var_across) };
             double difference;
 
             if (!l->used[k])
                 continue;
             add_match(&o, s, l, k, l->s.n, 1);
             s->o[s->count++] = o;
-            see(s, l);
-            if (other && check_two_disparities(&difference, l, other, k))
+            mark_observed(s, l);
+            if (other && drift_disparity_difference(&difference, l, other, k))
                 s->o[s->count++] = two_disparities(s, l, other, k, difference);
         }
     }
 }
 
-/* Rows and columns are taken to fit each other unless matches say otherwise: where no feature was matched both ways,
- * nothing else would tell. Robust like matches, so that a camera that is off is not held back. */
+/* A priori, rows and columns agree: where no feature was matched both ways, nothing else ties them. Weighted robustly
+ * like matches, so that a camera that is off is not held back. */
 static void presume(struct system *s)
 {
     static const double origin[2] = { 0 };
 
     for (int i = 0; i + 1 < s->w->links; i++) {
-        const struct check_link *p = &s->w->link[i], *q = p + 1;
+        const struct drift_link *p = &s->w->link[i], *q = p + 1;
         struct observation *o = &s->o[s->count + s->presumed];
 
         if (q->a != p->a || !s->seen[p->a] || !s->seen[p->b] || !s->seen[q->b] || p->length <= 0 || q->length <= 0)
@@ -211,7 +211,7 @@ static void tie_all(struct system *s, double *part)
         part[i] = axis >= 2 || s->open[i] ? 0 : s->w->offset[i / STATES][axis] - mean[axis];
         spread += part[i] * part[i];
     }
-    if (spread >= SST_CHECK_SPREAD * (n[0] + n[1]))
+    if (spread >= DRIFT_SPREAD * (n[0] + n[1]))
         tie(s, part);
 }
 
@@ -255,7 +255,7 @@ static double scale_of(struct system *s)
 {
     for (int i = 0; i < s->count; i++)
         s->sort[i] = fabs(residual(s, &s->o[i])) / s->o[i].sigma;
-    return fmax(1.4826 * check_quantile(s->sort, s->count, 0.5), 0.1);
+    return fmax(1.4826 * drift_quantile(s->sort, s->count, 0.5), 0.1);
 }
 
 static double robust_weight(double t, bool tukey)
@@ -287,9 +287,9 @@ static void iterate(struct system *s, double *part, bool tukey)
     memcpy(s->x, s->right, (size_t)s->n * sizeof(*s->x));
 }
 
-/* --- what it says of each camera -------------------------------------------------------------------------------- */
+/* --- figures of each camera -------------------------------------------------------------------------------------- */
 
-/* States and covariance of one camera; what was not seen is NAN. */
+/* States and covariance of one camera; unobserved ones are NAN. */
 static void read_camera(struct sst_check_camera *cam, const struct system *s, int c, double *column,
                         double cov[STATES][STATES])
 {
@@ -341,7 +341,7 @@ static int report(struct sst_check_camera *cam, const struct system *s, double *
         return -ENOMEM;
     for (int c = 0; c < views; c++)
         read_camera(&cam[c], s, c, column, cov[c]);
-    check_rest(cam, s->w);
+    drift_fix_gauge(cam, s->w);
     for (int c = 0; c < views; c++) {
         if (cam[c].known)
             sum_up(&cam[c], s, cov[c]);
@@ -350,8 +350,8 @@ static int report(struct sst_check_camera *cam, const struct system *s, double *
     return 0;
 }
 
-/* Robust weights make the normal equations too sure where many matches are poor: the ratio of the variance of an
- * M-estimate to what they say (Huber 1981, 7.6), with psi(t) = t w(t), for the states there are. */
+/* Robust weights make the normal equations too confident where many matches are poor: the ratio of the variance of an
+ * M-estimate to theirs (Huber 1981, 7.6), with psi(t) = t w(t), for the states there are. */
 static double inflation_of(struct system *s)
 {
     const double scale = scale_of(s);
@@ -371,7 +371,7 @@ static double inflation_of(struct system *s)
     return fmax(weights / n * psi2 / fmax(free, 1) / (slope * slope / (n * n)), 1);
 }
 
-/* Leave out the states that the matches do not tell, and solve for the others. */
+/* Leave out the unobservable states, and solve for the others. */
 static void leave_open(struct system *s, double *part)
 {
     for (int i = 0; i < s->n; i++) {
@@ -386,9 +386,9 @@ static void leave_open(struct system *s, double *part)
         iterate(s, part, true);
 }
 
-int check_cameras(struct sst_check_camera *camera, const struct check_work *w)
+int drift_solve_cameras(struct sst_check_camera *camera, const struct drift_work *w)
 {
-    const size_t most = (size_t)w->links * (2 * SST_CHECK_CELLS + 1) + 1, n = (size_t)w->views * STATES;
+    const size_t most = (size_t)w->links * (2 * DRIFT_CELLS + 1) + 1, n = (size_t)w->views * STATES;
     const double width = w->lf->width, height = w->lf->height;
     struct system s = { .w = w,
                         .radius = sqrt((width * width + height * height) / 12),
