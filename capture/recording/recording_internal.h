@@ -137,6 +137,17 @@ SST_MUST_CHECK int segment_finish(struct sst_segment *segment, bool sync);
 /** Cut the file behind the last set that was kept (remove it if there is none), and free. NULL is fine. */
 void segment_abandon(struct sst_segment *segment);
 
+/* Shared with mkv.c; types of libavformat. */
+struct AVCodecParameters;
+struct AVFormatContext;
+struct AVDictionary;
+
+/** Describe frames of a V4L2 format as libavcodec does. */
+void segment_set_codec(struct AVCodecParameters *par, uint32_t fourcc, int width, int height);
+/** Write the head of a file whose bytes depend on its frames alone. @param options  of the muxer, added to
+ *  @return 0 or more, or an AVERROR */
+SST_MUST_CHECK int segment_write_head(struct AVFormatContext *format, struct AVDictionary **options);
+
 /* --- sync: a thread that makes files durable now and then. Inside capture/recording only. --- */
 
 /** Make the names in a folder durable. @return 0 or -errno, not logged. */

@@ -91,6 +91,41 @@ static int failure(const struct sst_segment *s, int err)
 
 /* --- the head ----------------------------------------------------------------------------------------------------- */
 
+void segment_set_codec(AVCodecParameters *par, uint32_t fourcc, int width, int height)
+{
+    par->codec_type = AVMEDIA_TYPE_VIDEO;
+    par->codec_id = AV_CODEC_ID_MJPEG;
+    par->width = width;
+    par->height = height;
+    for (size_t i = 0; i < ARRAY_LEN(raw_formats); i++) {
+        if (raw_formats[i].fourcc != fourcc)
+            continue;
+        par->codec_id = AV_CODEC_ID_RAWVIDEO;
+        par->format = raw_formats[i].pixel;
+    }
+}
+
+int segment_write_head(AVFormatContext *format, AVDictionary **options)
+{
+    int err;
+
+    format->flags |= AVFMT_FLAG_BITEXACT; /* no random numbers: the same frames give the same file */
+    format->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
+    av_dict_set(options, "allow_raw_vfw", "1", 0);
+    av_dict_set(options, "write_crc32", "0", 0);
+    err = avformat_init_output(format, options);
+    if (err < 0)
+        return err;
+    /* The start clears tags that AVI does not know; Matroska takes any, and players go by them. */
+    for (unsigned k = 0; k < format->nb_streams; k++) {
+        AVCodecParameters *par = format->streams[k]->codecpar;
+
+        if (par->codec_id == AV_CODEC_ID_RAWVIDEO)
+            par->codec_tag = avcodec_pix_fmt_to_codec_tag((enum AVPixelFormat)par->format);
+    }
+    return avformat_write_header(format, NULL);
+}
+
 static int add_track(AVFormatContext *format, const struct sst_recorder_config *cfg, int k)
 {
     const struct sst_recorder_track *track = &cfg->tracks[k];
@@ -100,18 +135,9 @@ static int add_track(AVFormatContext *format, const struct sst_recorder_config *
     if (!stream)
         return -ENOMEM;
     stream->id = k + 1;
-    stream->codecpar->codec_type = AVMEDIA_TYPE_VIDEO;
-    stream->codecpar->codec_id = AV_CODEC_ID_MJPEG;
-    stream->codecpar->width = cfg->width;
-    stream->codecpar->height = cfg->height;
+    segment_set_codec(stream->codecpar, cfg->fourcc, cfg->width, cfg->height);
     if (cfg->rate_hz > 0)
         stream->avg_frame_rate = av_d2q(cfg->rate_hz, 60000);
-    for (size_t i = 0; i < ARRAY_LEN(raw_formats); i++) {
-        if (raw_formats[i].fourcc != cfg->fourcc)
-            continue;
-        stream->codecpar->codec_id = AV_CODEC_ID_RAWVIDEO;
-        stream->codecpar->format = raw_formats[i].pixel;
-    }
     snprintf(title, sizeof(title), "r%02d c%02d %s", track->row, track->col,
              track->serial[0] ? track->serial : track->port);
     return av_dict_set(&stream->metadata, "title", title, 0) < 0 ? -ENOMEM : 0;
@@ -126,26 +152,14 @@ static int write_head(struct sst_segment *s, const struct sst_recorder_config *c
         err = add_track(s->format, cfg, k);
     if (err)
         return err;
-    s->format->flags |= AVFMT_FLAG_BITEXACT; /* no random numbers: the same frames give the same file */
-    s->format->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
-    av_dict_set(&options, "allow_raw_vfw", "1", 0);
-    av_dict_set(&options, "write_crc32", "0", 0); /* the manifest has one of each frame */
-    err = avformat_init_output(s->format, &options);
+    err = segment_write_head(s->format, &options);
     av_dict_free(&options);
-    if (err < 0)
-        return failure(s, err);
-    /* The start clears tags that AVI does not know; Matroska takes any, and players go by them. */
-    for (int k = 0; k < cfg->cameras; k++) {
-        AVCodecParameters *par = s->format->streams[k]->codecpar;
-
-        if (par->codec_id == AV_CODEC_ID_RAWVIDEO)
-            par->codec_tag = avcodec_pix_fmt_to_codec_tag((enum AVPixelFormat)par->format);
-    }
-    err = avformat_write_header(s->format, NULL);
-    if (err < 0 && !s->error) {
+    if (err < 0 && !s->error && err != AVERROR(ENOMEM)) {
         sst_log_error("libavformat refuses to write %s: %s", s->path, av_err2str(err));
         return -EINVAL;
     }
+    if (err < 0)
+        return failure(s, err);
     avio_flush(s->format->pb);
     return s->error;
 }

@@ -155,6 +155,17 @@ int64_t store_hand_bytes(const struct store_limits *l, const struct store_room *
     return l->hand_bytes ? l->hand_bytes : store_room_bytes(l, room) / 2;
 }
 
+int64_t store_download_bytes(const struct store_limits *l, const struct store_room *room, int64_t made_bytes)
+{
+    const int64_t part = store_room_bytes(l, room) / 10 - made_bytes, disk = room->free_bytes - l->margin_bytes;
+    int64_t most = room->free_bytes - l->min_free_bytes;
+
+    if (l->quota_bytes && l->quota_bytes - room->used_bytes < most)
+        most = l->quota_bytes - room->used_bytes;
+    most = most > part ? most : part;
+    return most < disk ? most : disk;
+}
+
 static int too_much(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
 {
     const int self = oldest(c, false), hand = oldest(c, true);

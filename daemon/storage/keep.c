@@ -550,7 +550,6 @@ static int pass(struct keep *k)
         return PASS_MS;
     }
     probe(k);
-    store_plans_expire(s, sst_clock_now_ns());
     store_busy(s, &s->keep_busy_ns, false); /* mending takes its time */
     return mend_one(k) ? 1 : PASS_MS;
 }

@@ -331,7 +331,7 @@ int sst_storage_stop(struct sst_storage *s)
 
 int64_t store_used_locked(const struct sst_storage *s)
 {
-    int64_t used = 0;
+    int64_t used = video_files_bytes_locked(s);
 
     for (int i = 0; i < s->catalog.count; i++)
         used += s->catalog.entry[i].bytes;
@@ -359,7 +359,7 @@ int store_reserve(struct sst_storage *s, enum store_kind kind, int64_t wall_ns, 
 
 static void destroy(struct sst_storage *s)
 {
-    store_plans_expire(s, INT64_MAX);
+    video_files_fini(s);
     view_shown_fini(&s->shown);
     sst_outlet_unref(s->outlet);
     catalog_fini(&s->catalog);
@@ -389,9 +389,9 @@ static void init_locks(struct sst_storage *s)
 
 int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *cfg)
 {
-    static void *(*const run[])(void *) = { store_record_run, store_keep_run, store_jobs_run, store_state_run,
-                                            store_view_run };
-    static const char *const names[] = { "sst-record", "sst-keep", "sst-export", "sst-state", "sst-view" };
+    static void *(*const run[])(void *) = { store_record_run, store_keep_run, store_jobs_run,
+                                            store_video_run,  store_state_run, store_view_run };
+    static const char *const names[] = { "sst-record", "sst-keep", "sst-export", "sst-video", "sst-state", "sst-view" };
     const int cameras = cfg->config->array.bound;
     struct sst_storage *s;
     int err;

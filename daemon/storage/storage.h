@@ -9,6 +9,7 @@
 #include "capture/recording/recorder.h"
 #include "config/sstd.h"
 #include "daemon/events/events.h"
+#include "daemon/slot/download.h"
 #include "daemon/slot/jpeg_slot.h"
 
 /* storage.dir:
@@ -81,15 +82,16 @@ SST_MUST_CHECK int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jp
  */
 SST_MUST_CHECK int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name);
 
-/** Something that is kept, to read as daemon/slot/download.h says: "NAME.tar" is all of it; "NAME" or "NAME.jpg" the
- *  picture of a snapshot; of a recording "NAME.r0c5.mkv" is the video of a camera, "NAME.mkv" that of the see-through
- *  view. Of a recording that is being written videos give what is there by now. Somebody who reads nothing for a minute
- *  is given up.
- *  @param name  checked here; fd: out, the caller's; type: out, MIME type, static
- *  @return 0, -ENOENT, -EBUSY (all of a recording that is being written), -EMFILE (sixteen are being read) */
-SST_MUST_CHECK int sst_storage_download(struct sst_storage *s, const char *name, int *fd, const char **type);
+/** Open something for a client: "NAME.tar" is all of it; "NAME" or "NAME.jpg" the picture of a snapshot; of a recording
+ *  "NAME.r0c5.mkv" is the video of a camera, "NAME.mkv" that of the see-through view. A video is made first, as a file
+ *  that counts for the limits; one of a recording that is being written gives what it holds by now. Waits for the disk.
+ *  @param name  checked here; out: to close before the storage is
+ *  @return 0, -EINPROGRESS (it is being made: call again, after 0.2 s already), -ENOENT, -ENODATA (nothing of it was
+ *          recorded), -EBUSY (all of a recording that is being written), -EMFILE (sixteen are open), -ENOSPC (for the
+ *          video), -EAGAIN (it changed meanwhile), -EBADMSG, -EROFS, -EIO */
+SST_MUST_CHECK int sst_storage_download(struct sst_storage *s, const char *name, struct sst_download **out);
 
-/** Delete a recording, snapshot or export for good; downloads of it break off. Comes back after 0.8 s even if that goes
+/** Delete a recording, snapshot or export for good; archives of it that are being downloaded break off. Comes back after 0.8 s even if that goes
  *  on. @return 0, -ENOENT, -EBUSY (it is being written), -EROFS, -EIO */
 SST_MUST_CHECK int sst_storage_delete(struct sst_storage *s, const char *name);
 

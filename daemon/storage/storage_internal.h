@@ -6,9 +6,11 @@
 #include <pthread.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <sys/types.h>
 
 #include "base/base.h"
 #include "base/file.h"
+#include "capture/recording/mkv.h"
 #include "config/sstd.h"
 #include "daemon/slot/jpeg_slot.h"
 #include "daemon/storage/storage.h"
@@ -144,6 +146,10 @@ int64_t store_room_bytes(const struct store_limits *limits, const struct store_r
 /** What of it what was made by hand may take before the rest is spared. */
 int64_t store_hand_bytes(const struct store_limits *limits, const struct store_room *room);
 
+/** What another file for downloads may take, beside `made_bytes` of such files: what the limits leave, or as much as all
+ * of them together fit a tenth of the room; never the last of the disk. */
+int64_t store_download_bytes(const struct store_limits *limits, const struct store_room *room, int64_t made_bytes);
+
 /**
  * What is to be removed first. Beyond a limit that is the oldest that was recorded by itself; the oldest that was made
  * by hand, if that takes more than its part or nothing else is left. What is being downloaded goes after what is not,
@@ -154,100 +160,6 @@ int64_t store_hand_bytes(const struct store_limits *limits, const struct store_r
  */
 enum store_verdict store_judge(const struct catalog *c, const struct store_limits *limits,
                                const struct store_room *room, int *victim);
-
-/* --- spans ---
- * a file that is a plan: bytes of its own and pieces of files, one after the other.
- *
- * What is downloaded (archives, videos) is never made as a file: its plan is, so that its length is known beforehand
- * and any part of it can be sent. */
-
-struct file_span {
-    int64_t at;     /* first byte in the whole */
-    int64_t offset; /* of it in the file, or in `own` */
-    int file;       /* -1: of `own` */
-};
-
-/** Zeroed: empty. Growing fails silently and for good: spans_error() tells. One thread while it is made; then any
- *  number may send. */
-struct spans {
-    struct file_span *span;
-    size_t count, capacity;
-    uint8_t *own;
-    size_t own_bytes, own_capacity;
-    char **path; /* of files, below the folder that is given to send */
-    int files, files_capacity;
-    int64_t bytes; /* of the whole */
-    uint64_t tag;  /* of all that was planned, also spans_mark(): another content has another one */
-    bool failed;
-};
-
-void spans_fini(struct spans *s);
-
-/** Bytes of its own, copied. */
-void spans_own(struct spans *s, const void *data, size_t n);
-/** Another file from which pieces are taken. @param path  copied @return its number */
-int spans_file(struct spans *s, const char *path);
-/** n bytes of a file from an offset. */
-void spans_piece(struct spans *s, int file, int64_t offset, int64_t n);
-/** What else tells one content from another (times, sizes). */
-void spans_mark(struct spans *s, const void *data, size_t n);
-
-/** @return 0, -ENOMEM: something of it is missing */
-SST_MUST_CHECK int spans_error(const struct spans *s);
-
-/** Open a file below a folder for reading, as sending does: no link on the way is followed, and nothing is waited for
- *  that is no file. @return descriptor or negative errno */
-SST_MUST_CHECK int spans_open(int folder, const char *path);
-
-/** Takes all n bytes. @return 0, or a negative errno that ends the sending. */
-typedef int spans_fn(void *arg, const void *data, size_t n);
-
-/**
- * Hand on n bytes from `first` on.
- *
- * @param folder  of the files; links below it are not followed
- * @param first   first + n is at most s->bytes
- * @return 0, what fn returned, -EBADMSG (a file is shorter than planned), -ENOENT (it is gone), -ENOMEM or -errno of
- *         reading; not logged. Waits for the disk.
- */
-SST_MUST_CHECK int spans_send(const struct spans *s, int folder, int64_t first, int64_t n, spans_fn *fn, void *arg);
-
-/* --- matroska: the plan of a Matroska file with one track, of frames that lie in other files. --- */
-
-#define SST_MATROSKA_TRACK_MAX 4096 /* bytes of a track's description */
-
-struct matroska_frame {
-    int64_t t_ns;   /* any clock; not before the frame's before it */
-    int64_t offset; /* first byte in its file */
-    uint32_t bytes;
-    int file; /* of the plan */
-};
-
-struct matroska_track {
-    int number;                            /* 1 .. 16382 */
-    uint8_t entry[SST_MATROSKA_TRACK_MAX]; /* the element TrackEntry, whole, of this number */
-    size_t bytes;
-};
-
-/** Describe a track of JPEG pictures. @param name  for people */
-void matroska_jpeg_track(struct matroska_track *out, int width, int height, const char *name);
-
-/**
- * Copy the description of a track out of the first bytes of a Matroska file.
- * @return 0, -ENOENT (no such track), -EBADMSG (no Matroska, torn, or a description that is too long); not logged
- */
-SST_MUST_CHECK int matroska_find_track(const uint8_t *data, size_t n, int number, struct matroska_track *out);
-
-/**
- * Plan the file: head with duration and an index to seek by, then the frames, a cluster a second. The same arguments
- * give the same bytes.
- *
- * @param to       their files were added before
- * @param wall_ns  of the first frame
- * @return 0, -ENODATA (count is 0), -ENOMEM
- */
-SST_MUST_CHECK int matroska_plan(struct spans *to, const struct matroska_track *track, const char *title,
-                                 int64_t wall_ns, const struct matroska_frame *frame, size_t count);
 
 /* --- triggers: when something is seen for long enough to be told and recorded. No input or output. --- */
 
@@ -351,14 +263,13 @@ int view_end(struct view_files *f, int64_t end_ns, int64_t end_wall_ns);
  * sst-record  writes sets (record.c)                waits for the disk
  * sst-keep    free space, limits, mending (keep.c)  waits for the disk
  * sst-export  snapshots and exports (jobs.c)        waits for the disk
- * sst-tar     downloads (download.c), one each      waits for the disk and for readers
+ * sst-video   videos for downloads (video_files.c)  waits for the disk
  * sst-view    pictures of the last moments (view.c) never waits for a disk
  * sst-state   says how things stand (state.c)       never waits for either
  * Calls from outside only look at memory; the lock is never held while anything is waited for. */
 
 #define SST_STORE_TEXT      512
 #define SST_STORE_JOBS      4          /* that wait or run */
-#define SST_STORE_PLANS     4          /* of videos, kept for the next part that is asked for */
 #define SST_STORE_ANSWER_MS 800        /* that a call waits for a thread */
 #define SST_STORE_GRACE_NS  100000000  /* and longer, where the machine may have stood still */
 #define SST_STORE_HUNG_NS   5000000000 /* a disk that has been waited for longer hangs */
@@ -396,8 +307,31 @@ enum store_trouble {
     SST_TROUBLE_FOLDER = 5,
 };
 
-struct store_job;  /* jobs.c */
-struct store_plan; /* download.c */
+struct store_job; /* jobs.c */
+
+enum video_stage {
+    VIDEO_NONE = 0, /* the rest is zero */
+    VIDEO_WANTED = 1,
+    VIDEO_AT_WORK = 2, /* sst-video alone changes what is fixed */
+    VIDEO_MADE = 3,    /* or not: err */
+};
+
+/** A video that a client asked for, as a file without a name (video_files.c); under the storage's lock. */
+struct video_file {
+    enum video_stage stage;
+    /* fixed from WANTED on */
+    char name[SST_STORE_NAME]; /* of the recording */
+    int row, col;              /* row -1: the see-through view */
+    bool active;               /* the recording was being written ... */
+    uint64_t sets, gone;       /* ... else what it held */
+    int64_t asked_ns;
+    /* fixed when MADE */
+    int fd, err;
+    int64_t made_ns;
+    /* changing */
+    int64_t bytes, used_ns; /* bytes: reserved, then of the file */
+    int readers;
+};
 
 struct sst_storage {
     /* fixed after open */
@@ -411,7 +345,7 @@ struct sst_storage {
     /* under lock */
     bool stop;
     int64_t stop_ns; /* what the ring holds is written until then */
-    int threads;     /* that run, downloads among them */
+    int threads;     /* that run */
     int downloads;
     struct store_settings settings;
     struct sst_recorder_track *tracks; /* [SST_CAMERAS_MAX], of settings.cameras */
@@ -450,17 +384,18 @@ struct sst_storage {
     struct store_job *job[SST_STORE_JOBS]; /* in their order; the first is at work */
     int jobs;
 
-    struct store_plan *plan[SST_STORE_PLANS]; /* download.c; NULL: none */
+    struct video_file video[SST_DOWNLOADS_MAX]; /* each download reads one at most */
 
     struct sst_outlet *outlet; /* of the main view; NULL: not yet */
     struct view_shown shown;
 
-    pthread_t thread[5];
+    pthread_t thread[6];
 };
 
 void *store_record_run(void *storage);
 void *store_keep_run(void *storage);
 void *store_jobs_run(void *storage);
+void *store_video_run(void *storage);
 void *store_state_run(void *storage);
 void *store_view_run(void *storage);
 
@@ -488,10 +423,22 @@ int store_shorten(struct sst_storage *s, const struct store_entry *entry);
 /** What somebody deleted goes. sst-keep only. */
 void store_remove_doomed(struct sst_storage *s);
 
-/** Plans of videos that nobody has asked for in a while go. */
-void store_plans_expire(struct sst_storage *s, int64_t now_ns);
+/**
+ * Open a video, or have it made; waits for it for 0.2 s.
+ *
+ * @param e    a recording of the catalog; not valid any more afterwards
+ * @param out  has a reader more until video_file_close_locked(); its fd and bytes stay until then
+ * @return 0, -EINPROGRESS (ask again, within a minute), -EMFILE, and what making it met: -ENOENT, -ENODATA (no frame),
+ *         -ENOSPC, -EAGAIN (its beginning was removed meanwhile), -EBADMSG, -EIO ...
+ */
+SST_MUST_CHECK int video_file_open_locked(struct sst_storage *s, struct store_entry *e, int row, int col,
+                                          struct video_file **out);
+void video_file_close_locked(struct video_file *f);
+/** Bytes of all of them, with what is reserved. */
+int64_t video_files_bytes_locked(const struct sst_storage *s);
+void video_files_fini(struct sst_storage *s);
 
-/** Bytes of everything in the catalog. */
+/** Bytes of everything in the catalog, and of videos made for downloads. */
 int64_t store_used_locked(const struct sst_storage *s);
 
 /** "motion in door", "Pedestrian in door", "motion". */
@@ -500,18 +447,49 @@ void store_watch_text(char out[SST_STORE_WHY], const struct sst_watch *w);
 /** Tracks of the cameras as they are now. @return [SST_CAMERAS_MAX] to free, or NULL: no memory */
 struct sst_recorder_track *store_tracks(struct sst_storage *s);
 
-/* --- tar: a folder as a tar archive. --- */
+/* --- tar ---
+ * a folder as a tar archive that is read without being made: nearly all of its bytes are those of its files, so the
+ * archive of an hour needs no room and no wait. */
+
+#define TAR_BLOCK 512
+
+struct tar_entry {
+    uint8_t header[TAR_BLOCK];
+    int64_t at;   /* of the header in the archive */
+    int64_t size; /* of the file; 0: a folder */
+    char *path;   /* below the folder */
+};
+
+/** One thread at a time. */
+struct tar {
+    struct tar_entry *entry;
+    int count, capacity;
+    int64_t bytes; /* of the archive */
+    uint64_t tag;  /* differs for other content */
+    int folder, file, fd; /* fd: of entry `file`; -1: none is open */
+};
 
 /**
- * Plan the archive (POSIX ustar) of a folder's regular files and folders as they are now, in the order of their names;
- * links and devices are left out.
+ * List the archive (POSIX ustar) of a folder's regular files and folders as they are now, sorted by name; links and
+ * devices are left out.
  *
- * @param to    zeroed by the caller; its paths are below the folder
- * @param fd    of the folder, stays the caller's
- * @param name  that it has in the archive, without '/'; NAME/views/00_00.jpg of all files must fit 100 bytes
- * @return 0, -ENAMETOOLONG, -ENOMEM or -errno of reading; not logged.
+ * @param fd    of the folder; becomes the archive's, also on failure
+ * @param name  of the folder in the archive, without '/'; NAME/views/00_00.jpg of all files must fit 100 bytes
+ * @return 0, -ENAMETOOLONG, -ENOMEM or -errno of reading; not logged. tar_close() follows in any case.
  */
-SST_MUST_CHECK int tar_plan(struct spans *to, int fd, const char *name);
+SST_MUST_CHECK int tar_open(struct tar *out, int fd, const char *name);
+
+/** Read from any position before the end. @return bytes, at least one, or -errno; -EBADMSG: a file is shorter now */
+SST_MUST_CHECK ssize_t tar_read(struct tar *t, int64_t at, void *out, size_t n);
+
+void tar_close(struct tar *t);
+
+/** Open a file below a folder for reading, without following links or waiting for what is no file.
+ *  @return descriptor or -errno */
+SST_MUST_CHECK int open_below(int folder, const char *path);
+
+/** FNV-1a over some more bytes; *tag begins at 0. */
+void add_to_tag(uint64_t *tag, const void *data, size_t n);
 
 /* --- video: a recording as a file that plays: one camera, or the see-through view. --- */
 
@@ -533,18 +511,34 @@ size_t video_write_line(char out[SST_VIDEO_LINE_MAX], const struct video_line *l
 /** @return false: it is none, or torn */
 bool video_read_line(const char *text, struct video_line *line);
 
-/**
- * Plan the video of a camera: every frame that its recording holds of it, bytes untouched. A recording that is being
- * written gives what it holds by now.
- *
- * @param to   zeroed by the caller; its paths are below dir
- * @param dir  of the recording
- * @return 0, -ENOENT (no such camera, or no recording), -ENODATA (no frame of it), -EBADMSG, -EIO, -ENOMEM; logged by
- *         what reads recordings. Waits for the disk.
- */
-SST_MUST_CHECK int video_plan_camera(struct spans *to, const char *dir, int row, int col);
+/** The frames of a video, and what describes them. Zeroed: none. */
+struct video {
+    char dir[SST_PATH_MAX], title[128], track[96];
+    struct sst_mkv_config format;
+    struct sst_mkv_frame *frame;
+    size_t count, capacity;
+    int64_t bytes; /* of all frames */
+};
 
-/** Likewise the see-through view. @return as above; -ENOENT: none was recorded */
-SST_MUST_CHECK int video_plan_view(struct spans *to, const char *dir);
+/**
+ * List the frames that a recording has of a camera; one that is being written gives what it holds by now.
+ *
+ * @param dir  of the recording
+ * @return 0, -ENOENT (no such camera, or no recording), -ENODATA (no frame of it), -EBADMSG, -EIO, -ENOMEM; what reads
+ *         recordings logs. video_fini() follows in any case. Waits for the disk.
+ */
+SST_MUST_CHECK int video_of_camera(struct video *v, const char *dir, int row, int col);
+
+/** Likewise of the see-through view. @return as above; -ENOENT: none was recorded */
+SST_MUST_CHECK int video_of_view(struct video *v, const char *dir);
+
+/** @return true: nobody wants the file any more */
+typedef bool video_ended_fn(void *arg);
+
+/** Write the file, bytes of frames untouched. @param fd  as of sst_mkv_write() @return what that returns, -ECANCELED,
+ *  -EAGAIN (something of it was removed meanwhile) or -errno of reading; not logged */
+SST_MUST_CHECK int video_write(struct video *v, int fd, video_ended_fn *ended, void *arg);
+
+void video_fini(struct video *v);
 
 #endif
