@@ -10,9 +10,8 @@
 #include "base/clock.h"
 #include "capture/recording/recording_internal.h"
 
-#define CLUSTER_NS    1000000000
-#define CLUSTER_BYTES ((int64_t)32 << 20)
-#define CUE_BYTES     40 /* of an entry of the index at most */
+#define CLUSTER_MS 1000
+#define CUE_BYTES  26 /* of an entry of the index at most: files below 1 TB, shorter than 49 days */
 
 static int64_t ms_of(const struct sst_mkv_frame *frame, size_t i)
 {
@@ -27,18 +26,7 @@ static int64_t mean_ms(const struct sst_mkv_frame *frame, size_t count)
     return ms < 1000 ? ms : 1000;
 }
 
-/* Bytes that the index can take: each cluster but the last is a second long, or full. */
-static int64_t index_bytes(const struct sst_mkv_frame *frame, size_t count)
-{
-    int64_t clusters = ms_of(frame, count - 1) / 1000 + 2, bytes = 0;
-
-    for (size_t i = 0; i < count; i++)
-        bytes += frame[i].bytes;
-    clusters += bytes / CLUSTER_BYTES;
-    return CUE_BYTES * (clusters < (int64_t)count ? clusters : (int64_t)count) + CUE_BYTES;
-}
-
-static int write_head(AVFormatContext *format, const struct sst_mkv_config *cfg, int64_t cues)
+static int write_head(AVFormatContext *format, const struct sst_mkv_config *cfg, size_t count)
 {
     AVStream *stream = avformat_new_stream(format, NULL);
     AVDictionary *options = NULL;
@@ -58,43 +46,36 @@ static int write_head(AVFormatContext *format, const struct sst_mkv_config *cfg,
         err = av_dict_set(&format->metadata, "creation_time", text, 0);
     }
     if (err >= 0)
-        err = av_dict_set_int(&options, "reserve_index_space", cues, 0);
-    if (err >= 0)
-        err = av_dict_set_int(&options, "cluster_size_limit", 2 * CLUSTER_BYTES, 0);
+        err = av_dict_set_int(&options, "reserve_index_space", (int64_t)count * CUE_BYTES + 64, 0);
     if (err >= 0)
         err = segment_write_head(format, &options);
     av_dict_free(&options);
     return err;
 }
 
-/* libavformat begins a cluster, and an entry of the index, with each key frame. Every frame stands for itself, but only
- * the first of a cluster is marked as such: players then read a second at a time. */
+/* Each frame has an entry in the index. A cluster begins at least with the first frame of each second, so that players
+ * can read a second at a time. */
 static int write_frames(AVFormatContext *format, AVPacket *packet, const struct sst_mkv_frame *frame, size_t count,
                         sst_mkv_read_fn *read, void *arg)
 {
-    const int64_t duration = mean_ms(frame, count);
-    int64_t in_cluster = 0;
-    size_t first = 0;
+    int64_t cluster_ms = 0;
     int err = 0;
 
-    for (size_t i = 0; err >= 0 && i < count; i++) {
-        const bool begins = !i || frame[i].t_ns - frame[first].t_ns >= CLUSTER_NS || in_cluster > CLUSTER_BYTES;
+    for (size_t i = 0; !err && i < count; i++) {
+        const int64_t ms = ms_of(frame, i);
 
-        if (begins && i)
+        if (ms - cluster_ms >= CLUSTER_MS) {
             err = av_write_frame(format, NULL); /* ends the cluster */
-        if (begins) {
-            first = i;
-            in_cluster = 0;
+            cluster_ms = ms;
         }
-        in_cluster += frame[i].bytes;
         if (err >= 0)
             err = av_new_packet(packet, (int)frame[i].bytes);
         if (err < 0)
-            return err;
+            break;
         err = read(arg, i, packet->data);
-        packet->flags = begins ? AV_PKT_FLAG_KEY : 0;
-        packet->pts = packet->dts = ms_of(frame, i);
-        packet->duration = duration;
+        packet->flags = AV_PKT_FLAG_KEY;
+        packet->pts = packet->dts = ms;
+        packet->duration = mean_ms(frame, count);
         if (!err)
             err = av_write_frame(format, packet);
         av_packet_unref(packet);
@@ -116,7 +97,7 @@ int sst_mkv_write(int fd, const struct sst_mkv_config *cfg, const struct sst_mkv
     if (err >= 0)
         err = avio_open(&format->pb, path, AVIO_FLAG_WRITE);
     if (err >= 0)
-        err = write_head(format, cfg, index_bytes(frame, count));
+        err = write_head(format, cfg, count);
     if (err >= 0) {
         int last;
 

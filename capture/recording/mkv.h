@@ -23,8 +23,8 @@ struct sst_mkv_config {
 typedef int sst_mkv_read_fn(void *arg, size_t i, uint8_t *data);
 
 /**
- * Write the file: head with duration and an index to seek by, then the frames, a cluster for each second. The same
- * arguments give the same bytes.
+ * Write the file: head with duration and an index to seek by, then the frames; a cluster begins with each second. The
+ * same arguments give the same bytes.
  *
  * @param fd     an empty file that the process may open again by /proc/self/fd; the caller keeps it
  * @param frame  [count], count > 0
