@@ -164,7 +164,7 @@ static int drop_damaged_end(struct sst_recording *r)
     return err;
 }
 
-int append_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd)
+int resume_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd)
 {
     struct append made = { 0 };
     const struct index_line *last;

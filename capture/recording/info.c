@@ -55,8 +55,8 @@ static json_t *columns_to_json(void)
 {
     json_t *list = json_array();
 
-    for (int i = 0; list && i < SST_SETLIST_COLUMNS; i++) {
-        if (json_array_append_new(list, json_string(setlist_columns[i]))) {
+    for (int i = 0; list && i < MANIFEST_COLUMNS; i++) {
+        if (json_array_append_new(list, json_string(manifest_columns[i]))) {
             json_decref(list);
             list = NULL;
         }
@@ -77,7 +77,7 @@ static const char *muxer(void)
 #endif
 }
 
-int setlist_write_info(const char *path, const struct sst_recorder_config *cfg)
+int manifest_write_info(const char *path, const struct sst_recorder_config *cfg)
 {
     char format[5];
     json_t *root;
@@ -125,12 +125,12 @@ static const char *read_track(const json_t *json, int k, struct sst_recording_in
 
 static bool columns_known(const json_t *list)
 {
-    bool known = json_array_size(list) == SST_SETLIST_COLUMNS;
+    bool known = json_array_size(list) == MANIFEST_COLUMNS;
 
-    for (size_t i = 0; known && i < SST_SETLIST_COLUMNS; i++) {
+    for (size_t i = 0; known && i < MANIFEST_COLUMNS; i++) {
         const char *name = json_string_value(json_array_get(list, i));
 
-        known = name && !strcmp(name, setlist_columns[i]);
+        known = name && !strcmp(name, manifest_columns[i]);
     }
     return known;
 }
@@ -169,7 +169,7 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
     return fault;
 }
 
-int setlist_read_info(const char *path, struct sst_recording_info *info)
+int manifest_read_info(const char *path, struct sst_recording_info *info)
 {
     struct sst_recording_info made = { 0 };
     json_error_t error;

@@ -44,7 +44,7 @@ struct sst_recorder {
     struct sst_recorder_counters counters;
     int64_t offset[SST_CAMERAS_MAX];
     uint32_t crc32[SST_CAMERAS_MAX];
-    char line[2 * SST_SETLIST_LINE_MAX];
+    char line[2 * MANIFEST_LINE_MAX];
 };
 
 void sst_recorder_config_defaults(struct sst_recorder_config *cfg)
@@ -163,7 +163,7 @@ static int open_files(struct sst_recorder *r)
         return -EEXIST;
     }
     if (!there)
-        err = setlist_write_info(info, &r->cfg);
+        err = manifest_write_info(info, &r->cfg);
     if (err)
         return err;
     r->manifest_fd = open(r->manifest, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
@@ -174,7 +174,7 @@ static int open_files(struct sst_recorder *r)
     }
     if (!there)
         return 0;
-    err = append_prepare(&from, &r->cfg, r->manifest_fd);
+    err = resume_prepare(&from, &r->cfg, r->manifest_fd);
     if (err)
         return err;
     r->manifest_bytes = from.manifest_bytes;
@@ -390,8 +390,8 @@ static int add_set(struct sst_recorder *r, const struct sst_set *set)
     for (int k = 0; k < set->cameras; k++)
         r->crc32[k] = set->frame[k] ? (uint32_t)crc32_z(0, set->frame[k]->data, set->frame[k]->bytes) : 0;
     if (!r->watched)
-        n = setlist_segment_line(r->line, r->number, r->session, r->segment_start_ns, set->wall_ns);
-    n += setlist_set_line(r->line + n, set, r->offset, r->crc32);
+        n = manifest_segment_line(r->line, r->number, r->session, r->segment_start_ns, set->wall_ns);
+    n += manifest_set_line(r->line + n, set, r->offset, r->crc32);
     err = write_line(r, n);
     if (!err && !r->sync)
         err = sync_here(r, r->manifest_fd);
@@ -408,7 +408,7 @@ static int add_set(struct sst_recorder *r, const struct sst_set *set)
 
 /* Undo what is left of the set. The segment ends here: after a failed write or sync nobody knows what of it is on the
  * disk. */
-static void take_back(struct sst_recorder *r)
+static void roll_back(struct sst_recorder *r)
 {
     if (r->manifest_fd >= 0) {
         if (ftruncate(r->manifest_fd, r->manifest_bytes))
@@ -425,7 +425,7 @@ static void take_back(struct sst_recorder *r)
     }
 }
 
-static void tell_failure(struct sst_recorder *r, int err)
+static void report_failure(struct sst_recorder *r, int err)
 {
     const int code = code_of(err);
     const char *remedy = code == -ENOSPC ? "free space there" : code == -EROFS ? "make it writable" : "check the disk";
@@ -437,7 +437,7 @@ static void tell_failure(struct sst_recorder *r, int err)
     r->failing = code;
 }
 
-static void tell_recovery(struct sst_recorder *r)
+static void report_recovery(struct sst_recorder *r)
 {
     if (r->failing)
         sst_log_warning("recording into %s goes on with segment %06d; %llu sets are lost", r->dir, r->number,
@@ -461,17 +461,17 @@ int sst_recorder_write(struct sst_recorder *r, const struct sst_set *set)
         return err;
     if (r->failing && sst_clock_now_ns() < r->retry_ns)
         return drop(r);
-    if (r->sync && sync_take_error(r->sync))
-        take_back(r); /* told by the thread; a new segment from here on */
+    if (r->sync && sync_fetch_error(r->sync))
+        roll_back(r); /* reported by the thread; a new segment from here on */
     if (r->segment && segment_is_full(r, set))
-        (void)finish_segment(r); /* told; the next segment shows whether the disk takes anything */
+        (void)finish_segment(r); /* reported; the next segment shows whether the disk takes anything */
     err = add_set(r, set);
     if (err) {
-        take_back(r);
-        tell_failure(r, err);
+        roll_back(r);
+        report_failure(r, err);
         return drop(r);
     }
-    tell_recovery(r);
+    report_recovery(r);
     r->counters.sets++;
     for (int k = 0; k < set->cameras; k++)
         r->counters.bytes += set->frame[k] ? set->frame[k]->bytes : 0;

@@ -52,7 +52,7 @@ SST_MUST_CHECK int sst_recorder_open(struct sst_recorder **out, const struct sst
  * Append a set: its frames' bytes to the segment, then its line to the manifest. The set's frames stay the caller's.
  *
  * After an error nothing of the set is in the manifest; the recorder stays usable and starts a new segment with the
- * next set that can be written (disk full, read-only: told once per change of state; tried again twice a second). Takes
+ * next set that can be written (disk full, read-only: reported once per change of state; tried again twice a second). Takes
  * no memory of its own; libavformat's gathering buffer grows to the largest cluster. With sync_s above 0 it does not
  * wait for the disk, except where the kernel makes writers wait.
  * @param set  of cfg's number of cameras; frames of cfg's format

@@ -32,13 +32,13 @@ static struct index_line *next_line(struct sst_recording *r)
 /* One line of n bytes without its end, at `at` in the file. */
 static int index_line(struct sst_recording *r, const char *line, size_t n, int64_t at)
 {
-    struct setlist_segment s;
+    struct manifest_segment s;
     struct index_line *l;
     int kind = 1;
 
-    const bool whole = setlist_line_whole(line, n);
+    const bool whole = manifest_line_whole(line, n);
     if (whole)
-        kind = setlist_parse(line, n, r->info.cameras, &s, NULL);
+        kind = manifest_parse(line, n, r->info.cameras, &s, NULL);
     if (kind == -ENOMEM)
         return kind;
     if (whole)
@@ -106,7 +106,7 @@ int sst_recording_open(struct sst_recording **out, const char *dir)
                       sst_path_is_dir(dir) ? "it has no recording.json" : "there is no such folder");
     }
     if (!err)
-        err = setlist_read_info(path, &r->info);
+        err = manifest_read_info(path, &r->info);
     if (!err)
         err = sst_recording_read_removed(dir, &r->removed);
     if (!err)
@@ -194,7 +194,7 @@ int sst_recording_line(const struct sst_recording *r, int i, char **text)
     if (!made)
         return -ENOMEM;
     err = read_at(r->fd, made, l->bytes, l->at);
-    if (!err && !setlist_line_whole(made, l->bytes))
+    if (!err && !manifest_line_whole(made, l->bytes))
         err = -EBADMSG;
     if (err) {
         free(made);
@@ -207,13 +207,13 @@ int sst_recording_line(const struct sst_recording *r, int i, char **text)
 
 int sst_recording_set(const struct sst_recording *r, int i, struct sst_recording_set *set)
 {
-    struct setlist_segment unused;
+    struct manifest_segment unused;
     char *text;
     int err = sst_recording_line(r, i, &text);
 
     if (err)
         return err;
-    err = setlist_parse(text, r->line[i].bytes, r->info.cameras, &unused, set);
+    err = manifest_parse(text, r->line[i].bytes, r->info.cameras, &unused, set);
     free(text);
     if (err < 0)
         return err;
@@ -232,7 +232,7 @@ int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *s
     if (err)
         return err;
     *segment = r->line[i].segment;
-    err = setlist_parse_frame(text, cam, wall_ns, frame);
+    err = manifest_parse_frame(text, cam, wall_ns, frame);
     free(text);
     if (!err)
         return 0;

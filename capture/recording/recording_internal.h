@@ -22,7 +22,7 @@ struct append {
  * @return 0, -EEXIST (made with another array, format or size), -EBADMSG, -EIO, -ENOSPC (no number left), -ENOMEM.
  *         Logged.
  */
-SST_MUST_CHECK int append_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd);
+SST_MUST_CHECK int resume_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd);
 
 /* --- setlist ---
  * recording.json and the lines of sets.jsonl. Inside capture/recording only.
@@ -32,29 +32,29 @@ SST_MUST_CHECK int append_prepare(struct append *out, const struct sst_recorder_
  *   {"set":index,"t_ns":...,"frames":[[cam,...],...],"missing":[...],"crc":"xxxxxxxx"} */
 
 #define SST_RECORDING_VERSION 1
-#define SST_SETLIST_COLUMNS   10
-#define SST_SETLIST_LINE_MAX  (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
+#define MANIFEST_COLUMNS   10
+#define MANIFEST_LINE_MAX  (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
 
 /** segments/NNNNNN.mkv in dir; number 0..999999. */
 SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int number);
 
 /** The columns of a line's frames, in their order. */
-extern const char *const setlist_columns[SST_SETLIST_COLUMNS];
+extern const char *const manifest_columns[MANIFEST_COLUMNS];
 
 /** Write recording.json, whole or not at all. @return 0 or an error of the output; logged. */
-SST_MUST_CHECK int setlist_write_info(const char *path, const struct sst_recorder_config *cfg);
+SST_MUST_CHECK int manifest_write_info(const char *path, const struct sst_recorder_config *cfg);
 
 /** Read it strictly. @return 0, -ENOENT, -EBADMSG, -EIO, -ENOMEM; logged. */
-SST_MUST_CHECK int setlist_read_info(const char *path, struct sst_recording_info *info);
+SST_MUST_CHECK int manifest_read_info(const char *path, struct sst_recording_info *info);
 
-/** Write a line with its '\n' into out [SST_SETLIST_LINE_MAX]. @return its bytes. */
-size_t setlist_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns);
-size_t setlist_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32);
+/** Write a line with its '\n' into out [MANIFEST_LINE_MAX]. @return its bytes. */
+size_t manifest_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns);
+size_t manifest_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32);
 
 /** Does the line (without '\n') end in its own checksum? */
-bool setlist_line_whole(const char *line, size_t n);
+bool manifest_line_whole(const char *line, size_t n);
 
-struct setlist_segment {
+struct manifest_segment {
     int segment, session;
     int64_t start_ns, wall_ns; /* of its beginning */
 };
@@ -65,15 +65,15 @@ struct setlist_segment {
  * @param set      out, of a set's line, its segment and session excepted; NULL: only the kind is asked for
  * @return 0: it is a segment's line, 1: a set's; -EBADMSG, -ENOMEM. Not logged.
  */
-SST_MUST_CHECK int setlist_parse(const char *line, size_t n, int cameras, struct setlist_segment *segment,
+SST_MUST_CHECK int manifest_parse(const char *line, size_t n, int cameras, struct manifest_segment *segment,
                                  struct sst_recording_set *set);
 
 /**
  * Read one camera's frame from a set's line that is whole and was written here, without reading all others.
  * @param wall_ns  out, of the set; frame: out, arrival_ns 0; not present: the set has none of the camera
- * @return 0, -EBADMSG: of another form, perhaps setlist_parse() reads it
+ * @return 0, -EBADMSG: of another form, perhaps manifest_parse() reads it
  */
-SST_MUST_CHECK int setlist_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *frame);
+SST_MUST_CHECK int manifest_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *frame);
 
 /* --- index: where the lines of a recording are. Inside capture/recording only. --- */
 
@@ -169,7 +169,7 @@ SST_MUST_CHECK int sync_watch(struct sync *sync, int segment_fd, int manifest_fd
 bool sync_has_room(struct sync *sync);
 
 /** The error of a sync since the last call, 0: none. Logged by the thread, once per change of state. */
-int sync_take_error(struct sync *sync);
+int sync_fetch_error(struct sync *sync);
 
 /** Add this thread's part to the counters. */
 void sync_count(struct sync *sync, struct sst_recorder_counters *counters);

@@ -79,7 +79,7 @@ int sst_recording_segments(const char *dir)
 /* Where the sets behind a segment begin, and how many are before them. @return 0, -EBADMSG: there are none */
 static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
 {
-    struct setlist_segment s = { 0 };
+    struct manifest_segment s = { 0 };
     uint64_t sets = 0;
     char *line = NULL;
     size_t capacity = 0;
@@ -91,8 +91,8 @@ static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
             sets++;
             continue;
         }
-        if (line[n - 1] != '\n' || !setlist_line_whole(line, (size_t)n - 1) ||
-            setlist_parse(line, (size_t)n - 1, 1, &s, NULL) || s.segment <= behind)
+        if (line[n - 1] != '\n' || !manifest_line_whole(line, (size_t)n - 1) ||
+            manifest_parse(line, (size_t)n - 1, 1, &s, NULL) || s.segment <= behind)
             continue;
         *out = (struct sst_recording_removed){
             .before_segment = s.segment, .sets = sets, .t_ns = s.start_ns, .wall_ns = s.wall_ns

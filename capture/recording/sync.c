@@ -192,7 +192,7 @@ bool sync_has_room(struct sync *s)
     return room;
 }
 
-int sync_take_error(struct sync *s)
+int sync_fetch_error(struct sync *s)
 {
     int err;
 

@@ -55,7 +55,7 @@ void catalog_update(struct catalog *c, const struct store_entry *entry)
     if (!e)
         return;
     made.readers = e->readers;
-    made.doomed = e->doomed;
+    made.deleted_by_hand = e->deleted_by_hand;
     *e = made;
 }
 
@@ -82,7 +82,7 @@ bool store_name_good(const char *name)
     return n > 0 && n < SST_STORE_NAME && name[0] != '.' && strspn(name, letters) == n;
 }
 
-bool store_by_hand(const struct store_entry *e)
+bool store_is_manual(const struct store_entry *e)
 {
     return e->kind != SST_STORE_RECORDING || !strcmp(e->why, SST_STORE_ON_DEMAND);
 }
@@ -118,7 +118,7 @@ static bool may_go(const struct store_entry *e)
 }
 
 /* Its oldest segments may go while it is being written. */
-static bool may_be_shortened(const struct store_entry *e)
+static bool may_be_trimmed(const struct store_entry *e)
 {
     return e->kind == SST_STORE_RECORDING && e->stage == SST_STORE_ACTIVE && e->segments > SST_STORE_SEGMENTS;
 }
@@ -131,13 +131,13 @@ static int oldest(const struct catalog *c, bool by_hand)
     for (int i = 0; i < c->count; i++) {
         const struct store_entry *e = &c->entry[i];
 
-        if (store_by_hand(e) != by_hand)
+        if (store_is_manual(e) != by_hand)
             continue;
         if (may_go(e) && !e->readers)
             return i;
         if (may_go(e) && read < 0)
             read = i;
-        if (may_be_shortened(e))
+        if (may_be_trimmed(e))
             written = i; /* there is one at most */
     }
     return read >= 0 ? read : written;
@@ -150,9 +150,9 @@ int64_t store_room_bytes(const struct store_limits *l, const struct store_room *
     return l->quota_bytes && l->quota_bytes < disk ? l->quota_bytes : disk;
 }
 
-int64_t store_hand_bytes(const struct store_limits *l, const struct store_room *room)
+int64_t store_manual_bytes(const struct store_limits *l, const struct store_room *room)
 {
-    return l->hand_bytes ? l->hand_bytes : store_room_bytes(l, room) / 2;
+    return l->manual_bytes ? l->manual_bytes : store_room_bytes(l, room) / 2;
 }
 
 int64_t store_download_bytes(const struct store_limits *l, const struct store_room *room, int64_t made_bytes)
@@ -172,8 +172,8 @@ static int too_much(const struct catalog *c, const struct store_limits *limits, 
     int64_t bytes = 0;
 
     for (int i = 0; i < c->count; i++)
-        bytes += store_by_hand(&c->entry[i]) ? c->entry[i].bytes : 0;
-    return hand >= 0 && (self < 0 || bytes > store_hand_bytes(limits, room)) ? hand : self;
+        bytes += store_is_manual(&c->entry[i]) ? c->entry[i].bytes : 0;
+    return hand >= 0 && (self < 0 || bytes > store_manual_bytes(limits, room)) ? hand : self;
 }
 
 /* Stamped by a clock that was not set yet, or set wrong? Things are made in their order, and none in the future. */
@@ -187,20 +187,20 @@ static void find_newest(const struct catalog *c, int newest[2])
 {
     newest[0] = newest[1] = -1;
     for (int i = 0; i < c->count; i++)
-        newest[store_by_hand(&c->entry[i])] = i;
+        newest[store_is_manual(&c->entry[i])] = i;
 }
 
 /* What bears a doubtful time was made before what came next: the time of that counts. */
 static int too_old(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
 {
-    const int64_t age_ns[2] = { limits->max_age_ns, limits->hand_max_age_ns };
+    const int64_t age_ns[2] = { limits->max_age_ns, limits->manual_max_age_ns };
     int newest[2], waits[2] = { -1, -1 }; /* the first that goes by the time of what comes next */
     int64_t before_ns = 0;                /* the latest begin so far, as far as it is in the past */
 
     find_newest(c, newest);
     for (int i = 0; i < c->count; i++) {
         const struct store_entry *e = &c->entry[i];
-        const bool recording = e->kind == SST_STORE_RECORDING, by_hand = store_by_hand(e);
+        const bool recording = e->kind == SST_STORE_RECORDING, by_hand = store_is_manual(e);
         const int64_t begin_ns = recording ? e->from_ns : e->made_ns, end_ns = recording ? e->to_ns : e->made_ns;
 
         if (end_ns && may_go(e) && i != newest[by_hand] && age_ns[by_hand] && waits[by_hand] < 0)

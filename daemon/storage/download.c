@@ -114,7 +114,7 @@ static int check_entry(const struct store_entry *e, const struct download *o)
 {
     const bool recording = e && e->kind == SST_STORE_RECORDING, active = e && e->stage == SST_STORE_ACTIVE;
 
-    if (!e || e->doomed || (o->content == CONTENT_PICTURE && (recording || !e->picture)) ||
+    if (!e || e->deleted_by_hand || (o->content == CONTENT_PICTURE && (recording || !e->picture)) ||
         (o->content == CONTENT_VIDEO && (!recording || (o->row < 0 && !e->picture))))
         return -ENOENT;
     /* The list of a recording may name sets that a file of it does not hold yet. */

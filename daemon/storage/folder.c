@@ -136,7 +136,7 @@ static bool has(const char *dir, const char *name)
 
 /* What a recording's storage.json does not know: it was written when the recording began, where its service was killed,
  * and before its beginning was removed, where it was killed in between. */
-static void look_closer(const char *path, struct store_entry *e)
+static void refine_entry(const char *path, struct store_entry *e)
 {
     struct sst_recording_removed removed;
     const bool known = !sst_recording_read_removed(path, &removed), shortened = known && removed.before_segment;
@@ -156,7 +156,7 @@ static void look_closer(const char *path, struct store_entry *e)
 }
 
 /* What it was killed over: notes that never got their name, and a folder in which nothing else was. */
-static void tidy_recording(const char *path)
+static void clean_recording(const char *path)
 {
     static const char *const notes[] = { ABOUT ".tmp-", "removed.json.tmp-" };
     DIR *d = opendir(path);
@@ -174,7 +174,7 @@ static void tidy_recording(const char *path)
 }
 
 /* A folder's entry. @return 0, -ENOENT: nothing of ours */
-static int look_at(const char *folder, const char *name, enum store_kind kind, bool tidy, struct store_entry *e)
+static int read_entry(const char *folder, const char *name, enum store_kind kind, bool tidy, struct store_entry *e)
 {
     char path[SST_PATH_MAX];
     struct stat st;
@@ -193,7 +193,7 @@ static int look_at(const char *folder, const char *name, enum store_kind kind, b
     snprintf(e->name, sizeof(e->name), "%s", name);
     if (kind == SST_STORE_RECORDING) {
         if (tidy && is_ours(kind, name))
-            tidy_recording(path);
+            clean_recording(path);
         err = store_read(path, e);
         if (err == -EBADMSG && is_ours(kind, name)) {
             sst_log_warning("%s/%s is damaged; it is made anew from the recording, of which it is no longer known what "
@@ -206,7 +206,7 @@ static int look_at(const char *folder, const char *name, enum store_kind kind, b
         }
         e->picture = has(path, SST_VIDEO_PICTURES);
         if (!err)
-            look_closer(path, e);
+            refine_entry(path, e);
         return err;
     }
     if (!has(path, "lightfield.json"))
@@ -232,7 +232,7 @@ int store_scan(const char *folder, enum store_kind kind, bool tidy, struct catal
     while (!err && (errno = 0, f = readdir(d))) {
         struct store_entry e;
 
-        if (f->d_name[0] != '.' && !look_at(folder, f->d_name, kind, tidy, &e))
+        if (f->d_name[0] != '.' && !read_entry(folder, f->d_name, kind, tidy, &e))
             err = catalog_add(c, &e);
     }
     if (!err && errno)
@@ -244,7 +244,7 @@ int store_scan(const char *folder, enum store_kind kind, bool tidy, struct catal
 /* --- mending ------------------------------------------------------------------------------------------------------ */
 
 /* First and last set that can be read. */
-static void read_span(const struct sst_recording *r, struct store_entry *e)
+static void read_range(const struct sst_recording *r, struct store_entry *e)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
     const int n = sst_recording_sets(r);
@@ -287,7 +287,7 @@ static int cut(const char *dir, const struct sst_recording_info *info)
     return err ? err : sst_recorder_close(recorder);
 }
 
-int store_mend(const char *dir, struct store_entry *e)
+int store_repair(const char *dir, struct store_entry *e)
 {
     struct store_entry made = *e;
     struct sst_recording *r;
@@ -315,7 +315,7 @@ int store_mend(const char *dir, struct store_entry *e)
         err = sst_recording_open(&r, dir);
     if (err)
         return err;
-    read_span(r, &made);
+    read_range(r, &made);
     sst_recording_close(r);
     if (!made.sets)
         return -ENODATA;

@@ -217,7 +217,7 @@ static void settle(struct sst_storage *s, struct store_job *job)
         sst_log_debug("%s: its order is lost", path);
 }
 
-/* It is told when it can be had, listed, deleted; who waits for it is answered when it has been told. */
+/* It is reported when it can be had, listed, deleted; who waits for it is answered when it has been reported. */
 static void end_job(struct sst_storage *s, struct store_job *job, int err, const char *said)
 {
     bool left;

@@ -25,9 +25,9 @@ static int out_of_name(struct sst_storage *s, const struct store_entry *e, char 
 /* The files of an hour take a while to go: that is no disk that hangs. */
 static void remove_files(struct sst_storage *s, const char *gone)
 {
-    store_busy(s, &s->keep_busy_ns, false);
+    store_busy(s, &s->retention_busy_ns, false);
     sst_path_remove_tree(gone);
-    store_busy(s, &s->keep_busy_ns, true);
+    store_busy(s, &s->retention_busy_ns, true);
 }
 
 int store_remove(struct sst_storage *s, const struct store_entry *entry)
@@ -51,14 +51,14 @@ int store_remove(struct sst_storage *s, const struct store_entry *entry)
 }
 
 /* What the catalog says of it from now on. @return it has ended, and its storage.json is to say so, too */
-static bool note_shorter(struct sst_storage *s, const struct store_entry *entry, int64_t bytes,
+static bool note_trimmed(struct sst_storage *s, const struct store_entry *entry, int64_t bytes,
                          const struct sst_recording_removed *now, struct store_entry *out)
 {
     struct store_entry *e;
     uint64_t sets;
 
     pthread_mutex_lock(&s->lock);
-    s->shortened++;
+    s->trimmed++;
     e = catalog_find(&s->catalog, entry->name);
     if (e) {
         sets = now->sets > e->gone ? now->sets - e->gone : 0;
@@ -72,7 +72,7 @@ static bool note_shorter(struct sst_storage *s, const struct store_entry *entry,
     return e && out->stage == SST_STORE_DONE;
 }
 
-int store_shorten(struct sst_storage *s, const struct store_entry *entry)
+int store_trim(struct sst_storage *s, const struct store_entry *entry)
 {
     struct sst_recording_removed now;
     struct store_entry e;
@@ -84,7 +84,7 @@ int store_shorten(struct sst_storage *s, const struct store_entry *entry)
         err = sst_recording_shorten(path, entry->stage == SST_STORE_ACTIVE ? SST_STORE_SEGMENTS : 1, &now, &bytes);
     if (err)
         return err;
-    if (note_shorter(s, entry, bytes, &now, &e) && store_write(path, &e))
+    if (note_trimmed(s, entry, bytes, &now, &e) && store_write(path, &e))
         sst_log_debug("%s: it says of itself that it begins earlier", path);
     return 0;
 }
@@ -103,7 +103,7 @@ static void remove_deleted(struct sst_storage *s, const struct store_entry *entr
         catalog_remove(&s->catalog, entry->name);
         s->used_bytes = store_used_locked(s);
     } else if (e) {
-        e->doomed = false;
+        e->deleted_by_hand = false;
     }
     pthread_cond_broadcast(&s->answered);
     pthread_mutex_unlock(&s->lock);
@@ -117,13 +117,13 @@ static void remove_deleted(struct sst_storage *s, const struct store_entry *entr
 }
 
 /* @return false: there is none */
-static bool find_doomed(struct sst_storage *s, struct store_entry *out)
+static bool find_deleted(struct sst_storage *s, struct store_entry *out)
 {
     bool found = false;
 
     pthread_mutex_lock(&s->lock);
     for (int i = 0; !found && i < s->catalog.count; i++) {
-        found = s->catalog.entry[i].doomed;
+        found = s->catalog.entry[i].deleted_by_hand;
         if (found)
             *out = s->catalog.entry[i];
     }
@@ -131,11 +131,11 @@ static bool find_doomed(struct sst_storage *s, struct store_entry *out)
     return found;
 }
 
-void store_remove_doomed(struct sst_storage *s)
+void store_remove_deleted(struct sst_storage *s)
 {
     struct store_entry e;
 
-    while (find_doomed(s, &e))
+    while (find_deleted(s, &e))
         remove_deleted(s, &e);
 }
 
@@ -147,18 +147,18 @@ int sst_storage_delete(struct sst_storage *s, const char *name)
 
     pthread_mutex_lock(&s->lock);
     e = catalog_find(&s->catalog, name);
-    if (!e || e->doomed)
+    if (!e || e->deleted_by_hand)
         err = -ENOENT;
     else if (e->stage == SST_STORE_ACTIVE || s->stop)
         err = -EBUSY;
     else if (s->folder_err || !s->ready)
         err = s->folder_err == -EROFS ? -EROFS : -EIO;
     if (!err) {
-        e->doomed = true;
+        e->deleted_by_hand = true;
         pthread_cond_broadcast(&s->wake);
-        while ((e = catalog_find(&s->catalog, name)) && e->doomed && !s->stop && store_wait_answer_locked(s, until_ns))
+        while ((e = catalog_find(&s->catalog, name)) && e->deleted_by_hand && !s->stop && store_wait_answer_locked(s, until_ns))
             ;
-        err = e && !e->doomed ? -EIO : 0; /* what takes longer goes on by itself */
+        err = e && !e->deleted_by_hand ? -EIO : 0; /* what takes longer goes on by itself */
     }
     pthread_mutex_unlock(&s->lock);
     return err;

@@ -73,7 +73,7 @@ SST_MUST_CHECK int sst_storage_stop(struct sst_storage *s);
 /** Keep the newest set as a light field (with the calibration, if any) and the given picture (JPEG; NULL: none) under a
  *  new name in snapshots/. Comes back after 0.8 s even if it is still being made: then its event tells how it went, and
  *  a download waits for it. @param name  out, [64]
- *  @return 0, -ENODATA (no set yet), -EBUSY (four are being made), -ENOSPC, -EROFS, -EIO; told by an event */
+ *  @return 0, -ENODATA (no set yet), -EBUSY (four are being made), -ENOSPC, -EROFS, -EIO; reported by an event */
 SST_MUST_CHECK int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jpeg, size_t bytes, char *name);
 
 /** Make a light field, in exports/, of the set nearest to a moment of any recording, or of the RAM's sets.

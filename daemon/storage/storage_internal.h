@@ -51,7 +51,7 @@ struct store_entry {
     uint64_t gone; /* of a recording: sets removed of its beginning, no longer among `sets`; UINT64_MAX: not known */
     int64_t bytes; /* on disk */
     bool picture;  /* of a snapshot: picture.jpg is there; of a recording: the see-through view was recorded */
-    bool doomed;   /* somebody deleted it: it is no longer there for anybody else */
+    bool deleted_by_hand;   /* somebody deleted it: it is no longer there for anybody else */
     int readers;   /* downloads of it at work */
     int segments;  /* of a recording that is being written, as last looked at; else 0 */
 };
@@ -80,7 +80,7 @@ bool store_name_good(const char *name);
 #define SST_STORE_ON_DEMAND "on demand" /* why of a recording that somebody asked for */
 
 /** Snapshots, exports, recordings on demand: they outlive what is recorded without anybody. */
-bool store_by_hand(const struct store_entry *entry);
+bool store_is_manual(const struct store_entry *entry);
 
 /** "recording", "snapshot", "export". */
 const char *store_kind_name(enum store_kind kind);
@@ -115,14 +115,14 @@ int64_t store_bytes(const char *dir);
 
 /** Bring a torn recording into a state that says what it holds, and write its storage.json.
  *  @return 0, -ENODATA (it has no set), -EBUSY (another process records there), -EBADMSG, -EIO ...; logged */
-SST_MUST_CHECK int store_mend(const char *dir, struct store_entry *entry);
+SST_MUST_CHECK int store_repair(const char *dir, struct store_entry *entry);
 
 /* --- which goes next ---------------------------------------------------------------------------------------------- */
 
 struct store_limits {
     int64_t quota_bytes, min_free_bytes; /* 0: none */
-    int64_t max_age_ns, hand_max_age_ns; /* of what was recorded by itself and made by hand; 0: none */
-    int64_t hand_bytes;                  /* up to this what was made by hand outlives the rest; 0: half of the room */
+    int64_t max_age_ns, manual_max_age_ns; /* of what was recorded by itself and made by hand; 0: none */
+    int64_t manual_bytes;                  /* up to this what was made by hand outlives the rest; 0: half of the room */
     int64_t margin_bytes; /* kept free of what quota and free space allow, for what is written meanwhile */
 };
 
@@ -144,7 +144,7 @@ enum store_verdict {
 int64_t store_room_bytes(const struct store_limits *limits, const struct store_room *room);
 
 /** What of it what was made by hand may take before the rest is spared. */
-int64_t store_hand_bytes(const struct store_limits *limits, const struct store_room *room);
+int64_t store_manual_bytes(const struct store_limits *limits, const struct store_room *room);
 
 /** What another file for downloads may take, beside `made_bytes` of such files: what the limits leave, or as much as all
  * of them together fit a tenth of the room; never the last of the disk. */
@@ -161,25 +161,25 @@ int64_t store_download_bytes(const struct store_limits *limits, const struct sto
 enum store_verdict store_judge(const struct catalog *c, const struct store_limits *limits,
                                const struct store_room *room, int *victim);
 
-/* --- triggers: when something is seen for long enough to be told and recorded. No input or output. --- */
+/* --- triggers: when something is seen for long enough to be reported and recorded. No input or output. --- */
 
 /* Something is seen when its share is reached, and still seen down to half of that. What is seen begins when that was
  * so for begin_s, and ends when it was not for end_s, in two sets at least; sets that say otherwise meanwhile take as
  * much time off again, and one odd set never changes anything. */
-#define SST_WATCH_BEGIN_S 0.3
-#define SST_WATCH_END_S   1.0
-#define SST_WATCH_KEEPS   0.5
-#define SST_WATCH_SHARE   0.02 /* of zones that no trigger names */
-/* Changes that come again and again are told as one: each that begins within the first of these after the last one was
- * told to have ended doubles how long nothing must be seen for that, up to the second. Labels are told each time. */
-#define SST_WATCH_AGAIN_NS 10000000000
-#define SST_WATCH_HOLD_NS  60000000000
-#define SST_WATCHES_MAX    (SST_TRIGGERS_MAX + SST_ZONES_MAX)
+#define EVENT_TRIGGER_BEGIN_S 0.3
+#define EVENT_TRIGGER_END_S   1.0
+#define EVENT_TRIGGER_KEEPS   0.5
+#define EVENT_TRIGGER_SHARE   0.02 /* of zones that no trigger names */
+/* Changes that come again and again are reported as one: each that begins within the first of these after the last one was
+ * reported to have ended doubles how long nothing must be seen for that, up to the second. Labels are reported each time. */
+#define EVENT_TRIGGER_AGAIN_NS 10000000000
+#define EVENT_TRIGGER_HOLD_NS  60000000000
+#define EVENT_TRIGGERS_MAX    (SST_TRIGGERS_MAX + SST_ZONES_MAX)
 
 /** Something looked for: a change or a label, in a zone or in the whole picture. */
-struct sst_watch {
+struct event_trigger {
     char zone[32], label[64]; /* "": the whole picture; any change */
-    int trigger;              /* of the configuration: recording follows it; -1: it is only told */
+    int trigger;              /* of the configuration: recording follows it; -1: it is only reported */
     int index;                /* of the zone in what was seen; -1: the whole picture */
     double share;
     double begin_s, end_s; /* above 0; else those above */
@@ -191,31 +191,31 @@ struct sst_watch {
     int64_t weight_ns; /* time that speaks for it */
     int64_t begin_ns;  /* first set of the active state */
     int64_t last_ns;   /* last set that reached what keeps it */
-    /* what is told of it */
-    bool told;
-    int64_t told_ns; /* begin_ns when it was told to have begun; when to have ended */
-    int64_t hold_ns; /* nothing is seen for so long before it is told to have ended */
-    int times;       /* it became active since it was told to have begun */
+    /* what is reported of it */
+    bool reported;
+    int64_t reported_ns; /* begin_ns when it was reported to have begun; when to have ended */
+    int64_t hold_ns; /* nothing is seen for so long before it is reported to have ended */
+    int times;       /* it became active since it was reported to have begun */
     bool was_active; /* at the last look */
     double peak;     /* largest share since then */
 };
 
-struct watches {
+struct event_triggers {
     int count;
-    struct sst_watch watch[SST_WATCHES_MAX];
+    struct event_trigger list[EVENT_TRIGGERS_MAX];
 };
 
 /** The configuration's triggers, and changes in every zone that none of them names. Nothing is active. */
-void watches_init(struct watches *w, const struct sst_config *config);
+void event_triggers_init(struct event_triggers *w, const struct sst_config *config);
 
 /** A value in a set; NaN counts as 0. @return true: active changed */
-bool watch_update(struct sst_watch *w, double value, int64_t t_ns);
+bool event_trigger_update(struct event_trigger *w, double value, int64_t t_ns);
 
-/** After an update: is it to be told to have begun or ended (w->told)?  @return true: that changed */
-bool watch_tell(struct sst_watch *w, double value, int64_t t_ns);
+/** After an update: is it to be reported to have begun or ended (w->reported)?  @return true: that changed */
+bool event_trigger_report(struct event_trigger *w, double value, int64_t t_ns);
 
 /** How something stands goes on under other settings. */
-void watch_go_on(struct sst_watch *w, const struct sst_watch *before);
+void event_trigger_continue(struct event_trigger *w, const struct event_trigger *before);
 
 /* --- view ---
  * the see-through view beside the sets of a recording. Inside daemon/storage only.
@@ -223,23 +223,23 @@ void watch_go_on(struct sst_watch *w, const struct sst_watch *before);
  * Its pictures come from the outlet of the main view, as JPEG: the thread sst-view keeps those of the last moments in
  * memory (pre-roll), and the recording thread writes them. */
 
-#define SST_VIEW_SHOWN_MAX   4096
-#define SST_VIEW_SHOWN_BYTES ((size_t)64 << 20)
+#define VIEW_HISTORY_MAX   4096
+#define VIEW_HISTORY_BYTES ((size_t)64 << 20)
 
 /** Pictures of the last moments; the oldest goes first. Under the storage's lock. Zeroed: none. */
-struct view_shown {
-    const struct sst_jpeg *jpeg[SST_VIEW_SHOWN_MAX]; /* from `first` on, round about */
+struct view_history {
+    const struct sst_jpeg *jpeg[VIEW_HISTORY_MAX]; /* from `first` on, round about */
     int first, count;
     size_t bytes;
 };
 
 /** Take a reference over; those before keep_ns go, but for one: what was seen then. */
-void view_shown_add(struct view_shown *s, const struct sst_jpeg *jpeg, int64_t keep_ns);
+void view_history_add(struct view_history *s, const struct sst_jpeg *jpeg, int64_t keep_ns);
 /** The first with a number above `after`, referenced; NULL: none. */
-const struct sst_jpeg *view_shown_next(struct view_shown *s, uint64_t after);
+const struct sst_jpeg *view_history_next(struct view_history *s, uint64_t after);
 /** The last that is not after t_ns, referenced; NULL: none. */
-const struct sst_jpeg *view_shown_at(struct view_shown *s, int64_t t_ns);
-void view_shown_fini(struct view_shown *s);
+const struct sst_jpeg *view_history_at(struct view_history *s, int64_t t_ns);
+void view_history_fini(struct view_history *s);
 
 /** The files of a recording; zeroed: none. One thread. */
 struct view_files {
@@ -352,7 +352,7 @@ struct sst_storage {
     struct catalog catalog;
 
     /* what is wanted */
-    struct watches watches;
+    struct event_triggers event_triggers;
     struct store_want event, demand;
     bool wanted;            /* sets are to be recorded now */
     int64_t seen_ns;        /* clock, at the last look; 0: none */
@@ -360,9 +360,9 @@ struct sst_storage {
     int answer_err;         /* ... like this */
 
     /* the recording that is being written */
-    char take[SST_STORE_NAME], take_why[SST_STORE_WHY]; /* "": none */
-    uint64_t take_sets, dropped;                        /* dropped: since open */
-    bool take_lost;                                     /* its folder is no longer there */
+    char active_name[SST_STORE_NAME], active_why[SST_STORE_WHY]; /* "": none */
+    uint64_t active_sets, dropped;                        /* dropped: since open */
+    bool active_lost;                                     /* its folder is no longer there */
     int64_t waiting_bytes;                              /* of a set that the quota has no room for just now; 0: none */
     int64_t part_bytes; /* the largest piece that is removed at once, a tenth of the room; 0: not yet known */
 
@@ -373,10 +373,10 @@ struct sst_storage {
     enum store_trouble limit;  /* NONE, LIMIT_LOW, LIMIT */
     char folder_text[SST_STORE_TEXT], write_text[SST_STORE_TEXT], limit_text[SST_STORE_TEXT];
     int64_t free_bytes, used_bytes, checked_ns; /* checked: clock; 0: never */
-    int64_t hand_bytes;                         /* that what is made by hand may take before the rest is spared */
+    int64_t manual_bytes;                         /* that what is made by hand may take before the rest is spared */
     uint64_t removed[SST_STORE_KINDS], deleted; /* because of the limits; by hand */
-    uint64_t shortened;                         /* segments of recordings whose rest stays, because of the limits */
-    int64_t record_busy_ns, keep_busy_ns;       /* clock, since when the thread waits for the disk; 0: it does not */
+    uint64_t trimmed;                           /* segments of recordings whose rest stays, because of the limits */
+    int64_t record_busy_ns, retention_busy_ns;       /* clock, since when the thread waits for the disk; 0: it does not */
     enum sst_storage_state state;
     enum store_trouble trouble;
     char reason[SST_STORE_TEXT];
@@ -387,16 +387,16 @@ struct sst_storage {
     struct video_file video[SST_DOWNLOADS_MAX]; /* each download reads one at most */
 
     struct sst_outlet *outlet; /* of the main view; NULL: not yet */
-    struct view_shown shown;
+    struct view_history history;
 
     pthread_t thread[6];
 };
 
 void *store_record_run(void *storage);
-void *store_keep_run(void *storage);
+void *retention_run(void *storage);
 void *store_jobs_run(void *storage);
 void *store_video_run(void *storage);
-void *store_state_run(void *storage);
+void *status_run(void *storage);
 void *store_view_run(void *storage);
 
 /** The lock is held; waits for `wake` or `ms`, whichever comes first. */
@@ -419,9 +419,9 @@ SST_MUST_CHECK int store_reserve(struct sst_storage *s, enum store_kind kind, in
 int store_remove(struct sst_storage *s, const struct store_entry *entry);
 /** The oldest segment of a recording goes, because of the limits. sst-keep only. @return 0, -ENODATA (it has no more
  * than must stay) and what sst_recording_shorten() returns: nothing of it went */
-int store_shorten(struct sst_storage *s, const struct store_entry *entry);
+int store_trim(struct sst_storage *s, const struct store_entry *entry);
 /** What somebody deleted goes. sst-keep only. */
-void store_remove_doomed(struct sst_storage *s);
+void store_remove_deleted(struct sst_storage *s);
 
 /**
  * Open a video, or have it made; waits for it for 0.2 s.
@@ -442,7 +442,7 @@ void video_files_fini(struct sst_storage *s);
 int64_t store_used_locked(const struct sst_storage *s);
 
 /** "motion in door", "Pedestrian in door", "motion". */
-void store_watch_text(char out[SST_STORE_WHY], const struct sst_watch *w);
+void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w);
 
 /** Tracks of the cameras as they are now. @return [SST_CAMERAS_MAX] to free, or NULL: no memory */
 struct sst_recorder_track *store_tracks(struct sst_storage *s);

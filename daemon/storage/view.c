@@ -14,31 +14,31 @@
 
 /* --- the last moments --------------------------------------------------------------------------------------------- */
 
-static const struct sst_jpeg **at(struct view_shown *s, int i)
+static const struct sst_jpeg **at(struct view_history *s, int i)
 {
-    return &s->jpeg[(s->first + i) % SST_VIEW_SHOWN_MAX];
+    return &s->jpeg[(s->first + i) % VIEW_HISTORY_MAX];
 }
 
-static void drop_first(struct view_shown *s)
+static void drop_first(struct view_history *s)
 {
     const struct sst_jpeg *gone = *at(s, 0);
 
     s->bytes -= gone->bytes;
-    s->first = (s->first + 1) % SST_VIEW_SHOWN_MAX;
+    s->first = (s->first + 1) % VIEW_HISTORY_MAX;
     s->count--;
     sst_jpeg_unref(gone);
 }
 
-void view_shown_add(struct view_shown *s, const struct sst_jpeg *jpeg, int64_t keep_ns)
+void view_history_add(struct view_history *s, const struct sst_jpeg *jpeg, int64_t keep_ns)
 {
-    while (s->count && (s->count == SST_VIEW_SHOWN_MAX || s->bytes + jpeg->bytes > SST_VIEW_SHOWN_BYTES ||
+    while (s->count && (s->count == VIEW_HISTORY_MAX || s->bytes + jpeg->bytes > VIEW_HISTORY_BYTES ||
                         (s->count > 1 && (*at(s, 1))->t_ns <= keep_ns)))
         drop_first(s);
     *at(s, s->count++) = jpeg;
     s->bytes += jpeg->bytes;
 }
 
-const struct sst_jpeg *view_shown_next(struct view_shown *s, uint64_t after)
+const struct sst_jpeg *view_history_next(struct view_history *s, uint64_t after)
 {
     for (int i = 0; i < s->count; i++) {
         if ((*at(s, i))->number > after)
@@ -47,7 +47,7 @@ const struct sst_jpeg *view_shown_next(struct view_shown *s, uint64_t after)
     return NULL;
 }
 
-const struct sst_jpeg *view_shown_at(struct view_shown *s, int64_t t_ns)
+const struct sst_jpeg *view_history_at(struct view_history *s, int64_t t_ns)
 {
     for (int i = s->count - 1; i >= 0; i--) {
         if ((*at(s, i))->t_ns <= t_ns)
@@ -56,7 +56,7 @@ const struct sst_jpeg *view_shown_at(struct view_shown *s, int64_t t_ns)
     return NULL;
 }
 
-void view_shown_fini(struct view_shown *s)
+void view_history_fini(struct view_history *s)
 {
     while (s->count)
         drop_first(s);
@@ -65,7 +65,7 @@ void view_shown_fini(struct view_shown *s)
 /* Pictures are made for those who look: while something is recorded, or may be at any moment, that is us. */
 static bool is_needed_locked(const struct sst_storage *s)
 {
-    return s->settings.view && !s->stop && !s->blocked && (s->take[0] || s->settings.mode != SST_RECORD_OFF);
+    return s->settings.view && !s->stop && !s->blocked && (s->active_name[0] || s->settings.mode != SST_RECORD_OFF);
 }
 
 /* How the thread stands with the outlet. */
@@ -85,7 +85,7 @@ static void look_locked(struct sst_storage *s, struct looking *l)
         (needed ? sst_outlet_join : sst_outlet_leave)(s->outlet);
     l->joined = needed;
     if (alone)
-        view_shown_fini(&s->shown);
+        view_history_fini(&s->history);
     if (old) {
         l->number = old->number;
         l->until_ns = sst_clock_now_ns() + FRESH_NS;
@@ -124,7 +124,7 @@ void *store_view_run(void *storage)
             if (l.joined)
                 sst_outlet_leave(outlet);
             l = (struct looking){ .alone = true };
-            view_shown_fini(&s->shown);
+            view_history_fini(&s->history);
             store_wait_locked(s, WAIT_MS);
             continue;
         }
@@ -137,7 +137,7 @@ void *store_view_run(void *storage)
         jpeg = next_shown(outlet, &l);
         pthread_mutex_lock(&s->lock);
         if (jpeg)
-            view_shown_add(&s->shown, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
+            view_history_add(&s->history, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
     }
     if (l.joined)
         sst_outlet_leave(s->outlet);

@@ -71,7 +71,7 @@ static void feed_until(struct bench *b, enum sst_storage_state state)
     }
 }
 
-/* Feed sets until so many such events were told: a state may have passed before anybody looks at it. */
+/* Feed sets until so many such events were reported: a state may have passed before anybody looks at it. */
 static void feed_until_event(struct bench *b, const char *type, const char *words, int n)
 {
     const int64_t end_ns = sst_clock_now_ns() + 60000 * MS;
@@ -246,7 +246,7 @@ static void a_hung_disk_holds_nobody_up(void **state)
     assert_int_equal(in_process("hung_disk"), 0);
 }
 
-/* What cannot begin is tried again and again, and told once. */
+/* What cannot begin is tried again and again, and reported once. */
 static void a_recording_that_cannot_begin_is_told_once(void **state)
 {
     struct bench b;

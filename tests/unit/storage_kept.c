@@ -60,17 +60,17 @@ static void what_was_made_by_hand_outlives_the_rest(void **state)
     /* More than half of the room was made by hand: then the oldest of that. */
     c.entry[3].bytes = 250;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
-    l.hand_bytes = 550; /* as somebody wants it */
+    l.manual_bytes = 550; /* as somebody wants it */
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 3);
-    l.hand_bytes = 549;
+    l.manual_bytes = 549;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
     /* Half of the room is half of what others leave of a disk. */
     l = (struct store_limits){ .min_free_bytes = 1000, .margin_bytes = 50 };
     room.free_bytes = 140;
-    assert_int_equal(store_hand_bytes(&l, &room), 50);
+    assert_int_equal(store_manual_bytes(&l, &room), 50);
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
     /* What is being read goes after what is not; if nothing else is left, it goes. */
-    l = (struct store_limits){ .quota_bytes = 1000, .margin_bytes = 50, .hand_bytes = 900 };
+    l = (struct store_limits){ .quota_bytes = 1000, .margin_bytes = 50, .manual_bytes = 900 };
     c.entry[2].readers = 1;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 5);
     c.entry[4].stage = SST_STORE_ACTIVE;
@@ -95,10 +95,10 @@ static void each_has_an_age_of_its_own(void **state)
     add(&c, SST_STORE_RECORDING, 3, SST_STORE_ON_DEMAND, 1);
     add(&c, SST_STORE_RECORDING, 4, "continuous", 1);
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 2);
-    l = (struct store_limits){ .hand_max_age_ns = 8 * DAY };
+    l = (struct store_limits){ .manual_max_age_ns = 8 * DAY };
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 1);
     catalog_remove(&c, c.entry[0].name);
-    l.hand_max_age_ns = 1;
+    l.manual_max_age_ns = 1;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0); /* the newest by hand, however old */
     catalog_fini(&c);
 }
@@ -353,10 +353,10 @@ static void a_recording_without_its_list_is_told(void **state)
     (void)state;
     assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 3)), 0);
     assert_int_equal(unlink(in(dir, "sets.jsonl")), 0);
-    assert_int_equal(store_mend(dir, &e), -EBADMSG);
+    assert_int_equal(store_repair(dir, &e), -EBADMSG);
     assert_non_null(strstr(said, "sets.jsonl is missing"));
     sst_path_remove_tree(in(dir, "segments"));
-    assert_int_equal(store_mend(dir, &e), -ENODATA); /* killed before it had one */
+    assert_int_equal(store_repair(dir, &e), -ENODATA); /* killed before it had one */
     synthetic_fini(&s);
 }
 
@@ -651,7 +651,7 @@ static void an_old_picture_does_not_pass_for_a_new_one(void **state)
 
 static void moments_are_kept_as_long_as_they_may_be_wanted(void **state)
 {
-    struct view_shown *shown = calloc(1, sizeof(*shown));
+    struct view_history *shown = calloc(1, sizeof(*shown));
     struct sst_outlet *outlet;
     const struct sst_jpeg *jpeg;
 
@@ -659,25 +659,25 @@ static void moments_are_kept_as_long_as_they_may_be_wanted(void **state)
     assert_int_equal(sst_outlet_create(&outlet), 0);
     for (int i = 1; i <= 10000; i++) {
         assert_int_equal(sst_outlet_put(outlet, calloc(1, 100), 100, 0, i * MS, 0), 0);
-        view_shown_add(shown, sst_outlet_get(outlet, 0), i > 9000 ? 9500 * MS : 0);
-        assert_in_range(shown->count, 1, SST_VIEW_SHOWN_MAX);
+        view_history_add(shown, sst_outlet_get(outlet, 0), i > 9000 ? 9500 * MS : 0);
+        assert_in_range(shown->count, 1, VIEW_HISTORY_MAX);
     }
-    jpeg = view_shown_next(shown, 0);
+    jpeg = view_history_next(shown, 0);
     assert_int_equal(jpeg->number, 9500); /* what was seen then */
     sst_jpeg_unref(jpeg);
-    jpeg = view_shown_at(shown, 9700 * MS);
+    jpeg = view_history_at(shown, 9700 * MS);
     assert_int_equal(jpeg->number, 9700);
     sst_jpeg_unref(jpeg);
-    assert_null(view_shown_at(shown, 9499 * MS));
-    assert_null(view_shown_next(shown, 10000));
+    assert_null(view_history_at(shown, 9499 * MS));
+    assert_null(view_history_next(shown, 10000));
     assert_int_equal(shown->bytes, 501 * 100);
     /* However large: the newest stays. */
     for (int i = 0; i < 8; i++) {
         assert_int_equal(sst_outlet_put(outlet, calloc(1, (size_t)30 << 20), (size_t)30 << 20, 0, INT64_MAX, 0), 0);
-        view_shown_add(shown, sst_outlet_get(outlet, 0), 0);
+        view_history_add(shown, sst_outlet_get(outlet, 0), 0);
     }
     assert_int_equal(shown->count, 2);
-    view_shown_fini(shown);
+    view_history_fini(shown);
     assert_int_equal(shown->bytes, 0);
     sst_outlet_unref(outlet);
     free(shown);
