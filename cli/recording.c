@@ -243,7 +243,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool json = false, verify = false;
     const struct cli_option options[] = {
         { "verify", 0, CLI_FLAG, &verify, NULL, "read all frames and compare them with their checksums", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "one object for machines", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "one JSON object", 0, 0 },
     };
     struct sst_recording *recording;
     const char *dir;
@@ -263,10 +263,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_recording = {
     .name = "recording",
     .usage = "DIR [--verify] [--json]",
-    .summary = "what a recording holds: sets, skew, gaps, damage",
-    .detail = "Sets are counted from 0 in the order of recording, as `sst import recording --sets` takes them. A set "
+    .summary = "show what a recording holds: sets, skew, gaps, damage",
+    .detail = "Sets are counted from 0 in the order of recording, as for `sst import recording --sets`. A set "
               "is complete\n"
-              "when every camera's frame is there and good. Exit code 3 when a set is damaged.",
+              "when every camera's frame is present and good. Exit code 3 when a set is damaged.",
     .example = "sst recording night --verify",
     .run = run,
 };

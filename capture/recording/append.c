@@ -105,7 +105,7 @@ static int cut_segment(const struct sst_recording *r, int segment)
         return 0; /* somebody took it away; readers report its sets */
     if (fd < 0 || fstat(fd, &st) || (st.st_size > end && !is_finished(fd, st.st_size) && ftruncate(fd, end))) {
         err = errno;
-        sst_log_error("cannot go on with %s: %s: %s", r->dir, path, strerror(err));
+        sst_log_error("cannot resume %s: %s: %s", r->dir, path, strerror(err));
         err = err == EROFS ? -EROFS : -EIO;
     }
     if (fd >= 0)
@@ -159,7 +159,7 @@ static int drop_damaged_end(struct sst_recording *r)
     if (err)
         sst_log_error("cannot read the last sets of %s: %s", r->dir, strerror(-err));
     else if (r->count < before)
-        sst_log_warning("%s: the last %d sets were not completely on the disk and are cut off", r->dir,
+        sst_log_warning("%s: removed the last %d sets, which were not completely on the disk", r->dir,
                         before - r->count);
     return err;
 }
@@ -184,16 +184,16 @@ int resume_prepare(struct append *out, const struct sst_recorder_config *cfg, in
     made.segment = sst_max_int(segment + 1, r->removed.before_segment); /* numbers below would count as removed */
     made.session = last ? last->session + 1 : 0;
     if (made.segment > SEGMENT_MAX) {
-        sst_log_error("%s has all of its %d segments; record into another folder", cfg->dir, SEGMENT_MAX + 1);
+        sst_log_error("%s already has the maximum of %d segments; record into another folder", cfg->dir, SEGMENT_MAX + 1);
         err = -ENOSPC;
         goto out;
     }
     if (r->size > made.manifest_bytes)
-        sst_log_info("%s: %lld torn bytes of the manifest are cut off", cfg->dir,
+        sst_log_info("%s: removed %lld torn bytes from the end of the manifest", cfg->dir,
                      (long long)(r->size - made.manifest_bytes));
     if (ftruncate(manifest_fd, made.manifest_bytes)) {
         err = errno == EROFS ? -EROFS : -EIO;
-        sst_log_error("cannot cut the manifest of %s behind its last set: %s", cfg->dir, strerror(errno));
+        sst_log_error("cannot truncate the manifest of %s after its last set: %s", cfg->dir, strerror(errno));
         goto out;
     }
     err = cut_segment(r, segment);

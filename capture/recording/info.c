@@ -142,9 +142,9 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
     int version;
 
     if (json_unpack(root, "{s:s, s:i}", "format", &format, "version", &version) || strcmp(format, FORMAT_NAME))
-        return "it does not say format sst-recording";
+        return "its format is not sst-recording";
     if (version != SST_RECORDING_VERSION)
-        return "it has another version; a newer sst reads it";
+        return "unsupported version; use a newer sst";
     if (json_unpack(root, "{s:i, s:i, s:i, s:s, s:i, s:i, s:F, s:F, s:o, s:o}", "rows", &info->rows, "cols",
                     &info->cols, "cameras", &info->cameras, "pixel_format", &pixel, "width", &info->width, "height",
                     &info->height, "rate_hz", &info->rate_hz, "spacing_mm", &info->spacing_mm, "frame_columns",
@@ -153,17 +153,17 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
     info->fourcc = sst_pixel_format_parse(pixel);
     if (info->rows < 1 || info->cols < 1 || info->rows > SST_CAMERAS_MAX || info->cols > SST_CAMERAS_MAX ||
         info->cameras < 1 || info->cameras > SST_CAMERAS_MAX || info->cameras > info->rows * info->cols)
-        return "rows, cols and cameras do not fit";
+        return "rows, cols and cameras do not match";
     if (info->width < 1 || info->height < 1 || info->width > 32768 || info->height > 32768)
         return "width or height is outside 1..32768";
     if (!isfinite(info->rate_hz) || info->rate_hz < 0 || !isfinite(info->spacing_mm) || info->spacing_mm < 0)
         return "rate_hz or spacing_mm is below 0";
     if (!sst_pixel_format_known(info->fourcc))
-        return "pixel_format is none that is recorded";
+        return "unsupported pixel_format";
     if (!columns_known(columns))
-        return "frame_columns are others than this program writes";
+        return "unexpected frame_columns";
     if ((int)json_array_size(tracks) != info->cameras)
-        return "there is not one track for each camera";
+        return "the number of tracks is not that of cameras";
     for (int k = 0; !fault && k < info->cameras; k++)
         fault = read_track(json_array_get(tracks, (size_t)k), k, info);
     return fault;

@@ -88,7 +88,7 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
     if (!f)
         return 0;
     err = f->faults & BAD_PICTURE ? -ECANCELED : sst_recording_frame(job->recording, &job->set, cam, &data);
-    job->why[view] = err == -ENODATA ? "missing" : err == -ECANCELED ? "bad when it was taken" : "damaged on the disk";
+    job->why[view] = err == -ENODATA ? "missing" : err == -ECANCELED ? "marked bad by the driver" : "damaged on the disk";
     if (err == -ENODATA || err == -ECANCELED || err == -EBADMSG)
         return 0;
     if (err) {
@@ -97,7 +97,7 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
     }
     job->why[view] = NULL;
     if (is_jpeg(job) && !decodes(job, data, f->bytes))
-        job->why[view] = "no whole picture of its size";
+        job->why[view] = "not a complete picture of the recording's size";
     else
         err = write_view(job, view, f, data);
     free(data);
@@ -124,7 +124,7 @@ static int check_missing(const struct job *job)
     if (missing == cameras || (missing && !job->cfg->allow_partial)) {
         sst_log_error("set %d of %s lacks %d of %d views: %s; %s", job->number, sst_recording_dir(job->recording),
                       missing, cameras, named,
-                      missing == cameras ? "leave it out" : "leave it out or add --allow-partial");
+                      missing == cameras ? "leave it out" : "skip it or add --allow-partial");
         return -EBADMSG;
     }
     if (missing)
@@ -212,7 +212,7 @@ static int check_cameras(const struct job *job)
                           use->path, sst_recording_dir(job->recording), c->name, t->row, t->col, other->row,
                           other->col);
         else
-            sst_log_error("%s does not fit %s: at row %d, column %d it knows camera %s, but %s was recorded; calibrate "
+            sst_log_error("%s does not fit %s: at row %d, column %d it has camera %s, but %s was recorded; calibrate "
                           "again",
                           use->path, sst_recording_dir(job->recording), t->row, t->col, c->name,
                           t->serial[0] ? t->serial
@@ -249,7 +249,7 @@ static int prepare(struct job *job)
     int err = sst_lightfield_init(lf, info->rows, info->cols);
 
     if (err) {
-        sst_log_error("%s has a grid of %dx%d, which is no light field: at most %d views are",
+        sst_log_error("%s has a grid of %dx%d; a light field has at most %d views",
                       sst_recording_dir(job->recording), info->rows, info->cols, SST_MAX_VIEWS);
         return err == -EINVAL ? -EBADMSG : err;
     }
@@ -338,7 +338,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
     };
     err = sst_recording_set(recording, number, &job->set);
     if (err)
-        sst_log_error("set %d of %s cannot be read (%s); leave it out", number, sst_recording_dir(recording),
+        sst_log_error("cannot read set %d of %s: %s; skip it", number, sst_recording_dir(recording),
                       err == -EBADMSG ? "its line in sets.jsonl is damaged" : strerror(-err));
     if (!err)
         err = prepare(job);

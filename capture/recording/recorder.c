@@ -61,7 +61,7 @@ static int check_config(const struct sst_recorder_config *cfg)
 
     sst_pixel_format_name(cfg->fourcc, format);
     if (!cfg->dir || !cfg->dir[0] || !cfg->tracks)
-        fault = "no folder or no cameras are given";
+        fault = "no folder or no cameras given";
     else if (cfg->rows < 1 || cfg->cols < 1 || cfg->rows > SST_CAMERAS_MAX || cfg->cols > SST_CAMERAS_MAX ||
              cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX || cfg->cameras > cfg->rows * cfg->cols)
         fault = "the grid does not hold the cameras";
@@ -158,7 +158,7 @@ static int open_files(struct sst_recorder *r)
         return err;
     there = sst_path_exists(info);
     if (there ? !r->cfg.append : sst_path_exists(r->manifest)) {
-        sst_log_error("%s holds %s already; name another folder%s", r->dir, there ? "a recording" : "sets.jsonl",
+        sst_log_error("%s already holds %s; name another folder%s", r->dir, there ? "a recording" : "sets.jsonl",
                       there ? " or append to it" : "");
         return -EEXIST;
     }
@@ -286,7 +286,7 @@ static int finish_segment(struct sst_recorder *r)
         return 0;
     err = segment_finish(r->segment, !r->sync);
     if (err)
-        sst_log_warning("segment %06d of %s cannot be finished: %s; its sets are all there, but no index to seek by",
+        sst_log_warning("cannot finish segment %06d of %s: %s; its sets are complete, but it has no index for seeking",
                         r->number, r->dir, strerror(-err));
     r->segment = NULL;
     r->number++;
@@ -325,7 +325,7 @@ static int check_set(const struct sst_recorder *r, const struct sst_set *set)
     const char *fault = NULL;
 
     if (set->cameras != r->cfg.cameras)
-        fault = "it is of another array";
+        fault = "it has another number of cameras";
     for (int k = 0; !fault && k < set->cameras; k++) {
         const struct sst_frame *f = set->frame[k];
 
@@ -339,7 +339,7 @@ static int check_set(const struct sst_recorder *r, const struct sst_set *set)
             fault = "a frame is larger than 1 GiB";
     }
     if (fault)
-        sst_log_error("set %llu cannot be recorded: %s", (unsigned long long)set->index, fault);
+        sst_log_error("cannot record set %llu: %s", (unsigned long long)set->index, fault);
     return fault ? -EINVAL : 0;
 }
 
@@ -431,7 +431,7 @@ static void report_failure(struct sst_recorder *r, int err)
     const char *remedy = code == -ENOSPC ? "free space there" : code == -EROFS ? "make it writable" : "check the disk";
 
     if (code != r->failing)
-        sst_log_error("recording into %s has stopped: %s; %s, it then goes on by itself", r->dir, strerror(-err),
+        sst_log_error("recording into %s has stopped: %s; %s; it then resumes by itself", r->dir, strerror(-err),
                       remedy);
     r->retry_ns = r->failing ? sst_clock_now_ns() + RETRY_NS : 0; /* a new segment may do at once */
     r->failing = code;
@@ -440,7 +440,7 @@ static void report_failure(struct sst_recorder *r, int err)
 static void report_recovery(struct sst_recorder *r)
 {
     if (r->failing)
-        sst_log_warning("recording into %s goes on with segment %06d; %llu sets are lost", r->dir, r->number,
+        sst_log_warning("recording into %s resumed with segment %06d; %llu sets were lost", r->dir, r->number,
                         (unsigned long long)r->dropped_in_row);
     r->failing = 0;
     r->dropped_in_row = 0;

@@ -102,8 +102,8 @@ int sst_recording_open(struct sst_recording **out, const char *dir)
     err = r->dir ? sst_path_join(path, dir, "recording.json") : -ENOMEM;
     if (!err && !sst_path_exists(path)) {
         err = -ENOENT;
-        sst_log_error("%s is no recording: %s", dir,
-                      sst_path_is_dir(dir) ? "it has no recording.json" : "there is no such folder");
+        sst_log_error("%s is not a recording: %s", dir,
+                      sst_path_is_dir(dir) ? "it has no recording.json" : "no such folder");
     }
     if (!err)
         err = manifest_read_info(path, &r->info);

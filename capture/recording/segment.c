@@ -279,7 +279,7 @@ static int find_frames(const struct sst_segment *s, int64_t pos, const struct ss
             pos = -EIO;
     }
     if (pos < 0)
-        sst_log_error("%s does not read back as it was written (%s); is the disk failing?", s->path,
+        sst_log_error("%s does not read back as it was written (%s); check the disk", s->path,
                       strerror((int)-pos));
     return pos < 0 ? (int)pos : 0;
 }
@@ -341,7 +341,7 @@ void segment_abandon(struct sst_segment *s)
     if (!s->kept)
         unlink(s->path);
     else if (ftruncate(s->fd, s->kept))
-        sst_log_warning("cannot cut %s behind its last set: %s; readers pass over the rest", s->path, strerror(errno));
+        sst_log_warning("cannot truncate %s after its last set: %s; readers skip the rest", s->path, strerror(errno));
     close_format(s);
 }
 

@@ -131,11 +131,11 @@ static void assume(const char *dir, const char *why, struct sst_recording_remove
         made = (struct sst_recording_removed){ 0 };
     made.assumed = true;
     if (made.before_segment)
-        sst_log_warning("%s; it is assumed that all before segment %06d, the first that is there, was removed to make "
+        sst_log_warning("%s; assuming that everything before segment %06d, the first present, was removed to make "
                         "room: %llu sets",
                         why, made.before_segment, (unsigned long long)made.sets);
     else
-        sst_log_warning("%s; it is assumed that nothing of the recording was removed", why);
+        sst_log_warning("%s; assuming that nothing of the recording was removed", why);
     *out = made;
 }
 
@@ -196,7 +196,7 @@ int sst_recording_shorten(const char *dir, int keep, struct sst_recording_remove
         return count < 0 ? -EIO : -ENODATA;
     err = rest_of(dir, lowest, &made);
     if (err) {
-        sst_log_error("%s cannot be shortened: its sets.jsonl names no set behind segment %06d", dir, lowest);
+        sst_log_error("cannot trim %s: its sets.jsonl names no set after segment %06d", dir, lowest);
         return err;
     }
     err = segment_path(path, dir, lowest);

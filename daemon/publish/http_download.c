@@ -138,7 +138,7 @@ static int refuse(struct http_request *q, int err)
     struct sst_api_answer out = { 0 };
 
     if (err == -ENOENT)
-        snprintf(out.error, sizeof(out.error), "there is no %.128s; GET /api/v1/recordings lists what is kept",
+        snprintf(out.error, sizeof(out.error), "there is no %.128s; GET /api/v1/recordings lists what is stored",
                  q->name);
     else if (err == -ENODATA)
         snprintf(out.error, sizeof(out.error), "nothing of %.128s was recorded", q->name);

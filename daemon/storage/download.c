@@ -45,7 +45,7 @@ static ssize_t read_tar(struct sst_download *d, int64_t at, void *out, size_t n)
     const ssize_t got = tar_read(&o->tar, at, out, n);
 
     if (got < 0)
-        sst_log_warning("%s/%s cannot be read for a download: %s", o->s->folder[o->kind], o->name, strerror((int)-got));
+        sst_log_warning("cannot read %s/%s for a download: %s", o->s->folder[o->kind], o->name, strerror((int)-got));
     return got;
 }
 
@@ -228,7 +228,7 @@ int sst_storage_download(struct sst_storage *s, const char *name, struct sst_dow
     o->d.close = end;
     err = o->content != CONTENT_VIDEO ? open_files(o) : o->fd < 0 ? -EMFILE : 0;
     if (err) {
-        sst_log_debug("%s/%s cannot be read for a download: %s", s->folder[o->kind], o->name, strerror(-err));
+        sst_log_debug("cannot read %s/%s for a download: %s", s->folder[o->kind], o->name, strerror(-err));
         end(&o->d);
         return err;
     }

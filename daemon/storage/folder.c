@@ -142,7 +142,7 @@ static void refine_entry(const char *path, struct store_entry *e)
     const bool known = !sst_recording_read_removed(path, &removed), shortened = known && removed.before_segment;
 
     if (known && removed.assumed && sst_recording_write_removed(path, &removed))
-        sst_log_debug("%s: assumed anew with each look", path);
+        sst_log_debug("%s: removed.json cannot be rewritten", path);
     if (shortened) {
         const uint64_t gone = removed.sets > e->gone ? removed.sets - e->gone : 0;
 
@@ -196,8 +196,8 @@ static int read_entry(const char *folder, const char *name, enum store_kind kind
             clean_recording(path);
         err = store_read(path, e);
         if (err == -EBADMSG && is_ours(kind, name)) {
-            sst_log_warning("%s/%s is damaged; it is made anew from the recording, of which it is no longer known what "
-                            "it was made for, and which goes first when room is needed",
+            sst_log_warning("%s/%s is damaged; it is rebuilt from the recording, whose reason is lost and which is removed "
+                            "first when room is needed",
                             path, ABOUT);
             e->order = 1; /* before all others */
             e->stage = SST_STORE_TORN;
@@ -302,7 +302,7 @@ int store_repair(const char *dir, struct store_entry *e)
     if (!err && access(path, F_OK) && errno == ENOENT) { /* it comes after recording.json and before any segment */
         if (!sst_recording_segments(dir))
             return -ENODATA;
-        sst_log_error("%s is missing, which says what the segments hold", path);
+        sst_log_error("%s is missing: nothing else says what the segments hold", path);
         err = -EBADMSG;
     }
     if (!err)

@@ -75,7 +75,7 @@ static int make_lightfield(const struct store_job *job, const struct sst_recordi
         return err;
     }
     if (why[0])
-        sst_log_warning("%s; %s is kept as the cameras saw it", why, job->entry.name);
+        sst_log_warning("%s; %s is stored without a calibration", why, job->entry.name);
     return sst_recording_to_lightfields(r, &cfg);
 }
 
@@ -194,7 +194,7 @@ static void tell(struct sst_storage *s, const struct store_job *job, int err, co
 
     if (err)
         sst_events_emit(s->events, SST_EVENT_ERROR, type, json_pack("{s:s}", "name", job->entry.name),
-                        "%s cannot be made: %.180s", job->entry.name, said[0] ? said : strerror(-err));
+                        "cannot make %s: %.180s", job->entry.name, said[0] ? said : strerror(-err));
     else
         sst_events_emit(s->events, SST_EVENT_INFO, type, json_pack("{s:s}", "name", job->entry.name), "%s is made",
                         job->entry.name);

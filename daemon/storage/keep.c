@@ -63,7 +63,7 @@ static void report_folder(struct retention *r, int err, const char *path)
                                           : "check the disk";
     char text[SST_STORE_TEXT];
 
-    snprintf(text, sizeof(text), "cannot write into %.300s: %s; %s, recording then goes on by itself", path,
+    snprintf(text, sizeof(text), "cannot write to %.300s: %s; %s; recording then resumes by itself", path,
              strerror(-err), remedy);
     set_folder_error(r, err, text);
 }
@@ -85,14 +85,14 @@ static int lock_folder(struct retention *r)
         n = pread(fd, pid, sizeof(pid) - 1, 0);
         close(fd);
         snprintf(text, sizeof(text),
-                 "another sstd (process %d) keeps its recordings in %.300s; stop it or name another storage.dir",
-                 n > 0 ? atoi(pid) : 0, r->s->dir);
+                 "%.300s is in use by another sstd (process %d); stop it or set another storage.dir", r->s->dir,
+                 n > 0 ? atoi(pid) : 0);
         set_folder_error(r, -EBUSY, text);
         return -EBUSY;
     } /* a file system without locks has none to lose */
     n = snprintf(pid, sizeof(pid), "%d\n", (int)getpid());
     if (ftruncate(fd, 0) || pwrite(fd, pid, (size_t)n, 0) != n)
-        sst_log_debug("%s does not take the number of this process", path);
+        sst_log_debug("cannot write the process id into %s", path);
     r->lock_fd = fd;
     return 0;
 }
@@ -364,7 +364,7 @@ static void set_limit(struct retention *r, enum store_trouble limit, const struc
     pthread_mutex_lock(&s->lock);
     if (limit != s->limit && limit == SST_TROUBLE_LIMIT && quota)
         snprintf(s->limit_text, sizeof(s->limit_text),
-                 "what is kept in %.300s takes %.3g GB of quota_gb %.3g and nothing is left to remove; raise it",
+                 "%.300s uses %.3g GB of quota_gb %.3g and nothing is left to remove; raise quota_gb",
                  s->dir, (double)room->used_bytes * gb, (double)l->quota_bytes * gb);
     else if (limit != s->limit && limit == SST_TROUBLE_LIMIT)
         snprintf(s->limit_text, sizeof(s->limit_text),
@@ -372,7 +372,7 @@ static void set_limit(struct retention *r, enum store_trouble limit, const struc
                  "there",
                  (double)room->free_bytes * gb, s->dir, (double)l->min_free_bytes * gb);
     else if (limit != s->limit && limit == SST_TROUBLE_LIMIT_LOW)
-        snprintf(s->limit_text, sizeof(s->limit_text), "the oldest is being removed to keep within %s %.3g",
+        snprintf(s->limit_text, sizeof(s->limit_text), "the oldest recordings are being removed to stay within %s %.3g",
                  quota ? "quota_gb" : "min_free_gb", (double)(quota ? l->quota_bytes : l->min_free_bytes) * gb);
     s->limit = limit;
     s->blocked = limit == SST_TROUBLE_LIMIT;
@@ -471,7 +471,7 @@ static bool repair_one(struct retention *r)
         return true;
     }
     if (err) {
-        sst_log_warning("%s was not finished and cannot be mended: %s", path, r->said[0] ? r->said : strerror(-err));
+        sst_log_warning("%s was not finished and cannot be repaired: %s", path, r->said[0] ? r->said : strerror(-err));
         e.stage = err == -EBADMSG || err == -EEXIST ? SST_STORE_DONE : SST_STORE_KEPT; /* no use, or another time */
         e.bytes = store_bytes(path);
     }

@@ -277,7 +277,7 @@ static int begin(struct active *a, const struct wanted *p, const struct sst_kept
 /* Without it the sets are as good: it ends here, reported once. */
 static void drop_view(struct active *a, int err)
 {
-    sst_log_warning("the see-through view of %s cannot be recorded (%s); its sets are", a->dir, strerror(-err));
+    sst_log_warning("cannot record the see-through view of %s: %s; its sets are recorded", a->dir, strerror(-err));
     a->view_lost = true;
     (void)view_end(&a->view, 0, 0);
 }
@@ -363,7 +363,7 @@ static void settle(struct active *a, bool lost)
     a->entry.made_ns = sst_clock_wall_ns();
     a->entry.bytes = store_bytes(a->dir);
     if (store_write(a->dir, &a->entry))
-        sst_log_debug("%s: mended at the next start", a->dir);
+        sst_log_debug("%s: repaired at the next start", a->dir);
     pthread_mutex_lock(&s->lock);
     copy_trimmed_locked(a);
     catalog_update(&s->catalog, &a->entry);
@@ -602,7 +602,7 @@ static bool step(struct active *a, struct wanted *p)
     if (p->stop && (!a->recorder || a->next > a->last || sst_clock_now_ns() > p->stop_ns))
         return false;
     if (a->recorder && (p->lost || p->blocked))
-        finish(a, p->lost ? "its folder is gone" : "storage takes nothing more", p->lost);
+        finish(a, p->lost ? "its folder is gone" : "storage is full or not writable", p->lost);
     if (!p->wanted || (p->blocked && !p->checked)) {
         finish(a, "ended", false);
         a->next = p->wanted ? a->next : 0;
@@ -636,7 +636,7 @@ void *store_record_run(void *storage)
         finish(a, "the service stops", false);
         sst_log_hold_errors(NULL);
     } else {
-        sst_log_error("no memory to record");
+        sst_log_error("out of memory: nothing is recorded");
     }
     free(a);
     free(p);

@@ -85,7 +85,7 @@ int store_trim(struct sst_storage *s, const struct store_entry *entry)
     if (err)
         return err;
     if (note_trimmed(s, entry, bytes, &now, &e) && store_write(path, &e))
-        sst_log_debug("%s: it says of itself that it begins earlier", path);
+        sst_log_debug("%s: its storage.json is out of date", path);
     return 0;
 }
 
@@ -108,11 +108,11 @@ static void remove_deleted(struct sst_storage *s, const struct store_entry *entr
     pthread_cond_broadcast(&s->answered);
     pthread_mutex_unlock(&s->lock);
     if (err) {
-        sst_log_warning("%s/%s was deleted by hand, but cannot be removed: %s", s->folder[entry->kind], entry->name,
+        sst_log_warning("cannot remove %s/%s, which a client deleted: %s", s->folder[entry->kind], entry->name,
                         strerror(-err));
         return;
     }
-    sst_log_info("%s/%s was deleted by hand", s->folder[entry->kind], entry->name);
+    sst_log_info("%s/%s was deleted by a client", s->folder[entry->kind], entry->name);
     remove_files(s, gone);
 }
 

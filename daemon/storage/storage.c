@@ -421,14 +421,14 @@ int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *
             pthread_setname_np(s->thread[i], names[i]);
             continue;
         }
-        sst_log_error("cannot start the threads of storage: %s", strerror(-err));
+        sst_log_error("cannot start the storage threads: %s", strerror(-err));
         store_thread_ends(s);
         for (; i < (int)ARRAY_LEN(run); i++)
             s->thread[i] = 0;
     }
     if (err) {
         if (!sst_storage_close(s, 10000))
-            sst_log_warning("threads of storage stay behind");
+            sst_log_warning("storage threads are still running");
         return err == -EINVAL ? err : -ENOMEM;
     }
     *out = s;

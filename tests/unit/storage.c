@@ -465,7 +465,7 @@ static void a_quota_of_two_pieces_holds_nothing_up(void **state)
         usleep(3000);
         assert_true(store_bytes(in(dir, "recordings")) <= 2000000 + 3 * 4096); /* the folder itself */
     }
-    assert_true(bench_events(&b, "storage", "raise it") >= 1);
+    assert_true(bench_events(&b, "storage", "raise quota_gb") >= 1);
     bench_fini(&b);
 }
 
