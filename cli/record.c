@@ -201,8 +201,7 @@ static int check(const struct cli_command *cmd, const struct args *a, const char
     if (!downloads && a->camera)
         return cli_usage_error(cmd, "--camera belongs to download, not to %s", action);
     if (downloads && !a->output)
-        return cli_usage_error(cmd,
-                               "missing -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
+        return cli_usage_error(cmd, "missing -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
     if (downloads && a->camera && (!is_name(a->camera) || ends_in(a->output, ".tar") || ends_in(a->output, ".jpg")))
         return cli_usage_error(cmd, "--camera r0c5 needs -o FILE.mkv, the video of that camera");
     if (exports && !a->time == !(a->ago_s >= 0))
@@ -221,8 +220,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: stop after this many seconds", 0.1, 1e7 },
         { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z", 0, 0 },
         { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export: the moment this many seconds ago", 0, 1e9 },
-        { "recording", 0, CLI_STRING, &a.recording, "NAME", "export: of this recording; default: the one that has the moment",
-          0, 0 },
+        { "recording", 0, CLI_STRING, &a.recording, "NAME",
+          "export: of this recording; default: the one that has the moment", 0, 0 },
         { "output", 'o', CLI_STRING, &a.output, "FILE",
           "export: also fetch the light field; download: the file to write", 0, 0 },
         { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view", 0,

@@ -274,7 +274,8 @@ static inline int64_t bench_copy(struct sst_download *d, int64_t first, int64_t 
 
     assert_non_null(f);
     while (done < bytes && n > 0) {
-        n = d->read(d, first + done, copy, bytes - done < (int64_t)sizeof(copy) ? (size_t)(bytes - done) : sizeof(copy));
+        n = d->read(d, first + done, copy,
+                    bytes - done < (int64_t)sizeof(copy) ? (size_t)(bytes - done) : sizeof(copy));
         if (n > 0)
             assert_int_equal(fwrite(copy, 1, (size_t)n, f), n);
         done += n > 0 ? n : 0;

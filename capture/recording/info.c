@@ -19,7 +19,7 @@
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
-/* A device may call itself anything; JSON holds UTF-8 only. */
+/* Names of devices are arbitrary bytes; JSON holds UTF-8 only. */
 static json_t *text_to_json(const char *text)
 {
     json_t *json = json_string(text);

@@ -74,13 +74,13 @@ static int index_lines(struct sst_recording *r)
         return -errno;
     while (!err && (n = getline(&line, &capacity, f)) > 0) {
         r->size = at + n;
-        if (line[n - 1] == '\n') /* else its writer was stopped, or is writing */
+        if (line[n - 1] == '\n') /* else the writer was killed, or is writing */
             err = index_line(r, line, (size_t)n - 1, at);
         at += n;
     }
     if (!err && ferror(f))
         err = errno == ENOMEM ? -ENOMEM : -EIO;
-    /* Damaged lines with no whole one behind them are a torn end, not sets. */
+    /* Damaged lines with no whole one after them are a torn end, not sets. */
     while (r->count && r->line[r->count - 1].at >= r->good_bytes)
         r->count--;
     free(line);
@@ -165,7 +165,7 @@ int64_t sst_recording_torn_bytes(const struct sst_recording *r)
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-/* All n bytes at a place, or -EBADMSG where the file ends. */
+/* Read all n bytes at an offset; -EBADMSG: the file ends before. */
 static int read_at(int fd, void *data, size_t n, int64_t at)
 {
     size_t done = 0;
@@ -246,7 +246,7 @@ int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *s
     return err;
 }
 
-/* An offset that no file can have must not reserve memory for its frame. */
+/* The size is checked first: a damaged line must not cause a huge allocation. */
 static int read_frame(int fd, const struct sst_recording_frame *f, uint8_t **data)
 {
     struct stat st;

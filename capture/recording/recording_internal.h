@@ -7,33 +7,33 @@
 #include "capture/recording/recorder.h"
 #include "capture/recording/recording.h"
 
-/* --- append: bring a recording into a state that more sets can follow. Only for capture/recording. --- */
+/* --- resume: prepare a recording for further sets. --- */
 
-struct append {
+struct resume_point {
     int64_t manifest_bytes; /* where the next line goes */
     int segment, session;   /* the next ones */
 };
 
 /**
- * Cut off what a killed recorder or a power cut left half-written: sets at the end whose bytes are not all there, torn
- * lines, segments that no line names. Sets before those stay as they are.
+ * Remove what a killed recorder or a power cut left half-written: sets at the end whose bytes are incomplete, torn
+ * lines, segments that no line names. Earlier sets stay as they are.
  *
  * @param manifest_fd  of sets.jsonl, writable; the recording is locked
  * @return 0, -EEXIST (made with another array, format or size), -EBADMSG, -EIO, -ENOSPC (no number left), -ENOMEM.
  *         Logged.
  */
-SST_MUST_CHECK int resume_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd);
+SST_MUST_CHECK int resume_prepare(struct resume_point *out, const struct sst_recorder_config *cfg, int manifest_fd);
 
-/* --- setlist ---
- * recording.json and the lines of sets.jsonl. Inside capture/recording only.
+/* --- manifest ---
+ * recording.json and the lines of sets.jsonl.
  *
  * A line is one JSON object; its last member is the CRC-32 of all bytes of the line before that member. Two kinds:
  *   {"segment":N,"session":S,"start_ns":T,"wall_ns":W,"crc":"xxxxxxxx"}   the sets below are in segments/N.mkv
  *   {"set":index,"t_ns":...,"frames":[[cam,...],...],"missing":[...],"crc":"xxxxxxxx"} */
 
 #define SST_RECORDING_VERSION 1
-#define MANIFEST_COLUMNS   10
-#define MANIFEST_LINE_MAX  (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
+#define MANIFEST_COLUMNS      10
+#define MANIFEST_LINE_MAX     (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
 
 /** segments/NNNNNN.mkv in dir; number 0..999999. */
 SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int number);
@@ -62,26 +62,26 @@ struct manifest_segment {
 /**
  * Read a line that is whole.
  * @param segment  out, of a segment's line
- * @param set      out, of a set's line, its segment and session excepted; NULL: only the kind is asked for
+ * @param set      out, of a set's line, its segment and session excepted; NULL: only determine the kind
  * @return 0: it is a segment's line, 1: a set's; -EBADMSG, -ENOMEM. Not logged.
  */
 SST_MUST_CHECK int manifest_parse(const char *line, size_t n, int cameras, struct manifest_segment *segment,
-                                 struct sst_recording_set *set);
+                                  struct sst_recording_set *set);
 
 /**
  * Read one camera's frame from a set's line that is whole and was written here, without reading all others.
  * @param wall_ns  out, of the set; frame: out, arrival_ns 0; not present: the set has none of the camera
- * @return 0, -EBADMSG: of another form, perhaps manifest_parse() reads it
+ * @return 0, -EBADMSG: of another form; manifest_parse() may read it
  */
 SST_MUST_CHECK int manifest_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *frame);
 
-/* --- index: where the lines of a recording are. Inside capture/recording only. --- */
+/* --- index: offsets of the lines of a recording. --- */
 
 struct index_line {
     int64_t at;     /* first byte in sets.jsonl */
     uint32_t bytes; /* without the line's end */
     int segment, session;
-    bool damaged; /* its checksum is wrong: a set of which nothing is known */
+    bool damaged; /* its checksum is wrong: nothing is known of the set */
 };
 
 /* Fixed after open. */
@@ -94,14 +94,14 @@ struct sst_recording {
     int count, capacity;
     int segment, session; /* of the last segment's line; -1 and 0: none */
     int64_t good_bytes;   /* behind the last line that is whole */
-    int64_t size;         /* as far as it was read */
+    int64_t size;         /* read so far */
 };
 
-/* --- segment: one Matroska file of a recording, being written. Inside capture/recording only. --- */
+/* --- segment: writes one Matroska file of a recording. --- */
 
 struct sst_segment; /* opaque; one thread at a time */
 
-/** Largest frame, bytes: what fits one block with room to spare. */
+/** Largest frame, bytes: fits one block. */
 #define SST_SEGMENT_FRAME_MAX ((size_t)1 << 30)
 
 /**
@@ -124,17 +124,17 @@ SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, cons
  */
 SST_MUST_CHECK int segment_add(struct sst_segment *segment, const struct sst_set *set, int64_t offset[SST_CAMERAS_MAX]);
 
-/** What was added so far stays, whatever comes. */
+/** Keep what was added so far, also if the segment is abandoned. */
 void segment_keep(struct sst_segment *segment);
 
 int64_t segment_size_bytes(const struct sst_segment *segment);
 int segment_fd(const struct sst_segment *segment);
 
 /** Write cues, duration and size, and free. @param sync  make it durable as well
- *  @return 0 or -errno (not logged): the file then is cut behind the last set and readable. */
+ *  @return 0 or -errno (not logged): the file is then truncated after the last set and readable. */
 SST_MUST_CHECK int segment_finish(struct sst_segment *segment, bool sync);
 
-/** Cut the file behind the last set that was kept (remove it if there is none), and free. NULL is fine. */
+/** Truncate the file after the last set that was kept (remove it if there is none), and free. NULL is fine. */
 void segment_abandon(struct sst_segment *segment);
 
 /* Shared with mkv.c; types of libavformat. */
@@ -148,7 +148,7 @@ void segment_set_codec(struct AVCodecParameters *par, uint32_t fourcc, int width
  *  @return 0 or more, or an AVERROR */
 SST_MUST_CHECK int segment_write_head(struct AVFormatContext *format, struct AVDictionary **options);
 
-/* --- sync: a thread that makes files durable now and then. Inside capture/recording only. --- */
+/* --- sync: a thread that makes files durable at intervals. --- */
 
 /** Make the names in a folder durable. @return 0 or -errno, not logged. */
 SST_MUST_CHECK int sync_folder(const char *folder);
@@ -159,13 +159,13 @@ struct sync; /* opaque */
 SST_MUST_CHECK int sync_start(struct sync **out, const char *folder, double every_s);
 
 /**
- * From now on these two files are the ones written to: the segment is synced first, then the manifest. The pair before
- * is synced once more. The descriptors stay the caller's (they are duplicated).
+ * Set the two files that are written from now on: the segment is synced first, then the manifest. The previous pair is
+ * synced once more. The descriptors stay the caller's (they are duplicated).
  * @return 0, -errno, -EAGAIN (the disk is so far behind that no more pairs can wait)
  */
 SST_MUST_CHECK int sync_watch(struct sync *sync, int segment_fd, int manifest_fd);
 
-/** Can another pair wait? */
+/** Is there room for another pair? */
 bool sync_has_room(struct sync *sync);
 
 /** The error of a sync since the last call, 0: none. Logged by the thread, once per change of state. */

@@ -1,5 +1,5 @@
-/* Matroska through libavformat. The camera's bytes go to av_write_frame() where they lie; libavformat gathers them in
- * one cluster and hands that to write_bytes(), which knows position and errors. */
+/* Matroska by libavformat. av_write_frame() reads the camera's bytes in place; libavformat gathers them in one cluster
+ * and passes it to write_bytes(), which keeps position and errors. */
 #include "capture/recording/recording_internal.h"
 
 #include <errno.h>
@@ -19,15 +19,15 @@
 #include "capture/recording/ebml.h"
 
 #define IO_BYTES (64 << 10)
-#define SLACK_NS 1000000000 /* a stamp farther from its set's is wrong and must not move the others */
+#define SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
 
 struct sst_segment {
     char *path;
     int fd, cameras;
     int64_t start_ns;
-    int64_t pos, end, kept; /* where the next byte goes; end of what is added; end of what stays */
+    int64_t pos, end, kept; /* of the next write; end of what was added; end of what is kept */
     int64_t last_ms[SST_CAMERAS_MAX];
-    int error; /* of the first write that failed, negative; no more is written then */
+    int error; /* of the first failed write, negative; nothing is written after it */
     AVFormatContext *format;
     AVPacket *packet;
 };
@@ -83,7 +83,7 @@ static int64_t seek(void *opaque, int64_t offset, int whence)
     return offset;
 }
 
-/* What a call of libavformat failed with: the system's word if it said one. */
+/* Error of a call of libavformat: that of the system call, if one failed. */
 static int failure(const struct sst_segment *s, int err)
 {
     return s->error ? s->error : err == AVERROR(ENOMEM) ? -ENOMEM : -EIO;
@@ -204,7 +204,7 @@ int segment_open(struct sst_segment **out, const char *path, const struct sst_re
         av_free(buffer);
         goto fail;
     }
-    s->format->pb->direct = 1; /* a cluster is written from where it was gathered */
+    s->format->pb->direct = 1; /* write clusters without another copy */
     err = write_head(s, cfg);
     if (err)
         goto fail;
@@ -241,7 +241,7 @@ static int add_frame(struct sst_segment *s, const struct sst_set *set, const str
     return av_write_frame(s->format, s->packet);
 }
 
-/* One element at pos: step into it, note its frame, or step over it. @return where the next one is, or -errno */
+/* One element at pos: enter it, note its frame, or skip it. @return offset of the next one, or -errno */
 static int64_t read_element(const struct sst_segment *s, int64_t pos, const struct sst_set *set, int64_t *offset)
 {
     uint8_t head[SST_EBML_HEAD_MAX + 8];
@@ -269,7 +269,7 @@ static int64_t read_element(const struct sst_segment *s, int64_t pos, const stru
     return pos + (int64_t)(e.head + e.size);
 }
 
-/* libavformat does not say where it put a frame. */
+/* libavformat does not report where it wrote a frame. */
 static int find_frames(const struct sst_segment *s, int64_t pos, const struct sst_set *set, int64_t *offset)
 {
     while (pos >= 0 && pos < s->end)
@@ -279,8 +279,7 @@ static int find_frames(const struct sst_segment *s, int64_t pos, const struct ss
             pos = -EIO;
     }
     if (pos < 0)
-        sst_log_error("%s does not read back as it was written (%s); check the disk", s->path,
-                      strerror((int)-pos));
+        sst_log_error("%s does not read back as it was written (%s); check the disk", s->path, strerror((int)-pos));
     return pos < 0 ? (int)pos : 0;
 }
 
@@ -337,7 +336,7 @@ void segment_abandon(struct sst_segment *s)
 {
     if (!s)
         return;
-    s->error = s->error ? s->error : -ECANCELED; /* whatever libavformat still holds goes nowhere */
+    s->error = s->error ? s->error : -ECANCELED; /* discards what libavformat still holds */
     if (!s->kept)
         unlink(s->path);
     else if (ftruncate(s->fd, s->kept))

@@ -154,7 +154,7 @@ static int read_set(json_t *root, int cameras, struct sst_recording_set *out)
 }
 
 int manifest_parse(const char *line, size_t n, int cameras, struct manifest_segment *segment,
-                  struct sst_recording_set *set)
+                   struct sst_recording_set *set)
 {
     struct manifest_segment s;
     json_int_t start, wall;

@@ -45,7 +45,7 @@ static int parse(const uint8_t *data, size_t size, struct sst_recording_removed 
 
 /* --- segments ----------------------------------------------------------------------------------------------------- */
 
-/* @param lowest  out, NULL: not asked for; -1: none @return their number, or -errno */
+/* @param lowest  out, may be NULL; -1: none @return their number, or -errno */
 static int count_segments(const char *dir, int *lowest)
 {
     char folder[SST_PATH_MAX];
@@ -76,7 +76,7 @@ int sst_recording_segments(const char *dir)
     return count < 0 ? 0 : count;
 }
 
-/* Where the sets behind a segment begin, and how many are before them. @return 0, -EBADMSG: there are none */
+/* Find where the sets after a segment begin, and count those before. @return 0, -EBADMSG: there are none */
 static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
 {
     struct manifest_segment s = { 0 };
@@ -105,7 +105,7 @@ static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
     return err;
 }
 
-/* The same, of a recording's list. Not logged. */
+/* The same for a recording's manifest. Not logged. */
 static int rest_of(const char *dir, int behind, struct sst_recording_removed *out)
 {
     char path[SST_PATH_MAX];
@@ -121,7 +121,7 @@ static int rest_of(const char *dir, int behind, struct sst_recording_removed *ou
 
 /* --- what was removed --------------------------------------------------------------------------------------------- */
 
-/* Its note cannot be read: the first segment that is there tells as much. */
+/* removed.json cannot be read: derive it from the first segment present. */
 static void assume(const char *dir, const char *why, struct sst_recording_removed *out)
 {
     struct sst_recording_removed made = { 0 };

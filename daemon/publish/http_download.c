@@ -25,9 +25,8 @@ struct transfer {
 static ssize_t piece(void *arg, uint64_t pos, char *buf, size_t max)
 {
     const struct transfer *t = arg;
-    const ssize_t n = atomic_load(&t->http->stopping)
-                          ? 0
-                          : t->download->read(t->download, (int64_t)(t->first + pos), buf, max);
+    const ssize_t n =
+        atomic_load(&t->http->stopping) ? 0 : t->download->read(t->download, (int64_t)(t->first + pos), buf, max);
 
     if (n <= 0)
         return MHD_CONTENT_READER_END_WITH_ERROR;

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <time.h>
 
-#define PLAUSIBLE_NS (INT64_C(1767225600) * 1000000000) /* 2026-01-01: no clock that is set shows less */
-#define SLACK_NS     (INT64_C(3600) * 1000000000) /* what is made at a time may differ by its pre-roll and its length */
+#define PLAUSIBLE_NS (INT64_C(1767225600) * 1000000000) /* 2026-01-01: no clock that was set is earlier */
+#define SLACK_NS     (INT64_C(3600) * 1000000000)       /* for pre-roll and length */
 
 static bool is_before(const struct store_entry *a, const struct store_entry *b)
 {
@@ -103,7 +103,7 @@ void store_name(char out[SST_STORE_NAME], enum store_kind kind, int64_t wall_ns,
     struct tm tm = { 0 };
     char date[32], suffix[16] = "";
 
-    /* Four digits of year: any clock gives a name of the same form. */
+    /* Four digits of year, whatever the clock. */
     if (!gmtime_r(&s, &tm) || tm.tm_year < 0 || tm.tm_year > 8099 ||
         !strftime(date, sizeof(date), "%Y-%m-%dT%H-%M-%SZ", &tm))
         snprintf(date, sizeof(date), "0000-00-00T00-00-00Z");
@@ -117,13 +117,13 @@ static bool may_go(const struct store_entry *e)
     return e->stage == SST_STORE_DONE || e->stage == SST_STORE_TORN;
 }
 
-/* Its oldest segments may go while it is being written. */
+/* May its oldest segments be removed while it is being written? */
 static bool may_be_trimmed(const struct store_entry *e)
 {
     return e->kind == SST_STORE_RECORDING && e->stage == SST_STORE_ACTIVE && e->segments > SST_STORE_SEGMENTS;
 }
 
-/* What may go first, of what was made by hand or not; -1: none. */
+/* The first to remove, of what was made by hand or not; -1: none. */
 static int oldest(const struct catalog *c, bool by_hand)
 {
     int read = -1, written = -1;
@@ -138,7 +138,7 @@ static int oldest(const struct catalog *c, bool by_hand)
         if (may_go(e) && read < 0)
             read = i;
         if (may_be_trimmed(e))
-            written = i; /* there is one at most */
+            written = i; /* at most one is active */
     }
     return read >= 0 ? read : written;
 }
@@ -176,13 +176,13 @@ static int too_much(const struct catalog *c, const struct store_limits *limits, 
     return hand >= 0 && (self < 0 || bytes > store_manual_bytes(limits, room)) ? hand : self;
 }
 
-/* Stamped by a clock that was not set yet, or set wrong? Things are made in their order, and none in the future. */
+/* Was the clock not set yet, or set wrong? Entries are made in their order, and none in the future. */
 static bool is_doubtful(int64_t end_ns, int64_t before_ns, int64_t wall_ns)
 {
     return end_ns < PLAUSIBLE_NS || end_ns - SLACK_NS > wall_ns || end_ns < before_ns - SLACK_NS;
 }
 
-/* By itself, and by hand: -1: there is none. */
+/* newest[0]: recorded automatically, newest[1]: made by hand; -1: none. */
 static void find_newest(const struct catalog *c, int newest[2])
 {
     newest[0] = newest[1] = -1;
@@ -190,12 +190,12 @@ static void find_newest(const struct catalog *c, int newest[2])
         newest[store_is_manual(&c->entry[i])] = i;
 }
 
-/* What bears a doubtful time was made before what came next: the time of that counts. */
+/* An entry with a doubtful time is as old as the next one with a plausible time. */
 static int too_old(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
 {
     const int64_t age_ns[2] = { limits->max_age_ns, limits->manual_max_age_ns };
-    int newest[2], waits[2] = { -1, -1 }; /* the first that goes by the time of what comes next */
-    int64_t before_ns = 0;                /* the latest begin so far, as far as it is in the past */
+    int newest[2], waits[2] = { -1, -1 }; /* the first that depends on the time of the next entry */
+    int64_t before_ns = 0;                /* the latest beginning so far that is in the past */
 
     find_newest(c, newest);
     for (int i = 0; i < c->count; i++) {

@@ -1,4 +1,5 @@
-/* The thread that keeps the folder: makes and locks it, measures, removes what the limits do not allow, mends. */
+/* The retention thread: creates and locks the folder, measures usage, removes what exceeds the limits, repairs torn
+ * recordings. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
@@ -18,23 +19,23 @@
 
 #define PASS_MS     500
 #define RESCAN_NS   60000000000
-#define STEADY_NS   600000000000 /* that the wall clock must have run without a step before ages count */
+#define STEADY_NS   600000000000 /* without a step of the wall clock before ages count */
 #define STEP_NS     2000000000
-#define MARGIN_S    2  /* of sets that may come between two passes */
-#define PARTS       10 /* of the room: what is removed at once is one of them at most */
+#define MARGIN_S    2  /* of sets that may arrive between two passes */
+#define PARTS       10 /* of the room: at most one of them is removed at once */
 #define PART_MIN    ((int64_t)1 << 20)
 #define PROBE_BYTES ((size_t)256 << 10)
 
-/* Keep thread only. */
+/* Retention thread only. */
 struct retention {
     struct sst_storage *s;
-    int lock_fd;  /* -1: the folder is not ours yet */
+    int lock_fd;  /* -1: the folder is not locked yet */
     dev_t dev[2]; /* of dir and its recordings/, as they were when it was locked */
     ino_t ino[2];
     bool scanned;
-    int64_t scan_ns, clock_ns, steady_ns; /* last look; wall less monotonic; since when it is steady */
+    int64_t scan_ns, clock_ns, steady_ns; /* last scan; wall less monotonic clock; steady since */
     bool steady;
-    bool stuck; /* the recording at work cannot be shortened */
+    bool stuck; /* the active recording cannot be trimmed */
     char said[SST_LOG_MAX];
 };
 
@@ -68,7 +69,7 @@ static void report_folder(struct retention *r, int err, const char *path)
     set_folder_error(r, err, text);
 }
 
-/* Another service in the same folder would remove and mend what this one writes. */
+/* Another service in the same folder would remove and repair what this one writes. */
 static int lock_folder(struct retention *r)
 {
     char path[SST_PATH_MAX], text[SST_STORE_TEXT], pid[32] = "";
@@ -89,7 +90,7 @@ static int lock_folder(struct retention *r)
                  n > 0 ? atoi(pid) : 0);
         set_folder_error(r, -EBUSY, text);
         return -EBUSY;
-    } /* a file system without locks has none to lose */
+    } /* on a file system without locks nothing is locked */
     n = snprintf(pid, sizeof(pid), "%d\n", (int)getpid());
     if (ftruncate(fd, 0) || pwrite(fd, pid, (size_t)n, 0) != n)
         sst_log_debug("cannot write the process id into %s", path);
@@ -109,7 +110,7 @@ static int make_folders(struct retention *r)
     return err;
 }
 
-/* Is what we locked still what the names lead to? */
+/* Do the paths still lead to the folders that were locked? */
 static bool is_same_folder(struct retention *r)
 {
     const char *const path[] = { r->s->dir, r->s->folder[SST_STORE_RECORDING] };
@@ -128,13 +129,13 @@ static void remember_folder(struct retention *r)
     struct stat st = { 0 };
 
     for (int i = 0; i < 2; i++) {
-        (void)stat(path[i], &st); /* what fails now fails in the next pass */
+        (void)stat(path[i], &st); /* a failure shows again in the next pass */
         r->dev[i] = st.st_dev;
         r->ino[i] = st.st_ino;
     }
 }
 
-/* The folder was removed, or another file system lies over it: nothing in memory is about what is there now. */
+/* The folder was removed, or another file system is mounted over it: the catalog no longer describes it. */
 static void drop_folder(struct retention *r)
 {
     struct sst_storage *s = r->s;
@@ -146,7 +147,7 @@ static void drop_folder(struct retention *r)
     pthread_mutex_lock(&s->lock);
     s->ready = false;
     s->active_lost = s->active_name[0] != 0;
-    /* Until nothing is written there, and sst-state has met it: made anew before that, it would not be reported. */
+    /* Wait until nothing is written there and sst-state has reported it; then the folder may be created again. */
     while ((s->active_name[0] || s->trouble != SST_TROUBLE_FOLDER || strcmp(s->reason, text)) && !s->stop &&
            sst_clock_now_ns() < until_ns)
         store_wait_locked(s, 100);
@@ -158,7 +159,7 @@ static void drop_folder(struct retention *r)
     r->scanned = false;
 }
 
-/* The recording at work may have been removed alone. */
+/* The active recording alone may have been removed. */
 static void check_active(struct retention *r)
 {
     struct sst_storage *s = r->s;
@@ -174,10 +175,10 @@ static void check_active(struct retention *r)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* --- what is there ------------------------------------------------------------------------------------------------ */
+/* --- scanning ------------------------------------------------------------------------------------------------ */
 
-/* Both catalogs are in the same order: what is looked for is mostly what follows what was found last. With ten thousand
- * entries everybody would wait for the lock otherwise. */
+/* Both catalogs have the same order: the search continues behind the last hit. With ten thousand entries the lock would
+ * be held too long otherwise. */
 static bool find_next(const struct catalog *c, const char *name, int *next)
 {
     for (int k = 0; k < c->count; k++) {
@@ -191,7 +192,7 @@ static bool find_next(const struct catalog *c, const char *name, int *next)
     return false;
 }
 
-/* What has this order or a higher one may come into the folder while it is looked through. */
+/* Entries of this order or a higher one may appear in the folder while it is scanned. */
 static uint64_t unsettled_order(struct sst_storage *s)
 {
     uint64_t order;
@@ -208,7 +209,7 @@ static uint64_t unsettled_order(struct sst_storage *s)
     return order;
 }
 
-/* Take in what is new, and forget what somebody removed. */
+/* Add new entries and drop those whose folders were removed. */
 static void merge_locked(struct sst_storage *s, const struct catalog *found, bool first, uint64_t unsettled)
 {
     bool empty;
@@ -230,11 +231,11 @@ static void merge_locked(struct sst_storage *s, const struct catalog *found, boo
             !empty && find_next(&s->catalog, e.name, &next) ? &s->catalog.entry[next - 1] : NULL;
 
         if (known && known->stage == SST_STORE_KEPT)
-            catalog_update(&s->catalog, &e); /* tried again */
+            catalog_update(&s->catalog, &e); /* repaired again */
         if (known)
             continue;
         if (!first && e.stage == SST_STORE_TORN)
-            e.stage = SST_STORE_KEPT; /* not killed: perhaps it ended between our two looks */
+            e.stage = SST_STORE_KEPT; /* not killed: it may have ended between two scans */
         if (catalog_add(&s->catalog, &e))
             break;
     }
@@ -264,7 +265,7 @@ static int scan(struct retention *r)
     return err;
 }
 
-/* What the recording at work really takes, and in how many files; what is written meanwhile is added by its thread. */
+/* Bytes and segments of the active recording as they are on disk; its thread adds what is written meanwhile. */
 static void measure_active(struct retention *r)
 {
     struct sst_storage *s = r->s;
@@ -285,7 +286,8 @@ static void measure_active(struct retention *r)
     pthread_mutex_lock(&s->lock);
     e = catalog_find(&s->catalog, name);
     if (e && e->stage == SST_STORE_ACTIVE) {
-        /* What was written meanwhile is estimated, and never too low; the estimates end where nothing was. */
+        /* Bytes written meanwhile are estimated, never too low; without any the measured value replaces the estimate.
+         */
         if (e->bytes == before || bytes > e->bytes)
             e->bytes = bytes;
         e->segments = segments;
@@ -321,7 +323,7 @@ static int64_t set_bytes(struct sst_ring *ring)
     return c.sets > 0 ? (int64_t)(c.bytes / (uint64_t)c.sets) : 0;
 }
 
-static int look(struct retention *r, struct store_room *room, struct store_limits *limits)
+static int measure(struct retention *r, struct store_room *room, struct store_limits *limits)
 {
     struct sst_storage *s = r->s;
     const int64_t one = set_bytes(s->ring);
@@ -356,7 +358,8 @@ static void set_limit(struct retention *r, enum store_trouble limit, const struc
                       const struct store_room *room)
 {
     struct sst_storage *s = r->s;
-    /* What was over is under again once something was removed: where there is room, it was not the room. */
+    /* After a removal both values may be within their limits again: the free space is the cause only while it is low.
+     */
     const bool room_lacks = l->min_free_bytes && room->free_bytes / 2 < l->min_free_bytes;
     const bool quota = l->quota_bytes && (!room_lacks || room->used_bytes > l->quota_bytes - 2 * l->margin_bytes);
     const double gb = 1e-9;
@@ -364,8 +367,8 @@ static void set_limit(struct retention *r, enum store_trouble limit, const struc
     pthread_mutex_lock(&s->lock);
     if (limit != s->limit && limit == SST_TROUBLE_LIMIT && quota)
         snprintf(s->limit_text, sizeof(s->limit_text),
-                 "%.300s uses %.3g GB of quota_gb %.3g and nothing is left to remove; raise quota_gb",
-                 s->dir, (double)room->used_bytes * gb, (double)l->quota_bytes * gb);
+                 "%.300s uses %.3g GB of quota_gb %.3g and nothing is left to remove; raise quota_gb", s->dir,
+                 (double)room->used_bytes * gb, (double)l->quota_bytes * gb);
     else if (limit != s->limit && limit == SST_TROUBLE_LIMIT)
         snprintf(s->limit_text, sizeof(s->limit_text),
                  "%.3g GB are free in %.300s, less than min_free_gb %.3g, and nothing is left to remove; free space "
@@ -382,20 +385,21 @@ static void set_limit(struct retention *r, enum store_trouble limit, const struc
     pthread_mutex_unlock(&s->lock);
 }
 
-/* Far enough from the limits that the next set does not bring the same again. */
+/* Far enough from the limits that the next set does not exceed them at once. */
 static bool has_slack(const struct store_limits *l, const struct store_room *room, double part)
 {
     return !(l->quota_bytes && (double)room->used_bytes > (double)l->quota_bytes * (1 - part)) &&
            !(l->min_free_bytes && (double)room->free_bytes < (double)l->min_free_bytes * (1 + part));
 }
 
-/* A small one goes as a whole; of a large one, and of the one at work, the oldest segment. */
+/* Small recordings are removed as a whole; large ones, and the active one, lose their oldest segment. */
 static int make_room(struct retention *r, const struct store_entry *e, bool too_much)
 {
     const bool active = e->stage == SST_STORE_ACTIVE;
     int err = -ENODATA;
 
-    if (active || (too_much && e->kind == SST_STORE_RECORDING && e->bytes > r->s->part_bytes)) /* written here alone */
+    if (active ||
+        (too_much && e->kind == SST_STORE_RECORDING && e->bytes > r->s->part_bytes)) /* written by this thread alone */
         err = store_trim(r->s, e);
     if (err && active) {
         r->stuck = true;
@@ -414,7 +418,7 @@ static int apply_limits(struct retention *r)
     int err;
 
     r->stuck = false;
-    while (!(err = look(r, &room, &limits))) {
+    while (!(err = measure(r, &room, &limits))) {
         struct store_entry e = { .name = "" };
         int victim;
         bool stop;
@@ -445,9 +449,9 @@ static int apply_limits(struct retention *r)
     return 0;
 }
 
-/* --- mending, probing --------------------------------------------------------------------------------------------- */
+/* --- repairs, probing --------------------------------------------------------------------------------------------- */
 
-/* One in a pass: an hour of sets takes seconds to read. @return false: there was none */
+/* One in a pass: reading an hour of sets takes seconds. @return false: there was none */
 static bool repair_one(struct retention *r)
 {
     struct sst_storage *s = r->s;
@@ -472,7 +476,8 @@ static bool repair_one(struct retention *r)
     }
     if (err) {
         sst_log_warning("%s was not finished and cannot be repaired: %s", path, r->said[0] ? r->said : strerror(-err));
-        e.stage = err == -EBADMSG || err == -EEXIST ? SST_STORE_DONE : SST_STORE_KEPT; /* no use, or another time */
+        e.stage =
+            err == -EBADMSG || err == -EEXIST ? SST_STORE_DONE : SST_STORE_KEPT; /* unusable, or tried again later */
         e.bytes = store_bytes(path);
     }
     pthread_mutex_lock(&s->lock);
@@ -497,7 +502,7 @@ static int write_probe(const struct sst_storage *s)
     return err;
 }
 
-/* After a failed write nothing more is tried where nothing is to be recorded: this does it instead. */
+/* After a failed write, tests whether the disk accepts writes again while nothing is to be recorded. */
 static void probe(struct retention *r)
 {
     struct sst_storage *s = r->s;
@@ -514,9 +519,9 @@ static void probe(struct retention *r)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* --- a look now and then ------------------------------------------------------------------------------------------ */
+/* --- a pass ------------------------------------------------------------------------------------------ */
 
-/* @return ms until the next one */
+/* @return ms until the next pass */
 static int pass(struct retention *r)
 {
     struct sst_storage *s = r->s;
@@ -524,7 +529,7 @@ static int pass(struct retention *r)
 
     if (r->lock_fd >= 0 && !is_same_folder(r)) {
         drop_folder(r);
-        return PASS_MS; /* reported before anything is made anew */
+        return PASS_MS; /* reported before it is created again */
     }
     if (r->lock_fd < 0) {
         err = make_folders(r);
@@ -550,7 +555,7 @@ static int pass(struct retention *r)
         return PASS_MS;
     }
     probe(r);
-    store_busy(s, &s->retention_busy_ns, false); /* mending takes its time */
+    store_busy(s, &s->retention_busy_ns, false); /* a repair may take long */
     return repair_one(r) ? 1 : PASS_MS;
 }
 
@@ -572,7 +577,7 @@ void *retention_run(void *storage)
         stop = s->stop;
         pthread_mutex_unlock(&s->lock);
     }
-    /* The folder stays ours until nothing is written any more. */
+    /* The folder stays locked until nothing is written any more. */
     pthread_mutex_lock(&s->lock);
     while (s->threads > 1 && s->active_name[0])
         (void)store_wait_answer_locked(s, sst_clock_now_ns() + 100000000);

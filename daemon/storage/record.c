@@ -1,4 +1,4 @@
-/* The thread that records: it follows the ring set by set and writes those that somebody wants. */
+/* The recording thread: follows the ring set by set and writes those that are wanted. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,15 +12,15 @@
 #define HOUR_NS     3600000000000
 #define MINUTE_NS   60000000000
 #define RETRY_NS    1000000000 /* between attempts to begin a recording */
-#define SILENT_NS   5000000000 /* of live pictures, or of sets: what they wanted ends */
+#define SILENT_NS   5000000000 /* without live pictures or sets: recordings that wait for them end */
 #define POLL_MS     100
 #define NAMES_MAX   999 /* recordings that begin in one second of the wall clock */
-#define FRAME_BYTES 160 /* of a frame beside its own: line of the list, block in Matroska */
+#define FRAME_BYTES 160 /* overhead of a frame: line of the manifest, block in Matroska */
 #define SET_BYTES   1024
 #define SEGMENT_MAX ((int64_t)1 << 30)
-#define LIST_BYTES  80 /* of them in the list, and as much again for 3 frames a set */
+#define LIST_BYTES  80 /* of a frame in the manifest; a set takes as much as 3 frames more */
 
-/* The recording at work; recorder thread only. */
+/* The active recording; recording thread only. */
 struct active {
     struct sst_storage *s;
     struct sst_recorder *recorder; /* NULL: none */
@@ -31,18 +31,18 @@ struct active {
     unsigned opening; /* of the array */
     bool continuous;
     int64_t first_ns, last_ns; /* set.t_ns of the first and last set; with sets */
-    int64_t side_bytes;        /* of the list and the view, which are not removed in pieces; about */
+    int64_t side_bytes;        /* about, of the manifest and the view, which are not removed in pieces */
     struct view_files view;
-    bool view_lost;       /* it could not be written */
+    bool view_lost;       /* writing it failed */
     uint64_t view_number; /* of the last picture that was written */
     int64_t begun_hour;
     uint64_t next;    /* number of the next set; 0: not known where to begin */
-    uint64_t last;    /* of the sets that were there when everything was to stop; 0: it is not */
+    uint64_t last;    /* number of the newest set when the service began to stop; 0: it has not */
     int64_t retry_ns; /* no new recording before */
     char said[SST_LOG_MAX];
 };
 
-/* What is wanted, as it was under the lock. */
+/* A copy of what is wanted, made under the lock. */
 struct wanted {
     bool stop, ready, blocked, lost, wanted, continuous, asked, checked;
     int64_t stop_ns, part_bytes;
@@ -50,9 +50,9 @@ struct wanted {
     struct store_settings settings;
 };
 
-/* --- what is wanted ----------------------------------------------------------------------------------------------- */
+/* --- requests ----------------------------------------------------------------------------------------------- */
 
-/* Wants end when sets behind their end have come; where none come, by the clock. */
+/* A request ends with the first set after its end; without sets, by the clock. */
 static void expire_locked(struct sst_storage *s, int64_t now_ns)
 {
     if (s->event.armed && s->event.end_ns == INT64_MAX && now_ns - s->seen_ns > SILENT_NS)
@@ -71,14 +71,14 @@ static void read_wanted(struct sst_storage *s, struct wanted *p)
     expire_locked(s, sst_clock_now_ns());
     s->waiting_bytes = 0; /* until the next one waits */
     *p = (struct wanted){ .stop = s->stop,
-                        .ready = s->ready,
-                        .blocked = s->blocked || !s->ready,
-                        .lost = s->active_lost,
-                        .asked = s->asked > s->answer,
-                        .checked = s->checked_ns != 0,
-                        .stop_ns = s->stop_ns,
-                        .part_bytes = s->part_bytes,
-                        .settings = s->settings };
+                          .ready = s->ready,
+                          .blocked = s->blocked || !s->ready,
+                          .lost = s->active_lost,
+                          .asked = s->asked > s->answer,
+                          .checked = s->checked_ns != 0,
+                          .stop_ns = s->stop_ns,
+                          .part_bytes = s->part_bytes,
+                          .settings = s->settings };
     p->continuous = s->settings.mode == SST_RECORD_CONTINUOUS;
     w = s->event.armed && s->settings.mode == SST_RECORD_EVENT ? &s->event : s->demand.armed ? &s->demand : NULL;
     p->wanted = s->wanted = s->settings.opening && (p->continuous || w);
@@ -131,7 +131,7 @@ static void count_dropped(struct sst_storage *s, uint64_t n)
 
 /* --- begin and end of a recording --------------------------------------------------------------------------------- */
 
-static void tell(const struct active *a, const char *type, const char *reason)
+static void report(const struct active *a, const char *type, const char *reason)
 {
     const bool start = !strcmp(type, "record-start");
 
@@ -141,7 +141,7 @@ static void tell(const struct active *a, const char *type, const char *reason)
                     start ? "recording %s begins: %s" : "recording %s ends: %s", a->entry.name, reason);
 }
 
-/* What failed is reported by the state's thread, with what the part that failed has said. */
+/* sst-state reports the failure, with the message of the part that failed. */
 static void failed(struct active *a, int err)
 {
     struct sst_storage *s = a->s;
@@ -158,7 +158,7 @@ static void failed(struct active *a, int err)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* A folder of its own, whatever the wall clock does. */
+/* Creates a new folder, also when the wall clock was set back. */
 static int make_folder(struct active *a, int64_t wall_ns, const char *why)
 {
     struct sst_storage *s = a->s;
@@ -268,13 +268,13 @@ static int begin(struct active *a, const struct wanted *p, const struct sst_kept
     s->active_sets = 0;
     s->active_lost = false;
     pthread_mutex_unlock(&s->lock);
-    tell(a, "record-start", a->entry.why);
+    report(a, "record-start", a->entry.why);
     return 0;
 }
 
 /* --- the see-through view ----------------------------------------------------------------------------------------- */
 
-/* Without it the sets are as good: it ends here, reported once. */
+/* The view ends here, reported once; sets are still recorded. */
 static void drop_view(struct active *a, int err)
 {
     sst_log_warning("cannot record the see-through view of %s: %s; its sets are recorded", a->dir, strerror(-err));
@@ -282,7 +282,7 @@ static void drop_view(struct active *a, int err)
     (void)view_end(&a->view, 0, 0);
 }
 
-/* The next picture: of a new recording first what was seen at its beginning. */
+/* The next picture; a new recording begins with the one that was shown at its beginning. */
 static const struct sst_jpeg *next_picture(struct active *a)
 {
     struct sst_storage *s = a->s;
@@ -304,7 +304,7 @@ static int write_picture(struct active *a, const struct sst_jpeg *jpeg)
     return err ? err : view_write(&a->view, jpeg, t_ns);
 }
 
-/* What was shown since the last set. */
+/* Write the pictures that were shown since the last set. */
 static void follow_view(struct active *a)
 {
     struct sst_storage *s = a->s;
@@ -333,7 +333,7 @@ static void follow_view(struct active *a)
     }
 }
 
-/* What was removed of it while it was written, or is just now. */
+/* Copy what retention removed of it while it was written. */
 static void copy_trimmed_locked(struct active *a)
 {
     const struct store_entry *e = catalog_find(&a->s->catalog, a->entry.name);
@@ -345,7 +345,7 @@ static void copy_trimmed_locked(struct active *a)
     }
 }
 
-/* Its folder stays as what it became. */
+/* Write the final storage.json. */
 static void settle(struct active *a, bool lost)
 {
     struct sst_storage *s = a->s;
@@ -392,14 +392,14 @@ static void finish(struct active *a, const char *reason, bool lost)
     pthread_mutex_lock(&s->lock);
     s->active_name[0] = 0;
     s->active_lost = false;
-    pthread_cond_broadcast(&s->wake); /* sst-keep waits for it where the folder was lost */
+    pthread_cond_broadcast(&s->wake); /* sst-retention waits for it after the folder was lost */
     pthread_mutex_unlock(&s->lock);
-    tell(a, "record-stop", reason);
+    report(a, "record-stop", reason);
 }
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-/* Does the set belong into a new folder? */
+/* Does a new recording begin with this set? */
 static bool is_over(const struct active *a, const struct wanted *p, const struct sst_set *set)
 {
     const int64_t age_ns = set->t_ns - a->first_ns;
@@ -423,7 +423,7 @@ static int64_t cost(const struct sst_kept *k)
     return (int64_t)k->bytes + FRAME_BYTES * (int64_t)k->set.present + SET_BYTES;
 }
 
-/* Would the set go beyond the quota? Then sst-keep makes room first. */
+/* Would the set exceed the quota? Then sst-retention makes room first. */
 static bool must_wait(struct sst_storage *s, const struct sst_kept *k)
 {
     const struct store_limits *l = &s->settings.limits;
@@ -468,7 +468,7 @@ static void account(struct active *a, const struct sst_kept *k)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* @return 0, -EAGAIN: the same set again; else it is not recorded */
+/* @return 0, -EAGAIN: try the same set again; other errors: it is not recorded */
 static int write_set(struct active *a, const struct wanted *p, const struct sst_kept *k)
 {
     struct sst_storage *s = a->s;
@@ -483,7 +483,7 @@ static int write_set(struct active *a, const struct wanted *p, const struct sst_
     if (err || must_wait(s, k))
         return -EAGAIN;
     a->said[0] = 0;
-    if (p->part_bytes) /* as pieces they can be removed one by one */
+    if (p->part_bytes) /* so that segments can be removed one by one */
         sst_recorder_set_segment_bytes(a->recorder, p->part_bytes < SEGMENT_MAX ? p->part_bytes : SEGMENT_MAX);
     store_busy(s, &s->record_busy_ns, true);
     err = sst_recorder_write(a->recorder, &k->set);
@@ -497,7 +497,7 @@ static int write_set(struct active *a, const struct wanted *p, const struct sst_
     return 0;
 }
 
-/* The next set that is there, or NULL. Sets that the ring no longer holds are counted. */
+/* The next set of the ring, or NULL. Sets that the ring no longer holds are counted. */
 static const struct sst_kept *next_set(struct active *a)
 {
     const struct sst_kept *k = sst_ring_get(a->s->ring, a->next ? a->next : 1);
@@ -511,7 +511,7 @@ static const struct sst_kept *next_set(struct active *a)
     return k;
 }
 
-/* While nothing may be written, sets pass by. */
+/* While writing is blocked, sets are dropped. */
 static void pass_by(struct active *a, const struct wanted *p)
 {
     uint64_t dropped;
@@ -531,7 +531,7 @@ static void pass_by(struct active *a, const struct wanted *p)
         answer(a->s, err);
 }
 
-/* Somebody waits for the name of what he asked for, and no set has come yet. */
+/* A client waits for the name of its recording, and no set has arrived yet. */
 static void begin_for_asker(struct active *a, const struct wanted *p)
 {
     const struct sst_kept *k = sst_ring_get(a->s->ring, 0);
@@ -553,7 +553,7 @@ static void idle(struct sst_storage *s, int ms)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* One set. @return false: there is none now */
+/* Handle one set. @return false: there is none now */
 static bool follow(struct active *a, const struct wanted *p)
 {
     struct sst_storage *s = a->s;
@@ -562,7 +562,7 @@ static bool follow(struct active *a, const struct wanted *p)
 
     if (!k)
         return false;
-    if (k->set.cameras == p->settings.cameras && is_wanted(s, k)) { /* others are of another array */
+    if (k->set.cameras == p->settings.cameras && is_wanted(s, k)) { /* others were captured with another array */
         err = write_set(a, p, k);
         if (err != -EAGAIN)
             answer(s, err);
@@ -578,7 +578,7 @@ static bool follow(struct active *a, const struct wanted *p)
 
 static void wait_for_sets(struct active *a)
 {
-    /* A ring that was shut lets nobody wait. */
+    /* A ring that was shut returns at once. */
     if (!sst_ring_wait(a->s->ring, a->next ? a->next - 1 : 0, POLL_MS))
         idle(a->s, 10);
 }
@@ -593,7 +593,7 @@ static uint64_t newest(struct sst_ring *ring)
     return number;
 }
 
-/* @return false: it is over */
+/* @return false: the thread ends */
 static bool step(struct active *a, struct wanted *p)
 {
     read_wanted(a->s, p);

@@ -1,5 +1,5 @@
-/* What goes: because the limits say so, or because somebody deleted it. On sst-keep's thread, which waits for the disk;
- * who deletes waits for a while at most. */
+/* Removal, because of the limits or by a client. Runs on sst-retention, which waits for the disk; a client that deletes
+ * waits for a limited time. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -9,7 +9,7 @@
 #include "capture/recording/shorten.h"
 #include "daemon/storage/storage_internal.h"
 
-/* First out of its name, so that what is left of it after a kill is no recording any more. */
+/* Renamed first, so that after a kill the rest is no recording any more. */
 static int out_of_name(struct sst_storage *s, const struct store_entry *e, char gone[SST_PATH_MAX])
 {
     char path[SST_PATH_MAX];
@@ -22,7 +22,7 @@ static int out_of_name(struct sst_storage *s, const struct store_entry *e, char 
     return err;
 }
 
-/* The files of an hour take a while to go: that is no disk that hangs. */
+/* Removing the files of an hour takes a while and does not count as a hung disk. */
 static void remove_files(struct sst_storage *s, const char *gone)
 {
     store_busy(s, &s->retention_busy_ns, false);
@@ -50,7 +50,7 @@ int store_remove(struct sst_storage *s, const struct store_entry *entry)
     return err;
 }
 
-/* What the catalog says of it from now on. @return it has ended, and its storage.json is to say so, too */
+/* Update the catalog. @return true: the recording has ended, so its storage.json is to be updated too */
 static bool note_trimmed(struct sst_storage *s, const struct store_entry *entry, int64_t bytes,
                          const struct sst_recording_removed *now, struct store_entry *out)
 {
@@ -89,7 +89,7 @@ int store_trim(struct sst_storage *s, const struct store_entry *entry)
     return 0;
 }
 
-/* Who deleted it is answered as soon as it has left its name. */
+/* The call that deletes returns as soon as the folder has been renamed. */
 static void remove_deleted(struct sst_storage *s, const struct store_entry *entry)
 {
     struct store_entry *e;
@@ -156,9 +156,10 @@ int sst_storage_delete(struct sst_storage *s, const char *name)
     if (!err) {
         e->deleted_by_hand = true;
         pthread_cond_broadcast(&s->wake);
-        while ((e = catalog_find(&s->catalog, name)) && e->deleted_by_hand && !s->stop && store_wait_answer_locked(s, until_ns))
+        while ((e = catalog_find(&s->catalog, name)) && e->deleted_by_hand && !s->stop &&
+               store_wait_answer_locked(s, until_ns))
             ;
-        err = e && !e->deleted_by_hand ? -EIO : 0; /* what takes longer goes on by itself */
+        err = e && !e->deleted_by_hand ? -EIO : 0; /* longer removals continue in the background */
     }
     pthread_mutex_unlock(&s->lock);
     return err;

@@ -1,4 +1,4 @@
-/* How things stand, worked out from what the threads have met; nothing here waits for a disk. */
+/* State and status of storage, from what the threads have reported; nothing here waits for a disk. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -11,7 +11,7 @@ static bool hangs(int64_t since_ns, int64_t now_ns)
     return since_ns && now_ns - since_ns > SST_STORE_HUNG_NS;
 }
 
-/* @return true: others than before */
+/* @return true: it changed */
 static bool update_state_locked(struct sst_storage *s)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -45,8 +45,8 @@ static const char *state_name(enum sst_storage_state state)
     return state == SST_STORAGE_OK ? "OK" : state == SST_STORAGE_LOW ? "LOW" : "FULL";
 }
 
-static void tell(struct sst_storage *s, enum sst_storage_state state, const char *reason, int64_t free_bytes,
-                 int64_t used_bytes)
+static void report(struct sst_storage *s, enum sst_storage_state state, const char *reason, int64_t free_bytes,
+                   int64_t used_bytes)
 {
     const enum sst_event_level level = state == SST_STORAGE_FULL ? SST_EVENT_ERROR : SST_EVENT_INFO;
 
@@ -69,7 +69,7 @@ void *status_run(void *storage)
 
             memcpy(reason, s->reason, sizeof(reason));
             pthread_mutex_unlock(&s->lock);
-            tell(s, state, reason, free_bytes, used_bytes);
+            report(s, state, reason, free_bytes, used_bytes);
             pthread_mutex_lock(&s->lock);
         }
         store_wait_locked(s, 250);
@@ -89,7 +89,7 @@ enum sst_storage_state sst_storage_state(struct sst_storage *s)
     return state;
 }
 
-/* --- for programs ------------------------------------------------------------------------------------------------- */
+/* --- status ------------------------------------------------------------------------------------------------- */
 
 static json_t *time_json(int64_t wall_ns)
 {
@@ -126,11 +126,11 @@ static json_t *recording_json_locked(const struct sst_storage *s)
     const struct store_entry *e = s->active_name[0] ? catalog_find(&catalog, s->active_name) : NULL;
 
     return json_pack("{s:s, s:b, s:s, s:s, s:o, s:I, s:I}", "mode", mode_name(s->settings.mode), "active", e != NULL,
-                     "name", s->active_name, "why", e ? s->active_why : "", "since", time_json(e ? e->from_ns : 0), "sets",
-                     (json_int_t)s->active_sets, "dropped", (json_int_t)s->dropped);
+                     "name", s->active_name, "why", e ? s->active_why : "", "since", time_json(e ? e->from_ns : 0),
+                     "sets", (json_int_t)s->active_sets, "dropped", (json_int_t)s->dropped);
 }
 
-/* What the catalog holds, under the status's names. */
+/* Counts of the catalog, by the keys of the status. */
 static void add_counts_locked(json_t *status, const struct sst_storage *s)
 {
     static const char *const names[SST_STORE_KINDS] = { "recordings", "snapshots", "exports" };
@@ -183,8 +183,8 @@ static json_t *entry_json(const struct store_entry *e)
     if (e->kind == SST_STORE_RECORDING)
         return json_pack("{s:s, s:o, s:o, s:I, s:I, s:s, s:b, s:b, s:b}", "name", e->name, "from",
                          time_json(e->from_ns), "to", time_json(e->to_ns), "sets", (json_int_t)e->sets, "bytes",
-                         (json_int_t)e->bytes, "why", e->why, "by_hand", store_is_manual(e), "view", e->picture, "active",
-                         active);
+                         (json_int_t)e->bytes, "why", e->why, "by_hand", store_is_manual(e), "view", e->picture,
+                         "active", active);
     return json_pack("{s:s, s:o, s:I, s:b, s:b}", "name", e->name, "time", time_json(e->from_ns), "bytes",
                      (json_int_t)e->bytes, "picture", e->picture, "active", active);
 }

@@ -1,4 +1,4 @@
-/* What the service asks of storage: memory is looked at, threads are reported. */
+/* Calls of the service: they read and change memory and wake threads. */
 #define _GNU_SOURCE
 #include "daemon/storage/storage.h"
 
@@ -22,8 +22,8 @@ void store_wait_locked(struct sst_storage *s, int ms)
     (void)sst_cond_wait_until(&s->wake, &s->lock, sst_clock_now_ns() + (int64_t)ms * 1000000);
 }
 
-/* Who finds that it is late waits a little longer, once: on a machine that stood still the time went by, and the thread
- * that is to answer had none of it. */
+/* After the deadline waits a little longer, once: on a machine that stood still the time passed without running the
+ * thread that is to answer. */
 bool store_wait_answer_locked(struct sst_storage *s, int64_t until_ns)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -93,7 +93,7 @@ static void copy_settings(struct store_settings *to, const struct sst_config *c)
     copy_array(to, &c->array);
 }
 
-/* What the array was opened with holds until it is opened again. */
+/* Properties of the array stay as it was opened until it is opened again. */
 static void preserve_array(struct store_settings *to, const struct store_settings *from)
 {
     to->rate_hz = from->rate_hz;
@@ -143,7 +143,7 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
     copy_settings(&s->settings, config);
     if (before.opening)
         preserve_array(&s->settings, &before);
-    /* What went on goes on, where it is still looked for. */
+    /* The state of triggers that are configured again is kept. */
     for (int i = 0; i < fresh->count; i++) {
         struct event_trigger *to = &fresh->list[i];
 
@@ -162,7 +162,8 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
     return 0;
 }
 
-/* --- what was seen ------------------------------------------------------------------------------------------------ */
+/* --- event triggers ------------------------------------------------------------------------------------------------
+ */
 
 void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w)
 {
@@ -180,7 +181,7 @@ static double value_of(const struct event_trigger *w, const struct sst_seen *see
     return w->index < zones ? seen->changed[w->index] : 0;
 }
 
-/* The recording that follows a watch, which has begun or goes on. */
+/* Request the recording of a trigger that is active. */
 static void want_locked(struct sst_storage *s, const struct event_trigger *w)
 {
     struct store_want *e = &s->event;
@@ -191,10 +192,10 @@ static void want_locked(struct sst_storage *s, const struct event_trigger *w)
         memcpy(e->zone, w->zone, sizeof(e->zone));
         memcpy(e->label, w->label, sizeof(e->label));
     }
-    e->end_ns = INT64_MAX; /* until nothing is seen any more */
+    e->end_ns = INT64_MAX; /* until no trigger is active any more */
 }
 
-/* None of what is recorded is seen any more. */
+/* Set the end when no trigger that is recorded is active any more. */
 static void end_event_locked(struct sst_storage *s)
 {
     int64_t last_ns = INT64_MIN;
@@ -211,13 +212,13 @@ static void end_event_locked(struct sst_storage *s)
         s->event.end_ns = last_ns + s->settings.postroll_ns;
 }
 
-struct reported {
+struct change {
     struct event_trigger watch;
     double value;
-    int64_t since_ns; /* it was reported to have begun */
+    int64_t since_ns; /* of its reported beginning */
 };
 
-static void tell(struct sst_storage *s, const struct reported *t)
+static void report(struct sst_storage *s, const struct change *t)
 {
     const struct event_trigger *w = &t->watch;
     const double share = t->value >= 0 && t->value <= 1 ? t->value : 0;
@@ -238,7 +239,7 @@ static void tell(struct sst_storage *s, const struct reported *t)
 
 void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
 {
-    struct reported reported[EVENT_TRIGGERS_MAX];
+    struct change change[EVENT_TRIGGERS_MAX];
     int n = 0;
 
     pthread_mutex_lock(&s->lock);
@@ -250,7 +251,7 @@ void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
 
         (void)event_trigger_update(w, value, seen->t_ns);
         if (event_trigger_report(w, value, seen->t_ns))
-            reported[n++] = (struct reported){ *w, value, since_ns };
+            change[n++] = (struct change){ *w, value, since_ns };
         if (w->active && w->trigger >= 0)
             want_locked(s, w);
     }
@@ -259,7 +260,7 @@ void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
         pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
     for (int i = 0; i < n; i++)
-        tell(s, &reported[i]);
+        report(s, &change[i]);
 }
 
 /* --- on demand ---------------------------------------------------------------------------------------------------- */
@@ -303,11 +304,11 @@ int sst_storage_record(struct sst_storage *s, double seconds, char *name)
     if (s->answer >= mine)
         err = s->answer_err;
     else
-        err = s->record_busy_ns ? -EIO : -ENODATA; /* the disk hangs; no set has come */
+        err = s->record_busy_ns ? -EIO : -ENODATA; /* the disk hangs; no set has arrived */
     if (!err)
         snprintf(name, SST_STORE_NAME, "%s", s->active_name);
     else if (!prolonged)
-        s->demand.armed = false; /* who was refused does not expect a recording later */
+        s->demand.armed = false; /* after an error nothing is recorded later */
 out:
     pthread_mutex_unlock(&s->lock);
     return err;
@@ -390,8 +391,9 @@ static void init_locks(struct sst_storage *s)
 int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *cfg)
 {
     static void *(*const run[])(void *) = { store_record_run, retention_run, store_jobs_run,
-                                            store_video_run,  status_run, store_view_run };
-    static const char *const names[] = { "sst-record", "sst-keep", "sst-export", "sst-video", "sst-state", "sst-view" };
+                                            store_video_run,  status_run,    store_view_run };
+    static const char *const names[] = { "sst-record", "sst-retention", "sst-export",
+                                         "sst-video",  "sst-state",     "sst-view" };
     const int cameras = cfg->config->array.bound;
     struct sst_storage *s;
     int err;
@@ -404,7 +406,7 @@ int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *
     init_locks(s);
     s->ring = cfg->ring;
     s->events = cfg->events;
-    s->blocked = true; /* until the folder has been looked at */
+    s->blocked = true; /* until the folder has been scanned */
     s->tracks = calloc(SST_CAMERAS_MAX, sizeof(*s->tracks));
     err = s->tracks ? set_paths(s, cfg->config->storage.dir) : -ENOMEM;
     if (!err) {

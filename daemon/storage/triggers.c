@@ -45,11 +45,11 @@ static int64_t end_ns(const struct event_trigger *w)
 
 bool event_trigger_update(struct event_trigger *w, double value, int64_t t_ns)
 {
-    /* A share of 0 means: anything at all. Comparisons with NaN are false: it is nothing. */
+    /* A share of 0 means any value above 0. NaN counts as 0: comparisons with it are false. */
     const bool reached = value > 0 && value >= w->share;
     const bool kept = value > 0 && value >= EVENT_TRIGGER_KEEPS * w->share;
     const bool other = w->active ? !kept : reached;
-    const int64_t step_ns = t_ns > w->t_ns ? t_ns - w->t_ns : 0; /* time never runs back */
+    const int64_t step_ns = t_ns > w->t_ns ? t_ns - w->t_ns : 0; /* never negative */
     const int64_t begin_ns = llround((w->begin_s > 0 ? w->begin_s : EVENT_TRIGGER_BEGIN_S) * 1e9);
 
     w->t_ns = t_ns;

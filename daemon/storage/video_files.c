@@ -83,7 +83,9 @@ static struct video_file *begin_locked(struct sst_storage *s, struct store_entry
     if (!f)
         return NULL;
     clear(f);
-    *f = (struct video_file){ .stage = VIDEO_WANTED, .row = row, .col = col, .sets = e->sets, .gone = e->gone, .fd = -1 };
+    *f = (struct video_file){
+        .stage = VIDEO_WANTED, .row = row, .col = col, .sets = e->sets, .gone = e->gone, .fd = -1
+    };
     memcpy(f->name, e->name, sizeof(f->name));
     f->active = e->stage == SST_STORE_ACTIVE;
     f->asked_ns = sst_clock_now_ns();

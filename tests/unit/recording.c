@@ -1,5 +1,5 @@
-/* capture/recording: what is recorded is read back byte for byte, by us and by others; damage is reported; what cannot be
- * is refused. */
+/* capture/recording: what is recorded is read back byte for byte, by us and by others; damage is reported; what cannot
+ * be is refused. */
 #include <fcntl.h>
 
 #if WITH_AVFORMAT

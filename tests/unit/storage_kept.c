@@ -174,7 +174,8 @@ static void every_part_of_an_archive_is_that_part(void **state)
         assert_in_range(n, 1, t.bytes - at);
     }
     assert_int_equal(sst_file_write(in(top, "got.tar"), whole, (size_t)t.bytes), 0);
-    snprintf(line, sizeof(line), "cd %s && tar xf got.tar && rm %s/link %s/below && diff -r name %s", top, dir, dir, dir);
+    snprintf(line, sizeof(line), "cd %s && tar xf got.tar && rm %s/link %s/below && diff -r name %s", top, dir, dir,
+             dir);
     assert_int_equal(system(line), 0);
     for (int64_t at = 0; at < t.bytes; at += 37) {
         n = tar_read(&t, at, part, 100);
