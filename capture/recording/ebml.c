@@ -2,7 +2,7 @@
 
 #include <errno.h>
 
-/* The leading zero bits of the first byte say how many bytes follow it. */
+/* The leading zero bits of the first byte give the number of bytes that follow. */
 static size_t length(uint8_t first)
 {
     size_t n = 1;

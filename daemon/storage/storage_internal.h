@@ -536,7 +536,7 @@ SST_MUST_CHECK int video_of_camera(struct video *v, const char *dir, int row, in
 /** Likewise of the see-through view. @return as above; -ENOENT: none was recorded */
 SST_MUST_CHECK int video_of_view(struct video *v, const char *dir);
 
-/** @return true: nobody wants the file any more */
+/** @return true: the file is no longer wanted */
 typedef bool video_ended_fn(void *arg);
 
 /** Write the file, bytes of frames untouched. @param fd  as of sst_mkv_write() @return what that returns, -ECANCELED,

@@ -59,7 +59,7 @@ static struct video_file *find_locked(struct sst_storage *s, const struct store_
     return NULL;
 }
 
-/* The file that nobody reads and that was not used for longest; NULL: all are in use. */
+/* The least recently used file without readers; NULL: all are in use. */
 static struct video_file *find_unused_locked(struct sst_storage *s)
 {
     struct video_file *oldest = NULL;
@@ -131,7 +131,7 @@ void video_file_close_locked(struct video_file *f)
 
 /* --- the thread --------------------------------------------------------------------------------------------------- */
 
-/* Files that nobody reads make room first. */
+/* Files without readers are closed first. */
 static int reserve_room(struct sst_storage *s, struct video_file *f, int64_t bytes)
 {
     struct video_file *unused;

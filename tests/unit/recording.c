@@ -537,7 +537,7 @@ static void a_damaged_note_costs_nothing(void **state)
     assert_int_equal(sst_recording_check(r, 4, &cam), -EBADMSG);
     assert_int_equal(sst_recording_check(r, 8, &cam), 0);
     sst_recording_close(r);
-    /* It is mended by going on, and by making room. */
+    /* Resuming repairs it, and so does trimming. */
     assert_int_equal(sst_recording_shorten(dir, 1, &removed, &bytes), 0);
     assert_true(removed.before_segment == 3 && removed.sets == 12);
     assert_int_equal(sst_recording_read_removed(dir, &removed), 0);

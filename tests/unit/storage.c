@@ -22,7 +22,7 @@ int fsync(int fd SST_UNUSED)
 
 /* --- rules -------------------------------------------------------------------------------------------------------- */
 
-static void a_watch_is_not_moved_by_one_set(void **state)
+static void a_trigger_ignores_a_single_set(void **state)
 {
     struct event_trigger w = { .trigger = 0, .share = 0.1 };
     int64_t t = 0;
@@ -54,7 +54,7 @@ static void a_watch_is_not_moved_by_one_set(void **state)
 }
 
 /* Two sets in three speak for it: it takes three times as long; times that are asked for count. */
-static void odd_sets_only_delay_a_watch(void **state)
+static void single_sets_only_delay_a_trigger(void **state)
 {
     struct event_trigger w = { .share = 0.1, .begin_s = 1, .end_s = 2 };
     int64_t t = 0, begun = 0;
@@ -94,7 +94,7 @@ static int storm(struct event_trigger *w, int *ended, int *times)
     return began;
 }
 
-static void changes_again_and_again_are_told_as_one(void **state)
+static void repeated_changes_are_reported_as_one(void **state)
 {
     struct event_trigger motion = { .share = 0.1 }, label = { .share = 0.1, .label = "Pedestrian" };
     int ended = 0, times = 0;
@@ -119,7 +119,7 @@ static void changes_again_and_again_are_told_as_one(void **state)
     }
 }
 
-static void watches_follow_the_configuration(void **state)
+static void triggers_follow_the_configuration(void **state)
 {
     struct sst_config *c = calloc(1, sizeof(*c));
     struct event_triggers w;
@@ -367,7 +367,7 @@ static void an_event_ends_without_live_pictures(void **state)
 
 /* --- limits ------------------------------------------------------------------------------------------------------- */
 
-/* All that a shortened recording says of itself is about what is left of it. */
+/* The status of a trimmed recording describes what is left of it. */
 static void check_shortened(const char *path, uint64_t listed)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
@@ -496,7 +496,7 @@ static void what_is_not_ours_stays(void **state)
     for (int i = 0; i < 20; i++)
         bench_put(&b, sst_clock_now_ns());
     bench_wait(&b, "recording", "sets", 20);
-    bench_wait_exactly(&b, NULL, "recordings", 1); /* what was begun goes when it is looked at, sooner or later */
+    bench_wait_exactly(&b, NULL, "recordings", 1); /* an empty folder is removed by the next scan */
     bench_fini(&b);
     for (size_t i = 0; i < ARRAY_LEN(others); i++)
         assert_int_equal(size_of(in(in(dir, others[i]), "file")), 9);
@@ -578,10 +578,10 @@ static void an_export_is_of_the_moment(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(a_watch_is_not_moved_by_one_set),
-        TEST(odd_sets_only_delay_a_watch),
-        TEST(changes_again_and_again_are_told_as_one),
-        TEST(watches_follow_the_configuration),
+        TEST(a_trigger_ignores_a_single_set),
+        TEST(single_sets_only_delay_a_trigger),
+        TEST(repeated_changes_are_reported_as_one),
+        TEST(triggers_follow_the_configuration),
         TEST(the_oldest_goes_and_no_clock_takes_the_newest),
         TEST(names_are_checked),
         TEST(continuous_recording_holds_every_set),

@@ -71,7 +71,7 @@ static void feed_until(struct bench *b, enum sst_storage_state state)
     }
 }
 
-/* Feed sets until so many such events were reported: a state may have passed before anybody looks at it. */
+/* Feed sets until this many such events were emitted: a state may have ended before it is checked. */
 static void feed_until_event(struct bench *b, const char *type, const char *words, int n)
 {
     const int64_t end_ns = sst_clock_now_ns() + 60000 * MS;
@@ -247,7 +247,7 @@ static void a_hung_disk_holds_nobody_up(void **state)
 }
 
 /* What cannot begin is tried again and again, and reported once. */
-static void a_recording_that_cannot_begin_is_told_once(void **state)
+static void a_recording_that_cannot_begin_is_reported_once(void **state)
 {
     struct bench b;
 
@@ -476,7 +476,7 @@ int main(int argc, char **argv)
         TEST(a_folder_that_goes_is_made_again),
         TEST(a_hung_disk_holds_nobody_up),
         TEST(a_download_waits_for_its_snapshot),
-        TEST(a_recording_that_cannot_begin_is_told_once),
+        TEST(a_recording_that_cannot_begin_is_reported_once),
         TEST(a_small_disk_is_filled_by_others),
         TEST(a_folder_of_others_is_told),
         TEST(kills_lose_nothing_that_was_said_to_be_there),

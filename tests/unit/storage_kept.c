@@ -1,4 +1,4 @@
-/* What is kept: who goes first, what is deleted, and how all of it is taken away, whole and in parts. */
+/* Retention order, deletion, and downloads, whole and in parts. */
 #include <fcntl.h>
 
 #include "daemon/storage/storage_internal.h"
@@ -23,7 +23,7 @@ int fsync(int fd SST_UNUSED)
     return 0; /* likewise: a call that records is answered within a second */
 }
 
-/* --- who goes first ----------------------------------------------------------------------------------------------- */
+/* --- retention order ----------------------------------------------------------------------------------------------- */
 
 static void add(struct catalog *c, enum store_kind kind, uint64_t order, const char *why, int64_t bytes)
 {
@@ -60,7 +60,7 @@ static void what_was_made_by_hand_outlives_the_rest(void **state)
     /* More than half of the room was made by hand: then the oldest of that. */
     c.entry[3].bytes = 250;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
-    l.manual_bytes = 550; /* as somebody wants it */
+    l.manual_bytes = 550; /* as configured */
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 3);
     l.manual_bytes = 549;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
@@ -74,7 +74,7 @@ static void what_was_made_by_hand_outlives_the_rest(void **state)
     c.entry[2].readers = 1;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 5);
     c.entry[4].stage = SST_STORE_ACTIVE;
-    c.entry[4].segments = 3; /* that it could be shortened does not hurry it */
+    c.entry[4].segments = 3; /* it could be trimmed, but others come first */
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 3);
     c.entry[2].stage = SST_STORE_KEPT;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 5); /* but it makes room, as long as it has some ... */
@@ -236,8 +236,8 @@ static void lines_of_the_view_are_read_strictly(void **state)
         assert_false(video_read_line(bad[i], &got));
 }
 
-/* The view of a recording whose beginning was removed begins with what was seen there. */
-static void a_shortened_view_begins_where_the_rest_does(void **state)
+/* The view of a trimmed recording begins with the picture that was shown there. */
+static void a_trimmed_view_begins_where_the_rest_does(void **state)
 {
     static const uint8_t jpeg[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 120, 0, 160, 1, 1, 0x11, 0, 0xff, 0xd9, 'x' };
     static const char removed[] = "{\"format\":\"sst-recording-removed\",\"version\":1,\"before_segment\":2,\"sets\":5,"
@@ -273,7 +273,7 @@ static void a_shortened_view_begins_where_the_rest_does(void **state)
     assert_int_equal(rest.format.wall_ns, 1763748305500000000);
     video_fini(&rest);
     assert_int_equal(sst_file_write(in(dir, "removed.json"), "{}", 2), 0);
-    assert_int_equal(video_of_view(&rest, dir), 0); /* nothing else says what was removed */
+    assert_int_equal(video_of_view(&rest, dir), 0); /* nothing else states what was removed */
     assert_int_equal(rest.count, 10);
     video_fini(&rest);
     video_fini(&whole);
@@ -324,7 +324,7 @@ static void what_a_kill_left_is_measured(void **state)
     assert_int_equal(store_write(dir, &e), 0);
     e = scanned();
     assert_true(e.sets == 15 && e.gone == 5);
-    /* One of before that says nothing of what was removed is believed. */
+    /* An older storage.json without `gone` is accepted. */
     e.gone = UINT64_MAX;
     assert_int_equal(store_write(dir, &e), 0);
     e = scanned();
@@ -334,7 +334,7 @@ static void what_a_kill_left_is_measured(void **state)
     assert_int_equal(rename(dir, in(top, "2026-11-21T12-00-00Z")), 0);
     assert_true(scanned().stage == SST_STORE_TORN && scanned().order == 1);
     assert_int_equal(rename(in(top, "2026-11-21T12-00-00Z"), dir), 0);
-    /* The note was damaged: written anew with what is known. */
+    /* removed.json is damaged: rewritten from what is present. */
     assert_int_equal(store_write(dir, &e), 0);
     assert_int_equal(sst_file_write(in(dir, "sets.jsonl"), lines, sizeof(lines) - 1), 0);
     assert_int_equal(sst_file_write(in(dir, "removed.json"), "{\"format\":", 10), 0);
@@ -345,7 +345,7 @@ static void what_a_kill_left_is_measured(void **state)
 }
 
 /* What is left of a recording without its list cannot be used, but it counts, and goes like any other. */
-static void a_recording_without_its_list_is_told(void **state)
+static void a_recording_without_its_manifest_is_reported(void **state)
 {
     struct synthetic s = small();
     const struct sst_recorder_config cfg = synthetic_config(&s, dir);
@@ -554,9 +554,9 @@ static void the_view_is_recorded_with_what_was_before(void **state)
     bench_wait_ready(&b);
     sst_storage_view(b.storage, outlet);
     usleep(50000);
-    assert_int_equal(sst_outlet_viewers(outlet), 0); /* nobody records: no picture is made for it */
+    assert_int_equal(sst_outlet_viewers(outlet), 0); /* nothing is recorded: no viewer */
     show(&b, outlet, 1, now_ns - 6000 * MS, 0);
-    sst_outlet_join(outlet); /* but somebody looks, which is noticed now and then */
+    sst_outlet_join(outlet); /* another viewer, noticed at the next poll */
     bench_wait(&b, "ring", "pictures", 1);
     for (int i = 0; i < 40; i++)
         bench_put(&b, now_ns - (40 - i) * 100 * MS);
@@ -810,9 +810,9 @@ int main(void)
         TEST(every_part_of_an_archive_is_that_part),
         TEST(videos_for_downloads_have_their_part_of_the_room),
         TEST(lines_of_the_view_are_read_strictly),
-        TEST(a_shortened_view_begins_where_the_rest_does),
+        TEST(a_trimmed_view_begins_where_the_rest_does),
         TEST(what_a_kill_left_is_measured),
-        TEST(a_recording_without_its_list_is_told),
+        TEST(a_recording_without_its_manifest_is_reported),
         TEST(a_camera_is_a_video_that_plays),
         TEST(a_video_needs_room),
         TEST(the_view_is_recorded_with_what_was_before),
