@@ -170,15 +170,17 @@ static int reserve(struct sst_storage *s, struct download *o)
     return err;
 }
 
-static int open_picture(struct download *o, int folder)
+static int open_picture(struct download *o, const char *dir)
 {
+    char path[SST_PATH_MAX];
     uint64_t tag = 0;
     struct stat st;
+    const int err = sst_path_join(path, dir, "picture.jpg");
 
-    o->fd = open_below(folder, "picture.jpg");
-    if (o->fd < 0)
-        return o->fd;
-    if (fstat(o->fd, &st))
+    if (err)
+        return err;
+    o->fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (o->fd < 0 || fstat(o->fd, &st))
         return -errno;
     add_to_tag(&tag, &st.st_mtim, sizeof(st.st_mtim));
     add_to_tag(&tag, &st.st_ino, sizeof(st.st_ino));
@@ -190,21 +192,16 @@ static int open_picture(struct download *o, int folder)
 
 static int open_files(struct download *o)
 {
-    const int above = open(o->s->folder[o->kind], O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    const int folder = above < 0 ? -1 : openat(above, o->name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    int err = folder < 0 ? -errno : 0;
+    char dir[SST_PATH_MAX];
+    int err = sst_path_join(dir, o->s->folder[o->kind], o->name);
 
-    if (above >= 0)
-        close(above);
-    if (o->content == CONTENT_TAR) {
-        o->tar = (struct tar){ .folder = -1, .fd = -1 };
-        err = err ? err : tar_open(&o->tar, folder, o->name);
-        o->d.bytes = o->tar.bytes;
-        set_tag(o, o->tar.tag);
-    } else if (!err) {
-        err = open_picture(o, folder);
-        close(folder);
-    }
+    if (o->content == CONTENT_PICTURE)
+        return err ? err : open_picture(o, dir);
+    o->tar = (struct tar){ .folder = -1, .fd = -1 };
+    if (!err)
+        err = tar_open(&o->tar, dir);
+    o->d.bytes = o->tar.bytes;
+    set_tag(o, o->tar.tag);
     return err;
 }
 

@@ -477,11 +477,10 @@ struct tar {
  * List the archive (POSIX ustar) of a folder's regular files and folders as they are now, sorted by name; links and
  * devices are left out.
  *
- * @param fd    of the folder; becomes the archive's, also on failure
- * @param name  of the folder in the archive, without '/'; NAME/views/00_00.jpg of all files must fit 100 bytes
+ * @param dir  its last part is the archive's name of the folder; NAME/views/00_00.jpg of all files must fit 100 bytes
  * @return 0, -ENAMETOOLONG, -ENOMEM or -errno of reading; not logged. tar_close() follows in any case.
  */
-SST_MUST_CHECK int tar_open(struct tar *out, int fd, const char *name);
+SST_MUST_CHECK int tar_open(struct tar *out, const char *dir);
 
 /** Read from any position before the end. @return bytes, at least one, or -errno; -EBADMSG: a file is shorter now */
 SST_MUST_CHECK ssize_t tar_read(struct tar *t, int64_t at, void *out, size_t n);

@@ -1,16 +1,13 @@
-#define _GNU_SOURCE /* scandirat */
 #include "daemon/storage/storage_internal.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <fts.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#define DEPTH_MAX 8
 
 /* POSIX.1-2001, pax: ustar interchange format. */
 struct header {
@@ -96,8 +93,8 @@ static int64_t padded(int64_t size)
     return (size + TAR_BLOCK - 1) / TAR_BLOCK * TAR_BLOCK;
 }
 
-/* @param top  characters of the archive's name before a path in the folder */
-static int add_entry(struct tar *t, const char *name, size_t top, const struct stat *st)
+/* @param name  in the archive, a folder's with '/' at its end; path: below the folder */
+static int add_entry(struct tar *t, const char *name, const char *path, const struct stat *st)
 {
     struct header h;
     struct tar_entry *e;
@@ -114,11 +111,10 @@ static int add_entry(struct tar *t, const char *name, size_t top, const struct s
     }
     set_header(&h, name, st);
     e = &t->entry[t->count];
-    *e = (struct tar_entry){ .at = t->bytes, .size = S_ISDIR(st->st_mode) ? 0 : st->st_size };
-    memcpy(e->header, &h, sizeof(h));
-    e->path = strdup(name + (strlen(name) < top ? strlen(name) : top));
+    *e = (struct tar_entry){ .at = t->bytes, .size = S_ISDIR(st->st_mode) ? 0 : st->st_size, .path = strdup(path) };
     if (!e->path)
         return -ENOMEM;
+    memcpy(e->header, &h, sizeof(h));
     t->count++;
     t->bytes += TAR_BLOCK + padded(e->size);
     add_to_tag(&t->tag, &h, sizeof(h));
@@ -126,51 +122,46 @@ static int add_entry(struct tar *t, const char *name, size_t top, const struct s
     return 0;
 }
 
-/* @param name  in the archive, with '/' at its end */
-static int add_folder(struct tar *t, int fd, const char *name, size_t top, int depth)
+static int by_name(const FTSENT **a, const FTSENT **b)
 {
-    struct dirent **list = NULL;
-    struct stat st;
-    int n, err = fstat(fd, &st) ? -errno : add_entry(t, name, top, &st);
+    return strcmp((*a)->fts_name, (*b)->fts_name);
+}
 
-    if (err)
-        return err;
-    n = scandirat(fd, ".", &list, NULL, alphasort);
-    if (n < 0)
-        return -errno;
-    for (int i = 0; i < n; i++) {
-        char path[512];
-        int inner = -ENOENT;
+static int add_entries(struct tar *t, const char *dir)
+{
+    char *const roots[] = { (char *)dir, NULL };
+    FTS *fts = fts_open(roots, FTS_PHYSICAL | FTS_NOCHDIR, by_name);
+    const FTSENT *e;
+    int err = fts ? 0 : -errno;
 
-        if (!err && strcmp(list[i]->d_name, ".") && strcmp(list[i]->d_name, ".."))
-            inner = open_below(fd, list[i]->d_name);
-        if (inner < 0 && inner != -ENOENT && inner != -ELOOP && inner != -ENXIO)
-            err = inner;
-        if (inner >= 0 && fstat(inner, &st))
-            err = -errno;
-        if (snprintf(path, sizeof(path), "%s%s", name, list[i]->d_name) >= (int)sizeof(path) - 1)
+    while (!err && (errno = 0, e = fts_read(fts))) {
+        const bool folder = e->fts_info == FTS_D;
+        const char *path = e->fts_path + strlen(dir); /* "", or from '/' on */
+        char name[512];
+
+        if (e->fts_info == FTS_DNR || e->fts_info == FTS_ERR)
+            err = -e->fts_errno;
+        else if (!folder && e->fts_info != FTS_F)
+            continue;
+        else if (snprintf(name, sizeof(name), "%s%s%s", sst_path_base(dir), path, folder ? "/" : "") >=
+                 (int)sizeof(name))
             err = -ENAMETOOLONG;
-        if (!err && inner >= 0 && S_ISDIR(st.st_mode))
-            err = depth < DEPTH_MAX ? add_folder(t, inner, strcat(path, "/"), top, depth + 1) : -ENAMETOOLONG;
-        else if (!err && inner >= 0 && S_ISREG(st.st_mode))
-            err = add_entry(t, path, top, &st);
-        if (inner >= 0)
-            close(inner);
-        free(list[i]);
+        else
+            err = add_entry(t, name, path + (path[0] == '/'), e->fts_statp);
     }
-    free(list);
+    if (!err && errno)
+        err = -errno;
+    if (fts)
+        fts_close(fts);
     return err;
 }
 
-int tar_open(struct tar *out, int fd, const char *name)
+int tar_open(struct tar *out, const char *dir)
 {
-    char top[256];
+    int err;
 
-    *out = (struct tar){ .folder = fd, .fd = -1 };
-    if (snprintf(top, sizeof(top), "%s/", name) >= (int)sizeof(top))
-        return -ENAMETOOLONG;
-    const int err = add_folder(out, fd, top, strlen(top), 0);
-
+    *out = (struct tar){ .folder = open(dir, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), .fd = -1 };
+    err = out->folder < 0 ? -errno : add_entries(out, dir);
     out->bytes += (int64_t)2 * TAR_BLOCK; /* zeros: the end */
     return err;
 }

@@ -23,7 +23,8 @@ int fsync(int fd SST_UNUSED)
     return 0; /* likewise: a call that records is answered within a second */
 }
 
-/* --- retention order ----------------------------------------------------------------------------------------------- */
+/* --- retention order -----------------------------------------------------------------------------------------------
+ */
 
 static void add(struct catalog *c, enum store_kind kind, uint64_t order, const char *why, int64_t bytes)
 {
@@ -167,15 +168,15 @@ static void every_part_of_an_archive_is_that_part(void **state)
     assert_int_equal(sst_file_write(in(dir, "b/c"), part, 600), 0);
     assert_int_equal(symlink("a", in(dir, "link")), 0);
     assert_int_equal(symlink("b", in(dir, "below")), 0);
-    assert_int_equal(tar_open(&t, open(dir, O_RDONLY | O_DIRECTORY), "name"), 0);
+    assert_int_equal(tar_open(&t, dir), 0);
     assert_in_range(t.bytes, 5 * 512, sizeof(whole));
     for (int64_t at = 0; at < t.bytes; at += n) {
         n = tar_read(&t, at, whole + at, sizeof(whole));
         assert_in_range(n, 1, t.bytes - at);
     }
     assert_int_equal(sst_file_write(in(top, "got.tar"), whole, (size_t)t.bytes), 0);
-    snprintf(line, sizeof(line), "cd %s && tar xf got.tar && rm %s/link %s/below && diff -r name %s", top, dir, dir,
-             dir);
+    snprintf(line, sizeof(line), "cd %s && mkdir x && tar xf got.tar -C x && rm %s/link %s/below && diff -r x/* %s",
+             top, dir, dir, dir);
     assert_int_equal(system(line), 0);
     for (int64_t at = 0; at < t.bytes; at += 37) {
         n = tar_read(&t, at, part, 100);
