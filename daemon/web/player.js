@@ -50,7 +50,7 @@ class Video {
   async part(first, last) {
     const headers = { Range: `bytes=${first}-${last}` };
     if (this.tag) headers["If-Range"] = this.tag;
-    const response = await fetch(this.url, { headers, cache: "no-store", signal: AbortSignal.timeout(60000) });
+    const response = await fetch(this.url, { headers, cache: "no-store", signal: AbortSignal.timeout(this.tag ? 60000 : 600000) });
     if (response.status === 200) { // it grows, or is not what it was
       response.body?.cancel();
       throw new ApiError(200, this.tag ? "The recording has changed meanwhile; open it again." : "It can be played when it has ended.");
