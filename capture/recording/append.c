@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "capture/recording/ebml.h"
 #include "capture/recording/pixel_format.h"
 
 #define SEGMENT_MAX 999999 /* six digits */
@@ -60,13 +59,13 @@ static bool is_finished(int fd, int64_t file_bytes)
 {
     uint8_t head[128];
     const ssize_t n = pread(fd, head, sizeof(head), 0);
-    struct sst_ebml e;
+    struct ebml e;
     uint64_t at;
 
-    if (n <= 0 || sst_ebml_head(head, (size_t)n, &e) || e.id != SST_EBML_HEAD || e.size >= sizeof(head))
+    if (n <= 0 || ebml_head(head, (size_t)n, &e) || e.id != SST_EBML_HEAD || e.size >= sizeof(head))
         return false;
     at = e.head + e.size;
-    if (at >= (uint64_t)n || sst_ebml_head(head + at, (size_t)n - at, &e) || e.id != SST_EBML_SEGMENT)
+    if (at >= (uint64_t)n || ebml_head(head + at, (size_t)n - at, &e) || e.id != SST_EBML_SEGMENT)
         return false;
     return e.size != SST_EBML_UNKNOWN && at + e.head + e.size == (uint64_t)file_bytes;
 }

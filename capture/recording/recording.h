@@ -38,7 +38,7 @@ struct sst_recording_set {
 
 /**
  * Read recording.json and index sets.jsonl; lines of sets are read again when asked for. Skips a torn end (a recorder
- * was killed, or is writing) and sets that were removed to make room (shorten.h); if removed.json is damaged, those of
+ * was killed, or is writing) and sets that were removed to make room (trim.h); if removed.json is damaged, those of
  * segments before the first present.
  *
  * @return 0, -ENOENT (no recording), -EBADMSG, -EIO, -EACCES, -ENOMEM; logged.

@@ -16,8 +16,6 @@
 #include <libavformat/avformat.h>
 #include <linux/videodev2.h>
 
-#include "capture/recording/ebml.h"
-
 #define IO_BYTES (64 << 10)
 #define SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
 
@@ -246,13 +244,13 @@ static int64_t read_element(const struct sst_segment *s, int64_t pos, const stru
 {
     uint8_t head[SST_EBML_HEAD_MAX + 8];
     const ssize_t n = pread(s->fd, head, sizeof(head), pos);
-    struct sst_ebml e;
+    struct ebml e;
     uint64_t track;
     size_t bytes;
 
     if (n <= 0)
         return n < 0 ? -errno : -EIO;
-    if (sst_ebml_head(head, (size_t)n, &e))
+    if (ebml_head(head, (size_t)n, &e))
         return -EIO;
     if (e.id == SST_EBML_CLUSTER || e.id == SST_EBML_BLOCK_GROUP)
         return pos + (int64_t)e.head;
@@ -260,7 +258,7 @@ static int64_t read_element(const struct sst_segment *s, int64_t pos, const stru
         return -EIO;
     if (e.id == SST_EBML_SIMPLE_BLOCK || e.id == SST_EBML_BLOCK) {
         /* A block: the track's number, two bytes of time, one of flags, the frame. */
-        bytes = sst_ebml_number(head + e.head, (size_t)n - e.head, &track) + 3;
+        bytes = ebml_number(head + e.head, (size_t)n - e.head, &track) + 3;
         if (bytes == 3 || track < 1 || track > (uint64_t)s->cameras || !set->frame[track - 1] ||
             e.size != bytes + set->frame[track - 1]->bytes)
             return -EIO;

@@ -263,11 +263,11 @@ int view_end(struct view_files *f, int64_t end_ns, int64_t end_wall_ns);
  * what the threads of storage share.
  *
  * sst-record     writes sets (record.c)                 waits for the disk
- * sst-retention  free space, limits, repairs (keep.c)   waits for the disk
+ * sst-retention  free space, limits, repairs (retention.c) waits for the disk
  * sst-export     snapshots and exports (jobs.c)         waits for the disk
  * sst-video      videos for downloads (video_files.c)   waits for the disk
  * sst-view       the latest pictures (view.c)           never waits for the disk
- * sst-state      state and its events (state.c)         never waits for the disk
+ * sst-state      state and its events (status.c)         never waits for the disk
  * Calls only access memory, but for downloads, which read; the lock is never held during disk access. */
 
 #define SST_STORE_TEXT      512

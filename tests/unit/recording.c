@@ -7,7 +7,6 @@
 #include <libavformat/avformat.h>
 #endif
 
-#include "capture/recording/ebml.h"
 #include "capture/recording/recording_internal.h"
 #include "tests/recording_tests.h"
 
@@ -18,19 +17,19 @@ static void reads_element_heads(void **state)
     static const uint8_t cluster[] = { 0x1F, 0x43, 0xB6, 0x75, 0x01, 0, 0, 0, 0, 0, 0x10, 0x02 };
     static const uint8_t open_end[] = { 0x18, 0x53, 0x80, 0x67, 0x01, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF };
     static const uint8_t block[] = { 0xA3, 0x40, 0x85 };
-    struct sst_ebml e;
+    struct ebml e;
 
     (void)state;
-    assert_int_equal(sst_ebml_head(cluster, sizeof(cluster), &e), 0);
+    assert_int_equal(ebml_head(cluster, sizeof(cluster), &e), 0);
     assert_true(e.id == SST_EBML_CLUSTER && e.size == 0x1002 && e.head == 12);
-    assert_int_equal(sst_ebml_head(open_end, sizeof(open_end), &e), 0);
+    assert_int_equal(ebml_head(open_end, sizeof(open_end), &e), 0);
     assert_true(e.id == SST_EBML_SEGMENT && e.size == SST_EBML_UNKNOWN);
-    assert_int_equal(sst_ebml_head(block, sizeof(block), &e), 0);
+    assert_int_equal(ebml_head(block, sizeof(block), &e), 0);
     assert_true(e.id == SST_EBML_SIMPLE_BLOCK && e.size == 0x85 && e.head == 3);
     for (size_t n = 0; n < sizeof(cluster); n++)
-        assert_int_equal(sst_ebml_head(cluster, n, &e), -EBADMSG);
-    assert_int_equal(sst_ebml_head((const uint8_t[]){ 0x00, 0x81 }, 2, &e), -EBADMSG);
-    assert_int_equal(sst_ebml_head((const uint8_t[]){ 0xA3, 0x00 }, 2, &e), -EBADMSG);
+        assert_int_equal(ebml_head(cluster, n, &e), -EBADMSG);
+    assert_int_equal(ebml_head((const uint8_t[]){ 0x00, 0x81 }, 2, &e), -EBADMSG);
+    assert_int_equal(ebml_head((const uint8_t[]){ 0xA3, 0x00 }, 2, &e), -EBADMSG);
 }
 
 #define SET_HEAD                                                                                                       \
