@@ -70,7 +70,7 @@ LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LD
 SIM_SRC := $(sort $(wildcard simulators/devices/*.c))
 PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
 LIB_SRC := $(sort $(filter-out daemon/main.c,$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
-           pipeline/*/*/*.c daemon/*.c daemon/*/*.c)))
+           pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
 WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/rig/*.c simulators/devices/gpio/*.c \

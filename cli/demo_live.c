@@ -215,14 +215,14 @@ static void tell_end(const struct site *s)
 /** Ask without a word on standard error: the service may not be there yet. */
 static json_t *status(const struct site *s)
 {
-    const struct cli_service where = { .socket = s->socket };
+    const struct sst_client_service where = { .socket = s->socket };
     char held[SST_LOG_MAX];
     json_t *out = NULL;
 
     if (access(s->socket, F_OK))
         return NULL;
     sst_log_hold_errors(held);
-    if (cli_service_json(&where, "/api/v1/status", NULL, &out))
+    if (sst_client_ask(&where, "/api/v1/status", NULL, &out))
         out = NULL;
     sst_log_hold_errors(NULL);
     return out;
@@ -231,8 +231,8 @@ static json_t *status(const struct site *s)
 /** The service's first see-through picture, into a file. @return 0, -EAGAIN: not yet */
 static int first_picture(const struct site *s)
 {
-    const struct cli_service where = { .socket = s->socket };
-    struct cli_client *client = NULL;
+    const struct sst_client_service where = { .socket = s->socket };
+    struct sst_client *client = NULL;
     char held[SST_LOG_MAX];
     json_t *o = status(s);
     const json_t *ready = o ? cli_member(o, "live.ready") : NULL;
@@ -242,10 +242,10 @@ static int first_picture(const struct site *s)
     if (err)
         return err;
     sst_log_hold_errors(held);
-    err = cli_client_open(&client, &where);
+    err = sst_client_open(&client, &where);
     if (!err)
-        err = cli_client_save(client, "/snapshot", "image/jpeg", s->picture);
-    cli_client_close(client);
+        err = sst_client_save(client, "/snapshot", "image/jpeg", s->picture);
+    sst_client_close(client);
     sst_log_hold_errors(NULL);
     return err ? -EAGAIN : 0;
 }
