@@ -7,6 +7,7 @@
 #include <strings.h>
 #include <sys/types.h>
 
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 
@@ -35,8 +36,9 @@ struct sst_client {
     size_t zeros; /* zero bytes that it ends with */
     sst_client_line_fn *line;
     sst_client_picture_fn *picture;
-    void *arg; /* of both */
-    int err;   /* why receiving ended */
+    void *arg;                    /* of both */
+    int err;                      /* why receiving ended */
+    int64_t heard_ns, silence_ns; /* of the last byte; how long none may come */
     sst_client_continue_fn *go_on;
     void *go_on_arg;
 };
@@ -160,6 +162,7 @@ static size_t receive(char *data, size_t one, size_t bytes, void *arg)
     long code = 0;
 
     (void)one; /* always 1 */
+    c->heard_ns = sst_clock_now_ns();
     (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &code);
     if (code / 100 == 2 && c->file) {
         if (fwrite(data, 1, bytes, c->file) != bytes)
@@ -182,6 +185,8 @@ static int progress(void *arg, curl_off_t total, curl_off_t now, curl_off_t up_t
     (void)total, (void)now, (void)up_total, (void)up_now;
     if (c->go_on && !c->err && !c->go_on(c->go_on_arg))
         c->err = -ECANCELED;
+    if (!c->err && sst_clock_now_ns() - c->heard_ns > c->silence_ns)
+        c->err = -ETIMEDOUT;
     return c->err != 0;
 }
 
@@ -266,11 +271,12 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
     }
     c->err = 0;
     c->length = 0;
+    c->heard_ns = sst_clock_now_ns();
+    c->silence_ns = (endless ? SILENCE_S : ANSWER_S) * INT64_C(1000000000);
     (void)curl_easy_setopt(c->curl, CURLOPT_URL, url);
     (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
     (void)curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
     (void)curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, post ? c->post_headers : c->get_headers);
-    (void)curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME, endless ? (long)SILENCE_S : (long)ANSWER_S);
     if (post) {
         (void)curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
         (void)curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE, (long)strlen(post));
@@ -279,6 +285,8 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
     code = curl_easy_perform(c->curl);
     (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, NULL);
     (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &status);
+    if (c->err == -ETIMEDOUT)
+        return transfer_error(c, CURLE_OPERATION_TIMEDOUT, said);
     if (c->err)
         return c->err;
     if (code != CURLE_OK)
@@ -364,7 +372,7 @@ int sst_client_open(struct sst_client **out, const struct sst_client_service *wh
     (void)curl_easy_setopt(c->curl, CURLOPT_PROTOCOLS_STR, "http,https");
     (void)curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* the service is asked itself, whatever the environment says */
     (void)curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
-    (void)curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
+    (void)curl_easy_setopt(c->curl, CURLOPT_NOPROGRESS, 0L);
     if (where->ca)
         (void)curl_easy_setopt(c->curl, CURLOPT_CAINFO, where->ca);
     err = set_place(c, where);
@@ -477,7 +485,6 @@ void sst_client_set_continue(struct sst_client *c, sst_client_continue_fn *fn, v
 {
     c->go_on = fn;
     c->go_on_arg = arg;
-    (void)curl_easy_setopt(c->curl, CURLOPT_NOPROGRESS, 0L);
 }
 
 int sst_client_lines(struct sst_client *c, const char *path, bool endless, sst_client_line_fn *fn, void *arg)

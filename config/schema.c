@@ -188,7 +188,8 @@ static const struct sst_key keys[] = {
           "with a label in focus, the weight of the others is divided by this"),
       RANGE(1, 1000) },
     { KEY("live", "verify_rays", BOOL, live.verify_rays, "true", LIVE,
-          "behind dense or moving leaves, count rays whose colours agree at the focus; false: by depth and label alone") },
+          "behind dense or moving leaves, count rays whose colours agree at the focus; false: by depth and label "
+          "alone") },
     { KEY("live", "jpeg_quality", INT, live.jpeg_quality, "85", LIVE, "of the pictures made here"), RANGE(1, 100) },
 
     { KEY("", "zones", LIST, zone, "[]", PICTURE, "parts of the reference view that are watched"), COUNT(zones),
@@ -221,14 +222,14 @@ static const struct sst_key keys[] = {
       RANGE(0.1, 1000) },
     { KEY("web", "views", INT, web.views, "4", LIVE, "viewers with a focus of their own at a time"), RANGE(1, 16) },
 
-    { KEY("rtsp", "enabled", BOOL, rtsp.enabled, "false", DAEMON, "serve the main view to video recorders") },
-    { KEY("rtsp", "address", TEXT, rtsp.address, "127.0.0.1", DAEMON, "numeric"), KIND(ADDRESS) },
-    { KEY("rtsp", "port", INT, rtsp.port, "8554", DAEMON, "0: any that is free"), RANGE(0, 65535) },
-    { KEY("rtsp", "codec", CHOICE, rtsp.codec, "h264", DAEMON, "how pictures are compressed"), CHOICE(codecs) },
-    { KEY("rtsp", "user", TEXT, rtsp.user, "", DAEMON, "asked for with a password") },
-    { KEY("rtsp", "password_file", TEXT, rtsp.password_file, "", DAEMON, "holds the password in its first line"),
+    { KEY("rtsp", "enabled", BOOL, rtsp.enabled, "false", LIVE, "serve the main view to video recorders") },
+    { KEY("rtsp", "address", TEXT, rtsp.address, "127.0.0.1", LIVE, "numeric"), KIND(ADDRESS) },
+    { KEY("rtsp", "port", INT, rtsp.port, "8554", LIVE, "0: any that is free"), RANGE(0, 65535) },
+    { KEY("rtsp", "codec", CHOICE, rtsp.codec, "h264", LIVE, "how pictures are compressed"), CHOICE(codecs) },
+    { KEY("rtsp", "user", TEXT, rtsp.user, "", LIVE, "asked for with a password") },
+    { KEY("rtsp", "password_file", TEXT, rtsp.password_file, "", LIVE, "holds the password in its first line"),
       KIND(FILE) },
-    { KEY("rtsp", "insecure", BOOL, rtsp.insecure, "false", DAEMON,
+    { KEY("rtsp", "insecure", BOOL, rtsp.insecure, "false", LIVE,
           "allow an address other than loopback without a password") },
 
     { KEY("storage", "dir", TEXT, storage.dir, "/var/lib/sst", DAEMON, "folder of recordings, snapshots and exports"),

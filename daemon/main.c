@@ -21,7 +21,6 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "config/sstd.h"
-#include "daemon/publish/rtsp.h"
 #include "daemon/service/service.h"
 
 /* What stays flat for months: a thread a client comes and goes, so there is no arena for each; and blocks from this
@@ -267,8 +266,6 @@ int main(int argc, char **argv)
     struct sst_config *config;
     int c, err, level = SST_LOG_WARNING;
 
-    if (argc > 1 && !strcmp(argv[1], SST_RTSP_PROCESS))
-        return sst_rtsp_process();
     while ((c = getopt_long(argc, argv, "hv", options, NULL)) != -1) {
         switch (c) {
         case 'c':

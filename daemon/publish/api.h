@@ -30,23 +30,26 @@ enum sst_api_picture {
  */
 struct sst_api {
     void *arg;
+    void *live; /* instead of arg where it says so */
     int (*status)(void *arg, struct sst_api_answer *out);
     int (*cameras)(void *arg, struct sst_api_answer *out);
-    int (*labels)(void *arg, struct sst_api_answer *out); /* classes, colours, what is present */
+    int (*labels)(void *live, struct sst_api_answer *out); /* classes, colours, what is present */
     int (*metrics)(void *arg, char **text);               /* Prometheus; to free with free() */
-    int (*views)(void *arg, struct sst_api_answer *out);
-    int (*view_create)(void *arg, const json_t *settings, struct sst_api_answer *out);
-    int (*view_change)(void *arg, const char *id, const json_t *settings, struct sst_api_answer *out);
-    int (*pick)(void *arg, const char *id, double x, double y, struct sst_api_answer *out); /* px of the picture */
+    int (*views)(void *live, struct sst_api_answer *out);
+    int (*view_create)(void *live, const json_t *settings, struct sst_api_answer *out);
+    int (*view_change)(void *live, const char *id, const json_t *settings, struct sst_api_answer *out);
+    int (*pick)(void *live, const char *id, double x, double y, struct sst_api_answer *out); /* px of the picture */
     int (*reload)(void *arg, bool dry_run, struct sst_api_answer *out);
     int (*record)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*snapshot)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*recordings)(void *arg, struct sst_api_answer *out);
     int (*export_)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*delete_)(void *arg, const json_t *request, struct sst_api_answer *out);
-    int (*calibration_check)(void *arg, struct sst_api_answer *out);
+    /** A report of sst-rtsp or sst-mqtt. */
+    int (*publisher)(void *arg, const json_t *request, struct sst_api_answer *out);
+    int (*calibration_check)(void *live, struct sst_api_answer *out);
     /** A moving picture; a reference to its outlet. @return 0, -ENOENT, -EOVERFLOW, -ENODATA */
-    int (*outlet)(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
+    int (*outlet)(void *live, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
     /** Something that is kept, by its name and what of it (.tar, .mkv ...): a socket that gives it as
      *  daemon/slot/download.h says, the caller's.
      *  @param type  out, MIME type, static @return 0, -ENOENT, -EBUSY (it is being written), -EMFILE (too many) */

@@ -117,6 +117,18 @@ static int listen_tcp(struct sst_http *http, bool quiet)
     return err;
 }
 
+/* @param err  errno; 0: it is bound */
+static void set_unbound(struct sst_http *http, int err)
+{
+    char why[SST_COUNTERS_PROBLEM] = "";
+
+    if (err)
+        snprintf(why, sizeof(why), "web.address %s, port %d: %s; tried again", http->address, http->cfg.port,
+                 strerror(err));
+    atomic_store(&http->away, err);
+    sst_counters_set_problem(http->count, SST_COUNTERS_HTTP, why);
+}
+
 /* The reaper's: where the address was not to be had. */
 static void listen_again(struct sst_http *http, int64_t now_ns)
 {
@@ -126,7 +138,7 @@ static void listen_again(struct sst_http *http, int64_t now_ns)
         return;
     http->again_ns = now_ns + AGAIN_S * 1000000000LL;
     err = listen_tcp(http, true);
-    atomic_store(&http->away, -err); /* it may be away for another reason by now */
+    set_unbound(http, -err); /* the reason may be another one by now */
     if (!err)
         sst_log_info("web: listens on %s, port %d now", http->address, sst_http_port(http));
 }
@@ -146,7 +158,7 @@ static int open_tcp(struct sst_http *http)
     err = listen_tcp(http, false);
     if ((err != -EADDRINUSE && err != -EADDRNOTAVAIL) || !http->local.daemon)
         return err;
-    atomic_store(&http->away, -err);
+    set_unbound(http, -err);
     sst_log_warning("web: tried again every %d s; all else goes on without its page", AGAIN_S);
     return 0;
 }
@@ -205,12 +217,13 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
     struct sst_http *http;
     int err;
 
-    if (!cfg->api || cfg->clients < 1 || cfg->streams < 0)
+    if (!cfg->api || !cfg->counters || cfg->clients < 1 || cfg->streams < 0)
         return -EINVAL;
     http = calloc(1, sizeof(*http));
     if (!http)
         return -ENOMEM;
     http->cfg = *cfg;
+    http->count = cfg->counters;
     http->tcp = (struct http_side){ .http = http };
     http->local = (struct http_side){ .http = http, .local = true };
     copy(http->host, sizeof(http->host), cfg->host);
@@ -222,7 +235,7 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
         return err;
     }
     pthread_mutex_init(&http->lock, NULL);
-    sst_http_tls_init(&http->pairs);
+    sst_http_tls_init(&http->pairs, http->count);
     sst_cond_init(&http->wake);
     err = start(http);
     if (err) {
@@ -241,29 +254,6 @@ int sst_http_port(const struct sst_http *http)
 void sst_http_cookie(const struct sst_http *http, char out[HTTP_COOKIE])
 {
     snprintf(out, HTTP_COOKIE, "sst_%d", sst_http_port(http));
-}
-
-bool sst_http_away(const struct sst_http *http, char *why, size_t room)
-{
-    const int err = atomic_load(&http->away);
-
-    if (err)
-        snprintf(why, room, "web.address %s, port %d: %s", http->address, http->cfg.port, strerror(err));
-    return err != 0;
-}
-
-void sst_http_counters(struct sst_http *http, struct sst_http_counters *out)
-{
-    *out = (struct sst_http_counters){
-        .requests = atomic_load(&http->requests),
-        .refused = atomic_load(&http->refused),
-        .bytes = atomic_load(&http->bytes),
-        .skipped = atomic_load(&http->skipped),
-        .slow = atomic_load(&http->slow),
-        .clients = atomic_load(&http->tcp.clients) + atomic_load(&http->local.clients),
-        .streams = atomic_load(&http->streams),
-        .listeners = atomic_load(&http->listeners),
-    };
 }
 
 void sst_http_stop(struct sst_http *http)
@@ -313,20 +303,6 @@ int sst_http_port(const struct sst_http *http)
 {
     (void)http;
     return 0;
-}
-
-bool sst_http_away(const struct sst_http *http, char *why, size_t room)
-{
-    (void)http;
-    (void)why;
-    (void)room;
-    return false;
-}
-
-void sst_http_counters(struct sst_http *http, struct sst_http_counters *out)
-{
-    (void)http;
-    *out = (struct sst_http_counters){ 0 };
 }
 
 void sst_http_stop(struct sst_http *http)

@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 
+#include "daemon/counters/counters.h"
 #include "daemon/publish/api.h"
 
 enum sst_role {
@@ -32,33 +33,20 @@ struct sst_http_config {
     int clients, streams;                  /* limits */
     double stream_hz;                      /* pictures per second for each stream at most; 0: as they come */
     const struct sst_api *api;             /* must stay */
-};
-
-/** Since open. */
-struct sst_http_counters {
-    uint64_t requests, refused; /* refused: wrong or no token, role, host, method, too large, too many */
-    uint64_t bytes;
-    uint64_t skipped;                /* pictures that slow viewers did not get */
-    uint64_t slow;                   /* downloads that ended because others had to wait for their slow readers */
-    int clients, streams, listeners; /* now; listeners: of the event stream */
+    struct sst_counters *counters;         /* likewise */
 };
 
 /**
  * Serve from now on, on threads of its own.
  * @return 0, -EADDRINUSE (socket in use: by whom if that can be told), -EACCES, -EINVAL (an open address without TLS or
  * `insecure`; a bad address), -ENOENT (certificate), -ENOMEM; logged with the remedy. A TCP address that is in use or
- * not there yet is waited for, where there is a UNIX socket: see sst_http_away(); without one it is -EADDRINUSE or
- * -EADDRNOTAVAIL.
+ * not there yet is waited for, where there is a UNIX socket, and is a problem in the counters; without one it is
+ * -EADDRINUSE or -EADDRNOTAVAIL.
  */
 SST_MUST_CHECK int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg);
 
 /** The port listened on; 0: none. */
 int sst_http_port(const struct sst_http *http);
-
-/** Is the TCP address still waited for? @param why  out, a phrase; as it was if not */
-bool sst_http_away(const struct sst_http *http, char *why, size_t room);
-
-void sst_http_counters(struct sst_http *http, struct sst_http_counters *out);
 
 /** Of HTTPS, as it stands in the certificate; seconds since 1970. */
 struct sst_http_certificate {

@@ -132,7 +132,7 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
         response = MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
         if (!response)
             return MHD_NO;
-        atomic_fetch_add(&q->http->refused, 1);
+        atomic_fetch_add(&q->http->count->refused, 1);
         sst_http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form says so */
         return sst_http_reply(q, MHD_HTTP_SEE_OTHER, response);
     }

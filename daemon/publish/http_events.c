@@ -120,7 +120,7 @@ static ssize_t listener_read(void *arg, uint64_t pos, char *buf, size_t max)
         l->text = NULL;
         l->at = 0;
     }
-    atomic_fetch_add(&l->http->bytes, n);
+    atomic_fetch_add(&l->http->count->bytes, n);
     return (ssize_t)n;
 }
 
@@ -129,7 +129,7 @@ static void listener_free(void *arg)
     struct listener *l = arg;
 
     free(l->text);
-    atomic_fetch_sub(&l->http->listeners, 1);
+    atomic_fetch_sub(&l->http->count->listeners, 1);
     free(l);
 }
 
@@ -168,7 +168,7 @@ int sst_http_do_listen(struct http_request *q)
     l->after = after;
     l->fd = q->fd;
     l->sse = !accept || !strstr(accept, "application/x-ndjson");
-    atomic_fetch_add(&q->http->listeners, 1);
+    atomic_fetch_add(&q->http->count->listeners, 1);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, listener_read, l, listener_free);
     if (!response) {
         listener_free(l);

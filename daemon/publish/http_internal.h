@@ -143,7 +143,8 @@ struct http_stamp { /* of a file; zeros: there is none */
 struct http_pair; /* counted; what a connection was given stays as long as it lives */
 
 struct http_tls {
-    pthread_mutex_t reading; /* held while files are read; then lock */
+    struct sst_counters *count; /* fixed after init */
+    pthread_mutex_t reading;    /* held while files are read; then lock */
     /* under reading */
     char path[2][SST_PATH_MAX];  /* certificate, key */
     struct http_stamp stamp[2];  /* when they were read */
@@ -155,7 +156,7 @@ struct http_tls {
     struct http_pair *pair; /* of new connections; NULL: no TLS. Changes under both */
 };
 
-void sst_http_tls_init(struct http_tls *t);
+void sst_http_tls_init(struct http_tls *t, struct sst_counters *count);
 void sst_http_tls_fini(struct http_tls *t);
 
 /** Read the first pair. @return 0, -ENOTSUP, -EINVAL and what sst_file_read() returns; logged */
@@ -212,6 +213,7 @@ struct http_link { /* one connection; under sst_http.lock, deadline_ns by its ow
 struct sst_http {
     /* fixed after open */
     struct sst_http_config cfg; /* numbers and api; its texts end with open */
+    struct sst_counters *count;
     char host[256], address[64], token_file[512];
     bool tls;
     struct http_unix unix_socket;
@@ -230,8 +232,7 @@ struct sst_http {
     int64_t again_ns; /* the reaper's alone: when the address is tried again */
     /* atomic */
     SST_ATOMIC(bool) stopping;
-    SST_ATOMIC(uint64_t) requests, refused, bytes, skipped, slow;
-    SST_ATOMIC(int) streams, listeners, port;
+    SST_ATOMIC(int) port;
     SST_ATOMIC(int) away; /* errno of the address that is not to be had yet; 0: it is */
 };
 

@@ -136,7 +136,7 @@ static bool look_locked(struct sst_http *http, const struct http_reader *r, bool
     if (slow) {
         slow->reader.dropped = true;
         shutdown(slow->fd, SHUT_RDWR); /* its thread wakes and gives the place back */
-        atomic_fetch_add(&http->slow, 1);
+        atomic_fetch_add(&http->count->slow, 1);
         *dropped = true;
     }
     return false;

@@ -45,6 +45,7 @@ void sst_http_on_link(void *cls, struct MHD_Connection *connection, void **state
         if (!l)
             return; /* its requests are refused */
         atomic_fetch_add(&side->clients, 1);
+        atomic_fetch_add(&side->http->count->clients, 1);
         l->pair = sst_http_tls_begin(&http->pairs, connection);
         l->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
         l->deadline_ns = sst_clock_now_ns() + HTTP_REQUEST_S * SECOND_NS;
@@ -62,6 +63,7 @@ void sst_http_on_link(void *cls, struct MHD_Connection *connection, void **state
             l->next->prev = l->prev;
         pthread_mutex_unlock(&http->lock);
         atomic_fetch_sub(&side->clients, 1);
+        atomic_fetch_sub(&side->http->count->clients, 1);
         sst_http_tls_end(&http->pairs, l->pair);
         free(l);
         *state = NULL;
@@ -82,7 +84,7 @@ static struct http_request *new_request(struct http_side *side, struct MHD_Conne
     q->link = link;
     q->fd = link->fd;
     sst_http_name_peer(q);
-    atomic_fetch_add(&side->http->requests, 1);
+    atomic_fetch_add(&side->http->count->requests, 1);
     return q;
 }
 

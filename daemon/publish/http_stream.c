@@ -47,7 +47,7 @@ static const struct sst_jpeg *count_skipped(struct stream *s)
     const struct sst_jpeg *newest = sst_outlet_get(s->outlet, s->number);
 
     if (newest && s->number)
-        atomic_fetch_add(&s->http->skipped, newest->number - s->number - 1);
+        atomic_fetch_add(&s->http->count->skipped, newest->number - s->number - 1);
     return newest;
 }
 
@@ -131,7 +131,7 @@ static ssize_t stream_read(void *arg, uint64_t pos, char *buf, size_t max)
         sst_jpeg_unref(s->jpeg);
         s->jpeg = NULL;
     }
-    atomic_fetch_add(&s->http->bytes, n);
+    atomic_fetch_add(&s->http->count->bytes, n);
     return (ssize_t)n;
 }
 
@@ -143,7 +143,7 @@ static void stream_free(void *arg)
         sst_jpeg_unref(s->jpeg);
     sst_outlet_leave(s->outlet);
     sst_outlet_unref(s->outlet);
-    atomic_fetch_sub(&s->http->streams, 1);
+    atomic_fetch_sub(&s->http->count->streams, 1);
     free(s);
 }
 
@@ -152,7 +152,7 @@ static int find_outlet(struct http_request *q, enum sst_api_picture kind, const 
     static const char *const kinds[] = { "view", "camera", "labels", "disparity" };
     const struct sst_api *api = q->http->cfg.api;
     struct sst_api_answer answer = { 0 };
-    const int err = api->outlet(api->arg, kind, name, out);
+    const int err = api->outlet(api->live, kind, name, out);
 
     if (!err)
         return -1;
@@ -166,14 +166,16 @@ int sst_http_do_stream(struct http_request *q, enum sst_api_picture kind, const 
 {
     static const char type[] = "multipart/x-mixed-replace; boundary=" BOUNDARY;
     const int unsent = UNSENT_MAX;
+    /* The limits of web: are not for programs beside the service, such as sst-rtsp. */
+    const bool limited = !q->local || q->role < SST_ROLE_CONTROL;
     struct MHD_Response *response;
     struct sst_outlet *outlet;
     struct stream *s;
     int done;
 
-    if (atomic_fetch_add(&q->http->streams, 1) >= q->http->cfg.streams) {
-        atomic_fetch_sub(&q->http->streams, 1);
-        atomic_fetch_add(&q->http->refused, 1);
+    if (atomic_fetch_add(&q->http->count->streams, 1) >= q->http->cfg.streams && limited) {
+        atomic_fetch_sub(&q->http->count->streams, 1);
+        atomic_fetch_add(&q->http->count->refused, 1);
         return sst_http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
                                     "%d moving pictures are being watched already; close one, or raise web.streams",
                                     q->http->cfg.streams);
@@ -181,7 +183,7 @@ int sst_http_do_stream(struct http_request *q, enum sst_api_picture kind, const 
     done = find_outlet(q, kind, name, &outlet);
     s = done < 0 ? calloc(1, sizeof(*s)) : NULL;
     if (!s) {
-        atomic_fetch_sub(&q->http->streams, 1);
+        atomic_fetch_sub(&q->http->count->streams, 1);
         if (done < 0)
             sst_outlet_unref(outlet);
         return done < 0 ? MHD_NO : done;
@@ -189,7 +191,7 @@ int sst_http_do_stream(struct http_request *q, enum sst_api_picture kind, const 
     s->http = q->http;
     s->outlet = outlet;
     s->fd = q->fd;
-    s->period_ns = q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
+    s->period_ns = limited && q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
     sst_outlet_join(outlet);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, stream_read, s, stream_free);
     if (!response) {
@@ -258,7 +260,7 @@ int sst_http_do_snapshot(struct http_request *q, enum sst_api_picture kind, cons
     sst_outlet_unref(outlet);
     if (!jpeg)
         return sst_http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE, "there is no picture yet; try again in a moment");
-    atomic_fetch_add(&q->http->bytes, jpeg->bytes);
+    atomic_fetch_add(&q->http->count->bytes, jpeg->bytes);
     set = jpeg->set;
     wall_ns = jpeg->wall_ns;
     response = MHD_create_response_from_buffer_with_free_callback_cls(jpeg->bytes, (void *)jpeg->data, jpeg_free,

@@ -229,6 +229,7 @@ static int renew(struct http_tls *t, const char *certificate, const char *key, b
     }
     pthread_mutex_lock(&t->lock);
     t->pair = fresh;
+    atomic_store(&t->count->certificate_until_s, fresh->until_s);
     unref_locked(old);
     pthread_mutex_unlock(&t->lock);
     return 1;
@@ -268,8 +269,9 @@ void *sst_http_tls_pem(const struct http_pair *p, bool key)
     return p ? p->pem[key] : NULL;
 }
 
-void sst_http_tls_init(struct http_tls *t)
+void sst_http_tls_init(struct http_tls *t, struct sst_counters *count)
 {
+    t->count = count;
     pthread_mutex_init(&t->reading, NULL);
     pthread_mutex_init(&t->lock, NULL);
 }

@@ -96,7 +96,7 @@ int sst_http_do_web(struct http_request *q, const char *file, bool redirect)
              : MHD_create_response_from_buffer((size_t)(f->end - f->data), (void *)f->data, MHD_RESPMEM_PERSISTENT);
     if (!response)
         return MHD_NO;
-    atomic_fetch_add(&q->http->bytes, same ? 0 : (uint64_t)(f->end - f->data));
+    atomic_fetch_add(&q->http->count->bytes, same ? 0 : (uint64_t)(f->end - f->data));
     sst_http_set(response, "Content-Type", "%s", type_of(file));
     sst_http_set(response, "ETag", "%s", etag);
     sst_http_set(response, "Cache-Control", "no-cache"); /* kept, but asked for each time */
@@ -174,7 +174,7 @@ int sst_http_do_login(struct http_request *q)
             snprintf(sentence, sizeof(sentence), "Too many wrong tokens; try again in %d seconds.", retry_s);
         else
             snprintf(sentence, sizeof(sentence), "That is not the token.");
-        atomic_fetch_add(&q->http->refused, 1);
+        atomic_fetch_add(&q->http->count->refused, 1);
         return sst_http_reply_login(q, status, sentence);
     }
     response = empty();

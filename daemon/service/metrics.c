@@ -134,27 +134,26 @@ static void write_storage(FILE *f, struct sst_service *s)
 
 static void write_process(FILE *f, struct sst_service *s)
 {
-    struct sst_http_certificate certificate;
-    struct sst_http_counters h;
+    const struct sst_counters *c = &s->counters;
     uint64_t rss_bytes, events[3];
     unsigned restarts;
     double days;
     int descriptors;
-    const int rtsp = sst_service_clients(s, &h, &restarts);
+    const int rtsp = sst_counters_clients(&s->counters, SST_COUNTERS_RTSP, &restarts);
 
     sst_service_process(&rss_bytes, &descriptors);
     sst_events_counts(s->events, events);
-    metric(f, "http_clients", "gauge", "Connections.", h.clients);
-    metric(f, "http_streams", "gauge", "Moving pictures that are watched over HTTP.", h.streams);
-    metric(f, "http_requests_total", "counter", "Requests.", (double)h.requests);
-    metric(f, "http_refused_total", "counter", "Requests that were refused.", (double)h.refused);
-    metric(f, "http_sent_bytes_total", "counter", "Bytes sent.", (double)h.bytes);
+    metric(f, "http_clients", "gauge", "Connections.", c->clients);
+    metric(f, "http_streams", "gauge", "Moving pictures that are watched over HTTP.", c->streams);
+    metric(f, "http_requests_total", "counter", "Requests.", (double)c->requests);
+    metric(f, "http_refused_total", "counter", "Requests that were refused.", (double)c->refused);
+    metric(f, "http_sent_bytes_total", "counter", "Bytes sent.", (double)c->bytes);
     metric(f, "http_slow_downloads_total", "counter", "Downloads that ended for others, their readers being slow.",
-           (double)h.slow);
-    metric(f, "http_pictures_skipped_total", "counter", "Pictures that slow viewers did not get.", (double)h.skipped);
+           (double)c->slow);
+    metric(f, "http_pictures_skipped_total", "counter", "Pictures that slow viewers did not get.", (double)c->skipped);
     metric(f, "rtsp_clients", "gauge", "Clients that watch over RTSP.", rtsp);
-    metric(f, "rtsp_restarts_total", "counter", "Times that the process that serves RTSP ended or hung.", restarts);
-    if (sst_service_certificate(s, &certificate, &days))
+    metric(f, "rtsp_restarts_total", "counter", "Times that sst-rtsp was started again.", restarts);
+    if (sst_service_certificate(s, &days))
         metric(f, "certificate_days", "gauge", "Days that are left of the certificate of HTTPS.", days);
     head(f, "events_total", "counter", "Events by level.");
     fprintf(f, "sst_events_total{level=\"info\"} %llu\n", (unsigned long long)events[0]);

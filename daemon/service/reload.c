@@ -47,8 +47,6 @@ static int apply(struct sst_service *s, struct sst_config *to, const struct sst_
     sst_viewer_configure(s->viewer, to, c->picture);
     sst_service_record_view(s);
     sst_hooks_configure(s->hooks, to->hook, to->hooks);
-    if (sst_mqtt_configure(s->mqtt, to))
-        sst_log_warning("MQTT keeps its settings");
     if (c->cameras)
         sst_array_configure(s->array, &to->array);
     pthread_mutex_unlock(&s->parts);
@@ -119,8 +117,9 @@ static int change(struct sst_service *s, struct sst_config *to, const struct sst
     return err;
 }
 
-int sst_service_apply(struct sst_service *s, bool dry_run, struct sst_api_answer *out)
+int sst_service_apply(void *arg, bool dry_run, struct sst_api_answer *out)
 {
+    struct sst_service *s = arg;
     struct sst_config *to = calloc(1, sizeof(*to)), *from = calloc(1, sizeof(*from));
     char why[440] = "";
     int err = to && from ? 0 : -ENOMEM;

@@ -4,10 +4,9 @@
 
 #include <pthread.h>
 
+#include "daemon/counters/counters.h"
 #include "daemon/publish/hooks.h"
 #include "daemon/publish/http.h"
-#include "daemon/publish/mqtt.h"
-#include "daemon/publish/rtsp.h"
 #include "daemon/service/service.h"
 #include "daemon/service/viewer.h"
 
@@ -21,10 +20,9 @@ struct sst_service {
     struct sst_storage *storage;
     struct sst_array *array;
     struct sst_viewer *viewer;
-    struct sst_http *http; /* these two are set under lock: what they serve is asked for before they are open */
-    struct sst_rtsp *rtsp;
+    struct sst_http *http; /* set under lock: its clients send requests before it is open */
     struct sst_hooks *hooks;
-    struct sst_mqtt *mqtt;
+    struct sst_counters counters;
     /* main thread */
     unsigned generation;    /* of the layout that storage knows */
     int64_t wall_offset_ns; /* wall less monotonic */
@@ -40,6 +38,7 @@ struct sst_service {
     enum sst_service_phase phase;
     char reason[512];
     double cpu_percent; /* of the process, over the last seconds */
+    int64_t refused_ns; /* when a wrong password was last reported */
 };
 
 /* api.c */
@@ -49,18 +48,15 @@ void sst_service_api(struct sst_service *s);
 int sst_service_status(void *arg, struct sst_api_answer *out);
 int sst_service_cameras(void *arg, struct sst_api_answer *out);
 
-/** Who is served. @param http  out, zeros without it @param restarts  out, of the process that serves RTSP
- *  @return clients of RTSP */
-int sst_service_clients(struct sst_service *s, struct sst_http_counters *http, unsigned *restarts);
-
-/** The certificate of HTTPS. @param days  out, left of it; negative: it has ended @return false: there is none */
-bool sst_service_certificate(struct sst_service *s, struct sst_http_certificate *out, double *days);
+/** The certificate of HTTPS. @param days  out, left of it; negative: it has ended
+ *  @return its end, seconds since 1970; 0: there is none */
+int64_t sst_service_certificate(const struct sst_service *s, double *days);
 
 /* metrics.c */
 int sst_service_metrics(void *arg, char **text);
 
 /* reload.c */
-int sst_service_apply(struct sst_service *s, bool dry_run, struct sst_api_answer *out);
+int sst_service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
 
 /** Resident memory and open descriptors of this process. */
 void sst_service_process(uint64_t *rss_bytes, int *descriptors);

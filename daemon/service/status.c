@@ -2,6 +2,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -124,56 +125,37 @@ void sst_service_process(uint64_t *rss_bytes, int *descriptors)
         closedir(dir);
 }
 
-/* Under the lock: the servers go when the service stops, and those who ask, MQTT among them, after them. */
-int sst_service_clients(struct sst_service *s, struct sst_http_counters *http, unsigned *restarts)
+int64_t sst_service_certificate(const struct sst_service *s, double *days)
 {
-    int clients;
+    const int64_t until_s = atomic_load(&s->counters.certificate_until_s);
 
-    *http = (struct sst_http_counters){ 0 };
-    pthread_mutex_lock(&s->lock);
-    if (s->http)
-        sst_http_counters(s->http, http);
-    *restarts = s->rtsp ? sst_rtsp_restarts(s->rtsp) : 0;
-    clients = s->rtsp ? sst_rtsp_clients(s->rtsp) : 0;
-    pthread_mutex_unlock(&s->lock);
-    return clients;
+    *days = (double)(until_s - sst_clock_wall_ns() / 1000000000) / 86400;
+    return until_s;
 }
 
-bool sst_service_certificate(struct sst_service *s, struct sst_http_certificate *out, double *days)
+static json_t *certificate_json(const struct sst_service *s)
 {
-    bool any;
-
-    pthread_mutex_lock(&s->lock);
-    any = s->http && sst_http_certificate(s->http, out);
-    pthread_mutex_unlock(&s->lock);
-    if (!any)
-        return false;
-    *days = (double)(out->until_s - sst_clock_wall_ns() / 1000000000) / 86400;
-    return true;
-}
-
-static json_t *certificate_json(struct sst_service *s)
-{
-    struct sst_http_certificate c;
     char text[SST_CLOCK_TEXT];
     double days;
+    const int64_t until_s = sst_service_certificate(s, &days);
 
-    if (!sst_service_certificate(s, &c, &days))
+    if (!until_s)
         return json_null();
-    sst_clock_text(text, c.until_s * 1000000000);
+    sst_clock_text(text, until_s * 1000000000);
     return json_pack("{s:s, s:f}", "until", text, "days", days);
 }
 
 static json_t *clients_json(struct sst_service *s)
 {
-    struct sst_http_counters h;
+    struct sst_counters *c = &s->counters;
     unsigned restarts;
-    const int rtsp = sst_service_clients(s, &h, &restarts);
+    const int rtsp = sst_counters_clients(c, SST_COUNTERS_RTSP, &restarts);
 
-    return json_pack("{s:i, s:i, s:i, s:i, s:I, s:I, s:I, s:I, s:I}", "http", h.clients, "streams", h.streams,
-                     "listeners", h.listeners, "rtsp", rtsp, "rtsp_restarts", (json_int_t)restarts, "requests",
-                     (json_int_t)h.requests, "refused", (json_int_t)h.refused, "skipped_pictures",
-                     (json_int_t)h.skipped, "slow_downloads", (json_int_t)h.slow);
+    return json_pack("{s:i, s:i, s:i, s:i, s:I, s:I, s:I, s:I, s:I}", "http", atomic_load(&c->clients), "streams",
+                     atomic_load(&c->streams), "listeners", atomic_load(&c->listeners), "rtsp", rtsp, "rtsp_restarts",
+                     (json_int_t)restarts, "requests", (json_int_t)atomic_load(&c->requests), "refused",
+                     (json_int_t)atomic_load(&c->refused), "skipped_pictures", (json_int_t)atomic_load(&c->skipped),
+                     "slow_downloads", (json_int_t)atomic_load(&c->slow));
 }
 
 static json_t *process_json(double cpu_percent)

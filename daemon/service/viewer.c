@@ -477,8 +477,9 @@ void sst_viewer_state(struct sst_viewer *v, struct sst_viewer_state *out)
     out->cpu_percent = (double)cpu_ns / 1e8;
 }
 
-int sst_viewer_labels(struct sst_viewer *v, struct sst_api_answer *out)
+int sst_viewer_labels(void *viewer, struct sst_api_answer *out)
 {
+    struct sst_viewer *v = viewer;
     const uint8_t(*palette)[3] = sst_classes_palette();
     json_t *list = json_array();
 

@@ -57,14 +57,14 @@ void sst_viewer_configure(struct sst_viewer *v, const struct sst_config *config,
 
 void sst_viewer_state(struct sst_viewer *v, struct sst_viewer_state *out);
 
-/* Verbs of struct sst_api, by the same names. */
-int sst_viewer_labels(struct sst_viewer *v, struct sst_api_answer *out);
-int sst_viewer_views(struct sst_viewer *v, struct sst_api_answer *out);
-int sst_viewer_view_create(struct sst_viewer *v, const json_t *settings, struct sst_api_answer *out);
-int sst_viewer_view_change(struct sst_viewer *v, const char *id, const json_t *settings, struct sst_api_answer *out);
-int sst_viewer_pick(struct sst_viewer *v, const char *id, double x, double y, struct sst_api_answer *out);
-int sst_viewer_calibration_check(struct sst_viewer *v, struct sst_api_answer *out);
-int sst_viewer_outlet(struct sst_viewer *v, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
+/* Verbs of struct sst_api, by the same names; `viewer` is a struct sst_viewer. */
+int sst_viewer_labels(void *viewer, struct sst_api_answer *out);
+int sst_viewer_views(void *viewer, struct sst_api_answer *out);
+int sst_viewer_view_create(void *viewer, const json_t *settings, struct sst_api_answer *out);
+int sst_viewer_view_change(void *viewer, const char *id, const json_t *settings, struct sst_api_answer *out);
+int sst_viewer_pick(void *viewer, const char *id, double x, double y, struct sst_api_answer *out);
+int sst_viewer_calibration_check(void *viewer, struct sst_api_answer *out);
+int sst_viewer_outlet(void *viewer, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
 
 /** Ask the threads to end, their work to return early and viewers to leave. */
 void sst_viewer_stop(struct sst_viewer *v);

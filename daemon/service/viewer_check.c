@@ -116,8 +116,9 @@ void sst_viewer_check_by_time(struct sst_viewer *v)
     start(v);
 }
 
-int sst_viewer_calibration_check(struct sst_viewer *v, struct sst_api_answer *out)
+int sst_viewer_calibration_check(void *viewer, struct sst_api_answer *out)
 {
+    struct sst_viewer *v = viewer;
     bool ready;
 
     pthread_mutex_lock(&v->lock);

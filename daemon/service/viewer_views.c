@@ -84,8 +84,9 @@ static json_t *view_json_locked(const struct view *e)
     return o;
 }
 
-int sst_viewer_views(struct sst_viewer *v, struct sst_api_answer *out)
+int sst_viewer_views(void *viewer, struct sst_api_answer *out)
 {
+    struct sst_viewer *v = viewer;
     json_t *list = json_array();
 
     pthread_mutex_lock(&v->lock);
@@ -106,8 +107,9 @@ static int check_label_locked(struct sst_viewer *v, const struct sst_view_settin
     return -EINVAL;
 }
 
-int sst_viewer_view_create(struct sst_viewer *v, const json_t *settings, struct sst_api_answer *out)
+int sst_viewer_view_create(void *viewer, const json_t *settings, struct sst_api_answer *out)
 {
+    struct sst_viewer *v = viewer;
     struct sst_view_settings s;
     struct view *e;
     char id[16];
@@ -132,8 +134,9 @@ int sst_viewer_view_create(struct sst_viewer *v, const json_t *settings, struct 
     return err ? err : out->body ? 0 : -ENOMEM;
 }
 
-int sst_viewer_view_change(struct sst_viewer *v, const char *id, const json_t *settings, struct sst_api_answer *out)
+int sst_viewer_view_change(void *viewer, const char *id, const json_t *settings, struct sst_api_answer *out)
 {
+    struct sst_viewer *v = viewer;
     struct sst_view_settings s;
     struct view *e;
     int err = -ENOENT;
@@ -424,8 +427,9 @@ static int camera_outlet_locked(struct sst_viewer *v, const char *name, struct s
     return err;
 }
 
-int sst_viewer_outlet(struct sst_viewer *v, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+int sst_viewer_outlet(void *viewer, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
 {
+    struct sst_viewer *v = viewer;
     int err;
 
     pthread_mutex_lock(&v->lock);
@@ -505,8 +509,9 @@ static int answer_pick_locked(struct sst_viewer *v, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-int sst_viewer_pick(struct sst_viewer *v, const char *id, double x, double y, struct sst_api_answer *out)
+int sst_viewer_pick(void *viewer, const char *id, double x, double y, struct sst_api_answer *out)
 {
+    struct sst_viewer *v = viewer;
     const int64_t end_ns = end_of_wait();
     int err;
 
