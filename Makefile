@@ -118,7 +118,7 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
 # Where plugins of GStreamer are: they are loaded one by one.
-$(BUILD)/obj/publishers/rtsp/%.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES_rtsp))) \
+$(BUILD)/obj/publishers/rtsp/%.o $(BUILD)/obj/tests/unit/rtsp_jpeg.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES_rtsp))) \
     -DSST_GST_PLUGINS='"$(shell pkg-config --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
 $(BUILD)/obj/%.o: %.cc $(BUILD)/flags
 	@mkdir -p $(@D)
@@ -162,7 +162,9 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
 
+ifeq (1,$(WITH_RTSP))
 $(BUILD)/tests/unit/rtsp_jpeg: $(BUILD)/obj/publishers/rtsp/jpeg.o
+endif
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o

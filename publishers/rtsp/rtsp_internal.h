@@ -9,7 +9,6 @@
 
 #include "config/sstd.h"
 #include "daemon/slot/jpeg_slot.h"
-#include "publishers/rtsp/jpeg.h"
 
 #define RTSP_SLICE_MS 50  /* longest wait in one piece: how fast a stop is noticed */
 #define RTSP_NAME_MAX 63  /* characters of the name of a view or camera */
@@ -94,5 +93,10 @@ GstRTSPStatusCode rtsp_mount(struct rtsp_server *server, const char *path);
 void rtsp_feed_refresh(GstRTSPMedia *media);
 /** True once the picture of this media has ended. */
 bool rtsp_feed_is_over(GstRTSPMedia *media);
+
+/* --- jpeg.c ------------------------------------------------------------------------------------------------------- */
+
+/** Does this JPEG fit RFC 2435? @param why  out, a phrase if it does not */
+bool rtsp_jpeg_fits(const uint8_t *data, size_t bytes, char *why, size_t room);
 
 #endif
