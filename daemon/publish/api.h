@@ -5,8 +5,8 @@
 #include <jansson.h>
 
 #include "daemon/events/events.h"
-#include "daemon/slot/jpeg_slot.h"
 #include "daemon/slot/download.h"
+#include "daemon/slot/jpeg_slot.h"
 
 /** Answer to a request: an object that is the caller's (never NULL at 0), or an error with one sentence. */
 struct sst_api_answer {
@@ -34,7 +34,7 @@ struct sst_api {
     int (*status)(void *arg, struct sst_api_answer *out);
     int (*cameras)(void *arg, struct sst_api_answer *out);
     int (*labels)(void *live, struct sst_api_answer *out); /* classes, colours, what is present */
-    int (*metrics)(void *arg, char **text);               /* Prometheus; to free with free() */
+    int (*metrics)(void *arg, char **text);                /* Prometheus; to free with free() */
     int (*views)(void *live, struct sst_api_answer *out);
     int (*view_create)(void *live, const json_t *settings, struct sst_api_answer *out);
     int (*view_change)(void *live, const char *id, const json_t *settings, struct sst_api_answer *out);

@@ -8,7 +8,7 @@
 #include <time.h>
 
 #include "base/clock.h"
-#include "daemon/service/service_parts.h"
+#include "daemon/service/service_internal.h"
 
 #define REFUSED_NS INT64_C(60000000000) /* between events about wrong passwords */
 
@@ -85,7 +85,7 @@ static int snapshot(void *arg, const json_t *request, struct sst_api_answer *out
 
     if (err)
         return err;
-    if (!id || sst_viewer_outlet(s->viewer, SST_PICTURE_VIEW, id, &from)) {
+    if (!id || viewer_outlet(s->viewer, SST_PICTURE_VIEW, id, &from)) {
         snprintf(out->error, sizeof(out->error), "there is no view %.32s", id ? id : "of that kind");
         return -ENOENT;
     }
@@ -220,28 +220,28 @@ static int download(void *arg, const char *name, int *fd, const char **type)
     return sst_storage_download(((struct sst_service *)arg)->storage, name, fd, type);
 }
 
-void sst_service_api(struct sst_service *s)
+void service_api(struct sst_service *s)
 {
     s->api = (struct sst_api){
         .arg = s,
         .live = s->viewer,
-        .status = sst_service_status,
-        .cameras = sst_service_cameras,
-        .labels = sst_viewer_labels,
-        .metrics = sst_service_metrics,
-        .views = sst_viewer_views,
-        .view_create = sst_viewer_view_create,
-        .view_change = sst_viewer_view_change,
-        .pick = sst_viewer_pick,
-        .reload = sst_service_apply,
+        .status = service_status,
+        .cameras = service_cameras,
+        .labels = viewer_labels,
+        .metrics = service_metrics,
+        .views = viewer_views,
+        .view_create = viewer_view_create,
+        .view_change = viewer_view_change,
+        .pick = viewer_pick,
+        .reload = service_apply,
         .record = record,
         .snapshot = snapshot,
         .recordings = recordings,
         .export_ = export_moment,
         .delete_ = delete_kept,
         .publisher = publisher,
-        .calibration_check = sst_viewer_calibration_check,
-        .outlet = sst_viewer_outlet,
+        .calibration_check = viewer_calibration_check,
+        .outlet = viewer_outlet,
         .download = download,
         .events = s->events,
     };

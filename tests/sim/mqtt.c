@@ -22,7 +22,7 @@
 #include "tests/quick.h"
 
 #define BROKER   "/usr/sbin/mosquitto"
-#define PATIENCE 6000 /* looks, 10 ms apart, for what comes sooner or later */
+#define PATIENCE 6000  /* looks, 10 ms apart, for what comes sooner or later */
 #define CLOSE_MS 60000 /* for an end that comes in any case; where it must be quick, that is measured */
 
 extern char **environ;
