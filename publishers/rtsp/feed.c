@@ -36,7 +36,7 @@ struct rtsp_factory {
     struct rtsp_server *rtsp;
     enum rtsp_kind kind;
     char name[RTSP_NAME_MAX + 1], path[RTSP_NAME_MAX + 16];
-    atomic_uint ended; /* pipelines that were there before: who comes while one stops gets a new one */
+    atomic_uint ended; /* counts pipelines that stop: a client that comes meanwhile gets a new one */
 };
 
 struct rtsp_factory_class {
@@ -47,6 +47,7 @@ struct rtsp_factory_class {
 struct feed {
     enum sst_rtsp_codec codec;
     struct rtsp_picture *picture;
+    struct rtsp_factory *factory; /* a reference */
     char path[RTSP_NAME_MAX + 16];
     atomic_bool joined, over, refresh;
     /* the source's thread alone */
@@ -70,6 +71,7 @@ static void feed_free(gpointer arg)
 
     feed_leave(f);
     rtsp_picture_unref(f->picture);
+    g_object_unref(f->factory);
     free(f);
 }
 
@@ -168,6 +170,7 @@ static void need_data(GstAppSrc *src, guint length, gpointer arg)
     while (GST_STATE_TARGET(src) == GST_STATE_PLAYING) {
         if (sst_outlet_is_shut(f->picture->slot)) {
             atomic_store(&f->over, true);
+            atomic_fetch_add(&f->factory->ended, 1);
             gst_app_src_end_of_stream(src);
             return;
         }
@@ -268,6 +271,7 @@ static struct feed *feed_create(struct rtsp_factory *at)
         free(f);
         return NULL;
     }
+    f->factory = g_object_ref(at);
     f->codec = at->rtsp->codec;
     f->pts = GST_CLOCK_TIME_NONE;
     snprintf(f->path, sizeof(f->path), "%s", at->path);
