@@ -33,11 +33,12 @@ static void log_library(void *cls, const char *fmt, va_list args)
     sst_log_debug("http: %s", said);
 }
 
+/* "%00" stays as it is: a NUL would end the path before the rest of it is checked. */
 static size_t unescape(void *cls, struct MHD_Connection *connection, char *text)
 {
     (void)cls;
     (void)connection;
-    return http_unescape(text);
+    return strstr(text, "%00") ? strlen(text) : MHD_http_unescape(text);
 }
 
 /* A library that did not start has closed its socket at most of its errors, but not at all of them. A number may be

@@ -95,6 +95,19 @@ bool http_is_picture(const struct sst_route *route)
     return route && (!strncmp(route->path, "/stream", 7) || !strncmp(route->path, "/snapshot", 9));
 }
 
+/* Any user name; a password that is no token is "". @param space  [HTTP_TOKEN_MAX + 1] */
+static const char *basic_password(struct http_request *q, char *space)
+{
+    char *password = NULL, *user = MHD_basic_auth_get_username_password(q->connection, &password);
+
+    space[0] = 0;
+    if (user && password && strlen(password) <= HTTP_TOKEN_MAX)
+        strcpy(space, password);
+    MHD_free(user);
+    MHD_free(password);
+    return space;
+}
+
 /* The token that a client gives, and the most that it allows when given in this way. */
 static const char *token_of(struct http_request *q, char *space, enum sst_role *most)
 {
@@ -107,7 +120,7 @@ static const char *token_of(struct http_request *q, char *space, enum sst_role *
         return text + 7 + strspn(text + 7, " ");
     if (text) {
         *most = SST_ROLE_VIEW;
-        return http_basic_password(text, space) ? space : "";
+        return basic_password(q, space);
     }
     text = page || http_is_picture(q->route) ? http_query(q, "token") : NULL;
     if (text) {

@@ -80,9 +80,6 @@ bool http_host_split(const char *text, char *host, int *port);
 /** Is an Origin ("http://host:port") where a request with this Host goes? */
 bool http_same_origin(const char *origin, const char *host);
 
-/** The password of "Basic base64(user:password)". @param out  [HTTP_TOKEN_MAX + 1] @return false: malformed */
-bool http_basic_password(const char *authorization, char *out);
-
 /** The field `token` of a form. @param out  [HTTP_TOKEN_MAX + 1] @return false: there is none or it is no token */
 bool http_form_token(const char *body, size_t size, char *out);
 
@@ -103,9 +100,6 @@ bool http_if_range(const char *if_range, const char *etag);
 
 /** Is `type` (without parameters) the media type of a Content-Type? */
 bool http_is_type(const char *content_type, const char *type);
-
-/** Decode %xx in place; %00 stays as it is written, so that it ends nothing. @return new length */
-size_t http_unescape(char *text);
 
 /** A whole decimal number. @param max  9 or more @return false: not one, or above max */
 bool http_number(const char *text, uint64_t max, uint64_t *out);
