@@ -1,4 +1,4 @@
-/* daemon/publish/api.h - what can be asked of the service and told to it, whoever asks: HTTP, RTSP, MQTT. */
+/* daemon/publish/api.h - the verbs of the service that HTTP serves. */
 #ifndef SST_DAEMON_PUBLISH_API_H
 #define SST_DAEMON_PUBLISH_API_H
 
@@ -23,14 +23,14 @@ enum sst_api_picture {
 };
 
 /**
- * The service. Every call returns within a second whatever else the service does, on any thread, and gives 0 or
+ * The service. Every call returns within a second whatever else the service does, on any thread, and returns 0 or
  * -EINVAL (a value; 400), -ENOENT (404), -EBUSY, -EAGAIN (409), -ENOSPC, -EROFS, -EIO (507, 500), -EOVERFLOW (too many
  * views; 429), -ENODATA (nothing captured yet; 503), -ENOTSUP (501), -ENOMEM. Objects that come from outside are
  * checked by the service: unknown members are refused by name.
  */
 struct sst_api {
     void *arg;
-    void *live; /* instead of arg where it says so */
+    void *live; /* first argument of the verbs whose parameter is `live` */
     int (*status)(void *arg, struct sst_api_answer *out);
     int (*cameras)(void *arg, struct sst_api_answer *out);
     int (*labels)(void *live, struct sst_api_answer *out); /* classes, colours, what is present */

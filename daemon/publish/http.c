@@ -1,7 +1,7 @@
 /* The server: sockets, threads, limits.
  *
- * Each connection has a thread, of which there are few (web.clients): a stream simply waits for its next picture, and
- * a call that takes its second holds up its own client alone. */
+ * Each connection has a thread; their number is limited (web.clients). A stream waits for its next picture, and a slow
+ * call delays its own client alone. */
 #include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
@@ -19,18 +19,18 @@
 #include "base/thread.h"
 
 #define AGAIN_S     5           /* between tries for an address that is not to be had yet */
-#define SPARE       4           /* connections more than there may be: to be told so */
+#define SPARE       4           /* connections above the limit, to be refused with an answer */
 #define POOL_BYTES  (32 * 1024) /* of a connection, for its headers both ways */
 #define STACK_BYTES (2 * 1024 * 1024)
 
-static _Thread_local char said[256]; /* by the library, last, on this thread */
+static _Thread_local char library_error[256]; /* of the library, the last one on this thread */
 
 static void log_library(void *cls, const char *fmt, va_list args)
 {
     (void)cls;
-    vsnprintf(said, sizeof(said), fmt, args);
-    said[strcspn(said, "\n")] = 0;
-    sst_log_debug("http: %s", said);
+    vsnprintf(library_error, sizeof(library_error), fmt, args);
+    library_error[strcspn(library_error, "\n")] = 0;
+    sst_log_debug("http: %s", library_error);
 }
 
 /* "%00" stays as it is: a NUL would end the path before the rest of it is checked. */
@@ -41,8 +41,8 @@ static size_t unescape(void *cls, struct MHD_Connection *connection, char *text)
     return strstr(text, "%00") ? strlen(text) : MHD_http_unescape(text);
 }
 
-/* A library that did not start has closed its socket at most of its errors, but not at all of them. A number may be
- * somebody else's by then. */
+/* A library that does not start closes its socket after most of its errors, but not after all of them. The number may
+ * have been reused by then. */
 static void close_if_left(int fd, const struct stat *was)
 {
     struct stat is;
@@ -51,7 +51,7 @@ static void close_if_left(int fd, const struct stat *was)
         close(fd);
 }
 
-/* Serve on a listening socket, which is taken over. */
+/* Serve on a listening socket, which it owns from then on. */
 static int serve(struct http_side *side, int fd, bool tls)
 {
     const unsigned flags = MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
@@ -66,8 +66,8 @@ static int serve(struct http_side *side, int fd, bool tls)
     struct stat socket = { 0 };
 
     (void)fstat(fd, &socket);
-    said[0] = 0;
-    /* The first option, so that all that follows is told to our log. */
+    library_error[0] = 0;
+    /* The first option, so that errors of the others reach our log. */
     side->daemon = MHD_start_daemon(
         flags, 0, NULL, NULL, http_on_request, side, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
         MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, side, MHD_OPTION_NOTIFY_CONNECTION,
@@ -85,7 +85,7 @@ static int serve(struct http_side *side, int fd, bool tls)
 static int open_local(struct sst_http *http)
 {
     const struct sst_http_config *cfg = &http->cfg;
-    /* Who may only look could not even connect with 0660; the kernel's word on each peer decides in either case. */
+    /* With 0660 members of view_group could not connect; the credentials of each peer decide in either case. */
     const mode_t mode = http->auth.view_group != (gid_t)-1 ? 0666 : 0660;
     int fd = cfg->socket_fd, err;
 
@@ -97,7 +97,7 @@ static int open_local(struct sst_http *http)
         return fd;
     err = serve(&http->local, fd, false);
     if (err)
-        sst_log_error("control socket: libmicrohttpd does not start: %s", said);
+        sst_log_error("control socket: libmicrohttpd does not start: %s", library_error);
     return err;
 }
 
@@ -113,7 +113,7 @@ static int listen_tcp(struct sst_http *http, bool quiet)
     if (err)
         atomic_store(&http->port, before);
     if (err && !quiet)
-        sst_log_error("web: libmicrohttpd does not start: %s", said);
+        sst_log_error("web: libmicrohttpd does not start: %s", library_error);
     return err;
 }
 
@@ -129,7 +129,7 @@ static void set_unbound(struct sst_http *http, int err)
     sst_counters_set_problem(http->count, SST_COUNTERS_HTTP, why);
 }
 
-/* The reaper's: where the address was not to be had. */
+/* Called by the reaper: bind the address that was not available. */
 static void listen_again(struct sst_http *http, int64_t now_ns)
 {
     int err;
@@ -159,11 +159,11 @@ static int open_tcp(struct sst_http *http)
     if ((err != -EADDRINUSE && err != -EADDRNOTAVAIL) || !http->local.daemon)
         return err;
     set_unbound(http, -err);
-    sst_log_warning("web: tried again every %d s; all else goes on without its page", AGAIN_S);
+    sst_log_warning("web: retrying every %d s; the rest of the service runs without its page", AGAIN_S);
     return 0;
 }
 
-/* Slow requests go: the library only notices silence. Files of a certificate that have changed are taken over. */
+/* Disconnects slow requests, as the library only notices silence; follows changed files of a certificate. */
 static void *reap(void *arg)
 {
     struct sst_http *http = arg;

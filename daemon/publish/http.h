@@ -8,20 +8,20 @@
 #include "daemon/publish/api.h"
 
 enum sst_role {
-    SST_ROLE_ANYONE = 0,  /* only what says nothing: /healthz, /login */
-    SST_ROLE_VIEW = 1,    /* looks */
+    SST_ROLE_ANYONE = 0,  /* only what reveals nothing: /healthz, /login */
+    SST_ROLE_VIEW = 1,    /* reads */
     SST_ROLE_CONTROL = 2, /* changes the service's state */
 };
 
 struct sst_http; /* opaque; open and close on one thread */
 
 struct sst_http_config {
-    /* UNIX socket: whom the kernel names as the peer decides */
-    const char *socket;     /* path, made 0660 (0666 with view_group), an old one that nobody listens on is replaced;
+    /* UNIX socket: the credentials of the peer decide */
+    const char *socket;     /* path, made 0660 (0666 with view_group), a stale one is replaced;
                                 NULL: none */
-    int socket_fd;          /* listening already, by socket activation; taken over; -1: none */
+    int socket_fd;          /* listening already, by socket activation; owned from then on; -1: none */
     const char *group;      /* may control; NULL: root and the process's own user alone */
-    const char *view_group; /* may look; NULL: none */
+    const char *view_group; /* may read; NULL: none */
     /* TCP */
     const char *address; /* numeric; NULL: no TCP */
     int port;            /* 0: any that is free */
@@ -33,14 +33,14 @@ struct sst_http_config {
     int clients, streams;                  /* limits */
     double stream_hz;                      /* pictures per second for each stream at most; 0: as they come */
     const struct sst_api *api;             /* must stay */
-    struct sst_counters *counters;         /* likewise */
+    struct sst_counters *counters;         /* must stay */
 };
 
 /**
  * Serve from now on, on threads of its own.
- * @return 0, -EADDRINUSE (socket in use: by whom if that can be told), -EACCES, -EINVAL (an open address without TLS or
- * `insecure`; a bad address), -ENOENT (certificate), -ENOMEM; logged with the remedy. A TCP address that is in use or
- * not there yet is waited for, where there is a UNIX socket, and is a problem in the counters; without one it is
+ * @return 0, -EADDRINUSE (socket in use: logged with the owner if known), -EACCES, -EINVAL (an open address without TLS
+ * or `insecure`; a bad address), -ENOENT (certificate), -ENOMEM; logged with the remedy. A TCP address that is in use
+ * or not there yet is waited for, where there is a UNIX socket, and is a problem in the counters; without one it is
  * -EADDRINUSE or -EADDRNOTAVAIL.
  */
 SST_MUST_CHECK int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg);
@@ -57,9 +57,9 @@ struct sst_http_certificate {
 bool sst_http_certificate(struct sst_http *http, struct sst_http_certificate *out);
 
 /**
- * Take over certificate and key from their files: for new connections, open ones go on with what they have. Happens by
- * itself, too, within a minute after the files have changed. Events "certificate" tell of it, of files that were
- * refused, and of an end that is near (14 days) or there.
+ * Load certificate and key from their files for new connections; open ones keep theirs. Also happens by itself within a
+ * minute after the files have changed. Events "certificate" report it, files that were refused, and an end that is near
+ * (14 days) or reached.
  *
  * @param dry_run  only judge them
  * @param out      of the new one, where it is another

@@ -108,7 +108,7 @@ static const char *basic_password(struct http_request *q, char *space)
     return space;
 }
 
-/* The token that a client gives, and the most that it allows when given in this way. */
+/* The token of a request, and the highest role that this way of sending it allows. */
 static const char *token_of(struct http_request *q, char *space, enum sst_role *most)
 {
     const char *text = http_header(q, "Authorization");
@@ -146,7 +146,7 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
         if (!response)
             return MHD_NO;
         atomic_fetch_add(&q->http->count->refused, 1);
-        http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form says so */
+        http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form shows it */
         return http_reply(q, MHD_HTTP_SEE_OTHER, response);
     }
     return http_reply_error(q, status,
@@ -155,7 +155,7 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
                             q->http->token_file);
 }
 
-/* Who is it, and may he? @return -1: yes; else answered */
+/* Authenticate and authorize. @return -1: allowed; else answered */
 static int check_role(struct http_request *q)
 {
     enum sst_role needed = q->route ? q->route->role : SST_ROLE_VIEW, most = SST_ROLE_CONTROL;
@@ -203,7 +203,7 @@ static bool find_route(struct http_request *q, const char *method, const char *p
     return false;
 }
 
-/* A page of somebody else must not act through its reader's browser. */
+/* A foreign page must not act through the browser of its reader. */
 static bool is_foreign(struct http_request *q)
 {
     const char *origin = http_header(q, "Origin"), *site = http_header(q, "Sec-Fetch-Site");

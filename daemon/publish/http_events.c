@@ -1,4 +1,4 @@
-/* Events: those kept as lines of JSON, and the stream of them for as long as somebody listens. */
+/* Events: the kept ones as lines of JSON, and the endless stream. */
 #define _GNU_SOURCE /* asprintf */
 #include "daemon/publish/publish_internal.h"
 
@@ -133,7 +133,8 @@ static void listener_free(void *arg)
     free(l);
 }
 
-/* From where on: what a browser says that it has got, what is asked for, or now. @return false: answered already */
+/* The first event to send: after Last-Event-ID, after the query's `after`, or from now. @return false: answered already
+ */
 static bool start_of(struct http_request *q, struct sst_events *events, uint64_t *after, int *done)
 {
     const char *got = http_header(q, "Last-Event-ID");
@@ -145,7 +146,7 @@ static bool start_of(struct http_request *q, struct sst_events *events, uint64_t
     if (got)
         (void)http_number(got, UINT64_MAX, after); /* of another server's making: now */
     if (*after > last)
-        *after = 0; /* the service was restarted, and counts anew */
+        *after = 0; /* the service was restarted and counts from 1 */
     return true;
 }
 

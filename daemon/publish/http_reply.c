@@ -1,4 +1,4 @@
-/* Answers: what all of them bear, errors as one sentence, and what the API said as a status. */
+/* Answers: common headers, errors as one sentence, and results of the API as a status. */
 #include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD

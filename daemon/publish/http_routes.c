@@ -110,7 +110,7 @@ static int event_stream(struct http_request *q)
     return http_do_listen(q);
 }
 
-/* Calls that take nothing. */
+/* Calls without arguments. */
 #define PLAIN(name, arg, what)                                                                                         \
     static int name(struct http_request *q)                                                                            \
     {                                                                                                                  \
@@ -124,7 +124,7 @@ PLAIN(labels, live, "labels")
 PLAIN(views, live, "views")
 PLAIN(recordings, arg, "recordings")
 
-/* With what the one who asks may do, which the service itself does not know. */
+/* With the role of the client, which the service itself does not know. */
 static int status(struct http_request *q)
 {
     struct sst_api_answer out = { 0 };
@@ -135,7 +135,7 @@ static int status(struct http_request *q)
     return http_reply_answer(q, err, &out, "status");
 }
 
-/* A body, although there is nothing to say. */
+/* The body must be empty, or an empty object. */
 static int calibration_check(struct http_request *q)
 {
     static const char *const known[] = { NULL };
@@ -146,7 +146,7 @@ static int calibration_check(struct http_request *q)
     return http_reply_answer(q, api_of(q)->calibration_check(api_of(q)->live, &out), &out, "calibration check");
 }
 
-/* Calls that take the body. */
+/* Calls whose argument is the body. */
 #define WITH_BODY(name, call, arg, what)                                                                               \
     static int name(struct http_request *q)                                                                            \
     {                                                                                                                  \

@@ -1,7 +1,7 @@
-/* Pictures: one, or one after the other for as long as somebody looks.
+/* Pictures: snapshots, and endless streams.
  *
- * A stream runs on its connection's thread: it waits at the outlet and hands the shared picture to the socket in
- * pieces, so that a viewer who is slow holds one picture and nobody else up; what he misses meanwhile is counted. */
+ * A stream runs on the thread of its connection: it waits for the JPEG slot and writes the shared picture to the socket
+ * in pieces. A slow client holds one picture and delays no other; the pictures that it misses are counted. */
 #define _GNU_SOURCE /* POLLRDHUP */
 #include "daemon/publish/publish_internal.h"
 
@@ -19,11 +19,11 @@
 
 #define BOUNDARY    "sst-picture"
 #define PIECE_BYTES 65536
-#define UNSENT_MAX  131072       /* bytes that the kernel holds back for a slow viewer */
+#define UNSENT_MAX  131072       /* bytes that the kernel buffers for a slow client */
 #define REPEAT_NS   5000000000LL /* a still picture is shown again, as a sign of life */
 #define FRESH_NS    1000000000LL /* a picture is worth waiting that long for a newer one */
 #define FIRST_NS    5000000000LL /* ... and that long for the first */
-#define SILENCE_S   20           /* a viewer who takes nothing goes */
+#define SILENCE_S   20           /* a client that reads nothing is disconnected */
 
 struct stream {
     struct sst_http *http;

@@ -147,7 +147,7 @@ int http_reply_login(struct http_request *q, int status, const char *sentence)
         return MHD_NO;
     }
     http_set(response, "Content-Type", "text/html; charset=utf-8");
-    /* The one page with a style in it: the files of the page are for those who are logged in. */
+    /* The one page with an inline style: the style sheet needs a login. */
     http_set(response, "Content-Security-Policy",
              "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
              "frame-ancestors 'none'");

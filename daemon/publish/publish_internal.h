@@ -14,7 +14,7 @@
 #include "base/file.h"
 #include "daemon/publish/http.h"
 
-/* --- hooks_env: inside hooks: the environment that tells a program what happened. --- */
+/* --- hooks_env: inside hooks: the environment that describes the event. --- */
 
 /**
  * Environment for one event: ours without what is between systemd and the service, and SST_....
@@ -25,7 +25,7 @@
 char **hook_env(const char *event);
 void hook_env_free(char **env);
 
-/* --- http_internal: what the files of the HTTP server share; nobody else includes it. --- */
+/* --- http_internal: shared by the files of the HTTP server. --- */
 
 #ifndef __cplusplus
 #endif
@@ -50,7 +50,7 @@ struct MHD_Response;
 /* --- sockets (http_listen.c) ---------------------------------------------------------------------------------------
  */
 
-/** A listening UNIX socket at `path`, and what it takes to remove this one and no other. */
+/** A listening UNIX socket at `path`, and its identity, so that only this one is removed. */
 struct http_unix {
     char path[108];
     dev_t dev;
@@ -104,7 +104,8 @@ bool http_is_type(const char *content_type, const char *type);
 /** A whole decimal number. @param max  9 or more @return false: not one, or above max */
 bool http_number(const char *text, uint64_t max, uint64_t *out);
 
-/* --- who may (http_auth.c) ------------------------------------------------------------------------------------------
+/* --- authorization (http_auth.c)
+ * ------------------------------------------------------------------------------------------
  */
 
 struct http_wrong {
@@ -150,7 +151,7 @@ struct http_stamp { /* of a file; zeros: there is none */
     int64_t changed_ns;
 };
 
-struct http_pair; /* counted; what a connection was given stays as long as it lives */
+struct http_pair; /* counted; a connection keeps its pair as long as it lives */
 
 struct http_tls {
     struct sst_counters *count; /* fixed after init */
@@ -158,7 +159,7 @@ struct http_tls {
     /* under reading */
     char path[2][SST_PATH_MAX];  /* certificate, key */
     struct http_stamp stamp[2];  /* when they were read */
-    struct http_stamp seen[2];   /* when they were last looked at */
+    struct http_stamp seen[2];   /* at the last check */
     int told;                    /* of the end: 1 near, 2 there */
     SST_ATOMIC(int64_t) look_ns; /* next */
     /* under lock */
@@ -174,14 +175,14 @@ SST_MUST_CHECK int http_tls_open(struct http_tls *t, const struct sst_http_confi
 
 /** The newest pair, for the library's start; stays until http_tls_end(). @return NULL: no TLS */
 struct http_pair *http_tls_take(struct http_tls *t);
-/** The pair as text, which the library reads but does not take as const. @return NULL: of no pair */
+/** The pair as text, which the library reads through a pointer without const. @return NULL: of no pair */
 void *http_tls_pem(const struct http_pair *p, bool key);
 
-/** Give a connection that begins the newest pair. @return what to hand back when it has ended; may be NULL */
+/** Use the newest pair for a connection that begins. @return a reference to release when it has ended; may be NULL */
 struct http_pair *http_tls_begin(struct http_tls *t, struct MHD_Connection *connection);
 void http_tls_end(struct http_tls *t, struct http_pair *p);
 
-/** Have the files changed, is the end near? Looks every 20 s; what is new becomes an event. */
+/** Check every 20 s for changed files and a near end; report them as events. */
 void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns);
 
 /* --- the server ------------------------------------------------------------------------------------------------------
@@ -277,13 +278,13 @@ typedef int http_handler_fn(struct http_request *q); /* queues an answer; MHD_YE
 /** Is it one of ours, may this client, is it well formed so far? @return -1: yes; else an answer is queued */
 int http_check(struct http_request *q, const char *path, const char *method);
 
-/** A picture: for programs that can only be given an address or a password, too; with those they look, never more. */
+/** True for pictures: their token may be in the query or a password, which allow reading alone. */
 bool http_is_picture(const struct sst_route *route);
 
 /** Fill in q->who from the address. */
 void http_name_peer(struct http_request *q);
 
-/** Who the address of a client of TCP belongs to, as limits for one address count. @param out  zeros where there is
+/** The network of a TCP client, for the limits of one address. @param out  zeros where there is
  * none */
 void http_network(struct http_request *q, uint8_t out[16]);
 
@@ -311,7 +312,7 @@ void http_throughput_mark(struct http_pace *p, int64_t clock_ns, uint64_t taken)
 /** @return bytes per second over the last one or two windows; negative: not yet known */
 double http_throughput(const struct http_pace *p, int64_t clock_ns, uint64_t taken);
 
-/** Are there more connections than there may be? Told as an event, once in a while. */
+/** True above the limit of connections; reported as an event once in a while. */
 bool http_crowded(struct http_request *q);
 
 #if WITH_HTTPD
@@ -326,14 +327,14 @@ void http_on_link(void *cls, struct MHD_Connection *connection, void **state, en
 http_handler_fn *http_handler(int index);
 
 const char *http_query(struct http_request *q, const char *name);  /* NULL: not there; "" without a value */
-const char *http_header(struct http_request *q, const char *name); /* likewise */
+const char *http_header(struct http_request *q, const char *name); /* the same */
 
-/* Answers (http_reply.c). Each adds what all answers bear and takes over what it is given; MHD_YES or MHD_NO. */
+/* Answers (http_reply.c). Each adds the common headers and releases its arguments; MHD_YES or MHD_NO. */
 int http_reply(struct http_request *q, int status, struct MHD_Response *response);
 int http_reply_text(struct http_request *q, int status, const char *type, char *text);
 int http_reply_json(struct http_request *q, int status, json_t *body);
 int http_reply_error(struct http_request *q, int status, const char *fmt, ...) SST_PRINTF(3, 4);
-/** What a call of the API gave; `out` is done with afterwards. @param what  for errors without a sentence */
+/** The result of a call of the API; releases `out`. @param what  for errors without a sentence */
 int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what);
 /** A header of an answer. */
 void http_set(struct MHD_Response *response, const char *name, const char *fmt, ...) SST_PRINTF(3, 4);

@@ -85,7 +85,7 @@ static int snapshot(void *arg, const json_t *request, struct sst_api_answer *out
 
     if (err)
         return err;
-    if (!id || viewer_outlet(s->viewer, SST_PICTURE_VIEW, id, &from)) {
+    if (!id || engine_outlet(s->engine, SST_PICTURE_VIEW, id, &from)) {
         snprintf(out->error, sizeof(out->error), "there is no view %.32s", id ? id : "of that kind");
         return -ENOENT;
     }
@@ -224,15 +224,15 @@ void service_api(struct sst_service *s)
 {
     s->api = (struct sst_api){
         .arg = s,
-        .live = s->viewer,
+        .live = s->engine,
         .status = service_status,
         .cameras = service_cameras,
-        .labels = viewer_labels,
+        .labels = engine_labels,
         .metrics = service_metrics,
-        .views = viewer_views,
-        .view_create = viewer_view_create,
-        .view_change = viewer_view_change,
-        .pick = viewer_pick,
+        .views = engine_views,
+        .view_create = engine_view_create,
+        .view_change = engine_view_change,
+        .pick = engine_pick,
         .reload = service_apply,
         .record = record,
         .snapshot = snapshot,
@@ -240,8 +240,8 @@ void service_api(struct sst_service *s)
         .export_ = export_moment,
         .delete_ = delete_kept,
         .publisher = publisher,
-        .calibration_check = viewer_calibration_check,
-        .outlet = viewer_outlet,
+        .calibration_check = engine_calibration_check,
+        .outlet = engine_outlet,
         .download = download,
         .events = s->events,
     };

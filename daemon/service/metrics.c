@@ -73,7 +73,7 @@ static void write_cameras(FILE *f, struct sst_service *s)
     free(c);
 }
 
-static void write_live(FILE *f, const struct viewer_state *v)
+static void write_live(FILE *f, const struct engine_state *v)
 {
     static const double quantiles[] = { 0.5, 0.99, 1 };
 
@@ -94,8 +94,8 @@ static void write_live(FILE *f, const struct viewer_state *v)
     fprintf(f, "sst_live_latency_seconds_sum %.9g\nsst_live_latency_seconds_count %llu\n", v->latency_ms.sum / 1e3,
             (unsigned long long)v->latency_ms.count);
     head(f, "live_stage_seconds_total", "counter", "Time spent in each stage.");
-    for (int i = 0; i < SST_VIEWER_STAGES; i++)
-        fprintf(f, "sst_live_stage_seconds_total{stage=\"%s\"} %.9g\n", viewer_stage_name((enum viewer_stage)i),
+    for (int i = 0; i < ENGINE_STAGES; i++)
+        fprintf(f, "sst_live_stage_seconds_total{stage=\"%s\"} %.9g\n", engine_stage_name((enum engine_stage)i),
                 v->stage_ms[i].sum / 1e3);
 }
 
@@ -169,7 +169,7 @@ int service_metrics(void *arg, char **text)
 {
     struct sst_service *s = arg;
     struct array_state *array = calloc(1, sizeof(*array));
-    struct viewer_state *viewer = calloc(1, sizeof(*viewer));
+    struct engine_state *viewer = calloc(1, sizeof(*viewer));
     enum sst_service_phase phase;
     char *out = NULL;
     size_t size;
@@ -177,7 +177,7 @@ int service_metrics(void *arg, char **text)
 
     if (f) {
         array_state(s->array, array);
-        viewer_state(s->viewer, viewer);
+        engine_state(s->engine, viewer);
         pthread_mutex_lock(&s->lock);
         phase = s->phase;
         pthread_mutex_unlock(&s->lock);

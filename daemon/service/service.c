@@ -20,8 +20,8 @@
 #define CLOCK_STEP_NS INT64_C(500000000)
 #define FRESH_NS      INT64_C(3000000000) /* sets that are older are no progress */
 #define START_NS      INT64_C(10000000000)
-#define UNUSED_S      3                     /* frames that end outside sets for so long are no hiccup */
-#define LIVE_NS       INT64_C(180000000000) /* the first set of a large array takes its time on a small machine */
+#define UNUSED_S      3                     /* frames that end outside sets for this long are a fault */
+#define LIVE_NS       INT64_C(180000000000) /* the first set of a large array is slow on a small machine */
 
 const char *sst_service_phase_name(enum sst_service_phase phase)
 {
@@ -70,7 +70,7 @@ static int open_http(struct sst_service *s, const struct sst_service_config *cfg
     return 0;
 }
 
-/** Another service here would take cameras, lines and folder from this one before it found the socket in use. */
+/** A second service would open cameras, lines and folder of the first before it found the socket in use. */
 static int check_alone(const char *path)
 {
     struct sockaddr_un to = { .sun_family = AF_UNIX };
@@ -95,7 +95,7 @@ void service_record_view(struct sst_service *s)
 {
     struct sst_outlet *outlet;
 
-    if (viewer_outlet(s->viewer, SST_PICTURE_VIEW, "main", &outlet))
+    if (engine_outlet(s->engine, SST_PICTURE_VIEW, "main", &outlet))
         return; /* there is no live picture */
     sst_storage_view(s->storage, outlet);
     sst_outlet_unref(outlet);
@@ -121,12 +121,12 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
     c->array.bound = bound;
     if (!err)
         err = array_open(&s->array, &c->array, s->ring, s->events);
-    const struct viewer_config viewer = {
+    const struct engine_config viewer = {
         .config = c, .ring = s->ring, .array = s->array, .storage = s->storage, .events = s->events
     };
 
     if (!err)
-        err = viewer_open(&s->viewer, &viewer);
+        err = engine_open(&s->engine, &viewer);
     if (!err)
         service_record_view(s);
     service_api(s);
@@ -137,7 +137,7 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
     return err ? err : sst_hooks_open(&s->hooks, &hooks);
 }
 
-/* Who asks for a reload while parts come and go is put off. */
+/* Reloads are refused while parts are opened or closed. */
 static void set_open(struct sst_service *s, bool open)
 {
     pthread_mutex_lock(&s->parts);
@@ -211,7 +211,7 @@ static void name_unused(enum sst_bucket bucket, char *why, size_t size)
                  sst_bucket_name(bucket));
 }
 
-static enum sst_service_phase judge(struct sst_service *s, const struct array_state *a, const struct viewer_state *v,
+static enum sst_service_phase judge(struct sst_service *s, const struct array_state *a, const struct engine_state *v,
                                     char *why, size_t size)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -262,8 +262,8 @@ static void watch_clock(struct sst_service *s)
             "the wall clock was set by %+.1f s; sets are timed by another clock and go on", (double)step_ns / 1e9);
 }
 
-/** Recordings say which cameras there are. */
-static void tell_storage(struct sst_service *s)
+/** Pass the layout of the cameras to storage, for its recordings. */
+static void update_storage(struct sst_service *s)
 {
     const unsigned generation = array_generation(s->array);
     struct array_layout *layout;
@@ -299,15 +299,15 @@ static void measure_cpu(struct sst_service *s)
 enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
 {
     struct array_state *a = &s->array_now;
-    struct viewer_state *v = &s->viewer_now;
+    struct engine_state *v = &s->engine_now;
     enum sst_service_phase phase = s->phase, before = s->phase;
     char why[512] = "";
 
     watch_clock(s);
-    tell_storage(s);
+    update_storage(s);
     measure_cpu(s);
     array_state(s->array, a);
-    viewer_state(s->viewer, v);
+    engine_state(s->engine, v);
     phase = judge(s, a, v, why, sizeof(why));
     snprintf(status, 512, "%s: %d of %d cameras, %.1f sets/s, live %.1f sets/s, latency %.0f ms%s%.300s",
              sst_service_phase_name(phase), a->present, a->cameras, a->rate_hz, v->rate_hz,
@@ -329,12 +329,12 @@ enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
 bool sst_service_alive(struct sst_service *s, int64_t ns)
 {
     struct array_state *a = &s->array_now;
-    struct viewer_state *v = &s->viewer_now;
+    struct engine_state *v = &s->engine_now;
     const int64_t now_ns = sst_clock_now_ns();
     bool alive;
 
     array_state(s->array, a);
-    viewer_state(s->viewer, v);
+    engine_state(s->engine, v);
     /* The capturing thread runs; cameras that do not answer hold up its opening of them for long ... */
     alive = now_ns - a->beat_ns < (a->open ? ns : 3 * ns);
     if (alive && a->open && a->present && !a->report.trigger_away) { /* ... frames come, in sets or not ... */
@@ -381,8 +381,8 @@ static bool start_drain(struct sst_service *s, int64_t until_ns)
     pthread_mutex_lock(&s->lock);
     s->phase = SST_SERVICE_DRAINING;
     pthread_mutex_unlock(&s->lock);
-    if (s->viewer)
-        viewer_stop(s->viewer); /* viewers leave, so that servers end at once */
+    if (s->engine)
+        engine_stop(s->engine); /* viewers leave, so that servers end at once */
     if (s->array)
         array_stop(s->array);
     sst_hooks_stop(s->hooks);
@@ -395,7 +395,7 @@ static bool start_drain(struct sst_service *s, int64_t until_ns)
     return ended;
 }
 
-/* What a part took to end, for those who wonder. */
+/* Add how long a part took to end, for the log. */
 static void note(char *text, size_t size, const char *part, int64_t *since_ns)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -427,8 +427,8 @@ bool sst_service_stop(struct sst_service *s)
     note(took, sizeof(took), "HTTP", &since_ns);
     storage = sst_storage_finish(s->storage, left_ms(until_ns));
     note(took, sizeof(took), "disk", &since_ns);
-    if (s->viewer)
-        viewer = viewer_join(s->viewer, since_ns < free_ns ? free_ns : since_ns);
+    if (s->engine)
+        viewer = engine_join(s->engine, since_ns < free_ns ? free_ns : since_ns);
     note(took, sizeof(took), "live", &since_ns);
     if (!array)
         array = array_join(s->array, since_ns < free_ns ? free_ns : since_ns);
@@ -437,8 +437,8 @@ bool sst_service_stop(struct sst_service *s)
     if (!storage)
         sst_log_warning("ending without waiting for the disk; what was acknowledged is on disk");
     if (!array || !storage || !viewer || !sst_storage_close(s->storage, 0))
-        return false; /* their threads may still ask for things */
-    viewer_close(s->viewer);
+        return false; /* their threads may still use the others */
+    engine_close(s->engine);
     array_close(s->array);
     sst_ring_destroy(s->ring);
     sst_events_destroy(s->events);

@@ -31,7 +31,7 @@ struct sst_service_config {
 SST_MUST_CHECK int sst_service_open(struct sst_service **out, const struct sst_config *config,
                                     const struct sst_service_config *cfg);
 
-/** Look at all parts: the state, events about it. To be called a few times a second.
+/** Update the state from all parts and emit events about it. To be called a few times a second.
  *  @param status  out, one line for systemd @return the state */
 enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512]);
 

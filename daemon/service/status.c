@@ -1,4 +1,4 @@
-/* How things stand, as JSON (docs/api.md). */
+/* The status as JSON (docs/api.md). */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
@@ -74,12 +74,12 @@ static json_t *skip_json(bool on, uint64_t done, uint64_t skipped, double error)
                      "error", sst_api_real(error));
 }
 
-static json_t *live_json(const struct viewer_state *v, const struct sst_live_settings *settings)
+static json_t *live_json(const struct engine_state *v, const struct sst_live_settings *settings)
 {
     json_t *stages = json_object(), *live;
 
-    for (int i = 0; i < SST_VIEWER_STAGES; i++)
-        json_object_set_new(stages, viewer_stage_name((enum viewer_stage)i), window_json(&v->stage_ms[i]));
+    for (int i = 0; i < ENGINE_STAGES; i++)
+        json_object_set_new(stages, engine_stage_name((enum engine_stage)i), window_json(&v->stage_ms[i]));
     live = json_pack("{s:b, s:b, s:s, s:f, s:I, s:I, s:I, s:I, s:f, s:f, s:i, s:i}", "enabled", v->enabled, "ready",
                      v->ready, "reason", v->reason, "rate_hz", v->rate_hz, "sets", (json_int_t)v->sets, "dropped",
                      (json_int_t)v->dropped, "idle", (json_int_t)v->idle, "pictures", (json_int_t)v->pictures,
@@ -171,7 +171,7 @@ static json_t *process_json(double cpu_percent)
 /* Large together, and not for a stack of a server's thread. */
 struct gathered {
     struct array_state array;
-    struct viewer_state viewer;
+    struct engine_state engine;
     struct array_layout layout;
     struct sst_live_settings live;
     enum sst_service_phase phase;
@@ -190,7 +190,7 @@ int service_status(void *arg, struct sst_api_answer *out)
         return -ENOMEM;
     array_state(s->array, &g->array);
     array_layout(s->array, &g->layout);
-    viewer_state(s->viewer, &g->viewer);
+    engine_state(s->engine, &g->engine);
     pthread_mutex_lock(&s->lock);
     g->live = s->config.live;
     g->phase = s->phase;
@@ -204,7 +204,7 @@ int service_status(void *arg, struct sst_api_answer *out)
         json_pack("{s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "version", SST_VERSION, "state",
                   sst_service_phase_name(g->phase), "reason", g->reason, "uptime_s",
                   (double)(now_ns - s->start_ns) / 1e9, "time", time, "capture", capture_json(&g->array, &g->layout),
-                  "live", live_json(&g->viewer, &g->live), "storage", sst_storage_status(s->storage), "clients",
+                  "live", live_json(&g->engine, &g->live), "storage", sst_storage_status(s->storage), "clients",
                   clients_json(s), "certificate", certificate_json(s), "process", process_json(g->cpu_percent));
     free(g);
     return out->body ? 0 : -ENOMEM;
