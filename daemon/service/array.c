@@ -179,7 +179,7 @@ static void take_camera_locked(struct service_array *a, int i, const struct sst_
     a->told_frames[i] = a->frames[i];
 }
 
-/** Errors are the reason why there are no sets; once these come, they are told as they happen. */
+/** Until sets come, errors are kept as the reason of the state; afterwards they are logged. */
 static void tell_errors(void)
 {
     char *held = sst_log_hold_errors(NULL);
@@ -323,7 +323,7 @@ static int capture_once(struct service_array *a, unsigned count, bool again, cha
     int err;
 
     why[0] = 0;
-    sst_log_hold_errors(why); /* told as the reason of the state, until sets come */
+    sst_log_hold_errors(why); /* the reason of the state, until sets come */
     a->told_ns = sst_clock_now_ns();
     a->told_sets = a->told_skewed = 0;
     pthread_mutex_lock(&a->lock);
@@ -381,7 +381,7 @@ static void *run(void *arg)
         pthread_mutex_unlock(&a->lock);
         err = capture_once(a, count, again, why);
         tried = count;
-        if (why[0] && strcmp(why, told)) /* once, however often it is tried */
+        if (why[0] && strcmp(why, told)) /* once, not at each retry */
             sst_log_error("%s", why);
         memcpy(told, why, sizeof(told));
         pthread_mutex_lock(&a->lock);
