@@ -150,8 +150,8 @@ static int add_lightfield(struct sst_gather_source *s, struct list *l, const cha
     if (err)
         return err;
     if (s->rows && (s->rows != lf.rows || s->cols != lf.cols)) {
-        sst_log_error("%s has %dx%d views, but the light fields before it %dx%d; calibrate them separately", dir, lf.rows,
-                      lf.cols, s->rows, s->cols);
+        sst_log_error("%s has %dx%d views, but the light fields before it %dx%d; calibrate them separately", dir,
+                      lf.rows, lf.cols, s->rows, s->cols);
         err = -EBADMSG;
     }
     if (!err && sst_path_join(path, dir, "capture.jsonl") == 0 && sst_path_exists(path))

@@ -116,7 +116,8 @@ static bool describe_two(struct sst_drift *out, const struct drift_work *w)
         return false;
     sst_view_name(w->lf, seen[0], a);
     sst_view_name(w->lf, seen[1], b);
-    append(out, "cameras %s and %s sit %.2f px apart across the line between them; two views cannot tell which moved",
+    append(out,
+           "cameras %s and %s sit %.2f px apart across the line between them; which of the two moved is not observable",
            a, b, out->max_px);
     return true;
 }
