@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "cli/matching.h"
+#include "pipeline/image/codec.h"
 #include "pipeline/lightfield/given.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
@@ -28,9 +29,9 @@ static json_t *seconds_json(double load, double labels, double disparity, double
 }
 
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r, struct sst_stage_time load,
-                        bool json)
+                        struct sst_stage_time saving, bool json)
 {
-    const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + r->saving.wall_s;
+    const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     json_t *root;
     char *text;
 
@@ -44,7 +45,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
             printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined,
                    r->coverage_hcsm);
         printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load.wall_s,
-               r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, r->saving.wall_s);
+               r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s);
         return 0;
     }
     root = json_pack(
@@ -54,9 +55,9 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
         isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
         isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
-        seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, r->saving.wall_s),
+        seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
         "cpu_seconds",
-        seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, r->saving.cpu_s));
+        seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
     json_decref(root);
     if (!text)
@@ -93,6 +94,28 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
     return err;
 }
 
+/* Compute the maps and store them. */
+static int process(struct sst_lightfield *lf, const char *dir, struct sst_process_config *cfg, const char *hand_label,
+                   struct sst_process_report *report, struct sst_stage_time *saving)
+{
+    struct sst_process_extras extras = { 0 };
+    struct sst_map_u8 truth = { 0 };
+    struct sst_stage_time clock;
+    int err = hand_label && cfg->model ? sst_map_u8_read_png(&truth, hand_label) : 0;
+
+    cfg->hand_label = truth.data ? &truth : NULL;
+    err = err ? err : sst_process(lf, cfg, &extras, report);
+    sst_stage_lap(&clock);
+    if (!err) {
+        progress(NULL, "saving", 0.99);
+        err = sst_process_save(lf, &extras, dir, cfg->threads);
+    }
+    *saving = sst_stage_lap(&clock);
+    sst_map_u8_fini(&truth);
+    sst_process_extras_fini(&extras);
+    return err;
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sst_process_config cfg = { .eps_h = -1, .accuracy_weight = 4, .refine = true, .progress = progress };
@@ -119,8 +142,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_process_report report;
     struct sst_lightfield lf = { 0 };
     char mccnn[SST_PATH_MAX], pspnet[SST_PATH_MAX];
-    int64_t start = sst_clock_now_ns();
-    struct sst_stage_time load_time = { 0 };
+    struct sst_stage_time clock = { (double)sst_clock_now_ns() * 1e-9, 0 }, load_time, save_time;
     int err, r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
 
     if (r != CLI_GO_ON)
@@ -139,16 +161,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cfg.precision = cfg.disparity.precision;
     cfg.disparity.disp_min_px = isnan(w.range_min) ? 0 : w.range_min;
     cfg.disparity.disp_max_px = isnan(w.range_max) ? 0 : w.range_max;
-    cfg.hand_label = w.hand_label;
     sst_refine_config_defaults(&cfg.refinement);
-    cfg.refinement.threads = cfg.threads;
     cfg.refine = !no_refine;
     err = err ? err : load(&lf, dir, &w, cfg.threads);
-    load_time.wall_s = (double)(sst_clock_now_ns() - start) * 1e-9;
-    load_time.cpu_s = (double)sst_clock_cpu_ns() * 1e-9;
+    load_time = sst_stage_lap(&clock);
     if (!err && (w.model || (!w.no_labels && !lf.labels_given))) {
         err = w.model ? sst_model_resolve(pspnet, w.model) : sst_model_path(pspnet, "pspnet-small.onnx");
-        cfg.model = pspnet;
+        if (!lf.labels_given)
+            cfg.model = pspnet;
     }
     if (!err) {
         snprintf(lf.history, sizeof(lf.history), "preset %s, labels %s, disparity %s", m.preset,
@@ -156,10 +176,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
                  : w.no_labels   ? "none"
                                  : sst_path_base(cfg.model),
                  lf.disparity_given ? "given" : "matched");
-        err = sst_process(&lf, dir, &cfg, &report);
+        cfg.keep_disparity = lf.disparity_given;
+        err = process(&lf, dir, &cfg, w.hand_label, &report, &save_time);
     }
     cli_progress_end();
-    err = err ? err : print_report(&lf, &report, load_time, w.json);
+    err = err ? err : print_report(&lf, &report, load_time, save_time, w.json);
     sst_lightfield_fini(&lf);
     return cli_exit_code(err);
 }

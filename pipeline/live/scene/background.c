@@ -9,7 +9,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/live/scene/scene_parts.h"
-#include "pipeline/method/refine/refine.h"
+#include "pipeline/method/process/process.h"
 
 /* How long close waits. */
 #define CLOSE_NS INT64_C(300000000)
@@ -69,53 +69,27 @@ static void widen_range(struct sst_scene_background *b)
         lf->range_max_px = max_px;
 }
 
-static int label_views(struct sst_scene_background *b)
-{
-    int err = 0;
-
-    if (!b->segmenter)
-        err = sst_segmenter_open(&b->segmenter, b->model, b->precision, 1);
-    for (int view = 0; !err && view < b->copy.rows * b->copy.cols; view++) {
-        struct sst_view *v = &b->copy.views[view];
-
-        if (!v->present)
-            continue;
-        if (b->cancel)
-            return -ECANCELED;
-        sst_map_u8_fini(&v->label);
-        err = sst_scene_segment(b->segmenter, &v->image, &v->label);
-        for (int y = 0; !err && v->valid.data && y < v->label.height; y++) {
-            for (int x = 0; x < v->label.width; x++)
-                sst_map_u8_row(&v->label, y)[x] &= sst_map_u8_row(&v->valid, y)[x];
-        }
-    }
-    return err;
-}
-
-/* What sst process --preset balanced does, with a coarser census between pixels. */
+/* What `sst process --preset balanced` computes, with a coarser census between pixels. */
 static int work(struct sst_scene_background *b)
 {
-    struct sst_disparity_config match;
-    struct sst_refine_config refine;
-    int err = sst_disparity_preset(&match, "balanced");
+    struct sst_process_config cfg = { .model = b->model,
+                                      .precision = b->precision,
+                                      .eps_h = -1,
+                                      .refine = true,
+                                      .threads = 1,
+                                      .cancel = &b->cancel,
+                                      .segmenters = &b->segmenter };
+    int err = sst_disparity_preset(&cfg.disparity, "balanced");
 
     if (err)
         return err;
     widen_range(b);
-    match.disp_min_px = b->copy.range_min_px;
-    match.disp_max_px = b->copy.range_max_px;
-    match.threads = 1;
-    match.phase_step = 2; /* as good a picture as quarters give (docs/service.md) */
-    match.frugal = true;
-    match.cancel = &b->cancel;
-    err = b->cancel ? -ECANCELED : sst_disparity_lightfield(&b->copy, &match, NULL, NULL);
-    if (err || !b->model)
-        return err;
-    sst_refine_config_defaults(&refine);
-    refine.threads = 1;
-    refine.cancel = &b->cancel;
-    err = label_views(b);
-    return err ? err : sst_refine_labels(&b->copy, &refine, NULL);
+    cfg.disparity.disp_min_px = b->copy.range_min_px;
+    cfg.disparity.disp_max_px = b->copy.range_max_px;
+    cfg.disparity.phase_step = 2; /* as good a picture as quarters give (docs/service.md) */
+    cfg.disparity.frugal = true;
+    sst_refine_config_defaults(&cfg.refinement);
+    return b->cancel ? -ECANCELED : sst_process(&b->copy, &cfg, NULL, NULL);
 }
 
 static void free_background(struct sst_scene_background *b)
