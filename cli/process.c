@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "cli/matching.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/given.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
@@ -83,8 +84,8 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
 
     if (err)
         return err;
-    what |= json.labels_given && !w->labels_dir ? SST_LOAD_LABELS : 0;
-    what |= json.disparity_given && !w->disparity_dir ? SST_LOAD_DISPARITY | SST_LOAD_CONFIDENCE : 0;
+    what |= json.files->external_labels && !w->labels_dir ? SST_LOAD_LABELS : 0;
+    what |= json.files->external_disparity && !w->disparity_dir ? SST_LOAD_DISPARITY | SST_LOAD_CONFIDENCE : 0;
     sst_lightfield_fini(&json);
     err = sst_lightfield_load(lf, dir, what, threads);
     if (!err && w->disparity_dir)
@@ -165,18 +166,18 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cfg.refine = !no_refine;
     err = err ? err : load(&lf, dir, &w, cfg.threads);
     load_time = sst_stage_lap(&clock);
-    if (!err && (w.model || (!w.no_labels && !lf.labels_given))) {
+    if (!err && (w.model || (!w.no_labels && !lf.files->external_labels))) {
         err = w.model ? sst_model_resolve(pspnet, w.model) : sst_model_path(pspnet, "pspnet-small.onnx");
-        if (!lf.labels_given)
+        if (!lf.files->external_labels)
             cfg.model = pspnet;
     }
     if (!err) {
-        snprintf(lf.history, sizeof(lf.history), "preset %s, labels %s, disparity %s", m.preset,
-                 lf.labels_given ? "given"
+        snprintf(lf.files->history, sizeof(lf.files->history), "preset %s, labels %s, disparity %s", m.preset,
+                 lf.files->external_labels ? "given"
                  : w.no_labels   ? "none"
                                  : sst_path_base(cfg.model),
-                 lf.disparity_given ? "given" : "matched");
-        cfg.keep_disparity = lf.disparity_given;
+                 lf.files->external_disparity ? "given" : "matched");
+        cfg.keep_disparity = lf.files->external_disparity;
         err = process(&lf, dir, &cfg, w.hand_label, &report, &save_time);
     }
     cli_progress_end();

@@ -149,7 +149,7 @@ void sst_calibration_drop(struct sst_lightfield *lf)
         return;
     lf->width = lf->calibration->width;
     lf->height = lf->calibration->height;
-    lf->calibration_sha256[0] = '\0';
+    lf->files->calibration_sha256[0] = '\0';
     sst_calib_fini(lf->calibration);
     free(lf->calibration);
     free(lf->rectified);
@@ -195,7 +195,7 @@ int sst_calibration_load(struct sst_lightfield *lf, const char *dir)
         return err;
     sst_sha256_hex(hash, text, size);
     free(text);
-    if (strcmp(hash, lf->calibration_sha256)) {
+    if (strcmp(hash, lf->files->calibration_sha256)) {
         sst_log_error(
             "%s has changed since the light field was made (its SHA-256 differs); to use it, run `sst rectify "
             "%s --calib %s -o NEW`",
@@ -237,7 +237,10 @@ int sst_calibration_rectify_view(struct sst_lightfield *lf, int view)
         err = sst_rectify_view(map, (enum sst_filter)lf->filter, &out, &valid, &v->image, 1);
     sst_rectify_map_destroy(map);
     if (err) {
-        sst_log_error("cannot rectify %s: %s", v->file, strerror(-err));
+        char name[16];
+
+        sst_view_name(lf, view, name);
+        sst_log_error("cannot rectify view %s: %s", name, strerror(-err));
         sst_image_fini(&out);
         sst_map_u8_fini(&valid);
         return err;

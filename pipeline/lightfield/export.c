@@ -57,14 +57,14 @@ int sst_export_read_view(const struct sst_export_job *job, int k, char path[SST_
     char name[300], hash[65];
     int err;
 
-    snprintf(name, sizeof(name), "views/%s", job->lf.views[k].file);
+    snprintf(name, sizeof(name), "views/%s", job->lf.files->view[k].name);
     err = sst_path_join(path, job->cfg->dir, name);
     if (!err)
         err = sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
     if (err)
         return err;
     sst_sha256_hex(hash, *data, *size);
-    if (!strcmp(hash, job->lf.views[k].sha256))
+    if (!strcmp(hash, job->lf.files->view[k].sha256))
         return 0;
     sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
     free(*data);
@@ -234,7 +234,7 @@ static int hci_rest(const struct sst_export_job *job)
 
 void sst_export_image_name(const struct sst_export_job *job, int view, char out[64])
 {
-    const char *file = job->lf.views[view].file, *dot = strrchr(file, '.');
+    const char *file = job->lf.files->view[view].name, *dot = strrchr(file, '.');
     char place[16];
 
     sst_view_name(&job->lf, view, place); /* of its own: COLMAP's names have no blanks */

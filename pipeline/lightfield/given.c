@@ -119,7 +119,7 @@ int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, in
         lf->range_min_px = lo;
         lf->range_max_px = hi;
     }
-    lf->disparity_given = true;
+    lf->files->external_disparity = true;
     g.store = true;
     return sst_parallel_for(count, threads, disparity_view, &g);
 }
@@ -162,6 +162,6 @@ int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int t
         }
     }
     if (!err)
-        lf->labels_given = true;
+        lf->files->external_labels = true;
     return err;
 }

@@ -191,7 +191,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
 {
     struct job *job = arg;
     struct sst_import_plan *plan = job->plan;
-    struct sst_view *v = &plan->lf.views[k];
+    struct sst_lightfield_file *file = &plan->lf.files->view[k];
     char path[SST_PATH_MAX], name[300];
     struct sst_image img;
     uint8_t *data = NULL;
@@ -200,7 +200,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
 
     job->truth_min[k] = INFINITY;
     job->truth_max[k] = -INFINITY;
-    if (!v->present)
+    if (!plan->lf.views[k].present)
         return 0;
     err = sst_path_join(path, plan->cfg->source, plan->names.name[plan->views[k].name]);
     if (!err)
@@ -213,10 +213,10 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     job->width[k] = img.width;
     job->height[k] = img.height;
     sst_image_fini(&img);
-    sst_sha256_hex(v->sha256, data, size);
-    sst_view_name(&plan->lf, k, v->file);
-    strcat(v->file, data[0] == 0x89 ? ".png" : ".jpg"); /* the first byte tells, after decoding */
-    snprintf(name, sizeof(name), "views/%s", v->file);
+    sst_sha256_hex(file->sha256, data, size);
+    sst_view_name(&plan->lf, k, file->name);
+    strcat(file->name, data[0] == 0x89 ? ".png" : ".jpg"); /* the first byte tells, after decoding */
+    snprintf(name, sizeof(name), "views/%s", file->name);
     err = sst_path_join(path, job->out, name);
     if (!err)
         err = sst_file_write(path, data, size);
@@ -270,15 +270,15 @@ static void set_range(const struct job *job)
 }
 
 /* JSON holds UTF-8 only; a path may be anything. */
-static void set_source(struct sst_lightfield *lf, const struct sst_import_config *cfg)
+static void set_source(struct sst_lightfield_files *files, const struct sst_import_config *cfg)
 {
     json_t *probe;
-    int n = snprintf(lf->source, sizeof(lf->source), "%s import of %.900s", cfg->format, cfg->source);
+    int n = snprintf(files->source, sizeof(files->source), "%s import of %.900s", cfg->format, cfg->source);
 
     if (cfg->spacing_px > 0)
-        snprintf(lf->source + n, sizeof(lf->source) - (size_t)n, ", spacing %.17g px", cfg->spacing_px);
-    probe = json_string(lf->source);
-    for (char *p = lf->source; !probe && *p; p++) {
+        snprintf(files->source + n, sizeof(files->source) - (size_t)n, ", spacing %.17g px", cfg->spacing_px);
+    probe = json_string(files->source);
+    for (char *p = files->source; !probe && *p; p++) {
         if ((unsigned char)*p >= 0x80)
             *p = '?';
     }
@@ -329,7 +329,7 @@ static int fill(struct job *job)
     if (err)
         return err;
     set_range(job);
-    set_source(&plan->lf, cfg);
+    set_source(plan->lf.files, cfg);
     fault = sst_lightfield_fault(&plan->lf);
     if (fault) {
         sst_log_error("%s gives a light field that cannot be: %s; correct its names or parameters", cfg->source, fault);

@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 
 #include "base/log.h"
+#include "pipeline/lightfield/folder.h"
 
 #define MAX_NAMES 65536
 
@@ -175,7 +176,7 @@ int sst_plan_set_grid(struct sst_import_plan *plan, int rows, int cols)
                       cfg->rows, cfg->cols);
         return -EBADMSG;
     }
-    err = sst_lightfield_init(&plan->lf, rows, cols);
+    err = sst_lightfield_init_files(&plan->lf, rows, cols);
     if (err == -EINVAL) {
         sst_log_error("a grid of %dx%d views in %s is outside 1 to %d views; take fewer", rows, cols, cfg->source,
                       SST_MAX_VIEWS);

@@ -38,6 +38,7 @@ static const char *view_fault(const struct sst_lightfield *lf, int k)
 {
     static _Thread_local char text[96];
     const struct sst_view *v = &lf->views[k];
+    const struct sst_lightfield_file *file = lf->files->view;
     const char *what = NULL;
 
     if (!v->present)
@@ -46,10 +47,10 @@ static const char *view_fault(const struct sst_lightfield *lf, int k)
         what = "bx or by is outside -10000..10000";
     else if (k == lf->ref_view && (v->bx != 0 || v->by != 0))
         what = "bx and by of the reference view must be 0";
-    else if (!sst_view_file_name_ok(v->file))
+    else if (!sst_view_file_name_ok(file[k].name))
         what = "file is not a plain file name";
     for (int j = 0; !what && j < k; j++) {
-        if (lf->views[j].present && !strcmp(lf->views[j].file, v->file))
+        if (lf->views[j].present && !strcmp(file[j].name, file[k].name))
             what = "file is the same as another view's";
     }
     if (!what)
@@ -78,6 +79,8 @@ const char *sst_lightfield_fault(const struct sst_lightfield *lf)
     if (lf->rows < 1 || lf->cols < 1 || lf->rows > SST_MAX_VIEWS || lf->cols > SST_MAX_VIEWS ||
         lf->rows * lf->cols > SST_MAX_VIEWS)
         return "rows, cols: each must be at least 1 and their product at most 256";
+    if (!lf->files)
+        return "views: they have no files";
     if (lf->width < 1 || lf->height < 1 || lf->width > SST_IMAGE_MAX_SIDE || lf->height > SST_IMAGE_MAX_SIDE ||
         (size_t)lf->width * (size_t)lf->height > SST_IMAGE_MAX_PIXELS)
         return "width, height: each must be 1 to 32768";
@@ -112,11 +115,12 @@ static json_t *views_to_json(const struct sst_lightfield *lf, char (*hashes)[65]
 
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         const struct sst_view *v = &lf->views[k];
+        const struct sst_lightfield_file *file = &lf->files->view[k];
 
         if (v->present)
             complete &= !json_array_append_new(
                 views, json_pack("{s:i, s:i, s:f, s:f, s:s, s:s}", "row", k / lf->cols, "col", k % lf->cols, "bx",
-                                 v->bx, "by", v->by, "file", v->file, "sha256", v->sha256[0] ? v->sha256 : hashes[k]));
+                                 v->bx, "by", v->by, "file", file->name, "sha256", file->sha256[0] ? file->sha256 : hashes[k]));
     }
     if (complete)
         return views;
@@ -138,7 +142,7 @@ static json_t *classes_to_json(const struct sst_classes *c)
     return NULL;
 }
 
-static json_t *calibration_to_json(const struct sst_lightfield *lf)
+static json_t *calibration_to_json(const struct sst_lightfield *lf, const char *sha256)
 {
     const struct sst_rectified *r = lf->rectified;
     json_t *rotation = json_array();
@@ -148,7 +152,7 @@ static json_t *calibration_to_json(const struct sst_lightfield *lf)
         complete &= !json_array_append_new(rotation, json_real(r->rotation[i]));
     if (complete)
         return json_pack("{s:s, s:s, s:s, s:i, s:f, s:f, s:o, s:f, s:f, s:f, s:f, s:f, s:[f, f], s:f}", "file",
-                         SST_CALIBRATION_FILE, "sha256", lf->calibration_sha256, "filter",
+                         SST_CALIBRATION_FILE, "sha256", sha256, "filter",
                          sst_filter_name((enum sst_filter)lf->filter), "reference", r->reference, "cx", r->cx, "cy",
                          r->cy, "rotation", rotation, "plane_mm", r->plane_mm, "out_rms_mm", r->out_rms_mm,
                          "out_max_mm", r->out_max_mm, "lattice_rms_mm", r->lattice_rms_mm, "lattice_max_mm",
@@ -157,7 +161,7 @@ static json_t *calibration_to_json(const struct sst_lightfield *lf)
     return NULL;
 }
 
-char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
+char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], const char *calibration_sha256)
 {
     json_t *root =
         json_pack("{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}",
@@ -165,11 +169,11 @@ char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65]
                   "cols", lf->cols, "width", lf->width, "height", lf->height, "disp_min_px", lf->disp_min_px,
                   "disp_steps_per_px", SST_DISP_SCALE, "range_min_px", lf->range_min_px, "range_max_px",
                   lf->range_max_px, "focal_px", lf->focal_px, "spacing_mm", lf->spacing_mm, "disparity_given",
-                  (int)lf->disparity_given, "labels_given", (int)lf->labels_given, "source", lf->source, "history",
-                  lf->history, "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
+                  (int)lf->files->external_disparity, "labels_given", (int)lf->files->external_labels, "source",
+                  lf->files->source, "history", lf->files->history, "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
     char *text = NULL;
 
-    if (root && (!lf->rectified || !json_object_set_new(root, "calibration", calibration_to_json(lf))))
+    if (root && (!lf->rectified || !json_object_set_new(root, "calibration", calibration_to_json(lf, calibration_sha256))))
         text = json_dumps(root, JSON_INDENT(1));
     json_decref(root);
     return text;
@@ -286,24 +290,28 @@ static bool hash_ok(const char *s)
 static int read_view(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
 {
     struct reader r = { .path = path, .where = where, .object = object };
-    struct sst_view v = { .present = true }, *place;
+    struct sst_view v = { .present = true };
+    struct sst_lightfield_file file;
+    int k;
 
     if (!json_is_object(object)) {
         fault(&r, "it", "is not an object");
         return r.err;
     }
-    place = &lf->views[take_int(&r, "row", 0, lf->rows - 1) * lf->cols + take_int(&r, "col", 0, lf->cols - 1)];
+    k = take_int(&r, "row", 0, lf->rows - 1) * lf->cols + take_int(&r, "col", 0, lf->cols - 1);
     v.bx = take_double(&r, "bx");
     v.by = take_double(&r, "by");
-    take_string(&r, "file", v.file, sizeof(v.file));
-    take_string(&r, "sha256", v.sha256, sizeof(v.sha256));
-    if (!r.err && !hash_ok(v.sha256))
+    take_string(&r, "file", file.name, sizeof(file.name));
+    take_string(&r, "sha256", file.sha256, sizeof(file.sha256));
+    if (!r.err && !hash_ok(file.sha256))
         fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
-    if (!r.err && place->present)
+    if (!r.err && lf->views[k].present)
         fault(&r, "row, col", "occur twice");
     finish(&r);
-    if (!r.err)
-        *place = v;
+    if (!r.err) {
+        lf->views[k] = v;
+        lf->files->view[k] = file;
+    }
     return r.err;
 }
 
@@ -376,7 +384,7 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     enum sst_filter filter = SST_FILTER_BILINEAR;
 
     take_string(&r, "file", file, sizeof(file));
-    take_string(&r, "sha256", lf->calibration_sha256, sizeof(lf->calibration_sha256));
+    take_string(&r, "sha256", lf->files->calibration_sha256, sizeof(lf->files->calibration_sha256));
     take_string(&r, "filter", filter_name, sizeof(filter_name));
     to.reference = take_int(&r, "reference", 0, lf->rows * lf->cols - 1);
     to.cx = take_double(&r, "cx");
@@ -391,7 +399,7 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     to.skew_deg = take_double(&r, "skew_deg");
     if (!r.err && strcmp(file, SST_CALIBRATION_FILE))
         fault(&r, "file", "is not \"" SST_CALIBRATION_FILE "\"");
-    if (!r.err && !hash_ok(lf->calibration_sha256))
+    if (!r.err && !hash_ok(lf->files->calibration_sha256))
         fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
     if (!r.err && !sst_filter_find(&filter, filter_name))
         fault(&r, "filter", "is none of bilinear, bicubic, lanczos");
@@ -442,7 +450,7 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
 
     if (read_head(r, &rows, &cols, &version))
         return r->err;
-    if (sst_lightfield_init(lf, rows, cols)) {
+    if (sst_lightfield_init_files(lf, rows, cols)) {
         sst_log_error("no memory for the light field %s", r->path);
         return -ENOMEM;
     }
@@ -455,10 +463,10 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     lf->range_max_px = take_double(r, "range_max_px");
     lf->focal_px = take_double(r, "focal_px");
     lf->spacing_mm = take_double(r, "spacing_mm");
-    lf->disparity_given = take_bool(r, "disparity_given");
-    lf->labels_given = take_bool(r, "labels_given");
-    take_string(r, "source", lf->source, sizeof(lf->source));
-    take_string(r, "history", lf->history, sizeof(lf->history));
+    lf->files->external_disparity = take_bool(r, "disparity_given");
+    lf->files->external_labels = take_bool(r, "labels_given");
+    take_string(r, "source", lf->files->source, sizeof(lf->files->source));
+    take_string(r, "history", lf->files->history, sizeof(lf->files->history));
     if (version > 1)
         calibration = take(r, "calibration");
     if (r->err || read_lists(lf, r))

@@ -12,6 +12,7 @@
 #define SST_DISP_SCALE 64.0         /* steps per pixel */
 
 struct sst_calib;
+struct sst_lightfield_files;
 struct sst_rectified;
 
 /**
@@ -21,8 +22,6 @@ struct sst_rectified;
 struct sst_view {
     bool present;           /* false: the grid has a hole here; everything below is empty */
     double bx, by;          /* offset from the reference view in nominal spacings, right and down positive */
-    char file[256];         /* name inside views/, untouched camera bytes */
-    char sha256[65];        /* of that file, lower-case hex */
     struct sst_image image; /* empty until loaded */
     struct sst_map_u8 valid; /* 0 where the rectified image is black for want of a place in the raw frame, else 255; made
                                 with the image; empty: there is no such pixel */
@@ -39,17 +38,14 @@ struct sst_lightfield {
     double focal_px;     /* 0: unknown */
     double spacing_mm;   /* nominal spacing; 0: unknown */
     struct sst_classes classes;
-    bool labels_given, disparity_given; /* came with the data: processing keeps them */
     /* With a calibration the views' files are raw frames, which loading rectifies by it; everything else here (sizes,
      * maps, offsets) is about the rectified views. NULL: the files are the views. Owned. */
     struct sst_calib *calibration;
     struct sst_rectified *rectified; /* what it was made to; NULL as calibration */
-    char calibration_sha256[65];     /* of the folder's calibration.yaml; empty: not written yet */
     int filter;                      /* sst_filter of the resampling */
     bool images_raw;                 /* the images are raw frames, of the calibration's size: SST_LOAD_RAW */
-    char source[1024];   /* provenance: format and where from */
-    char history[1024];  /* what processing made the derived maps, one line */
-    struct sst_view *views; /* rows * cols */
+    struct sst_view *views;             /* rows * cols */
+    struct sst_lightfield_files *files; /* folder.h; NULL: made in memory, without a folder. Owned. */
 };
 
 /** What to load besides lightfield.json. */

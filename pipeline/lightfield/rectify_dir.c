@@ -25,11 +25,11 @@ static int view_path(char out[SST_PATH_MAX], const char *dir, const char *file)
     return sst_path_join(out, dir, name);
 }
 
-static int copy_frame(const struct job *job, struct sst_view *v, const char *from, const uint8_t *data, size_t size)
+static int copy_frame(const struct job *job, int k, const char *from, const uint8_t *data, size_t size)
 {
     char to[SST_PATH_MAX];
     struct sst_image img;
-    int err = view_path(to, job->out, v->file);
+    int err = view_path(to, job->out, job->lf.files->view[k].name);
 
     if (!err)
         err = sst_image_decode(&img, data, size, from);
@@ -48,6 +48,7 @@ static int copy_frame(const struct job *job, struct sst_view *v, const char *fro
 static int bake_frame(struct job *job, int k, const char *from, const uint8_t *data, size_t size)
 {
     struct sst_view *v = &job->lf.views[k];
+    struct sst_lightfield_file *file = &job->lf.files->view[k];
     char to[SST_PATH_MAX];
     int err = sst_image_decode(&v->image, data, size, from);
 
@@ -55,10 +56,10 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
         err = sst_calibration_rectify_view(&job->lf, k);
     if (err)
         return err;
-    sst_view_name(&job->lf, k, v->file);
-    strcat(v->file, ".png");
-    v->sha256[0] = '\0';
-    err = view_path(to, job->out, v->file);
+    sst_view_name(&job->lf, k, file->name);
+    strcat(file->name, ".png");
+    file->sha256[0] = '\0';
+    err = view_path(to, job->out, file->name);
     if (!err)
         err = sst_image_write_png(&v->image, to);
     sst_image_fini(&v->image);
@@ -69,27 +70,27 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
 static int take_view(void *arg, int k, int worker)
 {
     struct job *job = arg;
-    struct sst_view *v = &job->lf.views[k];
+    const struct sst_lightfield_file *file = &job->lf.files->view[k];
     char path[SST_PATH_MAX], hash[65];
     uint8_t *data;
     size_t size;
     int err;
 
-    if (!v->present)
+    if (!job->lf.views[k].present)
         return 0;
     if (!worker && job->cfg->progress)
         job->cfg->progress(job->cfg->progress_arg, k / ((double)job->lf.rows * job->lf.cols));
-    err = view_path(path, job->cfg->dir, v->file);
+    err = view_path(path, job->cfg->dir, file->name);
     if (!err)
         err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
     if (err)
         return err;
     sst_sha256_hex(hash, data, size);
-    if (strcmp(hash, v->sha256)) {
+    if (strcmp(hash, file->sha256)) {
         sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
         err = -EBADMSG;
     } else {
-        err = job->cfg->bake ? bake_frame(job, k, path, data, size) : copy_frame(job, v, path, data, size);
+        err = job->cfg->bake ? bake_frame(job, k, path, data, size) : copy_frame(job, k, path, data, size);
     }
     free(data);
     return err;
@@ -114,8 +115,8 @@ static int prepare(struct job *job)
     const double old_fb = lf->focal_px * lf->spacing_mm;
     int err;
 
-    lf->disparity_given = lf->labels_given = false;
-    lf->history[0] = '\0';
+    lf->files->external_disparity = lf->files->external_labels = false;
+    lf->files->history[0] = '\0';
     if (!use && !lf->calibration) {
         sst_log_error("%s has no calibration; add --calib FILE", job->cfg->dir);
         return -EINVAL;

@@ -62,11 +62,11 @@ static int map_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, con
     return sst_path_join(out, dir, name);
 }
 
-static int view_path(char out[SST_PATH_MAX], const char *dir, const struct sst_view *v)
+static int view_path(char out[SST_PATH_MAX], const char *dir, const struct sst_lightfield *lf, int k)
 {
     char name[300];
 
-    snprintf(name, sizeof(name), "views/%s", v->file);
+    snprintf(name, sizeof(name), "views/%s", lf->files->view[k].name);
     return sst_path_join(out, dir, name);
 }
 
@@ -102,7 +102,7 @@ static int load_image(const struct job *job, int k)
     struct sst_view *v = &job->lf->views[k];
     const struct sst_calib *calib = job->lf->calibration;
     char path[SST_PATH_MAX];
-    int err = view_path(path, job->dir, v);
+    int err = view_path(path, job->dir, job->lf, k);
 
     if (!err)
         err = sst_image_read(&v->image, path);
@@ -211,7 +211,7 @@ static int hash_view(const struct job *job, int k, char out[65])
     char path[SST_PATH_MAX];
     uint8_t *data;
     size_t size;
-    int err = view_path(path, job->dir, &job->in->views[k]);
+    int err = view_path(path, job->dir, job->in, k);
 
     if (!err)
         err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
@@ -225,14 +225,15 @@ static int hash_view(const struct job *job, int k, char out[65])
 static int verify_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    const struct sst_view *v = &job->in->views[k];
+    const struct sst_lightfield_file *file = &job->in->files->view[k];
+    const bool present = job->in->views[k].present;
     char hash[65];
-    int err = v->present ? hash_view(job, k, hash) : 0;
+    int err = present ? hash_view(job, k, hash) : 0;
 
-    if (err || !v->present || !strcmp(hash, v->sha256))
+    if (err || !present || !strcmp(hash, file->sha256))
         return err;
     sst_log_error("%s/views/%s has changed since it was stored (its SHA-256 differs); import it again", job->dir,
-                  v->file);
+                  file->name);
     return -EBADMSG;
 }
 
@@ -277,9 +278,9 @@ static int write_view(void *arg, int k, int worker SST_UNUSED)
 static int hash_if_empty(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    const struct sst_view *v = &job->in->views[k];
+    const struct sst_lightfield *lf = job->in;
 
-    return v->present && !v->sha256[0] ? hash_view(job, k, job->hashes[k]) : 0;
+    return lf->views[k].present && !lf->files->view[k].sha256[0] ? hash_view(job, k, job->hashes[k]) : 0;
 }
 
 static bool any_map(const struct sst_lightfield *lf, enum map_kind kind)
@@ -341,7 +342,8 @@ static int write_calibration(char sha256[65], const struct sst_calib *calib, con
 }
 
 /* lightfield.json and all maps, into the folder out; hashes that are missing come from the views in dir. */
-static int write_files(const struct sst_lightfield *lf, const char *dir, const char *out, int threads)
+static int write_files(const struct sst_lightfield *lf, const char *calibration_sha256, const char *dir, const char *out,
+                       int threads)
 {
     struct job job = { .in = lf, .dir = dir };
     const char *fault = sst_lightfield_fault(lf);
@@ -370,7 +372,7 @@ static int write_files(const struct sst_lightfield *lf, const char *dir, const c
         err = sst_parallel_for(lf->rows * lf->cols, threads, write_view, &job);
     if (err)
         goto out;
-    json = sst_lightfield_to_json(lf, job.hashes);
+    json = sst_lightfield_to_json(lf, job.hashes, calibration_sha256);
     if (!json)
         goto no_memory;
     err = sst_file_write(path, json, strlen(json));
@@ -388,10 +390,10 @@ no_memory:
 
 int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int threads)
 {
-    struct sst_lightfield copy = *lf; /* borrows everything; only the hash of the calibration becomes its own */
-    const int err = lf->calibration ? write_calibration(copy.calibration_sha256, lf->calibration, dir) : 0;
+    char calibration_sha256[65] = "";
+    const int err = lf->calibration ? write_calibration(calibration_sha256, lf->calibration, dir) : 0;
 
-    return err ? err : write_files(&copy, dir, dir, threads);
+    return err ? err : write_files(lf, calibration_sha256, dir, dir, threads);
 }
 
 /* Put fresh/name in the place of dir/name; the old one, if any, is in fresh then. */
@@ -426,7 +428,7 @@ int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, i
         err = sst_outdir_open(&fresh, path, true);
     if (err)
         return err;
-    err = write_files(lf, dir, fresh.temporary, threads);
+    err = write_files(lf, lf->files ? lf->files->calibration_sha256 : "", dir, fresh.temporary, threads);
     for (enum map_kind kind = 0; kind < MAP_KINDS; kind++) {
         if (any_map(lf, kind))
             names[count++] = kinds[kind].folder;

@@ -2,7 +2,7 @@
 #ifndef SST_PIPELINE_LIGHTFIELD_STORE_H
 #define SST_PIPELINE_LIGHTFIELD_STORE_H
 
-#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/lightfield/folder.h"
 
 #define SST_LIGHTFIELD_VERSION 2 /* the newest; a light field without a calibration is written as 1 */
 #define SST_DISP_ABS_MAX_PX 32768.0 /* no disparity is larger than an image */
@@ -19,9 +19,9 @@ bool sst_view_file_name_ok(const char *name);
  *  (storage of the thread). */
 const char *sst_lightfield_fault(const struct sst_lightfield *lf);
 
-/** lightfield.json of a light field; of a calibration it holds how it is used, calibration_sha256 set; hashes: [views][65], for views whose own is empty. NULL: no memory. Free with
- *  free(). */
-char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65]);
+/** lightfield.json of a light field. Of a calibration it holds how it is used, and the hash of its file.
+ *  @param hashes  [views][65], for views whose own is empty @return NULL: no memory. Free with free(). */
+char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], const char *calibration_sha256);
 
 /** Read lightfield.json strictly: every field present, of its type and in its range, none unknown. Of a calibrated one
  *  `rectified` is there but for its views, calibration is not.

@@ -3,6 +3,7 @@
 
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/folder.h"
 #include "pipeline/method/process/process.h"
 
 static const char *const extra_names[SST_EXTRAS] = { "labels_initial", "labels_hcsm", "entropy" };
@@ -47,9 +48,9 @@ static bool any_confidence(const struct sst_lightfield *lf)
 
 static void remove_stale(const struct sst_lightfield *lf, const char *dir)
 {
-    for (int i = 0; lf->labels_given && i < SST_EXTRAS; i++)
+    for (int i = 0; lf->files->external_labels && i < SST_EXTRAS; i++)
         remove_folder(dir, extra_names[i]);
-    if (lf->disparity_given && !any_confidence(lf))
+    if (lf->files->external_disparity && !any_confidence(lf))
         remove_folder(dir, "confidence");
 }
 

@@ -254,8 +254,12 @@ static int make_raw(void *arg, int index, int worker SST_UNUSED)
         err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
     if (!err && !raw->sampler)
         err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
-    if (err)
-        sst_log_error("cannot sample the raw frame %s: %s", t->v->file, strerror(-err));
+    if (err) {
+        char name[16];
+
+        sst_view_name(lf, t->view, name);
+        sst_log_error("cannot sample the raw frame of view %s: %s", name, strerror(-err));
+    }
     return err;
 }
 
