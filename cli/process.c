@@ -8,7 +8,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "cli/matching.h"
+#include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/given.h"
@@ -49,16 +49,16 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
                r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s);
         return 0;
     }
-    root = json_pack(
-        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols, "width",
-        lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px, "confirmed_percent",
-        isnan(r->confirmed) ? json_null() : json_real(r->confirmed), "eps_h",
-        isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
-        isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
-        isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
-        seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
-        "cpu_seconds",
-        seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
+    root =
+        json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols,
+                  "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
+                  "confirmed_percent", isnan(r->confirmed) ? json_null() : json_real(r->confirmed), "eps_h",
+                  isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
+                  isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
+                  isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
+                  seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
+                  "cpu_seconds",
+                  seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
     json_decref(root);
     if (!text)
@@ -174,8 +174,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (!err) {
         snprintf(lf.files->history, sizeof(lf.files->history), "preset %s, labels %s, disparity %s", m.preset,
                  lf.files->external_labels ? "given"
-                 : w.no_labels   ? "none"
-                                 : sst_path_base(cfg.model),
+                 : w.no_labels             ? "none"
+                                           : sst_path_base(cfg.model),
                  lf.files->external_disparity ? "given" : "matched");
         cfg.keep_disparity = lf.files->external_disparity;
         err = process(&lf, dir, &cfg, w.hand_label, &report, &save_time);

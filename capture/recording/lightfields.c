@@ -64,7 +64,7 @@ static int write_view(struct job *job, int view, const struct sst_recording_fram
 {
     const struct sst_raw raw = { job->info->fourcc, job->info->width, job->info->height, f->stride, data, f->bytes };
     char name[300], path[SST_PATH_MAX], *file = job->lf.files->view[view].name;
-        int err;
+    int err;
 
     sst_view_name(&job->lf, view, file);
     strcat(file, is_jpeg(job) ? ".jpg" : ".png");

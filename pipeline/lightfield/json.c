@@ -10,13 +10,13 @@
 
 #include "base/log.h"
 #include "pipeline/lightfield/calibrated.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define JSON_MAX_BYTES ((size_t)4 << 20)
 #define FORMAT_NAME    "sst-lightfield"
 #define OFFSET_MAX     1e4 /* spacings; a grid is at most 256 wide */
 
-bool sst_view_file_name_ok(const char *name)
+bool view_file_name_ok(const char *name)
 {
     const size_t n = strlen(name);
 
@@ -47,7 +47,7 @@ static const char *view_fault(const struct sst_lightfield *lf, int k)
         what = "bx or by is outside -10000..10000";
     else if (k == lf->ref_view && (v->bx != 0 || v->by != 0))
         what = "bx and by of the reference view must be 0";
-    else if (!sst_view_file_name_ok(file[k].name))
+    else if (!view_file_name_ok(file[k].name))
         what = "file is not a plain file name";
     for (int j = 0; !what && j < k; j++) {
         if (lf->views[j].present && !strcmp(file[j].name, file[k].name))
@@ -72,7 +72,7 @@ static const char *classes_fault(const struct sst_classes *c)
     return NULL;
 }
 
-const char *sst_lightfield_fault(const struct sst_lightfield *lf)
+const char *lightfield_fault(const struct sst_lightfield *lf)
 {
     struct sst_lightfield copy = *lf;
 
@@ -118,9 +118,10 @@ static json_t *views_to_json(const struct sst_lightfield *lf, char (*hashes)[65]
         const struct sst_lightfield_file *file = &lf->files->view[k];
 
         if (v->present)
-            complete &= !json_array_append_new(
-                views, json_pack("{s:i, s:i, s:f, s:f, s:s, s:s}", "row", k / lf->cols, "col", k % lf->cols, "bx",
-                                 v->bx, "by", v->by, "file", file->name, "sha256", file->sha256[0] ? file->sha256 : hashes[k]));
+            complete &=
+                !json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:s, s:s}", "row", k / lf->cols, "col",
+                                                        k % lf->cols, "bx", v->bx, "by", v->by, "file", file->name,
+                                                        "sha256", file->sha256[0] ? file->sha256 : hashes[k]));
     }
     if (complete)
         return views;
@@ -152,28 +153,29 @@ static json_t *calibration_to_json(const struct sst_lightfield *lf, const char *
         complete &= !json_array_append_new(rotation, json_real(r->rotation[i]));
     if (complete)
         return json_pack("{s:s, s:s, s:s, s:i, s:f, s:f, s:o, s:f, s:f, s:f, s:f, s:f, s:[f, f], s:f}", "file",
-                         SST_CALIBRATION_FILE, "sha256", sha256, "filter",
-                         sst_filter_name((enum sst_filter)lf->filter), "reference", r->reference, "cx", r->cx, "cy",
-                         r->cy, "rotation", rotation, "plane_mm", r->plane_mm, "out_rms_mm", r->out_rms_mm,
-                         "out_max_mm", r->out_max_mm, "lattice_rms_mm", r->lattice_rms_mm, "lattice_max_mm",
-                         r->lattice_max_mm, "step_mm", r->step_mm[0], r->step_mm[1], "skew_deg", r->skew_deg);
+                         SST_CALIBRATION_FILE, "sha256", sha256, "filter", sst_filter_name((enum sst_filter)lf->filter),
+                         "reference", r->reference, "cx", r->cx, "cy", r->cy, "rotation", rotation, "plane_mm",
+                         r->plane_mm, "out_rms_mm", r->out_rms_mm, "out_max_mm", r->out_max_mm, "lattice_rms_mm",
+                         r->lattice_rms_mm, "lattice_max_mm", r->lattice_max_mm, "step_mm", r->step_mm[0],
+                         r->step_mm[1], "skew_deg", r->skew_deg);
     json_decref(rotation);
     return NULL;
 }
 
-char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], const char *calibration_sha256)
+char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], const char *calibration_sha256)
 {
-    json_t *root =
-        json_pack("{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}",
-                  "format", FORMAT_NAME, "version", lf->rectified ? SST_LIGHTFIELD_VERSION : 1, "rows", lf->rows,
-                  "cols", lf->cols, "width", lf->width, "height", lf->height, "disp_min_px", lf->disp_min_px,
-                  "disp_steps_per_px", SST_DISP_SCALE, "range_min_px", lf->range_min_px, "range_max_px",
-                  lf->range_max_px, "focal_px", lf->focal_px, "spacing_mm", lf->spacing_mm, "disparity_given",
-                  (int)lf->files->external_disparity, "labels_given", (int)lf->files->external_labels, "source",
-                  lf->files->source, "history", lf->files->history, "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
+    json_t *root = json_pack(
+        "{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}", "format",
+        FORMAT_NAME, "version", lf->rectified ? SST_LIGHTFIELD_VERSION : 1, "rows", lf->rows, "cols", lf->cols, "width",
+        lf->width, "height", lf->height, "disp_min_px", lf->disp_min_px, "disp_steps_per_px", SST_DISP_SCALE,
+        "range_min_px", lf->range_min_px, "range_max_px", lf->range_max_px, "focal_px", lf->focal_px, "spacing_mm",
+        lf->spacing_mm, "disparity_given", (int)lf->files->external_disparity, "labels_given",
+        (int)lf->files->external_labels, "source", lf->files->source, "history", lf->files->history, "classes",
+        classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
     char *text = NULL;
 
-    if (root && (!lf->rectified || !json_object_set_new(root, "calibration", calibration_to_json(lf, calibration_sha256))))
+    if (root &&
+        (!lf->rectified || !json_object_set_new(root, "calibration", calibration_to_json(lf, calibration_sha256))))
         text = json_dumps(root, JSON_INDENT(1));
     json_decref(root);
     return text;
@@ -474,7 +476,7 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     finish(r);
     if (!r->err && calibration)
         r->err = read_calibration(lf, r->path, calibration);
-    what = r->err ? NULL : sst_lightfield_fault(lf);
+    what = r->err ? NULL : lightfield_fault(lf);
     if (what) {
         sst_log_error("%s: %s; make the light field again", r->path, what);
         r->err = -EBADMSG;
@@ -482,7 +484,7 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     return r->err;
 }
 
-int sst_lightfield_read_json(struct sst_lightfield *lf, const char *path)
+int lightfield_read_json(struct sst_lightfield *lf, const char *path)
 {
     struct reader r = { .path = path, .where = "" };
     struct sst_lightfield made = { 0 };

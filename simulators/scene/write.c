@@ -12,7 +12,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
-#include "simulators/scene/internal.h"
+#include "simulators/scene/scene_internal.h"
 
 #define FILE_NAME_MAX 64
 
@@ -60,7 +60,8 @@ static int write_view(const struct job *j, int view)
         (err = sst_map_u8_init(&label, c->width, c->height)) ||
         (err = sst_scene_render(j->scene, v->bx, v->by, 0, &image, &disp, &label)))
         goto done;
-    if ((err = path_of(path, j->dir, "views", j->lf->files->view[view].name)) || (err = sst_image_write_png(&image, path)))
+    if ((err = path_of(path, j->dir, "views", j->lf->files->view[view].name)) ||
+        (err = sst_image_write_png(&image, path)))
         goto done;
     snprintf(file, sizeof(file), "%s.pfm", name);
     if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_f32_write_pfm(&disp, path)))
@@ -99,7 +100,7 @@ static int render_mask(const struct sst_scene *scene, unsigned bit, struct sst_m
     struct sst_raster r;
     int err;
 
-    sst_scene_raster(scene, 0, 0, 0, &r);
+    scene_raster(scene, 0, 0, 0, &r);
     r.owner = mask;
     err = sst_raster_run(&r);
     for (int y = 0; y < mask->height && !err; y++) {

@@ -9,9 +9,9 @@
 struct sst_segmenter;
 
 struct sst_process_config {
-    const char *model;            /* segmentation network; NULL: the labels stay as they are */
-    enum sst_precision precision; /* of that network */
-    double eps_h;                 /* entropy threshold; negative: the model's own */
+    const char *model;                   /* segmentation network; NULL: the labels stay as they are */
+    enum sst_precision precision;        /* of that network */
+    double eps_h;                        /* entropy threshold; negative: the model's own */
     const struct sst_map_u8 *hand_label; /* labels of the reference view to find eps_h on, or NULL */
     double accuracy_weight;              /* m of the score Acc^m Cvg */
     bool keep_disparity;                 /* external maps: nothing is matched */
@@ -20,7 +20,7 @@ struct sst_process_config {
     struct sst_disparity_config disparity;
     struct sst_refine_config refinement;
     int threads;
-    const SST_ATOMIC(bool) *cancel; /* once true, the work is given up within a view; or NULL */
+    const SST_ATOMIC(bool) * cancel; /* once true, the work is given up within a view; or NULL */
     /* [threads], kept open for the next call: NULL entries are opened here and closed by the caller; or NULL */
     struct sst_segmenter **segmenters;
     void (*progress)(void *arg, const char *stage, double done); /* or NULL */

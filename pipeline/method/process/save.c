@@ -12,7 +12,7 @@ struct job {
     const struct sst_lightfield *lf;
     const struct sst_map_u8 *maps; /* [views] */
     const struct sst_outdir *out;
-    const uint8_t (*palette)[3];   /* or NULL */
+    const uint8_t (*palette)[3]; /* or NULL */
 };
 
 static int write_extra(void *arg, int view, int worker SST_UNUSED)
