@@ -1,10 +1,10 @@
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "cli/cli_internal.h"
 
 #define MAX_REPEAT 1000
@@ -15,13 +15,6 @@ struct picture {
     double ms[MAX_REPEAT]; /* of each repeat, ascending */
     int repeat;
 };
-
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
 
 static int make_picture(struct picture *p, const struct render_input *in, const struct sst_render_config *cfg)
 {
@@ -40,7 +33,7 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
         err = sst_render(in->renderer, cfg, &p->image, &p->valid);
         p->ms[i] = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
     }
-    qsort(p->ms, (size_t)p->repeat, sizeof(p->ms[0]), by_size);
+    sst_stats_sort_double(p->ms, p->repeat);
     return err;
 }
 

@@ -10,6 +10,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
@@ -64,11 +65,6 @@ static bool is_picture(const char *name)
     return dot && dot != name && (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
 }
 
-static int compare(const void *a, const void *b)
-{
-    return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
 /* The PNG and JPEG files of a folder, by name. */
 static int add_folder(struct inputs *in, const char *dir)
 {
@@ -89,7 +85,7 @@ static int add_folder(struct inputs *in, const char *dir)
         sst_log_error("%s: %s; give images or a folder with PNG or JPEG files", dir,
                       err == -ENODATA ? "no PNG or JPEG file in it" : strerror(-err));
     else
-        qsort(in->paths + first, in->count - first, sizeof(*in->paths), compare);
+        sst_stats_sort_strings(in->paths + first, (int)(in->count - first));
     return err;
 }
 
@@ -117,7 +113,7 @@ static int check_names(const struct inputs *in, const char *dir)
         err = err || names[i] ? err : -ENOMEM;
     }
     if (!err)
-        qsort(names, in->count, sizeof(*names), compare);
+        sst_stats_sort_strings(names, (int)in->count);
     for (size_t i = 1; !err && i < in->count; i++) {
         if (!strcmp(names[i - 1], names[i])) {
             sst_log_error(

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define PREFIX "input_Cam"
@@ -114,7 +115,7 @@ static double median_step(const struct grid *g)
 
     for (int l = 0; l + 1 < n; l++)
         d[l] = line[l + 1] - line[l];
-    return n > 1 ? median(d, n - 1) : 1.0;
+    return n > 1 ? sst_stats_median(d, n - 1) : 1.0;
 }
 
 static int truth_of(const struct import_plan *plan, const struct grid *g, int index)

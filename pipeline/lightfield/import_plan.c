@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/lightfield/folder.h"
 
 #define MAX_NAMES 65536
@@ -108,36 +109,16 @@ const char *parse_index(const char *s, int *value)
     return s;
 }
 
-static int compare_ints(const void *a, const void *b)
-{
-    const int x = *(const int *)a, y = *(const int *)b;
-
-    return (x > y) - (x < y);
-}
-
 int distinct(int *v, int n)
 {
     int count = 0;
 
-    qsort(v, (size_t)n, sizeof(*v), compare_ints);
+    sst_stats_sort_int(v, n);
     for (int i = 0; i < n; i++) {
         if (!count || v[count - 1] != v[i])
             v[count++] = v[i];
     }
     return count;
-}
-
-static int compare_doubles(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-double median(double *v, int n)
-{
-    qsort(v, (size_t)n, sizeof(*v), compare_doubles);
-    return n % 2 ? v[n / 2] : v[n / 2 - 1] + (v[n / 2] - v[n / 2 - 1]) / 2;
 }
 
 int params_number(const char *text, const char *path, const char *key, double *value)

@@ -15,6 +15,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define POSITION_MAX 1e9 /* in the unit of the names */
@@ -98,7 +99,7 @@ static int make_lines(struct lines *lines, const struct entry *e, int n, bool ro
             if ((rows ? e[i].row : e[i].col) == numbers[l])
                 v[m++] = rows ? e[i].y : e[i].x;
         }
-        position = median(v, m);
+        position = sst_stats_median(v, m);
         for (; at > 0 && lines->position[at - 1] > position; at--) {
             lines->position[at] = lines->position[at - 1];
             lines->number[at] = lines->number[at - 1];
@@ -144,7 +145,7 @@ static double nominal_spacing(const struct import_plan *plan)
         if (a->name >= 0 && b->name >= 0 && (cols == 1 || k % cols + 1 < cols))
             d[n++] = cols > 1 ? b->pos_x - a->pos_x : b->pos_y - a->pos_y;
     }
-    return n ? median(d, n) : 1.0;
+    return n ? sst_stats_median(d, n) : 1.0;
 }
 
 static int place_all(struct import_plan *plan, const struct entry *e, int n)

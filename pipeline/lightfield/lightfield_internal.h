@@ -105,9 +105,6 @@ const char *parse_index(const char *s, int *value);
 /** Sorted list of the different values in v[0..n); v is reordered. @return how many */
 int distinct(int *v, int n);
 
-/** Middle one of v[0..n), n at least 1, the mean of two for an even n; v is reordered. */
-double median(double *v, int n);
-
 /**
  * Value of `key` in an INI text ("key = number", sections ignored).
  * @return 1 and *value, 0 when the key is absent (*value stays), -EBADMSG when it is not a finite number (logged).

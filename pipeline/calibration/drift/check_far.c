@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/stats.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 
 /* --- disparities along rows and columns --------------------------------------------------------------------------- */
@@ -39,7 +40,7 @@ int check_axes(const struct check_work *w, double *axes_px)
                 v[n++] = fabs(difference);
         }
     }
-    *axes_px = n ? check_quantile(v, n, 0.5) : NAN;
+    *axes_px = n ? sst_stats_quantile(v, n, 0.5) : NAN;
     free(v);
     return 0;
 }
@@ -109,6 +110,6 @@ int check_far(struct sst_check *out, struct check_work *w)
     }
     free(far);
     out->far_matches = n;
-    out->far_p95_px = n >= w->cfg.min_matches ? check_quantile(v, n, 0.95) : NAN;
+    out->far_p95_px = n >= w->cfg.min_matches ? sst_stats_quantile(v, n, 0.95) : NAN;
     return 0;
 }

@@ -188,7 +188,4 @@ SST_MUST_CHECK int check_places(struct sst_check *out, const struct check_work *
 
 /* --- small sums --------------------------------------------------------------------------------------------------- */
 
-/** Element at share 0..1 of v sorted (v is sorted here); n >= 1. */
-double check_quantile(double *v, int n, double share);
-
 #endif

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/calibration/report/report_internal.h"
 #include "pipeline/image/codec.h"
 
@@ -94,13 +95,6 @@ out:
     return shown;
 }
 
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Such that nearly all residuals are a few per cent of the drawing long. @return 1: all are 0; 0: no memory */
 static double magnification(const struct sst_detection *d, const struct sst_solve_view *v, double width)
 {
@@ -115,7 +109,7 @@ static double magnification(const struct sst_detection *d, const struct sst_solv
         if (isfinite(l))
             length[n++] = l;
     }
-    qsort(length, (size_t)n, sizeof(*length), by_size);
+    sst_stats_sort_double(length, n);
     most = n ? length[(n - 1) * 9 / 10] : 0;
     free(length);
     return most > 0 ? fmax(1, calib_round_down(0.04 * width / most)) : 1;
