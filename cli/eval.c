@@ -166,7 +166,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         const struct cli_option options[] = {
             { "truth", 't', CLI_STRING, &truth_dir, "DIR", "folder with truth.json, rr_cc.pfm, rr_cc.png", 0, 0 },
             { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
-            { "sigma", 0, CLI_DOUBLE, &cfg.sigma_px, "PX", "width of the depth weight, px; inf: depth has no say", 1e-6,
+            { "sigma", 0, CLI_DOUBLE, &cfg.sigma_px, "PX", "width of the depth weight, px; inf: depth ignored", 1e-6,
               INFINITY },
             { "c1", 0, CLI_DOUBLE, &cfg.c1, "C", "least depth weight", 0, 1 },
             { "c2", 0, CLI_DOUBLE, &cfg.c2, "C", "least label weight", 0, 1 },

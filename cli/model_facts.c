@@ -72,7 +72,7 @@ static int check_file(json_t *o, const char *path, const struct sst_manifest_ent
 
     if (!sst_path_exists(path)) {
         *status = "missing";
-        sst_log_error("the manifest lists it, but it is not there; install the networks again");
+        sst_log_error("listed in the manifest, but missing; install the networks again");
         return -ENOENT;
     }
     *status = "unreadable";
@@ -82,7 +82,7 @@ static int check_file(json_t *o, const char *path, const struct sst_manifest_ent
     json_object_set_new(o, "bytes", json_integer((json_int_t)size));
     if (entry && !sst_manifest_matches(entry, data, size)) {
         *status = "hash mismatch";
-        sst_log_error("not the file that the manifest lists; install the networks again");
+        sst_log_error("differs from the file that the manifest lists; install the networks again");
         err = -EBADMSG;
     }
     free(data);

@@ -127,15 +127,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         CLI_MATCHING_OPTIONS(m),
         { "range-min", 0, CLI_DOUBLE, &w.range_min, "PX",
-          "smallest disparity searched; default: the light field's, else found", -9999, 9999 },
+          "smallest disparity searched; default: the light field's, else estimated", -9999, 9999 },
         { "range-max", 0, CLI_DOUBLE, &w.range_max, "PX", "largest disparity searched", -9999, 9999 },
-        { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "given label maps rr_cc.png, kept from then on", 0, 0 },
-        { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "given disparities rr_cc.pfm, kept from then on", 0, 0 },
+        { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "external label maps rr_cc.png, never recomputed", 0, 0 },
+        { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "external disparities rr_cc.pfm, never recomputed", 0,
+          0 },
         { "model", 0, CLI_STRING, &w.model, "NAME", "segmentation network: an installed one or an ONNX file", 0, 0 },
         { "no-labels", 0, CLI_FLAG, &w.no_labels, NULL, "disparity only", 0, 0 },
         { "epsilon-h", 0, CLI_DOUBLE, &cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
-        { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE", "labels of the reference view, to find the threshold on",
-          0, 0 },
+        { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE",
+          "hand labels of the reference view, to optimise the threshold", 0, 0 },
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled", 0, 0 },
         { "skip", 0, CLI_STRING, &w.skip, "LIST", "work to skip where a scene allows: none (the default)", 0, 0 },
         { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object", 0, 0 },
@@ -149,9 +150,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (r != CLI_GO_ON)
         return r;
     if (w.skip && strcmp(w.skip, "none"))
-        return cli_usage_error(cmd, "--skip %s is not known; this version computes everything: none", w.skip);
+        return cli_usage_error(cmd, "unknown --skip `%s`; this version can skip nothing: use none", w.skip);
     if (isnan(w.range_min) != isnan(w.range_max) || w.range_min >= w.range_max)
-        return cli_usage_error(cmd, "--range-min and --range-max go together, the first one smaller");
+        return cli_usage_error(cmd, "--range-min and --range-max must be given together, --range-min smaller");
     if (w.no_labels && (w.model || w.labels_dir || w.hand_label))
         return cli_usage_error(cmd, "--no-labels and --%s contradict each other",
                                w.model        ? "model"
@@ -191,7 +192,7 @@ const struct cli_command cli_process = {
     .usage = "LF [--preset P] [--labels DIR] [--disparity DIR] [--threads N]",
     .summary = "labels and disparity for all views",
     .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
-              "entropy/ to explain the labels. Maps that are given are kept; gaps in given labels are refined.\n"
+              "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
               "Presets: preview (half-size census), balanced (census), accurate (census and MC-CNN, 8 paths).",
     .example = "sst process garden --preset balanced",
     .run = run,

@@ -235,7 +235,7 @@ static json_t *image_json(const struct sst_map_u8 *label, const struct sst_class
 
 /* --- all ------------------------------------------------------------------------------------------ */
 
-/* A damaged image is told and the others are labelled; a full disk or a lack of memory ends it. */
+/* A damaged image is reported and the others are labelled; a full disk or lack of memory ends the run. */
 static int label_all(json_t *list, struct sst_segmenter *seg, const struct inputs *in, const struct options *o)
 {
     const struct sst_classes *classes = sst_segmenter_classes(seg);
@@ -330,8 +330,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "entropy", 0, CLI_STRING, &o.entropy, "FILE|DIR", "write the entropy as .pfm", 0, 0 },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold", 0, 0 },
         { "epsilon-h", 0, CLI_DOUBLE, &o.eps_h, "V", "drop labels whose entropy is not below V", 0, 1e9 },
-        { "scale", 0, CLI_STRING, &o.scale, "S", "size of what the network sees: auto, or 1 = its own size", 0, 0 },
-        { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's own size", 0, 0 },
+        { "scale", 0, CLI_STRING, &o.scale, "S", "scale of the network's input: auto, or 1 = its nominal size", 0, 0 },
+        { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's nominal size", 0, 0 },
         { "json", 0, CLI_FLAG, &o.json, NULL, "print one JSON object: time and classes of each image", 0, 0 },
         { "threads", 't', CLI_INT, &o.threads, "N", "threads (0: all processors)", 0, 256 },
     };
@@ -351,7 +351,7 @@ const struct cli_command cli_segment = {
     .summary = "semantic labels of images",
     .detail =
         "One IMAGE and a file: its labels. Several, or folders of PNG and JPEG files: NAME.png in DIR for each, and\n"
-        "--prob and --entropy name folders, too. A damaged image is told and left out.\n"
+        "--prob and --entropy name folders, too. A damaged image is reported and left out.\n"
         "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose "
         "label\n"
         "distribution has an entropy (natural log) at or above the threshold stay unlabeled.",

@@ -23,7 +23,7 @@ int sst_use_calibration_read(struct sst_use_calibration *use, const char *path)
     const size_t n = strlen(path);
 
     if (n >= sizeof(use->path)) {
-        sst_log_error("the name of the calibration is longer than %zu bytes", sizeof(use->path) - 1);
+        sst_log_error("the path of the calibration is longer than %zu bytes; use a shorter one", sizeof(use->path) - 1);
         return -ENAMETOOLONG;
     }
     memcpy(use->path, path, n + 1);
@@ -44,7 +44,7 @@ int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_u
     int unknown = 0;
 
     if (c->rows != lf->rows || c->cols != lf->cols) {
-        sst_log_error("%s is of a grid of %dx%d cameras, the views make one of %dx%d; calibrate this array", use->path,
+        sst_log_error("%s is for a grid of %dx%d cameras, the views form one of %dx%d; calibrate this array", use->path,
                       c->rows, c->cols, lf->rows, lf->cols);
         return -EBADMSG;
     }
@@ -62,11 +62,11 @@ int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_u
     if (unknown > MAX_NAMED)
         strcat(named, " ...");
     if (sst_lightfield_choose_ref(lf)) {
-        sst_log_error("%s knows none of the cameras that have views; calibrate them", use->path);
+        sst_log_error("%s has none of the cameras that have views; calibrate them", use->path);
         return -EBADMSG;
     }
     if (unknown)
-        sst_log_warning("views are left out, for %s does not know their cameras: %s (%d)", use->path, named, unknown);
+        sst_log_warning("views left out because %s does not have their cameras: %s (%d)", use->path, named, unknown);
     return 0;
 }
 
@@ -117,8 +117,9 @@ int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_cal
     if (err) {
         sst_log_error("no memory for the calibration %s", use->path);
     } else if (calib->width != lf->width || calib->height != lf->height) {
-        sst_log_error("%s is of frames of %dx%d pixels, the views have %dx%d; calibrate with the size that is captured",
-                      use->path, calib->width, calib->height, lf->width, lf->height);
+        sst_log_error(
+            "%s is for frames of %dx%d pixels, the views have %dx%d; calibrate with the size that is captured",
+            use->path, calib->width, calib->height, lf->width, lf->height);
         err = -EBADMSG;
     } else {
         err = sst_rectify_plan(to, calib, &use->plan);
@@ -173,7 +174,7 @@ static int check_offsets(const struct sst_lightfield *lf, const char *path)
         if (to->view[k].known && fabs(to->view[k].bx - to->view[ref].bx - v->bx) <= OFFSET_SLIP &&
             fabs(to->view[k].by - to->view[ref].by - v->by) <= OFFSET_SLIP)
             continue;
-        sst_log_error("%s does not belong to its light field: the view of row %d, column %d is elsewhere; run `sst "
+        sst_log_error("%s does not match its light field: the view of row %d, column %d has another position; run `sst "
                       "rectify` again",
                       path, k / lf->cols, k % lf->cols);
         return -EBADMSG;
@@ -212,7 +213,7 @@ int calibration_load(struct sst_lightfield *lf, const char *dir)
     }
     lf->calibration = calib;
     if (calib->rows != lf->rows || calib->cols != lf->cols || !calib->camera[lf->rectified->reference].known) {
-        sst_log_error("%s is not of the light field's grid of %dx%d; run `sst rectify` again", path, lf->rows,
+        sst_log_error("%s is not for the light field's grid of %dx%d; run `sst rectify` again", path, lf->rows,
                       lf->cols);
         return -EBADMSG;
     }
@@ -308,7 +309,7 @@ int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst
     int n = 0, err;
 
     if (!job) {
-        sst_log_error("no memory to measure what rectification keeps");
+        sst_log_error("not enough memory to measure the coverage of rectification");
         return -ENOMEM;
     }
     job->lf = lf;

@@ -203,7 +203,7 @@ static void add_offsets(struct text *t, const struct sst_lightfield *lf)
         worst = fmax(worst, off);
     }
     if (worst > 0.01)
-        sst_log_warning("cameras are up to %.2f spacings off a regular grid, which readers of HCI's form do not know",
+        sst_log_warning("cameras are up to %.2f spacings off a regular grid, which the HCI format cannot express",
                         worst);
 }
 
@@ -347,7 +347,7 @@ int sst_export(const struct sst_export_config *cfg)
     while (f < formats + ARRAY_LEN(formats) && strcmp(f->name, cfg->format))
         f++;
     if (f == formats + ARRAY_LEN(formats)) {
-        sst_log_error("there is no export format %s; it is stanford, hci, colmap or nerfstudio", cfg->format);
+        sst_log_error("unknown export format `%s`; use stanford, hci, colmap or nerfstudio", cfg->format);
         return -EINVAL;
     }
     if (!f->raw && (cfg->focal_px > 0 || cfg->spacing_mm > 0 || cfg->lossy)) {

@@ -106,7 +106,7 @@ int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, in
         }
     }
     if (lo > hi) {
-        sst_log_error("%s has no known disparity at all; leave --disparity away", dir);
+        sst_log_error("%s holds no known disparity; leave out --disparity", dir);
         return -EBADMSG;
     }
     if (hi - floor(lo) > SST_RANGE_MAX_PX) {

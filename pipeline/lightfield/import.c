@@ -37,7 +37,7 @@ static int check_config(const struct sst_import_config *cfg)
     const bool folder = !strcmp(cfg->format, "folder");
 
     if (!sst_path_is_dir(cfg->source)) {
-        sst_log_error("%s is no folder; name the folder with the images", cfg->source);
+        sst_log_error("%s is not a folder; name the folder with the images", cfg->source);
         return -ENOENT;
     }
     if (folder && (cfg->rows < 1 || cfg->cols < 1)) {
@@ -55,7 +55,7 @@ static int check_config(const struct sst_import_config *cfg)
     if (!isfinite(cfg->range_min_px) || !isfinite(cfg->range_max_px) || cfg->range_min_px > cfg->range_max_px ||
         cfg->range_max_px - floor(cfg->range_min_px) > SST_RANGE_MAX_PX ||
         fabs(cfg->range_min_px) > SST_DISP_ABS_MAX_PX) {
-        sst_log_error("the range %g to %g px does not grow or is wider than the %g px that can be stored; correct "
+        sst_log_error("the range %g to %g px is not ascending or exceeds the %g px that can be stored; correct "
                       "--range-min and --range-max",
                       cfg->range_min_px, cfg->range_max_px, SST_RANGE_MAX_PX);
         return -EINVAL;
@@ -118,8 +118,8 @@ static void warn_unused(const struct import_plan *plan)
     if (unused > MAX_NAMED)
         strcat(named, " ...");
     if (unused)
-        sst_log_warning("%s: %d images have no name of this format and are left out: %s", plan->cfg->source, unused,
-                        named);
+        sst_log_warning("%s: %d images are not named as this format requires and are left out: %s", plan->cfg->source,
+                        unused, named);
 }
 
 /* Offsets in spacings from the reference view. */
@@ -129,7 +129,7 @@ static int set_offsets(struct import_plan *plan)
     const struct plan_view *ref;
 
     if (!(plan->spacing > 0) || !isfinite(plan->spacing)) {
-        sst_log_error("%s: the spacing of the cameras comes out as %g; correct their positions", plan->cfg->source,
+        sst_log_error("%s: the computed camera spacing is %g; correct the positions of the cameras", plan->cfg->source,
                       plan->spacing);
         return -EBADMSG;
     }
@@ -331,7 +331,7 @@ static int fill(struct job *job)
     set_source(plan->lf.files, cfg);
     fault = lightfield_fault(&plan->lf);
     if (fault) {
-        sst_log_error("%s gives a light field that cannot be: %s; correct its names or parameters", cfg->source, fault);
+        sst_log_error("%s gives an invalid light field: %s; correct its names or parameters", cfg->source, fault);
         return -EBADMSG;
     }
     if (cfg->disparity_dir)
@@ -371,7 +371,7 @@ int sst_import(const struct sst_import_config *cfg)
     while (i < ARRAY_LEN(formats) && strcmp(cfg->format, formats[i].name))
         i++;
     if (i == ARRAY_LEN(formats)) {
-        sst_log_error("there is no import format %s; it is stanford, hci or folder", cfg->format);
+        sst_log_error("unknown import format `%s`; use stanford, hci or folder", cfg->format);
         return -EINVAL;
     }
     if (!inputs[1]) /* the list ends at the first NULL */
@@ -385,7 +385,7 @@ int sst_import(const struct sst_import_config *cfg)
         return err;
     err = run(&plan, formats[i].plan, out.temporary);
     if (err == -ENOMEM)
-        sst_log_error("no memory to import %s", cfg->source);
+        sst_log_error("not enough memory to import %s", cfg->source);
     if (err)
         sst_outdir_abort(&out);
     else

@@ -141,7 +141,7 @@ int params_number(const char *text, const char *path, const char *key, double *v
             *value = v;
             return 1;
         }
-        sst_log_error("%s: %s is not a number; write one behind the equals sign", path, key);
+        sst_log_error("%s: %s is not a number; write one after the equals sign", path, key);
         return -EBADMSG;
     }
     return 0;
@@ -159,7 +159,7 @@ int plan_set_grid(struct import_plan *plan, int rows, int cols)
     }
     err = sst_lightfield_init_files(&plan->lf, rows, cols);
     if (err == -EINVAL) {
-        sst_log_error("a grid of %dx%d views in %s is outside 1 to %d views; take fewer", rows, cols, cfg->source,
+        sst_log_error("a grid of %dx%d views in %s is outside 1 to %d views; use fewer", rows, cols, cfg->source,
                       SST_MAX_VIEWS);
         return -EBADMSG;
     }

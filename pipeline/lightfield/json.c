@@ -248,7 +248,7 @@ static void take_string(struct reader *r, const char *field, char *out, size_t s
     char what[64];
 
     if (!json_is_string(v) || json_string_length(v) >= size) {
-        snprintf(what, sizeof(what), "is not a text of at most %zu bytes", size - 1);
+        snprintf(what, sizeof(what), "is not a string of at most %zu bytes", size - 1);
         fault(r, field, what);
         return;
     }
@@ -358,7 +358,7 @@ static void take_doubles(struct reader *r, const char *field, double *out, size_
         fault(r, field, "is too short");
     for (size_t i = 0; !r->err && i < n; i++) {
         if (!json_is_number(json_array_get(list, i)))
-            fault(r, field, "holds something that is no number");
+            fault(r, field, "has an element that is not a number");
         out[i] = json_number_value(json_array_get(list, i));
     }
 }
@@ -404,10 +404,10 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     if (!r.err && !hash_ok(lf->files->calibration_sha256))
         fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
     if (!r.err && !sst_filter_find(&filter, filter_name))
-        fault(&r, "filter", "is none of bilinear, bicubic, lanczos");
+        fault(&r, "filter", "is not bilinear, bicubic or lanczos");
     if (!r.err && (!all_finite(to.rotation, 9) || !all_finite(to.step_mm, 2) || !all_finite(&to.cx, 2) ||
                    !within(to.plane_mm, 0, 1e9) || !(to.focal_px > 0) || !(to.spacing_mm > 0)))
-        fault(&r, "rotation, cx, cy, step_mm, plane_mm", "or focal_px, spacing_mm make no sense");
+        fault(&r, "rotation, cx, cy, step_mm, plane_mm,", "focal_px or spacing_mm is out of range");
     finish(&r);
     if (r.err)
         return r.err;

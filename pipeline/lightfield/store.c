@@ -414,7 +414,7 @@ static void swap_back(const char *dir, const char *fresh, const char *name)
     if (sst_path_join(from, fresh, name) || sst_path_join(to, dir, name))
         return;
     if (sst_path_exists(from) ? sst_path_swap(from, to) : rename(to, from))
-        sst_log_error("the new %s stays, without the maps that belong to it", to);
+        sst_log_error("cannot restore %s: the new file stays, without its maps", to);
 }
 
 int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, int threads)

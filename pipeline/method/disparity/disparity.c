@@ -43,7 +43,7 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     int neighbours = 0;
 
     if (!(range > 0) || range + 1 > SST_DISPARITY_MAX_STEPS || !(fabs(cfg->disp_min_px) < 1e4)) {
-        sst_log_error("the disparity range %g..%g px is not usable: it must rise and span at most %d px",
+        sst_log_error("the disparity range %g..%g px is invalid: it must be ascending and span at most %d px",
                       cfg->disp_min_px, cfg->disp_max_px, SST_DISPARITY_MAX_STEPS - 1);
         return -EINVAL;
     }

@@ -129,15 +129,15 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
     int channels, out_w, out_h, radius, err;
 
     if (sst_network_in_channels(net) != 1) {
-        sst_log_error("%s is no matching network: it takes %d channels, not the luma alone; give --mccnn-model "
-                      "another one",
-                      name, sst_network_in_channels(net));
+        sst_log_error(
+            "%s is not a matching network: its input has %d channels, not luma alone; choose another --mccnn-model",
+            name, sst_network_in_channels(net));
         return -EBADMSG;
     }
     err = find_radius(net, &radius);
     if (err) {
-        sst_log_error("%s is no matching network: its metadata " RADIUS_KEY " is not a number from 0 to %d; "
-                      "give --mccnn-model another one",
+        sst_log_error("%s is not a matching network: its metadata " RADIUS_KEY
+                      " is not a number from 0 to %d; choose another --mccnn-model",
                       name, MAX_RADIUS);
         return err;
     }
@@ -145,8 +145,8 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
     err = sst_network_out_shape(net, width, height, &channels, &out_w, &out_h);
     if (err || (channels == SST_FEATURE_CHANNELS && out_w == width && out_h == height))
         return err;
-    sst_log_error("%s is no matching network: it makes %d channels of %dx%d from a view of %dx%d, not %d of the same "
-                  "size; give --mccnn-model another one",
+    sst_log_error("%s is not a matching network: it outputs %d channels of %dx%d for a view of %dx%d, not %d of the "
+                  "same size; choose another --mccnn-model",
                   name, channels, out_w, out_h, width, height, SST_FEATURE_CHANNELS);
     return -EBADMSG;
 }

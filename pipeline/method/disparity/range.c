@@ -170,7 +170,7 @@ int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *mi
             last = i;
     }
     if (total < 100 || first < 0) {
-        sst_log_error("the disparity range cannot be told from these views; give it with --range-min and --range-max");
+        sst_log_error("cannot estimate the disparity range from these views; set --range-min and --range-max");
         return -ENODATA;
     }
     /* One reduced pixel of margin: half a bin is all that the histogram blurs, the rest is for what the cut left out.

@@ -62,10 +62,9 @@ static int collect(uint64_t *packed, size_t *n_packed, size_t *n_truth, const st
 
         for (int x = 0; x < truth->width; x++) {
             if (!(h[x] >= 0)) {
-                sst_log_error(
-                    "entropy threshold: the entropy at (%d, %d) is %g, not a number from 0 up; segment the view"
-                    " again",
-                    x, y, (double)h[x]);
+                sst_log_error("entropy threshold: the entropy at (%d, %d) is %g, not a number of at least 0; segment "
+                              "the view again",
+                              x, y, (double)h[x]);
                 return -EBADMSG;
             }
             if (t[x] == SST_LABEL_NONE)
@@ -144,10 +143,9 @@ int sst_epsilon_search(struct sst_epsilon_result *out, const struct sst_map_u8 *
     }
     free(packed);
     if (err == -ENODATA) {
-        sst_log_error(
-            "entropy threshold: not one of the %zu hand-labelled pixels has the right label; check that the truth"
-            " belongs to this view and class list",
-            n_truth);
+        sst_log_error("entropy threshold: none of the %zu hand-labelled pixels has the correct label; check that the "
+                      "hand labels are of this view and class list",
+                      n_truth);
         err = -EBADMSG;
     }
     return err;

@@ -79,7 +79,7 @@ static int bad_metadata(const struct reader *r, const char *key, const char *wan
     const char *value = sst_network_metadata(r->net, key);
 
     sst_log_error(
-        "model %s: its metadata %s is %.80s; it must be %s: export it again, or say it in a YAML file beside it",
+        "model %s: its metadata %s is %.80s; it must be %s: export it again, or set it in a YAML file beside it",
         r->path, key, value ? value : "missing", want);
     return -EBADMSG;
 }
@@ -147,7 +147,7 @@ static int read_classes(struct reader *r)
 
 static int no_classes(const struct reader *r)
 {
-    sst_log_error("model %s does not say which classes its output stands for: list them in a YAML file beside it"
+    sst_log_error("model %s does not name the classes of its output: list them in a YAML file beside it"
                   " (docs/networks.md) or in its metadata sst.classes",
                   r->path);
     return -EBADMSG;
@@ -239,7 +239,7 @@ static void yaml_classes(struct reader *r, struct sst_yaml_node *node)
     if (!node)
         return;
     if (node->type == SST_YAML_SCALAR || !node->count) {
-        sst_yaml_fault(r->doc, node, "wants a list of names, one for each channel of the output");
+        sst_yaml_fault(r->doc, node, "must be a list of names, one for each channel of the output");
         return;
     }
     sst_yaml_know_all(node);
@@ -252,7 +252,7 @@ static void yaml_classes(struct reader *r, struct sst_yaml_node *node)
             return;
         fault = add_channel(r, name, strlen(name));
         if (fault) {
-            sst_yaml_fault(r->doc, one, "wants %s; %s does not fit", fault, name);
+            sst_yaml_fault(r->doc, one, "must be %s; `%s` is not allowed", fault, name);
             return;
         }
         one = one->next;
@@ -266,7 +266,7 @@ static bool join_channels(struct reader *r, struct sst_yaml_node *labels)
     bool ok = true;
 
     if (labels && labels->type != SST_YAML_MAP)
-        sst_yaml_fault(r->doc, labels, "wants lines \"name of a class: name of the label that it becomes\"");
+        sst_yaml_fault(r->doc, labels, "must have lines \"class name: label name\"");
     for (int i = 0; i < info->channels; i++) {
         const struct sst_yaml_node *to = sst_yaml_get(labels, r->names[i]);
         char name[SST_CLASS_NAME_MAX];
@@ -287,7 +287,7 @@ static void yaml_ground(struct reader *r, const struct sst_yaml_node *list)
     char name[SST_CLASS_NAME_MAX];
 
     if (list && list->type != SST_YAML_LIST)
-        sst_yaml_fault(r->doc, list, "wants a list of class names");
+        sst_yaml_fault(r->doc, list, "must be a list of class names");
     for (const struct sst_yaml_node *n = list ? list->first : NULL; n; n = n->next) {
         int label;
 
@@ -297,7 +297,7 @@ static void yaml_ground(struct reader *r, const struct sst_yaml_node *list)
         if (label)
             r->info->classes.ground[label - 1] = true;
         else
-            sst_yaml_fault(r->doc, n, "names %s, which is none of the classes; correct its spelling", name);
+            sst_yaml_fault(r->doc, n, "names the unknown class `%s`; correct its spelling", name);
     }
 }
 
@@ -309,7 +309,7 @@ static void yaml_normalisation(struct reader *r)
     sst_yaml_doubles(r->doc, sst_yaml_get(r->root, "mean"), -MEAN_MAX, MEAN_MAX, r->info->mean, 3);
     sst_yaml_doubles(r->doc, std, STD_MIN, STD_MAX, r->info->std, 3);
     if (std && scale)
-        sst_yaml_fault(r->doc, scale, "and std say the same (scale is 1 / std); keep one of them");
+        sst_yaml_fault(r->doc, scale, "and std set the same value (scale is 1 / std); keep one of them");
     if (sst_yaml_doubles(r->doc, scale, 1 / STD_MAX, 1 / STD_MIN, scales, 3)) {
         for (int c = 0; c < 3; c++)
             r->info->std[c] = 1 / scales[c];
@@ -328,7 +328,7 @@ static void yaml_size(struct reader *r)
         r->info->width = w;
         r->info->height = h;
     } else {
-        sst_yaml_fault(r->doc, node, "wants WIDTHxHEIGHT with sides of 8..8192, such as 480x360, not %s", text);
+        sst_yaml_fault(r->doc, node, "must be WIDTHxHEIGHT with sides of 8..8192, such as 480x360, not %s", text);
     }
 }
 

@@ -54,7 +54,7 @@ static int check_shape(struct sst_segmenter *seg)
         return -EBADMSG;
     }
     if (!covers(info->width, info->height, w, h)) {
-        sst_log_error("model %s gives %dx%d results for an image of %dx%d, which are no labels of its pixels; use a"
+        sst_log_error("model %s gives %dx%d results for an image of %dx%d, which do not match its pixels; use a"
                       " segmentation network",
                       seg->path, w, h, info->width, info->height);
         return -EBADMSG;
@@ -168,7 +168,7 @@ static int plan_windows(struct working *w, struct sst_segmenter *seg)
     if (err)
         return err;
     if (UNIT * x % width || UNIT * y % height || seg->info.fixed_size) {
-        sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is taken whole",
+        sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is processed as a whole",
                         seg->path, width, height, x, y);
         return 0;
     }
@@ -240,7 +240,7 @@ static int add_window(struct class_grid *grid, const struct working *w, int i, i
             for (int c = 0; c < seg->info.channels; c++)
                 p[c] = w->out[(size_t)c * plane + (size_t)y * (size_t)w->out_width + (size_t)x];
             if (!to_probabilities(p, seg)) {
-                sst_log_error("model %s: its output at (%d, %d) is no probability (NaN, infinite or negative); use"
+                sst_log_error("model %s: its output at (%d, %d) is not a probability (NaN, infinite or negative); use"
                               " another model",
                               seg->path, x0 + x, y0 + y);
                 return -EBADMSG;

@@ -87,7 +87,7 @@ static int resolve_node(struct graph_builder *b, int n)
     for (int i = 0; i < onnx->n_in; i++) {
         node->in[i] = onnx->in[i].n ? find_value(b, onnx->in[i]) : -1;
         if (onnx->in[i].n && node->in[i] < 0)
-            return graph_wrong(b, onnx, "reads a value that no earlier node makes (a cycle, or a missing constant)");
+            return graph_wrong(b, onnx, "reads a value that no earlier node produces (a cycle, or a missing constant)");
     }
     for (int i = 0; i < onnx->n_out; i++) {
         node->out[i] = -1;
@@ -95,7 +95,7 @@ static int resolve_node(struct graph_builder *b, int n)
             continue;
         node->out[i] = add_value(b, onnx->out[i]);
         if (node->out[i] < 0)
-            return graph_wrong(b, onnx, "makes a value that exists already");
+            return graph_wrong(b, onnx, "produces a value that already exists");
         b->values[node->out[i]].node = n;
     }
     if (!onnx->n_out || node->out[0] < 0)
@@ -152,7 +152,7 @@ static int resolve(struct graph_builder *b)
         const int v = add_value(b, m->tensors[i].name);
 
         if (v < 0) {
-            sst_log_error("model %s: two constants are called %.*s; the file is damaged", b->name,
+            sst_log_error("model %s: two constants are named %.*s; the file is damaged", b->name,
                           SST_ONNX_STR(m->tensors[i].name));
             return -EBADMSG;
         }
@@ -167,11 +167,11 @@ static int resolve(struct graph_builder *b)
     if (err)
         return err;
     if (m->n_outs > 1)
-        sst_log_info("model %s has %d outputs; the first one, %.*s, counts", b->name, m->n_outs,
+        sst_log_info("model %s has %d outputs; only the first one, %.*s, is used", b->name, m->n_outs,
                      SST_ONNX_STR(m->outs[0].name));
     b->graph.output = m->n_outs ? find_value(b, m->outs[0].name) : -1;
     if (b->graph.output < 0 || b->values[b->graph.output].node < 0) {
-        sst_log_error("model %s: no node makes its output; the file is damaged", b->name);
+        sst_log_error("model %s: no node produces its output; the file is damaged", b->name);
         return -EBADMSG;
     }
     return 0;

@@ -145,7 +145,7 @@ static int copy_weights(struct graph_builder *b, const struct raw_node *node, st
         return graph_wrong(b, node->onnx, "has a bias that is not one constant per channel");
     b->weights += w->count;
     if (b->weights > SST_GRAPH_MAX_WEIGHTS)
-        return graph_wrong(b, node->onnx, "uses constants again that others use, beyond 128 MiB in all");
+        return graph_wrong(b, node->onnx, "shares constants with other nodes, more than 128 MiB in all");
     op->weights = malloc((size_t)w->count * sizeof(float));
     op->bias = calloc((size_t)op->channels, sizeof(float));
     if (!op->weights || !op->bias) {
@@ -301,7 +301,7 @@ static int concat(struct graph_builder *b, const struct raw_node *node)
     if (err)
         return err;
     if (op->channels > 65536)
-        return graph_wrong(b, node->onnx, "makes more than 65536 channels");
+        return graph_wrong(b, node->onnx, "produces more than 65536 channels");
     op->n_in = node->onnx->n_in;
     return commit_op(b, op);
 }

@@ -346,7 +346,7 @@ int64_t sst_onnx_attr_int(const struct sst_onnx_node *node, const char *name, in
 static void *add(void **table, int *count, int limit, size_t size, const char *what, const char *name, int *err)
 {
     if (*count == limit) {
-        sst_log_error("model %s: more than %d %s; such a network is too large to be one of ours", name, limit, what);
+        sst_log_error("model %s: more than %d %s; larger networks are refused", name, limit, what);
         *err = -EBADMSG;
         return NULL;
     }

@@ -159,10 +159,9 @@ static int allocate(struct sst_plan *p)
     if (err)
         return err;
     if (p->arena_bytes + p->scratch_bytes > SST_PLAN_MAX_BYTES((int64_t)in.w * in.h)) {
-        sst_log_error(
-            "model %s wants %zu MiB for an image of %d x %d, more than the 64 MiB and 16 KiB per pixel that any"
-            " sane network needs; use another one",
-            p->name, (p->arena_bytes + p->scratch_bytes) >> 20, in.w, in.h);
+        sst_log_error("model %s needs %zu MiB for an image of %d x %d, more than the limit of 64 MiB and 16 KiB per "
+                      "pixel; use another one",
+                      p->name, (p->arena_bytes + p->scratch_bytes) >> 20, in.w, in.h);
         return -EINVAL;
     }
     p->arena = sst_mem_alloc_raw(1, p->arena_bytes + 1);

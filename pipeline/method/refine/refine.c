@@ -384,7 +384,7 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
     if (err)
         return err;
     if (!(lf->focal_px > 0))
-        sst_log_info("label refinement: the focal length is unknown; the image width, %d px, stands in for it",
+        sst_log_info("label refinement: the focal length is unknown; the image width, %d px, is used instead",
                      lf->width);
     err = job_init(&job, lf, cfg);
     if (!err)

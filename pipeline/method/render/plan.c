@@ -36,7 +36,7 @@ int sst_renderer_count(struct sst_renderer *r)
     }
     pthread_mutex_unlock(&r->lock);
     if (err)
-        sst_log_error("no memory for the histograms of the disparities");
+        sst_log_error("not enough memory for the disparity histograms");
     return err;
 }
 
@@ -50,7 +50,7 @@ int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int
     r->counted = true; /* without memory: empty */
     pthread_mutex_unlock(&r->lock);
     if (err)
-        sst_log_error("no memory for the histograms of the disparities");
+        sst_log_error("not enough memory for the disparity histograms");
     return err;
 }
 
@@ -67,7 +67,7 @@ const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r)
     }
     pthread_mutex_unlock(&r->lock);
     if (err)
-        sst_log_error("no memory to count which disparities other views confirm");
+        sst_log_error("not enough memory to count the unconfirmed disparities");
     return err ? NULL : &r->unsure;
 }
 
@@ -297,9 +297,9 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
     p->blend.unknown = by_depth ? (float)cfg->c1 : 1;
     for (int i = 0; i < p->count && p->weighted; i++) {
         if (!p->tap[i].v->disp.data) {
-            sst_log_error("view %d has no disparity map: run `sst process` on this light field first, or choose the "
-                          "method refocus",
-                          p->tap[i].view);
+            sst_log_error(
+                "view %d has no disparity map: run `sst process` on this light field first, or use the refocus method",
+                p->tap[i].view);
             return -ENODATA;
         }
     }
@@ -310,7 +310,7 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
         return err;
     p->table = sst_mem_alloc_raw((size_t)256 * SST_BLEND_COLUMNS, sizeof(float));
     if (!p->table) {
-        sst_log_error("no memory for the table of label weights");
+        sst_log_error("not enough memory for the table of label weights");
         return -ENOMEM;
     }
     sst_label_weight_table(p->table, &r->histogram, cfg);
@@ -339,7 +339,7 @@ static int open_verifiers(struct sst_plan *p, struct sst_renderer *r)
     for (; p->rarity && p->verifier && p->verifiers < threads && !err; p->verifiers += !err)
         err = sst_verifier_create(&p->verifier[p->verifiers], p);
     if (err || !p->rarity || !p->verifier) {
-        sst_log_error("no memory to verify rays on %d threads", threads);
+        sst_log_error("not enough memory to verify rays on %d threads", threads);
         return -ENOMEM;
     }
     memcpy(p->rarity, r->rarity, sizeof(r->rarity));

@@ -33,7 +33,7 @@ int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *
     struct sst_renderer *r = calloc(1, sizeof(*r));
 
     if (!r) {
-        sst_log_error("no memory for a renderer");
+        sst_log_error("not enough memory for a renderer");
         return -ENOMEM;
     }
     r->lf = lf;
@@ -42,7 +42,7 @@ int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *
         r->raw = calloc((size_t)(lf->rows * lf->cols), sizeof(*r->raw));
         if (!r->raw) {
             free(r);
-            sst_log_error("no memory for a renderer");
+            sst_log_error("not enough memory for a renderer");
             return -ENOMEM;
         }
     }
