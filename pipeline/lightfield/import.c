@@ -19,9 +19,9 @@ static const struct {
     const char *name;
     int (*plan)(struct import_plan *plan);
 } formats[] = {
-    { "stanford", plan_stanford },
-    { "hci", plan_hci },
-    { "folder", plan_folder },
+    { "stanford", import_stanford },
+    { "hci", import_hci },
+    { "folder", import_folder },
 };
 
 /* What the threads share: each writes only its own view's places. */
@@ -126,7 +126,7 @@ static void warn_unused(const struct import_plan *plan)
 static int set_offsets(struct import_plan *plan)
 {
     struct sst_lightfield *lf = &plan->lf;
-    const struct plan_view *ref;
+    const struct import_view *ref;
 
     if (!(plan->spacing > 0) || !isfinite(plan->spacing)) {
         sst_log_error("%s: the computed camera spacing is %g; correct the positions of the cameras", plan->cfg->source,

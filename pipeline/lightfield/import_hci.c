@@ -131,7 +131,7 @@ static int truth_of(const struct import_plan *plan, const struct grid *g, int in
 }
 
 /* Where our own export has noted that a camera is off its place. */
-static int read_offset(const struct grid *g, int index, struct plan_view *v)
+static int read_offset(const struct grid *g, int index, struct import_view *v)
 {
     char key[32];
     int err;
@@ -146,10 +146,10 @@ static int read_offset(const struct grid *g, int index, struct plan_view *v)
 
 static int place_all(struct import_plan *plan, const struct grid *g)
 {
-    int err = plan_set_grid(plan, g->n_row, g->n_col);
+    int err = import_set_grid(plan, g->n_row, g->n_col);
 
     for (int k = 0; !err && k < g->n_row * g->n_col; k++) {
-        struct plan_view *v = &plan->views[k];
+        struct import_view *v = &plan->views[k];
         const int row = g->row[k / g->n_col], col = g->col[k % g->n_col], index = row * g->cols + col;
 
         snprintf(v->expected, sizeof(v->expected), PREFIX "%03d.png", index);
@@ -170,12 +170,12 @@ static int place_all(struct import_plan *plan, const struct grid *g)
             row++;
         while (g->col[col] != index % g->cols)
             col++;
-        err = plan_place(plan, row, col, i);
+        err = import_place(plan, row, col, i);
     }
     return err;
 }
 
-int plan_hci(struct import_plan *plan)
+int import_hci(struct import_plan *plan)
 {
     struct grid g = { 0 };
     double range[2], spacing_mm;

@@ -147,7 +147,7 @@ int params_number(const char *text, const char *path, const char *key, double *v
     return 0;
 }
 
-int plan_set_grid(struct import_plan *plan, int rows, int cols)
+int import_set_grid(struct import_plan *plan, int rows, int cols)
 {
     const struct sst_import_config *cfg = plan->cfg;
     int err;
@@ -172,9 +172,9 @@ int plan_set_grid(struct import_plan *plan, int rows, int cols)
     return 0;
 }
 
-int plan_place(struct import_plan *plan, int row, int col, int i)
+int import_place(struct import_plan *plan, int row, int col, int i)
 {
-    struct plan_view *v = &plan->views[row * plan->lf.cols + col];
+    struct import_view *v = &plan->views[row * plan->lf.cols + col];
 
     if (v->name >= 0) {
         sst_log_error("%s: %s and %s are both row %d, column %d; remove one of them", plan->cfg->source,

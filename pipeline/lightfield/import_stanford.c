@@ -140,7 +140,7 @@ static double nominal_spacing(const struct import_plan *plan)
     int n = 0;
 
     for (int k = 0; k + step < rows * cols; k++) {
-        const struct plan_view *a = &plan->views[k], *b = &plan->views[k + step];
+        const struct import_view *a = &plan->views[k], *b = &plan->views[k + step];
 
         if (a->name >= 0 && b->name >= 0 && (cols == 1 || k % cols + 1 < cols))
             d[n++] = cols > 1 ? b->pos_x - a->pos_x : b->pos_y - a->pos_y;
@@ -156,7 +156,7 @@ static int place_all(struct import_plan *plan, const struct entry *e, int n)
     if (!err)
         err = make_lines(&cols, e, n, false, plan->cfg->source);
     if (!err)
-        err = plan_set_grid(plan, rows.count, cols.count);
+        err = import_set_grid(plan, rows.count, cols.count);
     if (err)
         return err;
     for (int k = 0; k < rows.count * cols.count; k++)
@@ -165,7 +165,7 @@ static int place_all(struct import_plan *plan, const struct entry *e, int n)
     for (int i = 0; !err && i < n; i++) {
         const int row = line_of(&rows, e[i].row), col = line_of(&cols, e[i].col);
 
-        err = plan_place(plan, row, col, e[i].name);
+        err = import_place(plan, row, col, e[i].name);
         plan->views[row * cols.count + col].pos_x = e[i].x;
         plan->views[row * cols.count + col].pos_y = e[i].y;
     }
@@ -202,7 +202,7 @@ static int read_extra(struct import_plan *plan)
     return err < 0 ? err : 0;
 }
 
-int plan_stanford(struct import_plan *plan)
+int import_stanford(struct import_plan *plan)
 {
     const struct name_list *names = &plan->names;
     struct entry *e = calloc((size_t)names->count + 1, sizeof(*e));

@@ -62,7 +62,7 @@ struct name_list {
 };
 
 /** Where the file of one view was found and what is known about it; by view of the grid. */
-struct plan_view {
+struct import_view {
     int name;            /* index in names; -1: missing */
     int truth;           /* index in names of a PFM with its disparity; -1: none */
     double pos_x, pos_y; /* position of the camera in the source's unit, right and down positive */
@@ -71,24 +71,24 @@ struct plan_view {
 
 struct import_plan {
     const struct sst_import_config *cfg;
-    struct name_list names;   /* of cfg->source */
-    struct sst_lightfield lf; /* grid, spacing_mm and range where known */
-    struct plan_view *views;  /* rows * cols, made by plan_set_grid() */
-    double spacing;           /* nominal spacing in the unit of the positions, above 0 */
-    double truth_scale;       /* factor from the source's disparity to ours */
-    double focal_sides;       /* focal length in units of the longer side of an image; 0: unknown */
+    struct name_list names;    /* of cfg->source */
+    struct sst_lightfield lf;  /* grid, spacing_mm and range where known */
+    struct import_view *views; /* rows * cols, made by import_set_grid() */
+    double spacing;            /* nominal spacing in the unit of the positions, above 0 */
+    double truth_scale;        /* factor from the source's disparity to ours */
+    double focal_sides;        /* focal length in units of the longer side of an image; 0: unknown */
 };
 
 /** The formats: set grid, views, spacing; log what contradicts. */
-SST_MUST_CHECK int plan_stanford(struct import_plan *plan);
-SST_MUST_CHECK int plan_hci(struct import_plan *plan);
-SST_MUST_CHECK int plan_folder(struct import_plan *plan);
+SST_MUST_CHECK int import_stanford(struct import_plan *plan);
+SST_MUST_CHECK int import_hci(struct import_plan *plan);
+SST_MUST_CHECK int import_folder(struct import_plan *plan);
 
 /** Make the grid; refuses (logged) one that is too large or is not the one the user gave. */
-SST_MUST_CHECK int plan_set_grid(struct import_plan *plan, int rows, int cols);
+SST_MUST_CHECK int import_set_grid(struct import_plan *plan, int rows, int cols);
 
 /** Name i is the file of view (row, col); refuses (logged) a second one. */
-SST_MUST_CHECK int plan_place(struct import_plan *plan, int row, int col, int i);
+SST_MUST_CHECK int import_place(struct import_plan *plan, int row, int col, int i);
 
 SST_MUST_CHECK int names_read(struct name_list *names, const char *dir);
 void names_fini(struct name_list *names);

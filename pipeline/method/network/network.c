@@ -29,7 +29,7 @@ struct sst_network {
     /* for the size used last */
     int width, height;
     struct sst_shape out;
-    struct sst_plan *plan;
+    struct net_plan *plan;
 };
 
 static char *copy_str(struct sst_onnx_str s)
@@ -117,7 +117,7 @@ static int choose_precision(struct sst_network *net)
         return -ENOTSUP;
     }
     if (net->precision == SST_PRECISION_AUTO)
-        net->precision = net->graph.range && plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+        net->precision = net->graph.range && net_plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
     return 0;
 }
 #endif
@@ -218,7 +218,7 @@ void sst_network_close(struct sst_network *net)
     if (!net)
         return;
 #if WITH_DNNL
-    plan_destroy(net->plan);
+    net_plan_destroy(net->plan);
 #endif
 #if WITH_OPENCV
     cv_net_close(net->cv);
@@ -272,7 +272,7 @@ static int plan_dnnl(struct sst_network *net, int width, int height)
 
     if (!err) {
         net->out = shapes[net->graph.output];
-        err = plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
+        err = net_plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
     }
     free(shapes);
     return err;
@@ -335,7 +335,7 @@ static int plan(struct sst_network *net, int width, int height)
     }
     net->width = net->height = 0;
 #if WITH_DNNL
-    plan_destroy(net->plan);
+    net_plan_destroy(net->plan);
     net->plan = NULL;
     if (!net->cv)
         err = plan_dnnl(net, width, height);
@@ -382,7 +382,7 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
     }
 #endif
 #if WITH_DNNL
-    err = plan_run(net->plan, in, out);
+    err = net_plan_run(net->plan, in, out);
     if (err)
         sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
 #endif
@@ -412,8 +412,8 @@ int sst_network_run_s8(struct sst_network *net, const float *in, int width, int 
     if (err)
         return err;
 #if WITH_DNNL
-    if (!net->cv && plan_has_s8(net->plan)) {
-        err = plan_run_s8(net->plan, in, factor, out);
+    if (!net->cv && net_plan_has_s8(net->plan)) {
+        err = net_plan_run_s8(net->plan, in, factor, out);
         if (err)
             sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
         return err;

@@ -91,19 +91,19 @@ struct net_tensor {
 };
 
 /** Place of one output sample along an axis: in[lo] + part (in[hi] - in[lo]). */
-struct sst_tap {
+struct net_tap {
     int lo, hi;
     float part;
 };
 
 /** Fill taps for `to` output samples from `from` input samples. */
-void resize_taps(struct sst_tap *taps, enum sst_resize_mode mode, double scale, int from, int to);
+void resize_taps(struct net_tap *taps, enum sst_resize_mode mode, double scale, int from, int to);
 
 /* All: dst->block is src->block or 1. Each output has one fixed order of sums: same bytes for any number of threads. */
 
 /** @param taps_y, taps_x  [dst->h] and [dst->w] */
-SST_MUST_CHECK int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct sst_tap *taps_y,
-                             const struct sst_tap *taps_x, int threads);
+SST_MUST_CHECK int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct net_tap *taps_y,
+                             const struct net_tap *taps_x, int threads);
 
 /** Means over bins; sums in double. */
 SST_MUST_CHECK int op_adaptive_pool(const struct net_tensor *dst, const struct net_tensor *src, int threads);
@@ -131,32 +131,32 @@ static inline int8_t op_to_byte(float v)
 
 /* --- plan: a graph made ready for one input size: primitives, weights in their layout, memory. --- */
 
-struct sst_plan; /* one thread at a time */
+struct net_plan; /* one thread at a time */
 
 /* Memory for activations and scratch beyond which a network is refused: no sane one comes near it. */
-#define SST_PLAN_MAX_BYTES(pixels) (((size_t)64 << 20) + ((size_t)16 << 10) * (size_t)(pixels))
+#define NET_PLAN_MAX_BYTES(pixels) (((size_t)64 << 20) + ((size_t)16 << 10) * (size_t)(pixels))
 
 /**
  * @param graph, shapes  borrowed during the call and, the graph, until destroy; shapes of sst_graph_shapes()
  * @param precision  not SST_PRECISION_AUTO
  * @param name  of the model, for messages; borrowed
- * @return 0, -ENOMEM, -EINVAL (more than SST_PLAN_MAX_BYTES of the input's pixels), -ENOTSUP (oneDNN has no code for a
+ * @return 0, -ENOMEM, -EINVAL (more than NET_PLAN_MAX_BYTES of the input's pixels), -ENOTSUP (oneDNN has no code for a
  * layer on this machine); logged.
  */
-SST_MUST_CHECK int plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes,
-                               int threads, enum sst_precision precision, const char *name);
-void plan_destroy(struct sst_plan *plan);
+SST_MUST_CHECK int net_plan_create(struct net_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes,
+                                   int threads, enum sst_precision precision, const char *name);
+void net_plan_destroy(struct net_plan *plan);
 
 /** True where this processor multiplies and adds bytes in one instruction (VNNI), as far as oneDNN may use it. */
-bool plan_fast_int8(void);
+bool net_plan_fast_int8(void);
 
 /** Run once; allocates nothing. @param in [c][h][w] @param out [c][h][w] of the graph's output. */
-SST_MUST_CHECK int plan_run(struct sst_plan *plan, const float *in, float *out);
+SST_MUST_CHECK int net_plan_run(struct net_plan *plan, const float *in, float *out);
 
-/** True where plan_run_s8() can be used: the network ends with a normalisation. */
-bool plan_has_s8(const struct sst_plan *plan);
+/** True where net_plan_run_s8() can be used: the network ends with a normalisation. */
+bool net_plan_has_s8(const struct net_plan *plan);
 
 /** Run once, with the result times factor in bytes, see op_normalize_s8(). @param out [h][w][c] of the output. */
-SST_MUST_CHECK int plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out);
+SST_MUST_CHECK int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out);
 
 #endif
