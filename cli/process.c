@@ -29,8 +29,8 @@ static json_t *seconds_json(double load, double labels, double disparity, double
                      load + labels + disparity + refinement + saving);
 }
 
-static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r, struct sst_stage_time load,
-                        struct sst_stage_time saving, bool json)
+static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
+                        struct sst_process_time load, struct sst_process_time saving, bool json)
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     json_t *root;
@@ -97,21 +97,21 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
 
 /* Compute the maps and store them. */
 static int process(struct sst_lightfield *lf, const char *dir, struct sst_process_config *cfg, const char *hand_label,
-                   struct sst_process_report *report, struct sst_stage_time *saving)
+                   struct sst_process_report *report, struct sst_process_time *saving)
 {
     struct sst_process_extras extras = { 0 };
     struct sst_map_u8 truth = { 0 };
-    struct sst_stage_time clock;
+    struct sst_process_time clock;
     int err = hand_label && cfg->model ? sst_map_u8_read_png(&truth, hand_label) : 0;
 
     cfg->hand_label = truth.data ? &truth : NULL;
     err = err ? err : sst_process(lf, cfg, &extras, report);
-    sst_stage_lap(&clock);
+    sst_process_lap(&clock);
     if (!err) {
         progress(NULL, "saving", 0.99);
         err = sst_process_save(lf, &extras, dir, cfg->threads);
     }
-    *saving = sst_stage_lap(&clock);
+    *saving = sst_process_lap(&clock);
     sst_map_u8_fini(&truth);
     sst_process_extras_fini(&extras);
     return err;
@@ -144,7 +144,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_process_report report;
     struct sst_lightfield lf = { 0 };
     char mccnn[SST_PATH_MAX], pspnet[SST_PATH_MAX];
-    struct sst_stage_time clock = { (double)sst_clock_now_ns() * 1e-9, 0 }, load_time, save_time;
+    struct sst_process_time clock = { (double)sst_clock_now_ns() * 1e-9, 0 }, load_time, save_time;
     int err, r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
 
     if (r != CLI_GO_ON)
@@ -166,7 +166,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     sst_refine_config_defaults(&cfg.refinement);
     cfg.refine = !no_refine;
     err = err ? err : load(&lf, dir, &w, cfg.threads);
-    load_time = sst_stage_lap(&clock);
+    load_time = sst_process_lap(&clock);
     if (!err && (w.model || (!w.no_labels && !lf.files->external_labels))) {
         err = w.model ? sst_model_resolve(pspnet, w.model) : sst_model_path(pspnet, "pspnet-small.onnx");
         if (!lf.files->external_labels)

@@ -54,7 +54,7 @@ static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *
                 const int x = nearest(xn + d * n->bx), y = nearest(yn + d * n->by);
 
                 if (x >= 0 && y >= 0 && x < mark->width && y < mark->height)
-                    sst_map_u8_row(mark, y)[x] = SST_CHECK_MISMATCH;
+                    sst_map_u8_row(mark, y)[x] = SST_DISPARITY_MISMATCH;
             }
         }
     }
@@ -63,7 +63,7 @@ static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *
 void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,
                      const struct sst_checked_view *views, int count)
 {
-    memset(status->data, SST_CHECK_OCCLUSION, status->stride * (size_t)status->height);
+    memset(status->data, SST_DISPARITY_OCCLUSION, status->stride * (size_t)status->height);
     for (int i = 0; i < count; i++)
         mark_served(status, &views[i], disp_min_px, steps);
     for (int y = 0; y < disp_q6->height; y++) {
@@ -72,7 +72,7 @@ void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q
 
         for (int x = 0; x < disp_q6->width; x++) {
             if (d[x] != SST_DISP_NONE && agrees_with_any(views, count, x, y, d[x], disp_min_px))
-                out[x] = SST_CHECK_CORRECT;
+                out[x] = SST_DISPARITY_CORRECT;
         }
     }
 }
@@ -89,7 +89,7 @@ static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, d
             const int x = nearest(xn + dp * n->bx), y = nearest(yn + dp * n->by);
             uint16_t *at;
 
-            if (ok[xn] != SST_CHECK_CORRECT || x < 0 || y < 0 || x >= out->width || y >= out->height)
+            if (ok[xn] != SST_DISPARITY_CORRECT || x < 0 || y < 0 || x >= out->width || y >= out->height)
                 continue;
             at = &sst_map_u16_row(out, y)[x];
             if (*at == SST_DISP_NONE || d[xn] > *at)
@@ -108,7 +108,7 @@ static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *st
         uint16_t *d = sst_map_u16_row(disp, y);
 
         for (int x = 0; x < disp->width; x++) {
-            if (s[x] == SST_CHECK_OCCLUSION && d[x] == SST_DISP_NONE)
+            if (s[x] == SST_DISPARITY_OCCLUSION && d[x] == SST_DISP_NONE)
                 d[x] = p[x];
         }
     }
@@ -131,7 +131,7 @@ static uint16_t median_around(const struct sst_map_u16 *disp, const struct sst_m
 
             if (i < 0 || j < 0 || i >= disp->width || j >= disp->height)
                 break;
-            if (sst_map_u8_row(status, j)[i] != SST_CHECK_CORRECT)
+            if (sst_map_u8_row(status, j)[i] != SST_DISPARITY_CORRECT)
                 continue;
             for (at = n++; at > 0 && v[at - 1] > sst_map_u16_row(disp, j)[i]; at--)
                 v[at] = v[at - 1];
@@ -191,9 +191,9 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
         for (int x = 0; x < disp_q6->width; x++) {
             const int s = sst_map_u8_row(status, y)[x];
 
-            if (s == SST_CHECK_MISMATCH)
+            if (s == SST_DISPARITY_MISMATCH)
                 d[x] = median_around(disp_q6, status, x, y);
-            else if (s == SST_CHECK_OCCLUSION)
+            else if (s == SST_DISPARITY_OCCLUSION)
                 d[x] = SST_DISP_NONE;
         }
     }

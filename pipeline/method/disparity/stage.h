@@ -210,10 +210,10 @@ void sst_fuse(struct sst_map_u16 *disp, struct sst_map_u8 *confidence, const str
               const struct sst_map_u8 *other_confidence);
 
 /** Outcome of the multi-view check. */
-enum sst_check {
-    SST_CHECK_CORRECT = 0,
-    SST_CHECK_MISMATCH = 1,
-    SST_CHECK_OCCLUSION = 2,
+enum sst_disparity_check {
+    SST_DISPARITY_CORRECT = 0,
+    SST_DISPARITY_MISMATCH = 1,
+    SST_DISPARITY_OCCLUSION = 2,
 };
 
 /** A neighbouring view's disparities at offset b from the view under check. */
@@ -227,7 +227,7 @@ struct sst_checked_view {
  * DESIGN 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if
  * that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
  *
- * @param status  out, enum sst_check
+ * @param status  out, enum sst_disparity_check
  * @param disp_min_px  disparity of stored value 0
  */
 void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,

@@ -18,8 +18,8 @@
  * @param kept  scratch
  * @return 0 or -ENOMEM (not logged)
  */
-SST_MUST_CHECK int sst_resample(float *out, int width, int height, const struct sst_image *img, const double mean[3],
-                                const double std[3], int threads, struct sst_mem_kept *kept);
+SST_MUST_CHECK int resample_planes(float *out, int width, int height, const struct sst_image *img, const double mean[3],
+                                   const double std[3], int threads, struct sst_mem_kept *kept);
 
 /* --- tiles: one axis cut into overlapping windows of equal length whose weights sum to 1. --- */
 

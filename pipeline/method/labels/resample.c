@@ -93,8 +93,8 @@ static int resample_row(void *arg, int index, int worker)
     return 0;
 }
 
-int sst_resample(float *out, int width, int height, const struct sst_image *img, const double mean[3],
-                 const double std[3], int threads, struct sst_mem_kept *kept)
+int resample_planes(float *out, int width, int height, const struct sst_image *img, const double mean[3],
+                    const double std[3], int threads, struct sst_mem_kept *kept)
 {
     struct job job = { .out = out, .width = width, .height = height, .img = img, .mean = mean, .std = std };
     const size_t x_bytes = axis_bytes(img->width, width), y_bytes = axis_bytes(img->height, height);

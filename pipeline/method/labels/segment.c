@@ -267,7 +267,7 @@ static int make_input(float *in, int width, int height, const struct sst_image *
         swapped.plane[0] = img->plane[2];
         swapped.plane[2] = img->plane[0];
     }
-    err = sst_resample(in, width, height, &swapped, mean, std, seg->threads, &seg->resample);
+    err = resample_planes(in, width, height, &swapped, mean, std, seg->threads, &seg->resample);
     for (size_t i = 0; !err && grey && i < plane; i++)
         in[i] = 0.299f * in[i] + 0.587f * in[plane + i] + 0.114f * in[2 * plane + i];
     return err;

@@ -232,7 +232,7 @@ int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float
     if (!base)
         return -ENOMEM;
     lay_out(&j, base, workers);
-    err = sst_resample(j.colour, grid->width, grid->height, img, mean, std, threads, &memory->resample);
+    err = resample_planes(j.colour, grid->width, grid->height, img, mean, std, threads, &memory->resample);
     if (err)
         return err;
     prepare_cells(&j);

@@ -284,10 +284,10 @@ static int refine_views(struct run *run)
     return err;
 }
 
-struct sst_stage_time sst_stage_lap(struct sst_stage_time *from)
+struct sst_process_time sst_process_lap(struct sst_process_time *from)
 {
-    const struct sst_stage_time now = { (double)sst_clock_now_ns() * 1e-9, (double)sst_clock_cpu_ns() * 1e-9 };
-    const struct sst_stage_time took = { now.wall_s - from->wall_s, now.cpu_s - from->cpu_s };
+    const struct sst_process_time now = { (double)sst_clock_now_ns() * 1e-9, (double)sst_clock_cpu_ns() * 1e-9 };
+    const struct sst_process_time took = { now.wall_s - from->wall_s, now.cpu_s - from->cpu_s };
 
     *from = now;
     return took;
@@ -298,22 +298,22 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
 {
     struct sst_process_report unwanted;
     struct run run = { .lf = lf, .cfg = cfg, .extras = extras, .report = report ? report : &unwanted };
-    struct sst_stage_time clock = { 0 };
+    struct sst_process_time clock = { 0 };
     int err = 0;
 
     *run.report =
         (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN, .confirmed = NAN };
-    sst_stage_lap(&clock);
+    sst_process_lap(&clock);
     if (cfg->model)
         err = label_views(&run);
-    run.report->labels = sst_stage_lap(&clock);
+    run.report->labels = sst_process_lap(&clock);
     if (!err && !cfg->keep_disparity)
         err = match_views(&run);
     if (!err && report)
         err = count_confirmed(&run);
-    run.report->disparity = sst_stage_lap(&clock);
+    run.report->disparity = sst_process_lap(&clock);
     err = err ? err : refine_views(&run);
-    run.report->refinement = sst_stage_lap(&clock);
+    run.report->refinement = sst_process_lap(&clock);
     return err;
 }
 

@@ -28,7 +28,7 @@ struct sst_process_config {
 };
 
 /** Wall seconds of one stage, and CPU seconds of all threads. */
-struct sst_stage_time {
+struct sst_process_time {
     double wall_s, cpu_s;
 };
 
@@ -37,7 +37,7 @@ struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
     double confirmed; /* percent of the disparities that another view confirms; NaN without confidences */
-    struct sst_stage_time labels, disparity, refinement;
+    struct sst_process_time labels, disparity, refinement;
 };
 
 /** Maps that explain the labels; the names of their folders are in save.c. */
@@ -78,6 +78,6 @@ SST_MUST_CHECK int sst_process_save(const struct sst_lightfield *lf, const struc
                                     const char *dir, int threads);
 
 /** Time since *from, which moves up to now. */
-struct sst_stage_time sst_stage_lap(struct sst_stage_time *from);
+struct sst_process_time sst_process_lap(struct sst_process_time *from);
 
 #endif
