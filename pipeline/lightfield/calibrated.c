@@ -35,7 +35,7 @@ void sst_use_calibration_fini(struct sst_use_calibration *use)
     sst_calib_fini(&use->calib);
 }
 
-/* --- giving a light field a calibration --------------------------------------------------------------------------- */
+/* --- attaching a calibration --------------------------------------------------------------------------- */
 
 int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_use_calibration *use)
 {
@@ -79,7 +79,7 @@ static void set_offsets(struct sst_lightfield *lf, const struct sst_rectified *t
     }
 }
 
-/* Does any pixel of the view come from its raw frame? One in 256 is looked at. */
+/* True if any pixel of the view comes from its raw frame; tests one in 256. */
 static bool sees(const struct sst_rectified *to, const struct sst_calib *calib, int view)
 {
     for (int y = 0; y < to->height; y += 16) {
@@ -93,7 +93,7 @@ static bool sees(const struct sst_rectified *to, const struct sst_calib *calib, 
     return false;
 }
 
-/* Numbers that are a calibration in form alone leave nothing of a camera's picture. */
+/* Rejects well-formed but absurd calibrations, which leave nothing of a camera's picture. */
 static int check_views(const struct sst_rectified *to, const struct sst_calib *calib, const char *path)
 {
     for (int k = 0; k < calib->rows * calib->cols; k++) {
@@ -160,7 +160,7 @@ void calibration_drop(struct sst_lightfield *lf)
 
 /* --- loading ------------------------------------------------------------------------------------------------------ */
 
-/* Does what lightfield.json says follow from the calibration beside it? */
+/* Verify that the offsets in lightfield.json follow from the calibration beside it. */
 static int check_offsets(const struct sst_lightfield *lf, const char *path)
 {
     const struct sst_rectified *to = lf->rectified;
@@ -257,7 +257,7 @@ int calibration_rectify_view(struct sst_lightfield *lf, int view)
     return 0;
 }
 
-/* --- how much is kept --------------------------------------------------------------------------------------------- */
+/* --- coverage --------------------------------------------------------------------------------------------- */
 
 #define KEPT_STEP 16
 
@@ -270,7 +270,8 @@ static void view_kept(const struct sst_lightfield *lf, int view, struct sst_pixe
 
     for (int j = 0; j < rows; j++) {
         for (int i = 0; i < cols; i++) {
-            /* Squares of pixels, spread evenly up to the borders; what each covers in the raw frame is its area. */
+            /* Samples squares of pixels, spread evenly up to the borders, and sums the areas they cover in the raw
+             * frame. */
             const double x = (i + 0.5) * lf->width / cols - 0.5, y = (j + 0.5) * lf->height / rows - 0.5;
             const double dx = x < middle_x ? 1 : -1, dy = y < middle_y ? 1 : -1;
             double at[2], right[2], below[2];
@@ -325,7 +326,7 @@ int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst
         mean->kept += job->view[k].kept;
         n++;
     }
-    mean->filled /= n; /* a light field has a view */
+    mean->filled /= n; /* a light field has at least one view */
     mean->kept /= n;
     free(job);
     return err;

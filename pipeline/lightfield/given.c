@@ -13,7 +13,7 @@
 struct given {
     struct sst_lightfield *lf;
     const char *dir;
-    bool store;        /* second pass over disparity: keep, not only measure */
+    bool store;        /* second pass over disparity: stores the values, the first only measures them */
     double *min, *max; /* [views] of the finite values; min above max: none */
     int *max_label;    /* [views] */
 };
@@ -154,7 +154,7 @@ int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int t
     struct sst_classes *classes = &lf->classes;
     int err = sst_parallel_for(lf->rows * lf->cols, threads, labels_view, &g);
 
-    /* Labels that the list does not name get a number for a name. */
+    /* Labels missing from the class list are added as LabelN. */
     for (int k = 0; !err && k < lf->rows * lf->cols; k++) {
         while (classes->count < max_label[k]) {
             snprintf(classes->names[classes->count], SST_CLASS_NAME_MAX, "Label%d", classes->count + 1);

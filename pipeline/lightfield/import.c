@@ -24,7 +24,7 @@ static const struct {
     { "folder", import_folder },
 };
 
-/* What the threads share: each writes only its own view's places. */
+/* Shared by the threads; each writes only the elements of its own view. */
 struct job {
     struct import_plan *plan;
     const char *out; /* the output's temporary folder */
@@ -75,7 +75,7 @@ static bool has_neighbours(const struct sst_lightfield *lf)
     return false;
 }
 
-/* Holes are accepted where the user knows the grid: a file forgotten in a copy must not pass unseen. */
+/* Holes need an explicit --grid, so that a file forgotten in a copy is noticed. */
 static int check_holes(const struct import_plan *plan)
 {
     const struct sst_lightfield *lf = &plan->lf;
@@ -145,7 +145,7 @@ static int set_offsets(struct import_plan *plan)
 
 /* --- views -------------------------------------------------------------------------------------------------------- */
 
-/* The true disparity that came with a view, in our unit, under the view's name. */
+/* Copies a view's true disparity, converted to our unit, under the view's name. */
 static int copy_truth(struct job *job, int k)
 {
     const struct import_plan *plan = job->plan;
@@ -185,7 +185,7 @@ out:
     return err;
 }
 
-/* Decode (so that a damaged image is refused now), hash and copy the bytes as they are. */
+/* Decodes (to reject a damaged image now), hashes and copies the bytes unchanged. */
 static int copy_view(void *arg, int k, int worker SST_UNUSED)
 {
     struct job *job = arg;
@@ -214,7 +214,8 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     sst_image_fini(&img);
     sha256_hex(file->sha256, data, size);
     sst_view_name(&plan->lf, k, file->name);
-    strcat(file->name, data[0] == 0x89 ? ".png" : ".jpg"); /* the first byte tells, after decoding */
+    strcat(file->name,
+           data[0] == 0x89 ? ".png" : ".jpg"); /* decoding succeeded, so the first byte identifies the format */
     snprintf(name, sizeof(name), "views/%s", file->name);
     err = sst_path_join(path, job->out, name);
     if (!err)
@@ -243,9 +244,10 @@ static int check_sizes(const struct job *job)
     return 0;
 }
 
-/* --- all of it ---------------------------------------------------------------------------------------------------- */
+/* --- the import ----------------------------------------------------------------------------------------------------
+ */
 
-/* The user's word first, then the source's, then what the truth shows. */
+/* Range by precedence: the user's, the source's, that of the true disparities. */
 static void set_range(const struct job *job)
 {
     const struct sst_import_config *cfg = job->plan->cfg;
@@ -268,7 +270,7 @@ static void set_range(const struct job *job)
         lf->disp_min_px = floor(lf->range_min_px);
 }
 
-/* JSON holds UTF-8 only; a path may be anything. */
+/* JSON requires UTF-8; a path may hold any bytes. */
 static void set_source(struct sst_lightfield_files *files, const struct sst_import_config *cfg)
 {
     json_t *probe;

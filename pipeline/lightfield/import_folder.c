@@ -1,4 +1,4 @@
-/* A plain folder: rr_cc.* (row, column) in a grid that the caller knows, and maps that came with the images. */
+/* A plain folder: rr_cc.* (row, column) in a grid set by the caller, and external maps. */
 #include <errno.h>
 #include <string.h>
 #include <strings.h>
@@ -6,7 +6,7 @@
 #include "base/log.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
-/* rr_cc.ext, whatever the extension says: what is no image is refused when it is decoded. */
+/* rr_cc with any extension: files that are no images are rejected when decoded. */
 static bool parse_name(const char *name, int *row, int *col)
 {
     const char *p = parse_index(name, row);

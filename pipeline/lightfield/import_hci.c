@@ -1,6 +1,6 @@
-/* The form of the HCI 4D light field benchmark: input_CamNNN.png, index = row * columns + column of a grid that is 9x9
- * unless parameters.cfg says otherwise, row 0 at the top, column 0 at the left; parameters.cfg (INI); true disparity in
- * gt_disp_lowres.pfm (view rows/2, columns/2) or gt_disp_lowres_CamNNN.pfm (every view).
+/* The format of the HCI 4D light field benchmark: input_CamNNN.png, index = row * columns + column of a grid that is
+ * 9x9 unless parameters.cfg says otherwise, row 0 at the top, column 0 at the left; parameters.cfg (INI); true
+ * disparity in gt_disp_lowres.pfm (view rows/2, columns/2) or gt_disp_lowres_CamNNN.pfm (every view).
  *
  * HCI's disparity is positive in front of the focus plane, in pixels per camera step, and a point at x in a view is at
  * x - d in the next view to the right: the same convention as ours. A sub-set of the views (a window, or every second)
@@ -17,7 +17,7 @@
 
 struct grid {
     int rows, cols;   /* of the whole set */
-    int n_row, n_col; /* of those that are here */
+    int n_row, n_col; /* of those present */
     int row[SST_MAX_VIEWS], col[SST_MAX_VIEWS];
     char *params; /* text of parameters.cfg, or NULL */
     char params_path[SST_PATH_MAX];
@@ -130,7 +130,7 @@ static int truth_of(const struct import_plan *plan, const struct grid *g, int in
     return i;
 }
 
-/* Where our own export has noted that a camera is off its place. */
+/* Cameras off their grid position, as our own export records them. */
 static int read_offset(const struct grid *g, int index, struct import_view *v)
 {
     char key[32];
@@ -181,7 +181,7 @@ int import_hci(struct import_plan *plan)
     double range[2], spacing_mm;
     int err = read_params(plan, &g);
 
-    /* Making the grid starts the light field afresh. */
+    /* import_set_grid() resets the light field. */
     range[0] = plan->lf.range_min_px;
     range[1] = plan->lf.range_max_px;
     spacing_mm = plan->lf.spacing_mm;

@@ -1,4 +1,4 @@
-/* lightfield.json: version 1 of the form; version 2 adds the calibration. Every field is checked; a fault is one
+/* lightfield.json: format version 1; version 2 adds the calibration. Every field is checked; a fault is logged in one
  * sentence with file and field. */
 #include <assert.h>
 #include <ctype.h>
@@ -185,11 +185,11 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
 
 #define MAX_FIELDS 20 /* of the largest object */
 
-/* One object being read: takes fields one by one, keeps the first fault. */
+/* State of reading one object; only its first fault is logged. */
 struct reader {
     const char *path, *where; /* where: "" or "views[3]." */
     json_t *object;
-    const char *known[MAX_FIELDS]; /* names taken so far */
+    const char *known[MAX_FIELDS]; /* names read so far */
     size_t n_known;
     int err;
 };
@@ -267,7 +267,7 @@ static json_t *take_array(struct reader *r, const char *field, size_t max)
     return NULL;
 }
 
-/* Nothing may be left over: a field this version does not know would be lost when the file is written again. */
+/* Reject unknown fields: they would be lost when the file is written again. */
 static void finish(struct reader *r)
 {
     const char *key;
@@ -372,7 +372,7 @@ static bool all_finite(const double *v, size_t n)
     return true;
 }
 
-/* How a calibration is used; sizes, focal length and spacing are the light field's. */
+/* Parse how the calibration is used; sizes, focal length and spacing are the light field's. */
 static int read_calibration(struct sst_lightfield *lf, const char *path, json_t *object)
 {
     struct reader r = { .path = path, .where = "calibration.", .object = object };
@@ -421,7 +421,7 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     return 0;
 }
 
-/* What must be known before a light field can be made. */
+/* Parse what sst_lightfield_init() needs. */
 static int read_head(struct reader *r, int *rows, int *cols, int *version_out)
 {
     char format[32] = "";

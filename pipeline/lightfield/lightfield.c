@@ -83,7 +83,7 @@ int sst_lightfield_choose_ref(struct sst_lightfield *lf)
 
 void sst_view_name(const struct sst_lightfield *lf, int view, char out[16])
 {
-    /* Both are below SST_MAX_VIEWS; the remainder tells the compiler so. */
+    /* Both are below SST_MAX_VIEWS; the remainder proves it to the compiler. */
     snprintf(out, 16, "%02u_%02u", (unsigned)(view / lf->cols) % 1000u, (unsigned)(view % lf->cols) % 1000u);
 }
 

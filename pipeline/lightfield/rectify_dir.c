@@ -1,4 +1,4 @@
-/* `sst rectify`: the raw frames of a light field with a calibration, or what it makes of them. */
+/* `sst rectify`: writes raw frames with their calibration, or rectified (baked) views. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -44,7 +44,7 @@ static int copy_frame(const struct job *job, int k, const char *from, const uint
     return err ? err : sst_file_write(to, data, size);
 }
 
-/* The rectified picture as PNG. */
+/* Write the rectified picture as PNG. */
 static int bake_frame(struct job *job, int k, const char *from, const uint8_t *data, size_t size)
 {
     struct sst_view *v = &job->lf.views[k];
@@ -96,7 +96,7 @@ static int take_view(void *arg, int k, int worker)
     return err;
 }
 
-/* What is known about the old geometry's disparities holds for the new one after scaling by f B, if both are known. */
+/* The old geometry's disparity range, scaled by f B where both are known, holds for the new one. */
 static void carry_range(struct sst_lightfield *lf, double old_fb)
 {
     const double scale = old_fb > 0 ? lf->focal_px * lf->spacing_mm / old_fb : 1;
@@ -145,7 +145,7 @@ static int fill(struct job *job)
     if (err)
         return err;
     if (job->cfg->bake) {
-        struct sst_lightfield baked = job->lf; /* borrows everything, and has no calibration */
+        struct sst_lightfield baked = job->lf; /* shallow copy without the calibration */
 
         baked.calibration = NULL;
         baked.rectified = NULL;

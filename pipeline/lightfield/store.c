@@ -322,7 +322,7 @@ static int make_folder(const char *dir, const char *name)
     return err == -ENOSPC || err == -EROFS || err == -EDQUOT ? err : -EIO;
 }
 
-/* calibration.yaml, and its hash. */
+/* Write calibration.yaml and return its hash. */
 static int write_calibration(char sha256[65], const struct sst_calib *calib, const char *dir)
 {
     char path[SST_PATH_MAX];
@@ -341,7 +341,7 @@ static int write_calibration(char sha256[65], const struct sst_calib *calib, con
     return 0;
 }
 
-/* lightfield.json and all maps, into the folder out; hashes that are missing come from the views in dir. */
+/* Write lightfield.json and all maps into the folder out; missing hashes are computed from the views in dir. */
 static int write_files(const struct sst_lightfield *lf, const char *calibration_sha256, const char *dir,
                        const char *out, int threads)
 {
@@ -396,7 +396,7 @@ int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int t
     return err ? err : write_files(lf, calibration_sha256, dir, dir, threads);
 }
 
-/* Put fresh/name in the place of dir/name; the old one, if any, is in fresh then. */
+/* Swap fresh/name with dir/name, which need not exist. */
 static int swap_in(const char *dir, const char *fresh, const char *name)
 {
     char from[SST_PATH_MAX], to[SST_PATH_MAX];
@@ -406,7 +406,7 @@ static int swap_in(const char *dir, const char *fresh, const char *name)
     return err ? err : sst_path_swap(from, to);
 }
 
-/* The way back, for what was swapped in before something failed. */
+/* Undo a swap after a later failure. */
 static void swap_back(const char *dir, const char *fresh, const char *name)
 {
     char from[SST_PATH_MAX], to[SST_PATH_MAX];

@@ -16,7 +16,7 @@ struct job {
     struct count *count; /* [views] */
 };
 
-/* Pixels that the view saw in columns from .. to-1 of row y, and those of them whose disparity is a guess. */
+/* Count the valid pixels in columns from .. to-1 of row y, and those of unconfirmed disparity. */
 static void count_run(struct count *c, const struct sst_view *v, int from, int to, int y)
 {
     const uint8_t *confidence = sst_map_u8_row(&v->confidence, y);
