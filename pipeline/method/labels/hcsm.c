@@ -21,11 +21,11 @@ void sst_hcsm(struct sst_map_u8 *label, const struct sst_map_f32 *entropy, doubl
 
 /* --- the threshold -------------------------------------------------------------------------------- */
 
-/* Scores closer than this in the log domain are equal: far above the rounding of three logarithms, far below the least
- * change by one pixel in any image. */
+/* Scores closer than this in the log domain are equal: far above the rounding of three logarithms, far below the effect
+ * of one pixel in any image. */
 #define SCORE_TIE 1e-13
 
-/* One pixel with a label and a truth: bits of its entropy (ordered like the number, which is not negative) and whether
+/* One pixel with a label and a truth: the bits of its entropy (which order like the non-negative number) and whether
  * the label is right, in one sortable word. */
 static uint64_t pack(float h, bool correct)
 {
@@ -52,7 +52,7 @@ static int compare(const void *a, const void *b)
     return u < v ? -1 : u > v;
 }
 
-/* Pixels whose truth is labelled go into n_truth, those of them that a threshold can keep into packed. */
+/* Count the pixels with a true label in n_truth; pack those that a threshold can keep. */
 static int collect(uint64_t *packed, size_t *n_packed, size_t *n_truth, const struct sst_map_u8 *label,
                    const struct sst_map_f32 *entropy, const struct sst_map_u8 *truth)
 {
@@ -97,7 +97,7 @@ static struct sst_epsilon_result best_prefix(const uint64_t *packed, size_t n, s
         if (!(score > best_log + SCORE_TIE))
             continue;
         best_log = score;
-        /* Halfway to the next value, in double, lies strictly above h and not above the next. */
+        /* The midpoint in double lies strictly above h and not above the next value. */
         best.eps_h = isfinite(next) ? ((double)h + (double)next) / 2 : (double)nextafterf(h, INFINITY);
         best.score = exp(score);
         best.accuracy = accuracy;

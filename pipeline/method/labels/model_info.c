@@ -1,4 +1,5 @@
-/* A network's description: the YAML file beside it first, then the metadata inside it for what that leaves open. */
+/* A network's description: the YAML file beside it first, then the metadata inside it for entries that the file lacks.
+ */
 #include "pipeline/method/labels/model_info.h"
 
 #include <errno.h>
@@ -33,7 +34,7 @@ static const char *const ranges[] = { "0..1", "0..255" };
 
 /* --- classes, for both sources ------------------------------------------------------------------------------------ */
 
-/* Append a channel; what is wrong with its name, or NULL. */
+/* Append a channel. @return NULL, or the rule that its name breaks */
 static const char *add_channel(struct reader *r, const char *name, size_t n)
 {
     struct sst_model_info *info = r->info;
@@ -50,7 +51,7 @@ static const char *add_channel(struct reader *r, const char *name, size_t n)
     return NULL;
 }
 
-/* The label of a class name, made where it is new; 0 where the list is full. */
+/* The label of a class name, added if new; 0 if the list is full. */
 static int find_or_add(struct sst_classes *c, const char *name)
 {
     const int label = sst_classes_find(c, name);
@@ -63,7 +64,7 @@ static int find_or_add(struct sst_classes *c, const char *name)
 
 /* --- metadata ----------------------------------------------------------------------------------------------------- */
 
-/* Value of a metadata entry, unless the YAML file speaks of the same. */
+/* Value of a metadata entry, unless the YAML file sets it. */
 static const char *metadata(const struct reader *r, const char *key)
 {
     const char *value = r->net ? sst_network_metadata(r->net, key) : NULL;
@@ -217,7 +218,7 @@ static int read_metadata(struct reader *r)
 
 /* --- YAML --------------------------------------------------------------------------------------------------------- */
 
-/* A mapping from channel numbers to names, in any order, must name them all. */
+/* A mapping from channel numbers to names, in any order, must be complete. */
 static const struct sst_yaml_node *numbered(struct reader *r, const struct sst_yaml_node *map, int channel)
 {
     char key[12];
@@ -259,7 +260,7 @@ static void yaml_classes(struct reader *r, struct sst_yaml_node *node)
     }
 }
 
-/* Channels become classes, several of them the same one where `labels` says so. */
+/* Map channels to classes; `labels` joins several channels into one class. */
 static bool join_channels(struct reader *r, struct sst_yaml_node *labels)
 {
     struct sst_model_info *info = r->info;
@@ -352,7 +353,7 @@ static void read_yaml(struct reader *r)
 
 /* --- both --------------------------------------------------------------------------------------------------------- */
 
-/* Mean and deviation are given in the units of `range`; inside they are those of 0..1. */
+/* Mean and deviation are read in the units of `range` and stored in those of 0..1. */
 static void settle_range(struct reader *r)
 {
     for (int c = 0; r->range_255 && c < 3; c++) {
@@ -361,7 +362,7 @@ static void settle_range(struct reader *r)
     }
 }
 
-/* A network made for one size runs at that size. */
+/* A network of fixed size runs at that size. */
 static int settle_size(struct reader *r)
 {
     const bool told = sst_yaml_get(r->root, "size") || metadata(r, "sst.size");
@@ -382,7 +383,7 @@ static int settle_size(struct reader *r)
     return 0;
 }
 
-/* The channels' names from where they are given, and the classes that they make. */
+/* Read the channels' names from file or metadata and build the classes. */
 static int read_channels(struct reader *r)
 {
     struct sst_yaml_node *list = sst_yaml_get(r->root, "classes"), *labels = sst_yaml_get(r->root, "labels");
@@ -406,7 +407,7 @@ static int read_channels(struct reader *r)
         return -EBADMSG;
     }
     yaml_ground(r, sst_yaml_get(r->root, "ground"));
-    return list ? 0 : read_ground(r); /* which names the metadata's classes */
+    return list ? 0 : read_ground(r); /* its ground entry may name the metadata's classes */
 }
 
 int sst_model_info_parse(struct sst_model_info *out, const struct sst_network *net, const char *path, const char *yaml,

@@ -37,11 +37,11 @@ static void fill_tap(struct tap *t, int i, int from, int to)
         t->first = (int)at;
         t->n = t->first + 1 < from ? 2 : 1;
         t->weight[0] = t->n == 2 ? (float)(1 - (at - t->first)) : 1;
-        t->weight[1] = (float)(at - t->first); /* not used where n is 1 */
+        t->weight[1] = (float)(at - t->first); /* unused if n is 1 */
     }
 }
 
-/* Samples that one of the outputs can touch. */
+/* Largest number of input samples of one output sample. */
 static size_t most_samples(int from, int to)
 {
     return (size_t)(from / to) + 3;

@@ -10,7 +10,7 @@
 #include "pipeline/kernels/kernels.h"
 
 #define BLOCK  SST_CLASS_ROW_MAX
-#define SPREAD 0.7 /* cells: deviation of the weight of distance; with SST_GUIDE_SIGMA the best of docs/method.md */
+#define SPREAD 0.7 /* in cells: deviation of the distance weight; with SST_GUIDE_SIGMA the best of docs/method.md */
 
 /* Scratch of one worker. */
 struct scratch {
@@ -30,8 +30,8 @@ struct job {
     int32_t *left;               /* [width] column of the grid at or before a pixel */
     float *across;               /* [width][16] weights of the columns, the same in every row of four */
     uint8_t *winner;             /* [height of the grid][width of the grid] label */
-    uint8_t *sure;               /* [worker][width of the grid]: label of all pixels from a column to the next, or 0 */
-    struct scratch *scratch;     /* [worker] */
+    uint8_t *sure; /* [worker][width of the grid]: the only label of the pixels from a column to the next, or 0 */
+    struct scratch *scratch; /* [worker] */
 };
 
 size_t class_grid_values(int count)
@@ -53,7 +53,7 @@ static int place(int i, int from, int to, float weight[4])
     return lo;
 }
 
-/* Cells outside the grid are the nearest ones inside. */
+/* Cells outside the grid repeat the nearest ones inside. */
 static size_t cell_at(const struct class_grid *g, int x, int y)
 {
     return (size_t)sst_clamp_int(y, 0, g->height - 1) * (size_t)g->width + (size_t)sst_clamp_int(x, 0, g->width - 1);
@@ -129,7 +129,8 @@ static void finish_block(const struct job *j, struct scratch *s, struct sst_guid
                s->prob + c * BLOCK, (size_t)n * sizeof(float));
 }
 
-/* Pixels from column x on that one step takes: where labels alone are wanted, those that are all sure or all not. */
+/* Pixels from column x on that one step processes; if only labels are requested, either all or none of them have a
+ * single winner. */
 static int run_length(const struct job *j, const uint8_t *sure, int x)
 {
     const int most = sst_min_int(BLOCK, j->label->width - x);
@@ -160,7 +161,7 @@ static int finish_row(void *arg, int y, int worker)
     return 0;
 }
 
-/* Winners of the cells; the sum of weights is formed like a class of probability 1. */
+/* Winners of the cells; the sum of weights is computed like a class of probability 1. */
 static void prepare_cells(const struct job *j)
 {
     const struct class_grid *g = j->grid;
@@ -194,7 +195,7 @@ void upsample_memory_fini(struct upsample_memory *m)
     sst_mem_kept_fini(&m->resample);
 }
 
-/* @param at  where the next part begins; moves behind it. NULL: only the bytes are counted */
+/* @param at  start of the next part, advanced past it; NULL: only count the bytes */
 static void *part(uint8_t *base, size_t *at, size_t count, size_t size)
 {
     void *p = base ? base + *at : NULL;
