@@ -9,9 +9,9 @@
 #include "base/mem.h"
 #include "base/thread.h"
 
-/* Offline, rarity of colours is counted from every so many-th pixel of every so many-th row of all views. */
+/* Offline, rarity of colours is counted from every n-th pixel of every n-th row of all views. */
 #define RARITY_STEP 8
-/* Shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column. */
+/* Shifts this close to an integer are rounded: products like 0.1 * 3 must not lose a column. */
 #define WHOLE_PX 1e-6
 
 static void count_rarity(struct sst_renderer *r)
@@ -47,7 +47,7 @@ int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int
     pthread_mutex_lock(&r->lock);
     err = sst_label_histogram_recount(&r->histogram, r->lf, view, views, step);
     sst_rarity_count(r->rarity, r->lf, view, views, step);
-    r->counted = true; /* without memory: empty */
+    r->counted = true; /* if out of memory: empty */
     pthread_mutex_unlock(&r->lock);
     if (err)
         sst_log_error("not enough memory for the disparity histograms");
@@ -60,15 +60,15 @@ const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r)
 
     pthread_mutex_lock(&r->lock);
     if (!r->judged) {
-        err = sst_unsure_init(&r->unsure, r->lf, r->threads);
+        err = sst_unsure_init(&r->unconfirmed, r->lf, r->threads);
         if (err)
-            sst_unsure_fini(&r->unsure);
+            sst_unsure_fini(&r->unconfirmed);
         r->judged = !err;
     }
     pthread_mutex_unlock(&r->lock);
     if (err)
         sst_log_error("not enough memory to count the unconfirmed disparities");
-    return err ? NULL : &r->unsure;
+    return err ? NULL : &r->unconfirmed;
 }
 
 static int check_value(const char *name, double v, double min, double max)
@@ -107,7 +107,7 @@ static int check_config(const struct sst_render_config *cfg)
     return 0;
 }
 
-/* Check the focus against the disparities, and choose what the configuration leaves to their range. */
+/* Check the focus against the disparities, and derive the defaults that depend on their range. */
 static int fit_to_disparities(struct sst_render_config *cfg, struct sst_renderer *r)
 {
     double lo = 0, hi = 0, slack;
@@ -154,7 +154,8 @@ bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_re
     return lf->calibration && (int64_t)pictures * sst_render_views(lf, cfg) <= present;
 }
 
-/* Where a shift by `shift` px puts output pixels: first tap, fraction, nearest tap, which pixels' taps are inside. */
+/* Mapping of output pixels by a shift of `shift` px: first tap, fraction, nearest tap, range of pixels with all taps
+ * inside. */
 static void place(double shift, int size, int *tap, double *part, int *nearest, int *from, int *to)
 {
     const double whole = floor(shift + WHOLE_PX);
@@ -166,7 +167,7 @@ static void place(double shift, int size, int *tap, double *part, int *nearest, 
     *to = sst_clamp_int(size - *tap - (*part > 0), 0, size);
 }
 
-/* Keep the max_views taps nearest to the viewpoint, the earlier view first where two are as near; order stays. */
+/* Keep the max_views taps nearest to the viewpoint, the earlier view first in a tie; their order is kept. */
 static void keep_nearest(struct sst_plan *p)
 {
     struct sst_tap kept[SST_MAX_VIEWS];
@@ -263,7 +264,7 @@ static int make_raw(void *arg, int index, int worker SST_UNUSED)
     return err;
 }
 
-/* Samplers of the plan's views: those of earlier pictures are kept. */
+/* Create the samplers of the plan's views that earlier pictures did not. */
 static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
 {
     struct raw_job job = { r, p };
@@ -279,7 +280,7 @@ static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
     return err;
 }
 
-/* Constants of the weights, and the table where labels have a say. */
+/* Set the constants of the weights, and the table if labels have weights. */
 static int weigh(struct sst_plan *p, struct sst_renderer *r)
 {
     const struct sst_render_config *cfg = &p->cfg;
@@ -318,17 +319,17 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
     return 0;
 }
 
-/* What verification takes, one of each thread. */
+/* Create the verifiers, one per thread. */
 static int open_verifiers(struct sst_plan *p, struct sst_renderer *r)
 {
     const int threads = sst_thread_count(p->cfg.threads);
     int err = 0;
 
     if (p->cfg.verify == SST_VERIFY_AUTO) {
-        p->unsure = sst_renderer_judge(r);
-        if (!p->unsure)
+        p->unconfirmed = sst_renderer_judge(r);
+        if (!p->unconfirmed)
             return -ENOMEM;
-        if (isnan(p->unsure->confirmed))
+        if (isnan(p->unconfirmed->confirmed))
             return 0;
     }
     err = sst_renderer_count(r);
