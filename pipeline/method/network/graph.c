@@ -56,7 +56,7 @@ static int find_value(const struct graph_builder *b, struct sst_onnx_str name)
     return v;
 }
 
-/* The new value's number, or -1 where the name is taken. There is room: build() counted. */
+/* Index of the new value, or -1 if the name exists. build() allocated enough. */
 static int add_value(struct graph_builder *b, struct sst_onnx_str name)
 {
     const unsigned h = hash(name);
@@ -75,7 +75,7 @@ static int add_value(struct graph_builder *b, struct sst_onnx_str name)
     return b->n_values++;
 }
 
-/* Inputs of a node must be known before it: ONNX files are sorted, so this also rules out cycles. */
+/* Inputs of a node must precede it: ONNX files are sorted, so this also excludes cycles. */
 static int resolve_node(struct graph_builder *b, int n)
 {
     const struct sst_onnx_node *onnx = &b->model->nodes[n];
@@ -103,7 +103,7 @@ static int resolve_node(struct graph_builder *b, int n)
     return 0;
 }
 
-/* A Constant node is as good as an initialiser. */
+/* A Constant node is equivalent to an initialiser. */
 static int resolve_constant(struct graph_builder *b, int n)
 {
     const struct sst_onnx_node *onnx = b->nodes[n].onnx;
@@ -135,7 +135,7 @@ static int resolve_input(struct graph_builder *b)
     }
     if (!in || in->n_dims != 4 || in->dims[1] < 1 || in->dims[1] > 4096) {
         snprintf(b->why, 256, "an input that is not 1 x C x height x width");
-        return -ENOTSUP; /* not reached from sst_network_open(), which looks at the input first */
+        return -ENOTSUP; /* not reached from sst_network_open(), which checks the input first */
     }
     v = add_value(b, in->name);
     b->graph.input = v;
@@ -179,7 +179,7 @@ static int resolve(struct graph_builder *b)
 
 /* --- from nodes to operations --------------------------------------------------------------------- */
 
-/* Backwards from the output: which nodes count, and how many of them read each value. */
+/* Walk back from the output: mark the needed nodes and count the readers of each value. */
 static void find_needed(struct graph_builder *b)
 {
     b->values[b->graph.output].users = 1;

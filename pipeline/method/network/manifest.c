@@ -67,7 +67,7 @@ static int read_entry(struct sst_manifest *m, json_t *object, const char *name)
     return 0;
 }
 
-/* The list of a manifest of our format and version, NULL after a message, or with *other a file that is not ours. */
+/* The list of a manifest of our format and version; NULL after a message, or with *other set for another format. */
 static json_t *find_list(json_t *root, const char *name, bool *other)
 {
     const json_t *format = json_object_get(root, "format");

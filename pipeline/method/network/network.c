@@ -59,7 +59,7 @@ static int copy_metadata(struct sst_network *net, const struct sst_onnx *model)
     return 0;
 }
 
-/* The first input that is not a constant (old files list those, too), or NULL. */
+/* The first input that is not a constant (old files list those as well), or NULL. */
 static const struct sst_onnx_value *find_input(const struct sst_onnx *model)
 {
     for (int i = 0; i < model->n_ins; i++) {
@@ -79,7 +79,7 @@ static int unfit(const struct sst_network *net, const char *what)
     return -EBADMSG;
 }
 
-/* What goes in and comes out must be images of numbers, channels first. */
+/* Input and output must be numeric images, channels first. */
 static int check_ends(struct sst_network *net, const struct sst_onnx *model)
 {
     const struct sst_onnx_value *in = find_input(model), *out = model->n_outs ? &model->outs[0] : NULL;
@@ -107,7 +107,7 @@ static int check_ends(struct sst_network *net, const struct sst_onnx *model)
 }
 
 #if WITH_DNNL
-/* Settle the precision for a network that oneDNN runs. */
+/* Choose the precision of a network that oneDNN runs. */
 static int choose_precision(struct sst_network *net)
 {
     if (net->precision == SST_PRECISION_INT8 && !net->graph.range) {
@@ -311,7 +311,7 @@ static int run_opencv(struct sst_network *net, const float *in, int width, int h
     return err;
 }
 
-/* OpenCV tells the shape of a result only by making one. */
+/* OpenCV reveals the shape of a result only by computing one. */
 static int plan_opencv(struct sst_network *net, int width, int height)
 {
     float *in = calloc((size_t)net->in_channels * (size_t)width, (size_t)height * sizeof(*in));
@@ -389,7 +389,7 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
     return err;
 }
 
-/* By way of floats. */
+/* Via floats. */
 static int run_rounded(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
 {
     const size_t plane = (size_t)net->out.h * (size_t)net->out.w, c = (size_t)net->out.c;

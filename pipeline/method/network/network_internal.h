@@ -1,5 +1,4 @@
-/* pipeline/method/network/network_internal.h - what the files of this folder share; code outside of it includes the
- * public headers. */
+/* pipeline/method/network/network_internal.h - private declarations of this folder. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_NETWORK_INTERNAL_H
 #define SST_PIPELINE_METHOD_NETWORK_NETWORK_INTERNAL_H
 
@@ -13,12 +12,12 @@
 struct raw_value {
     struct sst_onnx_str name;
     int next;     /* chain of the name table, or -1 */
-    int node;     /* that makes it, or -1 */
+    int node;     /* that produces it, or -1 */
     int users;    /* needed nodes that read it */
-    int alias;    /* value that it is the same as, or -1 */
-    int op;       /* operation that makes it, or -1 */
-    int channels; /* 0: not known, a constant */
-    int unpadded; /* value that it is with `pad` zeros around (top, left, bottom, right), or -1 */
+    int alias;    /* value that it is equal to, or -1 */
+    int op;       /* operation that produces it, or -1 */
+    int channels; /* 0: unknown, a constant */
+    int unpadded; /* value that it equals without the `pad` zeros around it (top, left, bottom, right), or -1 */
     int pad[4];
     const struct sst_onnx_tensor *constant;
 };
@@ -51,16 +50,16 @@ struct graph_builder {
     struct sst_graph graph;
 };
 
-/** Say in builder->why what is not supported and return -ENOTSUP. */
+/** Set builder->why to what is not supported and return -ENOTSUP. */
 int graph_unsupported(struct graph_builder *b, const struct sst_onnx_node *node, const char *what);
-/** Log what is wrong with a node and return -EBADMSG. */
+/** Log a fault of a node and return -EBADMSG. */
 int graph_wrong(struct graph_builder *b, const struct sst_onnx_node *node, const char *what);
 /** Constant input of a node, or NULL. */
 const struct sst_onnx_tensor *graph_constant(const struct graph_builder *b, const struct raw_node *node, int in);
 /** True where the node is op of the standard domain. */
 bool graph_is(const struct sst_onnx_node *node, const char *op);
 
-/** If the node is the last of a normalisation over channels, as exporters write it in single steps, say of which value.
+/** Detect a node that ends a normalisation over channels exported in single steps, and return the normalised value.
  */
 struct graph_norm graph_find_norm(const struct graph_builder *b, const struct raw_node *node);
 
@@ -69,28 +68,28 @@ struct resize_target {
     int like;        /* value whose height and width it takes, or -1 */
 };
 
-/** Where the sizes of a Resize lead; exporters wrap them into arithmetic on shapes. False where they cannot be told. */
+/** Find the target size of a Resize, which exporters wrap into arithmetic on shapes. False if it cannot be determined.
+ */
 bool graph_resize_target(const struct graph_builder *b, const struct raw_node *node, struct resize_target *out);
 
 /** Turn one node into an operation, fuse it into an earlier one, or make its output an alias. */
 SST_MUST_CHECK int graph_translate(struct graph_builder *b, const struct raw_node *node);
 
 /* --- ops ---
- * the layers that oneDNN lacks, or rounds in its own way, on any of the layouts that it
- * chooses. */
+ * layers that oneDNN lacks or rounds differently, on any layout that it chooses. */
 
 /**
  * Activations of one image: channel c of pixel (x, y) is data[((c / block * h + y) * w + x) * block + c % block].
  *
  * block 1 is [c][h][w], block c is [h][w][c], others are oneDNN's blocked layouts, whose last block may be longer than
- * c; those channels are 0 in every tensor and are kept so.
+ * c; those channels must be 0 in every tensor and stay 0.
  */
 struct net_tensor {
     float *data;
     int c, h, w, block;
 };
 
-/** Place of one output sample along an axis: in[lo] + part (in[hi] - in[lo]). */
+/** Position of one output sample along an axis: in[lo] + part (in[hi] - in[lo]). */
 struct net_tap {
     int lo, hi;
     float part;
@@ -129,11 +128,11 @@ static inline int8_t op_to_byte(float v)
     return (int8_t)(int)(v + copysignf(0.5f, v));
 }
 
-/* --- plan: a graph made ready for one input size: primitives, weights in their layout, memory. --- */
+/* --- plan: a graph prepared for one input size: primitives, weights in their layout, memory. --- */
 
 struct net_plan; /* one thread at a time */
 
-/* Memory for activations and scratch beyond which a network is refused: no sane one comes near it. */
+/* Limit of memory for activations and scratch; real networks stay far below it. */
 #define NET_PLAN_MAX_BYTES(pixels) (((size_t)64 << 20) + ((size_t)16 << 10) * (size_t)(pixels))
 
 /**
@@ -147,13 +146,13 @@ SST_MUST_CHECK int net_plan_create(struct net_plan **out, const struct sst_graph
                                    int threads, enum sst_precision precision, const char *name);
 void net_plan_destroy(struct net_plan *plan);
 
-/** True where this processor multiplies and adds bytes in one instruction (VNNI), as far as oneDNN may use it. */
+/** True if this processor multiplies and adds bytes in one instruction (VNNI) and oneDNN may use it. */
 bool net_plan_fast_int8(void);
 
 /** Run once; allocates nothing. @param in [c][h][w] @param out [c][h][w] of the graph's output. */
 SST_MUST_CHECK int net_plan_run(struct net_plan *plan, const float *in, float *out);
 
-/** True where net_plan_run_s8() can be used: the network ends with a normalisation. */
+/** True where net_plan_run_s8() is available: the network ends with a normalisation. */
 bool net_plan_has_s8(const struct net_plan *plan);
 
 /** Run once, with the result times factor in bytes, see op_normalize_s8(). @param out [h][w][c] of the output. */

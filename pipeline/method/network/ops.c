@@ -4,7 +4,7 @@
 
 #include "base/thread.h"
 
-#define TILE 16 /* pixels or channels that are worked on together */
+#define TILE 16 /* pixels or channels per tile */
 
 struct job {
     const struct net_tensor *dst, *src;
@@ -20,7 +20,7 @@ static size_t offset(const struct net_tensor *t, int c, int y, int x)
            (size_t)(c % t->block);
 }
 
-/* Channels with those that fill the last block. */
+/* Channels including the padding of the last block. */
 static int padded_channels(const struct net_tensor *t)
 {
     return (t->c + t->block - 1) / t->block * t->block;
@@ -116,7 +116,7 @@ static void mean_of_bin(const struct job *j, int c0, int lanes, int oy, int ox)
     }
 }
 
-/* A group is up to TILE channels that lie side by side. */
+/* A group is up to TILE adjacent channels. */
 static int pool_group(void *arg, int group, int worker SST_UNUSED)
 {
     const struct job *j = arg;
@@ -240,7 +240,7 @@ int op_normalize(const struct net_tensor *dst, const struct net_tensor *src, con
     return sst_parallel_for(dst->h, threads, tile_row, &job);
 }
 
-/* Sum of squares of n numbers, in eight lanes; in double where floats would lose it. */
+/* Sum of squares of n numbers, in eight lanes; in double where float would overflow or underflow. */
 static double sum_of_squares(const float *x, int n)
 {
     float lanes[8] = { 0 };

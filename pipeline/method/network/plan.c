@@ -90,7 +90,7 @@ static void find_lifetimes(struct net_plan *p)
             t->last = i;
         }
     }
-    /* Later tensors lie in the place of earlier ones. */
+    /* Memory of tensors that are no longer needed is reused. */
     for (int i = p->n_tensors - 1; i >= 0; i--) {
         const struct net_plan_tensor *t = &p->tensors[i];
 
@@ -104,8 +104,8 @@ static bool in_arena(const struct net_plan_tensor *t)
     return !t->external && t->first >= 0 && t->place_of < 0;
 }
 
-/* Lowest place where a tensor meets none of those that are placed already (marked) and alive with it. Each try either
- * succeeds or moves behind one that is in the way. */
+/* Lowest offset where a tensor overlaps none of those already placed (marked) with overlapping lifetimes. Each attempt
+ * either succeeds or moves past a conflicting one. */
 static size_t find_place(const struct net_plan *p, const struct net_plan_tensor *t, const bool *placed)
 {
     size_t at = 0;
@@ -122,7 +122,7 @@ static size_t find_place(const struct net_plan *p, const struct net_plan_tensor 
     return at;
 }
 
-/* Largest first, each at the lowest free place: near the best possible for chains and residual blocks. */
+/* Largest first, each at the lowest free offset: near optimal for chains and residual blocks. */
 static int place_tensors(struct net_plan *p)
 {
     bool *placed = calloc((size_t)p->n_tensors, sizeof(*placed));
@@ -200,9 +200,9 @@ static bool tiles_stay(struct net_plan *p, int threads)
 }
 
 /* oneDNN chooses the tiles by the number of threads (smaller ones for many threads or small images, none for one
- * thread), and they round differently. For the same bytes everywhere: the tiles of two threads, and as many threads as
- * agree with them. Everything else is planned for the threads that run it: a primitive starts as many as it was
- * planned for, even where fewer are set when it runs. */
+ * thread), and they round differently. For the same bytes everywhere, use the tiles of two threads, and the largest
+ * number of threads that gives the same tiles. Everything else is planned for the threads that run it: a primitive
+ * starts as many as it was planned for, even if fewer are set when it runs. */
 static void choose_winograd(struct net_plan *p)
 {
     int planned = sst_max_int(p->threads, 2);
@@ -383,7 +383,7 @@ static int run(struct net_plan *p, const float *in, int count)
     if (err)
         return err;
     omp_set_num_threads(p->threads);
-    /* On one thread a Winograd primitive would still start the threads that it was planned for. */
+    /* With one thread a Winograd primitive would still start the threads that it was planned for. */
     if (p->threads == 1)
         omp_set_max_active_levels(0);
     err = run_steps(p, count);

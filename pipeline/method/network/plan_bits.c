@@ -1,11 +1,11 @@
-/* Which values are held in 8 bits, and in which units. */
+/* Chooses which values are stored in 8 bits, and their scales. */
 #if WITH_DNNL
 #include <math.h>
 
 #include "pipeline/method/network/plan_dnnl.h"
 
-/* A product of u8 and s8 is at most 255 * 127; so many of them fit an int32 in any order, with room for a bias of as
- * much again. */
+/* A product of u8 and s8 is at most 255 * 127; this many fit an int32 in any order, with room for a bias of the same
+ * size. */
 #define MAX_PRODUCTS (INT32_MAX / 2 / (255 * 127))
 
 bool net_plan_fast_int8(void)
@@ -13,7 +13,7 @@ bool net_plan_fast_int8(void)
     static const unsigned vnni[] = { dnnl_cpu_isa_avx512_core_vnni, dnnl_cpu_isa_avx2_vnni };
     const unsigned isa = (unsigned)dnnl_get_effective_cpu_isa();
 
-    /* Sets of instructions are bits; a set contains what it builds on. */
+    /* Instruction sets are bit masks; each includes those it builds on. */
     return (isa & vnni[0]) == vnni[0] || (isa & vnni[1]) == vnni[1];
 }
 
@@ -50,7 +50,7 @@ static bool never_negative(const struct net_plan *p, const struct sst_op *op)
     return all;
 }
 
-/* Backwards: convolutions want what they read in 8 bits; layers that only move values pass the wish on. */
+/* Walk back: convolutions request 8-bit inputs; layers that only move values propagate the request. */
 static void find_wanted(struct net_plan *p)
 {
     for (int i = p->graph->n_ops - 1; i >= 0; i--) {
@@ -76,7 +76,7 @@ static void set_units(struct net_plan *p, int value, float range, bool never_neg
     v->scale = range / (never_negative ? u8_max() : 127.0f);
 }
 
-/* What is joined shares its units, so that joining is copying. */
+/* Inputs of a concatenation share their scale, so that it is a copy. */
 static void join_units(struct net_plan *p, const struct sst_op *op)
 {
     float range = p->graph->range[op->out];

@@ -128,11 +128,11 @@ static bool feeds_winograd(const struct net_plan *p, int value)
     return false;
 }
 
-/* Winograd reads channels in blocks of 16; a layer before it that writes them so saves a reorder. */
+/* Winograd reads channels in blocks of 16; a preceding layer that writes this layout saves a reorder. */
 static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const struct quantised *q,
                           dnnl_primitive_desc_t *pd)
 {
-    /* Not "auto", which takes a Winograd's on 8 bits where there is no VNNI: its sums are not exact. */
+    /* Not "auto", which selects Winograd on 8 bits without VNNI: its sums are not exact. */
     if (q->scales)
         return conv_desc(p, op, dnnl_convolution_direct, dnnl_format_tag_any, q, pd);
     if (p->winograd[op - p->graph->ops]) {
@@ -148,7 +148,7 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
 
         if (!dnnl_primitive_desc_query(*pd, dnnl_query_impl_info_str, 0, (void *)&name) && strncmp(name, "ref", 3) != 0)
             return 0;
-        /* Plain loops, 100 times slower (dilation 8, for one): a reorder is far cheaper. */
+        /* Reference loops, 100 times slower (for example with dilation 8): a reorder is far cheaper. */
         dnnl_primitive_desc_destroy(*pd);
     }
     return conv_desc(p, op, dnnl_convolution_auto, dnnl_format_tag_any, q, pd);
@@ -156,7 +156,7 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
 
 /* --- 8 bits --------------------------------------------------------------------------------------- */
 
-/* Weights of each output channel between -127 and 127, and what a unit of the products is worth. */
+/* Weights of each output channel between -127 and 127, and the scale of the products. */
 static int quantise_weights(struct quantised *q, const struct sst_op *op)
 {
     const size_t per = (size_t)op->group_in * (size_t)op->kernel[0] * (size_t)op->kernel[1];
@@ -171,7 +171,7 @@ static int quantise_weights(struct quantised *q, const struct sst_op *op)
 
         for (size_t i = 0; i < per; i++)
             max = fmaxf(max, fabsf(w[i]));
-        /* Channels of nothing but zeros, or of numbers too small to divide by, are zero. */
+        /* Channels of zeros, or of numbers too small to divide by, become zero. */
         q->scales[c] = max > 1e-30f ? max / 127.0f : 1.0f;
         for (size_t i = 0; i < per; i++)
             q->weights[c * per + i] = (int8_t)lrintf(w[i] / q->scales[c]);
@@ -179,7 +179,7 @@ static int quantise_weights(struct quantised *q, const struct sst_op *op)
     return 0;
 }
 
-/* The residual as 8 bits where the result is, else as f32. Its tensor's number or a negative errno. */
+/* The residual in 8 bits if the result is, else in f32. Returns its tensor or a negative errno. */
 static int residual_tensor(struct net_plan *p, const struct sst_op *op, bool bits8)
 {
     const int t = p->current[op->in[1]];
@@ -223,7 +223,7 @@ static int quantise(struct net_plan *p, const struct sst_op *op, struct quantise
 
 /* --- weights, residuals, the step ----------------------------------------------------------------- */
 
-/* Weights in the layout of the primitive, once and for all runs. */
+/* Reorder the weights into the primitive's layout, once for all runs. */
 static int load_weights(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct quantised *q,
                         const dnnl_memory_desc_t *md)
 {
@@ -259,7 +259,7 @@ static int load_weights(struct net_plan *p, struct net_plan_step *s, const struc
     return err;
 }
 
-/* Biases in units of the products of 8-bit numbers, or as they are. */
+/* Biases in units of the 8-bit products, or unchanged. */
 static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct quantised *q)
 {
     const dnnl_dims_t dims = { op->channels };
@@ -277,7 +277,7 @@ static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct s
                : net_plan_errno(dnnl_memory_create(&s->bias, &md, p->engine, q->scales ? s->bias_data : op->bias));
 }
 
-/* The tensor that a convolution writes: a new one, or in the place of the residual, which it adds to. */
+/* The tensor that a convolution writes: a new one, or that of the residual, to which it adds. */
 static int conv_result(struct net_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
                        const dnnl_memory_desc_t *md)
 {
@@ -298,7 +298,7 @@ static int conv_result(struct net_plan *p, const struct sst_op *op, const struct
             return err;
         from = to;
     }
-    p->tensors[from].value = -1; /* what it held is overwritten */
+    p->tensors[from].value = -1; /* its old value is overwritten */
     to = net_plan_result(p, op->out, md, scale);
     if (to >= 0)
         p->tensors[to].place_of = from;

@@ -1,5 +1,5 @@
-/* Each operation of a graph as a oneDNN primitive, or as one of ops.h. Convolutions choose the layouts; what follows
- * takes what it gets, so that reorders are rare. */
+/* Each operation of a graph as a oneDNN primitive, or as one of ops.h. Convolutions choose the layouts; other layers
+ * accept any, so that reorders are rare. */
 #if WITH_DNNL
 #include "pipeline/method/network/plan_dnnl.h"
 
@@ -125,7 +125,7 @@ int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *
     err = net_plan_reorder(p, from, to);
     if (err)
         return err;
-    /* Later readers are likely to want the same; but what was rounded to 8 bits is not for all. */
+    /* Later readers probably need the same layout; but values rounded to 8 bits do not suit all readers. */
     if (md->data_type == dnnl_f32 || p->tensors[from].md.data_type != dnnl_f32)
         p->current[value] = to;
     return to;
@@ -159,7 +159,7 @@ static int in_f32(struct net_plan *p, int value)
 
 /* --- the other primitives ------------------------------------------------------------------------- */
 
-/* Step and result of a primitive whose inputs are set; takes the description. */
+/* Add the step and result of a primitive whose inputs are set; consumes the description. */
 static int finish(struct net_plan *p, const struct sst_op *op, dnnl_primitive_desc_t pd, const int *src, int n_src,
                   int first_arg)
 {
@@ -209,7 +209,7 @@ static int add_sum(struct net_plan *p, const struct sst_op *op)
     return err ? err : finish(p, op, pd, src, 2, DNNL_ARG_SRC_0);
 }
 
-/* Input of a concatenation: on 8 bits all in the units of the result. */
+/* Input of a concatenation: on 8 bits all use the scale of the result. */
 static int concat_input(struct net_plan *p, const struct sst_op *op, int value)
 {
     const struct net_plan_value *out = &p->values[op->out];
@@ -260,7 +260,7 @@ static int add_pool(struct net_plan *p, const struct sst_op *op)
     dnnl_primitive_desc_t pd;
     int err = src < 0 ? src : net_plan_desc(&dst, out, p->tensors[src].md.data_type, dnnl_format_tag_any);
 
-    /* What the last window needs: ceil_mode reaches beyond the given padding. */
+    /* Padding of the last window: ceil_mode extends beyond the specified padding. */
     for (int i = 0; i < 2; i++) {
         const int end = (outs[i] - 1) * op->stride[i] + op->dilation[i] * (op->kernel[i] - 1) + 1;
 

@@ -1,4 +1,4 @@
-/* pipeline/method/network/plan_dnnl.h - shared by plan.c and plan_dnnl.c: the inside of a plan. */
+/* pipeline/method/network/plan_dnnl.h - internals of a plan, shared by plan*.c. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_PLAN_DNNL_H
 #define SST_PIPELINE_METHOD_NETWORK_PLAN_DNNL_H
 
@@ -8,9 +8,9 @@
 
 #define NET_PLAN_MAX_ARGS (SST_ONNX_MAX_INS + 4)
 
-/** How a value is held when it is held in 8 bits: round(x / scale). */
+/** Representation of a value in 8 bits: round(x / scale). */
 struct net_plan_value {
-    bool bits8; /* some layer wants it so */
+    bool bits8; /* some layer requests it */
     bool never_negative;
     dnnl_data_type_t type; /* u8 or s8 */
     float scale;
@@ -19,14 +19,14 @@ struct net_plan_value {
 /** A value in one layout. A convolution that adds to a residual writes over that tensor. */
 struct net_plan_tensor {
     int value;    /* of the graph; -1: overwritten */
-    int place_of; /* tensor in whose memory it lies, or -1 */
+    int place_of; /* tensor whose memory it uses, or -1 */
     float scale;  /* the value is scale times what is stored */
     dnnl_memory_desc_t md;
     dnnl_memory_t memory;
-    struct net_tensor view; /* block 0: a layout that only oneDNN understands */
+    struct net_tensor view; /* block 0: a layout private to oneDNN */
     dnnl_format_tag_t tag;  /* of the layout, if block > 0 */
-    size_t bytes, offset;   /* place in the arena */
-    int first, last;        /* steps that touch it */
+    size_t bytes, offset;   /* position in the arena */
+    int first, last;        /* first and last step that use it */
     bool external;          /* the caller's memory: input or output */
 };
 
@@ -63,7 +63,7 @@ struct net_plan {
     size_t arena_bytes, scratch_bytes;
 };
 
-/* omp.h is not there for every compiler; these are OpenMP's C interface. The number is the calling thread's own. */
+/* OpenMP's C interface, as not every compiler has omp.h. The setting is per calling thread. */
 extern void omp_set_num_threads(int n);
 extern int omp_get_max_threads(void);
 extern void omp_set_max_active_levels(int n);
@@ -74,7 +74,7 @@ extern int omp_get_max_active_levels(void);
 /** New tensor of a value; its number or a negative errno. */
 int net_plan_add_tensor(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale);
 
-/** New step, to fill; NULL without memory. */
+/** Append a step to fill in; NULL: out of memory. */
 struct net_plan_step *net_plan_add_step(struct net_plan *p, const struct sst_op *op);
 
 /* --- plan_dnnl.c --- */
@@ -86,13 +86,13 @@ SST_MUST_CHECK int net_plan_add_op(struct net_plan *p, int i);
 SST_MUST_CHECK int net_plan_desc(dnnl_memory_desc_t *md, struct sst_shape shape, dnnl_data_type_t type,
                                  dnnl_format_tag_t tag);
 
-/** Number of a tensor that holds a value in a layout and unit; a reorder is planned where there is none. */
+/** Number of a tensor that holds a value in a layout and scale; plans a reorder if there is none. */
 int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale);
 
-/** Number of a tensor that holds a value in 8 bits, whatever the unit. */
+/** Number of a tensor that holds a value in 8 bits of any scale. */
 int net_plan_in_8_bits(struct net_plan *p, int value);
 
-/** New tensor for the result that a value is from now on; its number or a negative errno. */
+/** Create the tensor that holds a value from now on; its number or a negative errno. */
 int net_plan_result(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale);
 
 SST_MUST_CHECK int net_plan_reorder(struct net_plan *p, int from, int to);
@@ -102,7 +102,7 @@ void net_plan_add_arg(struct net_plan_step *s, int arg, int tensor, dnnl_memory_
 /** Attributes that all primitives share: scratch memory is ours. */
 SST_MUST_CHECK int net_plan_attr(dnnl_primitive_attr_t *attr);
 
-/** Make the primitive of a step and the place of its scratch memory; takes the description. */
+/** Create the primitive of a step and reserve its scratch memory; consumes the description. */
 SST_MUST_CHECK int net_plan_primitive(struct net_plan *p, struct net_plan_step *s, dnnl_primitive_desc_t pd);
 
 int net_plan_errno(dnnl_status_t status);
@@ -111,7 +111,7 @@ int net_plan_errno(dnnl_status_t status);
 
 SST_MUST_CHECK int net_plan_add_conv(struct net_plan *p, const struct sst_op *op);
 
-/** Tile side with which oneDNN runs an operation as a Winograd convolution on as many threads as are set; 0: it cannot.
+/** Tile side of an operation as a oneDNN Winograd convolution with the current number of threads; 0: not possible.
  */
 uint8_t net_plan_winograd_tile(struct net_plan *p, const struct sst_op *op);
 
