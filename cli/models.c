@@ -112,7 +112,7 @@ static void join_names(char *out, size_t size, const json_t *list)
     }
 }
 
-/* A line of the table; what does not fit its width ends in dots. */
+/* A line of the table; longer text ends in dots. */
 static void print_row(const json_t *one)
 {
     const json_int_t bytes = json_integer_value(json_object_get(one, "bytes"));

@@ -68,14 +68,14 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     return 0;
 }
 
-/* What the command line asks for beyond the matching. */
+/* Options of the command line beyond the matching. */
 struct wanted {
     const char *model, *hand_label, *labels_dir, *disparity_dir, *skip;
     double range_min, range_max;
     bool no_labels, json;
 };
 
-/* Load the light field with the maps that came with it or are given now. */
+/* Load the light field with its external maps or those of the options. */
 static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, int threads)
 {
     struct sst_lightfield json = { 0 };

@@ -24,7 +24,7 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
         err = sst_map_u8_init(&p->valid, in->lf.width, in->lf.height);
     if (err)
         sst_log_error("no memory for a picture of %d x %d", in->lf.width, in->lf.height);
-    /* The first call counts the labels' disparities, once for all pictures of the light field; it is not timed. */
+    /* The first call counts the labels' disparities once per light field; it is not timed. */
     if (!err)
         err = sst_render(in->renderer, cfg, &p->image, &p->valid);
     for (int i = 0; i < p->repeat && !err; i++) {
@@ -84,7 +84,7 @@ static void report(const struct picture *p, const struct render_input *in, const
     json_decref(root);
 }
 
-/* "X,Y", or the centre where it is not given. */
+/* Parse "X,Y"; default: the centre. */
 static int read_pixel(const struct cli_command *cmd, const char *text, const struct sst_lightfield *lf, int pixel[2])
 {
     char rest;

@@ -159,7 +159,7 @@ static int check_maps(const struct render_input *in, const struct render_args *a
     return CLI_GO_ON;
 }
 
-/* How to load the images: by what is asked for, or by the work. Turns the f-stop into a radius. */
+/* Choose how to load the images, by option or cost. Converts the f-stop to a radius. */
 static int choose_sampling(struct render_args *a, const char *path, unsigned *what)
 {
     struct sst_lightfield lf;

@@ -19,7 +19,7 @@
 
 struct options {
     const char *model, *precision, *output, *prob, *entropy, *scale;
-    double eps_h; /* below 0: not given */
+    double eps_h; /* below 0: unset */
     struct sst_segment_config layout;
     bool hcsm, json;
     int threads;
@@ -38,7 +38,7 @@ struct result {
     float *prob;
 };
 
-/* --- which images, and where the results go -------------------------------------------------------- */
+/* --- input images and result paths -------------------------------------------------------- */
 
 static int add_path(struct inputs *in, const char *dir, const char *name)
 {
@@ -187,7 +187,7 @@ static int label_image(struct result *out, double ms[2], struct sst_segmenter *s
     return err;
 }
 
-/* Where a result of this kind goes: the file that was named, or one in the folder that was. */
+/* Path of a result: the named file, or one in the named folder. */
 static int place(char out[SST_PATH_MAX], const char *given, const char *image, const char *ending, bool batch)
 {
     return batch ? result_path(out, given, image, ending) : sst_path_join(out, given, NULL);
@@ -211,7 +211,7 @@ static int write_result(const struct result *r, int classes, const char *image, 
     return err ? err : sst_map_u8_write_png(&r->label, path, sst_classes_palette());
 }
 
-/* What was found, in percent of the pixels. */
+/* Classes in percent of the pixels. */
 static json_t *image_json(const struct sst_map_u8 *label, const struct sst_classes *classes, const char *image,
                           const double ms[2])
 {
@@ -233,7 +233,7 @@ static json_t *image_json(const struct sst_map_u8 *label, const struct sst_class
                      "ms", ms[0], "cpu_ms", ms[1], "percent", found);
 }
 
-/* --- all ------------------------------------------------------------------------------------------ */
+/* --- the run ------------------------------------------------------------------------------------------ */
 
 /* A damaged image is reported and the others are labelled; a full disk or lack of memory ends the run. */
 static int label_all(json_t *list, struct sst_segmenter *seg, const struct inputs *in, const struct options *o)

@@ -25,7 +25,7 @@ struct video {
     int width, height; /* of the pictures */
 };
 
-/* libav's errors are negative errnos or its own tags; callers know errnos only. */
+/* Convert libav's errors, negative errnos or own tags, to errnos. */
 static int failed(const struct video *v, const char *what, int err)
 {
     sst_log_error("%s %s: %s", what, v->out.path, err < 0 ? av_err2str(err) : "no memory");
@@ -126,7 +126,7 @@ fail:
     return err;
 }
 
-/* Hand a frame to the encoder (NULL: the end) and write what comes out. */
+/* Send a frame to the encoder (NULL: end of stream) and write the packets. */
 static int encode(struct video *v, const AVFrame *frame)
 {
     int err = avcodec_send_frame(v->codec, frame);

@@ -11,10 +11,10 @@
 #include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/process/process.h"
 
-/* How long close waits. */
+/* Longest wait of close. */
 #define CLOSE_NS INT64_C(300000000)
 
-/* Threads that were left behind and have not ended yet. */
+/* Abandoned threads that have not ended yet. */
 static _Atomic int left_behind;
 
 enum state {
@@ -28,13 +28,13 @@ struct scene_background {
     /* fixed after open */
     char *model; /* NULL: no labels */
     enum sst_precision precision;
-    bool estimates;                    /* the range is looked for */
+    bool estimates;                    /* the range is estimated */
     const struct sst_lightfield *live; /* the caller's thread alone */
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t wake; /* on CLOCK_MONOTONIC */
-    /* Changed under lock, read without: the thread may wait long for the processor while it holds the lock, and who
-     * makes pictures must not wait with it. */
+    /* Written under lock, read without: the background thread may be preempted for long while it holds the lock, and
+     * the render thread must never block on it. */
     _Atomic enum state state;
     /* under lock */
     bool ended, abandoned;
@@ -46,9 +46,10 @@ struct scene_background {
     _Atomic bool cancel, done;
 };
 
-/* --- its thread --------------------------------------------------------------------------------------------------- */
+/* --- background thread
+ * --------------------------------------------------------------------------------------------------- */
 
-/* The range of what is seen now, where that is wider than what is known. */
+/* Widen the known range to that of the current images. */
 static void widen_range(struct scene_background *b)
 {
     struct sst_lightfield *lf = &b->copy;
@@ -108,7 +109,7 @@ static void *run(void *arg)
     const struct sched_param none = { 0 };
     bool abandoned;
 
-    /* Only time that nothing else wants. */
+    /* Run only in idle time. */
     (void)pthread_setschedparam(pthread_self(), SCHED_IDLE, &none);
     pthread_mutex_lock(&b->lock);
     for (;;) {
@@ -137,7 +138,7 @@ static void *run(void *arg)
     return NULL;
 }
 
-/* --- the caller's ------------------------------------------------------------------------------------------------- */
+/* --- caller ------------------------------------------------------------------------------------------------- */
 
 int scene_background_open(struct scene_background **out, const struct sst_live_config *cfg,
                           const struct sst_lightfield *lf)
@@ -168,7 +169,7 @@ void scene_background_cancel(struct scene_background *b)
     if (!b)
         return;
     b->cancel = true;
-    /* Where that is allowed it gets to the next place to stop without waiting for idle time. */
+    /* If permitted, it reaches the next cancellation point without waiting for idle time. */
     (void)pthread_setschedparam(b->thread, SCHED_OTHER, &none);
 }
 
@@ -196,7 +197,7 @@ void scene_background_close(struct scene_background *b)
         free_background(b);
         return;
     }
-    /* On a machine that has no idle time it may take long to see the sign: then it cleans up behind itself. */
+    /* Without idle time it may take long to notice the request: then it frees itself when it ends. */
     pthread_detach(thread);
 }
 
@@ -249,7 +250,7 @@ void scene_background_release(struct scene_background *b)
         sst_map_u16_fini(&v->disp);
         sst_map_u8_fini(&v->label);
         sst_map_u8_fini(&v->confidence);
-        sst_image_fini(&v->image); /* hundreds of kilobytes each, that nobody needs until the next rest */
+        sst_image_fini(&v->image); /* hundreds of kilobytes each, unused until the next run */
     }
     pthread_mutex_lock(&b->lock);
     b->state = IDLE;

@@ -12,7 +12,7 @@ static int nearest(double v)
     return (int)(v + 65536.5) - 65536;
 }
 
-/* Does view n hold disparity d (1/64 px) where pixel (x, y) falls with it? */
+/* True if view n holds disparity d (1/64 px) at the point to which d maps pixel (x, y). */
 static bool agrees(const struct sst_checked_view *n, int x, int y, int d_q6, double disp_min_px)
 {
     const double d = disp_min_px + d_q6 / 64.0;
@@ -35,8 +35,8 @@ static bool agrees_with_any(const struct sst_checked_view *views, int count, int
 }
 
 /*
- * Mark every pixel p for which |d - D_n(p - d b_n)| <= 1 holds for some whole-pixel d: seen from the neighbour, its
- * pixel q with disparity D serves p = q + d b_n for the d within 1 of D.
+ * Mark every pixel p for which |d - D_n(p - d b_n)| <= 1 holds for some whole-pixel d: the neighbour's pixel q with
+ * disparity D marks p = q + d b_n for each d within 1 of D.
  */
 static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *n, double disp_min_px, int steps)
 {
@@ -77,7 +77,7 @@ void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q
     }
 }
 
-/* Project the correct pixels of a neighbour into this view; the foremost one stays. */
+/* Project the correct pixels of a neighbour into this view; the nearest surface wins. */
 static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, double disp_min_px)
 {
     for (int yn = 0; yn < out->height; yn++) {
@@ -98,7 +98,7 @@ static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, d
     }
 }
 
-/* Give every pixel that is still NONE in disp the projected value, and say how it came by it. */
+/* Copy the projected value to every pixel of disp that is still NONE, and set its status. */
 static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
                            const struct sst_map_u16 *projected)
 {
@@ -142,7 +142,7 @@ static uint16_t median_around(const struct sst_map_u16 *disp, const struct sst_m
     return n ? v[(n - 1) / 2] : (uint16_t)SST_DISP_NONE;
 }
 
-/* What is left takes the farther of the nearest known disparities to its left and right: the background. */
+/* Remaining pixels get the farther of the nearest known disparities to their left and right: the background. */
 static void fill_row_from_background(uint16_t *d, int width)
 {
     for (int x = 0; x < width;) {
@@ -172,7 +172,7 @@ static void fill_rest(struct sst_map_u16 *disp)
         fill_row_from_background(d, disp->width);
         if (d[0] == SST_DISP_NONE)
             continue;
-        /* A filled row is dense; empty rows above take the first one, those below the last one. */
+        /* A filled row is dense; empty rows above copy the first one, those below the last one. */
         for (int j = known + 1; j < y; j++)
             memcpy(sst_map_u16_row(disp, j), sst_map_u16_row(disp, known >= 0 ? known : y),
                    (size_t)disp->width * sizeof(*d));
