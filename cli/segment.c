@@ -188,7 +188,7 @@ static int label_image(struct result *out, double ms[2], struct sst_segmenter *s
 }
 
 /* Path of a result: the named file, or one in the named folder. */
-static int place(char out[SST_PATH_MAX], const char *given, const char *image, const char *ending, bool batch)
+static int output_path(char out[SST_PATH_MAX], const char *given, const char *image, const char *ending, bool batch)
 {
     return batch ? result_path(out, given, image, ending) : sst_path_join(out, given, NULL);
 }
@@ -200,14 +200,14 @@ static int write_result(const struct result *r, int classes, const char *image, 
     int err = 0;
 
     if (o->prob) {
-        err = place(path, o->prob, image, ".npy", batch);
+        err = output_path(path, o->prob, image, ".npy", batch);
         err = err ? err : sst_npy_write_f32(r->prob, dims, 3, path);
     }
     if (!err && o->entropy) {
-        err = place(path, o->entropy, image, ".pfm", batch);
+        err = output_path(path, o->entropy, image, ".pfm", batch);
         err = err ? err : sst_map_f32_write_pfm(&r->entropy, path);
     }
-    err = err ? err : place(path, o->output, image, ".png", batch);
+    err = err ? err : output_path(path, o->output, image, ".png", batch);
     return err ? err : sst_map_u8_write_png(&r->label, path, sst_classes_palette());
 }
 
@@ -282,7 +282,7 @@ static int segment(const char *const *args, const struct options *o)
     enum sst_precision precision = SST_PRECISION_AUTO;
     json_t *images = json_array();
     double load_ms;
-    int err = cli_precision(&precision, o->precision), told;
+    int err = cli_precision(&precision, o->precision), printed;
 
     if (!err)
         err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
@@ -294,8 +294,8 @@ static int segment(const char *const *args, const struct options *o)
     if (!err) {
         sst_segmenter_configure(seg, &o->layout);
         err = label_all(images, seg, &in, o);
-        told = o->json ? print_json(images, path, load_ms) : 0;
-        err = err ? err : told;
+        printed = o->json ? print_json(images, path, load_ms) : 0;
+        err = err ? err : printed;
     }
     json_decref(images);
     for (size_t i = 0; i < in.count; i++)

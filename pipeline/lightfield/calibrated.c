@@ -261,7 +261,7 @@ int calibration_rectify_view(struct sst_lightfield *lf, int view)
 
 #define KEPT_STEP 16
 
-static void view_kept(const struct sst_lightfield *lf, int view, struct sst_pixels_kept *out)
+static void view_coverage(const struct sst_lightfield *lf, int view, struct sst_pixels_kept *out)
 {
     const struct sst_calib *c = lf->calibration;
     const int cols = (lf->width + KEPT_STEP - 1) / KEPT_STEP, rows = (lf->height + KEPT_STEP - 1) / KEPT_STEP;
@@ -299,7 +299,7 @@ static int kept_work(void *arg, int view, int worker SST_UNUSED)
     struct kept_job *job = arg;
 
     if (job->lf->views[view].present)
-        view_kept(job->lf, view, &job->view[view]);
+        view_coverage(job->lf, view, &job->view[view]);
     return 0;
 }
 

@@ -201,7 +201,7 @@ static void fault(struct reader *r, const char *field, const char *what)
     r->err = -EBADMSG;
 }
 
-static json_t *take(struct reader *r, const char *field)
+static json_t *get_field(struct reader *r, const char *field)
 {
     json_t *v = json_object_get(r->object, field);
 
@@ -212,9 +212,9 @@ static json_t *take(struct reader *r, const char *field)
     return v;
 }
 
-static int take_int(struct reader *r, const char *field, int lo, int hi)
+static int get_int(struct reader *r, const char *field, int lo, int hi)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
     char what[64];
 
     if (v && json_is_integer(v) && json_integer_value(v) >= lo && json_integer_value(v) <= hi)
@@ -224,27 +224,27 @@ static int take_int(struct reader *r, const char *field, int lo, int hi)
     return lo;
 }
 
-static double take_double(struct reader *r, const char *field)
+static double get_double(struct reader *r, const char *field)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
 
     if (!json_is_number(v))
         fault(r, field, "is not a number");
     return json_number_value(v);
 }
 
-static bool take_bool(struct reader *r, const char *field)
+static bool get_bool(struct reader *r, const char *field)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
 
     if (!json_is_boolean(v))
         fault(r, field, "is not true or false");
     return json_is_true(v);
 }
 
-static void take_string(struct reader *r, const char *field, char *out, size_t size)
+static void get_string(struct reader *r, const char *field, char *out, size_t size)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
     char what[64];
 
     if (!json_is_string(v) || json_string_length(v) >= size) {
@@ -255,9 +255,9 @@ static void take_string(struct reader *r, const char *field, char *out, size_t s
     memcpy(out, json_string_value(v), json_string_length(v) + 1);
 }
 
-static json_t *take_array(struct reader *r, const char *field, size_t max)
+static json_t *get_array(struct reader *r, const char *field, size_t max)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
     char what[64];
 
     if (json_is_array(v) && json_array_size(v) <= max)
@@ -300,11 +300,11 @@ static int read_view(struct sst_lightfield *lf, const char *path, const char *wh
         fault(&r, "it", "is not an object");
         return r.err;
     }
-    k = take_int(&r, "row", 0, lf->rows - 1) * lf->cols + take_int(&r, "col", 0, lf->cols - 1);
-    v.bx = take_double(&r, "bx");
-    v.by = take_double(&r, "by");
-    take_string(&r, "file", file.name, sizeof(file.name));
-    take_string(&r, "sha256", file.sha256, sizeof(file.sha256));
+    k = get_int(&r, "row", 0, lf->rows - 1) * lf->cols + get_int(&r, "col", 0, lf->cols - 1);
+    v.bx = get_double(&r, "bx");
+    v.by = get_double(&r, "by");
+    get_string(&r, "file", file.name, sizeof(file.name));
+    get_string(&r, "sha256", file.sha256, sizeof(file.sha256));
     if (!r.err && !hash_ok(file.sha256))
         fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
     if (!r.err && lf->views[k].present)
@@ -325,15 +325,15 @@ static int read_class(struct sst_classes *classes, const char *path, const char 
         fault(&r, "it", "is not an object");
         return r.err;
     }
-    take_string(&r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
-    classes->ground[classes->count++] = take_bool(&r, "ground");
+    get_string(&r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
+    classes->ground[classes->count++] = get_bool(&r, "ground");
     finish(&r);
     return r.err;
 }
 
 static int read_lists(struct sst_lightfield *lf, struct reader *r)
 {
-    json_t *views = take_array(r, "views", SST_MAX_VIEWS), *classes = take_array(r, "classes", SST_MAX_CLASSES);
+    json_t *views = get_array(r, "views", SST_MAX_VIEWS), *classes = get_array(r, "classes", SST_MAX_CLASSES);
     char where[32];
 
     lf->classes = (struct sst_classes){ 0 };
@@ -350,9 +350,9 @@ static int read_lists(struct sst_lightfield *lf, struct reader *r)
     return r->err;
 }
 
-static void take_doubles(struct reader *r, const char *field, double *out, size_t n)
+static void get_doubles(struct reader *r, const char *field, double *out, size_t n)
 {
-    const json_t *list = take_array(r, field, n);
+    const json_t *list = get_array(r, field, n);
 
     if (!r->err && json_array_size(list) != n)
         fault(r, field, "is too short");
@@ -385,20 +385,20 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     char file[32] = "", filter_name[32] = "";
     enum sst_filter filter = SST_FILTER_BILINEAR;
 
-    take_string(&r, "file", file, sizeof(file));
-    take_string(&r, "sha256", lf->files->calibration_sha256, sizeof(lf->files->calibration_sha256));
-    take_string(&r, "filter", filter_name, sizeof(filter_name));
-    to.reference = take_int(&r, "reference", 0, lf->rows * lf->cols - 1);
-    to.cx = take_double(&r, "cx");
-    to.cy = take_double(&r, "cy");
-    take_doubles(&r, "rotation", to.rotation, 9);
-    to.plane_mm = take_double(&r, "plane_mm");
-    to.out_rms_mm = take_double(&r, "out_rms_mm");
-    to.out_max_mm = take_double(&r, "out_max_mm");
-    to.lattice_rms_mm = take_double(&r, "lattice_rms_mm");
-    to.lattice_max_mm = take_double(&r, "lattice_max_mm");
-    take_doubles(&r, "step_mm", to.step_mm, 2);
-    to.skew_deg = take_double(&r, "skew_deg");
+    get_string(&r, "file", file, sizeof(file));
+    get_string(&r, "sha256", lf->files->calibration_sha256, sizeof(lf->files->calibration_sha256));
+    get_string(&r, "filter", filter_name, sizeof(filter_name));
+    to.reference = get_int(&r, "reference", 0, lf->rows * lf->cols - 1);
+    to.cx = get_double(&r, "cx");
+    to.cy = get_double(&r, "cy");
+    get_doubles(&r, "rotation", to.rotation, 9);
+    to.plane_mm = get_double(&r, "plane_mm");
+    to.out_rms_mm = get_double(&r, "out_rms_mm");
+    to.out_max_mm = get_double(&r, "out_max_mm");
+    to.lattice_rms_mm = get_double(&r, "lattice_rms_mm");
+    to.lattice_max_mm = get_double(&r, "lattice_max_mm");
+    get_doubles(&r, "step_mm", to.step_mm, 2);
+    to.skew_deg = get_double(&r, "skew_deg");
     if (!r.err && strcmp(file, SST_CALIBRATION_FILE))
         fault(&r, "file", "is not \"" SST_CALIBRATION_FILE "\"");
     if (!r.err && !hash_ok(lf->files->calibration_sha256))
@@ -427,18 +427,18 @@ static int read_head(struct reader *r, int *rows, int *cols, int *version_out)
     char format[32] = "";
     int version;
 
-    take_string(r, "format", format, sizeof(format));
+    get_string(r, "format", format, sizeof(format));
     if (!r->err && strcmp(format, FORMAT_NAME))
         fault(r, "format", "is not \"" FORMAT_NAME "\"");
-    version = take_int(r, "version", 1, 1000000);
+    version = get_int(r, "version", 1, 1000000);
     if (!r->err && version > SST_LIGHTFIELD_VERSION) {
         sst_log_error("%s: version %d is newer than %d, the newest that this program reads; update sst", r->path,
                       version, SST_LIGHTFIELD_VERSION);
         r->err = -EBADMSG;
     }
     *version_out = version;
-    *rows = take_int(r, "rows", 1, SST_MAX_VIEWS);
-    *cols = take_int(r, "cols", 1, SST_MAX_VIEWS);
+    *rows = get_int(r, "rows", 1, SST_MAX_VIEWS);
+    *cols = get_int(r, "cols", 1, SST_MAX_VIEWS);
     if (!r->err && *rows * *cols > SST_MAX_VIEWS)
         fault(r, "rows, cols", "make more than 256 views");
     return r->err;
@@ -456,21 +456,21 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
         sst_log_error("no memory for the light field %s", r->path);
         return -ENOMEM;
     }
-    lf->width = take_int(r, "width", 1, SST_IMAGE_MAX_SIDE);
-    lf->height = take_int(r, "height", 1, SST_IMAGE_MAX_SIDE);
-    lf->disp_min_px = take_double(r, "disp_min_px");
-    if (take_double(r, "disp_steps_per_px") != SST_DISP_SCALE)
+    lf->width = get_int(r, "width", 1, SST_IMAGE_MAX_SIDE);
+    lf->height = get_int(r, "height", 1, SST_IMAGE_MAX_SIDE);
+    lf->disp_min_px = get_double(r, "disp_min_px");
+    if (get_double(r, "disp_steps_per_px") != SST_DISP_SCALE)
         fault(r, "disp_steps_per_px", "is not 64");
-    lf->range_min_px = take_double(r, "range_min_px");
-    lf->range_max_px = take_double(r, "range_max_px");
-    lf->focal_px = take_double(r, "focal_px");
-    lf->spacing_mm = take_double(r, "spacing_mm");
-    lf->files->external_disparity = take_bool(r, "disparity_given");
-    lf->files->external_labels = take_bool(r, "labels_given");
-    take_string(r, "source", lf->files->source, sizeof(lf->files->source));
-    take_string(r, "history", lf->files->history, sizeof(lf->files->history));
+    lf->range_min_px = get_double(r, "range_min_px");
+    lf->range_max_px = get_double(r, "range_max_px");
+    lf->focal_px = get_double(r, "focal_px");
+    lf->spacing_mm = get_double(r, "spacing_mm");
+    lf->files->external_disparity = get_bool(r, "disparity_given");
+    lf->files->external_labels = get_bool(r, "labels_given");
+    get_string(r, "source", lf->files->source, sizeof(lf->files->source));
+    get_string(r, "history", lf->files->history, sizeof(lf->files->history));
     if (version > 1)
-        calibration = take(r, "calibration");
+        calibration = get_field(r, "calibration");
     if (r->err || read_lists(lf, r))
         return r->err;
     finish(r);

@@ -67,7 +67,7 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
     return err;
 }
 
-static int take_view(void *arg, int k, int worker)
+static int convert_view(void *arg, int k, int worker)
 {
     struct job *job = arg;
     const struct sst_lightfield_file *file = &job->lf.files->view[k];
@@ -97,7 +97,7 @@ static int take_view(void *arg, int k, int worker)
 }
 
 /* The old geometry's disparity range, scaled by f B where both are known, holds for the new one. */
-static void carry_range(struct sst_lightfield *lf, double old_fb)
+static void scale_range(struct sst_lightfield *lf, double old_fb)
 {
     const double scale = old_fb > 0 ? lf->focal_px * lf->spacing_mm / old_fb : 1;
 
@@ -129,7 +129,7 @@ static int prepare(struct job *job)
         if (err)
             return err;
     }
-    carry_range(lf, old_fb);
+    scale_range(lf, old_fb);
     return 0;
 }
 
@@ -141,7 +141,7 @@ static int fill(struct job *job)
     if (!err)
         err = sst_path_make_dir(path);
     if (!err)
-        err = sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), take_view, job);
+        err = sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), convert_view, job);
     if (err)
         return err;
     if (job->cfg->bake) {

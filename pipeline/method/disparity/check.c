@@ -99,7 +99,7 @@ static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, d
 }
 
 /* Copy the projected value to every pixel of disp that is still NONE, and set its status. */
-static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
+static void copy_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
                            const struct sst_map_u16 *projected)
 {
     for (int y = 0; y < disp->height; y++) {
@@ -162,7 +162,7 @@ static void fill_row_from_background(uint16_t *d, int width)
     }
 }
 
-static void fill_rest(struct sst_map_u16 *disp)
+static void fill_background(struct sst_map_u16 *disp)
 {
     int known = -1;
 
@@ -203,7 +203,7 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
         memset(scratch->data, 0xFF, scratch->stride * (size_t)scratch->height);
         for (; i < end; i++)
             project(scratch, &views[i], disp_min_px);
-        take_projected(disp_q6, status, scratch);
+        copy_projected(disp_q6, status, scratch);
     }
-    fill_rest(disp_q6);
+    fill_background(disp_q6);
 }

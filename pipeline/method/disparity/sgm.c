@@ -12,8 +12,8 @@ static_assert(8 * (SST_COST_MAX + SST_DISPARITY_MAX_PENALTY) <= 65535, "sums of 
 static_assert(SST_SGM_FAR + SST_DISPARITY_MAX_PENALTY <= 65535, "the outside mark plus p1 fits uint16_t");
 static_assert(SST_SGM_FAR > SST_COST_MAX + SST_DISPARITY_MAX_PENALTY, "the outside mark is never the minimum");
 
-/* Rows of L that one direction needs: three from the row above (from above left, above, above right), this row and the
- * last. */
+/* Rows of L of one sweep: three directions (from above left, above, above right), each with this and the last row, and
+ * one along the row. */
 struct paths {
     uint16_t *now[3], *last[3], *line;
     uint8_t *penalty;

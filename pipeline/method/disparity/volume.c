@@ -170,8 +170,8 @@ static void feature_costs(const struct strip *s, const struct sst_neighbour *n, 
 }
 
 /* Costs of one row and step: [x1 - x0) pixels from x0 on, of the census, the features or both. */
-static void take_costs(const struct strip *s, uint8_t *first, uint8_t *second, const uint8_t *features, int from,
-                       int to)
+static void merge_costs(const struct strip *s, uint8_t *first, uint8_t *second, const uint8_t *features, int from,
+                        int to)
 {
     const uint8_t *census = s->census + from, *cost = features + from;
 
@@ -181,8 +181,8 @@ static void take_costs(const struct strip *s, uint8_t *first, uint8_t *second, c
 
 /* The same, only where the pixel and its match are valid: black borders match each other only. Windows that reach into
  * them are still useful (docs/calibration-rectify.md). */
-static void take_seen(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
-                      int y, uint8_t *first, uint8_t *second, const uint8_t *features)
+static void merge_valid(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
+                        int y, uint8_t *first, uint8_t *second, const uint8_t *features)
 {
     const int left = s->v->x0;
     const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) + left : NULL;
@@ -192,7 +192,7 @@ static void take_seen(const struct strip *s, const struct sst_neighbour *n, cons
         for (to = from; to < x1 && (!own || own[to]) && (!there || there[to + at->x]); to++)
             ;
         if (to > from)
-            take_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, from - x0, to - x0);
+            merge_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, from - x0, to - x0);
     }
 }
 
@@ -222,9 +222,9 @@ static void match_row(const struct strip *s, const struct sst_neighbour *n, cons
                            n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x),
                            (size_t)(x1 - x0));
         if (ref->seen.data || n->desc->seen.data)
-            take_seen(s, n, at, x0, x1, y, first, second, features);
+            merge_valid(s, n, at, x0, x1, y, first, second, features);
         else
-            take_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, 0, x1 - x0);
+            merge_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, 0, x1 - x0);
     }
 }
 

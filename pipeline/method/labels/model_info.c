@@ -365,14 +365,14 @@ static void settle_range(struct reader *r)
 /* A network of fixed size runs at that size. */
 static int settle_size(struct reader *r)
 {
-    const bool told = sst_yaml_get(r->root, "size") || metadata(r, "sst.size");
+    const bool specified = sst_yaml_get(r->root, "size") || metadata(r, "sst.size");
     int w = 0, h = 0;
 
     if (r->net)
         sst_network_in_size(r->net, &w, &h);
     if (!w || !h)
         return 0;
-    if (told && (w != r->info->width || h != r->info->height)) {
+    if (specified && (w != r->info->width || h != r->info->height)) {
         sst_log_error("model %s takes images of %dx%d only, but its description says size %dx%d; leave size out",
                       r->path, w, h, r->info->width, r->info->height);
         return -EBADMSG;

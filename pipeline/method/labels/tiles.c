@@ -21,7 +21,7 @@ int tiles_start(const struct tiles *t, int k)
 }
 
 /* Total weight of the windows from k on at `at`: 0 before the transition from k - 1 to k, 1 after it. */
-static float taken_over(const struct tiles *t, int k, double at)
+static float total_weight(const struct tiles *t, int k, double at)
 {
     double u;
 
@@ -38,5 +38,5 @@ float tiles_weight(const struct tiles *t, int k, int i)
 {
     const double at = tiles_start(t, k) + i + 0.5;
 
-    return taken_over(t, k, at) - taken_over(t, k + 1, at);
+    return total_weight(t, k, at) - total_weight(t, k + 1, at);
 }

@@ -51,7 +51,7 @@ static bool never_negative(const struct net_plan *p, const struct sst_op *op)
 }
 
 /* Walk back: convolutions request 8-bit inputs; layers that only move values propagate the request. */
-static void find_wanted(struct net_plan *p)
+static void find_requested(struct net_plan *p)
 {
     for (int i = p->graph->n_ops - 1; i >= 0; i--) {
         const struct sst_op *op = &p->graph->ops[i];
@@ -96,7 +96,7 @@ void net_plan_choose_bits(struct net_plan *p)
         return;
     for (int i = 0; i < g->n_ops; i++)
         p->values[g->ops[i].out].never_negative = never_negative(p, &g->ops[i]);
-    find_wanted(p);
+    find_requested(p);
     for (int v = 0; v < g->n_values; v++) {
         p->values[v].bits8 &= g->range[v] > 0 && v != g->output;
         set_units(p, v, g->range[v], p->values[v].never_negative);

@@ -168,7 +168,7 @@ static void place(double shift, int size, int *tap, double *part, int *nearest, 
 }
 
 /* Keep the max_views taps nearest to the viewpoint, the earlier view first in a tie; their order is kept. */
-static void keep_nearest(struct sst_plan *p)
+static void select_nearest(struct sst_plan *p)
 {
     struct sst_tap kept[SST_MAX_VIEWS];
     int n = 0;
@@ -201,7 +201,7 @@ static int choose_views(struct sst_plan *p)
             p->tap[p->count++] = t;
     }
     if (p->cfg.max_views > 0 && p->cfg.max_views < p->count)
-        keep_nearest(p);
+        select_nearest(p);
     if (!p->count) {
         sst_log_error("no view lies within %g spacings of the viewpoint (%g, %g); widen the aperture", p->cfg.aperture,
                       p->cfg.view_bx, p->cfg.view_by);

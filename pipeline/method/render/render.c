@@ -117,7 +117,7 @@ struct picture {
 /* Destination of a view's rays: sums, or separate arrays. */
 struct sink {
     float *acc[4];
-    const struct sst_take *take; /* NULL: acc */
+    const struct sst_take *samples; /* NULL: acc */
 };
 
 /* Pass rays with colours at top and bottom, `skip` pixels after the sink's first; output pixels from .. to of row y. */
@@ -129,10 +129,11 @@ static void blend(const struct sink *s, int skip, const struct sst_plan *p, cons
     b->aperture = (float)t->aperture;
     b->disp = p->weighted ? sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx : NULL;
     b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
-    if (s->take) {
-        uint8_t *const colour[3] = { s->take->colour[0] + skip, s->take->colour[1] + skip, s->take->colour[2] + skip };
+    if (s->samples) {
+        uint8_t *const colour[3] = { s->samples->colour[0] + skip, s->samples->colour[1] + skip,
+                                     s->samples->colour[2] + skip };
 
-        k->blend_take(colour, s->take->weight + skip, b, (size_t)(to - from));
+        k->blend_take(colour, s->samples->weight + skip, b, (size_t)(to - from));
     } else {
         float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
 
@@ -209,7 +210,7 @@ static void add_view(const struct sink *s, const struct sst_plan *p, const struc
 
 void sst_plan_take(const struct sst_take *to, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
 {
-    const struct sink s = { .take = to };
+    const struct sink s = { .samples = to };
 
     add_view(&s, p, t, x, n, y);
 }
