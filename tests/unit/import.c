@@ -237,7 +237,7 @@ static void put_folder(void)
     put_image("src/00_02.PNG", 12, WIDTH, HEIGHT);
 }
 
-static void folder_takes_given_maps(void **state SST_UNUSED)
+static void folder_reads_external_maps(void **state SST_UNUSED)
 {
     struct sst_import_config cfg = config("folder", "src");
     struct sst_lightfield lf;
@@ -481,7 +481,7 @@ int main(void)
         cmocka_unit_test_setup(a_hole_needs_a_known_grid, setup),
         cmocka_unit_test_setup(hci_window_keeps_its_truth, setup),
         cmocka_unit_test_setup(hci_parameters_are_converted, setup),
-        cmocka_unit_test_setup(folder_takes_given_maps, setup),
+        cmocka_unit_test_setup(folder_reads_external_maps, setup),
         cmocka_unit_test_setup(folder_refuses, setup),
         cmocka_unit_test_setup(replacing_is_refused_where_it_would_hurt, setup),
         cmocka_unit_test_setup(export_gives_back_the_same, setup),

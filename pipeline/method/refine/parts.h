@@ -21,7 +21,7 @@
  * + matcher_sigma_px^2.   Equation: DESIGN 5.3.
  *
  * @param hist  [SST_DISP_BINS] pixels per stored disparity
- * @return a fit with takes_part set if it has at least cfg->min_pixels pixels; without pixels: mean 0 and the floor
+ * @return a fit with usable set if it has at least cfg->min_pixels pixels; without pixels: mean 0 and the floor
  */
 struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_min_px,
                                              const struct sst_refine_config *cfg);

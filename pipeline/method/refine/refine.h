@@ -24,7 +24,7 @@ void sst_refine_config_defaults(struct sst_refine_config *cfg);
 struct sst_label_fit {
     int64_t count; /* confident pixels */
     double mean_px, sigma_px;
-    bool takes_part;
+    bool usable;
 };
 
 /**

@@ -11,13 +11,13 @@
  * The result is blended with the plain weighted mean by a fraction 0..1, the product of these factors:
  * - fewer rays that the maps assign to the focus: 0 from a fifth of the rays on;
  * - more rays that end in front of the focus by the maps: rises from a quarter to a half of them. Without an occluder
- * there is nothing to see through, and what is out of focus must stay blurred;
+ *   there is nothing to see through, and what is out of focus must stay blurred;
  * - more agreement of the votes: rises from a tenth to a fifth of them. Less is chance;
  * - SST_VERIFY_AUTO: less agreement than on a plain surface: rises as agreement falls from 45 % to 35 %. Textureless
- * surfaces have unconfirmed disparities as well, and most rays that meet one agree on its colour at any focus: there is
- * nothing to see through;
- * - SST_VERIFY_AUTO: more unconfirmed disparities around the rays (pipeline/lightfield/unsure.h): rises from 3 % to 5
- * %. Reliable maps are better than votes.
+ *   surfaces have unconfirmed disparities as well, and most rays that meet one agree on its colour at any focus: there
+ *   is nothing to see through;
+ * - SST_VERIFY_AUTO: more unconfirmed disparities around the rays (pipeline/lightfield/unsure.h): rises from 3 %
+ *   to 5 %. Reliable maps are better than votes.
  */
 #ifndef SST_PIPELINE_METHOD_RENDER_VERIFY_H
 #define SST_PIPELINE_METHOD_RENDER_VERIFY_H
@@ -32,8 +32,7 @@
  */
 void sst_rarity_count(uint8_t *rarity, const struct sst_lightfield *lf, const int *view, int views, int step);
 
-/** True if rarities differ by more than the fraction `tolerance`, on average over the pixels counted for `is`.
- */
+/** True if rarities differ by more than the fraction `tolerance`, on average over the pixels counted for `is`. */
 bool sst_rarity_differs(const uint8_t *was, const uint8_t *is, double tolerance);
 
 /** Working memory for rows and votes of rays; one per thread. */
