@@ -188,9 +188,9 @@ static int label_image(struct result *out, double ms[2], struct sst_segmenter *s
 }
 
 /* Path of a result: the named file, or one in the named folder. */
-static int output_path(char out[SST_PATH_MAX], const char *given, const char *image, const char *ending, bool batch)
+static int output_path(char out[SST_PATH_MAX], const char *named, const char *image, const char *ending, bool batch)
 {
-    return batch ? result_path(out, given, image, ending) : sst_path_join(out, given, NULL);
+    return batch ? result_path(out, named, image, ending) : sst_path_join(out, named, NULL);
 }
 
 static int write_result(const struct result *r, int classes, const char *image, const struct options *o, bool batch)

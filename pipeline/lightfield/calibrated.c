@@ -186,16 +186,11 @@ int calibration_load(struct sst_lightfield *lf, const char *dir)
 {
     char path[SST_PATH_MAX], hash[65];
     struct sst_calib *calib;
-    uint8_t *text;
-    size_t size;
     int err = sst_path_join(path, dir, SST_CALIBRATION_FILE);
 
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &text, &size);
+    err = err ? err : file_sha256(hash, path);
     if (err)
         return err;
-    sha256_hex(hash, text, size);
-    free(text);
     if (strcmp(hash, lf->files->calibration_sha256)) {
         sst_log_error(
             "%s has changed since the light field was made (its SHA-256 differs); to use it, run `sst rectify "

@@ -50,25 +50,6 @@ static int write_text(const struct export_job *job, const char *name, const stru
     return err ? err : sst_file_write(path, t->data, t->size);
 }
 
-int export_read_view(const struct export_job *job, int k, char path[SST_PATH_MAX], uint8_t **data, size_t *size)
-{
-    char name[300], hash[65];
-    int err;
-
-    snprintf(name, sizeof(name), "views/%s", job->lf.files->view[k].name);
-    err = sst_path_join(path, job->cfg->dir, name);
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
-    if (err)
-        return err;
-    sha256_hex(hash, *data, *size);
-    if (!strcmp(hash, job->lf.files->view[k].sha256))
-        return 0;
-    sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
-    free(*data);
-    return -EBADMSG;
-}
-
 /* --- stanford ----------------------------------------------------------------------------------------------------- */
 
 /* Positions in millimetres, or in spacings if the spacing is unknown. */
@@ -92,7 +73,7 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
     if (!v->present)
         return 0;
     if (!job->lf.calibration)
-        err = export_read_view(job, k, path, &data, &size);
+        err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
     if (err)
         return err;
     snprintf(name, sizeof(name), "out_%02d_%02d_%.*f_%.*f_.%s", k / job->lf.cols, k % job->lf.cols, digits,
@@ -153,7 +134,7 @@ static int hci_image(const struct export_job *job, int k, const char *path)
 
     if (job->lf.calibration)
         return sst_image_write_png(&job->lf.views[k].image, path);
-    err = export_read_view(job, k, from, &data, &size);
+    err = read_view(&job->lf, k, job->cfg->dir, from, &data, &size);
     if (err)
         return err;
     if (data[0] == 0x89) {
@@ -249,7 +230,7 @@ static int posed_view(void *arg, int k, int worker SST_UNUSED)
 
     if (!job->lf.views[k].present)
         return 0;
-    err = export_read_view(job, k, path, &data, &size);
+    err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
     if (err)
         return err;
     export_image_name(job, k, name);

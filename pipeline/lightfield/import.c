@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "base/log.h"
 #include "base/thread.h"
@@ -191,7 +190,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     struct job *job = arg;
     struct import_plan *plan = job->plan;
     struct sst_lightfield_file *file = &plan->lf.files->view[k];
-    char path[SST_PATH_MAX], name[300];
+    char path[SST_PATH_MAX];
     struct sst_image img;
     uint8_t *data = NULL;
     size_t size;
@@ -216,8 +215,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     sst_view_name(&plan->lf, k, file->name);
     strcat(file->name,
            data[0] == 0x89 ? ".png" : ".jpg"); /* decoding succeeded, so the first byte identifies the format */
-    snprintf(name, sizeof(name), "views/%s", file->name);
-    err = sst_path_join(path, job->out, name);
+    err = view_path(path, &plan->lf, k, job->out);
     if (!err)
         err = sst_file_write(path, data, size);
     if (!err && plan->views[k].truth >= 0)
@@ -292,19 +290,13 @@ static int make_folders(const struct job *job)
     bool truth = false;
     int err = sst_path_join(path, job->out, "views");
 
-    if (!err && mkdir(path, 0777))
-        goto fail;
+    err = err ? err : sst_path_make_dir(path);
     for (int k = 0; k < job->plan->lf.rows * job->plan->lf.cols; k++)
         truth |= job->plan->lf.views[k].present && job->plan->views[k].truth >= 0;
-    if (!err && truth)
-        err = sst_path_join(path, job->out, "truth");
-    if (err || !truth || !mkdir(path, 0777))
+    if (err || !truth)
         return err;
-
-fail:
-    err = -errno;
-    sst_log_error("cannot create %s: %s", path, strerror(-err));
-    return err == -ENOSPC || err == -EROFS || err == -EDQUOT ? err : -EIO;
+    err = sst_path_join(path, job->out, "truth");
+    return err ? err : sst_path_make_dir(path);
 }
 
 static int fill(struct job *job)

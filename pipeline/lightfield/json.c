@@ -289,7 +289,7 @@ static bool hash_ok(const char *s)
     return strlen(s) == 64 && strspn(s, "0123456789abcdef") == 64;
 }
 
-static int read_view(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
+static int parse_view(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
 {
     struct reader r = { .path = path, .where = where, .object = object };
     struct sst_view v = { .present = true };
@@ -343,7 +343,7 @@ static int read_lists(struct sst_lightfield *lf, struct reader *r)
     }
     for (size_t i = 0; !r->err && i < json_array_size(views); i++) {
         snprintf(where, sizeof(where), "views[%zu].", i);
-        r->err = read_view(lf, r->path, where, json_array_get(views, i));
+        r->err = parse_view(lf, r->path, where, json_array_get(views, i));
     }
     if (!r->err && sst_lightfield_choose_ref(lf))
         fault(r, "views", "is empty");

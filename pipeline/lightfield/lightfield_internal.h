@@ -15,10 +15,6 @@ struct export_job {
     const char *out; /* temporary folder */
 };
 
-/** Read a view's file and check its hash. @param path out, for messages @param data out, free with free() */
-SST_MUST_CHECK int export_read_view(const struct export_job *job, int view, char path[SST_PATH_MAX], uint8_t **data,
-                                    size_t *size);
-
 /**
  * The cameras that took the views' files: the light field's calibration, or one pinhole in the rectified views' plane,
  * its principal point in the middle of the picture.
@@ -115,6 +111,16 @@ SST_MUST_CHECK int params_number(const char *text, const char *path, const char 
 #define SST_DISP_ABS_MAX_PX    32768.0           /* no disparity is larger than an image */
 #define SST_RANGE_MAX_PX       1023.0            /* what 16 bits of 1/64 px hold, without the value for unknown */
 #define SST_VIEW_FILE_MAX      ((size_t)1 << 30) /* bytes of one view's file */
+
+/** Path of a view's file. */
+SST_MUST_CHECK int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int view, const char *dir);
+
+/** Read a view's file and check its hash. @param path out, for messages @param data out, free with free() */
+SST_MUST_CHECK int read_view(const struct sst_lightfield *lf, int view, const char *dir, char path[SST_PATH_MAX],
+                             uint8_t **data, size_t *size);
+
+/** SHA-256 of a file as lower-case hex. */
+SST_MUST_CHECK int file_sha256(char out[65], const char *path);
 
 /** SHA-256 of a buffer as lower-case hex. */
 void sha256_hex(char out[65], const uint8_t *data, size_t size);

@@ -17,19 +17,11 @@ struct job {
     const char *out; /* the output's temporary folder */
 };
 
-static int view_path(char out[SST_PATH_MAX], const char *dir, const char *file)
-{
-    char name[300];
-
-    snprintf(name, sizeof(name), "views/%s", file);
-    return sst_path_join(out, dir, name);
-}
-
 static int copy_frame(const struct job *job, int k, const char *from, const uint8_t *data, size_t size)
 {
     char to[SST_PATH_MAX];
     struct sst_image img;
-    int err = view_path(to, job->out, job->lf.files->view[k].name);
+    int err = view_path(to, &job->lf, k, job->out);
 
     if (!err)
         err = sst_image_decode(&img, data, size, from);
@@ -59,7 +51,7 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
     sst_view_name(&job->lf, k, file->name);
     strcat(file->name, ".png");
     file->sha256[0] = '\0';
-    err = view_path(to, job->out, file->name);
+    err = view_path(to, &job->lf, k, job->out);
     if (!err)
         err = sst_image_write_png(&v->image, to);
     sst_image_fini(&v->image);
@@ -70,8 +62,7 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
 static int convert_view(void *arg, int k, int worker)
 {
     struct job *job = arg;
-    const struct sst_lightfield_file *file = &job->lf.files->view[k];
-    char path[SST_PATH_MAX], hash[65];
+    char path[SST_PATH_MAX];
     uint8_t *data;
     size_t size;
     int err;
@@ -80,18 +71,10 @@ static int convert_view(void *arg, int k, int worker)
         return 0;
     if (!worker && job->cfg->progress)
         job->cfg->progress(job->cfg->progress_arg, k / ((double)job->lf.rows * job->lf.cols));
-    err = view_path(path, job->cfg->dir, file->name);
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
     if (err)
         return err;
-    sha256_hex(hash, data, size);
-    if (strcmp(hash, file->sha256)) {
-        sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
-        err = -EBADMSG;
-    } else {
-        err = job->cfg->bake ? bake_frame(job, k, path, data, size) : copy_frame(job, k, path, data, size);
-    }
+    err = job->cfg->bake ? bake_frame(job, k, path, data, size) : copy_frame(job, k, path, data, size);
     free(data);
     return err;
 }

@@ -5,7 +5,6 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <sha2.h>
@@ -62,7 +61,7 @@ static int map_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, con
     return sst_path_join(out, dir, name);
 }
 
-static int view_path(char out[SST_PATH_MAX], const char *dir, const struct sst_lightfield *lf, int k)
+int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int k, const char *dir)
 {
     char name[300];
 
@@ -102,7 +101,7 @@ static int load_image(const struct job *job, int k)
     struct sst_view *v = &job->lf->views[k];
     const struct sst_calib *calib = job->lf->calibration;
     char path[SST_PATH_MAX];
-    int err = view_path(path, job->dir, job->lf, k);
+    int err = view_path(path, job->lf, k, job->dir);
 
     if (!err)
         err = sst_image_read(&v->image, path);
@@ -206,15 +205,12 @@ int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned wha
 
 /* --- hashes ------------------------------------------------------------------------------------------------------- */
 
-static int hash_view(const struct job *job, int k, char out[65])
+int file_sha256(char out[65], const char *path)
 {
-    char path[SST_PATH_MAX];
     uint8_t *data;
     size_t size;
-    int err = view_path(path, job->dir, job->in, k);
+    const int err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
 
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
     if (err)
         return err;
     sha256_hex(out, data, size);
@@ -222,19 +218,34 @@ static int hash_view(const struct job *job, int k, char out[65])
     return 0;
 }
 
+int read_view(const struct sst_lightfield *lf, int k, const char *dir, char path[SST_PATH_MAX], uint8_t **data,
+              size_t *size)
+{
+    char hash[65];
+    int err = view_path(path, lf, k, dir);
+
+    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
+    if (err)
+        return err;
+    sha256_hex(hash, *data, *size);
+    if (!strcmp(hash, lf->files->view[k].sha256))
+        return 0;
+    sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
+    free(*data);
+    return -EBADMSG;
+}
+
 static int verify_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    const struct sst_lightfield_file *file = &job->in->files->view[k];
-    const bool present = job->in->views[k].present;
-    char hash[65];
-    int err = present ? hash_view(job, k, hash) : 0;
+    char path[SST_PATH_MAX];
+    uint8_t *data = NULL;
+    size_t size;
+    const int err = job->in->views[k].present ? read_view(job->in, k, job->dir, path, &data, &size) : 0;
 
-    if (err || !present || !strcmp(hash, file->sha256))
-        return err;
-    sst_log_error("%s/views/%s has changed since it was stored (its SHA-256 differs); import it again", job->dir,
-                  file->name);
-    return -EBADMSG;
+    if (!err)
+        free(data);
+    return err;
 }
 
 int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int threads)
@@ -278,9 +289,13 @@ static int write_view(void *arg, int k, int worker SST_UNUSED)
 static int hash_if_empty(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    const struct sst_lightfield *lf = job->in;
+    char path[SST_PATH_MAX];
+    int err;
 
-    return lf->views[k].present && !lf->files->view[k].sha256[0] ? hash_view(job, k, job->hashes[k]) : 0;
+    if (!job->in->views[k].present || job->in->files->view[k].sha256[0])
+        return 0;
+    err = view_path(path, job->in, k, job->dir);
+    return err ? err : file_sha256(job->hashes[k], path);
 }
 
 static bool any_map(const struct sst_lightfield *lf, enum map_kind kind)
@@ -310,35 +325,14 @@ static bool maps_fit(const struct sst_lightfield *lf)
     return true;
 }
 
-static int make_folder(const char *dir, const char *name)
-{
-    char path[SST_PATH_MAX];
-    int err = sst_path_join(path, dir, name);
-
-    if (err || !mkdir(path, 0777) || errno == EEXIST)
-        return err;
-    err = -errno;
-    sst_log_error("cannot create %s: %s", path, strerror(-err));
-    return err == -ENOSPC || err == -EROFS || err == -EDQUOT ? err : -EIO;
-}
-
 /* Write calibration.yaml and return its hash. */
 static int write_calibration(char sha256[65], const struct sst_calib *calib, const char *dir)
 {
     char path[SST_PATH_MAX];
-    uint8_t *text;
-    size_t size;
     int err = sst_path_join(path, dir, SST_CALIBRATION_FILE);
 
-    if (!err)
-        err = sst_calib_write(calib, path);
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &text, &size);
-    if (err)
-        return err;
-    sha256_hex(sha256, text, size);
-    free(text);
-    return 0;
+    err = err ? err : sst_calib_write(calib, path);
+    return err ? err : file_sha256(sha256, path);
 }
 
 /* Write lightfield.json and all maps into the folder out; missing hashes are computed from the views in dir. */
@@ -364,8 +358,12 @@ static int write_files(const struct sst_lightfield *lf, const char *calibration_
         goto no_memory;
     err = sst_parallel_for(lf->rows * lf->cols, threads, hash_if_empty, &job);
     for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
-        if (any_map(lf, kind))
-            err = make_folder(out, kinds[kind].folder);
+        char folder[SST_PATH_MAX];
+
+        if (!any_map(lf, kind))
+            continue;
+        err = sst_path_join(folder, out, kinds[kind].folder);
+        err = err ? err : sst_path_make_dir(folder);
     }
     job.dir = out;
     if (!err)

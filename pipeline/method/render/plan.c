@@ -59,11 +59,11 @@ const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r)
     int err = 0;
 
     pthread_mutex_lock(&r->lock);
-    if (!r->judged) {
+    if (!r->unconfirmed_counted) {
         err = sst_unsure_init(&r->unconfirmed, r->lf, r->threads);
         if (err)
             sst_unsure_fini(&r->unconfirmed);
-        r->judged = !err;
+        r->unconfirmed_counted = !err;
     }
     pthread_mutex_unlock(&r->lock);
     if (err)

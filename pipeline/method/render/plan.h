@@ -22,7 +22,7 @@ struct sst_renderer {
     bool counted;
     struct sst_label_histogram histogram;
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
-    bool judged;
+    bool unconfirmed_counted;
     struct sst_unsure unconfirmed; /* fixed once counted */
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
 };

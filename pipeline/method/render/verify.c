@@ -208,16 +208,16 @@ static float ramp(float v, float low, float high)
     return fminf(fmaxf((v - low) / (high - low), 0), 1);
 }
 
-/* Fraction of a pixel that the maps leave to votes; `given` is the weight of rays that they assign to the focus.
+/* Fraction of a pixel that the maps leave to votes; `assigned` is the weight of rays that they assign to the focus.
  */
-static float open_share(const struct sst_plan *p, const struct rays *r, float given)
+static float open_share(const struct sst_plan *p, const struct rays *r, float assigned)
 {
     float share;
 
     /* Invalid pixels stay invalid. */
-    if (!(r->there > 0) || (p->cfg.unsupported == SST_UNSUPPORTED_INVALID && given < SST_BLEND_FLOOR))
+    if (!(r->there > 0) || (p->cfg.unsupported == SST_UNSUPPORTED_INVALID && assigned < SST_BLEND_FLOOR))
         return 0;
-    share = fmaxf(1 - given / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
+    share = fmaxf(1 - assigned / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
     if (p->unconfirmed)
         share *= ramp(r->unconfirmed / r->there * (float)(SST_UNSURE_FULL / 255), UNCONFIRMED_LOW, UNCONFIRMED_HIGH);
     return share;
@@ -226,7 +226,7 @@ static float open_share(const struct sst_plan *p, const struct rays *r, float gi
 double sst_verify_open(const struct sst_plan *p, const struct sst_ray *ray, int count)
 {
     struct rays rays = { .unconfirmed = 0 };
-    float given = 0;
+    float assigned = 0;
 
     for (int i = 0; i < count; i++) {
         const float aperture = (float)ray[i].aperture;
@@ -234,9 +234,9 @@ double sst_verify_open(const struct sst_plan *p, const struct sst_ray *ray, int 
         rays.there += aperture;
         rays.front += islessequal(ray[i].disp_px, front_of(&p->cfg)) ? 0 : aperture;
         rays.unconfirmed += 255 * aperture;
-        given += aperture * (float)(ray[i].w_depth * ray[i].w_label);
+        assigned += aperture * (float)(ray[i].w_depth * ray[i].w_label);
     }
-    return (double)open_share(p, &rays, given);
+    return (double)open_share(p, &rays, assigned);
 }
 
 /* Compute the fractions left to votes in a cell. @return true if any is above 0 */
