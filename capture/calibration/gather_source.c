@@ -12,7 +12,7 @@
 #include "capture/calibration/calibration_internal.h"
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/lightfield/folder.h"
 
 /* One picture found: camera and moment by name. */
 struct found {
@@ -174,7 +174,7 @@ static int add_lightfield(struct sst_gather_source *s, struct list *l, const cha
         sst_view_name(&lf, k, name);
         err = sst_path_join(path, dir, "views");
         if (!err)
-            err = sst_path_join(file, path, lf.views[k].file);
+            err = sst_path_join(file, path, lf.files->view[k].name);
         if (!err)
             err = list_add(l, name, frame, file);
     }

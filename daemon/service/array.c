@@ -8,6 +8,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 
 #define RETRY_MIN_NS INT64_C(500000000)
@@ -47,13 +48,6 @@ const char *array_state_name(enum sst_grab_state state)
 
 /* --- events of capture -------------------------------------------------------------------------------------------- */
 
-static int compare_ns(const void *a, const void *b)
-{
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-
-    return (x > y) - (x < y);
-}
-
 /** Each camera's stamp against the median of its set. */
 static void note_set_locked(struct service_array *a, const struct sst_set *set)
 {
@@ -65,7 +59,7 @@ static void note_set_locked(struct service_array *a, const struct sst_set *set)
             stamp[n++] = set->frame[i]->t_ns;
     if (!n)
         return;
-    qsort(stamp, (size_t)n, sizeof(stamp[0]), compare_ns);
+    sst_stats_sort_int64(stamp, n);
     median = stamp[n / 2];
     for (int i = 0; i < set->cameras; i++) {
         struct array_camera *c = &a->camera[i];

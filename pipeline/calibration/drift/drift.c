@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 
@@ -174,7 +175,7 @@ static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
     out->matches = n;
     if (n) {
         out->mean_px = sum / out->measured;
-        out->p95_px = drift_quantile(v, n, 0.95);
+        out->p95_px = sst_stats_quantile(v, n, 0.95);
     }
     free(v);
     return 0;
