@@ -83,8 +83,8 @@ static void print_help(const struct cli_command *cmd, const struct cli_option *o
                  options[i].meta ? " " : "", options[i].meta ? options[i].meta : "");
         printf("  %-28s %s\n", left, options[i].help);
     }
-    printf("  %-28s %s\n  %-28s %s\n  %-28s %s\n", "-v, --verbose", "say more", "-q, --quiet", "say errors only",
-           "-h, --help", "this text");
+    printf("  %-28s %s\n  %-28s %s\n  %-28s %s\n", "-v, --verbose", "log more", "-q, --quiet", "log errors only",
+           "-h, --help", "show this help");
     printf("\nexample:\n  %s\n", cmd->example);
 }
 
@@ -135,7 +135,7 @@ static int set_pair(const struct cli_command *cmd, const struct cli_option *o, c
     return CLI_GO_ON;
 
 bad:
-    return cli_usage_error(cmd, "--%s wants %s, for example %s", o->name, o->meta,
+    return cli_usage_error(cmd, "--%s expects %s, for example %s", o->name, o->meta,
                            o->type == CLI_SIZE ? "1000x750" : "6x6");
 }
 

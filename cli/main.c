@@ -58,6 +58,6 @@ int main(int argc, char **argv)
         if (!strcmp(argv[1], commands[i]->name))
             return commands[i]->run(commands[i], argc - 1, argv + 1);
     }
-    sst_log_error("there is no command %s; `sst --help` lists them", argv[1]);
+    sst_log_error("unknown command `%s`; `sst --help` lists the commands", argv[1]);
     return CLI_USAGE;
 }

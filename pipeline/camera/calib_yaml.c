@@ -181,7 +181,7 @@ int sst_calib_write(const struct sst_calib *calib, const char *path)
     int err;
 
     if (text) {
-        sst_log_error("%s is not written, the calibration is unsound: %s", path, text);
+        sst_log_error("cannot write %s: invalid calibration: %s", path, text);
         return -EINVAL;
     }
     err = sst_outfile_open(&out, path);
@@ -199,7 +199,7 @@ static bool need_numbers(struct sst_yaml *doc, struct sst_yaml_node *map, const 
     struct sst_yaml_node *node = sst_yaml_need(doc, map, key);
 
     if (node && (node->type != SST_YAML_LIST || node->count != n)) {
-        sst_yaml_fault(doc, node, "wants a list of %d numbers", n);
+        sst_yaml_fault(doc, node, "must be a list of %d numbers", n);
         return false;
     }
     return sst_yaml_doubles(doc, node, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, out, n);
@@ -218,7 +218,7 @@ static bool read_lens(struct sst_yaml *doc, struct sst_yaml_node *map, struct ss
     if (!node)
         return false;
     if (node->type != SST_YAML_LIST || (node->count != 0 && node->count != 5 && node->count != 8)) {
-        sst_yaml_fault(doc, node, "wants a list of 0, 5 or 8 numbers: k1, k2, p1, p2, k3 and k4, k5, k6");
+        sst_yaml_fault(doc, node, "must be a list of 0, 5 or 8 numbers: k1, k2, p1, p2, k3 and k4, k5, k6");
         return false;
     }
     cam->lens = node->count;
@@ -233,7 +233,7 @@ static bool read_quality(struct sst_yaml *doc, struct sst_yaml_node *map, struct
     if (!at)
         return true;
     if (at->type != SST_YAML_MAP) {
-        sst_yaml_fault(doc, at, "wants the keys rms_px, corners and sigma_px");
+        sst_yaml_fault(doc, at, "needs the keys rms_px, corners and sigma_px");
         return false;
     }
     rms = sst_yaml_get(at, "rms_px");
@@ -294,14 +294,14 @@ static void read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struc
     if (!list)
         return;
     if (list->type != SST_YAML_LIST || !list->count) {
-        sst_yaml_fault(doc, list, "wants a list with an entry for each camera");
+        sst_yaml_fault(doc, list, "must be a list with an entry for each camera");
         return;
     }
     for (struct sst_yaml_node *n = list->first; n; n = n->next) {
         if (n->type == SST_YAML_MAP)
             read_entry(doc, n, calib);
         else
-            sst_yaml_fault(doc, n, "wants entries with row, col, focal_px and so on");
+            sst_yaml_fault(doc, n, "needs entries with row, col, focal_px and so on");
     }
 }
 
@@ -313,7 +313,7 @@ static void read_reference(struct sst_yaml *doc, struct sst_yaml_node *root, str
     if (!at)
         return;
     if (at->type != SST_YAML_LIST || at->count != 2) {
-        sst_yaml_fault(doc, at, "wants [row, column]");
+        sst_yaml_fault(doc, at, "must be [row, column]");
         return;
     }
     if (!sst_yaml_int(doc, at->first, 0, calib->rows - 1, &row) ||
@@ -339,7 +339,7 @@ static void read_facts(struct sst_yaml *doc, struct sst_yaml_node *root, struct 
     (void)sst_yaml_string(doc, sst_yaml_get(root, "source"), calib->source, sizeof(calib->source));
     (void)sst_yaml_string(doc, sst_yaml_get(root, "board"), calib->board, sizeof(calib->board));
     if (sst_yaml_string(doc, created, text, sizeof(text)) && !parse_time(text, &calib->created_wall_ns))
-        sst_yaml_fault(doc, created, "wants a moment such as \"2026-01-31T09:15:00.000000000Z\", not %s", text);
+        sst_yaml_fault(doc, created, "must be a time such as \"2026-01-31T09:15:00.000000000Z\", not %s", text);
 }
 
 /* The file's kind and grid. @return 0, -EBADMSG (there are faults, and nothing more to find), -ENOMEM */
@@ -354,7 +354,7 @@ static int read_grid(struct sst_yaml *doc, struct sst_yaml_node *root, struct ss
     (void)sst_yaml_choice(doc, sst_yaml_need(doc, root, "format"), formats, 1, &format);
     if (sst_yaml_int(doc, version_at, 1, INT32_MAX, &version) && version != VERSION) {
         sst_yaml_know_all(root);
-        sst_yaml_fault(doc, version_at, "is %d, of which this sst knows nothing; use a newer one", version);
+        sst_yaml_fault(doc, version_at, "is %d, which this version of sst does not support; use a newer one", version);
         return -EBADMSG;
     }
     known = sst_yaml_int(doc, rows_at, 1, SST_MAX_VIEWS, &rows);

@@ -60,7 +60,7 @@ const struct sst_calib_format *sst_calib_format_find(const char *name)
         if (!strcmp(formats[i].name, name))
             return &formats[i];
     }
-    sst_log_error("there is no calibration format %.40s; it is sst, opencv, opencv-stereo, kalibr, multical or mrcal",
+    sst_log_error("unknown calibration format `%.40s`; choose sst, opencv, opencv-stereo, kalibr, multical or mrcal",
                   name);
     return NULL;
 }
@@ -110,7 +110,7 @@ const struct sst_calib_format *sst_calib_format_of(const char *path)
     }
     free(data);
     if (!found)
-        sst_log_error("%s looks like no calibration that can be read; name its format with --from", path);
+        sst_log_error("%s is not in a known calibration format; name its format with --from", path);
     return found;
 }
 
@@ -134,6 +134,6 @@ const struct sst_calib_format *sst_calib_format_for(const char *path)
     }
     if (!strchr(sst_path_base(path), '.'))
         return &formats[OPENCV];
-    sst_log_error("the name %s suggests no calibration format; name it with --to", path);
+    sst_log_error("the name %s does not imply a calibration format; name the format with --to", path);
     return NULL;
 }

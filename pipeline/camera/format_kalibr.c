@@ -18,12 +18,12 @@ static bool read_transform(struct sst_yaml *doc, const struct sst_yaml_node *nod
     int i = 0;
 
     if (node->type != SST_YAML_LIST || node->count != 4) {
-        sst_yaml_fault(doc, node, "wants four lists of four numbers");
+        sst_yaml_fault(doc, node, "must be four lists of four numbers");
         return false;
     }
     for (const struct sst_yaml_node *n = node->first; n; n = n->next, i++) {
         if (n->type != SST_YAML_LIST) {
-            sst_yaml_fault(doc, n, "wants four lists of four numbers");
+            sst_yaml_fault(doc, n, "must be four lists of four numbers");
             return false;
         }
         if (!sst_yaml_doubles(doc, n, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, row, 4))
@@ -32,7 +32,7 @@ static bool read_transform(struct sst_yaml *doc, const struct sst_yaml_node *nod
             memcpy(R + 3 * i, row, 3 * sizeof(double));
             T[i] = row[3];
         } else if (row[0] != 0 || row[1] != 0 || row[2] != 0 || row[3] != 1) {
-            sst_yaml_fault(doc, n, "ends in another row than 0, 0, 0, 1");
+            sst_yaml_fault(doc, n, "must end with the row 0, 0, 0, 1");
             return false;
         }
     }
@@ -97,9 +97,9 @@ static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
     double v[4], size[2];
 
     if (model && strcmp(model->text, "pinhole") != 0)
-        sst_yaml_fault(doc, model, "is %.40s; only pinhole cameras are possible here", model->text);
+        sst_yaml_fault(doc, model, "is %.40s; only pinhole cameras are supported", model->text);
     if (intrinsics && (intrinsics->type != SST_YAML_LIST || intrinsics->count != 4)) {
-        sst_yaml_fault(doc, intrinsics, "wants the list fu, fv, pu, pv");
+        sst_yaml_fault(doc, intrinsics, "must be the list fu, fv, pu, pv");
     } else if (sst_yaml_doubles(doc, intrinsics, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, v, 4)) {
         c->cam.fx = v[0];
         c->cam.fy = v[1];
@@ -134,19 +134,20 @@ static int read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct
         if (!c)
             return -EBADMSG;
         if (map->type != SST_YAML_MAP) {
-            sst_yaml_fault(doc, map, "wants keys such as intrinsics and resolution");
+            sst_yaml_fault(doc, map, "needs keys such as intrinsics and resolution");
             continue;
         }
         read_camera(doc, map, c);
         to = sst_yaml_get(map, "T_cn_cnm1");
         if (i > 0 && !to)
-            sst_yaml_fault(doc, map, "lacks T_cn_cnm1, the way from the camera before; calibrate them together");
+            sst_yaml_fault(doc, map,
+                           "lacks T_cn_cnm1, the transform from the previous camera; calibrate them together");
         if (i > 0 && to && read_transform(doc, to, one_R, one_T)) {
             struct sst_loose_camera step = *c;
 
             fault = sst_loose_pose(&step, one_R, one_T, 1);
             if (fault) {
-                sst_yaml_fault(doc, to, "does not turn: %s", fault);
+                sst_yaml_fault(doc, to, "cannot be used: %s", fault);
                 continue;
             }
             chain(R, T, step.cam.rotation, one_T); /* by the exact rotation, or errors add up along the chain */

@@ -155,7 +155,7 @@ int sst_calib_reduce(struct sst_calib *out, const struct sst_calib *in, int coef
     if (worst > SST_LENS_LOSS_PX && !lossy) {
         sst_log_error(
             "%s has %d coefficients for a lens, with which the camera of row %d, column %d is off by up to %.3g "
-            "px, more than %g; --lossy writes it nevertheless",
+            "px, more than %g; --lossy writes it anyway",
             what, coefficients, at / in->cols, at % in->cols, worst, SST_LENS_LOSS_PX);
         sst_calib_fini(&made);
         return -EBADMSG;

@@ -73,16 +73,16 @@ static int read_camera(const struct reader *r, const char *name, const json_t *c
     if (!c)
         return -EBADMSG;
     if (numbers(json_object_get(camera, "K"), K, 0, 2) != 9)
-        return fault(r, name, "K is no matrix of 3 x 3 numbers");
+        return fault(r, name, "K is not a 3 x 3 matrix");
     what = sst_loose_matrix(&c->cam, K);
     n = json_is_null(dist) ? 0 : numbers(dist, d, 0, 2); /* Python's None is a lens without distortion */
     if (!what)
-        what = n < 0 ? "dist is no list of numbers" : sst_loose_lens(&c->cam, d, n);
+        what = n < 0 ? "dist is not a list of numbers" : sst_loose_lens(&c->cam, d, n);
     if (what)
         return fault(r, name, what);
     if (numbers(size, s, 0, 1) != 2 || !(s[0] >= 1 && s[0] <= SST_IMAGE_MAX_SIDE) ||
         !(s[1] >= 1 && s[1] <= SST_IMAGE_MAX_SIDE))
-        return fault(r, name, "image_size is no [width, height]");
+        return fault(r, name, "image_size is not [width, height]");
     c->width = (int)s[0];
     c->height = (int)s[1];
     if (!place_part(camera, "row", &c->row) || !place_part(camera, "col", &c->col))
@@ -96,7 +96,7 @@ static int read_transform(const struct reader *r, const char *key, const json_t 
     const char *what = NULL;
 
     if (numbers(json_object_get(v, "R"), R, 0, 2) != 9 || numbers(json_object_get(v, "T"), T, 0, 2) != 3)
-        what = "R is no matrix of 3 x 3 numbers, or T no vector of 3";
+        what = "R is not a 3 x 3 matrix, or T is not a vector of 3";
     else
         what = sst_loose_pose(out, R, T, r->unit_mm);
     return what ? fault(r, key, what) : 0;

@@ -64,7 +64,7 @@ static int numbers(struct sst_yaml *doc, struct sst_yaml_node *node, double out[
             return 0; /* an empty matrix in XML */
     }
     if (data->type == SST_YAML_MAP) {
-        sst_yaml_fault(doc, data, "wants a list of numbers");
+        sst_yaml_fault(doc, data, "must be a list of numbers");
         return -1;
     }
     if (!add_numbers(doc, data, out, &n))
@@ -80,7 +80,7 @@ static bool read_matrix(struct sst_yaml *doc, struct sst_yaml_node *node, struct
 {
     double v[MOST_NUMBERS];
     const int n = numbers(doc, node, v);
-    const char *fault = n == 9 ? sst_loose_matrix(cam, v) : "is no matrix of 3 x 3";
+    const char *fault = n == 9 ? sst_loose_matrix(cam, v) : "is not a 3 x 3 matrix";
 
     if (n >= 0 && fault)
         sst_yaml_fault(doc, node, "%s", fault);
@@ -120,10 +120,10 @@ static void read_pose(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
         else
             sst_rotation_from_vector(v, R);
     } else if (n != 9) {
-        fault = "is neither a matrix of 3 x 3 nor a vector of 3";
+        fault = "is neither a 3 x 3 matrix nor a vector of 3";
     }
     if (!fault)
-        fault = m == 3 ? sst_loose_pose(c, R, T, unit_mm) : "comes with a T that is no vector of 3";
+        fault = m == 3 ? sst_loose_pose(c, R, T, unit_mm) : "comes with a T that is not a vector of 3";
     if (fault)
         sst_yaml_fault(doc, r_at, "cannot be used: %s", fault);
 }
@@ -150,7 +150,7 @@ static void refuse_fisheye(struct sst_yaml *doc, struct sst_yaml_node *root)
                          *fisheye = sst_yaml_get(root, "fisheye_model");
 
     if (model && strcmp(model->text, known[0]) != 0 && strcmp(model->text, known[1]) != 0)
-        sst_yaml_fault(doc, model, "is %.40s; only plumb_bob and rational_polynomial are possible here", model->text);
+        sst_yaml_fault(doc, model, "is %.40s; only plumb_bob and rational_polynomial are supported", model->text);
     if (fisheye && strcmp(fisheye->text, "0") != 0)
         sst_yaml_fault(doc, fisheye, "is set; cameras here are pinholes, so calibrate again without it");
 }
@@ -162,11 +162,12 @@ static void read_one(struct sst_yaml *doc, struct sst_yaml_node *root, struct ss
 
     refuse_fisheye(doc, root);
     if (!matrix)
-        sst_yaml_fault(doc, root, "there is no camera_matrix here; is it a calibration?");
+        sst_yaml_fault(doc, root, "camera_matrix is missing; is it a calibration?");
     else
         (void)read_matrix(doc, matrix, &c->cam);
     if (!lens)
-        sst_yaml_fault(doc, root, "there are no distortion_coefficients here; add an empty list for a lens without");
+        sst_yaml_fault(doc, root,
+                       "distortion_coefficients are missing; add an empty list for a lens without distortion");
     else
         (void)read_lens(doc, lens, &c->cam);
     read_size(doc, root, c);
@@ -269,7 +270,7 @@ static int read_folder(struct sst_loose *loose, const char *path, const struct s
 
     if (n < 0) {
         err = -errno;
-        sst_log_error("%s cannot be listed: %s", path, strerror(-err));
+        sst_log_error("cannot list %s: %s", path, strerror(-err));
     }
     for (int i = 0; i < n; i++) {
         if (!err)
@@ -329,7 +330,7 @@ static int find_pair(char out[SST_PATH_MAX], const char *path, const char *word)
             return 0;
     }
     sst_log_error(
-        "%s is no pair of intrinsics.yml and extrinsics.yml, as OpenCV's stereo sample writes; name their folder",
+        "%s is not a pair of intrinsics.yml and extrinsics.yml, as OpenCV's stereo sample writes; name their folder",
         path);
     return -ENOENT;
 }
@@ -349,8 +350,8 @@ static int take_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_ya
         if (!c)
             return -EBADMSG;
         if (!matrix || !lens)
-            sst_yaml_fault(in, root[0], "there is no M%d or no D%d here; is it the stereo sample's intrinsics file?",
-                           i + 1, i + 1);
+            sst_yaml_fault(in, root[0], "M%d or D%d is missing; is it the stereo sample's intrinsics file?", i + 1,
+                           i + 1);
         if (matrix && lens && read_matrix(in, matrix, &c->cam))
             (void)read_lens(in, lens, &c->cam);
         read_size(in, root[0], c);
@@ -471,7 +472,7 @@ int sst_opencv_stereo_write(const struct sst_calib *calib, const char *path, con
     int err;
 
     if (b < 0 || sst_calib_next(calib, b + 1) >= 0) {
-        sst_log_error("OpenCV's stereo files are of two cameras, and there are %s; use the format opencv",
+        sst_log_error("OpenCV's stereo files hold two cameras, but there are %s; use the format opencv",
                       b < 0 ? "fewer" : "more");
         return -EINVAL;
     }

@@ -48,7 +48,7 @@ static void refuse(struct xml *x, const char *what)
         return;
     for (const char *p = x->begin; p < x->at; p++)
         line += *p == '\n';
-    sst_log_error("%s:%d: %s; only XML as OpenCV writes it is read, so save it again as YAML", x->name, line, what);
+    sst_log_error("%s:%d: %s; only XML as OpenCV writes it is supported; save it again as YAML", x->name, line, what);
     x->err = -EBADMSG;
 }
 

@@ -294,7 +294,7 @@ static int measure_pictures(struct sst_report *out, const struct job *job, const
     if (truth->count == 0)
         return 0;
     if (truth->ref_row >= lf->rows || truth->ref_col >= lf->cols || !lf->views[ref].present) {
-        sst_log_error("%s/truth.json: reference %02d_%02d is no view of %s; give the truth of this light field",
+        sst_log_error("%s/truth.json: reference %02d_%02d is not a view of %s; give the truth of this light field",
                       job->truth_dir, truth->ref_row, truth->ref_col, job->lf_dir);
         return -EBADMSG;
     }
@@ -346,7 +346,7 @@ int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, con
         err = measure_pictures(&made, &job, truth, cfg, threads);
     job_fini(&job);
     if (err == -ENOMEM)
-        sst_log_error("%s: no memory to measure %d views of %dx%d", lf_dir, views, lf->width, lf->height);
+        sst_log_error("%s: out of memory measuring %d views of %dx%d", lf_dir, views, lf->width, lf->height);
     if (!err)
         *out = made;
     return err;

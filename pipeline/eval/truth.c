@@ -24,7 +24,7 @@ static int take_text(char *out, size_t size, const json_t *object, const char *p
     const char *text = json_string_value(json_object_get(object, key));
 
     if (!text || !*text)
-        return bad(path, index, key, "is missing or no text");
+        return bad(path, index, key, "is missing or not a string");
     if (strlen(text) >= size || strchr(text, '/'))
         return bad(path, index, key, "is too long or has a slash");
     memcpy(out, text, strlen(text) + 1);
@@ -36,7 +36,7 @@ static int take_number(double *out, const json_t *object, const char *path, int 
     const json_t *value = json_object_get(object, key);
 
     if (!json_is_number(value))
-        return bad(path, index, key, "is missing or no number");
+        return bad(path, index, key, "is missing or not a number");
     *out = json_number_value(value);
     return 0;
 }
@@ -64,7 +64,7 @@ static int take_occluders(struct sst_truth *t, const json_t *root, const char *p
     const size_t n = json_array_size(list);
 
     if (list && !json_is_array(list))
-        return bad(path, -1, "occluders", "is no list");
+        return bad(path, -1, "occluders", "is not a list");
     if (n > SST_TRUTH_MAX_OCCLUDERS)
         return bad(path, -1, "occluders", "has more than 16 entries");
     for (size_t i = 0; i < n; i++) {
@@ -120,7 +120,7 @@ int sst_truth_read(struct sst_truth *truth, const char *dir)
     int err;
 
     if (!sst_path_is_dir(dir)) {
-        sst_log_error("%s: there is no such folder; `sst scene` writes the truth of a light field to LF/truth", dir);
+        sst_log_error("%s: no such folder; `sst scene` writes the truth of a light field to LF/truth", dir);
         return -ENOENT;
     }
     err = sst_path_join(path, dir, "truth.json");

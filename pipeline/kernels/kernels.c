@@ -85,8 +85,9 @@ static void choose(void)
         for (level = SST_CPU_AVX512; level > SST_CPU_REF && strcasecmp(cap, level_names[level]); level--)
             ;
         if (strcasecmp(cap, level_names[level]))
-            sst_log_warning("SST_CPU=%s is none of ref, base, avx2, avxvnni, avx512: the plain references are used",
-                            cap);
+            sst_log_warning(
+                "unknown level SST_CPU=%s; using the reference kernels (levels: ref, base, avx2, avxvnni, avx512)",
+                cap);
     }
     while (!sst_kernels_at((enum sst_cpu_level)level, &table))
         level--;

@@ -196,7 +196,7 @@ int sst_sim_array_open(struct sst_sim_array **out, const struct sst_sim_array_co
         goto fail;
     if (cfg->truth && !(a->truth = fopen(cfg->truth, "we"))) {
         err = -errno;
-        sst_log_error("log of the truth '%s': %s", cfg->truth, strerror(-err));
+        sst_log_error("cannot write the truth log '%s': %s", cfg->truth, strerror(-err));
         goto fail;
     }
     if (a->truth)
@@ -242,7 +242,7 @@ void sst_sim_array_close(struct sst_sim_array *a)
         free(cam->frozen);
     }
     if (a->truth && fclose(a->truth) != 0)
-        sst_log_error("log of the truth '%s': %s; its end is missing", a->cfg.truth, strerror(errno));
+        sst_log_error("cannot write the truth log '%s': %s; its end is missing", a->cfg.truth, strerror(errno));
     free(a->cam);
     free(a);
 }

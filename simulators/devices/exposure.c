@@ -109,7 +109,7 @@ static int64_t period_ns(const struct sst_sim_cam *cam)
 static void beat_at(struct sst_sim_cam *cam, int64_t due_ns)
 {
     if (sst_sim_timer_set(cam->server, &cam->free_run_timer, due_ns))
-        sst_log_error("camera %d: no memory for its next beat; it stands still until the stream is started again",
+        sst_log_error("camera %d: out of memory for its next frame; it stops until the stream is restarted",
                       cam->index);
 }
 

@@ -145,7 +145,7 @@ int sst_sim_faults_set(struct sst_sim_faults *f, const char *text, char *message
         }
         return 0;
     }
-    return refuse(-EINVAL, message, size, "fault '%s': no such fault; 'sst-sim fault --list' shows all", text);
+    return refuse(-EINVAL, message, size, "unknown fault `%s`; `sst-sim fault --list` shows all", text);
 }
 
 void sst_sim_faults_each(const struct sst_sim_faults *f, void (*fn)(void *arg, const char *name, double value),
@@ -208,7 +208,7 @@ size_t sst_sim_faults_list(const struct sst_sim_faults *f, char *out, size_t siz
             append(&t, "%-26s %g..%g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
         }
     }
-    append(&t, "set now:\n");
+    append(&t, "currently set:\n");
     before = t.used;
     sst_sim_faults_each(f, append_value, &t);
     if (t.used == before)

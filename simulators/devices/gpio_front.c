@@ -111,7 +111,7 @@ static void after_call(struct sst_sim_gpio_front *front)
     if (due == INT64_MAX)
         sst_sim_timer_stop(sst_sim_sysfs_server(front->cfg.sysfs), &front->debounce);
     else if (sst_sim_timer_set(sst_sim_sysfs_server(front->cfg.sysfs), &front->debounce, due) < 0)
-        sst_log_warning("GPIO: debouncing is late: no memory");
+        sst_log_warning("GPIO: debouncing is late: out of memory");
 }
 
 static void debounce_over(void *arg)
@@ -366,7 +366,7 @@ int sst_sim_gpio_front_open(struct sst_sim_gpio_front **out, const struct sst_si
         err = err < 0 ? err : 0;
     }
     if (err) {
-        sst_log_error("GPIO: the simulated chips cannot be made: %s", strerror(-err));
+        sst_log_error("GPIO: cannot create the simulated chips: %s", strerror(-err));
         sst_sim_gpio_front_close(front);
         return err;
     }

@@ -17,12 +17,12 @@
 #define FAULTS_MAX 64
 
 static const char help[] =
-    "usage: sst-sim [OPTIONS] -- COMMAND [ARGUMENTS]   run COMMAND with simulated cameras; its exit status is ours\n"
+    "usage: sst-sim [OPTIONS] -- COMMAND [ARGUMENTS]   run COMMAND with simulated cameras; exit with its status\n"
     "       sst-sim [OPTIONS] --serve DIR               keep a session in DIR until 'sst-sim stop --dir DIR'\n"
     "       sst-sim --join DIR -- COMMAND               run COMMAND in a session that is served\n"
     "       sst-sim --parameters FILE [--world W]       write the true parameters of a world\n"
-    "       sst-sim fault NAME=VALUE ... | --list       set faults in a running session, or show all there are\n"
-    "       sst-sim status [--json]                     what the session does\n"
+    "       sst-sim fault NAME=VALUE ... | --list       set faults in a running session, or list all of them\n"
+    "       sst-sim status [--json]                     show what the session does\n"
     "       sst-sim stop                                end a served session\n"
     "\n"
     "Programs see /dev/video0 ... of an array as Linux would show them; V4L2 programs run unchanged.\n"
@@ -36,9 +36,9 @@ static const char help[] =
     "  --rig-port N     TCP port of the drives on 127.0.0.1 (default: 1502; 0: a free one, see sst-sim status)\n"
     "  --fault N=V      a fault from the start; may be repeated\n"
     "  --parameters F   write the world's true parameters: F.json all of them, F.yaml as a calibration\n"
-    "  --truth FILE     write what really happened: one JSON object a line for each exposure\n"
+    "  --truth FILE     write the true events: one JSON object a line for each exposure\n"
     "  --stats FILE     write frames made and CPU time of the simulation itself as JSON at the end\n"
-    "  --quiet          do not tell them on standard error\n"
+    "  --quiet          do not print these figures on standard error\n"
     "  --dir DIR        for fault, status and stop: the session (default: the one this runs in, $SST_SIM_DIR)\n"
     "\n"
     "example: sst-sim -- v4l2-ctl -d /dev/video7 --stream-mmap --stream-count=20 --stream-to=frames.mjpeg\n"
@@ -179,7 +179,7 @@ static int take_folder(const char *name, char dir[SST_PATH_MAX])
     if (!name)
         return sst_sim_session_make(dir);
     if ((rmdir(name) < 0 && errno != ENOENT) || mkdir(name, 0700) < 0 || !realpath(name, dir)) {
-        sst_log_error("session folder '%s': %s; name one that is not there yet, or empty", name, strerror(errno));
+        sst_log_error("cannot use session folder '%s': %s; give a new or an empty one", name, strerror(errno));
         return -EEXIST;
     }
     return 0;
@@ -215,7 +215,7 @@ static int join(const char *folder, char *const argv[])
     if (sst_sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0 || sst_sim_session_enter(dir, NULL))
         return EXIT_FAILURE;
     (void)execvp(argv[0], argv);
-    sst_log_error("command '%s': cannot be run: %s", argv[0], strerror(errno));
+    sst_log_error("cannot run '%s': %s", argv[0], strerror(errno));
     return 127;
 }
 

@@ -355,7 +355,7 @@ int sst_sim_server_run(struct sst_sim_server *s)
         if (n < 0 && errno != EINTR) {
             const int err = -errno;
 
-            sst_log_error("simulator: waiting for events: %s", strerror(-err));
+            sst_log_error("simulator: cannot wait for events: %s", strerror(-err));
             return err;
         }
         for (int i = 0; i < n && !s->stop; i++) {
@@ -408,7 +408,7 @@ int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const stru
         goto fail;
     err = listen_at(s);
     if (err) {
-        sst_log_error("session folder '%s': no socket in it: %s; is it in use, or its name too long?", dir,
+        sst_log_error("cannot create a socket in session folder '%s': %s; is it in use, or its name too long?", dir,
                       strerror(-err));
         goto fail;
     }
@@ -424,7 +424,7 @@ int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const stru
     if (!err)
         err = sst_sim_source_add(s->epoll, s->hangups, EPOLLIN, &s->hangups_source);
     if (err) {
-        sst_log_error("simulator: no event loop: %s", strerror(-err));
+        sst_log_error("simulator: cannot create the event loop: %s", strerror(-err));
         goto fail;
     }
     *out = s;

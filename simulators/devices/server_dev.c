@@ -44,7 +44,7 @@ int sst_sim_dev_open(struct sst_sim_server *s)
     if (real)
         closedir(real);
     if (err)
-        sst_log_error("session folder '%s': making dev/ failed: %s", s->dir, strerror(-err));
+        sst_log_error("cannot create dev/ in session folder '%s': %s", s->dir, strerror(-err));
     return err;
 }
 
@@ -110,7 +110,7 @@ int sst_sim_node_add(struct sst_sim_server *s, struct sst_sim_node **node, const
     else if (strncmp(path, "/dev/", 5) == 0)
         err = write_node(s, n);
     if (err) {
-        sst_log_error("device '%s': no entry in session '%s': %s", path, s->dir, strerror(-err));
+        sst_log_error("cannot create device '%s' in session '%s': %s", path, s->dir, strerror(-err));
         free(n);
         return err;
     }

@@ -69,7 +69,7 @@ int sst_sim_session_make(char dir[SST_PATH_MAX])
     if (!mkdtemp(dir)) {
         const int err = -errno;
 
-        sst_log_error("session folder in '%s': %s", runtime, strerror(-err));
+        sst_log_error("cannot create a session folder in '%s': %s", runtime, strerror(-err));
         return err;
     }
     return 0;
@@ -208,7 +208,7 @@ int sst_sim_command_prepare(struct sst_sim_command *c)
         (c->signals = signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK)) >= 0)
         return 0;
     err = -errno;
-    sst_log_error("simulator: no descriptor for signals: %s", strerror(-err));
+    sst_log_error("simulator: cannot create a signalfd: %s", strerror(-err));
     return err;
 }
 
@@ -234,7 +234,7 @@ int sst_sim_command_start(struct sst_sim_command *c, char *const argv[])
         err = -why;
     close(report[0]);
     if (err)
-        sst_log_error("command '%s': cannot be run: %s", argv[0], strerror(-err));
+        sst_log_error("cannot run '%s': %s", argv[0], strerror(-err));
     return err;
 }
 
@@ -325,7 +325,7 @@ int sst_sim_session_ask(const char *dir, unsigned op, const char *text, char *an
     }
     close(fd);
     if (err) {
-        sst_log_error("session '%s': no answer: %s; does its sst-sim still run?", dir, strerror(-err));
+        sst_log_error("session '%s': no answer: %s; is its sst-sim still running?", dir, strerror(-err));
         return err;
     }
     answer[n - (ssize_t)sizeof(head)] = 0;

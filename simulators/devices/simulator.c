@@ -220,7 +220,7 @@ static void tell_cost(const struct sst_sim_simulator *sim)
 
     if (f && !sim->options.quiet)
         fprintf(stderr,
-                "sst-sim: %lld frames made in %.1f s; the simulation itself took %.2f s of CPU, %.1f %% of one core\n",
+                "sst-sim: %lld frames made in %.1f s; the simulation itself used %.2f s of CPU, %.1f %% of one core\n",
                 (long long)json_integer_value(json_object_get(f, "frames")),
                 json_real_value(json_object_get(f, "seconds")), json_real_value(json_object_get(f, "cpu_seconds")),
                 json_real_value(json_object_get(f, "cpu_percent")));

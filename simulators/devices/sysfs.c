@@ -21,7 +21,7 @@ static void failed(struct sst_sim_sysfs *fs, const char *path, int err)
     if (fs->err)
         return;
     fs->err = err;
-    sst_log_error("session: cannot write '%s%s': %s; is there room, and the folder still there?", fs->root, path,
+    sst_log_error("session: cannot write '%s%s': %s; is there space, and does the folder still exist?", fs->root, path,
                   strerror(-err));
 }
 

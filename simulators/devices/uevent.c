@@ -63,7 +63,7 @@ static void retry(void *arg)
     for (struct sst_sim_listener *l = fs->listeners; l; l = l->next)
         left = !drain(l) || left;
     if (left && sst_sim_timer_set(fs->server, &fs->retry, sst_clock_now_ns() + RETRY_NS) < 0)
-        sst_log_warning("events of devices are held up: no memory");
+        sst_log_warning("device events are delayed: out of memory");
 }
 
 /** A program that does not listen loses the newest, as with a full netlink socket. */

@@ -179,7 +179,7 @@ static void no_layout(const char *layout)
 
     for (int i = 0; sst_sim_usb_layout(i, &name, &help); i++)
         snprintf(names + strlen(names), sizeof(names) - strlen(names), "%s%s", i ? ", " : "", name);
-    sst_log_error("USB layout '%s' is not known or has no room for so many cameras; there are %s", layout, names);
+    sst_log_error("USB layout '%s' is unknown or has too few ports for the cameras; choose %s", layout, names);
 }
 
 static int show_all(struct sst_sim_usb_front *front)

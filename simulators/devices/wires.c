@@ -33,7 +33,7 @@ static void works(void *arg, int cam, bool works_now)
     const int err = w->array ? sst_sim_array_plug(w->array, cam, works_now) : 0;
 
     if (err)
-        sst_log_error("camera %d: no video node: %s", cam, strerror(-err));
+        sst_log_error("camera %d: cannot create its video node: %s", cam, strerror(-err));
 }
 
 static void rung(void *arg, int cam, enum sst_sim_usb_event event)

@@ -168,7 +168,7 @@ int sst_sim_drives_fault(struct sst_sim_drives *bus, const char *name, const cha
         ok = set_axis_fault(bus, name, value);
     } else {
         snprintf(error, error_size,
-                 "the rig has no fault %.40s; there are exception, late_ms, noise, bad_crc, silence, "
+                 "unknown rig fault `%.40s`; choose exception, late_ms, noise, bad_crc, silence, "
                  "wrong_unit, drop_bytes, disconnect, stall, limit, alarm, lost_steps, power_loss, in_position_lies",
                  name);
         return -EINVAL;

@@ -103,7 +103,7 @@ static int open_serial(struct sst_sim_drive *d)
 
 fail:
     err = -errno;
-    sst_log_error("simulated rig: cannot make the serial line %s: %s", d->rtu_link, strerror(errno));
+    sst_log_error("simulated rig: cannot create the serial line %s: %s", d->rtu_link, strerror(errno));
     return err;
 }
 

@@ -33,7 +33,7 @@ static int find(const char *name)
         if (!strcmp(names[i], name))
             return i;
     }
-    sst_log_error("there is no scene %s; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
+    sst_log_error("unknown scene `%s`; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
     return -EINVAL;
 }
 
@@ -41,17 +41,16 @@ static int check(const struct sst_scene_config *c)
 {
     if (c->width < 1 || c->height < 1 || c->width > SST_IMAGE_MAX_SIDE || c->height > SST_IMAGE_MAX_SIDE ||
         (size_t)c->width * (size_t)c->height > SST_IMAGE_MAX_PIXELS) {
-        sst_log_error("a scene of %dx%d pixels cannot be made; choose sides of 1 to %d", c->width, c->height,
+        sst_log_error("scene size %dx%d is out of range; choose sides of 1 to %d pixels", c->width, c->height,
                       SST_IMAGE_MAX_SIDE);
         return -EINVAL;
     }
     if (c->rows < 1 || c->cols < 1 || c->rows > SST_SCENE_MAX_VIEWS || c->cols > SST_SCENE_MAX_VIEWS / c->rows) {
-        sst_log_error("a grid of %dx%d views cannot be made; choose at most %d views", c->rows, c->cols,
-                      SST_SCENE_MAX_VIEWS);
+        sst_log_error("grid %dx%d is out of range; choose at most %d views", c->rows, c->cols, SST_SCENE_MAX_VIEWS);
         return -EINVAL;
     }
     if (!(fabs(c->time_s) <= 1e6)) {
-        sst_log_error("scene time %g s is out of reach; choose at most a million seconds", c->time_s);
+        sst_log_error("scene time %g s is out of range; choose at most a million seconds", c->time_s);
         return -EINVAL;
     }
     return 0;

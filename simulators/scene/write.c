@@ -40,7 +40,7 @@ static int make_folder(const char *dir, const char *folder)
 
     if (!err && mkdir(path, 0777)) {
         err = -errno;
-        sst_log_error("%s cannot be made: error %d; check the disk and its permissions", path, -err);
+        sst_log_error("cannot create %s: error %d; check the disk and its permissions", path, -err);
     }
     return err;
 }

@@ -133,7 +133,7 @@ static const char *board_fault(const struct sst_board *b)
     if (b->kind == SST_BOARD_CHARUCO && !(b->marker >= 0.3 && b->marker <= 0.95))
         return "the markers are not between 0.3 and 0.95 of a square";
     if (!sst_board_dictionary_name(sst_board_dictionary(b, NULL), &markers))
-        return "there is no such dictionary";
+        return "the dictionary is unknown";
     if (sst_board_markers(NULL, b, false) > markers || sst_board_markers(NULL, b, true) > markers)
         return "the dictionary has fewer markers than the board";
     return NULL;
@@ -215,7 +215,7 @@ static const char *read_text(struct sst_board *b, const char *text)
               : !strcmp(part[0], "aprilgrid") ? SST_BOARD_APRILGRID
                                               : 0;
     if (!b->kind)
-        return "no kind of board begins like this";
+        return "its kind of board is unknown";
     if (rest || n < (b->kind == SST_BOARD_CHESSBOARD ? 3 : 4) || (n > 3 && b->kind == SST_BOARD_CHESSBOARD))
         return "it has too few or too many parts";
     if (!read_squares(b, part[1]))

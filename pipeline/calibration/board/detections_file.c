@@ -188,11 +188,11 @@ static int read_detection(struct reader *r, struct sst_detections *all, const js
     if (!err)
         err = read_corners(r, &d, json_object_get(object, "corners"), &all->board, index);
     if (!err && (!(d.blur_px >= 0) || !(d.blur_aspect >= 0) || !isfinite(d.blur_px + d.blur_aspect)))
-        err = bad(r, "detections", index, "has a blur that is no width");
+        err = bad(r, "detections", index, "has a blur that is not a width");
     if (!err) {
         err = sst_detections_add(all, &d);
         if (err == -EINVAL)
-            err = bad(r, "detections", index, "is of a frame and view that came before");
+            err = bad(r, "detections", index, "repeats an earlier frame and view");
     }
     sst_detection_fini(&d);
     return r->err = err;

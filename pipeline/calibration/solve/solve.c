@@ -71,7 +71,7 @@ static int check_size(const struct sst_detections *all, const struct sst_solve_c
     if ((double)beyond <= (double)corners * MOST_OUTSIDE)
         return 0;
     return sst_solve_refuse(cfg,
-                            "%lld of %lld corners lie outside of pictures of %dx%d: correct the size, or detect "
+                            "%lld of %lld corners lie outside the %dx%d pictures; correct the size or detect "
                             "the corners again",
                             beyond, corners, all->width, all->height);
 }
@@ -95,8 +95,8 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
         if (from->view < 0 || from->view >= p->views || from->frame < 0 || from->frame >= p->frames ||
             (i && (from->frame < from[-1].frame || (from->frame == from[-1].frame && from->view <= from[-1].view)))) {
             sst_log_error(
-                "detection %d is of view %d in frame %d: there are %d views and %d frames, in ascending order", i,
-                from->view, from->frame, p->views, p->frames);
+                "detection %d refers to view %d in frame %d, but there are %d views and %d frames, in ascending order",
+                i, from->view, from->frame, p->views, p->frames);
             return -EBADMSG;
         }
         *d = (struct solve_detection){ .view = from->view, .frame = from->frame, .corner = next };
@@ -106,7 +106,7 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
             else if (!left_out++ &&
                      sst_solve_refuse(cfg,
                                       "corner %d of %s in frame %s is at (%g, %g) with weight %g, which is not a "
-                                      "point of the board (%d points) in a picture of %dx%d: detect the corners again",
+                                      "point of the board (%d points) in a picture of %dx%d; detect the corners again",
                                       from->corner[k].id, sst_solve_name(all, from->view, name),
                                       all->frame_name[from->frame], from->corner[k].x, from->corner[k].y,
                                       from->corner[k].weight, sst_board_points(&all->board), all->width, all->height))
@@ -124,12 +124,13 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
 static int take_lenses(struct solve_problem *p, const struct sst_detections *all, const struct sst_calib *given)
 {
     if (given->rows * given->cols != p->views && !p->rig) {
-        sst_log_error("the lenses given are of %dx%d cameras, the detections of %dx%d: take the array's own file",
-                      given->rows, given->cols, all->rows, all->cols);
+        sst_log_error(
+            "the given lenses are of %dx%d cameras, the detections of %dx%d; give the calibration of this array",
+            given->rows, given->cols, all->rows, all->cols);
         return -EBADMSG;
     }
     if (given->width != all->width || given->height != all->height) {
-        sst_log_error("the lenses given are for pictures of %dx%d, these have %dx%d: take lenses of the same size",
+        sst_log_error("the given lenses are for pictures of %dx%d, these have %dx%d; give lenses of the same size",
                       given->width, given->height, all->width, all->height);
         return -EBADMSG;
     }
@@ -142,7 +143,7 @@ static int take_lenses(struct solve_problem *p, const struct sst_detections *all
         if (!from->known && all->camera_name[v][0]) {
             char name[128];
 
-            sst_log_error("the lenses given do not know %s: calibrate it, or solve its lens too",
+            sst_log_error("the given lenses do not include %s; calibrate it, or solve its lens too",
                           sst_solve_name(all, v, name));
             return -EBADMSG;
         }
@@ -247,7 +248,7 @@ static int fit(struct solve_case *c)
         err = sst_solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &c->done);
     if (!err && !c->done.converged) {
         sst_log_error("the adjustment did not converge in %d steps, %.3g px of noise left: the corners contradict "
-                      "each other or leave too much open; take more frames, near and far, and tilted",
+                      "each other or constrain too little; take more frames, near and far, and tilted",
                       c->done.evaluations, c->sigma_px);
         err = -EDOM;
     }
@@ -384,7 +385,7 @@ static int fill_maps(struct sst_solution *s, struct solve_case *c)
     int err = sst_solve_covariance(&cov, &c->p, sst_solve_unit_sigma(&c->done));
 
     if (err == -EDOM)
-        return sst_solve_refuse(c->cfg, "the corners leave a camera's lens or place undetermined: take more frames, "
+        return sst_solve_refuse(c->cfg, "the corners do not determine every camera's lens and pose; take more frames, "
                                         "near and far, tilted, and seen by several cameras at once");
     if (err)
         return err;
@@ -483,7 +484,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     int err;
 
     if (!WITH_DOGLEG) {
-        sst_log_error("this build has no solver for calibrations: install libdogleg-dev and build again");
+        sst_log_error("this build has no calibration solver; install libdogleg-dev and rebuild");
         return -ENOTSUP;
     }
     err = sst_solve_problem_make(&c.p, all, cfg);

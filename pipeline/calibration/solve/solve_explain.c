@@ -92,7 +92,7 @@ static int check_exchanged(struct look *l)
             return sst_solve_refuse(
                 l->c->cfg,
                 "%s and %s are exchanged in %d frames, from %s to %s: each sees there what the other "
-                "should (residuals of %.3g px become %.2g px); name them right or leave these frames "
+                "should (residuals of %.3g px become %.2g px); correct their names or leave these frames "
                 "out",
                 sst_solve_name(l->c->all, a, one), sst_solve_name(l->c->all, b, other), cured,
                 l->c->all->frame_name[first], l->c->all->frame_name[last], before / cured, after / cured);
@@ -255,7 +255,7 @@ static int check_moved(struct look *l)
         return 0;
     return sst_solve_refuse(
         l->c->cfg,
-        "%s moved %sbefore frame %s, by %.2f px (%.2f degrees, %.1f mm): fix it and take all frames "
+        "%s moved %sbefore frame %s, by %.2f px (%.2f degrees, %.1f mm): fasten it and take all frames "
         "again, or calibrate from the frames before or after that one alone",
         sst_solve_name(l->c->all, worst.view, name), cameras == 2 ? "against the other (or both were exchanged) " : "",
         l->c->all->frame_name[worst.frame], worst.px, worst.turn_deg, worst.shift_mm);
@@ -340,12 +340,11 @@ static int check_garbled(const struct look *l)
             }
         }
         if (garbled && 2 * garbled >= all)
-            return sst_solve_refuse(
-                l->c->cfg,
-                "what %s saw in %d of %d frames is not the board: its points lie %.1f px beside where "
-                "any pose puts them; it shows another board, or the points are numbered in another "
-                "order, by columns perhaps",
-                sst_solve_name(l->c->all, v, name), garbled, all, sum / garbled);
+            return sst_solve_refuse(l->c->cfg,
+                                    "what %s shows in %d of %d frames is not the board: its points are %.1f px off for "
+                                    "any pose; it shows another board, or the points are numbered in another "
+                                    "order, perhaps by columns",
+                                    sst_solve_name(l->c->all, v, name), garbled, all, sum / garbled);
     }
     return 0;
 }
@@ -368,12 +367,11 @@ static int check_contrary(const struct look *l)
             px = i >= 0 ? fmax(px, l->median_px[i]) : px;
         }
         if (4 * bad >= all && bad > 1)
-            return sst_solve_refuse(
-                l->c->cfg,
-                "%s contradicts the others in %d of %d frames, by up to %.2f px: it moved, was not "
-                "triggered with them, or numbers the board's points from another corner; look at its "
-                "pictures, or leave the camera out",
-                sst_solve_name(l->c->all, v, name), bad, all, px);
+            return sst_solve_refuse(l->c->cfg,
+                                    "%s contradicts the others in %d of %d frames, by up to %.2f px: it moved, was not "
+                                    "triggered with them, or numbers the board's points from another corner; check its "
+                                    "pictures, or leave the camera out",
+                                    sst_solve_name(l->c->all, v, name), bad, all, px);
     }
     return 0;
 }

@@ -59,15 +59,16 @@ static int check_frames(struct solve_case *c, const int *detections)
         return -EBADMSG;
     }
     if (frames < least && !c->p.rig)
-        return sst_solve_refuse(c->cfg, "only %d frame%s the board, %d are the least and 20 are good: take more",
+        return sst_solve_refuse(c->cfg,
+                                "only %d frame%s the board; at least %d are needed and 20 are recommended: take more",
                                 frames, frames == 1 ? " shows" : "s show", least);
     for (int v = 0; v < c->p.views; v++) {
         if (c->all->camera_name[v][0] && !detections[v] &&
-            sst_solve_refuse(c->cfg,
-                             "%s has not seen the board in any of the %d frames: hold the board before it%s, or leave "
-                             "the camera out",
-                             sst_solve_name(c->all, v, name), c->all->frames,
-                             blurred ? " (many pictures were blurred)" : ""))
+            sst_solve_refuse(
+                c->cfg,
+                "%s has not seen the board in any of the %d frames: hold the board in front of it%s, or leave "
+                "the camera out",
+                sst_solve_name(c->all, v, name), c->all->frames, blurred ? " (many pictures were blurred)" : ""))
             return -EBADMSG;
     }
     return 0;
@@ -109,11 +110,11 @@ static int check_regions(struct solve_case *c, int view)
         if (third[i / 3][i % 3] < third[bare / 3][bare % 3])
             bare = i;
     }
-    return sst_solve_refuse(c->cfg,
-                            "the board was in only %d of %d regions of the picture of %s, %d are the least: hold it "
-                            "also at %s of that picture",
-                            covered, REGIONS * REGIONS, sst_solve_name(c->all, view, name), LEAST_REGIONS,
-                            where(bare / 3, bare % 3));
+    return sst_solve_refuse(
+        c->cfg,
+        "the board was in only %d of %d regions of the picture of %s; at least %d are needed: hold it "
+        "also at %s of that picture",
+        covered, REGIONS * REGIONS, sst_solve_name(c->all, view, name), LEAST_REGIONS, where(bare / 3, bare % 3));
 }
 
 int sst_solve_check_corners(struct solve_case *c)
@@ -231,13 +232,13 @@ int sst_solve_check_outliers(struct solve_case *c)
     worst(c, &view, &view_share, &frame, &frame_share);
     if (blurred)
         snprintf(more, sizeof(more), "; %d pictures are blurred, by up to %.1f px", blurred, blur);
-    return sst_solve_refuse(c->cfg,
-                            "%.1f %% of the corners are outliers (further than %d times the noise of %.2g px), %.1f %% "
-                            "are allowed: most in %s (%.0f %% of its corners) and in frame %s (%.0f %%)%s; leave those "
-                            "out, or take them again with board and cameras at rest",
-                            100.0 * out / all, SOLVE_OUTLIER_SIGMA, c->sigma_px, 100 * most,
-                            sst_solve_name(c->all, view, name), 100 * view_share, c->all->frame_name[frame],
-                            100 * frame_share, more);
+    return sst_solve_refuse(
+        c->cfg,
+        "%.1f %% of the corners are outliers (further than %d times the noise of %.2g px); at most %.1f %% "
+        "are allowed: most in %s (%.0f %% of its corners) and in frame %s (%.0f %%)%s; leave those "
+        "out, or take them again with board and cameras at rest",
+        100.0 * out / all, SOLVE_OUTLIER_SIGMA, c->sigma_px, 100 * most, sst_solve_name(c->all, view, name),
+        100 * view_share, c->all->frame_name[frame], 100 * frame_share, more);
 }
 
 /* Largest slant of the boards that a camera saw (degrees), and farthest over nearest. */
@@ -284,7 +285,7 @@ int sst_solve_check_focal(struct solve_case *c, const struct solve_covariance *c
     variety(c, view, &slant, &ratio);
     return sst_solve_refuse(
         c->cfg,
-        "the focal length of %s is known to %.1f %% only, %g %% is the most: its boards are tilted "
+        "the focal length of %s is known only to %.1f %%, the limit is %g %%: its boards are tilted "
         "by up to %.0f degrees and %.2g times as far as the nearest; show it boards tilted by 30 to "
         "45 degrees, near and twice as far",
         sst_solve_name(c->all, view, name), 100 * most, 100 * MOST_FOCAL, slant, ratio);

@@ -90,12 +90,11 @@ static int check_exchanged(const struct solve_case *c, const struct places *p, i
     }
     if (!(least / count < PLACE_SHARE * PLACE_SHARE * step2))
         return 0;
-    return sst_solve_refuse(
-        c->cfg,
-        "%s and %s stand at each other's places: exchanged, all cameras are within %.2g mm of a regular "
-        "grid, as named within %.3g mm; exchange their places in the configuration or their folders",
-        sst_solve_name(c->all, one, first), sst_solve_name(c->all, other, second), sqrt(least / count),
-        sqrt(as_named / count));
+    return sst_solve_refuse(c->cfg,
+                            "%s and %s are swapped: exchanged, all cameras are within %.2g mm of a regular "
+                            "grid, as named within %.3g mm; swap their places in the configuration, or their folders",
+                            sst_solve_name(c->all, one, first), sst_solve_name(c->all, other, second),
+                            sqrt(least / count), sqrt(as_named / count));
 }
 
 /* Columns count to the right and rows downwards, seen from behind; a grid that is a mirror image of that is misnamed.
@@ -108,7 +107,7 @@ static void check_order(const struct solve_case *c, const struct places *p)
         return;
     if (grid[0][1] * grid[1][2] - grid[0][2] * grid[1][1] < 0)
         sst_log_warning(
-            "the cameras' grid is mirrored: seen from behind, columns are to count from left to right and rows "
+            "the cameras' grid is mirrored: seen from behind, columns must count from left to right and rows "
             "from top to bottom; rename the cameras if that was meant");
 }
 

@@ -83,7 +83,7 @@ static int collect(struct centres *c, const struct sst_calib *calib)
     const char *fault = sst_calib_fault(calib);
 
     if (fault)
-        return refused("the calibration does not hold: %s; calibrate again", fault);
+        return refused("invalid calibration: %s; calibrate again", fault);
     memset(c, 0, sizeof(*c));
     for (int k = 0; k < calib->rows * calib->cols; k++) {
         const struct sst_calib_camera *cam = &calib->camera[k];
@@ -98,10 +98,10 @@ static int collect(struct centres *c, const struct sst_calib *calib)
             c->mean_axis[i / 3][i % 3] += cam->rotation[i];
     }
     if (c->n < 2)
-        return refused("the calibration knows one camera only, and a light field needs two");
+        return refused("the calibration has only one camera, and a light field needs two");
     for (int i = 0; i < 3; i++) {
         if (!unit(c->mean_axis[i]))
-            return refused("the cameras look in opposite directions; correct their places in the grid");
+            return refused("the cameras point in opposite directions; correct their places in the grid");
     }
     return 0;
 }
@@ -254,13 +254,13 @@ static int refuse_order(const struct sst_calib *calib, struct centres *c, const 
     int a = 0, b = 0;
 
     if (find_swap(c, &a, &b))
-        return refused("cameras %s (row %d, column %d) and %s (row %d, column %d) are swapped: each stands at the "
-                       "other's place; exchange them in the configuration and calibrate again",
+        return refused("cameras %s (row %d, column %d) and %s (row %d, column %d) are swapped: each is at the "
+                       "other's place; swap them in the configuration and calibrate again",
                        name_of(calib, c->view[a]), c->row[a], c->col[a], name_of(calib, c->view[b]), c->row[b],
                        c->col[b]);
     a = worst_centre(l, c, &mm);
     return refused(
-        "the centres make no lattice: camera %s (row %d, column %d) stands %.1f mm from its place, the steps "
+        "the centres do not form a regular grid: camera %s (row %d, column %d) is %.1f mm off its place, the steps "
         "are %.1f and %.1f mm; correct the cameras' places in the grid or calibrate again",
         name_of(calib, c->view[a]), c->row[a], c->col[a], mm, length(l->step[0]), length(l->step[1]));
 }
@@ -341,8 +341,8 @@ static int choose_axes(double r[9], const struct centres *c, const struct lattic
             cross(x, y, z);
     }
     if (!good || dot(z, c->mean_axis[2]) < TILT_COS_MIN)
-        return refused("the cameras look %.0f degrees away from the normal of the plane that their centres make; more "
-                       "than 45 cannot be a light field",
+        return refused("the cameras point %.0f degrees away from the normal of the plane of their centres; more "
+                       "than 45 cannot form a light field",
                        acos(sst_clamp_double(good ? dot(z, c->mean_axis[2]) : 0, -1, 1)) * 180 / M_PI);
     cross(y, z, x);
     return 0;
@@ -401,7 +401,7 @@ static int middle_of(const struct sst_rectified *to, const struct sst_calib *cal
         in_rig[i] = cam->rotation[i] * in_camera[0] + cam->rotation[3 + i] * in_camera[1] + cam->rotation[6 + i];
     turn(d, to->rotation, in_rig);
     if (d[2] < AWAY_COS_MIN * length(d))
-        return refused("camera %s (row %d, column %d) looks %.0f degrees away from the normal of the array's plane; "
+        return refused("camera %s (row %d, column %d) points %.0f degrees away from the normal of the array's plane; "
                        "correct its mount or calibrate again",
                        name_of(calib, view), view / calib->cols, view % calib->cols,
                        acos(d[2] / length(d)) * 180 / M_PI);
@@ -451,8 +451,8 @@ int sst_rectified_place(struct sst_rectified *to, const struct sst_calib *calib)
         to->view[k].dz_mm = t[2];
         to->view[k].scale = to->plane_mm > 0 ? (to->plane_mm - t[2]) / to->plane_mm : 1;
         if (!(fabs(to->view[k].scale - 1) <= 0.5)) {
-            sst_log_error("cannot rectify: the plane at %g mm is too near to camera %s (row %d, column %d), which "
-                          "stands %.1f mm off the reference's plane; choose one farther away",
+            sst_log_error("cannot rectify: the plane at %g mm is too close to camera %s (row %d, column %d), which "
+                          "is %.1f mm off the reference's plane; choose one farther away",
                           to->plane_mm, name_of(calib, k), k / calib->cols, k % calib->cols, t[2]);
             return -EINVAL;
         }
@@ -490,12 +490,13 @@ int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib, c
                                  .height = cfg->height ? cfg->height : calib->height,
                                  .plane_mm = cfg->plane_mm < 0 ? calib->range_mm : cfg->plane_mm };
     if (!fit_lattice(&l, &c))
-        return refused("the known cameras are on one slanted line of the grid; add a camera beside it");
+        return refused("the known cameras lie on one diagonal of the grid; add a camera beside it");
     if (!regular(&l, &c, STEP_SHARE_MAX) || !(shortest_step(&l) > 0))
         return refuse_order(calib, &c, &l);
     if (one_line(&l))
-        return refused("rows and columns of the grid run in one direction: all centres are on a line, and make a grid "
-                       "of one row or column; correct the cameras' places");
+        return refused(
+            "rows and columns of the grid run in one direction: all centres lie on one line, which is a grid "
+            "of one row or column; correct the cameras' places");
     wrong = mirrored(&l, &c);
     if (wrong)
         return refused("the grid is mirrored: its %s as the cameras see it; views are numbered from the upper left, "

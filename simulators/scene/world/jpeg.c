@@ -31,7 +31,7 @@ static void on_error(j_common_ptr c)
     char text[JMSG_LENGTH_MAX];
 
     c->err->format_message(c, text);
-    sst_log_error("a simulated frame cannot be encoded: %s; choose another size or quality", text);
+    sst_log_error("cannot encode a simulated frame: %s; choose another size or quality", text);
     longjmp(e->fault, 1);
 }
 

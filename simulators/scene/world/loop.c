@@ -79,7 +79,7 @@ static int map_file(struct sst_sim_loop **out, const char *path, const uint8_t k
     if (fd < 0)
         return err;
     if (fstat(fd, &st) || st.st_size < (off_t)sizeof(struct head)) {
-        sst_log_warning("the prepared world %s is damaged; it is made again", path);
+        sst_log_warning("the prepared world %s is damaged; rendering it again", path);
         goto done;
     }
     l = calloc(1, sizeof(*l));
@@ -96,7 +96,7 @@ static int map_file(struct sst_sim_loop **out, const char *path, const uint8_t k
         .frames = (uint32_t)frames,
     };
     if (!is_whole(l, key)) {
-        sst_log_warning("the prepared world %s is damaged; it is made again", path);
+        sst_log_warning("the prepared world %s is damaged; rendering it again", path);
         goto done;
     }
     *out = l;
@@ -131,7 +131,7 @@ static int store_locked(struct job *j, int cam, const struct sst_sim_jpeg *frame
         if (fwrite(f->data, f->bytes, 1, j->file) != 1) {
             const int err = errno ? -errno : -EIO;
 
-            sst_log_error("a frame of the simulated world cannot be written: %s; check the disk of the cache",
+            sst_log_error("cannot write a frame of the simulated world: %s; check the disk of the cache",
                           strerror(-err));
             return err;
         }
@@ -175,8 +175,7 @@ static int write_index(const struct job *j, const uint8_t key[SST_SIM_KEY_BYTES]
             (size_t)j->cams * (size_t)j->frames) {
         const int err = errno ? -errno : -EIO;
 
-        sst_log_error("the index of the simulated world cannot be written: %s; check the disk of the cache",
-                      strerror(-err));
+        sst_log_error("cannot write the index of the simulated world: %s; check the disk of the cache", strerror(-err));
         return err;
     }
     return 0;

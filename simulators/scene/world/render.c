@@ -149,7 +149,7 @@ static int check_lens(const struct sst_sim_stage *s, const struct sst_sim_camera
             if (look(&s->optics, camera, (s->settings->width - 1) * (double)i / steps,
                      (s->settings->height - 1) * (double)j / steps, at))
                 continue;
-            sst_log_error("the distortion or rotation of camera %d folds its picture over; choose smaller ones", cam);
+            sst_log_error("the distortion or rotation of camera %d folds its picture over; choose smaller values", cam);
             return -EINVAL;
         }
     }

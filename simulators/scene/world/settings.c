@@ -87,7 +87,7 @@ static void read_loop(struct sst_yaml *doc, struct sst_yaml_node *map, struct ss
     sst_yaml_double(doc, sst_yaml_get(map, "seconds"), 0.01, 3600, &s->loop_s);
     sst_yaml_double(doc, sst_yaml_get(map, "rate_hz"), 0.1, 120, &s->rate_hz);
     if (s->loop_s * s->rate_hz > FRAMES_MAX)
-        sst_yaml_fault(doc, map, "makes %.0f frames of each camera; %d are the most", s->loop_s * s->rate_hz,
+        sst_yaml_fault(doc, map, "makes %.0f frames of each camera; the maximum is %d", s->loop_s * s->rate_hz,
                        FRAMES_MAX);
 }
 
@@ -107,9 +107,9 @@ static void read_optics(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
 
     if (sst_yaml_string(doc, scene, s->optics_scene, sizeof(s->optics_scene))) {
         if (!is_scene(s->optics_scene))
-            sst_yaml_fault(doc, scene, "is no scene; choose " SCENES);
+            sst_yaml_fault(doc, scene, "is not a scene; choose " SCENES);
         else if (strcmp(s->scene, "board"))
-            sst_yaml_fault(doc, scene, "is for worlds of the scene board alone; others have optics of their own");
+            sst_yaml_fault(doc, scene, "applies only to worlds of the scene board; others have their own optics");
     }
     sst_yaml_doubles(doc, sst_yaml_get(map, "distortion"), -10, 10, s->distortion, 5);
     sst_yaml_doubles(doc, sst_yaml_get(map, "distortion_spread"), 0, 10, s->distortion_spread, 5);
@@ -169,7 +169,7 @@ static void read_poses(struct sst_yaml *doc, struct sst_yaml_node *node, struct 
         sst_yaml_doubles(doc, sst_yaml_need(doc, n, "position_mm"), -1e6, 1e6, p->position_mm, 3);
         sst_yaml_doubles(doc, sst_yaml_get(n, "rotation_deg"), -360, 360, p->rotation_deg, 3);
         if (sst_yaml_double(doc, sst_yaml_get(n, "blur_px"), 0, 100, &p->blur_px) && !alone)
-            sst_yaml_fault(doc, n, "has blur_px, which is for worlds of the scene board alone");
+            sst_yaml_fault(doc, n, "has blur_px, which applies only to worlds of the scene board");
     }
 }
 
@@ -193,7 +193,7 @@ static void read_board(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     read_poses(doc, sst_yaml_get(map, "poses"), b, alone);
     most = b->kind == SST_SIM_CHARUCO ? 2 * SST_SIM_CHARUCO_MARKERS : SST_SIM_APRIL_TAGS;
     if (b->kind >= SST_SIM_CHARUCO && b->cols * b->rows > most)
-        sst_yaml_fault(doc, map, "has %dx%d squares; there are markers for %d", b->cols, b->rows, most);
+        sst_yaml_fault(doc, map, "has %dx%d squares, but there are only markers for %d", b->cols, b->rows, most);
 }
 
 struct number {
@@ -238,7 +238,7 @@ static void read_moves(struct sst_yaml *doc, struct sst_yaml_node *map, const st
     if (map->type != SST_YAML_MAP)
         sst_yaml_fault(doc, map, "must be {at_pose: 10, rotation_deg: [x, y, z], position_mm: [x, y, z]}");
     if (s->rig)
-        sst_yaml_fault(doc, map, "is for arrays; the camera of a rig stays as it is mounted");
+        sst_yaml_fault(doc, map, "applies only to arrays; the camera of a rig stays as mounted");
     o->given |= SST_SIM_MOVES;
     sst_yaml_int(doc, sst_yaml_get(map, "at_pose"), 0, sst_max_int(1, (int)lround(s->loop_s * s->rate_hz)) - 1,
                  &o->moves_at);
@@ -272,15 +272,17 @@ static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
 
     read_pair(doc, grid, 1, SST_CAMERAS_MAX, &s->rows, &s->cols);
     if (s->rows * s->cols > SST_CAMERAS_MAX) {
-        sst_yaml_fault(doc, grid, "has %d cameras; %d are the most", s->rows * s->cols, SST_CAMERAS_MAX);
+        sst_yaml_fault(doc, grid, "has %d cameras; the maximum is %d", s->rows * s->cols, SST_CAMERAS_MAX);
         s->rows = s->cols = 1;
     }
     read_pair(doc, size, 16, SIDE_MAX, &s->width, &s->height);
     if (s->width % 16 || s->height % 8)
         sst_yaml_fault(doc, size, "must be a multiple of 16 wide and of 8 high");
     else if (s->strip && 2 * sst_strip_height(s->width) > s->height)
-        sst_yaml_fault(doc, size, "is too small for the strip, which takes %d rows; choose a larger size or strip: "
-                       "false", sst_strip_height(s->width));
+        sst_yaml_fault(doc, size,
+                       "is too small for the strip of %d rows; choose a larger size or strip: "
+                       "false",
+                       sst_strip_height(s->width));
 }
 
 /* A mapping below the root, where it is there. */
@@ -301,7 +303,7 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     int seed = 1;
 
     if (sst_yaml_string(doc, scene, name, sizeof(name)) && !is_scene(name))
-        sst_yaml_fault(doc, scene, "is no scene; choose " SCENES);
+        sst_yaml_fault(doc, scene, "is not a scene; choose " SCENES);
     sst_sim_settings_defaults(s, name);
     if (sst_yaml_int(doc, sst_yaml_get(root, "seed"), 0, INT32_MAX, &seed))
         s->seed = (uint64_t)seed;
@@ -335,7 +337,7 @@ int sst_sim_settings_read(struct sst_sim_settings *s, const char *world)
         return 0;
     }
     if (!sst_path_exists(world)) {
-        sst_log_error("there is no world %s; give the path of a world file, or a scene: " SCENES, world);
+        sst_log_error("unknown world `%s`; give the path of a world file, or a scene: " SCENES, world);
         return -EINVAL;
     }
     err = sst_file_read(world, SST_YAML_MAX_BYTES, &text, &size);

@@ -89,7 +89,7 @@ static int cache_folder(char out[SST_PATH_MAX], const char *cache)
         if (!err)
             err = sst_path_join(out, dot, "sst-sim");
     } else {
-        sst_log_error("there is no folder for prepared worlds; set HOME or XDG_CACHE_HOME");
+        sst_log_error("no folder for prepared worlds; set HOME or XDG_CACHE_HOME");
         return -EINVAL;
     }
     return err ? err : make_parents(out);

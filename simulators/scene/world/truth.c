@@ -105,7 +105,7 @@ int sst_sim_truth_write(const struct sst_sim_settings *s, const struct sst_sim_s
     if (text)
         err = sst_file_write(path, text, strlen(text));
     else
-        sst_log_error("no memory for the truth of the world in %s", path);
+        sst_log_error("out of memory for the truth of the world in %s", path);
     free(text);
     json_decref(all);
     return err;
