@@ -188,7 +188,8 @@ static const struct sst_key keys[] = {
           "with a label in focus, the weight of the others is divided by this"),
       RANGE(1, 1000) },
     { KEY("live", "verify_rays", BOOL, live.verify_rays, "true", LIVE,
-          "behind dense or moving leaves, count rays whose colours agree at the focus; false: by depth and label alone") },
+          "behind dense or moving leaves, count rays whose colours agree at the focus; false: by depth and label "
+          "alone") },
     { KEY("live", "jpeg_quality", INT, live.jpeg_quality, "85", LIVE, "of the pictures made here"), RANGE(1, 100) },
 
     { KEY("", "zones", LIST, zone, "[]", PICTURE, "parts of the reference view that are watched"), COUNT(zones),
