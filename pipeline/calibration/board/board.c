@@ -21,7 +21,7 @@
     "boards are chessboard:10x7:25mm (squares; 9x6c counts inner corners), charuco:9x7:50mm:0.7[:4x4_50] (marker in "  \
     "squares), aprilgrid:6x6:50mm:0.3[:bottom-up] (gap in tags) or a Kalibr target file"
 
-/* By OpenCV's number. */
+/* Indexed by OpenCV's dictionary number. */
 static const struct {
     const char *name;
     int markers;
@@ -199,7 +199,7 @@ static bool read_last(struct sst_board *b, const char *text)
     return false;
 }
 
-/* What is wrong with the text, or NULL. */
+/* Parse the text. @return what is wrong with it, or NULL */
 static const char *read_text(struct sst_board *b, const char *text)
 {
     char copy[128], *part[5] = { NULL }, *rest = copy;
@@ -283,7 +283,7 @@ static int read_kalibr(struct sst_board *b, const char *path)
             read_grid(doc, root, b);
     } else if (root) {
         for (struct sst_yaml_node *n = root->first; n; n = n->next)
-            n->known = true; /* which keys belong depends on the kind */
+            n->known = true; /* the set of known keys depends on the kind */
     }
     err = sst_yaml_finish(doc);
     sst_yaml_destroy(doc);
@@ -320,7 +320,7 @@ int sst_board_parse(struct sst_board *out, const char *text)
     return 0;
 }
 
-/* The shortest text that reads back as the same number. */
+/* The shortest decimal that parses back to the same number. */
 static void format_number(char out[32], double value)
 {
     for (int digits = 6; digits <= 17; digits++) {

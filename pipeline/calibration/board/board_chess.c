@@ -1,4 +1,4 @@
-/* Chessboards: found by OpenCV, numbered our way. */
+/* Chessboards: detected by OpenCV, then renumbered to our convention. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -34,7 +34,7 @@ static void reverse(float (*at)[2], int n)
         swap(at[i], at[n - 1 - i]);
 }
 
-/* A quarter turn of a square grid: what was the last column, upwards, is the first row. */
+/* Rotate a square grid by a quarter turn: the last column, read upwards, becomes the first row. */
 static void quarter(struct grid *g)
 {
     for (int j = 0; j < g->rows; j++) {
@@ -45,7 +45,7 @@ static void quarter(struct grid *g)
         reverse(g->at + j * g->cols, g->cols);
 }
 
-/* Mean grey of the squares between corners whose column and row are even together, less that of the others. */
+/* Mean grey of the squares whose column + row is even, minus that of the others. */
 static double even_brighter(const struct grid *g, const struct sst_map_u8 *luma)
 {
     double sum[2] = { 0, 0 }, n[2] = { 0, 0 };
@@ -78,8 +78,8 @@ static double heading(const struct grid *g)
 }
 
 /*
- * Our numbering: not mirrored, a black square at the upper left where the board has it so, and of the ways in which it
- * looks the same the one whose x points most to the right. @return true: the upper left square is white after all
+ * Renumber to our convention: not mirrored, a black square at the upper left where the board has one; among equivalent
+ * rotations the one whose x axis points most to the right. @return true: the upper left square is white nevertheless
  */
 static bool put_in_order(struct grid *g, const struct sst_map_u8 *luma)
 {

@@ -1,4 +1,4 @@
-/* From anchors to the points of a board: predicted from their neighbours, refined, and checked against each other. */
+/* From anchors to all points of a board: predicted from neighbours, refined, and checked against each other. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -10,7 +10,7 @@
 
 #define NEIGHBOURS  14
 #define GROW_ROUNDS 12
-#define LARGEST_PX  8 /* of a window, from its point, for pictures up to 1000 pixels wide; more sees the lens bend */
+#define LARGEST_PX  8 /* half width of a window for pictures up to 1000 pixels wide; limits lens distortion \ */
 #define TAG_BORDER  0.2
 
 /* --- prediction -------------------------------------------------------------------------------------------------- */
@@ -20,7 +20,7 @@ struct near {
     double distance2;
 };
 
-/* The nearest anchors, nearest first; of equal ones the first. */
+/* The nearest anchors in order of distance; ties: the first. */
 static int nearest(struct near out[NEIGHBOURS], const struct anchor *anchor, int n, const double at[2], int skip)
 {
     int count = 0;
@@ -42,8 +42,8 @@ static int nearest(struct near out[NEIGHBOURS], const struct anchor *anchor, int
     return count;
 }
 
-/* Where a place of the board is, from the anchors around it, but for one (skip; -1: none). slope: px per mm there.
- * @return false: nothing near enough to tell */
+/* Predict the pixel of a board position from the anchors around it, leaving one out (skip; -1: none). slope: px per mm
+ * there. @return false: no anchors near enough */
 static bool predict(double px[2], double slope[4], const struct anchor *anchor, int n, double step_mm,
                     const double at[2], int skip)
 {
@@ -58,7 +58,7 @@ static bool predict(double px[2], double slope[4], const struct anchor *anchor, 
 
         memcpy(from[i], a->board, sizeof(from[i]));
         memcpy(to[i], a->px, sizeof(to[i]));
-        /* Far ones tell less: the lens bends the board. */
+        /* Distant anchors weigh less: lens distortion bends the board. */
         weight[i] = a->weight / (1 + found[i].distance2 / (step_mm * step_mm));
     }
     return sst_homography_fit(h, (const double(*)[2])from, (const double(*)[2])to, weight, count) &&
@@ -68,7 +68,7 @@ static bool predict(double px[2], double slope[4], const struct anchor *anchor, 
 
 /* --- refinement -------------------------------------------------------------------------------------------------- */
 
-/* What surrounds a point of this board. */
+/* The surroundings of a point on this board. */
 static void surroundings(struct saddle_place *place, const struct sst_board *b, int id, bool other)
 {
     if (b->kind == SST_BOARD_APRILGRID) {
@@ -92,7 +92,7 @@ static double largest_window(const struct sst_map_u8 *luma)
     return LARGEST_PX * fmax(1, sqrt(fmax(luma->width, luma->height) / 1000.0));
 }
 
-/* Look for a point where the anchors put it. */
+/* Search for a point where the anchors predict it. */
 static bool look(struct saddle *out, const struct sighting *s, int id, const struct anchor *anchor, int n, double reach)
 {
     const double pitch = sst_board_pitch_mm(s->board);
@@ -109,7 +109,7 @@ static bool look(struct saddle *out, const struct sighting *s, int id, const str
     return saddle_refine(out, s->luma, &place, largest_window(s->luma));
 }
 
-/* Anchors for what has been found: refined points, and where few are around them still the markers' corners. */
+/* Rebuild the anchors: refined points, and the markers' corners where few refined points are near. */
 static int collect(struct anchor *out, int *id, const struct sighting *s, int points)
 {
     int n = 0;
@@ -130,7 +130,8 @@ static int collect(struct anchor *out, int *id, const struct sighting *s, int po
 
 /* --- checks ------------------------------------------------------------------------------------------------------ */
 
-/* Distance of each point from where its neighbours put it, NAN where they do not tell, and the scale there. */
+/* Distance of each point from the position that its neighbours predict, NAN without a prediction, and the scale
+ * there. */
 static void stray(double *distance, const struct sighting *s, const struct anchor *anchor, int n)
 {
     const double pitch = sst_board_pitch_mm(s->board);
@@ -148,8 +149,8 @@ static void stray(double *distance, const struct sighting *s, const struct ancho
 }
 
 /*
- * Drop, the worst first, points that are not where their neighbours put them: further than 5 times the usual distance,
- * at least 0.4 px (or 0.016 of the pitch, where that is more), and in any case than 4 times this.
+ * Drop, the worst first, points that differ from the prediction of their neighbours by more than 5 times the median
+ * distance, but at least 0.4 px (or 0.016 of the pitch, if larger) and at most 4 times this.
  */
 static void drop_strays(struct sighting *s, struct anchor *anchor, double *distance, int *id, int points)
 {
@@ -237,7 +238,7 @@ bool chessboard_goes_on(const struct sighting *s)
         const int length = side < 2 ? rows : cols;
         int crossings = 0;
 
-        /* As long as they still can be most of the side. */
+        /* While they still can be the majority of the side. */
         for (int k = 0; k < length && 2 * (crossings + length - k) > length; k++) {
             const int i = side == 0 ? -1 : side == 1 ? cols : k, j = side == 2 ? -1 : side == 3 ? rows : k;
             const double at[2] = { i * s->board->square_mm, j * s->board->square_mm };
