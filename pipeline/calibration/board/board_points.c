@@ -10,10 +10,10 @@
 
 #define NEIGHBOURS  14
 #define GROW_ROUNDS 12
-#define LARGEST_PX  8 /* half width of a window for pictures up to 1000 pixels wide; limits lens distortion \ */
+#define LARGEST_PX  8 /* half width of a window for pictures up to 1000 pixels wide; limits lens distortion */
 #define TAG_BORDER  0.2
 
-/* --- prediction -------------------------------------------------------------------------------------------------- */
+/* --- prediction --------------------------------------------------------------------------------------------------- */
 
 struct near {
     int index;
@@ -66,7 +66,7 @@ static bool predict(double px[2], double slope[4], const struct anchor *anchor, 
            slope[0] * slope[3] - slope[1] * slope[2] > 0;
 }
 
-/* --- refinement -------------------------------------------------------------------------------------------------- */
+/* --- refinement --------------------------------------------------------------------------------------------------- */
 
 /* The surroundings of a point on this board. */
 static void surroundings(struct saddle_place *place, const struct sst_board *b, int id, bool other)
@@ -128,7 +128,7 @@ static int collect(struct anchor *out, int *id, const struct sighting *s, int po
     return n;
 }
 
-/* --- checks ------------------------------------------------------------------------------------------------------ */
+/* --- checks ------------------------------------------------------------------------------------------------------- */
 
 /* Distance of each point from the position that its neighbours predict, NAN without a prediction, and the scale
  * there. */

@@ -1,5 +1,4 @@
-/* pipeline/calibration/board/detect.h - detection of a board's points in pictures, and the list of a capture's
- * detections. */
+/* pipeline/calibration/board/detect.h - detection of a board's points in pictures, and the list of detections. */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_DETECT_H
 #define SST_PIPELINE_CALIBRATION_BOARD_DETECT_H
 

@@ -30,7 +30,7 @@ static void board_extent(const struct sst_board *board, double low[2], double hi
     }
 }
 
-/* How far a corner lies beyond its picture, px; NaN where it is not finite. */
+/* Distance of a corner beyond its picture, px; NaN where it is not finite. */
 static double outside(const struct sst_corner *c, const struct sst_detections *all)
 {
     const double x = fmax(-c->x, c->x - (all->width - 1)), y = fmax(-c->y, c->y - (all->height - 1));
@@ -38,7 +38,7 @@ static double outside(const struct sst_corner *c, const struct sst_detections *a
     return isfinite(c->x) && isfinite(c->y) ? fmax(x, y) : (double)NAN;
 }
 
-/* One corner; false: it is not finite, nowhere near the picture or not of the board. */
+/* Copy one corner. @return false: not finite, far outside the picture, or not a point of the board */
 static bool take_corner(struct solve_corner *to, const struct sst_corner *from, const struct sst_detections *all,
                         const double low[2], const double high[2])
 {
@@ -57,7 +57,7 @@ static bool take_corner(struct solve_corner *to, const struct sst_corner *from, 
     return true;
 }
 
-/* Single corners beyond the picture are outliers; many mean pictures of another size. */
+/* A few corners beyond the picture are outliers; many mean pictures of another size. */
 static int check_size(const struct sst_detections *all, const struct sst_solve_config *cfg)
 {
     long long corners = 0, beyond = 0;
@@ -120,7 +120,7 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
     return 0;
 }
 
-/* Intrinsics that are given. */
+/* Copy the given intrinsics. */
 static int take_lenses(struct solve_problem *p, const struct sst_detections *all, const struct sst_calib *given)
 {
     if (given->rows * given->cols != p->views && !p->rig) {
@@ -190,7 +190,7 @@ fail:
     return err;
 }
 
-/* The reference: the light field's, or where that saw nothing the nearest camera that did. */
+/* The reference camera: the light field's, or the nearest one that saw the board. */
 static void choose_reference(struct solve_case *c)
 {
     const int cols = c->all->cols, wanted = c->p.reference;
@@ -213,7 +213,7 @@ static void tell(const struct solve_case *c, double done)
         c->cfg->progress(c->cfg->progress_arg, done);
 }
 
-/* Seeds, tree, robust fit: what can be said before anything is left out. */
+/* Seeds, tree, robust fit: everything before outliers are dropped. */
 static int begin(struct solve_case *c)
 {
     int err = solve_check_corners(c);
@@ -255,7 +255,7 @@ static int fit(struct solve_case *c)
     return err ? err : solve_check_outliers(c);
 }
 
-/* Median depth of the boards' middles before the reference. */
+/* Median depth of the boards' centres in front of the reference. */
 static double board_range(const struct solve_case *c, double *depth)
 {
     const int points = sst_board_points(&c->all->board);
@@ -274,7 +274,7 @@ static double board_range(const struct solve_case *c, double *depth)
     return fmax(sst_upper_median(depth, n), 0);
 }
 
-/* From the corners that were taken to those of the detection; the others are outliers without a residual. */
+/* Map residuals of the used corners back to those of the detection; all others are outliers without a residual. */
 static void spread(struct sst_solve_view *view, const struct solve_detection *taken, const struct sst_detection *all)
 {
     int n = taken->corners;
@@ -423,7 +423,7 @@ static int allocate(struct sst_solution *s, const struct sst_detections *all)
     return 0;
 }
 
-/* Everything of the case that a caller sees; the case's arrays move over. */
+/* Fill the public solution; ownership of the case's arrays moves to it. */
 static int fill(struct sst_solution *s, struct solve_case *c)
 {
     double *depth = malloc((size_t)(c->p.frames + 1) * sizeof(*depth));
@@ -520,7 +520,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
 
 void sst_solution_fini(struct sst_solution *solution)
 {
-    /* view is allocated with one more than there are detections; the first without residuals ends them */
+    /* view has one more element than detections; the first without residuals ends the list */
     for (int i = 0; solution->view && (solution->view[i].residual || solution->view[i].outlier); i++) {
         free(solution->view[i].residual);
         free(solution->view[i].outlier);

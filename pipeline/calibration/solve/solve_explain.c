@@ -1,8 +1,8 @@
 /*
- * What residuals say about the capture: cameras exchanged, cameras that moved, boards that moved.
+ * Diagnosis from the residuals: exchanged cameras, cameras that moved, boards that moved.
  *
- * All of it is looked at after a robust fit to all corners, which follows the majority: what contradicts it still lies
- * where it was seen.
+ * Runs after a robust fit to all corners, which follows the majority: contradicting detections keep their large
+ * residuals.
  */
 #include <errno.h>
 #include <math.h>
@@ -13,11 +13,11 @@
 #include "base/log.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
-#define BAD_SIGMA     4   /* a detection whose median residual is as long as this many sigma's would be */
+#define BAD_SIGMA     4   /* a detection is bad if its median residual exceeds this many sigma */
 #define LEAST_BAD_PX  0.3 /* ... and longer than this */
 #define LEAST_MOVE_PX 0.2 /* of a camera */
 #define MOVE_SIGMA    2   /* ... and this many sigma of the corners */
-#define GARBLED_PX    3   /* a detection that does not look like the board even alone */
+#define GARBLED_PX    3   /* residual of a detection that does not fit the board even by itself */
 
 struct look {
     const struct solve_case *c;
@@ -50,7 +50,7 @@ static void measure(struct look *l)
     }
 }
 
-/* Median residual if the detection were of another view. */
+/* Median residual if the detection belonged to another view. */
 static double median_as(struct look *l, int detection, int view)
 {
     struct solve_detection d = l->c->p.detection[detection];
@@ -60,7 +60,7 @@ static double median_as(struct look *l, int detection, int view)
     return median_of(l, &d, d.corners);
 }
 
-/* Two cameras of which each sees in some frames what the other should. */
+/* Find two cameras that are exchanged in some frames. */
 static int check_exchanged(struct look *l)
 {
     const struct solve_problem *p = &l->c->p;
@@ -103,7 +103,7 @@ static int check_exchanged(struct look *l)
 /* --- a camera that moved -------------------------------------------------------------------------------------------
  */
 
-/* Normal equations of a small turn and shift of a camera: residuals r + J x. */
+/* Normal equations of a small rotation and shift of a camera: residuals r + J x. */
 struct motion {
     double a[36], g[6], s;
     int corners;
@@ -156,7 +156,7 @@ static void motion_of(struct look *l, int detection, struct motion *m)
     }
 }
 
-/* Least sum of squares that a motion leaves, and the motion. */
+/* Smallest sum of squares over all motions, and that motion. */
 static double motion_left(const struct motion *m, double x[6])
 {
     double l[36], gain = 0;
@@ -178,11 +178,11 @@ static double motion_left(const struct motion *m, double x[6])
 
 struct split {
     int view, frame; /* first frame after the move */
-    double gain;     /* sum of squares that the split saves */
+    double gain;     /* reduction of the sum of squares by the split */
     double px, turn_deg, shift_mm;
 };
 
-/* The best division of one camera's frames into before and after. @return false: nothing that looks like a move */
+/* The best split of one camera's frames into before and after. @return false: no sign of a move */
 static bool split_view(struct look *l, int view, struct motion *m, int *frame, struct split *out)
 {
     const struct solve_problem *p = &l->c->p;
@@ -210,7 +210,7 @@ static bool split_view(struct look *l, int view, struct motion *m, int *frame, s
         motion_add(&before, &m[k - 1], 1);
         motion_add(&after, &before, -1);
         left = motion_left(&before, x[0]) + motion_left(&after, x[1]);
-        /* A single frame at an end is a board or a frame that is wrong, not a camera. */
+        /* A single frame at either end means a wrong board or frame, not a camera that moved. */
         if (k < 2 || k > n - 2 || !(left < least))
             continue;
         least = left;
@@ -228,7 +228,7 @@ static bool split_view(struct look *l, int view, struct motion *m, int *frame, s
                                .turn_deg = sqrt(x[1][0] * x[1][0] + x[1][1] * x[1][1] + x[1][2] * x[1][2]) * 180 / M_PI,
                                .shift_mm = sqrt(x[1][3] * x[1][3] + x[1][4] * x[1][4] + x[1][5] * x[1][5]) };
     }
-    /* Two poses explain most of what a pose for every frame would. */
+    /* Two poses explain most of what a separate pose for every frame would. */
     return at > 0 && out->gain > 0.5 * (whole - freely) && px > fmax(LEAST_MOVE_PX, MOVE_SIGMA * l->c->sigma_px);
 }
 
@@ -264,7 +264,7 @@ static int check_moved(struct look *l)
 /* --- boards and cameras that are wrong as a whole ------------------------------------------------------------------
  */
 
-/* Frames in which most cameras see the board elsewhere than the others do. */
+/* Find frames in which cameras disagree about the board's pose. */
 static int check_boards(struct look *l)
 {
     const struct solve_problem *p = &l->c->p;
@@ -313,7 +313,7 @@ static int check_boards(struct look *l)
     return 0;
 }
 
-/* Cameras of whose detections most do not even look like the board. */
+/* Find cameras most of whose detections do not fit the board at all. */
 static int check_garbled(const struct look *l)
 {
     const struct solve_problem *p = &l->c->p;
@@ -332,7 +332,7 @@ static int check_garbled(const struct look *l)
             all++;
             if (!(l->c->single[i].rms_px > limit_px))
                 continue;
-            /* seeds' lenses are rough: again with what all corners together say */
+            /* the seeds' lenses are rough: use those of the joint fit */
             solve_single_camera(&single, p, &p->detection[i], p->camera[v].lens);
             if (!single.known || single.rms_px > limit_px) {
                 garbled++;
@@ -349,7 +349,7 @@ static int check_garbled(const struct look *l)
     return 0;
 }
 
-/* Cameras of which a quarter of the detections or more contradict the others, whatever the reason. */
+/* Find cameras with a quarter or more of their detections contradicting the others, for any reason. */
 static int check_contrary(const struct look *l)
 {
     const struct solve_problem *p = &l->c->p;

@@ -1,4 +1,4 @@
-/* What is refused before and after the fit, in one sentence each. */
+/* Validation before and after the fit: each refusal is one sentence. */
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
@@ -82,7 +82,7 @@ static const char *where(int row, int col)
     return name[row][col];
 }
 
-/* A camera's picture (a rig: the views' together) in regions; too few with corners leave its lens open. */
+/* Regions of a camera's picture (a rig: of all views) with corners; too few leave its lens undetermined. */
 static int check_regions(struct solve_case *c, int view)
 {
     int seen[REGIONS][REGIONS] = { 0 }, third[3][3] = { 0 }, covered = 0, detections = 0, bare = 0;
@@ -184,7 +184,7 @@ int solve_check_linked(struct solve_case *c)
                  : 0;
 }
 
-/* The camera with most outliers, and the frame. */
+/* The camera and the frame with most outliers. */
 static void worst(const struct solve_case *c, int *view, double *view_share, int *frame, double *frame_share)
 {
     *view = *frame = 0;
@@ -238,7 +238,7 @@ int solve_check_outliers(struct solve_case *c)
         100 * view_share, c->all->frame_name[frame], 100 * frame_share, more);
 }
 
-/* Largest slant of the boards that a camera saw (degrees), and farthest over nearest. */
+/* Largest tilt of the boards that a camera saw (degrees), and ratio of the farthest to the nearest depth. */
 static void variety(const struct solve_case *c, int view, double *slant_deg, double *ratio)
 {
     double near = INFINITY, far = 0;

@@ -1,4 +1,4 @@
-/* What corner noise does to the solution: covariance of the cameras, carried on to pixels. */
+/* Propagation of corner noise: covariance of the cameras, and from it the uncertainty of pixels. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -7,9 +7,9 @@
 #include "base/thread.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
-#define BOARD 6 /* states of one */
+#define BOARD 6 /* states of one board */
 
-/* One detection's share of the normal matrix, ready for addition. */
+/* One detection's contribution to the normal matrix. */
 struct share {
     int n, state[SOLVE_COLS_MAX + 6];
     double m[SOLVE_COLS_MAX + 6][SOLVE_COLS_MAX + 6];
@@ -25,7 +25,7 @@ struct build {
     double *side; /* [BOARD][size]: board by camera states of one frame */
 };
 
-/* Camera states keep their numbers, the warp comes after them, boards are -1 .. -6. */
+/* Camera states keep their indices, the warp follows, boards are -1 .. -6. */
 static int place(const struct build *b, int state)
 {
     if (state < b->layout.camera_states)
@@ -58,7 +58,7 @@ static void share_of(struct build *b, const struct solve_detection *d, struct sh
             out->n = got;
             memcpy(out->state, state, (size_t)got * sizeof(*state));
         }
-        /* Later rows are ends of the first, as the lens's columns drop out, or of the warp's. */
+        /* Later rows are suffixes of the first, as the lens's columns drop out, or of the warp's. */
         first = out->n - got;
         for (int x = 0; x < got; x++) {
             for (int y = 0; y < got; y++)
@@ -131,7 +131,7 @@ static void add_frame(struct build *b)
         }
     }
     if (!solve_cholesky(c, BOARD))
-        return; /* a board that is not determined says nothing */
+        return; /* an undetermined board contributes nothing */
     memset(b->side, 0, BOARD * size * sizeof(*b->side));
     for (int v = 0; v < b->p->views; v++) {
         const struct share *h = &b->share[v];
@@ -253,7 +253,7 @@ double solve_unit_sigma(const struct solve_adjusted *done)
     return sqrt(done->cost / fmax(done->measurements - done->states, 1));
 }
 
-/* Middle of a cell of the maps. */
+/* Centre of a cell of the maps. */
 static void cell_pixel(const struct solve_problem *p, int row, int col, double xy[2])
 {
     xy[0] = (col + 0.5) / SST_UNCERTAINTY_COLS * p->width - 0.5;
@@ -273,7 +273,7 @@ static bool direction(const double *lens, double x, double y, double q[3])
     return sst_camera_undistort(&cam, x, y, &q[0], &q[1]);
 }
 
-/* Derivatives by a turn w of the direction q: dq = w x q = -[q]x w. */
+/* Derivatives by a rotation w of the direction q: dq = w x q = -[q]x w. */
 static void by_turn(double jq[2][3], const double q[3], double out[2][3])
 {
     for (int i = 0; i < 2; i++) {
@@ -295,7 +295,7 @@ static double variance(const struct solve_covariance *c, const double *j, const 
     return fmax(sum, 0);
 }
 
-/* The turn that makes up best for each of the lens's states, over all cells: turn = -share of state. */
+/* The rotation that best compensates each of the lens's states over all cells: rotation = -coefficient times state. */
 static bool shared_turn(const struct solve_problem *p, const double *lens, double share, double turn[3][SOLVE_LENS_MAX])
 {
     double a[9] = { 0 }, g[3][SOLVE_LENS_MAX] = { 0 };
@@ -360,7 +360,7 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
     }
 }
 
-/* Reference pixel to view pixel: derivatives by the reference's lens, the view's lens and its pose. */
+/* Transfer of a reference pixel to a view: derivatives by the reference's lens, the view's lens and its pose. */
 static bool carry(const struct solve_problem *p, int view, double depth_mm, const double xy[2],
                   double j[2][2 * SOLVE_LENS_MAX + 6])
 {
