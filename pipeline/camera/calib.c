@@ -65,7 +65,7 @@ static bool all_sound(const double *v, int n)
     return true;
 }
 
-/* How far R R^T is from 1, with det R = -1 counted as far. */
+/* Distance of R R^T from 1; det R = -1 counts as far. */
 static double not_a_rotation(const double r[9])
 {
     double worst = 0;

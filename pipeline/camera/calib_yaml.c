@@ -1,5 +1,5 @@
-/* calib.yaml: written by hand so that people can read it, read back strictly. 256 cameras make about 300 kB and 15000
- * nodes, well inside the reader's limits. */
+/* calib.yaml: written with its own layout for readability, parsed strictly. 256 cameras make about 300 kB and 15000
+ * nodes, well within the parser's limits. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@
 #define VERSION  1
 #define NS_PER_S 1000000000
 
-/* --- moments and texts -------------------------------------------------------------------------------------------- */
+/* --- times and strings -------------------------------------------------------------------------------------------- */
 
 /* "2026-11-21T14:23:01.000000000Z" */
 static void format_time(int64_t wall_ns, char out[48])
@@ -41,23 +41,23 @@ static bool parse_time(const char *text, int64_t *wall_ns)
         return false;
     tm.tm_year -= 1900;
     tm.tm_mon -= 1;
-    seconds = timegm(&tm); /* 99 months are more years */
+    seconds = timegm(&tm); /* timegm() would carry 99 months into years */
     if (seconds < 0 || seconds >= INT64_MAX / NS_PER_S)
         return false;
     *wall_ns = seconds * NS_PER_S + ns;
     if (*wall_ns <= 0)
         return false;
-    format_time(*wall_ns, again); /* the 31st of February would come back as another day */
+    format_time(*wall_ns, again); /* reject the 31st of February and the like */
     return !strcmp(text, again);
 }
 
-/* Bytes of the UTF-8 character at s that a quoted YAML text can hold in one line, or 0. */
+/* Bytes of the UTF-8 character at s if a quoted one-line YAML string can hold it, or 0. */
 static int character(const unsigned char *s)
 {
     uint32_t code;
     const int n = sst_utf8_character(s, &code);
 
-    return code == 0x2028 || code == 0x2029 || code == 0xfeff ? 0 : n; /* line breaks, and a mark that readers drop */
+    return code == 0x2028 || code == 0x2029 || code == 0xfeff ? 0 : n; /* line breaks, and the byte order mark */
 }
 
 static void put_text(FILE *f, const char *indent, const char *key, const char *text)
@@ -193,7 +193,7 @@ int sst_calib_write(const struct sst_calib *calib, const char *path)
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-/* A list of exactly n numbers: "one for all" would be a slip here. */
+/* A list of exactly n numbers; a single number for all is not accepted. */
 static bool need_numbers(struct sst_yaml *doc, struct sst_yaml_node *map, const char *key, double *out, int n)
 {
     struct sst_yaml_node *node = sst_yaml_need(doc, map, key);
@@ -205,7 +205,7 @@ static bool need_numbers(struct sst_yaml *doc, struct sst_yaml_node *map, const 
     return sst_yaml_doubles(doc, node, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, out, n);
 }
 
-/* A key may be missing: then its default stays. @return false: there is a fault */
+/* An optional key: without it the default stays. @return false: there is a fault */
 static bool may_numbers(struct sst_yaml *doc, struct sst_yaml_node *map, const char *key, double *out, int n)
 {
     return !sst_yaml_get(map, key) || need_numbers(doc, map, key, out, n);
@@ -281,7 +281,7 @@ static void read_entry(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
         cam = &calib->camera[row * calib->cols + col];
     cam->known = true;
     if (!read_camera(doc, map, cam))
-        return; /* said already */
+        return; /* reported already */
     text = sst_camera_fault(cam);
     if (text)
         sst_yaml_fault(doc, map, "entry of row %d, column %d: %s; correct it", row, col, text);
@@ -322,7 +322,7 @@ static void read_reference(struct sst_yaml *doc, struct sst_yaml_node *root, str
     calib->reference = row * calib->cols + col;
     for (int k = 0; k < calib->rows * calib->cols; k++)
         known += calib->camera[k].known;
-    if (known && !calib->camera[calib->reference].known) /* a list without a camera is a fault already */
+    if (known && !calib->camera[calib->reference].known) /* a list without a camera is reported already */
         sst_yaml_fault(doc, at, "is row %d, column %d, which has no entry in cameras; choose one that has", row, col);
 }
 
@@ -342,7 +342,7 @@ static void read_facts(struct sst_yaml *doc, struct sst_yaml_node *root, struct 
         sst_yaml_fault(doc, created, "must be a time such as \"2026-01-31T09:15:00.000000000Z\", not %s", text);
 }
 
-/* The file's kind and grid. @return 0, -EBADMSG (there are faults, and nothing more to find), -ENOMEM */
+/* The file's kind and grid. @return 0, -EBADMSG (faults that make further checks useless), -ENOMEM */
 static int read_grid(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_calib *calib)
 {
     static const char *const formats[] = { "sst-calib" };

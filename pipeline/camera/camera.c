@@ -25,7 +25,8 @@ static void bend(const double k[SST_LENS_MAX], double a, double b, double out[2]
     }
 }
 
-/* Neither folded over nor, still further out, turned inside out: there the determinant is positive again. */
+/* True where the mapping is neither folded nor, still further out, inverted: there the determinant is positive
+ * again. */
 static bool upright(const double by[4])
 {
     return by[0] * by[3] - by[1] * by[2] > 0.01 && by[0] + by[3] > 0;

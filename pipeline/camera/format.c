@@ -1,4 +1,4 @@
-/* The table of formats, and which one a file is. */
+/* The table of formats, and their detection by content. */
 #include "pipeline/camera/format.h"
 
 #include <errno.h>
@@ -12,7 +12,7 @@
 
 #define LOOK_BYTES ((size_t)64 << 20)
 
-/* A file, or a light field that has one. */
+/* A calib.yaml, or a light field that has one. */
 static int read_ours(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg SST_UNUSED)
 {
     char inside[SST_PATH_MAX];
@@ -65,7 +65,7 @@ const struct sst_calib_format *sst_calib_format_find(const char *name)
     return NULL;
 }
 
-/* Words that only one format's files hold, most telling first. */
+/* Words that only occur in one format's files, the most specific first. */
 static const struct {
     const char *word;
     int format;

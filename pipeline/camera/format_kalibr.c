@@ -70,7 +70,7 @@ static void read_place(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     (void)sst_yaml_int(doc, sst_yaml_get(map, "col"), 0, SST_MAX_VIEWS - 1, &c->col);
 }
 
-/* Pose from that of the camera before: X_n = R X_before + T, before = (Rb, Tb) from the first camera. */
+/* Pose from that of the previous camera: X_n = R X_before + T, before = (Rb, Tb) from the first camera. */
 static void chain(double pose_R[9], double pose_T[3], const double R[9], const double T[3])
 {
     double r[9], t[3];
@@ -114,7 +114,8 @@ static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
     read_place(doc, map, c);
 }
 
-/* "cam0", "cam1" ... in this order, whatever else the file holds. @return -EBADMSG where there are too many, logged */
+/* Read "cam0", "cam1" ... in this order, ignoring all else in the file. @return -EBADMSG if there are too many,
+ * logged */
 static int read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose *loose, double unit_mm,
                         const char *name)
 {
@@ -150,7 +151,7 @@ static int read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct
                 sst_yaml_fault(doc, to, "cannot be used: %s", fault);
                 continue;
             }
-            chain(R, T, step.cam.rotation, one_T); /* by the exact rotation, or errors add up along the chain */
+            chain(R, T, step.cam.rotation, one_T); /* use the exact rotation, or errors accumulate along the chain */
         }
         (void)sst_loose_pose(c, R, T, unit_mm);
     }

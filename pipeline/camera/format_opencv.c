@@ -15,7 +15,7 @@
 #define MOST_NUMBERS 16
 #define NAMES        6
 
-/* The same thing by the names that programs give it. */
+/* Synonyms used by different programs. */
 static const char *const matrix_names[NAMES] = { "camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M" };
 static const char *const lens_names[NAMES] = { "distortion_coefficients", "distCoeffs", "Distortion_Coefficients",
                                                "dist_coeffs", "D" };
@@ -43,13 +43,13 @@ static bool add_numbers(struct sst_yaml *doc, const struct sst_yaml_node *node, 
         return sst_yaml_double(doc, node, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, &out[(*n)++]);
     }
     for (const struct sst_yaml_node *c = node->first; c; c = c->next) {
-        if (!add_numbers(doc, c, out, n)) /* no deeper than the document may be */
+        if (!add_numbers(doc, c, out, n)) /* recursion is bounded by the document's depth limit */
             return false;
     }
     return true;
 }
 
-/* A matrix (rows, cols, data) or a list, also of lists. @return how many numbers, -1: a fault is noted */
+/* A matrix (rows, cols, data) or a list, possibly nested. @return number of values, -1: a fault was noted */
 static int numbers(struct sst_yaml *doc, struct sst_yaml_node *node, double out[MOST_NUMBERS])
 {
     struct sst_yaml_node *data = node;
@@ -98,7 +98,7 @@ static bool read_lens(struct sst_yaml *doc, struct sst_yaml_node *node, struct s
     return n >= 0 && !fault;
 }
 
-/* R (a matrix or a rotation vector) and T, where they are. */
+/* R (a matrix or a rotation vector) and T, if present. */
 static void read_pose(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose_camera *c, double unit_mm)
 {
     struct sst_yaml_node *r_at = sst_yaml_get(root, "R"), *t_at = sst_yaml_get(root, "T");
@@ -208,7 +208,7 @@ static double unit_of(const struct sst_calib_format_config *cfg)
     return cfg->unit_mm > 0 ? cfg->unit_mm : 1;
 }
 
-/* One camera out of a document, which goes. */
+/* Read one camera from a document, which is freed. */
 static int take_one(struct sst_loose *loose, struct sst_yaml *doc, const char *file,
                     const struct sst_calib_format_config *cfg)
 {
@@ -241,7 +241,7 @@ int sst_opencv_parse(struct sst_calib *out, const char *text, size_t size, const
     if (!err)
         err = take_one(loose, doc, name, cfg);
     if (!err) {
-        if (!cfg->rows) /* a file alone is a camera alone, whatever its place was */
+        if (!cfg->rows) /* a single file is a single camera, whatever its position was */
             loose->camera[0].row = loose->camera[0].col = -1;
         err = sst_loose_assemble(out, loose, cfg, name, "OpenCV");
     }
@@ -312,7 +312,7 @@ int sst_opencv_read(struct sst_calib *out, const char *path, const struct sst_ca
 
 /* --- the stereo sample's pair of files ---------------------------------------------------------------------------- */
 
-/* The file of a folder, or beside one named *intrinsics*, with the other word in its name. */
+/* The file in a folder, or the sibling of one named *intrinsics* with the other word in its name. */
 static int find_pair(char out[SST_PATH_MAX], const char *path, const char *word)
 {
     static const char *const words[] = { "intrinsics", "extrinsics" };
@@ -419,7 +419,7 @@ static void put_camera(FILE *f, const struct sst_calib *calib, int view)
 
     put_head(f, calib);
     fputs("camera_name: \"", f);
-    for (const char *s = c->name; *s; s++) /* FileStorage has rules of its own for everything else */
+    for (const char *s = c->name; *s; s++) /* FileStorage has its own rules for everything else */
         putc(*s >= ' ' && *s < 0x7f && *s != '"' && *s != '\\' ? *s : '_', f);
     fprintf(f, "\"\nrow: %d\ncol: %d\n", view / calib->cols, view % calib->cols);
     put_lens(f, c, "camera_matrix", "distortion_coefficients");

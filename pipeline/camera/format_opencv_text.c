@@ -1,5 +1,5 @@
-/* cv::FileStorage's texts as plain YAML. Its YAML begins with a directive that YAML does not know and has tags; its XML
- * is rewritten element by element into flow mappings. Lines stay where they are, so faults name the right ones. */
+/* Converts cv::FileStorage's text to plain YAML. Its YAML begins with a non-standard directive and has tags; its XML
+ * is rewritten element by element into flow mappings. Line numbers are preserved for error messages. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,7 +34,7 @@ static char *plain_yaml(const char *text, size_t size)
 /* --- XML ---------------------------------------------------------------------------------------------------------- */
 
 struct xml {
-    const char *at, *end, *begin, *name; /* name: of the file */
+    const char *at, *end, *begin, *name; /* name: the file's */
     char *out;
     size_t used, room;
     int err;
@@ -77,7 +77,7 @@ static bool is_blank(char c)
     return c == ' ' || c == '\t' || c == '\n' || c == '\r';
 }
 
-/* Blanks; line breaks are passed on so that lines agree. */
+/* Skip blanks; line breaks are copied so that line numbers agree. */
 static void skip_blanks(struct xml *x)
 {
     for (; x->at < x->end && is_blank(*x->at); x->at++) {
@@ -91,7 +91,7 @@ static bool starts(const struct xml *x, const char *text)
     return (size_t)(x->end - x->at) >= strlen(text) && !memcmp(x->at, text, strlen(text));
 }
 
-/* Blanks, comments and declarations. */
+/* Skip blanks, comments and declarations. */
 static void skip_rest(struct xml *x)
 {
     for (skip_blanks(x); !x->err && (starts(x, "<!--") || starts(x, "<?")); skip_blanks(x)) {
@@ -112,7 +112,7 @@ static bool is_name(char c)
            c == '.';
 }
 
-/* The name of an opening or closing tag; `at` is behind its '>' afterwards, attributes are passed over. */
+/* Parse the name of an opening or closing tag; `at` moves behind its '>', attributes are skipped. */
 static size_t take_tag(struct xml *x, const char *open, const char **name)
 {
     size_t n = 0;
@@ -145,7 +145,7 @@ static bool is_numeric(const char *text, size_t n)
     return n > 0;
 }
 
-/* How many words are between two tags; -1: not all of them are numbers. */
+/* Number of words between two tags; -1: not all of them are numbers. */
 static int count_numbers(const char *p, const char *end)
 {
     int words = 0;
@@ -164,8 +164,8 @@ static int count_numbers(const char *p, const char *end)
     return words;
 }
 
-/* The words between two tags: one number is a scalar, more are a list (the elements of a matrix), anything else is a
- * text, of which nothing but names is of interest: its quotation marks go, its entities stay as they are. */
+/* Emit the words between two tags: one number is a scalar, more are a list (the elements of a matrix), anything else
+ * is a string, of which only names are of interest: quotation marks are dropped, entities stay as they are. */
 static void put_words(struct xml *x)
 {
     const char *end = x->at;
@@ -199,7 +199,7 @@ static void put_words(struct xml *x)
 
 static void put_element(struct xml *x, bool listed, int depth);
 
-/* What an element holds: others of the name "_" (a list), others (a mapping), or words. */
+/* Content of an element: elements named "_" (a list), other elements (a mapping), or words. */
 static void put_content(struct xml *x, int depth)
 {
     bool listed;

@@ -1,4 +1,4 @@
-/* From cameras as other tools list them to a grid of cameras, and what all writers do. */
+/* From a tool's list of cameras to a grid of cameras, and helpers of all writers. */
 #include "pipeline/camera/format_parts.h"
 
 #include <ctype.h>
@@ -140,7 +140,7 @@ bool sst_loose_place(const char *name, int *row, int *col)
 
 /* --- the grid ----------------------------------------------------------------------------------------------------- */
 
-/* Every camera's place is known, all differ, and none is outside a grid that is given. */
+/* True if every camera's position is known, all differ, and none is outside a given grid. */
 static bool all_placed(const struct sst_loose *loose)
 {
     for (int i = 0; i < loose->count; i++) {
@@ -249,7 +249,7 @@ static int nearest_known(const struct sst_calib *calib)
     return best;
 }
 
-/* X' = R_ref (X - c_ref). A reference that is there already moves nothing, not even by rounding. */
+/* X' = R_ref (X - c_ref). With a reference already at the origin nothing changes, not even by rounding. */
 static void rebase(struct sst_calib *calib)
 {
     const struct sst_calib_camera ref = calib->camera[calib->reference];
@@ -344,7 +344,7 @@ static void put_number(FILE *f, double v)
         if (strtod(text, NULL) == v)
             break;
     }
-    if (!strchr(text, '.')) { /* Python makes integers of 0, which libraries then refuse; YAML 1.1 words of 1e-05 */
+    if (!strchr(text, '.')) { /* Python reads 0 as an integer, which libraries reject; YAML 1.1 reads 1e-05 as text */
         e = text + strcspn(text, "e");
         memmove(e + 2, e, strlen(e) + 1);
         memcpy(e, ".0", 2);
@@ -368,7 +368,7 @@ int sst_utf8_character(const unsigned char *s, uint32_t *code)
 
     *code = 0;
     for (int i = 1; i < n; i++) {
-        if ((s[i] & 0xc0) != 0x80) /* also at the end of the text */
+        if ((s[i] & 0xc0) != 0x80) /* also fails at the end of the text */
             return 0;
         c = c << 6 | (s[i] & 0x3f);
     }

@@ -34,7 +34,7 @@ bool sst_solve_definite(double *a, double *b, int n)
     return true;
 }
 
-/* Hoare's selection. */
+/* Quickselect (Hoare). */
 double sst_upper_median(double *v, int n)
 {
     int low = 0, high = n - 1;

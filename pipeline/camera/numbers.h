@@ -1,4 +1,4 @@
-/* pipeline/camera/numbers.h - small numerics that finding boards, solving and reporting share. */
+/* pipeline/camera/numbers.h - small numerics shared by detection, solver and report. */
 #ifndef SST_PIPELINE_CAMERA_NUMBERS_H
 #define SST_PIPELINE_CAMERA_NUMBERS_H
 
@@ -6,12 +6,11 @@
 
 #include "base/base.h"
 
-/** Solve the positive definite a x = b (n <= 12, a row-major, its lower half read, overwritten). @return false: a is
- *  not so, or nearly not */
+/** Solve a x = b for positive definite a (n <= 12, row-major, the lower half is read and overwritten). @return false:
+ *  a is not positive definite, or nearly singular */
 SST_MUST_CHECK bool sst_solve_definite(double *a, double *b, int n);
 
-/** The value of rank n / 2, of an even number the upper of the middle two; v is reordered and has no NaN; 0 for n = 0.
- */
+/** Upper median (rank n / 2); v is reordered and has no NaN; 0 for n = 0. */
 double sst_upper_median(double *v, int n);
 
 #endif
