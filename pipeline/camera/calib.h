@@ -36,14 +36,14 @@ struct sst_calib_camera {
 };
 
 struct sst_calib {
-    int rows, cols, width, height; /* of the cameras' frames, px */
-    int reference;                 /* view that defines the axes: position 0, rotation 1; as for light fields */
-    bool rig;                      /* one camera at many poses: all lenses are the same */
-    double range_mm;               /* working range: median depth of the boards; 0: unknown */
-    int64_t created_wall_ns;       /* 0: unknown */
-    char source[256];              /* origin of the calibration */
-    char board[128];               /* the board in the syntax of sst_board_parse(); "": unknown */
-    double noise_px;               /* corner noise found, one axis; 0: unknown */
+    int rows, cols, width, height;   /* of the cameras' frames, px */
+    int reference;                   /* view that defines the axes: position 0, rotation 1; as for light fields */
+    bool rig;                        /* one camera at many poses: all lenses are the same */
+    double range_mm;                 /* working range: median depth of the boards; 0: unknown */
+    int64_t created_wall_ns;         /* 0: unknown */
+    char source[256];                /* origin of the calibration */
+    char board[128];                 /* the board in the syntax of sst_board_parse(); "": unknown */
+    double noise_px;                 /* corner noise found, one axis; 0: unknown */
     struct sst_calib_camera *camera; /* [rows * cols], by view */
 };
 

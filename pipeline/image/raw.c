@@ -91,7 +91,7 @@ static uint8_t sixteenth(int v)
     return (uint8_t)sst_clamp_int((v + 8) >> 4, 0, 255);
 }
 
-/* The colour of each sample is exact; the two others come from the paper's 5x5 filters, here in sixteenths. */
+/* The sampled colour is exact; the other two come from the paper's 5x5 filters, here in sixteenths. */
 static void bayer_pixel(struct sst_image *img, const struct sst_raw *raw, int x, int y, int red_x, int red_y)
 {
     const struct neighbours n = look(raw, x, y);
@@ -179,7 +179,7 @@ int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
     if (!err)
         err = sst_image_init(&made, raw->width, raw->height);
     if (err == -EINVAL)
-        err = -EBADMSG; /* a size that no picture may have */
+        err = -EBADMSG; /* a size beyond the limits of images */
     if (!err)
         err = sst_raw_part(&made, raw, 0, 0, raw->width, raw->height);
     if (err) {

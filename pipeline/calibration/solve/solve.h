@@ -8,14 +8,14 @@
 #define SST_UNCERTAINTY_ROWS 12
 
 struct sst_solve_config {
-    int lens;            /* 5 or 8; 0: the one with the smaller error on held-out frames */
-    double loss_px;      /* scale of the robust loss; 0: from the estimated noise */
-    double max_outliers; /* fraction of corners; more is a failure; 0: 0.03 */
-    bool force;          /* solve although checks fail: refusals become warnings */
-    int *overridden;     /* counts the refusals that force turned into warnings; or NULL */
-    bool plain;          /* least squares over all corners: no robust loss, no outliers (for comparisons) */
-    bool flat;           /* the board is a plane: its warp is not solved */
-    bool cross_validate; /* also solve odd and even frames separately, and compare */
+    int lens;                       /* 5 or 8; 0: the one with the smaller error on held-out frames */
+    double loss_px;                 /* scale of the robust loss; 0: from the estimated noise */
+    double max_outliers;            /* fraction of corners; more is a failure; 0: 0.03 */
+    bool force;                     /* solve although checks fail: refusals become warnings */
+    int *overridden;                /* counts the refusals that force turned into warnings; or NULL */
+    bool plain;                     /* least squares over all corners: no robust loss, no outliers (for comparisons) */
+    bool flat;                      /* the board is a plane: its warp is not solved */
+    bool cross_validate;            /* also solve odd and even frames separately, and compare */
     const struct sst_calib *lenses; /* intrinsics to keep as they are (by view; a rig: of its reference), or NULL */
     int threads;
     void (*progress)(void *arg, double done);

@@ -1,10 +1,12 @@
-/* The common geometry of an array: plane and lattice of the centres, one rotation, one K.
+/*
+ * The common geometry of an array: plane and lattice of the centres, one rotation, one K.
  *
  * In rectified axes (z normal to the plane of the centres, x along the rows, origin at the reference camera) a point P
  * is seen from the centre c = (bx B, by B, dz) at x = cx + s f (P.x - bx B) / (P.z - dz), and from the reference at
  * x_ref = cx + f P.x / P.z. With dz = 0 and s = 1 that is x = x_ref - bx d, d = f B / P.z, for every P. A centre off
- * the plane magnifies by P.z / (P.z - dz); s = (plane - dz) / plane takes that back where P.z = plane, exactly;
- * elsewhere r dz (1 / P.z - 1 / plane) remains at r px from the principal point. */
+ * the plane magnifies by P.z / (P.z - dz); s = (plane - dz) / plane compensates this exactly where P.z = plane;
+ * elsewhere r dz (1 / P.z - 1 / plane) remains at r px from the principal point.
+ */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -12,8 +14,8 @@
 #include "base/log.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
-#define STEP_SHARE_MAX 0.5                 /* of a step: a centre farther from its place is nearer to another's */
-#define SWAP_SHARE_MAX 0.25                /* as far at most with the right pair of cameras exchanged */
+#define STEP_SHARE_MAX 0.5                 /* of a step: a centre farther from its position is nearer to another one */
+#define SWAP_SHARE_MAX 0.25                /* the same limit with a pair of cameras exchanged */
 #define TILT_COS_MIN   0.70710678118654752 /* of the angle between normal and mean viewing direction: 45 degrees */
 #define AWAY_COS_MIN   0.5                 /* between one camera's direction and the mean: 60 degrees */
 
@@ -49,7 +51,7 @@ static double length(const double a[3])
     return sqrt(dot(a, a));
 }
 
-/* False: no direction left. */
+/* @return false: the vector is 0 */
 static bool unit(double a[3])
 {
     const double l = length(a);
@@ -106,8 +108,8 @@ static int collect(struct centres *c, const struct sst_calib *calib)
     return 0;
 }
 
-/* Least squares over all centres; sums of whole numbers are exact. @return false: one line of the grid that is neither
- * a row nor a column cannot tell the steps apart */
+/* Least squares over all centres; sums of whole numbers are exact. @return false: all cameras on one diagonal of the
+ * grid, which does not determine the steps */
 static bool fit_lattice(struct lattice *l, const struct centres *c)
 {
     double mean[3] = { 0 }, row = 0, col = 0, rr = 0, cc = 0, rc = 0, r_at[3] = { 0 }, c_at[3] = { 0 }, det;
@@ -118,7 +120,7 @@ static bool fit_lattice(struct lattice *l, const struct centres *c)
         for (int j = 0; j < 3; j++)
             mean[j] += c->at[i][j] / c->n;
     }
-    for (int i = 0; i < c->n; i++) { /* indices times n: whole numbers again */
+    for (int i = 0; i < c->n; i++) { /* indices times n: whole numbers */
         const double dr = c->row[i] * c->n - row, dc = c->col[i] * c->n - col;
 
         rr += dr * dr;
@@ -154,7 +156,7 @@ static void residual(double out[3], const struct lattice *l, const struct centre
         out[j] = c->at[i][j] - l->origin[j] - c->col[i] * l->step[0][j] - c->row[i] * l->step[1][j];
 }
 
-/* The centre farthest from its place. */
+/* The centre farthest from its lattice position. */
 static int worst_centre(const struct lattice *l, const struct centres *c, double *mm)
 {
     int worst = 0;
@@ -172,8 +174,8 @@ static int worst_centre(const struct lattice *l, const struct centres *c, double
     return worst;
 }
 
-/* Do columns run to the right and rows down, as the cameras see it? NULL or what does not. Arrays that hang upside down
- * pass, for both are turned then; of a single row or column that cannot be told apart. */
+/* Check that columns run to the right and rows down as seen by the cameras. @return NULL, or the fault. Arrays mounted
+ * upside down pass, since both are reversed; a single row or column cannot be checked. */
 static const char *mirrored(const struct lattice *l, const struct centres *c)
 {
     const double *x = c->mean_axis[0], *y = c->mean_axis[1], *z = c->mean_axis[2];
@@ -223,7 +225,7 @@ static void swap_centres(struct centres *c, int i, int j)
     memcpy(c->at[j], at, sizeof(at));
 }
 
-/* The pair of cameras that makes a lattice of it once exchanged, the best one. */
+/* The best pair of cameras whose exchange gives a lattice. */
 static bool find_swap(struct centres *c, int *a, int *b)
 {
     double best = INFINITY;
@@ -301,7 +303,7 @@ static void smallest_direction(double m[3][3], double out[3])
         out[i] = v[i][smallest];
 }
 
-/* Total least squares: the normal along which the centres scatter least. */
+/* Total least squares: the direction of least variance of the centres. */
 static void plane_normal(const struct centres *c, double normal[3])
 {
     double mean[3] = { 0 }, scatter[3][3] = { { 0 } };
@@ -348,14 +350,14 @@ static int choose_axes(double r[9], const struct centres *c, const struct lattic
     return 0;
 }
 
-/* Turn by a rotation's rows. */
+/* Multiply by a rotation. */
 static void turn(double out[3], const double r[9], const double v[3])
 {
     for (int i = 0; i < 3; i++)
         out[i] = dot(r + 3 * i, v);
 }
 
-/* How far the centres are from plane and lattice. */
+/* Measure the distances of the centres from plane and lattice. */
 static void measure(struct sst_rectified *to, const struct centres *c, const struct lattice *l)
 {
     double step[2][3], mean = 0, out2 = 0, in2 = 0;
@@ -389,14 +391,14 @@ static void measure(struct sst_rectified *to, const struct centres *c, const str
     to->out_rms_mm = sqrt(out2 / c->n);
 }
 
-/* Where camera view sees the middle of its picture, as rectified x / z, y / z. */
+/* Direction of the centre of a camera's picture, as rectified x / z, y / z. */
 static int middle_of(const struct sst_rectified *to, const struct sst_calib *calib, int view, double out[2])
 {
     const struct sst_calib_camera *cam = &calib->camera[view];
     double in_camera[3] = { 0, 0, 1 }, in_rig[3], d[3];
 
     if (!sst_camera_undistort(cam, (calib->width - 1) / 2.0, (calib->height - 1) / 2.0, &in_camera[0], &in_camera[1]))
-        in_camera[0] = in_camera[1] = 0; /* a lens that folds over there: the axis will do */
+        in_camera[0] = in_camera[1] = 0; /* the lens folds over there: use the axis */
     for (int i = 0; i < 3; i++)
         in_rig[i] = cam->rotation[i] * in_camera[0] + cam->rotation[3 + i] * in_camera[1] + cam->rotation[6 + i];
     turn(d, to->rotation, in_rig);
@@ -410,7 +412,7 @@ static int middle_of(const struct sst_rectified *to, const struct sst_calib *cal
     return 0;
 }
 
-/* The mean focal length, and the principal point that puts the mean of the pictures' middles into the middle. */
+/* The mean focal length, and the principal point that centres the mean of the pictures' centres. */
 static int choose_k(struct sst_rectified *to, const struct sst_calib *calib, const struct centres *c,
                     const struct sst_rectify_config *cfg)
 {
