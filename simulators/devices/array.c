@@ -1,4 +1,4 @@
-/* The simulated cameras together: who they are, plugging, edges, the log of the truth. */
+/* The array of simulated cameras: identity, plugging, trigger edges, the truth log. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -35,7 +35,7 @@ void sim_identity(const struct sst_sim_usb *usb, int cam, struct sim_identity *o
     (void)snprintf(out->bus_info, sizeof(out->bus_info), "usb-%.31s-%.24s", d->controller, strchr(d->path, '-') + 1);
 }
 
-/* --- what cameras ask --------------------------------------------------------------------------------------------- */
+/* --- queries of cameras ------------------------------------------------------------------------------------------- */
 
 double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault)
 {
@@ -178,7 +178,7 @@ void sim_array_rung(struct sim_array *a, int cam, enum sim_rung rung)
         sim_cam_queue_stop(&a->cam[cam], NULL);
 }
 
-/* --- open, edges, questions --------------------------------------------------------------------------------------- */
+/* --- open, edges, queries ----------------------------------------------------------------------------------------- */
 
 int sim_array_open(struct sim_array **out, const struct sim_array_config *cfg)
 {

@@ -1,4 +1,4 @@
-/* Names and values of faults. */
+/* Registry of faults: names and values. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -78,7 +78,7 @@ SST_PRINTF(4, 5) static int refuse(int err, char *message, size_t size, const ch
     return err;
 }
 
-/* The instances that "3." or "*." means: *first .. *last; the rest of the name follows. */
+/* Parse the instances of "3." or "*.": *first .. *last. @return the rest of the name */
 static const char *read_instance(const struct sim_fault_scope *scope, const char *name, int *first, int *last)
 {
     char *end;

@@ -1,4 +1,4 @@
-/* simulators/devices/gpio_front.c - the model of simulators/devices/gpio behind /dev/gpiochipN. */
+/* simulators/devices/gpio_front.c - front end of the GPIO model as /dev/gpiochipN. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -18,7 +18,7 @@
 #define TRIGGER_MAX   16
 #define TRIGGER_LINES (TRIGGER_MAX + 8) /* LOOP0, spare lines and nameless ones after the triggers */
 #define CHARDEV_MAJOR 254
-#define READERS       8 /* threads that wait for one file's events */
+#define READERS       8 /* most threads waiting for one file's events */
 
 struct chip {
     struct sim_gpio_front *front;
@@ -26,13 +26,13 @@ struct chip {
     struct sim_node *node; /* NULL: vanished */
 };
 
-/** An open file of a program: of a chip, or of requested lines. */
+/** A program's open file: a chip, or requested lines. */
 struct open_file {
     struct open_file *next;
     struct sim_gpio_front *front;
     struct sim_handle *handle;
     struct sst_sim_gpio_file *file;
-    bool told; /* a byte in the socket says that there are events */
+    bool told; /* the socket holds a byte that signals events */
     struct sim_request *waiting[READERS];
     int readers;
 };
@@ -50,7 +50,7 @@ static const char *const labels[CHIPS] = { "sst-board", "sst-trigger" };
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-/** @return bytes or -errno; told says whether the socket still has its byte */
+/** @return bytes or -errno; updates the byte in the socket */
 static int read_now(struct open_file *f, struct sim_request *r)
 {
     const size_t want = r->call.length < SST_SIM_PAYLOAD_MAX ? r->call.length : SST_SIM_PAYLOAD_MAX;
@@ -64,7 +64,7 @@ static int read_now(struct open_file *f, struct sim_request *r)
     return n;
 }
 
-/** Events came: those who wait take them; for what is left poll() shall tell. */
+/** Events arrived: waiting readers dequeue them; the rest is signalled to poll(). */
 static void wake(void *arg, struct sst_sim_gpio_file *file)
 {
     struct open_file *f = sst_sim_gpio_user(file);
@@ -122,7 +122,7 @@ static void debounce_over(void *arg)
     after_call(front);
 }
 
-/** Book-keeping of a model's file that a program now holds. On failure the file is closed. */
+/** Attach a model's file to a program's handle. On failure the file is closed. */
 static int adopt(struct sim_gpio_front *front, struct sim_handle *h, struct sst_sim_gpio_file *file)
 {
     struct open_file *f = calloc(1, sizeof(*f));
@@ -153,7 +153,7 @@ static void file_close(struct sim_handle *h)
     struct open_file *f = h->state, **link;
 
     if (!f)
-        return; /* never got its lines */
+        return; /* its lines were never requested */
     for (link = &f->front->files; *link != f; link = &(*link)->next)
         ;
     *link = f->next;
@@ -260,7 +260,7 @@ static int appear(struct chip *chip)
     return err;
 }
 
-/** The chip is gone: what programs hold of it hangs up. */
+/** The chip is gone: hang up the programs' files. */
 static void disappear(struct chip *chip)
 {
     struct open_file *f = chip->front->files;
@@ -304,7 +304,7 @@ static int fault_changed(void *arg, int instance, int fault, double value)
     return err;
 }
 
-/* --- the whole ---------------------------------------------------------------------------------------------------- */
+/* --- open and close ----------------------------------------------------------------------------------------------- */
 
 static int create_model(struct sim_gpio_front *front)
 {

@@ -172,7 +172,7 @@ static void signalled(void *arg)
         sim_server_stop(run->server);
 }
 
-/* Memory of every buffer is a descriptor here. The command, started before, keeps the limit that it has. */
+/* Each buffer's memory is a descriptor here. The command is already started and keeps its own limit. */
 static void raise_limit(void)
 {
     struct rlimit limit;
@@ -183,7 +183,7 @@ static void raise_limit(void)
     }
 }
 
-/* Serve in a folder, with a command or until a signal or 'stop'. @return exit status */
+/* Serve a session in a folder, for a command or until a signal or 'stop'. @return exit status */
 static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
 {
     struct run run = { .command.signals = -1 };
@@ -207,7 +207,7 @@ static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
     return status;
 }
 
-/* The folder is removed at the end: never one that holds something else. */
+/* The folder is removed at the end, so it must be new or empty. */
 static int take_folder(const char *name, char dir[SST_PATH_MAX])
 {
     if (!name)
@@ -225,7 +225,7 @@ static int run_session(const struct arguments *a, char *const argv[])
     char dir[SST_PATH_MAX];
     int status = EXIT_FAILURE;
 
-    /* While the world is prepared; later signals are blocked and come by the event loop. */
+    /* Only while the world is prepared; later signals are blocked and handled by the event loop. */
     if (sst_file_clean_on_interrupt() || sim_simulator_open(&sim, &a->options))
         return EXIT_FAILURE;
     if (take_folder(a->serve, dir) == 0) {
@@ -253,7 +253,7 @@ static int join(const char *folder, char *const argv[])
     return 127;
 }
 
-/* --- questions ---------------------------------------------------------------------------------------------------- */
+/* --- queries ------------------------------------------------------------------------------------------------------ */
 
 static int set_faults(const char *dir, int argc, char **argv)
 {

@@ -1,4 +1,4 @@
-/* simulators/devices/usb_attributes.c - what programs write into /sys: authorized, disable, bind, unbind. */
+/* simulators/devices/usb_attributes.c - writable attributes in /sys: authorized, disable, bind, unbind. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -58,7 +58,7 @@ static int write_text(struct sim_handle *h, const uint8_t *data, size_t bytes)
     return err ? err : (int)bytes;
 }
 
-/** What libc's own streams wrote went past the preload library and lies in the socket. */
+/** Data written by libc's streams bypasses the preload library and is still in the socket. */
 static int take_late(struct sim_handle *h)
 {
     uint8_t data[256];

@@ -69,7 +69,7 @@ static int minor_of(const struct sst_sim_usb_device *d)
     return (d->bus - 1) * 128 + d->address - 1;
 }
 
-/* --- what udev knows of a device ---------------------------------------------------------------------------------- */
+/* --- udev's properties of a device -------------------------------------------------------------------------------- */
 
 static void underscores(char *text)
 {
@@ -158,7 +158,7 @@ static void interface_props(const struct sim_usb_front *front, struct sim_props 
                   descriptor[4], descriptor[5], descriptor[6], class[0], class[1], class[2], interface);
 }
 
-/** An event about a device (interface -1) or one of its interfaces. */
+/** Send an event about a device (interface -1) or one of its interfaces. */
 static void tell(struct sim_usb_front *front, int device, int interface, const char *action)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
@@ -309,7 +309,7 @@ static void add_interface(struct sim_usb_front *front, int device, int interface
         add_port(front, device, port);
 }
 
-/* --- devices come and go ------------------------------------------------------------------------------------------ */
+/* --- adding and removing devices ---------------------------------------------------------------------------------- */
 
 static void add_controller(struct sim_usb_front *front, const struct sst_sim_usb_device *d)
 {
@@ -462,7 +462,7 @@ static void video_udev(struct sim_usb_front *front, int device, struct sim_props
     add_path_id(udev, path);
 }
 
-/** The links that udev makes in /dev. */
+/** The links that udev creates in /dev. */
 static void video_links(struct sim_usb_front *front, const struct sim_props *udev, int node)
 {
     char path[256], target[32];

@@ -35,7 +35,7 @@ static const struct sst_sim_usb_device *device_of(const struct usb_file *f)
 
 /* --- transfers ---------------------------------------------------------------------------------------------------- */
 
-/** The oldest that ended goes to the program. @return 0 or -EAGAIN */
+/** Reap the oldest completed transfer. @return 0 or -EAGAIN */
 static int reap(struct usb_file *f, struct sim_request *r)
 {
     for (struct transfer **link = &f->transfers; *link; link = &(*link)->next) {
@@ -53,7 +53,7 @@ static int reap(struct usb_file *f, struct sim_request *r)
     return -EAGAIN;
 }
 
-/** Emptying the socket makes it writable for poll(): see the preload library's part. */
+/** Emptying the socket makes it writable for poll(): see preload/usb.c. */
 static void tell_done(struct usb_file *f)
 {
     char gone[4096];
@@ -83,7 +83,7 @@ static int submit(struct usb_file *f, struct sim_request *r)
     length = (size_t)t->t.setup[6] | (size_t)t->t.setup[7] << 8;
     if (t->t.type != USBDEVFS_URB_TYPE_CONTROL && t->t.type != USBDEVFS_URB_TYPE_INTERRUPT) {
         free(t);
-        return -EINVAL; /* pictures come through the video node */
+        return -EINVAL; /* pictures are only available through the video node */
     }
     if (t->t.type == USBDEVFS_URB_TYPE_CONTROL) {
         if (length > sizeof(t->data) || (!(t->t.setup[0] & 0x80) && r->bytes < sizeof(t->t) + length)) {
@@ -99,7 +99,7 @@ static int submit(struct usb_file *f, struct sim_request *r)
         }
     }
     if (t->t.type == USBDEVFS_URB_TYPE_INTERRUPT)
-        return 0; /* there is nothing to report: it waits until it is discarded */
+        return 0; /* no changes to report: it stays pending until discarded */
     n = sst_sim_usb_control(f->shown->front->usb, f->shown->device, t->t.setup, t->data);
     t->t.status = n < 0 ? n : 0;
     t->t.actual = n < 0 ? 0 : n;
@@ -126,7 +126,7 @@ static int discard(struct usb_file *f, const struct sim_request *r)
     return -EINVAL;
 }
 
-/** USBDEVFS_CONTROL: the same at once. */
+/** USBDEVFS_CONTROL: a synchronous control transfer. */
 static int control(struct usb_file *f, struct sim_request *r)
 {
     struct sst_sim_usb_transfer t;
@@ -176,7 +176,7 @@ static int release(struct usb_file *f, unsigned interface)
     return 0;
 }
 
-/** The kernel's driver lets go (-ENODATA: there is none) or comes back: the number of drivers then, 1. */
+/** Disconnect the kernel's driver (-ENODATA: none) or connect it. @return number of drivers */
 static int drive(struct usb_file *f, unsigned interface, bool on)
 {
     int err;
@@ -369,7 +369,7 @@ static int file_read(struct sim_handle *h, struct sim_request *r)
     return (int)count;
 }
 
-/** To a place from the start or from here; the end is none of usbfs's. */
+/** Seek from the start or the current position; usbfs does not support SEEK_END. */
 static int file_seek(struct sim_handle *h, struct sim_request *r)
 {
     struct usb_file *f = h->state;
@@ -392,7 +392,7 @@ static int file_open(struct sim_handle *h, struct sim_request *r)
     f->shown = h->device;
     f->handle = h;
     h->state = f;
-    /* A full socket is not writable, which would mean that a transfer ended. */
+    /* Fill the socket: writable would mean that a transfer has completed. */
     while (send(r->out_fd, filler, sizeof(filler), MSG_DONTWAIT | MSG_NOSIGNAL) > 0)
         ;
     return 0;

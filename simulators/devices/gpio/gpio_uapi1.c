@@ -4,7 +4,7 @@
 
 #include "simulators/devices/gpio/gpio_internal.h"
 
-#define HANDLE_EVENTS 1  /* a handle queues none; a ring has at least one place */
+#define HANDLE_EVENTS 1  /* a handle queues none; a ring has at least one entry */
 #define EVENT_EVENTS  16 /* the kernel's queue of a line event */
 
 /** The flags of both versions, pairwise. */
@@ -102,7 +102,7 @@ int gpio_v1_event(struct sst_sim_gpio_file *chip, struct gpioevent_request *requ
     struct sst_sim_gpio_file *file;
     int err;
 
-    /* No edges of outputs; and no drive, which only an output has. */
+    /* No edges on outputs; no drive flags, which only outputs have. */
     if ((request->handleflags & GPIOHANDLE_REQUEST_OUTPUT) || (request->eventflags & ~GPIOEVENT_REQUEST_BOTH_EDGES) ||
         flags_from_v1(request->handleflags | GPIOHANDLE_REQUEST_INPUT, &want.flags) < 0)
         return -EINVAL;

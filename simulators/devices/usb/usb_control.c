@@ -32,7 +32,7 @@ struct setup {
     int value, index, length;
 };
 
-/** What was asked for at most, of what there is. */
+/** Return at most the requested length of the data. */
 static int give(const struct setup *s, uint8_t *data, const uint8_t *from, int bytes)
 {
     const int count = sst_min_int(bytes, s->length);
@@ -78,8 +78,8 @@ static int give_descriptor(const struct sst_sim_usb *usb, int device, const stru
         return give_string(d, s, data);
     case DESCRIPTOR_QUALIFIER:
         if (d->speed_mbit != 480)
-            return -EPIPE;                 /* no other speed to speak of */
-        memcpy(qualifier + 2, all + 2, 6); /* what it would be at full speed: the same */
+            return -EPIPE;                 /* no other speed to describe */
+        memcpy(qualifier + 2, all + 2, 6); /* the same as at full speed */
         qualifier[8] = 1;
         return give(s, data, qualifier, sizeof(qualifier));
     default:
@@ -92,10 +92,10 @@ static int give_descriptor(const struct sst_sim_usb *usb, int device, const stru
 static int give_hub_descriptor(const struct sst_sim_usb *usb, const struct sst_sim_usb_device *d, const struct setup *s,
                                uint8_t *data)
 {
-    /* Power and over-current by the port, or no switching at all. */
+    /* Power and over-current per port, or no switching at all. */
     const uint8_t switching = usb->fault[SST_SIM_USB_NO_PORT_POWER] ? 0x0a : 0x09;
     const uint8_t super[12] = { 12, DESCRIPTOR_HUB3, (uint8_t)d->ports, switching, 0, 10 };
-    /* Two masks of a bit for each port and one more: none is fixed; all follow their switch. */
+    /* Two masks with one bit per port plus one: all ports are removable and switched individually. */
     const uint8_t mask = d->ports < 8 ? 1 : 2;
     uint8_t high[11] = { (uint8_t)(7 + 2 * mask), DESCRIPTOR_HUB, (uint8_t)d->ports, switching, 0, 10, 100 };
 
@@ -141,7 +141,7 @@ static int port_feature(struct sst_sim_usb *usb, int hub, const struct setup *s)
         child = sst_sim_usb_child(usb, hub, port);
         return child >= 0 && usb->device[child].here ? sst_sim_usb_reset(usb, child) : 0;
     }
-    /* Changes are served at once, there is none to clear. */
+    /* Changes are handled at once, so there is none to clear. */
     return !set && s->value >= FIRST_CHANGE && s->value <= LAST_CHANGE ? 0 : -EPIPE;
 }
 
@@ -171,7 +171,7 @@ int sst_sim_usb_control(struct sst_sim_usb *usb, int device, const uint8_t setup
         return hub_request(usb, device, &s, data);
     if (s.type == 0x80 && s.request == GET_DESCRIPTOR)
         return give_descriptor(usb, device, &s, data);
-    if (s.request == GET_STATUS && (s.type & 0xfc) == 0x80) /* hubs have a supply of their own */
+    if (s.request == GET_STATUS && (s.type & 0xfc) == 0x80) /* hubs are self-powered */
         return give(&s, data, (const uint8_t[]){ hub && s.type == 0x80, 0 }, 2);
     if (s.type == 0x80 && s.request == GET_CONFIGURATION)
         return give(&s, data, (const uint8_t[]){ d->authorized ? 1 : 0 }, 1);

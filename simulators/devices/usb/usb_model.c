@@ -14,9 +14,9 @@ static void tell(struct sst_sim_usb *usb, int device, enum sst_sim_usb_event eve
         usb->event(usb->arg, device, event, interface);
 }
 
-/* --- who is there ------------------------------------------------------------------------------------------------- */
+/* --- presence ----------------------------------------------------------------------------------------------------- */
 
-/** A port has power unless it was switched off; where a twin feeds the same socket, both must have done so. */
+/** A port has power unless it was switched off; if a twin feeds the same socket, both must be off. */
 static bool powered(const struct sst_sim_usb *usb, int hub, int port)
 {
     const struct sst_sim_usb_device *h = &usb->device[hub];
@@ -57,7 +57,7 @@ static void arrive(struct sst_sim_usb *usb, int device)
     struct sst_sim_usb_device *d = &usb->device[device];
     int *next = &usb->next_address[d->bus];
 
-    /* Numbers go up with each plug-in and start anew past 127, as the kernel gives them. */
+    /* Addresses increase with each plug-in and wrap after 127, as in the kernel. */
     do
         *next = *next % 127 + 1;
     while (sst_sim_usb_at(usb, d->bus, *next) >= 0);
@@ -80,7 +80,7 @@ static void leave(struct sst_sim_usb *usb, int device)
     d->address = 0;
 }
 
-/** Parents come first in the list: who arrives is found in order, who leaves is told from the leaves. */
+/** Parents come first in the list: arrivals are reported in order, removals from the leaves up. */
 void usb_refresh(struct sst_sim_usb *usb)
 {
     bool changed = true;
@@ -106,13 +106,13 @@ void usb_refresh(struct sst_sim_usb *usb)
     }
 }
 
-/* --- what happens to devices -------------------------------------------------------------------------------------- */
+/* --- operations on devices ---------------------------------------------------------------------------------------- */
 
 void sst_sim_usb_plug(struct sst_sim_usb *usb, int device, bool plugged)
 {
     struct sst_sim_usb_device *d = &usb->device[device];
 
-    /* A hub is one box: both halves go. */
+    /* A hub is one box: both halves are affected. */
     if (d->kind == SST_SIM_USB_ROOT)
         return;
     d->plugged = plugged;
@@ -172,7 +172,7 @@ static bool has_port(const struct sst_sim_usb *usb, int hub, int port)
     return port >= 1 && port <= usb->device[hub].ports;
 }
 
-/** After a port came back: the stuck camera there has been without power. */
+/** A port has power again: a stuck camera there was power-cycled. */
 static void tell_powered(struct sst_sim_usb *usb, int hub, int port)
 {
     const int child = sst_sim_usb_child(usb, hub, port);
@@ -192,7 +192,7 @@ int sst_sim_usb_disable(struct sst_sim_usb *usb, int hub, int port, bool disable
     usb->device[hub].disabled[port] = disabled;
     tell(usb, hub, SST_SIM_USB_CHANGED, 0);
     if (!disabled && !usb->fault[SST_SIM_USB_NO_PORT_POWER])
-        tell_powered(usb, hub, port); /* the kernel switches the power of a disabled port off where it can */
+        tell_powered(usb, hub, port); /* the kernel switches off the power of a disabled port if it can */
     usb_refresh(usb);
     return 0;
 }
@@ -232,7 +232,7 @@ int sst_sim_usb_reset(struct sst_sim_usb *usb, int device)
     tell(usb, device, SST_SIM_USB_RESET, 0);
     for (int i = 0; i < d->interfaces; i++)
         set_bound(usb, device, i, false);
-    usb_refresh(usb); /* what hangs at a hub that is reset comes anew */
+    usb_refresh(usb); /* devices behind a reset hub are enumerated again */
     for (int i = 0; i < d->interfaces; i++)
         set_bound(usb, device, i, bound >> i & 1);
     usb_refresh(usb);
@@ -244,7 +244,7 @@ void sst_sim_usb_fault(struct sst_sim_usb *usb, enum sst_sim_usb_fault fault, bo
     usb->fault[fault] = on;
 }
 
-/* --- looking ------------------------------------------------------------------------------------------------------ */
+/* --- queries ------------------------------------------------------------------------------------------------------ */
 
 int sst_sim_usb_count(const struct sst_sim_usb *usb)
 {
@@ -314,7 +314,7 @@ const char *sst_sim_usb_maker(const struct sst_sim_usb_device *device)
     return device->kind == SST_SIM_USB_ROOT ? "Linux 6.1.0 xhci-hcd" : "sst";
 }
 
-/* --- the whole ---------------------------------------------------------------------------------------------------- */
+/* --- create and destroy ------------------------------------------------------------------------------------------- */
 
 int sst_sim_usb_create(struct sst_sim_usb **out, const struct sst_sim_usb_config *cfg)
 {
