@@ -7,7 +7,7 @@ struct body {
     struct sst_vec3 right, forward; /* of the person, in the world */
 };
 
-/* A point `right` of the person's middle, `up` from the ground and `forward`. */
+/* A point at `right` of the person's centre, `up` from the ground and `forward`. */
 static struct sst_vec3 point(const struct body *b, double right, double up, double forward)
 {
     struct sst_vec3 p = sst_add(sst_mul(b->right, right), sst_mul(b->forward, forward));

@@ -3,8 +3,8 @@
 #include "simulators/scene/scene_internal.h"
 
 /*
- * A table top that runs from before the cameras to a wall. `lines` is the height of the cameras above it in spacings,
- * so a point on it at disparity d is seen at design row lines * d.
+ * A table top from in front of the cameras to a wall. `lines` is the height of the cameras above it in spacings, so a
+ * point on it at disparity d is at design row lines * d.
  */
 static double add_room(struct sst_world *w, double lines, double wall_px)
 {
@@ -19,7 +19,7 @@ static double add_room(struct sst_world *w, double lines, double wall_px)
     return y;
 }
 
-/** On the table at design column x and disparity d. */
+/** Point on the table at design column x and disparity d. */
 static struct sst_vec3 on_table(const struct sst_world *w, double x, double y_mm, double disp_px)
 {
     struct sst_vec3 p = sst_world_at(w, x, 0, disp_px);
@@ -41,7 +41,7 @@ static void shadow_at(struct sst_world *w, struct sst_vec3 p, double rx, double 
     sst_add_shadow(w, p.x, p.y, p.z, rx, rz);
 }
 
-/* --- transportation: one table top spans the disparities of all three models ------------------------------------- */
+/* --- transportation: one table top spans the disparities of all three models -------------------------------------- */
 
 void sst_build_transportation(struct sst_world *w)
 {
@@ -71,7 +71,7 @@ void sst_build_transportation(struct sst_world *w)
     add_horse(w, horse);
 }
 
-/* --- humvee: toys behind leaves ---------------------------------------------------------------------------------- */
+/* --- humvee: toys behind leaves ----------------------------------------------------------------------------------- */
 
 static void add_soldier(struct sst_world *w, struct sst_vec3 base, double scale, double yaw)
 {
@@ -130,7 +130,7 @@ void sst_build_humvee(struct sst_world *w)
     sst_add_foliage(w, 3400, all_x, all_y, disp, 4.4);
 }
 
-/* --- cd-cases: cases on stands before a poster ------------------------------------------------------------------- */
+/* --- cd-cases: cases on stands before a poster -------------------------------------------------------------------- */
 
 void sst_build_cd_cases(struct sst_world *w)
 {
@@ -168,7 +168,7 @@ void sst_build_cd_cases(struct sst_world *w)
     }
 }
 
-/* --- cat: a hen of nearly the same depth and colours before it, where seeing through must fail ------------------- */
+/* --- cat: a hen of nearly the same depth and colours before it, where seeing through must fail -------------------- */
 
 void sst_build_cat(struct sst_world *w)
 {
@@ -193,7 +193,7 @@ void sst_build_cat(struct sst_world *w)
     add_hen(w, hen);
 }
 
-/* --- cell: a translucent layer of membranes over the layer of the nuclei ----------------------------------------- */
+/* --- cell: a translucent layer of membranes over the layer of the nuclei ------------------------------------------ */
 
 void sst_build_cell(struct sst_world *w)
 {

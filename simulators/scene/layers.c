@@ -1,7 +1,7 @@
 /*
- * Colour is spent on what does not move once a camera, not once a picture: the samples of all fixed opaque surfaces are
- * kept, and for each picture the moving ones are drawn over a copy of them, band by band and only in the columns that
- * they touch. Translucent surfaces blend with what is behind them, so in those columns all of them are drawn again.
+ * Fixed surfaces are coloured once per camera, not once per picture: the samples of all fixed opaque surfaces are kept,
+ * and for each picture the moving ones are drawn over a copy of them, band by band and only in the columns that they
+ * touch. Translucent surfaces blend with what is behind them, so in those columns all of them are drawn again.
  */
 #include <errno.h>
 #include <stdlib.h>
@@ -12,12 +12,12 @@
 #include "simulators/scene/scene_internal.h"
 
 struct sst_layers {
-    struct sst_raster r;   /* its world changes from picture to picture */
+    struct sst_raster r;   /* its world changes with each picture */
     const bool *moving;    /* [count] */
     struct sst_seen *seen; /* [count] */
     struct band fixed;     /* the whole picture before translucent surfaces */
     struct band work;
-    struct sst_image picture; /* of all that is fixed */
+    struct sst_image picture; /* of all fixed surfaces */
 };
 
 static bool same_vec(struct sst_vec3 a, struct sst_vec3 b)
@@ -35,7 +35,7 @@ void sst_world_compare(const struct sst_world *a, const struct sst_world *b, boo
     }
 }
 
-/* Columns x0 .. x1-1 of the work band as they are without what moves. */
+/* Restore columns x0 .. x1-1 of the work band to the fixed surfaces. */
 static void restore(struct sst_layers *l)
 {
     struct band *to = &l->work;
@@ -60,7 +60,7 @@ static void draw_translucent(struct sst_layers *l, bool with_moving)
     }
 }
 
-/* The picture of all that is fixed, from its samples. */
+/* The picture of the fixed surfaces, from their samples. */
 static void finish_fixed(struct sst_layers *l)
 {
     struct sst_image *image = l->r.image;
@@ -78,7 +78,7 @@ static void finish_fixed(struct sst_layers *l)
     l->r.image = image;
 }
 
-/* Fixed opaque surfaces, in the rows of one band. */
+/* Draw the fixed opaque surfaces in the rows of one band. */
 static int draw_fixed(void *arg, int index, int worker SST_UNUSED)
 {
     const struct sst_layers *l = arg;

@@ -46,7 +46,7 @@ static void box(const struct model *m, struct sst_vec3 c, double hx, double hy, 
 {
     const double k = m->scale;
 
-    /* Seen from the front left or right side alike: the first axis runs along the picture. */
+    /* The same from the left or right: the first axis runs along the picture. */
     sst_add_box(m->w, c, sst_mul(m->front, hx * k), sst_v(0, hy * k, 0), sst_mul(m->left, hz * k), mat);
 }
 
@@ -61,7 +61,7 @@ static void wheel(const struct model *m, struct sst_vec3 c, double radius, doubl
     s->outline = tyre;
 }
 
-/* --- animals ----------------------------------------------------------------------------------------------------- */
+/* --- animals ------------------------------------------------------------------------------------------------------ */
 
 void add_horse(struct sst_world *w, struct stand stand)
 {
@@ -151,7 +151,7 @@ void add_hen(struct sst_world *w, struct stand stand)
     }
 }
 
-/* --- vehicles ---------------------------------------------------------------------------------------------------- */
+/* --- vehicles ----------------------------------------------------------------------------------------------------- */
 
 void add_bicycle(struct sst_world *w, struct stand stand)
 {

@@ -23,7 +23,7 @@ double sst_random_in(uint64_t *state, double lo, double hi)
 
 struct sst_vec3 sst_random_vec(uint64_t *state, double half)
 {
-    /* One by one: C leaves the order of calls within an expression open. */
+    /* Separate statements: C does not define the order of calls within an expression. */
     const double x = sst_random_in(state, -half, half), y = sst_random_in(state, -half, half);
     const double z = sst_random_in(state, -half, half);
 

@@ -2,7 +2,7 @@
 #include "pipeline/image/classes.h"
 #include "simulators/scene/world.h"
 
-/* --- bush: a man on a sofa before a house, behind dense leaves --------------------------------------------------- */
+/* --- bush: a man on a sofa before a house, behind dense leaves ---------------------------------------------------- */
 
 static void add_sofa(struct sst_world *w, struct sst_vec3 base)
 {
@@ -22,7 +22,7 @@ static void add_sofa(struct sst_world *w, struct sst_vec3 base)
     }
 }
 
-/* Clothes differ from seed to seed. */
+/* Clothes depend on the seed. */
 static struct sst_material shirt(struct sst_world *w, double scale_mm)
 {
     static const unsigned colours[][2] = { { 0x2f5d8c, 0xd8dfe6 }, { 0xb5472f, 0xe0c49a }, { 0x3a6b4a, 0xe6dca8 },
@@ -84,12 +84,12 @@ void sst_build_bush(struct sst_world *w)
     sst_add_foliage(w, 400, all_x, low_y, disp, 17);
 }
 
-#define WALK_MM 4600.0 /* length of the path of the walker; he takes WALK_S for it, and a whole number of strides */
+#define WALK_MM 4600.0 /* length of the walker's path, which takes WALK_S and a whole number of strides */
 #define WALK_S  4.0
 #define STRIDES 3
 #define TURN    6.283185307179586
 
-/* --- pedestrian: a walker before a parked van, a house front behind ---------------------------------------------- */
+/* --- pedestrian: a walker before a parked van, a house front behind ----------------------------------------------- */
 
 static void add_wheels(struct sst_world *w, struct sst_vec3 rear, double half_track)
 {
@@ -100,7 +100,7 @@ static void add_wheels(struct sst_world *w, struct sst_vec3 rear, double half_tr
                      rubber);
 }
 
-/* `rear` is on the road below the middle of the rear bumper. */
+/* `rear` is on the road below the centre of the rear bumper. */
 static void add_plate(struct sst_world *w, struct sst_vec3 rear, double up, const char *text)
 {
     struct sst_material plate = sst_mat(sst_paint_text, 0xf3eecb, 0x15181c, 60);
@@ -205,7 +205,7 @@ void sst_build_pedestrian(struct sst_world *w)
     add_van(w, rear, "SST 2036");
     add_car(w, sst_add(rear, sst_v(-2650, 0, 500)), 0x3f6fa8, 0x27486f, "LF 6X6");
     add_car(w, sst_add(rear, sst_v(2700, 0, 250)), 0x8a2f33, 0x5a1c20, "RAY 36");
-    /* He leaves on the right and comes back on the left. */
+    /* The walker leaves on the right and returns on the left. */
     walker.x += WALK_MM * (walk - floor(walk + 0.5));
     add_walker(w, walker, person | cars);
 }

@@ -1,4 +1,4 @@
-/* The procedural textures of general use; those of one object only are in paint_things.c. */
+/* Procedural textures of general use; those of single objects are in paint_things.c. */
 #include "simulators/scene/world.h"
 
 static struct sst_vec3 scaled(const struct sst_hit *h, double x_mm, double y_mm)
@@ -6,7 +6,7 @@ static struct sst_vec3 scaled(const struct sst_hit *h, double x_mm, double y_mm)
     return sst_v(h->t.x / x_mm, h->t.y / y_mm, h->t.z / x_mm);
 }
 
-/* Distance to the nearest joint of a lattice of the given pitch, 0 .. pitch / 2. */
+/* Distance to the nearest joint of a lattice with the given pitch, 0 .. pitch / 2. */
 static double to_joint(double x, double pitch)
 {
     const double f = x / pitch - floor(x / pitch);
@@ -149,7 +149,7 @@ float sst_paint_shadow(const struct sst_surface *s, const struct sst_hit *h, str
     return r2 >= 1 ? 0 : 0.48f * (1 - r2);
 }
 
-/* --- outlines ---------------------------------------------------------------------------------------------------- */
+/* --- outlines ----------------------------------------------------------------------------------------------------- */
 
 /* Pointed at both ends, widest before the middle. */
 bool sst_mask_leaf(const struct sst_surface *s SST_UNUSED, double x, double y)

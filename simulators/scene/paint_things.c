@@ -1,5 +1,4 @@
-/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells.
- */
+/* Textures of single objects: a face, a number plate, the rear of a car, a house front, a poster, stained cells. */
 #include <string.h>
 
 #include "simulators/scene/world.h"
@@ -25,7 +24,7 @@ float sst_paint_text(const struct sst_surface *s, const struct sst_hit *h, struc
     return 1;
 }
 
-/* --- people ------------------------------------------------------------------------------------------------------ */
+/* --- people ------------------------------------------------------------------------------------------------------- */
 
 float sst_paint_face(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
 {
@@ -53,7 +52,7 @@ float sst_paint_face(const struct sst_surface *s, const struct sst_hit *h, struc
     return 1;
 }
 
-/* --- cars and houses --------------------------------------------------------------------------------------------- */
+/* --- cars and houses ---------------------------------------------------------------------------------------------- */
 
 static bool inside(double x, double y, double x0, double x1, double y0, double y1)
 {
@@ -155,7 +154,7 @@ float sst_paint_facade(const struct sst_surface *s, const struct sst_hit *h, str
     return 1;
 }
 
-/* --- pictures ---------------------------------------------------------------------------------------------------- */
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
 
 /* Hills before a sky: sky a, ground b. */
 float sst_paint_landscape(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
@@ -231,7 +230,7 @@ float sst_paint_wheel(const struct sst_surface *s, const struct sst_hit *h, stru
     return 1;
 }
 
-/* --- stained cells ----------------------------------------------------------------------------------------------- */
+/* --- stained cells ------------------------------------------------------------------------------------------------ */
 
 /* Distance to the nearest and the second nearest of one random point per lattice cell, and a number of the nearest. */
 static uint32_t nearest_seeds(double x, double y, uint32_t seed, double *first, double *second)

@@ -1,6 +1,6 @@
 /*
- * The renderer: a z-buffer over bands of rows. With r = ((x-cx)/f, (y-cy)/f, 1) the ray of a pixel from the camera at
- * C = B (bx, by, 0), a patch o + s u + t v (normal n = u x v, dual axes u' = v x n / n.n, v' = n x u / n.n) is met at
+ * The renderer: a z-buffer over bands of rows. With r = ((x-cx)/f, (y-cy)/f, 1) the ray of a pixel from the camera at C
+ * = B (bx, by, 0), a patch o + s u + t v (normal n = u x v, dual axes u' = v x n / n.n, v' = n x u / n.n) is met at
  *   1/Z = n.r / n.(o-C),  s = (u'.r - u'.(o-C) / Z) Z,
  * so 1/Z, s/Z and t/Z are affine in the picture. An ellipsoid becomes the unit sphere in the coordinates
  * q_i = a_i.(P-o) / a_i.a_i of its half-axes a_i, where Z is a root of a quadratic.
@@ -29,13 +29,13 @@ static inline double at(struct raster_affine a, double x, double y)
     return a.x * x + a.y * y + a.c;
 }
 
-/* --- one surface in one view ------------------------------------------------------------------------------------- */
+/* --- one surface in one view -------------------------------------------------------------------------------------- */
 
 static void bounds(const struct sst_raster *r, const struct sst_surface *s, struct sst_vec3 e, struct sst_seen *out)
 {
     const double x[3] = { s->u.x, s->v.x, s->w.x }, y[3] = { s->u.y, s->v.y, s->w.y };
     const double z[3] = { s->u.z, s->v.z, s->w.z };
-    /* Half the box around an ellipsoid is the length of each row of its axes. */
+    /* The half extent of an ellipsoid's bounding box is the length of each row of its axes. */
     const double hx = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
     const double hy = sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]);
     const double hz = sqrt(z[0] * z[0] + z[1] * z[1] + z[2] * z[2]);
@@ -139,7 +139,7 @@ static inline double meet(const struct sst_surface *s, const struct sst_seen *g,
     return !s->mask || s->mask(s, q[0], q[1]) ? inv_z : 0;
 }
 
-/* --- colour ------------------------------------------------------------------------------------------------------ */
+/* --- colour ------------------------------------------------------------------------------------------------------- */
 
 static struct sst_hit hit_at(const struct sst_surface *s, const double q[3])
 {
@@ -179,7 +179,7 @@ static float shade(const struct sst_surface *s, const double q[3], struct sst_rg
     return alpha;
 }
 
-/* --- a band ------------------------------------------------------------------------------------------------------ */
+/* --- a band ------------------------------------------------------------------------------------------------------- */
 
 int band_init(struct band *b, const struct sst_raster *r, int capacity)
 {
@@ -213,7 +213,7 @@ void band_clear(struct band *b)
     }
 }
 
-/* Where sample k of output pixel (x, y) looks in the ideal picture. */
+/* Position of sample k of output pixel (x, y) in the ideal picture. */
 static inline double look_x(const struct sst_raster *r, int x, int y, int k)
 {
     return (r->warp ? sst_warp_x(r->warp, x, y) : x * r->step_x) + offset_x[k];
@@ -229,7 +229,7 @@ static int first_sample(const struct band *b)
     return b->colour ? 0 : SST_CENTRE;
 }
 
-/* The centre is for the truth alone. */
+/* The centre sample is only needed for the truth. */
 static int last_sample(const struct band *b)
 {
     return b->r->disp || b->r->label || b->r->owner ? SST_SAMPLES : SST_COLOURS;

@@ -6,7 +6,7 @@
 #include "base/mem.h"
 #include "simulators/scene/scene_internal.h"
 
-#define PROBE_WIDTH  320 /* points per side that are looked at to learn ranges and focal planes */
+#define PROBE_WIDTH  320 /* points per side probed for ranges and focal planes */
 #define PROBE_HEIGHT 240
 
 static const char *const names[] = {
@@ -73,7 +73,7 @@ void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidd
     };
 }
 
-/* --- what create finds out by looking ---------------------------------------------------------------------------- */
+/* --- ranges and focal planes -------------------------------------------------------------------------------------- */
 
 struct probe {
     struct sst_map_f32 disp;
@@ -112,7 +112,7 @@ static int look(const struct sst_scene *s, double bx, double by, unsigned hidden
     return sst_raster_run(&r);
 }
 
-/* The extremes are seen from the corners of the grid; half a pixel more allows for what lies between the points. */
+/* The extremes are visible from the corners of the grid; half a pixel of margin covers what lies between the points. */
 static int find_range(struct sst_scene *s)
 {
     const int ref_row = (s->cfg.rows - 1) / 2, ref_col = (s->cfg.cols - 1) / 2;
@@ -147,8 +147,8 @@ static int by_value(const void *a, const void *b)
 }
 
 /*
- * Median disparity of the target behind the occluder; where the picture shows none of it there, of the target anywhere,
- * and last of everything.
+ * Median disparity of the target behind the occluder; if it is not visible there, of the whole target, else of
+ * everything.
  */
 static double median_behind(const struct probe *front, const struct probe *behind, unsigned bit, int target,
                             float *buffer)
@@ -190,7 +190,7 @@ static int find_focus(struct sst_scene *s)
     return err;
 }
 
-/* --- the public face --------------------------------------------------------------------------------------------- */
+/* --- public functions --------------------------------------------------------------------------------------------- */
 
 int sst_world_build(struct sst_world *w, const char *name, const struct sst_scene_config *cfg)
 {
@@ -201,7 +201,7 @@ int sst_world_build(struct sst_world *w, const char *name, const struct sst_scen
         return err;
     *w = (struct sst_world){ .rng = cfg->seed, .time_s = cfg->time_s };
     builders[which](w);
-    /* A finer grid divides the same aperture, so that it neither leaves the scene nor goes underground. */
+    /* A finer grid divides the same aperture, so that it stays inside the scene and above the ground. */
     w->spacing_mm *= longest > 5 ? 5.0 / longest : 1;
     if (!w->failed)
         return 0;

@@ -5,7 +5,7 @@
 
 #include "simulators/scene/world.h"
 
-/* --- internal: the scene object, shared by scene.c and write.c. --- */
+/* --- internal: the scene object. --- */
 
 #define SST_SCENE_MAX_VIEWS 256
 
@@ -15,13 +15,13 @@ struct sst_scene {
     double range_min_px, range_max_px;
 };
 
-/** A raster of one view with all outputs NULL. */
+/** Raster settings of one view with all outputs NULL. */
 void scene_raster(const struct sst_scene *scene, double bx, double by, unsigned hidden, struct sst_raster *out);
 
-/* --- models: toy-sized models: animals, vehicles. --- */
+/* --- models: toy models: animals, vehicles. --- */
 
-/** A model stands at `base` on the ground, its front turned by `yaw` rad from the picture's right towards the cameras;
- *  `scale` is that of the model to the real thing. */
+/** A model stands at `base` on the ground, its front rotated by `yaw` rad from the picture's right towards the
+ *  cameras; `scale` is model size over real size. */
 struct stand {
     struct sst_vec3 base;
     double scale, yaw;
@@ -34,11 +34,11 @@ void add_humvee(struct sst_world *w, struct stand at);
 void add_cat(struct sst_world *w, struct stand at);
 void add_hen(struct sst_world *w, struct stand at);
 
-/* --- raster: inside the renderer: what raster.c and layers.c share. --- */
+/* --- raster: the renderer, shared by raster.c and layers.c. --- */
 
 #define SST_BAND_ROWS 16
-#define SST_COLOURS   4 /* samples that make the colour; */
-#define SST_CENTRE    4 /* and the one that makes the truth */
+#define SST_COLOURS   4 /* samples for the colour */
+#define SST_CENTRE    4 /* index of the sample for the truth */
 #define SST_SAMPLES   5
 #define SST_NOTHING   UINT32_MAX
 
@@ -52,10 +52,10 @@ struct sst_seen {
     struct raster_affine inv_z;   /* patch */
     struct raster_affine axis[3]; /* patch: s/Z, t/Z; ellipsoid: the ray in units of the half-axes */
     double eye[3];                /* ellipsoid: the camera in units of the half-axes */
-    int x0, x1, y0, y1;           /* output pixels it may cover, ends excluded; empty: not seen */
+    int x0, x1, y0, y1;           /* output pixels it may cover, ends excluded; empty: not visible */
 };
 
-/** Samples of rows y0 .. y0+rows-1; columns x0 .. x1-1 are worked on. */
+/** Samples of rows y0 .. y0+rows-1; drawing is limited to columns x0 .. x1-1. */
 struct band {
     const struct sst_raster *r;
     const struct sst_seen *seen;
@@ -76,10 +76,10 @@ static inline size_t band_cell(const struct band *b, int sample, int y, int x)
 
 void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct sst_seen *out);
 
-/** Nothing is seen yet. */
+/** Reset all samples to nothing. */
 void band_clear(struct band *b);
 void band_opaque(struct band *b, uint32_t index);
-/** Colour what the samples see; with `only`, those whose surface it names. @param only [count of surfaces] or NULL */
+/** Colour the samples; with `only`, just those of the selected surfaces. @param only  [count of surfaces] or NULL */
 void band_colour(struct band *b, const bool *only);
 void band_translucent(struct band *b, uint32_t index);
 /** Write the outputs of the raster. */

@@ -63,7 +63,7 @@ void sst_warp_index(struct sst_warp *w)
         include(w->all, w->tiles[i]);
 }
 
-/* A pixel at x looks at x + dx: those that look at lo .. hi are at lo - greatest dx .. hi - least dx. */
+/* A pixel at x samples x + dx: the pixels that sample lo .. hi are at lo - max dx .. hi - min dx. */
 static void shift(const float bounds[4], const double in[4], double out[4])
 {
     out[0] = in[0] - bounds[1];
@@ -77,7 +77,7 @@ static int tile_of(double v, int count)
     return (int)sst_clamp_double(floor(v / TILE), 0, count - 1);
 }
 
-/* First with the bounds of the whole picture, then with those of the tiles that this leaves. */
+/* First with the bounds of the whole picture, then with those of the remaining tiles. */
 void sst_warp_box(const struct sst_warp *w, double *lo_x, double *hi_x, double *lo_y, double *hi_y)
 {
     const double in[4] = { *lo_x, *hi_x, *lo_y, *hi_y };

@@ -4,10 +4,10 @@
 #include <stdlib.h>
 
 #define GRAIN    0.16f
-#define GRAIN_PX 2.6 /* design pixels between the values of the fine texture */
+#define GRAIN_PX 2.6 /* design pixels between values of the fine texture */
 #define TINT     0.05
 #define TURN     6.283185307179586
-#define SWAY_S   2.0 /* leaves are back after this */
+#define SWAY_S   2.0 /* period of the leaves' motion */
 
 struct sst_vec3 sst_world_at(const struct sst_world *w, double x, double y, double disp_px)
 {
@@ -98,7 +98,7 @@ struct sst_surface *sst_add_ball(struct sst_world *w, struct sst_vec3 centre, do
     return sst_add_ellipsoid(w, centre, sst_v(rx, 0, 0), sst_v(0, ry, 0), sst_v(0, 0, rz), mat);
 }
 
-/* Two unit vectors across a unit vector; the first lies in the picture plane where it can. */
+/* Two unit vectors perpendicular to a unit vector; the first lies in the picture plane if possible. */
 static void across(struct sst_vec3 a, struct sst_vec3 *b, struct sst_vec3 *c)
 {
     *b = sst_cross(sst_v(0, 0, 1), a);
@@ -166,14 +166,14 @@ void sst_add_shadow(struct sst_world *w, double x, double y, double z, double rx
     s->hide = 0;
 }
 
-/* --- foliage ----------------------------------------------------------------------------------------------------- */
+/* --- foliage ------------------------------------------------------------------------------------------------------ */
 
 static const unsigned leaf_colours[][2] = {
     { 0x3f7a2a, 0x7fae3c }, { 0x2f6424, 0x5f9a38 }, { 0x54862a, 0x9dbb45 },
     { 0x2a5a30, 0x4f8a48 }, { 0x6b8f2e, 0xb4c455 },
 };
 
-/* light: 0 in the depth of the bush .. 1 on its face. */
+/* light: 0 deep in the bush .. 1 at its surface. */
 static void add_leaf(struct sst_world *w, struct sst_vec3 centre, double half_mm, float light)
 {
     const double turn = TURN * sst_random(&w->rng), tilt = sst_random_in(&w->rng, -0.9, 0.9);

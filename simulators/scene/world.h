@@ -1,4 +1,4 @@
-/* simulators/scene/world.h - what scenes are made of: textured patches and ellipsoids, and the seven that are built. */
+/* simulators/scene/world.h - building blocks of scenes: textured patches and ellipsoids; the renderer. */
 #ifndef SST_SIMULATORS_SCENE_WORLD_H
 #define SST_SIMULATORS_SCENE_WORLD_H
 
@@ -16,7 +16,7 @@ struct sst_rgb {
     float r, g, b;
 };
 
-/** Where a ray meets a surface. Only functions of the surface point: all views see the same. */
+/** Intersection of a ray with a surface. Depends only on the surface point: all views see the same. */
 struct sst_hit {
     struct sst_vec3 t; /* mm along the surface's axes; z is 0 on a patch */
     struct sst_vec3 q; /* the same with the half-axes as units: -1..1 on a patch, length 1 on an ellipsoid */
@@ -25,10 +25,10 @@ struct sst_hit {
 
 struct sst_surface;
 
-/** Colour before light, 0..1. @return opacity 0..1; only translucent surfaces heed it. */
+/** Colour before lighting, 0..1. @return opacity 0..1, used for translucent surfaces only */
 typedef float sst_paint_fn(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out);
 
-/** Is the point (x, y), -1..1 each, inside the outline? */
+/** True if the point (x, y), -1..1 each, is inside the outline. */
 typedef bool sst_mask_fn(const struct sst_surface *s, double x, double y);
 
 struct sst_material {
@@ -36,21 +36,21 @@ struct sst_material {
     struct sst_rgb a, b;
     double scale_mm;  /* size of the pattern */
     double k;         /* the paint's own parameter */
-    const char *text; /* of paints that write */
+    const char *text; /* for paints with text */
 };
 
 struct sst_surface {
     bool ellipsoid;
-    bool translucent; /* blended over what is behind; such surfaces are added from far to near */
+    bool translucent; /* blended with what is behind; such surfaces are added from far to near */
     bool round;       /* patch lit like the cylinder with axis u */
     bool unlit;
     uint8_t label;
     unsigned hide; /* bit i: belongs to occluder i */
     uint32_t seed;
-    float grain; /* strength of the fine texture that every surface carries */
+    float grain; /* strength of the fine texture on every surface */
     double grain_mm;
     struct sst_material mat;
-    const void *own;                 /* of a paint from elsewhere */
+    const void *own;                 /* data of an external paint */
     sst_mask_fn *mask;               /* NULL: the whole patch */
     double outline;                  /* the mask's own parameter */
     struct sst_vec3 origin, u, v, w; /* centre and half-axes; a patch has no w */
@@ -58,14 +58,14 @@ struct sst_surface {
 
 struct sst_world {
     double focal, spacing_mm; /* focal length in design pixels */
-    double shift;             /* of the principal point below the picture's middle, design pixels */
+    double shift;             /* offset of the principal point below the picture's centre, design pixels */
     double time_s;
     uint64_t rng;
-    /* what surfaces added next get */
+    /* properties of the surfaces added next */
     int label;
     unsigned hide;
     struct sst_rgb tint; /* factors of their colours */
-    /* added so far */
+    /* surfaces added so far */
     struct sst_surface *surfaces, scrap;
     int count, capacity;
     bool failed; /* out of memory */
@@ -127,17 +127,17 @@ static inline struct sst_material sst_mat(sst_paint_fn *paint, unsigned a, unsig
     return (struct sst_material){ .paint = paint, .a = sst_hex(a), .b = sst_hex(b), .scale_mm = scale_mm };
 }
 
-/** The point seen at design pixel (x, y) with disparity d, and the mm that one design pixel spans there. */
+/** The point at design pixel (x, y) with disparity d, and the mm per design pixel there. */
 struct sst_vec3 sst_world_at(const struct sst_world *w, double x, double y, double disp_px);
 double sst_world_mm(const struct sst_world *w, double disp_px);
 
 /** Declare an occluder; its bit for `hide`. */
 unsigned sst_world_occluder(struct sst_world *w, const char *name, int label, int target_label);
 
-/** Surfaces added from now on make one object: its label, the occluders it belongs to and a tint of its own. */
+/** Start an object: sets label, occluders and a random tint of the surfaces added from now on. */
 void sst_begin(struct sst_world *w, int label, unsigned hide);
 
-/* Each adds surfaces of the current label and hide bits. The pointer is valid until the next addition. */
+/* Add surfaces with the current label and hide bits. The pointer is valid until the next addition. */
 struct sst_surface *sst_add_patch(struct sst_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
                                   struct sst_material mat);
 struct sst_surface *sst_add_ellipsoid(struct sst_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
@@ -147,18 +147,19 @@ struct sst_surface *sst_add_ball(struct sst_world *w, struct sst_vec3 centre, do
 /** Ellipsoid around the segment p-q, v along it. */
 struct sst_surface *sst_add_limb(struct sst_world *w, struct sst_vec3 p, struct sst_vec3 q, double radius,
                                  struct sst_material mat);
-/** Strip from p to q that faces the cameras and is lit like a rod. */
+/** Strip from p to q that faces the cameras and is lit like a cylinder. */
 struct sst_surface *sst_add_bar(struct sst_world *w, struct sst_vec3 p, struct sst_vec3 q, double half_width,
                                 struct sst_material mat);
 /** Six patches. */
 void sst_add_box(struct sst_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
                  struct sst_vec3 axis_w, struct sst_material mat);
-/** Facing plane of disparity d, centred on design pixel (x, y), half size in design pixels. */
+/** Plane facing the cameras at disparity d, centred on design pixel (x, y), half size in design pixels. */
 struct sst_surface *sst_add_board(struct sst_world *w, double x, double y, double disp_px, double half_x, double half_y,
                                   struct sst_material mat);
 /** Horizontal plane y mm below the reference view from depth z0 to z1. */
 struct sst_surface *sst_add_floor(struct sst_world *w, double y, double z0, double z1, struct sst_material mat);
-/** Soft dark spot on the floor at height y; belongs to no occluder, because a shadow stays where it fell. */
+/** Soft dark spot on the floor at height y; belongs to no occluder, because a shadow stays when the occluder is
+ *  hidden. */
 void sst_add_shadow(struct sst_world *w, double x, double y, double z, double rx, double rz);
 /** Leaves of half width `half_mm` over a box of design pixels x0..x1, y0..y1 and disparities d0..d1. */
 void sst_add_foliage(struct sst_world *w, int count, const double x[2], const double y[2], const double d[2],
@@ -167,7 +168,7 @@ void sst_add_foliage(struct sst_world *w, int count, const double x[2], const do
 void sst_add_branch(struct sst_world *w, struct sst_vec3 a, struct sst_vec3 b, double half_mm);
 
 /* Paints; a and b are the two colours of a material. */
-sst_paint_fn sst_paint_fbm;   /* clouds from a to b; k: how far they are drawn out along y, 0 as 1 */
+sst_paint_fn sst_paint_fbm;   /* clouds from a to b; k: stretch along y, 0 means 1 */
 sst_paint_fn sst_paint_cloth; /* plaid; k: 0 plaid, 1 stripes along y, 2 denim, 3 corduroy */
 sst_paint_fn sst_paint_brick; /* bricks a, mortar b; scale: length of a brick */
 sst_paint_fn sst_paint_wood;  /* boards along x; scale: width of a board */
@@ -188,7 +189,7 @@ sst_paint_fn sst_paint_feather;
 sst_paint_fn sst_paint_wheel;    /* tyre, rim and spokes; with sst_mask_wheel */
 sst_paint_fn sst_paint_membrane; /* translucent */
 sst_paint_fn sst_paint_tissue;   /* nuclei and organelles */
-sst_paint_fn sst_paint_shadow;   /* translucent, never more than half opaque */
+sst_paint_fn sst_paint_shadow;   /* translucent, at most half opaque */
 
 /* Outlines. */
 sst_mask_fn sst_mask_leaf;
@@ -214,30 +215,30 @@ sst_build_fn sst_build_bush, sst_build_pedestrian, sst_build_transportation, sst
     sst_build_cd_cases, sst_build_cat;
 
 /**
- * Build a scene's surfaces at cfg->time_s, without what sst_scene_create() learns by looking at them.
+ * Build a scene's surfaces at cfg->time_s, without the ranges that sst_scene_create() measures.
  *
  * @return 0, -EINVAL (unknown name or absurd size, logged), -ENOMEM
  */
 SST_MUST_CHECK int sst_world_build(struct sst_world *w, const char *name, const struct sst_scene_config *cfg);
 void sst_world_fini(struct sst_world *w);
 
-/* --- the renderer ------------------------------------------------------------------------------------------------ */
+/* --- the renderer ------------------------------------------------------------------------------------------------- */
 
-/** A picture whose pixels look elsewhere than an ideal camera's: a lens with distortion, a turned camera. */
+/** Mapping from pixels to positions of an ideal camera: lens distortion, a rotated camera. */
 struct sst_warp {
     int width, height, columns, rows;
-    float *x, *y;      /* [height][width]: position in the ideal picture that a pixel's centre looks at */
-    float (*tiles)[4]; /* [rows][columns]: least and greatest of x - column, and of y - row, in a tile of pixels */
-    float all[4];      /* the same of the whole picture */
+    float *x, *y;      /* [height][width]: position of a pixel's centre in the ideal picture */
+    float (*tiles)[4]; /* [rows][columns]: minimum and maximum of x - column and y - row in a tile of pixels */
+    float all[4];      /* the same for the whole picture */
 };
 
-/** Room for the positions, which the caller fills in. @return 0 or -ENOMEM */
+/** Allocate the positions, which the caller fills in. @return 0 or -ENOMEM */
 SST_MUST_CHECK int sst_warp_init(struct sst_warp *warp, int width, int height);
 void sst_warp_fini(struct sst_warp *warp);
-/** To be called once x and y are filled in; they are bounds, no holes are looked for. */
+/** Compute the bounds after x and y are filled in. */
 void sst_warp_index(struct sst_warp *warp);
 
-/** From a box in the ideal picture to one that holds all pixels that look into it, as far as there are any. */
+/** Bounding box of the pixels that map into a box of the ideal picture. */
 void sst_warp_box(const struct sst_warp *warp, double *lo_x, double *hi_x, double *lo_y, double *hi_y);
 
 static inline double sst_warp_x(const struct sst_warp *warp, int x, int y)
@@ -250,38 +251,38 @@ static inline double sst_warp_y(const struct sst_warp *warp, int x, int y)
     return warp->y[(size_t)y * (size_t)warp->width + (size_t)x];
 }
 
-/** One view of a world. Pixel (i, j) of the outputs looks at picture position (i * step_x, j * step_y), or where the
- *  warp says. */
+/** Rendering of one view of a world. Pixel (i, j) of the outputs samples picture position (i * step_x, j * step_y), or
+ *  the warp's. */
 struct sst_raster {
     const struct sst_world *world;
     double focal_px, cx, cy;
     int width, height;     /* of the outputs */
-    double step_x, step_y; /* 1: the picture itself; image and warp need 1 */
+    double step_x, step_y; /* 1: full resolution; required for image and warp */
     double bx, by, eye_z_mm;
     unsigned hidden;
     const struct sst_warp *warp; /* of the outputs' size; or NULL */
     struct sst_image *image;     /* or NULL */
     struct sst_map_f32 *disp;    /* or NULL */
     struct sst_map_u8 *label;    /* or NULL */
-    struct sst_map_u8 *owner;    /* hide bits of what is seen; or NULL */
+    struct sst_map_u8 *owner;    /* hide bits of the visible surface; or NULL */
 };
 
 /** @return 0 or -ENOMEM. */
 SST_MUST_CHECK int sst_raster_run(const struct sst_raster *r);
 
-/* --- many pictures of a world in which little moves -------------------------------------------------------------- */
+/* --- many pictures of a nearly static world ----------------------------------------------------------------------- */
 
-/** Names the surfaces that differ between two states of a world. @param moving in and out, [count]: set, never cleared
- */
+/** Find the surfaces that differ between two states of a world. @param moving  in and out, [count]: set, never
+ *  cleared */
 void sst_world_compare(const struct sst_world *a, const struct sst_world *b, bool *moving);
 
 struct sst_layers; /* opaque; one thread at a time */
 
 /**
- * Render all that does not move, once.
+ * Render the fixed surfaces once.
  *
- * @param r       its world, which must stay, and its warp and image; the image is used by draw alone
- * @param moving  [count of surfaces]; must stay
+ * @param r        its world, which must outlive the layers, its warp and image; the image is only used by draw
+ * @param moving   [count of surfaces]; must outlive the layers
  * @param threads  to share the work among; at least 1
  * @return 0 or -ENOMEM
  */
@@ -289,8 +290,7 @@ SST_MUST_CHECK int sst_layers_create(struct sst_layers **out, const struct sst_r
                                      int threads);
 void sst_layers_destroy(struct sst_layers *layers);
 
-/** Draw rows y0 .. y1-1 of the image as they are in another state of the world: the same bytes as by sst_raster_run().
- */
+/** Draw rows y0 .. y1-1 of the image for another state of the world: the same bytes as sst_raster_run(). */
 void sst_layers_draw(struct sst_layers *layers, const struct sst_world *world, int y0, int y1);
 
 #endif

@@ -1,5 +1,4 @@
 /* simulators/devices/usb/usb_model.h - model of USB controllers, hubs and cameras; no I/O. */
-*I / O.* /
 #ifndef SST_SIMULATORS_DEVICES_USB_USB_MODEL_H
 #define SST_SIMULATORS_DEVICES_USB_USB_MODEL_H
 
@@ -11,7 +10,7 @@
 #define SST_SIM_USB_TEXT  64
 #define SST_SIM_USB_ALTS  16
 
-    struct sst_sim_usb; /* opaque; one thread */
+struct sst_sim_usb; /* opaque; one thread */
 
 enum sst_sim_usb_kind {
     SST_SIM_USB_ROOT = 0, /* root hub: a bus of a controller */

@@ -25,7 +25,7 @@ static const uint64_t april_tag[SST_SIM_APRIL_TAGS] = {
 
 /* --- the pattern -------------------------------------------------------------------------------------------------- */
 
-/* Module at (x, y), 0..1 each from the marker's upper left: the border is black. */
+/* Colour of the module at (x, y), 0..1 each from the marker's upper left; the border is black. */
 static bool module(uint64_t bits, int modules, int border, double x, double y)
 {
     const int side = modules + 2 * border;
@@ -36,7 +36,7 @@ static bool module(uint64_t bits, int modules, int border, double x, double y)
     return bits >> (modules * modules - 1 - row * modules - column) & 1;
 }
 
-/* These stand for floor() and fmin(), which cost a call each where they are asked for a hundred million times. */
+/* Inline replacements of floor() and fmin(), which would cost a hundred million calls. */
 static int whole(double x)
 {
     return (int)(x + 1024) - 1024; /* boards have fewer squares */
@@ -77,7 +77,7 @@ static bool squares(const struct sst_sim_board *b, double x, double y, double *c
         return true;
     }
     *clear = lesser(to_line(u * side), to_line(v * side)) * b->marker / side;
-    /* White squares before this one: of two rows together there are cols, the first of them has cols / 2. */
+    /* Number of white squares before this one: two rows together have cols, the first has cols / 2. */
     id = row / 2 * b->cols + (row & 1) * (b->cols / 2) + column / 2;
     return module(charuco_marker[id], CHARUCO_MODULES, 1, u, v);
 }
@@ -142,10 +142,10 @@ static float paint_board(const struct sst_surface *s, const struct sst_hit *h, s
     return 1;
 }
 
-/* --- boards in worlds -------------------------------------------------------------------------------------------- */
+/* --- boards in worlds --------------------------------------------------------------------------------------------- */
 
-/* Half of what is left of the picture beside the board, at a distance where a design pixel spans mm, so that the
- * outermost cameras still see most of it. */
+/* Half of the free space beside the board in the picture, at a distance where a design pixel spans mm, so that the
+ * outermost cameras still see most of the board. */
 static double room(double picture, double mm, double board_mm, int cameras, double spacing_mm)
 {
     return fmax(0, (picture * mm - 0.9 * board_mm - (cameras - 1) * spacing_mm) / 2);
@@ -158,7 +158,7 @@ void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings
 
     sim_board_size(b, &width, &height);
     for (int i = 0; i < b->poses; i++) {
-        const double share = sst_random_in(&rng, 0.3, 0.55); /* of the picture's width */
+        const double share = sst_random_in(&rng, 0.3, 0.55); /* board size over picture width */
         const double z = w->focal * width / (share * PICTURE_WIDTH), mm = z / w->focal;
         const double x = room(PICTURE_WIDTH, mm, width, s->cols, w->spacing_mm);
         const double y = room(PICTURE_HEIGHT, mm, height, s->rows, w->spacing_mm);

@@ -9,24 +9,24 @@
 #include "base/thread.h"
 
 #define TURN      6.283185307179586
-#define BAND_ROWS 16 /* of one time, where the shutter rolls */
+#define BAND_ROWS 16 /* rows with the same exposure time of a rolling shutter */
 
 struct sim_stage {
     const struct sst_sim_settings *settings;
     struct sim_optics optics;
     struct sim_camera camera[SST_CAMERAS_MAX];
-    struct sim_camera moved[SST_CAMERAS_MAX]; /* those that move on the way, from then on */
+    struct sim_camera moved[SST_CAMERAS_MAX]; /* moving cameras after their move */
     struct sst_sim_board board;               /* with its poses */
-    struct sst_world first;                   /* at the loop's begin */
+    struct sst_world first;                   /* at the start of the loop */
     bool *moving;                             /* [surfaces] */
     int frames;
     bool empty;           /* the scene is "board": boards are drawn over it */
-    int fine;             /* pixels rendered for one, along each side: edges of boards are finer than four samples */
+    int fine;             /* rendered pixels per pixel along each side: board edges need more than four samples */
     struct sst_warp warp; /* of the rig's camera */
     struct sim_photo *photo;
 };
 
-/* --- the surfaces at a time -------------------------------------------------------------------------------------- */
+/* --- the surfaces at a time --------------------------------------------------------------------------------------- */
 
 /* The empty room, with the optics of another scene where the settings name one. */
 static int build_room(const struct sim_stage *s, const struct sst_scene_config *cfg, struct sst_world *w)
@@ -71,13 +71,13 @@ static int build(const struct sim_stage *s, int frame, double late_s, struct sst
     return err;
 }
 
-/* How much later than the first row these rows are exposed. */
+/* Delay of the exposure of these rows after the first row. */
 static double late_s(const struct sst_sim_settings *c, int row)
 {
     return c->rolling ? row * c->line_us / 1e6 : 0;
 }
 
-/* What moves; and a loop in which nothing changes is one frame long. */
+/* Find moving surfaces; a loop without any change is one frame long. */
 static int find_motion(struct sim_stage *s)
 {
     const struct sst_sim_settings *c = s->settings;
@@ -104,7 +104,7 @@ static int find_motion(struct sim_stage *s)
     return 0;
 }
 
-/* --- where a camera's pixels look -------------------------------------------------------------------------------- */
+/* --- mapping of a camera's pixels --------------------------------------------------------------------------------- */
 
 static bool is_ideal(const struct sim_stage *s, const struct sim_camera *c)
 {
@@ -118,7 +118,7 @@ static bool is_ideal(const struct sim_stage *s, const struct sim_camera *c)
     return c->fx == o->focal_px && c->fy == o->focal_px && c->cx == o->cx && c->cy == o->cy;
 }
 
-/* Position in the ideal picture of what the camera sees at (x, y). @return false: the lens folds over before it */
+/* Position in the ideal picture of the camera's pixel (x, y). @return false: beyond the fold of the lens */
 static bool look(const struct sim_optics *o, const struct sim_camera *c, double x, double y, double out[2])
 {
     const double *r = c->rotation;
@@ -135,7 +135,7 @@ static bool look(const struct sim_optics *o, const struct sim_camera *c, double 
     return true;
 }
 
-/* A lattice over the picture: where no pixel of it folds, none between does. */
+/* Checks a lattice over the picture: if no lattice pixel folds, none between does. */
 static int check_lens(const struct sim_stage *s, const struct sim_camera *camera, int cam)
 {
     const int steps = 16;
@@ -208,7 +208,7 @@ static void aim(const struct sim_stage *s, const struct take *t, struct sst_imag
     };
 }
 
-/* --- opening ----------------------------------------------------------------------------------------------------- */
+/* --- opening ------------------------------------------------------------------------------------------------------ */
 
 static void find_optics(struct sim_stage *s)
 {
@@ -234,7 +234,7 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
     s->empty = !strcmp(settings->scene, "board");
     s->fine = settings->board.kind && !s->empty ? 2 : 1;
     s->frames = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
-    err = build(s, 0, 0, &s->first); /* without the board, whose poses may follow from the scene's size */
+    err = build(s, 0, 0, &s->first); /* without the board, whose poses may depend on the scene's size */
     if (err)
         goto fail;
     find_optics(s);
@@ -307,11 +307,11 @@ int sim_stage_frames(const struct sim_stage *s)
     return s->frames;
 }
 
-/* --- pictures ---------------------------------------------------------------------------------------------------- */
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
 
 /*
  * Half the size, weights 1 3 3 1 of four pixels each way: a pixel's area and the blur of a lens, about half a pixel.
- * Edges sharper than any lens makes them would shift found corners by up to a tenth of a pixel.
+ * Unrealistically sharp edges would shift detected corners by up to a tenth of a pixel.
  */
 static void soften(const struct sst_image *in, struct sst_image *out)
 {
@@ -334,7 +334,7 @@ static void soften(const struct sst_image *in, struct sst_image *out)
     }
 }
 
-/* From the rendered picture to the sensor's: in place, or where fine is 2 from the large one. */
+/* From the rendered picture to the sensor's: in place, or from the large one if fine is 2. */
 static void expose(const struct sim_stage *s, const struct take *t, int frame, const struct sst_image *fine,
                    struct sst_image *native)
 {
@@ -349,7 +349,7 @@ static void expose(const struct sim_stage *s, const struct take *t, int frame, c
     sim_photo_expose(s->photo, &e, s->fine == 2 ? native : fine, native);
 }
 
-/* All rows at once, or band by band where the shutter rolls. */
+/* Draw all rows at once, or band by band for a rolling shutter. */
 static int draw(const struct sim_stage *s, struct sst_layers *layers, int frame)
 {
     const int height = s->settings->height, step = s->settings->rolling ? BAND_ROWS : height;
@@ -412,7 +412,7 @@ static int shoot(const struct sim_stage *s, const struct take *t)
     return err;
 }
 
-/* With a lens of its own and where it stands. */
+/* Render a picture with the camera's own lens and position. */
 static int shoot_from(const struct sim_stage *s, struct take *t, const struct sim_camera *camera)
 {
     struct sst_warp warp = { 0 };

@@ -37,7 +37,7 @@ static void default_board(struct sst_sim_board *b)
     b->seeded = true;
 }
 
-/* Whole periods of what moves in the scene, so that the loop has no seam. */
+/* Whole periods of the scene's motion, so that the loop is seamless. */
 static void default_loop(struct sst_sim_settings *s)
 {
     s->rate_hz = !strcmp(s->scene, "bush") ? 5 : s->board.kind ? 1 : 10;
@@ -48,7 +48,7 @@ static void default_loop(struct sst_sim_settings *s)
 
 void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
 {
-    memset(s, 0, sizeof(*s)); /* also between the fields: the bytes are the cache's key */
+    memset(s, 0, sizeof(*s)); /* padding included: the bytes are the cache's key */
     snprintf(s->scene, sizeof(s->scene), "%s", scene);
     s->seed = 1;
     s->rows = s->cols = 6;
@@ -64,7 +64,7 @@ void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
     default_loop(s);
 }
 
-/* --- the file ---------------------------------------------------------------------------------------------------- */
+/* --- the file ----------------------------------------------------------------------------------------------------- */
 
 /* "[a, b]" with whole numbers. */
 static void read_pair(struct sst_yaml *doc, const struct sst_yaml_node *node, int min, int max, int *a, int *b)
@@ -143,7 +143,7 @@ static void read_timing(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
     sst_yaml_double(doc, sst_yaml_get(map, "clock_drift_spread_ppm"), 0, 1000, &s->clock_drift_spread_ppm);
 }
 
-/* A number: so many poses by the seed. A list: the poses themselves. */
+/* A number: this many poses by the seed. A list: the poses themselves. */
 static void read_poses(struct sst_yaml *doc, struct sst_yaml_node *node, struct sst_sim_board *b, bool alone)
 {
     if (!node)
@@ -228,7 +228,7 @@ static void read_override(struct sst_yaml *doc, struct sst_yaml_node *map, struc
     }
 }
 
-/* "moves": from a frame of the loop on. */
+/* "moves": a change of pose from a frame of the loop on. */
 static void read_moves(struct sst_yaml *doc, struct sst_yaml_node *map, const struct sst_sim_settings *s,
                        struct sst_sim_override *o)
 {
@@ -284,7 +284,7 @@ static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
                        strip_height(s->width));
 }
 
-/* A mapping below the root, where it is there. */
+/* A mapping below the root, if present. */
 static struct sst_yaml_node *section(struct sst_yaml *doc, struct sst_yaml_node *root, const char *key)
 {
     struct sst_yaml_node *node = sst_yaml_get(root, key);
