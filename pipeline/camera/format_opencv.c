@@ -155,7 +155,7 @@ static void refuse_fisheye(struct sst_yaml *doc, struct sst_yaml_node *root)
         sst_yaml_fault(doc, fisheye, "is set; cameras here are pinholes, so calibrate again without it");
 }
 
-static void read_one(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose_camera *c, double unit_mm)
+static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose_camera *c, double unit_mm)
 {
     struct sst_yaml_node *matrix = get_any(root, matrix_names), *lens = get_any(root, lens_names);
     struct sst_yaml_node *name = sst_yaml_get(root, "camera_name");
@@ -209,7 +209,7 @@ static double unit_of(const struct sst_calib_format_config *cfg)
 }
 
 /* Read one camera from a document, which is freed. */
-static int take_one(struct sst_loose *loose, struct sst_yaml *doc, const char *file,
+static int read_one(struct sst_loose *loose, struct sst_yaml *doc, const char *file,
                     const struct sst_calib_format_config *cfg)
 {
     struct sst_yaml_node *root = sst_yaml_root(doc);
@@ -224,7 +224,7 @@ static int take_one(struct sst_loose *loose, struct sst_yaml *doc, const char *f
     if (c && root) {
         sst_yaml_know_tree(root);
         (void)sst_loose_place(name, &c->row, &c->col);
-        read_one(doc, root, c, unit_of(cfg));
+        read_camera(doc, root, c, unit_of(cfg));
     }
     err = c ? sst_yaml_finish(doc) : -EBADMSG;
     sst_yaml_destroy(doc);
@@ -239,7 +239,7 @@ int sst_opencv_parse(struct sst_calib *out, const char *text, size_t size, const
     int err = loose ? parse_yaml(&doc, text, size, name) : -ENOMEM;
 
     if (!err)
-        err = take_one(loose, doc, name, cfg);
+        err = read_one(loose, doc, name, cfg);
     if (!err) {
         if (!cfg->rows) /* a single file is a single camera, whatever its position was */
             loose->camera[0].row = loose->camera[0].col = -1;
@@ -278,7 +278,7 @@ static int read_folder(struct sst_loose *loose, const char *path, const struct s
         if (!err)
             err = read_yaml(&doc, file);
         if (!err)
-            err = take_one(loose, doc, file, cfg);
+            err = read_one(loose, doc, file, cfg);
         free(entry[i]);
     }
     free(entry);
@@ -335,7 +335,7 @@ static int find_pair(char out[SST_PATH_MAX], const char *path, const char *word)
     return -ENOENT;
 }
 
-static int take_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_yaml *ex, const char *file,
+static int read_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_yaml *ex, const char *file,
                      const struct sst_calib_format_config *cfg)
 {
     struct sst_yaml_node *root[2] = { sst_yaml_root(in), sst_yaml_root(ex) };
@@ -383,7 +383,7 @@ int sst_opencv_stereo_read(struct sst_calib *out, const char *path, const struct
     if (!err)
         err = read_yaml(&ex, file);
     if (!err)
-        err = take_pair(loose, in, ex, path, cfg);
+        err = read_pair(loose, in, ex, path, cfg);
     if (!err)
         err = sst_loose_assemble(out, loose, cfg, path, "OpenCV");
     sst_yaml_destroy(in);

@@ -113,7 +113,7 @@ static bool is_name(char c)
 }
 
 /* Parse the name of an opening or closing tag; `at` moves behind its '>', attributes are skipped. */
-static size_t take_tag(struct xml *x, const char *open, const char **name)
+static size_t read_tag(struct xml *x, const char *open, const char **name)
 {
     size_t n = 0;
 
@@ -169,7 +169,7 @@ static int count_numbers(const char *p, const char *end)
 static void put_words(struct xml *x)
 {
     const char *end = x->at;
-    bool told = false;
+    bool has_word = false;
     int numbers;
 
     while (end < x->end && *end != '<')
@@ -189,10 +189,10 @@ static void put_words(struct xml *x)
             emit(x, "\n", *x->at == '\n');
             continue;
         }
-        if (told && is_blank(x->at[-1]))
+        if (has_word && is_blank(x->at[-1]))
             emit(x, ", ", 2);
         emit(x, x->at, 1);
-        told = true;
+        has_word = true;
     }
     emit(x, numbers <= 0 ? "\"" : "]", numbers != 1);
 }
@@ -227,7 +227,7 @@ static void put_content(struct xml *x, int depth)
 static void put_element(struct xml *x, bool listed, int depth)
 {
     const char *name = NULL, *closing = NULL;
-    const size_t n = take_tag(x, "<", &name);
+    const size_t n = read_tag(x, "<", &name);
     size_t m;
 
     if (x->err)
@@ -244,7 +244,7 @@ static void put_element(struct xml *x, bool listed, int depth)
     put_content(x, depth + 1);
     if (x->err)
         return;
-    m = take_tag(x, "</", &closing);
+    m = read_tag(x, "</", &closing);
     if (!x->err && (m != n || memcmp(name, closing, n) != 0))
         refuse(x, "a tag that closes another element");
 }
@@ -256,12 +256,12 @@ static int from_xml(char **out, size_t *out_size, const char *text, size_t size,
     size_t n;
 
     skip_rest(&x);
-    n = x.err ? 0 : take_tag(&x, "<", &tag);
+    n = x.err ? 0 : read_tag(&x, "<", &tag);
     if (!x.err && (n != 14 || memcmp(tag, "opencv_storage", 14) != 0))
         refuse(&x, "the outermost element is not opencv_storage");
     if (!x.err)
         put_content(&x, 0);
-    if (!x.err && take_tag(&x, "</", &tag) != 14)
+    if (!x.err && read_tag(&x, "</", &tag) != 14)
         refuse(&x, "opencv_storage does not end");
     emit(&x, "\n", 2); /* with the NUL */
     if (x.err) {

@@ -184,8 +184,8 @@ static int find_grid(const struct sst_loose *loose, const struct sst_calib_forma
     return -EINVAL;
 }
 
-static int take_size(struct sst_calib *out, const struct sst_loose_camera *c, const struct sst_calib_format_config *cfg,
-                     const char *file)
+static int set_size(struct sst_calib *out, const struct sst_loose_camera *c, const struct sst_calib_format_config *cfg,
+                    const char *file)
 {
     const int width = c->width ? c->width : cfg->width, height = c->height ? c->height : cfg->height;
 
@@ -223,7 +223,7 @@ static int place_cameras(struct sst_calib *out, const struct sst_loose *loose,
                                      : "its pose (R, T) is missing; calibrate the cameras together");
             return -EBADMSG;
         }
-        err = take_size(out, c, cfg, file);
+        err = set_size(out, c, cfg, file);
         if (err)
             return err;
         out->camera[view] = c->cam;

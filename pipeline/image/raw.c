@@ -66,7 +66,7 @@ struct neighbours {
     int diagonal;       /* sum of four */
 };
 
-static struct neighbours look(const struct sst_raw *raw, int x, int y)
+static struct neighbours neighbours_of(const struct sst_raw *raw, int x, int y)
 {
     const size_t stride = stride_of(raw);
     const uint8_t *row[5];
@@ -94,7 +94,7 @@ static uint8_t sixteenth(int v)
 /* The sampled colour is exact; the other two come from the paper's 5x5 filters, here in sixteenths. */
 static void bayer_pixel(struct sst_image *img, const struct sst_raw *raw, int x, int y, int red_x, int red_y)
 {
-    const struct neighbours n = look(raw, x, y);
+    const struct neighbours n = neighbours_of(raw, x, y);
     const bool red_col = x % 2 == red_x, red_row = y % 2 == red_y;
     uint8_t *rgb[3];
 

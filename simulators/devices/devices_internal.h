@@ -179,14 +179,14 @@ SST_MUST_CHECK int sim_link(struct sim_server *s, const char *path, const char *
 /* --- the server --------------------------------------------------------------------------------------------------- */
 
 /** Handler of the session's control calls; set by the main program. */
-struct sst_sim_control {
+struct session_control {
     void *arg;
     /** SST_SIM_FAULT, FAULTS, STATUS, STOP. */
     int (*call)(void *arg, struct sim_request *r);
 };
 
 /** @param dir  session folder, exists, absolute. @return 0 or -errno, logged. */
-SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, const struct sst_sim_control *control);
+SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, const struct session_control *control);
 /** Drops all handles, removes all nodes. NULL is fine. */
 void sim_server_close(struct sim_server *s);
 
@@ -637,7 +637,7 @@ struct sim_watched {
 
 struct sim_server {
     char dir[SST_PATH_MAX];
-    struct sst_sim_control control;
+    struct session_control control;
     int epoll, listener, timerfd;
     int hangups; /* nested epoll of the open files' ends */
     bool stop;
@@ -853,7 +853,7 @@ struct sim_usb_front {
     struct sst_sim_usb *usb;
     struct usb_shown *shown; /* [devices] */
     struct usb_driver_file driver_file[4];
-    bool telling; /* inside an event of the model: consequences are not by hand */
+    bool in_event; /* inside an event of the model: consequences are not by hand */
 };
 
 /* usb_sysfs.c */

@@ -20,7 +20,7 @@ static void forget_event(struct sim_open *o, int i)
 }
 
 /* Dequeue the oldest event. */
-static void take(struct sim_open *o, struct sim_request *r)
+static void dequeue(struct sim_open *o, struct sim_request *r)
 {
     struct v4l2_event *out = (struct v4l2_event *)r->data;
 
@@ -49,7 +49,7 @@ static void put(struct sim_open *o, int control, uint32_t changes)
     o->event[o->events++] = e;
     if (waiter) {
         o->event_waiter = NULL;
-        take(o, waiter);
+        dequeue(o, waiter);
         sst_sim_answer(o->cam->server, waiter, 0);
     } else {
         sim_handle_urgent(o->handle);
@@ -103,7 +103,7 @@ int sim_cam_unsubscribe(struct sim_open *o, const struct v4l2_event_subscription
 int sim_cam_dequeue_event(struct sim_open *o, struct sim_request *r)
 {
     if (o->events) {
-        take(o, r);
+        dequeue(o, r);
         return 0;
     }
     if (r->call.flags & SST_SIM_NONBLOCK)

@@ -234,7 +234,7 @@ static void damage(struct sim_cam *cam, struct sim_buffer *b)
 }
 
 /* Memory of another device: copy the frame there. */
-static bool hand_over(const struct sim_buffer *b)
+static bool copy_to_dmabuf(const struct sim_buffer *b)
 {
     return b->dmabuf < 0 || pwrite(b->dmabuf, b->data, b->bytesused, 0) == (ssize_t)b->bytesused;
 }
@@ -259,7 +259,7 @@ static void fill(struct sim_cam *cam, const struct sim_shot *shot, uint32_t sequ
     b->sequence = sequence;
     b->stamp_ns = stamp_of(cam, shot->exposure.t_ns) + later_ns;
     damage(cam, b);
-    if (!hand_over(b))
+    if (!copy_to_dmabuf(b))
         b->error = true;
     cam->counters.frames++;
     sim_array_truth(cam->array, cam, shot, b->stamp_ns, NULL);

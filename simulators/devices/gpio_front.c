@@ -32,7 +32,7 @@ struct open_file {
     struct sim_gpio_front *front;
     struct sim_handle *handle;
     struct sst_sim_gpio_file *file;
-    bool told; /* the socket holds a byte that signals events */
+    bool signalled; /* the socket holds a byte that signals events */
     struct sim_request *waiting[READERS];
     int readers;
 };
@@ -57,9 +57,9 @@ static int read_now(struct open_file *f, struct sim_request *r)
     const int n = sst_sim_gpio_read(f->file, r->data, want);
 
     r->out_bytes = n > 0 ? (uint32_t)n : 0;
-    if (f->told && !sst_sim_gpio_readable(f->file)) {
+    if (f->signalled && !sst_sim_gpio_readable(f->file)) {
         r->drain = 1;
-        f->told = false;
+        f->signalled = false;
     }
     return n;
 }
@@ -76,8 +76,8 @@ static void wake(void *arg, struct sst_sim_gpio_file *file)
         memmove(f->waiting, f->waiting + 1, (size_t)--f->readers * sizeof(f->waiting[0]));
         sst_sim_answer(f->handle->server, r, read_now(f, r));
     }
-    if (f && !f->told && sst_sim_gpio_readable(file))
-        f->told = sim_handle_readable(f->handle, "", 1) == 0;
+    if (f && !f->signalled && sst_sim_gpio_readable(file))
+        f->signalled = sim_handle_readable(f->handle, "", 1) == 0;
 }
 
 static int file_read(struct sim_handle *h, struct sim_request *r)
@@ -123,7 +123,7 @@ static void debounce_over(void *arg)
 }
 
 /** Attach a model's file to a program's handle. On failure the file is closed. */
-static int adopt(struct sim_gpio_front *front, struct sim_handle *h, struct sst_sim_gpio_file *file)
+static int attach(struct sim_gpio_front *front, struct sim_handle *h, struct sst_sim_gpio_file *file)
 {
     struct open_file *f = calloc(1, sizeof(*f));
 
@@ -145,7 +145,7 @@ static int chip_open(struct sim_handle *h, struct sim_request *r)
     const int err = sst_sim_gpio_open(chip->front->gpio, chip->number, &file);
 
     (void)r;
-    return err ? err : adopt(chip->front, h, file);
+    return err ? err : attach(chip->front, h, file);
 }
 
 static void file_close(struct sim_handle *h)
@@ -163,7 +163,7 @@ static void file_close(struct sim_handle *h)
     free(f);
 }
 
-static int hand_out(struct open_file *chip, struct sst_sim_gpio_file *file, struct sim_request *r)
+static int answer_file(struct open_file *chip, struct sst_sim_gpio_file *file, struct sim_request *r)
 {
     struct sim_handle *h;
     int fd, err = sim_handle_create(chip->handle->server, &lines_ops, NULL, &h, &fd);
@@ -174,7 +174,7 @@ static int hand_out(struct open_file *chip, struct sst_sim_gpio_file *file, stru
     }
     r->out_fd = fd;
     r->out_fd_close = true;
-    err = adopt(chip->front, h, file);
+    err = attach(chip->front, h, file);
     if (err)
         sim_handle_drop(h);
     return err;
@@ -190,7 +190,7 @@ static int file_ioctl(struct sim_handle *h, struct sim_request *r)
         return -EINVAL;
     result = sst_sim_gpio_ioctl(f->file, r->call.cmd, r->data, &opened, sst_clock_now_ns());
     if (result == 0 && opened)
-        result = hand_out(f, opened, r);
+        result = answer_file(f, opened, r);
     if (result == 0)
         r->out_bytes = _IOC_SIZE(r->call.cmd);
     after_call(f->front);
@@ -261,7 +261,7 @@ static int appear(struct chip *chip)
 }
 
 /** The chip is gone: hang up the programs' files. */
-static void disappear(struct chip *chip)
+static void hang_up(struct chip *chip)
 {
     struct open_file *f = chip->front->files;
 
@@ -296,7 +296,7 @@ static int fault_changed(void *arg, int instance, int fault, double value)
     (void)instance;
     if (!err && fault == SST_SIM_GPIO_VANISH) {
         if (value != 0 && chip->node)
-            disappear(chip);
+            hang_up(chip);
         else if (value == 0 && !chip->node)
             err = appear(chip);
     }

@@ -208,7 +208,7 @@ static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
 }
 
 /* The folder is removed at the end, so it must be new or empty. */
-static int take_folder(const char *name, char dir[SST_PATH_MAX])
+static int use_folder(const char *name, char dir[SST_PATH_MAX])
 {
     if (!name)
         return sim_session_make(dir);
@@ -228,7 +228,7 @@ static int run_session(const struct arguments *a, char *const argv[])
     /* Only while the world is prepared; later signals are blocked and handled by the event loop. */
     if (sst_file_clean_on_interrupt() || sim_simulator_open(&sim, &a->options))
         return EXIT_FAILURE;
-    if (take_folder(a->serve, dir) == 0) {
+    if (use_folder(a->serve, dir) == 0) {
         status = serve(sim, dir, argv);
         sim_simulator_close(sim);
         sst_path_remove_tree(dir);

@@ -131,7 +131,7 @@ struct sim_buffer *sim_cam_queue_next(struct sim_cam *cam)
 }
 
 /* Dequeue the oldest frame and answer DQBUF. */
-static void take(struct sim_queue *q, struct sim_request *r)
+static void dequeue(struct sim_queue *q, struct sim_request *r)
 {
     struct v4l2_buffer *out = (struct v4l2_buffer *)r->data;
     const uint32_t index = shift(q->done, &q->done_count);
@@ -160,7 +160,7 @@ void sim_cam_queue_done(struct sim_cam *cam)
     q->done[q->done_count++] = index;
     if (waiter) {
         q->waiter = NULL;
-        take(q, waiter);
+        dequeue(q, waiter);
         sst_sim_answer(cam->server, waiter, 0);
     } else if (q->owner) {
         /* One byte for each finished frame. 32 always fit. */
@@ -279,8 +279,8 @@ static int query_buffer(struct sim_queue *q, struct v4l2_buffer *a)
 }
 
 /* Accept the program's memory for a frame. */
-static int take_memory(const struct sim_cam *cam, struct sim_buffer *b, const struct v4l2_buffer *a,
-                       struct sim_request *r)
+static int accept_memory(const struct sim_cam *cam, struct sim_buffer *b, const struct v4l2_buffer *a,
+                         struct sim_request *r)
 {
     struct stat st;
 
@@ -319,7 +319,7 @@ static int queue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_requ
         return prepare ? -EINVAL : -EBADR;
     if (b->state != SST_SIM_BUFFER_DEQUEUED || (prepare && b->prepared))
         return -EINVAL;
-    err = b->prepared ? 0 : take_memory(cam, b, a, r);
+    err = b->prepared ? 0 : accept_memory(cam, b, a, r);
     if (err)
         return err;
     if (prepare) {
@@ -347,7 +347,7 @@ static int dequeue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_re
     if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_EIO)))
         return -EIO;
     if (q->done_count) {
-        take(q, r);
+        dequeue(q, r);
         r->drain = 1;
         return 0;
     }

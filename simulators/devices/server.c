@@ -25,7 +25,7 @@ int sim_source_add(int epoll, int fd, uint32_t events, struct sim_source *source
  * Handle files that programs have closed. Also before each call: a program that closes something and calls at once must
  * find it free, but epoll may report the connection before the close.
  */
-static void take_hangups(struct sim_server *s)
+static void handle_hangups(struct sim_server *s)
 {
     struct epoll_event ev[64];
     int n;
@@ -211,7 +211,7 @@ static void conn_close(struct sim_server *s, struct sim_conn *c)
     free(c);
 }
 
-static int take_fd(struct msghdr *msg)
+static int received_fd(struct msghdr *msg)
 {
     int fd = -1;
 
@@ -234,13 +234,13 @@ static bool receive(struct sim_server *s, struct sim_conn *c)
 
     if (n < 0)
         return errno == EAGAIN || errno == EINTR;
-    fd = take_fd(&msg);
+    fd = received_fd(&msg);
     if (n < (ssize_t)sizeof(call) || (msg.msg_flags & MSG_TRUNC) || (c->pending && call.op != SST_SIM_CANCEL)) {
         if (fd >= 0)
             close(fd);
         return false;
     }
-    take_hangups(s);
+    handle_hangups(s);
     if (call.op == SST_SIM_CANCEL) {
         if (c->pending) {
             request_cancel(s, c);
@@ -312,7 +312,7 @@ static void hangups_ready(struct sim_server *s, struct sim_source *source, uint3
 {
     (void)source;
     (void)events;
-    take_hangups(s);
+    handle_hangups(s);
 }
 
 static void watched_ready(struct sim_server *s, struct sim_source *source, uint32_t events)
@@ -403,7 +403,7 @@ static int listen_at(struct sim_server *s)
     return 0;
 }
 
-int sim_server_open(struct sim_server **out, const char *dir, const struct sst_sim_control *control)
+int sim_server_open(struct sim_server **out, const char *dir, const struct session_control *control)
 {
     struct sim_server *s = calloc(1, sizeof(*s));
     int err = -ENOMEM;

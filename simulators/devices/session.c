@@ -169,7 +169,7 @@ static void forwarded(sigset_t *set)
 
 /* Make a process group the terminal's foreground; this process may then be in the background and must not be
  * stopped. */
-static void give_terminal(int group)
+static void set_foreground(int group)
 {
     sigset_t out, old;
 
@@ -189,7 +189,7 @@ static void run_child(char *const argv[], bool terminal, int report, const sigse
         _exit(127);
     (void)setpgid(0, 0);
     if (terminal)
-        give_terminal(getpid());
+        set_foreground(getpid());
     (void)sigprocmask(SIG_SETMASK, mask, NULL);
     (void)execvp(argv[0], argv);
     err = errno;
@@ -244,9 +244,9 @@ static void stop_together(const struct sim_command *c)
 {
     if (!c->terminal)
         return;
-    give_terminal(getpgrp());
+    set_foreground(getpgrp());
     (void)raise(SIGSTOP);
-    give_terminal(c->pid);
+    set_foreground(c->pid);
     (void)kill(-c->pid, SIGCONT);
 }
 
@@ -288,7 +288,7 @@ void sim_command_close(struct sim_command *c)
         (void)waitpid(c->pid, NULL, 0);
     }
     if (c->terminal)
-        give_terminal(getpgrp());
+        set_foreground(getpgrp());
     if (c->signals > 0)
         close(c->signals);
     *c = (struct sim_command){ 0 };

@@ -184,7 +184,7 @@ int sim_simulator_open(struct sim_simulator **out, const struct sim_options *opt
 
 int sim_simulator_start(struct sim_simulator *sim, const char *dir)
 {
-    const struct sst_sim_control control = { .arg = sim, .call = answer };
+    const struct session_control control = { .arg = sim, .call = answer };
     int err = sim_server_open(&sim->server, dir, &control);
 
     if (!err)
@@ -213,7 +213,7 @@ int sim_simulator_start(struct sim_simulator *sim, const char *dir)
 }
 
 /* Report the simulation's own cost, so that it is not attributed to the programs under test. */
-static void tell_cost(const struct sim_simulator *sim)
+static void report_cost(const struct sim_simulator *sim)
 {
     json_t *f = figures(sim);
     char *text = f ? json_dumps(f, JSON_INDENT(2)) : NULL;
@@ -235,7 +235,7 @@ void sim_simulator_close(struct sim_simulator *sim)
     if (!sim)
         return;
     if (sim->array)
-        tell_cost(sim);
+        report_cost(sim);
     sim_array_close(sim->array);
     sim_wires_close(sim->wires);
     sim_server_close(sim->server);

@@ -72,11 +72,11 @@ static void handle(struct sim_usb_front *front, int device, enum sst_sim_usb_eve
 static void event(void *arg, int device, enum sst_sim_usb_event what, int interface)
 {
     struct sim_usb_front *front = arg;
-    const bool telling = front->telling;
+    const bool in_event = front->in_event;
 
-    front->telling = true;
+    front->in_event = true;
     handle(front, device, what, interface);
-    front->telling = telling;
+    front->in_event = in_event;
 }
 
 /* --- callbacks of the array --------------------------------------------------------------------------------------- */
@@ -86,7 +86,7 @@ bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int
     const int device = sst_sim_usb_camera(front->usb, cam);
     struct usb_shown *shown = &front->shown[device];
 
-    if (present && !front->telling && !sst_sim_usb_device(front->usb, device)->plugged) {
+    if (present && !front->in_event && !sst_sim_usb_device(front->usb, device)->plugged) {
         sst_sim_usb_plug(front->usb, device, true);
         if (!sst_sim_usb_works(front->usb, device))
             return false;
@@ -98,7 +98,7 @@ bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int
         usb_sysfs_video(front, device, false, shown->video);
         shown->video = -1;
     }
-    if (!present && !front->telling)
+    if (!present && !front->in_event)
         sst_sim_usb_plug(front->usb, device, false);
     return true;
 }
@@ -184,12 +184,12 @@ static void no_layout(const char *layout)
 static int show_all(struct sim_usb_front *front)
 {
     usb_sysfs_drivers(front);
-    front->telling = true;
+    front->in_event = true;
     for (int i = 0; i < sst_sim_usb_count(front->usb); i++) {
         add_node(front, i);
         usb_sysfs_add(front, i);
     }
-    front->telling = false;
+    front->in_event = false;
     return sim_sysfs_error(front->cfg.sysfs);
 }
 

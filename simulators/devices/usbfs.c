@@ -54,7 +54,7 @@ static int reap(struct usb_file *f, struct sim_request *r)
 }
 
 /** Emptying the socket makes it writable for poll(): see preload/usb.c. */
-static void tell_done(struct usb_file *f)
+static void signal_done(struct usb_file *f)
 {
     char gone[4096];
 
@@ -104,7 +104,7 @@ static int submit(struct usb_file *f, struct sim_request *r)
     t->t.status = n < 0 ? n : 0;
     t->t.actual = n < 0 ? 0 : n;
     t->done = true;
-    tell_done(f);
+    signal_done(f);
     return 0;
 }
 
@@ -119,7 +119,7 @@ static int discard(struct usb_file *f, const struct sim_request *r)
         if (t->t.user == which.user && !t->done) {
             t->t.status = -ENOENT;
             t->done = true;
-            tell_done(f);
+            signal_done(f);
             return 0;
         }
     }
@@ -225,7 +225,7 @@ static int get_driver(const struct usb_file *f, struct sim_request *r)
 
 /* --- about the device --------------------------------------------------------------------------------------------- */
 
-static int give(struct sim_request *r, const void *data, size_t bytes)
+static int reply(struct sim_request *r, const void *data, size_t bytes)
 {
     memcpy(r->data, data, bytes);
     r->out_bytes = (uint32_t)bytes;
@@ -249,7 +249,7 @@ static int connection(const struct usb_file *f, struct sim_request *r)
         c.ports[c.num_ports++] = (uint8_t)atoi(p + 1);
         p = strchr(p + 1, '.');
     }
-    return give(r, &c, _IOC_SIZE(r->call.cmd) < sizeof(c) ? _IOC_SIZE(r->call.cmd) : sizeof(c));
+    return reply(r, &c, _IOC_SIZE(r->call.cmd) < sizeof(c) ? _IOC_SIZE(r->call.cmd) : sizeof(c));
 }
 
 static int set_interface(struct usb_file *f, const struct usbdevfs_setinterface *s)
@@ -315,9 +315,9 @@ static int file_ioctl(struct sim_handle *h, struct sim_request *r)
     case (uint32_t)USBDEVFS_REAPURBNDELAY:
         return reap_or_wait(f, r);
     case (uint32_t)USBDEVFS_GET_CAPABILITIES:
-        return give(r, &capabilities, sizeof(capabilities));
+        return reply(r, &capabilities, sizeof(capabilities));
     case (uint32_t)USBDEVFS_CONNECTINFO:
-        return give(r, &info, sizeof(info));
+        return reply(r, &info, sizeof(info));
     case (uint32_t)USBDEVFS_GET_SPEED:
         return speed_of(d);
     case (uint32_t)USBDEVFS_GETDRIVER:

@@ -7,7 +7,7 @@
 #define TICK_S            1e-3
 #define IDLE_TICKS        300    /* after this long at rest the state no longer changes */
 #define INDEX_UM          2000.0 /* distance of index pulses: the screw's lead */
-#define RING_HZ           25.0   /* vibration of the frame after an arrival ... ... */
+#define RING_HZ           25.0   /* vibration of the frame after an arrival ... */
 #define RING_TAU_S        0.03   /* ... and its decay time */
 #define RING_PER_ACCEL    2e-5   /* um for each um/s2 of deceleration */
 #define IN_POSITION_TICKS 5

@@ -29,7 +29,7 @@ enum sim_status {
 };
 
 /** Control word. */
-enum sst_sim_control {
+enum axis_control {
     SST_SIM_CTL_ENABLE = 1 << 0,
     SST_SIM_CTL_START = 1 << 1, /* rising edge */
     SST_SIM_CTL_HOME = 1 << 2,  /* rising edge */

@@ -200,7 +200,7 @@ static void consume(struct line *l, size_t n)
 }
 
 /* Handle the next complete request, if any; one at a time, like a drive. @return true: one was handled */
-static bool take_tcp(struct sst_sim_drive *d, struct line *l)
+static bool handle_tcp(struct sst_sim_drive *d, struct line *l)
 {
     uint8_t request[512];
     size_t n;
@@ -220,7 +220,7 @@ static bool take_tcp(struct sst_sim_drive *d, struct line *l)
     return true;
 }
 
-static bool take_serial(struct sst_sim_drive *d, struct line *l)
+static bool handle_serial(struct sst_sim_drive *d, struct line *l)
 {
     uint8_t request[512];
     size_t n;
@@ -275,7 +275,7 @@ static void work_on(struct sst_sim_drive *d, struct line *l)
             if (sst_clock_now_ns() < l->due_ns)
                 return;
             send_reply(d, l);
-        } else if (!(l->serial ? take_serial(d, l) : take_tcp(d, l))) {
+        } else if (!(l->serial ? handle_serial(d, l) : handle_tcp(d, l))) {
             return;
         }
     }

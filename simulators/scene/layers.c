@@ -12,10 +12,10 @@
 #include "simulators/scene/scene_internal.h"
 
 struct sst_layers {
-    struct sst_raster r;   /* its world changes with each picture */
-    const bool *moving;    /* [count] */
-    struct sst_seen *seen; /* [count] */
-    struct band fixed;     /* the whole picture before translucent surfaces */
+    struct sst_raster r;          /* its world changes with each picture */
+    const bool *moving;           /* [count] */
+    struct visible_surface *seen; /* [count] */
+    struct band fixed;            /* the whole picture before translucent surfaces */
     struct band work;
     struct sst_image picture; /* of all fixed surfaces */
 };
@@ -142,7 +142,7 @@ static void find_columns(struct sst_layers *l)
     b->x0 = l->r.width;
     b->x1 = 0;
     for (int i = 0; i < l->r.world->count; i++) {
-        const struct sst_seen *g = &l->seen[i];
+        const struct visible_surface *g = &l->seen[i];
 
         if (!l->moving[i] || g->x0 >= g->x1 || g->y0 >= b->y0 + b->rows || g->y1 <= b->y0)
             continue;

@@ -31,7 +31,8 @@ static inline double at(struct raster_affine a, double x, double y)
 
 /* --- one surface in one view -------------------------------------------------------------------------------------- */
 
-static void bounds(const struct sst_raster *r, const struct sst_surface *s, struct sst_vec3 e, struct sst_seen *out)
+static void bounds(const struct sst_raster *r, const struct sst_surface *s, struct sst_vec3 e,
+                   struct visible_surface *out)
 {
     const double x[3] = { s->u.x, s->v.x, s->w.x }, y[3] = { s->u.y, s->v.y, s->w.y };
     const double z[3] = { s->u.z, s->v.z, s->w.z };
@@ -47,7 +48,7 @@ static void bounds(const struct sst_raster *r, const struct sst_surface *s, stru
             sst_add(e, s->ellipsoid ? sst_v(a * hx, b * hy, c * hz) : sst_add(sst_mul(s->u, a), sst_mul(s->v, b)));
 
         if (p.z < NEAREST_MM) {
-            *out = (struct sst_seen){ .x1 = r->width, .y1 = r->height };
+            *out = (struct visible_surface){ .x1 = r->width, .y1 = r->height };
             return;
         }
         lo_x = fmin(lo_x, r->cx + r->focal_px * p.x / p.z);
@@ -68,13 +69,13 @@ static struct sst_vec3 patch_normal(const struct sst_surface *s)
     return sst_cross(s->u, s->v);
 }
 
-void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct sst_seen *out)
+void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct visible_surface *out)
 {
     const struct sst_vec3 eye = sst_v(r->bx * r->world->spacing_mm, r->by * r->world->spacing_mm, r->eye_z_mm);
     const struct sst_vec3 e = sst_sub(s->origin, eye);
     const struct sst_vec3 n = patch_normal(s), axis[3] = { s->u, s->v, s->w };
 
-    *out = (struct sst_seen){ 0 };
+    *out = (struct visible_surface){ 0 };
     if (s->hide & r->hidden)
         return;
     bounds(r, s, e, out);
@@ -88,7 +89,7 @@ void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct
         return;
     }
     if (sst_dot(n, e) == 0) { /* exactly edge on */
-        *out = (struct sst_seen){ 0 };
+        *out = (struct visible_surface){ 0 };
         return;
     }
     out->inv_z = along_ray(r, sst_mul(n, 1 / sst_dot(n, e)));
@@ -102,8 +103,8 @@ void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct
 }
 
 /* 1/Z where the ray of picture position (x, y) meets the surface nearer than 1/nearer_than, and there q; else 0. */
-static inline double meet(const struct sst_surface *s, const struct sst_seen *g, double x, double y, double nearer_than,
-                          double q[3])
+static inline double meet(const struct sst_surface *s, const struct visible_surface *g, double x, double y,
+                          double nearer_than, double q[3])
 {
     if (s->ellipsoid) {
         double a = 0, b = 0, c = -1, d[3], disc, z;
@@ -214,12 +215,12 @@ void band_clear(struct band *b)
 }
 
 /* Position of sample k of output pixel (x, y) in the ideal picture. */
-static inline double look_x(const struct sst_raster *r, int x, int y, int k)
+static inline double sample_x(const struct sst_raster *r, int x, int y, int k)
 {
     return (r->warp ? sst_warp_x(r->warp, x, y) : x * r->step_x) + offset_x[k];
 }
 
-static inline double look_y(const struct sst_raster *r, int x, int y, int k)
+static inline double sample_y(const struct sst_raster *r, int x, int y, int k)
 {
     return (r->warp ? sst_warp_y(r->warp, x, y) : y * r->step_y) + offset_y[k];
 }
@@ -239,7 +240,7 @@ void band_opaque(struct band *b, uint32_t index)
 {
     const struct sst_raster *r = b->r;
     const struct sst_surface *s = &r->world->surfaces[index];
-    const struct sst_seen *g = &b->seen[index];
+    const struct visible_surface *g = &b->seen[index];
     const int y0 = sst_max_int(g->y0, b->y0), y1 = sst_min_int(g->y1, b->y0 + b->rows);
     const int x0 = sst_max_int(g->x0, b->x0), x1 = sst_min_int(g->x1, b->x1);
 
@@ -250,7 +251,7 @@ void band_opaque(struct band *b, uint32_t index)
 
             for (int x = x0; x < x1; x++) {
                 double q[3];
-                const double iz = meet(s, g, look_x(r, x, y, k), look_y(r, x, y, k), inv_z[x], q);
+                const double iz = meet(s, g, sample_x(r, x, y, k), sample_y(r, x, y, k), inv_z[x], q);
 
                 if (iz > 0) {
                     inv_z[x] = (float)iz;
@@ -277,7 +278,7 @@ void band_colour(struct band *b, const bool *only)
                 b->colour[i] = (struct sst_rgb){ 0.6f, 0.65f, 0.7f };
                 if (owner == SST_NOTHING)
                     continue;
-                meet(&r->world->surfaces[owner], &b->seen[owner], look_x(r, x, y, k), look_y(r, x, y, k), 0, q);
+                meet(&r->world->surfaces[owner], &b->seen[owner], sample_x(r, x, y, k), sample_y(r, x, y, k), 0, q);
                 shade(&r->world->surfaces[owner], q, &b->colour[i]);
             }
         }
@@ -288,7 +289,7 @@ void band_translucent(struct band *b, uint32_t index)
 {
     const struct sst_raster *r = b->r;
     const struct sst_surface *s = &r->world->surfaces[index];
-    const struct sst_seen *g = &b->seen[index];
+    const struct visible_surface *g = &b->seen[index];
     const int y0 = sst_max_int(g->y0, b->y0), y1 = sst_min_int(g->y1, b->y0 + b->rows);
     const int x0 = sst_max_int(g->x0, b->x0), x1 = sst_min_int(g->x1, b->x1);
 
@@ -298,7 +299,7 @@ void band_translucent(struct band *b, uint32_t index)
                 const size_t i = band_cell(b, k, y, x);
                 struct sst_rgb c;
                 double q[3];
-                const double iz = meet(s, g, look_x(r, x, y, k), look_y(r, x, y, k), b->inv_z[i], q);
+                const double iz = meet(s, g, sample_x(r, x, y, k), sample_y(r, x, y, k), b->inv_z[i], q);
                 const float alpha = iz > 0 ? shade(s, q, &c) : 0;
 
                 if (k < SST_COLOURS && alpha > 0)
@@ -377,7 +378,7 @@ static void run_band(struct band *b)
 
 int sst_raster_run(const struct sst_raster *r)
 {
-    struct sst_seen *seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*seen));
+    struct visible_surface *seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*seen));
     struct band b;
     int err = band_init(&b, r, SST_BAND_ROWS);
 

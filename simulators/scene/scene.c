@@ -88,7 +88,7 @@ static void probe_fini(struct probe *p)
 }
 
 /* Truth on a lattice of points spread evenly over the picture. */
-static int look(const struct sst_scene *s, double bx, double by, unsigned hidden, struct probe *p)
+static int probe_view(const struct sst_scene *s, double bx, double by, unsigned hidden, struct probe *p)
 {
     struct sst_raster r;
     int err = sst_map_f32_init(&p->disp, PROBE_WIDTH, PROBE_HEIGHT);
@@ -122,7 +122,7 @@ static int find_range(struct sst_scene *s)
         const double bx = i == 4 ? 0 : (i & 1 ? s->cfg.cols - 1 : 0) - ref_col;
         const double by = i == 4 ? 0 : (i & 2 ? s->cfg.rows - 1 : 0) - ref_row;
         struct probe p = { 0 };
-        const int err = look(s, bx, by, 0, &p);
+        const int err = probe_view(s, bx, by, 0, &p);
 
         for (int y = 0; !err && y < PROBE_HEIGHT; y++) {
             for (int x = 0; x < PROBE_WIDTH; x++) {
@@ -174,13 +174,13 @@ static int find_focus(struct sst_scene *s)
 {
     float *buffer = sst_mem_alloc_raw((size_t)PROBE_WIDTH * PROBE_HEIGHT, sizeof(*buffer));
     struct probe front = { 0 };
-    int err = buffer ? look(s, 0, 0, 0, &front) : -ENOMEM;
+    int err = buffer ? probe_view(s, 0, 0, 0, &front) : -ENOMEM;
 
     for (int i = 0; i < s->world.occluder_count && !err; i++) {
         struct sst_scene_occluder *o = &s->world.occluders[i];
         struct probe behind = { 0 };
 
-        err = look(s, 0, 0, 1u << i, &behind);
+        err = probe_view(s, 0, 0, 1u << i, &behind);
         if (!err)
             o->focus_px = median_behind(&front, &behind, 1u << i, o->target_label, buffer);
         probe_fini(&behind);

@@ -48,7 +48,7 @@ struct raster_affine {
 };
 
 /** A surface as one view sees it. */
-struct sst_seen {
+struct visible_surface {
     struct raster_affine inv_z;   /* patch */
     struct raster_affine axis[3]; /* patch: s/Z, t/Z; ellipsoid: the ray in units of the half-axes */
     double eye[3];                /* ellipsoid: the camera in units of the half-axes */
@@ -58,7 +58,7 @@ struct sst_seen {
 /** Samples of rows y0 .. y0+rows-1; drawing is limited to columns x0 .. x1-1. */
 struct band {
     const struct sst_raster *r;
-    const struct sst_seen *seen;
+    const struct visible_surface *seen;
     int y0, rows, x0, x1;
     int top, capacity;      /* first row that the buffers hold, and how many */
     float *inv_z;           /* [SST_SAMPLES][capacity][width], 0: nothing */
@@ -74,7 +74,7 @@ static inline size_t band_cell(const struct band *b, int sample, int y, int x)
     return ((size_t)sample * (size_t)b->capacity + (size_t)(y - b->top)) * (size_t)b->r->width + (size_t)x;
 }
 
-void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct sst_seen *out);
+void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct visible_surface *out);
 
 /** Reset all samples to nothing. */
 void band_clear(struct band *b);

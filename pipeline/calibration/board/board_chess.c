@@ -35,7 +35,7 @@ static void reverse(float (*at)[2], int n)
 }
 
 /* Rotate a square grid by a quarter turn: the last column, read upwards, becomes the first row. */
-static void quarter(struct grid *g)
+static void rotate_quarter(struct grid *g)
 {
     for (int j = 0; j < g->rows; j++) {
         for (int i = 0; i < j; i++)
@@ -81,7 +81,7 @@ static double heading(const struct grid *g)
  * Renumber to our convention: not mirrored, a black square at the upper left where the board has one; among equivalent
  * rotations the one whose x axis points most to the right. @return true: the upper left square is white nevertheless
  */
-static bool put_in_order(struct grid *g, const struct sst_map_u8 *luma)
+static bool normalise_order(struct grid *g, const struct sst_map_u8 *luma)
 {
     const float *a = corner(g, 0, 0), *b = corner(g, 1, 0), *c = corner(g, 0, 1);
     const bool square = g->cols == g->rows;
@@ -95,19 +95,19 @@ static bool put_in_order(struct grid *g, const struct sst_map_u8 *luma)
         if ((g->cols + g->rows) % 2)
             reverse(g->at, g->cols * g->rows);
         else if (square && g->cols % 2)
-            quarter(g);
+            rotate_quarter(g);
     }
     ways = sst_chessboard_ways(g->cols, g->rows);
     for (int k = 1; k < ways && fabs(heading(g)) > M_PI / ways; k++) {
         if (ways == 4)
-            quarter(g);
+            rotate_quarter(g);
         else
             reverse(g->at, g->cols * g->rows);
     }
     return even_brighter(g, luma) > 0;
 }
 
-static int keep(struct sighting *s, const struct grid *g, double scale)
+static int store_corners(struct sighting *s, const struct grid *g, double scale)
 {
     const int n = g->cols * g->rows;
 
@@ -130,8 +130,8 @@ static int find_at(struct sighting *s, struct grid *g, const struct sst_map_u8 *
 
     if (r <= 0)
         return r;
-    s->other = put_in_order(g, luma);
-    return keep(s, g, scale);
+    s->other = normalise_order(g, luma);
+    return store_corners(s, g, scale);
 }
 
 int find_chessboard(struct sighting *s, bool quick)

@@ -100,7 +100,7 @@ static int measure_blur(struct sst_detection *d, const struct sighting *s)
 }
 
 /* True if the points spread over a plane, not along a line; in board coordinates, where a line differs from a tilt. */
-static bool spread_out(const struct sst_detection *d, const struct sst_board *board)
+static bool spans_plane(const struct sst_detection *d, const struct sst_board *board)
 {
     const double pitch = sst_board_pitch_mm(board);
     double m[2] = { 0, 0 }, xx = 0, xy = 0, yy = 0, p[2];
@@ -144,8 +144,8 @@ static int fill(struct sst_detection *out, const struct sighting *s, int count)
 }
 
 /* Classify the points that were found; a usable or nearly usable detection is kept. */
-static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, const struct sighting *s, int count,
-                 const struct sst_detect_config *cfg)
+static int classify(struct sst_detection *out, enum sst_detect_outcome *outcome, const struct sighting *s, int count,
+                    const struct sst_detect_config *cfg)
 {
     const double max_blur = cfg && cfg->max_blur_px > 0 ? cfg->max_blur_px : 3;
     const double max_aspect = cfg && cfg->max_aspect > 0 ? cfg->max_aspect : 1.8;
@@ -158,7 +158,7 @@ static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, co
     err = fill(&d, s, count);
     if (err)
         return err;
-    if (!spread_out(&d, s->board)) {
+    if (!spans_plane(&d, s->board)) {
         sst_detection_fini(&d);
         return 0;
     }
@@ -185,7 +185,7 @@ static int detect_markers(struct sighting *s, struct sst_detection *out, enum ss
         return 0;
     }
     count = find_points(s);
-    return count < 0 ? count : judge(out, outcome, s, count, cfg);
+    return count < 0 ? count : classify(out, outcome, s, count, cfg);
 }
 
 static int detect_chessboard(struct sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
@@ -202,7 +202,7 @@ static int detect_chessboard(struct sighting *s, struct sst_detection *out, enum
         *outcome = SST_DETECT_OTHER_BOARD;
         return 0;
     }
-    return count < 0 ? count : judge(out, outcome, s, count, cfg);
+    return count < 0 ? count : classify(out, outcome, s, count, cfg);
 }
 
 static int detect(const struct sst_board *board, const struct sst_map_u8 *luma, const struct sst_detect_config *cfg,

@@ -59,7 +59,7 @@ static bool fit_pair(double h[9], const struct match *a, const struct match *b)
 }
 
 /* Refit to all inliers and reclassify. @return number of inliers, or -ENOMEM */
-static int settle(struct match *m, int n, double h[9])
+static int refit(struct match *m, int n, double h[9])
 {
     double(*from)[2] = malloc(8 * (size_t)n * sizeof(*from)), (*to)[2];
     int count = mark(m, n, h);
@@ -106,7 +106,7 @@ static int agree(struct match *m, int n)
             }
         }
     }
-    return most < 2 ? 0 : settle(m, n, best);
+    return most < 2 ? 0 : refit(m, n, best);
 }
 
 /* --- reading ----------------------------------------------------------------------------------------------------- */

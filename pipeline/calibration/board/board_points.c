@@ -21,7 +21,8 @@ struct near {
 };
 
 /* The nearest anchors in order of distance; ties: the first. */
-static int nearest(struct near out[NEIGHBOURS], const struct anchor *anchor, int n, const double at[2], int skip)
+static int nearest_anchors(struct near out[NEIGHBOURS], const struct anchor *anchor, int n, const double at[2],
+                           int skip)
 {
     int count = 0;
 
@@ -49,7 +50,7 @@ static bool predict(double px[2], double slope[4], const struct anchor *anchor, 
 {
     double from[NEIGHBOURS][2], to[NEIGHBOURS][2], weight[NEIGHBOURS], h[9];
     struct near found[NEIGHBOURS];
-    const int count = nearest(found, anchor, n, at, skip);
+    const int count = nearest_anchors(found, anchor, n, at, skip);
 
     if (count < 4 || found[0].distance2 > 2.6 * step_mm * step_mm)
         return false;
@@ -69,7 +70,7 @@ static bool predict(double px[2], double slope[4], const struct anchor *anchor, 
 /* --- refinement --------------------------------------------------------------------------------------------------- */
 
 /* The surroundings of a point on this board. */
-static void surroundings(struct saddle_place *place, const struct sst_board *b, int id, bool other)
+static void describe_point(struct saddle_place *place, const struct sst_board *b, int id, bool other)
 {
     if (b->kind == SST_BOARD_APRILGRID) {
         place->sign = id % 2 ? 1 : -1;
@@ -93,7 +94,8 @@ static double largest_window(const struct sst_map_u8 *luma)
 }
 
 /* Search for a point where the anchors predict it. */
-static bool look(struct saddle *out, const struct sighting *s, int id, const struct anchor *anchor, int n, double reach)
+static bool search_point(struct saddle *out, const struct sighting *s, int id, const struct anchor *anchor, int n,
+                         double reach)
 {
     const double pitch = sst_board_pitch_mm(s->board);
     struct saddle_place place;
@@ -104,7 +106,7 @@ static bool look(struct saddle *out, const struct sighting *s, int id, const str
         return false;
     place.x = px[0];
     place.y = px[1];
-    surroundings(&place, s->board, id, s->other);
+    describe_point(&place, s->board, id, s->other);
     place.reach_px = reach * (1 + pitch * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4);
     return saddle_refine(out, s->luma, &place, largest_window(s->luma));
 }
@@ -132,7 +134,7 @@ static int collect(struct anchor *out, int *id, const struct sighting *s, int po
 
 /* Distance of each point from the position that its neighbours predict, NAN without a prediction, and the scale
  * there. */
-static void stray(double *distance, const struct sighting *s, const struct anchor *anchor, int n)
+static void prediction_errors(double *distance, const struct sighting *s, const struct anchor *anchor, int n)
 {
     const double pitch = sst_board_pitch_mm(s->board);
 
@@ -152,14 +154,14 @@ static void stray(double *distance, const struct sighting *s, const struct ancho
  * Drop, the worst first, points that differ from the prediction of their neighbours by more than 5 times the median
  * distance, but at least 0.4 px (or 0.016 of the pitch, if larger) and at most 4 times this.
  */
-static void drop_strays(struct sighting *s, struct anchor *anchor, double *distance, int *id, int points)
+static void drop_outliers(struct sighting *s, struct anchor *anchor, double *distance, int *id, int points)
 {
     for (;;) {
         const int n = collect(anchor, id, s, points);
         double *sorted = distance + points, limit;
         int known = 0, worst = -1;
 
-        stray(distance, s, anchor, n);
+        prediction_errors(distance, s, anchor, n);
         for (int i = 0; i < n; i++) {
             if (isnan(distance[i]))
                 continue;
@@ -194,13 +196,13 @@ int find_points(struct sighting *s)
         before = count;
         memcpy(anchor + refined, s->anchor, (size_t)s->anchors * sizeof(*anchor));
         for (int i = 0; i < points; i++) {
-            if (!s->seen[i] && look(&s->saddle[i], s, i, anchor, refined + s->anchors, round ? 0.6 : 1)) {
+            if (!s->seen[i] && search_point(&s->saddle[i], s, i, anchor, refined + s->anchors, round ? 0.6 : 1)) {
                 s->seen[i] = true;
                 count++;
             }
         }
     }
-    drop_strays(s, anchor, distance, id, points);
+    drop_outliers(s, anchor, distance, id, points);
     count = collect(anchor, id, s, points);
 out:
     free(anchor);

@@ -117,7 +117,7 @@ double sst_coverage_share(const struct sst_coverage *c)
 
 /* --- text -------------------------------------------------------------------------------------------------------- */
 
-static void say(char out[160], const char *what)
+static void append(char out[160], const char *what)
 {
     const size_t n = strlen(out);
 
@@ -125,7 +125,7 @@ static void say(char out[160], const char *what)
 }
 
 /* Nine regions: cells 0-1, 2, 3-4 each way. The emptiest first; ties: corners before sides. */
-static void say_regions(char out[160], const struct sst_coverage *c)
+static void append_regions(char out[160], const struct sst_coverage *c)
 {
     static const char *const names[9] = { "upper left", "upper right", "lower left", "lower right", "left",
                                           "right",      "top",         "bottom",     "middle" };
@@ -144,19 +144,19 @@ static void say_regions(char out[160], const struct sst_coverage *c)
     for (int i = 0; i < 9; i++)
         regions += missing[i] > 0;
     if (regions == 9) {
-        say(out, "all regions");
+        append(out, "all regions");
         return;
     }
-    for (int told = 0; told < sst_min_int(regions, 3); told++) {
+    for (int listed = 0; listed < sst_min_int(regions, 3); listed++) {
         int most = 0;
 
         for (int i = 1; i < 9; i++)
             most = missing[i] > missing[most] ? i : most;
-        say(out, names[most]);
+        append(out, names[most]);
         missing[most] = 0;
     }
     if (regions > 3)
-        say(out, "other regions");
+        append(out, "other regions");
 }
 
 void sst_coverage_missing(const struct sst_coverage *c, char out[160])
@@ -169,22 +169,22 @@ void sst_coverage_missing(const struct sst_coverage *c, char out[160])
 
     *out = 0;
     if (!c->frames) {
-        say(out, "everything");
+        append(out, "everything");
         return;
     }
-    say_regions(out, c);
+    append_regions(out, c);
     for (int i = 0; i < SST_COVERAGE_TILTS; i++)
         lacking += !c->tilt[i];
     if (lacking >= 4)
-        say(out, "tilts");
+        append(out, "tilts");
     for (int i = 1; i <= SST_COVERAGE_TILTS && lacking < 4; i++) {
         if (!c->tilt[i % SST_COVERAGE_TILTS])
-            say(out, tilts[i % SST_COVERAGE_TILTS]);
+            append(out, tilts[i % SST_COVERAGE_TILTS]);
     }
     if (ratio < SST_COVERAGE_RATIO)
-        say(out, "nearer and farther");
+        append(out, "nearer and farther");
     if (c->frames < SST_COVERAGE_FRAMES) {
         snprintf(frames, sizeof(frames), "%d more frames", SST_COVERAGE_FRAMES - c->frames);
-        say(out, frames);
+        append(out, frames);
     }
 }

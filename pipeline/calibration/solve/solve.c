@@ -39,7 +39,7 @@ static double outside(const struct sst_corner *c, const struct sst_detections *a
 }
 
 /* Copy one corner. @return false: not finite, far outside the picture, or not a point of the board */
-static bool take_corner(struct solve_corner *to, const struct sst_corner *from, const struct sst_detections *all,
+static bool copy_corner(struct solve_corner *to, const struct sst_corner *from, const struct sst_detections *all,
                         const double low[2], const double high[2])
 {
     const struct sst_board *board = &all->board;
@@ -76,7 +76,7 @@ static int check_size(const struct sst_detections *all, const struct sst_solve_c
                         beyond, corners, all->width, all->height);
 }
 
-static int take_detections(struct solve_problem *p, const struct sst_detections *all,
+static int copy_detections(struct solve_problem *p, const struct sst_detections *all,
                            const struct sst_solve_config *cfg)
 {
     double low[2], high[2];
@@ -101,7 +101,7 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
         }
         *d = (struct solve_detection){ .view = from->view, .frame = from->frame, .corner = next };
         for (int k = 0; k < from->corners; k++) {
-            if (take_corner(&next[d->corners], &from->corner[k], all, low, high))
+            if (copy_corner(&next[d->corners], &from->corner[k], all, low, high))
                 d->corners++;
             else if (!left_out++ &&
                      solve_refuse(cfg,
@@ -121,7 +121,7 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
 }
 
 /* Copy the given intrinsics. */
-static int take_lenses(struct solve_problem *p, const struct sst_detections *all, const struct sst_calib *given)
+static int copy_lenses(struct solve_problem *p, const struct sst_detections *all, const struct sst_calib *given)
 {
     if (given->rows * given->cols != p->views && !p->rig) {
         sst_log_error(
@@ -178,9 +178,9 @@ int solve_problem_make(struct solve_problem *out, const struct sst_detections *a
     p.pool = calloc(corners + 1, sizeof(*p.pool));
     if (!p.camera || !p.frame || !p.detection || !p.pool)
         goto fail;
-    err = take_detections(&p, all, cfg);
+    err = copy_detections(&p, all, cfg);
     if (!err && cfg->lenses)
-        err = take_lenses(&p, all, cfg->lenses);
+        err = copy_lenses(&p, all, cfg->lenses);
     if (err)
         goto fail;
     *out = p;
@@ -207,7 +207,7 @@ static void choose_reference(struct solve_case *c)
     }
 }
 
-static void tell(const struct solve_case *c, double done)
+static void report_progress(const struct solve_case *c, double done)
 {
     if (c->cfg->progress)
         c->cfg->progress(c->cfg->progress_arg, done);
@@ -229,7 +229,7 @@ static int begin(struct solve_case *c)
         err = solve_chain(&c->p, c->single, c->link, c->links);
     if (!err)
         err = solve_check_linked(c);
-    tell(c, 0.3);
+    report_progress(c, 0.3);
     return err;
 }
 
@@ -239,10 +239,10 @@ static int fit(struct solve_case *c)
 
     if (!err)
         err = solve_check_still(c);
-    tell(c, 0.5);
+    report_progress(c, 0.5);
     if (!err && !c->cfg->lens && !c->p.keep_lens)
         err = solve_choose_lens(c);
-    tell(c, 0.7);
+    report_progress(c, 0.7);
     if (!err)
         err = solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &c->done);
     if (!err && !c->done.converged) {
@@ -251,7 +251,7 @@ static int fit(struct solve_case *c)
                       c->done.evaluations, c->sigma_px);
         err = -EDOM;
     }
-    tell(c, 0.8);
+    report_progress(c, 0.8);
     return err ? err : solve_check_outliers(c);
 }
 
@@ -501,14 +501,14 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
         err = solve_compare_drives(&c);
     if (!err && cfg->cross_validate)
         err = solve_cross(&c);
-    tell(&c, 0.95);
+    report_progress(&c, 0.95);
     if (!err)
         err = fill(&s, &c);
     if (!err) {
         s.seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
         *out = s;
         s = (struct sst_solution){ 0 };
-        tell(&c, 1);
+        report_progress(&c, 1);
     }
     sst_solution_fini(&s);
     free(c.link);

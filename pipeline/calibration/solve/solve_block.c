@@ -14,8 +14,8 @@
 #include "pipeline/calibration/solve/solve_internal.h"
 
 /* Distorted (u, v) before focal length and centre; derivatives by (a, b) and by the coefficients. */
-static void bend(const double *k, int coefficients, double a, double b, double uv[2], double by[4],
-                 double jk[2][SST_LENS_MAX])
+static void distort(const double *k, int coefficients, double a, double b, double uv[2], double by[4],
+                    double jk[2][SST_LENS_MAX])
 {
     const double r2 = a * a + b * b, r4 = r2 * r2, r6 = r4 * r2, ab2 = 2 * a * b;
     const double over = 1 + k[0] * r2 + k[1] * r4 + k[4] * r6;
@@ -54,7 +54,7 @@ void solve_see(const double *lens, int coefficients, const double q[3], double x
     const double a = q[0] / z, b = q[1] / z;
     double uv[2], by[4], jk[2][SST_LENS_MAX];
 
-    bend(lens + 4, coefficients, a, b, uv, jq ? by : NULL, jk);
+    distort(lens + 4, coefficients, a, b, uv, jq ? by : NULL, jk);
     for (int i = 0; i < 2; i++)
         xy[i] = lens[i] * uv[i] + lens[2 + i];
     if (!jq)
@@ -103,7 +103,7 @@ int solve_block_columns(const struct solve_problem *p)
  * Cauchy's loss c^2 log(1 + |r|^2 / c^2) as the square of a residual g(|r|) r / |r|, and the matrix that maps
  * derivatives of r to it: g' along r, g / |r| across.
  */
-static void soften(double r[2], double loss_px, double m[4])
+static void apply_loss(double r[2], double loss_px, double m[4])
 {
     const double s2 = r[0] * r[0] + r[1] * r[1], t = s2 / (loss_px * loss_px);
     double ratio, slope; /* g / |r|, and (g' - g / |r|) / |r|^2 */
@@ -172,7 +172,7 @@ int solve_block(const struct solve_problem *p, const struct solve_detection *d, 
         r[0] = w * (r[0] - c->x);
         r[1] = w * (r[1] - c->y);
         if (loss_px > 0)
-            soften(r, loss_px, m);
+            apply_loss(r, loss_px, m);
         for (int k = 0; k < 4; k++)
             m[k] *= w;
         fill_rows(p, c, m, turned, normal, jq, jl, r, rows + (size_t)count * (size_t)n);

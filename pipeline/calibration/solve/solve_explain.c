@@ -19,7 +19,7 @@
 #define MOVE_SIGMA    2   /* ... and this many sigma of the corners */
 #define GARBLED_PX    3   /* residual of a detection that does not fit the board even by itself */
 
-struct look {
+struct diagnosis {
     const struct solve_case *c;
     double *median_px; /* [count] of weighted residuals; negative: not used */
     bool *bad;         /* [count] */
@@ -27,14 +27,14 @@ struct look {
     double (*r)[2], *work;
 };
 
-static double median_of(struct look *l, const struct solve_detection *d, int corners)
+static double median_of(struct diagnosis *l, const struct solve_detection *d, int corners)
 {
     for (int k = 0; k < corners; k++)
         l->work[k] = d->corner[k].weight * hypot(l->r[k][0], l->r[k][1]);
     return sst_upper_median(l->work, corners);
 }
 
-static void measure(struct look *l)
+static void measure(struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
 
@@ -51,7 +51,7 @@ static void measure(struct look *l)
 }
 
 /* Median residual if the detection belonged to another view. */
-static double median_as(struct look *l, int detection, int view)
+static double median_as(struct diagnosis *l, int detection, int view)
 {
     struct solve_detection d = l->c->p.detection[detection];
 
@@ -61,7 +61,7 @@ static double median_as(struct look *l, int detection, int view)
 }
 
 /* Find two cameras that are exchanged in some frames. */
-static int check_exchanged(struct look *l)
+static int check_exchanged(struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     char one[128], other[128];
@@ -119,7 +119,7 @@ static void motion_add(struct motion *to, const struct motion *m, double sign)
     to->corners += sign > 0 ? m->corners : -m->corners;
 }
 
-static void motion_of(struct look *l, int detection, struct motion *m)
+static void motion_of(struct diagnosis *l, int detection, struct motion *m)
 {
     const struct solve_problem *p = &l->c->p;
     const struct solve_detection *d = &p->detection[detection];
@@ -183,7 +183,7 @@ struct split {
 };
 
 /* The best split of one camera's frames into before and after. @return false: no sign of a move */
-static bool split_view(struct look *l, int view, struct motion *m, int *frame, struct split *out)
+static bool split_view(struct diagnosis *l, int view, struct motion *m, int *frame, struct split *out)
 {
     const struct solve_problem *p = &l->c->p;
     struct motion all = { .s = 0 }, before = { .s = 0 };
@@ -232,7 +232,7 @@ static bool split_view(struct look *l, int view, struct motion *m, int *frame, s
     return at > 0 && out->gain > 0.5 * (whole - freely) && px > fmax(LEAST_MOVE_PX, MOVE_SIGMA * l->c->sigma_px);
 }
 
-static int check_moved(struct look *l)
+static int check_moved(struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     struct motion *m = malloc((size_t)p->frames * sizeof(*m));
@@ -265,7 +265,7 @@ static int check_moved(struct look *l)
  */
 
 /* Find frames in which cameras disagree about the board's pose. */
-static int check_boards(struct look *l)
+static int check_boards(struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     const double most = l->c->cfg->max_outliers > 0 ? l->c->cfg->max_outliers : SOLVE_MOST_OUTLIERS;
@@ -314,7 +314,7 @@ static int check_boards(struct look *l)
 }
 
 /* Find cameras most of whose detections do not fit the board at all. */
-static int check_garbled(const struct look *l)
+static int check_garbled(const struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     const double limit_px = fmax(GARBLED_PX, 10 * l->c->sigma_px);
@@ -350,7 +350,7 @@ static int check_garbled(const struct look *l)
 }
 
 /* Find cameras with a quarter or more of their detections contradicting the others, for any reason. */
-static int check_contrary(const struct look *l)
+static int check_contrary(const struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     char name[128];
@@ -380,7 +380,7 @@ int solve_check_still(struct solve_case *c)
 {
     const struct solve_problem *p = &c->p;
     const size_t cells = (size_t)p->frames * (size_t)p->views;
-    struct look l = { .c = c };
+    struct diagnosis l = { .c = c };
     int most = 1, err = -ENOMEM;
 
     for (int i = 0; i < p->count; i++)

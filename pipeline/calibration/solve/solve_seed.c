@@ -367,7 +367,7 @@ static void typical_focal(struct seed *s, double *work)
 }
 
 /* Assign lenses to all cameras; those without one use the median camera's. */
-static void hand_out(struct seed *s, double *work)
+static void assign_lenses(struct seed *s, double *work)
 {
     struct solve_problem *p = s->p;
     int known = 0, middle = -1;
@@ -413,7 +413,7 @@ static int seed_lenses(struct seed *s)
     typical_focal(s, work);
     err = sst_parallel_for(s->groups, sst_thread_count(p->threads), lens_of_group, s);
     if (!err)
-        hand_out(s, work);
+        assign_lenses(s, work);
 out:
     free(work);
     free(s->lens);

@@ -274,7 +274,7 @@ static bool direction(const double *lens, double x, double y, double q[3])
 }
 
 /* Derivatives by a rotation w of the direction q: dq = w x q = -[q]x w. */
-static void by_turn(double jq[2][3], const double q[3], double out[2][3])
+static void by_rotation(double jq[2][3], const double q[3], double out[2][3])
 {
     for (int i = 0; i < 2; i++) {
         out[i][0] = q[1] * jq[i][2] - q[2] * jq[i][1];
@@ -307,7 +307,7 @@ static bool shared_turn(const struct solve_problem *p, const double *lens, doubl
         if (!cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
             continue;
         solve_see(lens, p->lens, q, seen, jq, jl);
-        by_turn(jq, q, jw);
+        by_rotation(jq, q, jw);
         for (int k = 0; k < 2; k++) {
             for (int i = 0; i < 3; i++) {
                 for (int j = 0; j < 3; j++)
@@ -349,7 +349,7 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
             if (!fine || !cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
                 continue;
             solve_see(lens, p->lens, q, seen, jq, jl);
-            by_turn(jq, q, jw);
+            by_rotation(jq, q, jw);
             for (int k = 0; k < 2; k++) {
                 for (int l = 0; l < n; l++)
                     jl[k][l] -= jw[k][0] * turn[0][l] + jw[k][1] * turn[1][l] + jw[k][2] * turn[2][l];
@@ -361,8 +361,8 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
 }
 
 /* Transfer of a reference pixel to a view: derivatives by the reference's lens, the view's lens and its pose. */
-static bool carry(const struct solve_problem *p, int view, double depth_mm, const double xy[2],
-                  double j[2][2 * SOLVE_LENS_MAX + 6])
+static bool transfer(const struct solve_problem *p, int view, double depth_mm, const double xy[2],
+                     double j[2][2 * SOLVE_LENS_MAX + 6])
 {
     const double *lens0 = p->camera[p->reference].lens, *lens = p->camera[view].lens;
     const struct solve_pose *pose = &p->camera[view].pose;
@@ -384,7 +384,7 @@ static bool carry(const struct solve_problem *p, int view, double depth_mm, cons
     if (!(q[2] > 0) || seen[0] < -0.5 || seen[1] < -0.5 || seen[0] > p->width - 0.5 || seen[1] > p->height - 0.5 ||
         !(fabs(det) > 0))
         return false;
-    by_turn(jq, turned, jw);
+    by_rotation(jq, turned, jw);
     for (int k = 0; k < 2; k++) {
         double jab[2], back[2];
 
@@ -425,7 +425,7 @@ void solve_carry_map(const struct solve_problem *p, const struct solve_covarianc
             double xy[2], j[2][2 * SOLVE_LENS_MAX + 6], used[2 * SOLVE_LENS_MAX + 6], sum = 0;
 
             cell_pixel(p, row, col, xy);
-            if (!carry(p, view, depth_mm, xy, j)) {
+            if (!transfer(p, view, depth_mm, xy, j)) {
                 map[row][col] = NAN;
                 continue;
             }

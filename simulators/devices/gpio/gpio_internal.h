@@ -79,7 +79,7 @@ void gpio_settle(struct sst_sim_gpio *gpio, int64_t now_ns);
 /** Start or restart edge detection from the current level. */
 void gpio_arm(struct sst_sim_gpio *gpio, struct gpio_line *line);
 /** Notify the chip's watchers that a line was requested, released or configured. */
-void gpio_tell_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns);
+void gpio_notify_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns);
 void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, struct gpio_v2_line_info *out);
 bool gpio_line_busy(const struct sst_sim_gpio *gpio, int chip, uint32_t offset);
 bool gpio_line_value(const struct sst_sim_gpio *gpio, const struct gpio_line *line); /* logical */
@@ -107,8 +107,8 @@ struct gpio_want {
 };
 
 /** Request lines for a new file; all or none. @return 0, -EINVAL (offset), -EBUSY */
-SST_MUST_CHECK int gpio_take_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int lines,
-                                   const char *consumer);
+SST_MUST_CHECK int gpio_request_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int lines,
+                                      const char *consumer);
 /** Apply the flags to the file's lines; watchers are notified of `what`. */
 void gpio_apply(struct sst_sim_gpio_file *file, const struct gpio_want *want, uint32_t what, int64_t now_ns);
 

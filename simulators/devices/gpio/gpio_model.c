@@ -217,7 +217,7 @@ void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, 
     }
 }
 
-void gpio_tell_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns)
+void gpio_notify_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns)
 {
     struct gpio_v2_line_info_changed changed = { .timestamp_ns = (uint64_t)now_ns, .event_type = what };
 
@@ -234,7 +234,7 @@ struct gpio_line *gpio_file_line(const struct sst_sim_gpio_file *file, int i)
     return &file->gpio->chip[file->chip].line[file->offset[i]];
 }
 
-int gpio_take_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int lines, const char *consumer)
+int gpio_request_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int lines, const char *consumer)
 {
     struct gpio_chip *chip = &file->gpio->chip[file->chip];
 
@@ -283,7 +283,7 @@ void gpio_apply(struct sst_sim_gpio_file *file, const struct gpio_want *want, ui
     }
     gpio_settle(gpio, now_ns);
     for (int i = 0; i < file->lines; i++)
-        gpio_tell_watchers(gpio, file->chip, file->offset[i], what, now_ns);
+        gpio_notify_watchers(gpio, file->chip, file->offset[i], what, now_ns);
 }
 
 void gpio_release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_ns)
@@ -300,7 +300,7 @@ void gpio_release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_n
     }
     gpio_settle(file->gpio, now_ns);
     for (int i = 0; i < count; i++)
-        gpio_tell_watchers(file->gpio, file->chip, file->offset[i], GPIO_V2_LINE_CHANGED_RELEASED, now_ns);
+        gpio_notify_watchers(file->gpio, file->chip, file->offset[i], GPIO_V2_LINE_CHANGED_RELEASED, now_ns);
 }
 
 /* --- files -------------------------------------------------------------------------------------------------------- */

@@ -83,7 +83,7 @@ int gpio_v1_handle(struct sst_sim_gpio_file *chip, struct gpiohandle_request *re
     if (err)
         return err;
     request->consumer_label[sizeof(request->consumer_label) - 1] = '\0';
-    err = gpio_take_lines(file, request->lineoffsets, (int)request->lines, request->consumer_label);
+    err = gpio_request_lines(file, request->lineoffsets, (int)request->lines, request->consumer_label);
     if (err) {
         sst_sim_gpio_close(file, now_ns);
         return err;
@@ -114,7 +114,7 @@ int gpio_v1_event(struct sst_sim_gpio_file *chip, struct gpioevent_request *requ
     if (err)
         return err;
     request->consumer_label[sizeof(request->consumer_label) - 1] = '\0';
-    err = gpio_take_lines(file, &request->lineoffset, 1, request->consumer_label);
+    err = gpio_request_lines(file, &request->lineoffset, 1, request->consumer_label);
     if (err) {
         sst_sim_gpio_close(file, now_ns);
         return err;

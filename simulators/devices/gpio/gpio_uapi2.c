@@ -93,7 +93,7 @@ int gpio_v2_request(struct sst_sim_gpio_file *chip, struct gpio_v2_line_request 
     if (err)
         return err;
     request->consumer[sizeof(request->consumer) - 1] = '\0';
-    err = gpio_take_lines(file, request->offsets, (int)request->num_lines, request->consumer);
+    err = gpio_request_lines(file, request->offsets, (int)request->num_lines, request->consumer);
     if (err) {
         sst_sim_gpio_close(file, now_ns);
         return err;

@@ -168,7 +168,7 @@ static int connect_new(void)
     return fd;
 }
 
-static int take_connection(bool *used)
+static int get_connection(bool *used)
 {
     for (int i = 0; i < IDLE; i++) {
         const int fd = atomic_exchange(&idle[i], 0) - 1;
@@ -182,7 +182,7 @@ static int take_connection(bool *used)
     return connect_new();
 }
 
-static void give_connection(int fd)
+static void release_connection(int fd)
 {
     for (int i = 0; i < IDLE; i++) {
         int none = 0;
@@ -242,13 +242,13 @@ static ssize_t receive_parts(int conn, struct sim_exchange *x)
 static ssize_t wait_answer(int conn, struct sim_exchange *x)
 {
     static const struct sst_sim_call cancel = { .op = SST_SIM_CANCEL };
-    bool told = false;
+    bool cancel_sent = false;
     ssize_t n;
 
     while ((n = receive_parts(conn, x)) == -EINTR) {
-        if (!told && send_parts(conn, &cancel, NULL, -1) < 0)
+        if (!cancel_sent && send_parts(conn, &cancel, NULL, -1) < 0)
             return -ENODEV;
-        told = true;
+        cancel_sent = true;
     }
     return n;
 }
@@ -265,7 +265,7 @@ int sim_exchange(struct sim_exchange *x)
     x->answer = (struct sst_sim_answer){ .result = -ENODEV };
     /* A kept connection may belong to an earlier simulator: retry once with a new one. */
     while (n < 0 && used) {
-        conn = take_connection(&used);
+        conn = get_connection(&used);
         if (conn < 0)
             break;
         n = send_parts(conn, &x->call, x->in, x->send_fd);
@@ -273,7 +273,7 @@ int sim_exchange(struct sim_exchange *x)
             break;
         result = errno == EFAULT || errno == EBADF || errno == EMSGSIZE ? -errno : -ENODEV;
         if (result != -ENODEV) {
-            give_connection(conn); /* nothing was sent */
+            release_connection(conn); /* nothing was sent */
             errno = saved;
             return result == -EMSGSIZE ? -EINVAL : result;
         }
@@ -283,7 +283,7 @@ int sim_exchange(struct sim_exchange *x)
     if (conn >= 0) {
         n = wait_answer(conn, x);
         if (n >= (ssize_t)sizeof(x->answer) || n == -EFAULT) {
-            give_connection(conn); /* the message is consumed even if it could not be stored */
+            release_connection(conn); /* the message is consumed even if it could not be stored */
             result = n == -EFAULT ? -EFAULT : x->answer.result;
             x->got = n > 0 ? (size_t)n - sizeof(x->answer) : 0;
         } else {
@@ -312,9 +312,9 @@ void sim_settle(int fd, const struct sim_id *id, const struct sst_sim_answer *an
         int conn;
 
         (void)!recv(fd, gone, 1, MSG_OOB | MSG_DONTWAIT);
-        conn = take_connection(&used);
+        conn = get_connection(&used);
         if (conn >= 0 && send_parts(conn, &ready, NULL, -1) >= 0)
-            give_connection(conn);
+            release_connection(conn);
         else if (conn >= 0)
             close_connection(conn);
     }

@@ -97,7 +97,7 @@ static bool read_node(const char *real, struct sim_path *out)
     return n > 0 && sscanf(text, "%u %u", &out->dev_major, &out->dev_minor) == 2;
 }
 
-static void look(const char *path, bool follow, struct sim_path *out)
+static void resolve(const char *path, bool follow, struct sim_path *out)
 {
     const char *dir = sim_dir();
     const size_t dir_bytes = strlen(dir);
@@ -145,6 +145,6 @@ void sim_path_resolve(int dirfd, const char *path, bool follow, struct sim_path 
     out->kind = SIM_PATH_OTHER;
     if (sim_dir() && path && own_path(dirfd, path, own) &&
         snprintf(out->real, sizeof(out->real), "%s%s", sim_dir(), own) < SIM_PATH_MAX)
-        look(own, follow, out);
+        resolve(own, follow, out);
     errno = saved;
 }

@@ -8,7 +8,7 @@
 
 #include "simulators/devices/usb/usb_internal.h"
 
-static void tell(struct sst_sim_usb *usb, int device, enum sst_sim_usb_event event, int interface)
+static void notify(struct sst_sim_usb *usb, int device, enum sst_sim_usb_event event, int interface)
 {
     if (usb->event)
         usb->event(usb->arg, device, event, interface);
@@ -43,7 +43,7 @@ static void set_bound(struct sst_sim_usb *usb, int device, int interface, bool b
     d->bound ^= 1u << interface;
     if (!bound)
         d->alt = 0;
-    tell(usb, device, bound ? SST_SIM_USB_BOUND : SST_SIM_USB_UNBOUND, interface);
+    notify(usb, device, bound ? SST_SIM_USB_BOUND : SST_SIM_USB_UNBOUND, interface);
 }
 
 static void set_all_bound(struct sst_sim_usb *usb, int device, bool bound)
@@ -66,7 +66,7 @@ static void arrive(struct sst_sim_usb *usb, int device)
     d->authorized = true;
     memset(d->off, 0, sizeof(d->off));
     memset(d->disabled, 0, sizeof(d->disabled));
-    tell(usb, device, SST_SIM_USB_ADDED, 0);
+    notify(usb, device, SST_SIM_USB_ADDED, 0);
     set_all_bound(usb, device, true);
 }
 
@@ -76,7 +76,7 @@ static void leave(struct sst_sim_usb *usb, int device)
 
     set_all_bound(usb, device, false);
     d->here = false;
-    tell(usb, device, SST_SIM_USB_REMOVED, 0);
+    notify(usb, device, SST_SIM_USB_REMOVED, 0);
     d->address = 0;
 }
 
@@ -147,9 +147,9 @@ int sst_sim_usb_authorize(struct sst_sim_usb *usb, int device, bool authorized)
         return 0;
     d->authorized = authorized;
     if (authorized)
-        tell(usb, device, SST_SIM_USB_REAUTHORISED, 0);
+        notify(usb, device, SST_SIM_USB_REAUTHORISED, 0);
     set_all_bound(usb, device, authorized);
-    tell(usb, device, SST_SIM_USB_CHANGED, 0);
+    notify(usb, device, SST_SIM_USB_CHANGED, 0);
     usb_refresh(usb);
     return 0;
 }
@@ -173,12 +173,12 @@ static bool has_port(const struct sst_sim_usb *usb, int hub, int port)
 }
 
 /** A port has power again: a stuck camera there was power-cycled. */
-static void tell_powered(struct sst_sim_usb *usb, int hub, int port)
+static void notify_powered(struct sst_sim_usb *usb, int hub, int port)
 {
     const int child = sst_sim_usb_child(usb, hub, port);
 
     if (child >= 0)
-        tell(usb, child, SST_SIM_USB_POWERED, 0);
+        notify(usb, child, SST_SIM_USB_POWERED, 0);
 }
 
 int sst_sim_usb_disable(struct sst_sim_usb *usb, int hub, int port, bool disabled)
@@ -190,9 +190,9 @@ int sst_sim_usb_disable(struct sst_sim_usb *usb, int hub, int port, bool disable
     if (usb->device[hub].disabled[port] == disabled)
         return 0;
     usb->device[hub].disabled[port] = disabled;
-    tell(usb, hub, SST_SIM_USB_CHANGED, 0);
+    notify(usb, hub, SST_SIM_USB_CHANGED, 0);
     if (!disabled && !usb->fault[SST_SIM_USB_NO_PORT_POWER])
-        tell_powered(usb, hub, port); /* the kernel switches off the power of a disabled port if it can */
+        notify_powered(usb, hub, port); /* the kernel switches off the power of a disabled port if it can */
     usb_refresh(usb);
     return 0;
 }
@@ -210,11 +210,11 @@ int sst_sim_usb_power(struct sst_sim_usb *usb, int hub, int port, bool on)
         return -EPIPE;
     before = powered(usb, hub, port);
     h->off[port] = !on;
-    tell(usb, hub, SST_SIM_USB_CHANGED, 0);
+    notify(usb, hub, SST_SIM_USB_CHANGED, 0);
     if (!before && powered(usb, hub, port)) {
-        tell_powered(usb, hub, port);
+        notify_powered(usb, hub, port);
         if (h->twin >= 0)
-            tell_powered(usb, h->twin, port);
+            notify_powered(usb, h->twin, port);
     }
     usb_refresh(usb);
     return 0;
@@ -229,7 +229,7 @@ int sst_sim_usb_reset(struct sst_sim_usb *usb, int device)
         return -ENODEV;
     if (usb->fault[SST_SIM_USB_RESET_FAILS])
         return -ETIMEDOUT;
-    tell(usb, device, SST_SIM_USB_RESET, 0);
+    notify(usb, device, SST_SIM_USB_RESET, 0);
     for (int i = 0; i < d->interfaces; i++)
         set_bound(usb, device, i, false);
     usb_refresh(usb); /* devices behind a reset hub are enumerated again */

@@ -119,7 +119,7 @@ static bool is_ideal(const struct sim_stage *s, const struct sim_camera *c)
 }
 
 /* Position in the ideal picture of the camera's pixel (x, y). @return false: beyond the fold of the lens */
-static bool look(const struct sim_optics *o, const struct sim_camera *c, double x, double y, double out[2])
+static bool ideal_position(const struct sim_optics *o, const struct sim_camera *c, double x, double y, double out[2])
 {
     const double *r = c->rotation;
     double a, b, ray[3];
@@ -144,8 +144,8 @@ static int check_lens(const struct sim_stage *s, const struct sim_camera *camera
         for (int j = 0; j <= steps; j++) {
             double at[2];
 
-            if (look(&s->optics, camera, (s->settings->width - 1) * (double)i / steps,
-                     (s->settings->height - 1) * (double)j / steps, at))
+            if (ideal_position(&s->optics, camera, (s->settings->width - 1) * (double)i / steps,
+                               (s->settings->height - 1) * (double)j / steps, at))
                 continue;
             sst_log_error("the distortion or rotation of camera %d folds its picture over; choose smaller values", cam);
             return -EINVAL;
@@ -165,7 +165,7 @@ static int make_warp(const struct sim_stage *s, const struct sim_camera *camera,
             const size_t i = (size_t)y * (size_t)width + (size_t)x;
             double at[2];
 
-            if (!look(&s->optics, camera, (x + 0.5) / fine - 0.5, (y + 0.5) / fine - 0.5, at))
+            if (!ideal_position(&s->optics, camera, (x + 0.5) / fine - 0.5, (y + 0.5) / fine - 0.5, at))
                 return -EINVAL;
             warp->x[i] = (float)((at[0] + 0.5) * fine - 0.5);
             warp->y[i] = (float)((at[1] + 0.5) * fine - 0.5);
@@ -177,7 +177,7 @@ static int make_warp(const struct sim_stage *s, const struct sim_camera *camera,
 }
 
 /* Frames first .. last-1 of a camera. */
-struct take {
+struct shooting {
     int cam;
     const struct sim_camera *camera;
     const struct sst_warp *warp;
@@ -187,7 +187,7 @@ struct take {
     void *arg;
 };
 
-static void aim(const struct sim_stage *s, const struct take *t, struct sst_image *image, struct sst_raster *out)
+static void aim(const struct sim_stage *s, const struct shooting *t, struct sst_image *image, struct sst_raster *out)
 {
     const struct sim_optics *o = &s->optics;
 
@@ -335,7 +335,7 @@ static void soften(const struct sst_image *in, struct sst_image *out)
 }
 
 /* From the rendered picture to the sensor's: in place, or from the large one if fine is 2. */
-static void expose(const struct sim_stage *s, const struct take *t, int frame, const struct sst_image *fine,
+static void expose(const struct sim_stage *s, const struct shooting *t, int frame, const struct sst_image *fine,
                    struct sst_image *native)
 {
     const struct sim_exposing e = {
@@ -367,7 +367,7 @@ static int draw(const struct sim_stage *s, struct sst_layers *layers, int frame)
 }
 
 /* The board over the empty room. @return 0 or -ENOMEM */
-static int draw_board(const struct sim_stage *s, const struct take *t, int frame, struct sst_image *image)
+static int draw_board(const struct sim_stage *s, const struct shooting *t, int frame, struct sst_image *image)
 {
     const struct sim_board_view v = {
         .board = &s->board,
@@ -384,7 +384,7 @@ static int draw_board(const struct sim_stage *s, const struct take *t, int frame
     return s->empty && s->board.kind && s->board.poses ? sim_board_draw(&v, image) : 0;
 }
 
-static int shoot(const struct sim_stage *s, const struct take *t)
+static int shoot(const struct sim_stage *s, const struct shooting *t)
 {
     struct sst_image fine = { 0 }, native = { 0 };
     struct sst_layers *layers = NULL;
@@ -413,7 +413,7 @@ static int shoot(const struct sim_stage *s, const struct take *t)
 }
 
 /* Render a picture with the camera's own lens and position. */
-static int shoot_from(const struct sim_stage *s, struct take *t, const struct sim_camera *camera)
+static int shoot_from(const struct sim_stage *s, struct shooting *t, const struct sim_camera *camera)
 {
     struct sst_warp warp = { 0 };
     int err = t->first < t->last ? make_warp(s, camera, &warp) : 0;
@@ -430,7 +430,7 @@ static int shoot_from(const struct sim_stage *s, struct take *t, const struct si
 int sim_stage_loop(const struct sim_stage *s, int cam, sim_picture_fn *fn, void *arg)
 {
     const int moves_at = s->settings->camera[cam].moves_at, change = moves_at ? moves_at : s->frames;
-    struct take t = { .cam = cam, .last = change, .threads = 1, .fn = fn, .arg = arg };
+    struct shooting t = { .cam = cam, .last = change, .threads = 1, .fn = fn, .arg = arg };
     int err = shoot_from(s, &t, &s->camera[cam]);
 
     t.first = change;
@@ -440,13 +440,13 @@ int sim_stage_loop(const struct sim_stage *s, int cam, sim_picture_fn *fn, void 
 
 int sim_stage_pose(const struct sim_stage *s, const int32_t pose_um[3], int frame, sim_picture_fn *fn, void *arg)
 {
-    struct take t = { .camera = &s->camera[0],
-                      .warp = &s->warp,
-                      .first = frame,
-                      .last = frame + 1,
-                      .threads = sst_thread_count(0),
-                      .fn = fn,
-                      .arg = arg };
+    struct shooting t = { .camera = &s->camera[0],
+                          .warp = &s->warp,
+                          .first = frame,
+                          .last = frame + 1,
+                          .threads = sst_thread_count(0),
+                          .fn = fn,
+                          .arg = arg };
 
     for (int i = 0; i < 3; i++)
         t.eye_mm[i] = s->camera[0].position_mm[i] + pose_um[i] / 1000.0;

@@ -13,7 +13,7 @@ struct sst_sim_timing {
     int64_t delay_ns;        /* from the trigger's edge to start of exposure */
     int64_t jitter_ns;       /* standard deviation of that delay */
     int64_t latency_ns;      /* from the end of exposure to the finished buffer */
-    int64_t clock_offset_ns; /* offset of its time stamps ... ... */
+    int64_t clock_offset_ns; /* offset of its time stamps ... */
     double clock_drift_ppm;  /* ... and drift since the start of the world */
     int64_t phase_ns;        /* of its free run */
 };
