@@ -19,7 +19,7 @@ double sst_random_in(uint64_t *state, double lo, double hi);
 struct sst_vec3 sst_random_vec(uint64_t *state, double half);
 
 /** Hash of a cell of the integer lattice. */
-uint32_t sst_hash(int32_t x, int32_t y, int32_t z, uint32_t seed);
+uint32_t sst_noise_hash(int32_t x, int32_t y, int32_t z, uint32_t seed);
 
 /**
  * Value noise in 0..1: random values on the integer lattice, interpolated by smoothstep. If z is exactly 0, only the
@@ -31,6 +31,6 @@ float sst_noise(struct sst_vec3 p, uint32_t seed);
 
 /** Sum of octaves of noise, each of twice the frequency and half the size; 0..1, mean 0.5, stretched to use the range.
  */
-float sst_fbm(struct sst_vec3 p, int octaves, uint32_t seed);
+float sst_noise_fbm(struct sst_vec3 p, int octaves, uint32_t seed);
 
 #endif

@@ -13,9 +13,8 @@ static const char *const names[] = {
     "bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat", NULL
 };
 
-static sst_build_fn *const builders[] = { sst_build_bush, sst_build_pedestrian, sst_build_transportation,
-                                          sst_build_cell, sst_build_humvee,     sst_build_cd_cases,
-                                          sst_build_cat };
+static build_fn *const builders[] = { build_bush,     build_pedestrian, build_transportation, build_cell, build_humvee,
+                                      build_cd_cases, build_cat };
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg)
 {
@@ -56,9 +55,9 @@ static int check(const struct sst_scene_config *c)
     return 0;
 }
 
-void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_raster *out)
+void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_scene_raster *out)
 {
-    *out = (struct sst_raster){
+    *out = (struct sst_scene_raster){
         .world = &s->world,
         .focal_px = sst_scene_focal_px(s),
         .cx = (s->cfg.width - 1) / 2.0,
@@ -90,7 +89,7 @@ static void probe_fini(struct probe *p)
 /* Truth on a lattice of points spread evenly over the picture. */
 static int probe_view(const struct sst_scene *s, double bx, double by, unsigned hidden, struct probe *p)
 {
-    struct sst_raster r;
+    struct sst_scene_raster r;
     int err = sst_map_f32_init(&p->disp, PROBE_WIDTH, PROBE_HEIGHT);
 
     if (!err)
@@ -109,7 +108,7 @@ static int probe_view(const struct sst_scene *s, double bx, double by, unsigned 
     r.disp = &p->disp;
     r.label = &p->label;
     r.owner = &p->owner;
-    return sst_raster_run(&r);
+    return sst_scene_raster_run(&r);
 }
 
 /* The extremes are visible from the corners of the grid; half a pixel of margin covers what lies between the points. */
@@ -192,33 +191,33 @@ static int find_focus(struct sst_scene *s)
 
 /* --- public functions --------------------------------------------------------------------------------------------- */
 
-int sst_world_build(struct sst_world *w, const char *name, const struct sst_scene_config *cfg)
+int sst_scene_world_build(struct sst_scene_world *w, const char *name, const struct sst_scene_config *cfg)
 {
     const int which = find(name), longest = sst_max_int(cfg->rows, cfg->cols) - 1;
     const int err = which < 0 ? which : check(cfg);
 
     if (err)
         return err;
-    *w = (struct sst_world){ .rng = cfg->seed, .time_s = cfg->time_s };
+    *w = (struct sst_scene_world){ .rng = cfg->seed, .time_s = cfg->time_s };
     builders[which](w);
     /* A finer grid divides the same aperture, so that it stays inside the scene and above the ground. */
     w->spacing_mm *= longest > 5 ? 5.0 / longest : 1;
     if (!w->failed)
         return 0;
-    sst_world_fini(w);
+    sst_scene_world_fini(w);
     return -ENOMEM;
 }
 
-void sst_world_fini(struct sst_world *w)
+void sst_scene_world_fini(struct sst_scene_world *w)
 {
     free(w->surfaces);
-    *w = (struct sst_world){ 0 };
+    *w = (struct sst_scene_world){ 0 };
 }
 
 int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg)
 {
     struct sst_scene *s = calloc(1, sizeof(*s));
-    int err = s ? sst_world_build(&s->world, name, cfg) : -ENOMEM;
+    int err = s ? sst_scene_world_build(&s->world, name, cfg) : -ENOMEM;
 
     if (!err) {
         s->cfg = *cfg;
@@ -238,7 +237,7 @@ void sst_scene_destroy(struct sst_scene *s)
 {
     if (!s)
         return;
-    sst_world_fini(&s->world);
+    sst_scene_world_fini(&s->world);
     free(s);
 }
 
@@ -272,7 +271,7 @@ int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned h
                      struct sst_map_f32 *disp, struct sst_map_u8 *label)
 {
     const int w = s->cfg.width, h = s->cfg.height;
-    struct sst_raster r;
+    struct sst_scene_raster r;
 
     if ((image && (image->width != w || image->height != h)) || (disp && (disp->width != w || disp->height != h)) ||
         (label && (label->width != w || label->height != h)))
@@ -281,5 +280,5 @@ int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned h
     r.image = image;
     r.disp = disp;
     r.label = label;
-    return sst_raster_run(&r);
+    return sst_scene_raster_run(&r);
 }

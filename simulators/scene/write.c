@@ -96,12 +96,12 @@ static int write_pair(const struct job *j, const char *suffix, const struct sst_
 /* Mask: 255 where the surface visible in the reference view belongs to the occluder. */
 static int render_mask(const struct sst_scene *scene, unsigned bit, struct sst_map_u8 *mask)
 {
-    struct sst_raster r;
+    struct sst_scene_raster r;
     int err;
 
     scene_raster(scene, 0, 0, 0, &r);
     r.owner = mask;
-    err = sst_raster_run(&r);
+    err = sst_scene_raster_run(&r);
     for (int y = 0; y < mask->height && !err; y++) {
         uint8_t *row = sst_map_u8_row(mask, y);
 

@@ -134,7 +134,7 @@ bool sim_board_white(const struct sst_sim_board *b, double x_mm, double y_mm, do
     return white;
 }
 
-static float paint_board(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+static float paint_board(const struct sst_scene_surface *s, const struct sst_scene_hit *h, struct sst_scene_rgb *out)
 {
     double clear;
 
@@ -151,7 +151,7 @@ static double room(double picture, double mm, double board_mm, int cameras, doub
     return fmax(0, (picture * mm - 0.9 * board_mm - (cameras - 1) * spacing_mm) / 2);
 }
 
-void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings *s, const struct sst_world *w)
+void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings *s, const struct sst_scene_world *w)
 {
     uint64_t rng = s->seed ^ 0x626F617264ull;
     double width, height;
@@ -174,22 +174,22 @@ void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings
     }
 }
 
-void sim_board_add(struct sst_world *w, const struct sst_sim_board *b, int pose)
+void sim_board_add(struct sst_scene_world *w, const struct sst_sim_board *b, int pose)
 {
     const double margin = sim_board_margin(b);
     const struct sst_sim_pose *p = &b->pose[pose];
-    const struct sst_material mat =
-        sst_mat(paint_board, SST_SIM_BOARD_WHITE * 0x10101, SST_SIM_BOARD_BLACK * 0x10101, 0);
+    const struct sst_scene_material mat =
+        material(paint_board, SST_SIM_BOARD_WHITE * 0x10101, SST_SIM_BOARD_BLACK * 0x10101, 0);
     double width, height, r[9];
-    struct sst_surface *s;
+    struct sst_scene_surface *s;
 
     sim_board_size(b, &width, &height);
     sim_rotation(p->rotation_deg, r);
-    sst_begin(w, SST_LABEL_POSTER, 0);
-    w->tint = (struct sst_rgb){ 1, 1, 1 };
-    s = sst_add_patch(w, sst_v(p->position_mm[0], p->position_mm[1], p->position_mm[2]),
-                      sst_mul(sst_v(r[0], r[3], r[6]), width / 2 + margin),
-                      sst_mul(sst_v(r[1], r[4], r[7]), height / 2 + margin), mat);
+    sst_scene_begin(w, SST_LABEL_POSTER, 0);
+    w->tint = (struct sst_scene_rgb){ 1, 1, 1 };
+    s = sst_scene_add_patch(w, vec3(p->position_mm[0], p->position_mm[1], p->position_mm[2]),
+                            vec3_mul(vec3(r[0], r[3], r[6]), width / 2 + margin),
+                            vec3_mul(vec3(r[1], r[4], r[7]), height / 2 + margin), mat);
     s->own = b;
     s->unlit = true;
     s->grain = 0;
@@ -200,13 +200,13 @@ double sim_board_wall_mm(double focal)
     return 4000 * fmax(1, focal / SST_SIM_BOARD_FOCAL);
 }
 
-void sim_board_room(struct sst_world *w)
+void sim_board_room(struct sst_scene_world *w)
 {
     const double floor_mm = SST_SIM_BOARD_FLOOR_MM, wall_mm = sim_board_wall_mm(w->focal);
 
-    sst_begin(w, SST_LABEL_BUILDING, 0);
-    sst_add_patch(w, sst_v(0, floor_mm - 3000, wall_mm), sst_v(9000, 0, 0), sst_v(0, 3000, 0),
-                  sst_mat(sst_paint_fbm, 0x9a9a96, 0xb4b4ae, 500));
-    sst_begin(w, SST_LABEL_PAVEMENT, 0);
-    sst_add_floor(w, floor_mm, 300, wall_mm, sst_mat(sst_paint_wood, 0x7a6a58, 0x94836e, 120));
+    sst_scene_begin(w, SST_LABEL_BUILDING, 0);
+    sst_scene_add_patch(w, vec3(0, floor_mm - 3000, wall_mm), vec3(9000, 0, 0), vec3(0, 3000, 0),
+                        material(sst_scene_paint_fbm, 0x9a9a96, 0xb4b4ae, 500));
+    sst_scene_begin(w, SST_LABEL_PAVEMENT, 0);
+    sst_scene_add_floor(w, floor_mm, 300, wall_mm, material(sst_scene_paint_wood, 0x7a6a58, 0x94836e, 120));
 }

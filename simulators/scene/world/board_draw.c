@@ -76,7 +76,7 @@ static bool find_box(struct drawing *d, const double e[3], const double u[3], co
         hi_x = width;
         hi_y = height;
     } else if (v->warp) {
-        sst_warp_box(v->warp, &lo_x, &hi_x, &lo_y, &hi_y);
+        sst_scene_warp_box(v->warp, &lo_x, &hi_x, &lo_y, &hi_y);
     }
     d->x0 = (int)sst_clamp_double(floor(lo_x - blur) - 2, 0, width);
     d->x1 = (int)sst_clamp_double(ceil(hi_x + blur) + 3, 0, width);
@@ -184,7 +184,7 @@ static void sample(const struct drawing *d, double x, double y, float *there, fl
  */
 static void sample_all(struct drawing *d, int width, int height, double *rows)
 {
-    const struct sst_warp *warp = d->v->warp;
+    const struct sst_scene_warp *warp = d->v->warp;
     double *const row_x = rows, *const row_y = rows + width + 1;
 
     for (int j = 0; j < d->height; j++) {

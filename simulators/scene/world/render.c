@@ -17,38 +17,40 @@ struct sim_stage {
     struct sim_camera camera[SST_CAMERAS_MAX];
     struct sim_camera moved[SST_CAMERAS_MAX]; /* moving cameras after their move */
     struct sst_sim_board board;               /* with its poses */
-    struct sst_world first;                   /* at the start of the loop */
+    struct sst_scene_world first;             /* at the start of the loop */
     bool *moving;                             /* [surfaces] */
     int frames;
-    bool empty;           /* the scene is "board": boards are drawn over it */
-    int fine;             /* rendered pixels per pixel along each side: board edges need more than four samples */
-    struct sst_warp warp; /* of the rig's camera */
+    bool empty;                 /* the scene is "board": boards are drawn over it */
+    int fine;                   /* rendered pixels per pixel along each side: board edges need more than four samples */
+    struct sst_scene_warp warp; /* of the rig's camera */
     struct sim_photo *photo;
 };
 
 /* --- the surfaces at a time --------------------------------------------------------------------------------------- */
 
 /* The empty room, with the optics of another scene where the settings name one. */
-static int build_room(const struct sim_stage *s, const struct sst_scene_config *cfg, struct sst_world *w)
+static int build_room(const struct sim_stage *s, const struct sst_scene_config *cfg, struct sst_scene_world *w)
 {
     const char *scene = s->settings->optics_scene;
-    *w = (struct sst_world){ .rng = cfg->seed, .focal = SST_SIM_BOARD_FOCAL, .spacing_mm = SST_SIM_BOARD_SPACING_MM };
+    *w = (struct sst_scene_world){ .rng = cfg->seed,
+                                   .focal = SST_SIM_BOARD_FOCAL,
+                                   .spacing_mm = SST_SIM_BOARD_SPACING_MM };
     if (*scene && strcmp(scene, "board")) {
-        struct sst_world other;
-        const int err = sst_world_build(&other, scene, cfg);
+        struct sst_scene_world other;
+        const int err = sst_scene_world_build(&other, scene, cfg);
 
         if (err)
             return err;
         w->focal = other.focal;
         w->spacing_mm = other.spacing_mm;
         w->shift = other.shift;
-        sst_world_fini(&other);
+        sst_scene_world_fini(&other);
     }
     sim_board_room(w);
     return 0;
 }
 
-static int build(const struct sim_stage *s, int frame, double late_s, struct sst_world *w)
+static int build(const struct sim_stage *s, int frame, double late_s, struct sst_scene_world *w)
 {
     const struct sst_sim_settings *c = s->settings;
     struct sst_scene_config cfg;
@@ -61,11 +63,11 @@ static int build(const struct sim_stage *s, int frame, double late_s, struct sst
     cfg.cols = c->cols;
     cfg.seed = c->seed;
     cfg.time_s = frame / c->rate_hz + late_s;
-    err = s->empty ? build_room(s, &cfg, w) : sst_world_build(w, c->scene, &cfg);
+    err = s->empty ? build_room(s, &cfg, w) : sst_scene_world_build(w, c->scene, &cfg);
     if (!err && !s->empty && s->board.kind && s->board.poses)
         sim_board_add(w, &s->board, frame % s->board.poses);
     if (!err && w->failed) {
-        sst_world_fini(w);
+        sst_scene_world_fini(w);
         err = -ENOMEM;
     }
     return err;
@@ -87,13 +89,13 @@ static int find_motion(struct sim_stage *s)
     if (!s->moving)
         return -ENOMEM;
     for (int i = 0; i < 2 * s->frames; i++) {
-        struct sst_world w;
+        struct sst_scene_world w;
         const int err = build(s, i / 2, i & 1 ? late_s(c, c->height) : 0, &w);
 
         if (err)
             return err;
-        sst_world_compare(&s->first, &w, s->moving);
-        sst_world_fini(&w);
+        sst_scene_world_compare(&s->first, &w, s->moving);
+        sst_scene_world_fini(&w);
     }
     for (int i = 0; i < s->first.count; i++)
         still = still && !s->moving[i];
@@ -155,10 +157,10 @@ static int check_lens(const struct sim_stage *s, const struct sim_camera *camera
 }
 
 /* @return 0 (warp left alone for an ideal camera), -ENOMEM, -EINVAL */
-static int make_warp(const struct sim_stage *s, const struct sim_camera *camera, struct sst_warp *warp)
+static int make_warp(const struct sim_stage *s, const struct sim_camera *camera, struct sst_scene_warp *warp)
 {
     const int fine = s->fine, width = s->settings->width * fine, height = s->settings->height * fine;
-    int err = is_ideal(s, camera) ? 0 : sst_warp_init(warp, width, height);
+    int err = is_ideal(s, camera) ? 0 : sst_scene_warp_init(warp, width, height);
 
     for (int y = 0; warp->x && y < height; y++) {
         for (int x = 0; x < width; x++) {
@@ -172,7 +174,7 @@ static int make_warp(const struct sim_stage *s, const struct sim_camera *camera,
         }
     }
     if (warp->x)
-        sst_warp_index(warp);
+        sst_scene_warp_index(warp);
     return err;
 }
 
@@ -180,18 +182,19 @@ static int make_warp(const struct sim_stage *s, const struct sim_camera *camera,
 struct shooting {
     int cam;
     const struct sim_camera *camera;
-    const struct sst_warp *warp;
+    const struct sst_scene_warp *warp;
     double eye_mm[3];
     int first, last, threads;
     sim_picture_fn *fn;
     void *arg;
 };
 
-static void aim(const struct sim_stage *s, const struct shooting *t, struct sst_image *image, struct sst_raster *out)
+static void aim(const struct sim_stage *s, const struct shooting *t, struct sst_image *image,
+                struct sst_scene_raster *out)
 {
     const struct sim_optics *o = &s->optics;
 
-    *out = (struct sst_raster){
+    *out = (struct sst_scene_raster){
         .world = &s->first,
         .focal_px = o->focal_px * s->fine,
         .cx = (o->cx + 0.5) * s->fine - 0.5,
@@ -241,7 +244,7 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
     s->board = settings->board;
     if (s->board.seeded)
         sim_board_seed_poses(&s->board, settings, &s->first);
-    sst_world_fini(&s->first);
+    sst_scene_world_fini(&s->first);
     err = build(s, 0, 0, &s->first);
     if (!err)
         err = find_motion(s);
@@ -275,8 +278,8 @@ void sim_stage_close(struct sim_stage *s)
     if (!s)
         return;
     sim_photo_destroy(s->photo);
-    sst_warp_fini(&s->warp);
-    sst_world_fini(&s->first);
+    sst_scene_warp_fini(&s->warp);
+    sst_scene_world_fini(&s->first);
     free(s->moving);
     free(s);
 }
@@ -350,18 +353,18 @@ static void expose(const struct sim_stage *s, const struct shooting *t, int fram
 }
 
 /* Draw all rows at once, or band by band for a rolling shutter. */
-static int draw(const struct sim_stage *s, struct sst_layers *layers, int frame)
+static int draw(const struct sim_stage *s, struct sst_scene_layers *layers, int frame)
 {
     const int height = s->settings->height, step = s->settings->rolling ? BAND_ROWS : height;
 
     for (int y = 0; y < height; y += step) {
-        struct sst_world w;
+        struct sst_scene_world w;
         const int err = build(s, frame, late_s(s->settings, y), &w);
 
         if (err)
             return err;
-        sst_layers_draw(layers, &w, y * s->fine, sst_min_int(y + step, height) * s->fine);
-        sst_world_fini(&w);
+        sst_scene_layers_draw(layers, &w, y * s->fine, sst_min_int(y + step, height) * s->fine);
+        sst_scene_world_fini(&w);
     }
     return 0;
 }
@@ -387,15 +390,15 @@ static int draw_board(const struct sim_stage *s, const struct shooting *t, int f
 static int shoot(const struct sim_stage *s, const struct shooting *t)
 {
     struct sst_image fine = { 0 }, native = { 0 };
-    struct sst_layers *layers = NULL;
-    struct sst_raster r;
+    struct sst_scene_layers *layers = NULL;
+    struct sst_scene_raster r;
     int err = sst_image_init(&native, s->settings->width, s->settings->height);
 
     if (!err)
         err = sst_image_init(&fine, s->settings->width * s->fine, s->settings->height * s->fine);
     if (!err) {
         aim(s, t, &fine, &r);
-        err = sst_layers_create(&layers, &r, s->moving, t->threads);
+        err = sst_scene_layers_create(&layers, &r, s->moving, t->threads);
     }
     for (int i = t->first; i < t->last && !err; i++) {
         err = draw(s, layers, i);
@@ -406,7 +409,7 @@ static int shoot(const struct sim_stage *s, const struct shooting *t)
         expose(s, t, i, &fine, &native);
         err = t->fn(t->arg, i, &native);
     }
-    sst_layers_destroy(layers);
+    sst_scene_layers_destroy(layers);
     sst_image_fini(&fine);
     sst_image_fini(&native);
     return err;
@@ -415,7 +418,7 @@ static int shoot(const struct sim_stage *s, const struct shooting *t)
 /* Render a picture with the camera's own lens and position. */
 static int shoot_from(const struct sim_stage *s, struct shooting *t, const struct sim_camera *camera)
 {
-    struct sst_warp warp = { 0 };
+    struct sst_scene_warp warp = { 0 };
     int err = t->first < t->last ? make_warp(s, camera, &warp) : 0;
 
     t->camera = camera;
@@ -423,7 +426,7 @@ static int shoot_from(const struct sim_stage *s, struct shooting *t, const struc
     memcpy(t->eye_mm, camera->position_mm, sizeof(t->eye_mm));
     if (!err && t->first < t->last)
         err = shoot(s, t);
-    sst_warp_fini(&warp);
+    sst_scene_warp_fini(&warp);
     return err;
 }
 
@@ -453,12 +456,12 @@ int sim_stage_pose(const struct sim_stage *s, const int32_t pose_um[3], int fram
     return shoot(s, &t);
 }
 
-int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3], struct sst_warp *rays,
+int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3], struct sst_scene_warp *rays,
                    struct sst_map_f32 *depth, struct sst_map_u8 *label)
 {
     const struct sim_optics *o = &s->optics;
-    struct sst_world w;
-    const struct sst_raster r = {
+    struct sst_scene_world w;
+    const struct sst_scene_raster r = {
         .world = &w,
         .focal_px = o->focal_px,
         .cx = o->cx,
@@ -480,9 +483,9 @@ int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3],
         return err;
     if (s->empty && s->board.kind && s->board.poses)
         sim_board_add(&w, &s->board, frame % s->board.poses);
-    sst_warp_index(rays);
-    err = w.failed ? -ENOMEM : sst_raster_run(&r);
-    sst_world_fini(&w);
+    sst_scene_warp_index(rays);
+    err = w.failed ? -ENOMEM : sst_scene_raster_run(&r);
+    sst_scene_world_fini(&w);
     for (int y = 0; !err && depth && y < depth->height; y++) {
         float *row = sst_map_f32_row(depth, y);
 

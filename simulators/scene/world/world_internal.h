@@ -6,7 +6,7 @@
 #include <stdbool.h>
 
 #include "pipeline/image/image.h"
-#include "simulators/scene/world.h"
+#include "simulators/scene/surfaces.h"
 #include "simulators/scene/world/settings.h"
 #include "simulators/scene/world/sim_world.h"
 
@@ -41,10 +41,10 @@ bool sim_board_white(const struct sst_sim_board *board, double x_mm, double y_mm
 /** Fill in poses 0 .. board->poses-1 from the seed: in front of the array, in all orientations, a third to half of a
  *  picture. */
 void sim_board_seed_poses(struct sst_sim_board *board, const struct sst_sim_settings *settings,
-                          const struct sst_world *world);
+                          const struct sst_scene_world *world);
 
 /** Add the board, which must outlive the world, to it in one of its poses. */
-void sim_board_add(struct sst_world *w, const struct sst_sim_board *board, int pose);
+void sim_board_add(struct sst_scene_world *w, const struct sst_sim_board *board, int pose);
 
 /** Ideal cameras of "board", unless another scene's are configured. */
 #define SST_SIM_BOARD_FOCAL      1200 /* design px */
@@ -56,7 +56,7 @@ void sim_board_add(struct sst_world *w, const struct sst_sim_board *board, int p
 double sim_board_wall_mm(double focal);
 
 /** Add an empty room for boards to a world whose focal length is set. */
-void sim_board_room(struct sst_world *w);
+void sim_board_room(struct sst_scene_world *w);
 
 /** A camera and a board in the empty room. */
 struct sim_board_view {
@@ -65,7 +65,7 @@ struct sim_board_view {
     double floor_mm, wall_mm; /* surfaces beyond them are hidden */
     double focal_px, cx, cy;  /* of the ideal picture */
     double eye_mm[3];
-    const struct sst_warp *warp; /* of the picture's size; or NULL */
+    const struct sst_scene_warp *warp; /* of the picture's size; or NULL */
 };
 
 /**
@@ -312,12 +312,12 @@ SST_MUST_CHECK int sim_stage_pose(const struct sim_stage *stage, const int32_t p
 /**
  * Exact depth and labels along many rays from a viewpoint; boards are surfaces here.
  *
- * @param rays   their positions in the ideal picture of that viewpoint, as set with sst_warp_init(); indexed here
+ * @param rays   their positions in the ideal picture of that viewpoint, as set with sst_scene_warp_init(); indexed here
  * @param depth  out, mm from the viewpoint along z, 0: nothing; of the rays' size, like label; either may be NULL
  * @return 0 or -ENOMEM.   Thread: any.
  */
 SST_MUST_CHECK int sim_stage_look(const struct sim_stage *stage, int frame, const double eye_mm[3],
-                                  struct sst_warp *rays, struct sst_map_f32 *depth, struct sst_map_u8 *label);
+                                  struct sst_scene_warp *rays, struct sst_map_f32 *depth, struct sst_map_u8 *label);
 
 /* --- truth: true parameters of a world as JSON or as a calibration. --- */
 
