@@ -70,7 +70,7 @@ static int check_size(const struct sst_detections *all, const struct sst_solve_c
     }
     if ((double)beyond <= (double)corners * MOST_OUTSIDE)
         return 0;
-    return solve_refuse(cfg,
+    return solve_reject(cfg,
                         "%lld of %lld corners lie outside the %dx%d pictures; correct the size or detect "
                         "the corners again",
                         beyond, corners, all->width, all->height);
@@ -104,7 +104,7 @@ static int copy_detections(struct solve_problem *p, const struct sst_detections 
             if (copy_corner(&next[d->corners], &from->corner[k], all, low, high))
                 d->corners++;
             else if (!left_out++ &&
-                     solve_refuse(cfg,
+                     solve_reject(cfg,
                                   "corner %d of %s in frame %s is at (%g, %g) with weight %g, which is not a "
                                   "point of the board (%d points) in a picture of %dx%d; detect the corners again",
                                   from->corner[k].id, solve_name(all, from->view, name), all->frame_name[from->frame],
@@ -384,7 +384,7 @@ static int fill_maps(struct sst_solution *s, struct solve_case *c)
     int err = solve_covariances(&cov, &c->p, solve_unit_sigma(&c->done));
 
     if (err == -EDOM)
-        return solve_refuse(c->cfg, "the corners do not determine every camera's lens and pose; take more frames, "
+        return solve_reject(c->cfg, "the corners do not determine every camera's lens and pose; take more frames, "
                                     "near and far, tilted, and seen by several cameras at once");
     if (err)
         return err;
@@ -393,8 +393,8 @@ static int fill_maps(struct sst_solution *s, struct solve_case *c)
         if (!c->p.camera[v].known)
             continue;
         solve_lens_map(&c->p, &cov, v, 1, s->lens_sigma[v]);
-        solve_carry_map(&c->p, &cov, v, 0, s->carry_sigma[v][0]);
-        solve_carry_map(&c->p, &cov, v, s->calib.range_mm, s->carry_sigma[v][1]);
+        solve_transfer_map(&c->p, &cov, v, 0, s->carry_sigma[v][0]);
+        solve_transfer_map(&c->p, &cov, v, s->calib.range_mm, s->carry_sigma[v][1]);
         s->calib.camera[v].sigma_px = solve_map_rms(s->carry_sigma[v][1]);
     }
     solve_covariance_fini(&cov);
@@ -500,7 +500,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     if (!err)
         err = solve_compare_drives(&c);
     if (!err && cfg->cross_validate)
-        err = solve_cross(&c);
+        err = solve_cross_validate(&c);
     report_progress(&c, 0.95);
     if (!err)
         err = fill(&s, &c);

@@ -238,7 +238,7 @@ static double lens_distance(const struct solve_problem half[2], const struct sol
     return sqrt(fmax(sum, 0) / n);
 }
 
-int solve_cross(struct solve_case *c)
+int solve_cross_validate(struct solve_case *c)
 {
     struct solve_problem half[2] = { { 0 } };
     struct solve_covariance cov[2] = { { .size = 0 } };

@@ -89,7 +89,7 @@ static int check_exchanged(struct diagnosis *l)
             last = f;
         }
         if (cured && 10 * cured >= 6 * both)
-            return solve_refuse(
+            return solve_reject(
                 l->c->cfg,
                 "%s and %s are exchanged in %d frames, from %s to %s: each sees there what the other "
                 "should (residuals of %.3g px become %.2g px); correct their names or leave these frames "
@@ -253,7 +253,7 @@ static int check_moved(struct diagnosis *l)
         return -ENOMEM;
     if (worst.view < 0)
         return 0;
-    return solve_refuse(l->c->cfg,
+    return solve_reject(l->c->cfg,
                         "%s moved %sbefore frame %s, by %.2f px (%.2f degrees, %.1f mm): fasten it and take all frames "
                         "again, or calibrate from the frames before or after that one alone",
                         solve_name(l->c->all, worst.view, name),
@@ -308,7 +308,7 @@ static int check_boards(struct diagnosis *l)
         frames == 1 ? "frame" : "several frames were taken, most when", l->c->all->frame_name[first],
         frames == 1 ? "" : " (or its points are wrong there)", first_bad, first_seen, px);
     if (lost > most * all && !l->c->cfg->plain)
-        return solve_refuse(l->c->cfg, "%s", text);
+        return solve_reject(l->c->cfg, "%s", text);
     sst_log_warning("%s", text);
     return 0;
 }
@@ -340,7 +340,7 @@ static int check_garbled(const struct diagnosis *l)
             }
         }
         if (garbled && 2 * garbled >= all)
-            return solve_refuse(l->c->cfg,
+            return solve_reject(l->c->cfg,
                                 "what %s shows in %d of %d frames is not the board: its points are %.1f px off for "
                                 "any pose; it shows another board, or the points are numbered in another "
                                 "order, perhaps by columns",
@@ -367,7 +367,7 @@ static int check_contrary(const struct diagnosis *l)
             px = i >= 0 ? fmax(px, l->median_px[i]) : px;
         }
         if (4 * bad >= all && bad > 1)
-            return solve_refuse(l->c->cfg,
+            return solve_reject(l->c->cfg,
                                 "%s contradicts the others in %d of %d frames, by up to %.2f px: it moved, was not "
                                 "triggered with them, or numbers the board's points from another corner; check its "
                                 "pictures, or leave the camera out",

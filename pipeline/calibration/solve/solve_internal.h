@@ -240,8 +240,8 @@ void solve_covariance_fini(struct solve_covariance *c);
 void solve_lens_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double share,
                     float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
 /** carry_sigma of one view; depth_mm 0: at infinity. */
-void solve_carry_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
-                     float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
+void solve_transfer_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
+                        float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
 /** Root mean square of the finite cells; 0 if there are none. */
 double solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
 /** Noise of a corner of weight 1 from the sum of squares, one axis. */
@@ -250,7 +250,7 @@ double solve_unit_sigma(const struct solve_adjusted *done);
 /* --- refusals (solve_refuse.c, solve_explain.c) ------------------------------------------------------------------- */
 
 /** Log an error and return -EBADMSG; with cfg->force log a warning and return 0. */
-int solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...) SST_PRINTF(2, 3);
+int solve_reject(const struct sst_solve_config *cfg, const char *fmt, ...) SST_PRINTF(2, 3);
 /** "camera 02_03 (row 2, column 3)" */
 const char *solve_name(const struct sst_detections *all, int view, char out[128]);
 
@@ -274,7 +274,7 @@ SST_MUST_CHECK int solve_check_places(struct solve_case *c);
 /** Choose 5 or 8 coefficients by held-out frames; sets the problem's lens and refits its cameras. */
 SST_MUST_CHECK int solve_choose_lens(struct solve_case *c);
 /** Odd against even frames. */
-SST_MUST_CHECK int solve_cross(struct solve_case *c);
+SST_MUST_CHECK int solve_cross_validate(struct solve_case *c);
 /** RMS distance (px, both axes) between two lenses over the central part, with the best rotation removed. */
 double solve_lens_difference(const struct solve_problem *p, const double *a, const double *b, double share);
 /** Compare the solved centres with the drives' positions. */

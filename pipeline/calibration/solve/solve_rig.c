@@ -89,7 +89,7 @@ static int check_exchanged(const struct solve_case *c, const struct places *p, i
     }
     if (!(least / count < PLACE_SHARE * PLACE_SHARE * step2))
         return 0;
-    return solve_refuse(c->cfg,
+    return solve_reject(c->cfg,
                         "%s and %s are swapped: exchanged, all cameras are within %.2g mm of a regular "
                         "grid, as named within %.3g mm; swap their places in the configuration, or their folders",
                         solve_name(c->all, one, first), solve_name(c->all, other, second), sqrt(least / count),
@@ -243,7 +243,7 @@ static int judge_scale(const struct solve_case *c, double scale)
 
     if (fabs(scale - 1) <= MOST_SCALE)
         return 0;
-    return solve_refuse(
+    return solve_reject(
         c->cfg,
         "the positions are %.3g times the drives': is the board's square %.4g mm instead of %.4g mm, or "
         "the drives' scale wrong?",

@@ -406,8 +406,8 @@ static bool transfer(const struct solve_problem *p, int view, double depth_mm, c
     return true;
 }
 
-void solve_carry_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
-                     float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
+void solve_transfer_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
+                        float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
 {
     const int n = 4 + p->lens, from[3] = { c->layout.lens[p->reference], c->layout.lens[view], c->layout.pose[view] };
     int state[2 * SOLVE_LENS_MAX + 6], at[2 * SOLVE_LENS_MAX + 6], count = 0;
