@@ -163,14 +163,14 @@ int sst_kalibr_parse(struct sst_calib *out, const char *text, size_t size, const
     struct sst_loose *loose = sst_loose_create();
     struct sst_yaml *doc = NULL;
     struct sst_yaml_node *root;
-    int err = loose ? sst_yaml_parse(&doc, text, size, name) : -ENOMEM, told;
+    int err = loose ? sst_yaml_parse(&doc, text, size, name) : -ENOMEM, faults;
 
     if (!err) {
         root = sst_yaml_root(doc);
         sst_yaml_know_tree(root);
         err = root ? read_cameras(doc, root, loose, cfg->unit_mm > 0 ? cfg->unit_mm : METRE_MM, name) : 0;
-        told = sst_yaml_finish(doc);
-        err = err ? err : told;
+        faults = sst_yaml_finish(doc);
+        err = err ? err : faults;
     }
     if (!err)
         err = sst_loose_assemble(out, loose, cfg, name, "Kalibr");

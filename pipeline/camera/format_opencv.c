@@ -340,7 +340,7 @@ static int read_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_ya
 {
     struct sst_yaml_node *root[2] = { sst_yaml_root(in), sst_yaml_root(ex) };
     const double eye[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, none[3] = { 0 };
-    int err, told;
+    int err, faults;
 
     for (int i = 0; i < 2; i++) {
         struct sst_loose_camera *c = sst_loose_add(loose, i ? "right" : "left", file);
@@ -365,8 +365,8 @@ static int read_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_ya
     sst_yaml_know_tree(root[0]);
     sst_yaml_know_tree(root[1]);
     err = sst_yaml_finish(in);
-    told = sst_yaml_finish(ex);
-    return err ? err : told;
+    faults = sst_yaml_finish(ex);
+    return err ? err : faults;
 }
 
 int sst_opencv_stereo_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg)

@@ -66,12 +66,12 @@ void sst_jpeg_means_destroy(struct sst_jpeg_means *m)
 /* --- tables ------------------------------------------------------------------------------------------------------- */
 
 /* Combine as many whole symbols as fit, up to the end of the block. */
-static uint16_t make_step(const struct table *t, unsigned look)
+static uint16_t make_step(const struct table *t, unsigned prefix)
 {
     unsigned used = 0, coefs = 0;
 
     for (;;) {
-        const unsigned entry = t->first[(look << used) & ((1u << LOOK_BITS) - 1)], length = entry >> 8;
+        const unsigned entry = t->first[(prefix << used) & ((1u << LOOK_BITS) - 1)], length = entry >> 8;
         const unsigned run = (entry >> 4) & 15, size = entry & 15, adds = size || run == 15 ? run + 1 : 0;
 
         /* Bits beyond LOOK_BITS are 0 here: a symbol that depends on them is left for the next lookup. */
@@ -90,14 +90,14 @@ static inline int extend(int bits, int size)
     return bits < 1 << (size - 1) ? bits - (1 << size) + 1 : bits;
 }
 
-static uint32_t make_mean(const struct table *t, unsigned look)
+static uint32_t make_mean(const struct table *t, unsigned prefix)
 {
-    const unsigned entry = t->first[look << (LOOK_BITS - MEAN_BITS)], length = entry >> 8, size = entry & 255;
+    const unsigned entry = t->first[prefix << (LOOK_BITS - MEAN_BITS)], length = entry >> 8, size = entry & 255;
     int bits;
 
     if (!length || size > 15 || length + size > MEAN_BITS)
         return 0;
-    bits = (int)(look & ((1u << (MEAN_BITS - length)) - 1));
+    bits = (int)(prefix & ((1u << (MEAN_BITS - length)) - 1));
     return (uint32_t)(uint16_t)(size ? extend(bits >> (MEAN_BITS - length - size), (int)size) : 0) << 8 |
            (length + size);
 }
@@ -124,10 +124,10 @@ static bool make_table(struct table *t, const JHUFF_TBL *from)
             t->last_code[length] = code;
         }
     }
-    for (unsigned look = 0; look < 1u << LOOK_BITS; look++)
-        t->step[look] = make_step(t, look);
-    for (unsigned look = 0; look < 1u << MEAN_BITS; look++)
-        t->mean[look] = make_mean(t, look);
+    for (unsigned prefix = 0; prefix < 1u << LOOK_BITS; prefix++)
+        t->step[prefix] = make_step(t, prefix);
+    for (unsigned prefix = 0; prefix < 1u << MEAN_BITS; prefix++)
+        t->mean[prefix] = make_mean(t, prefix);
     memcpy(t->bits, from->bits, sizeof(t->bits));
     memcpy(t->value, from->huffval, sizeof(t->value));
     t->made = true;

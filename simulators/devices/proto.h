@@ -6,15 +6,14 @@
 
 /*
  * A session is a folder, given by the environment variable SST_SIM_DIR:
- *   control.sock  SEQPACKET; one call and one answer at a time on each connection, as many connections as wanted dev/
- *   the session's /dev: device nodes are small files "MAJOR MINOR
- *   " with the sticky bit
- *                 set, everything else is a link to the real entry
+ *   control.sock  SEQPACKET; one call and one answer at a time on each connection, any number of connections
+ *   dev/          the session's /dev: device nodes are small files "MAJOR MINOR\n" with the sticky bit set, everything
+ *                 else is a link to the real entry
  *
- * A descriptor that a program holds is one end of a stream socket pair whose other end the simulator keeps. Bytes to be
- * read from it are what makes it readable for poll(); an out-of-band byte is POLLPRI; unplugging closes the simulator's
- * end. The program's end is bound to an abstract name "sst-sim/<class>/<handle>", so that any process that comes to
- * hold it (dup, fork, exec, SCM_RIGHTS) can tell what it is.
+ * A descriptor of a program is one end of a stream socket pair; the simulator keeps the other end. Unread bytes make it
+ * readable for poll(); an out-of-band byte is POLLPRI; unplugging closes the simulator's end. The program's end is
+ * bound to an abstract name "sst-sim/<class>/<handle>", so that any process that inherits or receives it (dup, fork,
+ * exec, SCM_RIGHTS) can identify it.
  */
 #define SST_SIM_DIR_ENV "SST_SIM_DIR"
 #define SST_SIM_SOCKET  "control.sock"

@@ -3,9 +3,9 @@
  *
  * With p a point of the board, P = Rf p + tf in rig axes and q = Rc P + tc in the camera's, both poses move q like one
  * relative pose (R = Rc Rf, t = Rc tf + tc):
- *     dq = -[R p]x w + v            w, v: small rotation and shift of the board in front of the camera board:   w = Rc
- *     Jf df,  v = Rc dtf          Jf, Jc: left Jacobians of the rotations df, dc of the states camera:  w = Jc dc, v =
- *     -[Rc tf]x Jc dc + dtc
+ *     dq = -[R p]x w + v            w, v: small rotation and shift of the board in front of the camera
+ *     board:   w = Rc Jf df,  v = Rc dtf          Jf, Jc: left Jacobians of the rotations df, dc of the states
+ *     camera:  w = Jc dc,     v = -[Rc tf]x Jc dc + dtc
  * so rows need 6 columns for both, and are spread to 12 after compression.
  */
 #include <math.h>

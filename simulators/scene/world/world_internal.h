@@ -13,11 +13,13 @@
 /* --- board: calibration boards as surfaces of a scene. --- */
 
 /*
- * Boards as OpenCV and Kalibr draw them. In a board's own axes x is right and y down as one looks at it, z away from
- * the looker, the origin its centre; cols x rows squares or tags: chessboard   the upper left square is black ChArUco
- * the same, markers of DICT_4X4_50 with a border of one module in the white squares, numbered row by row AprilGrid tags
- * 36h11 with a border of two modules, numbered row by row from the upper left, small black squares between the corners
- * of the tags Around it is a white margin of half a square, on an AprilGrid of the gap between tags.
+ * Boards as OpenCV and Kalibr draw them, cols x rows squares or tags. In a board's own axes, seen from the front, x is
+ * right and y down, z away from the viewer, the origin its centre.
+ *   chessboard  the upper left square is black
+ *   ChArUco     the same; markers of DICT_4X4_50 with a border of one module in the white squares, numbered row by row
+ *   AprilGrid   tags 36h11 with a border of two modules, numbered row by row from the upper left; small black squares
+ *               between the corners of the tags
+ * Around it is a white margin of half a square, on an AprilGrid of the gap between tags.
  */
 
 /** Numbers of available markers. */
