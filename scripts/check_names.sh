@@ -1,0 +1,99 @@
+#!/usr/bin/env bash
+# Names and arrows of the built objects and of the headers:
+# - code depends one way, and no circle of folders is linked (base < drivers, pipeline < capture < daemon, cli);
+# - the first word after sst_ belongs to one folder and its subfolders; sst_sim_ to simulators/;
+# - sst_ means public: a folder has at most one private header, FOLDER_internal.h, in which no function or tag has sst_,
+#   and only its own files and tests include it; functions in other headers have sst_;
+# - a struct, union or enum tag that a header defines stands for one type.
+# Exceptions: headers that bring a library's types (*_dnnl.h, rtsp_*.h) or C++ (opencv_*.h) into a few files of a folder,
+# the templates and parts of kernels, and programs' own tables (cli, daemon/main).
+set -u
+cd "$(dirname "$0")/.." || exit 1
+build=${SST_BUILD:-build}
+roots='base config drivers capture pipeline daemon cli simulators'
+bad=0
+fail() { echo "error: $*" >&2; bad=1; }
+
+# --- linked symbols -------------------------------------------------------------------------------------------------
+objects=$(cd "$build/obj" && find $roots -name '*.o' | while read -r o; do
+  for ext in c cc; do [ -e "$OLDPWD/${o%.o}.$ext" ] && echo "$o"; done
+done)
+[ -n "$objects" ] || { echo "error: no objects in $build/obj; build first" >&2; exit 1; }
+(cd "$build/obj" && nm -A -P $objects) | awk '
+  function folder(f) { sub(/\/[^\/]*$/, "", f); sub(/^pipeline\/kernels\/x86$/, "pipeline/kernels", f); return f }
+  function top(f) { sub(/\/.*/, "", f); return f }
+  function inside(a, b) { return a == b || index(a, b "/") == 1 }
+  BEGIN {
+    allowed["config"] = "base"; allowed["drivers"] = "base"; allowed["pipeline"] = "base"
+    allowed["capture"] = "base drivers pipeline config"; allowed["simulators"] = "base pipeline"
+    allowed["daemon"] = "base drivers pipeline config capture"
+    allowed["cli"] = "base drivers pipeline config capture simulators"
+  }
+  { sub(/:$/, "", $1); f = folder($1) }
+  $3 ~ /^[TDBR]$/ { home[$2] = f }
+  $3 == "U" { used[f, $2] = $1 }
+  $3 == "T" && match($2, /^sst_[a-z0-9]+/) { p = substr($2, 5, RLENGTH - 4); owners[p] = owners[p] " " f; }
+  END {
+    for (u in used) {
+      split(u, a, SUBSEP)
+      if (!(a[2] in home) || home[a[2]] == a[1]) continue
+      to = home[a[2]]; edge[a[1], to] = used[u] " uses " a[2]; node[a[1]]; node[to]
+      if (top(a[1]) != top(to) && index(" " allowed[top(a[1])] " ", " " top(to) " ") == 0) { print used[u] " must not use " a[2] " of " to; bad = 1 }
+    }
+    # Folders that need nothing that is left are taken away until none is left, or only circles.
+    do {
+      gone = 0
+      for (n in node) {
+        free = 1
+        for (m in node) if ((n, m) in edge) { free = 0; break }
+        if (free) { for (m in node) delete edge[m, n]; delete node[n]; gone = 1; break }
+      }
+    } while (gone)
+    # What only leads to a circle is none.
+    do {
+      gone = 0
+      for (n in node) {
+        free = 1
+        for (m in node) if ((m, n) in edge) { free = 0; break }
+        if (free) { for (m in node) delete edge[n, m]; delete node[n]; gone = 1; break }
+      }
+    } while (gone)
+    for (e in edge) { split(e, a, SUBSEP); print "circle: " a[1] " -> " a[2] " (" edge[e] ")"; bad = 1 }
+    for (p in owners) {
+      n = split(owners[p], o, " "); short = o[1]; odd = ""
+      for (i = 1; i <= n; i++) if (length(o[i]) < length(short)) short = o[i]
+      if (p == "sim") short = "simulators"
+      for (i = 1; i <= n; i++) if (!inside(o[i], short) && index(odd, " " o[i]) == 0) odd = odd " " o[i]
+      if (odd != "") { print "prefix sst_" p "_ of " short " also in" odd; bad = 1 }
+    }
+    exit bad
+  }' >&2 || bad=1
+
+# --- headers --------------------------------------------------------------------------------------------------------
+headers=$(find $roots -name '*.h' | sort)
+exempt() { case $1 in */opencv_*.h|*_dnnl.h|*/rtsp_*.h|pipeline/kernels/*|*_tmpl.h) return 0;; esac; return 1; }
+# Names that a header declares: functions at the start of a line, and tags that it defines.
+functions_of() { sed 's,/\*.*\*/,,' "$1" | grep -oE '^[A-Za-z][A-Za-z0-9_ ]* \**[a-z][a-z0-9_]*\(' | grep -vE '^(typedef|static|return|else|__attribute__)' | grep -oE '[a-z0-9_]+\($' | tr -d '('; }
+tags_of() { grep -oE '^(struct|union|enum) [a-z0-9_]+ \{' "$1" | awk '{ print $2 }'; }
+includes=$(grep -rnoE '^#include "[^"]+"' $roots --include='*.c' --include='*.h' --include='*.cc' | sed -E 's/:[0-9]+:#include "/ /; s/"$//')
+opaque=$(mktemp) && trap 'rm -f "$opaque"' EXIT
+grep -hoE '(struct|union|enum) sst_[a-z0-9_]+' $(echo "$headers" | grep -v '_internal\.h$') | awk '{ print $2 }' | sort -u >"$opaque"
+for h in $headers; do
+  exempt "$h" && continue
+  dir=${h%/*} own=${h%/*}/$(basename "${h%/*}")_internal.h
+  if [ "$h" = "$own" ]; then
+    # An opaque type is named by a public header and defined in the private one.
+    for n in $(functions_of "$h") $(tags_of "$h"); do
+      case $n in sst_*) grep -qx "$n" "$opaque" || fail "$h: $n is private and has sst_";; esac
+    done
+    echo "$includes" | awk -v h="$h" -v d="$dir" '$2 == h { f = $1; sub(/\/[^\/]*$/, "", f); if (f != d) { print "error: " $1 " includes " h ", which is private"; bad = 1 } } END { exit bad }' >&2 || bad=1
+  else
+    case $h in *_internal.h) fail "$h: the private header of $dir is called $own";; esac
+    for n in $(functions_of "$h"); do case $n in sst_*|main) ;; *) fail "$h: $n is public and has no sst_";; esac; done
+    # Included by its own folder alone, and not through another public header: private.
+    echo "$includes" | awk -v h="$h" -v d="$dir" '$2 == h { f = $1; sub(/\/[^\/]*$/, "", f); n++; if (f != d || $1 ~ /\.h$/) open = 1 } END { exit n && !open }' ||
+      fail "$h is included in $dir alone: it belongs into $own"
+  fi
+done
+for h in $headers; do tags_of "$h" | sed "s,$, $h,"; done | sort | awk '$1 == last { print "error: " $1 " is defined in " file " and " $2; bad = 1 } { last = $1; file = $2 } END { exit bad }' >&2 || bad=1
+exit $bad
