@@ -23,7 +23,7 @@ int cli_exit_code(int err)
         return CLI_USAGE;
     case ENOENT:
     case EBADMSG:
-    case EDOM: /* a fit that the data do not determine */
+    case EDOM: /* a fit not determined by the data */
     case EISDIR:
     case ENOTDIR:
     case EACCES:
@@ -83,12 +83,12 @@ static void print_help(const struct cli_command *cmd, const struct cli_option *o
                  options[i].meta ? " " : "", options[i].meta ? options[i].meta : "");
         printf("  %-28s %s\n", left, options[i].help);
     }
-    printf("  %-28s %s\n  %-28s %s\n  %-28s %s\n", "-v, --verbose", "say more", "-q, --quiet", "say errors only",
-           "-h, --help", "this text");
+    printf("  %-28s %s\n  %-28s %s\n  %-28s %s\n", "-v, --verbose", "log more", "-q, --quiet", "log errors only",
+           "-h, --help", "show this help");
     printf("\nexample:\n  %s\n", cmd->example);
 }
 
-/* For programs: see CLI_DESCRIBE. */
+/* Machine-readable description: see CLI_DESCRIBE. */
 static int describe(const struct cli_command *cmd, const struct cli_option *options, size_t n)
 {
     static const char *const type[] = { "flag", "int", "number", "text", "size", "grid", "seed" };
@@ -135,7 +135,7 @@ static int set_pair(const struct cli_command *cmd, const struct cli_option *o, c
     return CLI_GO_ON;
 
 bad:
-    return cli_usage_error(cmd, "--%s wants %s, for example %s", o->name, o->meta,
+    return cli_usage_error(cmd, "--%s expects %s, for example %s", o->name, o->meta,
                            o->type == CLI_SIZE ? "1000x750" : "6x6");
 }
 
@@ -186,7 +186,7 @@ static const struct cli_option *find(const struct cli_option *options, size_t n,
     return NULL;
 }
 
-/* A word that starts with '-' but is a number is a value ("--focus -1.5"), not an option. */
+/* An argument that starts with '-' but is a number is a value ("--focus -1.5"), not an option. */
 static bool is_option(const char *arg)
 {
     return arg[0] == '-' && arg[1] && !(arg[1] == '.' || (arg[1] >= '0' && arg[1] <= '9') || !strncmp(arg, "-inf", 4));

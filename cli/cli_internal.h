@@ -34,7 +34,7 @@ enum cli_exit {
     CLI_INTERRUPTED = 130,
 };
 
-/** Exit code of a negative errno that a module returned (0 gives CLI_OK). */
+/** Exit code for a negative errno of a module (0 gives CLI_OK). */
 int cli_exit_code(int err);
 
 enum cli_type {
@@ -60,7 +60,7 @@ struct cli_option {
 struct cli_command {
     const char *name;
     const char *usage;   /* arguments after "sst NAME", e.g. "LF --focus D -o out.png" */
-    const char *summary; /* one line, for the list */
+    const char *summary; /* one line for the list of commands */
     const char *detail;  /* more lines for --help, or NULL */
     const char *example; /* a command line that works, or several */
     int (*run)(const struct cli_command *cmd, int argc, char **argv); /* exit code */
@@ -68,30 +68,29 @@ struct cli_command {
 
 #define CLI_DESCRIBE "--describe"
 
-/** What cli_parse() tells: go on, or return this code. */
+/** Result of cli_parse() to continue; any other is the exit code. */
 #define CLI_GO_ON (-1)
 
 /**
  * Read options and positional arguments (before, after or between options; "--" ends options). --help, -v/--verbose and
  * -q/--quiet are added to every command. CLI_DESCRIBE as the only argument prints the command and its options as a line
- * of JSON {name, usage, summary, detail, example, options: [{name, letter, type, meta, help}]}: the man page and the
- * completion of shells are made from it.
+ * of JSON {name, usage, summary, detail, example, options: [{name, letter, type, meta, help}]}, from which the man page
+ * and the shell completion are generated.
  *
- * @param positional  out, exactly n_min..n_max of them, the rest NULL
- * @return CLI_GO_ON, CLI_OK (help was printed) or CLI_USAGE (the sentence was printed)
+ * @param positional  out, n_min..n_max arguments, the rest NULL
+ * @return CLI_GO_ON, CLI_OK (help was printed) or CLI_USAGE (the error was printed)
  */
 int cli_parse(const struct cli_command *cmd, const struct cli_option *options, size_t n_options, int argc, char **argv,
               const char **positional, int n_min, int n_max);
 
-/** Name the command in a usage error: "sst: error: render: ..." */
+/** Log a usage error with the command's name: "sst: error: render: ..." */
 int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRINTF(2, 3);
 
-/** Print an object on standard output, 9 digits a number, and give it back. @param root  NULL: there was no memory for
- * it
- *  @return exit code */
+/** Print an object on standard output, 9 digits per number, and release it. @param root  NULL: out of memory @return
+ *  exit code */
 int cli_print_json(json_t *root);
 
-/** Progress bar with remaining time on a terminal, nothing elsewhere. Shown only after a second. */
+/** Progress bar with remaining time; only on a terminal, and only after a second. */
 void cli_progress(void *title, double done);
 void cli_progress_end(void);
 
@@ -141,8 +140,7 @@ SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, 
         "ca", 0, CLI_STRING, &(s).ca, "FILE", "with https: certificate to trust, PEM", 0, 0                              \
     }
 
-/* --- reading and showing answers -----------------------------------------------------------------------------------
- */
+/* --- reading and showing answers ---------------------------------------------------------------------------------- */
 
 /** Member by its path, "capture.skew_us.p50"; NULL: there is none. Borrowed. */
 const json_t *cli_member(const json_t *object, const char *path);

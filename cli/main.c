@@ -1,4 +1,4 @@
-/* sst: see through things with a camera array. One file per subcommand; this one finds it. */
+/* sst: the command line. One file per subcommand; this one dispatches. */
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
@@ -25,7 +25,7 @@ static void usage(void)
         "            6 memory, 130 interrupted\n");
 }
 
-/* All commands as lines of JSON: see CLI_DESCRIBE. */
+/* Describe all commands as lines of JSON: see CLI_DESCRIBE. */
 static int describe(void)
 {
     char word[] = CLI_DESCRIBE;
@@ -58,6 +58,6 @@ int main(int argc, char **argv)
         if (!strcmp(argv[1], commands[i]->name))
             return commands[i]->run(commands[i], argc - 1, argv + 1);
     }
-    sst_log_error("there is no command %s; `sst --help` lists them", argv[1]);
+    sst_log_error("unknown command `%s`; `sst --help` lists the commands", argv[1]);
     return CLI_USAGE;
 }

@@ -1,4 +1,4 @@
-"""What both training scripts share: images, disparity files, light fields, seeds and checkpoints."""
+"""Shared by both training scripts: images, disparity files, light fields, seeds and checkpoints."""
 import os
 import random
 import re
@@ -9,7 +9,7 @@ from PIL import Image
 
 
 def seed_all(seed: int, threads: int) -> None:
-    """Fix every source of chance; one thread also fixes the order of the sums."""
+    """Fix every source of randomness; one thread also fixes the order of the sums."""
     random.seed(seed)
     np.random.seed(seed)
     torch.manual_seed(seed)
@@ -22,7 +22,7 @@ def read_rgb(path: str) -> np.ndarray:
 
 
 def luma(rgb: np.ndarray) -> np.ndarray:
-    """[H,W] uint8, the same numbers as sst_luma() of pipeline/disparity."""
+    """[H,W] uint8, the same values as sst_luma() of pipeline/image/image.h."""
     return ((rgb.astype(np.int32) @ np.array([77, 150, 29]) + 128) >> 8).astype(np.uint8)
 
 
@@ -47,7 +47,7 @@ TRAIN_SEEDS, HELD_SEEDS = range(100, 150), range(150, 200)  # of simulated scene
 
 
 def lightfields(folder: str, seeds: range) -> list[str]:
-    """The light fields NAME-SEED in a folder whose seed is among those given."""
+    """The light fields NAME-SEED in a folder with one of the given seeds."""
     found = []
     for name in sorted(os.listdir(folder)):
         match = re.fullmatch(r".*-(\d+)", name)
@@ -67,11 +67,11 @@ def lightfield_views(folder: str) -> dict[tuple[int, int], str]:
 
 
 def save_checkpoint(path: str, **state) -> None:
-    """The file is whole or absent."""
+    """Write a checkpoint atomically."""
     torch.save(state, path + ".tmp")
     os.replace(path + ".tmp", path)
 
 
 def load_checkpoint(path: str) -> dict | None:
-    """What save_checkpoint() wrote, or None."""
+    """Read the checkpoint of save_checkpoint(), or None."""
     return torch.load(path, map_location="cpu") if os.path.exists(path) else None

@@ -1,7 +1,7 @@
 #!/bin/sh
-# Writes the light fields that the networks learn from: make_scenes.sh SST FOLDER SCENE...
+# Writes the light fields for training: make_scenes.sh SST FOLDER SCENE...
 # Seeds 100..120 are for training, 150..157 for choosing and fitting; 1..20 are left to tests and never written here.
-# What exists is kept.
+# Existing light fields are kept.
 set -eu
 sst=$1 folder=$2
 shift 2

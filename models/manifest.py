@@ -1,11 +1,11 @@
 #!/usr/bin/python3
-"""Renews models/manifest.json: sizes and hashes of the listed files, and what is given on the command line.
+"""Updates models/manifest.json: sizes and hashes of the listed files, and the figures given on the command line.
 
   models/manifest.py                                   sizes and hashes after a file has changed
   models/manifest.py pspnet-small.onnx miou_camvid_val=47.8 ms_480x360_1_thread=65
   models/manifest.py pspnet-small.onnx --figures bench.json   numbers of a JSON object; nested names are joined by _
   models/manifest.py new.onnx --new --kind labels --licence TEXT --data TEXT --description TEXT
-  models/manifest.py --check                           exit 1 if a file is not the one that is listed
+  models/manifest.py --check                           exit 1 if a file differs from the listed one
 """
 import argparse
 import hashlib
@@ -23,7 +23,7 @@ def load(folder: str) -> dict:
 
 
 def save(folder: str, manifest: dict) -> None:
-    """The file is whole or the old one."""
+    """Replace the file atomically."""
     path = os.path.join(folder, MANIFEST)
     with open(path + ".tmp", "w", encoding="utf-8") as f:
         json.dump(manifest, f, indent=2, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""Rectified pairs with known disparity, and what the cameras of a real array do to them."""
+"""Rectified pairs with known disparity, degraded as by the cameras of a real array."""
 import os
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ BORDER = 6  # points this close to the edge of a crop are not used: the network 
 # --- pairs -----------------------------------------------------------------------------------------------------------
 
 def seen_in_both(disp: np.ndarray, disp_right: np.ndarray) -> np.ndarray:
-    """True where the left pixel is seen in the right view: the maps agree within a pixel."""
+    """True where the left pixel is visible in the right view: the maps agree within a pixel."""
     height, width = disp.shape
     x = np.rint(np.arange(width)[None] - np.where(np.isfinite(disp), disp, 1e6)).astype(np.int64)
     back = np.take_along_axis(disp_right, np.clip(x, 0, width - 1), 1)
@@ -44,7 +44,7 @@ def known(disp: np.ndarray) -> np.ndarray:
 
 
 def middlebury(folder: str, name: str) -> tuple[Image.Image, Image.Image, np.ndarray, np.ndarray]:
-    """Left and right picture, disparity of the left one (px, inf unknown), and where it is seen in both views."""
+    """Left and right picture, disparity of the left one (px, inf unknown), and the mask of pixels visible in both."""
     def picture(file: str) -> Image.Image:
         return Image.open(os.path.join(folder, name, file))
     if name in ("cones", "teddy"):
@@ -63,7 +63,7 @@ def middlebury(folder: str, name: str) -> tuple[Image.Image, Image.Image, np.nda
 
 
 def middlebury_pairs(folder: str, left_out: str | None) -> list[Pair]:
-    """Every pair but the one left out, at three sizes each."""
+    """Every pair except the one left out, at three sizes each."""
     pairs = []
     for name in MIDDLEBURY:
         if name == left_out:
@@ -82,7 +82,7 @@ def middlebury_pairs(folder: str, left_out: str | None) -> list[Pair]:
 
 def scene_pairs(folder: str, seeds: range) -> list[Pair]:
     """
-    The first view of each simulated light field with its right and its lower neighbour; the latter pair is turned so
+    The first view of each simulated light field with its right and its lower neighbour; the latter pair is rotated so
     that it matches along rows.
     """
     pairs = []
@@ -116,7 +116,7 @@ class Camera:
 
 
 def draw_cameras(rng: np.random.Generator, alike: bool) -> tuple[Camera, Camera]:
-    """Two cameras that look at the same scene; if alike, with little more than noise between them."""
+    """Two cameras of the same scene; if alike, they differ by little more than noise."""
     spread = 0.05 if alike else 1.0
     gain, gamma = 2.0 ** rng.normal(0, 0.3), 2.0 ** rng.normal(0, 0.2)
     noise = abs(rng.normal(0, 1.5)) if alike or rng.random() < 0.55 else rng.uniform(2, 12)
@@ -143,7 +143,7 @@ def bilinear(view: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def blurred(x: np.ndarray, deviation: float, reach: int) -> np.ndarray:
-    """Gaussian blur; `reach` pixels on each side are used up."""
+    """Gaussian blur; removes `reach` pixels on each side."""
     tap = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(deviation, 1e-3)) ** 2)
     tap /= tap.sum()
     for axis in (0, 1):
@@ -153,7 +153,7 @@ def blurred(x: np.ndarray, deviation: float, reach: int) -> np.ndarray:
 
 
 def look(rng: np.random.Generator, camera: Camera, view: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What the network gets of a view at (x, y), grids with a rim of REACH: standardised with the whole view."""
+    """The network's input for a view at (x, y), grids with a margin of REACH: standardised over the whole view."""
     height, width = view.shape
     grey = camera.tone(bilinear(view, x, y), 2 * x / width - 1, 2 * y / height - 1)
     grey = blurred(grey, camera.blur_px, REACH)
@@ -168,8 +168,8 @@ def look(rng: np.random.Generator, camera: Camera, view: np.ndarray, x: np.ndarr
 def draw_crop(rng: np.random.Generator, pair: Pair, size: int):
     """
     A square crop of the left view and the crop of the right view that holds its matches: (left, right, match, valid),
-    match the column in the right crop. The right camera may be turned, scaled and shifted up or down a little, as
-    calibration leaves it: `match` follows, the row does not.
+    match the column in the right crop. The right camera may be slightly rotated, scaled and shifted up or down, like
+    residual calibration errors: `match` follows, the row does not.
     """
     height, width = pair.disp.shape
     for _ in range(20):

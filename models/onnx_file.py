@@ -1,4 +1,4 @@
-"""Writes the networks as ONNX files by hand, and runs such files with torch to check what was written."""
+"""Writes the networks as ONNX files, and runs the files with torch to verify them."""
 import numpy as np
 import onnx
 import torch
@@ -32,7 +32,7 @@ class GraphWriter:
         return name
 
     def conv(self, x: str, conv: nn.Conv2d, norm: nn.BatchNorm2d | None = None) -> str:
-        """A convolution; a BatchNorm behind it is folded into its weights (in double)."""
+        """A convolution; a following BatchNorm is folded into its weights (in double)."""
         weight = conv.weight.detach().double()
         bias = torch.zeros(conv.out_channels, dtype=torch.double) if conv.bias is None else conv.bias.detach().double()
         if norm is not None:
@@ -44,7 +44,7 @@ class GraphWriter:
                          strides=list(conv.stride), dilations=list(conv.dilation), pads=pad, group=conv.groups)
 
     def save(self, path: str, in_channels: int, out_channels: int, metadata: dict[str, str]) -> None:
-        """The last node added makes the output."""
+        """The last node added produces the output."""
         self.nodes[-1].output[0] = "output"
         ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in (
             ("input", [1, in_channels, "height", "width"]), ("output", [1, out_channels, "out_height", "out_width"]))]
@@ -77,7 +77,7 @@ def write_mccnn(path: str, convs: list[nn.Conv2d]) -> None:
 
 
 def check(path: str, image: torch.Tensor, want: torch.Tensor, tolerance: float = 1e-4) -> None:
-    """The file computes what the trained network computes, or this is an error."""
+    """Verify that the file computes the same as the trained network."""
     with torch.no_grad():
         error = float((run(path, image) - want).abs().max())
     if not error < tolerance:
@@ -86,7 +86,7 @@ def check(path: str, image: torch.Tensor, want: torch.Tensor, tolerance: float =
 
 
 def run(path: str, image: torch.Tensor, see=lambda name, value: None) -> torch.Tensor:
-    """Evaluate a file with the layers that the program runs; see() is shown the input and every value made."""
+    """Evaluate a file with the layers that sst supports; see() is called with the input and every computed value."""
     model = onnx.load(path)
     values = {w.name: torch.from_numpy(numpy_helper.to_array(w).copy()) for w in model.graph.initializer}
     source = next(i.name for i in model.graph.input if i.name not in values)
@@ -100,9 +100,9 @@ def run(path: str, image: torch.Tensor, see=lambda name, value: None) -> torch.T
 
 
 def evaluate(op: str, a: dict, x: list) -> torch.Tensor:
-    """One node with attributes a and inputs x; inputs that are left out are None or missing."""
+    """One node with attributes a and inputs x; omitted inputs are None or missing."""
     def given(i: int, name: str):
-        """Input i, or the attribute that older files have instead."""
+        """Input i, or the equivalent attribute of older files."""
         value = x[i] if i < len(x) else None
         value = a.get(name) if value is None else value
         return value.tolist() if isinstance(value, torch.Tensor) else value
@@ -153,7 +153,7 @@ PLAIN = {
 
 
 def windows(pool):
-    """A function of a padded image and attributes, behind the padding that ONNX writes for each side."""
+    """Apply a function of a padded image and attributes after the padding that ONNX gives for each side."""
     def call(x: list, a: dict) -> torch.Tensor:
         top, left, bottom, right = a.get("pads", (0, 0, 0, 0))
         return pool(F.pad(x[0], (left, right, top, bottom), value=pool.fill), x, a)
@@ -171,7 +171,7 @@ def max_pool(padded: torch.Tensor, x: list, a: dict) -> torch.Tensor:
 
 
 def average_pool(padded: torch.Tensor, x: list, a: dict) -> torch.Tensor:
-    """Padding counts as zeros or, by default, not at all."""
+    """Average with the padding counted as zeros or, by default, ignored."""
     def mean(y: torch.Tensor) -> torch.Tensor:
         return F.avg_pool2d(y, a["kernel_shape"], a.get("strides", 1), 0, bool(a.get("ceil_mode", 0)))
     if a.get("count_include_pad", 0):

@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 """
-Find the ranges in which a network's values lie and write them into its file, so that `sst` can run it on 8 bits. The
-weights stay as they are, and so does every run on floats.
+Find the ranges of a network's values and write them into its file, so that `sst` can run it on 8 bits. The weights and
+runs on floats do not change.
 
   /usr/bin/python3 models/quantise.py models/pspnet-small.onnx --images CAMVID/train SCENES/*-1??/views
 
-The pictures should be like those that the network will see; a hundred are plenty. Networks with one input channel get
+The pictures should be like those of the application; a hundred are plenty. Networks with one input channel get
 the luma of whole pictures, standardised; those with three get the working size, mean and deviation of their metadata.
 
 The range of a value is the one with the least mean square error of rounding to its 8 bits plus clipping (--clip mse),
@@ -29,7 +29,7 @@ BINS = 4096
 
 
 def pictures(paths: list[str], count: int) -> list[str]:
-    """At most count files of those given and in the folders given, drawn with a fixed seed."""
+    """At most count of the given files and the files in the given folders, drawn with a fixed seed."""
     files = []
     for path in paths:
         inside = sorted(os.listdir(path)) if os.path.isdir(path) else [""]
@@ -38,7 +38,7 @@ def pictures(paths: list[str], count: int) -> list[str]:
 
 
 def network_input(path: str, channels: int, metadata: dict[str, str]) -> torch.Tensor:
-    """[1,channels,H,W] as the program prepares a picture."""
+    """[1,channels,H,W], prepared as by sst."""
     rgb = common.read_rgb(path)
     if channels == 1:
         return torch.from_numpy(common.standardise(common.luma(rgb)))[None, None]
@@ -50,7 +50,7 @@ def network_input(path: str, channels: int, metadata: dict[str, str]) -> torch.T
 
 
 class Observed:
-    """Largest |x| and, when that is known, the histogram of |x| of one value."""
+    """Largest |x| of one value and, once that is known, the histogram of |x|."""
 
     def __init__(self) -> None:
         self.max, self.negative, self.counts = 0.0, False, np.zeros(BINS)
@@ -97,9 +97,9 @@ def observe(path: str, inputs: list[torch.Tensor]) -> dict[str, Observed]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("model", help="ONNX file, which gets the ranges")
+    parser.add_argument("model", help="ONNX file that the ranges are added to")
     parser.add_argument("--images", nargs="+", required=True, help="pictures, or folders of them")
-    parser.add_argument("--count", type=int, default=64, help="pictures used (%(default)s)")
+    parser.add_argument("--count", type=int, default=64, help="number of pictures to use (%(default)s)")
     parser.add_argument("--clip", default="mse", help="mse, max, or a percentile (%(default)s)")
     parser.add_argument("--out", help="write another file instead")
     args = parser.parse_args()

@@ -19,7 +19,7 @@ class Pair:
 
 
 def spectral_noise(rng: np.random.Generator, height: int, width: int, least: float = 0.3) -> np.ndarray:
-    """Noise whose amplitude falls as 1 / frequency^k, k drawn from rough (least) to smooth (2); in 0..1."""
+    """Noise with amplitude 1 / frequency^k, k drawn from rough (least) to smooth (2); in 0..1."""
     fy, fx = np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)[None, :]
     stretch = 2.0 ** rng.uniform(-1.5, 1.5)
     radius = np.hypot(fy * stretch, fx / stretch) + 1.0 / width
@@ -48,7 +48,7 @@ def shapes(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
 
 
 def grating(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
-    """Stripes or tiles, bent a little, so that repetition is seen in training."""
+    """Slightly bent stripes or tiles, to include repetition in training."""
     y, x = np.mgrid[:height, :width]
     bend = 12 * spectral_noise(rng, height, width)
     period, angle = rng.uniform(8, 60), rng.uniform(0, np.pi)
@@ -60,7 +60,7 @@ def grating(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
 
 
 def texture(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
-    """One surface: a mix of two of the above with its own contrast, brightness and shading."""
+    """One surface: a mix of two of the textures above with its own contrast, brightness and shading."""
     kinds = [spectral_noise, spectral_noise, shapes, grating]
     first, second = (kinds[rng.integers(len(kinds))](rng, height, width) for _ in range(2))
     share = rng.uniform(0, 0.6) if rng.random() < 0.7 else spectral_noise(rng, height, width) > 0.55

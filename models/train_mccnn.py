@@ -58,7 +58,7 @@ def step_loss(net: nn.Module, batch: list, bfloat16: bool, turn: bool) -> torch.
 
 
 def sources(args: argparse.Namespace) -> list[tuple[float, list[Pair]]]:
-    """Training pairs with the share of the crops that each source gives."""
+    """Training pairs with each source's fraction of the crops."""
     started = time.time()
     mix = [(1.0, [make_pair(args.seed * 100003 + i) for i in range(args.synthetic)])]
     if args.scenes:
@@ -113,10 +113,10 @@ def train(args: argparse.Namespace) -> nn.Module:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--middlebury", help="folder with the pairs cones, teddy, aloe and motorcycle")
-    parser.add_argument("--leave-out", choices=MIDDLEBURY, help="pair not to train on, so that it can be measured on")
+    parser.add_argument("--leave-out", choices=MIDDLEBURY, help="pair to exclude from training, for evaluation on it")
     parser.add_argument("--scenes", help="folder of light fields written by `sst scene`")
     parser.add_argument("--synthetic", type=int, default=240, help="drawn pairs to train on")
-    parser.add_argument("--checkpoint", required=True, help="written while training; training goes on from it")
+    parser.add_argument("--checkpoint", required=True, help="written during training; training resumes from it")
     parser.add_argument("--start", help="checkpoint of an earlier stage whose weights this one starts from")
     parser.add_argument("--out", help="ONNX file to write at the end")
     parser.add_argument("--layers", type=int, default=4)

@@ -55,7 +55,7 @@ class Block(nn.Module):
 
 
 def resized(x: torch.Tensor, size) -> torch.Tensor:
-    """Bilinear; in float32 whatever goes in, because bfloat16 has no fast kernel for it on CPUs."""
+    """Bilinear; always in float32, because bfloat16 has no fast kernel for it on CPUs."""
     return F.interpolate(x.float(), size, mode="bilinear", align_corners=False).to(x.dtype)
 
 
@@ -106,7 +106,7 @@ class PspNet(nn.Module):
 
 def grow(net: PspNet, weights: dict[str, torch.Tensor]) -> None:
     """
-    Start a network from the weights of a smaller one of the same widths: the blocks that it has not (they follow the
+    Start a network from the weights of a smaller one of the same widths: the additional blocks (they follow the
     others) begin as the identity, since the scale of their last BatchNorm is zero, so nothing learnt is lost.
     """
     missing, unexpected = net.load_state_dict(weights, strict=False)
@@ -182,7 +182,7 @@ def scenes(folder: str, seeds: range, per_scene: int) -> list[tuple[np.ndarray, 
 
 
 def augment(rng: np.random.Generator, rgb: np.ndarray, labels: np.ndarray, size: tuple[int, int], frequent: np.ndarray):
-    """A crop at a random scale, half of them around a pixel of a class drawn in favour of rare ones; colours changed."""
+    """A crop at a random scale with altered colours; half are centred on a pixel of a class, rare classes preferred."""
     height, width = labels.shape
     zoom = float(np.clip(2.0 ** rng.uniform(-0.74, 0.68), 0, None)) * WIDTH / width
     crop = (min(size[0] / zoom, width), min(size[1] / zoom, height))
@@ -213,7 +213,7 @@ def augment(rng: np.random.Generator, rgb: np.ndarray, labels: np.ndarray, size:
 
 
 def normalise(x: np.ndarray) -> torch.Tensor:
-    """[H,W,3] in 0..1 -> [3,H,W] as the network wants it."""
+    """[H,W,3] in 0..1 -> [3,H,W], the network's input."""
     return torch.from_numpy(((x - np.array(MEAN)) / np.array(STD)).astype(np.float32).transpose(2, 0, 1).copy())
 
 
@@ -250,7 +250,7 @@ def iou(total: np.ndarray) -> np.ndarray:
 
 
 def report(name: str, total: np.ndarray) -> None:
-    """mIoU over the classes that the truth has, pixel accuracy and each class."""
+    """mIoU over the classes in the truth, pixel accuracy, and IoU of each class."""
     score = iou(total)
     right = np.trace(total) / total.sum()
     print(f"{name}: mIoU {100 * np.nanmean(score):.1f} %, pixels right {100 * right:.1f} %", flush=True)
@@ -258,7 +258,7 @@ def report(name: str, total: np.ndarray) -> None:
 
 
 def fit_temperature(rows: torch.Tensor, truth: torch.Tensor) -> float:
-    """Smallest negative log likelihood over a fine grid: one parameter needs no more."""
+    """Smallest negative log likelihood over a fine grid, sufficient for one parameter."""
     grid = np.exp(np.linspace(np.log(0.4), np.log(4), 121))
     loss = [float(F.cross_entropy(rows / t, truth)) for t in grid]
     return float(grid[int(np.argmin(loss))])
@@ -282,7 +282,7 @@ def fit_epsilon(rows: torch.Tensor, truth: torch.Tensor, temperature: float,
 # --- training --------------------------------------------------------------------------------------------------------
 
 def class_weights(data) -> tuple[np.ndarray, torch.Tensor]:
-    """Share of each class among pixels, and its weight in the loss: square root of the inverse, within limits."""
+    """Fraction of pixels of each class, and its weight in the loss: inverse square root, within limits."""
     counts = [np.bincount(labels.ravel(), minlength=256)[:len(CLASSES)] / labels.size for _, labels in data]
     share = np.maximum(np.mean(counts, 0), 1e-5)
     return share, torch.from_numpy(np.clip(np.sqrt(np.median(share) / share), 0.5, 2.5).astype(np.float32))
@@ -354,7 +354,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", help="folder of light fields NAME-SEED written by `sst scene`")
     parser.add_argument("--camvid", help="folder with train, trainannot, val, valannot")
-    parser.add_argument("--checkpoint", required=True, help="written while training; training goes on from it")
+    parser.add_argument("--checkpoint", required=True, help="written during training; training resumes from it")
     parser.add_argument("--start", help="checkpoint of an earlier stage whose weights this one starts from")
     parser.add_argument("--grow", help="checkpoint of a smaller network that this one grows from")
     parser.add_argument("--out", help="ONNX file to write at the end")
@@ -365,14 +365,14 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=3e-3, help="step rate between warm-up and decay")
     parser.add_argument("--warm", type=int, default=100, help="steps over which the rate rises from 0")
     parser.add_argument("--decay", type=int, default=0, help="last steps, over which the rate falls to 0")
-    parser.add_argument("--keep", type=float, default=0.995, help="share of the mean weights that a step leaves")
+    parser.add_argument("--keep", type=float, default=0.995, help="decay of the running mean of the weights per step")
     parser.add_argument("--bfloat16", action="store_true", help="convolutions in bfloat16: twice as fast where the "
                         "CPU or GPU has it")
     parser.add_argument("--scene-share", type=float, default=0.35, help="share of scenes in a batch")
-    parser.add_argument("--watch", type=int, default=0, help="print the error on CamVid val every so many steps")
+    parser.add_argument("--watch", type=int, default=0, help="print the error on CamVid val every N steps")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--views", type=int, default=4, help="views taken of each light field")
+    parser.add_argument("--views", type=int, default=4, help="views used of each light field")
     args = parser.parse_args()
     common.seed_all(args.seed, args.threads)
     sources, held = [], {}

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMON = [("verbose", "v", "say more"), ("quiet", "q", "say errors only"), ("help", "h", "explain, with an example")]
+COMMON = [("verbose", "v", "log more"), ("quiet", "q", "log errors only"), ("help", "h", "explain, with an example")]
 
 
 def escape(text, literal=False):

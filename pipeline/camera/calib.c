@@ -65,7 +65,7 @@ static bool all_sound(const double *v, int n)
     return true;
 }
 
-/* How far R R^T is from 1, with det R = -1 counted as far. */
+/* Distance of R R^T from 1; det R = -1 counts as far. */
 static double not_a_rotation(const double r[9])
 {
     double worst = 0;
@@ -101,7 +101,7 @@ const char *sst_camera_fault(const struct sst_calib_camera *c)
             return "a coefficient beyond the lens's number of them is not 0";
     }
     if (not_a_rotation(c->rotation) > 1e-6)
-        return "rotation is no rotation matrix";
+        return "rotation is not a rotation matrix";
     if (!(c->gain[0] > 0) || !(c->gain[1] > 0) || !(c->gain[2] > 0))
         return "a gain is not positive";
     if (!(fmin(1 + c->falloff[0] + c->falloff[1] + c->falloff[2], 1 + c->falloff[0] / 2) > 0))

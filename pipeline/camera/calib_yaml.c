@@ -1,5 +1,5 @@
-/* calib.yaml: written by hand so that people can read it, read back strictly. 256 cameras make about 300 kB and 15000
- * nodes, well inside the reader's limits. */
+/* calib.yaml: written with its own layout for readability, parsed strictly. 256 cameras make about 300 kB and 15000
+ * nodes, well within the parser's limits. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@
 #define VERSION  1
 #define NS_PER_S 1000000000
 
-/* --- moments and texts -------------------------------------------------------------------------------------------- */
+/* --- times and strings -------------------------------------------------------------------------------------------- */
 
 /* "2026-11-21T14:23:01.000000000Z" */
 static void format_time(int64_t wall_ns, char out[48])
@@ -41,23 +41,23 @@ static bool parse_time(const char *text, int64_t *wall_ns)
         return false;
     tm.tm_year -= 1900;
     tm.tm_mon -= 1;
-    seconds = timegm(&tm); /* 99 months are more years */
+    seconds = timegm(&tm); /* timegm() would carry 99 months into years */
     if (seconds < 0 || seconds >= INT64_MAX / NS_PER_S)
         return false;
     *wall_ns = seconds * NS_PER_S + ns;
     if (*wall_ns <= 0)
         return false;
-    format_time(*wall_ns, again); /* the 31st of February would come back as another day */
+    format_time(*wall_ns, again); /* reject the 31st of February and the like */
     return !strcmp(text, again);
 }
 
-/* Bytes of the UTF-8 character at s that a quoted YAML text can hold in one line, or 0. */
+/* Bytes of the UTF-8 character at s if a quoted one-line YAML string can hold it, or 0. */
 static int character(const unsigned char *s)
 {
     uint32_t code;
     const int n = sst_utf8_character(s, &code);
 
-    return code == 0x2028 || code == 0x2029 || code == 0xfeff ? 0 : n; /* line breaks, and a mark that readers drop */
+    return code == 0x2028 || code == 0x2029 || code == 0xfeff ? 0 : n; /* line breaks, and the byte order mark */
 }
 
 static void put_text(FILE *f, const char *indent, const char *key, const char *text)
@@ -181,7 +181,7 @@ int sst_calib_write(const struct sst_calib *calib, const char *path)
     int err;
 
     if (text) {
-        sst_log_error("%s is not written, the calibration is unsound: %s", path, text);
+        sst_log_error("cannot write %s: invalid calibration: %s", path, text);
         return -EINVAL;
     }
     err = sst_outfile_open(&out, path);
@@ -193,19 +193,19 @@ int sst_calib_write(const struct sst_calib *calib, const char *path)
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-/* A list of exactly n numbers: "one for all" would be a slip here. */
+/* A list of exactly n numbers; a single number for all is not accepted. */
 static bool need_numbers(struct sst_yaml *doc, struct sst_yaml_node *map, const char *key, double *out, int n)
 {
     struct sst_yaml_node *node = sst_yaml_need(doc, map, key);
 
     if (node && (node->type != SST_YAML_LIST || node->count != n)) {
-        sst_yaml_fault(doc, node, "wants a list of %d numbers", n);
+        sst_yaml_fault(doc, node, "must be a list of %d numbers", n);
         return false;
     }
     return sst_yaml_doubles(doc, node, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, out, n);
 }
 
-/* A key may be missing: then its default stays. @return false: there is a fault */
+/* An optional key: without it the default stays. @return false: there is a fault */
 static bool may_numbers(struct sst_yaml *doc, struct sst_yaml_node *map, const char *key, double *out, int n)
 {
     return !sst_yaml_get(map, key) || need_numbers(doc, map, key, out, n);
@@ -218,7 +218,7 @@ static bool read_lens(struct sst_yaml *doc, struct sst_yaml_node *map, struct ss
     if (!node)
         return false;
     if (node->type != SST_YAML_LIST || (node->count != 0 && node->count != 5 && node->count != 8)) {
-        sst_yaml_fault(doc, node, "wants a list of 0, 5 or 8 numbers: k1, k2, p1, p2, k3 and k4, k5, k6");
+        sst_yaml_fault(doc, node, "must be a list of 0, 5 or 8 numbers: k1, k2, p1, p2, k3 and k4, k5, k6");
         return false;
     }
     cam->lens = node->count;
@@ -233,7 +233,7 @@ static bool read_quality(struct sst_yaml *doc, struct sst_yaml_node *map, struct
     if (!at)
         return true;
     if (at->type != SST_YAML_MAP) {
-        sst_yaml_fault(doc, at, "wants the keys rms_px, corners and sigma_px");
+        sst_yaml_fault(doc, at, "needs the keys rms_px, corners and sigma_px");
         return false;
     }
     rms = sst_yaml_get(at, "rms_px");
@@ -281,7 +281,7 @@ static void read_entry(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
         cam = &calib->camera[row * calib->cols + col];
     cam->known = true;
     if (!read_camera(doc, map, cam))
-        return; /* said already */
+        return; /* reported already */
     text = sst_camera_fault(cam);
     if (text)
         sst_yaml_fault(doc, map, "entry of row %d, column %d: %s; correct it", row, col, text);
@@ -294,14 +294,14 @@ static void read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struc
     if (!list)
         return;
     if (list->type != SST_YAML_LIST || !list->count) {
-        sst_yaml_fault(doc, list, "wants a list with an entry for each camera");
+        sst_yaml_fault(doc, list, "must be a list with an entry for each camera");
         return;
     }
     for (struct sst_yaml_node *n = list->first; n; n = n->next) {
         if (n->type == SST_YAML_MAP)
             read_entry(doc, n, calib);
         else
-            sst_yaml_fault(doc, n, "wants entries with row, col, focal_px and so on");
+            sst_yaml_fault(doc, n, "needs entries with row, col, focal_px and so on");
     }
 }
 
@@ -313,7 +313,7 @@ static void read_reference(struct sst_yaml *doc, struct sst_yaml_node *root, str
     if (!at)
         return;
     if (at->type != SST_YAML_LIST || at->count != 2) {
-        sst_yaml_fault(doc, at, "wants [row, column]");
+        sst_yaml_fault(doc, at, "must be [row, column]");
         return;
     }
     if (!sst_yaml_int(doc, at->first, 0, calib->rows - 1, &row) ||
@@ -322,7 +322,7 @@ static void read_reference(struct sst_yaml *doc, struct sst_yaml_node *root, str
     calib->reference = row * calib->cols + col;
     for (int k = 0; k < calib->rows * calib->cols; k++)
         known += calib->camera[k].known;
-    if (known && !calib->camera[calib->reference].known) /* a list without a camera is a fault already */
+    if (known && !calib->camera[calib->reference].known) /* a list without a camera is reported already */
         sst_yaml_fault(doc, at, "is row %d, column %d, which has no entry in cameras; choose one that has", row, col);
 }
 
@@ -339,10 +339,10 @@ static void read_facts(struct sst_yaml *doc, struct sst_yaml_node *root, struct 
     (void)sst_yaml_string(doc, sst_yaml_get(root, "source"), calib->source, sizeof(calib->source));
     (void)sst_yaml_string(doc, sst_yaml_get(root, "board"), calib->board, sizeof(calib->board));
     if (sst_yaml_string(doc, created, text, sizeof(text)) && !parse_time(text, &calib->created_wall_ns))
-        sst_yaml_fault(doc, created, "wants a moment such as \"2026-01-31T09:15:00.000000000Z\", not %s", text);
+        sst_yaml_fault(doc, created, "must be a time such as \"2026-01-31T09:15:00.000000000Z\", not %s", text);
 }
 
-/* The file's kind and grid. @return 0, -EBADMSG (there are faults, and nothing more to find), -ENOMEM */
+/* The file's kind and grid. @return 0, -EBADMSG (faults that make further checks useless), -ENOMEM */
 static int read_grid(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_calib *calib)
 {
     static const char *const formats[] = { "sst-calib" };
@@ -354,7 +354,7 @@ static int read_grid(struct sst_yaml *doc, struct sst_yaml_node *root, struct ss
     (void)sst_yaml_choice(doc, sst_yaml_need(doc, root, "format"), formats, 1, &format);
     if (sst_yaml_int(doc, version_at, 1, INT32_MAX, &version) && version != VERSION) {
         sst_yaml_know_all(root);
-        sst_yaml_fault(doc, version_at, "is %d, of which this sst knows nothing; use a newer one", version);
+        sst_yaml_fault(doc, version_at, "is %d, which this version of sst does not support; use a newer one", version);
         return -EBADMSG;
     }
     known = sst_yaml_int(doc, rows_at, 1, SST_MAX_VIEWS, &rows);

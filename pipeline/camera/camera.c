@@ -5,7 +5,7 @@
 #include "pipeline/camera/calib.h"
 
 /* The distorted (a, b), and its derivatives: by[0..3] = dx/da, dx/db, dy/da, dy/db. by may be NULL. */
-static void bend(const double k[SST_LENS_MAX], double a, double b, double out[2], double by[4])
+static void distort_with_slope(const double k[SST_LENS_MAX], double a, double b, double out[2], double by[4])
 {
     const double r2 = a * a + b * b;
     const double over = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4])), under = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
@@ -25,7 +25,8 @@ static void bend(const double k[SST_LENS_MAX], double a, double b, double out[2]
     }
 }
 
-/* Neither folded over nor, still further out, turned inside out: there the determinant is positive again. */
+/* True where the mapping is neither folded nor, still further out, inverted: there the determinant is positive
+ * again. */
 static bool upright(const double by[4])
 {
     return by[0] * by[3] - by[1] * by[2] > 0.01 && by[0] + by[3] > 0;
@@ -35,7 +36,7 @@ void sst_camera_distort(const struct sst_calib_camera *cam, double a, double b, 
 {
     double d[2];
 
-    bend(cam->k, a, b, d, NULL);
+    distort_with_slope(cam->k, a, b, d, NULL);
     *x = cam->fx * d[0] + cam->cx;
     *y = cam->fy * d[1] + cam->cy;
 }
@@ -48,7 +49,7 @@ bool sst_camera_undistort(const struct sst_calib_camera *cam, double x, double y
     for (int i = 0; i < 50; i++) {
         double det;
 
-        bend(cam->k, at[0], at[1], seen, by);
+        distort_with_slope(cam->k, at[0], at[1], seen, by);
         if (!upright(by))
             return false;
         det = by[0] * by[3] - by[1] * by[2];
@@ -74,7 +75,7 @@ bool sst_camera_project(const struct sst_calib_camera *cam, const double X[3], d
         return false;
     a = (r[0] * d[0] + r[1] * d[1] + r[2] * d[2]) / z;
     b = (r[3] * d[0] + r[4] * d[1] + r[5] * d[2]) / z;
-    bend(cam->k, a, b, seen, by);
+    distort_with_slope(cam->k, a, b, seen, by);
     if (!upright(by) || !isfinite(seen[0]) || !isfinite(seen[1]))
         return false;
     *x = cam->fx * seen[0] + cam->cx;

@@ -1,4 +1,4 @@
-/* The table of formats, and which one a file is. */
+/* The table of formats, and their detection by content. */
 #include "pipeline/camera/format.h"
 
 #include <errno.h>
@@ -12,7 +12,7 @@
 
 #define LOOK_BYTES ((size_t)64 << 20)
 
-/* A file, or a light field that has one. */
+/* A calib.yaml, or a light field that has one. */
 static int read_ours(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg SST_UNUSED)
 {
     char inside[SST_PATH_MAX];
@@ -60,12 +60,12 @@ const struct sst_calib_format *sst_calib_format_find(const char *name)
         if (!strcmp(formats[i].name, name))
             return &formats[i];
     }
-    sst_log_error("there is no calibration format %.40s; it is sst, opencv, opencv-stereo, kalibr, multical or mrcal",
+    sst_log_error("unknown calibration format `%.40s`; choose sst, opencv, opencv-stereo, kalibr, multical or mrcal",
                   name);
     return NULL;
 }
 
-/* Words that only one format's files hold, most telling first. */
+/* Words that only occur in one format's files, the most specific first. */
 static const struct {
     const char *word;
     int format;
@@ -110,7 +110,7 @@ const struct sst_calib_format *sst_calib_format_of(const char *path)
     }
     free(data);
     if (!found)
-        sst_log_error("%s looks like no calibration that can be read; name its format with --from", path);
+        sst_log_error("%s is not in a known calibration format; name its format with --from", path);
     return found;
 }
 
@@ -134,6 +134,6 @@ const struct sst_calib_format *sst_calib_format_for(const char *path)
     }
     if (!strchr(sst_path_base(path), '.'))
         return &formats[OPENCV];
-    sst_log_error("the name %s suggests no calibration format; name it with --to", path);
+    sst_log_error("the name %s does not imply a calibration format; name the format with --to", path);
     return NULL;
 }

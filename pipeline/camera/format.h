@@ -1,22 +1,22 @@
-/* pipeline/camera/format.h - calibrations from and to other tools' files. */
+/* pipeline/camera/format.h - import and export of calibrations of other tools. */
 #ifndef SST_PIPELINE_CAMERA_FORMAT_H
 #define SST_PIPELINE_CAMERA_FORMAT_H
 
 #include "pipeline/camera/calib.h"
 
-#define SST_LENS_LOSS_PX 0.05 /* largest error that a poorer lens model may bring unasked */
+#define SST_LENS_LOSS_PX 0.05 /* largest error of a simpler lens model that is accepted without asking */
 
 struct sst_calib_format_config {
-    int rows, cols;    /* reading: the grid, where the source has none; 0: not given */
-    int width, height; /* reading: size of the frames, where the source has none; 0: not given */
+    int rows, cols;    /* reading: the grid, if the source has none; 0: not given */
+    int width, height; /* reading: size of the frames, if the source has none; 0: not given */
     double unit_mm;    /* reading: unit of the source's lengths; 0: the format's */
-    bool lossy;        /* writing: also when a lens fits the format's model no better than SST_LENS_LOSS_PX */
+    bool lossy;        /* writing: even if a lens fits the format's model worse than SST_LENS_LOSS_PX */
     bool force;        /* writing: replace an earlier folder */
 };
 
 /**
- * One format. What is read ends in the axes of the reference camera and in mm. Writing tells nothing of what the format
- * has no word for: `lost` says it.
+ * One format. A calibration that was read is in the axes of the reference camera and in mm. Writing omits what the
+ * format cannot represent: `lost` lists it.
  *
  * read  @return 0, -ENOENT, -EBADMSG, -EINVAL (a grid or size that does not fit), -ENOMEM; logged
  * write: of a calibration without a fault
@@ -25,34 +25,34 @@ struct sst_calib_format_config {
  */
 struct sst_calib_format {
     const char *name;  /* "kalibr" */
-    const char *files; /* what it is on disk */
-    const char *lost;  /* what of a calibration it cannot hold; "" nothing */
+    const char *files; /* description of its files */
+    const char *lost;  /* what it cannot represent; "": nothing is lost */
     int (*read)(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg); /* or NULL */
     int (*write)(const struct sst_calib *calib, const char *path, const struct sst_calib_format_config *cfg);
 };
 
-/** By name; NULL and logged where there is none. */
+/** Find a format by name. @return NULL: unknown; logged */
 const struct sst_calib_format *sst_calib_format_find(const char *name);
 
-/** The format of a file or folder, by its content. NULL and logged: it cannot be read, or is none of ours. */
+/** The format of a file or folder, by its content. @return NULL: unreadable or unknown; logged */
 const struct sst_calib_format *sst_calib_format_of(const char *path);
 
-/** The format that a name for an output suggests: *.json multical, *camchain*.yaml Kalibr, *.cameramodel mrcal, *.yml
- *  and folders OpenCV, other *.yaml ours. NULL and logged: none. */
+/** The format implied by the name of an output: *.json multical, *camchain*.yaml Kalibr, *.cameramodel mrcal, *.yml
+ *  and folders OpenCV, other *.yaml ours. @return NULL: none; logged */
 const struct sst_calib_format *sst_calib_format_for(const char *path);
 
-/** The readers for texts in memory. */
+/** Parsers for text in memory. */
 SST_MUST_CHECK int sst_kalibr_parse(struct sst_calib *out, const char *text, size_t size, const char *name,
                                     const struct sst_calib_format_config *cfg);
 SST_MUST_CHECK int sst_multical_parse(struct sst_calib *out, const char *text, size_t size, const char *name,
                                       const struct sst_calib_format_config *cfg);
-/** A file of one camera. */
+/** A file for one camera. */
 SST_MUST_CHECK int sst_opencv_parse(struct sst_calib *out, const char *text, size_t size, const char *name,
                                     const struct sst_calib_format_config *cfg);
 
 /**
- * The lens with fewer coefficients that is nearest over the picture: least squares in pixels with focal lengths and
- * centre kept, on a grid of rays that reaches the picture's edges. A lens that needs no more is kept as it is.
+ * Fit the nearest lens with fewer coefficients: least squares in pixels with focal lengths and centre fixed, on a grid
+ * of rays that reaches the picture's edges. A lens that needs no more is copied.
  *
  * @param coefficients  4 (k1 k2 p1 p2) or 5 (and k3)
  * @param worst_px      largest distance on that grid

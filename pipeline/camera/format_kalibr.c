@@ -18,12 +18,12 @@ static bool read_transform(struct sst_yaml *doc, const struct sst_yaml_node *nod
     int i = 0;
 
     if (node->type != SST_YAML_LIST || node->count != 4) {
-        sst_yaml_fault(doc, node, "wants four lists of four numbers");
+        sst_yaml_fault(doc, node, "must be four lists of four numbers");
         return false;
     }
     for (const struct sst_yaml_node *n = node->first; n; n = n->next, i++) {
         if (n->type != SST_YAML_LIST) {
-            sst_yaml_fault(doc, n, "wants four lists of four numbers");
+            sst_yaml_fault(doc, n, "must be four lists of four numbers");
             return false;
         }
         if (!sst_yaml_doubles(doc, n, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, row, 4))
@@ -32,7 +32,7 @@ static bool read_transform(struct sst_yaml *doc, const struct sst_yaml_node *nod
             memcpy(R + 3 * i, row, 3 * sizeof(double));
             T[i] = row[3];
         } else if (row[0] != 0 || row[1] != 0 || row[2] != 0 || row[3] != 1) {
-            sst_yaml_fault(doc, n, "ends in another row than 0, 0, 0, 1");
+            sst_yaml_fault(doc, n, "must end with the row 0, 0, 0, 1");
             return false;
         }
     }
@@ -70,7 +70,7 @@ static void read_place(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     (void)sst_yaml_int(doc, sst_yaml_get(map, "col"), 0, SST_MAX_VIEWS - 1, &c->col);
 }
 
-/* Pose from that of the camera before: X_n = R X_before + T, before = (Rb, Tb) from the first camera. */
+/* Pose from that of the previous camera: X_n = R X_before + T, before = (Rb, Tb) from the first camera. */
 static void chain(double pose_R[9], double pose_T[3], const double R[9], const double T[3])
 {
     double r[9], t[3];
@@ -97,9 +97,9 @@ static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
     double v[4], size[2];
 
     if (model && strcmp(model->text, "pinhole") != 0)
-        sst_yaml_fault(doc, model, "is %.40s; only pinhole cameras are possible here", model->text);
+        sst_yaml_fault(doc, model, "is %.40s; only pinhole cameras are supported", model->text);
     if (intrinsics && (intrinsics->type != SST_YAML_LIST || intrinsics->count != 4)) {
-        sst_yaml_fault(doc, intrinsics, "wants the list fu, fv, pu, pv");
+        sst_yaml_fault(doc, intrinsics, "must be the list fu, fv, pu, pv");
     } else if (sst_yaml_doubles(doc, intrinsics, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, v, 4)) {
         c->cam.fx = v[0];
         c->cam.fy = v[1];
@@ -114,7 +114,8 @@ static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
     read_place(doc, map, c);
 }
 
-/* "cam0", "cam1" ... in this order, whatever else the file holds. @return -EBADMSG where there are too many, logged */
+/* Read "cam0", "cam1" ... in this order, ignoring all else in the file. @return -EBADMSG if there are too many,
+ * logged */
 static int read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose *loose, double unit_mm,
                         const char *name)
 {
@@ -134,22 +135,23 @@ static int read_cameras(struct sst_yaml *doc, struct sst_yaml_node *root, struct
         if (!c)
             return -EBADMSG;
         if (map->type != SST_YAML_MAP) {
-            sst_yaml_fault(doc, map, "wants keys such as intrinsics and resolution");
+            sst_yaml_fault(doc, map, "needs keys such as intrinsics and resolution");
             continue;
         }
         read_camera(doc, map, c);
         to = sst_yaml_get(map, "T_cn_cnm1");
         if (i > 0 && !to)
-            sst_yaml_fault(doc, map, "lacks T_cn_cnm1, the way from the camera before; calibrate them together");
+            sst_yaml_fault(doc, map,
+                           "lacks T_cn_cnm1, the transform from the previous camera; calibrate them together");
         if (i > 0 && to && read_transform(doc, to, one_R, one_T)) {
             struct sst_loose_camera step = *c;
 
             fault = sst_loose_pose(&step, one_R, one_T, 1);
             if (fault) {
-                sst_yaml_fault(doc, to, "does not turn: %s", fault);
+                sst_yaml_fault(doc, to, "cannot be used: %s", fault);
                 continue;
             }
-            chain(R, T, step.cam.rotation, one_T); /* by the exact rotation, or errors add up along the chain */
+            chain(R, T, step.cam.rotation, one_T); /* use the exact rotation, or errors accumulate along the chain */
         }
         (void)sst_loose_pose(c, R, T, unit_mm);
     }
@@ -161,14 +163,14 @@ int sst_kalibr_parse(struct sst_calib *out, const char *text, size_t size, const
     struct sst_loose *loose = sst_loose_create();
     struct sst_yaml *doc = NULL;
     struct sst_yaml_node *root;
-    int err = loose ? sst_yaml_parse(&doc, text, size, name) : -ENOMEM, told;
+    int err = loose ? sst_yaml_parse(&doc, text, size, name) : -ENOMEM, faults;
 
     if (!err) {
         root = sst_yaml_root(doc);
         sst_yaml_know_tree(root);
         err = root ? read_cameras(doc, root, loose, cfg->unit_mm > 0 ? cfg->unit_mm : METRE_MM, name) : 0;
-        told = sst_yaml_finish(doc);
-        err = err ? err : told;
+        faults = sst_yaml_finish(doc);
+        err = err ? err : faults;
     }
     if (!err)
         err = sst_loose_assemble(out, loose, cfg, name, "Kalibr");

@@ -9,7 +9,7 @@
 #define STEPS_X 48
 #define STEPS_Y 36
 #define MOST    5    /* coefficients that are fitted */
-#define TELL_PX 1e-3 /* errors from here on are worth a warning */
+#define TELL_PX 1e-3 /* errors from here on are warned about */
 
 /* Columns of the fit at a ray, in OpenCV's order: a distorted point is (a, b) + sum k_j (x_j, y_j). */
 static void columns(double a, double b, double x[MOST], double y[MOST])
@@ -23,7 +23,7 @@ static void columns(double a, double b, double x[MOST], double y[MOST])
     x[4] = a * r2 * r2 * r2, y[4] = b * r2 * r2 * r2;
 }
 
-/* The ray of a point of the grid over the picture, whose corners are pixels. */
+/* The ray of a grid point; the grid's corners are corner pixels of the picture. */
 static bool ray(const struct sst_calib_camera *cam, int width, int height, int i, double *a, double *b)
 {
     const double x = (double)(i % (STEPS_X + 1)) * (width - 1) / STEPS_X;
@@ -32,8 +32,8 @@ static bool ray(const struct sst_calib_camera *cam, int width, int height, int i
     return sst_camera_undistort(cam, x, y, a, b);
 }
 
-/* Solve the normal equations in place by Cholesky's method; n is at most MOST. What the rays do not determine (a
- * picture of one pixel) becomes 0. */
+/* Solve the normal equations in place by Cholesky's method; n is at most MOST. Undetermined coefficients (a picture of
+ * one pixel) become 0. */
 static void solve(double m[MOST][MOST], double v[MOST], int n)
 {
     for (int j = 0; j < n; j++) {
@@ -58,7 +58,7 @@ static void solve(double m[MOST][MOST], double v[MOST], int n)
     }
 }
 
-/* @return how many rays there are */
+/* @return number of rays */
 static int fit(struct sst_calib_camera *out, const struct sst_calib_camera *in, int width, int height, int n)
 {
     double m[MOST][MOST] = { { 0 } }, v[MOST] = { 0 }, a, b, x, y, r2 = 0, by[MOST];
@@ -70,7 +70,7 @@ static int fit(struct sst_calib_camera *out, const struct sst_calib_camera *in, 
     }
     if (!(r2 > 0))
         r2 = 1;
-    by[0] = by[2] = by[3] = r2; /* the coefficients' scale, so that all columns are of like size */
+    by[0] = by[2] = by[3] = r2; /* scale of the coefficients, so that all columns have similar size */
     by[1] = r2 * r2;
     by[4] = r2 * r2 * r2;
     for (int i = 0; i < (STEPS_X + 1) * (STEPS_Y + 1); i++) {
@@ -155,7 +155,7 @@ int sst_calib_reduce(struct sst_calib *out, const struct sst_calib *in, int coef
     if (worst > SST_LENS_LOSS_PX && !lossy) {
         sst_log_error(
             "%s has %d coefficients for a lens, with which the camera of row %d, column %d is off by up to %.3g "
-            "px, more than %g; --lossy writes it nevertheless",
+            "px, more than %g; --lossy writes it anyway",
             what, coefficients, at / in->cols, at % in->cols, worst, SST_LENS_LOSS_PX);
         sst_calib_fini(&made);
         return -EBADMSG;

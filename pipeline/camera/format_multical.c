@@ -12,7 +12,7 @@
 #include "pipeline/camera/format_parts.h"
 
 #define METRE_MM  1000.0
-#define MAX_BYTES ((size_t)64 << 20) /* it lists every picture of the calibration */
+#define MAX_BYTES ((size_t)64 << 20) /* the file lists every picture of the calibration */
 #define MOST      16
 
 /* A file being read. */
@@ -23,7 +23,7 @@ struct reader {
     struct sst_loose *loose;
 };
 
-/* Numbers of a list, also of lists of lists. @return how many, -1: something else is there, or too many */
+/* Numbers of a list or nested lists. @return their number, -1: something else, or too many */
 static int numbers(const json_t *v, double out[MOST], int n, int depth)
 {
     const json_t *item;
@@ -73,16 +73,16 @@ static int read_camera(const struct reader *r, const char *name, const json_t *c
     if (!c)
         return -EBADMSG;
     if (numbers(json_object_get(camera, "K"), K, 0, 2) != 9)
-        return fault(r, name, "K is no matrix of 3 x 3 numbers");
+        return fault(r, name, "K is not a 3 x 3 matrix");
     what = sst_loose_matrix(&c->cam, K);
-    n = json_is_null(dist) ? 0 : numbers(dist, d, 0, 2); /* Python's None is a lens without distortion */
+    n = json_is_null(dist) ? 0 : numbers(dist, d, 0, 2); /* Python's None: a lens without distortion */
     if (!what)
-        what = n < 0 ? "dist is no list of numbers" : sst_loose_lens(&c->cam, d, n);
+        what = n < 0 ? "dist is not a list of numbers" : sst_loose_lens(&c->cam, d, n);
     if (what)
         return fault(r, name, what);
     if (numbers(size, s, 0, 1) != 2 || !(s[0] >= 1 && s[0] <= SST_IMAGE_MAX_SIDE) ||
         !(s[1] >= 1 && s[1] <= SST_IMAGE_MAX_SIDE))
-        return fault(r, name, "image_size is no [width, height]");
+        return fault(r, name, "image_size is not [width, height]");
     c->width = (int)s[0];
     c->height = (int)s[1];
     if (!place_part(camera, "row", &c->row) || !place_part(camera, "col", &c->col))
@@ -96,7 +96,7 @@ static int read_transform(const struct reader *r, const char *key, const json_t 
     const char *what = NULL;
 
     if (numbers(json_object_get(v, "R"), R, 0, 2) != 9 || numbers(json_object_get(v, "T"), T, 0, 2) != 3)
-        what = "R is no matrix of 3 x 3 numbers, or T no vector of 3";
+        what = "R is not a 3 x 3 matrix, or T is not a vector of 3";
     else
         what = sst_loose_pose(out, R, T, r->unit_mm);
     return what ? fault(r, key, what) : 0;
@@ -137,7 +137,7 @@ static void follow(struct sst_loose_camera *out, const struct sst_loose_camera *
     out->posed = true;
 }
 
-/* One pose, where what it is relative to is known. @return 1: taken, 0: not yet, or a negative errno, logged */
+/* Read one pose if its parent is known. @return 1: read, 0: not yet, or a negative errno, logged */
 static int read_pose(const struct reader *r, const char *key, const json_t *v)
 {
     const char *to = strstr(key, "_to_");

@@ -15,7 +15,7 @@
 #define MOST_NUMBERS 16
 #define NAMES        6
 
-/* The same thing by the names that programs give it. */
+/* Synonyms used by different programs. */
 static const char *const matrix_names[NAMES] = { "camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M" };
 static const char *const lens_names[NAMES] = { "distortion_coefficients", "distCoeffs", "Distortion_Coefficients",
                                                "dist_coeffs", "D" };
@@ -43,13 +43,13 @@ static bool add_numbers(struct sst_yaml *doc, const struct sst_yaml_node *node, 
         return sst_yaml_double(doc, node, -SST_CALIB_LARGEST, SST_CALIB_LARGEST, &out[(*n)++]);
     }
     for (const struct sst_yaml_node *c = node->first; c; c = c->next) {
-        if (!add_numbers(doc, c, out, n)) /* no deeper than the document may be */
+        if (!add_numbers(doc, c, out, n)) /* recursion is bounded by the document's depth limit */
             return false;
     }
     return true;
 }
 
-/* A matrix (rows, cols, data) or a list, also of lists. @return how many numbers, -1: a fault is noted */
+/* A matrix (rows, cols, data) or a list, possibly nested. @return number of values, -1: a fault was noted */
 static int numbers(struct sst_yaml *doc, struct sst_yaml_node *node, double out[MOST_NUMBERS])
 {
     struct sst_yaml_node *data = node;
@@ -64,7 +64,7 @@ static int numbers(struct sst_yaml *doc, struct sst_yaml_node *node, double out[
             return 0; /* an empty matrix in XML */
     }
     if (data->type == SST_YAML_MAP) {
-        sst_yaml_fault(doc, data, "wants a list of numbers");
+        sst_yaml_fault(doc, data, "must be a list of numbers");
         return -1;
     }
     if (!add_numbers(doc, data, out, &n))
@@ -80,7 +80,7 @@ static bool read_matrix(struct sst_yaml *doc, struct sst_yaml_node *node, struct
 {
     double v[MOST_NUMBERS];
     const int n = numbers(doc, node, v);
-    const char *fault = n == 9 ? sst_loose_matrix(cam, v) : "is no matrix of 3 x 3";
+    const char *fault = n == 9 ? sst_loose_matrix(cam, v) : "is not a 3 x 3 matrix";
 
     if (n >= 0 && fault)
         sst_yaml_fault(doc, node, "%s", fault);
@@ -98,7 +98,7 @@ static bool read_lens(struct sst_yaml *doc, struct sst_yaml_node *node, struct s
     return n >= 0 && !fault;
 }
 
-/* R (a matrix or a rotation vector) and T, where they are. */
+/* R (a matrix or a rotation vector) and T, if present. */
 static void read_pose(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose_camera *c, double unit_mm)
 {
     struct sst_yaml_node *r_at = sst_yaml_get(root, "R"), *t_at = sst_yaml_get(root, "T");
@@ -120,10 +120,10 @@ static void read_pose(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
         else
             sst_rotation_from_vector(v, R);
     } else if (n != 9) {
-        fault = "is neither a matrix of 3 x 3 nor a vector of 3";
+        fault = "is neither a 3 x 3 matrix nor a vector of 3";
     }
     if (!fault)
-        fault = m == 3 ? sst_loose_pose(c, R, T, unit_mm) : "comes with a T that is no vector of 3";
+        fault = m == 3 ? sst_loose_pose(c, R, T, unit_mm) : "comes with a T that is not a vector of 3";
     if (fault)
         sst_yaml_fault(doc, r_at, "cannot be used: %s", fault);
 }
@@ -150,23 +150,24 @@ static void refuse_fisheye(struct sst_yaml *doc, struct sst_yaml_node *root)
                          *fisheye = sst_yaml_get(root, "fisheye_model");
 
     if (model && strcmp(model->text, known[0]) != 0 && strcmp(model->text, known[1]) != 0)
-        sst_yaml_fault(doc, model, "is %.40s; only plumb_bob and rational_polynomial are possible here", model->text);
+        sst_yaml_fault(doc, model, "is %.40s; only plumb_bob and rational_polynomial are supported", model->text);
     if (fisheye && strcmp(fisheye->text, "0") != 0)
         sst_yaml_fault(doc, fisheye, "is set; cameras here are pinholes, so calibrate again without it");
 }
 
-static void read_one(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose_camera *c, double unit_mm)
+static void read_camera(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_loose_camera *c, double unit_mm)
 {
     struct sst_yaml_node *matrix = get_any(root, matrix_names), *lens = get_any(root, lens_names);
     struct sst_yaml_node *name = sst_yaml_get(root, "camera_name");
 
     refuse_fisheye(doc, root);
     if (!matrix)
-        sst_yaml_fault(doc, root, "there is no camera_matrix here; is it a calibration?");
+        sst_yaml_fault(doc, root, "camera_matrix is missing; is it a calibration?");
     else
         (void)read_matrix(doc, matrix, &c->cam);
     if (!lens)
-        sst_yaml_fault(doc, root, "there are no distortion_coefficients here; add an empty list for a lens without");
+        sst_yaml_fault(doc, root,
+                       "distortion_coefficients are missing; add an empty list for a lens without distortion");
     else
         (void)read_lens(doc, lens, &c->cam);
     read_size(doc, root, c);
@@ -207,8 +208,8 @@ static double unit_of(const struct sst_calib_format_config *cfg)
     return cfg->unit_mm > 0 ? cfg->unit_mm : 1;
 }
 
-/* One camera out of a document, which goes. */
-static int take_one(struct sst_loose *loose, struct sst_yaml *doc, const char *file,
+/* Read one camera from a document, which is freed. */
+static int read_one(struct sst_loose *loose, struct sst_yaml *doc, const char *file,
                     const struct sst_calib_format_config *cfg)
 {
     struct sst_yaml_node *root = sst_yaml_root(doc);
@@ -223,7 +224,7 @@ static int take_one(struct sst_loose *loose, struct sst_yaml *doc, const char *f
     if (c && root) {
         sst_yaml_know_tree(root);
         (void)sst_loose_place(name, &c->row, &c->col);
-        read_one(doc, root, c, unit_of(cfg));
+        read_camera(doc, root, c, unit_of(cfg));
     }
     err = c ? sst_yaml_finish(doc) : -EBADMSG;
     sst_yaml_destroy(doc);
@@ -238,9 +239,9 @@ int sst_opencv_parse(struct sst_calib *out, const char *text, size_t size, const
     int err = loose ? parse_yaml(&doc, text, size, name) : -ENOMEM;
 
     if (!err)
-        err = take_one(loose, doc, name, cfg);
+        err = read_one(loose, doc, name, cfg);
     if (!err) {
-        if (!cfg->rows) /* a file alone is a camera alone, whatever its place was */
+        if (!cfg->rows) /* a single file is a single camera, whatever its position was */
             loose->camera[0].row = loose->camera[0].col = -1;
         err = sst_loose_assemble(out, loose, cfg, name, "OpenCV");
     }
@@ -269,7 +270,7 @@ static int read_folder(struct sst_loose *loose, const char *path, const struct s
 
     if (n < 0) {
         err = -errno;
-        sst_log_error("%s cannot be listed: %s", path, strerror(-err));
+        sst_log_error("cannot list %s: %s", path, strerror(-err));
     }
     for (int i = 0; i < n; i++) {
         if (!err)
@@ -277,7 +278,7 @@ static int read_folder(struct sst_loose *loose, const char *path, const struct s
         if (!err)
             err = read_yaml(&doc, file);
         if (!err)
-            err = take_one(loose, doc, file, cfg);
+            err = read_one(loose, doc, file, cfg);
         free(entry[i]);
     }
     free(entry);
@@ -311,7 +312,7 @@ int sst_opencv_read(struct sst_calib *out, const char *path, const struct sst_ca
 
 /* --- the stereo sample's pair of files ---------------------------------------------------------------------------- */
 
-/* The file of a folder, or beside one named *intrinsics*, with the other word in its name. */
+/* The file in a folder, or the sibling of one named *intrinsics* with the other word in its name. */
 static int find_pair(char out[SST_PATH_MAX], const char *path, const char *word)
 {
     static const char *const words[] = { "intrinsics", "extrinsics" };
@@ -329,17 +330,17 @@ static int find_pair(char out[SST_PATH_MAX], const char *path, const char *word)
             return 0;
     }
     sst_log_error(
-        "%s is no pair of intrinsics.yml and extrinsics.yml, as OpenCV's stereo sample writes; name their folder",
+        "%s is not a pair of intrinsics.yml and extrinsics.yml, as OpenCV's stereo sample writes; name their folder",
         path);
     return -ENOENT;
 }
 
-static int take_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_yaml *ex, const char *file,
+static int read_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_yaml *ex, const char *file,
                      const struct sst_calib_format_config *cfg)
 {
     struct sst_yaml_node *root[2] = { sst_yaml_root(in), sst_yaml_root(ex) };
     const double eye[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, none[3] = { 0 };
-    int err, told;
+    int err, faults;
 
     for (int i = 0; i < 2; i++) {
         struct sst_loose_camera *c = sst_loose_add(loose, i ? "right" : "left", file);
@@ -349,8 +350,8 @@ static int take_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_ya
         if (!c)
             return -EBADMSG;
         if (!matrix || !lens)
-            sst_yaml_fault(in, root[0], "there is no M%d or no D%d here; is it the stereo sample's intrinsics file?",
-                           i + 1, i + 1);
+            sst_yaml_fault(in, root[0], "M%d or D%d is missing; is it the stereo sample's intrinsics file?", i + 1,
+                           i + 1);
         if (matrix && lens && read_matrix(in, matrix, &c->cam))
             (void)read_lens(in, lens, &c->cam);
         read_size(in, root[0], c);
@@ -364,8 +365,8 @@ static int take_pair(struct sst_loose *loose, struct sst_yaml *in, struct sst_ya
     sst_yaml_know_tree(root[0]);
     sst_yaml_know_tree(root[1]);
     err = sst_yaml_finish(in);
-    told = sst_yaml_finish(ex);
-    return err ? err : told;
+    faults = sst_yaml_finish(ex);
+    return err ? err : faults;
 }
 
 int sst_opencv_stereo_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg)
@@ -382,7 +383,7 @@ int sst_opencv_stereo_read(struct sst_calib *out, const char *path, const struct
     if (!err)
         err = read_yaml(&ex, file);
     if (!err)
-        err = take_pair(loose, in, ex, path, cfg);
+        err = read_pair(loose, in, ex, path, cfg);
     if (!err)
         err = sst_loose_assemble(out, loose, cfg, path, "OpenCV");
     sst_yaml_destroy(in);
@@ -418,7 +419,7 @@ static void put_camera(FILE *f, const struct sst_calib *calib, int view)
 
     put_head(f, calib);
     fputs("camera_name: \"", f);
-    for (const char *s = c->name; *s; s++) /* FileStorage has rules of its own for everything else */
+    for (const char *s = c->name; *s; s++) /* FileStorage has its own rules for everything else */
         putc(*s >= ' ' && *s < 0x7f && *s != '"' && *s != '\\' ? *s : '_', f);
     fprintf(f, "\"\nrow: %d\ncol: %d\n", view / calib->cols, view % calib->cols);
     put_lens(f, c, "camera_matrix", "distortion_coefficients");
@@ -471,7 +472,7 @@ int sst_opencv_stereo_write(const struct sst_calib *calib, const char *path, con
     int err;
 
     if (b < 0 || sst_calib_next(calib, b + 1) >= 0) {
-        sst_log_error("OpenCV's stereo files are of two cameras, and there are %s; use the format opencv",
+        sst_log_error("OpenCV's stereo files hold two cameras, but there are %s; use the format opencv",
                       b < 0 ? "fewer" : "more");
         return -EINVAL;
     }

@@ -1,5 +1,5 @@
-/* cv::FileStorage's texts as plain YAML. Its YAML begins with a directive that YAML does not know and has tags; its XML
- * is rewritten element by element into flow mappings. Lines stay where they are, so faults name the right ones. */
+/* Converts cv::FileStorage's text to plain YAML. Its YAML begins with a non-standard directive and has tags; its XML
+ * is rewritten element by element into flow mappings. Line numbers are preserved for error messages. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,7 +34,7 @@ static char *plain_yaml(const char *text, size_t size)
 /* --- XML ---------------------------------------------------------------------------------------------------------- */
 
 struct xml {
-    const char *at, *end, *begin, *name; /* name: of the file */
+    const char *at, *end, *begin, *name; /* name: the file's */
     char *out;
     size_t used, room;
     int err;
@@ -48,7 +48,7 @@ static void refuse(struct xml *x, const char *what)
         return;
     for (const char *p = x->begin; p < x->at; p++)
         line += *p == '\n';
-    sst_log_error("%s:%d: %s; only XML as OpenCV writes it is read, so save it again as YAML", x->name, line, what);
+    sst_log_error("%s:%d: %s; only XML as OpenCV writes it is supported; save it again as YAML", x->name, line, what);
     x->err = -EBADMSG;
 }
 
@@ -77,7 +77,7 @@ static bool is_blank(char c)
     return c == ' ' || c == '\t' || c == '\n' || c == '\r';
 }
 
-/* Blanks; line breaks are passed on so that lines agree. */
+/* Skip blanks; line breaks are copied so that line numbers agree. */
 static void skip_blanks(struct xml *x)
 {
     for (; x->at < x->end && is_blank(*x->at); x->at++) {
@@ -91,7 +91,7 @@ static bool starts(const struct xml *x, const char *text)
     return (size_t)(x->end - x->at) >= strlen(text) && !memcmp(x->at, text, strlen(text));
 }
 
-/* Blanks, comments and declarations. */
+/* Skip blanks, comments and declarations. */
 static void skip_rest(struct xml *x)
 {
     for (skip_blanks(x); !x->err && (starts(x, "<!--") || starts(x, "<?")); skip_blanks(x)) {
@@ -112,8 +112,8 @@ static bool is_name(char c)
            c == '.';
 }
 
-/* The name of an opening or closing tag; `at` is behind its '>' afterwards, attributes are passed over. */
-static size_t take_tag(struct xml *x, const char *open, const char **name)
+/* Parse the name of an opening or closing tag; `at` moves behind its '>', attributes are skipped. */
+static size_t read_tag(struct xml *x, const char *open, const char **name)
 {
     size_t n = 0;
 
@@ -145,7 +145,7 @@ static bool is_numeric(const char *text, size_t n)
     return n > 0;
 }
 
-/* How many words are between two tags; -1: not all of them are numbers. */
+/* Number of words between two tags; -1: not all of them are numbers. */
 static int count_numbers(const char *p, const char *end)
 {
     int words = 0;
@@ -164,12 +164,12 @@ static int count_numbers(const char *p, const char *end)
     return words;
 }
 
-/* The words between two tags: one number is a scalar, more are a list (the elements of a matrix), anything else is a
- * text, of which nothing but names is of interest: its quotation marks go, its entities stay as they are. */
+/* Emit the words between two tags: one number is a scalar, more are a list (the elements of a matrix), anything else
+ * is a string, of which only names are of interest: quotation marks are dropped, entities stay as they are. */
 static void put_words(struct xml *x)
 {
     const char *end = x->at;
-    bool told = false;
+    bool has_word = false;
     int numbers;
 
     while (end < x->end && *end != '<')
@@ -189,17 +189,17 @@ static void put_words(struct xml *x)
             emit(x, "\n", *x->at == '\n');
             continue;
         }
-        if (told && is_blank(x->at[-1]))
+        if (has_word && is_blank(x->at[-1]))
             emit(x, ", ", 2);
         emit(x, x->at, 1);
-        told = true;
+        has_word = true;
     }
     emit(x, numbers <= 0 ? "\"" : "]", numbers != 1);
 }
 
 static void put_element(struct xml *x, bool listed, int depth);
 
-/* What an element holds: others of the name "_" (a list), others (a mapping), or words. */
+/* Content of an element: elements named "_" (a list), other elements (a mapping), or words. */
 static void put_content(struct xml *x, int depth)
 {
     bool listed;
@@ -227,7 +227,7 @@ static void put_content(struct xml *x, int depth)
 static void put_element(struct xml *x, bool listed, int depth)
 {
     const char *name = NULL, *closing = NULL;
-    const size_t n = take_tag(x, "<", &name);
+    const size_t n = read_tag(x, "<", &name);
     size_t m;
 
     if (x->err)
@@ -244,7 +244,7 @@ static void put_element(struct xml *x, bool listed, int depth)
     put_content(x, depth + 1);
     if (x->err)
         return;
-    m = take_tag(x, "</", &closing);
+    m = read_tag(x, "</", &closing);
     if (!x->err && (m != n || memcmp(name, closing, n) != 0))
         refuse(x, "a tag that closes another element");
 }
@@ -256,12 +256,12 @@ static int from_xml(char **out, size_t *out_size, const char *text, size_t size,
     size_t n;
 
     skip_rest(&x);
-    n = x.err ? 0 : take_tag(&x, "<", &tag);
+    n = x.err ? 0 : read_tag(&x, "<", &tag);
     if (!x.err && (n != 14 || memcmp(tag, "opencv_storage", 14) != 0))
         refuse(&x, "the outermost element is not opencv_storage");
     if (!x.err)
         put_content(&x, 0);
-    if (!x.err && take_tag(&x, "</", &tag) != 14)
+    if (!x.err && read_tag(&x, "</", &tag) != 14)
         refuse(&x, "opencv_storage does not end");
     emit(&x, "\n", 2); /* with the NUL */
     if (x.err) {

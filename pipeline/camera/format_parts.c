@@ -1,4 +1,4 @@
-/* From cameras as other tools list them to a grid of cameras, and what all writers do. */
+/* From a tool's list of cameras to a grid of cameras, and helpers of all writers. */
 #include "pipeline/camera/format_parts.h"
 
 #include <ctype.h>
@@ -25,7 +25,7 @@ struct sst_loose_camera *sst_loose_add(struct sst_loose *loose, const char *name
     struct sst_loose_camera *c = &loose->camera[loose->count];
 
     if (loose->count == SST_MAX_VIEWS) {
-        sst_log_error("%s has more than %d cameras, the most that there may be", file, SST_MAX_VIEWS);
+        sst_log_error("%s has more than %d cameras, the maximum", file, SST_MAX_VIEWS);
         return NULL;
     }
     loose->count++;
@@ -38,7 +38,7 @@ struct sst_loose_camera *sst_loose_add(struct sst_loose *loose, const char *name
 const char *sst_loose_matrix(struct sst_calib_camera *cam, const double K[9])
 {
     if (K[1] != 0)
-        return "the camera matrix has a skew, which no camera here has";
+        return "the camera matrix has a skew, which is not supported";
     if (K[3] != 0 || K[6] != 0 || K[7] != 0 || K[8] != 1)
         return "the camera matrix is not of the form [fx 0 cx; 0 fy cy; 0 0 1]";
     cam->fx = K[0];
@@ -51,7 +51,7 @@ const char *sst_loose_matrix(struct sst_calib_camera *cam, const double K[9])
 const char *sst_loose_lens(struct sst_calib_camera *cam, const double *d, int n)
 {
     if (n != 0 && n != 4 && n != 5 && n != 8 && n != 12 && n != 14)
-        return "the number of distortion coefficients is none of 0, 4, 5, 8, 12, 14";
+        return "the number of distortion coefficients is not 0, 4, 5, 8, 12 or 14";
     for (int i = SST_LENS_MAX; i < n; i++) {
         if (d[i] != 0)
             return "the lens has thin-prism or tilt terms, which are not supported; calibrate with 8 coefficients";
@@ -103,7 +103,7 @@ const char *sst_loose_pose(struct sst_loose_camera *camera, const double R[9], c
     double *r = camera->cam.rotation;
 
     if (!nearest_rotation(R, r))
-        return "R is no rotation matrix";
+        return "R is not a rotation matrix";
     for (int i = 0; i < 3; i++)
         camera->cam.position_mm[i] = -(r[i] * T[0] + r[3 + i] * T[1] + r[6 + i] * T[2]) * unit_mm;
     camera->posed = true;
@@ -140,7 +140,7 @@ bool sst_loose_place(const char *name, int *row, int *col)
 
 /* --- the grid ----------------------------------------------------------------------------------------------------- */
 
-/* Every camera's place is known, all differ, and none is outside a grid that is given. */
+/* True if every camera's position is known, all differ, and none is outside a given grid. */
 static bool all_placed(const struct sst_loose *loose)
 {
     for (int i = 0; i < loose->count; i++) {
@@ -180,17 +180,17 @@ static int find_grid(const struct sst_loose *loose, const struct sst_calib_forma
         *rows * *cols <= SST_MAX_VIEWS)
         return 0;
     sst_log_error("%s names cameras up to row %d, column %d (from 0), beyond %s", file, need_rows - 1, need_cols - 1,
-                  cfg->rows ? "the --grid given" : "the 256 views that there may be");
+                  cfg->rows ? "the --grid given" : "the maximum of 256 views");
     return -EINVAL;
 }
 
-static int take_size(struct sst_calib *out, const struct sst_loose_camera *c, const struct sst_calib_format_config *cfg,
-                     const char *file)
+static int set_size(struct sst_calib *out, const struct sst_loose_camera *c, const struct sst_calib_format_config *cfg,
+                    const char *file)
 {
     const int width = c->width ? c->width : cfg->width, height = c->height ? c->height : cfg->height;
 
     if (!width || !height) {
-        sst_log_error("%s does not tell the size of the pictures; add --size WIDTHxHEIGHT", file);
+        sst_log_error("%s does not contain the picture size; add --size WIDTHxHEIGHT", file);
         return -EINVAL;
     }
     if ((cfg->width && (width != cfg->width || height != cfg->height)) ||
@@ -223,7 +223,7 @@ static int place_cameras(struct sst_calib *out, const struct sst_loose *loose,
                                      : "its pose (R, T) is missing; calibrate the cameras together");
             return -EBADMSG;
         }
-        err = take_size(out, c, cfg, file);
+        err = set_size(out, c, cfg, file);
         if (err)
             return err;
         out->camera[view] = c->cam;
@@ -249,7 +249,7 @@ static int nearest_known(const struct sst_calib *calib)
     return best;
 }
 
-/* X' = R_ref (X - c_ref). A reference that is there already moves nothing, not even by rounding. */
+/* X' = R_ref (X - c_ref). With a reference already at the origin nothing changes, not even by rounding. */
 static void rebase(struct sst_calib *calib)
 {
     const struct sst_calib_camera ref = calib->camera[calib->reference];
@@ -344,7 +344,7 @@ static void put_number(FILE *f, double v)
         if (strtod(text, NULL) == v)
             break;
     }
-    if (!strchr(text, '.')) { /* Python makes integers of 0, which libraries then refuse; YAML 1.1 words of 1e-05 */
+    if (!strchr(text, '.')) { /* Python reads 0 as an integer, which libraries reject; YAML 1.1 reads 1e-05 as text */
         e = text + strcspn(text, "e");
         memmove(e + 2, e, strlen(e) + 1);
         memcpy(e, ".0", 2);
@@ -368,7 +368,7 @@ int sst_utf8_character(const unsigned char *s, uint32_t *code)
 
     *code = 0;
     for (int i = 1; i < n; i++) {
-        if ((s[i] & 0xc0) != 0x80) /* also at the end of the text */
+        if ((s[i] & 0xc0) != 0x80) /* also fails at the end of the text */
             return 0;
         c = c << 6 | (s[i] & 0x3f);
     }
@@ -431,7 +431,7 @@ int sst_calib_write_each(const struct sst_calib *calib, const char *path, const 
     if (!ends_in(path, ending))
         return write_folder(calib, path, ending, cfg->force, put);
     if (sst_calib_next(calib, first + 1) >= 0) {
-        sst_log_error("%s would be the file of one camera, and there are more; name a folder without %s", path, ending);
+        sst_log_error("%s names the file of one camera, but there are more; name a folder without %s", path, ending);
         return -EINVAL;
     }
     err = sst_outfile_open(&out, path);

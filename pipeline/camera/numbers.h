@@ -1,4 +1,4 @@
-/* pipeline/camera/numbers.h - small numerics that finding boards, solving and reporting share. */
+/* pipeline/camera/numbers.h - small numerics shared by detection, solver and report. */
 #ifndef SST_PIPELINE_CAMERA_NUMBERS_H
 #define SST_PIPELINE_CAMERA_NUMBERS_H
 
@@ -6,8 +6,8 @@
 
 #include "base/base.h"
 
-/** Solve the positive definite a x = b (n <= 12, a row-major, its lower half read, overwritten). @return false: a is
- *  not so, or nearly not */
+/** Solve a x = b for positive definite a (n <= 12, row-major, the lower half is read and overwritten). @return false:
+ *  a is not positive definite, or nearly singular */
 SST_MUST_CHECK bool sst_solve_definite(double *a, double *b, int n);
 
 #endif

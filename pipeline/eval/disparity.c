@@ -50,7 +50,7 @@ int sst_eval_disparity(struct sst_disparity_error *out, const struct sst_map_f32
     return 0;
 }
 
-/* Mean of a and b with weights; a part of no weight does not count, even if it is NaN. */
+/* Weighted mean of a and b; a part with weight 0 does not count, even if it is NaN. */
 static double mix(double a, double weight_a, double b, double weight_b)
 {
     if (!(weight_b > 0))

@@ -1,4 +1,4 @@
-/* pipeline/eval/eval.h - figures of merit against truth. */
+/* pipeline/eval/eval.h - error measures against truth: disparity, labels, pictures. */
 #ifndef SST_PIPELINE_EVAL_EVAL_H
 #define SST_PIPELINE_EVAL_EVAL_H
 
@@ -8,27 +8,26 @@
 struct sst_disparity_error {
     int64_t pixels;                    /* with truth */
     double bad_half, bad1, bad2, bad4; /* percent of pixels off by more than 0.5, 1, 2, 4 px; unknown counts as bad */
-    double rmse, mean_abs;             /* px, over pixels with an estimate */
+    double rmse, mean_abs;             /* px, over the pixels with an estimate */
     double density;                    /* percent of pixels with an estimate */
 };
 
 /**
- * @param out  no pixel with truth: percentages are NaN; no estimate among them: rmse and mean_abs are NaN
+ * @param out  percentages are NaN without truth, rmse and mean_abs without an estimate
  * @param estimate  +inf or NaN: unknown   @param mask  non-zero: counts; may be NULL
  * @return 0 or -EINVAL (sizes differ)
  */
 SST_MUST_CHECK int sst_eval_disparity(struct sst_disparity_error *out, const struct sst_map_f32 *estimate,
                                       const struct sst_map_f32 *truth, const struct sst_map_u8 *mask);
 
-/** Figures over the pixels of both. A zeroed object is a valid start. */
+/** Merge the errors of two sets of pixels. A zeroed object is a valid start. */
 void sst_disparity_error_merge(struct sst_disparity_error *sum, const struct sst_disparity_error *add);
 
 /**
- * Mark the pixels whose surface another view sees too: the point at x, of disparity d, is at x - d (dbx, dby) there; it
- * is visible if that lies inside the view and nothing nearer by more than 1 px of disparity stands at the nearest
- * pixel.
+ * Mark the pixels whose surface another view sees too: the point at x with disparity d is at x - d (dbx, dby) there; it
+ * is visible if that is inside the view and the nearest pixel has no surface nearer by more than 1 px of disparity.
  *
- * @param mask      in and out: set to 255 where visible, else left alone, so that calls for several views add up
+ * @param mask      in and out: set to 255 where visible, else unchanged, so that calls for several views accumulate
  * @param dbx, dby  offset of the other view minus that of this one, in spacings
  * @return 0 or -EINVAL (sizes differ)
  */
@@ -48,7 +47,7 @@ SST_MUST_CHECK int sst_confusion_add(struct sst_confusion *c, const struct sst_m
  * none. */
 double sst_confusion_miou(const struct sst_confusion *c);
 
-/** IoU of one class in percent, NaN where it neither occurs nor is claimed. */
+/** IoU of one class in percent, NaN where it occurs neither in the truth nor in the estimate. */
 double sst_confusion_iou(const struct sst_confusion *c, int label);
 
 /** Percent of pixels with truth that have a label; percent of the labelled ones whose label is right (NaN: none). */

@@ -65,7 +65,7 @@ double sst_confusion_miou(const struct sst_confusion *c)
     return classes ? sum / classes : NAN;
 }
 
-/* Pixels with truth, those of them that have a label, and those that have the right one. */
+/* Counts of pixels with truth, of those labelled, and of those labelled correctly. */
 static void totals(const struct sst_confusion *c, int64_t *pixels, int64_t *labeled, int64_t *right)
 {
     *pixels = *labeled = *right = 0;

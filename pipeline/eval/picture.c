@@ -53,7 +53,7 @@ static void luma_row(double *out, const struct sst_image *img, int y)
         out[x] = 0.299 * r[x] + 0.587 * g[x] + 0.114 * b[x];
 }
 
-/* The five local means that SSIM is made of; as sums first, with the weight of the part of the window inside. */
+/* The five local means of SSIM; first as sums, with the weight of the part of the window inside. */
 enum mean { MEAN_A, MEAN_B, MEAN_AA, MEAN_BB, MEAN_AB, MEANS };
 
 struct ssim {
@@ -100,7 +100,7 @@ static double ssim_at(const struct ssim *s, int x, double row_weight)
     }
     for (int i = 0; i < MEANS; i++)
         m[i] /= weight * row_weight;
-    /* Luma is at most 255: what cancels here is below 1e-11, nothing beside C2 = 58.5, even if it is negative. */
+    /* Luma is at most 255: the cancellation error is below 1e-11, negligible beside C2 = 58.5, even if negative. */
     var_a = m[MEAN_AA] - m[MEAN_A] * m[MEAN_A];
     var_b = m[MEAN_BB] - m[MEAN_B] * m[MEAN_B];
     cov = m[MEAN_AB] - m[MEAN_A] * m[MEAN_B];

@@ -14,10 +14,10 @@
 /* The kinds of label maps. */
 enum stage { INITIAL, HCSM, REFINED, STAGES };
 
-/* Truth of one view, and what was measured there. */
+/* Truth of one view, and its measurements. */
 struct view_truth {
-    struct sst_map_f32 disp; /* empty: none */
-    struct sst_map_u8 label; /* likewise */
+    struct sst_map_f32 disp; /* empty: no truth */
+    struct sst_map_u8 label; /* empty: no truth */
     struct sst_disparity_error all, nonocc;
     struct sst_confusion *confusion; /* [STAGES] */
     bool measured[STAGES];
@@ -38,7 +38,7 @@ static int check_size(const char *path, int width, int height, const struct sst_
     return -EBADMSG;
 }
 
-/* Path of a view's map; an empty one where there is no such file. */
+/* Path of a view's map; empty if there is no such file. */
 static int map_path(char path[SST_PATH_MAX], const struct job *job, const char *dir, int view, const char *suffix)
 {
     char name[16];
@@ -84,7 +84,7 @@ static int load_view(void *arg, int index, int worker SST_UNUSED)
     return err ? err : read_labels(&t->label, job, job->truth_dir, index);
 }
 
-/* Pixels whose true surface at least one of the four neighbours sees. */
+/* Mark the pixels whose true surface is visible in at least one of the four neighbouring views. */
 static int mark_visible(struct sst_map_u8 *mask, const struct job *job, int index)
 {
     static const int step[4][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 } };
@@ -194,7 +194,7 @@ static struct sst_label_error label_error(const struct job *job, int stage)
     return result;
 }
 
-/* Add up the views in order, so that the sums are the same for any number of threads. */
+/* Sum over the views in order, so that the result is the same for any number of threads. */
 static void sum_up(struct sst_report *out, const struct job *job)
 {
     for (int k = 0; k < job->lf->rows * job->lf->cols; k++) {
@@ -294,7 +294,7 @@ static int measure_pictures(struct sst_report *out, const struct job *job, const
     if (truth->count == 0)
         return 0;
     if (truth->ref_row >= lf->rows || truth->ref_col >= lf->cols || !lf->views[ref].present) {
-        sst_log_error("%s/truth.json: reference %02d_%02d is no view of %s; give the truth of this light field",
+        sst_log_error("%s/truth.json: reference %02d_%02d is not a view of %s; give the truth of this light field",
                       job->truth_dir, truth->ref_row, truth->ref_col, job->lf_dir);
         return -EBADMSG;
     }
@@ -346,7 +346,7 @@ int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, con
         err = measure_pictures(&made, &job, truth, cfg, threads);
     job_fini(&job);
     if (err == -ENOMEM)
-        sst_log_error("%s: no memory to measure %d views of %dx%d", lf_dir, views, lf->width, lf->height);
+        sst_log_error("%s: out of memory measuring %d views of %dx%d", lf_dir, views, lf->width, lf->height);
     if (!err)
         *out = made;
     return err;

@@ -1,4 +1,4 @@
-/* pipeline/eval/report.h - a light-field folder measured against a truth folder. */
+/* pipeline/eval/report.h - evaluation of a light-field folder against a truth folder. */
 #ifndef SST_PIPELINE_EVAL_REPORT_H
 #define SST_PIPELINE_EVAL_REPORT_H
 
@@ -7,7 +7,7 @@
 
 #define SST_TRUTH_MAX_OCCLUDERS 16
 
-/** One see-through task: the picture that the reference view would show without this occluder. */
+/** One see-through task: the reference view's picture without this occluder. */
 struct sst_truth_occluder {
     char name[64], label[SST_CLASS_NAME_MAX], target[SST_CLASS_NAME_MAX];
     double focus_px;             /* disparity of the target, px per spacing */
@@ -17,15 +17,15 @@ struct sst_truth_occluder {
 /** truth.json. The maps rr_cc.pfm (disparity, px per spacing) and rr_cc.png (labels) stand beside it. */
 struct sst_truth {
     bool described;       /* false: there is no truth.json; the maps alone may be there */
-    int ref_row, ref_col; /* view that the occluders' pictures belong to */
+    int ref_row, ref_col; /* reference view of the occluders' pictures */
     int count;
-    struct sst_truth_occluder occluders[SST_TRUTH_MAX_OCCLUDERS]; /* the first is the principal one */
+    struct sst_truth_occluder occluders[SST_TRUTH_MAX_OCCLUDERS]; /* the first is the main one */
 };
 
 /**
  * Read DIR/truth.json: "reference": "rr_cc", "focus_px", "occluders": [{"name", "label", "target", "focus_px",
  * "behind", "mask"}]. Without "occluders", focus_px with behind.png and occluder.png is the one task. Other keys are
- * not looked at.
+ * ignored.
  *
  * @return 0 (also where the folder has no truth.json), -ENOENT (no such folder), -EBADMSG, -ENOMEM, -EIO; logged.
  */
@@ -34,7 +34,7 @@ SST_MUST_CHECK int sst_truth_read(struct sst_truth *truth, const char *dir);
 /** A rendered picture against the true one: all pixels, and those that the occluder covers. dB and 0..1; NaN: none. */
 struct sst_picture_error {
     double psnr, ssim, psnr_occluded, ssim_occluded;
-    double seconds; /* that the rendering took */
+    double seconds; /* rendering time */
 };
 
 /** Labels against the truth of all views, percent; NaN: there are none. */
@@ -43,9 +43,9 @@ struct sst_label_error {
 };
 
 struct sst_report {
-    int disparity_views, label_views;            /* that have truth */
+    int disparity_views, label_views;            /* number of views with truth */
     struct sst_disparity_error disparity;        /* pixels 0: no truth */
-    struct sst_disparity_error disparity_nonocc; /* pixels whose true surface a view beside, above or below sees too */
+    struct sst_disparity_error disparity_nonocc; /* pixels whose true surface is visible in a neighbouring view too */
     struct sst_label_error initial, hcsm, refined;
     int occluders;
     struct {
@@ -55,13 +55,13 @@ struct sst_report {
 };
 
 /**
- * Measure all that there is truth for.
+ * Measure everything for which there is truth.
  *
  * @param lf      images loaded if truth->count > 0; disparity and labels where the folder has them
  * @param lf_dir  its folder: labels_initial/ and labels_hcsm/ are read from there if present
  * @param cfg     of the see-through rendering; focus and viewpoint are set here
  * @return 0, -ENOENT (no truth; truth without an estimate; a file missing), -EBADMSG (a file does not fit), -ENOMEM, or
- * what sst_render() says; logged.
+ * what sst_render() returns; logged.
  */
 SST_MUST_CHECK int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, const char *lf_dir,
                                    const struct sst_truth *truth, const char *truth_dir,

@@ -19,56 +19,56 @@ static int bad(const char *path, int index, const char *key, const char *what)
     return -EBADMSG;
 }
 
-static int take_text(char *out, size_t size, const json_t *object, const char *path, int index, const char *key)
+static int parse_text(char *out, size_t size, const json_t *object, const char *path, int index, const char *key)
 {
     const char *text = json_string_value(json_object_get(object, key));
 
     if (!text || !*text)
-        return bad(path, index, key, "is missing or no text");
+        return bad(path, index, key, "is missing or not a string");
     if (strlen(text) >= size || strchr(text, '/'))
         return bad(path, index, key, "is too long or has a slash");
     memcpy(out, text, strlen(text) + 1);
     return 0;
 }
 
-static int take_number(double *out, const json_t *object, const char *path, int index, const char *key)
+static int parse_number(double *out, const json_t *object, const char *path, int index, const char *key)
 {
     const json_t *value = json_object_get(object, key);
 
     if (!json_is_number(value))
-        return bad(path, index, key, "is missing or no number");
+        return bad(path, index, key, "is missing or not a number");
     *out = json_number_value(value);
     return 0;
 }
 
-static int take_occluder(struct sst_truth_occluder *o, const json_t *object, const char *path, int index)
+static int parse_occluder(struct sst_truth_occluder *o, const json_t *object, const char *path, int index)
 {
-    int err = take_text(o->name, sizeof(o->name), object, path, index, "name");
+    int err = parse_text(o->name, sizeof(o->name), object, path, index, "name");
 
     if (!err)
-        err = take_text(o->label, sizeof(o->label), object, path, index, "label");
+        err = parse_text(o->label, sizeof(o->label), object, path, index, "label");
     if (!err)
-        err = take_text(o->target, sizeof(o->target), object, path, index, "target");
+        err = parse_text(o->target, sizeof(o->target), object, path, index, "target");
     if (!err)
-        err = take_number(&o->focus_px, object, path, index, "focus_px");
+        err = parse_number(&o->focus_px, object, path, index, "focus_px");
     if (!err)
-        err = take_text(o->behind, sizeof(o->behind), object, path, index, "behind");
+        err = parse_text(o->behind, sizeof(o->behind), object, path, index, "behind");
     if (!err)
-        err = take_text(o->mask, sizeof(o->mask), object, path, index, "mask");
+        err = parse_text(o->mask, sizeof(o->mask), object, path, index, "mask");
     return err;
 }
 
-static int take_occluders(struct sst_truth *t, const json_t *root, const char *path)
+static int parse_occluders(struct sst_truth *t, const json_t *root, const char *path)
 {
     const json_t *list = json_object_get(root, "occluders");
     const size_t n = json_array_size(list);
 
     if (list && !json_is_array(list))
-        return bad(path, -1, "occluders", "is no list");
+        return bad(path, -1, "occluders", "is not a list");
     if (n > SST_TRUTH_MAX_OCCLUDERS)
         return bad(path, -1, "occluders", "has more than 16 entries");
     for (size_t i = 0; i < n; i++) {
-        const int err = take_occluder(&t->occluders[i], json_array_get(list, i), path, (int)i);
+        const int err = parse_occluder(&t->occluders[i], json_array_get(list, i), path, (int)i);
 
         if (err)
             return err;
@@ -78,12 +78,12 @@ static int take_occluders(struct sst_truth *t, const json_t *root, const char *p
         t->occluders[0] =
             (struct sst_truth_occluder){ .name = "occluder", .behind = "behind.png", .mask = "occluder.png" };
         t->count = 1;
-        return take_number(&t->occluders[0].focus_px, root, path, -1, "focus_px");
+        return parse_number(&t->occluders[0].focus_px, root, path, -1, "focus_px");
     }
     return 0;
 }
 
-static int take_reference(struct sst_truth *t, const json_t *root, const char *path)
+static int parse_reference(struct sst_truth *t, const json_t *root, const char *path)
 {
     const char *text = json_string_value(json_object_get(root, "reference"));
     int end = 0;
@@ -104,9 +104,9 @@ static int parse(struct sst_truth *t, const char *text, size_t size, const char 
         sst_log_error("%s: line %d: %s; write the truth again", path, error.line, error.text);
         return -EBADMSG;
     }
-    err = take_reference(t, root, path);
+    err = parse_reference(t, root, path);
     if (!err)
-        err = take_occluders(t, root, path);
+        err = parse_occluders(t, root, path);
     json_decref(root);
     return err;
 }
@@ -120,7 +120,7 @@ int sst_truth_read(struct sst_truth *truth, const char *dir)
     int err;
 
     if (!sst_path_is_dir(dir)) {
-        sst_log_error("%s: there is no such folder; `sst scene` writes the truth of a light field to LF/truth", dir);
+        sst_log_error("%s: no such folder; `sst scene` writes the truth of a light field to LF/truth", dir);
         return -ENOENT;
     }
     err = sst_path_join(path, dir, "truth.json");

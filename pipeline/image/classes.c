@@ -11,7 +11,7 @@ const struct sst_classes sst_classes_default = {
     .ground = { [SST_LABEL_ROAD - 1] = true, [SST_LABEL_PAVEMENT - 1] = true, [SST_LABEL_TABLE - 1] = true },
 };
 
-/* 0 black, 1-11 CamVid's customary colours, the rest chosen to differ from their neighbours. */
+/* 0 is black, 1-11 are CamVid's usual colours, the rest differ from their neighbours. */
 static const uint8_t palette[256][3] = {
     { 0, 0, 0 },      { 128, 178, 230 }, { 128, 60, 50 },   { 192, 192, 128 }, { 128, 64, 128 }, { 60, 40, 222 },
     { 110, 140, 30 }, { 192, 128, 128 }, { 64, 64, 128 },   { 100, 20, 170 },  { 230, 90, 30 },  { 0, 128, 192 },

@@ -1,4 +1,4 @@
-/* pipeline/image/classes.h - the classes that labels stand for. */
+/* pipeline/image/classes.h - class lists: names and colours of labels. */
 #ifndef SST_PIPELINE_IMAGE_CLASSES_H
 #define SST_PIPELINE_IMAGE_CLASSES_H
 
@@ -14,13 +14,13 @@
 struct sst_classes {
     int count;
     char names[SST_MAX_CLASSES][SST_CLASS_NAME_MAX];
-    bool ground[SST_MAX_CLASSES]; /* a surface that runs through many depths: road, pavement, table top */
+    bool ground[SST_MAX_CLASSES]; /* a surface that spans many depths: road, pavement, table top */
 };
 
 /** CamVid's eleven in CamVid's order, then those of the simulated scenes. */
 extern const struct sst_classes sst_classes_default;
 
-/** The values of the default list, for code that names a class. */
+/** Labels of the default list. */
 enum sst_default_label {
     SST_LABEL_SKY = 1,
     SST_LABEL_BUILDING = 2,
@@ -47,10 +47,10 @@ enum sst_default_label {
     SST_LABEL_NUCLEUS = 23,
 };
 
-/** Label of a class name, upper or lower case alike, or 0 when the list lacks it. */
+/** Label of a class name, ignoring case, or 0 if the list has no such class. */
 int sst_classes_find(const struct sst_classes *classes, const char *name);
 
-/** Name of a label; "unlabeled" for 0, "label N" outside the list (static storage of the thread). */
+/** Name of a label; "unlabeled" for 0, "label N" outside the list (thread-local storage). */
 const char *sst_classes_name(const struct sst_classes *classes, int label);
 
 /** 256 RGB colours, one per label, 0 black: the palette of label pictures. */

@@ -29,7 +29,7 @@ static enum kind kind_of(const uint8_t *data, size_t size, const char *name)
 int sst_image_size_error(int err, const char *name, int64_t width, int64_t height)
 {
     if (err == -ENOMEM) {
-        sst_log_error("no memory for %s (%lldx%lld pixels)", name, (long long)width, (long long)height);
+        sst_log_error("out of memory for %s (%lldx%lld pixels)", name, (long long)width, (long long)height);
         return -ENOMEM;
     }
     sst_log_error("%s claims %lldx%lld pixels; a side must be 1 to %d and the area at most %zu", name, (long long)width,

@@ -1,17 +1,18 @@
-/* pipeline/image/codec.h - images and maps from and to files. */
+/* pipeline/image/codec.h - reading and writing of images and maps. */
 #ifndef SST_PIPELINE_IMAGE_CODEC_H
 #define SST_PIPELINE_IMAGE_CODEC_H
 
 #include "pipeline/image/image.h"
 
-/* Every reader checks the whole file before it returns, logs one sentence on failure (file, what is wrong, remedy),
- * leaves its output untouched on failure and returns 0, -ENOENT, -EBADMSG (not an image, truncated, of absurd size),
- * -ENOMEM or -EIO. Every writer goes through sst_outfile: whole file or none. Thread: any. */
+/* Every reader checks the whole file before it returns; on failure it logs one sentence (file, fault, remedy) and
+ * leaves its output untouched. Readers return 0, -ENOENT, -EBADMSG (not an image, truncated, absurd size), -ENOMEM or
+ * -EIO. Every writer goes through sst_outfile: whole file or none. Thread: any. */
 
-/** PNG or JPEG, told apart by content. Grey becomes three equal planes, 16 bits are rounded to 8, alpha is dropped. */
+/** Read a PNG or JPEG, detected by content. Grey becomes three equal planes, 16 bits are rounded to 8, alpha is
+ *  dropped. */
 SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);
 
-/** The same from memory; name is used in messages only. */
+/** The same from memory; name is only used in messages. */
 SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 
 /** Size of a PNG or JPEG without decoding its pixels. */
@@ -22,28 +23,27 @@ SST_MUST_CHECK int sst_image_write_png(const struct sst_image *img, const char *
 /** @param quality 1..100; 4:2:0 */
 SST_MUST_CHECK int sst_image_write_jpeg(const struct sst_image *img, const char *path, int quality);
 
-struct sst_jpeg_encoder; /* keeps what one picture after the other takes; one thread at a time */
+struct sst_jpeg_encoder; /* reusable encoder state; one thread at a time */
 
 /** @return 0, -ENOMEM (not logged) */
 SST_MUST_CHECK int sst_jpeg_encoder_create(struct sst_jpeg_encoder **out);
 void sst_jpeg_encoder_destroy(struct sst_jpeg_encoder *encoder);
 
 /**
- * The bytes of sst_image_write_jpeg().
- * @param data  out, borrowed until the next call
+ * Encode to the same bytes as sst_image_write_jpeg(). @param data  out, borrowed until the next call
  * @return 0, -ENOMEM (not logged), -EIO
  */
 SST_MUST_CHECK int sst_jpeg_encoder_run(struct sst_jpeg_encoder *encoder, const struct sst_image *img, int quality,
                                         const uint8_t **data, size_t *size);
 
-/** The same bytes in memory, to free with free(). @return 0, -ENOMEM (not logged), -EIO */
+/** Encode to memory; release with free(). @return 0, -ENOMEM (not logged), -EIO */
 SST_MUST_CHECK int sst_image_encode_jpeg(const struct sst_image *img, int quality, uint8_t **data, size_t *size);
 
-/** 8-bit PNG whose sample is the value itself: grey, or palette index (the palette is ignored). */
+/** 8-bit PNG whose samples are the values: grey, or palette indices (the palette is ignored). */
 SST_MUST_CHECK int sst_map_u8_read_png(struct sst_map_u8 *map, const char *path);
 
-/** Grey 8-bit PNG, or an indexed one when palette (256 RGB triples) is not NULL; the value stays readable either way.
- */
+/** Grey 8-bit PNG, or an indexed one if palette (256 RGB triples) is not NULL; the samples are the values in both
+ *  cases. */
 SST_MUST_CHECK int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3]);
 
 /** Grey 16-bit PNG. */
@@ -51,8 +51,8 @@ SST_MUST_CHECK int sst_map_u16_read_png(struct sst_map_u16 *map, const char *pat
 SST_MUST_CHECK int sst_map_u16_write_png(const struct sst_map_u16 *map, const char *path);
 
 /**
- * One-channel PFM ("Pf"), either byte order, rows stored bottom up as the format says. Infinite values are kept (the
- * usual mark of unknown disparity); NaN is refused with its position.
+ * One-channel PFM ("Pf") of either byte order, rows stored bottom up. Infinite values are kept (the usual mark of
+ * unknown disparity); NaN is rejected with its position.
  */
 SST_MUST_CHECK int sst_map_f32_read_pfm(struct sst_map_f32 *map, const char *path);
 SST_MUST_CHECK int sst_map_f32_write_pfm(const struct sst_map_f32 *map, const char *path);

@@ -1,22 +1,22 @@
-/* pipeline/image/codec_formats.h - one format each, from memory; codec.c picks by content. Only for pipeline/image. */
+/* pipeline/image/codec_formats.h - decoders of one format each, from memory; codec.c selects by content. */
 #ifndef SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 #define SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 
 #include "pipeline/image/image.h"
 
-/* Files above this are no image that sst accepts: the largest image without any compression, and a header. */
+/* Larger files are rejected: the largest image without any compression, and a header. */
 #define SST_IMAGE_MAX_BYTES (SST_IMAGE_MAX_PIXELS * 4 + 65536)
 
-/* The same contract as in codec.h: logged, output untouched on failure. */
+/* Same contract as in codec.h: logged, output untouched on failure. */
 SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
-/** Logs why a size is refused, or that memory is short; gives -EBADMSG or -ENOMEM for an error of sst_*_init(). */
+/** Log an error of sst_*_init(): the rejected size, or out of memory. @return -EBADMSG or -ENOMEM */
 int sst_image_size_error(int err, const char *name, int64_t width, int64_t height);
 
-/** Split `width` pixels of packed RGB into row y of the planes, and the way back. */
+/** Split `width` pixels of packed RGB into row y of the planes, and the reverse. */
 void sst_rgb_unpack_row(struct sst_image *img, int y, const uint8_t *rgb);
 void sst_rgb_pack_row(uint8_t *rgb, const struct sst_image *img, int y);
 

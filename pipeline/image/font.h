@@ -1,4 +1,4 @@
-/* pipeline/image/font.h - small letters for captions and for what simulated things wear. */
+/* pipeline/image/font.h - a 5x7 bitmap font for captions and simulated objects. */
 #ifndef SST_PIPELINE_IMAGE_FONT_H
 #define SST_PIPELINE_IMAGE_FONT_H
 
@@ -10,8 +10,8 @@
 #define SST_FONT_HEIGHT 7
 
 /**
- * 5x7 dots: is the dot in column x, row y of the text set?
- * Capitals, digits, space and - . : _ are drawn; small letters as capitals, anything else as space.
+ * True if the dot in column x, row y of the text is set. Capitals, digits, space and - . : _ have glyphs; small letters
+ * are drawn as capitals, anything else as space.
  */
 bool sst_font_dot(const char *text, int x, int y);
 

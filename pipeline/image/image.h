@@ -1,4 +1,4 @@
-/* pipeline/image/image.h - planar images and maps: the memory that every stage works on. */
+/* pipeline/image/image.h - planar images and maps in memory. */
 #ifndef SST_PIPELINE_IMAGE_IMAGE_H
 #define SST_PIPELINE_IMAGE_IMAGE_H
 
@@ -6,11 +6,11 @@
 
 #include "base/base.h"
 
-/* Larger images are refused everywhere; both fit int and their product fits size_t with room to spare. */
+/* Limits of all images; both fit int, and their product fits size_t with a margin. */
 #define SST_IMAGE_MAX_SIDE   32768
 #define SST_IMAGE_MAX_PIXELS ((size_t)1 << 28)
 
-/** 8-bit sRGB, three planes R, G, B in one allocation. Rows start on 64 bytes; stride is bytes. */
+/** 8-bit sRGB, three planes R, G, B in one allocation. Rows are aligned to 64 bytes; stride is in bytes. */
 struct sst_image {
     int width, height;
     size_t stride;
@@ -53,16 +53,16 @@ void sst_map_u8_fini(struct sst_map_u8 *map);
 void sst_map_u16_fini(struct sst_map_u16 *map);
 void sst_map_f32_fini(struct sst_map_f32 *map);
 
-/** Half the size: means of 2x2 pixels, a last odd column or row repeated. @param out  out, initialised here */
+/** Half the size: means of 2x2 pixels, the last odd column or row repeated. @param out  out, initialised here */
 SST_MUST_CHECK int sst_image_halve(struct sst_image *out, const struct sst_image *in);
 
-/** The same of rows y0 .. y1-1 of out, which has the size. */
+/** The same for rows y0 .. y1-1 of out, which has that size. */
 void sst_image_halve_rows(struct sst_image *out, const struct sst_image *in, int y0, int y1);
 
 /** Luma: 0.299 R + 0.587 G + 0.114 B in 1/256. @param luma  out, initialised here. @return as sst_map_u8_init() */
 SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 
-/** The same of rows y0 .. y1-1; luma has the size. */
+/** The same for rows y0 .. y1-1; luma has the same size. */
 void sst_luma_rows(struct sst_map_u8 *luma, const struct sst_image *img, int y0, int y1);
 
 static inline uint8_t *sst_image_row(const struct sst_image *img, int channel, int y)

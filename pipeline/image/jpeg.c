@@ -10,8 +10,9 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
 
-/* A block of 8x8 samples takes at least one bit of each component in a Huffman-coded file, which is one byte for about
- * 340 pixels at 4:2:0. A large image that claims far more is cut off, and is refused before memory is taken for it. */
+/* A block of 8x8 samples takes at least one bit of each component in a Huffman-coded file: one byte for about 340
+ * pixels at 4:2:0. A large image that claims far more is truncated, and is rejected before memory is allocated for
+ * it. */
 #define LARGE_PIXELS        ((size_t)1 << 24)
 #define MAX_PIXELS_PER_BYTE 2048
 
@@ -56,7 +57,7 @@ int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, con
     return 0;
 }
 
-/* CMYK comes inverted, as every program that writes it in JPEG does: 255 is no ink, so R = C * K / 255. */
+/* CMYK in JPEG files is inverted: 255 is no ink, so R = C * K / 255. */
 static void cmyk_to_rgb(uint8_t *px, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
@@ -86,7 +87,7 @@ int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, con
         err = sst_image_size_error(err, name, width, height);
         goto out;
     }
-    /* A warning means that samples are missing or made up: it counts as damage. */
+    /* A warning means that samples are missing or interpolated: treated as damage. */
     if (tjDecompress2(tj, data, size, packed, width, 0, height, channels == 4 ? TJPF_CMYK : TJPF_RGB,
                       TJFLAG_ACCURATEDCT | TJFLAG_STOPONWARNING | TJFLAG_LIMITSCANS)) {
         err = damaged(tj, name);

@@ -1,5 +1,4 @@
-/* ITU-T T.81, sequential Huffman code (annex F.2). Only what decides how long a block's code is, and its first value,
- * is read. */
+/* ITU-T T.81, sequential Huffman code (annex F.2). Only code lengths and the first value of each block are decoded. */
 #include "pipeline/image/jpeg_means.h"
 
 #include <errno.h>
@@ -10,30 +9,30 @@
 #include "base/mem.h"
 
 #define LOOK_BITS   13
-#define SYMBOL_BITS 31 /* that a symbol and what belongs to it take at most: 16 + 15 */
+#define SYMBOL_BITS 31 /* largest size of a symbol with its extra bits: 16 + 15 */
 #define PEEK_BITS   57
-#define MEAN_BITS   11 /* looked up at once: most means */
+#define MEAN_BITS   11 /* table lookup that covers most means */
 #define BROKEN      SIZE_MAX
 /* Zeros after the data: a block that runs past the end is noticed at its own end, 64 symbols later. */
 #define SPARE 512
 
-/* What the next LOOK_BITS bits begin with; 0: no whole symbol. */
-#define STEP_BITS(e)  ((unsigned)(e)&15u)          /* of whole symbols with the bits that belong to them */
-#define STEP_COEFS(e) (((unsigned)(e) >> 4) & 63u) /* coefficients that they stand for */
+/* Entry for the next LOOK_BITS bits; 0: no whole symbol. */
+#define STEP_BITS(e)  ((unsigned)(e)&15u)          /* length of the whole symbols with their extra bits */
+#define STEP_COEFS(e) (((unsigned)(e) >> 4) & 63u) /* coefficients that they encode */
 #define STEP_END      0x400u                       /* the last symbol is the end of the block */
 
 struct table {
-    uint8_t bits[17], value[256];   /* as the frame gave them */
+    uint8_t bits[17], value[256];   /* as in the frame */
     uint16_t first[1 << LOOK_BITS]; /* length << 8 | symbol of the first symbol; 0: longer than LOOK_BITS */
     uint16_t step[1 << LOOK_BITS];
     uint32_t mean[1 << MEAN_BITS]; /* difference << 8 | length with its bits; 0: longer than MEAN_BITS */
-    int32_t last_code[17];         /* of each length; -1: none */
+    int32_t last_code[17];         /* last code of each length; -1: none */
     int32_t offset[17];            /* value[code + offset] */
     bool made;
 };
 
 struct sst_jpeg_means {
-    struct jpeg_compress_struct standard; /* tables of annex K: frames of video leave them out */
+    struct jpeg_compress_struct standard; /* tables of annex K: video frames omit them */
     struct jpeg_error_mgr errors;
     struct table dc[NUM_HUFF_TBLS], ac[NUM_HUFF_TBLS];
     uint8_t *part; /* [room] */
@@ -66,16 +65,16 @@ void sst_jpeg_means_destroy(struct sst_jpeg_means *m)
 
 /* --- tables ------------------------------------------------------------------------------------------------------- */
 
-/* As many whole symbols as fit, up to the end of the block. */
-static uint16_t make_step(const struct table *t, unsigned look)
+/* Combine as many whole symbols as fit, up to the end of the block. */
+static uint16_t make_step(const struct table *t, unsigned prefix)
 {
     unsigned used = 0, coefs = 0;
 
     for (;;) {
-        const unsigned entry = t->first[(look << used) & ((1u << LOOK_BITS) - 1)], length = entry >> 8;
+        const unsigned entry = t->first[(prefix << used) & ((1u << LOOK_BITS) - 1)], length = entry >> 8;
         const unsigned run = (entry >> 4) & 15, size = entry & 15, adds = size || run == 15 ? run + 1 : 0;
 
-        /* Bits beyond those looked at are taken as 0: what they decide is left for the next time. */
+        /* Bits beyond LOOK_BITS are 0 here: a symbol that depends on them is left for the next lookup. */
         if (!length || used + length + size > LOOK_BITS || coefs + adds > 63)
             return (uint16_t)(coefs << 4 | used);
         used += length + size;
@@ -91,19 +90,19 @@ static inline int extend(int bits, int size)
     return bits < 1 << (size - 1) ? bits - (1 << size) + 1 : bits;
 }
 
-static uint32_t make_mean(const struct table *t, unsigned look)
+static uint32_t make_mean(const struct table *t, unsigned prefix)
 {
-    const unsigned entry = t->first[look << (LOOK_BITS - MEAN_BITS)], length = entry >> 8, size = entry & 255;
+    const unsigned entry = t->first[prefix << (LOOK_BITS - MEAN_BITS)], length = entry >> 8, size = entry & 255;
     int bits;
 
     if (!length || size > 15 || length + size > MEAN_BITS)
         return 0;
-    bits = (int)(look & ((1u << (MEAN_BITS - length)) - 1));
+    bits = (int)(prefix & ((1u << (MEAN_BITS - length)) - 1));
     return (uint32_t)(uint16_t)(size ? extend(bits >> (MEAN_BITS - length - size), (int)size) : 0) << 8 |
            (length + size);
 }
 
-/* Codes of annex C. @return false: no such code is possible */
+/* Codes of annex C. @return false: the code is invalid */
 static bool make_table(struct table *t, const JHUFF_TBL *from)
 {
     int32_t code = 0;
@@ -125,10 +124,10 @@ static bool make_table(struct table *t, const JHUFF_TBL *from)
             t->last_code[length] = code;
         }
     }
-    for (unsigned look = 0; look < 1u << LOOK_BITS; look++)
-        t->step[look] = make_step(t, look);
-    for (unsigned look = 0; look < 1u << MEAN_BITS; look++)
-        t->mean[look] = make_mean(t, look);
+    for (unsigned prefix = 0; prefix < 1u << LOOK_BITS; prefix++)
+        t->step[prefix] = make_step(t, prefix);
+    for (unsigned prefix = 0; prefix < 1u << MEAN_BITS; prefix++)
+        t->mean[prefix] = make_mean(t, prefix);
     memcpy(t->bits, from->bits, sizeof(t->bits));
     memcpy(t->value, from->huffval, sizeof(t->value));
     t->made = true;
@@ -137,7 +136,7 @@ static bool make_table(struct table *t, const JHUFF_TBL *from)
 
 /* --- bits --------------------------------------------------------------------------------------------------------- */
 
-/* What lies between two markers, without the stuffed bytes, and zeros after it. */
+/* The data between two markers, without the stuffed bytes, followed by zeros. */
 struct reader {
     const uint8_t *bytes;
     size_t at, end; /* bits */
@@ -188,7 +187,7 @@ static int next_part(struct sst_jpeg_means *m, const uint8_t **from, const uint8
     return 0;
 }
 
-/* @return the symbol that the bits begin with, and its length; or -1 */
+/* @return the first symbol of the bits, and its length; or -1 */
 static inline int symbol(uint64_t bits, const struct table *t, unsigned *length)
 {
     const unsigned entry = t->first[bits >> (64 - LOOK_BITS)];
@@ -207,7 +206,7 @@ static inline int symbol(uint64_t bits, const struct table *t, unsigned *length)
 
 /* --- blocks ------------------------------------------------------------------------------------------------------- */
 
-/* Step over the coefficients after the mean, at bit `at`. @return the bit after them, or BROKEN */
+/* Skip the coefficients after the mean, from bit `at`. @return the bit after them, or BROKEN */
 static inline size_t step_over(const uint8_t *bytes, size_t at, const struct table *t)
 {
     unsigned k = 1, length;
@@ -216,7 +215,7 @@ static inline size_t step_over(const uint8_t *bytes, size_t at, const struct tab
         uint64_t bits = peek(bytes, at);
         int rs, i;
 
-        /* Twice LOOK_BITS and a symbol are in what was peeked at. */
+        /* The peeked bits hold twice LOOK_BITS and a symbol. */
         for (i = 0; i < 2; i++) {
             const unsigned step = t->step[bits >> (64 - LOOK_BITS)], used = STEP_BITS(step);
 
@@ -241,7 +240,7 @@ static inline size_t step_over(const uint8_t *bytes, size_t at, const struct tab
     return k == 64 ? at : BROKEN;
 }
 
-/* The difference of a block's mean to the one before. @return the bit after it, or BROKEN */
+/* Difference of a block's mean to the previous one. @return the bit after it, or BROKEN */
 static inline size_t read_mean(const uint8_t *bytes, size_t at, const struct table *t, int *diff)
 {
     const uint64_t bits = peek(bytes, at);
@@ -289,7 +288,7 @@ static bool read_mcu(struct reader *r, struct component *c, int mcu_x, int mcu_y
     return true;
 }
 
-/* Past a restart marker, which must be the next thing: less than a byte of what was before it is left. */
+/* Skip a restart marker, which must follow: less than a byte of the preceding data is left. */
 static int restart(struct sst_jpeg_means *m, struct reader *r, const uint8_t **from, const uint8_t *end)
 {
     if (r->end - r->at >= 8)

@@ -43,7 +43,7 @@ int sst_npy_write_f32(const float *data, const size_t *dims, int n_dims, const c
         return -EINVAL;
     file = malloc(HEADER_BYTES + bytes);
     if (!file) {
-        sst_log_error("no memory to write %s (%zu bytes)", path, bytes);
+        sst_log_error("out of memory writing %s (%zu bytes)", path, bytes);
         return -ENOMEM;
     }
     make_header(file, dims, n_dims);

@@ -22,7 +22,7 @@ static int malformed(const char *path, const char *what)
     return -EBADMSG;
 }
 
-/* The file is NUL-terminated in memory, so that the number readers stop. */
+/* The file is NUL-terminated in memory, so number parsing stops at its end. */
 static int read_header(struct header *h, const uint8_t *data, size_t size, const char *path)
 {
     const char *p = (const char *)data + 2;

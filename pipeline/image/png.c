@@ -11,11 +11,11 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
 
-/* Deflate cannot expand a byte to more than 1032; beyond it the file is cut off, and no memory is taken for it. */
+/* Deflate expands a byte to at most 1032; a file that claims more is truncated, and no memory is allocated for it. */
 #define MAX_DEFLATE_RATIO 1040
 
 enum sample {
-    SAMPLE_RGB = 0, /* anything, turned into 8-bit RGB */
+    SAMPLE_RGB = 0, /* any format, converted to 8-bit RGB */
     SAMPLE_U8 = 1,  /* the value of an 8-bit grey or indexed file */
     SAMPLE_U16 = 2, /* the value of a 16-bit grey file */
 };
@@ -73,10 +73,10 @@ static void reader_close(struct reader *r)
 static void read_info(struct reader *r)
 {
     png_set_read_fn(r->png, r, read_bytes);
-    /* Sizes are checked below, with a clearer sentence than libpng's. */
+    /* Sizes are checked below, with a clearer message than libpng's. */
     png_set_user_limits(r->png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
     png_set_crc_action(r->png, PNG_CRC_ERROR_QUIT, PNG_CRC_ERROR_QUIT);
-    /* Only IHDR, PLTE, tRNS, IDAT and IEND matter; colour profiles and texts are skipped, so they cannot do harm. */
+    /* Only IHDR, PLTE, tRNS, IDAT and IEND matter; colour profiles and texts are skipped unparsed. */
     png_set_keep_unknown_chunks(r->png, PNG_HANDLE_CHUNK_NEVER, NULL, -1);
     png_set_check_for_invalid_index(r->png, -1);
     png_read_info(r->png, r->info);
@@ -134,7 +134,7 @@ static void set_transforms(struct reader *r, enum sample sample)
     png_read_update_info(r->png, r->info);
 }
 
-/* Rows where libpng is to put the samples: in the map itself, or packed RGB. */
+/* Row pointers for libpng: the map itself, or packed RGB. */
 static int allocate(struct reader *r, enum sample sample, int width, int height, void *out)
 {
     const size_t h = (size_t)height;
@@ -164,7 +164,7 @@ static int allocate(struct reader *r, enum sample sample, int width, int height,
     return err;
 }
 
-/* libpng leaves by longjmp: what has to survive that is in *r, outside of this frame. */
+/* libpng returns by longjmp: everything that must survive it is in *r, outside this stack frame. */
 static int decode_open(struct reader *r, enum sample sample, void *out)
 {
     int width, height, err;
@@ -190,7 +190,7 @@ static int decode_open(struct reader *r, enum sample sample, void *out)
     return 0;
 }
 
-/* out: a zeroed sst_image, sst_map_u8 or sst_map_u16, as sample says; the caller frees it on failure. */
+/* out: a zeroed sst_image, sst_map_u8 or sst_map_u16, selected by sample; the caller frees it on failure. */
 static int decode(const uint8_t *data, size_t size, const char *name, enum sample sample, void *out)
 {
     struct reader r;
@@ -255,7 +255,7 @@ int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, cons
 DEFINE_MAP_READ(u8, SAMPLE_U8)
 DEFINE_MAP_READ(u16, SAMPLE_U16)
 
-/* A file in the making, in memory. */
+/* A PNG being written to memory. */
 struct writer {
     uint8_t *data;
     size_t size, capacity;
@@ -294,7 +294,7 @@ static void flush_nothing(png_structp png SST_UNUSED)
 {
 }
 
-/* What to write: one of three images. */
+/* The image to write: one of three types. */
 struct picture {
     const struct sst_image *image;
     const struct sst_map_u8 *u8;
@@ -317,7 +317,7 @@ static void write_rows(struct writer *w, const struct picture *p)
             colors[i] = (png_color){ p->palette[i][0], p->palette[i][1], p->palette[i][2] };
         png_set_PLTE(w->png, w->info, colors, 256);
     }
-    /* Speed first: these files are written by the dozen. A map of indices does not get smaller by differences. */
+    /* Speed before size: many of these files are written. Filters do not shrink a map of indices. */
     png_set_compression_level(w->png, 2);
     png_set_filter(w->png, PNG_FILTER_TYPE_BASE,
                    p->palette ? PNG_FILTER_NONE
@@ -339,7 +339,7 @@ static void write_rows(struct writer *w, const struct picture *p)
 static int encode(struct writer *w, const struct picture *p, const char *path)
 {
     if (setjmp(png_jmpbuf(w->png))) {
-        /* Encoding to memory has no other reason to fail. */
+        /* Encoding to memory only fails for lack of memory. */
         sst_log_error("cannot encode %s: %s", path, w->message);
         return -ENOMEM;
     }

@@ -66,7 +66,7 @@ struct neighbours {
     int diagonal;       /* sum of four */
 };
 
-static struct neighbours look(const struct sst_raw *raw, int x, int y)
+static struct neighbours neighbours_of(const struct sst_raw *raw, int x, int y)
 {
     const size_t stride = stride_of(raw);
     const uint8_t *row[5];
@@ -91,10 +91,10 @@ static uint8_t sixteenth(int v)
     return (uint8_t)sst_clamp_int((v + 8) >> 4, 0, 255);
 }
 
-/* The colour of each sample is exact; the two others come from the paper's 5x5 filters, here in sixteenths. */
+/* The sampled colour is exact; the other two come from the paper's 5x5 filters, here in sixteenths. */
 static void bayer_pixel(struct sst_image *img, const struct sst_raw *raw, int x, int y, int red_x, int red_y)
 {
-    const struct neighbours n = look(raw, x, y);
+    const struct neighbours n = neighbours_of(raw, x, y);
     const bool red_col = x % 2 == red_x, red_row = y % 2 == red_y;
     uint8_t *rgb[3];
 
@@ -179,7 +179,7 @@ int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
     if (!err)
         err = sst_image_init(&made, raw->width, raw->height);
     if (err == -EINVAL)
-        err = -EBADMSG; /* a size that no picture may have */
+        err = -EBADMSG; /* a size beyond the limits of images */
     if (!err)
         err = sst_raw_part(&made, raw, 0, 0, raw->width, raw->height);
     if (err) {

@@ -1,4 +1,4 @@
-/* pipeline/image/raw.h - uncompressed camera frames as pictures. */
+/* pipeline/image/raw.h - conversion of uncompressed camera frames to images. */
 #ifndef SST_PIPELINE_IMAGE_RAW_H
 #define SST_PIPELINE_IMAGE_RAW_H
 
@@ -16,33 +16,33 @@ struct sst_raw {
 };
 
 /**
- * Write a frame as PNG: GREY and Y16 value for value (8 and 16 bits), YUYV and Bayer as sst_raw_to_image() makes them.
+ * Write a frame as PNG: GREY and Y16 unchanged (8 and 16 bits), YUYV and Bayer as converted by sst_raw_to_image().
  * @return 0, -EINVAL (format), -EBADMSG (fewer bytes than the size needs; an odd width of YUYV), or a writer's error;
  * logged.
  */
 SST_MUST_CHECK int sst_raw_write_png(const struct sst_raw *raw, const char *path);
 
 /**
- * RGB of a frame; of Y16 the higher byte.
+ * RGB of a frame; Y16 uses the high byte.
  *
- * YUYV: BT.601, limited range, as V4L2 defines cameras' default; chroma lies on even columns, odd ones take the mean of
- * both neighbours. The conversion rounds, so the way back is not exact.
- * Bayer: Malvar, He, Cutler, High-quality linear interpolation for demosaicing of Bayer-patterned color images, ICASSP
- * 2004; the frame is mirrored at its edges. Recorded samples stay as they are.
+ * YUYV: BT.601, limited range, V4L2's default for cameras; chroma is sampled on even columns, odd columns use the mean
+ * of both neighbours. The conversion rounds, so it is not exactly invertible. Bayer: Malvar, He, Cutler, High-quality
+ * linear interpolation for demosaicing of Bayer-patterned color images, ICASSP 2004; the frame is mirrored at its
+ * edges. Recorded samples stay as they are.
  * @param img  out, initialised here
  * @return 0, -EINVAL, -EBADMSG, -ENOMEM; not logged.
  */
 SST_MUST_CHECK int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw);
 
 /**
- * The same for a part of the frame: columns x0 .. x1-1 of rows y0 .. y1-1, the bytes that the whole frame's conversion
- * has there; the rest of the picture stays.
- * @param img  initialised by the caller to the frame's size; the part lies in it
+ * The same for columns x0 .. x1-1 of rows y0 .. y1-1, with the same bytes as the conversion of the whole frame; the
+ * rest of the picture is unchanged.
+ * @param img  initialised by the caller to the frame's size; contains the part
  * @return 0, -EINVAL, -EBADMSG (as above, or img has another size); not logged
  */
 SST_MUST_CHECK int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, int x0, int y0, int x1, int y1);
 
-/** Where in each 2x2 of a Bayer format the red sample is. @return false: no Bayer format */
+/** Position of the red sample in each 2x2 cell of a Bayer format. @return false: not a Bayer format */
 bool sst_raw_red(uint32_t fourcc, int *x, int *y);
 
 #endif

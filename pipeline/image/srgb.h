@@ -1,4 +1,4 @@
-/* pipeline/image/srgb.h - the sRGB code (IEC 61966-2-1) and linear light, both 0..1. */
+/* pipeline/image/srgb.h - conversion between sRGB (IEC 61966-2-1) and linear light, both 0..1. */
 #ifndef SST_PIPELINE_IMAGE_SRGB_H
 #define SST_PIPELINE_IMAGE_SRGB_H
 

@@ -1,6 +1,6 @@
-/* Which colour the rays of a pixel agree on: votes, the colour with most of them, how near each ray is to it. */
+/* Colour agreement of the rays of a pixel: votes, the colour with most votes, similarity of each ray to it. */
 
-/* Looking up is a loop of its own: it is not vectorised, the others are. */
+/* The table lookup is a separate loop: it is not vectorised, the others are. */
 static void KERNEL(agree_votes)(uint8_t *vote, const uint8_t *const colour[3], const float *weight,
                                 const struct sst_voting *v, size_t n)
 {
@@ -29,7 +29,7 @@ static void KERNEL(agree_votes)(uint8_t *vote, const uint8_t *const colour[3], c
 
 #define BYTE_MIN(a, b)  ((uint8_t)((a) < (b) ? (a) : (b)))
 #define BYTE_DIFF(a, b) ((uint8_t)((a) > (b) ? (a) - (b) : (b) - (a)))
-/* Bytes throughout: a difference is cut before it is summed, so that sums of three stay below 256. */
+/* Bytes throughout: differences are clipped before they are summed, so that sums of three stay below 256. */
 #define BYTE_LIKENESS(most, a, b, c, d, e, f)                                                                          \
     ((uint8_t)(most)-BYTE_MIN((uint8_t)(BYTE_MIN(BYTE_DIFF(a, d), (uint8_t)(most)) +                                   \
                                         BYTE_MIN(BYTE_DIFF(b, e), (uint8_t)(most)) +                                   \

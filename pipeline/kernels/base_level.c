@@ -1,4 +1,4 @@
-/* The templates for the compiler's default target: what runs on any CPU of the architecture. */
+/* The templates for the compiler's default target: runs on any CPU of the architecture. */
 #include <math.h>
 #include <string.h>
 

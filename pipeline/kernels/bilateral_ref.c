@@ -20,8 +20,8 @@ void sst_bilateral_row_ref(uint16_t *out, const uint16_t *const disp[7], const u
             out[x] = 65535;
             continue;
         }
-        /* |sum / total| <= 96: made positive, so that the conversion rounds down. The centre is always in: total > 0.
-         */
+        /* |sum / total| <= 96: made positive, so that the conversion rounds down. The centre always counts: total >
+         * 0. */
         mean = centre - 128 + (int)((float)sum / (float)total + 128.5f);
         out[x] = (uint16_t)mean;
     }

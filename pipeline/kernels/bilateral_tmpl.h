@@ -1,5 +1,5 @@
-/* One neighbour at a time over a block of pixels; a neighbour that does not count gets weight 0. Not inlined:
- * inside the caller compilers forget that nothing overlaps and take the scalar path. */
+/* One neighbour at a time over a block of pixels; a neighbour that does not count gets weight 0. Not inlined: inside
+ * the caller compilers lose the restrict information and use the scalar path. */
 static SST_NOINLINE void KERNEL(bilateral_tap)(int32_t *restrict sum, int32_t *restrict total,
                                                const uint16_t *restrict d, const uint8_t *restrict l,
                                                const uint16_t *restrict centre, const uint8_t *restrict level,

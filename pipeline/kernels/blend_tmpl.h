@@ -1,4 +1,4 @@
-/* blend_rays and blend_plain: one pass per quantity over at most SST_BLEND_MAX pixels, all in the first-level cache. */
+/* blend_rays and blend_plain: one pass per quantity over at most SST_BLEND_MAX pixels, all in the L1 cache. */
 #include "pipeline/kernels/exp_neg.h"
 
 /* The two rows blended once per column, not once per tap. */
@@ -19,7 +19,8 @@ static inline void KERNEL(blend_label_weights)(float *restrict out, const struct
         out[x] = table[label[x] * SST_BLEND_COLUMNS + (disp[x] >> SST_BLEND_COLUMN_SHIFT)];
 }
 
-/* w holds W_s and becomes A W_s W_d. Three loops: in one, the exponential would be branched around, not vectorised. */
+/* w holds W_s and becomes A W_s W_d. Three loops: in a single one, compilers branch around the exponential and do not
+ * vectorise. */
 static inline void KERNEL(blend_weights)(float *restrict w, const struct sst_blend *b, size_t n)
 {
     const uint16_t *restrict disp = b->disp;

@@ -1,4 +1,4 @@
-/* class_row: class by class over all pixels, sums of a row in the first-level cache. */
+/* class_row: class by class over all pixels, the sums of a row in the L1 cache. */
 #include <float.h>
 
 #include "pipeline/kernels/log_pos.h"

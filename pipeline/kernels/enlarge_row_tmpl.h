@@ -1,5 +1,5 @@
-/* enlarge_row: the left pixels of a block of cells, then the right ones. What a block needs is brought to 16 bits
- * first, so that choosing is one loop of equal lanes. */
+/* enlarge_row: the left pixels of a block of cells, then the right ones. A block's inputs are widened to 16 bits
+ * first, so that the selection is one loop of equal lanes. */
 
 #define ENLARGE_BLOCK 32
 
@@ -7,7 +7,7 @@ struct KERNEL(enlarge_lanes) {
     uint16_t disp[ENLARGE_BLOCK], label[ENLARGE_BLOCK], unlike[ENLARGE_BLOCK];
 };
 
-/* Cells x .. x+n-1 of a row, and how unlike each is to its pixel. */
+/* Load cells x .. x+n-1 of a row, and their colour distance to the pixels. */
 static inline void KERNEL(enlarge_load)(struct KERNEL(enlarge_lanes) *restrict to, const struct sst_enlarge *e, int row,
                                         long x, const uint16_t *restrict green, long n)
 {
@@ -22,7 +22,8 @@ static inline void KERNEL(enlarge_load)(struct KERNEL(enlarge_lanes) *restrict t
         to->unlike[i] = (uint16_t)(green4[i] > green[i] ? green4[i] - green[i] : green[i] - green4[i]);
 }
 
-/* Where a cell is of another surface than the pixel's own and more like it than what was chosen, choose it. */
+/* Select a cell if it belongs to another surface than the pixel's own cell and its colour is nearer than the current
+ * selection. */
 static inline void KERNEL(enlarge_choose)(struct KERNEL(enlarge_lanes) *restrict best,
                                           const struct KERNEL(enlarge_lanes) *restrict own,
                                           const struct KERNEL(enlarge_lanes) *restrict cell, uint16_t step)

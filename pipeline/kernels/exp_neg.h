@@ -11,10 +11,9 @@
 /**
  * exp(-t) for 0 <= t <= SST_EXP_NEG_MAX. Relative error at most 2e-7; exactly 1 for t = 0.
  *
- * The clamp is the caller's, in a loop of its own: compilers branch around the series of a constant and then do not
- * vectorise.
- * t = k ln 2 - r with |r| <= ln(2)/2, exp(-t) = 2^-k exp(r). ln 2 is split so that k times its upper part is exact; the
- * series to r^7 leaves less than r^8/8! / exp(r) < 8e-9.
+ * The caller clamps, in a separate loop: otherwise compilers branch around the series and do not vectorise. t = k ln 2
+ * - r with |r| <= ln(2)/2, exp(-t) = 2^-k exp(r). ln 2 is split so that k times its upper part is exact; the series to
+ * r^7 leaves less than r^8/8! / exp(r) < 8e-9.
  */
 static inline float sst_exp_neg(float t)
 {

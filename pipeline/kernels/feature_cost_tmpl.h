@@ -1,7 +1,7 @@
 /*
- * Dot products of 64 bytes. The instructions multiply unsigned by signed bytes: b stays as it is stored, a is brought
- * back to its sign, and <a, b> = sum a (b + zero) - zero sum a. The vectors of one block of a are made once and serve
- * all places; eight of them at a time hide the latency of the sums.
+ * Dot products of 64 bytes. The instructions multiply unsigned by signed bytes: b is used as stored, a is made signed
+ * again, and <a, b> = sum a (b + zero) - zero sum a. The vectors of one block of a are prepared once for all positions;
+ * eight positions at a time hide the latency of the sums.
  */
 #if defined(__AVX512VNNI__)
 #define FEATURE_VEC                 __m512i
@@ -30,7 +30,7 @@
 #if defined(FEATURE_DOT)
 #define FEATURE_PLACES 8
 
-/* (whole - dot) >> shift, cut at both ends. */
+/* (whole - dot) >> shift, clamped. */
 static inline void KERNEL(feature_store)(uint8_t *cost, FEATURE_VEC whole, FEATURE_VEC dot)
 {
     const FEATURE_VEC left = FEATURE_SUB(whole, dot);
@@ -49,8 +49,8 @@ static inline void KERNEL(feature_store)(uint8_t *cost, FEATURE_VEC whole, FEATU
 }
 
 /*
- * One block of a, its vectors in v, against `places` (known to the compiler) of b: their sums stay in registers. Places
- * past the last one do it again.
+ * One block of a, its vectors in v, against `places` (a compile-time constant) positions of b: the sums stay in
+ * registers. Positions past the last one repeat it.
  */
 static inline __attribute__((always_inline)) void KERNEL(feature_tile)(uint8_t *restrict cost, size_t cost_stride,
                                                                        const FEATURE_VEC *v, FEATURE_VEC whole,

@@ -1,7 +1,7 @@
-/* guide_cells: the weights of a pixel side by side, then eight values at a time over all cells. */
+/* guide_cells: the weights of a pixel in parallel, then eight values at a time over all cells. */
 #include "pipeline/kernels/exp_neg.h"
 
-/* Three loops, and a number of cells that compilers do not know: they would unroll them and then not vectorise. */
+/* Three loops with a cell count unknown at compile time: otherwise compilers unroll and then do not vectorise. */
 static inline void KERNEL(guide_weights)(float *restrict w, const struct sst_guide *g, size_t x)
 {
     const float r = g->pixel[0][x], green = g->pixel[1][x], b = g->pixel[2][x];
@@ -37,7 +37,7 @@ static inline void KERNEL(guide_mix)(float *restrict out, const float *restrict 
     }
 }
 
-/* Weights of several pixels first: those of one would be read back before they are stored. */
+/* Weights of several pixels first: those of a single pixel would be read back before the stores complete. */
 static void KERNEL(guide_cells)(float *restrict out, const struct sst_guide *g, size_t n)
 {
     float w[8][SST_GUIDE_CELLS];

@@ -12,11 +12,11 @@
 static const char *const level_names[] = { "ref", "base", "avx2", "avxvnni", "avx512" };
 
 static struct sst_kernels table;        /* fixed after the first get */
-static enum sst_cpu_level level_chosen; /* likewise */
+static enum sst_cpu_level level_chosen; /* fixed after the first get */
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 
 #if defined(__x86_64__)
-/* Leaf 7, subleaf 1: __builtin_cpu_supports() of older compilers does not know it. */
+/* CPUID leaf 7, subleaf 1, which __builtin_cpu_supports() of older compilers lacks. */
 static int cpu_has_avxvnni(void)
 {
     unsigned a, b, c, d;
@@ -85,8 +85,9 @@ static void choose(void)
         for (level = SST_CPU_AVX512; level > SST_CPU_REF && strcasecmp(cap, level_names[level]); level--)
             ;
         if (strcasecmp(cap, level_names[level]))
-            sst_log_warning("SST_CPU=%s is none of ref, base, avx2, avxvnni, avx512: the plain references are used",
-                            cap);
+            sst_log_warning(
+                "unknown level SST_CPU=%s; using the reference kernels (levels: ref, base, avx2, avxvnni, avx512)",
+                cap);
     }
     while (!sst_kernels_at((enum sst_cpu_level)level, &table))
         level--;

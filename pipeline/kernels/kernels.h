@@ -1,4 +1,4 @@
-/* pipeline/kernels/kernels.h - the kernels: one table, filled with the best variant that this CPU has. */
+/* pipeline/kernels/kernels.h - table of kernels, filled with the best variant for this CPU. */
 #ifndef SST_PIPELINE_KERNELS_KERNELS_H
 #define SST_PIPELINE_KERNELS_KERNELS_H
 
@@ -7,7 +7,7 @@
 /*
  * A kernel is a pure function on rows. `<name>_ref.c` is its definition: the plainest loop. `<name>_tmpl.h` is the form
  * that compilers vectorise; x86/<level>.c compiles all templates for one CPU level. Nothing is contracted to FMA and no
- * sum inside a pixel is reordered, so every level gives the bytes of the reference, unless a tolerance stands here.
+ * sum inside a pixel is reordered, so every level gives the bytes of the reference, unless a tolerance is stated here.
  */
 enum sst_cpu_level {
     SST_CPU_REF = 0,  /* plain references */
@@ -62,9 +62,9 @@ typedef void sst_hamming_row_fn(uint8_t *cost, const uint64_t *a, const uint64_t
  * cost[j * cost_stride + x] = clamp((SST_FEATURE_ONE^2 - <a, b[j]>) >> SST_FEATURE_SHIFT, 0, SST_FEATURE_COST_MAX).
  *
  * Vectors have unit length, in steps of 1/SST_FEATURE_ONE, plus SST_FEATURE_ZERO; a row is [16][.][4] with `stride`
- * bytes between groups of four channels (no multiple of 4096: the groups would fight for the same lines of the cache).
+ * bytes between groups of four channels (not a multiple of 4096: the groups would share the same cache lines).
  *
- * @param b  [count] stretches, which need no alignment and may overlap
+ * @param b  [count] stretches, may be unaligned and overlap
  * @param n  pixels, a multiple of 16
  */
 typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const uint8_t *a, const uint8_t *const *b,
@@ -73,11 +73,10 @@ typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const u
 #define SST_FEATURE_ZERO     128
 #define SST_FEATURE_ONE      127
 #define SST_FEATURE_SHIFT    6
-#define SST_FEATURE_COST_MAX                                                                                           \
-    128 /* a dot product of 0.49: beyond, one wrong place is as wrong as another (docs/method.md) */
+#define SST_FEATURE_COST_MAX 128 /* a dot product of 0.49: costs saturate below it (docs/method.md) */
 
-/** The mean of two costs, rounded up and at most SST_COST_MAX - 1, among the two cheapest ones so far:
- *  first <= second are those of the values before and of the mean. a and b may be the same. */
+/** Insert the mean of two costs, rounded up and at most SST_COST_MAX - 1, into the two smallest ones so far, first <=
+ *  second. a and b may be the same. */
 typedef void sst_cheapest_row_fn(uint8_t *first, uint8_t *second, const uint8_t *a, const uint8_t *b, size_t n);
 
 /** out[x * out_stride + d] = in[d * in_stride + x]; nx and nd multiples of 8. */
@@ -110,7 +109,7 @@ typedef void sst_support_mean_row_fn(uint8_t *out, const uint16_t *const *rows, 
  * describe the outside: all 0.
  *
  * @param penalty  [n] index into p1, p2 for the step into x
- * @param first    sum is set instead of added to
+ * @param first    set sum instead of adding to it
  */
 typedef void sst_sgm_across_row_fn(uint16_t *cur, const uint16_t *prev, uint16_t *sum, const uint8_t *cost,
                                    const uint8_t *penalty, const uint16_t *p1, const uint16_t *p2, int dx, int first,
@@ -142,7 +141,7 @@ typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], si
  * centre's whose luma differs by less than tau, weighted. Means are exact quotients of integers below 2^24, rounded
  * half up.
  *
- * @param disp, luma  rows y-3 .. y+3, each readable from -3 to n+2; a disparity of 65535 takes no part and stays, all
+ * @param disp, luma  rows y-3 .. y+3, each readable from -3 to n+2; a disparity of 65535 is skipped and kept, all
  *                    others are below 65535 - SST_BILATERAL_STEP_Q6
  * @param weight      [49], 0..4096 each with a sum below 2^15, weight[24] > 0
  */
@@ -155,17 +154,18 @@ typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], 
 #define SST_BLEND_MAX          512  /* pixels that one call of a blend kernel takes at most */
 #define SST_BLEND_COLUMNS      4096 /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
 #define SST_BLEND_COLUMN_SHIFT 4
-#define SST_BLEND_FLOOR        1e-28f /* weight sums below this are not trusted */
+#define SST_BLEND_FLOOR        1e-28f /* smaller weight sums are invalid */
 #define SST_BLEND_TINY         1e-37f /* changes no weight sum above the floor, and keeps 0 / 0 away below it */
 
-/** What one view adds to a stretch of one output row. Pointers name the source pixel of the first output pixel. */
+/** Contribution of one view to a stretch of one output row. Pointers refer to the source pixel of the first output
+ *  pixel. */
 struct sst_blend {
     const uint8_t *top[3], *bottom[3]; /* R, G, B of the two source rows, n + 1 pixels readable in each */
-    float fx, fy;                      /* place between the two columns and rows, 0 <= f < 1 */
+    float fx, fy;                      /* position between the two columns and rows, 0 <= f < 1 */
     float aperture;                    /* weight of the view */
-    /* of blend_rays only */
+    /* only for blend_rays */
     const uint16_t *disp;                /* nearest pixel, n of them; 0xFFFF: unknown */
-    const uint8_t *label;                /* likewise, or NULL: all label weights are 1 */
+    const uint8_t *label;                /* nearest pixel; NULL: all label weights are 1 */
     const float *label_weight;           /* [256][SST_BLEND_COLUMNS]: W_s by label and stored disparity / 16 */
     float focus_whole_q6, focus_part_q6; /* d_f in stored units, split so that their rounding does not show */
     float half_inverse_variance;         /* 1 / (2 sigma_d^2) in stored units, >= 0 */
@@ -177,8 +177,8 @@ struct sst_blend {
  * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (DESIGN 5.4) with C bilinear between the two rows,
  * W_d = one_minus_c1 exp(-(focus - disp)^2 half_inverse_variance) + c1.
  *
- * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX. The exponential is sst_exp_neg() of exp_neg.h,
- *             its argument clamped to SST_EXP_NEG_MAX: what is smaller is below SST_BLEND_FLOOR.
+ * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX. The exponential is sst_exp_neg() of exp_neg.h, its
+ *             argument clamped to SST_EXP_NEG_MAX: smaller results are below SST_BLEND_FLOOR.
  */
 typedef void sst_blend_rays_fn(float *const acc[4], const struct sst_blend *b, size_t n);
 
@@ -192,37 +192,37 @@ typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *we
 typedef void sst_blend_take_fn(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n);
 
 /*
- * Which rays of a pixel agree (pipeline/method/render/verify.h). A ray votes for its own colour and, the less the
- * farther, for those nearby; distances of colours are sums of the three differences.
+ * Colour agreement of the rays of a pixel (pipeline/method/render/verify.h). A ray votes for its own colour and, with
+ * decreasing weight, for similar ones; colour distance is the sum of the three absolute differences.
  */
 #define SST_AGREE_BINS 4096 /* colours by the upper 4 bits of R, G, B */
-#define SST_AGREE_MODE 48   /* votes reach so far ... */
-#define SST_AGREE_NEAR 64   /* ... and colours this far from the one with most votes have no share in the pixel */
+#define SST_AGREE_MODE 48   /* largest distance at which a ray votes ... */
+#define SST_AGREE_NEAR 64   /* distance from the winning colour at which a ray's weight becomes 0 */
 
 struct sst_voting {
-    const uint8_t *rarity; /* [SST_AGREE_BINS]: what a ray of this colour tells */
-    float doubt;           /* added to every ray's weight, >= 0: maps may be wrong */
-    float scale, most;     /* votes for a rarity and weight of 1; at most, 1..255 */
+    const uint8_t *rarity; /* [SST_AGREE_BINS]: weight of a ray of this colour */
+    float doubt;           /* added to every ray's weight, >= 0, because maps may be wrong */
+    float scale, most;     /* votes for a rarity and weight of 1; maximum, 1..255 */
 };
 
-/** vote[x] = min(1 + scale (weight + doubt) rarity(colour), most), cut to a whole number; 0 where weight < 0: no ray.
- */
+/** vote[x] = min(1 + scale (weight + doubt) rarity(colour), most), truncated to a whole number; 0 where weight < 0: no
+ *  ray. */
 typedef void sst_agree_votes_fn(uint8_t *vote, const uint8_t *const colour[3], const float *weight,
                                 const struct sst_voting *v, size_t n);
 
 /**
- * The colour with most votes among those of every step-th ray, the first of equals; black where none of them is there.
- * Votes for colour a: sum over rays k of floor(max(0, SST_AGREE_MODE - |a - colour_k|) / 2) vote_k.
+ * The colour with most votes among those of every step-th ray, ties to the first; black if there is no ray. Votes for
+ * colour a: sum over rays k of floor(max(0, SST_AGREE_MODE - |a - colour_k|) / 2) vote_k.
  *
  * @param mode    out, three rows of `stride`
- * @param colour  [rays][3][stride] @param vote  [rays][stride], 0: no ray; of a pixel at most
- *                65535 / (SST_AGREE_MODE / 2) together
+ * @param colour  [rays][3][stride] @param vote  [rays][stride], 0: no ray; sum of a pixel at most 65535 /
+ *                (SST_AGREE_MODE / 2)
  * @param stride  a multiple of 64: pixels, all of which are done
  */
 typedef void sst_agree_mode_fn(uint8_t *const mode[3], const uint8_t *colour, const uint8_t *vote, size_t rays,
                                size_t step, size_t stride);
 
-/** near = max(0, SST_AGREE_NEAR - |colour - mode|) vote of the rays of one view. */
+/** near = max(0, SST_AGREE_NEAR - |colour - mode|) * vote for the rays of one view. */
 typedef void sst_agree_near_fn(uint16_t *near, const uint8_t *const colour[3], const uint8_t *const mode[3],
                                const uint8_t *vote, size_t n);
 
@@ -237,42 +237,41 @@ typedef void sst_agree_sum_fn(float *const acc[4], const uint16_t *const near[3]
 
 /* --- live maps (pipeline/live/scene/warp.c) --- */
 
-/** Two rows of cells of 2x2 pixels: [0] the one that a row of pixels is in, [1] the other one next to the pixels; of
- *  each n cells, and one more on both sides. */
+/** Two rows of cells of 2x2 pixels: [0] the row of cells that contains the pixels, [1] the nearer adjacent row; n
+ *  cells each, and one more on both sides. */
 struct sst_enlarge {
     const uint16_t *disp[2], *green4[2]; /* green4: sum over the cell's four pixels */
     const uint8_t *label[2];
     const uint8_t *green; /* [2 n] of the pixels */
-    int step_q6;          /* cells of one label whose disparities differ by no more are of one surface */
+    int step_q6;          /* cells of the same label within this difference belong to one surface */
 };
 
 /**
- * Disparity and label of 2n pixels: those of the cell that a pixel is in, or, of the three other cells next to it that
- * are of another surface, of the one whose mean green is nearer to the pixel's; the first of equals in the order own,
- * beside, other row, other row beside.
+ * Disparity and label of 2n pixels: those of the pixel's own cell, or of whichever of the three other adjacent cells on
+ * another surface has a mean green nearer to the pixel's; ties in the order own, beside, other row, other row beside.
  */
 typedef void sst_enlarge_row_fn(uint16_t *disp, uint8_t *label, const struct sst_enlarge *e, size_t n);
 
 /* --- rectification (pipeline/lightfield/rectify/) --- */
 
-#define SST_RESAMPLE_PHASES 256 /* positions between two pixels that have weights of their own */
-#define SST_RESAMPLE_BORDER 4   /* pixels to read on every side of a picture */
+#define SST_RESAMPLE_PHASES 256 /* sub-pixel positions with separate weights */
+#define SST_RESAMPLE_BORDER 4   /* readable pixels on every side of a picture */
 
 /** A picture to resample, and the filter: the taps of position p / 256 after pixel x are weight[p taps + i] at pixels
  *  x + 1 - taps / 2 + i; they add up to 2^14, their magnitudes to at most 2^15. */
 struct sst_resample {
-    const uint8_t *pixel;  /* (0, 0): R, G, B and a byte of no meaning; SST_RESAMPLE_BORDER more around the picture */
+    const uint8_t *pixel;  /* (0, 0): R, G, B and an unused byte; SST_RESAMPLE_BORDER more around the picture */
     size_t stride;         /* bytes */
     const int16_t *weight; /* [SST_RESAMPLE_PHASES][taps] */
     int taps;              /* 2, 4 or 6 */
 };
 
 /**
- * Samples at n places, columns first, then rows: each column is rounded to 1/64 level, the sum over columns to 1/128,
- * cut to 0 .. 32640 (255 levels).
+ * Samples at n positions, columns first, then rows: each column is rounded to 1/64 level, the sum over columns to
+ * 1/128, clamped to 0 .. 32640 (255 levels).
  *
  * @param out    three rows of n
- * @param xy_q8  [2 n] places in 1/256 px inside the picture; INT32_MIN: no place, 0 comes out
+ * @param xy_q8  [2 n] positions in 1/256 px inside the picture; INT32_MIN: none, the output is 0
  */
 typedef void sst_resample_row_fn(uint16_t *const out[3], const struct sst_resample *from, const int32_t *xy_q8,
                                  size_t n);
@@ -281,12 +280,12 @@ typedef void sst_resample_row_fn(uint16_t *const out[3], const struct sst_resamp
 #define SST_LIGHT_WHITE (255 << SST_LIGHT_SHIFT) /* largest sample; fits int16_t */
 
 /**
- * Linear light of n samples of one colour times a factor each, sRGB code to sRGB code (IEC 61966-2-1):
- * with v = value / 128, f = gain falloff[x] and its 2.4th root r, the power part of sRGB is
+ * Multiply the linear light of n samples of one colour by a factor each, sRGB code to sRGB code (IEC 61966-2-1).
+ *
+ * With v = value / 128, f = gain falloff[x] and its 2.4th root r, the power part of sRGB is
  * code(f light(v)) = r (v + 14.025) - 14.025, exactly; its straight part near black is f v. Within 0.02 levels of the
  * exact chain for f in 1/8 .. 8 and samples below SST_LIGHT_KEEP of white, then rounded.
- *
- * What is clipped stays clipped: the result is at least 255 - SST_LIGHT_KEEP (255 - v).
+ * Clipped samples stay clipped: the result is at least 255 - SST_LIGHT_KEEP (255 - v).
  *
  * @param value         [n] 0 .. SST_LIGHT_WHITE
  * @param falloff_root  [n] falloff^(1/2.4)
@@ -304,17 +303,17 @@ typedef void sst_light_row_fn(uint8_t *out, const struct sst_light *light, size_
 #define SST_GUIDE_CELLS  16 /* at most */
 #define SST_GUIDE_VALUES 8
 
-/** Pixels of one row between the same columns and rows of a coarse grid, and the cells around. */
+/** Pixels of one row between the same columns and rows of a coarse grid, and the surrounding cells. */
 struct sst_guide {
     size_t cells, values;               /* values of a cell: a multiple of SST_GUIDE_VALUES */
     const float *cell[SST_GUIDE_CELLS]; /* [values] each */
     float colour[3][SST_GUIDE_CELLS];   /* mean R, G, B of the image under each cell, 0..255 */
-    float down[SST_GUIDE_CELLS];        /* weight of each cell by its vertical distance, above 0 */
-    const float *across;                /* [n][SST_GUIDE_CELLS] by its horizontal one, of each pixel */
+    float down[SST_GUIDE_CELLS];        /* weight of each cell by its vertical distance, > 0 */
+    const float *across;                /* [n][SST_GUIDE_CELLS] weight by horizontal distance for each pixel */
     const uint8_t *pixel[3];            /* [n] R, G, B */
 };
 #define SST_GUIDE_SIGMA 20.0f /* levels */
-#define SST_GUIDE_FLOOR 1e-3f /* of the weight of colours: a pixel unlike all cells goes by their distance */
+#define SST_GUIDE_FLOOR 1e-3f /* minimum colour weight: a pixel unlike all cells depends on their distance only */
 
 /**
  * Joint bilateral interpolation (Kopf et al. 2007): out[x][v] = sum over the cells of w cell[v],
@@ -326,9 +325,9 @@ struct sst_guide {
 typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n);
 
 /**
- * Most probable class of n pixels, ties to the smaller one, and the entropy of their distributions:
+ * Most probable class of n pixels, ties to the smaller index, and the entropy of their distributions:
  * H = -sum over the other classes of p log p - (1 - r) log(1 - r) with r the sum of the others, so that entropies near
- * 0 keep their digits. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings.
+ * 0 keep their precision. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings.
  *
  * @param top      out [n]
  * @param entropy  out [n], 0 or more; or NULL
@@ -350,14 +349,14 @@ SST_KERNEL_LIST(X)
 /** The kernels for this CPU. SST_CPU=ref|base|avx2|avxvnni|avx512 in the environment caps the level. Thread: any. */
 const struct sst_kernels *sst_kernels_get(void);
 
-/** The table of one level. @return false where this CPU or build lacks it. */
+/** The table of one level. @return false if this CPU or build lacks it. */
 int sst_kernels_at(enum sst_cpu_level level, struct sst_kernels *out);
 
 /** The level that sst_kernels_get() chose; its name. */
 enum sst_cpu_level sst_cpu_level(void);
 const char *sst_cpu_level_name(enum sst_cpu_level level);
 
-/* Fill functions of the levels, made by templates.h. */
+/* Fill functions of the levels, defined by templates.h. */
 void sst_kernels_fill_base(struct sst_kernels *k);
 void sst_kernels_fill_avx2(struct sst_kernels *k);
 void sst_kernels_fill_avxvnni(struct sst_kernels *k);

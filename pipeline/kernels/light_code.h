@@ -1,5 +1,4 @@
-/* pipeline/kernels/light_code.h - light times a factor, from sRGB code to sRGB code, 0..255: one text for all levels.
- */
+/* pipeline/kernels/light_code.h - light times a factor, sRGB code to sRGB code, 0..255; shared by all levels. */
 #ifndef SST_PIPELINE_KERNELS_LIGHT_CODE_H
 #define SST_PIPELINE_KERNELS_LIGHT_CODE_H
 
@@ -12,9 +11,9 @@
 #define SST_LIGHT_OFFSET 14.025f
 
 /*
- * With s(v) what a straight sRGB code of v's light would be, and p(v) = 269.025 light(v)^(1/2.4), the result is f s(v)
- * while that lies below the knee, r p(v) - 14.025 above. Below the knee s(v) = v, above it p(v) = v + 14.025; the
- * other half of each is fitted where it is used, f in 1/8 .. 8: p to 0.0023, f s to 0.0009 (least maximum error).
+ * With s(v) the linear segment of sRGB extended to v's light, and p(v) = 269.025 light(v)^(1/2.4), the result is f s(v)
+ * while that is below the knee, r p(v) - 14.025 above. Below the knee s(v) = v, above it p(v) = v + 14.025; the other
+ * half of each is a polynomial fit for f in 1/8 .. 8: p to 0.0023, f s to 0.0009 (least maximum error).
  */
 static inline float sst_light_code(float v, float f, float r)
 {

@@ -1,6 +1,7 @@
 /*
- * Forgetful selection: of any 14 of the 25 values neither the least nor the greatest is the median, so drop both, take
- * in the next value, and go on with 13, 12, ... 2 + 1. Each step is minima and maxima over a block of pixels.
+ * Forgetful selection: of any 14 of the 25 values neither the smallest nor the largest is the median, so both are
+ * dropped, the next value is added, and so on with 13, 12, ... 2 + 1. Each step is minima and maxima over a block of
+ * pixels.
  */
 static void KERNEL(median5_row)(uint16_t *restrict out, const uint16_t *const rows[5], size_t n)
 {
@@ -13,7 +14,7 @@ static void KERNEL(median5_row)(uint16_t *restrict out, const uint16_t *const ro
         for (int k = 0; k < 14; k++)
             memcpy(v[k], rows[k / 5] + start + k % 5 - 2, sizeof(v[k]));
         for (int size = 14, next = 14; size > 2; size--, next++) {
-            /* Least to v[0], greatest to v[size - 1]. */
+            /* Smallest to v[0], largest to v[size - 1]. */
             for (int k = 1; k < size; k++) {
                 for (int x = 0; x < BLOCK; x++) {
                     const uint16_t a = v[0][x], b = v[k][x];

@@ -1,6 +1,6 @@
 /*
- * resample_row. Places are anywhere, so nothing is shared between pixels but the instructions inside one: with AVX2 the
- * four bytes of all taps of a row are one load, two rows are one multiply-add, and two columns another.
+ * resample_row. Positions are arbitrary, so the work is vectorised inside each pixel: with AVX2 the four bytes of all
+ * taps of a row are one load, two rows are one multiply-add, and two columns another.
  */
 #if defined(__AVX2__)
 

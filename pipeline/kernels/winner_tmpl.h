@@ -1,4 +1,4 @@
-/* The index rides in the low half of a 32-bit key, so that one minimum finds value and smallest index at once. */
+/* The index is in the low half of a 32-bit key, so that one minimum finds value and smallest index at once. */
 static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict second, const uint16_t *restrict sum,
                                size_t stride, size_t n, size_t nd)
 {

@@ -1,4 +1,4 @@
-/* The simulated cameras together: who they are, plugging, edges, the log of the truth. */
+/* The array of simulated cameras: identity, plugging, trigger edges, the truth log. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -35,7 +35,7 @@ void sim_identity(const struct sst_sim_usb *usb, int cam, struct sim_identity *o
     (void)snprintf(out->bus_info, sizeof(out->bus_info), "usb-%.31s-%.24s", d->controller, strchr(d->path, '-') + 1);
 }
 
-/* --- what cameras ask --------------------------------------------------------------------------------------------- */
+/* --- queries of cameras ------------------------------------------------------------------------------------------- */
 
 double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault)
 {
@@ -178,7 +178,7 @@ void sim_array_rung(struct sim_array *a, int cam, enum sim_rung rung)
         sim_cam_queue_stop(&a->cam[cam], NULL);
 }
 
-/* --- open, edges, questions --------------------------------------------------------------------------------------- */
+/* --- open, edges, queries ----------------------------------------------------------------------------------------- */
 
 int sim_array_open(struct sim_array **out, const struct sim_array_config *cfg)
 {
@@ -195,7 +195,7 @@ int sim_array_open(struct sim_array **out, const struct sim_array_config *cfg)
         goto fail;
     if (cfg->truth && !(a->truth = fopen(cfg->truth, "we"))) {
         err = -errno;
-        sst_log_error("log of the truth '%s': %s", cfg->truth, strerror(-err));
+        sst_log_error("cannot write the truth log '%s': %s", cfg->truth, strerror(-err));
         goto fail;
     }
     if (a->truth)
@@ -241,7 +241,7 @@ void sim_array_close(struct sim_array *a)
         free(cam->frozen);
     }
     if (a->truth && fclose(a->truth) != 0)
-        sst_log_error("log of the truth '%s': %s; its end is missing", a->cfg.truth, strerror(errno));
+        sst_log_error("cannot write the truth log '%s': %s; its end is missing", a->cfg.truth, strerror(errno));
     free(a->cam);
     free(a);
 }

@@ -1,4 +1,4 @@
-/* What can go wrong with a camera. */
+/* Faults of a camera. */
 #include "simulators/devices/devices_internal.h"
 
 const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA] = {

@@ -12,7 +12,7 @@ static const char *const line_menu[] = { "Disabled", "50 Hz", "60 Hz", "Auto" };
 static const char *const exposure_menu[] = { NULL, "Manual Mode", NULL, "Aperture Priority Mode" };
 static const char *const trigger_menu[] = { "Free Run", "External Edge" };
 
-/* By rising id; camera.h names the places of some. */
+/* In ascending order of id; enum sim_control_index names some of them. */
 static const struct sim_control_def defs[] = {
     { V4L2_CID_USER_CLASS, V4L2_CTRL_TYPE_CTRL_CLASS, "User Controls", 0, 0, 0, 0, NULL },
     { V4L2_CID_BRIGHTNESS, V4L2_CTRL_TYPE_INTEGER, "Brightness", -64, 64, 1, 0, NULL },
@@ -48,7 +48,7 @@ int sim_cam_control_find(uint32_t id)
     return -1;
 }
 
-/* An automatic puts the value that it sets out of the user's hands. */
+/* A value under automatic control is inactive. */
 static uint32_t flags_of(const struct sim_cam *cam, int i)
 {
     if (defs[i].type == V4L2_CTRL_TYPE_CTRL_CLASS)
@@ -77,7 +77,7 @@ void sim_cam_control_state(const struct sim_cam *cam, int control, uint32_t chan
 
 /* --- queries ------------------------------------------------------------------------------------------------------ */
 
-/* The control that an id with "next" flags means, or -1. */
+/* Resolve an id with "next" flags to a control, or -1. */
 static int find_query(uint32_t id)
 {
     const uint32_t next = V4L2_CTRL_FLAG_NEXT_CTRL | V4L2_CTRL_FLAG_NEXT_COMPOUND;
@@ -144,7 +144,7 @@ static int query_menu(struct v4l2_querymenu *q)
 
 /* --- values ------------------------------------------------------------------------------------------------------- */
 
-/* Bring a value into the control's range, as the kernel does. @return 0, -ERANGE or -EINVAL (menus) */
+/* Clamp a value to the control's range, as the kernel does. @return 0, -ERANGE or -EINVAL (menus) */
 static int fit(const struct sim_control_def *d, int32_t *value)
 {
     if (d->type == V4L2_CTRL_TYPE_BOOLEAN) {
@@ -162,7 +162,7 @@ static int fit(const struct sim_control_def *d, int32_t *value)
     return 0;
 }
 
-/* The value fits. */
+/* Set a validated value. */
 static void apply(struct sim_cam *cam, const struct sim_open *by, int i, int32_t value)
 {
     int other = -1;
@@ -208,9 +208,9 @@ static int set_short(struct sim_cam *cam, const struct sim_open *by, struct v4l2
     return err;
 }
 
-/* --- several at once ---------------------------------------------------------------------------------------------- */
+/* --- extended controls -------------------------------------------------------------------------------------------- */
 
-/* Place of a control that check_ids() found. */
+/* Index of a control that check_ids() has validated. */
 static int place_of(const struct v4l2_ext_control *c)
 {
     return sst_max_int(sim_cam_control_find(c->id), 0);
@@ -221,7 +221,8 @@ static bool get_only(uint32_t which)
     return which == V4L2_CTRL_WHICH_DEF_VAL;
 }
 
-/* Are all controls there and of the wanted class? @return 0, or -EINVAL with *bad set to the first that is not */
+/* Check that all controls exist and belong to the requested class. @return 0, or -EINVAL with *bad set to the first
+ * invalid one */
 static int check_ids(const struct v4l2_ext_controls *c, const struct v4l2_ext_control *list, uint32_t *bad)
 {
     const bool classed = c->which != V4L2_CTRL_WHICH_CUR_VAL && !get_only(c->which);
@@ -253,7 +254,8 @@ static int get_several(const struct sim_cam *cam, struct v4l2_ext_controls *c, s
     return 0;
 }
 
-/* All are checked before one is set. error_idx names the bad one, for S_EXT_CTRLS only that none was set. */
+/* All controls are checked before any is set. error_idx is the invalid one; for S_EXT_CTRLS it only means that none
+ * was set. */
 static int set_several(struct sim_cam *cam, const struct sim_open *by, struct v4l2_ext_controls *c,
                        struct v4l2_ext_control *list, bool set)
 {
@@ -283,7 +285,7 @@ static int several(struct sim_cam *cam, const struct sim_open *by, struct sim_re
     if (r->bytes < bytes || c->count > V4L2_CID_MAX_CTRLS)
         return -EINVAL;
     c->reserved[0] = 0;
-    r->out_bytes = (uint32_t)bytes; /* also on failure: error_idx */
+    r->out_bytes = (uint32_t)bytes; /* copied back on failure too: error_idx */
     if (c->which == V4L2_CTRL_WHICH_REQUEST_VAL) {
         c->error_idx = c->count;
         return -EINVAL;

@@ -15,24 +15,25 @@
 #include "simulators/devices/usb/usb_model.h"
 #include "simulators/scene/world/sim_world.h"
 
-/* --- faults: what can be made to go wrong, by name, while programs run. --- */
+/* --- faults: faults that can be set by name while programs run. --- */
 
 struct sim_faults; /* opaque; simulator's thread */
 
-/** One fault; 0 is "all well". */
+/** One fault; value 0 means off. */
 struct sim_fault {
     const char *name; /* "late_ms" */
     double min, max;
     const char *help; /* one line, with the unit and what the value means */
 };
 
-/** A kind of devices that has faults. Tables are const and live for ever. */
+/** A kind of devices with faults. Tables are const and never freed. */
 struct sim_fault_scope {
     const char *name;               /* "camera", "gpio", "usb" */
     const struct sim_fault *faults; /* [count] */
     int count;
     int instances; /* "camera.3.late_ms", "camera.*.late_ms"; 0: only one, "gpio.busy" */
-    /** A value was set, also to what it was. NULL: nobody cares. @return 0, or -errno: value stays as it was. */
+    /** Called when a value is set, even to the same value; may be NULL. @return 0, or -errno: the value is not
+     *  changed */
     int (*changed)(void *arg, int instance, int fault, double value);
     void *arg;
 };
@@ -43,15 +44,15 @@ void sim_faults_destroy(struct sim_faults *f);
 /** @return the scope's number for sim_fault_value(), or -ENOMEM. */
 SST_MUST_CHECK int sim_faults_add(struct sim_faults *f, const struct sim_fault_scope *scope);
 
-/** Value of fault `fault` of an instance (0 where there is only one). */
+/** Value of fault `fault` of an instance (0 if there is only one). */
 double sim_fault_value(const struct sim_faults *f, int scope, int instance, int fault);
 
-/** Set a value from inside (a fault that ended by itself); `changed` is not called. */
+/** Set a value internally (a fault that ended by itself); `changed` is not called. */
 void sim_fault_reset(struct sim_faults *f, int scope, int instance, int fault);
 
 /**
  * "camera.3.late_ms=20", "camera.*.eio=0.1", "gpio.busy=1".
- * @param message  out, [size], on failure: one sentence that names the value and the remedy
+ * @param message  out, [size], on failure: one sentence with value and remedy
  * @return 0, -EINVAL (no such name), -ERANGE, or what `changed` returned.
  */
 SST_MUST_CHECK int sim_faults_set(struct sim_faults *f, const char *text, char *message, size_t size);
@@ -62,24 +63,24 @@ size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size);
 /** Call fn for each value that is not 0. */
 void sim_faults_each(const struct sim_faults *f, void (*fn)(void *arg, const char *name, double value), void *arg);
 
-/* --- server: the heart of sst-sim: one thread that serves device files, calls and timers. --- */
+/* --- server: the event loop of sst-sim: one thread that serves device files, calls and timers. --- */
 
-/* Everything here runs on the one thread that calls sim_server_run(). */
+/* Everything here runs on the thread that calls sim_server_run(). */
 struct sim_server; /* opaque */
 struct sim_node;   /* opaque: an entry in /dev */
 struct sim_ops;
 
 /* --- timers ------------------------------------------------------------------------------------------------------- */
 
-/** Caller's memory, zeroed before first use. `fire` may set the timer again. */
+/** In the caller's memory, zeroed before first use. `fire` may set the timer again. */
 struct sim_timer {
     void (*fire)(void *arg);
     void *arg;
     int64_t due_ns;
-    int slot; /* the server's; 0: not set */
+    int slot; /* index in the server's heap; 0: not set */
 };
 
-/** Fire once at due_ns (CLOCK_MONOTONIC), soon if that is past; a set timer is moved. @return 0 or -ENOMEM. */
+/** Fire once at due_ns (CLOCK_MONOTONIC), immediately if that is past; a set timer is moved. @return 0 or -ENOMEM. */
 SST_MUST_CHECK int sim_timer_set(struct sim_server *s, struct sim_timer *timer, int64_t due_ns);
 void sim_timer_stop(struct sim_server *s, struct sim_timer *timer);
 
@@ -93,84 +94,83 @@ struct sim_handle {
     void *state;    /* the device's, per open file */
     int open_flags; /* of open() */
     uint32_t id;
-    int fd;      /* the simulator's end: write here what the program shall read */
-    bool urgent; /* an out-of-band byte is with the program */
+    int fd;      /* the simulator's end: data written here is read by the program */
+    bool urgent; /* an out-of-band byte is pending at the program */
 };
 
-/** A call from a program. The device answers by its return value, now or later. */
+/** A call from a program. The device answers by its return value or later. */
 struct sim_request {
     struct sst_sim_call call;
-    struct sim_handle *handle; /* NULL when it went meanwhile */
+    struct sim_handle *handle; /* NULL if it was closed meanwhile */
     uint8_t *data;             /* [SST_SIM_PAYLOAD_MAX]: payload of the call, then of the answer */
     uint32_t bytes;            /* of the call's payload */
-    int fd;                    /* descriptor that came with the call, or -1; the device may take it (and set -1) */
+    int fd;                    /* descriptor of the call, or -1; the device may take ownership (and set -1) */
     /* answer */
     uint32_t out_bytes; /* of the payload; for ioctls: the argument, then its areas, laid out as in the call */
     uint32_t drain, out_flags;
     int out_fd;        /* descriptor to pass, or -1 */
-    bool out_fd_close; /* ours no longer afterwards */
+    bool out_fd_close; /* close it after passing */
     uint64_t out_arg;
 };
 
 #define SST_SIM_LATER 0x40000000 /* returned by ops: sst_sim_answer() will be called for this request */
 
-/** What a device does; each may be NULL (-ENOTTY, -ENODEV for map, -EINVAL for read and write, -ESPIPE).
- *  Return a negative errno, a result, or SST_SIM_LATER. On a negative result out_bytes is 0 unless set by the device.
- */
+/** Operations of a device; each may be NULL (-ENOTTY, -ENODEV for map, -EINVAL for read and write, -ESPIPE). Return a
+ *  negative errno, a result, or SST_SIM_LATER. On a negative result out_bytes is 0 unless set by the device. */
 struct sim_ops {
     char letter;  /* of the class, in the descriptor's name: v V4L2, g GPIO, u USB, s attribute in /sys, n kernel events
                    */
-    bool packets; /* what the program reads keeps its boundaries */
-    int (*open)(struct sim_handle *h, struct sim_request *r); /* its answer is the new descriptor */
+    bool packets; /* reads preserve packet boundaries */
+    int (*open)(struct sim_handle *h, struct sim_request *r); /* the answer is the new descriptor */
     void (*close)(struct sim_handle *h);                      /* last copy closed, or sim_handle_drop() */
     int (*ioctl)(struct sim_handle *h, struct sim_request *r);
     int (*map)(struct sim_handle *h, struct sim_request *r);
     int (*read)(struct sim_handle *h, struct sim_request *r);
     int (*write)(struct sim_handle *h, struct sim_request *r);
     int (*seek)(struct sim_handle *h, struct sim_request *r);    /* NULL: -ESPIPE */
-    void (*cancel)(struct sim_handle *h, struct sim_request *r); /* forget a request that was to be later */
-    void (*ready)(struct sim_handle *h); /* the program took the out-of-band byte: another may be due */
+    void (*cancel)(struct sim_handle *h, struct sim_request *r); /* cancel a pending request */
+    void (*ready)(struct sim_handle *h); /* the program read the out-of-band byte: another may be due */
 };
 
-/** Answer a request that was to be later. */
+/** Answer a pending request. */
 void sst_sim_answer(struct sim_server *s, struct sim_request *r, int result);
 
 /** Answer no earlier than at due_ns: return this from an op. @return SST_SIM_LATER or -ENOMEM. */
 int sim_answer_at(struct sim_server *s, struct sim_request *r, int result, int64_t due_ns);
 
 /**
- * A further file, as some ioctls make (GPIO lines): put *client_fd into the answer (out_fd, out_fd_close); in the
- * program the class's part of the preload library stores the number where the ioctl wants it.
+ * Create a file for an ioctl that returns one (GPIO lines): put *client_fd into the answer (out_fd, out_fd_close); in
+ * the program the class's part of the preload library stores the number where the ioctl expects it.
  * @return 0 or -errno; ops->open is not called.
  */
 SST_MUST_CHECK int sim_handle_create(struct sim_server *s, const struct sim_ops *ops, void *device,
                                      struct sim_handle **handle, int *client_fd);
 
-/** Hang up: poll() in the program says POLLERR|POLLHUP, every call -ENODEV. Calls ops->close; pending calls of this
- *  handle are answered -ENODEV. */
+/** Hang up: poll() in the program reports POLLERR|POLLHUP, every call fails with -ENODEV. Calls ops->close; pending
+ *  calls of this handle are answered with -ENODEV. */
 void sim_handle_drop(struct sim_handle *h);
 
-/** Programs close without a word, and are answered before that is noticed: drop the file if its last copy is closed.
- *  @return true: it was. */
+/** A program's close() may be noticed late: drop the file if its last copy is closed. @return true: it was closed */
 bool sim_handle_settle(struct sim_handle *h);
 
-/** Make the file readable by one byte more, or give it POLLPRI. A full socket is the program's own fault: -EAGAIN. */
+/** Make the file readable by more bytes, or raise POLLPRI. @return -EAGAIN: the program does not read, the socket is
+ *  full */
 SST_MUST_CHECK int sim_handle_readable(struct sim_handle *h, const void *data, size_t bytes);
 void sim_handle_urgent(struct sim_handle *h);
 
 /* --- entries in /dev ---------------------------------------------------------------------------------------------- */
 
 /**
- * Make a device node appear.
+ * Create a device node.
  *
- * @param path  "/dev/video0": appears in the session; another absolute path: found by open() in programs only if
- *              their preload library asks for it, with no entry made in the file system
+ * @param path  "/dev/video0": created in the session's /dev; another absolute path: only opened through the preload
+ *              library, without an entry in the file system
  * @return 0, -EEXIST, -ENOMEM or -errno of the file system.
  */
 SST_MUST_CHECK int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path, unsigned dev_major,
                                 unsigned dev_minor, const struct sim_ops *ops, void *device);
 
-/** The node goes, and all its handles are dropped. NULL is fine. */
+/** Remove a node and drop all its handles. NULL is fine. */
 void sim_node_remove(struct sim_server *s, struct sim_node *node);
 
 /** A link in the session's /dev: "/dev/v4l/by-id/x" to "../../video0"; target NULL removes it. @return 0 or -errno. */
@@ -178,58 +178,58 @@ SST_MUST_CHECK int sim_link(struct sim_server *s, const char *path, const char *
 
 /* --- the server --------------------------------------------------------------------------------------------------- */
 
-/** What the session as a whole answers; set by the program. */
-struct sst_sim_control {
+/** Handler of the session's control calls; set by the main program. */
+struct session_control {
     void *arg;
     /** SST_SIM_FAULT, FAULTS, STATUS, STOP. */
     int (*call)(void *arg, struct sim_request *r);
 };
 
 /** @param dir  session folder, exists, absolute. @return 0 or -errno, logged. */
-SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, const struct sst_sim_control *control);
+SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, const struct session_control *control);
 /** Drops all handles, removes all nodes. NULL is fine. */
 void sim_server_close(struct sim_server *s);
 
 const char *sim_server_dir(const struct sim_server *s);
 
-/** Have fn called when fd is readable; NULL ends that. The caller owns fd. @return 0 or -errno. */
+/** Call fn when fd is readable; NULL stops that. The caller owns fd. @return 0 or -errno. */
 SST_MUST_CHECK int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg);
 
 /** Serve until sim_server_stop(). @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_server_run(struct sim_server *s);
 void sim_server_stop(struct sim_server *s);
 
-/* --- array: the simulated cameras: who they are, when they expose, what the bus does to them. --- */
+/* --- array: the array of simulated cameras: identity, exposure, bus. --- */
 
-/* --- identity: the one place that V4L2, USB and udev agree on ----------------------------------------------------- */
+/* --- identity, shared by V4L2, USB and udev ----------------------------------------------------------------------- */
 
 struct sim_identity {
     char serial[16];     /* "SIM0007" */
     char card[32];       /* name of the product and of the video node */
     char controller[32]; /* PCI address, "0000:00:14.0" */
-    char port[32];       /* path of ports as sysfs writes it, "1-2.3": bus 1, port 2, hub port 3 */
-    char bus_info[64];   /* as V4L2 writes it, "usb-0000:00:14.0-2.3" */
-    int bus;             /* number of the USB bus */
+    char port[32];       /* port path as in sysfs, "1-2.3": bus 1, port 2, hub port 3 */
+    char bus_info[64];   /* as in V4L2, "usb-0000:00:14.0-2.3" */
+    int bus;             /* USB bus number */
 };
 
-/** Who camera cam is: as it is plugged in. */
+/** Identity of camera cam at its place in the USB tree. */
 void sim_identity(const struct sst_sim_usb *usb, int cam, struct sim_identity *out);
 
 /* --- the array ---------------------------------------------------------------------------------------------------- */
 
 struct sim_array; /* opaque; simulator's thread */
 
-/** What the bus is asked and told; set by the simulated USB, NULL members are not called. */
+/** Callbacks to the bus; set by the simulated USB, NULL members are not called. */
 struct sim_bus {
     void *arg;
-    /** A camera starts to stream: 0, or -ENOSPC if the bus has no bandwidth for it. rate in frames/s. */
+    /** A camera starts to stream. @return 0, or -ENOSPC if the bus has no bandwidth. rate in frames/s. */
     int (*reserve)(void *arg, int cam, uint32_t fourcc, int width, int height, double rate_hz);
     void (*release)(void *arg, int cam);
-    /** Camera came or went by sim_array_plug(); node: N of /dev/videoN, which it has, or had. */
+    /** A camera was plugged or unplugged by sim_array_plug(); node: N of its present or last /dev/videoN. */
     void (*plugged)(void *arg, int cam, bool present, int node);
-    /** By fault "swap": another camera is at this place. */
+    /** Fault "swap": another camera is in this position. */
     void (*swapped)(void *arg, int cam, int body);
-    /** Pose of the rig that the camera is on, at a time. */
+    /** Pose of the camera's rig at a time. */
     void (*pose)(void *arg, int64_t t_ns, int32_t pose_um[3]);
 };
 
@@ -237,11 +237,11 @@ struct sim_array_config {
     struct sst_sim_world *world; /* borrowed */
     struct sim_server *server;
     struct sim_faults *faults;
-    const struct sst_sim_usb *usb; /* borrowed: what the cameras are plugged into */
-    const char *truth;             /* file for the log of what really happened, JSON lines; NULL: none */
+    const struct sst_sim_usb *usb; /* borrowed: the tree that the cameras are plugged into */
+    const char *truth;             /* file of the truth log, JSON lines; NULL: none */
 };
 
-/** Make the cameras appear, /dev/video0 on. @return 0 or -errno, logged. */
+/** Create the cameras from /dev/video0 on. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_array_open(struct sim_array **out, const struct sim_array_config *cfg);
 void sim_array_close(struct sim_array *a);
 
@@ -252,22 +252,22 @@ const struct sst_sim_usb *sim_array_usb(const struct sim_array *a);
 /** N of /dev/videoN, -1: unplugged. */
 int sim_array_node(const struct sim_array *a, int cam);
 
-/** Which camera is plugged in where camera `cam` should be: another one with fault "swap". */
+/** The camera that is plugged in at the position of camera `cam`: another one with fault "swap". */
 int sim_array_body(const struct sim_array *a, int cam);
 
 /**
  * A rising edge on a trigger line at t_ns (CLOCK_MONOTONIC): cameras in trigger mode 1 expose after their delay.
  *
- * @param first, count  cameras wired to the line; one line per row: row * cols, cols
- * @param trigger       index of the edge on its line; goes into the frames
+ * @param first, count  cameras wired to the line; for one line per row: row * cols, cols
+ * @param trigger       index of the edge on its line; written into the frames
  */
 void sim_array_edge(struct sim_array *a, int first, int count, uint64_t trigger, int64_t t_ns);
 
-/** Take a camera away or bring it back (also fault "camera.N.unplug"); its node gets the lowest free number.
- *  Handles of a camera that goes are dropped. No change is fine. @return 0 or -errno. */
+/** Unplug or plug a camera (also fault "camera.N.unplug"); its node gets the lowest free number. Unplugging drops the
+ *  camera's handles. No change is fine. @return 0 or -errno. */
 SST_MUST_CHECK int sim_array_plug(struct sim_array *a, int cam, bool present);
 
-/** Rungs of recovery that clear a fault "stall" of up to that value. */
+/** Rungs of the recovery ladder; each clears a fault "stall" up to its value. */
 enum sim_rung {
     SST_SIM_RESTREAM = 1,
     SST_SIM_REOPEN = 2,
@@ -277,15 +277,15 @@ enum sim_rung {
 };
 void sim_array_rung(struct sim_array *a, int cam, enum sim_rung rung);
 
-/** Frames made since open. */
+/** Number of frames since open. */
 uint64_t sim_array_frames(const struct sim_array *a);
 
-/** Member "cameras" of the status: an array of objects, the caller's; NULL: no memory. */
+/** Member "cameras" of the status: an array of objects, owned by the caller; NULL: out of memory. */
 json_t *sim_array_status(const struct sim_array *a);
 
-/* --- camera: one simulated V4L2 camera: state shared by the files that implement it. --- */
+/* --- camera: state of one simulated V4L2 camera. --- */
 
-#define SST_SIM_CAM_BUFFERS  32 /* as the kernel's queues */
+#define SST_SIM_CAM_BUFFERS  32 /* as in the kernel's queues */
 #define SST_SIM_CAM_CONTROLS 16
 #define SST_SIM_CAM_SHOTS    64 /* exposed, not delivered yet */
 
@@ -300,7 +300,7 @@ struct sim_control_def {
     const char *const *menu; /* [max + 1], NULL entries are not offered */
 };
 
-enum sim_control_index { /* of those that the camera itself looks at */
+enum sim_control_index { /* controls that the camera itself evaluates */
                          SST_SIM_CONTROL_AUTO_WHITE = 4,
                          SST_SIM_CONTROL_GAIN = 5,
                          SST_SIM_CONTROL_WHITE = 7,
@@ -311,10 +311,10 @@ enum sim_control_index { /* of those that the camera itself looks at */
 
 struct sim_open;
 
-/** Answer a control ioctl; -ENOTTY: not one of them. */
+/** Handle a control ioctl. @return -ENOTTY: not a control ioctl */
 int sim_cam_controls_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r);
 void sim_cam_controls_reset(struct sim_cam *cam);
-/** Place of a control, or -1. */
+/** Index of a control, or -1. */
 int sim_cam_control_find(uint32_t id);
 /** Fill the control part of an event. */
 void sim_cam_control_state(const struct sim_cam *cam, int control, uint32_t changes, struct v4l2_event *out);
@@ -328,8 +328,7 @@ struct sim_open {
     uint32_t priority; /* enum v4l2_priority */
     struct v4l2_event_subscription subscribed[SST_SIM_CAM_CONTROLS];
     int subscriptions;
-    struct v4l2_event
-        event[SST_SIM_CAM_CONTROLS]; /* one of each subscription: a newer one takes an older one's place */
+    struct v4l2_event event[SST_SIM_CAM_CONTROLS]; /* one per subscription: a newer event replaces an older one */
     int events;
     uint32_t event_sequence;
     struct sim_request *event_waiter;
@@ -339,12 +338,12 @@ struct sim_open {
 int sim_cam_subscribe(struct sim_open *o, const struct v4l2_event_subscription *s);
 int sim_cam_unsubscribe(struct sim_open *o, const struct v4l2_event_subscription *s, struct sim_request *r);
 int sim_cam_dequeue_event(struct sim_open *o, struct sim_request *r);
-/** A control changed; `by` gets no event of its own unless it asked for feedback. */
+/** Send the event of a changed control; `by` only gets it if it asked for feedback. */
 void sim_cam_control_event(struct sim_cam *cam, const struct sim_open *by, int control, uint32_t changes);
 
 /* --- formats (formats.c) ------------------------------------------------------------------------------------------ */
 
-/** Answer a format, size, interval or S_PARM ioctl; -ENOTTY: not one of them. */
+/** Handle a format, size, interval or S_PARM ioctl. @return -ENOTTY: none of them */
 int sim_cam_formats_ioctl(struct sim_cam *cam, struct sim_request *r);
 void sim_cam_formats_reset(struct sim_cam *cam);
 
@@ -365,8 +364,8 @@ struct sim_buffer {
     int64_t stamp_ns;
     unsigned long userptr;
     uint32_t user_length;
-    int dmabuf;            /* what the program gave, or -1 */
-    int32_t dmabuf_number; /* its number in the program */
+    int dmabuf;            /* the program's DMA buffer, or -1 */
+    int32_t dmabuf_number; /* its descriptor number in the program */
 };
 
 struct sim_queue {
@@ -379,19 +378,19 @@ struct sim_queue {
     struct sim_request *waiter; /* a blocking DQBUF */
 };
 
-/** Answer a buffer or streaming ioctl; -ENOTTY: not one of them. */
+/** Handle a buffer or streaming ioctl. @return -ENOTTY: none of them */
 int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r);
 int sim_cam_queue_map(struct sim_cam *cam, struct sim_request *r);
-/** The buffer that takes the next frame, or NULL. */
+/** The buffer for the next frame, or NULL. */
 struct sim_buffer *sim_cam_queue_next(struct sim_cam *cam);
-/** That buffer is filled. */
+/** Mark that buffer as filled. */
 void sim_cam_queue_done(struct sim_cam *cam);
 void sim_cam_queue_stop(struct sim_cam *cam, struct sim_request *r); /* r: of STREAMOFF, or NULL */
 void sim_cam_queue_free(struct sim_cam *cam);
 
 /* --- exposures (exposure.c) --------------------------------------------------------------------------------------- */
 
-/** Faults of a camera; the order of the table in camera_faults.c. */
+/** Faults of a camera, in the order of the table in camera_faults.c. */
 enum sim_cam_fault {
     SST_SIM_FAULT_UNPLUG,
     SST_SIM_FAULT_EIO,
@@ -439,13 +438,13 @@ struct sim_cam {
     int index;
     /* the device */
     struct sim_node *node; /* NULL: unplugged */
-    int number;            /* of /dev/videoN; also the last one */
+    int number;            /* N of /dev/videoN; kept when unplugged */
     struct sim_open *opens;
     struct v4l2_pix_format format;
     struct v4l2_fract interval;
     int32_t control[SST_SIM_CAM_CONTROLS];
     struct sim_queue queue;
-    bool reserved; /* bandwidth of the bus */
+    bool reserved; /* bus bandwidth is reserved */
     /* the sensor */
     uint64_t random;
     int64_t busy_until_ns;
@@ -454,64 +453,65 @@ struct sim_cam {
     int64_t free_run_start_ns;
     struct sim_timer free_run_timer;
     struct sim_shot shot[SST_SIM_CAM_SHOTS];
-    uint8_t *frozen; /* kept frame of the fault, [frozen_bytes] */
+    uint8_t *frozen; /* frame kept for fault "frozen", [frozen_bytes] */
     size_t frozen_bytes;
     int64_t time_wrap_ns;
     struct sim_cam_counters counters;
 };
 
-/** Set up the sensor's part. */
+/** Initialise the sensor. */
 void sim_cam_exposure_init(struct sim_cam *cam);
 int sim_cam_start(struct sim_cam *cam); /* at STREAMON; 0 or -ENOSPC */
-void sim_cam_stop(struct sim_cam *cam); /* at STREAMOFF; exposures under way are lost */
+void sim_cam_stop(struct sim_cam *cam); /* at STREAMOFF; pending exposures are lost */
 /** A pulse on the trigger input; ignored in free run. */
 void sim_cam_edge(struct sim_cam *cam, uint64_t trigger, int64_t t_ns);
 /** S_PARM or trigger_mode changed while streaming. */
 void sim_cam_retime(struct sim_cam *cam);
 void sim_cam_fault_set(struct sim_cam *cam, int fault, double value);
 
-/* --- the array as its cameras see it (array.c) -------------------------------------------------------------------- */
+/* --- interface of the array to its cameras (camera_array.c) -------------------------------------------------------------- */
 
 double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault);
 bool sim_cam_chance(struct sim_cam *cam, double probability);
 double sim_cam_gauss(struct sim_cam *cam);
 int64_t sim_array_opened_ns(const struct sim_array *a);
 const struct sim_bus *sim_array_bus(const struct sim_array *a);
-/** The camera that stands behind this one's cable: another one with fault "swap". */
+/** The camera at the end of this one's cable: another one with fault "swap". */
 int sim_cam_body(const struct sim_cam *cam);
-/** Write what happened to an exposure into the truth log. why: NULL for delivered. */
+/** Write the outcome of an exposure to the truth log. why: NULL for delivered. */
 void sim_array_truth(struct sim_array *a, const struct sim_cam *cam, const struct sim_shot *shot, int64_t stamp_ns,
                      const char *why);
 
 /* v4l2.c */
 extern const struct sim_ops sim_cam_ops;
 
-/* --- sysfs: a session's /sys, udev's data about it, and the events of both. --- */
+/* --- sysfs: a session's /sys, its udev data, and the events of both. --- */
 
 /*
- * Paths are those that programs see, "/sys/devices/...". What cannot be written (a full disk) is logged once and seen
- * by programs as missing; sim_sysfs_error() tells it.
+ * Paths are as seen by programs, "/sys/devices/...". Entries that cannot be written (a full disk) are logged once and
+ * missing for programs; sim_sysfs_error() returns the error.
  */
 struct sim_sysfs; /* opaque; simulator's thread */
 
-/** /sys as the machine has it, by links, but without its own USB, PCI, GPIO and video devices.
- *  @return 0 or -errno, logged. */
+/** Create /sys: links to the machine's entries, without its USB, PCI, GPIO and video devices. @return 0 or -errno,
+ *  logged. */
 SST_MUST_CHECK int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server);
 void sim_sysfs_close(struct sim_sysfs *fs);
 struct sim_server *sim_sysfs_server(const struct sim_sysfs *fs);
-int sim_sysfs_error(const struct sim_sysfs *fs); /* the first, or 0 */
+int sim_sysfs_error(const struct sim_sysfs *fs); /* the first error, or 0 */
 
 /* --- entries ------------------------------------------------------------------------------------------------------ */
 
-/** An attribute: folder and name, contents as by printf, with a newline. Folders are made; it is replaced whole. */
+/** Write an attribute: folder, name, printf-style contents with a newline. Folders are created; it is replaced
+ *  atomically. */
 SST_PRINTF(4, 5)
 void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...);
-/** The same with bytes as they are. */
+/** The same with raw bytes. */
 void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes);
-/** Let programs write it; to be called once the attribute is there. node: to be removed by the caller. */
+/** Make an existing attribute writable for programs. node: removed by the caller. */
 void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *path, const struct sim_ops *ops,
                         void *device);
-/** A link at `path` to another entry, relative as sysfs has them. */
+/** Create a link at `path` to another entry, relative as in sysfs. */
 void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target);
 /** Remove a file, link or folder with all in it. */
 void sim_sysfs_remove(struct sim_sysfs *fs, const char *path);
@@ -527,20 +527,20 @@ struct sim_props {
 SST_PRINTF(2, 3) void sim_props_add(struct sim_props *props, const char *fmt, ...);
 
 /**
- * An event about a device: the kernel's to those who listen to it, udev's to those who listen to that.
+ * Send an event about a device: the kernel's and udev's, each to its listeners.
  *
  * @param devpath  without /sys
  * @param kernel   as in the attribute "uevent", and SUBSYSTEM
- * @param id       under which udev keeps data, "c81:0", renewed before it tells and removed after; NULL: it keeps none
- * @param udev     what udev knows besides. Lines with S: are links in /dev. NULL: nothing.
+ * @param id       key of udev's data, "c81:0", updated before the event or removed after it; NULL: no data
+ * @param udev     udev's additional properties; lines with S: are links in /dev. NULL: none
  */
 void sim_uevent(struct sim_sysfs *fs, const char *action, const char *devpath, const struct sim_props *kernel,
                 const char *id, const struct sim_props *udev);
 
-/** udev's data alone, without an event. udev NULL: removed. */
+/** Update udev's data without an event. udev NULL: remove it. */
 void sim_udev_data(struct sim_sysfs *fs, const char *id, const struct sim_props *udev);
 
-/* --- gpio_front: simulated GPIO chips as programs of a session see them. --- */
+/* --- gpio_front: front end of the simulated GPIO chips in a session. --- */
 
 struct sim_gpio_front; /* opaque; simulator's thread */
 
@@ -555,13 +555,13 @@ struct sim_gpio_front_config {
 };
 
 /**
- * Make the chips appear: gpiochip0 "sst-board", gpiochip1 "sst-trigger" with lines TRIG0.. and the input LOOP0 that is
- * wired to TRIG0. @return 0 or -errno, logged.
+ * Create the chips: gpiochip0 "sst-board", gpiochip1 "sst-trigger" with lines TRIG0.. and the input LOOP0 that is wired
+ * to TRIG0. @return 0 or -errno, logged.
  */
 SST_MUST_CHECK int sim_gpio_front_open(struct sim_gpio_front **out, const struct sim_gpio_front_config *cfg);
 void sim_gpio_front_close(struct sim_gpio_front *front);
 
-/* --- rig: the motor rig of a session: simulated drives that carry the world's one camera. --- */
+/* --- rig: the motor rig of a session: simulated drives that move the world's camera. --- */
 
 struct sim_rig; /* opaque; simulator's thread */
 
@@ -590,11 +590,11 @@ extern const char sim_rig_faults[];
 /** Member "rig" of the status; NULL: no memory. */
 json_t *sim_rig_status(struct sim_rig *rig);
 
-/* --- server_internal: shared by the parts of the server. --- */
+/* --- server_internal: state of the server. --- */
 
 #define SST_SIM_HANDLES_MAX 16384
 
-/** What epoll's pointer points to: the first member of everything that is waited for. */
+/** Target of epoll's pointer: the first member of every event source. */
 struct sim_source {
     void (*ready)(struct sim_server *s, struct sim_source *source, uint32_t events);
 };
@@ -637,9 +637,9 @@ struct sim_watched {
 
 struct sim_server {
     char dir[SST_PATH_MAX];
-    struct sst_sim_control control;
+    struct session_control control;
     int epoll, listener, timerfd;
-    int hangups; /* epoll of the open files' ends, in the other */
+    int hangups; /* nested epoll of the open files' ends */
     bool stop;
     struct sim_source listener_source, timer_source, hangups_source;
     struct sim_conn *conns;
@@ -648,7 +648,7 @@ struct sim_server {
     struct sim_open_file **files; /* [file_slots]; NULL: free */
     int file_slots;
     uint32_t generation;
-    struct sim_open_file *dead_files; /* freed when no event can point to them */
+    struct sim_open_file *dead_files; /* freed once no event can point to them */
     struct sim_timer **heap;          /* [timers], earliest first */
     int timers, heap_room;
 };
@@ -672,53 +672,57 @@ struct sim_node *sim_node_find(struct sim_server *s, const char *path);
 SST_MUST_CHECK int sim_source_add(int epoll, int fd, uint32_t events, struct sim_source *source);
 void sim_requests_fail(struct sim_server *s, struct sim_handle *h, int err);
 
-/* --- session: a folder that programs find their devices by, and the command that runs in it. --- */
+/* --- session: the folder through which programs find their devices, and the command that runs in it. --- */
 
-/** Make a new folder for a session in $XDG_RUNTIME_DIR, /dev/shm or /tmp, for this user alone; folders there of
- * sessions that were killed are removed. @return 0 or -errno, logged. */
+/** Create a folder for a session in $XDG_RUNTIME_DIR, /dev/shm or /tmp, accessible to this user only; folders of
+ *  killed sessions are removed. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_session_make(char dir[SST_PATH_MAX]);
 
 /**
  * Set up this process's environment for programs of a session: SST_SIM_DIR and LD_PRELOAD.
- * @param further  another library to preload after ours, or NULL
- * @return 0, -ENOENT (the preload library is not where it should be) or -errno, logged.
+ * @param further  another library to preload after sst's, or NULL
+ * @return 0, -ENOENT (the preload library is missing) or -errno, logged.
  */
 SST_MUST_CHECK int sim_session_enter(const char *dir, const char *further);
 
-/** The command that a session is there for. */
+/** The command that runs in a session. */
 struct sim_command {
-    int pid;       /* and process group; 0: has ended */
+    int pid;       /* also its process group; 0: has ended */
     int signals;   /* signalfd: readable when sim_command_signal() has something to do */
-    bool terminal; /* it was given the terminal */
+    bool terminal; /* it is the terminal's foreground */
     int status;    /* exit status, 128 + signal */
     sigset_t mask; /* signals blocked before */
 };
 
-/** Block the signals that end programs, before there are threads, and have them and the end of children told by
- *  c->signals. @return 0 or -errno, logged. */
+/**
+ * Block terminating signals before any thread starts; they and the end of children are reported through c->signals.
+ * @return 0 or -errno, logged.
+ */
 SST_MUST_CHECK int sim_command_prepare(struct sim_command *c);
 
 /** Start argv in a process group of its own. @return 0, -ENOENT/-EACCES... (it cannot be executed) or -errno; logged.
  */
 SST_MUST_CHECK int sim_command_start(struct sim_command *c, char *const argv[]);
 
-/** Pass a signal on, or take the command's end. @return true: it has ended (or, without a command, a signal came). */
+/** Forward a signal, or collect the command's exit status. @return true: it has ended (or, without a command, a signal
+ *  arrived). */
 bool sim_command_signal(struct sim_command *c);
 
-/** End a command that still runs, and give the terminal back. A zeroed struct is fine. */
+/** Terminate a running command and restore the terminal. A zeroed struct is fine. */
 void sim_command_close(struct sim_command *c);
 
-/** Ask a session: see enum sst_sim_op. @param answer  out, [size], text. @return the answer's result or -errno. */
+/** Send a control call to a session: see enum sst_sim_op. @param answer  out, [size], text. @return the answer's
+ *  result or -errno. */
 SST_MUST_CHECK int sim_session_ask(const char *dir, unsigned op, const char *text, char *answer, size_t size);
 
-/* --- wires: what the cameras are connected to: USB, trigger lines, the rig that carries them. --- */
+/* --- wires: connections of the cameras: USB, trigger lines, rig. --- */
 
 struct sim_wires; /* opaque; simulator's thread */
 
 struct sim_wires_options {
     const char *usb;  /* layout of the tree, sst_sim_usb_layout(); NULL: the first */
-    bool one_trigger; /* line TRIG0 exposes all cameras; else each row has its line */
-    bool rig;         /* drives carry the camera */
+    bool one_trigger; /* TRIG0 exposes all cameras; else one line per row */
+    bool rig;         /* a motor rig moves the camera */
     int rig_port;     /* their TCP port on 127.0.0.1; 0: any free one */
 };
 
@@ -729,38 +733,38 @@ struct sim_wires_config {
     const struct sst_sim_world *world; /* borrowed */
 };
 
-/** Make /sys and the USB tree. @return 0 or -errno, logged. */
+/** Create /sys and the USB tree. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg);
 const struct sst_sim_usb *sim_wires_usb(const struct sim_wires *wires);
 
 /** NULL: no rig. */
 struct sim_rig *sim_wires_rig(const struct sim_wires *wires);
 
-/** Connect the cameras, make the GPIO chips and start the drives. @return 0 or -errno, logged. */
+/** Connect the cameras, create the GPIO chips and start the drives. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_wires_attach(struct sim_wires *wires, struct sim_array *array);
 
 /** After the array has been closed. NULL is fine. */
 void sim_wires_close(struct sim_wires *wires);
 
-/* --- simulator: world, server and all simulated devices, put together. --- */
+/* --- simulator: world, server and all simulated devices. --- */
 
 struct sim_options {
-    const char *world, *cache; /* as for sst_sim_world_open() */
+    const char *world, *cache; /* as in sst_sim_world_open() */
     const char *truth;         /* or NULL */
     const char *stats;         /* file for figures at the end, JSON; or NULL */
     struct sim_wires_options wires;
-    const char *const *faults; /* [fault_count] "NAME=VALUE" from the start */
+    const char *const *faults; /* [fault_count] initial "NAME=VALUE" */
     int fault_count;
     bool quiet;
 };
 
 struct sim_simulator; /* opaque */
 
-/** Open the world, which may take a while. @return 0 or -errno, logged. */
+/** Open the world, which may take minutes. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_simulator_open(struct sim_simulator **out, const struct sim_options *options);
-/** Make the devices appear in a session's folder. @return 0 or -errno, logged; close it then. */
+/** Create the devices in a session's folder. @return 0 or -errno, logged; then call close. */
 SST_MUST_CHECK int sim_simulator_start(struct sim_simulator *sim, const char *dir);
-/** Also tells what the simulation cost. NULL is fine. */
+/** Also reports the cost of the simulation. NULL is fine. */
 void sim_simulator_close(struct sim_simulator *sim);
 struct sim_server *sim_simulator_server(const struct sim_simulator *sim);
 
@@ -772,7 +776,7 @@ struct sim_sysfs {
     struct sim_server *server;
     char root[SST_PATH_MAX]; /* the session's folder */
     int err;
-    uint64_t sequence; /* of events */
+    uint64_t sequence; /* of uevents */
     struct sim_node *events;
     struct sim_listener *listeners;
     struct sim_timer retry;
@@ -782,7 +786,7 @@ struct sim_sysfs {
 SST_MUST_CHECK int sim_events_open(struct sim_sysfs *fs);
 void sim_events_close(struct sim_sysfs *fs);
 
-/* --- usb_front: the simulated USB tree as programs of a session see it: /sys, /dev/bus/usb, udev. --- */
+/* --- usb_front: the simulated USB tree in a session: /sys, /dev/bus/usb, udev. --- */
 
 struct sim_usb_front; /* opaque; simulator's thread */
 
@@ -794,22 +798,21 @@ struct sim_usb_front_config {
     const int (*sizes)[2];
     int size_count;
     void *arg;
-    /** A camera's driver bound or let go: its video node shall appear or go, told by sim_usb_front_video(). */
+    /** A camera's driver was bound or unbound: create or remove its video node, then call sim_usb_front_video(). */
     void (*works)(void *arg, int cam, bool works);
     /** The camera was reset, authorised again, or got its power back: SST_SIM_USB_RESET, _REAUTHORISED, _POWERED. */
     void (*rung)(void *arg, int cam, enum sst_sim_usb_event rung);
 };
 
-/** Make controllers, hubs and cameras appear; `works` is not called. @return 0, -EINVAL (layout), -errno; logged. */
+/** Create controllers, hubs and cameras; `works` is not called. @return 0, -EINVAL (layout), -errno; logged. */
 SST_MUST_CHECK int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_config *cfg);
 void sim_usb_front_close(struct sim_usb_front *front);
 
 struct sst_sim_usb *sim_usb_front_model(struct sim_usb_front *front);
 
 /**
- * A camera's /dev/videoN is there, or has gone: shown in /sys and told by udev. Where the bus did not ask for it the
- * camera was plugged or unplugged by hand.
- * @return false: a hub above it is away, so the node must go again
+ * A camera's /dev/videoN was created or removed: update /sys and send udev's event. If the bus did not request it, the
+ * camera was plugged or unplugged by hand. @return false: a hub above it is gone, so the node must be removed again
  */
 bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int node);
 
@@ -834,14 +837,14 @@ struct usb_driver_file {
     struct sim_node *node;
 };
 
-/** What is shown of a device. */
+/** State of a device's entries. */
 struct usb_shown {
     struct sim_usb_front *front;
     int device;
     struct sim_node *node; /* in /dev/bus/usb */
     struct usb_attribute attribute[SST_SIM_USB_PORTS + 1];
     int video;                  /* N of /dev/videoN, or -1 */
-    struct usb_file *claims[2]; /* by interface: who claimed it through usbfs */
+    struct usb_file *claims[2]; /* by interface: file that claimed it through usbfs */
 };
 
 struct sim_usb_front {
@@ -850,14 +853,14 @@ struct sim_usb_front {
     struct sst_sim_usb *usb;
     struct usb_shown *shown; /* [devices] */
     struct usb_driver_file driver_file[4];
-    bool telling; /* within an event of the model: what follows is not by hand */
+    bool in_event; /* inside an event of the model: consequences are not by hand */
 };
 
 /* usb_sysfs.c */
 void usb_sysfs_drivers(struct sim_usb_front *front);
 void usb_sysfs_add(struct sim_usb_front *front, int device);
 void usb_sysfs_remove(struct sim_usb_front *front, int device);
-/** An interface got its driver or lost it. */
+/** An interface was bound to its driver or unbound. */
 void usb_sysfs_bound(struct sim_usb_front *front, int device, int interface);
 void usb_sysfs_changed(struct sim_usb_front *front, int device);
 void usb_sysfs_video(struct sim_usb_front *front, int device, bool present, int node);
@@ -866,7 +869,7 @@ void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_P
 /** "1-2:1.0" */
 void usb_interface_name(const struct sst_sim_usb_device *d, int interface, char *out, size_t size);
 
-/* usb_attributes.c: what is written */
+/* usb_attributes.c: writable files */
 extern const struct sim_ops usb_attribute_ops, usb_driver_ops;
 
 /* usbfs.c */

@@ -1,4 +1,4 @@
-/* V4L2 events: changes of controls, told to the files that asked for them. */
+/* V4L2 events: changes of controls, sent to the files that subscribed to them. */
 #include <errno.h>
 #include <string.h>
 #include <time.h>
@@ -19,8 +19,8 @@ static void forget_event(struct sim_open *o, int i)
     memmove(&o->event[i], &o->event[i + 1], (size_t)(o->events - i) * sizeof(o->event[0]));
 }
 
-/* Hand the oldest event out. */
-static void take(struct sim_open *o, struct sim_request *r)
+/* Dequeue the oldest event. */
+static void dequeue(struct sim_open *o, struct sim_request *r)
 {
     struct v4l2_event *out = (struct v4l2_event *)r->data;
 
@@ -39,7 +39,7 @@ static void put(struct sim_open *o, int control, uint32_t changes)
 
     sim_cam_control_state(o->cam, control, changes, &e);
     (void)clock_gettime(CLOCK_MONOTONIC, &e.timestamp);
-    /* One event of each control waits; a newer one takes over what the older one had to tell. */
+    /* One event per control is queued; a newer one merges the changes of an older one. */
     for (int i = 0; i < o->events; i++)
         if (o->event[i].id == e.id) {
             e.u.ctrl.changes |= o->event[i].u.ctrl.changes;
@@ -49,7 +49,7 @@ static void put(struct sim_open *o, int control, uint32_t changes)
     o->event[o->events++] = e;
     if (waiter) {
         o->event_waiter = NULL;
-        take(o, waiter);
+        dequeue(o, waiter);
         sst_sim_answer(o->cam->server, waiter, 0);
     } else {
         sim_handle_urgent(o->handle);
@@ -77,8 +77,8 @@ int sim_cam_subscribe(struct sim_open *o, const struct v4l2_event_subscription *
         return -EINVAL;
     if (find_subscription(o, s->id) >= 0)
         return 0;
-    o->subscribed[o->subscriptions++] = *s; /* one for each control at most: there is room */
-    /* The heading of a class has no state to tell. */
+    o->subscribed[o->subscriptions++] = *s; /* at most one per control: there is room */
+    /* The heading of a class has no state to report. */
     if ((s->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL) && sim_cam_control_find(V4L2_CTRL_ID2WHICH(s->id) | 1) != control)
         put(o, control, V4L2_EVENT_CTRL_CH_FLAGS | V4L2_EVENT_CTRL_CH_VALUE);
     return 0;
@@ -103,7 +103,7 @@ int sim_cam_unsubscribe(struct sim_open *o, const struct v4l2_event_subscription
 int sim_cam_dequeue_event(struct sim_open *o, struct sim_request *r)
 {
     if (o->events) {
-        take(o, r);
+        dequeue(o, r);
         return 0;
     }
     if (r->call.flags & SST_SIM_NONBLOCK)

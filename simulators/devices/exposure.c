@@ -1,4 +1,4 @@
-/* When a camera exposes, and what becomes of the frame. */
+/* Timing of exposures, and delivery of frames. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -52,7 +52,7 @@ static struct sim_shot *free_shot(struct sim_cam *cam)
     return NULL;
 }
 
-/* The sensor exposes at `start`. The sequence counts every frame that it makes. */
+/* Expose at `start`. The sequence counts every frame of the sensor. */
 static void expose(struct sim_cam *cam, uint64_t trigger, int64_t start_ns)
 {
     struct sim_shot lost = { .cam = cam }, *shot = free_shot(cam);
@@ -108,11 +108,11 @@ static int64_t period_ns(const struct sim_cam *cam)
 static void beat_at(struct sim_cam *cam, int64_t due_ns)
 {
     if (sim_timer_set(cam->server, &cam->free_run_timer, due_ns))
-        sst_log_error("camera %d: no memory for its next beat; it stands still until the stream is started again",
+        sst_log_error("camera %d: out of memory for its next frame; it stops until the stream is restarted",
                       cam->index);
 }
 
-/* The sensor's own beat, without drift of the timer; a simulator that was stopped for long does not catch up. */
+/* Free-running frame clock without timer drift; a simulator that was stopped for long does not catch up. */
 static void free_run(void *arg)
 {
     struct sim_cam *cam = arg;
@@ -158,7 +158,7 @@ void sim_cam_retime(struct sim_cam *cam)
     sim_timer_stop(cam->server, &cam->free_run_timer);
     if (!cam->queue.streaming || cam->control[SST_SIM_CONTROL_TRIGGER])
         return;
-    /* Beats lie at phase + n * period since the world began: cameras of one rate keep their places to each other. */
+    /* Frames start at phase + n * period since the world began: cameras of the same rate keep their relative phase. */
     phase = sim_array_opened_ns(cam->array) + timing_of(cam)->phase_ns;
     cam->free_run_start_ns = phase + ((now - phase) / period + 1) * period - (int64_t)cam->free_run * period;
     beat_at(cam, cam->free_run_start_ns + (int64_t)cam->free_run * period);
@@ -182,7 +182,7 @@ void sim_cam_stop(struct sim_cam *cam)
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
-/* The stamp by the camera's clock. */
+/* Time stamp of the camera's clock. */
 static int64_t stamp_of(struct sim_cam *cam, int64_t t_ns)
 {
     const struct sst_sim_timing *t = timing_of(cam);
@@ -200,7 +200,7 @@ static int64_t stamp_of(struct sim_cam *cam, int64_t t_ns)
     return stamp;
 }
 
-/* Keep the first frame of a frozen camera, and show it again. */
+/* Keep the first frame of a frozen camera, and repeat it. */
 static void freeze(struct sim_cam *cam, struct sim_buffer *b)
 {
     if (!cam->frozen) {
@@ -222,7 +222,7 @@ static void damage(struct sim_cam *cam, struct sim_buffer *b)
         memset(b->data, 0, 2);
     if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_EOI)) && b->bytesused >= 2)
         memset(b->data + b->bytesused - 2, 0, 2);
-    /* A start-of-image marker where coded data should be. */
+    /* A start-of-image marker inside the coded data. */
     if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_MID)) && b->bytesused >= 64)
         for (int i = 0; i < 16; i++)
             b->data[b->bytesused / 2 + (uint32_t)i] = i & 1 ? 0xd8 : 0xff;
@@ -233,8 +233,8 @@ static void damage(struct sim_cam *cam, struct sim_buffer *b)
     b->error = sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_ERROR_FLAG));
 }
 
-/* Memory of another device: the frame is copied there, as no hardware would have to. */
-static bool hand_over(const struct sim_buffer *b)
+/* Memory of another device: copy the frame there. */
+static bool copy_to_dmabuf(const struct sim_buffer *b)
 {
     return b->dmabuf < 0 || pwrite(b->dmabuf, b->data, b->bytesused, 0) == (ssize_t)b->bytesused;
 }
@@ -259,7 +259,7 @@ static void fill(struct sim_cam *cam, const struct sim_shot *shot, uint32_t sequ
     b->sequence = sequence;
     b->stamp_ns = stamp_of(cam, shot->exposure.t_ns) + later_ns;
     damage(cam, b);
-    if (!hand_over(b))
+    if (!copy_to_dmabuf(b))
         b->error = true;
     cam->counters.frames++;
     sim_array_truth(cam->array, cam, shot, b->stamp_ns, NULL);

@@ -1,4 +1,4 @@
-/* Names and values of faults. */
+/* Registry of faults: names and values. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -78,7 +78,7 @@ SST_PRINTF(4, 5) static int refuse(int err, char *message, size_t size, const ch
     return err;
 }
 
-/* The instances that "3." or "*." means: *first .. *last; the rest of the name follows. */
+/* Parse the instances of "3." or "*.": *first .. *last. @return the rest of the name */
 static const char *read_instance(const struct sim_fault_scope *scope, const char *name, int *first, int *last)
 {
     char *end;
@@ -145,7 +145,7 @@ int sim_faults_set(struct sim_faults *f, const char *text, char *message, size_t
         }
         return 0;
     }
-    return refuse(-EINVAL, message, size, "fault '%s': no such fault; 'sst-sim fault --list' shows all", text);
+    return refuse(-EINVAL, message, size, "unknown fault `%s`; `sst-sim fault --list` shows all", text);
 }
 
 void sim_faults_each(const struct sim_faults *f, void (*fn)(void *arg, const char *name, double value), void *arg)
@@ -207,7 +207,7 @@ size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size)
             append(&t, "%-26s %g..%g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
         }
     }
-    append(&t, "set now:\n");
+    append(&t, "currently set:\n");
     before = t.used;
     sim_faults_each(f, append_value, &t);
     if (t.used == before)

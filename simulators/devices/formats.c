@@ -8,7 +8,7 @@
 
 struct format {
     uint32_t fourcc;
-    const char *name; /* as the kernel calls it */
+    const char *name; /* the kernel's name */
     int bits;         /* per pixel; 0: compressed */
 };
 
@@ -33,7 +33,7 @@ static const struct format *find_format(uint32_t fourcc)
     return NULL;
 }
 
-/* The offered size nearest to a wish. */
+/* The supported size nearest to the requested one. */
 static void nearest_size(const struct sim_cam *cam, uint32_t *width, uint32_t *height)
 {
     const int(*sizes)[2];
@@ -61,7 +61,7 @@ static bool is_size(const struct sim_cam *cam, uint32_t width, uint32_t height)
     return w == width && h == height;
 }
 
-/* What the camera makes of a wish: an offered format, never an error. */
+/* Adjust a requested format to a supported one; never fails. */
 static void adjust(const struct sim_cam *cam, struct v4l2_pix_format *p)
 {
     const struct format *f = find_format(p->pixelformat);
@@ -178,7 +178,7 @@ static int set_rate(struct sim_cam *cam, struct v4l2_streamparm *p)
         return -EINVAL;
     if (cam->queue.streaming)
         return -EBUSY;
-    /* The nearest interval; one that is nothing is the camera's own choice. */
+    /* The nearest interval; 0 selects the camera's default. */
     for (size_t i = 0; i < ARRAY_LEN(rates); i++) {
         const double seconds =
             want.numerator && want.denominator ? (double)want.numerator / want.denominator : 1.0 / 30;

@@ -1,4 +1,4 @@
-/* simulators/devices/gpio_front.c - the model of simulators/devices/gpio behind /dev/gpiochipN. */
+/* simulators/devices/gpio_front.c - front end of the GPIO model as /dev/gpiochipN. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -18,7 +18,7 @@
 #define TRIGGER_MAX   16
 #define TRIGGER_LINES (TRIGGER_MAX + 8) /* LOOP0, spare lines and nameless ones after the triggers */
 #define CHARDEV_MAJOR 254
-#define READERS       8 /* threads that wait for one file's events */
+#define READERS       8 /* most threads waiting for one file's events */
 
 struct chip {
     struct sim_gpio_front *front;
@@ -26,13 +26,13 @@ struct chip {
     struct sim_node *node; /* NULL: vanished */
 };
 
-/** An open file of a program: of a chip, or of requested lines. */
+/** A program's open file: a chip, or requested lines. */
 struct open_file {
     struct open_file *next;
     struct sim_gpio_front *front;
     struct sim_handle *handle;
     struct sst_sim_gpio_file *file;
-    bool told; /* a byte in the socket says that there are events */
+    bool signalled; /* the socket holds a byte that signals events */
     struct sim_request *waiting[READERS];
     int readers;
 };
@@ -50,21 +50,21 @@ static const char *const labels[CHIPS] = { "sst-board", "sst-trigger" };
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-/** @return bytes or -errno; told says whether the socket still has its byte */
+/** @return bytes or -errno; updates the byte in the socket */
 static int read_now(struct open_file *f, struct sim_request *r)
 {
     const size_t want = r->call.length < SST_SIM_PAYLOAD_MAX ? r->call.length : SST_SIM_PAYLOAD_MAX;
     const int n = sst_sim_gpio_read(f->file, r->data, want);
 
     r->out_bytes = n > 0 ? (uint32_t)n : 0;
-    if (f->told && !sst_sim_gpio_readable(f->file)) {
+    if (f->signalled && !sst_sim_gpio_readable(f->file)) {
         r->drain = 1;
-        f->told = false;
+        f->signalled = false;
     }
     return n;
 }
 
-/** Events came: those who wait take them; for what is left poll() shall tell. */
+/** Events arrived: waiting readers dequeue them; the rest is signalled to poll(). */
 static void wake(void *arg, struct sst_sim_gpio_file *file)
 {
     struct open_file *f = sst_sim_gpio_user(file);
@@ -76,8 +76,8 @@ static void wake(void *arg, struct sst_sim_gpio_file *file)
         memmove(f->waiting, f->waiting + 1, (size_t)--f->readers * sizeof(f->waiting[0]));
         sst_sim_answer(f->handle->server, r, read_now(f, r));
     }
-    if (f && !f->told && sst_sim_gpio_readable(file))
-        f->told = sim_handle_readable(f->handle, "", 1) == 0;
+    if (f && !f->signalled && sst_sim_gpio_readable(file))
+        f->signalled = sim_handle_readable(f->handle, "", 1) == 0;
 }
 
 static int file_read(struct sim_handle *h, struct sim_request *r)
@@ -111,7 +111,7 @@ static void after_call(struct sim_gpio_front *front)
     if (due == INT64_MAX)
         sim_timer_stop(sim_sysfs_server(front->cfg.sysfs), &front->debounce);
     else if (sim_timer_set(sim_sysfs_server(front->cfg.sysfs), &front->debounce, due) < 0)
-        sst_log_warning("GPIO: debouncing is late: no memory");
+        sst_log_warning("GPIO: debouncing is late: out of memory");
 }
 
 static void debounce_over(void *arg)
@@ -122,8 +122,8 @@ static void debounce_over(void *arg)
     after_call(front);
 }
 
-/** Book-keeping of a model's file that a program now holds. On failure the file is closed. */
-static int adopt(struct sim_gpio_front *front, struct sim_handle *h, struct sst_sim_gpio_file *file)
+/** Attach a model's file to a program's handle. On failure the file is closed. */
+static int attach(struct sim_gpio_front *front, struct sim_handle *h, struct sst_sim_gpio_file *file)
 {
     struct open_file *f = calloc(1, sizeof(*f));
 
@@ -145,7 +145,7 @@ static int chip_open(struct sim_handle *h, struct sim_request *r)
     const int err = sst_sim_gpio_open(chip->front->gpio, chip->number, &file);
 
     (void)r;
-    return err ? err : adopt(chip->front, h, file);
+    return err ? err : attach(chip->front, h, file);
 }
 
 static void file_close(struct sim_handle *h)
@@ -153,7 +153,7 @@ static void file_close(struct sim_handle *h)
     struct open_file *f = h->state, **link;
 
     if (!f)
-        return; /* never got its lines */
+        return; /* its lines were never requested */
     for (link = &f->front->files; *link != f; link = &(*link)->next)
         ;
     *link = f->next;
@@ -163,7 +163,7 @@ static void file_close(struct sim_handle *h)
     free(f);
 }
 
-static int hand_out(struct open_file *chip, struct sst_sim_gpio_file *file, struct sim_request *r)
+static int answer_file(struct open_file *chip, struct sst_sim_gpio_file *file, struct sim_request *r)
 {
     struct sim_handle *h;
     int fd, err = sim_handle_create(chip->handle->server, &lines_ops, NULL, &h, &fd);
@@ -174,7 +174,7 @@ static int hand_out(struct open_file *chip, struct sst_sim_gpio_file *file, stru
     }
     r->out_fd = fd;
     r->out_fd_close = true;
-    err = adopt(chip->front, h, file);
+    err = attach(chip->front, h, file);
     if (err)
         sim_handle_drop(h);
     return err;
@@ -190,7 +190,7 @@ static int file_ioctl(struct sim_handle *h, struct sim_request *r)
         return -EINVAL;
     result = sst_sim_gpio_ioctl(f->file, r->call.cmd, r->data, &opened, sst_clock_now_ns());
     if (result == 0 && opened)
-        result = hand_out(f, opened, r);
+        result = answer_file(f, opened, r);
     if (result == 0)
         r->out_bytes = _IOC_SIZE(r->call.cmd);
     after_call(f->front);
@@ -260,8 +260,8 @@ static int appear(struct chip *chip)
     return err;
 }
 
-/** The chip is gone: what programs hold of it hangs up. */
-static void disappear(struct chip *chip)
+/** The chip is gone: hang up the programs' files. */
+static void hang_up(struct chip *chip)
 {
     struct open_file *f = chip->front->files;
 
@@ -296,7 +296,7 @@ static int fault_changed(void *arg, int instance, int fault, double value)
     (void)instance;
     if (!err && fault == SST_SIM_GPIO_VANISH) {
         if (value != 0 && chip->node)
-            disappear(chip);
+            hang_up(chip);
         else if (value == 0 && !chip->node)
             err = appear(chip);
     }
@@ -304,7 +304,7 @@ static int fault_changed(void *arg, int instance, int fault, double value)
     return err;
 }
 
-/* --- the whole ---------------------------------------------------------------------------------------------------- */
+/* --- open and close ----------------------------------------------------------------------------------------------- */
 
 static int create_model(struct sim_gpio_front *front)
 {
@@ -366,7 +366,7 @@ int sim_gpio_front_open(struct sim_gpio_front **out, const struct sim_gpio_front
         err = err < 0 ? err : 0;
     }
     if (err) {
-        sst_log_error("GPIO: the simulated chips cannot be made: %s", strerror(-err));
+        sst_log_error("GPIO: cannot create the simulated chips: %s", strerror(-err));
         sim_gpio_front_close(front);
         return err;
     }

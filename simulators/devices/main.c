@@ -16,12 +16,12 @@
 #define FAULTS_MAX 64
 
 static const char help[] =
-    "usage: sst-sim [OPTIONS] -- COMMAND [ARGUMENTS]   run COMMAND with simulated cameras; its exit status is ours\n"
+    "usage: sst-sim [OPTIONS] -- COMMAND [ARGUMENTS]   run COMMAND with simulated cameras; exit with its status\n"
     "       sst-sim [OPTIONS] --serve DIR               keep a session in DIR until 'sst-sim stop --dir DIR'\n"
     "       sst-sim --join DIR -- COMMAND               run COMMAND in a session that is served\n"
     "       sst-sim --parameters FILE [--world W]       write the true parameters of a world\n"
-    "       sst-sim fault NAME=VALUE ... | --list       set faults in a running session, or show all there are\n"
-    "       sst-sim status [--json]                     what the session does\n"
+    "       sst-sim fault NAME=VALUE ... | --list       set faults in a running session, or list all of them\n"
+    "       sst-sim status [--json]                     show what the session does\n"
     "       sst-sim stop                                end a served session\n"
     "\n"
     "Programs see /dev/video0 ... of an array as Linux would show them; V4L2 programs run unchanged.\n"
@@ -35,9 +35,9 @@ static const char help[] =
     "  --rig-port N     TCP port of the drives on 127.0.0.1 (default: 1502; 0: a free one, see sst-sim status)\n"
     "  --fault N=V      a fault from the start; may be repeated\n"
     "  --parameters F   write the world's true parameters: F.json all of them, F.yaml as a calibration\n"
-    "  --truth FILE     write what really happened: one JSON object a line for each exposure\n"
+    "  --truth FILE     write the true events: one JSON object a line for each exposure\n"
     "  --stats FILE     write frames made and CPU time of the simulation itself as JSON at the end\n"
-    "  --quiet          do not tell them on standard error\n"
+    "  --quiet          do not print these figures on standard error\n"
     "  --dir DIR        for fault, status and stop: the session (default: the one this runs in, $SST_SIM_DIR)\n"
     "\n"
     "example: sst-sim -- v4l2-ctl -d /dev/video7 --stream-mmap --stream-count=20 --stream-to=frames.mjpeg\n"
@@ -172,7 +172,7 @@ static void signalled(void *arg)
         sim_server_stop(run->server);
 }
 
-/* Memory of every buffer is a descriptor here. The command, started before, keeps the limit that it has. */
+/* Each buffer's memory is a descriptor here. The command is already started and keeps its own limit. */
 static void raise_limit(void)
 {
     struct rlimit limit;
@@ -183,7 +183,7 @@ static void raise_limit(void)
     }
 }
 
-/* Serve in a folder, with a command or until a signal or 'stop'. @return exit status */
+/* Serve a session in a folder, for a command or until a signal or 'stop'. @return exit status */
 static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
 {
     struct run run = { .command.signals = -1 };
@@ -207,13 +207,13 @@ static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
     return status;
 }
 
-/* The folder is removed at the end: never one that holds something else. */
-static int take_folder(const char *name, char dir[SST_PATH_MAX])
+/* The folder is removed at the end, so it must be new or empty. */
+static int use_folder(const char *name, char dir[SST_PATH_MAX])
 {
     if (!name)
         return sim_session_make(dir);
     if ((rmdir(name) < 0 && errno != ENOENT) || mkdir(name, 0700) < 0 || !realpath(name, dir)) {
-        sst_log_error("session folder '%s': %s; name one that is not there yet, or empty", name, strerror(errno));
+        sst_log_error("cannot use session folder '%s': %s; give a new or an empty one", name, strerror(errno));
         return -EEXIST;
     }
     return 0;
@@ -225,10 +225,10 @@ static int run_session(const struct arguments *a, char *const argv[])
     char dir[SST_PATH_MAX];
     int status = EXIT_FAILURE;
 
-    /* While the world is prepared; later signals are blocked and come by the event loop. */
+    /* Only while the world is prepared; later signals are blocked and handled by the event loop. */
     if (sst_file_clean_on_interrupt() || sim_simulator_open(&sim, &a->options))
         return EXIT_FAILURE;
-    if (take_folder(a->serve, dir) == 0) {
+    if (use_folder(a->serve, dir) == 0) {
         status = serve(sim, dir, argv);
         sim_simulator_close(sim);
         sst_path_remove_tree(dir);
@@ -249,11 +249,11 @@ static int join(const char *folder, char *const argv[])
     if (sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0 || sim_session_enter(dir, NULL))
         return EXIT_FAILURE;
     (void)execvp(argv[0], argv);
-    sst_log_error("command '%s': cannot be run: %s", argv[0], strerror(errno));
+    sst_log_error("cannot run '%s': %s", argv[0], strerror(errno));
     return 127;
 }
 
-/* --- questions ---------------------------------------------------------------------------------------------------- */
+/* --- queries ------------------------------------------------------------------------------------------------------ */
 
 static int set_faults(const char *dir, int argc, char **argv)
 {

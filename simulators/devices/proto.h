@@ -1,19 +1,19 @@
-/* simulators/devices/proto.h - what a program under sst-sim and the simulator say to each other. */
+/* simulators/devices/proto.h - protocol between a program under sst-sim and the simulator. */
 #ifndef SST_SIMULATORS_DEVICES_PROTO_H
 #define SST_SIMULATORS_DEVICES_PROTO_H
 
 #include "base/base.h"
 
 /*
- * A session is a folder, named by the environment variable SST_SIM_DIR:
- *   control.sock  SEQPACKET; one call and one answer at a time on each connection, as many connections as wanted
- *   dev/          what /dev looks like in the session: device nodes are small files "MAJOR MINOR\n" with the sticky bit
- *                 set, everything else is a link to the real entry
+ * A session is a folder, given by the environment variable SST_SIM_DIR:
+ *   control.sock  SEQPACKET; one call and one answer at a time on each connection, any number of connections
+ *   dev/          the session's /dev: device nodes are small files "MAJOR MINOR\n" with the sticky bit set, everything
+ *                 else is a link to the real entry
  *
- * A descriptor that a program holds is one end of a stream socket pair whose other end the simulator keeps. Bytes to be
- * read from it are what makes it readable for poll(); an out-of-band byte is POLLPRI; unplugging closes the simulator's
- * end. The program's end is bound to an abstract name "sst-sim/<class>/<handle>", so that any process that comes to
- * hold it (dup, fork, exec, SCM_RIGHTS) can tell what it is.
+ * A descriptor of a program is one end of a stream socket pair; the simulator keeps the other end. Unread bytes make it
+ * readable for poll(); an out-of-band byte is POLLPRI; unplugging closes the simulator's end. The program's end is
+ * bound to an abstract name "sst-sim/<class>/<handle>", so that any process that inherits or receives it (dup, fork,
+ * exec, SCM_RIGHTS) can identify it.
  */
 #define SST_SIM_DIR_ENV "SST_SIM_DIR"
 #define SST_SIM_SOCKET  "control.sock"
@@ -21,14 +21,14 @@
 
 #define SST_SIM_PAYLOAD_MAX 65536
 
-/* First words of names in /dev that a session has of its own: the machine's real ones are not seen in it. */
+/* Prefixes of the names in /dev that a session provides: the machine's own entries are hidden. */
 #define SST_SIM_OWN_KINDS "video", "media", "v4l", "gpiochip", "bus", "serial"
 
 enum sst_sim_op {
     SST_SIM_OPEN = 1,    /* payload: path; cmd: flags of open(); answer brings the descriptor */
     SST_SIM_IOCTL = 2,   /* cmd: request; arg: the argument's value; payload: argument, then areas it points to */
     SST_SIM_MAP = 3,     /* arg: offset; length; cmd: prot << 16 | flags; answer: descriptor, arg: offset in it */
-    SST_SIM_CANCEL = 4,  /* a signal came: answer the pending call now with -EINTR. Has no answer of its own */
+    SST_SIM_CANCEL = 4,  /* a signal arrived: answer the pending call now with -EINTR. No answer of its own */
     SST_SIM_READY = 5,   /* the out-of-band byte was taken. No answer */
     SST_SIM_READ = 6,    /* length: wanted; answer: payload */
     SST_SIM_WRITE = 7,   /* payload */
@@ -50,14 +50,14 @@ struct sst_sim_call {
     uint64_t arg, length;
 };
 
-/* What is opened in place of a netlink socket for kernel events. */
+/* Path that is opened in place of a netlink socket for kernel events. */
 #define SST_SIM_UEVENTS "/uevents"
 
 #define SST_SIM_USB_TRANSFER_MAX 4096 /* bytes that a control transfer carries */
 
 /** A USB transfer between program and simulator, followed by its data. */
 struct sst_sim_usb_transfer {
-    uint64_t user;    /* the program's name for it: where it keeps the URB */
+    uint64_t user;    /* the program's identifier: address of its URB */
     uint8_t setup[8]; /* of control transfers */
     uint8_t type, endpoint;
     int32_t status, actual; /* answer */
@@ -69,7 +69,7 @@ enum sst_sim_answer_flag {
 
 struct sst_sim_answer {
     int32_t result; /* negative errno, or what the call returns */
-    uint32_t drain; /* bytes to take from the descriptor: it says readable for that many things that are gone now */
+    uint32_t drain; /* bytes to drain from the descriptor: their events are consumed */
     uint32_t flags, pid;
     uint64_t arg;
 };

@@ -1,4 +1,4 @@
-/* Buffers of a simulated camera: the rules of the kernel's videobuf2, with each buffer's memory in a memfd. */
+/* Buffers of a simulated camera: the semantics of the kernel's videobuf2, with each buffer's memory in a memfd. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
@@ -28,7 +28,7 @@ static void buffer_free(struct sim_buffer *b)
     if (b->data)
         (void)munmap(b->data, whole_pages(b->length));
     if (b->memory >= 0)
-        close(b->memory); /* programs that still map it keep it */
+        close(b->memory); /* programs that map it keep it */
     if (b->dmabuf >= 0)
         close(b->dmabuf);
     *b = (struct sim_buffer){ .memory = -1, .dmabuf = -1 };
@@ -51,7 +51,7 @@ static int buffer_make(struct sim_buffer *b, uint32_t bytes)
     return 0;
 }
 
-/* @return buffers made, or -ENOMEM if not one could be */
+/* @return number of buffers created, or -ENOMEM if none */
 static int make_buffers(struct sim_queue *q, uint32_t count, uint32_t bytes)
 {
     uint32_t made = 0;
@@ -82,7 +82,7 @@ static uint32_t shift(uint32_t *list, int *count)
     return first;
 }
 
-/* --- what programs are told --------------------------------------------------------------------------------------- */
+/* --- buffer state ------------------------------------------------------------------------------------------------- */
 
 static void describe(const struct sim_queue *q, uint32_t index, struct v4l2_buffer *out)
 {
@@ -130,8 +130,8 @@ struct sim_buffer *sim_cam_queue_next(struct sim_cam *cam)
     return q->streaming && q->queued_count ? &q->buffer[q->queued[0]] : NULL;
 }
 
-/* Take the oldest frame out and write the answer to its DQBUF. */
-static void take(struct sim_queue *q, struct sim_request *r)
+/* Dequeue the oldest frame and answer DQBUF. */
+static void dequeue(struct sim_queue *q, struct sim_request *r)
 {
     struct v4l2_buffer *out = (struct v4l2_buffer *)r->data;
     const uint32_t index = shift(q->done, &q->done_count);
@@ -160,10 +160,10 @@ void sim_cam_queue_done(struct sim_cam *cam)
     q->done[q->done_count++] = index;
     if (waiter) {
         q->waiter = NULL;
-        take(q, waiter);
+        dequeue(q, waiter);
         sst_sim_answer(cam->server, waiter, 0);
     } else if (q->owner) {
-        /* One byte for each frame that is there. 32 always fit. */
+        /* One byte for each finished frame. 32 always fit. */
         (void)!sim_handle_readable(q->owner->handle, "", 1);
     }
 }
@@ -197,7 +197,7 @@ void sim_cam_queue_free(struct sim_cam *cam)
 
 /* --- ioctls ------------------------------------------------------------------------------------------------------- */
 
-/* Another file has the buffers. It may have been closed just now. */
+/* True if another file owns the buffers. It may have been closed just now. */
 static bool taken(const struct sim_queue *q, const struct sim_open *o)
 {
     return q->owner && q->owner != o && !sim_handle_settle(q->owner->handle);
@@ -278,9 +278,9 @@ static int query_buffer(struct sim_queue *q, struct v4l2_buffer *a)
     return 0;
 }
 
-/* The memory that the program gives for a frame. */
-static int take_memory(const struct sim_cam *cam, struct sim_buffer *b, const struct v4l2_buffer *a,
-                       struct sim_request *r)
+/* Accept the program's memory for a frame. */
+static int accept_memory(const struct sim_cam *cam, struct sim_buffer *b, const struct v4l2_buffer *a,
+                         struct sim_request *r)
 {
     struct stat st;
 
@@ -319,7 +319,7 @@ static int queue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_requ
         return prepare ? -EINVAL : -EBADR;
     if (b->state != SST_SIM_BUFFER_DEQUEUED || (prepare && b->prepared))
         return -EINVAL;
-    err = b->prepared ? 0 : take_memory(cam, b, a, r);
+    err = b->prepared ? 0 : accept_memory(cam, b, a, r);
     if (err)
         return err;
     if (prepare) {
@@ -347,7 +347,7 @@ static int dequeue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_re
     if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_EIO)))
         return -EIO;
     if (q->done_count) {
-        take(q, r);
+        dequeue(q, r);
         r->drain = 1;
         return 0;
     }

@@ -20,7 +20,7 @@ const char sim_rig_faults[] =
     "rig.NAME=AXIS              x, y, z, or off; x:always for the first three:\n"
     "  stall, limit, in_position_lies; alarm=x[:CODE], lost_steps=x[:COUNTS], power_loss=x\n";
 
-/* The folders that the link lies in. */
+/* Create the folders of the link. */
 static int make_folders(const char *dir)
 {
     static const char *const names[] = { "dev", "dev/serial", "dev/serial/by-id" };

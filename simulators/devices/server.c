@@ -22,10 +22,10 @@ int sim_source_add(int epoll, int fd, uint32_t events, struct sim_source *source
 }
 
 /*
- * Take the end of files that programs closed. Also before each call is served: a program that let something go and
- * calls at once must find it free, and epoll has a connection that was just served ready before what came meanwhile.
+ * Handle files that programs have closed. Also before each call: a program that closes something and calls at once must
+ * find it free, but epoll may report the connection before the close.
  */
-static void take_hangups(struct sim_server *s)
+static void handle_hangups(struct sim_server *s)
 {
     struct epoll_event ev[64];
     int n;
@@ -83,7 +83,7 @@ void sst_sim_answer(struct sim_server *s, struct sim_request *r, int result)
     sim_timer_stop(s, &c->delay);
     if (result >= 0 && r->out_fd >= 0)
         put_fd(&msg, room, r->out_fd);
-    /* The program waits for this one message: a full socket means that it does not play by the rules. */
+    /* The program waits for this one message: a full socket means a protocol violation. */
     if (sendmsg(c->fd, &msg, MSG_DONTWAIT | MSG_NOSIGNAL) < 0)
         (void)shutdown(c->fd, SHUT_RDWR);
     request_end(c);
@@ -105,7 +105,7 @@ int sim_answer_at(struct sim_server *s, struct sim_request *r, int result, int64
     return err ? err : SST_SIM_LATER;
 }
 
-/* Forget what a device was to answer later. */
+/* Cancel a pending answer of a device. */
 static void request_cancel(struct sim_server *s, struct sim_conn *c)
 {
     struct sim_handle *h = c->request.handle;
@@ -211,7 +211,7 @@ static void conn_close(struct sim_server *s, struct sim_conn *c)
     free(c);
 }
 
-static int take_fd(struct msghdr *msg)
+static int received_fd(struct msghdr *msg)
 {
     int fd = -1;
 
@@ -221,7 +221,7 @@ static int take_fd(struct msghdr *msg)
     return fd;
 }
 
-/* One message: a call, or the cancel of a pending one. @return false: the connection is at its end. */
+/* Receive one message: a call, or the cancellation of a pending one. @return false: the connection is closed. */
 static bool receive(struct sim_server *s, struct sim_conn *c)
 {
     struct sst_sim_call call;
@@ -234,13 +234,13 @@ static bool receive(struct sim_server *s, struct sim_conn *c)
 
     if (n < 0)
         return errno == EAGAIN || errno == EINTR;
-    fd = take_fd(&msg);
+    fd = received_fd(&msg);
     if (n < (ssize_t)sizeof(call) || (msg.msg_flags & MSG_TRUNC) || (c->pending && call.op != SST_SIM_CANCEL)) {
         if (fd >= 0)
             close(fd);
         return false;
     }
-    take_hangups(s);
+    handle_hangups(s);
     if (call.op == SST_SIM_CANCEL) {
         if (c->pending) {
             request_cancel(s, c);
@@ -312,7 +312,7 @@ static void hangups_ready(struct sim_server *s, struct sim_source *source, uint3
 {
     (void)source;
     (void)events;
-    take_hangups(s);
+    handle_hangups(s);
 }
 
 static void watched_ready(struct sim_server *s, struct sim_source *source, uint32_t events)
@@ -337,7 +337,7 @@ int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg)
         w->arg = arg;
         if (fn)
             return 0;
-        w->fd = -1; /* the record stays: an event may point to it */
+        w->fd = -1; /* the record stays allocated: an event may point to it */
         return epoll_ctl(s->epoll, EPOLL_CTL_DEL, fd, NULL) < 0 ? -errno : 0;
     }
     if (!fn)
@@ -363,13 +363,13 @@ int sim_server_run(struct sim_server *s)
         int n;
 
         sim_timers_arm(s);
-        /* Serving an event frees nothing that another points to: files wait in dead_files, a connection is only
-         * freed by its own event. */
+        /* Serving an event frees nothing that another event points to: closed files wait in dead_files, a connection
+         * is only freed by its own event. */
         n = epoll_wait(s->epoll, ev, ARRAY_LEN(ev), -1);
         if (n < 0 && errno != EINTR) {
             const int err = -errno;
 
-            sst_log_error("simulator: waiting for events: %s", strerror(-err));
+            sst_log_error("simulator: cannot wait for events: %s", strerror(-err));
             return err;
         }
         for (int i = 0; i < n && !s->stop; i++) {
@@ -392,7 +392,7 @@ static int listen_at(struct sim_server *s)
     struct sockaddr_un name = { .sun_family = AF_UNIX };
     char path[sizeof(name.sun_path)];
 
-    /* Whoever finds it by its name can connect: it has that name when it listens. */
+    /* The socket gets its name only when it listens, so that every client that finds it can connect. */
     if (snprintf(path, sizeof(path), "%s/%s", s->dir, SST_SIM_SOCKET) >= (int)sizeof(path) ||
         snprintf(name.sun_path, sizeof(name.sun_path), "%s/new.sock", s->dir) >= (int)sizeof(name.sun_path))
         return -ENAMETOOLONG;
@@ -403,7 +403,7 @@ static int listen_at(struct sim_server *s)
     return 0;
 }
 
-int sim_server_open(struct sim_server **out, const char *dir, const struct sst_sim_control *control)
+int sim_server_open(struct sim_server **out, const char *dir, const struct session_control *control)
 {
     struct sim_server *s = calloc(1, sizeof(*s));
     int err = -ENOMEM;
@@ -422,7 +422,7 @@ int sim_server_open(struct sim_server **out, const char *dir, const struct sst_s
         goto fail;
     err = listen_at(s);
     if (err) {
-        sst_log_error("session folder '%s': no socket in it: %s; is it in use, or its name too long?", dir,
+        sst_log_error("cannot create a socket in session folder '%s': %s; is it in use, or its name too long?", dir,
                       strerror(-err));
         goto fail;
     }
@@ -438,7 +438,7 @@ int sim_server_open(struct sim_server **out, const char *dir, const struct sst_s
     if (!err)
         err = sim_source_add(s->epoll, s->hangups, EPOLLIN, &s->hangups_source);
     if (err) {
-        sst_log_error("simulator: no event loop: %s", strerror(-err));
+        sst_log_error("simulator: cannot create the event loop: %s", strerror(-err));
         goto fail;
     }
     *out = s;

@@ -1,5 +1,5 @@
-/* What /dev looks like in a session: real entries by link, simulated nodes as small files that the preload library
- * shows as devices. */
+/* The session's /dev: real entries as links, simulated nodes as small files that the preload library presents as
+ * devices. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -44,7 +44,7 @@ int sim_dev_open(struct sim_server *s)
     if (real)
         closedir(real);
     if (err)
-        sst_log_error("session folder '%s': making dev/ failed: %s", s->dir, strerror(-err));
+        sst_log_error("cannot create dev/ in session folder '%s': %s", s->dir, strerror(-err));
     return err;
 }
 
@@ -56,7 +56,7 @@ struct sim_node *sim_node_find(struct sim_server *s, const char *path)
     return NULL;
 }
 
-/* Where an entry of /dev lies in the session; its folders are made. */
+/* Path of a /dev entry in the session; its folders are created. */
 static int place(struct sim_server *s, const char *path, char out[SST_PATH_MAX])
 {
     if (snprintf(out, SST_PATH_MAX, "%s%s", s->dir, path) >= SST_PATH_MAX)
@@ -78,7 +78,7 @@ static int write_node(struct sim_server *s, const struct sim_node *n)
 
     if (err)
         return err;
-    /* appears whole: others look at any time */
+    /* the file appears whole: programs may read it at any time */
     if (snprintf(temporary, sizeof(temporary), "%s/.node", s->dir) >= (int)sizeof(temporary))
         return -ENAMETOOLONG;
     f = fopen(temporary, "w");
@@ -110,7 +110,7 @@ int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path,
     else if (strncmp(path, "/dev/", 5) == 0)
         err = write_node(s, n);
     if (err) {
-        sst_log_error("device '%s': no entry in session '%s': %s", path, s->dir, strerror(-err));
+        sst_log_error("cannot create device '%s' in session '%s': %s", path, s->dir, strerror(-err));
         free(n);
         return err;
     }

@@ -1,4 +1,4 @@
-/* Open files of the programs: socket pairs, their names, their end. */
+/* Open files of the programs: socket pairs, their names, their closing. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
@@ -62,7 +62,7 @@ static int make_pair(const struct sim_ops *ops, uint32_t id, int pair[2])
 
     if (socketpair(AF_UNIX, (ops->packets ? SOCK_SEQPACKET : SOCK_STREAM) | SOCK_CLOEXEC, 0, pair) < 0)
         return -errno;
-    /* A byte that is never read makes the close of our end an error at the other: POLLERR besides POLLHUP. */
+    /* An unread byte turns the close of our end into an error at the other end: POLLERR besides POLLHUP. */
     if (bind(pair[1], (const struct sockaddr *)&name, (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + n)) <
             0 ||
         write(pair[1], "", 1) != 1)
@@ -87,7 +87,7 @@ int sim_handle_create(struct sim_server *s, const struct sim_ops *ops, void *dev
     f = calloc(1, sizeof(*f));
     if (!f)
         return -ENOMEM;
-    /* The name of a file that was dropped lives as long as the program holds it. */
+    /* The name of a dropped file stays in use as long as the program holds it. */
     do {
         id = (uint32_t)slot | ++s->generation << SLOT_BITS;
         err = make_pair(ops, id, pair);
@@ -163,7 +163,7 @@ bool sim_handle_settle(struct sim_handle *h)
     return true;
 }
 
-/* A program that closed a file and opens it again must find it closed. */
+/* A program that closes a file and opens it again must find it closed. */
 static void settle_node(struct sim_server *s, const struct sim_node *node)
 {
     for (int i = 0; i < s->file_slots; i++)
@@ -198,7 +198,7 @@ int sim_file_open(struct sim_server *s, struct sim_request *r)
         r->handle = NULL;
         r->out_fd = -1;
         close(fd);
-        /* never was open: the device is not told that it closes */
+        /* was never open: the device gets no close() */
         h->ops = &(const struct sim_ops){ .letter = node->ops->letter };
         sim_handle_drop(h);
     }
@@ -214,7 +214,7 @@ int sim_handle_readable(struct sim_handle *h, const void *data, size_t bytes)
 
 void sim_handle_urgent(struct sim_handle *h)
 {
-    /* Only one at a time: a second would turn the first into common data. */
+    /* Only one at a time: a second one would turn the first into normal data. */
     if (!h->urgent && send(h->fd, "", 1, MSG_OOB | MSG_DONTWAIT | MSG_NOSIGNAL) == 1)
         h->urgent = true;
 }

@@ -1,4 +1,4 @@
-/* Timers of the simulator: a heap, its top in a timerfd. */
+/* Timers of the simulator: a heap, the earliest one in a timerfd. */
 #include <errno.h>
 #include <stdlib.h>
 #include <sys/timerfd.h>

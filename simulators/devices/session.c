@@ -1,4 +1,4 @@
-/* Sessions as their programs see them: folder, environment, command, questions. */
+/* Sessions: folder, environment, command, queries. */
 #define _GNU_SOURCE
 #include "simulators/devices/devices_internal.h"
 
@@ -26,7 +26,7 @@
 #define FOLDER  "sst-sim-"
 #define PRELOAD "libsst-sim-preload.so"
 
-/* Nobody listens any more: its sst-sim was killed. A young one may not listen yet. */
+/* True if the folder's sst-sim no longer listens because it was killed. A recent session may not listen yet. */
 static bool is_dead(const char *dir)
 {
     struct sockaddr_un name = { .sun_family = AF_UNIX };
@@ -63,13 +63,13 @@ int sim_session_make(char dir[SST_PATH_MAX])
 
     /* A socket's path holds 107 characters. */
     if (!runtime || runtime[0] != '/' || strlen(runtime) > 64 || access(runtime, W_OK) < 0)
-        runtime = access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp"; /* thousands of small files: not on a disk */
+        runtime = access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp"; /* thousands of small files: avoid a disk */
     remove_dead(runtime);
     (void)snprintf(dir, SST_PATH_MAX, "%s/" FOLDER "XXXXXX", runtime);
     if (!mkdtemp(dir)) {
         const int err = -errno;
 
-        sst_log_error("session folder in '%s': %s", runtime, strerror(-err));
+        sst_log_error("cannot create a session folder in '%s': %s", runtime, strerror(-err));
         return err;
     }
     return 0;
@@ -89,7 +89,7 @@ static int find_preload(char out[SST_PATH_MAX])
     self[n - (ssize_t)strlen(sst_path_base(self))] = 0;
     err = sst_path_join(out, self, PRELOAD);
     if (!err && !sst_path_exists(out))
-        err = sst_path_join(out, self, "../lib/" PRELOAD); /* as installed */
+        err = sst_path_join(out, self, "../lib/" PRELOAD); /* installed location */
     if (!err && !sst_path_exists(out)) {
         sst_log_error("preload library '%s' is not beside the program in '%s'; build it with 'make'", PRELOAD, self);
         return -ENOENT;
@@ -97,7 +97,7 @@ static int find_preload(char out[SST_PATH_MAX])
     return err;
 }
 
-/* LD_PRELOAD holds no path with a space or colon: that library gets a name in the session's folder. */
+/* LD_PRELOAD cannot hold a path with a space or colon: such a library gets a link in the session's folder. */
 static int name_preload(const char *dir, char path[SST_PATH_MAX])
 {
     char name[SST_PATH_MAX];
@@ -120,7 +120,7 @@ static int name_preload(const char *dir, char path[SST_PATH_MAX])
 }
 
 #if defined(__SANITIZE_ADDRESS__)
-/* Programs of a sanitized build must accept that a library comes before their sanitizer's. */
+/* Sanitized programs must accept a library that is loaded before the sanitizer's. */
 static int allow_preload(void)
 {
     const char *old = getenv("ASAN_OPTIONS");
@@ -167,8 +167,9 @@ static void forwarded(sigset_t *set)
     sigaddset(set, SIGUSR2);
 }
 
-/* Give the terminal to a process group; we may be in the background then, which must not stop us. */
-static void give_terminal(int group)
+/* Make a process group the terminal's foreground; this process may then be in the background and must not be
+ * stopped. */
+static void set_foreground(int group)
 {
     sigset_t out, old;
 
@@ -183,12 +184,12 @@ static void run_child(char *const argv[], bool terminal, int report, const sigse
 {
     int err;
 
-    (void)prctl(PR_SET_PDEATHSIG, SIGTERM); /* without its devices, of which it may be told nothing any more */
+    (void)prctl(PR_SET_PDEATHSIG, SIGTERM); /* its devices are gone with the simulator */
     if (getppid() != parent)
         _exit(127);
     (void)setpgid(0, 0);
     if (terminal)
-        give_terminal(getpid());
+        set_foreground(getpid());
     (void)sigprocmask(SIG_SETMASK, mask, NULL);
     (void)execvp(argv[0], argv);
     err = errno;
@@ -208,7 +209,7 @@ int sim_command_prepare(struct sim_command *c)
         (c->signals = signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK)) >= 0)
         return 0;
     err = -errno;
-    sst_log_error("simulator: no descriptor for signals: %s", strerror(-err));
+    sst_log_error("simulator: cannot create a signalfd: %s", strerror(-err));
     return err;
 }
 
@@ -234,18 +235,18 @@ int sim_command_start(struct sim_command *c, char *const argv[])
         err = -why;
     close(report[0]);
     if (err)
-        sst_log_error("command '%s': cannot be run: %s", argv[0], strerror(-err));
+        sst_log_error("cannot run '%s': %s", argv[0], strerror(-err));
     return err;
 }
 
-/* Stopped by the terminal: let the shell that started us have it back, and go on together. */
+/* Stopped from the terminal: return it to the shell, and continue together with the command. */
 static void stop_together(const struct sim_command *c)
 {
     if (!c->terminal)
         return;
-    give_terminal(getpgrp());
+    set_foreground(getpgrp());
     (void)raise(SIGSTOP);
-    give_terminal(c->pid);
+    set_foreground(c->pid);
     (void)kill(-c->pid, SIGCONT);
 }
 
@@ -287,13 +288,13 @@ void sim_command_close(struct sim_command *c)
         (void)waitpid(c->pid, NULL, 0);
     }
     if (c->terminal)
-        give_terminal(getpgrp());
+        set_foreground(getpgrp());
     if (c->signals > 0)
         close(c->signals);
     *c = (struct sim_command){ 0 };
 }
 
-/* --- questions ---------------------------------------------------------------------------------------------------- */
+/* --- queries ------------------------------------------------------------------------------------------------------ */
 
 int sim_session_ask(const char *dir, unsigned op, const char *text, char *answer, size_t size)
 {
@@ -313,19 +314,19 @@ int sim_session_ask(const char *dir, unsigned op, const char *text, char *answer
     if (fd < 0)
         return -errno;
     (void)setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
-    (void)setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof(limit)); /* connecting, too */
+    (void)setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof(limit)); /* also limits connecting */
     if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) < 0 || sendmsg(fd, &msg, MSG_NOSIGNAL) < 0)
         err = -errno;
     msg = (struct msghdr){ .msg_iov = in, .msg_iovlen = 2 };
     if (!err) {
         do
             n = recvmsg(fd, &msg, 0);
-        while (n < 0 && errno == EINTR); /* with a limit of time it is not begun again by itself */
+        while (n < 0 && errno == EINTR); /* with a timeout the call is not restarted automatically */
         err = n < 0 ? -errno : n < (ssize_t)sizeof(head) ? -EPIPE : 0;
     }
     close(fd);
     if (err) {
-        sst_log_error("session '%s': no answer: %s; does its sst-sim still run?", dir, strerror(-err));
+        sst_log_error("session '%s': no answer: %s; is its sst-sim still running?", dir, strerror(-err));
         return err;
     }
     answer[n - (ssize_t)sizeof(head)] = 0;

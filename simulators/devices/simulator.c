@@ -1,4 +1,4 @@
-/* World, server and devices: opened in order, closed in reverse; what a session answers about itself. */
+/* World, server and devices: opened in order, closed in reverse; the session's control calls. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -21,14 +21,14 @@ struct sim_simulator {
     int64_t opened_ns, opened_cpu_ns;
 };
 
-/* --- what a session answers --------------------------------------------------------------------------------------- */
+/* --- control calls ------------------------------------------------------------------------------------------------ */
 
 static void add_fault(void *arg, const char *name, double value)
 {
     (void)json_object_set_new(arg, name, json_real(value));
 }
 
-/* What the simulation did and cost since the devices are there. */
+/* Frames and CPU time since the devices were created. */
 static json_t *figures(const struct sim_simulator *sim)
 {
     const double wall = (double)(sst_clock_now_ns() - sim->opened_ns) * 1e-9;
@@ -184,7 +184,7 @@ int sim_simulator_open(struct sim_simulator **out, const struct sim_options *opt
 
 int sim_simulator_start(struct sim_simulator *sim, const char *dir)
 {
-    const struct sst_sim_control control = { .arg = sim, .call = answer };
+    const struct session_control control = { .arg = sim, .call = answer };
     int err = sim_server_open(&sim->server, dir, &control);
 
     if (!err)
@@ -203,7 +203,7 @@ int sim_simulator_start(struct sim_simulator *sim, const char *dir)
     if (!err)
         err = set_faults(sim);
     if (err) {
-        /* nothing was simulated that could be told of */
+        /* nothing was simulated: no figures */
         sim->options.quiet = true;
         sim->options.stats = NULL;
     }
@@ -212,15 +212,15 @@ int sim_simulator_start(struct sim_simulator *sim, const char *dir)
     return err;
 }
 
-/* So that the cost of the simulation is not taken for the cost of what ran in it. */
-static void tell_cost(const struct sim_simulator *sim)
+/* Report the simulation's own cost, so that it is not attributed to the programs under test. */
+static void report_cost(const struct sim_simulator *sim)
 {
     json_t *f = figures(sim);
     char *text = f ? json_dumps(f, JSON_INDENT(2)) : NULL;
 
     if (f && !sim->options.quiet)
         fprintf(stderr,
-                "sst-sim: %lld frames made in %.1f s; the simulation itself took %.2f s of CPU, %.1f %% of one core\n",
+                "sst-sim: %lld frames made in %.1f s; the simulation itself used %.2f s of CPU, %.1f %% of one core\n",
                 (long long)json_integer_value(json_object_get(f, "frames")),
                 json_real_value(json_object_get(f, "seconds")), json_real_value(json_object_get(f, "cpu_seconds")),
                 json_real_value(json_object_get(f, "cpu_percent")));
@@ -235,7 +235,7 @@ void sim_simulator_close(struct sim_simulator *sim)
     if (!sim)
         return;
     if (sim->array)
-        tell_cost(sim);
+        report_cost(sim);
     sim_array_close(sim->array);
     sim_wires_close(sim->wires);
     sim_server_close(sim->server);

@@ -20,11 +20,11 @@ static void failed(struct sim_sysfs *fs, const char *path, int err)
     if (fs->err)
         return;
     fs->err = err;
-    sst_log_error("session: cannot write '%s%s': %s; is there room, and the folder still there?", fs->root, path,
+    sst_log_error("session: cannot write '%s%s': %s; is there space, and does the folder still exist?", fs->root, path,
                   strerror(-err));
 }
 
-/** The real path. @return false: too long, told */
+/** The real path. @return false: too long, logged */
 static bool real_path(struct sim_sysfs *fs, const char *path, char out[SST_PATH_MAX])
 {
     if (snprintf(out, SST_PATH_MAX, "%s%s", fs->root, path) < SST_PATH_MAX)
@@ -33,7 +33,7 @@ static bool real_path(struct sim_sysfs *fs, const char *path, char out[SST_PATH_
     return false;
 }
 
-/** Make the folders that lead to a real path. Failures show when something is put there. */
+/** Create the parent folders of a real path. Failures show when the entry is written. */
 static void make_folders(const struct sim_sysfs *fs, char *real)
 {
     for (char *p = real + strlen(fs->root) + 1; (p = strchr(p, '/')); p++) {
@@ -57,7 +57,7 @@ static int write_file(const char *real, int flags, mode_t mode, const void *data
     return err;
 }
 
-/** Readers find the old contents or the new ones. */
+/** Readers see either the old or the new contents. */
 static int replace_file(const struct sim_sysfs *fs, const char *real, const void *data, size_t bytes)
 {
     char temporary[SST_PATH_MAX];
@@ -67,7 +67,7 @@ static int replace_file(const struct sim_sysfs *fs, const char *real, const void
     if (snprintf(temporary, sizeof(temporary), "%s/.attribute", fs->root) >= (int)sizeof(temporary))
         return -ENAMETOOLONG;
     err = write_file(temporary, O_TRUNC, 0644, data, bytes);
-    /* What is writable stays so. */
+    /* A writable attribute stays writable. */
     if (!err && lstat(real, &st) == 0 && (st.st_mode & S_ISVTX) && chmod(temporary, S_ISVTX | 0644) < 0)
         err = -errno;
     return !err && rename(temporary, real) < 0 ? -errno : err;
@@ -123,7 +123,7 @@ void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char
 
     if (!real_path(fs, path, real))
         return;
-    /* The preload library knows by the sticky bit that writing asks the simulator. */
+    /* The sticky bit makes the preload library send writes to the simulator. */
     err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sim_node_add(fs->server, node, path, 0, 0, ops, device);
     if (err)
         failed(fs, path, err);
@@ -177,15 +177,15 @@ void sim_sysfs_remove(struct sim_sysfs *fs, const char *path)
         (void)nftw(real, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
 }
 
-/* --- the machine's own -------------------------------------------------------------------------------------------- */
+/* --- entries of the machine --------------------------------------------------------------------------------------- */
 
-/** Link a real folder's entries, but for some. */
+/** Link a real folder's entries, except some. */
 static void show_through(struct sim_sysfs *fs, const char *dir, const char *const *without)
 {
     DIR *real = opendir(dir);
 
     if (!real)
-        return; /* not there, nothing to show */
+        return; /* missing, nothing to show */
     for (struct dirent *e; (e = readdir(real));) {
         char target[SST_PATH_MAX], at[SST_PATH_MAX];
         bool own = e->d_name[0] == '.';
@@ -200,7 +200,7 @@ static void show_through(struct sim_sysfs *fs, const char *dir, const char *cons
     closedir(real);
 }
 
-/** Real devices by number, but those of the kinds that the session has of its own. */
+/** Link real devices by number, except the kinds that the session provides. */
 static void show_numbers(struct sim_sysfs *fs)
 {
     static const char *const none[] = { NULL };
@@ -238,7 +238,7 @@ int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server)
     show_through(fs, "/sys/devices", devices);
     show_through(fs, "/sys/dev", dev);
     show_numbers(fs);
-    /* libudev looks whether udev runs: by this socket's name. */
+    /* libudev checks for this socket to detect whether udev runs. */
     sim_sysfs_bytes(fs, "/run/udev", "control", "", 0);
     err = fs->err ? fs->err : sim_events_open(fs);
     if (err) {

@@ -1,4 +1,4 @@
-/* simulators/devices/uevent.c - events of devices: the kernel's, and udev's with what it keeps about each device. */
+/* simulators/devices/uevent.c - device events: the kernel's, and udev's with its data about each device. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <stdarg.h>
@@ -26,19 +26,19 @@ struct sim_listener {
     struct sim_listener *next;
     struct sim_handle *handle;
     unsigned groups;
-    struct message *first, **last; /* what did not fit into its socket yet */
+    struct message *first, **last; /* messages that did not fit into its socket yet */
     int queued;
 };
 
-/** What precedes properties that udev sends. */
+/** Header of udev's messages. */
 struct udev_header {
     char prefix[8];
-    uint32_t magic, header_bytes, offset, bytes, filter[4]; /* filters are the kernel's business */
+    uint32_t magic, header_bytes, offset, bytes, filter[4]; /* the filter fields are only used by the kernel */
 };
 
 /* --- sending ------------------------------------------------------------------------------------------------------ */
 
-/** Whatever fits, in order. @return false if something is left */
+/** Send queued messages in order while they fit. @return false: some are left */
 static bool drain(struct sim_listener *l)
 {
     while (l->first) {
@@ -63,10 +63,10 @@ static void retry(void *arg)
     for (struct sim_listener *l = fs->listeners; l; l = l->next)
         left = !drain(l) || left;
     if (left && sim_timer_set(fs->server, &fs->retry, sst_clock_now_ns() + RETRY_NS) < 0)
-        sst_log_warning("events of devices are held up: no memory");
+        sst_log_warning("device events are delayed: out of memory");
 }
 
-/** A program that does not listen loses the newest, as with a full netlink socket. */
+/** A program that does not read loses the newest messages, as with a full netlink socket. */
 static void queue(struct sim_listener *l, const void *data, size_t bytes)
 {
     struct message *m = l->queued < QUEUE_MAX ? malloc(sizeof(*m) + bytes) : NULL;
@@ -100,13 +100,13 @@ void sim_props_add(struct sim_props *props, const char *fmt, ...)
     n = vsnprintf(props->text + props->bytes, room, fmt, args);
     va_end(args);
     if (n < 0 || (size_t)n + 1 >= room)
-        return; /* left out whole: texts are short, this is for the reader of a broken one */
+        return; /* dropped as a whole; cannot happen with valid properties */
     props->bytes += (size_t)n;
     props->text[props->bytes++] = '\n';
     props->text[props->bytes] = '\0';
 }
 
-/** Properties as messages have them: a zero after each. Lines with S: become one DEVLINKS. */
+/** Properties in message format: NUL after each. Lines with S: become one DEVLINKS. */
 static size_t flatten(char *out, size_t size, size_t at, const struct sim_props *props)
 {
     char links[1024] = "";
@@ -192,7 +192,7 @@ static int listener_open(struct sim_handle *h, struct sim_request *r)
     return 0;
 }
 
-/** bind(): the argument is the set of groups. */
+/** bind(): the argument is the group mask. */
 static int listener_bind(struct sim_handle *h, struct sim_request *r)
 {
     struct sim_listener *l = h->state;

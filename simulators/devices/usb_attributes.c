@@ -1,4 +1,4 @@
-/* simulators/devices/usb_attributes.c - what programs write into /sys: authorized, disable, bind, unbind. */
+/* simulators/devices/usb_attributes.c - writable attributes in /sys: authorized, disable, bind, unbind. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -58,8 +58,8 @@ static int write_text(struct sim_handle *h, const uint8_t *data, size_t bytes)
     return err ? err : (int)bytes;
 }
 
-/** What libc's own streams wrote went past the preload library and lies in the socket. */
-static int take_late(struct sim_handle *h)
+/** Data written by libc's streams bypasses the preload library and is still in the socket. */
+static int read_late(struct sim_handle *h)
 {
     uint8_t data[256];
     const ssize_t n = recv(h->fd, data, sizeof(data), MSG_DONTWAIT);
@@ -70,12 +70,12 @@ static int take_late(struct sim_handle *h)
 
 static int attribute_write(struct sim_handle *h, struct sim_request *r)
 {
-    return r->bytes > 0 ? write_text(h, r->data, r->bytes) : take_late(h);
+    return r->bytes > 0 ? write_text(h, r->data, r->bytes) : read_late(h);
 }
 
 static void attribute_close(struct sim_handle *h)
 {
-    (void)!take_late(h);
+    (void)!read_late(h);
 }
 
 const struct sim_ops usb_attribute_ops = { .letter = 's', .close = attribute_close, .write = attribute_write };

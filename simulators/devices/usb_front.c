@@ -1,4 +1,4 @@
-/* simulators/devices/usb_front.c - the model of simulators/devices/usb, shown to programs; and its faults. */
+/* simulators/devices/usb_front.c - front end of the USB model, and its faults. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -15,7 +15,7 @@ static void add_node(struct sim_usb_front *front, int device)
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     char path[64];
 
-    /* Its failure is logged; the device is then seen in /sys, but not to be opened. */
+    /* A failure is logged; the device is then visible in /sys, but cannot be opened. */
     snprintf(path, sizeof(path), "/dev/bus/usb/%03d/%03d", d->bus, d->address);
     (void)!sim_node_add(front->server, &front->shown[device].node, path, SST_SIM_USB_MAJOR,
                         (unsigned)((d->bus - 1) * 128 + d->address - 1), &usb_file_ops, &front->shown[device]);
@@ -27,7 +27,7 @@ static void remove_node(struct sim_usb_front *front, int device)
     front->shown[device].node = NULL;
 }
 
-/** The control interface is what the video node hangs at. */
+/** The video node belongs to the control interface. */
 static void camera_bound(struct sim_usb_front *front, int device, int interface, bool bound)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
@@ -72,21 +72,21 @@ static void handle(struct sim_usb_front *front, int device, enum sst_sim_usb_eve
 static void event(void *arg, int device, enum sst_sim_usb_event what, int interface)
 {
     struct sim_usb_front *front = arg;
-    const bool telling = front->telling;
+    const bool in_event = front->in_event;
 
-    front->telling = true;
+    front->in_event = true;
     handle(front, device, what, interface);
-    front->telling = telling;
+    front->in_event = in_event;
 }
 
-/* --- what the array asks and tells -------------------------------------------------------------------------------- */
+/* --- callbacks of the array --------------------------------------------------------------------------------------- */
 
 bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int node)
 {
     const int device = sst_sim_usb_camera(front->usb, cam);
     struct usb_shown *shown = &front->shown[device];
 
-    if (present && !front->telling && !sst_sim_usb_device(front->usb, device)->plugged) {
+    if (present && !front->in_event && !sst_sim_usb_device(front->usb, device)->plugged) {
         sst_sim_usb_plug(front->usb, device, true);
         if (!sst_sim_usb_works(front->usb, device))
             return false;
@@ -98,7 +98,7 @@ bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int
         usb_sysfs_video(front, device, false, shown->video);
         shown->video = -1;
     }
-    if (!present && !front->telling)
+    if (!present && !front->in_event)
         sst_sim_usb_plug(front->usb, device, false);
     return true;
 }
@@ -127,7 +127,7 @@ static int bus_changed(void *arg, int instance, int fault, double value)
     return 0;
 }
 
-/** Hubs as people count them: boxes, by order in the tree. @return the n-th, or -1 */
+/** Hubs counted as physical boxes, in tree order. @return the n-th, or -1 */
 static int hub_device(const struct sst_sim_usb *usb, int n)
 {
     for (int i = 0; i < sst_sim_usb_count(usb); i++) {
@@ -169,7 +169,7 @@ static int add_faults(struct sim_usb_front *front)
     return err < 0 ? err : 0;
 }
 
-/* --- the whole ---------------------------------------------------------------------------------------------------- */
+/* --- open and close ----------------------------------------------------------------------------------------------- */
 
 static void no_layout(const char *layout)
 {
@@ -178,18 +178,18 @@ static void no_layout(const char *layout)
 
     for (int i = 0; sst_sim_usb_layout(i, &name, &help); i++)
         snprintf(names + strlen(names), sizeof(names) - strlen(names), "%s%s", i ? ", " : "", name);
-    sst_log_error("USB layout '%s' is not known or has no room for so many cameras; there are %s", layout, names);
+    sst_log_error("USB layout '%s' is unknown or has too few ports for the cameras; choose %s", layout, names);
 }
 
 static int show_all(struct sim_usb_front *front)
 {
     usb_sysfs_drivers(front);
-    front->telling = true;
+    front->in_event = true;
     for (int i = 0; i < sst_sim_usb_count(front->usb); i++) {
         add_node(front, i);
         usb_sysfs_add(front, i);
     }
-    front->telling = false;
+    front->in_event = false;
     return sim_sysfs_error(front->cfg.sysfs);
 }
 

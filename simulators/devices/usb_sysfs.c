@@ -69,7 +69,7 @@ static int minor_of(const struct sst_sim_usb_device *d)
     return (d->bus - 1) * 128 + d->address - 1;
 }
 
-/* --- what udev knows of a device ---------------------------------------------------------------------------------- */
+/* --- udev's properties of a device -------------------------------------------------------------------------------- */
 
 static void underscores(char *text)
 {
@@ -158,8 +158,8 @@ static void interface_props(const struct sim_usb_front *front, struct sim_props 
                   descriptor[4], descriptor[5], descriptor[6], class[0], class[1], class[2], interface);
 }
 
-/** An event about a device (interface -1) or one of its interfaces. */
-static void tell(struct sim_usb_front *front, int device, int interface, const char *action)
+/** Send an event about a device (interface -1) or one of its interfaces. */
+static void send_event(struct sim_usb_front *front, int device, int interface, const char *action)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     struct sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
@@ -309,7 +309,7 @@ static void add_interface(struct sim_usb_front *front, int device, int interface
         add_port(front, device, port);
 }
 
-/* --- devices come and go ------------------------------------------------------------------------------------------ */
+/* --- adding and removing devices ---------------------------------------------------------------------------------- */
 
 static void add_controller(struct sim_usb_front *front, const struct sst_sim_usb_device *d)
 {
@@ -359,9 +359,9 @@ void usb_sysfs_add(struct sim_usb_front *front, int device)
         link_in(front, port, "device", dir);
         link_in(front, dir, "port", port);
     }
-    tell(front, device, -1, "add");
+    send_event(front, device, -1, "add");
     for (int i = 0; i < d->interfaces; i++)
-        tell(front, device, i, "add");
+        send_event(front, device, i, "add");
 }
 
 void usb_sysfs_remove(struct sim_usb_front *front, int device)
@@ -370,11 +370,11 @@ void usb_sysfs_remove(struct sim_usb_front *front, int device)
     char dir[SST_PATH_MAX], name[96], number[32], port[SST_PATH_MAX];
 
     for (int i = d->interfaces - 1; i >= 0; i--) {
-        tell(front, device, i, "remove");
+        send_event(front, device, i, "remove");
         usb_interface_name(d, i, name, sizeof(name));
         unlink_in(front, "/sys/bus/usb/devices", name);
     }
-    tell(front, device, -1, "remove");
+    send_event(front, device, -1, "remove");
     for (int p = 0; p <= SST_SIM_USB_PORTS; p++) {
         sim_node_remove(front->server, front->shown[device].attribute[p].node);
         front->shown[device].attribute[p].node = NULL;
@@ -399,9 +399,9 @@ void usb_sysfs_bound(struct sim_usb_front *front, int device, int interface)
         return;
     link_driver(front, device, interface);
     interface_uevent(front, device, interface, descriptor);
-    tell(front, device, interface, bound ? "bind" : "unbind");
+    send_event(front, device, interface, bound ? "bind" : "unbind");
     if (interface == d->interfaces - 1 && bound)
-        tell(front, device, -1, "bind");
+        send_event(front, device, -1, "bind");
 }
 
 void usb_sysfs_changed(struct sim_usb_front *front, int device)
@@ -462,7 +462,7 @@ static void video_udev(struct sim_usb_front *front, int device, struct sim_props
     add_path_id(udev, path);
 }
 
-/** The links that udev makes in /dev. */
+/** The links that udev creates in /dev. */
 static void video_links(struct sim_usb_front *front, const struct sim_props *udev, int node)
 {
     char path[256], target[32];

@@ -35,7 +35,7 @@ static const struct sst_sim_usb_device *device_of(const struct usb_file *f)
 
 /* --- transfers ---------------------------------------------------------------------------------------------------- */
 
-/** The oldest that ended goes to the program. @return 0 or -EAGAIN */
+/** Reap the oldest completed transfer. @return 0 or -EAGAIN */
 static int reap(struct usb_file *f, struct sim_request *r)
 {
     for (struct transfer **link = &f->transfers; *link; link = &(*link)->next) {
@@ -53,8 +53,8 @@ static int reap(struct usb_file *f, struct sim_request *r)
     return -EAGAIN;
 }
 
-/** Emptying the socket makes it writable for poll(): see the preload library's part. */
-static void tell_done(struct usb_file *f)
+/** Emptying the socket makes it writable for poll(): see preload/usb.c. */
+static void signal_done(struct usb_file *f)
 {
     char gone[4096];
 
@@ -83,7 +83,7 @@ static int submit(struct usb_file *f, struct sim_request *r)
     length = (size_t)t->t.setup[6] | (size_t)t->t.setup[7] << 8;
     if (t->t.type != USBDEVFS_URB_TYPE_CONTROL && t->t.type != USBDEVFS_URB_TYPE_INTERRUPT) {
         free(t);
-        return -EINVAL; /* pictures come through the video node */
+        return -EINVAL; /* pictures are only available through the video node */
     }
     if (t->t.type == USBDEVFS_URB_TYPE_CONTROL) {
         if (length > sizeof(t->data) || (!(t->t.setup[0] & 0x80) && r->bytes < sizeof(t->t) + length)) {
@@ -99,12 +99,12 @@ static int submit(struct usb_file *f, struct sim_request *r)
         }
     }
     if (t->t.type == USBDEVFS_URB_TYPE_INTERRUPT)
-        return 0; /* there is nothing to report: it waits until it is discarded */
+        return 0; /* no changes to report: it stays pending until discarded */
     n = sst_sim_usb_control(f->shown->front->usb, f->shown->device, t->t.setup, t->data);
     t->t.status = n < 0 ? n : 0;
     t->t.actual = n < 0 ? 0 : n;
     t->done = true;
-    tell_done(f);
+    signal_done(f);
     return 0;
 }
 
@@ -119,14 +119,14 @@ static int discard(struct usb_file *f, const struct sim_request *r)
         if (t->t.user == which.user && !t->done) {
             t->t.status = -ENOENT;
             t->done = true;
-            tell_done(f);
+            signal_done(f);
             return 0;
         }
     }
     return -EINVAL;
 }
 
-/** USBDEVFS_CONTROL: the same at once. */
+/** USBDEVFS_CONTROL: a synchronous control transfer. */
 static int control(struct usb_file *f, struct sim_request *r)
 {
     struct sst_sim_usb_transfer t;
@@ -176,7 +176,7 @@ static int release(struct usb_file *f, unsigned interface)
     return 0;
 }
 
-/** The kernel's driver lets go (-ENODATA: there is none) or comes back: the number of drivers then, 1. */
+/** Disconnect the kernel's driver (-ENODATA: none) or connect it. @return number of drivers */
 static int drive(struct usb_file *f, unsigned interface, bool on)
 {
     int err;
@@ -225,7 +225,7 @@ static int get_driver(const struct usb_file *f, struct sim_request *r)
 
 /* --- about the device --------------------------------------------------------------------------------------------- */
 
-static int give(struct sim_request *r, const void *data, size_t bytes)
+static int reply(struct sim_request *r, const void *data, size_t bytes)
 {
     memcpy(r->data, data, bytes);
     r->out_bytes = (uint32_t)bytes;
@@ -249,7 +249,7 @@ static int connection(const struct usb_file *f, struct sim_request *r)
         c.ports[c.num_ports++] = (uint8_t)atoi(p + 1);
         p = strchr(p + 1, '.');
     }
-    return give(r, &c, _IOC_SIZE(r->call.cmd) < sizeof(c) ? _IOC_SIZE(r->call.cmd) : sizeof(c));
+    return reply(r, &c, _IOC_SIZE(r->call.cmd) < sizeof(c) ? _IOC_SIZE(r->call.cmd) : sizeof(c));
 }
 
 static int set_interface(struct usb_file *f, const struct usbdevfs_setinterface *s)
@@ -315,9 +315,9 @@ static int file_ioctl(struct sim_handle *h, struct sim_request *r)
     case (uint32_t)USBDEVFS_REAPURBNDELAY:
         return reap_or_wait(f, r);
     case (uint32_t)USBDEVFS_GET_CAPABILITIES:
-        return give(r, &capabilities, sizeof(capabilities));
+        return reply(r, &capabilities, sizeof(capabilities));
     case (uint32_t)USBDEVFS_CONNECTINFO:
-        return give(r, &info, sizeof(info));
+        return reply(r, &info, sizeof(info));
     case (uint32_t)USBDEVFS_GET_SPEED:
         return speed_of(d);
     case (uint32_t)USBDEVFS_GETDRIVER:
@@ -369,7 +369,7 @@ static int file_read(struct sim_handle *h, struct sim_request *r)
     return (int)count;
 }
 
-/** To a place from the start or from here; the end is none of usbfs's. */
+/** Seek from the start or the current position; usbfs does not support SEEK_END. */
 static int file_seek(struct sim_handle *h, struct sim_request *r)
 {
     struct usb_file *f = h->state;
@@ -392,7 +392,7 @@ static int file_open(struct sim_handle *h, struct sim_request *r)
     f->shown = h->device;
     f->handle = h;
     h->state = f;
-    /* A full socket is not writable, which would mean that a transfer ended. */
+    /* Fill the socket: writable would mean that a transfer has completed. */
     while (send(r->out_fd, filler, sizeof(filler), MSG_DONTWAIT | MSG_NOSIGNAL) > 0)
         ;
     return 0;

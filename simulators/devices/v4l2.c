@@ -1,4 +1,4 @@
-/* A camera's device file: open, close, and which part answers an ioctl. */
+/* A camera's device file: open, close, dispatch of ioctls. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -38,7 +38,7 @@ static void cam_close(struct sim_handle *h)
         }
     if (cam->queue.owner == o)
         sim_cam_queue_free(cam);
-    /* It may have given its buffers up before. */
+    /* It may have released its buffers before. */
     if (!cam->queue.owner)
         sim_array_rung(cam->array, cam->index, SST_SIM_REOPEN);
     free(o);
@@ -88,7 +88,7 @@ static int set_priority(struct sim_open *o, uint32_t priority)
     return 0;
 }
 
-/* Ioctls that a file of lower priority than another may not do. */
+/* Ioctls that are denied to a file of lower priority than another. */
 static bool needs_priority(uint32_t request)
 {
     switch (request) {
@@ -110,7 +110,7 @@ static bool needs_priority(uint32_t request)
 
 /* --- ioctls ------------------------------------------------------------------------------------------------------- */
 
-/* @return 0 or an errno; *bytes of the argument go back */
+/* @return 0 or an errno; *bytes of the argument are returned */
 static int common_ioctl(struct sim_open *o, struct sim_request *r, uint32_t *bytes)
 {
     uint32_t number;
@@ -173,7 +173,7 @@ static int cam_ioctl(struct sim_handle *h, struct sim_request *r)
         result = sim_cam_controls_ioctl(cam, o, r);
     if (result == -ENOTTY)
         result = sim_cam_queue_ioctl(cam, o, r);
-    /* Nothing goes back that the request does not take. */
+    /* Return nothing for a request without output. */
     if (!(_IOC_DIR(r->call.cmd) & _IOC_READ))
         r->out_bytes = 0;
     return result;

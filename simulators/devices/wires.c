@@ -1,4 +1,4 @@
-/* simulators/devices/wires.c - edges to cameras, cameras to the bus, poses to exposures. */
+/* simulators/devices/wires.c - connects trigger edges, cameras, the bus and the rig. */
 #include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
@@ -9,7 +9,7 @@
 #include "base/log.h"
 
 #define TRIGGERS_MAX     16
-#define UVC_HEADER_BYTES 12 /* before the picture in each packet */
+#define UVC_HEADER_BYTES 12 /* header before the picture in each packet */
 
 struct sim_wires {
     struct sim_wires_config cfg;
@@ -30,7 +30,7 @@ static void works(void *arg, int cam, bool works_now)
     const int err = w->array ? sim_array_plug(w->array, cam, works_now) : 0;
 
     if (err)
-        sst_log_error("camera %d: no video node: %s", cam, strerror(-err));
+        sst_log_error("camera %d: cannot create its video node: %s", cam, strerror(-err));
 }
 
 static void rung(void *arg, int cam, enum sst_sim_usb_event event)
@@ -46,7 +46,7 @@ static void rung(void *arg, int cam, enum sst_sim_usb_event event)
 
 /* --- cameras to bus ----------------------------------------------------------------------------------------------- */
 
-/** What the stream needs; 0: as much as there is, as cameras claim for compressed pictures. */
+/** Bandwidth of a stream; 0: as much as possible, as cameras request for compressed pictures. */
 static int64_t bytes_per_second(uint32_t fourcc, int width, int height, double rate_hz)
 {
     const int per_pixel = fourcc == V4L2_PIX_FMT_YUYV || fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1;
@@ -63,7 +63,7 @@ static int reserve(void *arg, int cam, uint32_t fourcc, int width, int height, d
     const int device = sst_sim_usb_camera(usb, cam);
     int err = sst_sim_usb_stream(usb, device, bytes_per_second(fourcc, width, height, rate_hz));
 
-    /* A camera asks for no more than its largest setting; its pictures then take longer. */
+    /* A camera requests at most its largest setting; its frames then take longer. */
     if (err == -EIO)
         err = sst_sim_usb_stream(usb, device, 0);
     return err;
@@ -82,7 +82,7 @@ static void plugged(void *arg, int cam, bool present, int node)
     struct sim_wires *w = arg;
 
     if (!sim_usb_front_video(w->usb, cam, present, node))
-        (void)!sim_array_plug(w->array, cam, false); /* leaving cannot fail */
+        (void)!sim_array_plug(w->array, cam, false); /* unplugging cannot fail */
 }
 
 static void swapped(void *arg, int cam, int body)
@@ -115,7 +115,7 @@ static void pose(void *arg, int64_t t_ns, int32_t pose_um[3])
     sim_rig_pose(w->rig, t_ns, pose_um);
 }
 
-/* --- the whole ---------------------------------------------------------------------------------------------------- */
+/* --- open and close ----------------------------------------------------------------------------------------------- */
 
 int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
 {

@@ -167,7 +167,7 @@ int sim_drives_fault(struct sim_drives *bus, const char *name, const char *value
         ok = set_axis_fault(bus, name, value);
     } else {
         snprintf(error, error_size,
-                 "the rig has no fault %.40s; there are exception, late_ms, noise, bad_crc, silence, "
+                 "unknown rig fault `%.40s`; choose exception, late_ms, noise, bad_crc, silence, "
                  "wrong_unit, drop_bytes, disconnect, stall, limit, alarm, lost_steps, power_loss, in_position_lies",
                  name);
         return -EINVAL;

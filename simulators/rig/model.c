@@ -1,14 +1,14 @@
-/* Motion is computed in ticks of 1 ms: a trapezoidal profile for the command, the mechanics on top of it. */
+/* Motion is computed in ticks of 1 ms: a trapezoidal profile of the command, and the mechanics that follow it. */
 #include "simulators/rig/rig_internal.h"
 
 #include <math.h>
 
 #define TICK_NS           1000000
 #define TICK_S            1e-3
-#define IDLE_TICKS        300    /* after this long at rest nothing changes any more */
-#define INDEX_UM          2000.0 /* distance of index pulses: the spindle's lead */
-#define RING_HZ           25.0   /* of the frame after an arrival ... */
-#define RING_TAU_S        0.03   /* ... and how fast that dies */
+#define IDLE_TICKS        300    /* after this long at rest the state no longer changes */
+#define INDEX_UM          2000.0 /* distance of index pulses: the screw's lead */
+#define RING_HZ           25.0   /* vibration of the frame after an arrival ... */
+#define RING_TAU_S        0.03   /* ... and its decay time */
 #define RING_PER_ACCEL    2e-5   /* um for each um/s2 of deceleration */
 #define IN_POSITION_TICKS 5
 
@@ -157,7 +157,7 @@ static bool step_profile(struct sim_axis *axis)
 {
     const double left = axis->goal - axis->cmd, dir = left < 0 ? -1 : 1, a = axis->accel, dv = a * TICK_S;
     double v = axis->vel * dir;
-    /* The speed from which the rest suffices to stop, by ticks. */
+    /* The speed from which the remaining distance suffices to stop, in ticks. */
     const double brake = sqrt(2 * a * fabs(left) + dv * dv / 4) - dv / 2;
 
     v = fmin(fmin(v + dv, axis->cruise), fmax(brake, v - dv));
@@ -205,7 +205,7 @@ static void step_homing(struct sim_axis *axis)
     }
 }
 
-/* How far the motion has come, 0..1. */
+/* Progress of the motion, 0..1. */
 static double progress(const struct sim_axis *axis)
 {
     const double way = axis->goal - axis->from;
@@ -251,7 +251,7 @@ static void step_mechanics(struct sim_axis *axis)
     if (axis->mode == POSITIONING &&
         (axis->pressed_low || axis->pressed_high || axis->pos <= axis->low_stop || axis->pos >= axis->high_stop))
         sim_axis_alarm(axis, SST_SIM_ALARM_LIMIT);
-    /* Lost steps go unnoticed: the drive's loop runs on its own count. */
+    /* Lost steps go unnoticed: the drive controls its own count. */
     if (fabs(axis->cmd + axis->lost - axis->pos) > axis->following_limit)
         sim_axis_alarm(axis, SST_SIM_ALARM_FOLLOWING);
     if (axis->mode == IDLE && fabs(axis->cmd + axis->lost - axis->pos) <= axis->window) {
@@ -283,7 +283,7 @@ void sim_axis_advance(struct sim_axis *axis, int64_t t_ns)
     while (axis->t_ns + TICK_NS <= t_ns) {
         const int64_t ticks = (t_ns - axis->t_ns) / TICK_NS;
 
-        /* At rest for long: the trace is that of one position, however long it lasts. */
+        /* At rest for long: the trace holds a single position, however long the rest lasts. */
         if (axis->mode == IDLE && !axis->stuck && axis->settled_ticks == IDLE_TICKS && ticks > SST_SIM_TRACE)
             axis->t_ns += (ticks - SST_SIM_TRACE) * TICK_NS;
         tick(axis);
@@ -306,7 +306,7 @@ double sim_axis_position(struct sim_axis *axis, int64_t t_ns)
     return axis->trace[slot(axis, t_ns)] * (1 - part) + axis->trace[slot(axis, t_ns + TICK_NS)] * part;
 }
 
-/* --- what the drive tells ----------------------------------------------------------------------------------------- */
+/* --- readings ----------------------------------------------------------------------------------------------------- */
 
 uint16_t sim_axis_status(const struct sim_axis *axis)
 {

@@ -80,7 +80,7 @@ static uint32_t join(const uint16_t *r)
     return (uint32_t)r[0] << 16 | r[1];
 }
 
-/* All registers as they shall be; the control word acts last. @return 0 or an exception, nothing changed. */
+/* Apply all registers; the control word takes effect last. @return 0, or an exception with nothing changed */
 static int write_holding(struct sim_axis *a, const uint16_t r[HOLDING_COUNT])
 {
     const uint32_t speed = join(r + 4), accel = join(r + 6), home_speed = join(r + 14);
@@ -130,7 +130,7 @@ static int answer_registers(struct sim_axis *a, int unit, const uint8_t *pdu, ui
     return 0;
 }
 
-/* Coils are the control word's bits, discrete inputs the status word's. */
+/* Coils are the bits of the control word, discrete inputs those of the status word. */
 static int answer_bits(const struct sim_axis *a, const uint8_t *pdu, uint8_t *reply, size_t *n)
 {
     const unsigned first = word(pdu + 1), count = word(pdu + 3);
@@ -175,7 +175,7 @@ static int answer(struct sim_axis *a, int unit, const uint8_t *pdu, size_t size,
 {
     if (size < 5)
         return ILLEGAL_VALUE;
-    memcpy(reply, pdu, 5); /* what a write replies */
+    memcpy(reply, pdu, 5); /* the reply to a write */
     *n = 5;
     switch (pdu[0]) {
     case 1:

@@ -7,17 +7,17 @@
 
 #include "base/base.h"
 
-/* --- model: one servo axis: motion, homing, limits, alarms, and what can go wrong with it. No I/O. --- */
+/* --- model: one servo axis: motion, homing, limits, alarms, faults; no I/O. --- */
 
 #define SST_SIM_AXES  3
-#define SST_SIM_TRACE 8192 /* ticks of 1 ms whose true positions are kept */
+#define SST_SIM_TRACE 8192 /* ticks of 1 ms in the trace of true positions */
 
 /** Status word (docs/rig.md). */
 enum sim_status {
     SST_SIM_READY = 1 << 0, /* no alarm */
     SST_SIM_ENABLED = 1 << 1,
     SST_SIM_MOVING = 1 << 2,      /* a motion is commanded */
-    SST_SIM_IN_POSITION = 1 << 3, /* commanded motion over, deviation inside the window for 5 ms */
+    SST_SIM_IN_POSITION = 1 << 3, /* commanded motion finished, deviation inside the window for 5 ms */
     SST_SIM_HOMED = 1 << 4,
     SST_SIM_HOMING = 1 << 5,
     SST_SIM_ALARM = 1 << 6,
@@ -25,11 +25,11 @@ enum sim_status {
     SST_SIM_LIMIT_HIGH = 1 << 8,
     SST_SIM_HOME_SWITCH = 1 << 9,
     SST_SIM_START_SEEN = 1 << 10, /* follows the start bit of the control word */
-    SST_SIM_SOFT_LIMIT = 1 << 11, /* the last target was cut to the soft limit */
+    SST_SIM_SOFT_LIMIT = 1 << 11, /* the last target was clamped to the soft limit */
 };
 
 /** Control word. */
-enum sst_sim_control {
+enum axis_control {
     SST_SIM_CTL_ENABLE = 1 << 0,
     SST_SIM_CTL_START = 1 << 1, /* rising edge */
     SST_SIM_CTL_HOME = 1 << 2,  /* rising edge */
@@ -47,7 +47,7 @@ enum sim_alarm {
 /** Faults of an axis. A one-shot fault is consumed by the motion or alarm that it caused. */
 struct sim_axis_faults {
     bool stall, limit, lies; /* with the next motion */
-    bool keep;               /* they stay until set off */
+    bool keep;               /* they stay until switched off */
     int lost_steps;          /* counts lost in the next motion */
 };
 
@@ -60,35 +60,35 @@ struct sim_axis {
 
     /* state at t_ns */
     int64_t t_ns;
-    int mode, phase;       /* what moves it; of homing */
+    int mode, phase;       /* mode; phase of homing */
     double cmd, vel;       /* commanded position and speed, mechanical um (0: index pulse) */
     double goal, cruise;   /* of the motion */
-    double from;           /* where the motion began */
+    double from;           /* start of the motion */
     double pos;            /* true mechanical position, um from the index pulse */
     double ring, ring_age; /* amplitude at arrival, um; seconds since */
     double lost;           /* steps that the motor lost, um */
     double zero, offset;   /* mechanical position of the command counter's 0, and of the encoder's */
-    double stuck_at;       /* while stuck */
+    double stuck_at;       /* position while stuck */
     int settled_ticks;
     bool stuck, homed, enabled, pressed_low, pressed_high, soft_hit, start_seen;
     uint16_t alarm;
-    double low_stop, high_stop, switch_at; /* mechanical: limit switches; the home switch is on below this */
+    double low_stop, high_stop, switch_at; /* mechanical positions; the home switch is on below switch_at */
 
     float trace[SST_SIM_TRACE]; /* true position by tick, ring */
-    int64_t first_ns;           /* begin of the trace */
+    int64_t first_ns;           /* start of the trace */
 };
 
-/** Power on at t_ns, at a place that the seed chooses, not homed. */
+/** Power on at t_ns, at a position chosen by the seed, not homed. */
 void sim_axis_init(struct sim_axis *axis, int index, uint64_t seed, int64_t t_ns);
 
-/** Let time pass up to t_ns; earlier times are ignored. */
+/** Advance the simulation to t_ns; earlier times are ignored. */
 void sim_axis_advance(struct sim_axis *axis, int64_t t_ns);
 
-/** True position at a time, um from the index pulse; the latest known for times to come, the oldest for times long
- * past. */
+/** True position at a time, um from the index pulse; the latest known for future times, the oldest for times before
+ *  the trace. */
 double sim_axis_position(struct sim_axis *axis, int64_t t_ns);
 
-/** Write the control word at the time that was advanced to. @return 0 or a Modbus exception: 4 refused, 6 busy. */
+/** Write the control word at the current simulation time. @return 0 or a Modbus exception: 4 refused, 6 busy. */
 int sim_axis_control(struct sim_axis *axis, uint16_t word);
 
 uint16_t sim_axis_status(const struct sim_axis *axis);
@@ -96,14 +96,14 @@ int32_t sim_axis_actual(const struct sim_axis *axis);    /* encoder, counts */
 int32_t sim_axis_commanded(const struct sim_axis *axis); /* counts */
 
 void sim_axis_alarm(struct sim_axis *axis, uint16_t code);
-/** The drive starts anew: not homed, servo off, counters at 0 where it stands. */
+/** Restart the drive: not homed, servo off, counters at 0 at the current position. */
 void sim_axis_power_loss(struct sim_axis *axis);
 
-/* --- wire: the simulated drives' requests and replies, and the faults on their way. No I/O. --- */
+/* --- wire: Modbus requests and replies of the simulated drives, and wire faults; no I/O. --- */
 
 #define SST_SIM_PDU_MAX 253
 
-/** When a fault of the wire strikes: the next `left` replies, or every `every`-th. */
+/** Activation of a wire fault: the next `left` replies, or every `every`-th. */
 struct sim_when {
     int left, every, count;
 };
@@ -119,7 +119,7 @@ struct sim_drives {
     struct sim_wire_faults faults;
 };
 
-/** Does this fault strike the reply that is due now? Counts. */
+/** True if this fault applies to the current reply; counts. */
 bool sim_strikes(struct sim_when *when);
 
 /**
@@ -132,11 +132,10 @@ bool sim_strikes(struct sim_when *when);
 size_t sim_drives_answer(struct sim_drives *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
                          uint8_t reply[SST_SIM_PDU_MAX]);
 
-/** Bytes that the data of a request has on a serial line, by what is there of it: function code first; 0: not yet
- * known. */
+/** Size of a request's PDU on a serial line, from its first bytes, function code first; 0: not yet known. */
 size_t sim_request_size(const uint8_t *pdu, size_t have);
 
-/** As sst_sim_drive_fault() of drive.h. */
+/** As sst_sim_drive_fault(). */
 SST_MUST_CHECK int sim_drives_fault(struct sim_drives *bus, const char *name, const char *value, char *error,
                                     size_t error_size);
 

@@ -1,4 +1,4 @@
-/* One thread serves the drives on a TCP port and on a pseudo-terminal; what goes wrong on the wire goes wrong here. */
+/* One thread serves the drives on a TCP port and on a pseudo-terminal, including the wire faults. */
 #define _GNU_SOURCE
 #include <arpa/inet.h>
 #include <errno.h>
@@ -21,7 +21,7 @@
 
 #define CLIENTS   8
 #define ADU_MAX   600       /* a reply with noise around it */
-#define REPLUG_NS 500000000 /* a serial adapter that was pulled comes back after this */
+#define REPLUG_NS 500000000 /* an unplugged serial adapter is plugged in again after this */
 #define GAP_NS    20000000  /* silence on the serial line that ends a broken request */
 
 /* One connection: TCP client or serial line. Server thread only. */
@@ -30,7 +30,7 @@ struct line {
     bool serial;
     uint8_t in[512], out[ADU_MAX];
     size_t have, out_size;
-    int64_t due_ns, last_ns; /* reply is due; last byte came */
+    int64_t due_ns, last_ns; /* time of the pending reply; time of the last byte */
 };
 
 struct sst_sim_drive {
@@ -95,7 +95,7 @@ static int open_serial(struct sst_sim_drive *d)
     if (d->serial_peer < 0 || tcgetattr(d->serial_peer, &t))
         goto fail;
     cfmakeraw(&t);
-    /* A link that is there already, of an earlier run, is replaced in one step. */
+    /* A link left by an earlier run is replaced atomically. */
     snprintf(fresh, sizeof(fresh), "%s.new", d->rtu_link);
     (void)unlink(fresh);
     if (tcsetattr(d->serial_peer, TCSANOW, &t) || symlink(name, fresh) || rename(fresh, d->rtu_link))
@@ -104,7 +104,7 @@ static int open_serial(struct sst_sim_drive *d)
 
 fail:
     err = -errno;
-    sst_log_error("simulated rig: cannot make the serial line %s: %s", d->rtu_link, strerror(errno));
+    sst_log_error("simulated rig: cannot create the serial line %s: %s", d->rtu_link, strerror(errno));
     return err;
 }
 
@@ -128,7 +128,7 @@ static void drop_line(struct sst_sim_drive *d, struct line *l)
     d->replug_ns = sst_clock_now_ns() + REPLUG_NS;
 }
 
-/* Frame a reply as the faults have it. Under lock. */
+/* Frame a reply with the active faults. Under lock. */
 static void frame_reply_locked(struct sst_sim_drive *d, struct line *l, const uint8_t *request, int unit,
                                const uint8_t *pdu, size_t size)
 {
@@ -181,7 +181,7 @@ static void serve(struct sst_sim_drive *d, struct line *l, const uint8_t *reques
     gone = sim_strikes(&d->bus.faults.disconnect);
     if (!gone)
         n = sim_drives_answer(&d->bus, unit, sst_clock_now_ns(), pdu, size, reply);
-    if (!gone && !n && !l->serial) { /* a gateway says that nobody answers */
+    if (!gone && !n && !l->serial) { /* a gateway reports that the target does not respond */
         reply[0] = pdu[0] | 0x80;
         reply[1] = 11;
         n = 2;
@@ -199,8 +199,8 @@ static void consume(struct line *l, size_t n)
     memmove(l->in, l->in + n, l->have);
 }
 
-/* Take the next whole request, if there is one; one at a time, as a drive does. @return true: one was taken */
-static bool take_tcp(struct sst_sim_drive *d, struct line *l)
+/* Handle the next complete request, if any; one at a time, like a drive. @return true: one was handled */
+static bool handle_tcp(struct sst_sim_drive *d, struct line *l)
 {
     uint8_t request[512];
     size_t n;
@@ -220,12 +220,12 @@ static bool take_tcp(struct sst_sim_drive *d, struct line *l)
     return true;
 }
 
-static bool take_serial(struct sst_sim_drive *d, struct line *l)
+static bool handle_serial(struct sst_sim_drive *d, struct line *l)
 {
     uint8_t request[512];
     size_t n;
 
-    /* What broke off goes when more comes: see receive(). */
+    /* An incomplete request is dropped when more data arrive: see receive(). */
     n = l->have < 2 ? 0 : sim_request_size(l->in + 1, l->have - 1);
     if (!n || l->have < n + 3)
         return false;
@@ -244,7 +244,7 @@ static void send_reply(struct sst_sim_drive *d, struct line *l)
 {
     const ssize_t n = write(l->fd, l->out, l->out_size);
 
-    /* A client that does not read a reply of a few bytes is gone. */
+    /* A client that does not read a reply of a few bytes is disconnected. */
     if (n != (ssize_t)l->out_size && !l->serial)
         drop_line(d, l);
     l->out_size = 0;
@@ -275,7 +275,7 @@ static void work_on(struct sst_sim_drive *d, struct line *l)
             if (sst_clock_now_ns() < l->due_ns)
                 return;
             send_reply(d, l);
-        } else if (!(l->serial ? take_serial(d, l) : take_tcp(d, l))) {
+        } else if (!(l->serial ? handle_serial(d, l) : handle_tcp(d, l))) {
             return;
         }
     }
@@ -338,7 +338,7 @@ static void *serve_all(void *arg)
     }
 }
 
-/* Signals are the program's that uses the drives: none of them ends here unseen. */
+/* All signals are blocked here: they belong to the program that uses the drives. */
 static int start_thread(struct sst_sim_drive *d)
 {
     sigset_t all, before;
@@ -424,7 +424,7 @@ void sst_sim_drive_pose(struct sst_sim_drive *d, int64_t t_ns, int32_t pose_um[3
 
     pthread_mutex_lock(&d->lock);
     for (int i = 0; i < SST_SIM_AXES; i++) {
-        /* What is yet to come can be commanded otherwise until then: only what has been is computed. */
+        /* Advance only to the present: future motion can still change by a command. */
         sim_axis_advance(&d->bus.axis[i], now);
         pose_um[i] = (int32_t)(sim_axis_position(&d->bus.axis[i], t_ns < now ? t_ns : now) + 100000.5) - 100000;
     }

@@ -1,32 +1,33 @@
 /* People, built from ellipsoids on a skeleton. Lengths are mm of a person 1750 mm tall. */
-#include "simulators/scene/world.h"
+#include "simulators/scene/scene_internal.h"
 
 struct body {
-    struct sst_world *w;
-    const struct sst_figure *f;
+    struct sst_scene_world *w;
+    const struct figure *f;
     struct sst_vec3 right, forward; /* of the person, in the world */
 };
 
-/* A point `right` of the person's middle, `up` from the ground and `forward`. */
+/* A point at `right` of the person's centre, `up` from the ground and `forward`. */
 static struct sst_vec3 point(const struct body *b, double right, double up, double forward)
 {
-    struct sst_vec3 p = sst_add(sst_mul(b->right, right), sst_mul(b->forward, forward));
+    struct sst_vec3 p = vec3_add(vec3_mul(b->right, right), vec3_mul(b->forward, forward));
 
     p.y -= up;
-    return sst_add(b->f->base, sst_mul(p, b->f->scale));
+    return vec3_add(b->f->base, vec3_mul(p, b->f->scale));
 }
 
-static void limb(const struct body *b, struct sst_vec3 p, struct sst_vec3 q, double radius, struct sst_material mat)
+static void limb(const struct body *b, struct sst_vec3 p, struct sst_vec3 q, double radius,
+                 struct sst_scene_material mat)
 {
-    sst_add_limb(b->w, p, q, radius * b->f->scale, mat);
+    add_limb(b->w, p, q, radius * b->f->scale, mat);
 }
 
 static void bulk(const struct body *b, struct sst_vec3 c, double wide, double tall, double deep,
-                 struct sst_material mat)
+                 struct sst_scene_material mat)
 {
     const double k = b->f->scale;
 
-    sst_add_ellipsoid(b->w, c, sst_mul(b->right, wide * k), sst_v(0, tall * k, 0), sst_mul(b->forward, deep * k), mat);
+    add_ellipsoid(b->w, c, vec3_mul(b->right, wide * k), vec3(0, tall * k, 0), vec3_mul(b->forward, deep * k), mat);
 }
 
 static void add_head(const struct body *b, double up, double forward)
@@ -53,7 +54,7 @@ static void add_arm(const struct body *b, double side, double shoulder_up, doubl
     bulk(b, shoulder, 72, 74, 66, b->f->shirt);
     limb(b, shoulder, elbow, 58, b->f->shirt);
     limb(b, elbow, wrist, 45, b->f->shirt);
-    limb(b, wrist, sst_add(wrist, sst_mul(sst_sub(wrist, elbow), 0.3)), 34, b->f->skin);
+    limb(b, wrist, vec3_add(wrist, vec3_mul(vec3_sub(wrist, elbow), 0.3)), 34, b->f->skin);
 }
 
 static void add_leg(const struct body *b, double side, double swing)
@@ -68,20 +69,20 @@ static void add_leg(const struct body *b, double side, double swing)
     const struct sst_vec3 ankle = point(b, side * spread, a_up, a_fwd);
 
     limb(b, hip, knee, 86, b->f->trousers);
-    limb(b, hip, sst_add(hip, sst_mul(sst_sub(knee, hip), 0.45)), 104, b->f->trousers);
-    limb(b, sst_add(hip, sst_mul(sst_sub(knee, hip), 0.75)), sst_add(knee, sst_mul(sst_sub(ankle, knee), 0.55)), 74,
-         b->f->trousers);
+    limb(b, hip, vec3_add(hip, vec3_mul(vec3_sub(knee, hip), 0.45)), 104, b->f->trousers);
+    limb(b, vec3_add(hip, vec3_mul(vec3_sub(knee, hip), 0.75)), vec3_add(knee, vec3_mul(vec3_sub(ankle, knee), 0.55)),
+         74, b->f->trousers);
     limb(b, knee, ankle, 62, b->f->trousers);
     bulk(b, point(b, side * spread, a_up - 45, a_fwd + 60), 50, 46, 135, b->f->shoes);
 }
 
-void sst_add_figure(struct sst_world *w, const struct sst_figure *f)
+void add_figure(struct sst_scene_world *w, const struct figure *f)
 {
     const struct body b = {
         .w = w,
         .f = f,
-        .right = sst_v(-cos(f->yaw), 0, -sin(f->yaw)),
-        .forward = sst_v(sin(f->yaw), 0, -cos(f->yaw)),
+        .right = vec3(-cos(f->yaw), 0, -sin(f->yaw)),
+        .forward = vec3(sin(f->yaw), 0, -cos(f->yaw)),
     };
     const double hips = f->seated ? 540 : 950, shoulders = hips + 465;
 

@@ -1,7 +1,7 @@
 /*
- * Colour is spent on what does not move once a camera, not once a picture: the samples of all fixed opaque surfaces are
- * kept, and for each picture the moving ones are drawn over a copy of them, band by band and only in the columns that
- * they touch. Translucent surfaces blend with what is behind them, so in those columns all of them are drawn again.
+ * Fixed surfaces are coloured once per camera, not once per picture: the samples of all fixed opaque surfaces are kept,
+ * and for each picture the moving ones are drawn over a copy of them, band by band and only in the columns that they
+ * touch. Translucent surfaces blend with what is behind them, so in those columns all of them are drawn again.
  */
 #include <errno.h>
 #include <stdlib.h>
@@ -11,13 +11,13 @@
 #include "base/thread.h"
 #include "simulators/scene/scene_internal.h"
 
-struct sst_layers {
-    struct sst_raster r;   /* its world changes from picture to picture */
-    const bool *moving;    /* [count] */
-    struct sst_seen *seen; /* [count] */
-    struct band fixed;     /* the whole picture before translucent surfaces */
+struct sst_scene_layers {
+    struct sst_scene_raster r;    /* its world changes with each picture */
+    const bool *moving;           /* [count] */
+    struct visible_surface *seen; /* [count] */
+    struct band fixed;            /* the whole picture before translucent surfaces */
     struct band work;
-    struct sst_image picture; /* of all that is fixed */
+    struct sst_image picture; /* of all fixed surfaces */
 };
 
 static bool same_vec(struct sst_vec3 a, struct sst_vec3 b)
@@ -25,18 +25,18 @@ static bool same_vec(struct sst_vec3 a, struct sst_vec3 b)
     return a.x == b.x && a.y == b.y && a.z == b.z;
 }
 
-void sst_world_compare(const struct sst_world *a, const struct sst_world *b, bool *moving)
+void sst_scene_world_compare(const struct sst_scene_world *a, const struct sst_scene_world *b, bool *moving)
 {
     for (int i = 0; i < a->count; i++) {
-        const struct sst_surface *s = &a->surfaces[i], *t = &b->surfaces[i];
+        const struct sst_scene_surface *s = &a->surfaces[i], *t = &b->surfaces[i];
 
         if (!same_vec(s->origin, t->origin) || !same_vec(s->u, t->u) || !same_vec(s->v, t->v) || !same_vec(s->w, t->w))
             moving[i] = true;
     }
 }
 
-/* Columns x0 .. x1-1 of the work band as they are without what moves. */
-static void restore(struct sst_layers *l)
+/* Restore columns x0 .. x1-1 of the work band to the fixed surfaces. */
+static void restore(struct sst_scene_layers *l)
 {
     struct band *to = &l->work;
     const size_t n = (size_t)(to->x1 - to->x0);
@@ -52,7 +52,7 @@ static void restore(struct sst_layers *l)
     }
 }
 
-static void draw_translucent(struct sst_layers *l, bool with_moving)
+static void draw_translucent(struct sst_scene_layers *l, bool with_moving)
 {
     for (int i = 0; i < l->r.world->count; i++) {
         if (l->r.world->surfaces[i].translucent && (with_moving || !l->moving[i]))
@@ -60,8 +60,8 @@ static void draw_translucent(struct sst_layers *l, bool with_moving)
     }
 }
 
-/* The picture of all that is fixed, from its samples. */
-static void finish_fixed(struct sst_layers *l)
+/* The picture of the fixed surfaces, from their samples. */
+static void finish_fixed(struct sst_scene_layers *l)
 {
     struct sst_image *image = l->r.image;
 
@@ -78,10 +78,10 @@ static void finish_fixed(struct sst_layers *l)
     l->r.image = image;
 }
 
-/* Fixed opaque surfaces, in the rows of one band. */
+/* Draw the fixed opaque surfaces in the rows of one band. */
 static int draw_fixed(void *arg, int index, int worker SST_UNUSED)
 {
-    const struct sst_layers *l = arg;
+    const struct sst_scene_layers *l = arg;
     struct band b = l->fixed;
 
     b.y0 = index * SST_BAND_ROWS;
@@ -94,9 +94,10 @@ static int draw_fixed(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const bool *moving, int threads)
+int sst_scene_layers_create(struct sst_scene_layers **out, const struct sst_scene_raster *r, const bool *moving,
+                            int threads)
 {
-    struct sst_layers *l = calloc(1, sizeof(*l));
+    struct sst_scene_layers *l = calloc(1, sizeof(*l));
     int err = -ENOMEM;
 
     if (!l)
@@ -106,7 +107,7 @@ int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const
     l->seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*l->seen));
     if (!l->seen || (err = band_init(&l->fixed, &l->r, r->height)) ||
         (err = band_init(&l->work, &l->r, SST_BAND_ROWS)) || (err = sst_image_init(&l->picture, r->width, r->height))) {
-        sst_layers_destroy(l);
+        sst_scene_layers_destroy(l);
         return err;
     }
     l->fixed.seen = l->work.seen = l->seen;
@@ -115,7 +116,7 @@ int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const
     band_clear(&l->fixed);
     err = sst_parallel_for((r->height + SST_BAND_ROWS - 1) / SST_BAND_ROWS, threads, draw_fixed, l);
     if (err) {
-        sst_layers_destroy(l);
+        sst_scene_layers_destroy(l);
         return err;
     }
     finish_fixed(l);
@@ -123,7 +124,7 @@ int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const
     return 0;
 }
 
-void sst_layers_destroy(struct sst_layers *l)
+void sst_scene_layers_destroy(struct sst_scene_layers *l)
 {
     if (!l)
         return;
@@ -135,14 +136,14 @@ void sst_layers_destroy(struct sst_layers *l)
 }
 
 /* Columns of the band that moving surfaces may touch. */
-static void find_columns(struct sst_layers *l)
+static void find_columns(struct sst_scene_layers *l)
 {
     struct band *b = &l->work;
 
     b->x0 = l->r.width;
     b->x1 = 0;
     for (int i = 0; i < l->r.world->count; i++) {
-        const struct sst_seen *g = &l->seen[i];
+        const struct visible_surface *g = &l->seen[i];
 
         if (!l->moving[i] || g->x0 >= g->x1 || g->y0 >= b->y0 + b->rows || g->y1 <= b->y0)
             continue;
@@ -151,7 +152,7 @@ static void find_columns(struct sst_layers *l)
     }
 }
 
-static void draw_band(struct sst_layers *l)
+static void draw_band(struct sst_scene_layers *l)
 {
     for (int c = 0; c < 3; c++) {
         for (int y = l->work.y0; y < l->work.y0 + l->work.rows; y++)
@@ -170,7 +171,7 @@ static void draw_band(struct sst_layers *l)
     band_store(&l->work);
 }
 
-void sst_layers_draw(struct sst_layers *l, const struct sst_world *world, int y0, int y1)
+void sst_scene_layers_draw(struct sst_scene_layers *l, const struct sst_scene_world *world, int y0, int y1)
 {
     l->r.world = world;
     for (int i = 0; i < world->count; i++) {

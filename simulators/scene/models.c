@@ -2,73 +2,74 @@
 #include "simulators/scene/scene_internal.h"
 
 struct model {
-    struct sst_world *w;
+    struct sst_scene_world *w;
     struct sst_vec3 base, front, left;
     double scale;
 };
 
-static struct model model_at(struct sst_world *w, struct stand at)
+static struct model model_at(struct sst_scene_world *w, struct stand at)
 {
     return (struct model){ .w = w,
                            .base = at.base,
-                           .front = sst_v(cos(at.yaw), 0, -sin(at.yaw)),
-                           .left = sst_v(sin(at.yaw), 0, cos(at.yaw)),
+                           .front = vec3(cos(at.yaw), 0, -sin(at.yaw)),
+                           .left = vec3(sin(at.yaw), 0, cos(at.yaw)),
                            .scale = at.scale };
 }
 
 static struct sst_vec3 at(const struct model *m, double x, double y, double z)
 {
-    struct sst_vec3 p = sst_add(sst_mul(m->front, x), sst_mul(m->left, z));
+    struct sst_vec3 p = vec3_add(vec3_mul(m->front, x), vec3_mul(m->left, z));
 
     p.y -= y;
-    return sst_add(m->base, sst_mul(p, m->scale));
+    return vec3_add(m->base, vec3_mul(p, m->scale));
 }
 
-static struct sst_surface *ball(const struct model *m, struct sst_vec3 c, double rx, double ry, double rz,
-                                struct sst_material mat)
+static struct sst_scene_surface *ball(const struct model *m, struct sst_vec3 c, double rx, double ry, double rz,
+                                      struct sst_scene_material mat)
 {
     const double k = m->scale;
 
-    return sst_add_ellipsoid(m->w, c, sst_mul(m->front, rx * k), sst_v(0, ry * k, 0), sst_mul(m->left, rz * k), mat);
+    return add_ellipsoid(m->w, c, vec3_mul(m->front, rx * k), vec3(0, ry * k, 0), vec3_mul(m->left, rz * k), mat);
 }
 
-static void limb(const struct model *m, struct sst_vec3 p, struct sst_vec3 q, double r, struct sst_material mat)
+static void limb(const struct model *m, struct sst_vec3 p, struct sst_vec3 q, double r, struct sst_scene_material mat)
 {
-    sst_add_limb(m->w, p, q, r * m->scale, mat);
+    add_limb(m->w, p, q, r * m->scale, mat);
 }
 
-static void bar(const struct model *m, struct sst_vec3 p, struct sst_vec3 q, double half, struct sst_material mat)
+static void bar(const struct model *m, struct sst_vec3 p, struct sst_vec3 q, double half, struct sst_scene_material mat)
 {
-    sst_add_bar(m->w, p, q, half * m->scale, mat);
+    add_bar(m->w, p, q, half * m->scale, mat);
 }
 
-static void box(const struct model *m, struct sst_vec3 c, double hx, double hy, double hz, struct sst_material mat)
+static void box(const struct model *m, struct sst_vec3 c, double hx, double hy, double hz,
+                struct sst_scene_material mat)
 {
     const double k = m->scale;
 
-    /* Seen from the front left or right side alike: the first axis runs along the picture. */
-    sst_add_box(m->w, c, sst_mul(m->front, hx * k), sst_v(0, hy * k, 0), sst_mul(m->left, hz * k), mat);
+    /* The same from the left or right: the first axis runs along the picture. */
+    add_box(m->w, c, vec3_mul(m->front, hx * k), vec3(0, hy * k, 0), vec3_mul(m->left, hz * k), mat);
 }
 
 /* tyre: inner radius of the tyre around a disc, of the outer one; 0: thin rim with spokes. */
 static void wheel(const struct model *m, struct sst_vec3 c, double radius, double tyre)
 {
-    struct sst_material rubber = sst_mat(sst_paint_wheel, 0x1d1d20, 0xa9adb3, 60 * m->scale);
-    struct sst_surface *s;
+    struct sst_scene_material rubber = material(paint_wheel, 0x1d1d20, 0xa9adb3, 60 * m->scale);
+    struct sst_scene_surface *s;
 
-    s = sst_add_patch(m->w, c, sst_mul(m->front, radius * m->scale), sst_v(0, radius * m->scale, 0), rubber);
-    s->mask = sst_mask_wheel;
+    s = sst_scene_add_patch(m->w, c, vec3_mul(m->front, radius * m->scale), vec3(0, radius * m->scale, 0), rubber);
+    s->mask = mask_wheel;
     s->outline = tyre;
 }
 
-/* --- animals ----------------------------------------------------------------------------------------------------- */
+/* --- animals ------------------------------------------------------------------------------------------------------ */
 
-void add_horse(struct sst_world *w, struct stand stand)
+void add_horse(struct sst_scene_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
-    const struct sst_material coat = sst_mat(sst_paint_fur, 0x6e4326, 0xa66c40, 160 * m.scale);
-    const struct sst_material mane = sst_mat(sst_paint_fur, 0x1f1510, 0x4b3526, 120 * m.scale);
-    const struct sst_material white = sst_mat(sst_paint_fbm, 0xcfc6b8, 0xf0ebe2, 120 * m.scale);
+    const struct sst_scene_material coat = material(paint_fur, 0x6e4326, 0xa66c40, 160 * m.scale);
+    const struct sst_scene_material mane = material(paint_fur, 0x1f1510, 0x4b3526, 120 * m.scale);
+    const struct sst_scene_material white = material(sst_scene_paint_fbm, 0xcfc6b8, 0xf0ebe2, 120 * m.scale);
 
     limb(&m, at(&m, -430, 1190, 0), at(&m, 420, 1190, 0), 270, coat);
     ball(&m, at(&m, -480, 1230, 0), 330, 300, 260, coat);
@@ -92,13 +93,15 @@ void add_horse(struct sst_world *w, struct stand stand)
     }
 }
 
-void add_cat(struct sst_world *w, struct stand stand)
+void add_cat(struct sst_scene_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
-    const struct sst_material coat = { sst_paint_fur, sst_hex(0x9c5a24), sst_hex(0xd89a56), 34 * m.scale, 0.32, NULL };
-    const struct sst_material belly = sst_mat(sst_paint_fur, 0xc9a678, 0xf0dcba, 30 * m.scale);
-    const struct sst_material eye = sst_mat(sst_paint_fbm, 0x2c4a1a, 0x8fb04a, 8 * m.scale);
-    const struct sst_material dark = sst_mat(sst_paint_fbm, 0x18110e, 0x3a2a22, 10 * m.scale);
+    const struct sst_scene_material coat = {
+        paint_fur, rgb_hex(0x9c5a24), rgb_hex(0xd89a56), 34 * m.scale, 0.32, NULL
+    };
+    const struct sst_scene_material belly = material(paint_fur, 0xc9a678, 0xf0dcba, 30 * m.scale);
+    const struct sst_scene_material eye = material(sst_scene_paint_fbm, 0x2c4a1a, 0x8fb04a, 8 * m.scale);
+    const struct sst_scene_material dark = material(sst_scene_paint_fbm, 0x18110e, 0x3a2a22, 10 * m.scale);
 
     limb(&m, at(&m, -130, 175, 0), at(&m, 120, 200, 0), 92, coat);
     ball(&m, at(&m, -140, 150, 0), 125, 130, 95, coat);
@@ -123,14 +126,14 @@ void add_cat(struct sst_world *w, struct stand stand)
     }
 }
 
-void add_hen(struct sst_world *w, struct stand stand)
+void add_hen(struct sst_scene_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
-    const struct sst_material feather = sst_mat(sst_paint_feather, 0x8a4c20, 0xd79a58, 30 * m.scale);
-    const struct sst_material dark = sst_mat(sst_paint_feather, 0x3a2618, 0x8a5a30, 34 * m.scale);
-    const struct sst_material red = sst_mat(sst_paint_fbm, 0xa01c18, 0xd8473a, 12 * m.scale);
-    const struct sst_material horn = sst_mat(sst_paint_fbm, 0xb8862c, 0xe8c060, 12 * m.scale);
-    const struct sst_material eye = sst_mat(sst_paint_fbm, 0x100c0a, 0x3a2a1a, 6 * m.scale);
+    const struct sst_scene_material feather = material(paint_feather, 0x8a4c20, 0xd79a58, 30 * m.scale);
+    const struct sst_scene_material dark = material(paint_feather, 0x3a2618, 0x8a5a30, 34 * m.scale);
+    const struct sst_scene_material red = material(sst_scene_paint_fbm, 0xa01c18, 0xd8473a, 12 * m.scale);
+    const struct sst_scene_material horn = material(sst_scene_paint_fbm, 0xb8862c, 0xe8c060, 12 * m.scale);
+    const struct sst_scene_material eye = material(sst_scene_paint_fbm, 0x100c0a, 0x3a2a1a, 6 * m.scale);
 
     ball(&m, at(&m, 0, 205, 0), 165, 118, 98, feather);
     ball(&m, at(&m, 85, 235, 0), 95, 112, 82, feather);
@@ -151,17 +154,17 @@ void add_hen(struct sst_world *w, struct stand stand)
     }
 }
 
-/* --- vehicles ---------------------------------------------------------------------------------------------------- */
+/* --- vehicles ----------------------------------------------------------------------------------------------------- */
 
-void add_bicycle(struct sst_world *w, struct stand stand)
+void add_bicycle(struct sst_scene_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
-    const struct sst_material frame = sst_mat(sst_paint_fbm, 0x0f5f6b, 0x3fa6a8, 60 * m.scale);
-    const struct sst_material black = sst_mat(sst_paint_fbm, 0x18181b, 0x4a4a50, 40 * m.scale);
-    const struct sst_material steel = sst_mat(sst_paint_fbm, 0x84888e, 0xd0d4da, 40 * m.scale);
+    const struct sst_scene_material frame = material(sst_scene_paint_fbm, 0x0f5f6b, 0x3fa6a8, 60 * m.scale);
+    const struct sst_scene_material black = material(sst_scene_paint_fbm, 0x18181b, 0x4a4a50, 40 * m.scale);
+    const struct sst_scene_material steel = material(sst_scene_paint_fbm, 0x84888e, 0xd0d4da, 40 * m.scale);
     const struct sst_vec3 rear = at(&m, -520, 345, 0), front = at(&m, 540, 345, 0), crank = at(&m, -60, 300, 0);
     const struct sst_vec3 seat = at(&m, -195, 830, 0), head = at(&m, 370, 880, 0), low = at(&m, 400, 740, 0);
-    struct sst_surface *ring;
+    struct sst_scene_surface *ring;
 
     wheel(&m, rear, 345, 0);
     wheel(&m, front, 345, 0);
@@ -181,17 +184,18 @@ void add_bicycle(struct sst_world *w, struct stand stand)
         limb(&m, crank, at(&m, -60 + side * 150, 300 - side * 80, side * 60), 15, steel);
         ball(&m, at(&m, -60 + side * 160, 300 - side * 85, side * 90), 55, 14, 40, black);
     }
-    ring = sst_add_patch(w, at(&m, -60, 300, -30), sst_mul(m.front, 95 * m.scale), sst_v(0, 95 * m.scale, 0), steel);
-    ring->mask = sst_mask_disc;
+    ring =
+        sst_scene_add_patch(w, at(&m, -60, 300, -30), vec3_mul(m.front, 95 * m.scale), vec3(0, 95 * m.scale, 0), steel);
+    ring->mask = mask_disc;
 }
 
-void add_motorcycle(struct sst_world *w, struct stand stand)
+void add_motorcycle(struct sst_scene_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
-    const struct sst_material red = sst_mat(sst_paint_fbm, 0x8e1414, 0xd6402e, 260 * m.scale);
-    const struct sst_material black = sst_mat(sst_paint_fbm, 0x17171a, 0x4c4c52, 90 * m.scale);
-    const struct sst_material steel = sst_mat(sst_paint_fbm, 0x70757c, 0xd4d8de, 90 * m.scale);
-    const struct sst_material cream = sst_mat(sst_paint_fbm, 0xcfc4a0, 0xf2ead0, 120 * m.scale);
+    const struct sst_scene_material red = material(sst_scene_paint_fbm, 0x8e1414, 0xd6402e, 260 * m.scale);
+    const struct sst_scene_material black = material(sst_scene_paint_fbm, 0x17171a, 0x4c4c52, 90 * m.scale);
+    const struct sst_scene_material steel = material(sst_scene_paint_fbm, 0x70757c, 0xd4d8de, 90 * m.scale);
+    const struct sst_scene_material cream = material(sst_scene_paint_fbm, 0xcfc4a0, 0xf2ead0, 120 * m.scale);
 
     wheel(&m, at(&m, -700, 310, 0), 310, 0.68);
     wheel(&m, at(&m, 760, 310, 0), 310, 0.68);
@@ -219,7 +223,7 @@ void add_motorcycle(struct sst_world *w, struct stand stand)
 
 static void add_humvee_wheels(const struct model *m)
 {
-    const struct sst_material rubber = sst_mat(sst_paint_fbm, 0x161616, 0x444240, 120 * m->scale);
+    const struct sst_scene_material rubber = material(sst_scene_paint_fbm, 0x161616, 0x444240, 120 * m->scale);
 
     for (int i = 0; i < 4; i++) {
         const double x = i & 2 ? 1500 : -1500, z = i & 1 ? 900 : -900;
@@ -229,12 +233,12 @@ static void add_humvee_wheels(const struct model *m)
     }
 }
 
-void add_humvee(struct sst_world *w, struct stand stand)
+void add_humvee(struct sst_scene_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
-    const struct sst_material paint = sst_mat(sst_paint_camouflage, 0x8c8458, 0x5a6238, 700 * m.scale);
-    const struct sst_material glass = sst_mat(sst_paint_fbm, 0x1a242c, 0x6f8694, 400 * m.scale);
-    const struct sst_material dark = sst_mat(sst_paint_fbm, 0x222420, 0x55584c, 200 * m.scale);
+    const struct sst_scene_material paint = material(paint_camouflage, 0x8c8458, 0x5a6238, 700 * m.scale);
+    const struct sst_scene_material glass = material(sst_scene_paint_fbm, 0x1a242c, 0x6f8694, 400 * m.scale);
+    const struct sst_scene_material dark = material(sst_scene_paint_fbm, 0x222420, 0x55584c, 200 * m.scale);
 
     add_humvee_wheels(&m);
     box(&m, at(&m, 0, 820, 0), 2250, 260, 1000, paint);
@@ -252,7 +256,7 @@ void add_humvee(struct sst_world *w, struct stand stand)
     box(&m, at(&m, 2300, 600, 0), 60, 70, 950, dark);
     ball(&m, at(&m, 2260, 1010, 620), 70, 110, 110, glass);
     ball(&m, at(&m, 2260, 1010, -620), 70, 110, 110, glass);
-    sst_add_limb(w, at(&m, -300, 1960, 0), at(&m, 900, 2010, 0), 55 * m.scale, dark);
+    add_limb(w, at(&m, -300, 1960, 0), at(&m, 900, 2010, 0), 55 * m.scale, dark);
     box(&m, at(&m, -350, 1850, 0), 350, 60, 350, dark);
-    sst_add_bar(w, at(&m, -2050, 1400, -800), at(&m, -2150, 3000, -800), 16 * m.scale, dark);
+    add_bar(w, at(&m, -2050, 1400, -800), at(&m, -2150, 3000, -800), 16 * m.scale, dark);
 }

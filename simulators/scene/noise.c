@@ -23,7 +23,7 @@ double sst_random_in(uint64_t *state, double lo, double hi)
 
 struct sst_vec3 sst_random_vec(uint64_t *state, double half)
 {
-    /* One by one: C leaves the order of calls within an expression open. */
+    /* Separate statements: C does not define the order of calls within an expression. */
     const double x = sst_random_in(state, -half, half), y = sst_random_in(state, -half, half);
     const double z = sst_random_in(state, -half, half);
 
@@ -39,7 +39,7 @@ static inline uint32_t mix(uint32_t h)
     return h ^ (h >> 15);
 }
 
-uint32_t sst_hash(int32_t x, int32_t y, int32_t z, uint32_t seed)
+uint32_t sst_noise_hash(int32_t x, int32_t y, int32_t z, uint32_t seed)
 {
     return mix((uint32_t)x * 0x9E3779B1u + (uint32_t)y * 0x85EBCA77u + (uint32_t)z * 0xC2B2AE3Du + seed * 0x27D4EB2Fu);
 }
@@ -47,7 +47,7 @@ uint32_t sst_hash(int32_t x, int32_t y, int32_t z, uint32_t seed)
 /* 24 bits fit a float exactly. */
 static inline float corner(int32_t x, int32_t y, int32_t z, uint32_t seed)
 {
-    return (float)(sst_hash(x, y, z, seed) >> 8) * 0x1p-24f;
+    return (float)(sst_noise_hash(x, y, z, seed) >> 8) * 0x1p-24f;
 }
 
 static inline float smooth(float t)
@@ -76,7 +76,7 @@ float sst_noise(struct sst_vec3 p, uint32_t seed)
     return front + (plane(x, y, z + 1, u, v, seed) - front) * smooth((float)(p.z - fz));
 }
 
-float sst_fbm(struct sst_vec3 p, int octaves, uint32_t seed)
+float sst_noise_fbm(struct sst_vec3 p, int octaves, uint32_t seed)
 {
     float sum = 0, weight = 1, total = 0;
 

@@ -1,177 +1,179 @@
 /* The scenes "bush" and "pedestrian". */
 #include "pipeline/image/classes.h"
-#include "simulators/scene/world.h"
+#include "simulators/scene/scene_internal.h"
 
-/* --- bush: a man on a sofa before a house, behind dense leaves --------------------------------------------------- */
+/* --- bush: a man on a sofa before a house, behind dense leaves ---------------------------------------------------- */
 
-static void add_sofa(struct sst_world *w, struct sst_vec3 base)
+static void add_sofa(struct sst_scene_world *w, struct sst_vec3 base)
 {
-    const struct sst_material cloth = { sst_paint_cloth, sst_hex(0x8d3b34), sst_hex(0xa9584a), 28, 3, NULL };
-    const struct sst_material pillow = { sst_paint_cloth, sst_hex(0xc9b98a), sst_hex(0x3e5a74), 70, 0, NULL };
+    const struct sst_scene_material cloth = { paint_cloth, rgb_hex(0x8d3b34), rgb_hex(0xa9584a), 28, 3, NULL };
+    const struct sst_scene_material pillow = { paint_cloth, rgb_hex(0xc9b98a), rgb_hex(0x3e5a74), 70, 0, NULL };
 
-    sst_begin(w, SST_LABEL_FURNITURE, 0);
-    sst_add_box(w, sst_add(base, sst_v(0, -215, -40)), sst_v(880, 0, 0), sst_v(0, 215, 0), sst_v(0, 0, 340), cloth);
-    sst_add_box(w, sst_add(base, sst_v(0, -450, 230)), sst_v(960, 0, 0), sst_v(0, 450, 0), sst_v(0, 0, 130), cloth);
+    sst_scene_begin(w, SST_LABEL_FURNITURE, 0);
+    add_box(w, vec3_add(base, vec3(0, -215, -40)), vec3(880, 0, 0), vec3(0, 215, 0), vec3(0, 0, 340), cloth);
+    add_box(w, vec3_add(base, vec3(0, -450, 230)), vec3(960, 0, 0), vec3(0, 450, 0), vec3(0, 0, 130), cloth);
     for (int side = -1; side <= 1; side += 2) {
-        sst_add_box(w, sst_add(base, sst_v(side * 940, -300, -20)), sst_v(110, 0, 0), sst_v(0, 300, 0),
-                    sst_v(0, 0, 370), cloth);
-        sst_add_limb(w, sst_add(base, sst_v(side * 940, -600, -380)), sst_add(base, sst_v(side * 940, -600, 330)), 125,
-                     cloth);
-        sst_add_ball(w, sst_add(base, sst_v(side * 560, -640, 60)), 260, 225, 100, pillow);
-        sst_add_ball(w, sst_add(base, sst_v(side * 430, -430, -60)), 440, 70, 300, cloth);
+        add_box(w, vec3_add(base, vec3(side * 940, -300, -20)), vec3(110, 0, 0), vec3(0, 300, 0), vec3(0, 0, 370),
+                cloth);
+        add_limb(w, vec3_add(base, vec3(side * 940, -600, -380)), vec3_add(base, vec3(side * 940, -600, 330)), 125,
+                 cloth);
+        add_ball(w, vec3_add(base, vec3(side * 560, -640, 60)), 260, 225, 100, pillow);
+        add_ball(w, vec3_add(base, vec3(side * 430, -430, -60)), 440, 70, 300, cloth);
     }
 }
 
-/* Clothes differ from seed to seed. */
-static struct sst_material shirt(struct sst_world *w, double scale_mm)
+/* Clothes depend on the seed. */
+static struct sst_scene_material shirt(struct sst_scene_world *w, double scale_mm)
 {
     static const unsigned colours[][2] = { { 0x2f5d8c, 0xd8dfe6 }, { 0xb5472f, 0xe0c49a }, { 0x3a6b4a, 0xe6dca8 },
                                            { 0x5a3a78, 0xd8b8d8 }, { 0x3a3a40, 0xc8a050 }, { 0x1f7a80, 0xf0e8d8 } };
     const unsigned *pick = colours[sst_random_u64(&w->rng) % ARRAY_LEN(colours)];
-    struct sst_material m = sst_mat(sst_paint_cloth, pick[0], pick[1], scale_mm);
+    struct sst_scene_material m = material(paint_cloth, pick[0], pick[1], scale_mm);
 
     m.k = sst_random(&w->rng) < 0.5 ? 0 : 1;
     return m;
 }
 
-static void add_sitter(struct sst_world *w, struct sst_vec3 base)
+static void add_sitter(struct sst_scene_world *w, struct sst_vec3 base)
 {
-    const struct sst_material top = shirt(w, 66);
-    const struct sst_figure man = {
+    const struct sst_scene_material top = shirt(w, 66);
+    const struct figure man = {
         .base = base,
         .scale = 1,
         .yaw = sst_random_in(&w->rng, -0.2, 0.2),
         .seated = true,
-        .skin = sst_mat(sst_paint_fbm, 0xc08a68, 0xdcab88, 60),
-        .face = sst_mat(sst_paint_face, 0xd6a280, 0x3a281c, 40),
+        .skin = material(sst_scene_paint_fbm, 0xc08a68, 0xdcab88, 60),
+        .face = material(paint_face, 0xd6a280, 0x3a281c, 40),
         .shirt = top,
-        .trousers = { sst_paint_cloth, sst_hex(0x4a4436), sst_hex(0x7d745e), 30, 2, NULL },
-        .shoes = sst_mat(sst_paint_fbm, 0x1e1a18, 0x4c4038, 40),
+        .trousers = { paint_cloth, rgb_hex(0x4a4436), rgb_hex(0x7d745e), 30, 2, NULL },
+        .shoes = material(sst_scene_paint_fbm, 0x1e1a18, 0x4c4038, 40),
     };
 
-    sst_begin(w, SST_LABEL_PEDESTRIAN, 0);
-    sst_add_figure(w, &man);
+    sst_scene_begin(w, SST_LABEL_PEDESTRIAN, 0);
+    add_figure(w, &man);
 }
 
-void sst_build_bush(struct sst_world *w)
+void build_bush(struct sst_scene_world *w)
 {
-    const struct sst_material house = { sst_paint_facade, sst_hex(0xb07a58), sst_hex(0xddd6c4), 240, 11, NULL };
+    const struct sst_scene_material house = { paint_facade, rgb_hex(0xb07a58), rgb_hex(0xddd6c4), 240, 11, NULL };
     const double all_x[2] = { -780, 780 }, all_y[2] = { -560, 620 }, low_y[2] = { 260, 640 }, disp[2] = { 48, 72 };
     struct sst_vec3 base, wall;
     unsigned bush;
 
     w->focal = 3200;
     w->spacing_mm = 80;
-    bush = sst_world_occluder(w, "bush", SST_LABEL_TREE, SST_LABEL_PEDESTRIAN);
-    base = sst_world_at(w, sst_random_in(&w->rng, -25, 45), 235, 26);
-    wall = sst_add(base, sst_v(150, -2900, 400));
-    sst_begin(w, SST_LABEL_BUILDING, 0);
-    sst_add_patch(w, wall, sst_v(30000, 0, 0), sst_v(0, 2900, 0), house);
-    sst_begin(w, SST_LABEL_PAVEMENT, 0);
-    sst_add_floor(w, base.y, 300, wall.z, sst_mat(sst_paint_slabs, 0x8d8678, 0xb9b2a2, 420));
-    sst_add_shadow(w, base.x, base.y, base.z - 60, 1150, 620);
+    bush = world_occluder(w, "bush", SST_LABEL_TREE, SST_LABEL_PEDESTRIAN);
+    base = world_at(w, sst_random_in(&w->rng, -25, 45), 235, 26);
+    wall = vec3_add(base, vec3(150, -2900, 400));
+    sst_scene_begin(w, SST_LABEL_BUILDING, 0);
+    sst_scene_add_patch(w, wall, vec3(30000, 0, 0), vec3(0, 2900, 0), house);
+    sst_scene_begin(w, SST_LABEL_PAVEMENT, 0);
+    sst_scene_add_floor(w, base.y, 300, wall.z, material(paint_slabs, 0x8d8678, 0xb9b2a2, 420));
+    add_shadow(w, base.x, base.y, base.z - 60, 1150, 620);
     add_sofa(w, base);
     add_sitter(w, base);
 
-    sst_begin(w, SST_LABEL_TREE, bush);
+    sst_scene_begin(w, SST_LABEL_TREE, bush);
     for (int i = 0; i < 9; i++) {
         const double d = sst_random_in(&w->rng, disp[0], disp[1]), x = -700 + 175 * i;
         const struct sst_vec3 lean = sst_random_vec(&w->rng, 200);
 
-        sst_add_branch(w, sst_world_at(w, x, 700, d), sst_world_at(w, 0.8 * x + lean.x, lean.y - 325, d + 2), 9);
+        add_branch(w, world_at(w, x, 700, d), world_at(w, 0.8 * x + lean.x, lean.y - 325, d + 2), 9);
     }
-    sst_add_foliage(w, 3400, all_x, all_y, disp, 17);
-    sst_add_foliage(w, 400, all_x, low_y, disp, 17);
+    add_foliage(w, 3400, all_x, all_y, disp, 17);
+    add_foliage(w, 400, all_x, low_y, disp, 17);
 }
 
-#define WALK_MM 4600.0 /* length of the path of the walker; he takes WALK_S for it, and a whole number of strides */
+#define WALK_MM 4600.0 /* length of the walker's path, which takes WALK_S and a whole number of strides */
 #define WALK_S  4.0
 #define STRIDES 3
 #define TURN    6.283185307179586
 
-/* --- pedestrian: a walker before a parked van, a house front behind ---------------------------------------------- */
+/* --- pedestrian: a walker before a parked van, a house front behind ----------------------------------------------- */
 
-static void add_wheels(struct sst_world *w, struct sst_vec3 rear, double half_track)
+static void add_wheels(struct sst_scene_world *w, struct sst_vec3 rear, double half_track)
 {
-    const struct sst_material rubber = sst_mat(sst_paint_fbm, 0x17171a, 0x3a3a3e, 60);
+    const struct sst_scene_material rubber = material(sst_scene_paint_fbm, 0x17171a, 0x3a3a3e, 60);
 
     for (int i = 0; i < 4; i++)
-        sst_add_ball(w, sst_add(rear, sst_v(i & 1 ? half_track : -half_track, -310, i & 2 ? 3100 : 650)), 130, 310, 310,
-                     rubber);
+        add_ball(w, vec3_add(rear, vec3(i & 1 ? half_track : -half_track, -310, i & 2 ? 3100 : 650)), 130, 310, 310,
+                 rubber);
 }
 
-/* `rear` is on the road below the middle of the rear bumper. */
-static void add_plate(struct sst_world *w, struct sst_vec3 rear, double up, const char *text)
+/* `rear` is on the road below the centre of the rear bumper. */
+static void add_plate(struct sst_scene_world *w, struct sst_vec3 rear, double up, const char *text)
 {
-    struct sst_material plate = sst_mat(sst_paint_text, 0xf3eecb, 0x15181c, 60);
+    struct sst_scene_material plate = material(paint_text, 0xf3eecb, 0x15181c, 60);
 
     plate.text = text;
-    sst_add_patch(w, sst_add(rear, sst_v(0, -up, -12)), sst_v(310, 0, 0), sst_v(0, 84, 0), plate)->grain = 0.06f;
+    sst_scene_add_patch(w, vec3_add(rear, vec3(0, -up, -12)), vec3(310, 0, 0), vec3(0, 84, 0), plate)->grain = 0.06f;
 }
 
-static void add_van(struct sst_world *w, struct sst_vec3 rear, const char *text)
+static void add_van(struct sst_scene_world *w, struct sst_vec3 rear, const char *text)
 {
-    const struct sst_material paint = sst_mat(sst_paint_fbm, 0xc9cbcc, 0xe9eaea, 300);
-    const struct sst_material dark = sst_mat(sst_paint_fbm, 0x26272a, 0x4a4b4f, 80);
-    struct sst_surface *s;
+    const struct sst_scene_material paint = material(sst_scene_paint_fbm, 0xc9cbcc, 0xe9eaea, 300);
+    const struct sst_scene_material dark = material(sst_scene_paint_fbm, 0x26272a, 0x4a4b4f, 80);
+    struct sst_scene_surface *s;
 
-    sst_add_shadow(w, rear.x, rear.y, rear.z + 1700, 1250, 2300);
-    sst_add_box(w, sst_add(rear, sst_v(0, -1200, 2000)), sst_v(930, 0, 0), sst_v(0, 930, 0), sst_v(0, 0, 1980), paint);
-    s = sst_add_patch(w, sst_add(rear, sst_v(0, -1200, 0)), sst_v(950, 0, 0), sst_v(0, 950, 0),
-                      sst_mat(sst_paint_van, 0xe6e8e8, 0x2d2e31, 100));
-    s->mask = sst_mask_rounded;
+    add_shadow(w, rear.x, rear.y, rear.z + 1700, 1250, 2300);
+    add_box(w, vec3_add(rear, vec3(0, -1200, 2000)), vec3(930, 0, 0), vec3(0, 930, 0), vec3(0, 0, 1980), paint);
+    s = sst_scene_add_patch(w, vec3_add(rear, vec3(0, -1200, 0)), vec3(950, 0, 0), vec3(0, 950, 0),
+                            material(paint_van, 0xe6e8e8, 0x2d2e31, 100));
+    s->mask = mask_rounded;
     s->outline = 0.13;
-    sst_add_box(w, sst_add(rear, sst_v(0, -360, -40)), sst_v(940, 0, 0), sst_v(0, 95, 0), sst_v(0, 0, 60), dark);
+    add_box(w, vec3_add(rear, vec3(0, -360, -40)), vec3(940, 0, 0), vec3(0, 95, 0), vec3(0, 0, 60), dark);
     add_wheels(w, rear, 830);
     add_plate(w, rear, 660, text);
 }
 
-static void add_car(struct sst_world *w, struct sst_vec3 rear, unsigned light, unsigned dark, const char *text)
+static void add_car(struct sst_scene_world *w, struct sst_vec3 rear, unsigned light, unsigned dark, const char *text)
 {
-    const struct sst_material paint = sst_mat(sst_paint_fbm, dark, light, 300);
-    const struct sst_material glass = sst_mat(sst_paint_fbm, 0x1a2026, 0x55636e, 150);
-    struct sst_surface *s;
+    const struct sst_scene_material paint = material(sst_scene_paint_fbm, dark, light, 300);
+    const struct sst_scene_material glass = material(sst_scene_paint_fbm, 0x1a2026, 0x55636e, 150);
+    struct sst_scene_surface *s;
 
-    sst_add_shadow(w, rear.x, rear.y, rear.z + 1500, 1150, 2100);
-    sst_add_box(w, sst_add(rear, sst_v(0, -590, 2000)), sst_v(870, 0, 0), sst_v(0, 330, 0), sst_v(0, 0, 1980), paint);
-    s = sst_add_patch(w, sst_add(rear, sst_v(0, -600, 0)), sst_v(890, 0, 0), sst_v(0, 370, 0),
-                      sst_mat(sst_paint_car, light, 0x242528, 100));
-    s->mask = sst_mask_rounded;
+    add_shadow(w, rear.x, rear.y, rear.z + 1500, 1150, 2100);
+    add_box(w, vec3_add(rear, vec3(0, -590, 2000)), vec3(870, 0, 0), vec3(0, 330, 0), vec3(0, 0, 1980), paint);
+    s = sst_scene_add_patch(w, vec3_add(rear, vec3(0, -600, 0)), vec3(890, 0, 0), vec3(0, 370, 0),
+                            material(paint_car, light, 0x242528, 100));
+    s->mask = mask_rounded;
     s->outline = 0.3;
-    s = sst_add_patch(w, sst_add(rear, sst_v(0, -1180, 480)), sst_v(800, 0, 0), sst_v(0, 240, -260),
-                      sst_mat(sst_paint_glass, light, 0, 100));
-    s->mask = sst_mask_trapezoid;
+    s = sst_scene_add_patch(w, vec3_add(rear, vec3(0, -1180, 480)), vec3(800, 0, 0), vec3(0, 240, -260),
+                            material(paint_glass, light, 0, 100));
+    s->mask = mask_trapezoid;
     s->outline = 0.78;
-    sst_add_box(w, sst_add(rear, sst_v(0, -1170, 1650)), sst_v(630, 0, 0), sst_v(0, 250, 0), sst_v(0, 0, 860), glass);
-    sst_add_box(w, sst_add(rear, sst_v(0, -1430, 1650)), sst_v(640, 0, 0), sst_v(0, 14, 0), sst_v(0, 0, 900), paint);
+    add_box(w, vec3_add(rear, vec3(0, -1170, 1650)), vec3(630, 0, 0), vec3(0, 250, 0), vec3(0, 0, 860), glass);
+    add_box(w, vec3_add(rear, vec3(0, -1430, 1650)), vec3(640, 0, 0), vec3(0, 14, 0), vec3(0, 0, 900), paint);
     add_wheels(w, rear, 770);
     add_plate(w, rear, 560, text);
 }
 
-static void add_walker(struct sst_world *w, struct sst_vec3 base, unsigned hide)
+static void add_walker(struct sst_scene_world *w, struct sst_vec3 base, unsigned hide)
 {
-    const struct sst_material top = shirt(w, 90);
-    const struct sst_figure walker = {
+    const struct sst_scene_material top = shirt(w, 90);
+    const struct figure walker = {
         .base = base,
         .scale = 1,
         .yaw = 1.45,
         .stride = 0.42 * sin(0.9 + TURN * STRIDES / WALK_S * w->time_s),
-        .skin = sst_mat(sst_paint_fbm, 0xb98262, 0xd9a684, 60),
-        .face = sst_mat(sst_paint_face, 0xcf9c7a, 0x2b1d16, 40),
+        .skin = material(sst_scene_paint_fbm, 0xb98262, 0xd9a684, 60),
+        .face = material(paint_face, 0xcf9c7a, 0x2b1d16, 40),
         .shirt = top,
-        .trousers = { sst_paint_cloth, sst_hex(0x27364f), sst_hex(0x52678a), 34, 2, NULL },
-        .shoes = sst_mat(sst_paint_fbm, 0x3a2a20, 0x6e5340, 40),
+        .trousers = { paint_cloth, rgb_hex(0x27364f), rgb_hex(0x52678a), 34, 2, NULL },
+        .shoes = material(sst_scene_paint_fbm, 0x3a2a20, 0x6e5340, 40),
     };
 
-    sst_begin(w, SST_LABEL_PEDESTRIAN, hide);
-    sst_add_shadow(w, base.x, base.y, base.z, 420, 260);
-    sst_add_figure(w, &walker);
+    sst_scene_begin(w, SST_LABEL_PEDESTRIAN, hide);
+    add_shadow(w, base.x, base.y, base.z, 420, 260);
+    add_figure(w, &walker);
 }
 
-void sst_build_pedestrian(struct sst_world *w)
+void build_pedestrian(struct sst_scene_world *w)
 {
-    const struct sst_material house = { sst_paint_facade, sst_hex(0x9c4a36), sst_hex(0xd9d2c2), 270, 8, NULL };
-    const struct sst_material asphalt = { sst_paint_fbm, sst_hex(0x3e3e42), sst_hex(0x8e8e92), 50, 5, NULL };
+    const struct sst_scene_material house = { paint_facade, rgb_hex(0x9c4a36), rgb_hex(0xd9d2c2), 270, 8, NULL };
+    const struct sst_scene_material asphalt = {
+        sst_scene_paint_fbm, rgb_hex(0x3e3e42), rgb_hex(0x8e8e92), 50, 5, NULL
+    };
     const double road = 8 * 161;
     struct sst_vec3 rear, walker;
     unsigned person, cars;
@@ -181,31 +183,31 @@ void sst_build_pedestrian(struct sst_world *w)
     w->focal = 1800;
     w->spacing_mm = 161;
     w->shift = 50;
-    person = sst_world_occluder(w, "pedestrian", SST_LABEL_PEDESTRIAN, SST_LABEL_CAR);
-    cars = sst_world_occluder(w, "car", SST_LABEL_CAR, SST_LABEL_BUILDING);
-    rear = sst_world_at(w, 60, 216, 27);
-    walker = sst_world_at(w, sst_random_in(&w->rng, 5, 45), 512, 64);
-    front = sst_world_at(w, 0, 0, 13).z;
+    person = world_occluder(w, "pedestrian", SST_LABEL_PEDESTRIAN, SST_LABEL_CAR);
+    cars = world_occluder(w, "car", SST_LABEL_CAR, SST_LABEL_BUILDING);
+    rear = world_at(w, 60, 216, 27);
+    walker = world_at(w, sst_random_in(&w->rng, 5, 45), 512, 64);
+    front = world_at(w, 0, 0, 13).z;
 
-    sst_begin(w, SST_LABEL_BUILDING, 0);
-    sst_add_patch(w, sst_v(600, road - 9000, front), sst_v(90000, 0, 0), sst_v(0, 9000, 0), house);
-    sst_begin(w, SST_LABEL_ROAD, 0);
-    sst_add_floor(w, road, 300, front - 4200, asphalt);
-    sst_add_patch(w, sst_v(0, road - 2, 6900), sst_v(60000, 0, 0), sst_v(0, 0, -75),
-                  sst_mat(sst_paint_fbm, 0xb9b9b2, 0xe8e8e0, 120));
-    sst_begin(w, SST_LABEL_PAVEMENT, 0);
-    sst_add_floor(w, road - 130, front - 4200, front, sst_mat(sst_paint_slabs, 0x8e8a82, 0xb8b4aa, 600));
-    sst_add_patch(w, sst_v(0, road - 65, front - 4200), sst_v(60000, 0, 0), sst_v(0, 65, 0),
-                  sst_mat(sst_paint_fbm, 0x8a8882, 0xb8b6b0, 200));
-    sst_begin(w, SST_LABEL_POLE, 0);
-    sst_add_bar(w, sst_v(-5300, road, front - 3900), sst_v(-5300, road - 7000, front - 3900), 75,
-                sst_mat(sst_paint_fbm, 0x3c4440, 0x78827c, 200));
+    sst_scene_begin(w, SST_LABEL_BUILDING, 0);
+    sst_scene_add_patch(w, vec3(600, road - 9000, front), vec3(90000, 0, 0), vec3(0, 9000, 0), house);
+    sst_scene_begin(w, SST_LABEL_ROAD, 0);
+    sst_scene_add_floor(w, road, 300, front - 4200, asphalt);
+    sst_scene_add_patch(w, vec3(0, road - 2, 6900), vec3(60000, 0, 0), vec3(0, 0, -75),
+                        material(sst_scene_paint_fbm, 0xb9b9b2, 0xe8e8e0, 120));
+    sst_scene_begin(w, SST_LABEL_PAVEMENT, 0);
+    sst_scene_add_floor(w, road - 130, front - 4200, front, material(paint_slabs, 0x8e8a82, 0xb8b4aa, 600));
+    sst_scene_add_patch(w, vec3(0, road - 65, front - 4200), vec3(60000, 0, 0), vec3(0, 65, 0),
+                        material(sst_scene_paint_fbm, 0x8a8882, 0xb8b6b0, 200));
+    sst_scene_begin(w, SST_LABEL_POLE, 0);
+    add_bar(w, vec3(-5300, road, front - 3900), vec3(-5300, road - 7000, front - 3900), 75,
+            material(sst_scene_paint_fbm, 0x3c4440, 0x78827c, 200));
 
-    sst_begin(w, SST_LABEL_CAR, cars);
+    sst_scene_begin(w, SST_LABEL_CAR, cars);
     add_van(w, rear, "SST 2036");
-    add_car(w, sst_add(rear, sst_v(-2650, 0, 500)), 0x3f6fa8, 0x27486f, "LF 6X6");
-    add_car(w, sst_add(rear, sst_v(2700, 0, 250)), 0x8a2f33, 0x5a1c20, "RAY 36");
-    /* He leaves on the right and comes back on the left. */
+    add_car(w, vec3_add(rear, vec3(-2650, 0, 500)), 0x3f6fa8, 0x27486f, "LF 6X6");
+    add_car(w, vec3_add(rear, vec3(2700, 0, 250)), 0x8a2f33, 0x5a1c20, "RAY 36");
+    /* The walker leaves on the right and returns on the left. */
     walker.x += WALK_MM * (walk - floor(walk + 0.5));
     add_walker(w, walker, person | cars);
 }

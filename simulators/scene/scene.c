@@ -7,16 +7,15 @@
 #include "base/stats.h"
 #include "simulators/scene/scene_internal.h"
 
-#define PROBE_WIDTH  320 /* points per side that are looked at to learn ranges and focal planes */
+#define PROBE_WIDTH  320 /* points per side probed for ranges and focal planes */
 #define PROBE_HEIGHT 240
 
 static const char *const names[] = {
     "bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat", NULL
 };
 
-static sst_build_fn *const builders[] = { sst_build_bush, sst_build_pedestrian, sst_build_transportation,
-                                          sst_build_cell, sst_build_humvee,     sst_build_cd_cases,
-                                          sst_build_cat };
+static build_fn *const builders[] = { build_bush,     build_pedestrian, build_transportation, build_cell, build_humvee,
+                                      build_cd_cases, build_cat };
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg)
 {
@@ -34,7 +33,7 @@ static int find(const char *name)
         if (!strcmp(names[i], name))
             return i;
     }
-    sst_log_error("there is no scene %s; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
+    sst_log_error("unknown scene `%s`; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
     return -EINVAL;
 }
 
@@ -42,25 +41,24 @@ static int check(const struct sst_scene_config *c)
 {
     if (c->width < 1 || c->height < 1 || c->width > SST_IMAGE_MAX_SIDE || c->height > SST_IMAGE_MAX_SIDE ||
         (size_t)c->width * (size_t)c->height > SST_IMAGE_MAX_PIXELS) {
-        sst_log_error("a scene of %dx%d pixels cannot be made; choose sides of 1 to %d", c->width, c->height,
+        sst_log_error("scene size %dx%d is out of range; choose sides of 1 to %d pixels", c->width, c->height,
                       SST_IMAGE_MAX_SIDE);
         return -EINVAL;
     }
     if (c->rows < 1 || c->cols < 1 || c->rows > SST_SCENE_MAX_VIEWS || c->cols > SST_SCENE_MAX_VIEWS / c->rows) {
-        sst_log_error("a grid of %dx%d views cannot be made; choose at most %d views", c->rows, c->cols,
-                      SST_SCENE_MAX_VIEWS);
+        sst_log_error("grid %dx%d is out of range; choose at most %d views", c->rows, c->cols, SST_SCENE_MAX_VIEWS);
         return -EINVAL;
     }
     if (!(fabs(c->time_s) <= 1e6)) {
-        sst_log_error("scene time %g s is out of reach; choose at most a million seconds", c->time_s);
+        sst_log_error("scene time %g s is out of range; choose at most a million seconds", c->time_s);
         return -EINVAL;
     }
     return 0;
 }
 
-void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_raster *out)
+void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_scene_raster *out)
 {
-    *out = (struct sst_raster){
+    *out = (struct sst_scene_raster){
         .world = &s->world,
         .focal_px = sst_scene_focal_px(s),
         .cx = (s->cfg.width - 1) / 2.0,
@@ -75,7 +73,7 @@ void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidd
     };
 }
 
-/* --- what create finds out by looking ---------------------------------------------------------------------------- */
+/* --- ranges and focal planes -------------------------------------------------------------------------------------- */
 
 struct probe {
     struct sst_map_f32 disp;
@@ -90,9 +88,9 @@ static void probe_fini(struct probe *p)
 }
 
 /* Truth on a lattice of points spread evenly over the picture. */
-static int look(const struct sst_scene *s, double bx, double by, unsigned hidden, struct probe *p)
+static int probe_view(const struct sst_scene *s, double bx, double by, unsigned hidden, struct probe *p)
 {
-    struct sst_raster r;
+    struct sst_scene_raster r;
     int err = sst_map_f32_init(&p->disp, PROBE_WIDTH, PROBE_HEIGHT);
 
     if (!err)
@@ -111,10 +109,10 @@ static int look(const struct sst_scene *s, double bx, double by, unsigned hidden
     r.disp = &p->disp;
     r.label = &p->label;
     r.owner = &p->owner;
-    return sst_raster_run(&r);
+    return sst_scene_raster_run(&r);
 }
 
-/* The extremes are seen from the corners of the grid; half a pixel more allows for what lies between the points. */
+/* The extremes are visible from the corners of the grid; half a pixel of margin covers what lies between the points. */
 static int find_range(struct sst_scene *s)
 {
     const int ref_row = (s->cfg.rows - 1) / 2, ref_col = (s->cfg.cols - 1) / 2;
@@ -124,7 +122,7 @@ static int find_range(struct sst_scene *s)
         const double bx = i == 4 ? 0 : (i & 1 ? s->cfg.cols - 1 : 0) - ref_col;
         const double by = i == 4 ? 0 : (i & 2 ? s->cfg.rows - 1 : 0) - ref_row;
         struct probe p = { 0 };
-        const int err = look(s, bx, by, 0, &p);
+        const int err = probe_view(s, bx, by, 0, &p);
 
         for (int y = 0; !err && y < PROBE_HEIGHT; y++) {
             for (int x = 0; x < PROBE_WIDTH; x++) {
@@ -142,8 +140,8 @@ static int find_range(struct sst_scene *s)
 }
 
 /*
- * Median disparity of the target behind the occluder; where the picture shows none of it there, of the target anywhere,
- * and last of everything.
+ * Median disparity of the target behind the occluder; if it is not visible there, of the whole target, else of
+ * everything.
  */
 static double median_behind(const struct probe *front, const struct probe *behind, unsigned bit, int target,
                             float *buffer)
@@ -169,13 +167,13 @@ static int find_focus(struct sst_scene *s)
 {
     float *buffer = sst_mem_alloc_raw((size_t)PROBE_WIDTH * PROBE_HEIGHT, sizeof(*buffer));
     struct probe front = { 0 };
-    int err = buffer ? look(s, 0, 0, 0, &front) : -ENOMEM;
+    int err = buffer ? probe_view(s, 0, 0, 0, &front) : -ENOMEM;
 
     for (int i = 0; i < s->world.occluder_count && !err; i++) {
         struct sst_scene_occluder *o = &s->world.occluders[i];
         struct probe behind = { 0 };
 
-        err = look(s, 0, 0, 1u << i, &behind);
+        err = probe_view(s, 0, 0, 1u << i, &behind);
         if (!err)
             o->focus_px = median_behind(&front, &behind, 1u << i, o->target_label, buffer);
         probe_fini(&behind);
@@ -185,35 +183,35 @@ static int find_focus(struct sst_scene *s)
     return err;
 }
 
-/* --- the public face --------------------------------------------------------------------------------------------- */
+/* --- public functions --------------------------------------------------------------------------------------------- */
 
-int sst_world_build(struct sst_world *w, const char *name, const struct sst_scene_config *cfg)
+int sst_scene_world_build(struct sst_scene_world *w, const char *name, const struct sst_scene_config *cfg)
 {
     const int which = find(name), longest = sst_max_int(cfg->rows, cfg->cols) - 1;
     const int err = which < 0 ? which : check(cfg);
 
     if (err)
         return err;
-    *w = (struct sst_world){ .rng = cfg->seed, .time_s = cfg->time_s };
+    *w = (struct sst_scene_world){ .rng = cfg->seed, .time_s = cfg->time_s };
     builders[which](w);
-    /* A finer grid divides the same aperture, so that it neither leaves the scene nor goes underground. */
+    /* A finer grid divides the same aperture, so that it stays inside the scene and above the ground. */
     w->spacing_mm *= longest > 5 ? 5.0 / longest : 1;
     if (!w->failed)
         return 0;
-    sst_world_fini(w);
+    sst_scene_world_fini(w);
     return -ENOMEM;
 }
 
-void sst_world_fini(struct sst_world *w)
+void sst_scene_world_fini(struct sst_scene_world *w)
 {
     free(w->surfaces);
-    *w = (struct sst_world){ 0 };
+    *w = (struct sst_scene_world){ 0 };
 }
 
 int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg)
 {
     struct sst_scene *s = calloc(1, sizeof(*s));
-    int err = s ? sst_world_build(&s->world, name, cfg) : -ENOMEM;
+    int err = s ? sst_scene_world_build(&s->world, name, cfg) : -ENOMEM;
 
     if (!err) {
         s->cfg = *cfg;
@@ -233,7 +231,7 @@ void sst_scene_destroy(struct sst_scene *s)
 {
     if (!s)
         return;
-    sst_world_fini(&s->world);
+    sst_scene_world_fini(&s->world);
     free(s);
 }
 
@@ -267,7 +265,7 @@ int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned h
                      struct sst_map_f32 *disp, struct sst_map_u8 *label)
 {
     const int w = s->cfg.width, h = s->cfg.height;
-    struct sst_raster r;
+    struct sst_scene_raster r;
 
     if ((image && (image->width != w || image->height != h)) || (disp && (disp->width != w || disp->height != h)) ||
         (label && (label->width != w || label->height != h)))
@@ -276,5 +274,5 @@ int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned h
     r.image = image;
     r.disp = disp;
     r.label = label;
-    return sst_raster_run(&r);
+    return sst_scene_raster_run(&r);
 }

@@ -1,4 +1,4 @@
-/* simulators/scene/scene.h - procedural scenes with exact disparity, labels and what is behind every occluder. */
+/* simulators/scene/scene.h - procedural scenes with exact disparity, labels, and pictures behind every occluder. */
 #ifndef SST_SIMULATORS_SCENE_SCENE_H
 #define SST_SIMULATORS_SCENE_SCENE_H
 
@@ -8,18 +8,18 @@
 
 struct sst_scene_config {
     int width, height, rows, cols;
-    uint64_t seed; /* moves and recolours what may vary; the same seed gives the same bytes */
-    double time_s; /* motion: the pedestrian walks by in 4 s, leaves sway in 2 s, again and again */
+    uint64_t seed; /* varies positions and colours; the same seed gives the same bytes */
+    double time_s; /* motion: the pedestrian walks by in 4 s, leaves sway in 2 s, periodically */
     int threads;
-    void (*progress)(void *arg, double done); /* told 0..1 by sst_scene_write, one call at a time; or NULL */
+    void (*progress)(void *arg, double done); /* called by sst_scene_write() with 0..1, one call at a time; or NULL */
     void *progress_arg;
 };
 
-/** One see-through task: hide these objects, focus there. */
+/** One see-through task: objects to hide and the focus behind them. */
 struct sst_scene_occluder {
     char name[32];
     int label;        /* of the occluding object */
-    int target_label; /* of what is behind and in focus */
+    int target_label; /* of the object behind it that is in focus */
     double focus_px;  /* disparity of the target, px per spacing */
 };
 
@@ -27,14 +27,14 @@ struct sst_scene; /* opaque; read-only after create: any number of threads may r
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg); /* 1000x750, 6x6, seed 1 */
 
-/** Names, NULL-terminated: bush pedestrian transportation cell humvee cd-cases cat. */
+/** NULL-terminated list: bush pedestrian transportation cell humvee cd-cases cat. */
 const char *const *sst_scene_names(void);
 
 /** @return 0, -EINVAL (unknown name or absurd size, logged), -ENOMEM. */
 SST_MUST_CHECK int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg);
 void sst_scene_destroy(struct sst_scene *scene);
 
-/** Disparity range over all views: what `sst process` should search. */
+/** Disparity range over all views: the search range for `sst process`. */
 void sst_scene_range(const struct sst_scene *scene, double *min_px, double *max_px);
 double sst_scene_focal_px(const struct sst_scene *scene);
 double sst_scene_spacing_mm(const struct sst_scene *scene);
@@ -45,7 +45,7 @@ const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s
 /**
  * Render one view at offset (bx, by) from the reference view.
  *
- * @param hidden  bit i set: the objects of occluder i are left out (the truth behind it)
+ * @param hidden  bit i set: the objects of occluder i are hidden (truth behind it)
  * @param image   out, initialised by the caller to the scene's size; or NULL
  * @param disp    out, px per spacing at the pixel centre; or NULL
  * @param label   out, default class list; or NULL

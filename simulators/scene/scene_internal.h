@@ -3,42 +3,126 @@
 #ifndef SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 #define SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 
-#include "simulators/scene/world.h"
+#include "simulators/scene/surfaces.h"
 
-/* --- internal: the scene object, shared by scene.c and write.c. --- */
+/* --- internal: the scene object. --- */
 
 #define SST_SCENE_MAX_VIEWS 256
 
 struct sst_scene {
     struct sst_scene_config cfg;
-    struct sst_world world;
+    struct sst_scene_world world;
     double range_min_px, range_max_px;
 };
 
-/** A raster of one view with all outputs NULL. */
-void scene_raster(const struct sst_scene *scene, double bx, double by, unsigned hidden, struct sst_raster *out);
+/** Raster settings of one view with all outputs NULL. */
+void scene_raster(const struct sst_scene *scene, double bx, double by, unsigned hidden, struct sst_scene_raster *out);
 
-/* --- models: toy-sized models: animals, vehicles. --- */
+/* --- surfaces: the parts that only scenes of this folder use. --- */
 
-/** A model stands at `base` on the ground, its front turned by `yaw` rad from the picture's right towards the cameras;
- *  `scale` is that of the model to the real thing. */
+static inline struct sst_scene_rgb blend_rgb(struct sst_scene_rgb a, struct sst_scene_rgb b, float t)
+{
+    return (struct sst_scene_rgb){ a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t };
+}
+
+/** The point at design pixel (x, y) with disparity d, and the mm per design pixel there. */
+struct sst_vec3 world_at(const struct sst_scene_world *w, double x, double y, double disp_px);
+double world_mm(const struct sst_scene_world *w, double disp_px);
+
+/** Declare an occluder; its bit for `hide`. */
+unsigned world_occluder(struct sst_scene_world *w, const char *name, int label, int target_label);
+
+/* Like sst_scene_add_patch(). */
+struct sst_scene_surface *add_ellipsoid(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 u,
+                                        struct sst_vec3 v, struct sst_vec3 axis_w, struct sst_scene_material mat);
+struct sst_scene_surface *add_ball(struct sst_scene_world *w, struct sst_vec3 centre, double rx, double ry, double rz,
+                                   struct sst_scene_material mat);
+/** Ellipsoid around the segment p-q, v along it. */
+struct sst_scene_surface *add_limb(struct sst_scene_world *w, struct sst_vec3 p, struct sst_vec3 q, double radius,
+                                   struct sst_scene_material mat);
+/** Strip from p to q that faces the cameras and is lit like a cylinder. */
+struct sst_scene_surface *add_bar(struct sst_scene_world *w, struct sst_vec3 p, struct sst_vec3 q, double half_width,
+                                  struct sst_scene_material mat);
+/** Six patches. */
+void add_box(struct sst_scene_world *w, struct sst_vec3 centre, struct sst_vec3 u, struct sst_vec3 v,
+             struct sst_vec3 axis_w, struct sst_scene_material mat);
+/** Plane facing the cameras at disparity d, centred on design pixel (x, y), half size in design pixels. */
+struct sst_scene_surface *add_board(struct sst_scene_world *w, double x, double y, double disp_px, double half_x,
+                                    double half_y, struct sst_scene_material mat);
+/** Soft dark spot on the floor at height y; belongs to no occluder, because a shadow stays when the occluder is
+ *  hidden. */
+void add_shadow(struct sst_scene_world *w, double x, double y, double z, double rx, double rz);
+/** Leaves of half width `half_mm` over a box of design pixels x0..x1, y0..y1 and disparities d0..d1. */
+void add_foliage(struct sst_scene_world *w, int count, const double x[2], const double y[2], const double d[2],
+                 double half_mm);
+/** One branch with twigs, from a to b. */
+void add_branch(struct sst_scene_world *w, struct sst_vec3 a, struct sst_vec3 b, double half_mm);
+
+/* Paints; a and b are the two colours of a material. */
+sst_scene_paint_fn paint_cloth; /* plaid; k: 0 plaid, 1 stripes along y, 2 denim, 3 corduroy */
+sst_scene_paint_fn paint_brick; /* bricks a, mortar b; scale: length of a brick */
+sst_scene_paint_fn paint_slabs; /* square slabs with joints */
+sst_scene_paint_fn paint_leaf;
+sst_scene_paint_fn paint_face;   /* skin a, hair b, on a head whose w points forward and v down */
+sst_scene_paint_fn paint_text;   /* the text in b on a, with a border; k: lines of the same text */
+sst_scene_paint_fn paint_facade; /* bricks a with windows, joints and frames b; scale: length of a brick, k: bricks from
+                                  window to window */
+sst_scene_paint_fn paint_poster; /* a picture of shapes of colours between a and b, the text below */
+sst_scene_paint_fn paint_landscape; /* sky a, hills b */
+sst_scene_paint_fn paint_van;       /* rear of a white van, a body, b bumper */
+sst_scene_paint_fn paint_car;       /* rear of a car */
+sst_scene_paint_fn paint_glass;     /* rear window with frame a */
+sst_scene_paint_fn paint_fur;       /* hair a to b along y; k: strength of the stripes */
+sst_scene_paint_fn paint_camouflage;
+sst_scene_paint_fn paint_feather;
+sst_scene_paint_fn paint_wheel;    /* tyre, rim and spokes; with mask_wheel */
+sst_scene_paint_fn paint_membrane; /* translucent */
+sst_scene_paint_fn paint_tissue;   /* nuclei and organelles */
+sst_scene_paint_fn paint_shadow;   /* translucent, at most half opaque */
+
+/* Outlines. */
+sst_scene_mask_fn mask_leaf;
+sst_scene_mask_fn mask_disc;
+sst_scene_mask_fn mask_rounded;   /* outline: radius of the corners, of the half height */
+sst_scene_mask_fn mask_trapezoid; /* outline: width of the top edge, of the bottom edge */
+sst_scene_mask_fn mask_wheel;     /* outline: 0 open with spokes, else inner radius of a thick tyre round a disc */
+
+struct figure {
+    struct sst_vec3 base; /* on the ground between the feet */
+    double scale;         /* 1: 1750 mm tall */
+    double yaw;           /* rad; 0 faces the cameras, pi/2 walks to the right */
+    double stride;        /* rad, swing of the legs; arms swing against it */
+    bool seated;
+    struct sst_scene_material skin, face, shirt, trousers, shoes;
+};
+
+void add_figure(struct sst_scene_world *w, const struct figure *f);
+
+/* Build functions of the scenes. */
+typedef void build_fn(struct sst_scene_world *w);
+build_fn build_bush, build_pedestrian, build_transportation, build_cell, build_humvee, build_cd_cases, build_cat;
+
+/* --- models: toy models: animals, vehicles. --- */
+
+/** A model stands at `base` on the ground, its front rotated by `yaw` rad from the picture's right towards the
+ *  cameras; `scale` is model size over real size. */
 struct stand {
     struct sst_vec3 base;
     double scale, yaw;
 };
 
-void add_horse(struct sst_world *w, struct stand at);
-void add_bicycle(struct sst_world *w, struct stand at);
-void add_motorcycle(struct sst_world *w, struct stand at);
-void add_humvee(struct sst_world *w, struct stand at);
-void add_cat(struct sst_world *w, struct stand at);
-void add_hen(struct sst_world *w, struct stand at);
+void add_horse(struct sst_scene_world *w, struct stand at);
+void add_bicycle(struct sst_scene_world *w, struct stand at);
+void add_motorcycle(struct sst_scene_world *w, struct stand at);
+void add_humvee(struct sst_scene_world *w, struct stand at);
+void add_cat(struct sst_scene_world *w, struct stand at);
+void add_hen(struct sst_scene_world *w, struct stand at);
 
-/* --- raster: inside the renderer: what raster.c and layers.c share. --- */
+/* --- raster: the renderer, shared by raster.c and layers.c. --- */
 
 #define SST_BAND_ROWS 16
-#define SST_COLOURS   4 /* samples that make the colour; */
-#define SST_CENTRE    4 /* and the one that makes the truth */
+#define SST_COLOURS   4 /* samples for the colour */
+#define SST_CENTRE    4 /* index of the sample for the truth */
 #define SST_SAMPLES   5
 #define SST_NOTHING   UINT32_MAX
 
@@ -48,25 +132,25 @@ struct raster_affine {
 };
 
 /** A surface as one view sees it. */
-struct sst_seen {
+struct visible_surface {
     struct raster_affine inv_z;   /* patch */
     struct raster_affine axis[3]; /* patch: s/Z, t/Z; ellipsoid: the ray in units of the half-axes */
     double eye[3];                /* ellipsoid: the camera in units of the half-axes */
-    int x0, x1, y0, y1;           /* output pixels it may cover, ends excluded; empty: not seen */
+    int x0, x1, y0, y1;           /* output pixels it may cover, ends excluded; empty: not visible */
 };
 
-/** Samples of rows y0 .. y0+rows-1; columns x0 .. x1-1 are worked on. */
+/** Samples of rows y0 .. y0+rows-1; drawing is limited to columns x0 .. x1-1. */
 struct band {
-    const struct sst_raster *r;
-    const struct sst_seen *seen;
+    const struct sst_scene_raster *r;
+    const struct visible_surface *seen;
     int y0, rows, x0, x1;
-    int top, capacity;      /* first row that the buffers hold, and how many */
-    float *inv_z;           /* [SST_SAMPLES][capacity][width], 0: nothing */
-    uint32_t *owner;        /* the same, surface index */
-    struct sst_rgb *colour; /* [SST_COLOURS][capacity][width]; NULL: truth alone */
+    int top, capacity;            /* first row that the buffers hold, and how many */
+    float *inv_z;                 /* [SST_SAMPLES][capacity][width], 0: nothing */
+    uint32_t *owner;              /* the same, surface index */
+    struct sst_scene_rgb *colour; /* [SST_COLOURS][capacity][width]; NULL: truth alone */
 };
 
-SST_MUST_CHECK int band_init(struct band *b, const struct sst_raster *r, int capacity);
+SST_MUST_CHECK int band_init(struct band *b, const struct sst_scene_raster *r, int capacity);
 void band_fini(struct band *b);
 
 static inline size_t band_cell(const struct band *b, int sample, int y, int x)
@@ -74,12 +158,12 @@ static inline size_t band_cell(const struct band *b, int sample, int y, int x)
     return ((size_t)sample * (size_t)b->capacity + (size_t)(y - b->top)) * (size_t)b->r->width + (size_t)x;
 }
 
-void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct sst_seen *out);
+void surface_see(const struct sst_scene_raster *r, const struct sst_scene_surface *s, struct visible_surface *out);
 
-/** Nothing is seen yet. */
+/** Reset all samples to nothing. */
 void band_clear(struct band *b);
 void band_opaque(struct band *b, uint32_t index);
-/** Colour what the samples see; with `only`, those whose surface it names. @param only [count of surfaces] or NULL */
+/** Colour the samples; with `only`, just those of the selected surfaces. @param only  [count of surfaces] or NULL */
 void band_colour(struct band *b, const bool *only);
 void band_translucent(struct band *b, uint32_t index);
 /** Write the outputs of the raster. */

@@ -2,15 +2,15 @@
 #include <float.h>
 
 #include "base/mem.h"
-#include "simulators/scene/world.h"
+#include "simulators/scene/surfaces.h"
 
 #define TILE 16 /* px */
 
-int sst_warp_init(struct sst_warp *w, int width, int height)
+int sst_scene_warp_init(struct sst_scene_warp *w, int width, int height)
 {
     const size_t pixels = (size_t)width * (size_t)height;
 
-    *w = (struct sst_warp){
+    *w = (struct sst_scene_warp){
         .width = width,
         .height = height,
         .columns = (width + TILE - 1) / TILE,
@@ -21,16 +21,16 @@ int sst_warp_init(struct sst_warp *w, int width, int height)
     w->tiles = sst_mem_alloc_raw((size_t)w->columns * (size_t)w->rows, sizeof(*w->tiles));
     if (w->x && w->y && w->tiles)
         return 0;
-    sst_warp_fini(w);
+    sst_scene_warp_fini(w);
     return -ENOMEM;
 }
 
-void sst_warp_fini(struct sst_warp *w)
+void sst_scene_warp_fini(struct sst_scene_warp *w)
 {
     sst_mem_free(w->tiles);
     sst_mem_free(w->y);
     sst_mem_free(w->x);
-    *w = (struct sst_warp){ 0 };
+    *w = (struct sst_scene_warp){ 0 };
 }
 
 static void nothing(float bounds[4])
@@ -47,14 +47,14 @@ static void include(float into[4], const float bounds[4])
     into[3] = fmaxf(into[3], bounds[3]);
 }
 
-void sst_warp_index(struct sst_warp *w)
+void sst_scene_warp_index(struct sst_scene_warp *w)
 {
     nothing(w->all);
     for (int i = 0; i < w->columns * w->rows; i++)
         nothing(w->tiles[i]);
     for (int y = 0; y < w->height; y++) {
         for (int x = 0; x < w->width; x++) {
-            const float dx = (float)sst_warp_x(w, x, y) - (float)x, dy = (float)sst_warp_y(w, x, y) - (float)y;
+            const float dx = (float)warp_x(w, x, y) - (float)x, dy = (float)warp_y(w, x, y) - (float)y;
 
             include(w->tiles[y / TILE * w->columns + x / TILE], (const float[4]){ dx, dx, dy, dy });
         }
@@ -63,7 +63,7 @@ void sst_warp_index(struct sst_warp *w)
         include(w->all, w->tiles[i]);
 }
 
-/* A pixel at x looks at x + dx: those that look at lo .. hi are at lo - greatest dx .. hi - least dx. */
+/* A pixel at x samples x + dx: the pixels that sample lo .. hi are at lo - max dx .. hi - min dx. */
 static void shift(const float bounds[4], const double in[4], double out[4])
 {
     out[0] = in[0] - bounds[1];
@@ -77,8 +77,8 @@ static int tile_of(double v, int count)
     return (int)sst_clamp_double(floor(v / TILE), 0, count - 1);
 }
 
-/* First with the bounds of the whole picture, then with those of the tiles that this leaves. */
-void sst_warp_box(const struct sst_warp *w, double *lo_x, double *hi_x, double *lo_y, double *hi_y)
+/* First with the bounds of the whole picture, then with those of the remaining tiles. */
+void sst_scene_warp_box(const struct sst_scene_warp *w, double *lo_x, double *hi_x, double *lo_y, double *hi_y)
 {
     const double in[4] = { *lo_x, *hi_x, *lo_y, *hi_y };
     float bounds[4];

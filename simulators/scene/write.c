@@ -1,4 +1,4 @@
-/* A scene as a light-field folder with its truth. */
+/* Writes a scene as a light-field folder with its truth. */
 #include <errno.h>
 #include <jansson.h>
 #include <stdio.h>
@@ -20,7 +20,7 @@ struct job {
     const struct sst_scene *scene;
     const struct sst_lightfield *lf;
     const char *dir;
-    int views, count; /* jobs below `views` are views, the rest are occluders */
+    int views, count; /* jobs below `views` are views, the others occluders */
     _Atomic int done;
 };
 
@@ -40,7 +40,7 @@ static int make_folder(const char *dir, const char *folder)
 
     if (!err && mkdir(path, 0777)) {
         err = -errno;
-        sst_log_error("%s cannot be made: error %d; check the disk and its permissions", path, -err);
+        sst_log_error("cannot create %s: error %d; check the disk and its permissions", path, -err);
     }
     return err;
 }
@@ -78,7 +78,7 @@ done:
     return err;
 }
 
-/* Write the pair behind<suffix>.png, occluder<suffix>.png. */
+/* Write the pair behind<suffix>.png and occluder<suffix>.png. */
 static int write_pair(const struct job *j, const char *suffix, const struct sst_image *behind,
                       const struct sst_map_u8 *mask)
 {
@@ -94,15 +94,15 @@ static int write_pair(const struct job *j, const char *suffix, const struct sst_
     return sst_map_u8_write_png(mask, path, NULL);
 }
 
-/* 255 where the surface that the reference view sees belongs to the occluder. */
+/* Mask: 255 where the surface visible in the reference view belongs to the occluder. */
 static int render_mask(const struct sst_scene *scene, unsigned bit, struct sst_map_u8 *mask)
 {
-    struct sst_raster r;
+    struct sst_scene_raster r;
     int err;
 
     scene_raster(scene, 0, 0, 0, &r);
     r.owner = mask;
-    err = sst_raster_run(&r);
+    err = sst_scene_raster_run(&r);
     for (int y = 0; y < mask->height && !err; y++) {
         uint8_t *row = sst_map_u8_row(mask, y);
 
@@ -142,7 +142,7 @@ static int run_job(void *arg, int index, int worker)
     const int err = index < j->views ? write_view(j, index) : write_occluder(j, index - j->views);
     const int done = ++j->done;
 
-    if (worker == 0 && c->progress) /* one thread reports for all */
+    if (worker == 0 && c->progress) /* one thread reports progress for all */
         c->progress(c->progress_arg, (double)done / j->count);
     return err;
 }
@@ -168,7 +168,7 @@ static int write_truth_json(const struct job *j, const char *name)
     }
     sst_view_name(j->lf, j->lf->ref_view, reference);
     snprintf(seed, sizeof(seed), "%llu", (unsigned long long)s->cfg.seed);
-    /* The seed is text: a JSON number keeps 53 bits in most readers. */
+    /* The seed is a string: JSON numbers keep only 53 bits in most parsers. */
     root = json_pack("{s:s, s:s, s:s, s:f, s:[f, f], s:o}", "scene", name, "seed", seed, "reference", reference,
                      "focus_px", s->world.occluders[0].focus_px, "range_px", s->range_min_px, s->range_max_px,
                      "occluders", list);

@@ -6,7 +6,7 @@
 grep -q '275 x 200 mm' out || fail "size of the sheet: $(cat out)"
 grep -q 'width="275mm" height="200mm"' chess.svg || fail "scale of the SVG"
 python3 -c 'import sys, xml.dom.minidom as m; m.parse("chess.svg")' || fail "the SVG is not XML"
-want 2 'begins like this' board disc:3x3:1mm -o bad.svg
+want 2 'kind of board is unknown' board disc:3x3:1mm -o bad.svg
 want 2 'svg' board chessboard:10x7:25mm -o bad.pdf
 want 2 'svg' board chessboard:10x7:25mm
 want 2 'dpi' board chessboard:10x7:25mm -o bad.png --dpi 1

@@ -207,11 +207,11 @@ want 3 "light field without a calibration" calibration show plain.lf
 want 2 'unknown action `dance`' calibration dance calib.yaml
 want 2 "-o OUT is missing" calibration convert calib.yaml
 want 2 "show writes nothing" calibration show calib.yaml -o bad
-want 2 "no calibration format colmap" calibration convert calib.yaml -o bad --to colmap
-want 2 "suggests no calibration format" calibration convert calib.yaml -o bad.txt
+want 2 "unknown calibration format" calibration convert calib.yaml -o bad --to colmap
+want 2 "does not imply a calibration format" calibration convert calib.yaml -o bad.txt
 want 3 "No such file" calibration show none.yaml
 echo "x: 1" >noise.yaml
-want 3 "looks like no calibration" calibration show noise.yaml
+want 3 "is not in a known calibration format" calibration show noise.yaml
 want 3 "write-only" calibration show mrcal/00_00.cameramodel
 want 2 "more; name a folder" calibration convert calib.yaml -o bad.yml
 want 4 "already exists\|exists" calibration convert calib.yaml -o cv
@@ -224,7 +224,7 @@ want 2 "do not fill a grid" calibration show bare.yaml --grid 2x3
 ok show bare.yaml --grid 1x5
 sed 's/rotation: \[/rotation: [9, /' calib.yaml >wrong.yaml
 "$sst" calibration show wrong.yaml 2>err && fail "wrong.yaml was read"
-[ "$(grep -c '^sst: error: wrong.yaml:[0-9]*:[0-9]*: rotation wants a list of 9' err)" -eq 5 ] || fail "not all faults: $(cat err)"
+[ "$(grep -c '^sst: error: wrong.yaml:[0-9]*:[0-9]*: rotation must be a list of 9' err)" -eq 5 ] || fail "not all faults: $(cat err)"
 ok convert calib.yaml -o cv -f
 mkdir mine && touch mine/thesis.tex
 want 4 "does not replace" calibration convert calib.yaml -o mine --force

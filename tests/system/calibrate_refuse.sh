@@ -48,7 +48,7 @@ want 3 "drive_mm\[1\]" calibrate corners.json -o bad.yaml
 
 "$sst" version --json | grep -q '"libdogleg": false' && { [ $failed -eq 0 ]; exit; }
 corners 12 "d['width'] = 200"
-want 3 "lie outside of pictures of 200x480" calibrate corners.json -o bad.yaml --report bad.html
+want 3 "lie outside the 200x480 pictures" calibrate corners.json -o bad.yaml --report bad.html
 corners 12 "d['detections'] = []"
 want 3 "no frame shows the board" calibrate corners.json -o bad.yaml
 # What is forced may fit well, and is not good for that: here a camera without the board.

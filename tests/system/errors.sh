@@ -13,15 +13,15 @@ left=good/views/01_01.png right=good/views/01_02.png
 printf 'no image at all\n' >text.txt
 
 # --- usage: exit 2 ---
-want 2 "no command" frobnicate
-want 2 "no command" Scene
+want 2 "unknown command" frobnicate
+want 2 "unknown command" Scene
 for command in scene import export process render sweep stereo segment eval; do
   want 2 "unknown option --frobnicate" $command --frobnicate
   want 2 "unknown option -Z" $command -Z
   want 2 "argument is missing" $command
   [ $command = segment ] || want 2 "too many" $command a b c d
 done
-want 2 "no scene\|there is no\|unknown scene" scene forest -o bad
+want 2 "unknown scene" scene forest -o bad
 want 2 "LF is missing" scene bush
 mkfifo port
 /usr/bin/python3 -c 'import socket, time; s = socket.create_server(("127.0.0.1", 0)); print(s.getsockname()[1], flush=True); time.sleep(60)' \

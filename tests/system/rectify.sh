@@ -85,7 +85,7 @@ want 2 "no calibration; add --calib" rectify raw -o bad
 want 3 "none.yaml" rectify raw --calib none.yaml -o bad
 want 4 "exists already" rectify raw --calib calib.yaml -o lf
 want 2 "lf would be replaced\|choose another output" rectify lf --calib calib.yaml -o lf --force
-want 2 "too near to camera" rectify raw --calib calib.yaml --plane 1 -o bad
+want 2 "too close to camera" rectify raw --calib calib.yaml --plane 1 -o bad
 sed 's/"SIM0001"/"SIMX"/; s/"SIM0002"/"SIM0001"/; s/"SIMX"/"SIM0002"/' calib.yaml >swapped.yaml
 want 3 "camera SIM0002 was calibrated at row 0, column 1, but recorded at row 0, column 2" import recording rec --sets 0 --calib swapped.yaml -o bad
 sed 's/"SIM0004"/"SIM0044"/' calib.yaml >other.yaml

@@ -26,7 +26,7 @@ struct work {
     const struct sst_lightfield *lf;
     const struct sim_stage *stage;
     int frame;
-    struct sst_warp rays;
+    struct sst_scene_warp rays;
     struct sst_map_f32 depth, disp, visible;
     double (*at)[3]; /* [height][width] point in the scene, mm */
 };
@@ -174,7 +174,7 @@ static int run(struct work *w, const char *out)
 
 static int make_room(struct work *w, int width, int height)
 {
-    int err = sst_warp_init(&w->rays, width, height);
+    int err = sst_scene_warp_init(&w->rays, width, height);
 
     if (!err)
         err = sst_map_f32_init(&w->depth, width, height);
@@ -218,7 +218,7 @@ int main(int argc, char **argv)
     sst_map_f32_fini(&w.visible);
     sst_map_f32_fini(&w.disp);
     sst_map_f32_fini(&w.depth);
-    sst_warp_fini(&w.rays);
+    sst_scene_warp_fini(&w.rays);
     sst_lightfield_fini(&lf);
     sim_stage_close(stage);
     return err ? EXIT_FAILURE : EXIT_SUCCESS;

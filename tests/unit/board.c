@@ -58,8 +58,8 @@ static void faults_are_told(void **state SST_UNUSED)
     static const struct {
         const char *text, *words;
     } cases[] = {
-        { "", "no kind" },
-        { "circles:9x7:50mm", "no kind" },
+        { "", "kind of board" },
+        { "circles:9x7:50mm", "kind of board" },
         { "charuco:9x7:50mm", "too few or too many parts" },
         { "chessboard:10x7:25mm:0.7", "too few or too many parts" },
         { "charuco:9x7:50mm:0.7:4x4_50:x", "too few or too many parts" },

@@ -46,7 +46,7 @@ static double texture(double x, double y, uint32_t seed, const struct recipe *r)
         x = 8 - fabs(8 - x);
         y = 8 - fabs(8 - y);
     }
-    return 128 + 180 * r->contrast * (sst_fbm((struct sst_vec3){ x / 14 + 500, y / 14 + 500, 0 }, 3, seed) - 0.5);
+    return 128 + 180 * r->contrast * (sst_noise_fbm((struct sst_vec3){ x / 14 + 500, y / 14 + 500, 0 }, 3, seed) - 0.5);
 }
 
 static double normal(uint64_t *state)

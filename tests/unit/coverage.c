@@ -327,7 +327,7 @@ static void damaged_files_are_refused(void **state SST_UNUSED)
         { HEAD "\"detections\": [{\"frame\": 0, \"view\": 0, \"corners\": [[1, 1, 1e300]]}]}", "ascending" },
         { HEAD "\"detections\": [{\"frame\": 0, \"view\": 0, \"corners\": [[1, 1, 2]]}, {\"frame\": 0, \"view\": 0, "
                "\"corners\": [[1, 1, 2]]}]}",
-          "came before" },
+          "earlier frame" },
     };
     char path[] = "/tmp/sst-detections-XXXXXX", text[SST_LOG_MAX];
     struct sst_detections all = { .rows = 77 };

@@ -306,25 +306,25 @@ static void what_is_no_array(void **state SST_UNUSED)
 {
     struct sst_calib calib = perfect(1, 1);
 
-    refuses(&calib, NULL, -EBADMSG, "one camera only");
+    refuses(&calib, NULL, -EBADMSG, "only one camera");
     sst_calib_fini(&calib);
     calib = perfect(2, 2);
     calib.camera[1].known = calib.camera[2].known = false;
-    refuses(&calib, NULL, -EBADMSG, "slanted line");
+    refuses(&calib, NULL, -EBADMSG, "one diagonal");
     sst_calib_fini(&calib);
     calib = perfect(2, 3);
     for (int k = 0; k < 6; k++) {
         calib.camera[k].position_mm[0] = 50.0 * k;
         calib.camera[k].position_mm[1] = 0;
     }
-    refuses(&calib, NULL, -EBADMSG, "on a line");
+    refuses(&calib, NULL, -EBADMSG, "on one line");
     for (int k = 0; k < 6; k++)
         calib.camera[k].position_mm[0] = 0;
-    refuses(&calib, NULL, -EBADMSG, "no lattice");
+    refuses(&calib, NULL, -EBADMSG, "not form a regular grid");
     sst_calib_fini(&calib);
     calib = perfect(6, 6);
     calib.camera[20].position_mm[1] += 40;
-    refuses(&calib, NULL, -EBADMSG, "camera 03_02 (row 3, column 2) stands");
+    refuses(&calib, NULL, -EBADMSG, "camera 03_02 (row 3, column 2) is");
     calib.camera[20].position_mm[1] = (double)NAN;
     refuses(&calib, NULL, -EBADMSG, "not finite");
     calib.camera[20].known = false; /* then it does not matter */
@@ -332,10 +332,10 @@ static void what_is_no_array(void **state SST_UNUSED)
     const double away[3] = { 0, 70 * M_PI / 180, 0 }, most[3] = { 0, 50 * M_PI / 180, 0 };
 
     sst_rotation_from_vector(away, calib.camera[3].rotation);
-    refuses(&calib, NULL, -EBADMSG, "camera 00_03 (row 0, column 3) looks 70 degrees away");
+    refuses(&calib, NULL, -EBADMSG, "camera 00_03 (row 0, column 3) points 70 degrees away");
     for (int k = 0; k < 36; k++)
         sst_rotation_from_vector(most, calib.camera[k].rotation);
-    refuses(&calib, NULL, -EBADMSG, "look 50 degrees away");
+    refuses(&calib, NULL, -EBADMSG, "point 50 degrees away");
     sst_calib_fini(&calib);
 }
 
@@ -352,7 +352,7 @@ static void bad_settings(void **state SST_UNUSED)
     for (size_t i = 0; i < ARRAY_LEN(bad); i++)
         refuses(&calib, &bad[i], -EINVAL, "correct these");
     calib.camera[0].position_mm[2] = 10;
-    refuses(&calib, &near_plane, -EINVAL, "too near to camera 00_00");
+    refuses(&calib, &near_plane, -EINVAL, "too close to camera 00_00");
     calib.range_mm = 2000;
     struct sst_rectified to;
     assert_int_equal(sst_rectify_plan(&to, &calib, &(struct sst_rectify_config){ .plane_mm = -1 }), 0);

@@ -16,7 +16,7 @@
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
-#include "simulators/scene/world.h"
+#include "simulators/scene/scene_internal.h"
 #include "tests/small.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
@@ -74,25 +74,25 @@ static float disp_at(const struct view *v, int x, int y)
 /* --- geometry ---------------------------------------------------------------------------------------------------- */
 
 /* A picture of 101 x 101 pixels, f = 100 px, principal point (50, 50), B = 100 mm. */
-static struct view raster(struct sst_world *w, double bx, double by)
+static struct view raster(struct sst_scene_world *w, double bx, double by)
 {
     struct view v = { 0 };
-    struct sst_raster r = { .world = w,
-                            .focal_px = 100,
-                            .cx = 50,
-                            .cy = 50,
-                            .width = 101,
-                            .height = 101,
-                            .step_x = 1,
-                            .step_y = 1,
-                            .bx = bx,
-                            .by = by,
-                            .disp = &v.disp,
-                            .label = &v.label };
+    struct sst_scene_raster r = { .world = w,
+                                  .focal_px = 100,
+                                  .cx = 50,
+                                  .cy = 50,
+                                  .width = 101,
+                                  .height = 101,
+                                  .step_x = 1,
+                                  .step_y = 1,
+                                  .bx = bx,
+                                  .by = by,
+                                  .disp = &v.disp,
+                                  .label = &v.label };
 
     assert_int_equal(sst_map_f32_init(&v.disp, 101, 101), 0);
     assert_int_equal(sst_map_u8_init(&v.label, 101, 101), 0);
-    assert_int_equal(sst_raster_run(&r), 0);
+    assert_int_equal(sst_scene_raster_run(&r), 0);
     return v;
 }
 
@@ -100,9 +100,9 @@ static struct view raster(struct sst_world *w, double bx, double by)
 static void facing_square_lands_where_it_must(void **state SST_UNUSED)
 {
     static const double offsets[][2] = { { 0, 0 }, { 1, 0 }, { -2, 3 }, { 0.4, -0.2 } };
-    struct sst_world w = { .focal = 100, .spacing_mm = 100, .label = 7 };
+    struct sst_scene_world w = { .focal = 100, .spacing_mm = 100, .label = 7 };
 
-    sst_add_patch(&w, sst_v(0, 0, 2000), sst_v(50, 0, 0), sst_v(0, 50, 0), sst_mat(sst_paint_fbm, 0, 0, 1));
+    sst_scene_add_patch(&w, vec3(0, 0, 2000), vec3(50, 0, 0), vec3(0, 50, 0), material(sst_scene_paint_fbm, 0, 0, 1));
     for (size_t i = 0; i < ARRAY_LEN(offsets); i++) {
         struct view v = raster(&w, offsets[i][0], offsets[i][1]);
         const int x0 = 48 - (int)lround(5 * offsets[i][0]), y0 = 48 - (int)lround(5 * offsets[i][1]);
@@ -124,10 +124,10 @@ static void facing_square_lands_where_it_must(void **state SST_UNUSED)
  * sits on it, one half a spacing lower sees d = 2 r. */
 static void floor_disparity_is_the_row_below_the_horizon(void **state SST_UNUSED)
 {
-    struct sst_world w = { .focal = 100, .spacing_mm = 100, .label = 4 };
+    struct sst_scene_world w = { .focal = 100, .spacing_mm = 100, .label = 4 };
     struct view ref, low;
 
-    sst_add_floor(&w, 100, 100, 100000, sst_mat(sst_paint_fbm, 0, 0, 1));
+    sst_scene_add_floor(&w, 100, 100, 100000, material(sst_scene_paint_fbm, 0, 0, 1));
     ref = raster(&w, 0, 0);
     low = raster(&w, 0, 0.5);
     for (int r = 1; r <= 50; r++) {
@@ -143,11 +143,11 @@ static void floor_disparity_is_the_row_below_the_horizon(void **state SST_UNUSED
 /* A ball of radius 100 mm at 2000 mm: nearest point 1900 mm; outline at 100 * 100 / sqrt(2000^2 - 100^2) = 5.006 px. */
 static void ball_has_its_depth_and_outline(void **state SST_UNUSED)
 {
-    struct sst_world w = { .focal = 100, .spacing_mm = 100, .label = 9 };
+    struct sst_scene_world w = { .focal = 100, .spacing_mm = 100, .label = 9 };
     struct view v;
     int across = 0;
 
-    sst_add_ball(&w, sst_v(0, 0, 2000), 100, 100, 100, sst_mat(sst_paint_fbm, 0, 0, 1));
+    add_ball(&w, vec3(0, 0, 2000), 100, 100, 100, material(sst_scene_paint_fbm, 0, 0, 1));
     v = raster(&w, 0, 0);
     assert_near(disp_at(&v, 50, 50), 10000.0 / 1900, 1e-6);
     for (int x = 0; x < 101; x++)
@@ -157,8 +157,8 @@ static void ball_has_its_depth_and_outline(void **state SST_UNUSED)
     assert_int_equal(label_at(&v, 50, 44), 0);
     view_fini(&v);
     /* The nearer surface wins whatever the order. */
-    sst_begin(&w, 3, 0);
-    sst_add_patch(&w, sst_v(0, 0, 1950), sst_v(500, 0, 0), sst_v(0, 500, 0), sst_mat(sst_paint_fbm, 0, 0, 1));
+    sst_scene_begin(&w, 3, 0);
+    sst_scene_add_patch(&w, vec3(0, 0, 1950), vec3(500, 0, 0), vec3(0, 500, 0), material(sst_scene_paint_fbm, 0, 0, 1));
     v = raster(&w, 0, 0);
     assert_int_equal(label_at(&v, 50, 50), 9);
     assert_int_equal(label_at(&v, 50, 45), 3);
@@ -524,13 +524,13 @@ static void random_numbers_are_splitmix64(void **state SST_UNUSED)
 
 static void noise_joins_its_lattice_values(void **state SST_UNUSED)
 {
-    const float a = sst_noise(sst_v(3, -4, 0), 5), b = sst_noise(sst_v(4, -4, 0), 5);
+    const float a = sst_noise(vec3(3, -4, 0), 5), b = sst_noise(vec3(4, -4, 0), 5);
 
-    assert_near(a, (sst_hash(3, -4, 0, 5) >> 8) / 16777216.0, 1e-7);
-    assert_near(sst_noise(sst_v(3.5, -4, 0), 5), (a + b) / 2, 1e-6);
-    assert_near(sst_noise(sst_v(3.25, -4, 0), 5), a + (b - a) * (3 - 0.5) / 16, 1e-6);
+    assert_near(a, (sst_noise_hash(3, -4, 0, 5) >> 8) / 16777216.0, 1e-7);
+    assert_near(sst_noise(vec3(3.5, -4, 0), 5), (a + b) / 2, 1e-6);
+    assert_near(sst_noise(vec3(3.25, -4, 0), 5), a + (b - a) * (3 - 0.5) / 16, 1e-6);
     for (int i = 0; i < 1000; i++) {
-        const float f = sst_fbm(sst_v(0.37 * i, 0.11 * i, i & 1 ? 0.2 * i : 0), 5, 1);
+        const float f = sst_noise_fbm(vec3(0.37 * i, 0.11 * i, i & 1 ? 0.2 * i : 0), 5, 1);
 
         assert_true(f >= 0 && f <= 1);
     }

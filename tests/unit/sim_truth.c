@@ -4,7 +4,7 @@
 
 #include <sys/wait.h>
 
-#include "simulators/scene/world.h"
+#include "simulators/scene/surfaces.h"
 
 static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
 {
@@ -145,13 +145,13 @@ static void an_ideal_array_has_the_scenes_views_and_disparity(void **state SST_U
 
 /* --- what moves -------------------------------------------------------------------------------------------------- */
 
-static void build(struct sst_world *w, const char *scene, double time_s)
+static void build(struct sst_scene_world *w, const char *scene, double time_s)
 {
     struct sst_scene_config cfg;
 
     sst_scene_config_defaults(&cfg);
     cfg.time_s = time_s;
-    assert_int_equal(sst_world_build(w, scene, &cfg), 0);
+    assert_int_equal(sst_scene_world_build(w, scene, &cfg), 0);
 }
 
 static void drawing_what_moves_gives_the_bytes_of_the_whole(void **state SST_UNUSED)
@@ -160,9 +160,9 @@ static void drawing_what_moves_gives_the_bytes_of_the_whole(void **state SST_UNU
 
     for (int i = 0; i < 2; i++) {
         struct sst_image whole, parts;
-        struct sst_layers *layers;
-        struct sst_world at0, at1;
-        struct sst_raster r;
+        struct sst_scene_layers *layers;
+        struct sst_scene_world at0, at1;
+        struct sst_scene_raster r;
         bool *moving;
         int count = 0;
 
@@ -171,38 +171,38 @@ static void drawing_what_moves_gives_the_bytes_of_the_whole(void **state SST_UNU
         assert_int_equal(sst_image_init(&whole, 200, 150), 0);
         assert_int_equal(sst_image_init(&parts, 200, 150), 0);
         moving = calloc((size_t)at0.count, sizeof(*moving));
-        sst_world_compare(&at0, &at1, moving);
+        sst_scene_world_compare(&at0, &at1, moving);
         for (int s = 0; s < at0.count; s++)
             count += moving[s];
         assert_true(count > 5 && count < at0.count);
-        r = (struct sst_raster){ .world = &at0,
-                                 .focal_px = at0.focal / 5,
-                                 .cx = 99.5,
-                                 .cy = 80,
-                                 .width = 200,
-                                 .height = 150,
-                                 .step_x = 1,
-                                 .step_y = 1,
-                                 .bx = 1,
-                                 .by = -0.5,
-                                 .eye_z_mm = 20,
-                                 .image = &parts };
-        assert_int_equal(sst_layers_create(&layers, &r, moving, 3), 0);
-        sst_layers_draw(layers, &at1, 0, 70);
-        sst_layers_draw(layers, &at1, 70, 150);
+        r = (struct sst_scene_raster){ .world = &at0,
+                                       .focal_px = at0.focal / 5,
+                                       .cx = 99.5,
+                                       .cy = 80,
+                                       .width = 200,
+                                       .height = 150,
+                                       .step_x = 1,
+                                       .step_y = 1,
+                                       .bx = 1,
+                                       .by = -0.5,
+                                       .eye_z_mm = 20,
+                                       .image = &parts };
+        assert_int_equal(sst_scene_layers_create(&layers, &r, moving, 3), 0);
+        sst_scene_layers_draw(layers, &at1, 0, 70);
+        sst_scene_layers_draw(layers, &at1, 70, 150);
         r.world = &at1;
         r.image = &whole;
-        assert_int_equal(sst_raster_run(&r), 0);
+        assert_int_equal(sst_scene_raster_run(&r), 0);
         for (int c = 0; c < 3; c++) {
             for (int y = 0; y < 150; y++)
                 assert_memory_equal(sst_image_row(&parts, c, y), sst_image_row(&whole, c, y), 200);
         }
-        sst_layers_destroy(layers);
+        sst_scene_layers_destroy(layers);
         free(moving);
         sst_image_fini(&whole);
         sst_image_fini(&parts);
-        sst_world_fini(&at0);
-        sst_world_fini(&at1);
+        sst_scene_world_fini(&at0);
+        sst_scene_world_fini(&at1);
     }
 }
 
@@ -214,7 +214,7 @@ static void loops_have_no_seam(void **state SST_UNUSED)
     } cases[] = { { "pedestrian", 4 }, { "bush", 2 } };
 
     for (int i = 0; i < 2; i++) {
-        struct sst_world a, b, c;
+        struct sst_scene_world a, b, c;
         double seam = 0, step = 0;
 
         build(&a, cases[i].scene, 0);
@@ -227,9 +227,9 @@ static void loops_have_no_seam(void **state SST_UNUSED)
         }
         assert_true(seam < 1e-6);
         assert_true(step > 1); /* mm: something does move */
-        sst_world_fini(&a);
-        sst_world_fini(&b);
-        sst_world_fini(&c);
+        sst_scene_world_fini(&a);
+        sst_scene_world_fini(&b);
+        sst_scene_world_fini(&c);
     }
 }
 

@@ -173,7 +173,7 @@ static void too_few_regions(void **state)
     cfg.aside = 0.05;
     cfg.near_mm = 1200;
     truth_make(&t, &cfg);
-    REFUSED(&t, "regions", "camera 00_00", "8 are the least");
+    REFUSED(&t, "regions", "camera 00_00", "at least 8");
     truth_free(&t);
 }
 
@@ -221,7 +221,7 @@ static void corners_outside(void **state)
     (void)state;
     truth_make(&t, &cfg);
     t.all.width = cfg.width / 2;
-    REFUSED(&t, "outside of pictures of 320x480", "detect the corners again");
+    REFUSED(&t, "outside the 320x480 pictures", "detect the corners again");
     t.all.width = cfg.width;
     find(&t, 1, 5)->corner[2].y = -700;
     REFUSED(&t, "frame005", "camera 00_01", "-700", "in a picture of 640x480");
@@ -311,7 +311,7 @@ static void cameras_exchanged_in_all_frames(void **state)
     (void)state;
     truth_make(&t, &cfg);
     exchange(&t, 1, 5, 0, 24);
-    REFUSED(&t, "00_01", "01_02", "each other's places", "regular grid");
+    REFUSED(&t, "00_01", "01_02", "are swapped", "regular grid");
     truth_free(&t);
 }
 

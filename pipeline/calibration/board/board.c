@@ -21,7 +21,7 @@
     "boards are chessboard:10x7:25mm (squares; 9x6c counts inner corners), charuco:9x7:50mm:0.7[:4x4_50] (marker in "  \
     "squares), aprilgrid:6x6:50mm:0.3[:bottom-up] (gap in tags) or a Kalibr target file"
 
-/* By OpenCV's number. */
+/* Indexed by OpenCV's dictionary number. */
 static const struct {
     const char *name;
     int markers;
@@ -133,7 +133,7 @@ static const char *board_fault(const struct sst_board *b)
     if (b->kind == SST_BOARD_CHARUCO && !(b->marker >= 0.3 && b->marker <= 0.95))
         return "the markers are not between 0.3 and 0.95 of a square";
     if (!sst_board_dictionary_name(sst_board_dictionary(b, NULL), &markers))
-        return "there is no such dictionary";
+        return "the dictionary is unknown";
     if (sst_board_markers(NULL, b, false) > markers || sst_board_markers(NULL, b, true) > markers)
         return "the dictionary has fewer markers than the board";
     return NULL;
@@ -199,7 +199,7 @@ static bool read_last(struct sst_board *b, const char *text)
     return false;
 }
 
-/* What is wrong with the text, or NULL. */
+/* Parse the text. @return what is wrong with it, or NULL */
 static const char *read_text(struct sst_board *b, const char *text)
 {
     char copy[128], *part[5] = { NULL }, *rest = copy;
@@ -215,7 +215,7 @@ static const char *read_text(struct sst_board *b, const char *text)
               : !strcmp(part[0], "aprilgrid") ? SST_BOARD_APRILGRID
                                               : 0;
     if (!b->kind)
-        return "no kind of board begins like this";
+        return "its kind of board is unknown";
     if (rest || n < (b->kind == SST_BOARD_CHESSBOARD ? 3 : 4) || (n > 3 && b->kind == SST_BOARD_CHESSBOARD))
         return "it has too few or too many parts";
     if (!read_squares(b, part[1]))
@@ -283,7 +283,7 @@ static int read_kalibr(struct sst_board *b, const char *path)
             read_grid(doc, root, b);
     } else if (root) {
         for (struct sst_yaml_node *n = root->first; n; n = n->next)
-            n->known = true; /* which keys belong depends on the kind */
+            n->known = true; /* the set of known keys depends on the kind */
     }
     err = sst_yaml_finish(doc);
     sst_yaml_destroy(doc);
@@ -320,7 +320,7 @@ int sst_board_parse(struct sst_board *out, const char *text)
     return 0;
 }
 
-/* The shortest text that reads back as the same number. */
+/* The shortest decimal that parses back to the same number. */
 static void format_number(char out[32], double value)
 {
     for (int digits = 6; digits <= 17; digits++) {

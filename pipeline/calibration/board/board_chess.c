@@ -1,4 +1,4 @@
-/* Chessboards: found by OpenCV, numbered our way. */
+/* Chessboards: detected by OpenCV, then renumbered to our convention. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -34,8 +34,8 @@ static void reverse(float (*at)[2], int n)
         swap(at[i], at[n - 1 - i]);
 }
 
-/* A quarter turn of a square grid: what was the last column, upwards, is the first row. */
-static void quarter(struct grid *g)
+/* Rotate a square grid by a quarter turn: the last column, read upwards, becomes the first row. */
+static void rotate_quarter(struct grid *g)
 {
     for (int j = 0; j < g->rows; j++) {
         for (int i = 0; i < j; i++)
@@ -45,7 +45,7 @@ static void quarter(struct grid *g)
         reverse(g->at + j * g->cols, g->cols);
 }
 
-/* Mean grey of the squares between corners whose column and row are even together, less that of the others. */
+/* Mean grey of the squares whose column + row is even, minus that of the others. */
 static double even_brighter(const struct grid *g, const struct sst_map_u8 *luma)
 {
     double sum[2] = { 0, 0 }, n[2] = { 0, 0 };
@@ -78,10 +78,10 @@ static double heading(const struct grid *g)
 }
 
 /*
- * Our numbering: not mirrored, a black square at the upper left where the board has it so, and of the ways in which it
- * looks the same the one whose x points most to the right. @return true: the upper left square is white after all
+ * Renumber to our convention: not mirrored, a black square at the upper left where the board has one; among equivalent
+ * rotations the one whose x axis points most to the right. @return true: the upper left square is white nevertheless
  */
-static bool put_in_order(struct grid *g, const struct sst_map_u8 *luma)
+static bool normalise_order(struct grid *g, const struct sst_map_u8 *luma)
 {
     const float *a = corner(g, 0, 0), *b = corner(g, 1, 0), *c = corner(g, 0, 1);
     const bool square = g->cols == g->rows;
@@ -95,19 +95,19 @@ static bool put_in_order(struct grid *g, const struct sst_map_u8 *luma)
         if ((g->cols + g->rows) % 2)
             reverse(g->at, g->cols * g->rows);
         else if (square && g->cols % 2)
-            quarter(g);
+            rotate_quarter(g);
     }
     ways = sst_chessboard_ways(g->cols, g->rows);
     for (int k = 1; k < ways && fabs(heading(g)) > M_PI / ways; k++) {
         if (ways == 4)
-            quarter(g);
+            rotate_quarter(g);
         else
             reverse(g->at, g->cols * g->rows);
     }
     return even_brighter(g, luma) > 0;
 }
 
-static int keep(struct sighting *s, const struct grid *g, double scale)
+static int store_corners(struct sighting *s, const struct grid *g, double scale)
 {
     const int n = g->cols * g->rows;
 
@@ -130,8 +130,8 @@ static int find_at(struct sighting *s, struct grid *g, const struct sst_map_u8 *
 
     if (r <= 0)
         return r;
-    s->other = put_in_order(g, luma);
-    return keep(s, g, scale);
+    s->other = normalise_order(g, luma);
+    return store_corners(s, g, scale);
 }
 
 int find_chessboard(struct sighting *s, bool quick)

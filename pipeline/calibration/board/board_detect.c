@@ -1,4 +1,4 @@
-/* The board in one picture: grey, find, refine, judge. */
+/* Detection of the board in one picture: grey, find, refine, classify. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -10,14 +10,14 @@
 #include "pipeline/camera/numbers.h"
 
 #define LEAST_POINTS  6
-#define COARSE_SIDE   1100 /* px: boards are sought in pictures no larger, if they are found there */
-#define FLOOR_PX      0.05 /* corner noise that no picture goes below: print, flatness, lens model */
-#define LEAST_BLUR_PX 0.3  /* a pixel's own width: sharper is not to be seen */
-#define FOREIGN_LEAST 4    /* markers that do not belong: fewer are read from clutter */
+#define COARSE_SIDE   1100 /* px: larger pictures are searched only if nothing is found at this size */
+#define FLOOR_PX      0.05 /* lower bound of the corner noise: print, flatness, lens model */
+#define LEAST_BLUR_PX 0.3  /* a pixel's own width: sharper edges cannot be resolved */
+#define FOREIGN_LEAST 4    /* foreign markers that mean another board: fewer are false reads in clutter */
 
 /* --- size -------------------------------------------------------------------------------------------------------- */
 
-/* Half the size, means of 2x2 pixels: pixel x lies at 2 x + 0.5 of the larger one. */
+/* Half the size, means of 2x2 pixels: pixel x is at 2 x + 0.5 of the larger picture. */
 static int halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
 {
     const int err = sst_map_u8_init(out, sst_max_int(in->width / 2, 1), sst_max_int(in->height / 2, 1));
@@ -60,11 +60,11 @@ void pyramid_fini(struct pyramid *p)
     *p = (struct pyramid){ 0 };
 }
 
-/* --- judging ----------------------------------------------------------------------------------------------------- */
+/* --- classification ---------------------------------------------------------------------------------------------- */
 
 /*
- * The usual point spread of all points, as width and aspect. A tone curve moves the grey where the edges cross, which
- * looks like skew of one sign at points with black at the upper left and of the other at the rest: the medians of both
+ * Median point spread of all points, as width and aspect. A tone curve shifts the grey level where the edges cross,
+ * which appears as skew of opposite sign at points with black and with white at the upper left: the medians of both
  * kinds are averaged.
  */
 static int measure_blur(struct sst_detection *d, const struct sighting *s)
@@ -99,8 +99,8 @@ static int measure_blur(struct sst_detection *d, const struct sighting *s)
     return 0;
 }
 
-/* Do the points spread over a plane, not along a line? In board coordinates, where a line is told from a tilt. */
-static bool spread_out(const struct sst_detection *d, const struct sst_board *board)
+/* True if the points spread over a plane, not along a line; in board coordinates, where a line differs from a tilt. */
+static bool spans_plane(const struct sst_detection *d, const struct sst_board *board)
 {
     const double pitch = sst_board_pitch_mm(board);
     double m[2] = { 0, 0 }, xx = 0, xy = 0, yy = 0, p[2];
@@ -143,9 +143,9 @@ static int fill(struct sst_detection *out, const struct sighting *s, int count)
     return 0;
 }
 
-/* Outcome of points that were found: the detection is kept where it is usable or nearly. */
-static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, const struct sighting *s, int count,
-                 const struct sst_detect_config *cfg)
+/* Classify the points that were found; a usable or nearly usable detection is kept. */
+static int classify(struct sst_detection *out, enum sst_detect_outcome *outcome, const struct sighting *s, int count,
+                    const struct sst_detect_config *cfg)
 {
     const double max_blur = cfg && cfg->max_blur_px > 0 ? cfg->max_blur_px : 3;
     const double max_aspect = cfg && cfg->max_aspect > 0 ? cfg->max_aspect : 1.8;
@@ -158,7 +158,7 @@ static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, co
     err = fill(&d, s, count);
     if (err)
         return err;
-    if (!spread_out(&d, s->board)) {
+    if (!spans_plane(&d, s->board)) {
         sst_detection_fini(&d);
         return 0;
     }
@@ -185,7 +185,7 @@ static int detect_markers(struct sighting *s, struct sst_detection *out, enum ss
         return 0;
     }
     count = find_points(s);
-    return count < 0 ? count : judge(out, outcome, s, count, cfg);
+    return count < 0 ? count : classify(out, outcome, s, count, cfg);
 }
 
 static int detect_chessboard(struct sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
@@ -202,7 +202,7 @@ static int detect_chessboard(struct sighting *s, struct sst_detection *out, enum
         *outcome = SST_DETECT_OTHER_BOARD;
         return 0;
     }
-    return count < 0 ? count : judge(out, outcome, s, count, cfg);
+    return count < 0 ? count : classify(out, outcome, s, count, cfg);
 }
 
 static int detect(const struct sst_board *board, const struct sst_map_u8 *luma, const struct sst_detect_config *cfg,
@@ -235,7 +235,7 @@ int sst_board_detect(const struct sst_board *board, const struct sst_image *imag
         return err;
     err = detect(board, &luma, cfg, &found, &what);
     sst_map_u8_fini(&luma);
-    if (err == -EINVAL) { /* OpenCV does not take such a picture: nothing is to be seen in it */
+    if (err == -EINVAL) { /* OpenCV rejects the picture: nothing can be detected in it */
         err = 0;
         what = SST_DETECT_NONE;
     }

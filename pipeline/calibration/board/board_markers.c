@@ -1,4 +1,4 @@
-/* Markers of ChArUco boards and AprilGrids: read, and only those believed that agree on where the board is. */
+/* Markers of ChArUco boards and AprilGrids: reads them and keeps those that agree on one pose of the board. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -9,7 +9,7 @@
 #include "pipeline/calibration/board/opencv_boards.h"
 
 #define TRIES                200
-#define GOOD_ENOUGH          6    /* markers that agree: no look at the larger picture */
+#define GOOD_ENOUGH          6    /* agreeing markers: the larger picture is not searched */
 #define MARKER_CORNER_WEIGHT 0.02 /* such a corner is about a pixel off, a refined point less than a tenth */
 
 /* A marker that was read, and where it is on the board. */
@@ -21,7 +21,7 @@ struct match {
 
 /* --- which markers agree ----------------------------------------------------------------------------------------- */
 
-/* Is the marker where h puts it: each corner within half a marker? */
+/* True if h predicts each corner of the marker to within half a marker. */
 static bool fits(const struct match *m, const double h[9])
 {
     for (int k = 0; k < 4; k++) {
@@ -58,8 +58,8 @@ static bool fit_pair(double h[9], const struct match *a, const struct match *b)
     return sst_homography_fit(h, (const double(*)[2])from, (const double(*)[2])to, NULL, 8);
 }
 
-/* Fit to all good ones and mark again. @return how many are good, or -ENOMEM */
-static int settle(struct match *m, int n, double h[9])
+/* Refit to all inliers and reclassify. @return number of inliers, or -ENOMEM */
+static int refit(struct match *m, int n, double h[9])
 {
     double(*from)[2] = malloc(8 * (size_t)n * sizeof(*from)), (*to)[2];
     int count = mark(m, n, h);
@@ -85,8 +85,9 @@ static int settle(struct match *m, int n, double h[9])
     return count;
 }
 
-/* Mark as good the largest set of markers that one homography puts where they are. The pairs that it is taken from are
- * those far apart first: theirs reaches over the board. @return how many, at least 2, or 0, or -ENOMEM */
+/* Find the largest set of markers that one homography explains, and mark it as inliers. Candidate homographies come
+ * from pairs of markers, the most distant first: these extrapolate best. @return number of inliers, at least 2, or 0,
+ * or -ENOMEM */
 static int agree(struct match *m, int n)
 {
     double best[9], h[9];
@@ -105,7 +106,7 @@ static int agree(struct match *m, int n)
             }
         }
     }
-    return most < 2 ? 0 : settle(m, n, best);
+    return most < 2 ? 0 : refit(m, n, best);
 }
 
 /* --- reading ----------------------------------------------------------------------------------------------------- */
@@ -117,7 +118,7 @@ static int by_number(const void *a, const void *b)
     return (x->id > y->id) - (x->id < y->id);
 }
 
-/* Where the markers that were read are on the board. One read at two places counts at both: at most one agrees. */
+/* Match the markers read to the board. One read at two places matches twice: at most one will agree. */
 static int match_markers(struct match *out, const struct cv_marker *read, int n, const struct sst_board_marker *on,
                          int markers, double scale)
 {
@@ -147,7 +148,7 @@ int read_markers(struct cv_marker *read, const struct sst_map_u8 *luma, int dict
     if (n < 0)
         return n;
     qsort(read, (size_t)n, sizeof(*read), by_number);
-    for (int i = 0; i < n; i++) { /* contours of both sides of an edge give the same tag twice */
+    for (int i = 0; i < n; i++) { /* the contours of both sides of an edge give the same tag twice */
         const bool again = kept > 0 && read[kept - 1].id == read[i].id &&
                            hypotf(read[kept - 1].corner[0][0] - read[i].corner[0][0],
                                   read[kept - 1].corner[0][1] - read[i].corner[0][1]) < 8;

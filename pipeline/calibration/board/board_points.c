@@ -1,4 +1,4 @@
-/* From anchors to the points of a board: predicted from their neighbours, refined, and checked against each other. */
+/* From anchors to all points of a board: predicted from neighbours, refined, and checked against each other. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -11,18 +11,19 @@
 
 #define NEIGHBOURS  14
 #define GROW_ROUNDS 12
-#define LARGEST_PX  8 /* of a window, from its point, for pictures up to 1000 pixels wide; more sees the lens bend */
+#define LARGEST_PX  8 /* half width of a window for pictures up to 1000 pixels wide; limits lens distortion */
 #define TAG_BORDER  0.2
 
-/* --- prediction -------------------------------------------------------------------------------------------------- */
+/* --- prediction --------------------------------------------------------------------------------------------------- */
 
 struct near {
     int index;
     double distance2;
 };
 
-/* The nearest anchors, nearest first; of equal ones the first. */
-static int nearest(struct near out[NEIGHBOURS], const struct anchor *anchor, int n, const double at[2], int skip)
+/* The nearest anchors in order of distance; ties: the first. */
+static int nearest_anchors(struct near out[NEIGHBOURS], const struct anchor *anchor, int n, const double at[2],
+                           int skip)
 {
     int count = 0;
 
@@ -43,14 +44,14 @@ static int nearest(struct near out[NEIGHBOURS], const struct anchor *anchor, int
     return count;
 }
 
-/* Where a place of the board is, from the anchors around it, but for one (skip; -1: none). slope: px per mm there.
- * @return false: nothing near enough to tell */
+/* Predict the pixel of a board position from the anchors around it, leaving one out (skip; -1: none). slope: px per mm
+ * there. @return false: no anchors near enough */
 static bool predict(double px[2], double slope[4], const struct anchor *anchor, int n, double step_mm,
                     const double at[2], int skip)
 {
     double from[NEIGHBOURS][2], to[NEIGHBOURS][2], weight[NEIGHBOURS], h[9];
     struct near found[NEIGHBOURS];
-    const int count = nearest(found, anchor, n, at, skip);
+    const int count = nearest_anchors(found, anchor, n, at, skip);
 
     if (count < 4 || found[0].distance2 > 2.6 * step_mm * step_mm)
         return false;
@@ -59,7 +60,7 @@ static bool predict(double px[2], double slope[4], const struct anchor *anchor, 
 
         memcpy(from[i], a->board, sizeof(from[i]));
         memcpy(to[i], a->px, sizeof(to[i]));
-        /* Far ones tell less: the lens bends the board. */
+        /* Distant anchors weigh less: lens distortion bends the board. */
         weight[i] = a->weight / (1 + found[i].distance2 / (step_mm * step_mm));
     }
     return sst_homography_fit(h, (const double(*)[2])from, (const double(*)[2])to, weight, count) &&
@@ -67,10 +68,10 @@ static bool predict(double px[2], double slope[4], const struct anchor *anchor, 
            slope[0] * slope[3] - slope[1] * slope[2] > 0;
 }
 
-/* --- refinement -------------------------------------------------------------------------------------------------- */
+/* --- refinement --------------------------------------------------------------------------------------------------- */
 
-/* What surrounds a point of this board. */
-static void surroundings(struct saddle_place *place, const struct sst_board *b, int id, bool other)
+/* The surroundings of a point on this board. */
+static void describe_point(struct saddle_place *place, const struct sst_board *b, int id, bool other)
 {
     if (b->kind == SST_BOARD_APRILGRID) {
         place->sign = id % 2 ? 1 : -1;
@@ -93,8 +94,9 @@ static double largest_window(const struct sst_map_u8 *luma)
     return LARGEST_PX * fmax(1, sqrt(fmax(luma->width, luma->height) / 1000.0));
 }
 
-/* Look for a point where the anchors put it. */
-static bool look(struct saddle *out, const struct sighting *s, int id, const struct anchor *anchor, int n, double reach)
+/* Search for a point where the anchors predict it. */
+static bool search_point(struct saddle *out, const struct sighting *s, int id, const struct anchor *anchor, int n,
+                         double reach)
 {
     const double pitch = sst_board_pitch_mm(s->board);
     struct saddle_place place;
@@ -105,12 +107,12 @@ static bool look(struct saddle *out, const struct sighting *s, int id, const str
         return false;
     place.x = px[0];
     place.y = px[1];
-    surroundings(&place, s->board, id, s->other);
+    describe_point(&place, s->board, id, s->other);
     place.reach_px = reach * (1 + pitch * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4);
     return saddle_refine(out, s->luma, &place, largest_window(s->luma));
 }
 
-/* Anchors for what has been found: refined points, and where few are around them still the markers' corners. */
+/* Rebuild the anchors: refined points, and the markers' corners where few refined points are near. */
 static int collect(struct anchor *out, int *id, const struct sighting *s, int points)
 {
     int n = 0;
@@ -129,10 +131,11 @@ static int collect(struct anchor *out, int *id, const struct sighting *s, int po
     return n;
 }
 
-/* --- checks ------------------------------------------------------------------------------------------------------ */
+/* --- checks ------------------------------------------------------------------------------------------------------- */
 
-/* Distance of each point from where its neighbours put it, NAN where they do not tell, and the scale there. */
-static void stray(double *distance, const struct sighting *s, const struct anchor *anchor, int n)
+/* Distance of each point from the position that its neighbours predict, NAN without a prediction, and the scale
+ * there. */
+static void prediction_errors(double *distance, const struct sighting *s, const struct anchor *anchor, int n)
 {
     const double pitch = sst_board_pitch_mm(s->board);
 
@@ -149,17 +152,17 @@ static void stray(double *distance, const struct sighting *s, const struct ancho
 }
 
 /*
- * Drop, the worst first, points that are not where their neighbours put them: further than 5 times the usual distance,
- * at least 0.4 px (or 0.016 of the pitch, where that is more), and in any case than 4 times this.
+ * Drop, the worst first, points that differ from the prediction of their neighbours by more than 5 times the median
+ * distance, but at least 0.4 px (or 0.016 of the pitch, if larger) and at most 4 times this.
  */
-static void drop_strays(struct sighting *s, struct anchor *anchor, double *distance, int *id, int points)
+static void drop_outliers(struct sighting *s, struct anchor *anchor, double *distance, int *id, int points)
 {
     for (;;) {
         const int n = collect(anchor, id, s, points);
         double *sorted = distance + points, limit;
         int known = 0, worst = -1;
 
-        stray(distance, s, anchor, n);
+        prediction_errors(distance, s, anchor, n);
         for (int i = 0; i < n; i++) {
             if (isnan(distance[i]))
                 continue;
@@ -194,13 +197,13 @@ int find_points(struct sighting *s)
         before = count;
         memcpy(anchor + refined, s->anchor, (size_t)s->anchors * sizeof(*anchor));
         for (int i = 0; i < points; i++) {
-            if (!s->seen[i] && look(&s->saddle[i], s, i, anchor, refined + s->anchors, round ? 0.6 : 1)) {
+            if (!s->seen[i] && search_point(&s->saddle[i], s, i, anchor, refined + s->anchors, round ? 0.6 : 1)) {
                 s->seen[i] = true;
                 count++;
             }
         }
     }
-    drop_strays(s, anchor, distance, id, points);
+    drop_outliers(s, anchor, distance, id, points);
     count = collect(anchor, id, s, points);
 out:
     free(anchor);
@@ -238,7 +241,7 @@ bool chessboard_goes_on(const struct sighting *s)
         const int length = side < 2 ? rows : cols;
         int crossings = 0;
 
-        /* As long as they still can be most of the side. */
+        /* While they still can be the majority of the side. */
         for (int k = 0; k < length && 2 * (crossings + length - k) > length; k++) {
             const int i = side == 0 ? -1 : side == 1 ? cols : k, j = side == 2 ? -1 : side == 3 ? rows : k;
             const double at[2] = { i * s->board->square_mm, j * s->board->square_mm };

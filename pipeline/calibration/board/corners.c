@@ -18,12 +18,12 @@
 #define PARAMETERS  11
 #define MAX_SIDE    64 /* of the window, px */
 #define ROUNDS      20
-#define MARGIN_PX   1.5 /* kept from what is not of the four quadrants */
-#define FAR         4.0 /* widths from an edge beyond which its blur is nothing */
+#define MARGIN_PX   1.5 /* margin to what does not belong to the four quadrants */
+#define FAR         4.0 /* widths from an edge beyond which its blur is negligible */
 #define MIN_BLUR_PX 0.2
 #define MAX_BLUR_PX 12.0
-#define MAX_SLOPE   0.05 /* of the light, per px */
-#define MAX_SKEW    0.8  /* of the correlation, where three terms still do */
+#define MAX_SLOPE   0.05 /* of the illumination, per px */
+#define MAX_SKEW    0.8  /* of the correlation, where three terms still suffice */
 
 /* x and y relative to the window's middle; log of the blur's widths. */
 enum { X, Y, ANGLE1, ANGLE2, BLUR1, BLUR2, SKEW, LEVEL, CONTRAST, LIGHT_X, LIGHT_Y };
@@ -47,7 +47,7 @@ static bool collect(struct window *w, const struct sst_map_u8 *luma, const struc
                     double y, double largest_px)
 {
     const double *s = place->slope, det = s[0] * s[3] - s[1] * s[2];
-    /* mm of u and v that lie between lines u, v = const one pixel apart */
+    /* step in u and v, mm, between lines u, v = const one pixel apart */
     const double step_u = hypot(s[3], s[1]) / det, step_v = hypot(s[2], s[0]) / det;
     const double half_u = fmin(place->half_mm - MARGIN_PX * step_u, largest_px * step_u);
     const double half_v = fmin(place->half_mm - MARGIN_PX * step_v, largest_px * step_v);
@@ -158,14 +158,14 @@ static double model(const struct pose *m, double dx, double dy, double by[PARAME
     return light * grey;
 }
 
-/* What is known before looking, as one more measurement each: value and 1 / sigma. It keeps what the window cannot tell
- * (the width of an edge between two pixels) from running away. */
+/* Priors, one more measurement each: value and 1 / sigma. They keep what the window does not determine (the width of
+ * an edge between two pixels) from diverging. */
 static const double prior_value[PARAMETERS] = { [BLUR1] = -0.2, [BLUR2] = -0.2 };
 static const double prior_weight[PARAMETERS] = {
     [BLUR1] = 1 / 0.7, [BLUR2] = 1 / 0.7, [SKEW] = 1 / 0.4, [LIGHT_X] = 1 / 0.005, [LIGHT_Y] = 1 / 0.005
 };
 
-/* Normal equations a step = b at q. noise2: of a grey, squared. @return the sum of squares */
+/* Normal equations a step = b at q. noise2: variance of a grey value. @return the sum of squares */
 static double equations(const struct window *w, const double q[PARAMETERS], double noise2,
                         double a[PARAMETERS * PARAMETERS], double b[PARAMETERS])
 {
@@ -199,8 +199,8 @@ static double equations(const struct window *w, const double q[PARAMETERS], doub
 
 /* --- the fit ----------------------------------------------------------------------------------------------------- */
 
-/* Keep what has limits within them: an edge between two pixels says little of its width, and three terms of the
- * series hold up to MAX_SKEW. @return false: not finite, or far away */
+/* Clamp the bounded parameters: an edge between two pixels hardly determines its width, and three terms of the series
+ * hold up to MAX_SKEW. @return false: not finite, or far away */
 static bool limit(double q[PARAMETERS])
 {
     q[BLUR1] = sst_clamp_double(q[BLUR1], log(MIN_BLUR_PX), log(MAX_BLUR_PX));
@@ -215,8 +215,7 @@ static bool limit(double q[PARAMETERS])
     return fmax(fabs(q[X]), fabs(q[Y])) < MAX_SIDE;
 }
 
-/* Levenberg and Marquardt's way down from q, until a step moves the point by less than enough_px. @return the sum of
- * squares */
+/* Levenberg-Marquardt descent from q until a step moves the point by less than enough_px. @return the sum of squares */
 static double descend(const struct window *w, double q[PARAMETERS], double noise2, double enough_px)
 {
     double a[2][PARAMETERS * PARAMETERS], b[2][PARAMETERS], damping = 1e-3;
@@ -251,7 +250,7 @@ static double descend(const struct window *w, double q[PARAMETERS], double noise
     return sum;
 }
 
-/* Greys to begin with: means of both diagonals' quadrants. */
+/* Initial greys: means of both diagonals' quadrants. */
 static void begin(double q[PARAMETERS], const struct window *w, const struct saddle_place *place, double blur_px)
 {
     const double *s = place->slope;
@@ -271,7 +270,7 @@ static void begin(double q[PARAMETERS], const struct window *w, const struct sad
     q[CONTRAST] = sum[1] / fmax(n[1], 1e-9) - q[LEVEL];
 }
 
-/* Expected error of the place from the inverse of the normal equations. */
+/* Expected error of the position from the inverse of the normal equations. */
 static bool expected(double *noise_px, const struct window *w, const double q[PARAMETERS], double noise2)
 {
     double a[PARAMETERS * PARAMETERS], b[PARAMETERS], m[PARAMETERS * PARAMETERS], variance = 0;
@@ -290,8 +289,8 @@ static bool expected(double *noise_px, const struct window *w, const double q[PA
     return isfinite(*noise_px);
 }
 
-/* The point spread whose widths across the two edges, and the correlation between, are those found: with the normals
- * n1, n2 of the edges, n1' B n1 = s1^2, n2' B n2 = s2^2, n1' B n2 = c s1 s2. */
+/* The point spread with the fitted widths across the two edges and their correlation: with the normals n1, n2 of the
+ * edges, n1' B n1 = s1^2, n2' B n2 = s2^2, n1' B n2 = c s1 s2. */
 static void spread(struct saddle *out, const double q[PARAMETERS])
 {
     const double n[4] = { cos(q[ANGLE1]), sin(q[ANGLE1]), cos(q[ANGLE2]), sin(q[ANGLE2]) };
@@ -310,7 +309,7 @@ static double angle_between(double a, double b)
     return fabs(remainder(a - b, 2 * M_PI));
 }
 
-/* Does what was found look like the point that was asked for? */
+/* True if the result matches the requested point. */
 static bool plausible(const struct saddle *s, const double q[PARAMETERS], const double start[PARAMETERS],
                       const struct saddle_place *place, double reach_window_px)
 {
@@ -330,7 +329,7 @@ static bool usable(const struct saddle_place *place)
            place->slope[0] * place->slope[3] - place->slope[1] * place->slope[2] > 1e-12;
 }
 
-/* Fit once in a window around what is known so far. */
+/* Fit once in a window around the current estimate. */
 static bool fit(struct saddle *s, double q[PARAMETERS], struct window *w, double *noise2, double enough_px)
 {
     double weights = 0, sum = descend(w, q, *noise2, enough_px);
@@ -359,7 +358,7 @@ bool saddle_refine(struct saddle *out, const struct sst_map_u8 *luma, const stru
     if (!(q[CONTRAST] * place->sign > 4) || !fit(&s, q, &w, &noise2, 0.02) ||
         hypot(s.x - place->x, s.y - place->y) > place->reach_px)
         return false;
-    /* A second look: the window around the point itself, the blur known. */
+    /* Second fit: the window is centred on the point, the blur known. */
     q[LEVEL] *= 1 + q[LIGHT_X] * q[X] + q[LIGHT_Y] * q[Y];
     q[X] = q[Y] = 0;
     if (!collect(&w, luma, place, s.x, s.y, largest_px) || !fit(&s, q, &w, &noise2, 5e-4))

@@ -23,9 +23,9 @@ static double stretch(const double by[4], double *largest)
 }
 
 /*
- * Which way the board looks: the map at its middle squeezes it by the cosine of the tilt, and the denominator
- * w = h6 u + h7 v + h8 grows with depth. The board looks towards where depth grows in the picture, the gradient being
- * J^-T (h6, h7), J the map's slope.
+ * Direction of the tilt: the map at the board's middle compresses it by the cosine of the tilt, and the denominator w =
+ * h6 u + h7 v + h8 grows with depth. The board faces the direction in which depth grows in the picture, the gradient
+ * being J^-T (h6, h7), J the map's slope.
  */
 static int tilt_of(const double h[9], const double by[4], double squeeze)
 {
@@ -38,7 +38,7 @@ static int tilt_of(const double h[9], const double by[4], double squeeze)
     return y < 0 ? 3 : 4;
 }
 
-/* Tilt and size of one detection; false where its points say nothing. */
+/* Tilt and size of one detection; false where its points do not determine them. */
 static bool pose(const struct sst_board *board, const struct sst_detection *d, int *tilt, double *size)
 {
     double(*from)[2] = malloc(2 * (size_t)d->corners * sizeof(*from)), (*to)[2] = from + d->corners;
@@ -88,7 +88,7 @@ void sst_coverage_count(struct sst_coverage *out, const struct sst_detections *a
     }
 }
 
-/* --- judging ----------------------------------------------------------------------------------------------------- */
+/* --- criteria ---------------------------------------------------------------------------------------------------- */
 
 bool sst_coverage_cell_done(const struct sst_coverage *c, int row, int col)
 {
@@ -115,17 +115,17 @@ double sst_coverage_share(const struct sst_coverage *c)
            0.2 * fmin(1, (double)c->frames / SST_COVERAGE_FRAMES);
 }
 
-/* --- telling ----------------------------------------------------------------------------------------------------- */
+/* --- text -------------------------------------------------------------------------------------------------------- */
 
-static void say(char out[160], const char *what)
+static void append(char out[160], const char *what)
 {
     const size_t n = strlen(out);
 
     snprintf(out + n, 160 - n, "%s%s", n ? ", " : "", what);
 }
 
-/* Regions of nine: cells 0 and 1, 2, 3 and 4 each way. The emptiest first, of equal ones corners before sides. */
-static void say_regions(char out[160], const struct sst_coverage *c)
+/* Nine regions: cells 0-1, 2, 3-4 each way. The emptiest first; ties: corners before sides. */
+static void append_regions(char out[160], const struct sst_coverage *c)
 {
     static const char *const names[9] = { "upper left", "upper right", "lower left", "lower right", "left",
                                           "right",      "top",         "bottom",     "middle" };
@@ -144,19 +144,19 @@ static void say_regions(char out[160], const struct sst_coverage *c)
     for (int i = 0; i < 9; i++)
         regions += missing[i] > 0;
     if (regions == 9) {
-        say(out, "all regions");
+        append(out, "all regions");
         return;
     }
-    for (int told = 0; told < sst_min_int(regions, 3); told++) {
+    for (int listed = 0; listed < sst_min_int(regions, 3); listed++) {
         int most = 0;
 
         for (int i = 1; i < 9; i++)
             most = missing[i] > missing[most] ? i : most;
-        say(out, names[most]);
+        append(out, names[most]);
         missing[most] = 0;
     }
     if (regions > 3)
-        say(out, "other regions");
+        append(out, "other regions");
 }
 
 void sst_coverage_missing(const struct sst_coverage *c, char out[160])
@@ -169,22 +169,22 @@ void sst_coverage_missing(const struct sst_coverage *c, char out[160])
 
     *out = 0;
     if (!c->frames) {
-        say(out, "everything");
+        append(out, "everything");
         return;
     }
-    say_regions(out, c);
+    append_regions(out, c);
     for (int i = 0; i < SST_COVERAGE_TILTS; i++)
         lacking += !c->tilt[i];
     if (lacking >= 4)
-        say(out, "tilts");
+        append(out, "tilts");
     for (int i = 1; i <= SST_COVERAGE_TILTS && lacking < 4; i++) {
         if (!c->tilt[i % SST_COVERAGE_TILTS])
-            say(out, tilts[i % SST_COVERAGE_TILTS]);
+            append(out, tilts[i % SST_COVERAGE_TILTS]);
     }
     if (ratio < SST_COVERAGE_RATIO)
-        say(out, "nearer and farther");
+        append(out, "nearer and farther");
     if (c->frames < SST_COVERAGE_FRAMES) {
         snprintf(frames, sizeof(frames), "%d more frames", SST_COVERAGE_FRAMES - c->frames);
-        say(out, frames);
+        append(out, frames);
     }
 }

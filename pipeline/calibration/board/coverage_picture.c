@@ -1,4 +1,4 @@
-/* Coverage as a picture: a tile for each camera in its place in the grid. */
+/* Coverage as a picture: one tile for each camera at its grid position. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -59,7 +59,7 @@ static void write(struct sst_image *img, int x, int y, const char *text, int zoo
     }
 }
 
-/* A board that looks some way: its near side is drawn longer. */
+/* Symbol of a tilted board: its near side is drawn longer. */
 static void tilt_sign(struct sst_image *img, int x, int y, int size, int tilt, uint32_t colour)
 {
     for (int j = 0; j < size; j++) {
@@ -154,7 +154,7 @@ static void draw_tile(struct sst_image *img, int x, int y, const struct layout *
     snprintf(share, sizeof(share), "%d of 100", (int)floor(100 * sst_coverage_share(&c[view]) + 1e-9));
     snprintf(name, sizeof(name), "%s", all->camera_name[view]);
     room = (l->picture_width - text_width(share, l->zoom) - 6) / (SST_FONT_WIDTH * l->zoom);
-    if ((int)strlen(name) > room) /* the end tells more: serials and ports begin alike */
+    if ((int)strlen(name) > room) /* keep the end: serials and ports begin alike */
         memmove(name, name + strlen(name) - (size_t)sst_max_int(room, 0), (size_t)sst_max_int(room, 0) + 1);
     write(img, inner_x, name_y, name, l->zoom, ink);
     write(img, inner_x + l->picture_width - text_width(share, l->zoom), name_y, share, l->zoom,
@@ -168,7 +168,7 @@ static void draw_tile(struct sst_image *img, int x, int y, const struct layout *
 
 static struct layout plan(const struct sst_detections *all)
 {
-    /* Long columns of cameras: lower tiles, that the picture stays one that can be made. */
+    /* Long columns of cameras: smaller tiles keep the picture below the size limit. */
     const int highest = (SST_IMAGE_MAX_SIDE - 4 * EDGE - HEADING) / all->rows - GAP;
     struct layout l;
     int other;

@@ -1,4 +1,4 @@
-/* pipeline/calibration/board/detect.h - a board's points in pictures, and everything that was found in many of them. */
+/* pipeline/calibration/board/detect.h - detection of a board's points in pictures, and the list of detections. */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_DETECT_H
 #define SST_PIPELINE_CALIBRATION_BOARD_DETECT_H
 
@@ -16,22 +16,22 @@ struct sst_corner {
 struct sst_detection {
     int view, frame;
     int corners;
-    struct sst_corner *corner; /* by ascending id */
+    struct sst_corner *corner; /* in ascending order of id */
     double blur_px;            /* width (sigma) of the edges between squares, px; 0: unknown */
     double blur_aspect;        /* widest over narrowest direction: well above 1 is motion */
 };
 
-/** What one picture held besides a usable detection. */
+/** Result of the search in one picture. */
 enum sst_detect_outcome {
     SST_DETECT_FOUND = 0,
     SST_DETECT_NONE = 1,    /* no board */
     SST_DETECT_FEW = 2,     /* too few points for a pose (below 6, or all on a line) */
     SST_DETECT_BLURRED = 3, /* edges wider than a limit */
-    SST_DETECT_MOVING = 4,  /* edges of one direction wider than the other's, or the frame differs between cameras */
-    SST_DETECT_OTHER_BOARD = 5, /* markers that this board does not have, or more or fewer squares */
+    SST_DETECT_MOVING = 4,  /* edges wider in one direction than in the other, or the frame differs between cameras */
+    SST_DETECT_OTHER_BOARD = 5, /* foreign markers or another number of squares */
 };
 
-/** All detections of a capture. Frames are moments: the board is where it is for all cameras in a frame. */
+/** All detections of a capture. In one frame the board has one position for all cameras. */
 struct sst_detections {
     struct sst_board board;
     int rows, cols, width, height;
@@ -39,7 +39,7 @@ struct sst_detections {
     char (*frame_name)[64];  /* [frames]; for messages */
     char (*camera_name)[64]; /* [rows * cols]; "" for holes of the grid */
     int count;
-    struct sst_detection *detection; /* by ascending frame, then view */
+    struct sst_detection *detection; /* in ascending order of frame, then view */
     int outcome[6];                  /* pictures by sst_detect_outcome */
     bool rig;                        /* the views are poses of one camera: one lens for all */
     double (*drive_mm)[3];           /* [rows * cols] positions that the rig's drives reported, or NULL */
@@ -48,14 +48,14 @@ struct sst_detections {
 struct sst_detect_config {
     double max_blur_px; /* 0: 3 */
     double max_aspect;  /* 0: 1.8 */
-    bool quick;         /* for live pictures: a board that is small or blurred in its picture may be missed */
+    bool quick;         /* for live pictures: faster, may miss a board that is small or blurred */
 };
 
 /**
- * Find the board. Points are refined to the saddle of the grey values around them; a point whose surroundings are no
- * saddle is left out. Partial boards count, except chessboards, which must be seen whole.
+ * Find the board. Points are refined to the saddle of the grey values around them; points without a saddle are left
+ * out. Partial boards are accepted, except chessboards, which must be visible as a whole.
  *
- * @param out  corner to free with sst_detection_fini(); view and frame are set to 0
+ * @param out  release with sst_detection_fini(); view and frame are set to 0
  * @return 0 with *outcome set (out is empty unless SST_DETECT_FOUND, BLURRED or MOVING), -ENOTSUP (no OpenCV in this
  *         build; logged once), -ENOMEM. Thread: any.
  */
@@ -64,12 +64,12 @@ SST_MUST_CHECK int sst_board_detect(const struct sst_board *board, const struct 
                                     enum sst_detect_outcome *outcome);
 void sst_detection_fini(struct sst_detection *detection);
 
-/** In how many ways a chessboard of cols x rows inner corners looks the same: 1, 2 (half a turn) or 4. */
+/** Rotational symmetry of a chessboard of cols x rows inner corners: 1, 2 (half a turn) or 4. */
 int sst_chessboard_ways(int cols, int rows);
 
 /**
- * What a picture seems to hold when the board was not found: kinds, squares and dictionaries that fit, as one clause
- * for an error ("it shows a chessboard of 10x7 squares"). Slow: for messages only. @return false: nothing that we know
+ * Guess which board a picture shows when the expected one was not found, as one clause for an error message ("it shows
+ * a chessboard of 10x7 squares"). Slow: for messages only. @return false: no known board
  */
 bool sst_board_guess(const struct sst_board *board, const struct sst_image *image, char out[160]);
 
@@ -79,16 +79,17 @@ void sst_detections_fini(struct sst_detections *all);
 /** Add a frame. @return its index or -ENOMEM */
 SST_MUST_CHECK int sst_detections_frame(struct sst_detections *all, const char *name);
 /**
- * Take over a detection (its view and frame set); kept in order, its corners freed by sst_detections_fini(). A
- * chessboard that looks the same after a turn is numbered so that the views of a frame agree; this may renumber what
- * was there. The result does not depend on the order of the calls.
+ * Add a detection (its view and frame set) and take ownership of its corners; the list stays sorted. A chessboard with
+ * rotational symmetry is numbered so that the views of a frame agree, which may renumber earlier detections. The result
+ * does not depend on the order of the calls.
  *
- * @return 0, -EINVAL (no such view or frame, or that one is there already, or ids not ascending), -ENOMEM; on failure
- *         the detection stays the caller's.
+ * @return 0, -EINVAL (no such view or frame, a duplicate, or ids not ascending), -ENOMEM; on failure the detection
+ *         stays the caller's.
  */
 SST_MUST_CHECK int sst_detections_add(struct sst_detections *all, struct sst_detection *detection);
 
-/** JSON of all corners (docs/formats.md): to solve again, or from another detector. The usual errors, logged. */
+/** Write or read all corners as JSON (docs/formats.md): to solve again, or to use another detector. Errors are
+ *  logged. */
 SST_MUST_CHECK int sst_detections_write(const struct sst_detections *all, const char *path);
 SST_MUST_CHECK int sst_detections_read(struct sst_detections *all, const char *path);
 

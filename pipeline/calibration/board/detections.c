@@ -1,4 +1,4 @@
-/* All detections of a capture: kept in order, chessboards numbered alike within a frame. */
+/* List of all detections of a capture: sorted, chessboards numbered consistently within a frame. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -33,7 +33,7 @@ void sst_detections_fini(struct sst_detections *all)
     *all = (struct sst_detections){ 0 };
 }
 
-/* Room for one more, at sizes that double. */
+/* Reserve one more element; capacity doubles. */
 static bool grow(void **list, int count, size_t size)
 {
     void *more;
@@ -58,7 +58,7 @@ int sst_detections_frame(struct sst_detections *all, const char *name)
     return all->frames++;
 }
 
-/* --- chessboards that look the same after a turn ----------------------------------------------------------------- */
+/* --- chessboards with rotational symmetry ------------------------------------------------------------------------ */
 
 int sst_chessboard_ways(int cols, int rows)
 {
@@ -101,8 +101,8 @@ static int by_id(const void *a, const void *b)
     return ((const struct sst_corner *)a)->id - ((const struct sst_corner *)b)->id;
 }
 
-/* Number the corners as if the board had been turned by `turns` of its `ways`: its x then points that much further
- * clockwise (y is down). */
+/* Renumber the corners as if the board were rotated by `turns` of its `ways` symmetric positions, clockwise (y is
+ * down). */
 static void renumber(const struct sst_board *board, struct sst_detection *d, int turns, int ways)
 {
     const int cols = board->cols - 1, rows = board->rows - 1;
@@ -111,7 +111,8 @@ static void renumber(const struct sst_board *board, struct sst_detection *d, int
         for (int n = 0; n < d->corners; n++) {
             const int i = d->corner[n].id % cols, j = d->corner[n].id / cols;
 
-            /* Half a turn: both reversed. A quarter: the new x runs along the old y, the new y against the old x. */
+            /* Half a turn reverses both axes. A quarter: the new x runs along the old y, the new y against the old
+             * x. */
             d->corner[n].id = ways == 2 ? (rows - 1 - j) * cols + cols - 1 - i : (cols - 1 - i) * cols + j;
         }
     }
@@ -119,8 +120,8 @@ static void renumber(const struct sst_board *board, struct sst_detection *d, int
 }
 
 /*
- * Headings are known up to 1/ways of a turn. Their mean so (of the angles times ways), in -pi/ways .. pi/ways, is the
- * frame's heading: each view takes the numbering whose heading is nearest to it.
+ * Headings are known up to 1/ways of a turn. Their mean (of the angles times ways), in -pi/ways .. pi/ways, is the
+ * frame's heading: each view uses the numbering whose heading is nearest to it.
  */
 static void number_alike(struct sst_detection *d, int n, const struct sst_board *board, int ways)
 {

@@ -1,4 +1,4 @@
-/* Detections as JSON (docs/formats.md), numbers so that they come back bit for bit. */
+/* Detections as JSON (docs/formats.md); numbers survive a round trip bit for bit. */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
@@ -19,7 +19,7 @@ static const char *const outcomes[6] = { "found", "none", "few", "blurred", "mov
 
 /* --- writing ----------------------------------------------------------------------------------------------------- */
 
-/* Text in quotes; bytes that are no UTF-8 become question marks. */
+/* Quoted text; bytes that are not UTF-8 become question marks. */
 static int put_string(FILE *out, const char *text)
 {
     char plain[64], *dumped;
@@ -112,7 +112,7 @@ int sst_detections_write(const struct sst_detections *all, const char *path)
 
 /* --- reading ----------------------------------------------------------------------------------------------------- */
 
-/* A reader's faults are told once, with where they are. */
+/* Parser state; a fault is logged once, with its position. */
 struct reader {
     const char *path;
     int err;
@@ -188,11 +188,11 @@ static int read_detection(struct reader *r, struct sst_detections *all, const js
     if (!err)
         err = read_corners(r, &d, json_object_get(object, "corners"), &all->board, index);
     if (!err && (!(d.blur_px >= 0) || !(d.blur_aspect >= 0) || !isfinite(d.blur_px + d.blur_aspect)))
-        err = bad(r, "detections", index, "has a blur that is no width");
+        err = bad(r, "detections", index, "has a blur that is not a width");
     if (!err) {
         err = sst_detections_add(all, &d);
         if (err == -EINVAL)
-            err = bad(r, "detections", index, "is of a frame and view that came before");
+            err = bad(r, "detections", index, "repeats an earlier frame and view");
     }
     sst_detection_fini(&d);
     return r->err = err;

@@ -1,4 +1,4 @@
-/* What board a picture shows, for messages: tries kinds, dictionaries and sizes. */
+/* Guesses the board in a picture for error messages: tries kinds, dictionaries and sizes. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -9,7 +9,7 @@
 #define LEAST_MARKERS 4
 #define COLS_MAX      24
 
-/* Families of markers, each by its largest dictionary: smaller ones of the family are its beginnings. */
+/* Families of markers, each by its largest dictionary: the smaller ones are its prefixes. */
 static const struct {
     int first, last, border;
     bool touching;
@@ -28,7 +28,7 @@ static int highest(const struct cv_marker *read, int n)
     return n > 0 ? read[n - 1].id : 0;
 }
 
-/* Rows that were seen, by the lowest anchor. */
+/* Number of rows seen, by the lowest anchor. */
 static int rows_seen(const struct sst_board *b, const struct sighting *s)
 {
     const double pitch = b->kind == SST_BOARD_APRILGRID ? (1 + b->marker) * b->square_mm : b->square_mm;
@@ -102,8 +102,8 @@ static bool describe(char out[160], const struct guess *g)
     return true;
 }
 
-/* The largest chessboard that is found, and that the detector confirms: the first look takes what lies beside for
- * another row at times. */
+/* The largest chessboard that the detector confirms: the first search sometimes takes clutter beside it for another
+ * row. */
 static bool guess_chessboard(char out[160], const struct sst_map_u8 *luma, const struct sst_image *image)
 {
     int cols, rows;

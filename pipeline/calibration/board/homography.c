@@ -50,9 +50,9 @@ static void accumulate(double a[64], double b[8], const double row[8], double ri
 }
 
 /*
- * One round on normalised points: the two equations of a point are divided by the denominator that h gives there, so
- * that they measure distances in the picture, and right is what h leaves. With first, h is not read: the denominators
- * are 1 and the whole of the eight numbers is solved for.
+ * One round on normalised points: the two equations of a point are divided by h's denominator there, so that they
+ * measure distances in the picture, and right is the residual of h. With first, h is not read: the denominators are 1
+ * and all eight numbers are solved for.
  */
 static bool improve(double h[9], const double (*from)[2], const double (*to)[2], const double *weight, int n,
                     const struct norm *f, const struct norm *t, bool first)
@@ -116,7 +116,7 @@ bool sst_homography_fit(double h[9], const double (*from)[2], const double (*to)
         if (!improve(got, from, to, weight, n, &f, &t, false))
             return false;
     }
-    for (int i = 0; i < n; i++) { /* the last step has moved it once more */
+    for (int i = 0; i < n; i++) { /* the last step has moved h once more */
         if (!(got[6] * f.scale * (from[i][0] - f.x) + got[7] * f.scale * (from[i][1] - f.y) + 1 > 1e-6))
             return false;
     }

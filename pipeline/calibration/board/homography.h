@@ -1,4 +1,4 @@
-/* pipeline/calibration/board/homography.h - maps from a plane to pictures of it: fitted, applied, their scale. */
+/* pipeline/calibration/board/homography.h - homographies from a plane to its picture: fit, apply, derivatives. */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_HOMOGRAPHY_H
 #define SST_PIPELINE_CALIBRATION_BOARD_HOMOGRAPHY_H
 
@@ -7,8 +7,8 @@
 #include "base/base.h"
 
 /**
- * Homography that takes from[i] to to[i], the weighted squares of the distances in `to` summed being least: normalised
- * equations first (Hartley 1997), then Gauss-Newton.
+ * Homography from from[i] to to[i] that minimises the weighted sum of squared distances in `to`: normalised equations
+ * first (Hartley 1997), then Gauss-Newton.
  *
  * @param h       row-major, h[8] > 0 where the points are
  * @param weight  [n], or NULL: all 1

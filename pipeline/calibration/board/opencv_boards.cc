@@ -10,7 +10,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
-/* Markers moved from the contributed modules to a class of a main one. */
+/* OpenCV moved markers from the contributed modules to a class of a main module. */
 #define MARKERS_ARE_MAIN (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR >= 7))
 #if MARKERS_ARE_MAIN
 #include <opencv2/objdetect/aruco_detector.hpp>
@@ -18,7 +18,7 @@
 #include <opencv2/aruco.hpp>
 #endif
 
-/* OpenCV also prints each exception that it throws. */
+/* Suppresses OpenCV's printing of the exceptions that it throws. */
 static int silent(int, const char *, const char *, const char *, int, void *)
 {
     return 0;
@@ -106,7 +106,7 @@ static void find_markers(const cv::Mat &luma, const cv::aruco::Dictionary &dict,
 #endif
 }
 
-/* Each side moved outwards by px. */
+/* A quad with each side moved outwards by px. */
 static quad grown(const quad &q, float px)
 {
     quad out(4);
@@ -131,7 +131,7 @@ static float sample(const cv::Mat &luma, cv::Point2f p)
     return (1 - v) * ((1 - u) * (float)top[0] + u * (float)top[1]) + v * ((1 - u) * (float)low[0] + u * (float)low[1]);
 }
 
-/* Modules of a tag, its border included, sampled at their middles. */
+/* Modules of a tag, border included, sampled at their centres. */
 static std::vector<float> modules(const cv::Mat &luma, const quad &q, int side)
 {
     const std::vector<cv::Point2f> unit = { { 0, 0 }, { 1, 0 }, { 1, 1 }, { 0, 1 } };
@@ -146,7 +146,7 @@ static std::vector<float> modules(const cv::Mat &luma, const quad &q, int side)
     return out;
 }
 
-/* Read a quad as a tag: the border is black, at most a tenth of its modules not, and the bits are in the dictionary. */
+/* Read a quad as a tag: at most a tenth of the border's modules are not black, and the bits are in the dictionary. */
 static bool read_tag(const cv::Mat &luma, quad q, const cv::aruco::Dictionary &dict, int border, cv_marker *out)
 {
     const int inner = dict.markerSize, side = inner + 2 * border;
@@ -212,8 +212,8 @@ int cv_touching_tags(struct cv_marker *out, int max, const struct sst_map_u8 *lu
 
         if (grey.cols < 3 || grey.rows < 3)
             return 0;
-        /* Widened white parts what touches at corners; the tags then are quads that are one pixel too small all
-         * around. Too few of their bits survive it, so that these are read in the picture itself. */
+        /* Dilating white separates tags that touch at corners; the quads are then one pixel too small on each side.
+         * Too few bits survive the dilation, so they are read from the picture itself. */
         cv::dilate(grey, parted, cv::Mat::ones(3, 3, CV_8U));
         find_markers(parted, dict, border, found, ids, rejected);
         found.insert(found.end(), rejected.begin(), rejected.end());

@@ -24,7 +24,7 @@ static void add(struct sst_print *p, double x, double y, double width, double he
     p->rect[n].height = height;
 }
 
-/* A marker as black runs, row by row; corner 0 of one that stands on its head is its lower right. */
+/* A marker as black runs, row by row; corner 0 of an upside-down marker is its lower right. */
 static int add_marker(struct sst_print *p, const struct sst_board_marker *m, int dictionary, int border)
 {
     const bool turned = m->corner[0][0] > m->corner[2][0];
@@ -94,7 +94,7 @@ int sst_print_board(struct sst_print *out, const struct sst_board *b)
     const bool grid = b->kind == SST_BOARD_APRILGRID;
     const double gap = b->marker * b->square_mm, margin = grid ? fmax(gap, b->square_mm / 10) : b->square_mm / 2;
     struct sst_print p = { 0 };
-    /* A marker's row of modules has at most as many runs as every second module. */
+    /* A row of n modules has at most n / 2 black runs, rounded up. */
     const size_t runs = (size_t)(MODULES_MAX + 4) * (MODULES_MAX + 4) / 2 + MODULES_MAX;
     const size_t most = (size_t)(b->cols + 1) * (size_t)(b->rows + 1) * (b->kind == SST_BOARD_CHESSBOARD ? 1 : runs);
     int err = 0;

@@ -1,4 +1,4 @@
-/* pipeline/calibration/board/print.h - boards as pictures to print, at true scale. */
+/* pipeline/calibration/board/print.h - printable boards as SVG or PNG, at true scale. */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_PRINT_H
 #define SST_PIPELINE_CALIBRATION_BOARD_PRINT_H
 
@@ -7,7 +7,7 @@
 /** Black rectangles on white, mm from the upper left of the sheet. */
 struct sst_print {
     double width_mm, height_mm;
-    double first_mm[2]; /* where the board's first point is */
+    double first_mm[2]; /* position of the board's first point */
     int count;
     struct {
         double x, y, width, height;
@@ -15,16 +15,17 @@ struct sst_print {
 };
 
 /**
- * Lay out a board: around it a white margin of half a square, on an AprilGrid of a gap but at least a module.
+ * Lay out a board with a white margin of half a square, on an AprilGrid of a gap but at least a module.
  * @return 0, -ENOTSUP (markers, in a build without OpenCV; logged), -ENOMEM
  */
 SST_MUST_CHECK int sst_print_board(struct sst_print *out, const struct sst_board *board);
 void sst_print_fini(struct sst_print *print);
 
-/** SVG, its unit mm. @return 0 or what outputs return; logged */
+/** Write an SVG in mm. @return 0 or an output error; logged */
 SST_MUST_CHECK int sst_print_write_svg(const struct sst_print *print, const char *title, const char *path);
 
-/** PNG of about so many dots per inch; edges fall between dots. @return 0, -EINVAL (too large), or as above; logged */
+/** Write a PNG of about this many dots per inch; edges fall between dots. @return 0, -EINVAL (too large), or as above;
+ *  logged */
 SST_MUST_CHECK int sst_print_write_png(const struct sst_print *print, double dpi, const char *path);
 
 #endif

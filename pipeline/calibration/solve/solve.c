@@ -31,7 +31,7 @@ static void board_extent(const struct sst_board *board, double low[2], double hi
     }
 }
 
-/* How far a corner lies beyond its picture, px; NaN where it is not finite. */
+/* Distance of a corner beyond its picture, px; NaN where it is not finite. */
 static double outside(const struct sst_corner *c, const struct sst_detections *all)
 {
     const double x = fmax(-c->x, c->x - (all->width - 1)), y = fmax(-c->y, c->y - (all->height - 1));
@@ -39,8 +39,8 @@ static double outside(const struct sst_corner *c, const struct sst_detections *a
     return isfinite(c->x) && isfinite(c->y) ? fmax(x, y) : (double)NAN;
 }
 
-/* One corner; false: it is not finite, nowhere near the picture or not of the board. */
-static bool take_corner(struct solve_corner *to, const struct sst_corner *from, const struct sst_detections *all,
+/* Copy one corner. @return false: not finite, far outside the picture, or not a point of the board */
+static bool copy_corner(struct solve_corner *to, const struct sst_corner *from, const struct sst_detections *all,
                         const double low[2], const double high[2])
 {
     const struct sst_board *board = &all->board;
@@ -58,7 +58,7 @@ static bool take_corner(struct solve_corner *to, const struct sst_corner *from, 
     return true;
 }
 
-/* Single corners beyond the picture are outliers; many mean pictures of another size. */
+/* A few corners beyond the picture are outliers; many mean pictures of another size. */
 static int check_size(const struct sst_detections *all, const struct sst_solve_config *cfg)
 {
     long long corners = 0, beyond = 0;
@@ -71,13 +71,13 @@ static int check_size(const struct sst_detections *all, const struct sst_solve_c
     }
     if ((double)beyond <= (double)corners * MOST_OUTSIDE)
         return 0;
-    return solve_refuse(cfg,
-                        "%lld of %lld corners lie outside of pictures of %dx%d: correct the size, or detect "
+    return solve_reject(cfg,
+                        "%lld of %lld corners lie outside the %dx%d pictures; correct the size or detect "
                         "the corners again",
                         beyond, corners, all->width, all->height);
 }
 
-static int take_detections(struct solve_problem *p, const struct sst_detections *all,
+static int copy_detections(struct solve_problem *p, const struct sst_detections *all,
                            const struct sst_solve_config *cfg)
 {
     double low[2], high[2];
@@ -96,18 +96,18 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
         if (from->view < 0 || from->view >= p->views || from->frame < 0 || from->frame >= p->frames ||
             (i && (from->frame < from[-1].frame || (from->frame == from[-1].frame && from->view <= from[-1].view)))) {
             sst_log_error(
-                "detection %d is of view %d in frame %d: there are %d views and %d frames, in ascending order", i,
-                from->view, from->frame, p->views, p->frames);
+                "detection %d refers to view %d in frame %d, but there are %d views and %d frames, in ascending order",
+                i, from->view, from->frame, p->views, p->frames);
             return -EBADMSG;
         }
         *d = (struct solve_detection){ .view = from->view, .frame = from->frame, .corner = next };
         for (int k = 0; k < from->corners; k++) {
-            if (take_corner(&next[d->corners], &from->corner[k], all, low, high))
+            if (copy_corner(&next[d->corners], &from->corner[k], all, low, high))
                 d->corners++;
             else if (!left_out++ &&
-                     solve_refuse(cfg,
+                     solve_reject(cfg,
                                   "corner %d of %s in frame %s is at (%g, %g) with weight %g, which is not a "
-                                  "point of the board (%d points) in a picture of %dx%d: detect the corners again",
+                                  "point of the board (%d points) in a picture of %dx%d; detect the corners again",
                                   from->corner[k].id, solve_name(all, from->view, name), all->frame_name[from->frame],
                                   from->corner[k].x, from->corner[k].y, from->corner[k].weight,
                                   sst_board_points(&all->board), all->width, all->height))
@@ -121,16 +121,17 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
     return 0;
 }
 
-/* Intrinsics that are given. */
-static int take_lenses(struct solve_problem *p, const struct sst_detections *all, const struct sst_calib *given)
+/* Copy the given intrinsics. */
+static int copy_lenses(struct solve_problem *p, const struct sst_detections *all, const struct sst_calib *given)
 {
     if (given->rows * given->cols != p->views && !p->rig) {
-        sst_log_error("the lenses given are of %dx%d cameras, the detections of %dx%d: take the array's own file",
-                      given->rows, given->cols, all->rows, all->cols);
+        sst_log_error(
+            "the given lenses are of %dx%d cameras, the detections of %dx%d; give the calibration of this array",
+            given->rows, given->cols, all->rows, all->cols);
         return -EBADMSG;
     }
     if (given->width != all->width || given->height != all->height) {
-        sst_log_error("the lenses given are for pictures of %dx%d, these have %dx%d: take lenses of the same size",
+        sst_log_error("the given lenses are for pictures of %dx%d, these have %dx%d; give lenses of the same size",
                       given->width, given->height, all->width, all->height);
         return -EBADMSG;
     }
@@ -143,7 +144,7 @@ static int take_lenses(struct solve_problem *p, const struct sst_detections *all
         if (!from->known && all->camera_name[v][0]) {
             char name[128];
 
-            sst_log_error("the lenses given do not know %s: calibrate it, or solve its lens too",
+            sst_log_error("the given lenses do not include %s; calibrate it, or solve its lens too",
                           solve_name(all, v, name));
             return -EBADMSG;
         }
@@ -178,9 +179,9 @@ int solve_problem_make(struct solve_problem *out, const struct sst_detections *a
     p.pool = calloc(corners + 1, sizeof(*p.pool));
     if (!p.camera || !p.frame || !p.detection || !p.pool)
         goto fail;
-    err = take_detections(&p, all, cfg);
+    err = copy_detections(&p, all, cfg);
     if (!err && cfg->lenses)
-        err = take_lenses(&p, all, cfg->lenses);
+        err = copy_lenses(&p, all, cfg->lenses);
     if (err)
         goto fail;
     *out = p;
@@ -190,7 +191,7 @@ fail:
     return err;
 }
 
-/* The reference: the light field's, or where that saw nothing the nearest camera that did. */
+/* The reference camera: the light field's, or the nearest one that saw the board. */
 static void choose_reference(struct solve_case *c)
 {
     const int cols = c->all->cols, wanted = c->p.reference;
@@ -207,13 +208,13 @@ static void choose_reference(struct solve_case *c)
     }
 }
 
-static void tell(const struct solve_case *c, double done)
+static void report_progress(const struct solve_case *c, double done)
 {
     if (c->cfg->progress)
         c->cfg->progress(c->cfg->progress_arg, done);
 }
 
-/* Seeds, tree, robust fit: what can be said before anything is left out. */
+/* Seeds, tree, robust fit: everything before outliers are dropped. */
 static int begin(struct solve_case *c)
 {
     int err = solve_check_corners(c);
@@ -229,7 +230,7 @@ static int begin(struct solve_case *c)
         err = solve_chain(&c->p, c->single, c->link, c->links);
     if (!err)
         err = solve_check_linked(c);
-    tell(c, 0.3);
+    report_progress(c, 0.3);
     return err;
 }
 
@@ -239,23 +240,23 @@ static int fit(struct solve_case *c)
 
     if (!err)
         err = solve_check_still(c);
-    tell(c, 0.5);
+    report_progress(c, 0.5);
     if (!err && !c->cfg->lens && !c->p.keep_lens)
         err = solve_choose_lens(c);
-    tell(c, 0.7);
+    report_progress(c, 0.7);
     if (!err)
         err = solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &c->done);
     if (!err && !c->done.converged) {
         sst_log_error("the adjustment did not converge in %d steps, %.3g px of noise left: the corners contradict "
-                      "each other or leave too much open; take more frames, near and far, and tilted",
+                      "each other or constrain too little; take more frames, near and far, and tilted",
                       c->done.evaluations, c->sigma_px);
         err = -EDOM;
     }
-    tell(c, 0.8);
+    report_progress(c, 0.8);
     return err ? err : solve_check_outliers(c);
 }
 
-/* Median depth of the boards' middles before the reference. */
+/* Median depth of the boards' centres in front of the reference. */
 static double board_range(const struct solve_case *c, double *depth)
 {
     const int points = sst_board_points(&c->all->board);
@@ -274,7 +275,7 @@ static double board_range(const struct solve_case *c, double *depth)
     return fmax(sst_stats_upper_median(depth, n), 0);
 }
 
-/* From the corners that were taken to those of the detection; the others are outliers without a residual. */
+/* Map residuals of the used corners back to those of the detection; all others are outliers without a residual. */
 static void spread(struct sst_solve_view *view, const struct solve_detection *taken, const struct sst_detection *all)
 {
     int n = taken->corners;
@@ -384,7 +385,7 @@ static int fill_maps(struct sst_solution *s, struct solve_case *c)
     int err = solve_covariances(&cov, &c->p, solve_unit_sigma(&c->done));
 
     if (err == -EDOM)
-        return solve_refuse(c->cfg, "the corners leave a camera's lens or place undetermined: take more frames, "
+        return solve_reject(c->cfg, "the corners do not determine every camera's lens and pose; take more frames, "
                                     "near and far, tilted, and seen by several cameras at once");
     if (err)
         return err;
@@ -393,8 +394,8 @@ static int fill_maps(struct sst_solution *s, struct solve_case *c)
         if (!c->p.camera[v].known)
             continue;
         solve_lens_map(&c->p, &cov, v, 1, s->lens_sigma[v]);
-        solve_carry_map(&c->p, &cov, v, 0, s->carry_sigma[v][0]);
-        solve_carry_map(&c->p, &cov, v, s->calib.range_mm, s->carry_sigma[v][1]);
+        solve_transfer_map(&c->p, &cov, v, 0, s->carry_sigma[v][0]);
+        solve_transfer_map(&c->p, &cov, v, s->calib.range_mm, s->carry_sigma[v][1]);
         s->calib.camera[v].sigma_px = solve_map_rms(s->carry_sigma[v][1]);
     }
     solve_covariance_fini(&cov);
@@ -423,7 +424,7 @@ static int allocate(struct sst_solution *s, const struct sst_detections *all)
     return 0;
 }
 
-/* Everything of the case that a caller sees; the case's arrays move over. */
+/* Fill the public solution; ownership of the case's arrays moves to it. */
 static int fill(struct sst_solution *s, struct solve_case *c)
 {
     double *depth = malloc((size_t)(c->p.frames + 1) * sizeof(*depth));
@@ -483,7 +484,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     int err;
 
     if (!WITH_DOGLEG) {
-        sst_log_error("this build has no solver for calibrations: install libdogleg-dev and build again");
+        sst_log_error("this build has no calibration solver; install libdogleg-dev and rebuild");
         return -ENOTSUP;
     }
     err = solve_problem_make(&c.p, all, cfg);
@@ -500,15 +501,15 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     if (!err)
         err = solve_compare_drives(&c);
     if (!err && cfg->cross_validate)
-        err = solve_cross(&c);
-    tell(&c, 0.95);
+        err = solve_cross_validate(&c);
+    report_progress(&c, 0.95);
     if (!err)
         err = fill(&s, &c);
     if (!err) {
         s.seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
         *out = s;
         s = (struct sst_solution){ 0 };
-        tell(&c, 1);
+        report_progress(&c, 1);
     }
     sst_solution_fini(&s);
     free(c.link);
@@ -520,7 +521,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
 
 void sst_solution_fini(struct sst_solution *solution)
 {
-    /* view is allocated with one more than there are detections; the first without residuals ends them */
+    /* view has one more element than detections; the first without residuals ends the list */
     for (int i = 0; solution->view && (solution->view[i].residual || solution->view[i].outlier); i++) {
         free(solution->view[i].residual);
         free(solution->view[i].outlier);

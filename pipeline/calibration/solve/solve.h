@@ -1,23 +1,21 @@
-/* pipeline/calibration/solve/solve.h - from corners to a calibration: seeds, spanning tree, one joint adjustment, its
- * uncertainty.
- */
+/* pipeline/calibration/solve/solve.h - solver: from corners to a calibration with its uncertainty. */
 #ifndef SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_H
 #define SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_H
 
 #include "pipeline/calibration/board/detect.h"
 
-#define SST_UNCERTAINTY_COLS 16 /* cells of the maps, over the picture */
+#define SST_UNCERTAINTY_COLS 16 /* cells of the maps over the picture */
 #define SST_UNCERTAINTY_ROWS 12
 
 struct sst_solve_config {
-    int lens;            /* 5 or 8; 0: the one with the smaller error on frames held out */
-    double loss_px;      /* robust loss: residuals well above this lose their pull; 0: from the noise found */
-    double max_outliers; /* share of corners; more is a failure; 0: 0.03 */
-    bool force;          /* solve although checks refuse; they become warnings */
-    int *overridden;     /* counts the refusals that force turned into warnings; or NULL */
-    bool plain;          /* least squares over all corners: no robust loss, no outliers (to compare with others) */
-    bool flat;           /* the board is a plane: its warp is not solved */
-    bool cross_validate; /* also solve odd and even frames alone, and compare */
+    int lens;                       /* 5 or 8; 0: the one with the smaller error on held-out frames */
+    double loss_px;                 /* scale of the robust loss; 0: from the estimated noise */
+    double max_outliers;            /* fraction of corners; more is a failure; 0: 0.03 */
+    bool force;                     /* solve although checks fail: refusals become warnings */
+    int *overridden;                /* counts the refusals that force turned into warnings; or NULL */
+    bool plain;                     /* least squares over all corners: no robust loss, no outliers (for comparisons) */
+    bool flat;                      /* the board is a plane: its warp is not solved */
+    bool cross_validate;            /* also solve odd and even frames separately, and compare */
     const struct sst_calib *lenses; /* intrinsics to keep as they are (by view; a rig: of its reference), or NULL */
     int threads;
     void (*progress)(void *arg, double done);
@@ -38,7 +36,7 @@ struct sst_solve_frame {
     double rms_px;
 };
 
-/** Views a < b that see the board together. */
+/** Views a < b that see the board in the same frames. */
 struct sst_solve_link {
     int a, b, frames, corners;
     bool tree; /* part of the spanning tree that began the solution */
@@ -49,8 +47,7 @@ struct sst_solution {
     int lens;
     double warp_mm[2];       /* board: z = warp[0] (1 - u^2) + warp[1] (1 - v^2), u and v -1..1 over its points */
     double rms_px;           /* per point over all corners used, cameras and frames: sqrt(mean(dx^2 + dy^2)) */
-    double predicted_rms_px; /* that noise_px and the number of states let expect: sqrt(2) noise sqrt(1 - states /
-                                measurements) */
+    double predicted_rms_px; /* expected: sqrt(2) noise sqrt(1 - states / measurements) */
     double noise_px;         /* corner noise per axis */
     int corners, outliers, states, measurements, iterations;
     double seconds, rcond;
@@ -59,32 +56,33 @@ struct sst_solution {
     int links, weakest;            /* weakest: the link of the tree with the fewest corners; -1 none */
     struct sst_solve_link *link;
     /* One sigma of one axis (root of the mean of both axes' variances) in px, [rows * cols] cameras each; NAN where a
-     * camera is unknown or the pixel is not in its picture. lens_sigma: of where a
-     * direction is seen, the rotation that all directions share taken out. carry_sigma: of carrying a pixel of the
-     * reference view to this view, [0] at infinity, [1] at calib.range_mm (0 for the reference itself). */
+     * camera is unknown or the pixel is outside its picture. lens_sigma: of the pixel of a direction, with the common
+     * rotation removed. carry_sigma: of the transfer of a pixel from the reference view to this view, [0] at infinity,
+     * [1] at calib.range_mm (0 for the reference itself). */
     float (*lens_sigma)[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS];
     float (*carry_sigma)[2][SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS];
-    /* Odd against even frames, the shared rotation taken out, central 80 % of the picture, px: largest RMS difference
-     * over the cameras, what the uncertainties let expect there, and the camera; NAN: not done. */
+    /* Cross-validation of odd against even frames with the common rotation removed, central 80 % of the picture, px:
+     * largest RMS difference over the cameras, the difference expected from the uncertainties, and the camera; NAN:
+     * not done. */
     double cross_px, cross_expected_px;
     int cross_camera;
     double held_out_px[2]; /* RMS per point on held-out frames with 5 and 8 coefficients; 0: not compared */
-    /* A rig with drive positions: RMS distance of the solved centres from the drives' after the best rigid fit, scale
-     * (solved over drive), angle between the axes over 90 degrees; NAN without. */
+    /* For a rig with drive positions: RMS distance of the solved centres from the drives' after the best rigid fit,
+     * scale (solved over drive), angle between the axes minus 90 degrees; otherwise NAN. */
     double drive_rms_mm, drive_scale, drive_skew_deg;
     double (*drive_residual_mm)[3]; /* [rows * cols] or NULL */
 };
 
 /**
- * Solve. Refuses, naming camera or frame, number and remedy: a camera that nothing links to the rest, fewer than 4
- * frames, corners in too few regions of a picture, too little depth range or tilt to know the focal length, more
- * outliers than allowed (with what explains them: a swapped pair of cameras, a camera that moved at a frame, a board
- * of another size), corners that are not finite. A camera without any detection is an error unless force, which leaves
- * it unknown.
+ * Solve. Refuses, naming camera or frame, number and remedy: a camera without a link to the others, fewer than 4
+ * frames, corners in too few regions of a picture, too little depth range or tilt to determine the focal length, more
+ * outliers than allowed (with the diagnosis: a swapped pair of cameras, a camera that moved at a frame, a board of
+ * another size), corners that are not finite. A camera without any detection is an error unless force, which leaves it
+ * unknown.
  *
- * The reference is the light field's, or where that camera is unknown the nearest one that is known.
- * calib.created_wall_ns and calib.source stay empty: the caller knows them. The same input gives the same bytes for
- * any number of threads (seconds aside).
+ * The reference is the light field's, or the nearest known camera where that one is unknown. calib.created_wall_ns and
+ * calib.source stay empty for the caller to fill in. The same input gives the same bytes for any number of threads
+ * (seconds excepted).
  *
  * @return 0, -EBADMSG (refused), -EDOM (did not converge), -ENOTSUP (no libdogleg or OpenCV in this build), -ENOMEM;
  *         logged.

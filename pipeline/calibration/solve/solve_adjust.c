@@ -1,5 +1,5 @@
 /*
- * The joint adjustment by libdogleg (Powell's dog leg, sparse).
+ * The joint adjustment with libdogleg (Powell's dog leg, sparse).
  *
  * A detection of n corners has 2 n rows over at most 26 states. Its rows [J r] are compressed by a QR factorisation to
  * at most 21 before the sparse solver sees them: an orthogonal transform leaves J'J, J'r and |r|^2 as they are.
@@ -19,7 +19,7 @@
 
 struct adjust {
     struct solve_problem *p;      /* as it is at the solver's point */
-    struct solve_camera *camera0; /* where the solver began: turns are from there */
+    struct solve_camera *camera0; /* initial cameras: rotations are relative to them */
     struct solve_frame *frame0;
     double warp0[2];
     struct solve_layout layout;
@@ -27,12 +27,12 @@ struct adjust {
     int *row_at, *entry_at; /* [count + 1] first row and entry of each detection */
     int rows, entries, priors, most_corners, measurements, threads, evaluations;
     double *scratch;          /* [threads][2 most_corners][columns] */
-    dogleg_parameters2_t how; /* the solver reads its limit anew at every step */
-    double best, least_gain;  /* sum of squares so far; gains below this part of it do not count */
+    dogleg_parameters2_t how; /* the solver reads its limit again at every step */
+    double best, least_gain;  /* best sum of squares; smaller relative gains do not count */
     int idle;                 /* evaluations since one counted */
     bool settled;
     const double *state;
-    double *x; /* one evaluation's */
+    double *x; /* state of one evaluation */
     cholmod_sparse *jt;
 };
 
@@ -93,7 +93,7 @@ static void move_pose(struct solve_pose *to, const struct solve_pose *from, cons
         to->shift[i] = from->shift[i] + state[3 + i] * scale[3 + i];
 }
 
-/* The problem as the states say it is. */
+/* Set the problem from the states. */
 static void unpack(struct adjust *a, const double *state)
 {
     const struct solve_layout *l = &a->layout;
@@ -158,7 +158,8 @@ static int evaluate_one(void *arg, int index, int worker)
     return 0;
 }
 
-/* Along directions that hardly show (a denominator near 0) states move on while the sum of squares stays: enough. */
+/* Along weakly determined directions (a denominator near 0) the states keep moving while the sum of squares stays:
+ * stop. */
 static void stop_when_idle(struct adjust *a, const double *x)
 {
     double cost = 0;
@@ -245,7 +246,7 @@ int solve_adjust(struct solve_problem *p, const struct solve_adjust_config *cfg,
     dogleg_getDefaultParameters(&a.how);
     a.how.max_iterations = cfg->max_iterations;
     a.how.update_threshold = cfg->tolerance;
-    a.how.Jt_x_threshold = 0; /* absolute: says little where the noise is not known */
+    a.how.Jt_x_threshold = 0; /* absolute, hence meaningless where the noise is unknown */
     a.how.trustregion_threshold = cfg->tolerance * 1e-3;
     a.how.trustregion0 = 1e4;
     a.least_gain = cfg->tolerance * 1e-3;

@@ -1,20 +1,21 @@
-/* One detection's share of the normal equations: analytic derivatives, Cauchy's loss, and the compression of its rows.
+/*
+ * One detection's share of the normal equations: analytic derivatives, Cauchy's loss, and the compression of its rows.
  *
- * With p a point of the board, P = Rf p + tf in rig axes and q = Rc P + tc in the camera's, both poses move q as one
- * relative pose (R = Rc Rf, t = Rc tf + tc) does:
- *     dq = -[R p]x w + v            w, v: small turn and shift of the board before the camera
- *     board:   w = Rc Jf df,  v = Rc dtf          Jf, Jc: left Jacobians of the turns df, dc that the states are
+ * With p a point of the board, P = Rf p + tf in rig axes and q = Rc P + tc in the camera's, both poses move q like one
+ * relative pose (R = Rc Rf, t = Rc tf + tc):
+ *     dq = -[R p]x w + v            w, v: small rotation and shift of the board in front of the camera
+ *     board:   w = Rc Jf df,  v = Rc dtf          Jf, Jc: left Jacobians of the rotations df, dc of the states
  *     camera:  w = Jc dc,     v = -[Rc tf]x Jc dc + dtc
- * so that rows need 6 columns for both, and are spread onto 12 after they were compressed.
+ * so rows need 6 columns for both, and are spread to 12 after compression.
  */
 #include <math.h>
 #include <string.h>
 
 #include "pipeline/calibration/solve/solve_internal.h"
 
-/* (u, v) before focal length and centre; by (a, b) and by the coefficients. */
-static void bend(const double *k, int coefficients, double a, double b, double uv[2], double by[4],
-                 double jk[2][SST_LENS_MAX])
+/* Distorted (u, v) before focal length and centre; derivatives by (a, b) and by the coefficients. */
+static void distort(const double *k, int coefficients, double a, double b, double uv[2], double by[4],
+                    double jk[2][SST_LENS_MAX])
 {
     const double r2 = a * a + b * b, r4 = r2 * r2, r6 = r4 * r2, ab2 = 2 * a * b;
     const double over = 1 + k[0] * r2 + k[1] * r4 + k[4] * r6;
@@ -25,7 +26,7 @@ static void bend(const double *k, int coefficients, double a, double b, double u
     uv[1] = b * s + k[2] * tb + k[3] * ab2;
     if (by) {
         const double d_over = k[0] + 2 * k[1] * r2 + 3 * k[4] * r4, d_under = k[5] + 2 * k[6] * r2 + 3 * k[7] * r4;
-        const double slope = 2 * (d_over - s * d_under) / under; /* of s, by r2, twice */
+        const double slope = 2 * (d_over - s * d_under) / under; /* twice ds/d(r2) */
         const double radial[3] = { r2 / under, r4 / under, r6 / under };
 
         by[0] = s + a * a * slope + 2 * k[2] * b + 6 * k[3] * a;
@@ -48,12 +49,12 @@ static void bend(const double *k, int coefficients, double a, double b, double u
 void solve_see(const double *lens, int coefficients, const double q[3], double xy[2], double jq[2][3],
                double jl[2][SOLVE_LENS_MAX])
 {
-    /* A step of the solver may put a corner beside the camera: it must cost much, and be finite. */
+    /* A step of the solver may move a corner beside the camera: the cost must be large, and finite. */
     const double least = 1e-3 * (fabs(q[0]) + fabs(q[1])) + 1e-9, z = fmax(q[2], least);
     const double a = q[0] / z, b = q[1] / z;
     double uv[2], by[4], jk[2][SST_LENS_MAX];
 
-    bend(lens + 4, coefficients, a, b, uv, jq ? by : NULL, jk);
+    distort(lens + 4, coefficients, a, b, uv, jq ? by : NULL, jk);
     for (int i = 0; i < 2; i++)
         xy[i] = lens[i] * uv[i] + lens[2 + i];
     if (!jq)
@@ -99,10 +100,10 @@ int solve_block_columns(const struct solve_problem *p)
 }
 
 /*
- * Cauchy's loss c^2 log(1 + |r|^2 / c^2) as the square of a residual g(|r|) r / |r|, and the matrix that carries
- * derivatives of r over to it: g' along r, g / |r| across.
+ * Cauchy's loss c^2 log(1 + |r|^2 / c^2) as the square of a residual g(|r|) r / |r|, and the matrix that maps
+ * derivatives of r to it: g' along r, g / |r| across.
  */
-static void soften(double r[2], double loss_px, double m[4])
+static void apply_loss(double r[2], double loss_px, double m[4])
 {
     const double s2 = r[0] * r[0] + r[1] * r[1], t = s2 / (loss_px * loss_px);
     double ratio, slope; /* g / |r|, and (g' - g / |r|) / |r|^2 */
@@ -121,7 +122,7 @@ static void soften(double r[2], double loss_px, double m[4])
     r[1] *= ratio;
 }
 
-/* Two rows from derivatives and residual, those multiplied by m. */
+/* Two rows of derivatives, multiplied by m, and residual. */
 static void fill_rows(const struct solve_problem *p, const struct solve_corner *c, const double m[4],
                       const double turned[3], const double normal[3], double jq[2][3], double jl[2][SOLVE_LENS_MAX],
                       const double r[2], double *row)
@@ -171,7 +172,7 @@ int solve_block(const struct solve_problem *p, const struct solve_detection *d, 
         r[0] = w * (r[0] - c->x);
         r[1] = w * (r[1] - c->y);
         if (loss_px > 0)
-            soften(r, loss_px, m);
+            apply_loss(r, loss_px, m);
         for (int k = 0; k < 4; k++)
             m[k] *= w;
         fill_rows(p, c, m, turned, normal, jq, jl, r, rows + (size_t)count * (size_t)n);

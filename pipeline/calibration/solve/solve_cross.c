@@ -1,4 +1,4 @@
-/* Solutions compared with each other: frames held out, odd against even frames. */
+/* Cross-validation: frames held out, odd against even frames. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -7,14 +7,14 @@
 #include "base/log.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
-#define LEAST_FRAMES_HELD_OUT 12   /* fewer are not divided */
-#define MOST_FRAMES_HELD_OUT  48   /* more do not make the choice surer: every second, third ... is taken */
-#define BETTER                0.99 /* 8 coefficients must bring the held-out error below this part of 5's */
+#define LEAST_FRAMES_HELD_OUT 12   /* fewer frames are not split */
+#define MOST_FRAMES_HELD_OUT  48   /* more do not improve the choice: every second, third ... is used */
+#define BETTER                0.99 /* required ratio of the held-out errors of 8 and 5 coefficients */
 #define LEAST_FRAMES_CROSS    8
 #define CENTRAL               0.8
-#define MOST_CROSS_RATIO      2 /* of lenses' differences over their uncertainty: once in 20 000 cameras by chance */
+#define MOST_CROSS_RATIO      2 /* lens difference over its uncertainty: once in 20 000 cameras by chance */
 
-/* Which frames take part: those whose number among the known ones leaves rest k by n, or all others. */
+/* Select frames: those whose number among the known ones is k modulo n, or all others. */
 static void keep_frames(struct solve_problem *p, int n, int k, bool others)
 {
     int number = -1, last = -1;
@@ -43,7 +43,10 @@ static int count_frames(const struct solve_problem *p)
     return n;
 }
 
-/* Cameras from three quarters of some frames, then the other boards before these cameras. @param out  has the latter */
+/*
+ * Solve the cameras from three quarters of some frames, then the poses of the other boards with these cameras fixed.
+ * @param out  the latter problem
+ */
 static int hold_out(const struct solve_problem *p, int lens, struct solve_problem *out)
 {
     const struct solve_adjust_config cfg = { .max_iterations = 40, .tolerance = 0.02 };
@@ -76,7 +79,7 @@ static int hold_out(const struct solve_problem *p, int lens, struct solve_proble
     return err;
 }
 
-/* RMS per point of both over the corners that at least one of them explains. */
+/* RMS per point of both problems over the corners that are inliers of at least one. */
 static int compare(const struct solve_problem p[2], double limit_px, double rms[2])
 {
     double sum[2] = { 0 };
@@ -128,12 +131,12 @@ int solve_choose_lens(struct solve_case *c)
     solve_problem_fini(&half[0]);
     solve_problem_fini(&half[1]);
     if (err == -EDOM)
-        return 0; /* three quarters do not suffice for one of them: the leaner lens stays */
+        return 0; /* three quarters do not suffice for one of them: keep the lens with fewer coefficients */
     if (err)
         return err;
     sst_log_info("held-out frames: %.4f px with 5 coefficients, %.4f px with 8", c->held_out_px[0], c->held_out_px[1]);
     if (c->held_out_px[1] < BETTER * c->held_out_px[0]) {
-        /* What the leaner lens could not explain is no outlier yet. */
+        /* Corners that the lens with 5 coefficients could not explain may still be inliers. */
         c->p.lens = 8;
         for (int i = 0; i < c->p.count; i++) {
             struct solve_detection *d = &c->p.detection[i];
@@ -147,7 +150,8 @@ int solve_choose_lens(struct solve_case *c)
     return err;
 }
 
-/* Where lens b sees the directions of a grid of lens a's pixels after a turn: residuals' normal equations. */
+/* Pixels of lens b for the directions of a grid of lens a's pixels after a rotation: normal equations of the
+ * residuals. */
 static double turned_distance(const struct solve_problem *p, const double *a, const double *b, double share,
                               const double turn[9], double normal[9], double g[3])
 {
@@ -234,7 +238,7 @@ static double lens_distance(const struct solve_problem half[2], const struct sol
     return sqrt(fmax(sum, 0) / n);
 }
 
-int solve_cross(struct solve_case *c)
+int solve_cross_validate(struct solve_case *c)
 {
     struct solve_problem half[2] = { { 0 } };
     struct solve_covariance cov[2] = { { .size = 0 } };

@@ -1,4 +1,4 @@
-/* Small dense algebra in fixed orders: what LAPACK does for the solver would depend on its threads. */
+/* Small dense linear algebra in a fixed order of operations; the results of LAPACK depend on its threads. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

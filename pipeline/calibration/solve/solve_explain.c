@@ -1,8 +1,8 @@
 /*
- * What residuals say about the capture: cameras exchanged, cameras that moved, boards that moved.
+ * Diagnosis from the residuals: exchanged cameras, cameras that moved, boards that moved.
  *
- * All of it is looked at after a robust fit to all corners, which follows the majority: what contradicts it still lies
- * where it was seen.
+ * Runs after a robust fit to all corners, which follows the majority: contradicting detections keep their large
+ * residuals.
  */
 #include <errno.h>
 #include <math.h>
@@ -14,13 +14,13 @@
 #include "base/stats.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
-#define BAD_SIGMA     4   /* a detection whose median residual is as long as this many sigma's would be */
+#define BAD_SIGMA     4   /* a detection is bad if its median residual exceeds this many sigma */
 #define LEAST_BAD_PX  0.3 /* ... and longer than this */
 #define LEAST_MOVE_PX 0.2 /* of a camera */
 #define MOVE_SIGMA    2   /* ... and this many sigma of the corners */
-#define GARBLED_PX    3   /* a detection that does not look like the board even alone */
+#define GARBLED_PX    3   /* residual of a detection that does not fit the board even by itself */
 
-struct look {
+struct diagnosis {
     const struct solve_case *c;
     double *median_px; /* [count] of weighted residuals; negative: not used */
     bool *bad;         /* [count] */
@@ -28,14 +28,14 @@ struct look {
     double (*r)[2], *work;
 };
 
-static double median_of(struct look *l, const struct solve_detection *d, int corners)
+static double median_of(struct diagnosis *l, const struct solve_detection *d, int corners)
 {
     for (int k = 0; k < corners; k++)
         l->work[k] = d->corner[k].weight * hypot(l->r[k][0], l->r[k][1]);
     return sst_stats_upper_median(l->work, corners);
 }
 
-static void measure(struct look *l)
+static void measure(struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
 
@@ -51,8 +51,8 @@ static void measure(struct look *l)
     }
 }
 
-/* Median residual if the detection were of another view. */
-static double median_as(struct look *l, int detection, int view)
+/* Median residual if the detection belonged to another view. */
+static double median_as(struct diagnosis *l, int detection, int view)
 {
     struct solve_detection d = l->c->p.detection[detection];
 
@@ -61,8 +61,8 @@ static double median_as(struct look *l, int detection, int view)
     return median_of(l, &d, d.corners);
 }
 
-/* Two cameras of which each sees in some frames what the other should. */
-static int check_exchanged(struct look *l)
+/* Find two cameras that are exchanged in some frames. */
+static int check_exchanged(struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     char one[128], other[128];
@@ -90,13 +90,13 @@ static int check_exchanged(struct look *l)
             last = f;
         }
         if (cured && 10 * cured >= 6 * both)
-            return solve_refuse(l->c->cfg,
-                                "%s and %s are exchanged in %d frames, from %s to %s: each sees there what the other "
-                                "should (residuals of %.3g px become %.2g px); name them right or leave these frames "
-                                "out",
-                                solve_name(l->c->all, a, one), solve_name(l->c->all, b, other), cured,
-                                l->c->all->frame_name[first], l->c->all->frame_name[last], before / cured,
-                                after / cured);
+            return solve_reject(
+                l->c->cfg,
+                "%s and %s are exchanged in %d frames, from %s to %s: each sees there what the other "
+                "should (residuals of %.3g px become %.2g px); correct their names or leave these frames "
+                "out",
+                solve_name(l->c->all, a, one), solve_name(l->c->all, b, other), cured, l->c->all->frame_name[first],
+                l->c->all->frame_name[last], before / cured, after / cured);
     }
     return 0;
 }
@@ -104,7 +104,7 @@ static int check_exchanged(struct look *l)
 /* --- a camera that moved -------------------------------------------------------------------------------------------
  */
 
-/* Normal equations of a small turn and shift of a camera: residuals r + J x. */
+/* Normal equations of a small rotation and shift of a camera: residuals r + J x. */
 struct motion {
     double a[36], g[6], s;
     int corners;
@@ -120,7 +120,7 @@ static void motion_add(struct motion *to, const struct motion *m, double sign)
     to->corners += sign > 0 ? m->corners : -m->corners;
 }
 
-static void motion_of(struct look *l, int detection, struct motion *m)
+static void motion_of(struct diagnosis *l, int detection, struct motion *m)
 {
     const struct solve_problem *p = &l->c->p;
     const struct solve_detection *d = &p->detection[detection];
@@ -157,7 +157,7 @@ static void motion_of(struct look *l, int detection, struct motion *m)
     }
 }
 
-/* Least sum of squares that a motion leaves, and the motion. */
+/* Smallest sum of squares over all motions, and that motion. */
 static double motion_left(const struct motion *m, double x[6])
 {
     double l[36], gain = 0;
@@ -179,12 +179,12 @@ static double motion_left(const struct motion *m, double x[6])
 
 struct split {
     int view, frame; /* first frame after the move */
-    double gain;     /* sum of squares that the split saves */
+    double gain;     /* reduction of the sum of squares by the split */
     double px, turn_deg, shift_mm;
 };
 
-/* The best division of one camera's frames into before and after. @return false: nothing that looks like a move */
-static bool split_view(struct look *l, int view, struct motion *m, int *frame, struct split *out)
+/* The best split of one camera's frames into before and after. @return false: no sign of a move */
+static bool split_view(struct diagnosis *l, int view, struct motion *m, int *frame, struct split *out)
 {
     const struct solve_problem *p = &l->c->p;
     struct motion all = { .s = 0 }, before = { .s = 0 };
@@ -211,7 +211,7 @@ static bool split_view(struct look *l, int view, struct motion *m, int *frame, s
         motion_add(&before, &m[k - 1], 1);
         motion_add(&after, &before, -1);
         left = motion_left(&before, x[0]) + motion_left(&after, x[1]);
-        /* A single frame at an end is a board or a frame that is wrong, not a camera. */
+        /* A single frame at either end means a wrong board or frame, not a camera that moved. */
         if (k < 2 || k > n - 2 || !(left < least))
             continue;
         least = left;
@@ -229,11 +229,11 @@ static bool split_view(struct look *l, int view, struct motion *m, int *frame, s
                                .turn_deg = sqrt(x[1][0] * x[1][0] + x[1][1] * x[1][1] + x[1][2] * x[1][2]) * 180 / M_PI,
                                .shift_mm = sqrt(x[1][3] * x[1][3] + x[1][4] * x[1][4] + x[1][5] * x[1][5]) };
     }
-    /* Two poses explain most of what a pose for every frame would. */
+    /* Two poses explain most of what a separate pose for every frame would. */
     return at > 0 && out->gain > 0.5 * (whole - freely) && px > fmax(LEAST_MOVE_PX, MOVE_SIGMA * l->c->sigma_px);
 }
 
-static int check_moved(struct look *l)
+static int check_moved(struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     struct motion *m = malloc((size_t)p->frames * sizeof(*m));
@@ -254,8 +254,8 @@ static int check_moved(struct look *l)
         return -ENOMEM;
     if (worst.view < 0)
         return 0;
-    return solve_refuse(l->c->cfg,
-                        "%s moved %sbefore frame %s, by %.2f px (%.2f degrees, %.1f mm): fix it and take all frames "
+    return solve_reject(l->c->cfg,
+                        "%s moved %sbefore frame %s, by %.2f px (%.2f degrees, %.1f mm): fasten it and take all frames "
                         "again, or calibrate from the frames before or after that one alone",
                         solve_name(l->c->all, worst.view, name),
                         cameras == 2 ? "against the other (or both were exchanged) " : "",
@@ -265,8 +265,8 @@ static int check_moved(struct look *l)
 /* --- boards and cameras that are wrong as a whole ------------------------------------------------------------------
  */
 
-/* Frames in which most cameras see the board elsewhere than the others do. */
-static int check_boards(struct look *l)
+/* Find frames in which cameras disagree about the board's pose. */
+static int check_boards(struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     const double most = l->c->cfg->max_outliers > 0 ? l->c->cfg->max_outliers : SOLVE_MOST_OUTLIERS;
@@ -309,13 +309,13 @@ static int check_boards(struct look *l)
         frames == 1 ? "frame" : "several frames were taken, most when", l->c->all->frame_name[first],
         frames == 1 ? "" : " (or its points are wrong there)", first_bad, first_seen, px);
     if (lost > most * all && !l->c->cfg->plain)
-        return solve_refuse(l->c->cfg, "%s", text);
+        return solve_reject(l->c->cfg, "%s", text);
     sst_log_warning("%s", text);
     return 0;
 }
 
-/* Cameras of whose detections most do not even look like the board. */
-static int check_garbled(const struct look *l)
+/* Find cameras most of whose detections do not fit the board at all. */
+static int check_garbled(const struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     const double limit_px = fmax(GARBLED_PX, 10 * l->c->sigma_px);
@@ -333,7 +333,7 @@ static int check_garbled(const struct look *l)
             all++;
             if (!(l->c->single[i].rms_px > limit_px))
                 continue;
-            /* seeds' lenses are rough: again with what all corners together say */
+            /* the seeds' lenses are rough: use those of the joint fit */
             solve_single_camera(&single, p, &p->detection[i], p->camera[v].lens);
             if (!single.known || single.rms_px > limit_px) {
                 garbled++;
@@ -341,17 +341,17 @@ static int check_garbled(const struct look *l)
             }
         }
         if (garbled && 2 * garbled >= all)
-            return solve_refuse(l->c->cfg,
-                                "what %s saw in %d of %d frames is not the board: its points lie %.1f px beside where "
-                                "any pose puts them; it shows another board, or the points are numbered in another "
-                                "order, by columns perhaps",
+            return solve_reject(l->c->cfg,
+                                "what %s shows in %d of %d frames is not the board: its points are %.1f px off for "
+                                "any pose; it shows another board, or the points are numbered in another "
+                                "order, perhaps by columns",
                                 solve_name(l->c->all, v, name), garbled, all, sum / garbled);
     }
     return 0;
 }
 
-/* Cameras of which a quarter of the detections or more contradict the others, whatever the reason. */
-static int check_contrary(const struct look *l)
+/* Find cameras with a quarter or more of their detections contradicting the others, for any reason. */
+static int check_contrary(const struct diagnosis *l)
 {
     const struct solve_problem *p = &l->c->p;
     char name[128];
@@ -368,9 +368,9 @@ static int check_contrary(const struct look *l)
             px = i >= 0 ? fmax(px, l->median_px[i]) : px;
         }
         if (4 * bad >= all && bad > 1)
-            return solve_refuse(l->c->cfg,
+            return solve_reject(l->c->cfg,
                                 "%s contradicts the others in %d of %d frames, by up to %.2f px: it moved, was not "
-                                "triggered with them, or numbers the board's points from another corner; look at its "
+                                "triggered with them, or numbers the board's points from another corner; check its "
                                 "pictures, or leave the camera out",
                                 solve_name(l->c->all, v, name), bad, all, px);
     }
@@ -381,7 +381,7 @@ int solve_check_still(struct solve_case *c)
 {
     const struct solve_problem *p = &c->p;
     const size_t cells = (size_t)p->frames * (size_t)p->views;
-    struct look l = { .c = c };
+    struct diagnosis l = { .c = c };
     int most = 1, err = -ENOMEM;
 
     for (int i = 0; i < p->count; i++)

@@ -1,4 +1,4 @@
-/* Which cameras see the board together, and poses along the tree of the strongest links. */
+/* The graph of cameras that see the board together, and poses along its maximum spanning tree. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -21,7 +21,7 @@ static int shared_corners(const struct solve_detection *a, const struct solve_de
     return n;
 }
 
-/* Kruskal's algorithm; of equal links the first. */
+/* Kruskal's algorithm; ties: the first link. */
 static void mark_tree(struct sst_solve_link *links, int count, int *group, int views)
 {
     for (int v = 0; v < views; v++)
@@ -86,7 +86,7 @@ int solve_links(const struct solve_problem *p, struct sst_solve_link **links, in
     return 0;
 }
 
-/* How far apart two poses are, in px of what they show; depth mm. */
+/* Distance of two poses in px at a depth in mm. */
 static double apart(const struct solve_pose *a, const struct solve_pose *b, double focal, double depth)
 {
     double between[9], turn[3], move = 0;
@@ -98,7 +98,7 @@ static double apart(const struct solve_pose *a, const struct solve_pose *b, doub
     return focal * (sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]) + sqrt(move) / depth);
 }
 
-/* The pose that the others lie around: least sum of distances, each counted up to a limit. */
+/* The median pose: least sum of distances, each clipped to a limit. */
 static int middle_pose(const struct solve_pose *pose, int n, double focal, double depth)
 {
     const double limit = 0.1 * focal;
@@ -125,7 +125,7 @@ struct chain {
     struct solve_pose *try; /* [max(frames, views)] */
 };
 
-/* Pose of camera `to` from camera `from`'s by all boards that both see. */
+/* Pose of camera `to` from that of camera `from` by all boards that both see. */
 static bool chain_camera(struct chain *c, int from, int to)
 {
     struct solve_problem *p = c->p;

@@ -1,4 +1,4 @@
-/* pipeline/calibration/solve/solve_internal.h - what the files of the solver share; nobody else includes it. */
+/* pipeline/calibration/solve/solve_internal.h - declarations shared by the files of the solver. */
 #ifndef SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_INTERNAL_H
 #define SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_INTERNAL_H
 
@@ -9,7 +9,7 @@
 #define SOLVE_COLS_MAX    (SOLVE_LENS_MAX + 6 + 3) /* lens, relative pose, board warp, residual */
 #define SOLVE_MIN_CORNERS 6                        /* of a detection, for a pose */
 
-/* --- small dense algebra (solve_dense.c), all row-major ---------------------------------------------------------- */
+/* --- small dense algebra (solve_dense.c), all row-major ----------------------------------------------------------- */
 
 void solve_mul3(const double a[9], const double b[9], double out[9]);
 void solve_mul3t(const double a[9], const double b[9], double out[9]); /* a^T b */
@@ -65,7 +65,7 @@ struct solve_problem {
     bool keep_lens; /* lenses are given */
     bool keep_warp;
     bool keep_cameras; /* only boards move */
-    bool row_by_row;   /* hand every corner to the sparse solver: the plain twin of the compressed rows */
+    bool row_by_row;   /* pass every corner to the sparse solver: the plain twin of the compressed rows */
     double warp[2], warp_sigma_mm;
     int threads;
     struct solve_camera *camera;       /* [views] */
@@ -74,7 +74,7 @@ struct solve_problem {
     struct solve_corner *pool;         /* all corners, or NULL where another problem owns them */
 };
 
-/** Own copy of cameras, frames and detections; the corners are shared. */
+/** Copy cameras, frames and detections; the corners are shared. */
 SST_MUST_CHECK int solve_problem_copy(struct solve_problem *out, const struct solve_problem *in);
 void solve_problem_fini(struct solve_problem *p);
 
@@ -85,7 +85,7 @@ void solve_problem_fini(struct solve_problem *p);
 void solve_see(const double *lens, int coefficients, const double q[3], double xy[2], double jq[2][3],
                double jl[2][SOLVE_LENS_MAX]);
 
-/** A camera at the origin that has this lens. */
+/** A camera at the origin with this lens. */
 struct sst_calib_camera solve_camera_of(const double *lens);
 
 /** Board corner to camera axes: rotation part and the point itself. */
@@ -93,8 +93,8 @@ void solve_corner_place(const struct solve_pose *board_to_camera, const struct s
                         double turned[3], double q[3]);
 
 /**
- * Weighted rows of a detection that is not empty: [lens | turn, shift of the board before the camera | warp | residual
- * (predicted minus measured)]; with columns for a lens or warp that is solved only. Outliers are left out.
+ * Weighted rows of a detection that is not empty: [lens | rotation, shift of the board in front of the camera | warp |
+ * residual (predicted minus measured)]; columns for lens and warp only if solved. Outliers are left out.
  *
  * @param loss_px  scale of Cauchy's loss, whose square root the rows carry; 0: least squares
  * @param rows     out, [2 corners][columns]
@@ -102,7 +102,7 @@ void solve_corner_place(const struct solve_pose *board_to_camera, const struct s
  */
 int solve_block(const struct solve_problem *p, const struct solve_detection *d, const struct solve_pose *board,
                 double loss_px, double *rows);
-int solve_block_columns(const struct solve_problem *p); /* with the residual */
+int solve_block_columns(const struct solve_problem *p); /* including the residual */
 
 /** Board to camera for a detection. */
 void solve_relative(const struct solve_problem *p, const struct solve_detection *d, struct solve_pose *out);
@@ -111,7 +111,7 @@ void solve_residuals(const struct solve_problem *p, const struct solve_detection
 
 /* --- joint adjustment (solve_adjust.c) ---------------------------------------------------------------------------- */
 
-/* Where states begin, -1: not a state. Lenses first, then cameras, boards, warp. */
+/* Index of the first state of each object, -1: not a state. Lenses first, then cameras, boards, warp. */
 struct solve_layout {
     int lens_size;
     int *lens, *pose; /* [views] */
@@ -123,13 +123,13 @@ struct solve_layout {
 SST_MUST_CHECK int solve_layout_init(struct solve_layout *out, const struct solve_problem *p);
 void solve_layout_fini(struct solve_layout *layout);
 
-/* How one detection's columns spread onto states. */
+/* Mapping of one detection's columns to states. */
 struct solve_spread {
     double camera_turn[9], across[9], rotation[9], board_turn[9]; /* Jc, [Rc tf]x, Rc, Rf's Jf in camera axes */
     int lens, pose, frame, warp;                                  /* first state, or -1 */
 };
 
-/** @param turn_camera, turn_board  turns since the layout's poses, of which Jc and Jf are taken; NULL: none */
+/** @param turn_camera, turn_board  rotations since the layout's poses, at which Jc and Jf are evaluated; NULL: none */
 void solve_spread_make(struct solve_spread *out, const struct solve_problem *p, const struct solve_layout *layout,
                        const struct solve_detection *d, const double *turn_camera, const double *turn_board);
 /** The entries of one row, columns before `from` being zero: ascending states and scaled values. @return their number
@@ -137,7 +137,7 @@ void solve_spread_make(struct solve_spread *out, const struct solve_problem *p, 
 int solve_spread_row(const struct solve_spread *s, const struct solve_problem *p, const struct solve_layout *layout,
                      const double *row, int from, int *state, double *value);
 
-/* Weak knowledge, as rows with one entry: the board's warp, and the denominator of lenses with 8 coefficients. */
+/* Priors, as rows with one entry: the board's warp, and the denominator of lenses with 8 coefficients. */
 int solve_priors(const struct solve_problem *p, const struct solve_layout *layout, int *state, double *value,
                  double *residual); /* arrays of 2 + 3 views; NULL: count only */
 
@@ -153,61 +153,62 @@ struct solve_adjust_config {
     double tolerance; /* of the states' updates, in their units */
 };
 
-/** Minimise over everything that is not kept. @return 0, -ENOMEM, -EDOM (nothing to fit), -ENOTSUP */
+/** Minimise over everything that is not held fixed. @return 0, -ENOMEM, -EDOM (nothing to fit), -ENOTSUP */
 SST_MUST_CHECK int solve_adjust(struct solve_problem *p, const struct solve_adjust_config *cfg,
                                 struct solve_adjusted *out);
 
-/** States' updates below this, in their units: a thousandth of what a well-known state's uncertainty is. */
+/** Convergence limit of the states' updates, in their units: a thousandth of a well-determined state's uncertainty. */
 #define SOLVE_TOLERANCE 1e-5
 
-/* --- where to begin (solve_seed.c, solve_graph.c) ----------------------------------------------------------------- */
+/* --- initial values (solve_seed.c, solve_graph.c) ----------------------------------------------------------------- */
 
-/* A detection seen by its camera alone. */
+/* Pose of one detection from its own corners. */
 struct solve_single {
     bool known;
-    bool mirrored;          /* fits a board seen from behind only */
+    bool mirrored;          /* only fits a board seen from behind */
     struct solve_pose pose; /* board to camera */
     double rms_px;          /* robust: of the median residual */
 };
 
-/** Pose of a detection before a camera whose lens is known. */
+/** Pose of a detection relative to a camera whose lens is known. */
 void solve_single_camera(struct solve_single *out, const struct solve_problem *p, const struct solve_detection *d,
                          const double *lens);
 
 /**
- * Lenses of all cameras, each from its own detections (a rig: from all), and each detection's pose. Cameras that know
- * too little take the median of the others'. Detections that are mirrored leave the problem.
+ * Initial lenses of all cameras, each from its own detections (a rig: from all), and the pose of each detection.
+ * Cameras with too few detections use the median of the others. Mirrored detections are removed from the problem.
  */
 SST_MUST_CHECK int solve_seed(struct solve_problem *p, struct solve_single *single);
 
-/** Links of all pairs of views, by a then b; the spanning tree of most corners marked. Owner: the caller frees. */
+/** Links of all pairs of views, sorted by a then b; the spanning tree with most corners is marked. Owner: the caller
+ *  frees. */
 SST_MUST_CHECK int solve_links(const struct solve_problem *p, struct sst_solve_link **links, int *count);
 
 /** Cameras and boards from detections' poses along the tree; those not linked to the reference become unknown. */
 SST_MUST_CHECK int solve_chain(struct solve_problem *p, const struct solve_single *single,
                                const struct sst_solve_link *links, int count);
 
-/** 1.1774^-1 of the median length of weighted residuals, one axis' sigma if they are normal; by all that are used. */
+/** Corner noise: median length of the weighted residuals in use over 1.1774, one axis' sigma if they are normal. */
 SST_MUST_CHECK int solve_noise(const struct solve_problem *p, double *sigma_px);
 
 /* --- the flow (solve.c, solve_robust.c) --------------------------------------------------------------------------- */
 
-/** Points further off than this many sigma of an axis are outliers: of normal noise 4 in a million. */
+/** Points further off than this many sigma of an axis are outliers: 4 in a million for normal noise. */
 #define SOLVE_OUTLIER_SIGMA 5
-/** Share of the corners that may be outliers unless the caller says otherwise. */
+/** Default limit of the fraction of outliers. */
 #define SOLVE_MOST_OUTLIERS 0.03
 
-/** From corners to an empty problem; those that are not finite or not of the board are refused (force: left out). */
+/** Fill an empty problem from corners; corners that are not finite or not on the board are refused (force: ignored). */
 SST_MUST_CHECK int solve_problem_make(struct solve_problem *out, const struct sst_detections *all,
                                       const struct sst_solve_config *cfg);
 
-/** Robust loss from a seed: everything moves, no corner is left out. sigma_px: corner noise that it found. */
+/** Robust fit from a seed: all states move, no corner is dropped. sigma_px: out, estimated corner noise. */
 SST_MUST_CHECK int solve_soft(struct solve_problem *p, double loss_px, double *sigma_px);
 
-/** Least squares, outliers cut by k sigma until they stay the same. plain: none is cut. */
+/** Least squares with outliers cut at k sigma until the set is stable. plain: no cut. */
 SST_MUST_CHECK int solve_hard(struct solve_problem *p, bool plain, double *sigma_px, struct solve_adjusted *out);
 
-/* Everything about one call of sst_solve(). */
+/* State of one call of sst_solve(). */
 struct solve_case {
     const struct sst_detections *all;
     const struct sst_solve_config *cfg;
@@ -230,26 +231,26 @@ struct solve_covariance {
     double *m; /* [size][size], of the states in their own units (px, rad, mm, 1) */
 };
 
-/** Covariance of cameras and warp, boards eliminated (Schur's complement). sigma_px: of a corner of weight 1.
- *  @return 0, -ENOMEM, -EDOM (the corners leave something undetermined) */
+/** Covariance of cameras and warp, boards eliminated (Schur's complement). sigma_px: of a corner of weight 1. @return
+ *  0, -ENOMEM, -EDOM (the corners do not determine all states) */
 SST_MUST_CHECK int solve_covariances(struct solve_covariance *out, const struct solve_problem *p, double sigma_px);
 void solve_covariance_fini(struct solve_covariance *c);
 
-/** lens_sigma of one view over the central share of the picture, whose shared rotation is taken out. */
+/** lens_sigma of one view over the central part of the picture, with the common rotation removed. */
 void solve_lens_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double share,
                     float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
 /** carry_sigma of one view; depth_mm 0: at infinity. */
-void solve_carry_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
-                     float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
-/** Root of the mean square of what is finite; 0 if nothing is. */
+void solve_transfer_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
+                        float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
+/** Root mean square of the finite cells; 0 if there are none. */
 double solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
-/** Corner noise of weight 1 by the sum of squares, one axis. */
+/** Noise of a corner of weight 1 from the sum of squares, one axis. */
 double solve_unit_sigma(const struct solve_adjusted *done);
 
 /* --- refusals (solve_refuse.c, solve_explain.c) ------------------------------------------------------------------- */
 
-/** Log an error and refuse, or where cfg->force a warning. @return -EBADMSG or 0 */
-int solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...) SST_PRINTF(2, 3);
+/** Log an error and return -EBADMSG; with cfg->force log a warning and return 0. */
+int solve_reject(const struct sst_solve_config *cfg, const char *fmt, ...) SST_PRINTF(2, 3);
 /** "camera 02_03 (row 2, column 3)" */
 const char *solve_name(const struct sst_detections *all, int view, char out[128]);
 
@@ -257,26 +258,26 @@ const char *solve_name(const struct sst_detections *all, int view, char out[128]
 SST_MUST_CHECK int solve_check_corners(struct solve_case *c);
 /** Detections that are mirror images, after the seeds. */
 SST_MUST_CHECK int solve_check_mirrored(struct solve_case *c);
-/** Cameras that nothing links to the reference, after the chain. */
+/** Cameras without a link to the reference, after the chain. */
 SST_MUST_CHECK int solve_check_linked(struct solve_case *c);
 /** After the robust fit: exchanged and moved cameras, boards that moved. */
 SST_MUST_CHECK int solve_check_still(struct solve_case *c);
 /** More outliers than allowed. */
 SST_MUST_CHECK int solve_check_outliers(struct solve_case *c);
-/** Focal lengths that are hardly known. */
+/** Poorly determined focal lengths. */
 SST_MUST_CHECK int solve_check_focal(struct solve_case *c, const struct solve_covariance *cov);
-/** Cameras at each other's places of the grid. */
+/** Cameras swapped on the grid. */
 SST_MUST_CHECK int solve_check_places(struct solve_case *c);
 
 /* --- comparisons (solve_cross.c) and rigs (solve_rig.c) ----------------------------------------------------------- */
 
-/** 5 or 8 coefficients by frames held out; the problem's lens is set and its cameras are made to fit. */
+/** Choose 5 or 8 coefficients by held-out frames; sets the problem's lens and refits its cameras. */
 SST_MUST_CHECK int solve_choose_lens(struct solve_case *c);
 /** Odd against even frames. */
-SST_MUST_CHECK int solve_cross(struct solve_case *c);
-/** RMS distance (px, both axes) of what two lenses see over the central share, the best rotation taken out. */
+SST_MUST_CHECK int solve_cross_validate(struct solve_case *c);
+/** RMS distance (px, both axes) between two lenses over the central part, with the best rotation removed. */
 double solve_lens_difference(const struct solve_problem *p, const double *a, const double *b, double share);
-/** Solved centres against the drives'. */
+/** Compare the solved centres with the drives' positions. */
 SST_MUST_CHECK int solve_compare_drives(struct solve_case *c);
 /** Centre of a camera, rig axes. */
 void solve_centre(const struct solve_camera *camera, double out[3]);

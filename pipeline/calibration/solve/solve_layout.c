@@ -1,4 +1,4 @@
-/* Which states there are, their units, and how a detection's columns spread onto them. */
+/* Layout of the state vector: states, their units, and the mapping of a detection's columns to them. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -6,9 +6,9 @@
 
 #include "pipeline/calibration/solve/solve_internal.h"
 
-/* Of k4, k5, k6, one sigma: a ratio of two polynomials is nearly the same for many pairs of them. */
+/* Prior sigma of k4, k5, k6: many pairs of polynomials have nearly the same ratio. */
 #define DENOMINATOR_SIGMA 1
-/* Corner noise against which weak knowledge is weighed. */
+/* Corner noise that the priors are weighted against. */
 #define PRIOR_NOISE_PX 0.1
 
 int solve_problem_copy(struct solve_problem *out, const struct solve_problem *in)
@@ -39,7 +39,7 @@ void solve_problem_fini(struct solve_problem *p)
     *p = (struct solve_problem){ 0 };
 }
 
-/* Units: one moves each corner that depends on the state by about a pixel, over the root of their number. */
+/* Units of the states: one unit moves each dependent corner by about a pixel, divided by the root of their number. */
 static void set_scales(struct solve_layout *l, const struct solve_problem *p, const double *corners, int at, int view,
                        double depth)
 {
@@ -131,7 +131,7 @@ static void measure_scales(struct solve_layout *l, const struct solve_problem *p
             if (at[k] >= 0)
                 set_scales(l, p, corners, at[k], d->view, fmax(board.shift[2], 1));
         }
-        if (l->warp >= 0) { /* seen at a slant of about 20 degrees */
+        if (l->warp >= 0) { /* seen at a tilt of about 20 degrees */
             l->scale[l->warp] = l->scale[l->warp + 1] =
                 3 * fmax(board.shift[2], 1) / (p->camera[d->view].lens[0] * sqrt(corners[l->warp]));
         }

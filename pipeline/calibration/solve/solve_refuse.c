@@ -1,4 +1,4 @@
-/* What is refused before and after the fit, in one sentence each. */
+/* Validation before and after the fit: each refusal is one sentence. */
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
@@ -14,7 +14,7 @@
 #define LEAST_REGIONS 8    /* of those, with corners */
 #define MOST_FOCAL    0.01 /* relative sigma of a focal length */
 
-int solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...)
+int solve_reject(const struct sst_solve_config *cfg, const char *fmt, ...)
 {
     char text[SST_LOG_MAX];
     va_list args;
@@ -59,12 +59,13 @@ static int check_frames(struct solve_case *c, const int *detections)
         return -EBADMSG;
     }
     if (frames < least && !c->p.rig)
-        return solve_refuse(c->cfg, "only %d frame%s the board, %d are the least and 20 are good: take more", frames,
-                            frames == 1 ? " shows" : "s show", least);
+        return solve_reject(c->cfg,
+                            "only %d frame%s the board; at least %d are needed and 20 are recommended: take more",
+                            frames, frames == 1 ? " shows" : "s show", least);
     for (int v = 0; v < c->p.views; v++) {
         if (c->all->camera_name[v][0] && !detections[v] &&
-            solve_refuse(c->cfg,
-                         "%s has not seen the board in any of the %d frames: hold the board before it%s, or leave "
+            solve_reject(c->cfg,
+                         "%s has not seen the board in any of the %d frames: hold the board in front of it%s, or leave "
                          "the camera out",
                          solve_name(c->all, v, name), c->all->frames, blurred ? " (many pictures were blurred)" : ""))
             return -EBADMSG;
@@ -81,7 +82,7 @@ static const char *where(int row, int col)
     return name[row][col];
 }
 
-/* A camera's picture (a rig: the views' together) in regions; too few with corners leave its lens open. */
+/* Regions of a camera's picture (a rig: of all views) with corners; too few leave its lens undetermined. */
 static int check_regions(struct solve_case *c, int view)
 {
     int seen[REGIONS][REGIONS] = { 0 }, third[3][3] = { 0 }, covered = 0, detections = 0, bare = 0;
@@ -108,8 +109,8 @@ static int check_regions(struct solve_case *c, int view)
         if (third[i / 3][i % 3] < third[bare / 3][bare % 3])
             bare = i;
     }
-    return solve_refuse(c->cfg,
-                        "the board was in only %d of %d regions of the picture of %s, %d are the least: hold it "
+    return solve_reject(c->cfg,
+                        "the board was in only %d of %d regions of the picture of %s; at least %d are needed: hold it "
                         "also at %s of that picture",
                         covered, REGIONS * REGIONS, solve_name(c->all, view, name), LEAST_REGIONS,
                         where(bare / 3, bare % 3));
@@ -151,7 +152,7 @@ int solve_check_mirrored(struct solve_case *c)
             d->used = false;
         }
         if (mirrored)
-            err = solve_refuse(c->cfg,
+            err = solve_reject(c->cfg,
                                "%s sees the board mirrored in %d of %d frames, first in %s: its points are numbered "
                                "by columns instead of rows, or its picture is flipped; correct that and detect again",
                                solve_name(c->all, v, name), mirrored, all, c->all->frame_name[first]);
@@ -176,14 +177,14 @@ int solve_check_linked(struct solve_case *c)
                                solve_name(c->all, v, name));
         apart++;
     }
-    return apart ? solve_refuse(c->cfg,
+    return apart ? solve_reject(c->cfg,
                                 "%d camera%s share%s no frame of the board with the reference or any camera linked "
                                 "to it: %s%s; hold the board where they and their neighbours see it together",
                                 apart, apart == 1 ? "" : "s", apart == 1 ? "s" : "", text, length >= 300 ? " ..." : "")
                  : 0;
 }
 
-/* The camera with most outliers, and the frame. */
+/* The camera and the frame with most outliers. */
 static void worst(const struct solve_case *c, int *view, double *view_share, int *frame, double *frame_share)
 {
     *view = *frame = 0;
@@ -228,15 +229,16 @@ int solve_check_outliers(struct solve_case *c)
     worst(c, &view, &view_share, &frame, &frame_share);
     if (blurred)
         snprintf(more, sizeof(more), "; %d pictures are blurred, by up to %.1f px", blurred, blur);
-    return solve_refuse(c->cfg,
-                        "%.1f %% of the corners are outliers (further than %d times the noise of %.2g px), %.1f %% "
-                        "are allowed: most in %s (%.0f %% of its corners) and in frame %s (%.0f %%)%s; leave those "
-                        "out, or take them again with board and cameras at rest",
-                        100.0 * out / all, SOLVE_OUTLIER_SIGMA, c->sigma_px, 100 * most, solve_name(c->all, view, name),
-                        100 * view_share, c->all->frame_name[frame], 100 * frame_share, more);
+    return solve_reject(
+        c->cfg,
+        "%.1f %% of the corners are outliers (further than %d times the noise of %.2g px); at most %.1f %% "
+        "are allowed: most in %s (%.0f %% of its corners) and in frame %s (%.0f %%)%s; leave those "
+        "out, or take them again with board and cameras at rest",
+        100.0 * out / all, SOLVE_OUTLIER_SIGMA, c->sigma_px, 100 * most, solve_name(c->all, view, name),
+        100 * view_share, c->all->frame_name[frame], 100 * frame_share, more);
 }
 
-/* Largest slant of the boards that a camera saw (degrees), and farthest over nearest. */
+/* Largest tilt of the boards that a camera saw (degrees), and ratio of the farthest to the nearest depth. */
 static void variety(const struct solve_case *c, int view, double *slant_deg, double *ratio)
 {
     double near = INFINITY, far = 0;
@@ -278,8 +280,8 @@ int solve_check_focal(struct solve_case *c, const struct solve_covariance *cov)
     if (view < 0 || !(most > MOST_FOCAL))
         return 0;
     variety(c, view, &slant, &ratio);
-    return solve_refuse(c->cfg,
-                        "the focal length of %s is known to %.1f %% only, %g %% is the most: its boards are tilted "
+    return solve_reject(c->cfg,
+                        "the focal length of %s is known only to %.1f %%, the limit is %g %%: its boards are tilted "
                         "by up to %.0f degrees and %.2g times as far as the nearest; show it boards tilted by 30 to "
                         "45 degrees, near and twice as far",
                         solve_name(c->all, view, name), 100 * most, 100 * MOST_FOCAL, slant, ratio);

@@ -1,4 +1,4 @@
-/* Solved places against what was known of them: the grid's order, and the drives of a rig. */
+/* Solved positions compared with the grid's order, and with the drives of a rig. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -7,9 +7,9 @@
 #include "base/log.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
-#define MOST_SCALE    0.03 /* drives and board disagree on lengths by more: one of them is wrong */
-#define EXCHANGE_GAIN 10   /* exchanging two cameras leaves less than this part of the squares */
-#define PLACE_SHARE   0.25 /* ... and the cameras on a grid to this part of a step */
+#define MOST_SCALE    0.03 /* larger scale error between drives and board: one of them is wrong */
+#define EXCHANGE_GAIN 10   /* exchanging two cameras reduces the sum of squares by this factor */
+#define PLACE_SHARE   0.25 /* ... and fits the grid to this fraction of a step */
 
 void solve_centre(const struct solve_camera *camera, double out[3])
 {
@@ -19,8 +19,7 @@ void solve_centre(const struct solve_camera *camera, double out[3])
     memcpy(out, back.shift, sizeof(back.shift));
 }
 
-/* --- cameras at each other's places --------------------------------------------------------------------------------
- */
+/* --- swapped cameras ---------------------------------------------------------------------------------------------- */
 
 struct places {
     int views, cols;
@@ -28,8 +27,8 @@ struct places {
     bool *known;
 };
 
-/* Regular grid through the centres, at + col step_x + row step_y by axis; a and b exchanged (or the same).
- * @return sum of squares left, mm^2; negative: cameras on a line */
+/* Regular grid through the centres, at + col step_x + row step_y by axis; a and b exchanged (or equal). @return
+ * residual sum of squares, mm^2; negative: cameras on a line */
 static double fit_grid(const struct places *p, int a, int b, double grid[3][3])
 {
     double m[9] = { 0 }, sum = 0;
@@ -90,15 +89,14 @@ static int check_exchanged(const struct solve_case *c, const struct places *p, i
     }
     if (!(least / count < PLACE_SHARE * PLACE_SHARE * step2))
         return 0;
-    return solve_refuse(
-        c->cfg,
-        "%s and %s stand at each other's places: exchanged, all cameras are within %.2g mm of a regular "
-        "grid, as named within %.3g mm; exchange their places in the configuration or their folders",
-        solve_name(c->all, one, first), solve_name(c->all, other, second), sqrt(least / count), sqrt(as_named / count));
+    return solve_reject(c->cfg,
+                        "%s and %s are swapped: exchanged, all cameras are within %.2g mm of a regular "
+                        "grid, as named within %.3g mm; swap their places in the configuration, or their folders",
+                        solve_name(c->all, one, first), solve_name(c->all, other, second), sqrt(least / count),
+                        sqrt(as_named / count));
 }
 
-/* Columns count to the right and rows downwards, seen from behind; a grid that is a mirror image of that is misnamed.
- */
+/* Columns count to the right and rows downwards, seen from behind; a mirrored grid has wrong names. */
 static void check_order(const struct solve_case *c, const struct places *p)
 {
     double grid[3][3];
@@ -107,7 +105,7 @@ static void check_order(const struct solve_case *c, const struct places *p)
         return;
     if (grid[0][1] * grid[1][2] - grid[0][2] * grid[1][1] < 0)
         sst_log_warning(
-            "the cameras' grid is mirrored: seen from behind, columns are to count from left to right and rows "
+            "the cameras' grid is mirrored: seen from behind, columns must count from left to right and rows "
             "from top to bottom; rename the cameras if that was meant");
 }
 
@@ -138,8 +136,8 @@ int solve_check_places(struct solve_case *c)
 /* --- drives --------------------------------------------------------------------------------------------------------
  */
 
-/* Rotation that turns `from` onto `to` best (least squares, both about 0), by Gauss and Newton from a first guess that
- * three axes give; points of one line leave the turn about it where it is. */
+/* Rotation from `from` to `to` (least squares, both about 0), by Gauss-Newton from an initial guess along three axes;
+ * for collinear points the rotation about their line stays as it is. */
 static void align(const double (*from)[3], const double (*to)[3], const bool *known, int n, double rotation[9])
 {
     static const double start[4][3] = { { 0, 0, 0 }, { M_PI, 0, 0 }, { 0, M_PI, 0 }, { 0, 0, M_PI } };
@@ -185,7 +183,7 @@ static void align(const double (*from)[3], const double (*to)[3], const bool *kn
     }
 }
 
-/* Angle between what the grid's rows and columns became, over 90 degrees; drives are taken as square. */
+/* Angle between the solved rows and columns minus 90 degrees; drives are assumed to be square. */
 static double skew(const double (*centre)[3], const double (*drive)[3], const bool *known, int n)
 {
     double a[9] = { 0 }, b[3][3] = { { 0 } }, dot = 0, x = 0, y = 0;
@@ -210,7 +208,7 @@ static double skew(const double (*centre)[3], const double (*drive)[3], const bo
     return x > 0 && y > 0 ? acos(sst_clamp_double(dot / sqrt(x * y), -1, 1)) * 180 / M_PI - 90 : NAN;
 }
 
-/* Both about their means. @return views known to both */
+/* Both sets of positions about their means. @return number of common views */
 static int centred(const struct solve_case *c, double (*centre)[3], double (*drive)[3], bool *known)
 {
     double mean[2][3] = { { 0 } };
@@ -245,7 +243,7 @@ static int judge_scale(const struct solve_case *c, double scale)
 
     if (fabs(scale - 1) <= MOST_SCALE)
         return 0;
-    return solve_refuse(
+    return solve_reject(
         c->cfg,
         "the positions are %.3g times the drives': is the board's square %.4g mm instead of %.4g mm, or "
         "the drives' scale wrong?",
@@ -284,7 +282,7 @@ int solve_compare_drives(struct solve_case *c)
         }
     }
     if (n < 2 || !(bottom > 1e-6))
-        goto out; /* nowhere to compare */
+        goto out; /* nothing to compare */
     c->drive_rms_mm = sqrt(sum / n);
     c->drive_scale = top / bottom;
     c->drive_skew_deg = skew((const double(*)[3])centre, (const double(*)[3])drive, known, c->p.views);

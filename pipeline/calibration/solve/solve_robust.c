@@ -1,4 +1,4 @@
-/* From seeds to least squares on what is no outlier: a robust loss first, the hard cut last. */
+/* From seeds to least squares over the inliers: a robust loss first, the hard cut last. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -10,14 +10,14 @@
 #define HARD_ROUNDS     6
 #define HARD_ITERATIONS 60
 #define LEAST_SIGMA_PX  1e-3 /* exact corners have no noise to scale by */
-#define LOSS_SIGMA      2.4  /* Cauchy's loss loses 5 % of the precision of least squares there */
+#define LOSS_SIGMA      2.4  /* Cauchy's loss at this scale loses 5 % of the precision of least squares */
 
 int solve_soft(struct solve_problem *p, double loss_px, double *sigma_px)
 {
     double sigma, before = INFINITY;
     int err = solve_noise(p, &sigma);
 
-    /* The scale follows the residuals down: wide while poses are seeds, narrow at the end. */
+    /* The scale shrinks with the residuals: wide while poses are seeds, narrow at the end. */
     for (int round = 0; !err && round < SOFT_ROUNDS && sigma < 0.7 * before; round++) {
         const double scale = fmax(sigma, LEAST_SIGMA_PX);
         const struct solve_adjust_config cfg = { .loss_px = loss_px > 0 ? loss_px : LOSS_SIGMA * scale,
@@ -38,7 +38,8 @@ int solve_soft(struct solve_problem *p, double loss_px, double *sigma_px)
     return err;
 }
 
-/* Outliers anew. A detection that is mostly outliers goes as a whole. @return corners that changed sides */
+/* Reclassify outliers. A detection that is mostly outliers is dropped as a whole. @return number of corners that
+ * changed */
 static int cut(struct solve_problem *p, double limit_px, double (*r)[2])
 {
     int changed = 0;

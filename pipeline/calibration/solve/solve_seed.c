@@ -1,4 +1,4 @@
-/* Where the adjustment begins: lenses and poses from homographies of single detections. */
+/* Initial values of the adjustment: lenses and poses from homographies of single detections. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -9,12 +9,12 @@
 #include "pipeline/calibration/board/homography.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
-#define SEED_DETECTIONS 30 /* that a lens is first fitted to */
+#define SEED_DETECTIONS 30 /* detections for the initial fit of a lens */
 #define SEED_ITERATIONS 30
-#define SEED_TURN       1e-5 /* rad: a pose that moves less has arrived */
-#define ALIKE           10 /* a plane's other pose is tried if it leaves residuals less than this many times as long */
+#define SEED_TURN       1e-5 /* rad: a smaller change of a pose means convergence */
+#define ALIKE           10   /* the second pose of a plane is tried if its residuals are less than this times as long */
 
-/* Pose from a homography onto the plane z = 1; the board lies before the camera. */
+/* Pose from a homography onto the plane z = 1; the board is in front of the camera. */
 static bool decompose(const double h[9], struct solve_pose *out)
 {
     double r[2][3], sum[3], difference[3], third[3], n0 = 0, n1 = 0, s = 0, d = 0, f;
@@ -103,7 +103,7 @@ static double pose_sigma(const struct solve_problem *p, const struct solve_detec
     return sst_stats_upper_median(work, d->corners) / 1.1774;
 }
 
-/* Levenberg and Marquardt's method on the six numbers of a pose, the loss's scale following the residuals. */
+/* Levenberg-Marquardt on the six parameters of a pose; the loss scale follows the residuals. */
 static double refine(const struct solve_problem *p, const struct solve_detection *d, const double *lens,
                      struct solve_pose *pose, double *work)
 {
@@ -141,7 +141,8 @@ static double refine(const struct solve_problem *p, const struct solve_detection
     return sigma;
 }
 
-/* A plane's other pose that looks nearly the same from afar: its normal mirrored at the line of sight to its middle. */
+/* The second pose of a plane that looks nearly the same from afar: its normal mirrored at the line of sight to its
+ * centre. */
 static void other_pose(const struct solve_pose *pose, const double middle[3], struct solve_pose *out)
 {
     double sight[3], along[9], about[3], turn[9], moved[3], length = 0, dot = 0;
@@ -156,7 +157,7 @@ static void other_pose(const struct solve_pose *pose, const double middle[3], st
         sight[i] /= sqrt(fmax(length, 1e-12));
         dot += sight[i] * pose->rotation[3 * i + 2];
     }
-    /* Half a turn about the sight carries the normal there; half a turn about the normal itself keeps the points. */
+    /* Half a turn about the line of sight gives that normal; half a turn about the normal itself keeps the points. */
     for (int i = 0; i < 3; i++)
         about[i] = M_PI * sight[i];
     sst_rotation_from_vector(about, turn);
@@ -209,8 +210,8 @@ void solve_single_camera(struct solve_single *out, const struct solve_problem *p
     free(work);
 }
 
-/* Focal length from homographies, the centre in the middle: for one whose columns h1, h2 are images of perpendicular
- * unit vectors, h1' W h2 = 0 and h1' W h1 = h2' W h2 with W = diag(1/f^2, 1/f^2, 1) (Zhang 2000). 0: not known */
+/* Focal length from homographies, with a centred principal point: if the columns h1, h2 are images of perpendicular
+ * unit vectors, h1' W h2 = 0 and h1' W h1 = h2' W h2 with W = diag(1/f^2, 1/f^2, 1) (Zhang 2000). 0: unknown */
 static double seed_focal(const struct solve_problem *p, const int *list, int count)
 {
     double top = 0, bottom = 0;
@@ -245,11 +246,11 @@ static double seed_focal(const struct solve_problem *p, const int *list, int cou
     return bottom > 0 && top > bottom * 1e-3 && top < bottom * 100 ? p->width * sqrt(bottom / top) : 0;
 }
 
-/* Every camera's lens by an adjustment of its detections alone. */
+/* Initial lens of each camera by an adjustment of its own detections. */
 struct seed {
     struct solve_problem *p;
     struct solve_single *single;
-    int *list, *first; /* detections by view: list[first[v] .. first[v + 1]]; a rig: all are view 0's */
+    int *list, *first; /* detections by view: list[first[v] .. first[v + 1]]; a rig: all in view 0 */
     double (*lens)[SOLVE_LENS_MAX];
     bool *known;
     int groups;
@@ -264,7 +265,7 @@ static void plain_lens(const struct solve_problem *p, double focal, double lens[
     lens[3] = (p->height - 1) / 2.0;
 }
 
-/* A lens is believed if it is near what the homographies said and sees all of the picture. */
+/* A lens is plausible if it is near the estimate from the homographies and valid over the whole picture. */
 static bool lens_is_sane(const struct solve_problem *p, const double *lens, double focal)
 {
     const struct sst_calib_camera cam = solve_camera_of(lens);
@@ -352,7 +353,7 @@ static int pose_of_one(void *arg, int index, int worker)
     return 0;
 }
 
-/* Typical focal length by homographies: the median camera's. */
+/* Typical focal length from homographies: the median over the cameras. */
 static void typical_focal(struct seed *s, double *work)
 {
     int n = 0;
@@ -366,8 +367,8 @@ static void typical_focal(struct seed *s, double *work)
     s->focal = n ? sst_stats_upper_median(work, n) : sst_max_int(s->p->width, s->p->height);
 }
 
-/* Lenses to all cameras; those without take the median camera's. */
-static void hand_out(struct seed *s, double *work)
+/* Assign lenses to all cameras; those without one use the median camera's. */
+static void assign_lenses(struct seed *s, double *work)
 {
     struct solve_problem *p = s->p;
     int known = 0, middle = -1;
@@ -413,7 +414,7 @@ static int seed_lenses(struct seed *s)
     typical_focal(s, work);
     err = sst_parallel_for(s->groups, sst_thread_count(p->threads), lens_of_group, s);
     if (!err)
-        hand_out(s, work);
+        assign_lenses(s, work);
 out:
     free(work);
     free(s->lens);

@@ -1,4 +1,4 @@
-/* What corner noise does to the solution: covariance of the cameras, carried on to pixels. */
+/* Propagation of corner noise: covariance of the cameras, and from it the uncertainty of pixels. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -7,9 +7,9 @@
 #include "base/thread.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
-#define BOARD 6 /* states of one */
+#define BOARD 6 /* states of one board */
 
-/* One detection's share of the normal matrix, ready for addition. */
+/* One detection's contribution to the normal matrix. */
 struct share {
     int n, state[SOLVE_COLS_MAX + 6];
     double m[SOLVE_COLS_MAX + 6][SOLVE_COLS_MAX + 6];
@@ -25,7 +25,7 @@ struct build {
     double *side; /* [BOARD][size]: board by camera states of one frame */
 };
 
-/* Camera states keep their numbers, the warp comes after them, boards are -1 .. -6. */
+/* Camera states keep their indices, the warp follows, boards are -1 .. -6. */
 static int place(const struct build *b, int state)
 {
     if (state < b->layout.camera_states)
@@ -58,7 +58,7 @@ static void share_of(struct build *b, const struct solve_detection *d, struct sh
             out->n = got;
             memcpy(out->state, state, (size_t)got * sizeof(*state));
         }
-        /* Later rows are ends of the first, as the lens's columns drop out, or of the warp's. */
+        /* Later rows are suffixes of the first, as the lens's columns drop out, or of the warp's. */
         first = out->n - got;
         for (int x = 0; x < got; x++) {
             for (int y = 0; y < got; y++)
@@ -131,7 +131,7 @@ static void add_frame(struct build *b)
         }
     }
     if (!solve_cholesky(c, BOARD))
-        return; /* a board that is not determined says nothing */
+        return; /* an undetermined board contributes nothing */
     memset(b->side, 0, BOARD * size * sizeof(*b->side));
     for (int v = 0; v < b->p->views; v++) {
         const struct share *h = &b->share[v];
@@ -253,7 +253,7 @@ double solve_unit_sigma(const struct solve_adjusted *done)
     return sqrt(done->cost / fmax(done->measurements - done->states, 1));
 }
 
-/* Middle of a cell of the maps. */
+/* Centre of a cell of the maps. */
 static void cell_pixel(const struct solve_problem *p, int row, int col, double xy[2])
 {
     xy[0] = (col + 0.5) / SST_UNCERTAINTY_COLS * p->width - 0.5;
@@ -273,8 +273,8 @@ static bool direction(const double *lens, double x, double y, double q[3])
     return sst_camera_undistort(&cam, x, y, &q[0], &q[1]);
 }
 
-/* Derivatives by a turn w of the direction q: dq = w x q = -[q]x w. */
-static void by_turn(double jq[2][3], const double q[3], double out[2][3])
+/* Derivatives by a rotation w of the direction q: dq = w x q = -[q]x w. */
+static void by_rotation(double jq[2][3], const double q[3], double out[2][3])
 {
     for (int i = 0; i < 2; i++) {
         out[i][0] = q[1] * jq[i][2] - q[2] * jq[i][1];
@@ -295,7 +295,7 @@ static double variance(const struct solve_covariance *c, const double *j, const 
     return fmax(sum, 0);
 }
 
-/* The turn that makes up best for each of the lens's states, over all cells: turn = -share of state. */
+/* The rotation that best compensates each of the lens's states over all cells: rotation = -coefficient times state. */
 static bool shared_turn(const struct solve_problem *p, const double *lens, double share, double turn[3][SOLVE_LENS_MAX])
 {
     double a[9] = { 0 }, g[3][SOLVE_LENS_MAX] = { 0 };
@@ -307,7 +307,7 @@ static bool shared_turn(const struct solve_problem *p, const double *lens, doubl
         if (!cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
             continue;
         solve_see(lens, p->lens, q, seen, jq, jl);
-        by_turn(jq, q, jw);
+        by_rotation(jq, q, jw);
         for (int k = 0; k < 2; k++) {
             for (int i = 0; i < 3; i++) {
                 for (int j = 0; j < 3; j++)
@@ -349,7 +349,7 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
             if (!fine || !cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
                 continue;
             solve_see(lens, p->lens, q, seen, jq, jl);
-            by_turn(jq, q, jw);
+            by_rotation(jq, q, jw);
             for (int k = 0; k < 2; k++) {
                 for (int l = 0; l < n; l++)
                     jl[k][l] -= jw[k][0] * turn[0][l] + jw[k][1] * turn[1][l] + jw[k][2] * turn[2][l];
@@ -360,9 +360,9 @@ void solve_lens_map(const struct solve_problem *p, const struct solve_covariance
     }
 }
 
-/* Reference pixel to view pixel: derivatives by the reference's lens, the view's lens and its pose. */
-static bool carry(const struct solve_problem *p, int view, double depth_mm, const double xy[2],
-                  double j[2][2 * SOLVE_LENS_MAX + 6])
+/* Transfer of a reference pixel to a view: derivatives by the reference's lens, the view's lens and its pose. */
+static bool transfer(const struct solve_problem *p, int view, double depth_mm, const double xy[2],
+                     double j[2][2 * SOLVE_LENS_MAX + 6])
 {
     const double *lens0 = p->camera[p->reference].lens, *lens = p->camera[view].lens;
     const struct solve_pose *pose = &p->camera[view].pose;
@@ -384,7 +384,7 @@ static bool carry(const struct solve_problem *p, int view, double depth_mm, cons
     if (!(q[2] > 0) || seen[0] < -0.5 || seen[1] < -0.5 || seen[0] > p->width - 0.5 || seen[1] > p->height - 0.5 ||
         !(fabs(det) > 0))
         return false;
-    by_turn(jq, turned, jw);
+    by_rotation(jq, turned, jw);
     for (int k = 0; k < 2; k++) {
         double jab[2], back[2];
 
@@ -406,8 +406,8 @@ static bool carry(const struct solve_problem *p, int view, double depth_mm, cons
     return true;
 }
 
-void solve_carry_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
-                     float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
+void solve_transfer_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
+                        float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
 {
     const int n = 4 + p->lens, from[3] = { c->layout.lens[p->reference], c->layout.lens[view], c->layout.pose[view] };
     int state[2 * SOLVE_LENS_MAX + 6], at[2 * SOLVE_LENS_MAX + 6], count = 0;
@@ -425,7 +425,7 @@ void solve_carry_map(const struct solve_problem *p, const struct solve_covarianc
             double xy[2], j[2][2 * SOLVE_LENS_MAX + 6], used[2 * SOLVE_LENS_MAX + 6], sum = 0;
 
             cell_pixel(p, row, col, xy);
-            if (!carry(p, view, depth_mm, xy, j)) {
+            if (!transfer(p, view, depth_mm, xy, j)) {
                 map[row][col] = NAN;
                 continue;
             }

@@ -6,7 +6,7 @@
 
 #include "base/mem.h"
 
-#define CELLS      48 /* across the longer side, at least */
+#define CELLS      48 /* minimum across the longer side */
 #define FACTOR_MAX 8.0
 #define SRGB_POWER (1 / 2.4)
 
@@ -17,14 +17,14 @@ struct light_map {
     float *falloff, *root; /* [rows][cols], one allocation */
 };
 
-/* 1 / light, within the limits also where a calibration is not sane. */
+/* 1 / light, clamped to the limits even for an implausible calibration. */
 static double factor_for(double light)
 {
     return 1 / sst_clamp_double(light, 1 / FACTOR_MAX, FACTOR_MAX);
 }
 
-/* Light at a place of the raw picture over that at the principal point. Outside of the picture the polynomial means
- * nothing: it stays what it is in the farthest corner. */
+/* Light at a position of the raw picture relative to that at the principal point. Outside the picture the polynomial
+ * is invalid: the value of the farthest corner is used. */
 static double falloff_at(const struct sst_calib *calib, const struct sst_calib_camera *cam, double x, double y)
 {
     const double far_x = fmax(cam->cx, calib->width - 1 - cam->cx), far_y = fmax(cam->cy, calib->height - 1 - cam->cy);
@@ -35,7 +35,7 @@ static double falloff_at(const struct sst_calib *calib, const struct sst_calib_c
     return 1 + r2 * (cam->falloff[0] + r2 * (cam->falloff[1] + r2 * cam->falloff[2]));
 }
 
-/* A node that has no place in the raw picture, from the two beyond it to one side; 0 where there are none. */
+/* Extrapolate a node without a position in the raw picture from the next two on one side; 0 if there are none. */
 static float extend(const float *grid, int cols, int rows, int x, int y)
 {
     static const int side[4][2] = { { 1, 0 }, { -1, 0 }, { 0, 1 }, { 0, -1 } };
@@ -53,8 +53,8 @@ static float extend(const float *grid, int cols, int rows, int x, int y)
     return n ? sum / (float)n : 0;
 }
 
-/* Pixels beside the picture's edge lie between nodes inside and outside of it: those get values that go on evenly, in
- * rings. @param next  scratch [rows][cols] */
+/* Pixels near the picture's edge lie between nodes inside and outside of it: the outer ones are extrapolated ring by
+ * ring. @param next  scratch [rows][cols] */
 static void fill(float *grid, float *next, int cols, int rows)
 {
     int found = 1;

@@ -1,9 +1,11 @@
-/* The map of one view: the exact chain at the corners of a grid of cells, cubic in between.
+/*
+ * The map of one view: the exact chain at the corners of a grid of cells, cubic in between.
  *
  * Lens and homography are smooth: a cubic through four nodes h apart is off by at most 3/128 h^4 of their fourth
- * derivative, 1e-4 px for h = 32 and the lenses of ordinary cameras. No bound is taken on trust: the build compares
- * each cell with the chain where cubics err most (its middle and the middles of two edges), halves the cells until the
- * worst is below TOLERANCE_PX, and leaves cells that never are to the chain itself, pixel by pixel. */
+ * derivative, 1e-4 px for h = 32 and the lenses of ordinary cameras. The bound is verified: building compares each cell
+ * with the chain where cubics err most (its centre and the midpoints of two edges), halves the cells until the worst
+ * error is below TOLERANCE_PX, and uses the chain itself, pixel by pixel, for cells that never get there.
+ */
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #include <errno.h>
@@ -13,15 +15,15 @@
 
 #define FIRST_SHIFT  5
 #define LAST_SHIFT   2
-#define TOLERANCE_PX (1.0 / 1024) /* the places are rounded to 1/512 px: 1/341 together */
-#define SNAP_PX      (1.0 / 512)  /* nearer to the border than this is on it */
-#define FAR_PX       1e6          /* places beyond are none */
-#define STRETCH_MAX  4096         /* px between two nodes: beyond, single precision inside a cell would not do */
+#define TOLERANCE_PX (1.0 / 1024) /* positions are rounded to 1/512 px: 1/341 together */
+#define SNAP_PX      (1.0 / 512)  /* positions nearer to the border than this are on it */
+#define FAR_PX       1e6          /* positions beyond are invalid */
+#define STRETCH_MAX  4096         /* px between two nodes: beyond, single precision inside a cell does not suffice */
 
 enum cell {
     CELL_SMOOTH = 0, /* cubic */
     CELL_EXACT = 1,  /* by the chain */
-    CELL_NONE = 2,   /* nothing is seen in it */
+    CELL_NONE = 2,   /* no pixel has a position in the raw picture */
 };
 
 static void chain_init(struct rectify_chain *chain, const struct sst_rectified *to, const struct sst_calib *calib,
@@ -38,8 +40,9 @@ static void chain_init(struct rectify_chain *chain, const struct sst_rectified *
     sst_rotation_between(cam->rotation, to->rotation, chain->turn);
 }
 
-/* Where rectified (x, y) is in the raw picture or beyond its borders; false: behind the camera, or the lens folds over
- * before it. Beyond its fold a lens sees again what it saw before: only what undistorting leads back to is seen. */
+/* Position of rectified (x, y) in the raw picture or beyond its borders; false: behind the camera, or beyond the fold
+ * of the lens. Beyond the fold a lens maps to the same pixels again: only points that undistortion returns to are
+ * valid. */
 static bool chain_place(const struct rectify_chain *chain, double x, double y, double *raw_x, double *raw_y)
 {
     const double *m = chain->turn;
@@ -108,7 +111,7 @@ static void nodes_on_line(const struct sst_rectify_map *map, int i, int j, const
 
 /* --- building ----------------------------------------------------------------------------------------------------- */
 
-/* Largest error of a smooth cell where it counts; INFINITY: the chain sees nothing where the cubic does. */
+/* Largest error of a smooth cell inside the picture; INFINITY: the chain has no position where the cubic has one. */
 static double cell_error(const struct sst_rectify_map *map, int i, int j)
 {
     static const double at[3][2] = { { 0.5, 0.5 }, { 0.5, 0 }, { 0, 0.5 } };
@@ -132,7 +135,7 @@ static double cell_error(const struct sst_rectify_map *map, int i, int j)
     return worst;
 }
 
-/* By the 16 nodes around. */
+/* Classify a cell by the 16 surrounding nodes. */
 static enum cell classify(const struct sst_rectify_map *map, const bool *seen, int i, int j)
 {
     const size_t row = (size_t)(map->cells_x + 3);
@@ -157,7 +160,7 @@ static enum cell classify(const struct sst_rectify_map *map, const bool *seen, i
     return all == 16 ? CELL_SMOOTH : CELL_EXACT;
 }
 
-/* Nodes and cells of the present shift. @return 0, -ENOMEM, or -ERANGE: smaller cells are needed */
+/* Build nodes and cells for the current shift. @return 0, -ENOMEM, or -ERANGE: smaller cells are needed */
 static int make_cells(struct sst_rectify_map *map)
 {
     const int side = 1 << map->shift;

@@ -1,10 +1,12 @@
-/* The common geometry of an array: plane and lattice of the centres, one rotation, one K.
+/*
+ * The common geometry of an array: plane and lattice of the centres, one rotation, one K.
  *
  * In rectified axes (z normal to the plane of the centres, x along the rows, origin at the reference camera) a point P
  * is seen from the centre c = (bx B, by B, dz) at x = cx + s f (P.x - bx B) / (P.z - dz), and from the reference at
  * x_ref = cx + f P.x / P.z. With dz = 0 and s = 1 that is x = x_ref - bx d, d = f B / P.z, for every P. A centre off
- * the plane magnifies by P.z / (P.z - dz); s = (plane - dz) / plane takes that back where P.z = plane, exactly;
- * elsewhere r dz (1 / P.z - 1 / plane) remains at r px from the principal point. */
+ * the plane magnifies by P.z / (P.z - dz); s = (plane - dz) / plane compensates this exactly where P.z = plane;
+ * elsewhere r dz (1 / P.z - 1 / plane) remains at r px from the principal point.
+ */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -12,8 +14,8 @@
 #include "base/log.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
-#define STEP_SHARE_MAX 0.5                 /* of a step: a centre farther from its place is nearer to another's */
-#define SWAP_SHARE_MAX 0.25                /* as far at most with the right pair of cameras exchanged */
+#define STEP_SHARE_MAX 0.5                 /* of a step: a centre farther from its position is nearer to another one */
+#define SWAP_SHARE_MAX 0.25                /* the same limit with a pair of cameras exchanged */
 #define TILT_COS_MIN   0.70710678118654752 /* of the angle between normal and mean viewing direction: 45 degrees */
 #define AWAY_COS_MIN   0.5                 /* between one camera's direction and the mean: 60 degrees */
 
@@ -49,7 +51,7 @@ static double length(const double a[3])
     return sqrt(dot(a, a));
 }
 
-/* False: no direction left. */
+/* @return false: the vector is 0 */
 static bool unit(double a[3])
 {
     const double l = length(a);
@@ -83,7 +85,7 @@ static int collect(struct centres *c, const struct sst_calib *calib)
     const char *fault = sst_calib_fault(calib);
 
     if (fault)
-        return refused("the calibration does not hold: %s; calibrate again", fault);
+        return refused("invalid calibration: %s; calibrate again", fault);
     memset(c, 0, sizeof(*c));
     for (int k = 0; k < calib->rows * calib->cols; k++) {
         const struct sst_calib_camera *cam = &calib->camera[k];
@@ -98,16 +100,16 @@ static int collect(struct centres *c, const struct sst_calib *calib)
             c->mean_axis[i / 3][i % 3] += cam->rotation[i];
     }
     if (c->n < 2)
-        return refused("the calibration knows one camera only, and a light field needs two");
+        return refused("the calibration has only one camera, and a light field needs two");
     for (int i = 0; i < 3; i++) {
         if (!unit(c->mean_axis[i]))
-            return refused("the cameras look in opposite directions; correct their places in the grid");
+            return refused("the cameras point in opposite directions; correct their places in the grid");
     }
     return 0;
 }
 
-/* Least squares over all centres; sums of whole numbers are exact. @return false: one line of the grid that is neither
- * a row nor a column cannot tell the steps apart */
+/* Least squares over all centres; sums of whole numbers are exact. @return false: all cameras on one diagonal of the
+ * grid, which does not determine the steps */
 static bool fit_lattice(struct lattice *l, const struct centres *c)
 {
     double mean[3] = { 0 }, row = 0, col = 0, rr = 0, cc = 0, rc = 0, r_at[3] = { 0 }, c_at[3] = { 0 }, det;
@@ -118,7 +120,7 @@ static bool fit_lattice(struct lattice *l, const struct centres *c)
         for (int j = 0; j < 3; j++)
             mean[j] += c->at[i][j] / c->n;
     }
-    for (int i = 0; i < c->n; i++) { /* indices times n: whole numbers again */
+    for (int i = 0; i < c->n; i++) { /* indices times n: whole numbers */
         const double dr = c->row[i] * c->n - row, dc = c->col[i] * c->n - col;
 
         rr += dr * dr;
@@ -154,7 +156,7 @@ static void residual(double out[3], const struct lattice *l, const struct centre
         out[j] = c->at[i][j] - l->origin[j] - c->col[i] * l->step[0][j] - c->row[i] * l->step[1][j];
 }
 
-/* The centre farthest from its place. */
+/* The centre farthest from its lattice position. */
 static int worst_centre(const struct lattice *l, const struct centres *c, double *mm)
 {
     int worst = 0;
@@ -172,8 +174,8 @@ static int worst_centre(const struct lattice *l, const struct centres *c, double
     return worst;
 }
 
-/* Do columns run to the right and rows down, as the cameras see it? NULL or what does not. Arrays that hang upside down
- * pass, for both are turned then; of a single row or column that cannot be told apart. */
+/* Check that columns run to the right and rows down as seen by the cameras. @return NULL, or the fault. Arrays mounted
+ * upside down pass, since both are reversed; a single row or column cannot be checked. */
 static const char *mirrored(const struct lattice *l, const struct centres *c)
 {
     const double *x = c->mean_axis[0], *y = c->mean_axis[1], *z = c->mean_axis[2];
@@ -223,7 +225,7 @@ static void swap_centres(struct centres *c, int i, int j)
     memcpy(c->at[j], at, sizeof(at));
 }
 
-/* The pair of cameras that makes a lattice of it once exchanged, the best one. */
+/* The best pair of cameras whose exchange gives a lattice. */
 static bool find_swap(struct centres *c, int *a, int *b)
 {
     double best = INFINITY;
@@ -254,13 +256,13 @@ static int refuse_order(const struct sst_calib *calib, struct centres *c, const 
     int a = 0, b = 0;
 
     if (find_swap(c, &a, &b))
-        return refused("cameras %s (row %d, column %d) and %s (row %d, column %d) are swapped: each stands at the "
-                       "other's place; exchange them in the configuration and calibrate again",
+        return refused("cameras %s (row %d, column %d) and %s (row %d, column %d) are swapped: each is at the "
+                       "other's place; swap them in the configuration and calibrate again",
                        name_of(calib, c->view[a]), c->row[a], c->col[a], name_of(calib, c->view[b]), c->row[b],
                        c->col[b]);
     a = worst_centre(l, c, &mm);
     return refused(
-        "the centres make no lattice: camera %s (row %d, column %d) stands %.1f mm from its place, the steps "
+        "the centres do not form a regular grid: camera %s (row %d, column %d) is %.1f mm off its place, the steps "
         "are %.1f and %.1f mm; correct the cameras' places in the grid or calibrate again",
         name_of(calib, c->view[a]), c->row[a], c->col[a], mm, length(l->step[0]), length(l->step[1]));
 }
@@ -301,7 +303,7 @@ static void smallest_direction(double m[3][3], double out[3])
         out[i] = v[i][smallest];
 }
 
-/* Total least squares: the normal along which the centres scatter least. */
+/* Total least squares: the direction of least variance of the centres. */
 static void plane_normal(const struct centres *c, double normal[3])
 {
     double mean[3] = { 0 }, scatter[3][3] = { { 0 } };
@@ -341,21 +343,21 @@ static int choose_axes(double r[9], const struct centres *c, const struct lattic
             cross(x, y, z);
     }
     if (!good || dot(z, c->mean_axis[2]) < TILT_COS_MIN)
-        return refused("the cameras look %.0f degrees away from the normal of the plane that their centres make; more "
-                       "than 45 cannot be a light field",
+        return refused("the cameras point %.0f degrees away from the normal of the plane of their centres; more "
+                       "than 45 cannot form a light field",
                        acos(sst_clamp_double(good ? dot(z, c->mean_axis[2]) : 0, -1, 1)) * 180 / M_PI);
     cross(y, z, x);
     return 0;
 }
 
-/* Turn by a rotation's rows. */
+/* Multiply by a rotation. */
 static void turn(double out[3], const double r[9], const double v[3])
 {
     for (int i = 0; i < 3; i++)
         out[i] = dot(r + 3 * i, v);
 }
 
-/* How far the centres are from plane and lattice. */
+/* Measure the distances of the centres from plane and lattice. */
 static void measure(struct sst_rectified *to, const struct centres *c, const struct lattice *l)
 {
     double step[2][3], mean = 0, out2 = 0, in2 = 0;
@@ -389,19 +391,19 @@ static void measure(struct sst_rectified *to, const struct centres *c, const str
     to->out_rms_mm = sqrt(out2 / c->n);
 }
 
-/* Where camera view sees the middle of its picture, as rectified x / z, y / z. */
+/* Direction of the centre of a camera's picture, as rectified x / z, y / z. */
 static int middle_of(const struct sst_rectified *to, const struct sst_calib *calib, int view, double out[2])
 {
     const struct sst_calib_camera *cam = &calib->camera[view];
     double in_camera[3] = { 0, 0, 1 }, in_rig[3], d[3];
 
     if (!sst_camera_undistort(cam, (calib->width - 1) / 2.0, (calib->height - 1) / 2.0, &in_camera[0], &in_camera[1]))
-        in_camera[0] = in_camera[1] = 0; /* a lens that folds over there: the axis will do */
+        in_camera[0] = in_camera[1] = 0; /* the lens folds over there: use the axis */
     for (int i = 0; i < 3; i++)
         in_rig[i] = cam->rotation[i] * in_camera[0] + cam->rotation[3 + i] * in_camera[1] + cam->rotation[6 + i];
     turn(d, to->rotation, in_rig);
     if (d[2] < AWAY_COS_MIN * length(d))
-        return refused("camera %s (row %d, column %d) looks %.0f degrees away from the normal of the array's plane; "
+        return refused("camera %s (row %d, column %d) points %.0f degrees away from the normal of the array's plane; "
                        "correct its mount or calibrate again",
                        name_of(calib, view), view / calib->cols, view % calib->cols,
                        acos(d[2] / length(d)) * 180 / M_PI);
@@ -410,7 +412,7 @@ static int middle_of(const struct sst_rectified *to, const struct sst_calib *cal
     return 0;
 }
 
-/* The mean focal length, and the principal point that puts the mean of the pictures' middles into the middle. */
+/* The mean focal length, and the principal point that centres the mean of the pictures' centres. */
 static int choose_k(struct sst_rectified *to, const struct sst_calib *calib, const struct centres *c,
                     const struct sst_rectify_config *cfg)
 {
@@ -451,8 +453,8 @@ int sst_rectified_place(struct sst_rectified *to, const struct sst_calib *calib)
         to->view[k].dz_mm = t[2];
         to->view[k].scale = to->plane_mm > 0 ? (to->plane_mm - t[2]) / to->plane_mm : 1;
         if (!(fabs(to->view[k].scale - 1) <= 0.5)) {
-            sst_log_error("cannot rectify: the plane at %g mm is too near to camera %s (row %d, column %d), which "
-                          "stands %.1f mm off the reference's plane; choose one farther away",
+            sst_log_error("cannot rectify: the plane at %g mm is too close to camera %s (row %d, column %d), which "
+                          "is %.1f mm off the reference's plane; choose one farther away",
                           to->plane_mm, name_of(calib, k), k / calib->cols, k % calib->cols, t[2]);
             return -EINVAL;
         }
@@ -490,12 +492,13 @@ int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib, c
                                  .height = cfg->height ? cfg->height : calib->height,
                                  .plane_mm = cfg->plane_mm < 0 ? calib->range_mm : cfg->plane_mm };
     if (!fit_lattice(&l, &c))
-        return refused("the known cameras are on one slanted line of the grid; add a camera beside it");
+        return refused("the known cameras lie on one diagonal of the grid; add a camera beside it");
     if (!regular(&l, &c, STEP_SHARE_MAX) || !(shortest_step(&l) > 0))
         return refuse_order(calib, &c, &l);
     if (one_line(&l))
-        return refused("rows and columns of the grid run in one direction: all centres are on a line, and make a grid "
-                       "of one row or column; correct the cameras' places");
+        return refused(
+            "rows and columns of the grid run in one direction: all centres lie on one line, which is a grid "
+            "of one row or column; correct the cameras' places");
     wrong = mirrored(&l, &c);
     if (wrong)
         return refused("the grid is mirrored: its %s as the cameras see it; views are numbered from the upper left, "

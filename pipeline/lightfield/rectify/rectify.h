@@ -1,5 +1,4 @@
-/* pipeline/lightfield/rectify/rectify.h - views as if all cameras shared one rotation and one K: plan, maps,
- * resampling. */
+/* pipeline/lightfield/rectify/rectify.h - rectification to a common rotation and K: geometry, maps, resampling. */
 #ifndef SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_H
 #define SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_H
 
@@ -25,9 +24,9 @@ struct sst_rectified {
     double step_mm[2], skew_deg;           /* lattice: column and row step, angle between them less 90 degrees */
     struct {
         bool known;
-        double bx, by; /* true offset from the reference in spacings: what the light field stores */
-        double dz_mm;  /* in front of (positive) the reference's plane */
-        double scale;  /* of the picture about (cx, cy) that dz asks for at plane_mm */
+        double bx, by; /* measured offset from the reference in spacings, as stored in the light field */
+        double dz_mm;  /* distance in front of the reference's plane */
+        double scale;  /* of the picture about (cx, cy); compensates dz at plane_mm */
     } view[SST_MAX_VIEWS];
 };
 
@@ -39,21 +38,21 @@ struct sst_rectify_config {
 
 /**
  * Fit plane and lattice to the centres and choose the common rotation and K, so that most of every view stays in the
- * picture. Grids of one row or column take the missing direction from the mean of the cameras' axes. Derived in plan.c.
+ * picture. Grids of one row or column use the mean of the cameras' axes for the missing direction. Derived in geometry.c.
  *
  * @return 0, -EINVAL (cfg: sizes, a plane nearer than twice a camera's dz), -EBADMSG (fewer than 2 known cameras,
- * centres that are no lattice or contradict the grid's order: which camera, how far, which two are swapped; cameras
- * that look away from the plane's normal); logged
+ * centres that form no lattice or contradict the grid's order: the message names the camera, its distance or the
+ * swapped pair; cameras that point away from the plane's normal); logged
  */
 SST_MUST_CHECK int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib,
                                     const struct sst_rectify_config *cfg);
 
-/** Fill in view[] from rotation, spacing_mm, plane_mm and reference: what a stored geometry leaves out.
- *  @return 0, -EINVAL (plane_mm is too near to a camera; logged) */
+/** Fill in view[] from rotation, spacing_mm, plane_mm and reference, which a stored geometry omits. @return 0, -EINVAL
+ *  (plane_mm is too near to a camera; logged) */
 SST_MUST_CHECK int sst_rectified_place(struct sst_rectified *to, const struct sst_calib *calib);
 
-/** Where a rectified pixel is in the raw picture; the exact chain, in double. @return false: more than 1/512 px outside
- *  the raw picture's outermost pixel centres, behind the camera, or beyond where the lens folds over */
+/** Position of a rectified pixel in the raw picture; the exact chain, in double. @return false: more than 1/512 px
+ *  outside the raw picture's outermost pixel centres, behind the camera, or beyond the fold of the lens */
 SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x,
                                       double y, double *raw_x, double *raw_y);
 
@@ -65,25 +64,24 @@ SST_MUST_CHECK int sst_rectify_map_create(struct sst_rectify_map **out, const st
 void sst_rectify_map_destroy(struct sst_rectify_map *map);
 
 /**
- * Places of the rectified positions (x0 + i, y), i = 0 .. n-1, in the raw picture.
+ * Positions in the raw picture of the rectified positions (x0 + i, y), i = 0 .. n-1.
  *
- * @param x0, y  inside the rectified picture, with x0 + n - 1 too; need not be whole
- * @param xy_q8  out, [2 n] x, y in 1/256 px, within 1/256 of the exact chain; both INT32_MIN where there is none
+ * @param x0, y  inside the rectified picture, with x0 + n - 1 too; may be fractional
+ * @param xy_q8  out, [2 n] x, y in 1/256 px, within 1/256 of the exact chain; both INT32_MIN if there is none
  */
 void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y, int n, int32_t *xy_q8);
 
 /**
  * Resample one view: one pass from raw to rectified, light corrected. Deterministic for any number of threads.
  *
- * @param out    initialised by the caller to the rectified size; black where there is no place in the raw picture
- * @param valid  255 where there is one (taps of the filter beyond the border repeat it), or NULL; initialised by the
- *               caller
+ * @param out    initialised by the caller to the rectified size; black without a position in the raw picture
+ * @param valid  255 where there is one (filter taps beyond the border repeat it), or NULL; initialised by the caller
  * @return 0, -EINVAL (sizes), -ENOMEM; not logged
  */
 SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
                                     struct sst_map_u8 *valid, const struct sst_image *raw, int threads);
 
-/** A raw frame made ready to be sampled at any rectified position. Any number of threads may sample it. */
+/** A raw frame prepared for sampling at any rectified position. Any number of threads may sample it. */
 struct sst_sampler;
 
 /**
@@ -94,30 +92,30 @@ SST_MUST_CHECK int sst_sampler_create(struct sst_sampler **out, const struct sst
                                       enum sst_filter filter, const struct sst_image *raw, int threads);
 void sst_sampler_destroy(struct sst_sampler *sampler);
 
-/** A black raw frame, to be put in part by part. @return 0, -EINVAL, -ENOMEM; not logged */
+/** A black raw frame, to be filled part by part. @return 0, -EINVAL, -ENOMEM; not logged */
 SST_MUST_CHECK int sst_sampler_create_empty(struct sst_sampler **out, const struct sst_rectify_map *map,
                                             enum sst_filter filter);
 
 /**
- * Put a part of the raw frame in, columns x .. x+width-1 of rows y .. y+height-1, which lie in the frame. Nobody may
- * sample meanwhile; parts that do not touch may be put in by several threads.
+ * Store a part of the raw frame: columns x .. x+width-1 of rows y .. y+height-1, which are inside the frame. Must not
+ * run while another thread samples; parts that do not touch may be stored by several threads.
  *
- * @param rgbx    the part's first pixel: R, G, B and a byte of no meaning each
+ * @param rgbx    the part's first pixel: R, G, B and an unused byte each
  * @param stride  bytes
  */
 void sst_sampler_put(struct sst_sampler *sampler, int x, int y, int width, int height, const uint8_t *rgbx,
                      size_t stride);
 
-/** The raw frame's pixel (0, 0): R, G, B and a byte of no meaning each. @param stride  out, bytes */
+/** The raw frame's pixel (0, 0): R, G, B and an unused byte each. @param stride  out, bytes */
 const uint8_t *sst_sampler_pixels(const struct sst_sampler *sampler, size_t *stride);
 
 /**
- * Raw pixels that rectified ones come from: samples in columns x .. x+width-1 of rows y .. y+height-1 depend on the raw
- * columns box[0] .. box[2]-1 of rows box[1] .. box[3]-1 alone.
+ * Bounding box of the raw pixels that rectified ones depend on: samples in columns x .. x+width-1 of rows y ..
+ * y+height-1 depend only on the raw columns box[0] .. box[2]-1 of rows box[1] .. box[3]-1.
  *
- * @param map    the pixels lie in its rectified picture
- * @param valid  [height][width] 255 where a pixel has a place in the raw frame, else 0; or NULL
- * @return false: none has; box is 0
+ * @param map    the pixels are inside its rectified picture
+ * @param valid  [height][width] 255 where a pixel has a position in the raw frame, else 0; or NULL
+ * @return false: no pixel has one; box is 0
  */
 bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, int x, int y, int width, int height,
                          int box[4], uint8_t *valid, size_t valid_stride);
@@ -125,12 +123,12 @@ bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filt
 #define SST_SAMPLE_MAX 512
 
 /**
- * Colours at the rectified positions (x0 + i, y), i = 0 .. n-1: straight from the raw frame, light corrected; at whole
- * positions the bytes of sst_rectify_view().
+ * Colours at the rectified positions (x0 + i, y), i = 0 .. n-1, sampled from the raw frame with light corrected; at
+ * whole positions the same bytes as sst_rectify_view().
  *
- * @param x0, y  as of sst_rectify_map_row()
+ * @param x0, y  as for sst_rectify_map_row()
  * @param n      at most SST_SAMPLE_MAX
- * @param out    three rows of n; black where there is no place in the raw frame
+ * @param out    three rows of n; black without a position in the raw frame
  * @param seen   [n] 255 where there is one, else 0; or NULL
  */
 void sst_sampler_row(const struct sst_sampler *sampler, double x0, double y, int n, uint8_t *const out[3],

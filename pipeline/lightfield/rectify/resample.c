@@ -1,4 +1,4 @@
-/* Pictures through a map, in one pass: places of a row, samples there in 1/128 levels, light, bytes. */
+/* Resampling through a map in one pass: positions of a row, samples in 1/128 levels, light, bytes. */
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>
@@ -63,7 +63,7 @@ static double filter_at(enum sst_filter filter, double x)
     return x < 3 ? sinc(x) * sinc(x / 3) : 0;
 }
 
-/* Weights of one position, whole and adding up to 2^14: the largest takes what rounding leaves. */
+/* Integer weights of one position that sum to 2^14: the largest absorbs the rounding error. */
 static void set_weights(int16_t *out, enum sst_filter filter, double part)
 {
     const int taps = filters[filter].taps;
@@ -94,7 +94,7 @@ static void set_all_weights(void)
 
 struct sst_sampler {
     const struct sst_rectify_map *map;
-    uint8_t *packed; /* the frame with its colours side by side, its border repeated */
+    uint8_t *packed; /* the frame with interleaved colours, its border repeated */
     struct sst_resample from;
 };
 
@@ -103,7 +103,7 @@ struct packing {
     const struct sst_image *raw;
 };
 
-/* One row of the packed picture, those of the border among them. */
+/* Pack one row of the picture, border rows included. */
 static void pack_row(const struct packing *job, int y)
 {
     const struct sst_image *raw = job->raw;
@@ -212,7 +212,7 @@ void sst_sampler_put(struct sst_sampler *s, int x, int y, int width, int height,
     const bool left = x == 0, right = x + width == s->map->chain.raw_width;
     const bool top = y == 0, bottom = y + height == s->map->chain.raw_height;
     uint8_t *const first = s->packed + (border + (size_t)y) * own + 4 * (border + (size_t)x);
-    /* With the border's columns at the sides that the part touches: what rows of the border repeat. */
+    /* Include the border columns on the sides that the part touches: border rows repeat them too. */
     const size_t before = left ? 4 * border : 0, after = right ? 4 * border : 0, line = 4 * (size_t)width;
 
     for (int row = 0; row < height; row++) {
@@ -261,7 +261,7 @@ bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filt
         memset(box, 0, 4 * sizeof(*box));
         return false;
     }
-    /* The taps of a place after pixel x are at x + 1 - half .. x + half, those beyond the border on it. */
+    /* The taps of a position after pixel x are at x + 1 - half .. x + half, clamped to the border. */
     box[0] = sst_clamp_int(low[0] + 1 - half, 0, w - 1);
     box[1] = sst_clamp_int(low[1] + 1 - half, 0, h - 1);
     box[2] = sst_clamp_int(high[0] + half, 0, w - 1) + 1;
@@ -271,7 +271,7 @@ bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filt
 
 /* --- rows --------------------------------------------------------------------------------------------------------- */
 
-/* Samples to bytes: with the light corrected, or rounded. */
+/* Samples to bytes: with light correction, or only rounded. */
 static void finish_row(const struct light_map *light, uint16_t *const sample[3], double x0, double y, int n,
                        uint8_t *const out[3])
 {

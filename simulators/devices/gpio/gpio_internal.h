@@ -26,8 +26,8 @@ struct gpio_line {
     uint64_t flags;       /* GPIO_V2_LINE_FLAG_* but USED */
     uint32_t debounce_us; /* 0: none */
     bool drive;           /* the level that an output drives */
-    bool seen;            /* the level that the edge detector last accepted */
-    int64_t settle_ns;    /* when a level that differs from it is accepted; INT64_MAX: no change in flight */
+    bool seen;            /* last level accepted by the edge detector */
+    int64_t settle_ns;    /* time at which a different level is accepted; INT64_MAX: no pending change */
     uint32_t line_seqno;
 };
 
@@ -46,7 +46,7 @@ struct sst_sim_gpio_file {
     bool gone;
     void *user;
     /* chips */
-    int watch_abi;    /* 0 not yet known, 1, 2: of the line-info events */
+    int watch_abi;    /* uAPI version of the line-info events; 0: not yet known */
     uint8_t *watched; /* [lines] */
     /* requests */
     int lines;
@@ -74,12 +74,12 @@ struct sst_sim_gpio {
 struct gpio_line *gpio_file_line(const struct sst_sim_gpio_file *file, int i);
 SST_MUST_CHECK int gpio_file_create(struct sst_sim_gpio_file **out, struct sst_sim_gpio *gpio, int chip,
                                     enum gpio_file_kind kind, unsigned capacity);
-/** Levels of all wires after a change of drives, with the edges that follow from it. */
+/** Update the levels of all wires after a change of outputs, and generate the resulting edges. */
 void gpio_settle(struct sst_sim_gpio *gpio, int64_t now_ns);
-/** Start (or restart) edge detection from the present level. */
+/** Start or restart edge detection from the current level. */
 void gpio_arm(struct sst_sim_gpio *gpio, struct gpio_line *line);
-/** Tell the chip's watchers that a line was requested, released or configured. */
-void gpio_tell_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns);
+/** Notify the chip's watchers that a line was requested, released or configured. */
+void gpio_notify_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns);
 void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, struct gpio_v2_line_info *out);
 bool gpio_line_busy(const struct sst_sim_gpio *gpio, int chip, uint32_t offset);
 bool gpio_line_value(const struct sst_sim_gpio *gpio, const struct gpio_line *line); /* logical */
@@ -99,17 +99,17 @@ SST_MUST_CHECK int gpio_v2_request(struct sst_sim_gpio_file *chip, struct gpio_v
 SST_MUST_CHECK int gpio_v2_request_ioctl(struct sst_sim_gpio_file *file, unsigned long request, void *arg,
                                          int64_t now_ns);
 
-/** What a line is asked to be. */
+/** Requested configuration of a line. */
 struct gpio_want {
     uint64_t flags;
     uint32_t debounce_us;
     bool value; /* logical, of an output */
 };
 
-/** Take lines for a new file; all or none. @return 0, -EINVAL (offset), -EBUSY */
-SST_MUST_CHECK int gpio_take_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int lines,
-                                   const char *consumer);
-/** Give the file's lines their flags; `what` is told to the watchers. */
+/** Request lines for a new file; all or none. @return 0, -EINVAL (offset), -EBUSY */
+SST_MUST_CHECK int gpio_request_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int lines,
+                                      const char *consumer);
+/** Apply the flags to the file's lines; watchers are notified of `what`. */
 void gpio_apply(struct sst_sim_gpio_file *file, const struct gpio_want *want, uint32_t what, int64_t now_ns);
 
 #endif

@@ -1,4 +1,4 @@
-/* simulators/devices/gpio/gpio_model.c - lines, wires, edges and the files that see them. */
+/* simulators/devices/gpio/gpio_model.c - lines, wires, edges and open files. */
 #include "simulators/devices/gpio/gpio_model.h"
 
 #include <errno.h>
@@ -7,12 +7,12 @@
 
 #include "simulators/devices/gpio/gpio_internal.h"
 
-#define DRIVER       "leds-gpio" /* who holds the lines under the fault "busy" */
+#define DRIVER       "leds-gpio" /* consumer of the lines under the fault "busy" */
 #define WATCH_EVENTS 32          /* the kernel's queue of line-info events */
 
 static double random_unit(struct sst_sim_gpio *gpio)
 {
-    /* xorshift64*: any stream will do, but the same seed must lose the same edges. */
+    /* xorshift64*: the same seed must lose the same edges. */
     gpio->random ^= gpio->random >> 12;
     gpio->random ^= gpio->random << 25;
     gpio->random ^= gpio->random >> 27;
@@ -83,7 +83,7 @@ static void accept_level(struct sst_sim_gpio *gpio, struct gpio_chip *chip, stru
         queue_edge(gpio, chip, line, t_ns);
 }
 
-/** A pin changed: at once without debouncing, else when it has been steady for that long. */
+/** A pin changed: accepted at once without debouncing, else when it has been stable for the debounce time. */
 static void pin_changed(struct sst_sim_gpio *gpio, int c, struct gpio_line *line, int64_t now_ns)
 {
     struct gpio_chip *chip = &gpio->chip[c];
@@ -113,7 +113,7 @@ void sst_sim_gpio_tick(struct sst_sim_gpio *gpio, int64_t now_ns)
         for (int i = 0; i < gpio->chip[c].lines; i++) {
             struct gpio_line *line = &gpio->chip[c].line[i];
 
-            /* The kernel stamps a debounced edge when it has settled, not when it began. */
+            /* The kernel stamps a debounced edge at the end of the debounce time, not at its beginning. */
             if (line->settle_ns <= now_ns)
                 accept_level(gpio, &gpio->chip[c], line, line->settle_ns);
         }
@@ -122,7 +122,7 @@ void sst_sim_gpio_tick(struct sst_sim_gpio *gpio, int64_t now_ns)
 
 /* --- wires -------------------------------------------------------------------------------------------------------- */
 
-/** What a line does to its wire: 0 or 1 strongly, or -1: it lets go. */
+/** How a line drives its wire: 0, 1, or -1: not at all. */
 static int drives(const struct gpio_line *line)
 {
     if (!(line->flags & GPIO_V2_LINE_FLAG_OUTPUT))
@@ -132,7 +132,7 @@ static int drives(const struct gpio_line *line)
     return line->drive;
 }
 
-/** Level of every net from its drivers (a low one wins), then its pull-ups; low at rest. */
+/** Level of every net from its drivers (low wins), then its pull-ups; low if undriven. */
 static void net_levels(const struct sst_sim_gpio *gpio, uint8_t *strong, uint8_t *pulled)
 {
     memset(strong, 2, (size_t)gpio->nets);
@@ -152,7 +152,7 @@ static void net_levels(const struct sst_sim_gpio *gpio, uint8_t *strong, uint8_t
     }
 }
 
-/** A stuck output leaves its wire as it is. */
+/** A stuck output does not change its wire. */
 static bool net_stuck(const struct sst_sim_gpio *gpio, int net)
 {
     for (int c = 0; c < gpio->chips; c++) {
@@ -183,9 +183,9 @@ void gpio_settle(struct sst_sim_gpio *gpio, int64_t now_ns)
                 pin_changed(gpio, c, &gpio->chip[c].line[i], now_ns);
 }
 
-/* --- what programs are told about a line -------------------------------------------------------------------------- */
+/* --- line info ---------------------------------------------------------------------------------------------------- */
 
-/** The fault "busy" stands for a driver that took all lines with a name. */
+/** The fault "busy" simulates a driver that has requested all named lines. */
 static bool held_by_driver(const struct sst_sim_gpio *gpio, int chip, uint32_t offset)
 {
     return gpio->chip[chip].fault[SST_SIM_GPIO_BUSY] != 0 && gpio->chip[chip].line[offset].name[0] != '\0';
@@ -217,7 +217,7 @@ void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, 
     }
 }
 
-void gpio_tell_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns)
+void gpio_notify_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns)
 {
     struct gpio_v2_line_info_changed changed = { .timestamp_ns = (uint64_t)now_ns, .event_type = what };
 
@@ -227,14 +227,14 @@ void gpio_tell_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, ui
             push(f, &changed);
 }
 
-/* --- taking, setting and freeing lines ---------------------------------------------------------------------------- */
+/* --- requesting, setting and releasing lines ---------------------------------------------------------------------- */
 
 struct gpio_line *gpio_file_line(const struct sst_sim_gpio_file *file, int i)
 {
     return &file->gpio->chip[file->chip].line[file->offset[i]];
 }
 
-int gpio_take_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int lines, const char *consumer)
+int gpio_request_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int lines, const char *consumer)
 {
     struct gpio_chip *chip = &file->gpio->chip[file->chip];
 
@@ -257,7 +257,7 @@ int gpio_take_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int
 
         file->offset[i] = offsets[i];
         memset(line->consumer, 0, sizeof(line->consumer));
-        /* Nameless users show as "?". */
+        /* Users without a name are shown as "?". */
         memcpy(line->consumer, consumer[0] ? consumer : "?",
                strnlen(consumer[0] ? consumer : "?", sizeof(line->consumer) - 1));
         line->line_seqno = 0;
@@ -274,7 +274,7 @@ void gpio_apply(struct sst_sim_gpio_file *file, const struct gpio_want *want, ui
         struct gpio_line *line = gpio_file_line(file, i);
         const uint64_t direction = GPIO_V2_LINE_FLAG_INPUT | GPIO_V2_LINE_FLAG_OUTPUT;
 
-        /* Neither direction asked: the line stays as it is. */
+        /* No direction requested: the line stays as it is. */
         line->flags = want[i].flags | (want[i].flags & direction ? 0 : line->flags & direction);
         line->debounce_us = want[i].debounce_us;
         if (want[i].flags & GPIO_V2_LINE_FLAG_OUTPUT)
@@ -283,7 +283,7 @@ void gpio_apply(struct sst_sim_gpio_file *file, const struct gpio_want *want, ui
     }
     gpio_settle(gpio, now_ns);
     for (int i = 0; i < file->lines; i++)
-        gpio_tell_watchers(gpio, file->chip, file->offset[i], what, now_ns);
+        gpio_notify_watchers(gpio, file->chip, file->offset[i], what, now_ns);
 }
 
 void gpio_release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_ns)
@@ -291,7 +291,7 @@ void gpio_release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_n
     for (int i = 0; i < count; i++) {
         struct gpio_line *line = gpio_file_line(file, i);
 
-        /* The direction stays, the pin goes back to rest: what a chip without memory does. */
+        /* The direction stays, the pin returns to its idle level, as with a chip without memory. */
         line->owner = NULL;
         line->flags &= GPIO_V2_LINE_FLAG_OUTPUT;
         line->debounce_us = 0;
@@ -300,7 +300,7 @@ void gpio_release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_n
     }
     gpio_settle(file->gpio, now_ns);
     for (int i = 0; i < count; i++)
-        gpio_tell_watchers(file->gpio, file->chip, file->offset[i], GPIO_V2_LINE_CHANGED_RELEASED, now_ns);
+        gpio_notify_watchers(file->gpio, file->chip, file->offset[i], GPIO_V2_LINE_CHANGED_RELEASED, now_ns);
 }
 
 /* --- files -------------------------------------------------------------------------------------------------------- */
@@ -377,7 +377,7 @@ void *sst_sim_gpio_user(const struct sst_sim_gpio_file *file)
     return file->user;
 }
 
-/** The oldest record in the form that this file's reader knows. */
+/** Dequeue the oldest record in the format of this file's uAPI version. */
 static size_t pop(struct sst_sim_gpio_file *file, void *out)
 {
     const uint8_t *record = file->ring + file->head * file->record;
@@ -423,7 +423,7 @@ int sst_sim_gpio_read(struct sst_sim_gpio_file *file, void *out, size_t size)
     return done > 0 ? (int)done : -EAGAIN;
 }
 
-/* --- the whole ---------------------------------------------------------------------------------------------------- */
+/* --- create and destroy ------------------------------------------------------------------------------------------- */
 
 int sst_sim_gpio_line(const struct sst_sim_gpio *gpio, int chip, const char *name)
 {
@@ -433,7 +433,7 @@ int sst_sim_gpio_line(const struct sst_sim_gpio *gpio, int chip, const char *nam
     return -1;
 }
 
-/** The chip goes: its outputs let go, its files hear of it; requests end. */
+/** Remove the chip: its outputs are released, its files are notified, its requests end. */
 static void vanish(struct sst_sim_gpio *gpio, int chip, int64_t now_ns)
 {
     for (struct sst_sim_gpio_file *f = gpio->files; f; f = f->next) {

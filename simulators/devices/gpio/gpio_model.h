@@ -1,5 +1,4 @@
-/* simulators/devices/gpio/gpio_model.h - GPIO chips as their device files behave: uAPI v1 and v2, wires, faults; no
- * I/O. */
+/* simulators/devices/gpio/gpio_model.h - model of GPIO chips: uAPI v1 and v2, wires, faults; no I/O. */
 #ifndef SST_SIMULATORS_DEVICES_GPIO_GPIO_MODEL_H
 #define SST_SIMULATORS_DEVICES_GPIO_GPIO_MODEL_H
 
@@ -13,14 +12,14 @@
 struct sst_sim_gpio;      /* opaque; one thread; all times are ns on CLOCK_MONOTONIC and never go back */
 struct sst_sim_gpio_file; /* an open chip or an open request for lines */
 
-/** A wire that makes two lines one net: what one drives, the other reads. */
+/** A wire that connects two lines to one net: one reads what the other drives. */
 struct sst_sim_gpio_wire {
     int chip_a, line_a, chip_b, line_b;
 };
 
 struct sst_sim_gpio_chip {
     const char *name;         /* gpiochip0 */
-    const char *label;        /* what programs should select it by */
+    const char *label;        /* label by which programs select the chip */
     int lines;                /* 1..512 */
     const char *const *names; /* [lines]; NULL or "": an unnamed line */
 };
@@ -28,7 +27,7 @@ struct sst_sim_gpio_chip {
 enum sst_sim_gpio_fault {
     SST_SIM_GPIO_BUSY = 0,       /* 1: another driver holds the named lines: EBUSY */
     SST_SIM_GPIO_DENIED = 1,     /* 1: opening gives EACCES; 2: EPERM */
-    SST_SIM_GPIO_VANISH = 2,     /* 1: the chip is gone: ENOENT, ENODEV on what is open; 0: it is back */
+    SST_SIM_GPIO_VANISH = 2,     /* 1: the chip is gone: ENOENT, open files get ENODEV; 0: it is back */
     SST_SIM_GPIO_STUCK = 3,      /* 1: outputs accept values, but their pins do not follow */
     SST_SIM_GPIO_LOST_EDGES = 4, /* probability 0..1 that an edge event is lost before it is queued */
     SST_SIM_GPIO_FAULTS = 5,
@@ -36,7 +35,7 @@ enum sst_sim_gpio_fault {
 
 struct sst_sim_gpio_hooks {
     void *arg;
-    /** A pin changed its level; `level` is that of the wire, whatever active-low says. */
+    /** A pin changed its level; `level` is that of the wire, regardless of active-low. */
     void (*pin)(void *arg, int chip, int line, bool level, int64_t t_ns);
     /** A file has become readable, or its chip has vanished. */
     void (*wake)(void *arg, struct sst_sim_gpio_file *file);
@@ -51,9 +50,9 @@ struct sst_sim_gpio_config {
     struct sst_sim_gpio_hooks hooks;
 };
 
-/** @return 0, -EINVAL (counts, a wire to nowhere), -ENOMEM */
+/** @return 0, -EINVAL (counts, a wire to a missing line), -ENOMEM */
 SST_MUST_CHECK int sst_sim_gpio_create(struct sst_sim_gpio **out, const struct sst_sim_gpio_config *cfg);
-void sst_sim_gpio_destroy(struct sst_sim_gpio *gpio); /* closes what is open */
+void sst_sim_gpio_destroy(struct sst_sim_gpio *gpio); /* closes all open files */
 
 /** Set a fault of one chip. @return 0 or -EINVAL (value) */
 SST_MUST_CHECK int sst_sim_gpio_fault(struct sst_sim_gpio *gpio, int chip, enum sst_sim_gpio_fault fault, double value,
@@ -66,31 +65,32 @@ int sst_sim_gpio_line(const struct sst_sim_gpio *gpio, int chip, const char *nam
 SST_MUST_CHECK int sst_sim_gpio_open(struct sst_sim_gpio *gpio, int chip, struct sst_sim_gpio_file **out);
 
 /**
- * An ioctl on a file, as the kernel's gpiolib answers it.
+ * Handle an ioctl on a file as the kernel's gpiolib does.
  *
- * @param arg     what the request's size says, in and out; the `fd` of a new request is left to the caller
+ * @param arg     of the request's size, in and out; the caller fills in the `fd` of a new request
  * @param opened  out: the new request file of GET_LINEHANDLE, GET_LINEEVENT and GET_LINE; else NULL
  * @return 0, -EINVAL, -EBUSY, -EPERM, -ENODEV, -ENOTTY, -EOPNOTSUPP, -ENOMEM
  */
 SST_MUST_CHECK int sst_sim_gpio_ioctl(struct sst_sim_gpio_file *file, unsigned long request, void *arg,
                                       struct sst_sim_gpio_file **opened, int64_t now_ns);
 
-/** Whole events that fit. @return bytes, -EAGAIN (none now), -EINVAL (no room for one), -ENODEV (chip gone) */
+/** Read as many whole events as fit. @return bytes, -EAGAIN (none now), -EINVAL (no room for one), -ENODEV (chip
+ *  gone) */
 SST_MUST_CHECK int sst_sim_gpio_read(struct sst_sim_gpio_file *file, void *out, size_t size);
 
-/** Would a read give an event now? */
+/** True if a read would return an event now. */
 bool sst_sim_gpio_readable(const struct sst_sim_gpio_file *file);
-/** Has the chip gone? Then the file is only to be closed, also after the chip's return. */
+/** True if the chip is gone: the file can only be closed, even after the chip's return. */
 bool sst_sim_gpio_gone(const struct sst_sim_gpio_file *file);
 
 /** For the caller's own book-keeping. */
 void sst_sim_gpio_set_user(struct sst_sim_gpio_file *file, void *user);
 void *sst_sim_gpio_user(const struct sst_sim_gpio_file *file);
 
-/** Close a file; the lines of a request are free again and outputs fall back to their pins' rest. NULL is fine. */
+/** Close a file; the lines of a request are released and outputs return to their idle level. NULL is fine. */
 void sst_sim_gpio_close(struct sst_sim_gpio_file *file, int64_t now_ns);
 
-/** When sst_sim_gpio_tick() is due for debouncing; INT64_MAX: not at all. */
+/** Time of the next sst_sim_gpio_tick() for debouncing; INT64_MAX: none. */
 int64_t sst_sim_gpio_due(const struct sst_sim_gpio *gpio);
 void sst_sim_gpio_tick(struct sst_sim_gpio *gpio, int64_t now_ns);
 

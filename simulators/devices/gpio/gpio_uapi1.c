@@ -4,7 +4,7 @@
 
 #include "simulators/devices/gpio/gpio_internal.h"
 
-#define HANDLE_EVENTS 1  /* a handle queues none; a ring has at least one place */
+#define HANDLE_EVENTS 1  /* a handle queues none; a ring has at least one entry */
 #define EVENT_EVENTS  16 /* the kernel's queue of a line event */
 
 /** The flags of both versions, pairwise. */
@@ -83,7 +83,7 @@ int gpio_v1_handle(struct sst_sim_gpio_file *chip, struct gpiohandle_request *re
     if (err)
         return err;
     request->consumer_label[sizeof(request->consumer_label) - 1] = '\0';
-    err = gpio_take_lines(file, request->lineoffsets, (int)request->lines, request->consumer_label);
+    err = gpio_request_lines(file, request->lineoffsets, (int)request->lines, request->consumer_label);
     if (err) {
         sst_sim_gpio_close(file, now_ns);
         return err;
@@ -102,7 +102,7 @@ int gpio_v1_event(struct sst_sim_gpio_file *chip, struct gpioevent_request *requ
     struct sst_sim_gpio_file *file;
     int err;
 
-    /* No edges of outputs; and no drive, which only an output has. */
+    /* No edges on outputs; no drive flags, which only outputs have. */
     if ((request->handleflags & GPIOHANDLE_REQUEST_OUTPUT) || (request->eventflags & ~GPIOEVENT_REQUEST_BOTH_EDGES) ||
         flags_from_v1(request->handleflags | GPIOHANDLE_REQUEST_INPUT, &want.flags) < 0)
         return -EINVAL;
@@ -114,7 +114,7 @@ int gpio_v1_event(struct sst_sim_gpio_file *chip, struct gpioevent_request *requ
     if (err)
         return err;
     request->consumer_label[sizeof(request->consumer_label) - 1] = '\0';
-    err = gpio_take_lines(file, &request->lineoffset, 1, request->consumer_label);
+    err = gpio_request_lines(file, &request->lineoffset, 1, request->consumer_label);
     if (err) {
         sst_sim_gpio_close(file, now_ns);
         return err;

@@ -17,7 +17,7 @@ static bool all_zero(const uint32_t *words, size_t count)
 
 /* --- configurations ----------------------------------------------------------------------------------------------- */
 
-/** The first attribute of a kind that is meant for a line, or NULL. */
+/** The first attribute of a kind that applies to a line, or NULL. */
 static const struct gpio_v2_line_attribute *attribute(const struct gpio_v2_line_config *config, uint32_t id, int line)
 {
     for (uint32_t i = 0; i < config->num_attrs; i++)
@@ -46,7 +46,7 @@ static int check_flags(uint64_t flags)
     return 0;
 }
 
-/** What each line is asked to be. @return 0, -EINVAL, -EOPNOTSUPP */
+/** Parse the requested configuration of each line. @return 0, -EINVAL, -EOPNOTSUPP */
 static int read_config(const struct gpio_v2_line_config *config, int lines, struct gpio_want *want)
 {
     if (config->num_attrs > GPIO_V2_LINE_NUM_ATTRS_MAX || !all_zero(config->padding, ARRAY_LEN(config->padding)))
@@ -93,7 +93,7 @@ int gpio_v2_request(struct sst_sim_gpio_file *chip, struct gpio_v2_line_request 
     if (err)
         return err;
     request->consumer[sizeof(request->consumer) - 1] = '\0';
-    err = gpio_take_lines(file, request->offsets, (int)request->num_lines, request->consumer);
+    err = gpio_request_lines(file, request->offsets, (int)request->num_lines, request->consumer);
     if (err) {
         sst_sim_gpio_close(file, now_ns);
         return err;
@@ -119,7 +119,7 @@ static int get_values(const struct sst_sim_gpio_file *file, struct gpio_v2_line_
     return 0;
 }
 
-/** All lines of the mask change at one time, or none. */
+/** All lines of the mask change at the same time, or none. */
 static int set_values(struct sst_sim_gpio_file *file, const struct gpio_v2_line_values *values, int64_t now_ns)
 {
     if (!(values->mask & lines_of(file)))
@@ -159,7 +159,7 @@ int gpio_v2_request_ioctl(struct sst_sim_gpio_file *file, unsigned long request,
 
 /* --- the chip ----------------------------------------------------------------------------------------------------- */
 
-/** Info of a line in one of both versions, with the watch that may be asked for. */
+/** Info of a line in either version, optionally starting a watch. */
 static int line_info(struct sst_sim_gpio_file *file, int abi, bool watch, uint32_t offset, void *out)
 {
     struct gpio_v2_line_info info;
@@ -168,7 +168,7 @@ static int line_info(struct sst_sim_gpio_file *file, int abi, bool watch, uint32
         return -EINVAL;
     if (watch) {
         if (file->watch_abi && file->watch_abi != abi)
-            return -EPERM; /* one file's events have one form */
+            return -EPERM; /* all events of a file have one format */
         if (file->watched[offset])
             return -EBUSY;
         file->watch_abi = abi;

@@ -1,4 +1,4 @@
-/* The classes of devices that the library knows. */
+/* Table of the device classes. */
 #include "simulators/devices/preload/preload_internal.h"
 
 #include <stddef.h>

@@ -1,4 +1,4 @@
-/* Calls to the simulator: connections, descriptors, memory of the program. */
+/* Calls to the simulator: connections, descriptors, access to the program's memory. */
 #define _GNU_SOURCE
 #include "simulators/devices/preload/preload_internal.h"
 
@@ -16,14 +16,14 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#define FDS  65536 /* descriptors that are remembered */
+#define FDS  65536 /* size of the descriptor table */
 #define IDLE 32
 
 static struct sim_next next;
 static char session[SIM_PATH_MAX];
 static atomic_uchar maybe[FDS];
 static atomic_uchar hidden[FDS]; /* connections: not the program's to close */
-static atomic_int idle[IDLE];    /* connections to use again, plus 1; 0: none */
+static atomic_int idle[IDLE];    /* idle connections, plus 1; 0: none */
 
 static void resolve(void *pointer, const char *name)
 {
@@ -47,7 +47,7 @@ static void resolve_all(void)
 
 const struct sim_next *sim_next(void)
 {
-    /* Other libraries' constructors may come before ours. */
+    /* Other libraries' constructors may run before ours. */
     if (!next.syscall_)
         resolve_all();
     return &next;
@@ -76,7 +76,7 @@ bool sim_hidden(int fd)
     return fd >= 0 && fd < FDS && atomic_load_explicit(&hidden[fd], memory_order_relaxed);
 }
 
-/* Our own way to close. */
+/* Close one of our own descriptors. */
 static void close_connection(int fd)
 {
     if (fd < FDS)
@@ -123,7 +123,7 @@ __attribute__((constructor)) static void loaded(void)
     if (!dir || dir[0] != '/' || strlen(dir) >= sizeof(session) - 64)
         return;
     memcpy(session, dir, strlen(dir) + 1);
-    /* A child shares no connection with its parent. */
+    /* A child must not share connections with its parent. */
     (void)pthread_atfork(NULL, NULL, drop_connections);
     for (int fd = 0; fd < 64; fd++)
         if (sim_identify(fd, &id))
@@ -132,7 +132,7 @@ __attribute__((constructor)) static void loaded(void)
 
 /* --- connections -------------------------------------------------------------------------------------------------- */
 
-/* Out of the program's way: programs count on low numbers, and select() needs them. */
+/* Move a descriptor to a high number: programs rely on low numbers, and select() needs them. */
 static int move_up(int fd)
 {
     struct rlimit limit;
@@ -163,12 +163,12 @@ static int connect_new(void)
     while (connect(fd, (const struct sockaddr *)&name, sizeof(name)) < 0)
         if (errno != EINTR) {
             close_connection(fd);
-            return -ENODEV; /* the simulator is gone, and all devices with it */
+            return -ENODEV; /* the simulator is gone, and with it all devices */
         }
     return fd;
 }
 
-static int take_connection(bool *used)
+static int get_connection(bool *used)
 {
     for (int i = 0; i < IDLE; i++) {
         const int fd = atomic_exchange(&idle[i], 0) - 1;
@@ -182,7 +182,7 @@ static int take_connection(bool *used)
     return connect_new();
 }
 
-static void give_connection(int fd)
+static void release_connection(int fd)
 {
     for (int i = 0; i < IDLE; i++) {
         int none = 0;
@@ -195,7 +195,7 @@ static void give_connection(int fd)
 
 /* --- calls -------------------------------------------------------------------------------------------------------- */
 
-/* By system call, which no thread cancellation ends half-way. */
+/* A raw system call, which thread cancellation cannot interrupt. */
 static ssize_t send_parts(int conn, const struct sst_sim_call *call, const struct iovec *parts, int send_fd)
 {
     struct iovec iov[1 + SIM_PARTS] = { { (void *)call, sizeof(*call) } };
@@ -238,17 +238,17 @@ static ssize_t receive_parts(int conn, struct sim_exchange *x)
     return n;
 }
 
-/* The answer, whatever signals come: the simulator answers -EINTR or, if it was quicker, the result. */
+/* Wait for the answer despite signals: the simulator answers -EINTR or, if it was faster, the result. */
 static ssize_t wait_answer(int conn, struct sim_exchange *x)
 {
     static const struct sst_sim_call cancel = { .op = SST_SIM_CANCEL };
-    bool told = false;
+    bool cancel_sent = false;
     ssize_t n;
 
     while ((n = receive_parts(conn, x)) == -EINTR) {
-        if (!told && send_parts(conn, &cancel, NULL, -1) < 0)
+        if (!cancel_sent && send_parts(conn, &cancel, NULL, -1) < 0)
             return -ENODEV;
-        told = true;
+        cancel_sent = true;
     }
     return n;
 }
@@ -263,9 +263,9 @@ int sim_exchange(struct sim_exchange *x)
     x->fd = -1;
     x->got = 0;
     x->answer = (struct sst_sim_answer){ .result = -ENODEV };
-    /* A connection that was kept may have died with an earlier simulator: then once more with a new one. */
+    /* A kept connection may belong to an earlier simulator: retry once with a new one. */
     while (n < 0 && used) {
-        conn = take_connection(&used);
+        conn = get_connection(&used);
         if (conn < 0)
             break;
         n = send_parts(conn, &x->call, x->in, x->send_fd);
@@ -273,7 +273,7 @@ int sim_exchange(struct sim_exchange *x)
             break;
         result = errno == EFAULT || errno == EBADF || errno == EMSGSIZE ? -errno : -ENODEV;
         if (result != -ENODEV) {
-            give_connection(conn); /* nothing was sent */
+            release_connection(conn); /* nothing was sent */
             errno = saved;
             return result == -EMSGSIZE ? -EINVAL : result;
         }
@@ -283,7 +283,7 @@ int sim_exchange(struct sim_exchange *x)
     if (conn >= 0) {
         n = wait_answer(conn, x);
         if (n >= (ssize_t)sizeof(x->answer) || n == -EFAULT) {
-            give_connection(conn); /* the message is taken also when it could not be stored */
+            release_connection(conn); /* the message is consumed even if it could not be stored */
             result = n == -EFAULT ? -EFAULT : x->answer.result;
             x->got = n > 0 ? (size_t)n - sizeof(x->answer) : 0;
         } else {
@@ -312,9 +312,9 @@ void sim_settle(int fd, const struct sim_id *id, const struct sst_sim_answer *an
         int conn;
 
         (void)!recv(fd, gone, 1, MSG_OOB | MSG_DONTWAIT);
-        conn = take_connection(&used);
+        conn = get_connection(&used);
         if (conn >= 0 && send_parts(conn, &ready, NULL, -1) >= 0)
-            give_connection(conn);
+            release_connection(conn);
         else if (conn >= 0)
             close_connection(conn);
     }
@@ -328,7 +328,7 @@ int sim_peek(void *out, const void *from, size_t bytes)
 
     n = sim_next()->syscall_(SYS_process_vm_readv, (long)getpid(), &local, 1L, &remote, 1L, 0L);
     if (n < 0 && errno != EFAULT) {
-        /* Forbidden in some containers: trust the pointer. */
+        /* The call is forbidden in some containers: trust the pointer. */
         memcpy(out, from, bytes);
         n = (ssize_t)bytes;
     }
@@ -386,7 +386,7 @@ int sim_open_node(const char *node, int flags)
         return result;
     }
     if (x.fd < 0)
-        return -EMFILE; /* the kernel could not give the descriptor a number here */
+        return -EMFILE; /* the kernel found no free descriptor number here */
     if (!(flags & O_CLOEXEC))
         (void)sim_next()->fcntl_(x.fd, F_SETFD, 0);
     sim_mark(x.fd);

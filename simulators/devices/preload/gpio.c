@@ -1,4 +1,4 @@
-/* simulators/devices/preload/gpio.c - GPIO in the program: requests bring a descriptor. */
+/* simulators/devices/preload/gpio.c - GPIO in the program: requests that return a descriptor. */
 #define _GNU_SOURCE
 #include <linux/gpio.h>
 #include <stddef.h>
@@ -6,7 +6,7 @@
 
 #include "simulators/devices/preload/preload_internal.h"
 
-/* @return the place of `fd` in the argument of a request for lines, or 0 */
+/* @return offset of `fd` in the argument of a line request, or 0 */
 static size_t fd_at(unsigned long request)
 {
     switch (request) {

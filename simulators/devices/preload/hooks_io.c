@@ -1,4 +1,4 @@
-/* The functions of libc that work on descriptors, as programs see them in a session. */
+/* Interposed libc functions that work on descriptors. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -12,7 +12,7 @@
 
 #include "simulators/devices/preload/preload_internal.h"
 
-/* A result in the kernel's way into one in libc's way. */
+/* Convert a kernel result to a libc result with errno. */
 static int libc_result(int result)
 {
     if (result >= 0)
@@ -23,7 +23,8 @@ static int libc_result(int result)
 
 /* --- open --------------------------------------------------------------------------------------------------------- */
 
-/* @return true: *fd is the result, errno set if it is negative; false: *path (perhaps another) is the next one's. */
+/* @return true: *fd is the result, errno set if it is negative; false: call the next function with *path, which may
+ * have changed */
 static bool open_ours(int dirfd, const char **path, int flags, struct sim_path *p, int *fd)
 {
     sim_path_resolve(dirfd, *path, !(flags & O_NOFOLLOW), p);
@@ -37,7 +38,7 @@ static bool open_ours(int dirfd, const char **path, int flags, struct sim_path *
         return true;
     }
     if (p->kind != SIM_PATH_OTHER && (flags & O_ACCMODE) != O_RDONLY && sim_path_in_sysfs(p)) {
-        *fd = libc_result(-EACCES); /* nothing else there can be written or made */
+        *fd = libc_result(-EACCES); /* nothing else there can be written or created */
         return true;
     }
     if (p->kind != SIM_PATH_OTHER)
@@ -130,7 +131,7 @@ void sim_flush(int fd)
     if (sim_maybe(fd) && (class = class_of(fd, &id)) && class->late_writes) {
         struct sim_exchange x = { .call = { .op = SST_SIM_WRITE, .handle = id.handle }, .send_fd = -1 };
 
-        (void)sim_exchange(&x); /* what was wrong with it can no longer be told */
+        (void)sim_exchange(&x); /* errors can no longer be reported */
     }
 }
 
@@ -223,7 +224,7 @@ HOOK int ioctl(int fd, unsigned long request, ...)
     va_start(args, request);
     arg = va_arg(args, void *);
     va_end(args);
-    request &= 0xffffffff; /* some programs keep it in an int */
+    request &= 0xffffffff; /* some programs store it in an int */
     if (our_type(request) && (class = class_of(fd, &id)))
         return libc_result(class->ioctl && (unsigned char)class->ioctl_type == _IOC_TYPE(request)
                                ? class->ioctl(fd, &id, request, arg)

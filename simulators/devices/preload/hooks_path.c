@@ -1,4 +1,4 @@
-/* The functions of libc that work on paths, as programs see /dev in a session. */
+/* Interposed libc functions that work on paths. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <dlfcn.h>
@@ -13,7 +13,7 @@
 
 #include "simulators/devices/preload/preload_internal.h"
 
-/* What the next function is asked for instead; NULL with errno set: nothing there. */
+/* The path for the next function; NULL with errno set: not found. */
 static const char *other_path(int dirfd, const char *path, bool follow, struct sim_path *p)
 {
     sim_path_resolve(dirfd, path, follow, p);
@@ -96,7 +96,7 @@ HOOK int statx(int dirfd, const char *restrict path, int flags, unsigned mask, s
     return result;
 }
 
-/* An open device file: of what, its path in /proc/self/fd does not tell (it is a socket); the simulator does. */
+/* An open device file: it is a socket, so /proc/self/fd has no device path; ask the simulator. */
 static bool fstat_ours(int fd, struct sst_sim_answer *answer)
 {
     struct sim_exchange x = { .call = { .op = SST_SIM_STAT }, .send_fd = -1 };
@@ -185,7 +185,7 @@ HOOK ssize_t readlinkat(int dirfd, const char *restrict path, char *restrict out
     return path ? next(dirfd, path, out, bytes) : -1;
 }
 
-/* libc resolves links by calls that nobody sees. A device's path comes out as the one under /dev. */
+/* libc resolves links with internal calls that cannot be interposed. A device's path resolves to the one under /dev. */
 HOOK char *realpath(const char *restrict path, char *restrict out)
 {
     NEXT(char *, realpath, const char *, char *);
@@ -210,7 +210,7 @@ HOOK DIR *opendir(const char *path)
     return path ? next(path) : NULL;
 }
 
-/* In the session's /dev a device is a small file: what kind it is, stat() tells. */
+/* In the session's /dev a device is a small file: stat() reports its type. */
 static bool in_session(DIR *dir)
 {
     struct sim_path p;
@@ -278,7 +278,7 @@ static void *glob_opendir(const char *path)
     return opendir(path);
 }
 
-/* libc's own walk would not see the session's /dev. */
+/* libc's own directory walk would not see the session's /dev. */
 static void glob_ours(glob_t *g)
 {
     g->gl_opendir = glob_opendir;

@@ -1,4 +1,4 @@
-/* simulators/devices/preload/hooks_sysfs.c - what else programs use to look at /sys and at udev's data. */
+/* simulators/devices/preload/hooks_sysfs.c - further functions through which programs read /sys and udev's data. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -13,7 +13,7 @@
 
 #include "simulators/devices/preload/preload_internal.h"
 
-/* --- stdio: libc opens by calls that nobody sees ------------------------------------------------------------------ */
+/* --- stdio: libc opens files with internal calls ------------------------------------------------------------------ */
 
 static int open_flags(const char *mode)
 {
@@ -68,7 +68,7 @@ HOOK int fclose(FILE *stream)
     return next(stream);
 }
 
-/* --- the kind of file system: libudev and libusb insist on sysfs -------------------------------------------------- */
+/* --- file system type: libudev and libusb require sysfs ----------------------------------------------------------- */
 
 static bool fd_in_sysfs(int fd)
 {
@@ -117,7 +117,7 @@ HOOK int inotify_add_watch(int fd, const char *path, uint32_t mask)
     return next(fd, p.kind == SIM_PATH_OTHER ? path : p.real, mask);
 }
 
-/* `ls -l` asks each name for its security label. */
+/* `ls -l` reads the security label of each name. */
 #define GETXATTR_HOOK(name, follow)                                                                                    \
     HOOK ssize_t name(const char *path, const char *attribute, void *value, size_t bytes)                              \
     {                                                                                                                  \

@@ -1,4 +1,4 @@
-/* Where paths lead in a session: /dev, /sys and udev's data are looked up in the session's folder first. */
+/* Path resolution in a session: /dev, /sys and udev's data are looked up in the session's folder first. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <stdio.h>
@@ -28,10 +28,10 @@ bool sim_path_of(int fd, char out[SIM_PATH_MAX])
     return true;
 }
 
-/* What a session has of its own. */
+/* Trees that a session provides. */
 static const char *const trees[] = { "/dev", "/sys", "/run/udev" };
 
-/* @return which of them a path lies in, or -1 */
+/* @return index of the tree that contains a path, or -1 */
 static int tree_of(const char *path)
 {
     for (int i = 0; i < (int)ARRAY_LEN(trees); i++) {
@@ -43,7 +43,7 @@ static int tree_of(const char *path)
     return -1;
 }
 
-/* "/dev/..." for a path that means an entry of one of the trees, with doubled slashes gone; else false. */
+/* Normalise a path to an entry of one of the trees to "/dev/..."; false: outside the trees. */
 static bool own_path(int dirfd, const char *path, char out[SIM_PATH_MAX])
 {
     const char *dir = sim_dir();
@@ -55,7 +55,7 @@ static bool own_path(int dirfd, const char *path, char out[SIM_PATH_MAX])
 
         if (dirfd == AT_FDCWD || !path[0] || !sim_path_of(dirfd, folder))
             return false;
-        /* From the root, as libudev walks; or from the session's own: what opendir("/dev") really opened. */
+        /* Relative to the root, as libudev walks; or to the session's folder that opendir("/dev") really opened. */
         if (strcmp(folder, "/") == 0)
             return snprintf(out, SIM_PATH_MAX, "/%s", path) < SIM_PATH_MAX && tree_of(out) >= 0;
         return strncmp(folder, dir, dir_bytes) == 0 && tree_of(folder + dir_bytes) >= 0 &&
@@ -70,7 +70,7 @@ static bool own_path(int dirfd, const char *path, char out[SIM_PATH_MAX])
     return !*path && tree_of(out) >= 0;
 }
 
-/* Nothing real shows through in /sys and udev's data, in /dev all but these. */
+/* In /sys and udev's data nothing of the machine is visible, in /dev everything but these kinds. */
 static bool own_kind(const char *path)
 {
     static const char *const kinds[] = { SST_SIM_OWN_KINDS };
@@ -83,7 +83,7 @@ static bool own_kind(const char *path)
     return false;
 }
 
-/* A small file with the sticky bit stands for a device. */
+/* A small file with the sticky bit represents a device. */
 static bool read_node(const char *real, struct sim_path *out)
 {
     const long fd = raw(SYS_openat, AT_FDCWD, real, O_RDONLY | O_CLOEXEC, 0);
@@ -97,7 +97,7 @@ static bool read_node(const char *real, struct sim_path *out)
     return n > 0 && sscanf(text, "%u %u", &out->dev_major, &out->dev_minor) == 2;
 }
 
-static void look(const char *path, bool follow, struct sim_path *out)
+static void resolve(const char *path, bool follow, struct sim_path *out)
 {
     const char *dir = sim_dir();
     const size_t dir_bytes = strlen(dir);
@@ -116,7 +116,7 @@ static void look(const char *path, bool follow, struct sim_path *out)
     if (!known)
         return;
     if (strncmp(target, dir, dir_bytes) != 0 || tree_of(target + dir_bytes) < 0) {
-        /* by link to a real entry, perhaps under another name: a drive's serial line */
+        /* a link to a real entry, perhaps with another name: a drive's serial line */
         out->kind = own_kind(path) ? SIM_PATH_PLAIN : SIM_PATH_OTHER;
         return;
     }
@@ -145,6 +145,6 @@ void sim_path_resolve(int dirfd, const char *path, bool follow, struct sim_path 
     out->kind = SIM_PATH_OTHER;
     if (sim_dir() && path && own_path(dirfd, path, own) &&
         snprintf(out->real, sizeof(out->real), "%s%s", sim_dir(), own) < SIM_PATH_MAX)
-        look(own, follow, out);
+        resolve(own, follow, out);
     errno = saved;
 }

@@ -10,23 +10,23 @@
 
 #include "simulators/devices/proto.h"
 
-/* --- core: the part of the preload library that all classes of devices share. --- */
+/* --- core: the part of the preload library shared by all device classes. --- */
 
 /*
- * Loaded into any program: libc alone, no allocation, no lock that could be held at a fork. Everything here may be
+ * Loaded into any program: uses only libc, no allocation, no lock that could be held at a fork. Everything here may be
  * called from any thread. Functions return 0 or a result, or a negative errno.
  */
 
-/** What a descriptor is. */
+/** Identity of a device descriptor. */
 struct sim_id {
     char letter; /* of the class */
     uint32_t handle;
 };
 
-/** Is fd a device file of a session? */
+/** True if fd is a device file of a session. */
 bool sim_identify(int fd, struct sim_id *id);
 
-/* What the library stands in front of; resolved at load. */
+/* The functions that the library interposes; resolved at load. */
 struct sim_next {
     int (*open_)(const char *, int, ...);
     int (*openat_)(int, const char *, int, ...);
@@ -40,7 +40,7 @@ struct sim_next {
 };
 const struct sim_next *sim_next(void);
 
-/** A quick no for fds that were never device files of ours; sim_identify() decides. */
+/** Fast negative check for fds that were never our device files; sim_identify() decides. */
 bool sim_maybe(int fd);
 
 #define SIM_PARTS 6
@@ -58,7 +58,7 @@ struct sim_exchange {
 /** @return the answer's result, or -errno. A signal without SA_RESTART ends it with -EINTR, as the kernel does. */
 int sim_exchange(struct sim_exchange *x);
 
-/** Do to the descriptor what the answer says about its readiness. */
+/** Update the descriptor's readiness from the answer. */
 void sim_settle(int fd, const struct sim_id *id, const struct sst_sim_answer *answer);
 
 /** A part of the program's memory that an ioctl's argument points to. */
@@ -68,25 +68,26 @@ struct sim_area {
 };
 
 /**
- * An ioctl: the argument by the size in the request number, then the areas (at most SIM_PARTS - 1), go and come back.
- * @param fd  in: descriptor to send along or -1; out: what came with the answer or -1; NULL: neither
+ * An ioctl: sends the argument, sized by the request number, and the areas (at most SIM_PARTS - 1), and copies them
+ * back.
+ * @param fd  in: descriptor to send or -1; out: descriptor of the answer or -1; NULL: neither
  */
 int sim_ioctl_areas(int device_fd, const struct sim_id *id, unsigned long request, void *arg,
                     const struct sim_area *areas, int count, int *fd);
 
-/** Copy from the program's memory where the pointer may be bad. @return 0 or -EFAULT. */
+/** Copy from the program's memory through a pointer that may be invalid. @return 0 or -EFAULT. */
 int sim_peek(void *out, const void *from, size_t bytes);
 
-/** What a class of devices adds. Tables of these are in classes.c. */
+/** Operations of a device class. The table is in classes.c. */
 struct sim_class {
     char letter;
     char ioctl_type; /* _IOC_TYPE of its requests; others are -ENOTTY */
-    /** NULL: there are none */
+    /** NULL: no ioctls */
     int (*ioctl)(int fd, const struct sim_id *id, unsigned long request, void *arg);
     /** read() and write() ask the simulator (sim_ops) instead of the socket. */
     bool read_calls, write_calls;
-    /** What libc's streams wrote past write() lies in the socket: before the descriptor closes, an empty write has the
-     *  simulator take it. */
+    /** Data that libc's streams wrote without write() is still in the socket: before the descriptor closes, an empty
+     *  write makes the simulator read it. */
     bool late_writes;
 };
 
@@ -101,9 +102,9 @@ const struct sim_class *sim_class_find(char letter);
 enum sim_path_kind {
     SIM_PATH_OTHER = 0,     /* not ours */
     SIM_PATH_NODE = 1,      /* device node of the session */
-    SIM_PATH_PLAIN = 2,     /* exists in the session's /dev as something else: use `real` instead */
-    SIM_PATH_MISSING = 3,   /* of a kind that the session has of its own, and not there */
-    SIM_PATH_ATTRIBUTE = 4, /* of sysfs, and writable: as SIM_PATH_PLAIN for reading; writing asks the simulator */
+    SIM_PATH_PLAIN = 2,     /* another entry of the session's /dev: use `real` instead */
+    SIM_PATH_MISSING = 3,   /* of a kind that the session provides, but missing */
+    SIM_PATH_ATTRIBUTE = 4, /* writable sysfs attribute: as SIM_PATH_PLAIN for reading; writes go to the simulator */
 };
 
 struct sim_path {
@@ -113,10 +114,10 @@ struct sim_path {
     unsigned dev_major, dev_minor;
 };
 
-/** Where a path leads. dirfd as in openat(). */
+/** Resolve a path. dirfd as in openat(). */
 void sim_path_resolve(int dirfd, const char *path, bool follow, struct sim_path *out);
 
-/** Does a resolved path lie in the session's /sys? */
+/** True if a resolved path is in the session's /sys. */
 bool sim_path_in_sysfs(const struct sim_path *path);
 
 /** open() as programs see it. @return descriptor, or -1 with errno set */
@@ -125,7 +126,7 @@ int sim_open_hook(int dirfd, const char *path, int flags, mode_t mode);
 /** Before fd closes: see late_writes. */
 void sim_flush(int fd);
 
-/** The path that a descriptor leads to; false if that is not to be had or too long. */
+/** The path of a descriptor; false if it is unavailable or too long. */
 bool sim_path_of(int fd, char out[SIM_PATH_MAX]);
 
 /** Open a device file of the session. @param node  path as the simulator knows it  @return descriptor or -errno */
@@ -134,10 +135,10 @@ int sim_open_node(const char *node, int flags);
 /** The session's folder, or NULL outside a session. */
 const char *sim_dir(void);
 
-/** Is fd a connection to the simulator? Programs that close whatever is open must not close it. */
+/** True if fd is a connection to the simulator, which a program that closes all descriptors must not close. */
 bool sim_hidden(int fd);
 
-/** fd may be one of ours from now on. */
+/** Mark fd as possibly ours. */
 void sim_mark(int fd);
 
 /* --- classes: one line for each class of devices. --- */
@@ -148,11 +149,11 @@ extern const struct sim_class sim_class_usb;       /* usb.c */
 extern const struct sim_class sim_class_attribute; /* hooks_sysfs.c: attributes in /sys that are written */
 extern const struct sim_class sim_class_uevent;    /* uevent.c: netlink sockets for kernel events */
 
-/* --- hooks: how a function of libc is stood in front of. --- */
+/* --- hooks: interposing a function of libc. --- */
 
 #define HOOK __attribute__((visibility("default")))
 
-/* `next`: the function of that name that ours hides; looked up once. */
+/* `next`: the interposed function of that name; looked up once. */
 #define NEXT(type, name, ...)                                                                                          \
     static type (*next)(__VA_ARGS__);                                                                                  \
     if (!__atomic_load_n(&next, __ATOMIC_RELAXED)) {                                                                   \

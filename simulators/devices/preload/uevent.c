@@ -29,7 +29,7 @@ static bool is_ours(int fd, struct sim_id *id)
     return sim_maybe(fd) && sim_identify(fd, id) && id->letter == sim_class_uevent.letter;
 }
 
-/* The groups that are asked for decide which messages come. */
+/* The requested groups select the messages. */
 HOOK int bind(int fd, const struct sockaddr *address, socklen_t bytes)
 {
     NEXT(int, bind, int, const struct sockaddr *, socklen_t);
@@ -53,7 +53,7 @@ HOOK int bind(int fd, const struct sockaddr *address, socklen_t bytes)
     return result < 0 ? -1 : 0;
 }
 
-/* A filter for the kernel looks for hashes of udev's making. Whoever sets one filters again by himself. */
+/* A kernel filter matches hashes computed by udev. libudev filters again in user space, so it is ignored. */
 HOOK int setsockopt(int fd, int level, int name, const void *value, socklen_t bytes)
 {
     NEXT(int, setsockopt, int, int, int, const void *, socklen_t);
@@ -64,7 +64,7 @@ HOOK int setsockopt(int fd, int level, int name, const void *value, socklen_t by
     return next(fd, level, name, value, bytes);
 }
 
-/* Who sent it: root, through netlink, to the group whose form the message has. */
+/* Sender: root, through netlink, to the group that matches the message's format. */
 static void dress(struct msghdr *msg, ssize_t bytes)
 {
     struct sockaddr_nl sender = { .nl_family = AF_NETLINK };

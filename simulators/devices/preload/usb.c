@@ -1,4 +1,4 @@
-/* simulators/devices/preload/usb.c - usbfs in the program: transfers with their buffers. */
+/* simulators/devices/preload/usb.c - usbfs in the program: transfers and their buffers. */
 #define _GNU_SOURCE
 #include <linux/usbdevice_fs.h>
 #include <stdint.h>
@@ -56,7 +56,7 @@ static int submit(const struct sim_id *id, void *arg)
     return exchange(id, USBDEVFS_SUBMITURB, &t, (char *)urb.buffer + 8, (size_t)urb.buffer_length - 8);
 }
 
-/* The simulator names the transfer that ended; its data go where the program keeps them. */
+/* The simulator returns the completed transfer; its data are copied to the program's buffer. */
 static int reap_one(const struct sim_id *id, unsigned long request, void *arg)
 {
     struct sst_sim_usb_transfer t = { 0 };
@@ -82,8 +82,9 @@ static int reap_one(const struct sim_id *id, unsigned long request, void *arg)
 }
 
 /*
- * usbfs is writable for poll() when a transfer waits to be reaped. Here the socket is full otherwise, and the simulator
- * empties it when a transfer ends. Nothing left: fill it again, then look once more for what ended in between.
+ * usbfs is writable for poll() when a transfer can be reaped. Here the socket is full otherwise, and the simulator
+ * empties it when a transfer completes. If nothing is left, fill it again, then check once more for a transfer that
+ * completed in between.
  */
 static int reap(int fd, const struct sim_id *id, unsigned long request, void *arg)
 {
@@ -100,7 +101,7 @@ static int reap(int fd, const struct sim_id *id, unsigned long request, void *ar
     return result;
 }
 
-/* USBDEVFS_IOCTL wraps what is meant for an interface: its driver shall let go or come back. */
+/* USBDEVFS_IOCTL wraps a request to an interface: disconnect or connect its driver. */
 static int interface_ioctl(int fd, const struct sim_id *id, void *arg)
 {
     struct usbdevfs_ioctl c;
@@ -124,13 +125,13 @@ static int usb_ioctl(int fd, const struct sim_id *id, unsigned long request, voi
     case USBDEVFS_IOCTL:
         return interface_ioctl(fd, id, arg);
     case USBDEVFS_DISCARDURB: {
-        /* The number says that nothing is passed, yet the argument names the transfer. */
+        /* The request number has no argument size, but the argument identifies the transfer. */
         struct sst_sim_usb_transfer t = { .user = (uint64_t)(uintptr_t)arg };
 
         return exchange(id, request, &t, NULL, 0);
     }
     case USBDEVFS_GETDRIVER: {
-        /* The number says "written"; the answer is read. */
+        /* The request number means "write", but an answer is read. */
         struct sim_exchange x = {
             .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
             .in = { { arg, sizeof(struct usbdevfs_getdriver) } },

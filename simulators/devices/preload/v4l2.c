@@ -7,7 +7,7 @@
 
 #include "simulators/devices/preload/preload_internal.h"
 
-/* User memory is filled here: the frame lies in a buffer of the simulator's. */
+/* Copies a frame from the simulator's buffer to user memory. */
 static int fill_user(const struct v4l2_buffer *b, int fd)
 {
     uint32_t done = 0;
@@ -39,7 +39,7 @@ static int dequeue(int fd, const struct sim_id *id, unsigned long request, void 
     return result;
 }
 
-/* Can the program's memory take the frame? The kernel would pin its pages here. */
+/* Check that the program's buffer is writable, where the kernel would pin its pages. */
 static int check_user(const struct v4l2_buffer *b)
 {
     char byte;

@@ -1,4 +1,4 @@
-/* simulators/devices/usb/usb_budget.c - who may stream: periodic bandwidth of buses and translators. */
+/* simulators/devices/usb/usb_budget.c - periodic bandwidth of buses and transaction translators. */
 #include <errno.h>
 
 #include "simulators/devices/usb/usb_internal.h"
@@ -25,9 +25,9 @@ int sst_sim_usb_packet_us(int speed_mbit, int bytes)
     int64_t ps;
 
     if (speed_mbit >= 480)
-        ps = 38 * 8 * 2083 + 2083 * (3 + bits) + 5000; /* 5 ns: the host's own delay */
+        ps = 38 * 8 * 2083 + 2083 * (3 + bits) + 5000; /* 5 ns: host delay */
     else
-        ps = 7268000 + 8354 * (31 + 10 * bits) + 1000000; /* 83.54 ns a bit; 1 us: the host's own delay */
+        ps = 7268000 + 8354 * (31 + 10 * bits) + 1000000; /* 83.54 ns per bit; 1 us: host delay */
     return (int)((ps + 999999) / 1000000);
 }
 
@@ -41,14 +41,14 @@ static int reserved_us(const struct sst_sim_usb_device *d)
     return sst_sim_usb_packet_us(d->speed_mbit, alts[d->alt - 1].packet * alts[d->alt - 1].per_microframe);
 }
 
-/** Do both go through one translator: of the hub, or of the port? */
+/** True if both share one transaction translator, of the hub or of the port. */
 static bool same_translator(const struct sst_sim_usb *usb, const struct sst_sim_usb_device *a,
                             const struct sst_sim_usb_device *b)
 {
     return a->parent == b->parent && (usb->device[a->parent].single_tt || a->port == b->port);
 }
 
-/** @return true if a camera with this setting fits beside those that stream. */
+/** @return true if a camera with this setting fits beside the streaming ones. */
 static bool fits(struct sst_sim_usb *usb, const struct sst_sim_usb_device *d)
 {
     int sum_us = 0;

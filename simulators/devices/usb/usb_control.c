@@ -32,8 +32,8 @@ struct setup {
     int value, index, length;
 };
 
-/** What was asked for at most, of what there is. */
-static int give(const struct setup *s, uint8_t *data, const uint8_t *from, int bytes)
+/** Return at most the requested length of the data. */
+static int reply(const struct setup *s, uint8_t *data, const uint8_t *from, int bytes)
 {
     const int count = sst_min_int(bytes, s->length);
 
@@ -41,7 +41,7 @@ static int give(const struct setup *s, uint8_t *data, const uint8_t *from, int b
     return count;
 }
 
-static int give_string(const struct sst_sim_usb_device *d, const struct setup *s, uint8_t *data)
+static int reply_string(const struct sst_sim_usb_device *d, const struct setup *s, uint8_t *data)
 {
     const char *text[] = { NULL, sst_sim_usb_maker(d), sst_sim_usb_product(d), d->serial };
     const int which = s->value & 0xff;
@@ -58,10 +58,10 @@ static int give_string(const struct sst_sim_usb_device *d, const struct setup *s
         }
         out[0] = (uint8_t)(2 + 2 * length);
     }
-    return give(s, data, out, out[0]);
+    return reply(s, data, out, out[0]);
 }
 
-static int give_descriptor(const struct sst_sim_usb *usb, int device, const struct setup *s, uint8_t *data)
+static int reply_descriptor(const struct sst_sim_usb *usb, int device, const struct setup *s, uint8_t *data)
 {
     const struct sst_sim_usb_device *d = &usb->device[device];
     uint8_t all[4096], qualifier[10] = { 10, DESCRIPTOR_QUALIFIER };
@@ -71,17 +71,17 @@ static int give_descriptor(const struct sst_sim_usb *usb, int device, const stru
         return -EPIPE;
     switch (s->value >> 8) {
     case DESCRIPTOR_DEVICE:
-        return give(s, data, all, 18);
+        return reply(s, data, all, 18);
     case DESCRIPTOR_CONFIGURATION:
-        return s->value & 0xff ? -EPIPE : give(s, data, all + 18, bytes - 18);
+        return s->value & 0xff ? -EPIPE : reply(s, data, all + 18, bytes - 18);
     case DESCRIPTOR_STRING:
-        return give_string(d, s, data);
+        return reply_string(d, s, data);
     case DESCRIPTOR_QUALIFIER:
         if (d->speed_mbit != 480)
-            return -EPIPE;                 /* no other speed to speak of */
-        memcpy(qualifier + 2, all + 2, 6); /* what it would be at full speed: the same */
+            return -EPIPE;                 /* no other speed to describe */
+        memcpy(qualifier + 2, all + 2, 6); /* the same as at full speed */
         qualifier[8] = 1;
-        return give(s, data, qualifier, sizeof(qualifier));
+        return reply(s, data, qualifier, sizeof(qualifier));
     default:
         return -EPIPE;
     }
@@ -89,25 +89,25 @@ static int give_descriptor(const struct sst_sim_usb *usb, int device, const stru
 
 /* --- hubs --------------------------------------------------------------------------------------------------------- */
 
-static int give_hub_descriptor(const struct sst_sim_usb *usb, const struct sst_sim_usb_device *d, const struct setup *s,
-                               uint8_t *data)
+static int reply_hub_descriptor(const struct sst_sim_usb *usb, const struct sst_sim_usb_device *d,
+                                const struct setup *s, uint8_t *data)
 {
-    /* Power and over-current by the port, or no switching at all. */
+    /* Power and over-current per port, or no switching at all. */
     const uint8_t switching = usb->fault[SST_SIM_USB_NO_PORT_POWER] ? 0x0a : 0x09;
     const uint8_t super[12] = { 12, DESCRIPTOR_HUB3, (uint8_t)d->ports, switching, 0, 10 };
-    /* Two masks of a bit for each port and one more: none is fixed; all follow their switch. */
+    /* Two masks with one bit per port plus one: all ports are removable and switched individually. */
     const uint8_t mask = d->ports < 8 ? 1 : 2;
     uint8_t high[11] = { (uint8_t)(7 + 2 * mask), DESCRIPTOR_HUB, (uint8_t)d->ports, switching, 0, 10, 100 };
 
     if (d->speed_mbit >= 5000)
-        return s->value >> 8 == DESCRIPTOR_HUB3 ? give(s, data, super, sizeof(super)) : -EPIPE;
+        return s->value >> 8 == DESCRIPTOR_HUB3 ? reply(s, data, super, sizeof(super)) : -EPIPE;
     if (s->value >> 8 != DESCRIPTOR_HUB)
         return -EPIPE;
     memset(high + 7 + mask, 0xff, mask);
-    return give(s, data, high, high[0]);
+    return reply(s, data, high, high[0]);
 }
 
-static int give_port_status(const struct sst_sim_usb *usb, int hub, const struct setup *s, uint8_t *data)
+static int reply_port_status(const struct sst_sim_usb *usb, int hub, const struct setup *s, uint8_t *data)
 {
     const struct sst_sim_usb_device *h = &usb->device[hub];
     const int port = s->index & 0xff;
@@ -124,7 +124,7 @@ static int give_port_status(const struct sst_sim_usb *usb, int hub, const struct
         if (h->speed_mbit < 5000 && usb->device[child].speed_mbit == 480)
             status |= 0x0400;
     }
-    return give(s, data, (const uint8_t[]){ (uint8_t)status, (uint8_t)(status >> 8), 0, 0 }, 4);
+    return reply(s, data, (const uint8_t[]){ (uint8_t)status, (uint8_t)(status >> 8), 0, 0 }, 4);
 }
 
 static int port_feature(struct sst_sim_usb *usb, int hub, const struct setup *s)
@@ -141,18 +141,18 @@ static int port_feature(struct sst_sim_usb *usb, int hub, const struct setup *s)
         child = sst_sim_usb_child(usb, hub, port);
         return child >= 0 && usb->device[child].here ? sst_sim_usb_reset(usb, child) : 0;
     }
-    /* Changes are served at once, there is none to clear. */
+    /* Changes are handled at once, so there is none to clear. */
     return !set && s->value >= FIRST_CHANGE && s->value <= LAST_CHANGE ? 0 : -EPIPE;
 }
 
 static int hub_request(struct sst_sim_usb *usb, int device, const struct setup *s, uint8_t *data)
 {
     if (s->type == 0xa0 && s->request == GET_DESCRIPTOR)
-        return give_hub_descriptor(usb, &usb->device[device], s, data);
+        return reply_hub_descriptor(usb, &usb->device[device], s, data);
     if (s->type == 0xa0 && s->request == GET_STATUS)
-        return give(s, data, (const uint8_t[]){ 0, 0, 0, 0 }, 4);
+        return reply(s, data, (const uint8_t[]){ 0, 0, 0, 0 }, 4);
     if (s->type == 0xa3 && s->request == GET_STATUS)
-        return give_port_status(usb, device, s, data);
+        return reply_port_status(usb, device, s, data);
     if (s->type == 0x23 && (s->request == SET_FEATURE || s->request == CLEAR_FEATURE))
         return port_feature(usb, device, s);
     return -EPIPE;
@@ -170,12 +170,12 @@ int sst_sim_usb_control(struct sst_sim_usb *usb, int device, const uint8_t setup
     if ((s.type & 0x60) == 0x20 && hub)
         return hub_request(usb, device, &s, data);
     if (s.type == 0x80 && s.request == GET_DESCRIPTOR)
-        return give_descriptor(usb, device, &s, data);
-    if (s.request == GET_STATUS && (s.type & 0xfc) == 0x80) /* hubs have a supply of their own */
-        return give(&s, data, (const uint8_t[]){ hub && s.type == 0x80, 0 }, 2);
+        return reply_descriptor(usb, device, &s, data);
+    if (s.request == GET_STATUS && (s.type & 0xfc) == 0x80) /* hubs are self-powered */
+        return reply(&s, data, (const uint8_t[]){ hub && s.type == 0x80, 0 }, 2);
     if (s.type == 0x80 && s.request == GET_CONFIGURATION)
-        return give(&s, data, (const uint8_t[]){ d->authorized ? 1 : 0 }, 1);
+        return reply(&s, data, (const uint8_t[]){ d->authorized ? 1 : 0 }, 1);
     if (s.type == 0x81 && s.request == GET_INTERFACE && s.index < d->interfaces)
-        return give(&s, data, (const uint8_t[]){ s.index == 1 ? (uint8_t)d->alt : 0 }, 1);
+        return reply(&s, data, (const uint8_t[]){ s.index == 1 ? (uint8_t)d->alt : 0 }, 1);
     return -EPIPE;
 }

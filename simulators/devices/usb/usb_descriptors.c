@@ -1,10 +1,10 @@
-/* simulators/devices/usb/usb_descriptors.c - what hubs and UVC cameras say of themselves. */
+/* simulators/devices/usb/usb_descriptors.c - descriptors of hubs and UVC cameras. */
 #include <errno.h>
 #include <string.h>
 
 #include "simulators/devices/usb/usb_internal.h"
 
-/* pid.codes keeps these numbers for private tests. */
+/* pid.codes reserves these numbers for private tests. */
 #define VENDOR         0x1209
 #define PRODUCT_CAMERA 0x0001
 #define PRODUCT_HUB    0x0002
@@ -14,7 +14,7 @@
 #define VIDEO_CLASS    0x0e
 #define FRAME_INTERVAL 333333 /* 100 ns */
 
-/** Descriptors written one after another; what does not fit is counted all the same. */
+/** Writes consecutive descriptors; bytes that do not fit are still counted. */
 struct writer {
     uint8_t *out;
     size_t size, at;
@@ -35,7 +35,7 @@ static void put_bytes(struct writer *w, const uint8_t *bytes, size_t count)
 
 #define PUT(w, ...) put_bytes(w, (const uint8_t[]){ __VA_ARGS__ }, sizeof((const uint8_t[]){ __VA_ARGS__ }))
 
-/** Overwrite a length that was not known before. */
+/** Patch a length that was not known before. */
 static void patch16(struct writer *w, size_t at, size_t value)
 {
     struct writer there = { w->out, w->size, at };
@@ -51,7 +51,7 @@ static void device_descriptor(struct writer *w, const struct sst_sim_usb_device 
     PUT(w, 18, 1);
     put(w, super ? 0x0300 : 0x0200, 2);
     if (camera)
-        PUT(w, 0xef, 0x02, 0x01, 64); /* interfaces are grouped */
+        PUT(w, 0xef, 0x02, 0x01, 64); /* interface association */
     else
         PUT(w, 0x09, 0x00, super ? 3 : root || d->single_tt ? 1 : 2, super ? 9 : 64);
     put(w, root ? VENDOR_LINUX : VENDOR, 2);
@@ -77,12 +77,12 @@ static void video_control(struct writer *w)
     PUT(w, 13, 0x24, 0x01, 0x10, 0x01, 52, 0, 0x00, 0x6c, 0xdc, 0x02, 1, 1);            /* header, UVC 1.1 */
     PUT(w, 18, 0x24, 0x02, 1, 0x01, 0x02, 0, 0, 0, 0, 0, 0, 0, 0, 3, 0x0a, 0x00, 0x00); /* sensor: exposure */
     PUT(w, 12, 0x24, 0x05, 2, 1, 0, 0, 2, 0x4b, 0x16, 0, 0);                            /* brightness, gain ... */
-    PUT(w, 9, 0x24, 0x03, 3, 0x01, 0x01, 0, 2, 0);                                      /* to the other interface */
+    PUT(w, 9, 0x24, 0x03, 3, 0x01, 0x01, 0, 2, 0);                                      /* output terminal */
     PUT(w, 7, 5, 0x83, 0x03, 16, 0, 6);
     PUT(w, 5, 0x25, 0x03, 16, 0);
 }
 
-/** One size of a format; bit rates and buffers for two bytes a pixel. */
+/** One size of a format; bit rates and buffers for two bytes per pixel. */
 static void video_frame(struct writer *w, int subtype, int index, int width, int height)
 {
     const unsigned bytes = (unsigned)width * (unsigned)height * 2;
@@ -103,7 +103,7 @@ static void video_formats(struct writer *w, const struct sst_sim_usb *usb)
     static const uint8_t yuy2[] = { 'Y', 'U', 'Y', '2', 0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71 };
     const size_t start = w->at;
 
-    PUT(w, 15, 0x24, 0x01, 2, 0, 0, 0x81, 0, 3, 0, 0, 0, 1, 0, 0);         /* header; its length comes below */
+    PUT(w, 15, 0x24, 0x01, 2, 0, 0, 0x81, 0, 3, 0, 0, 0, 1, 0, 0);         /* header; its length is patched below */
     PUT(w, 11, 0x24, 0x06, 1, (uint8_t)usb->size_count, 1, 1, 0, 0, 0, 0); /* motion JPEG */
     for (int i = 0; i < usb->size_count; i++)
         video_frame(w, 0x07, i + 1, usb->sizes[i][0], usb->sizes[i][1]);

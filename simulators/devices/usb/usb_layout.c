@@ -1,4 +1,4 @@
-/* simulators/devices/usb/usb_layout.c - how controllers, hubs and cameras are put together. */
+/* simulators/devices/usb/usb_layout.c - layouts of controllers, hubs and cameras. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,7 +10,7 @@
 
 static const struct layout {
     const char *name, *help;
-    bool own_controller; /* of each camera; else all share one through a tree of hubs */
+    bool own_controller; /* one per camera; else all share one through a tree of hubs */
     int speed_mbit;      /* of the cameras */
     bool single_tt, twins;
 } layouts[] = {
@@ -97,7 +97,7 @@ static int add_camera(struct sst_sim_usb *usb, int parent, int port, int camera,
     return 0;
 }
 
-/** A hub; with twins, its SuperSpeed half hangs at the same port of the parent's twin. @return index or -ENOMEM */
+/** A hub; with twins, its SuperSpeed half is at the same port of the parent's twin. @return index or -ENOMEM */
 static int add_hub(struct sst_sim_usb *usb, const struct layout *layout, int parent, int port)
 {
     const int hub = add_at(usb, SST_SIM_USB_HUB, parent, port, 480);
@@ -131,7 +131,7 @@ static int add_controller(struct sst_sim_usb *usb, const char *address, int inde
 static int build_wide(struct sst_sim_usb *usb, const struct layout *layout, int cameras)
 {
     if (cameras > 127)
-        return -EINVAL; /* as many cards are not to be had */
+        return -EINVAL; /* more cards than a machine can have */
     for (int cam = 0; cam < cameras; cam++) {
         char address[SST_SIM_USB_TEXT];
         int root, err;
@@ -149,7 +149,7 @@ static int build_wide(struct sst_sim_usb *usb, const struct layout *layout, int 
     return 0;
 }
 
-/** Two tiers of hubs: the fewest that have a port for each camera, filled in order. */
+/** Two tiers with as few hubs as possible for the cameras, filled in order. */
 static int build_tree(struct sst_sim_usb *usb, const struct layout *layout, int cameras)
 {
     const int root = add_controller(usb, "0000:00:14.0", 0);

@@ -8,15 +8,15 @@
 
 #include "simulators/devices/usb/usb_internal.h"
 
-static void tell(struct sst_sim_usb *usb, int device, enum sst_sim_usb_event event, int interface)
+static void notify(struct sst_sim_usb *usb, int device, enum sst_sim_usb_event event, int interface)
 {
     if (usb->event)
         usb->event(usb->arg, device, event, interface);
 }
 
-/* --- who is there ------------------------------------------------------------------------------------------------- */
+/* --- presence ----------------------------------------------------------------------------------------------------- */
 
-/** A port has power unless it was switched off; where a twin feeds the same socket, both must have done so. */
+/** A port has power unless it was switched off; if a twin feeds the same socket, both must be off. */
 static bool powered(const struct sst_sim_usb *usb, int hub, int port)
 {
     const struct sst_sim_usb_device *h = &usb->device[hub];
@@ -43,7 +43,7 @@ static void set_bound(struct sst_sim_usb *usb, int device, int interface, bool b
     d->bound ^= 1u << interface;
     if (!bound)
         d->alt = 0;
-    tell(usb, device, bound ? SST_SIM_USB_BOUND : SST_SIM_USB_UNBOUND, interface);
+    notify(usb, device, bound ? SST_SIM_USB_BOUND : SST_SIM_USB_UNBOUND, interface);
 }
 
 static void set_all_bound(struct sst_sim_usb *usb, int device, bool bound)
@@ -57,7 +57,7 @@ static void arrive(struct sst_sim_usb *usb, int device)
     struct sst_sim_usb_device *d = &usb->device[device];
     int *next = &usb->next_address[d->bus];
 
-    /* Numbers go up with each plug-in and start anew past 127, as the kernel gives them. */
+    /* Addresses increase with each plug-in and wrap after 127, as in the kernel. */
     do
         *next = *next % 127 + 1;
     while (sst_sim_usb_at(usb, d->bus, *next) >= 0);
@@ -66,7 +66,7 @@ static void arrive(struct sst_sim_usb *usb, int device)
     d->authorized = true;
     memset(d->off, 0, sizeof(d->off));
     memset(d->disabled, 0, sizeof(d->disabled));
-    tell(usb, device, SST_SIM_USB_ADDED, 0);
+    notify(usb, device, SST_SIM_USB_ADDED, 0);
     set_all_bound(usb, device, true);
 }
 
@@ -76,11 +76,11 @@ static void leave(struct sst_sim_usb *usb, int device)
 
     set_all_bound(usb, device, false);
     d->here = false;
-    tell(usb, device, SST_SIM_USB_REMOVED, 0);
+    notify(usb, device, SST_SIM_USB_REMOVED, 0);
     d->address = 0;
 }
 
-/** Parents come first in the list: who arrives is found in order, who leaves is told from the leaves. */
+/** Parents come first in the list: arrivals are reported in order, removals from the leaves up. */
 void usb_refresh(struct sst_sim_usb *usb)
 {
     bool changed = true;
@@ -106,13 +106,13 @@ void usb_refresh(struct sst_sim_usb *usb)
     }
 }
 
-/* --- what happens to devices -------------------------------------------------------------------------------------- */
+/* --- operations on devices ---------------------------------------------------------------------------------------- */
 
 void sst_sim_usb_plug(struct sst_sim_usb *usb, int device, bool plugged)
 {
     struct sst_sim_usb_device *d = &usb->device[device];
 
-    /* A hub is one box: both halves go. */
+    /* A hub is one box: both halves are affected. */
     if (d->kind == SST_SIM_USB_ROOT)
         return;
     d->plugged = plugged;
@@ -147,9 +147,9 @@ int sst_sim_usb_authorize(struct sst_sim_usb *usb, int device, bool authorized)
         return 0;
     d->authorized = authorized;
     if (authorized)
-        tell(usb, device, SST_SIM_USB_REAUTHORISED, 0);
+        notify(usb, device, SST_SIM_USB_REAUTHORISED, 0);
     set_all_bound(usb, device, authorized);
-    tell(usb, device, SST_SIM_USB_CHANGED, 0);
+    notify(usb, device, SST_SIM_USB_CHANGED, 0);
     usb_refresh(usb);
     return 0;
 }
@@ -172,13 +172,13 @@ static bool has_port(const struct sst_sim_usb *usb, int hub, int port)
     return port >= 1 && port <= usb->device[hub].ports;
 }
 
-/** After a port came back: the stuck camera there has been without power. */
-static void tell_powered(struct sst_sim_usb *usb, int hub, int port)
+/** A port has power again: a stuck camera there was power-cycled. */
+static void notify_powered(struct sst_sim_usb *usb, int hub, int port)
 {
     const int child = sst_sim_usb_child(usb, hub, port);
 
     if (child >= 0)
-        tell(usb, child, SST_SIM_USB_POWERED, 0);
+        notify(usb, child, SST_SIM_USB_POWERED, 0);
 }
 
 int sst_sim_usb_disable(struct sst_sim_usb *usb, int hub, int port, bool disabled)
@@ -190,9 +190,9 @@ int sst_sim_usb_disable(struct sst_sim_usb *usb, int hub, int port, bool disable
     if (usb->device[hub].disabled[port] == disabled)
         return 0;
     usb->device[hub].disabled[port] = disabled;
-    tell(usb, hub, SST_SIM_USB_CHANGED, 0);
+    notify(usb, hub, SST_SIM_USB_CHANGED, 0);
     if (!disabled && !usb->fault[SST_SIM_USB_NO_PORT_POWER])
-        tell_powered(usb, hub, port); /* the kernel switches the power of a disabled port off where it can */
+        notify_powered(usb, hub, port); /* the kernel switches off the power of a disabled port if it can */
     usb_refresh(usb);
     return 0;
 }
@@ -210,11 +210,11 @@ int sst_sim_usb_power(struct sst_sim_usb *usb, int hub, int port, bool on)
         return -EPIPE;
     before = powered(usb, hub, port);
     h->off[port] = !on;
-    tell(usb, hub, SST_SIM_USB_CHANGED, 0);
+    notify(usb, hub, SST_SIM_USB_CHANGED, 0);
     if (!before && powered(usb, hub, port)) {
-        tell_powered(usb, hub, port);
+        notify_powered(usb, hub, port);
         if (h->twin >= 0)
-            tell_powered(usb, h->twin, port);
+            notify_powered(usb, h->twin, port);
     }
     usb_refresh(usb);
     return 0;
@@ -229,10 +229,10 @@ int sst_sim_usb_reset(struct sst_sim_usb *usb, int device)
         return -ENODEV;
     if (usb->fault[SST_SIM_USB_RESET_FAILS])
         return -ETIMEDOUT;
-    tell(usb, device, SST_SIM_USB_RESET, 0);
+    notify(usb, device, SST_SIM_USB_RESET, 0);
     for (int i = 0; i < d->interfaces; i++)
         set_bound(usb, device, i, false);
-    usb_refresh(usb); /* what hangs at a hub that is reset comes anew */
+    usb_refresh(usb); /* devices behind a reset hub are enumerated again */
     for (int i = 0; i < d->interfaces; i++)
         set_bound(usb, device, i, bound >> i & 1);
     usb_refresh(usb);
@@ -244,7 +244,7 @@ void sst_sim_usb_fault(struct sst_sim_usb *usb, enum sst_sim_usb_fault fault, bo
     usb->fault[fault] = on;
 }
 
-/* --- looking ------------------------------------------------------------------------------------------------------ */
+/* --- queries ------------------------------------------------------------------------------------------------------ */
 
 int sst_sim_usb_count(const struct sst_sim_usb *usb)
 {
@@ -314,7 +314,7 @@ const char *sst_sim_usb_maker(const struct sst_sim_usb_device *device)
     return device->kind == SST_SIM_USB_ROOT ? "Linux 6.1.0 xhci-hcd" : "sst";
 }
 
-/* --- the whole ---------------------------------------------------------------------------------------------------- */
+/* --- create and destroy ------------------------------------------------------------------------------------------- */
 
 int sst_sim_usb_create(struct sst_sim_usb **out, const struct sst_sim_usb_config *cfg)
 {

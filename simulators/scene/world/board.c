@@ -25,7 +25,7 @@ static const uint64_t april_tag[SST_SIM_APRIL_TAGS] = {
 
 /* --- the pattern -------------------------------------------------------------------------------------------------- */
 
-/* Module at (x, y), 0..1 each from the marker's upper left: the border is black. */
+/* Colour of the module at (x, y), 0..1 each from the marker's upper left; the border is black. */
 static bool module(uint64_t bits, int modules, int border, double x, double y)
 {
     const int side = modules + 2 * border;
@@ -36,7 +36,7 @@ static bool module(uint64_t bits, int modules, int border, double x, double y)
     return bits >> (modules * modules - 1 - row * modules - column) & 1;
 }
 
-/* These stand for floor() and fmin(), which cost a call each where they are asked for a hundred million times. */
+/* Inline replacements of floor() and fmin(), which would cost a hundred million calls. */
 static int whole(double x)
 {
     return (int)(x + 1024) - 1024; /* boards have fewer squares */
@@ -77,7 +77,7 @@ static bool squares(const struct sst_sim_board *b, double x, double y, double *c
         return true;
     }
     *clear = lesser(to_line(u * side), to_line(v * side)) * b->marker / side;
-    /* White squares before this one: of two rows together there are cols, the first of them has cols / 2. */
+    /* Number of white squares before this one: two rows together have cols, the first has cols / 2. */
     id = row / 2 * b->cols + (row & 1) * (b->cols / 2) + column / 2;
     return module(charuco_marker[id], CHARUCO_MODULES, 1, u, v);
 }
@@ -134,7 +134,7 @@ bool sim_board_white(const struct sst_sim_board *b, double x_mm, double y_mm, do
     return white;
 }
 
-static float paint_board(const struct sst_surface *s, const struct sst_hit *h, struct sst_rgb *out)
+static float paint_board(const struct sst_scene_surface *s, const struct sst_scene_hit *h, struct sst_scene_rgb *out)
 {
     double clear;
 
@@ -142,23 +142,23 @@ static float paint_board(const struct sst_surface *s, const struct sst_hit *h, s
     return 1;
 }
 
-/* --- boards in worlds -------------------------------------------------------------------------------------------- */
+/* --- boards in worlds --------------------------------------------------------------------------------------------- */
 
-/* Half of what is left of the picture beside the board, at a distance where a design pixel spans mm, so that the
- * outermost cameras still see most of it. */
+/* Half of the free space beside the board in the picture, at a distance where a design pixel spans mm, so that the
+ * outermost cameras still see most of the board. */
 static double room(double picture, double mm, double board_mm, int cameras, double spacing_mm)
 {
     return fmax(0, (picture * mm - 0.9 * board_mm - (cameras - 1) * spacing_mm) / 2);
 }
 
-void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings *s, const struct sst_world *w)
+void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings *s, const struct sst_scene_world *w)
 {
     uint64_t rng = s->seed ^ 0x626F617264ull;
     double width, height;
 
     sim_board_size(b, &width, &height);
     for (int i = 0; i < b->poses; i++) {
-        const double share = sst_random_in(&rng, 0.3, 0.55); /* of the picture's width */
+        const double share = sst_random_in(&rng, 0.3, 0.55); /* board size over picture width */
         const double z = w->focal * width / (share * PICTURE_WIDTH), mm = z / w->focal;
         const double x = room(PICTURE_WIDTH, mm, width, s->cols, w->spacing_mm);
         const double y = room(PICTURE_HEIGHT, mm, height, s->rows, w->spacing_mm);
@@ -174,22 +174,22 @@ void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings
     }
 }
 
-void sim_board_add(struct sst_world *w, const struct sst_sim_board *b, int pose)
+void sim_board_add(struct sst_scene_world *w, const struct sst_sim_board *b, int pose)
 {
     const double margin = sim_board_margin(b);
     const struct sst_sim_pose *p = &b->pose[pose];
-    const struct sst_material mat =
-        sst_mat(paint_board, SST_SIM_BOARD_WHITE * 0x10101, SST_SIM_BOARD_BLACK * 0x10101, 0);
+    const struct sst_scene_material mat =
+        material(paint_board, SST_SIM_BOARD_WHITE * 0x10101, SST_SIM_BOARD_BLACK * 0x10101, 0);
     double width, height, r[9];
-    struct sst_surface *s;
+    struct sst_scene_surface *s;
 
     sim_board_size(b, &width, &height);
     sim_rotation(p->rotation_deg, r);
-    sst_begin(w, SST_LABEL_POSTER, 0);
-    w->tint = (struct sst_rgb){ 1, 1, 1 };
-    s = sst_add_patch(w, sst_v(p->position_mm[0], p->position_mm[1], p->position_mm[2]),
-                      sst_mul(sst_v(r[0], r[3], r[6]), width / 2 + margin),
-                      sst_mul(sst_v(r[1], r[4], r[7]), height / 2 + margin), mat);
+    sst_scene_begin(w, SST_LABEL_POSTER, 0);
+    w->tint = (struct sst_scene_rgb){ 1, 1, 1 };
+    s = sst_scene_add_patch(w, vec3(p->position_mm[0], p->position_mm[1], p->position_mm[2]),
+                            vec3_mul(vec3(r[0], r[3], r[6]), width / 2 + margin),
+                            vec3_mul(vec3(r[1], r[4], r[7]), height / 2 + margin), mat);
     s->own = b;
     s->unlit = true;
     s->grain = 0;
@@ -200,13 +200,13 @@ double sim_board_wall_mm(double focal)
     return 4000 * fmax(1, focal / SST_SIM_BOARD_FOCAL);
 }
 
-void sim_board_room(struct sst_world *w)
+void sim_board_room(struct sst_scene_world *w)
 {
     const double floor_mm = SST_SIM_BOARD_FLOOR_MM, wall_mm = sim_board_wall_mm(w->focal);
 
-    sst_begin(w, SST_LABEL_BUILDING, 0);
-    sst_add_patch(w, sst_v(0, floor_mm - 3000, wall_mm), sst_v(9000, 0, 0), sst_v(0, 3000, 0),
-                  sst_mat(sst_paint_fbm, 0x9a9a96, 0xb4b4ae, 500));
-    sst_begin(w, SST_LABEL_PAVEMENT, 0);
-    sst_add_floor(w, floor_mm, 300, wall_mm, sst_mat(sst_paint_wood, 0x7a6a58, 0x94836e, 120));
+    sst_scene_begin(w, SST_LABEL_BUILDING, 0);
+    sst_scene_add_patch(w, vec3(0, floor_mm - 3000, wall_mm), vec3(9000, 0, 0), vec3(0, 3000, 0),
+                        material(sst_scene_paint_fbm, 0x9a9a96, 0xb4b4ae, 500));
+    sst_scene_begin(w, SST_LABEL_PAVEMENT, 0);
+    sst_scene_add_floor(w, floor_mm, 300, wall_mm, material(sst_scene_paint_wood, 0x7a6a58, 0x94836e, 120));
 }

@@ -1,7 +1,7 @@
 /*
- * Boards before an empty room, drawn without a general renderer. A pixel of the picture is made of 4x4 finer ones, two
- * of them within it in each direction and one beyond on each side, weights 1 3 3 1; of each of them four samples on a
- * rotated grid say whether the board is there, and whether it is white there. With r = ((x-cx)/f, (y-cy)/f, 1) the ray
+ * Boards in an empty room, drawn without the general renderer. A pixel of the picture is made of 4x4 finer ones, two of
+ * them inside it in each direction and one beyond on each side, weights 1 3 3 1; for each of them four samples on a
+ * rotated grid determine whether the board is there, and whether it is white. With r = ((x-cx)/f, (y-cy)/f, 1) the ray
  * of a pixel, e the board's centre from the eye, u, v, n the axes of the board, w = 1/Z = n.r / n.e,  s = u.r / w -
  * u.e,  t = v.r / w - v.e.
  */
@@ -11,8 +11,8 @@
 
 #include "simulators/scene/world/world_internal.h"
 
-#define FINE       2 /* pixels of the fine picture in one, along each side */
-#define SAMPLES    4 /* of each of them */
+#define FINE       2 /* fine pixels per pixel, along each side */
+#define SAMPLES    4 /* samples per fine pixel */
 #define REACH      (0.375 / FINE)
 #define NEAREST_MM 1.0
 
@@ -29,7 +29,7 @@ struct drawing {
     struct affine w, s, t; /* 1/Z, u.r, v.r */
     double ue, ve;         /* u.e, v.e */
     double half_x, half_y; /* of the board with its margin, mm */
-    int x0, y0, x1, y1;    /* pixels that it may touch, ends excluded */
+    int x0, y0, x1, y1;    /* pixels that the board may cover, ends excluded */
     int width, height;     /* of the fine pictures: (x1 - x0 + 1) * FINE, one fine pixel more on each side */
     float *there, *white;  /* [height][width] samples */
 };
@@ -51,7 +51,7 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Where the board may be in the picture. @return false: nowhere */
+/* Bounding box of the board in the picture. @return false: outside */
 static bool find_box(struct drawing *d, const double e[3], const double u[3], const double t[3], int width, int height)
 {
     const struct sim_board_view *v = d->v;
@@ -76,7 +76,7 @@ static bool find_box(struct drawing *d, const double e[3], const double u[3], co
         hi_x = width;
         hi_y = height;
     } else if (v->warp) {
-        sst_warp_box(v->warp, &lo_x, &hi_x, &lo_y, &hi_y);
+        sst_scene_warp_box(v->warp, &lo_x, &hi_x, &lo_y, &hi_y);
     }
     d->x0 = (int)sst_clamp_double(floor(lo_x - blur) - 2, 0, width);
     d->x1 = (int)sst_clamp_double(ceil(hi_x + blur) + 3, 0, width);
@@ -115,7 +115,7 @@ static bool prepare(struct drawing *d, const struct sim_board_view *v, int width
     return find_box(d, e, u, t, width, height);
 }
 
-/* The pixel whose distance to the next one spans x, beyond the outermost pixels too, and x less it. */
+/* Index of the pixel before x, extrapolated beyond the outermost pixels, and the remainder. */
 static int before(double x, int count, double *rest)
 {
     const int i = sst_clamp_int((int)floor(x), 0, sst_max_int(0, count - 2));
@@ -124,7 +124,7 @@ static int before(double x, int count, double *rest)
     return i;
 }
 
-/* A row of the warp between two: those around y. @param out  columns 0 .. width */
+/* A row of the warp interpolated at y. @param out  columns 0 .. width */
 static void warp_row(const float *map, int width, int height, double y, double *out)
 {
     double rest;
@@ -132,17 +132,17 @@ static void warp_row(const float *map, int width, int height, double y, double *
 
     for (int x = 0; x < width; x++)
         out[x] = up[x] + rest * (down[x] - up[x]);
-    out[width] = out[width - 1]; /* of pictures one pixel wide */
+    out[width] = out[width - 1]; /* for pictures one pixel wide */
 }
 
-/* Count the samples of a fine pixel that looks at (x, y) in the ideal picture. */
+/* Count the samples of a fine pixel at (x, y) in the ideal picture. */
 static void sample(const struct drawing *d, double x, double y, float *there, float *white)
 {
     const struct sim_board_view *v = d->v;
     const double w = at(d->w, x, y);
     double z, s, t, reach_x, reach_y, clear;
 
-    if (!(w > 0)) /* behind us */
+    if (!(w > 0)) /* behind the camera */
         return;
     z = 1 / w;
     s = at(d->s, x, y) * z;
@@ -178,13 +178,13 @@ static void sample(const struct drawing *d, double x, double y, float *there, fl
 }
 
 /*
- * Fine pixel (i, j) lies at (x0 + (i - 0.5) / 2 - 0.5, ...): the first one is the one beyond pixel x0. Where it looks
- * lies between where the pixels around it look.
+ * Fine pixel (i, j) is at (x0 + (i - 0.5) / 2 - 0.5, ...): the first one is the one beyond pixel x0. Its position in
+ * the ideal picture is interpolated between the surrounding pixels.
  * @param rows  room for [2][width + 1]
  */
 static void sample_all(struct drawing *d, int width, int height, double *rows)
 {
-    const struct sst_warp *warp = d->v->warp;
+    const struct sst_scene_warp *warp = d->v->warp;
     double *const row_x = rows, *const row_y = rows + width + 1;
 
     for (int j = 0; j < d->height; j++) {

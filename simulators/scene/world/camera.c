@@ -95,7 +95,7 @@ static void make_place(struct sim_camera *c, const struct sst_sim_settings *s, c
                        double spacing_mm, int cam, uint64_t *rng)
 {
     const int ref_row = (s->rows - 1) / 2, ref_col = (s->cols - 1) / 2;
-    /* The rig's camera starts where view (0, 0) of the array would be. */
+    /* The rig's camera starts at the position of view (0, 0) of the array. */
     const int row = s->rig ? 0 : cam / s->cols, col = s->rig ? 0 : cam % s->cols;
     double turn[3];
 

@@ -59,7 +59,7 @@ size_t sim_format_bytes(uint32_t fourcc, int width, int height)
     }
 }
 
-/* Plane (0 red .. 2 blue) that an 8-bit Bayer pattern has at x, y. */
+/* Plane (0 red .. 2 blue) of an 8-bit Bayer pattern at x, y. */
 static int bayer_plane(uint32_t fourcc, int x, int y)
 {
     const int red_x = fourcc == V4L2_PIX_FMT_SBGGR8 || fourcc == V4L2_PIX_FMT_SGRBG8;
@@ -95,7 +95,7 @@ void sim_pack(const struct sst_image *img, uint32_t fourcc, uint8_t *out)
         for (int x = 0; x < img->width; x++) {
             if (fourcc == V4L2_PIX_FMT_GREY)
                 out[x] = luma_of(r[x], g[x], b[x]);
-            else if (fourcc == V4L2_PIX_FMT_Y16) /* 8 bits spread over 16: 255 becomes 65535 */
+            else if (fourcc == V4L2_PIX_FMT_Y16) /* 8 bits scaled to 16: 255 becomes 65535 */
                 out[2 * x] = out[2 * x + 1] = luma_of(r[x], g[x], b[x]);
             else
                 out[x] = sst_image_row(img, bayer_plane(fourcc, x, y), y)[x];

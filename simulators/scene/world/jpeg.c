@@ -14,7 +14,7 @@
 #define MCU_WIDTH  16 /* 4:2:2: two blocks of luma side by side, one of each chroma */
 #define MCU_HEIGHT 8
 
-/* --- encoding ---------------------------------------------------------------------------------------------------- */
+/* --- encoding ----------------------------------------------------------------------------------------------------- */
 
 struct encoder {
     struct jpeg_compress_struct c;
@@ -31,7 +31,7 @@ static void on_error(j_common_ptr c)
     char text[JMSG_LENGTH_MAX];
 
     c->err->format_message(c, text);
-    sst_log_error("a simulated frame cannot be encoded: %s; choose another size or quality", text);
+    sst_log_error("cannot encode a simulated frame: %s; choose another size or quality", text);
     longjmp(e->fault, 1);
 }
 
@@ -68,7 +68,7 @@ static int run(struct encoder *e, const struct sst_image *img, int quality)
     return 0;
 }
 
-/* Where the scan begins, from our own encoder's markers. */
+/* Start of the scan, from the markers of our own encoder. */
 static uint32_t find_scan(const uint8_t *data, size_t bytes)
 {
     size_t at = 2;
@@ -81,7 +81,7 @@ static uint32_t find_scan(const uint8_t *data, size_t bytes)
     return (uint32_t)at;
 }
 
-/* After `rows` restart markers. */
+/* Position after `rows` restart markers. */
 static uint32_t find_rest(const uint8_t *data, size_t bytes, size_t at, int rows)
 {
     while (rows > 0 && at + 1 < bytes) {
@@ -125,7 +125,7 @@ int sim_jpeg_encode(const struct sst_image *img, int quality, bool strip, struct
     return err;
 }
 
-/* --- the strip's rows -------------------------------------------------------------------------------------------- */
+/* --- the strip's rows --------------------------------------------------------------------------------------------- */
 
 /* Code and length of the size of a luma mean's difference: table K.3 of ITU-T T.81, which libjpeg writes by default. */
 static const struct {
@@ -141,7 +141,7 @@ static const struct {
 
 struct writer {
     uint8_t *out;
-    uint64_t bits; /* the last `count` of it are still to be written */
+    uint64_t bits; /* its last `count` bits are pending */
     int count;
 };
 

@@ -1,6 +1,6 @@
 /*
- * The file: struct head, struct entry [cams][frames], then the frames' bytes in the order in which cameras were done.
- * It is written and read on one machine only: numbers are in its own order.
+ * The file: struct head, struct entry [cams][frames], then the frames' bytes in the order in which cameras were
+ * finished. It is written and read on the same machine: numbers are in native byte order.
  */
 #include "simulators/scene/world/world_internal.h"
 
@@ -22,7 +22,7 @@
 
 #define CACHE_KEPT        16   /* loops */
 #define CACHE_LOOKED_AT   256  /* loops */
-#define CACHE_LEFT_OVER_S 3600 /* a temporary file this old is nobody's */
+#define CACHE_LEFT_OVER_S 3600 /* a temporary file this old is abandoned */
 
 static const char magic[8] = "SSTLOOP1";
 
@@ -45,9 +45,9 @@ struct sim_loop {
     uint32_t cams, frames;
 };
 
-/* --- reading ----------------------------------------------------------------------------------------------------- */
+/* --- reading ------------------------------------------------------------------------------------------------------ */
 
-/* A file that was cut short or changed must not make us read outside it. */
+/* A truncated or modified file must not cause reads outside it. */
 static bool is_whole(const struct sim_loop *l, const uint8_t key[SST_SIM_KEY_BYTES])
 {
     const struct head *h = (const struct head *)(const void *)l->map;
@@ -66,7 +66,7 @@ static bool is_whole(const struct sim_loop *l, const uint8_t key[SST_SIM_KEY_BYT
     return true;
 }
 
-/* @return 0, -ENOENT (no such loop, or none that can be used), -ENOMEM */
+/* @return 0, -ENOENT (no usable loop), -ENOMEM */
 static int map_file(struct sim_loop **out, const char *path, const uint8_t key[SST_SIM_KEY_BYTES], int cams, int frames)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
@@ -78,7 +78,7 @@ static int map_file(struct sim_loop **out, const char *path, const uint8_t key[S
     if (fd < 0)
         return err;
     if (fstat(fd, &st) || st.st_size < (off_t)sizeof(struct head)) {
-        sst_log_warning("the prepared world %s is damaged; it is made again", path);
+        sst_log_warning("the prepared world %s is damaged; rendering it again", path);
         goto done;
     }
     l = calloc(1, sizeof(*l));
@@ -95,7 +95,7 @@ static int map_file(struct sim_loop **out, const char *path, const uint8_t key[S
         .frames = (uint32_t)frames,
     };
     if (!is_whole(l, key)) {
-        sst_log_warning("the prepared world %s is damaged; it is made again", path);
+        sst_log_warning("the prepared world %s is damaged; rendering it again", path);
         goto done;
     }
     *out = l;
@@ -108,7 +108,7 @@ done:
     return err;
 }
 
-/* --- writing ----------------------------------------------------------------------------------------------------- */
+/* --- writing ------------------------------------------------------------------------------------------------------ */
 
 struct job {
     FILE *file;
@@ -130,7 +130,7 @@ static int store_locked(struct job *j, int cam, const struct sim_jpeg *frames)
         if (fwrite(f->data, f->bytes, 1, j->file) != 1) {
             const int err = errno ? -errno : -EIO;
 
-            sst_log_error("a frame of the simulated world cannot be written: %s; check the disk of the cache",
+            sst_log_error("cannot write a frame of the simulated world: %s; check the disk of the cache",
                           strerror(-err));
             return err;
         }
@@ -162,7 +162,7 @@ static int prepare_camera(void *arg, int cam, int worker SST_UNUSED)
     return err;
 }
 
-/* The index comes first in the file and is known last. */
+/* The index is at the start of the file and is known last. */
 static int write_index(const struct job *j, const uint8_t key[SST_SIM_KEY_BYTES])
 {
     struct head h = { .bytes = j->end, .cams = (uint32_t)j->cams, .frames = (uint32_t)j->frames };
@@ -174,8 +174,7 @@ static int write_index(const struct job *j, const uint8_t key[SST_SIM_KEY_BYTES]
             (size_t)j->cams * (size_t)j->frames) {
         const int err = errno ? -errno : -EIO;
 
-        sst_log_error("the index of the simulated world cannot be written: %s; check the disk of the cache",
-                      strerror(-err));
+        sst_log_error("cannot write the index of the simulated world: %s; check the disk of the cache", strerror(-err));
         return err;
     }
     return 0;
@@ -218,8 +217,8 @@ static int newest_first(const void *a, const void *b)
     return x > y ? -1 : x < y;
 }
 
-/** Make room before another loop is written: files that a killed program left, and all but the loops used last. What
- *  programs have mapped stays theirs; what cannot be removed stays. */
+/** Clean the cache before another loop is written: remove leftovers of killed programs and all but the most recently
+ *  used loops. Mapped files stay valid; files that cannot be removed are kept. */
 static void tidy(const char *folder)
 {
     struct cached all[CACHE_LOOKED_AT];
@@ -265,7 +264,7 @@ int sim_loop_open(struct sim_loop **out, const char *folder, const uint8_t key[S
         return err;
     err = map_file(out, path, key, cams, frames);
     if (!err)
-        (void)utimensat(AT_FDCWD, path, NULL, 0); /* used now */
+        (void)utimensat(AT_FDCWD, path, NULL, 0); /* mark as used */
     if (err != -ENOENT)
         return err;
     tidy(folder);

@@ -16,7 +16,7 @@ struct shelf {
 };
 
 struct sim_made {
-    struct shelf *shelves; /* one a camera, so that looking up stays short */
+    struct shelf *shelves; /* one per camera, which keeps lookups short */
     int cams;
     size_t bytes, budget;
     uint64_t clock;

@@ -7,8 +7,8 @@
 
 #include "simulators/scene/noise.h"
 
-#define CODES   8192  /* steps of light that are told apart on the way back to sRGB */
-#define NORMALS 65536 /* drawn once; which of them a pixel gets is random */
+#define CODES   8192  /* resolution of linear light in the conversion to sRGB */
+#define NORMALS 65536 /* table of normal random numbers; pixels pick entries at random */
 
 struct sim_photo {
     double vignetting;

@@ -9,46 +9,48 @@
 #include "base/thread.h"
 
 #define TURN      6.283185307179586
-#define BAND_ROWS 16 /* of one time, where the shutter rolls */
+#define BAND_ROWS 16 /* rows with the same exposure time of a rolling shutter */
 
 struct sim_stage {
     const struct sst_sim_settings *settings;
     struct sim_optics optics;
     struct sim_camera camera[SST_CAMERAS_MAX];
-    struct sim_camera moved[SST_CAMERAS_MAX]; /* those that move on the way, from then on */
+    struct sim_camera moved[SST_CAMERAS_MAX]; /* moving cameras after their move */
     struct sst_sim_board board;               /* with its poses */
-    struct sst_world first;                   /* at the loop's begin */
+    struct sst_scene_world first;             /* at the start of the loop */
     bool *moving;                             /* [surfaces] */
     int frames;
-    bool empty;           /* the scene is "board": boards are drawn over it */
-    int fine;             /* pixels rendered for one, along each side: edges of boards are finer than four samples */
-    struct sst_warp warp; /* of the rig's camera */
+    bool empty;                 /* the scene is "board": boards are drawn over it */
+    int fine;                   /* rendered pixels per pixel along each side: board edges need more than four samples */
+    struct sst_scene_warp warp; /* of the rig's camera */
     struct sim_photo *photo;
 };
 
-/* --- the surfaces at a time -------------------------------------------------------------------------------------- */
+/* --- the surfaces at a time --------------------------------------------------------------------------------------- */
 
 /* The empty room, with the optics of another scene where the settings name one. */
-static int build_room(const struct sim_stage *s, const struct sst_scene_config *cfg, struct sst_world *w)
+static int build_room(const struct sim_stage *s, const struct sst_scene_config *cfg, struct sst_scene_world *w)
 {
     const char *scene = s->settings->optics_scene;
-    *w = (struct sst_world){ .rng = cfg->seed, .focal = SST_SIM_BOARD_FOCAL, .spacing_mm = SST_SIM_BOARD_SPACING_MM };
+    *w = (struct sst_scene_world){ .rng = cfg->seed,
+                                   .focal = SST_SIM_BOARD_FOCAL,
+                                   .spacing_mm = SST_SIM_BOARD_SPACING_MM };
     if (*scene && strcmp(scene, "board")) {
-        struct sst_world other;
-        const int err = sst_world_build(&other, scene, cfg);
+        struct sst_scene_world other;
+        const int err = sst_scene_world_build(&other, scene, cfg);
 
         if (err)
             return err;
         w->focal = other.focal;
         w->spacing_mm = other.spacing_mm;
         w->shift = other.shift;
-        sst_world_fini(&other);
+        sst_scene_world_fini(&other);
     }
     sim_board_room(w);
     return 0;
 }
 
-static int build(const struct sim_stage *s, int frame, double late_s, struct sst_world *w)
+static int build(const struct sim_stage *s, int frame, double late_s, struct sst_scene_world *w)
 {
     const struct sst_sim_settings *c = s->settings;
     struct sst_scene_config cfg;
@@ -61,23 +63,23 @@ static int build(const struct sim_stage *s, int frame, double late_s, struct sst
     cfg.cols = c->cols;
     cfg.seed = c->seed;
     cfg.time_s = frame / c->rate_hz + late_s;
-    err = s->empty ? build_room(s, &cfg, w) : sst_world_build(w, c->scene, &cfg);
+    err = s->empty ? build_room(s, &cfg, w) : sst_scene_world_build(w, c->scene, &cfg);
     if (!err && !s->empty && s->board.kind && s->board.poses)
         sim_board_add(w, &s->board, frame % s->board.poses);
     if (!err && w->failed) {
-        sst_world_fini(w);
+        sst_scene_world_fini(w);
         err = -ENOMEM;
     }
     return err;
 }
 
-/* How much later than the first row these rows are exposed. */
+/* Delay of the exposure of these rows after the first row. */
 static double late_s(const struct sst_sim_settings *c, int row)
 {
     return c->rolling ? row * c->line_us / 1e6 : 0;
 }
 
-/* What moves; and a loop in which nothing changes is one frame long. */
+/* Find moving surfaces; a loop without any change is one frame long. */
 static int find_motion(struct sim_stage *s)
 {
     const struct sst_sim_settings *c = s->settings;
@@ -87,13 +89,13 @@ static int find_motion(struct sim_stage *s)
     if (!s->moving)
         return -ENOMEM;
     for (int i = 0; i < 2 * s->frames; i++) {
-        struct sst_world w;
+        struct sst_scene_world w;
         const int err = build(s, i / 2, i & 1 ? late_s(c, c->height) : 0, &w);
 
         if (err)
             return err;
-        sst_world_compare(&s->first, &w, s->moving);
-        sst_world_fini(&w);
+        sst_scene_world_compare(&s->first, &w, s->moving);
+        sst_scene_world_fini(&w);
     }
     for (int i = 0; i < s->first.count; i++)
         still = still && !s->moving[i];
@@ -104,7 +106,7 @@ static int find_motion(struct sim_stage *s)
     return 0;
 }
 
-/* --- where a camera's pixels look -------------------------------------------------------------------------------- */
+/* --- mapping of a camera's pixels --------------------------------------------------------------------------------- */
 
 static bool is_ideal(const struct sim_stage *s, const struct sim_camera *c)
 {
@@ -118,8 +120,8 @@ static bool is_ideal(const struct sim_stage *s, const struct sim_camera *c)
     return c->fx == o->focal_px && c->fy == o->focal_px && c->cx == o->cx && c->cy == o->cy;
 }
 
-/* Position in the ideal picture of what the camera sees at (x, y). @return false: the lens folds over before it */
-static bool look(const struct sim_optics *o, const struct sim_camera *c, double x, double y, double out[2])
+/* Position in the ideal picture of the camera's pixel (x, y). @return false: beyond the fold of the lens */
+static bool ideal_position(const struct sim_optics *o, const struct sim_camera *c, double x, double y, double out[2])
 {
     const double *r = c->rotation;
     double a, b, ray[3];
@@ -135,7 +137,7 @@ static bool look(const struct sim_optics *o, const struct sim_camera *c, double 
     return true;
 }
 
-/* A lattice over the picture: where no pixel of it folds, none between does. */
+/* Checks a lattice over the picture: if no lattice pixel folds, none between does. */
 static int check_lens(const struct sim_stage *s, const struct sim_camera *camera, int cam)
 {
     const int steps = 16;
@@ -144,10 +146,10 @@ static int check_lens(const struct sim_stage *s, const struct sim_camera *camera
         for (int j = 0; j <= steps; j++) {
             double at[2];
 
-            if (look(&s->optics, camera, (s->settings->width - 1) * (double)i / steps,
-                     (s->settings->height - 1) * (double)j / steps, at))
+            if (ideal_position(&s->optics, camera, (s->settings->width - 1) * (double)i / steps,
+                               (s->settings->height - 1) * (double)j / steps, at))
                 continue;
-            sst_log_error("the distortion or rotation of camera %d folds its picture over; choose smaller ones", cam);
+            sst_log_error("the distortion or rotation of camera %d folds its picture over; choose smaller values", cam);
             return -EINVAL;
         }
     }
@@ -155,43 +157,44 @@ static int check_lens(const struct sim_stage *s, const struct sim_camera *camera
 }
 
 /* @return 0 (warp left alone for an ideal camera), -ENOMEM, -EINVAL */
-static int make_warp(const struct sim_stage *s, const struct sim_camera *camera, struct sst_warp *warp)
+static int make_warp(const struct sim_stage *s, const struct sim_camera *camera, struct sst_scene_warp *warp)
 {
     const int fine = s->fine, width = s->settings->width * fine, height = s->settings->height * fine;
-    int err = is_ideal(s, camera) ? 0 : sst_warp_init(warp, width, height);
+    int err = is_ideal(s, camera) ? 0 : sst_scene_warp_init(warp, width, height);
 
     for (int y = 0; warp->x && y < height; y++) {
         for (int x = 0; x < width; x++) {
             const size_t i = (size_t)y * (size_t)width + (size_t)x;
             double at[2];
 
-            if (!look(&s->optics, camera, (x + 0.5) / fine - 0.5, (y + 0.5) / fine - 0.5, at))
+            if (!ideal_position(&s->optics, camera, (x + 0.5) / fine - 0.5, (y + 0.5) / fine - 0.5, at))
                 return -EINVAL;
             warp->x[i] = (float)((at[0] + 0.5) * fine - 0.5);
             warp->y[i] = (float)((at[1] + 0.5) * fine - 0.5);
         }
     }
     if (warp->x)
-        sst_warp_index(warp);
+        sst_scene_warp_index(warp);
     return err;
 }
 
 /* Frames first .. last-1 of a camera. */
-struct take {
+struct shooting {
     int cam;
     const struct sim_camera *camera;
-    const struct sst_warp *warp;
+    const struct sst_scene_warp *warp;
     double eye_mm[3];
     int first, last, threads;
     sim_picture_fn *fn;
     void *arg;
 };
 
-static void aim(const struct sim_stage *s, const struct take *t, struct sst_image *image, struct sst_raster *out)
+static void aim(const struct sim_stage *s, const struct shooting *t, struct sst_image *image,
+                struct sst_scene_raster *out)
 {
     const struct sim_optics *o = &s->optics;
 
-    *out = (struct sst_raster){
+    *out = (struct sst_scene_raster){
         .world = &s->first,
         .focal_px = o->focal_px * s->fine,
         .cx = (o->cx + 0.5) * s->fine - 0.5,
@@ -208,7 +211,7 @@ static void aim(const struct sim_stage *s, const struct take *t, struct sst_imag
     };
 }
 
-/* --- opening ----------------------------------------------------------------------------------------------------- */
+/* --- opening ------------------------------------------------------------------------------------------------------ */
 
 static void find_optics(struct sim_stage *s)
 {
@@ -234,14 +237,14 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
     s->empty = !strcmp(settings->scene, "board");
     s->fine = settings->board.kind && !s->empty ? 2 : 1;
     s->frames = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
-    err = build(s, 0, 0, &s->first); /* without the board, whose poses may follow from the scene's size */
+    err = build(s, 0, 0, &s->first); /* without the board, whose poses may depend on the scene's size */
     if (err)
         goto fail;
     find_optics(s);
     s->board = settings->board;
     if (s->board.seeded)
         sim_board_seed_poses(&s->board, settings, &s->first);
-    sst_world_fini(&s->first);
+    sst_scene_world_fini(&s->first);
     err = build(s, 0, 0, &s->first);
     if (!err)
         err = find_motion(s);
@@ -275,8 +278,8 @@ void sim_stage_close(struct sim_stage *s)
     if (!s)
         return;
     sim_photo_destroy(s->photo);
-    sst_warp_fini(&s->warp);
-    sst_world_fini(&s->first);
+    sst_scene_warp_fini(&s->warp);
+    sst_scene_world_fini(&s->first);
     free(s->moving);
     free(s);
 }
@@ -307,11 +310,11 @@ int sim_stage_frames(const struct sim_stage *s)
     return s->frames;
 }
 
-/* --- pictures ---------------------------------------------------------------------------------------------------- */
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
 
 /*
  * Half the size, weights 1 3 3 1 of four pixels each way: a pixel's area and the blur of a lens, about half a pixel.
- * Edges sharper than any lens makes them would shift found corners by up to a tenth of a pixel.
+ * Unrealistically sharp edges would shift detected corners by up to a tenth of a pixel.
  */
 static void soften(const struct sst_image *in, struct sst_image *out)
 {
@@ -334,8 +337,8 @@ static void soften(const struct sst_image *in, struct sst_image *out)
     }
 }
 
-/* From the rendered picture to the sensor's: in place, or where fine is 2 from the large one. */
-static void expose(const struct sim_stage *s, const struct take *t, int frame, const struct sst_image *fine,
+/* From the rendered picture to the sensor's: in place, or from the large one if fine is 2. */
+static void expose(const struct sim_stage *s, const struct shooting *t, int frame, const struct sst_image *fine,
                    struct sst_image *native)
 {
     const struct sim_exposing e = {
@@ -349,25 +352,25 @@ static void expose(const struct sim_stage *s, const struct take *t, int frame, c
     sim_photo_expose(s->photo, &e, s->fine == 2 ? native : fine, native);
 }
 
-/* All rows at once, or band by band where the shutter rolls. */
-static int draw(const struct sim_stage *s, struct sst_layers *layers, int frame)
+/* Draw all rows at once, or band by band for a rolling shutter. */
+static int draw(const struct sim_stage *s, struct sst_scene_layers *layers, int frame)
 {
     const int height = s->settings->height, step = s->settings->rolling ? BAND_ROWS : height;
 
     for (int y = 0; y < height; y += step) {
-        struct sst_world w;
+        struct sst_scene_world w;
         const int err = build(s, frame, late_s(s->settings, y), &w);
 
         if (err)
             return err;
-        sst_layers_draw(layers, &w, y * s->fine, sst_min_int(y + step, height) * s->fine);
-        sst_world_fini(&w);
+        sst_scene_layers_draw(layers, &w, y * s->fine, sst_min_int(y + step, height) * s->fine);
+        sst_scene_world_fini(&w);
     }
     return 0;
 }
 
 /* The board over the empty room. @return 0 or -ENOMEM */
-static int draw_board(const struct sim_stage *s, const struct take *t, int frame, struct sst_image *image)
+static int draw_board(const struct sim_stage *s, const struct shooting *t, int frame, struct sst_image *image)
 {
     const struct sim_board_view v = {
         .board = &s->board,
@@ -384,18 +387,18 @@ static int draw_board(const struct sim_stage *s, const struct take *t, int frame
     return s->empty && s->board.kind && s->board.poses ? sim_board_draw(&v, image) : 0;
 }
 
-static int shoot(const struct sim_stage *s, const struct take *t)
+static int shoot(const struct sim_stage *s, const struct shooting *t)
 {
     struct sst_image fine = { 0 }, native = { 0 };
-    struct sst_layers *layers = NULL;
-    struct sst_raster r;
+    struct sst_scene_layers *layers = NULL;
+    struct sst_scene_raster r;
     int err = sst_image_init(&native, s->settings->width, s->settings->height);
 
     if (!err)
         err = sst_image_init(&fine, s->settings->width * s->fine, s->settings->height * s->fine);
     if (!err) {
         aim(s, t, &fine, &r);
-        err = sst_layers_create(&layers, &r, s->moving, t->threads);
+        err = sst_scene_layers_create(&layers, &r, s->moving, t->threads);
     }
     for (int i = t->first; i < t->last && !err; i++) {
         err = draw(s, layers, i);
@@ -406,16 +409,16 @@ static int shoot(const struct sim_stage *s, const struct take *t)
         expose(s, t, i, &fine, &native);
         err = t->fn(t->arg, i, &native);
     }
-    sst_layers_destroy(layers);
+    sst_scene_layers_destroy(layers);
     sst_image_fini(&fine);
     sst_image_fini(&native);
     return err;
 }
 
-/* With a lens of its own and where it stands. */
-static int shoot_from(const struct sim_stage *s, struct take *t, const struct sim_camera *camera)
+/* Render a picture with the camera's own lens and position. */
+static int shoot_from(const struct sim_stage *s, struct shooting *t, const struct sim_camera *camera)
 {
-    struct sst_warp warp = { 0 };
+    struct sst_scene_warp warp = { 0 };
     int err = t->first < t->last ? make_warp(s, camera, &warp) : 0;
 
     t->camera = camera;
@@ -423,14 +426,14 @@ static int shoot_from(const struct sim_stage *s, struct take *t, const struct si
     memcpy(t->eye_mm, camera->position_mm, sizeof(t->eye_mm));
     if (!err && t->first < t->last)
         err = shoot(s, t);
-    sst_warp_fini(&warp);
+    sst_scene_warp_fini(&warp);
     return err;
 }
 
 int sim_stage_loop(const struct sim_stage *s, int cam, sim_picture_fn *fn, void *arg)
 {
     const int moves_at = s->settings->camera[cam].moves_at, change = moves_at ? moves_at : s->frames;
-    struct take t = { .cam = cam, .last = change, .threads = 1, .fn = fn, .arg = arg };
+    struct shooting t = { .cam = cam, .last = change, .threads = 1, .fn = fn, .arg = arg };
     int err = shoot_from(s, &t, &s->camera[cam]);
 
     t.first = change;
@@ -440,25 +443,25 @@ int sim_stage_loop(const struct sim_stage *s, int cam, sim_picture_fn *fn, void 
 
 int sim_stage_pose(const struct sim_stage *s, const int32_t pose_um[3], int frame, sim_picture_fn *fn, void *arg)
 {
-    struct take t = { .camera = &s->camera[0],
-                      .warp = &s->warp,
-                      .first = frame,
-                      .last = frame + 1,
-                      .threads = sst_thread_count(0),
-                      .fn = fn,
-                      .arg = arg };
+    struct shooting t = { .camera = &s->camera[0],
+                          .warp = &s->warp,
+                          .first = frame,
+                          .last = frame + 1,
+                          .threads = sst_thread_count(0),
+                          .fn = fn,
+                          .arg = arg };
 
     for (int i = 0; i < 3; i++)
         t.eye_mm[i] = s->camera[0].position_mm[i] + pose_um[i] / 1000.0;
     return shoot(s, &t);
 }
 
-int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3], struct sst_warp *rays,
+int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3], struct sst_scene_warp *rays,
                    struct sst_map_f32 *depth, struct sst_map_u8 *label)
 {
     const struct sim_optics *o = &s->optics;
-    struct sst_world w;
-    const struct sst_raster r = {
+    struct sst_scene_world w;
+    const struct sst_scene_raster r = {
         .world = &w,
         .focal_px = o->focal_px,
         .cx = o->cx,
@@ -480,9 +483,9 @@ int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3],
         return err;
     if (s->empty && s->board.kind && s->board.poses)
         sim_board_add(&w, &s->board, frame % s->board.poses);
-    sst_warp_index(rays);
-    err = w.failed ? -ENOMEM : sst_raster_run(&r);
-    sst_world_fini(&w);
+    sst_scene_warp_index(rays);
+    err = w.failed ? -ENOMEM : sst_scene_raster_run(&r);
+    sst_scene_world_fini(&w);
     for (int y = 0; !err && depth && y < depth->height; y++) {
         float *row = sst_map_f32_row(depth, y);
 

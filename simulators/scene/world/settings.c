@@ -37,7 +37,7 @@ static void default_board(struct sst_sim_board *b)
     b->seeded = true;
 }
 
-/* Whole periods of what moves in the scene, so that the loop has no seam. */
+/* Whole periods of the scene's motion, so that the loop is seamless. */
 static void default_loop(struct sst_sim_settings *s)
 {
     s->rate_hz = !strcmp(s->scene, "bush") ? 5 : s->board.kind ? 1 : 10;
@@ -48,7 +48,7 @@ static void default_loop(struct sst_sim_settings *s)
 
 void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
 {
-    memset(s, 0, sizeof(*s)); /* also between the fields: the bytes are the cache's key */
+    memset(s, 0, sizeof(*s)); /* padding included: the bytes are the cache's key */
     snprintf(s->scene, sizeof(s->scene), "%s", scene);
     s->seed = 1;
     s->rows = s->cols = 6;
@@ -64,7 +64,7 @@ void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
     default_loop(s);
 }
 
-/* --- the file ---------------------------------------------------------------------------------------------------- */
+/* --- the file ----------------------------------------------------------------------------------------------------- */
 
 /* "[a, b]" with whole numbers. */
 static void read_pair(struct sst_yaml *doc, const struct sst_yaml_node *node, int min, int max, int *a, int *b)
@@ -86,7 +86,7 @@ static void read_loop(struct sst_yaml *doc, struct sst_yaml_node *map, struct ss
     sst_yaml_double(doc, sst_yaml_get(map, "seconds"), 0.01, 3600, &s->loop_s);
     sst_yaml_double(doc, sst_yaml_get(map, "rate_hz"), 0.1, 120, &s->rate_hz);
     if (s->loop_s * s->rate_hz > FRAMES_MAX)
-        sst_yaml_fault(doc, map, "makes %.0f frames of each camera; %d are the most", s->loop_s * s->rate_hz,
+        sst_yaml_fault(doc, map, "makes %.0f frames of each camera; the maximum is %d", s->loop_s * s->rate_hz,
                        FRAMES_MAX);
 }
 
@@ -106,9 +106,9 @@ static void read_optics(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
 
     if (sst_yaml_string(doc, scene, s->optics_scene, sizeof(s->optics_scene))) {
         if (!is_scene(s->optics_scene))
-            sst_yaml_fault(doc, scene, "is no scene; choose " SCENES);
+            sst_yaml_fault(doc, scene, "is not a scene; choose " SCENES);
         else if (strcmp(s->scene, "board"))
-            sst_yaml_fault(doc, scene, "is for worlds of the scene board alone; others have optics of their own");
+            sst_yaml_fault(doc, scene, "applies only to worlds of the scene board; others have their own optics");
     }
     sst_yaml_doubles(doc, sst_yaml_get(map, "distortion"), -10, 10, s->distortion, 5);
     sst_yaml_doubles(doc, sst_yaml_get(map, "distortion_spread"), 0, 10, s->distortion_spread, 5);
@@ -143,7 +143,7 @@ static void read_timing(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
     sst_yaml_double(doc, sst_yaml_get(map, "clock_drift_spread_ppm"), 0, 1000, &s->clock_drift_spread_ppm);
 }
 
-/* A number: so many poses by the seed. A list: the poses themselves. */
+/* A number: this many poses by the seed. A list: the poses themselves. */
 static void read_poses(struct sst_yaml *doc, struct sst_yaml_node *node, struct sst_sim_board *b, bool alone)
 {
     if (!node)
@@ -168,7 +168,7 @@ static void read_poses(struct sst_yaml *doc, struct sst_yaml_node *node, struct 
         sst_yaml_doubles(doc, sst_yaml_need(doc, n, "position_mm"), -1e6, 1e6, p->position_mm, 3);
         sst_yaml_doubles(doc, sst_yaml_get(n, "rotation_deg"), -360, 360, p->rotation_deg, 3);
         if (sst_yaml_double(doc, sst_yaml_get(n, "blur_px"), 0, 100, &p->blur_px) && !alone)
-            sst_yaml_fault(doc, n, "has blur_px, which is for worlds of the scene board alone");
+            sst_yaml_fault(doc, n, "has blur_px, which applies only to worlds of the scene board");
     }
 }
 
@@ -192,7 +192,7 @@ static void read_board(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     read_poses(doc, sst_yaml_get(map, "poses"), b, alone);
     most = b->kind == SST_SIM_CHARUCO ? 2 * SST_SIM_CHARUCO_MARKERS : SST_SIM_APRIL_TAGS;
     if (b->kind >= SST_SIM_CHARUCO && b->cols * b->rows > most)
-        sst_yaml_fault(doc, map, "has %dx%d squares; there are markers for %d", b->cols, b->rows, most);
+        sst_yaml_fault(doc, map, "has %dx%d squares, but there are only markers for %d", b->cols, b->rows, most);
 }
 
 struct number {
@@ -228,7 +228,7 @@ static void read_override(struct sst_yaml *doc, struct sst_yaml_node *map, struc
     }
 }
 
-/* "moves": from a frame of the loop on. */
+/* "moves": a change of pose from a frame of the loop on. */
 static void read_moves(struct sst_yaml *doc, struct sst_yaml_node *map, const struct sst_sim_settings *s,
                        struct sst_sim_override *o)
 {
@@ -237,7 +237,7 @@ static void read_moves(struct sst_yaml *doc, struct sst_yaml_node *map, const st
     if (map->type != SST_YAML_MAP)
         sst_yaml_fault(doc, map, "must be {at_pose: 10, rotation_deg: [x, y, z], position_mm: [x, y, z]}");
     if (s->rig)
-        sst_yaml_fault(doc, map, "is for arrays; the camera of a rig stays as it is mounted");
+        sst_yaml_fault(doc, map, "applies only to arrays; the camera of a rig stays as mounted");
     o->given |= SST_SIM_MOVES;
     sst_yaml_int(doc, sst_yaml_get(map, "at_pose"), 0, sst_max_int(1, (int)lround(s->loop_s * s->rate_hz)) - 1,
                  &o->moves_at);
@@ -271,7 +271,7 @@ static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
 
     read_pair(doc, grid, 1, SST_CAMERAS_MAX, &s->rows, &s->cols);
     if (s->rows * s->cols > SST_CAMERAS_MAX) {
-        sst_yaml_fault(doc, grid, "has %d cameras; %d are the most", s->rows * s->cols, SST_CAMERAS_MAX);
+        sst_yaml_fault(doc, grid, "has %d cameras; the maximum is %d", s->rows * s->cols, SST_CAMERAS_MAX);
         s->rows = s->cols = 1;
     }
     read_pair(doc, size, 16, SIDE_MAX, &s->width, &s->height);
@@ -279,12 +279,12 @@ static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
         sst_yaml_fault(doc, size, "must be a multiple of 16 wide and of 8 high");
     else if (s->strip && 2 * strip_height(s->width) > s->height)
         sst_yaml_fault(doc, size,
-                       "is too small for the strip, which takes %d rows; choose a larger size or strip: "
+                       "is too small for the strip of %d rows; choose a larger size or strip: "
                        "false",
                        strip_height(s->width));
 }
 
-/* A mapping below the root, where it is there. */
+/* A mapping below the root, if present. */
 static struct sst_yaml_node *section(struct sst_yaml *doc, struct sst_yaml_node *root, const char *key)
 {
     struct sst_yaml_node *node = sst_yaml_get(root, key);
@@ -302,7 +302,7 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     int seed = 1;
 
     if (sst_yaml_string(doc, scene, name, sizeof(name)) && !is_scene(name))
-        sst_yaml_fault(doc, scene, "is no scene; choose " SCENES);
+        sst_yaml_fault(doc, scene, "is not a scene; choose " SCENES);
     sst_sim_settings_defaults(s, name);
     if (sst_yaml_int(doc, sst_yaml_get(root, "seed"), 0, INT32_MAX, &seed))
         s->seed = (uint64_t)seed;
@@ -336,7 +336,7 @@ int sst_sim_settings_read(struct sst_sim_settings *s, const char *world)
         return 0;
     }
     if (!sst_path_exists(world)) {
-        sst_log_error("there is no world %s; give the path of a world file, or a scene: " SCENES, world);
+        sst_log_error("unknown world `%s`; give the path of a world file, or a scene: " SCENES, world);
         return -EINVAL;
     }
     err = sst_file_read(world, SST_YAML_MAX_BYTES, &text, &size);

@@ -1,5 +1,4 @@
-/* simulators/scene/world/settings.h - what a world file says: the scene, its loop, and how far the cameras are from
- * ideal. */
+/* simulators/scene/world/settings.h - world files: the scene, its loop, and the imperfections of the cameras. */
 #ifndef SST_SIMULATORS_SCENE_WORLD_SETTINGS_H
 #define SST_SIMULATORS_SCENE_WORLD_SETTINGS_H
 
@@ -16,10 +15,10 @@ enum sst_sim_board_kind {
     SST_SIM_APRILGRID = 3,
 };
 
-/** Of a board's centre: mm from the reference camera, and turns about x, then y, then z. */
+/** Pose of a board's centre: mm from the reference camera, and rotations about x, then y, then z. */
 struct sst_sim_pose {
     double position_mm[3], rotation_deg[3];
-    double blur_px; /* it moves by this along x during the exposure */
+    double blur_px; /* movement along x during the exposure */
 };
 
 struct sst_sim_board {
@@ -27,12 +26,12 @@ struct sst_sim_board {
     int cols, rows;   /* squares of a chessboard or ChArUco, tags of an AprilGrid */
     double square_mm; /* side of a square; of a tag */
     double marker;    /* ChArUco: side of a marker in squares; AprilGrid: gap between tags in tags */
-    int poses;        /* shown one after another, one each frame of the loop */
-    bool seeded;      /* they follow from the seed */
+    int poses;        /* shown one after another, one per frame of the loop */
+    bool seeded;      /* derived from the seed */
     struct sst_sim_pose pose[SST_SIM_POSES_MAX];
 };
 
-/** What a world file may say of one camera; bits of `given`. */
+/** Keys of one camera in a world file; bits of `given`. */
 enum sst_sim_given {
     SST_SIM_DISTORTION = 1 << 0,
     SST_SIM_ROTATION = 1 << 1,
@@ -53,12 +52,13 @@ struct sst_sim_override {
     unsigned given;
     double distortion[5], rotation_deg[3], position_mm[3], focal_percent, principal_px[2], gain[3];
     double delay_us, jitter_us, latency_us, phase_us, clock_offset_us, clock_drift_ppm;
-    /* From this frame of the loop on it is turned (in its own axes) and shifted against all of the above. */
+    /* From this frame of the loop on it is additionally rotated (in its own axes) and shifted. */
     int moves_at;
     double moves_deg[3], moves_mm[3];
 };
 
-/** Spreads are standard deviations of a normal distribution over the cameras. All plain values: the cache's key. */
+/** Spreads are standard deviations of a normal distribution over the cameras. Plain values only: the bytes are the
+ *  cache's key. */
 struct sst_sim_settings {
     char scene[32];
     uint64_t seed;
@@ -66,10 +66,10 @@ struct sst_sim_settings {
     double loop_s, rate_hz;
     int quality, exposure_us;
     bool strip, rig, rolling;
-    double line_us;       /* rolling shutter: from row to row */
-    double light_percent; /* the light rises and falls by this once each loop */
+    double line_us;       /* rolling shutter: delay from row to row */
+    double light_percent; /* amplitude of the light's variation, once per loop */
     /* optics: */
-    char optics_scene[32]; /* whose ideal focal length, principal point and spacing they are; "": the scene's own */
+    char optics_scene[32]; /* scene whose focal length, principal point and spacing are used; "": its own */
     double distortion[5], distortion_spread[5]; /* k1 k2 p1 p2 k3 */
     double focal_spread_percent, principal_spread_px;
     double vignetting; /* light lost in the corners, 0..1 */
@@ -85,11 +85,11 @@ struct sst_sim_settings {
     struct sst_sim_override camera[SST_CAMERAS_MAX];
 };
 
-/** Ideal cameras on a scene, or on "board", an empty wall with a calibration board before it. */
+/** Ideal cameras for a scene, or for "board", an empty wall with a calibration board in front of it. */
 void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene);
 
 /**
- * Settings of a world: the name of a scene, or a world file.
+ * Read the settings of a world: the name of a scene, or a world file.
  *
  * @return 0, -EINVAL (neither), -ENOENT, -EBADMSG (all faults logged with file:line:column), -ENOMEM
  */

@@ -15,11 +15,11 @@
 #include "pipeline/image/codec.h"
 #include "simulators/scene/world/world_internal.h"
 
-#define VERSION    3 /* part of the cache's key: raise it when the same settings give other bytes */
+#define VERSION    3 /* part of the cache's key: increase it when the same settings give different bytes */
 #define SIZES_MAX  4
 #define MADE_BYTES ((size_t)256 << 20)
 #define LIGHT_ONE  1024
-#define TRIGGERS   64 /* whose loop frame is remembered */
+#define TRIGGERS   64 /* triggers whose loop frame is remembered */
 
 struct sst_sim_world {
     struct sst_sim_settings settings;
@@ -27,7 +27,7 @@ struct sst_sim_world {
     struct sim_loop *loop; /* NULL on a rig */
     struct sim_made *made;
     int cams, frames, size_count;
-    int held; /* the loop's frame that is shown; -1: by time */
+    int held; /* the loop's frame that is held; -1: by time */
     int sizes[SIZES_MAX][2];
     struct {
         uint64_t trigger;
@@ -37,9 +37,9 @@ struct sst_sim_world {
     uint8_t *luma; /* of a strip */
 };
 
-/* --- opening ----------------------------------------------------------------------------------------------------- */
+/* --- opening ------------------------------------------------------------------------------------------------------ */
 
-/* Native, 3/4, 1/2 and 1/4 of it: whole cells of 16x8 px and no less than the strip needs twice. */
+/* Native, 3/4, 1/2 and 1/4 of it: whole cells of 16x8 px and at least twice the strip's height. */
 static void find_sizes(struct sst_sim_world *w)
 {
     static const int quarters[SIZES_MAX] = { 4, 3, 2, 1 };
@@ -84,7 +84,7 @@ static int cache_folder(char out[SST_PATH_MAX], const char *cache)
         if (!err)
             err = sst_path_join(out, dot, "sst-sim");
     } else {
-        sst_log_error("there is no folder for prepared worlds; set HOME or XDG_CACHE_HOME");
+        sst_log_error("no folder for prepared worlds; set HOME or XDG_CACHE_HOME");
         return -EINVAL;
     }
     return err ? err : make_parents(out);
@@ -211,7 +211,7 @@ int sst_sim_world_hold(struct sst_sim_world *w, int pose)
 
     if (pose < 0 || pose > sst_min_int(poses, w->frames))
         return -ERANGE;
-    /* A rig takes much longer for its views than the board stays by time. */
+    /* A rig takes much longer for its views than a pose lasts by time. */
     w->held = pose ? pose - 1 : w->settings.rig && poses ? 0 : -1;
     return 0;
 }
@@ -238,11 +238,12 @@ int sst_sim_world_truth(const struct sst_sim_world *w, const char *path)
     return sim_truth_write(&w->settings, w->stage, path);
 }
 
-/* --- frames ------------------------------------------------------------------------------------------------------ */
+/* --- frames ------------------------------------------------------------------------------------------------------- */
 
 /*
- * The loop's frame at a time. All cameras of one trigger show the same one, though their exposures begin microseconds
- * apart and may lie on both sides of a change: who comes within a quarter of a step takes the first one's.
+ * The loop's frame at a time. All cameras of one trigger show the same frame, although their exposures begin
+ * microseconds apart and may be on both sides of a change: a camera within a quarter of a step uses the first one's
+ * frame.
  */
 static int frame_at(struct sst_sim_world *w, const struct sst_sim_exposure *e)
 {
@@ -263,7 +264,7 @@ static int frame_at(struct sst_sim_world *w, const struct sst_sim_exposure *e)
     return frame;
 }
 
-/* The frame as the camera's sensor sees it at nominal exposure, native size, MJPEG. @return 0 or a negative errno */
+/* The camera's frame at nominal exposure, native size, MJPEG. @return 0 or a negative errno */
 static int native(struct sst_sim_world *w, const struct sim_made_key *wanted, struct sim_jpeg *out)
 {
     struct sim_made_key key = *wanted;
@@ -289,7 +290,7 @@ static int native(struct sst_sim_world *w, const struct sim_made_key *wanted, st
     return err ? err : sim_made_keep(w->made, &key, out);
 }
 
-/* The slow way: decode, light, scale, encode or pack. */
+/* The slow path: decode, light, scale, encode or pack. */
 static int make(struct sst_sim_world *w, const struct sim_made_key *key, struct sim_jpeg *out)
 {
     const bool native_size = key->width == w->settings.width && key->height == w->settings.height;

@@ -1,4 +1,4 @@
-/* simulators/scene/world/sim_world.h - the simulated world: what each camera of the array sees at any time and pose. */
+/* simulators/scene/world/sim_world.h - the simulated world: the frame of each camera at any time and pose. */
 #ifndef SST_SIMULATORS_SCENE_WORLD_SIM_WORLD_H
 #define SST_SIMULATORS_SCENE_WORLD_SIM_WORLD_H
 
@@ -8,13 +8,13 @@
 
 struct sst_sim_world; /* opaque; frames from one thread at a time */
 
-/** How camera cam's time differs from the trigger's. */
+/** Timing of a camera relative to the trigger. */
 struct sst_sim_timing {
     int64_t delay_ns;        /* from the trigger's edge to start of exposure */
     int64_t jitter_ns;       /* standard deviation of that delay */
-    int64_t latency_ns;      /* from the end of exposure to the buffer being done */
-    int64_t clock_offset_ns; /* added to its time stamps ... */
-    double clock_drift_ppm;  /* ... and growing since the world began */
+    int64_t latency_ns;      /* from the end of exposure to the finished buffer */
+    int64_t clock_offset_ns; /* offset of its time stamps ... */
+    double clock_drift_ppm;  /* ... and drift since the start of the world */
     int64_t phase_ns;        /* of its free run */
 };
 
@@ -29,7 +29,7 @@ struct sst_sim_exposure {
 };
 
 /**
- * Read a world and prepare it: render and encode its loop, or take it from the cache.
+ * Read a world and prepare it: render and encode its loop, or load it from the cache.
  *
  * @param world  name of a scene, or path of a world file (YAML); NULL: "pedestrian"
  * @param cache  folder for prepared loops; NULL: $XDG_CACHE_HOME/sst-sim or ~/.cache/sst-sim
@@ -42,11 +42,11 @@ int sst_sim_world_cameras(const struct sst_sim_world *world); /* 36 for an array
 void sst_sim_world_grid(const struct sst_sim_world *world, int *rows, int *cols);
 void sst_sim_world_size(const struct sst_sim_world *world, int *width, int *height); /* native */
 const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *world, int cam);
-int sst_sim_world_exposure_us(const struct sst_sim_world *world); /* nominal: what an automatic exposure settles on */
+int sst_sim_world_exposure_us(const struct sst_sim_world *world); /* nominal: result of automatic exposure */
 uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
 
 /**
- * Keep the board where it is in one of its poses, whatever time it is.
+ * Hold the board in one of its poses, independent of time.
  *
  * @param pose  from 1; 0: by time again, on a rig the first
  * @return 0, -ERANGE (no such pose)
@@ -73,16 +73,16 @@ SST_MUST_CHECK int sst_sim_world_truth(const struct sst_sim_world *world, const 
 int sst_sim_world_sizes(const struct sst_sim_world *world, const int (**sizes)[2]);
 
 /**
- * The bytes that a camera delivers for an exposure. MJPEG at native size comes from the prepared loop with only the
- * strip drawn anew; other formats and sizes are decoded, scaled and converted from it, and so is light other than the
- * nominal (exposure_us of the world at gain 1); what was made is kept. The loop's frame follows from t_ns alone (a
- * board before a rig stays in its first pose, see sst_sim_world_hold()), except that cameras with the same trigger
- * index whose exposures begin within a quarter of the loop's step show the same one. A new pose of a rig is rendered
- * at once, which takes a good part of a second.
+ * Render the bytes that a camera delivers for an exposure. MJPEG at native size is copied from the prepared loop with
+ * the strip drawn into it; other formats and sizes, and light other than nominal (exposure_us of the world at gain 1),
+ * are decoded, scaled and converted from it, and cached. The loop's frame depends only on t_ns (with a rig the board
+ * stays in its first pose, see sst_sim_world_hold()), except that cameras with the same trigger index whose exposures
+ * begin within a quarter of the loop's step show the same one. A new pose of a rig is rendered on demand, which takes
+ * most of a second.
  *
  * @param fourcc  V4L2: MJPG, YUYV, GREY, Y16, BA81/GBRG/GRBG/RGGB
  * @param out     [capacity]; *bytes of it are written
- * @return 0, -EINVAL (format or size that no camera offers), -ENOSPC (capacity)
+ * @return 0, -EINVAL (unsupported format or size), -ENOSPC (capacity)
  */
 SST_MUST_CHECK int sst_sim_world_frame(struct sst_sim_world *world, const struct sst_sim_exposure *exposure,
                                        uint32_t fourcc, int width, int height, uint8_t *out, size_t capacity,

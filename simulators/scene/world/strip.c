@@ -6,7 +6,7 @@
 
 #define GAIN_ONE  64
 #define CRC_AT    (SST_STRIP_BITS - 32)
-#define DARK      96 /* a cell's mean below is black, above LIGHT white; between: no cell of ours */
+#define DARK      96 /* a cell's mean below is black, above LIGHT white; between: invalid */
 #define LIGHT     160
 #define POSE_BITS 24
 
@@ -29,7 +29,7 @@ static uint32_t crc32(const uint8_t *data, size_t n)
     return ~crc;
 }
 
-/* All fields are whole groups of four bits, so two at most share a byte. */
+/* All fields are multiples of four bits, so at most two share a byte. */
 static void put(uint8_t *bits, int *at, int n, uint64_t value)
 {
     for (int i = n - 1; i >= 0; i--, (*at)++)
@@ -86,7 +86,7 @@ void strip_draw(uint8_t *luma, size_t stride, int width, const struct sst_sim_ex
     }
 }
 
-/* 1, 0, or -1 where it is neither. Edges are left out: scaling and JPEG soften them. */
+/* Value of a cell: 1, 0, or -1 for neither. Its edges are ignored: scaling and JPEG soften them. */
 static int cell_of(const uint8_t *luma, size_t stride)
 {
     int sum = 0;

@@ -12,7 +12,7 @@
 #include "base/stats.h"
 #include "pipeline/camera/calib.h"
 
-/* jansson's pack functions take over what they are given and return NULL if any of it is NULL. */
+/* jansson's pack functions take ownership of their arguments and return NULL if any of them is NULL. */
 static json_t *row3(const double v[3])
 {
     return json_pack("[f, f, f]", v[0], v[1], v[2]);
@@ -39,7 +39,7 @@ static json_t *camera(const struct sst_sim_settings *s, const struct sim_camera 
                      (json_int_t)t->phase_ns);
 }
 
-/* Where the camera is from a frame of the loop on. */
+/* The camera's pose from a frame of the loop on. */
 static json_t *moved(const struct sim_camera *c, int at)
 {
     return json_pack("{s: i, s: o, s: o}", "at_pose", at, "rotation", matrix(c->rotation), "position_mm",
@@ -105,7 +105,7 @@ int sim_truth_write(const struct sst_sim_settings *s, const struct sim_stage *st
     if (text)
         err = sst_file_write(path, text, strlen(text));
     else
-        sst_log_error("no memory for the truth of the world in %s", path);
+        sst_log_error("out of memory for the truth of the world in %s", path);
     free(text);
     json_decref(all);
     return err;
@@ -120,7 +120,7 @@ static void turned(const double a[9], const double v[3], double out[3])
         out[i] = a[3 * i] * v[0] + a[3 * i + 1] * v[1] + a[3 * i + 2] * v[2];
 }
 
-/* A camera seen from another one's axes. @param at  where they stand */
+/* A camera in another one's axes. @param at  their positions */
 static void fill_camera(struct sst_calib_camera *to, const struct sim_camera *c, const double at[3],
                         const struct sim_camera *reference, const double reference_at[3], double vignetting)
 {
@@ -142,7 +142,7 @@ static void fill_camera(struct sst_calib_camera *to, const struct sim_camera *c,
     to->falloff[0] = -vignetting;
 }
 
-/* Gains are told against the mean camera's. */
+/* Normalise gains to the mean camera's. */
 static void even_gains(struct sst_calib *calib)
 {
     const int cams = calib->rows * calib->cols;
