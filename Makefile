@@ -28,7 +28,6 @@ WITH_DOGLEG ?= $(shell echo '\#include <dogleg.h>' | $(CC) -I/usr/include/suites
 WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
 
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
-            $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale) \
             $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
             $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
             $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_MQTT)),libmosquitto) $(if $(filter 1,$(WITH_CURL)),libcurl) \
@@ -41,6 +40,10 @@ HARDEN := -fstack-protector-strong -fstack-clash-protection -fcf-protection -fPI
           $(if $(SAN),,-D_FORTIFY_SOURCE=2)
 # A sanitized build is compiled three times as fast with -O1, and its reports need lines alone.
 OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
+# ... but for kernels and drawn scenes, in which sanitized tests would spend most of their time.
+ifneq (,$(SAN))
+$(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/simulators/scene/%.o: OPT = -O2 -g1
+endif
 SANFLAGS := $(if $(SAN),-fsanitize=$(SAN) -fno-omit-frame-pointer)
 # With them, and with less optimisation, gcc guesses worse what a string can hold and where a value comes from.
 SANWARN := $(if $(SAN),-Wno-format-truncation -Wno-maybe-uninitialized)
@@ -52,17 +55,19 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
         -DWITH_CURL=$(WITH_CURL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
-PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES)))
+AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
+PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell pkg-config --libs $(PACKAGES))
-BASEFLAGS := -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
+BASEFLAGS = -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
              $(PACKAGE_CFLAGS) $(CFLAGS)
 # OpenCV's headers do not survive our warnings.
-CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
+CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) -fPIC $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
 LIBS = $(PACKAGE_LIBS) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
-       $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack) \
-       $(if $(filter 1,$(WITH_OPENCV)),-lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++)
+       $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack)
+OPENCV_LIBS := -lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++
+AV_LIBS := $(if $(AV_PACKAGES),$(shell pkg-config --libs $(AV_PACKAGES)))
 LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 
 # --- sources -------------------------------------------------------------------------------------------------------
@@ -75,7 +80,7 @@ SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
 WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/rig/*.c simulators/devices/gpio/*.c \
              simulators/devices/usb/*.c))
-CLI_SRC := $(sort $(wildcard cli/*.c))
+CLI_SRC := $(sort $(filter-out %_libav.c,$(wildcard cli/*.c)))
 # What starts no thread of its own is nothing for the thread sanitizer.
 NO_THREADS := $(if $(findstring thread,$(SAN)),$(shell sed -nE 's,^([^ ]+) +(one|same)-thread.*,tests/\1.c,p' tests/special.txt))
 TEST_SRC := $(filter-out $(NO_THREADS),$(sort $(wildcard tests/unit/*.c tests/kernels/*.c tests/sim/*.c)))
@@ -83,7 +88,10 @@ SIM_OBJ := $(SIM_SRC:%.c=$(BUILD)/obj/%.o)
 # The page is part of the program: its files as they are, and a table of them.
 WEB_FILES := $(sort $(wildcard daemon/web/*))
 WORLD_OBJ := $(WORLD_SRC:%.c=$(BUILD)/obj/%.o)
-LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o
+LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o
+SHIM_OBJ := $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
+# Loaded when first used (base/plugin.h), so that a start of sst does not load OpenCV and FFmpeg.
+PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AVFORMAT)),$(BUILD)/libsst-video.so)
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 # Programs that tests/system runs beside sst.
@@ -91,13 +99,13 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built check check-tests check-unit check-cli check-includes check-kernel check-san demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
-PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so)
+PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, and sst-sim (simulated devices)
 
 # Objects of other flags or optional parts are made anew.
-FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS))
+FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS))
 $(BUILD)/flags: FORCE
 	@mkdir -p $(@D)
 	@echo '$(subst ','\'',$(FLAGS))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS))' > $@
@@ -107,6 +115,8 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
+# The assembler includes the page of the calibration report.
+$(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
 # Where plugins of GStreamer lie: they are loaded one by one.
 $(BUILD)/obj/daemon/publish/rtsp_server.o: private CFLAGS_ALL += -DSST_GST_PLUGINS='"$(shell pkg-config --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
 $(BUILD)/obj/%.o: %.cc $(BUILD)/flags
@@ -126,9 +136,17 @@ $(BUILD)/libsst.a: $(LIB_OBJ)
 $(BUILD)/libsst-sim.a: $(WORLD_OBJ)
 	@rm -f $@
 	@ar rcs $@ $^
+# libsst-video.so writes files and logs by functions of the program.
 $(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@echo "  LD   $@"
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+	@$(CC) $(LDFLAGS_ALL) -Wl,--export-dynamic-symbol='sst_log*' -Wl,--export-dynamic-symbol='sst_outfile_*' $^ $(LIBS) -o $@
+$(BUILD)/libsst-opencv.so: $(SHIM_OBJ)
+	@echo "  LD   $@"
+	@$(CXX) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(OPENCV_LIBS) -o $@
+$(BUILD)/obj/cli/video_libav.o: private CFLAGS_ALL += -fPIC
+$(BUILD)/libsst-video.so: $(BUILD)/obj/cli/video_libav.o
+	@echo "  LD   $@"
+	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(AV_LIBS) -o $@
 $(BUILD)/sstd: $(BUILD)/obj/daemon/main.o $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -140,13 +158,14 @@ $(BUILD)/libsst-sim-preload.so: $(PRELOAD_SRC) $(wildcard simulators/devices/*.h
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) -std=gnu11 -I. -O2 -g -fPIC -shared -fvisibility=hidden -pthread $(CWARN) $(PRELOAD_SRC) -ldl -o $@
-$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
+$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
 	@mkdir -p $(@D)
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -lcmocka -o $@
+	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) $(AV_LIBS) -lcmocka -o $@
 
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
+$(BUILD)/tests/unit/solve_opencv $(BUILD)/bench/stereo $(BUILD)/bench/render: private LIBS += $(OPENCV_LIBS)
 endif
 
 # One program per file of tests/bench; two bring what they compare with.
@@ -166,47 +185,66 @@ tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 deps: ## install what building and testing needs (Debian 12; root or sudo)
 	scripts/deps.sh
 
-# Tests run after everything is built, as many at a time as there are processors: docs in CONTRIBUTING.md.
+# Tests run after everything is built, as many at a time as scripts/run_tests.sh finds right: docs in CONTRIBUTING.md.
 PARALLEL = $(if $(filter -j%,$(MAKEFLAGS)),,-j$(shell nproc))
-RUN_TESTS = SST_BUILD=$(BUILD) $(if $(SAN),SST_TEST_SMALL=$(if $(findstring thread,$(SAN)),2,1)) scripts/run_tests.sh
+RUN_TESTS = SST_BUILD=$(BUILD) scripts/run_tests.sh
 SYSTEM_TESTS := $(sort $(wildcard tests/system/*.sh))
-BUILT := $(PROGRAMS) $(TESTS) $(TOOLS) $(BUILD)/config_man $(if $(SAN),,$(BUILD)/one_thread.so)
+# Optimised kernels are other code than sanitized ones, and plain_test() (tests/small.h) marks what sanitized builds leave out.
+PLAIN_TESTS := $(filter $(BUILD)/tests/kernels/%,$(TESTS)) \
+               $(patsubst tests/%.c,$(BUILD)/tests/%,$(shell grep -l plain_test $(TEST_SRC)))
+TIMING_TESTS := $(shell awk '/^[^\#]/ && $$2 == "timing" { print $$1 }' tests/special.txt)
+ADDRESS := build-address-undefined
 
-check: deps ## build with warnings as errors and run every test, also under the sanitizers
-	$(MAKE) WERROR=1 $(PARALLEL) built check-includes
-	$(MAKE) WERROR=1 check-tests
-	$(MAKE) WERROR=1 check-san
+check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
+	$(MAKE) WERROR=1 $(PARALLEL) built-check
+	$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS)
 
-built: $(BUILT)
+check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer
+	$(MAKE) WERROR=1 $(PARALLEL) SAN=thread built
+	$(MAKE) WERROR=1 SAN=thread check-unit
 
-check-tests: built
+check-timing: ## tests that measure time, one by one, with their limits: for a quiet machine
+	$(MAKE) WERROR=1 $(PARALLEL) built-plain $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(TIMING_TESTS)))
+	JOBS=1 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
+
+built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
+built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(TOOLS) $(BUILD)/config_man
+built-check: built-plain built-address check-includes check-names
+built-address: $(BUILD)/one_thread.so
+	+$(MAKE) SAN=address,undefined built
+
+check-tests: built $(BUILD)/config_man
 	$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
 
 check-unit: built
 	$(RUN_TESTS) $(TESTS)
 
-check-cli: built
+check-cli: built-plain
 	$(RUN_TESTS) $(SYSTEM_TESTS)
-
-check-san: ## all tests under the address and undefined sanitizers, all but system tests under the thread sanitizer
-	$(MAKE) SAN=address,undefined $(PARALLEL) built
-	$(MAKE) SAN=address,undefined check-tests
-	$(MAKE) SAN=thread $(PARALLEL) built
-	$(MAKE) SAN=thread check-unit
 
 # Loaded into tests that tests/special.txt says have one thread.
 $(BUILD)/one_thread.so: tests/one_thread.c
 	@mkdir -p $(@D)
 	@$(CC) -std=gnu11 -D_GNU_SOURCE -fPIC -shared $(CWARN) $< -o $@
 
-check-kernel: $(BUILD)/sst $(GUEST_TESTS) ## boot a stock Debian kernel in an emulator and test on its devices; GUEST=name for one test
+deps-kernel: ## install what check-kernel needs besides
+	scripts/deps.sh scripts/kernel/packages.txt
+
+check-kernel: $(BUILD)/sst $(PLUGINS) $(GUEST_TESTS) ## boot a stock Debian kernel in an emulator and test on its devices; GUEST=name for one test
 	SST_BUILD=$(BUILD) scripts/kernel/check.sh $(GUEST)
+
+# Statement and branch coverage by all tests but those that measure time; per folder to build-coverage/coverage.txt.
+coverage: deps ## measure which lines and branches the tests run, about half an hour
+	rm -rf build-coverage && mkdir build-coverage
+	$(MAKE) $(PARALLEL) BUILD=build-coverage OPT='-O1 -g1' CFLAGS='--coverage -fprofile-update=atomic' CXXFLAGS=--coverage LDFLAGS=--coverage built build-coverage/config_man
+	-SST_BUILD=build-coverage SST_TEST_SMALL=1 scripts/run_tests.sh $(TESTS:$(BUILD)/%=build-coverage/%) $(SYSTEM_TESTS)
+	$(PYTHON) scripts/coverage.py build-coverage | tee build-coverage/coverage.txt
 
 # libFuzzer finds inputs that crash, leak or hang; what it found is kept in build/fuzz/. Needs clang and oneDNN.
 FUZZ_SECONDS ?= 60
 FUZZERS := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
 FUZZ_SRC := $(wildcard base/*.c config/*.c pipeline/method/network/graph*.c pipeline/method/network/ops.c pipeline/method/network/plan*.c) \
-            pipeline/method/network/onnx.c pipeline/method/network/summary.c pipeline/method/network/manifest.c pipeline/method/network/network.c \
+            pipeline/method/network/onnx.c pipeline/method/network/summary.c pipeline/method/network/manifest.c pipeline/method/network/network.c pipeline/method/network/opencv.c \
             pipeline/method/labels/model_info.c pipeline/image/classes.c \
             pipeline/camera/calib.c pipeline/camera/calib_yaml.c pipeline/camera/camera.c $(wildcard pipeline/camera/format*.c) \
             pipeline/lightfield/import_plan.c pipeline/lightfield/lightfield.c pipeline/image/image.c \
@@ -215,36 +253,44 @@ build/fuzz/%: tests/fuzz/%.c $(FUZZ_SRC) tests/fuzz/seeds.h tests/onnx_writer.h
 	@mkdir -p $(@D)
 	@echo "  FUZZ $@"
 	@clang -g -O1 -std=c11 -D_DEFAULT_SOURCE -I. -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-	      $(filter-out -DWITH_OPENCV=%,$(DEFS)) -DWITH_OPENCV=0 $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
+	      $(DEFS) $(filter %.c,$^) -ldnnl -lgomp -lyaml -ljansson -lmd -lm -pthread -o $@
 fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of networks and calibrations: FUZZ_SECONDS=60 for each of them
 	@for f in $(FUZZERS); do mkdir -p build/fuzz/corpus-$$f; \
 	  build/fuzz/$$f -close_fd_mask=2 -max_len=65536 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=120 \
 	    -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/$$f- build/fuzz/corpus-$$f || exit 1; \
 	done
 
-check-includes: ## headers compile alone, includes go one way
+# Each header compiles alone; those that a .c includes several times with other macros (templates) do not.
+HEADERS := $(filter-out %_tmpl.h %/templates.h,$(wildcard $(foreach d,base config drivers capture pipeline daemon cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
+$(BUILD)/headers/%.h.ok: %.h
+	@mkdir -p $(@D)
+	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
+	@touch $@
+check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, includes go one way
 	scripts/check_includes.sh
+check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) ## names say which folder they belong to, links go one way
+	SST_BUILD=$(BUILD) scripts/check_names.sh
 
 BENCH := $(BUILD)/sst $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
-bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/bench-* and docs/time-error-*
+bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-* and docs/measured/time-error-*
 	$(PYTHON) scripts/bench.py --build $(BUILD)
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
 BENCH_NETWORKS := $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features
-bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; renews docs/bench-{labels,matching,runner}.md
+bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; renews docs/measured/bench-{labels,matching,runner}.md
 	$(PYTHON) scripts/bench_labels.py --build $(BUILD)
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
 
 SOAK ?= 30
-bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/bench-service.md
+bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/measured/bench-service.md
 	$(PYTHON) scripts/bench_service.py --build $(BUILD)
 soak-service: all ## SOAK=30 minutes of faults; tells the slope of memory
 	$(PYTHON) scripts/bench_service.py --build $(BUILD) --soak $(SOAK)
 
 BENCH_CALIB := $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs
-bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/bench-calibration.md
+bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/measured/bench-calibration.md
 	$(PYTHON) scripts/bench_calib.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.
@@ -253,7 +299,7 @@ demo: deps ## see through moving scenes: simulated arrays, the service, its page
 	$(BUILD)/sst demo $(DEMO)
 
 INSTALL := BUILD='$(BUILD)' PREFIX='$(PREFIX)' SYSCONFDIR='$(SYSCONFDIR)' DESTDIR='$(DESTDIR)' scripts/install.sh
-install: all ## install programs, units, rules, man pages under DESTDIR/PREFIX; then docs/install.md
+install: all ## install programs, units, rules, man pages under DESTDIR/PREFIX; then docs/use/install.md
 	$(INSTALL) install
 install-built: ## the same without building
 	$(INSTALL) install
@@ -265,6 +311,14 @@ man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml
 	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
 	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5
 
+.PHONY: check-docs api-index
+check-docs: ## links, citations and names in the docs resolve; part of check-includes
+	$(PYTHON) scripts/check_docs.py
+check-includes: check-docs
+
+api-index: ## list all public headers with their purpose lines
+	@scripts/api_index.sh
+
 format: ## lay out the sources by .clang-format
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cc')
 
@@ -274,4 +328,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d)
+-include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(BUILD)/obj/cli/video_libav.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/config_man.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)

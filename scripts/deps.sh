@@ -1,8 +1,11 @@
 #!/usr/bin/env bash
-# Install the packages of scripts/packages.txt that are missing. Needs root or sudo only when something is missing.
+# deps.sh [LIST | --missing LIST]: install the packages of scripts/packages.txt, or of that list, that are missing; or only
+# print them. Needs root or sudo only when something is missing.
 set -eu
 cd "$(dirname "$0")/.."
-packages=$(sed 's/#.*//' scripts/packages.txt)
+print=
+[ "${1-}" != --missing ] || { print=yes; shift; }
+packages=$(sed 's/#.*//' "${1:-scripts/packages.txt}")
 
 find_missing() {
   local p
@@ -14,6 +17,7 @@ find_missing() {
 
 find_missing
 [ ${#missing[@]} -eq 0 ] && exit 0
+[ -z "$print" ] || { echo "${missing[*]}"; exit 0; }
 sudo=
 if [ "$(id -u)" -ne 0 ]; then
   command -v sudo >/dev/null || { echo "missing packages: ${missing[*]}; install them as root" >&2; exit 1; }

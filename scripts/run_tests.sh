@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# Run test programs: JOBS at a time (one for each processor), those that tests/special.txt marks `first` before the others
-# and those marked `alone` one by one at the end. Each test's output is shown whole, in that order. Exit status 77 is a
-# skip and says why on its last line. A test that takes longer than TEST_LIMIT seconds is ended, with all that it started,
-# after what runs in it is shown.
-# What a sanitizer reports in any process of a test fails it, even if the test did not notice.
+# Run test programs: JOBS at a time (one more than there are processors, because many tests wait most of their time), those
+# that tests/special.txt marks `first` before the others. A program's build is the folder that its tests/ lies in; scripts
+# run on SST_BUILD. Each test's output is shown whole, in that order. Exit status 77 is a skip; the last line of its output is
+# the reason. A test that takes longer than TEST_LIMIT seconds is killed with all that it started, after the stacks of its
+# processes are shown. What a sanitizer reports in any process of a test fails it, even if the test did not notice.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"
+case $SST_BUILD in /*) plain=$SST_BUILD;; *) plain=$PWD/$SST_BUILD;; esac
 export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$PWD/scripts/tsan.supp}"
-jobs=${JOBS:-$(nproc)} limit=${TEST_LIMIT:-900}
+jobs=${JOBS:-$(($(nproc) + 1))} limit=${TEST_LIMIT:-900}
 dir=$(mktemp -d) || exit 1
 trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$dir"' EXIT
 trap 'exit 130' INT TERM
@@ -22,13 +23,9 @@ marked() {
   grep -qE "^${name%.sh} +$1( |\$)" tests/special.txt
 }
 
-tests=() rest=() alone=()
-for t in "$@"; do
-  if marked alone "$t"; then alone+=("$t"); elif marked first "$t"; then tests+=("$t"); else rest+=("$t"); fi
-done
+tests=() rest=()
+for t in "$@"; do if marked first "$t"; then tests+=("$t"); else rest+=("$t"); fi; done
 tests+=("${rest[@]}")
-together=${#tests[@]}
-tests+=("${alone[@]}")
 
 # tree PID: it and all below it
 tree() {
@@ -37,23 +34,23 @@ tree() {
   for p in $(pgrep -P "$1"); do tree "$p"; done
 }
 
-# Where each process of a test that does not end stands: its threads' states, and their stacks where a debugger is there.
-show_stuck() {
-  local p t
-  for p in $(tree "$1"); do
-    echo "process $p: $(tr '\0' ' ' <"/proc/$p/cmdline")"
-    for t in /proc/"$p"/task/*; do
-      echo "  $(cat "$t/comm"): $(awk '/^State/ { print $2, $3 }' "$t/status"), in $(cat "$t/wchan"), system call $(cat "$t/syscall")"
-    done
-    if command -v gdb >/dev/null; then timeout 60 gdb -p "$p" -batch -ex 'thread apply all bt 12' 2>/dev/null | grep -E '^(Thread|#)'; fi
-  done
+# use_build TEST: what its build asks of the environment
+use_build() {
+  case $1 in *.sh) ;; */tests/*/*) export SST_BUILD=${1%/tests/*/*};; esac
+  case $SST_BUILD in
+    *thread*) export SST_TEST_SMALL=2;;
+    *address*) export SST_TEST_SMALL=1;;
+  esac
+  # The address sanitizer wants to be loaded first; nothing in this library is its concern.
+  if [ -e "$plain/one_thread.so" ] && marked one-thread "$1"; then
+    export LD_PRELOAD=$plain/one_thread.so ASAN_OPTIONS="verify_asan_link_order=0:${ASAN_OPTIONS:-}"
+  fi
 }
 
 # run NUMBER: output in NUMBER.out, at the end status and milliseconds in NUMBER.end
 run() {
   local start pid rc watch
-  # Not under sanitizers, which want to be loaded first.
-  if [ -e "$SST_BUILD/one_thread.so" ] && marked one-thread "${tests[$1]}"; then export LD_PRELOAD=$SST_BUILD/one_thread.so; fi
+  use_build "${tests[$1]}"
   start=$(date +%s%N)
   # A script may look for other things in what a program says, or at nothing.
   if [[ ${tests[$1]} = *.sh ]]; then
@@ -62,7 +59,7 @@ run() {
   # A session, by which all is found that it leaves behind.
   setsid timeout -k 10 "$limit" "${tests[$1]}" >"$dir/$1.out" 2>&1 </dev/null & pid=$!
   # Waits without a child, which could outlive it and keep our output open.
-  (read -r -t "$((limit - limit / 10))" <>"$dir/nothing"; show_stuck $pid >"$dir/$1.stuck" 2>&1) & watch=$!
+  (read -r -t "$((limit - limit / 10))" <>"$dir/nothing"; for p in $(tree $pid); do scripts/stacks.sh "$p"; done >"$dir/$1.stuck" 2>&1) & watch=$!
   trap 'kill $pid $watch 2>/dev/null; wait $pid; pkill -KILL -s $pid; exit' TERM
   wait $pid; rc=$?
   pkill -KILL -s $pid
@@ -99,7 +96,6 @@ show() {
 
 running=0
 for i in "${!tests[@]}"; do
-  [ "$i" -lt "$together" ] || jobs=1
   while [ "$running" -ge "$jobs" ]; do wait -n; running=$((running - 1)); show; done
   run "$i" &
   running=$((running + 1))

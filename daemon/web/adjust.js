@@ -1,4 +1,4 @@
-// The drawer with what the renderer can be told, in plain words.
+// The drawer with the renderer's settings, described in plain words.
 
 import { $, complain, el, finite, number, setText } from "/web/ui.js";
 
@@ -11,15 +11,15 @@ const FIELDS = [
     text: "Least weight of surfaces away from the focus. Zero removes them; more gives a calmer picture with a veil of them." },
   { key: "c2", name: "What bears a foreign label still counts", low: "gone", high: "all", min: 0, max: 1, step: 0.01,
     digits: 0, percent: true,
-    text: "Least weight of objects whose depths do not contain the focus. At 100 % labels have no say." },
+    text: "Minimum weight of objects whose depth range does not contain the focus. At 100 % labels have no influence." },
   { key: "label_factor", name: "Strength of the label kept clear", low: "gentle", high: "strong", min: 1, max: 16,
     step: 0.5, digits: 1, unit: "×", text: "All other labels count less by this factor." },
   { key: "aperture", name: "Cameras used", low: "near the middle", high: "all", step: 0.1, digits: 1,
-    text: "Within so many spacings of the viewpoint. More cameras look farther around occluders; fewer blur less." },
+    text: "Radius around the viewpoint, in camera spacings. More cameras see farther around occluders; fewer blur less." },
 ];
 
 export class Adjust {
-  /** @param app  {view, change()}; @param onReset  called when all settings are to be the service's own */
+  /** @param app  {view, change()}; @param onReset  called to restore the service's defaults */
   constructor(app, onReset) {
     this.app = app;
     this.widest = 4.3;
@@ -59,7 +59,7 @@ export class Adjust {
       el("p", { class: "quiet" }, "When it comes nearer or goes farther away, the focus goes with it.")));
   }
 
-  /** At its end the aperture takes every camera: null. */
+  /** At the end of the slider the aperture includes every camera: null. */
   value(field) {
     const now = Number(this.inputs.get(field.key).input.value);
     return field.key === "aperture" && now >= this.widest ? null : now;
@@ -104,7 +104,7 @@ export class Adjust {
     }
   }
 
-  /** What the service uses now. */
+  /** The settings in use by the service. */
   async load() {
     try {
       const view = await this.app.view.current();

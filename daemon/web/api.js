@@ -1,18 +1,18 @@
-// Talks to the service: JSON in and out, every fault as one sentence.
+// Client of the service's API: JSON in and out, every error as one sentence.
 
 const TIMEOUT_MS = 10000;
-const STATUS_MS = 4000; // who waits longer to hear that the service is gone takes an old picture for a new one
+const STATUS_MS = 4000; // after a longer wait a user would mistake an old picture for a current one
 
 export class ApiError extends Error {
   constructor(status, message) {
     super(message);
-    this.status = status; // of HTTP; 0: no answer
+    this.status = status; // HTTP status; 0: no answer
   }
 }
 
 const WORDS = {
   401: "You are not logged in, or the token has changed.",
-  403: "This token may only look, not change anything.",
+  403: "This token is read-only: it cannot change anything.",
   429: "Too many at a time: the service takes no more for now.",
   503: "The service has nothing to show yet.",
 };
@@ -22,7 +22,7 @@ async function fault(response) {
   try {
     sentence = (await response.json()).error;
   } catch {
-    sentence = ""; // not ours: the status says enough
+    sentence = ""; // not an answer of the service: the status code is enough
   }
   return new ApiError(response.status, sentence || WORDS[response.status] || `The service answered ${response.status}.`);
 }
@@ -55,7 +55,7 @@ export async function get(path) {
   return json(await ask(path));
 }
 
-/** The service's status; a clock is set by it. */
+/** The service's status; also synchronises the clock offset. */
 export async function getStatus() {
   const sent = Date.now();
   const status = await json(await ask("/api/v1/status", { signal: AbortSignal.timeout(STATUS_MS) }));
@@ -68,7 +68,7 @@ export async function getLines(path) {
   return text.split("\n").filter(Boolean).map((line) => JSON.parse(line));
 }
 
-/** A picture, or null where none is to be had. */
+/** A picture, or null if none is available. */
 export async function getBlob(path) {
   return (await ask(path)).blob();
 }
@@ -79,13 +79,13 @@ export async function post(path, body) {
   }));
 }
 
-/** A body that does not end: its reader; `signal` ends it. */
+/** Reader of an endless body; `signal` aborts it. */
 export async function open(path, signal, headers = {}) {
   const response = await ask(path, { signal, headers });
   return { reader: response.body.getReader(), type: response.headers.get("Content-Type") ?? "" };
 }
 
-/** The service's clock against ours: the shortest round trip knows best. */
+/** Offset of the service's clock from the browser's: the estimate of the shortest round trip is kept. */
 export const clock = {
   offset_ms: 0,
   bestTrip_ms: Infinity,
@@ -93,7 +93,7 @@ export const clock = {
     const at = Date.parse(iso);
     const trip = received_ms - sent_ms;
     const offset = at - (sent_ms + received_ms) / 2;
-    // a stepped clock (of either side) is believed at once, whatever the trip took
+    // a clock step on either side is accepted at once, whatever the round trip took
     const stepped = Math.abs(offset - this.offset_ms) > trip + this.bestTrip_ms;
     if (Number.isFinite(at) && (trip <= this.bestTrip_ms || stepped)) {
       this.offset_ms = offset;

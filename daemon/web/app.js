@@ -1,4 +1,4 @@
-// Starts the page: one view, one status a second, and everybody who follows them.
+// Starts the page: one view, one status request a second, and the panels that follow them.
 
 import { Adjust } from "/web/adjust.js";
 import { get, getStatus } from "/web/api.js";
@@ -14,34 +14,34 @@ import { View } from "/web/view.js";
 
 const STATUS_MS = 1000;
 const STILL_TAKING_MS = 4000;
-const SLOW = 2; // cameras and labels: at every second status
+const SLOW = 2; // cameras and labels: every second status request
 const SLOWER = 5; // recordings, while they are shown
-const OWN_AGAIN = 30; // while the main view has to do
+const OWN_AGAIN = 30; // retry interval while the main view is shown instead
 
 let status = null;
-let taken = { sets: -1, idle: 0, at_ms: 0, still: false }; // what the service last took in, and whether it moved
+let taken = { sets: -1, idle: 0, at_ms: 0, still: false }; // the last frameset that the service processed, and whether anything moved
 let failures = 0;
-let trouble = null; // the last of them
-let wake = () => {}; // ask the service now
+let trouble = null; // the latest one
+let wake = () => {}; // requests the status now
 
 const app = {
-  /** Does the service take in what the cameras see, and does nothing change there? */
+  /** True while framesets arrive and the scene is still. */
   still: () => taken.still && Date.now() - taken.at_ms < STILL_TAKING_MS,
-  /** Settings of the picture, and of the one that it is compared with. */
+  /** Applies settings to the picture and to the one that it is compared with. */
   change(settings) {
     app.view.change(settings);
     app.stage.plain?.change(settings);
   },
 };
 app.focus = new Focus((px) => {
-  app.focus.followed_px = NaN; // who takes the focus in hand does not want it to follow
+  app.focus.followed_px = NaN; // a manual focus ends following
   app.change(app.view.settings.follow ? { focus_px: px, follow: false } : { focus_px: px });
 });
 app.labels = new Labels((name) => app.change({ focus_label: name }));
 app.view = new View($("canvas"), {}, (what, why) => {
   if (what === "refused") {
     complain(why);
-    if (why.status === 403) adopt(app.view.id).catch(complain); // the controls show what holds
+    if (why.status === 403) adopt(app.view.id).catch(complain); // the controls show the settings in force
   }
   else if (what === "shared") toast(`${sentence(why.message)} The main view is shown, which all share.`, "error");
   else app.stage.onStream(what, why);
@@ -92,7 +92,7 @@ for (const tab of tabs) {
   });
 }
 
-// --- what the place of the picture says ---
+// --- messages in place of the picture ---
 
 const ADVICE = {
   starting: ["Starting", "Cameras are being opened and their settings read back. That takes some seconds.", []],
@@ -102,13 +102,13 @@ const ADVICE = {
     ["Check the trigger's line and source in `trigger:` of `/etc/sst/sstd.yaml`.", "`sst doctor` measures whether edges arrive."]],
   draining: ["Stopping", "The service finishes what it writes and ends. This page reconnects when it is back.", []],
   failed: ["The service has failed", "It cannot go on by itself.",
-    ["`sst doctor` looks for the cause.", "`journalctl -u sstd -e` shows what happened before."]],
+    ["`sst doctor` diagnoses the cause.", "`journalctl -u sstd -e` shows what happened before."]],
 };
 
 function explanation() {
   if (failures > 1 && trouble.status) return { title: "The service refuses this page", text: `${sentence(trouble.message)} This page tries again by itself.` };
   if (failures > 1) return { title: "The service does not answer", text: "It may be restarting, or the network is cut. This page tries again by itself.",
-    todo: status ? [] : ["`systemctl status sstd` says whether it runs."] };
+    todo: status ? [] : ["`systemctl status sstd` shows whether it runs."] };
   if (!status) return { title: "Connecting", text: "Asking the service how it is." };
   const { state, reason, capture = {}, live = {} } = status;
   if (ADVICE[state]) {
@@ -116,7 +116,7 @@ function explanation() {
     return { title, text: sentence(reason || text), todo };
   }
   if (capture.present === 0) return { title: "No camera", text: sentence(reason) || "None of the cameras answers.",
-    todo: ["Check the power of the hubs and the USB cables.", "`sst cameras` lists what is plugged in, `sst doctor` looks for the cause."] };
+    todo: ["Check the power of the hubs and the USB cables.", "`sst cameras` lists what is plugged in, `sst doctor` diagnoses the cause."] };
   if (live.enabled === false) return { title: "The live picture is switched off", text: "The cameras are captured and can be recorded.",
     todo: ["Set `live.enabled: true` in `/etc/sst/sstd.yaml`, then `sst reload`."] };
   if (app.stage.refused) return { title: "No moving picture", text: sentence(app.stage.refused) };
@@ -131,7 +131,7 @@ function explanation() {
 function showRole() {
   const viewer = status?.role === "view";
   $("role-badge").hidden = !viewer;
-  const reason = viewer ? "Your token may only look. Log in with the control token for this." : failures > 1 ? "The service does not answer." : "";
+  const reason = viewer ? "Your token is read-only. Log in with the control token for this." : failures > 1 ? "The service does not answer." : "";
   for (const button of document.querySelectorAll("[data-control]")) {
     const full = button.id === "record" && status?.storage?.state === "FULL" && !recordings.onDemand()
       ? `Nothing can be recorded: ${status.storage.reason || "the disk is full."}` : "";
@@ -139,14 +139,14 @@ function showRole() {
   }
 }
 
-/** The page may have been out of reach, and the service another one since. */
+/** The service may have been updated while the page was disconnected. */
 function welcome(body) {
-  if (status && status.version !== body.version) location.reload(); // its page is another, too
+  if (status && status.version !== body.version) location.reload(); // the page changed with it
   if (status && body.uptime_s < status.uptime_s) {
     events.restarted();
     app.focus.forget();
   }
-  if (failures > 1) { // a connection that was cut off may be silent for long
+  if (failures > 1) { // a broken connection can stay silent for long
     app.view.restart();
     app.stage.plain?.restart();
   }
@@ -183,7 +183,7 @@ async function ask(round) {
   app.stage.explain(explanation());
 }
 
-/** Where the focus follows a label only the service knows where it is. */
+/** While the focus follows a label, only the service knows its disparity. */
 async function showFollowed() {
   const follows = app.view.settings.follow && app.labels.chosen;
   const view = follows ? await app.view.current() : null;
@@ -201,7 +201,7 @@ async function askMore(round) {
     await showFollowed();
     if (round % (SLOW * SLOWER) === 0 && !$("panel-recordings").hidden) await recordings.refresh();
   } catch (error) {
-    if (error.status !== 503 && error.status !== 0) complain(error); // 503: nothing captured yet, 0: the next status tells
+    if (error.status !== 503 && error.status !== 0) complain(error); // 503: nothing captured yet, 0: the next status request reports it
   }
 }
 
@@ -217,7 +217,7 @@ async function follow() {
 
 addEventListener("online", () => wake());
 
-/** What nobody looks at is not sent: a browser has few connections to a host, and pictures cost the service work. */
+/** Hidden streams are closed: a browser has few connections per host, and pictures cost the service work. */
 function whileVisible() {
   if (document.hidden) {
     app.view.stop();
@@ -228,13 +228,13 @@ function whileVisible() {
   }
 }
 
-/** A page that is loaded anew takes up the view that it had; a second page of it does not. */
+/** A reloaded page adopts its previous view; a duplicated tab does not. */
 const KEPT_VIEW = "sst-view";
 
 async function start() {
   const id = session(KEPT_VIEW);
   session(KEPT_VIEW, "");
-  if (id) await adopt(id).catch(() => {}); // the next status tells
+  if (id) await adopt(id).catch(() => {}); // the next status request reports it
   document.addEventListener("visibilitychange", whileVisible);
   whileVisible();
   follow();

@@ -1,9 +1,9 @@
-// The grid of cameras, and one of them from near.
+// The grid of cameras, and the details of one camera.
 
 import { getBlob } from "/web/api.js";
 import { $, duration, el, finite, icon, number, sentence, setText, visible } from "/web/ui.js";
 
-// state -> mark (told apart without colour), word, what to do
+// state -> mark (distinguishable without colour), word, remedy
 const STATES = {
   streaming: { mark: "", kind: "ok", word: "streaming" },
   ready: { mark: "R", kind: "wait", word: "ready", todo: "It waits for the trigger." },
@@ -47,7 +47,7 @@ export class Cameras {
   build(rows, cols) {
     const grid = $("grid");
     grid.style.setProperty("--cols", cols);
-    grid.classList.toggle("dense", cols > 8); // no room for names: what a pointer, a card and a reader tell
+    grid.classList.toggle("dense", cols > 8); // no room for names: tooltip, card and screen reader have them
     grid.replaceChildren();
     this.cells.clear();
     for (let row = 0; row < rows; row++)
@@ -63,7 +63,7 @@ export class Cameras {
     grid.onkeydown = (event) => this.walk(event, rows, cols);
   }
 
-  /** Arrow keys walk over the grid, which is one stop for Tab. */
+  /** Arrow keys move inside the grid, which is one tab stop. */
   walk(event, rows, cols) {
     const steps = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
     const at = /^r(\d+)c(\d+)$/.exec(event.target.dataset?.name ?? "");
@@ -78,11 +78,11 @@ export class Cameras {
     next.focus();
   }
 
-  /** Frames lost in the last minute: what was lost months ago is no news. */
+  /** Frames lost in the last minute; older losses are not shown. */
   recent(camera) {
     const now = Date.now();
     const past = (this.history.get(camera.name) ?? []).filter((entry) => now - entry.now < RECENT_MS && entry.drops <= drops(camera));
-    if (past.at(-1)?.drops === drops(camera)) past.pop(); // seen anew
+    if (past.at(-1)?.drops === drops(camera)) past.pop(); // the counter restarted
     past.push({ now, drops: drops(camera) });
     this.history.set(camera.name, past);
     return drops(camera) - past[0].drops;
@@ -188,7 +188,7 @@ export class Cameras {
   }
 }
 
-/** Fill a <dl>, changing only what differs. */
+/** Fills a <dl>, changing only what differs. */
 export function facts(list, rows) {
   if (list.children.length !== rows.length)
     list.replaceChildren(...rows.map(([name]) => el("div", {}, el("dt", {}, name), el("dd", {}))));

@@ -1,4 +1,4 @@
-// What happened: the newest first, as it happens.
+// The event log, newest first, updated live.
 
 import { getLines } from "/web/api.js";
 import { $, el, localTime, sentence, setText, zone } from "/web/ui.js";
@@ -11,14 +11,14 @@ const MARKS = ["", "▲", "■"];
 const levelOf = (event) => LEVELS[event.level] ?? (Number.isInteger(event.level) ? event.level : 0);
 
 export class Events {
-  /** @param onEvent  called with each that is new since the page was opened */
+  /** @param onEvent  called with each event that arrives after the page was opened */
   constructor(onEvent) {
     this.onEvent = onEvent;
     this.list = []; // newest first
     this.known = new Set();
     this.level = 0;
     this.unseen = 0;
-    this.last = null; // id of the newest; null: never asked
+    this.last = null; // id of the newest event; null before the first request
     setText($("zone"), `Times are this device's: ${zone()}. Files are named in UTC.`);
     for (const radio of document.querySelectorAll("input[name=level]"))
       radio.addEventListener("change", () => {
@@ -27,7 +27,7 @@ export class Events {
       });
   }
 
-  /** Those since the last time. They are asked for rather than listened to: a browser has few connections to a host. */
+  /** Fetches the events since the last call; polled rather than streamed because a browser has few connections per host. */
   async refresh() {
     const lines = await getLines(`/api/v1/events?limit=${KEPT}${this.last === null ? "" : `&after=${this.last}`}`);
     for (const event of lines) this.add(event, this.last !== null);
@@ -35,12 +35,12 @@ export class Events {
     if (lines.length || $("events-state").textContent) this.show();
   }
 
-  /** The service began anew, and counts from 1. */
+  /** The service restarted; its event ids start at 1 again. */
   restarted() {
     this.last = 0;
   }
 
-  /** Ids begin anew when the service does: an event is known by its time too. */
+  /** Ids restart with the service: an event is identified by id and time. */
   add(event, isNew) {
     const key = `${event.id} ${event.time}`;
     if (this.known.has(key)) return;
@@ -73,7 +73,7 @@ export class Events {
   }
 }
 
-/** Rows are kept where they stay the same, so that a long list costs nothing when one is added. */
+/** Unchanged rows are reused, so adding one to a long list is cheap. */
 function fill(list, events) {
   const key = (event) => `${event.id} ${event.time}`;
   const rows = new Map([...list.children].map((row) => [row.dataset.key, row]));

@@ -1,4 +1,4 @@
-// Focus: the slider from near to far, Auto, and the sweep to and fro.
+// Focus: the slider from near to far, Auto, and the sweep back and forth.
 
 import { $, el, finite, icon, number, setText } from "/web/ui.js";
 
@@ -16,7 +16,7 @@ export class Focus {
     this.far_px = NaN;
     this.near_px = NaN;
     this.ranges = []; // {now, far, near} of the last minute
-    this.metres_px = 0; // focal length times spacing: disparity 1 px lies so many metres away; 0: unknown
+    this.metres_px = 0; // focal length times spacing = distance in metres of disparity 1 px; 0: unknown
     this.timer = null;
     this.slider = $("focus");
     this.slider.addEventListener("input", () => {
@@ -32,13 +32,13 @@ export class Focus {
     this.show();
   }
 
-  /** What a view has that was made before: of a page that was loaded anew, or of others. */
+  /** Adopts the settings of an existing view: of a reloaded page or of another client. */
   adopt({ focus_px }) {
     this.px = finite(focus_px) ? focus_px : null;
     this.show();
   }
 
-  /** Of the status. */
+  /** Updates from the status. */
   update(live) {
     const [far, near] = Array.isArray(live?.range_px) ? live.range_px : [NaN, NaN];
     if (far < near) this.widen(far, near);
@@ -47,7 +47,7 @@ export class Focus {
     this.show();
   }
 
-  /** The slider's scale is that of the last minute: it is not to jump with everything that comes and goes. */
+  /** The slider's scale covers the last minute, so that it does not jump when objects come and go. */
   widen(far, near) {
     const now = Date.now();
     this.ranges = [...this.ranges.filter((range) => now - range.now < RANGE_KEPT_MS), { now, far, near }];
@@ -55,7 +55,7 @@ export class Focus {
     this.near_px = Math.max(...this.ranges.map((range) => range.near));
   }
 
-  /** Another service, or another scene: its range is its own. */
+  /** Another service or scene: forget the range. */
   forget() {
     this.ranges = [];
   }
@@ -68,7 +68,7 @@ export class Focus {
     return this.near_px - this.far_px;
   }
 
-  /** What the service focuses on by itself, where it follows a label; NaN: it does not. */
+  /** The focus that the service chose by following a label; NaN when it follows none. */
   setFollowed(px) {
     this.followed_px = px;
     this.show();
@@ -85,7 +85,7 @@ export class Focus {
     this.onFocus(this.px);
   }
 
-  /** By a share of the range; positive: nearer. */
+  /** Moves the focus by a fraction of the range; positive is nearer. */
   nudge(share) {
     if (!this.known() || Number.isNaN(this.now_px())) return;
     this.stopSweep();

@@ -1,4 +1,4 @@
-// How the service is: the line at the top, charts, where time goes, and the account of frames, disk and clients.
+// Service health: the line at the top, charts, time per stage, and the counts of frames, disk space and clients.
 
 import { clock } from "/web/api.js";
 import { facts } from "/web/cameras.js";
@@ -43,7 +43,7 @@ export class Health {
     this.cards.storage.extra.append(el("div", { class: "meter", role: "img" }, el("i", {})));
   }
 
-  /** No status: nobody answers, or what answers refuses. */
+  /** No status: the service does not answer, or refuses. */
   unreachable(error) {
     this.showState(error.status ? "Refused" : "Reconnecting", "bad", error.message);
     this.rate.add([NaN]);

@@ -1,9 +1,9 @@
-// What can be kept clear: a chip for each label that is in the picture.
+// Labels that can be kept clear: one chip for each label in the picture.
 
 import { get } from "/web/api.js";
 import { $, el, number, setText } from "/web/ui.js";
 
-const SHOWN_SHARE = 0.0005; // of the picture; less is noise of the labelling
+const SHOWN_SHARE = 0.0005; // fraction of the picture; less is label noise
 
 export class Labels {
   /** @param onChoose  called with a label's name, "" for none */
@@ -54,7 +54,7 @@ export class Labels {
 
   async refresh() {
     this.all = (await get("/api/v1/labels")).labels;
-    if (this.chosen && !this.all.some((entry) => entry.name === this.chosen)) this.choose(""); // another network
+    if (this.chosen && !this.all.some((entry) => entry.name === this.chosen)) this.choose(""); // the network changed
     this.show();
   }
 
@@ -70,7 +70,7 @@ export class Labels {
       if (!this.chips.has(entry.name)) {
         const chip = this.chip(entry.name, entry.name, entry.colour);
         this.chips.set(entry.name, chip);
-        // in the order of the classes, so that chips do not jump about as shares change
+        // in class order, so that chips do not jump as fractions change
         const later = present.slice(present.indexOf(entry) + 1).find((other) => this.chips.has(other.name));
         $("chips").insertBefore(chip, later ? this.chips.get(later.name) : this.empty);
       }

@@ -10,7 +10,7 @@ const ID = { segment: 0x18538067, info: 0x1549a966, duration: 0x4489, tracks: 0x
   cues: 0x1c53bb6b, cue: 0xbb, cueTime: 0xb3, cuePlaces: 0xb7, cuePlace: 0xf1, cluster: 0x1f43b675, stamp: 0xe7, block: 0xa3 };
 const INNER = new Set([ID.segment, ID.info, ID.tracks, ID.track, ID.cues, ID.cue, ID.cuePlaces, ID.cluster]);
 
-/** Every element of some bytes, masters before what is in them: visit(id, start, end, whole) */
+/** Visits every element of a buffer, master elements before their children: visit(id, start, end, whole) */
 function walk(view, visit, at = 0, end = view.byteLength) {
   while (at + 2 <= end) {
     const idBytes = Math.clz32(view.getUint8(at)) - 23;
@@ -51,7 +51,7 @@ class Video {
     const headers = { Range: `bytes=${first}-${last}` };
     if (this.tag) headers["If-Range"] = this.tag;
     const response = await fetch(this.url, { headers, cache: "no-store", signal: AbortSignal.timeout(this.tag ? 60000 : 600000) });
-    if (response.status === 200) { // it grows, or is not what it was
+    if (response.status === 200) { // it is still growing, or was replaced
       response.body?.cancel();
       throw new ApiError(200, this.tag ? "The recording has changed meanwhile; open it again." : "It can be played when it has ended.");
     }
@@ -71,7 +71,7 @@ class Video {
     if (!this.cues.length) throw new ApiError(0, "There is no picture in it.");
   }
 
-  /** @returns false: its index goes on behind these bytes */
+  /** @returns false if the index continues after these bytes */
   async readHead(bytes) {
     const view = await this.part(0, bytes - 1);
     let segment = 0, ms = 0, whole = false, codec = "";
@@ -134,14 +134,14 @@ export class Player {
     this.stop();
   }
 
-  /** Nothing plays any more; what is still on its way is for nobody. */
+  /** Stops playing; frames still in flight are discarded. */
   stop() {
     this.run = {}; // of one video
     this.video = null;
     this.playing = false;
   }
 
-  /** @param at_ms  where it begins to play */
+  /** @param at_ms  start position */
   async open(url, at_ms = 0) {
     this.stop();
     const run = this.run, video = new Video(url);
@@ -187,8 +187,8 @@ export class Player {
       }
       const at = this.at_ms, i = this.video.cueAt(at), asked = performance.now();
       const frames = await this.video.frames(i);
-      if (this.playing && performance.now() - asked > 50) this.since += performance.now() - asked; // it waits, time does not run on
-      if (i + 1 < this.video.cues.length) this.video.frames(i + 1).catch(() => {}); // asked for again when it is due
+      if (this.playing && performance.now() - asked > 50) this.since += performance.now() - asked; // buffering: the playing time stands still
+      if (i + 1 < this.video.cues.length) this.video.frames(i + 1).catch(() => {}); // a failed prefetch is retried when it is due
       const frame = frames.findLast((one) => one.ms <= at) ?? frames[0];
       if (run !== this.run) return;
       if (frame && frame !== shown) await this.draw(frame.blob);
@@ -199,7 +199,7 @@ export class Player {
   }
 
   async draw(blob) {
-    const picture = await createImageBitmap(blob).catch(() => null); // a damaged frame: the one before stays
+    const picture = await createImageBitmap(blob).catch(() => null); // a damaged frame: the previous one stays
     if (!picture) return;
     if (this.canvas.width !== picture.width || this.canvas.height !== picture.height)
       Object.assign(this.canvas, { width: picture.width, height: picture.height });

@@ -1,4 +1,4 @@
-// Snapshots, recording, what is on disk, and light fields of its moments.
+// Snapshots, recording, stored files, and exports of single moments as light fields.
 
 import { clock, get, post } from "/web/api.js";
 import { Player } from "/web/player.js";
@@ -21,8 +21,8 @@ export class Recordings {
     this.rows = new Map();
     this.cameras = []; // names, for videos
     this.player = new Player((ms) => this.followPlayer(ms));
-    this.played = null; // the row that it is in
-    this.asked = 0; // times that the list was asked for
+    this.played = null; // the row of the player
+    this.asked = 0; // number of list requests
 
     onUse($("snapshot"), () => this.snapshot());
     onUse($("record"), () => this.record());
@@ -63,7 +63,7 @@ export class Recordings {
     }
   }
 
-  /** Only what was asked for can be stopped; the rest follows its rules. */
+  /** Only a manual recording can be stopped; the others follow their rules. */
   onDemand() {
     return this.recording?.active === true && this.recording.why === "on demand";
   }
@@ -89,7 +89,7 @@ export class Recordings {
     const turn = ++this.asked;
     const kept = await get("/api/v1/recordings");
     if (!this.cameras.length) this.cameras = (await get("/api/v1/cameras")).cameras.map((camera) => camera.name);
-    if (turn !== this.asked) return; // a newer answer is on its way: an old one would bring back what is gone
+    if (turn !== this.asked) return; // a newer request is in flight: an old answer would restore deleted rows
     const byHand = [...(kept.snapshots ?? []), ...(kept.exports ?? [])].sort((a, b) => (a.time < b.time ? 1 : -1));
     const all = new Set([...kept.recordings, ...byHand].map((entry) => entry.name));
     for (const [name, row] of this.rows)
@@ -104,7 +104,7 @@ export class Recordings {
     $("h-moments").hidden = !byHand.length;
   }
 
-  /** Newest first; rows that are there stay, open and in focus as they are. */
+  /** Newest first; existing rows keep their open state and focus. */
   list(box, entries, build, show) {
     entries.forEach((entry, i) => {
       if (!this.rows.has(entry.name)) this.rows.set(entry.name, build(entry));
@@ -157,7 +157,7 @@ export class Recordings {
     const sources = [...(entry.view ? [["", "See-through"]] : []), ...this.cameras.map((name) => [`.${name}`, `Camera ${name}`])];
     if (row.source.options.length !== sources.length)
       row.source.replaceChildren(...sources.map(([value, text]) => el("option", { value }, text)));
-    row.play.hidden = row.remove.hidden = row.all.hidden = entry.active; // what is being written ends first
+    row.play.hidden = row.remove.hidden = row.all.hidden = entry.active; // not while it is being written
     setText(row.allText, ` All of it (${bytes(entry.bytes)})`);
     this.showLinks(row);
   }
@@ -182,7 +182,7 @@ export class Recordings {
     this.played = null;
   }
 
-  /** The moment that is seen is the one that can be exported; the last picture stays for longer than there are sets. */
+  /** The moment shown can be exported; the last picture is shown for longer than there are framesets. */
   followPlayer(ms) {
     const entry = this.played?.entry;
     const at = localInput(Math.min(Date.parse(entry?.from) + ms, Date.parse(entry?.to)));
@@ -267,7 +267,7 @@ function link(anchor, file) {
   return anchor;
 }
 
-/** Value of <input type=datetime-local>, which knows local time alone. */
+/** Value of <input type=datetime-local>, which is in local time. */
 function localInput(ms) {
   if (!Number.isFinite(ms)) return "";
   return new Date(ms - new Date(ms).getTimezoneOffset() * 60000).toISOString().slice(0, 19);

@@ -1,4 +1,4 @@
-// The picture: pointing at it, comparing, overlays, its age, and what to say while there is none.
+// The picture: pointing, comparing, overlays, its age, and the message shown while there is none.
 
 import { getBlob } from "/web/api.js";
 import { $, complain, el, finite, number, setText, storage, visible } from "/web/ui.js";
@@ -12,15 +12,15 @@ const OVERLAY_MS = 500;
 const OLD_MS = 2500;
 
 export class Stage {
-  /** @param app  {view, focus, labels, still(): sets come, and nothing changes in them} */
+  /** @param app  {view, focus, labels, still(): framesets arrive and nothing changes in them} */
   constructor(app) {
     this.app = app;
     this.frame = $("stage");
     this.canvas = $("canvas");
-    this.cross = null; // share of the picture, by the keyboard
+    this.cross = null; // fraction of the picture, moved by the keyboard
     this.plain = null; // View of the right half
-    this.lost = null;  // since when
-    this.refused = ""; // why there is no stream, where the service or the browser says so
+    this.lost = null;  // time of the loss
+    this.refused = ""; // reason why there is no stream, if the service or the browser gave one
     this.overlayTimer = null;
     this.pointers = new Map();
     this.picks = 0;
@@ -263,7 +263,7 @@ export class Stage {
       bitmap.close();
       failures = 0;
     } catch (error) {
-      if (failures === 0) complain(error); // once; it is tried again
+      if (failures === 0) complain(error); // reported once, then retried
       failures++;
     }
     if (this.overlayKind !== kind) return;
@@ -290,14 +290,14 @@ export class Stage {
     }
   }
 
-  /** In words at the picture's corner. */
+  /** Caption in the corner of the picture. */
   showMethod() {
     const { labels, view } = this.app;
     const shared = view.shared ? "Main view, shared by all" : "See-through";
     setText($("tag-left"), labels.chosen ? `${shared} · ${labels.chosen} kept clear` : shared);
   }
 
-  // --- what is going on ---
+  // --- state of the stream ---
 
   hint() {
     $("hint").hidden = storage("sst-hint") === "seen";
@@ -333,7 +333,7 @@ export class Stage {
     if (tag.hidden) return;
     const s = Math.max(0, age_ms / 1000);
     const old = s < 60 ? `${number(s, s < 10 ? 1 : 0)} s` : `${Math.floor(s / 60)} min`;
-    const still = age_ms > OLD_MS && !this.lost && this.app.still(); // pictures are made of what changes
+    const still = age_ms > OLD_MS && !this.lost && this.app.still(); // only changes are rendered
     const late = age_ms > OLD_MS && !still;
     tag.dataset.kind = this.lost || late ? "late" : "";
     setText(tag, this.lost ? `${this.refused ? "Stopped" : "Reconnecting"} · picture ${old} old` : still ? `Nothing moved for ${old}`
@@ -341,7 +341,7 @@ export class Stage {
     this.frame.classList.toggle("stale", this.lost !== null && age_ms > OLD_MS);
   }
 
-  /** What the place of the picture says: null: nothing. {title, text, todo: [sentence...]} */
+  /** Shows a message in place of the picture: {title, text, todo: [sentence...]}; null: none. */
   explain(what) {
     const box = $("explain");
     const now = what ? JSON.stringify(what) : "";

@@ -1,15 +1,15 @@
-// A moving picture (multipart JPEG) on a canvas. An <img> could show it too, but would not tell how old its picture is
-// nor that the service went away, and would keep decoding in the background.
+// A moving picture (multipart JPEG) on a canvas. An <img> could show it too, but would not reveal how old its picture is
+// or that the service is gone, and would keep decoding in the background.
 
 import { ApiError, clock, open } from "/web/api.js";
 
-const SILENCE_MS = 9000; // a picture that stands still comes every 5 s; a connection that brings nothing for so long is opened anew
+const SILENCE_MS = 9000; // a still picture is sent every 5 s; a connection that is silent for longer is reopened
 const PART_MAX = 64 << 20;
 const HEADER_MAX = 8192;
 const RETRY_MS = [300, 700, 1500, 3000];
 const SLOTS = 4;
 
-/** Have a lock until the returned function is called; null: another window has it. */
+/** Takes a lock, released by the returned function; null if another window holds it. */
 function lock(name) {
   return new Promise((done) => {
     navigator.locks.request(name, { ifAvailable: true },
@@ -17,7 +17,7 @@ function lock(name) {
   });
 }
 
-/** A browser opens six connections to a host, for all its windows together. Pictures hold theirs: some are left for questions. */
+/** A browser opens six connections per host, shared by all its windows. Streams occupy theirs for long: some are left for requests. */
 async function takeSlot() {
   if (!navigator.locks) return () => {}; // plain HTTP from another machine
   for (let i = 0; i < SLOTS; i++) {
@@ -28,7 +28,7 @@ async function takeSlot() {
     + "one of them, and this one starts by itself.");
 }
 
-/** Splits a multipart body whose parts tell their length. */
+/** Splits a multipart body whose parts have a Content-Length. */
 class Parts {
   constructor() {
     this.data = new Uint8Array(1 << 18);
@@ -57,7 +57,7 @@ class Parts {
       .map((line) => [line.slice(0, line.indexOf(":")).toLowerCase(), line.slice(line.indexOf(":") + 1).trim()]));
     const length = Number(headers.get("content-length"));
     if (!Number.isInteger(length) || length <= 0 || length > PART_MAX)
-      throw new ApiError(0, "A picture of the stream does not tell its length.");
+      throw new ApiError(0, "A picture of the stream has no Content-Length.");
     const start = end + 4;
     if (this.have < start + length) return null;
     const body = this.data.slice(start, start + length);
@@ -76,19 +76,19 @@ class Parts {
 
 export class Stream {
   /**
-   * @param canvas   takes the size of the pictures
-   * @param address  async () => path; asked at each connection
-   * @param notify   called with "picture", "lost" (why: ApiError or null) as it happens
+   * @param canvas   resized to the pictures
+   * @param address  async () => path; called for each connection
+   * @param notify   called with "picture", "lost" (reason: ApiError or null)
    */
   constructor(canvas, address, notify) {
     this.canvas = canvas;
     this.address = address;
     this.notify = notify;
     this.abort = null;
-    this.shown_ms = NaN;  // when the shown picture was taken, by the service's clock
+    this.shown_ms = NaN;  // time of the shown picture by the service's clock
     this.shown = null;    // Blob
     this.pictures = 0;
-    this.waiting = null;  // the newest that is not decoded yet
+    this.waiting = null;  // the newest picture, not decoded yet
     this.decoding = false;
   }
 
@@ -161,7 +161,7 @@ export class Stream {
     if (!this.decoding) this.decode();
   }
 
-  /** One at a time; pictures that come meanwhile replace each other. */
+  /** Decodes one picture at a time; of those that arrive meanwhile the newest is kept. */
   async decode() {
     this.decoding = true;
     while (this.waiting) {

@@ -24,7 +24,7 @@ export function icon(name) {
   return svg;
 }
 
-/** Change text only where it differs: screen readers and layouts stay calm. */
+/** Changes text only where it differs, which spares screen readers and layout. */
 export function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
@@ -45,7 +45,7 @@ export function toast(text, kind = "info", action = null) {
   setTimeout(() => node.remove(), kind === "error" ? 12000 : action ? 20000 : 6000);
 }
 
-/** What the service says, as a sentence of its own. */
+/** A message of the service as a sentence of its own. */
 export function sentence(text) {
   const whole = /^(?!sstd? )[a-z]+([ ,:.]|$)/.test(text) ? text.charAt(0).toUpperCase() + text.slice(1) : text; // not gpiochip0, sstd.yaml
   return /[.!?]$/.test(whole) || !whole ? whole : `${whole}.`;
@@ -56,7 +56,7 @@ export function complain(error) {
   toast(sentence(error.message), "error");
 }
 
-/** A button that cannot be used now stays reachable and says why. */
+/** A button that is disabled stays focusable and shows the reason. */
 export function forbid(button, reason) {
   if ((button.dataset.reason ?? "") === reason) return;
   button.dataset.reason = reason;
@@ -66,7 +66,7 @@ export function forbid(button, reason) {
   else button.removeAttribute("aria-disabled");
 }
 
-/** A click that counts only where the button may be used. */
+/** A click handler that ignores disabled buttons. */
 export function onUse(button, action) {
   button.addEventListener("click", (event) => {
     if (button.dataset.reason) toast(button.dataset.reason);
@@ -74,7 +74,7 @@ export function onUse(button, action) {
   });
 }
 
-/** Until somebody looks: what nobody sees is not asked for. */
+/** Waits until the page is visible: hidden pages send no requests. */
 export function visible() {
   return new Promise((done) => {
     if (!document.hidden) done();
@@ -92,7 +92,7 @@ function kept(place, key, value) {
   return value;
 }
 
-/** What this browser, what this tab keeps: read, or with a value written. */
+/** Storage of the browser and of the tab: reads, or writes when a value is given. */
 export const storage = (key, value) => kept("localStorage", key, value);
 export const session = (key, value) => kept("sessionStorage", key, value);
 

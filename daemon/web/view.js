@@ -1,5 +1,5 @@
-// A view of one's own on the service: made when first needed, renewed when it expired or the service was restarted, and
-// told every change of settings, the newest only.
+// The page's own view on the service: created when first needed, recreated when it expired or the service restarted;
+// every change of settings is sent to it, the newest only.
 
 import { ApiError, get, post } from "/web/api.js";
 import { Stream } from "/web/stream.js";
@@ -11,7 +11,7 @@ export class View {
   /**
    * @param canvas    shows it
    * @param settings  what differs from the service's defaults; see docs/api.md
-   * @param notify    as of Stream; and "shared" (why) when no view of one's own is to be had: the main view is shown
+   * @param notify    as in Stream; and "shared" (reason) when no own view is available: the main view is shown
    */
   constructor(canvas, settings, notify) {
     this.settings = { ...settings };
@@ -37,7 +37,7 @@ export class View {
     this.start();
   }
 
-  /** Take up a view that is there already, if it is. @return its settings, or null */
+  /** Adopts an existing view. @return its settings, or null if it is gone */
   async adopt(id) {
     const { views } = await get("/api/v1/views");
     const view = views.find((other) => other.id === id);
@@ -47,7 +47,7 @@ export class View {
     return view.settings;
   }
 
-  /** Forget the view and its settings; a new one follows at once. */
+  /** Discards the view and its settings; a new one is created at once. */
   renew(settings) {
     this.settings = { ...settings };
     this.id = null;
@@ -56,7 +56,7 @@ export class View {
   }
 
   onStream(what, why) {
-    if (what === "lost" && (why?.status === 404 || this.shared)) this.id = null; // gone; ask for one again
+    if (what === "lost" && (why?.status === 404 || this.shared)) this.id = null; // gone; create another
     this.notify(what, why);
   }
 
@@ -79,11 +79,11 @@ export class View {
       if (!this.shared) this.notify("shared", error);
       this.shared = true;
       this.id = "main";
-      if (!this.sending) this.send(); // what was changed while there was no view
+      if (!this.sending) this.send(); // changes made while there was no view
     }
   }
 
-  /** Settings that the service refuses (a label of another network ...) would be refused for ever. */
+  /** Settings that the service refuses (a label of another network ...) are dropped: they would be refused for ever. */
   forget(error) {
     const { method } = this.settings;
     this.settings = method ? { method } : {};

@@ -7,13 +7,8 @@ out=build/kernel results=build/kernel/results
 accel=${GUEST_ACCEL:-tcg,thread=multi}
 limit=${GUEST_LIMIT:-1200}
 
-need() { [ -e "$(command -v "$1")" ] || { echo "check-kernel: $1 is missing: apt-get install $2" >&2; exit 1; }; }
-need qemu-system-x86_64 qemu-system-x86
-need busybox busybox-static
-need /lib/systemd/systemd-udevd udev
-need v4l2-ctl v4l-utils
-need gpiodetect gpiod
-need lsusb usbutils
+missing=$(scripts/deps.sh --missing scripts/kernel/packages.txt)
+[ -z "$missing" ] || { echo "check-kernel: missing packages: $missing; install them: make deps-kernel" >&2; exit 1; }
 scripts/kernel/prepare.sh
 
 # What the machine needs before it has the host's files: busybox, the modules on the way to them in the order of loading,

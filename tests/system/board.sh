@@ -20,5 +20,13 @@ else
   "$sst" board kalibr.yaml -o grid.png --dpi 100 >out || fail "grid.png"
   grep -q 'aprilgrid:3x2:50mm:0.3:bottom-up' out || fail "Kalibr's target: $(cat out)"
   [ "$(head -c 8 grid.png | od -An -tx1 | tr -d ' ')" = 89504e470d0a1a0a ] || fail "grid.png is no PNG"
+  # Without the part that holds OpenCV, in one sentence; all else works.
+  mkdir bin
+  cp "$sst" bin
+  sst=$tmp/bin/sst
+  want 5 'need OpenCV: libsst-opencv.so is neither beside the program nor in ../lib' board kalibr.yaml -o bad.svg
+  "$sst" board chessboard:10x7:25mm -o chess.png >out || fail "a chessboard without OpenCV: $(cat out)"
+  mkdir lib && echo nonsense >lib/libsst-opencv.so
+  want 5 'cannot load libsst-opencv.so' board kalibr.yaml -o bad.svg
 fi
 exit $failed

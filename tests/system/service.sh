@@ -32,7 +32,6 @@ begin() {
   written pid
   daemon=$(cat pid)
 }
-curl() { command curl -m 60 "$@"; }
 awaits() { "$root/tests/until.sh" "$@"; }
 fault() { "$build/sst-sim" fault --dir session "$@" >/dev/null || fail "fault $*"; }
 

@@ -1,7 +1,6 @@
 /* The board in one picture: grey, find, refine, judge. */
 #include <errno.h>
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -226,7 +225,6 @@ static int detect(const struct sst_board *board, const struct sst_map_u8 *luma, 
 int sst_board_detect(const struct sst_board *board, const struct sst_image *image, const struct sst_detect_config *cfg,
                      struct sst_detection *out, enum sst_detect_outcome *outcome)
 {
-    static atomic_flag told = ATOMIC_FLAG_INIT;
     enum sst_detect_outcome what = SST_DETECT_NONE;
     struct sst_detection found = { 0 };
     struct sst_map_u8 luma;
@@ -240,9 +238,6 @@ int sst_board_detect(const struct sst_board *board, const struct sst_image *imag
         err = 0;
         what = SST_DETECT_NONE;
     }
-    if (err == -ENOTSUP && !atomic_flag_test_and_set(&told))
-        sst_log_error("boards are found by OpenCV, which this build is without; install libopencv-dev and "
-                      "libopencv-contrib-dev, and build again");
     if (err)
         return err;
     *out = found;

@@ -86,9 +86,6 @@ static int add_markers(struct sst_print *p, const struct sst_board *b)
     for (int i = 0; i < n && !err; i++)
         err = add_marker(p, &m[i], dictionary, border);
     free(m);
-    if (err == -ENOTSUP)
-        sst_log_error("markers are drawn by OpenCV, which this build is without; install libopencv-dev and "
-                      "libopencv-contrib-dev, and build again");
     return err;
 }
 

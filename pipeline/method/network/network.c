@@ -122,10 +122,10 @@ static int choose_precision(struct sst_network *net)
 }
 #endif
 
-static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data SST_UNUSED,
-                       size_t size SST_UNUSED, const char *reason)
+static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data,
+                       size_t size, const char *reason)
 {
-    char why[256] = "it is not built in";
+    char why[256];
     int err = -EINVAL;
 
     if (net->precision == SST_PRECISION_INT8) {
@@ -133,12 +133,10 @@ static int open_opencv(struct sst_network *net, const struct sst_onnx *model, co
         return -ENOTSUP;
     }
     net->precision = SST_PRECISION_F32;
-#if WITH_OPENCV
     if (model->n_outs == 1)
         err = cv_net_open(&net->cv, data, size, why);
     else
         strcpy(why, "it has several outputs");
-#endif
     if (!err) {
         sst_log_warning("model %s: %s, so OpenCV runs the network, several times slower", net->path, reason);
         return 0;
@@ -220,9 +218,7 @@ void sst_network_close(struct sst_network *net)
 #if WITH_DNNL
     plan_destroy(net->plan);
 #endif
-#if WITH_OPENCV
     cv_net_close(net->cv);
-#endif
     sst_graph_fini(&net->graph);
     for (int i = 0; i < net->n_metadata; i++) {
         free(net->metadata[i].key);
@@ -292,7 +288,6 @@ bool sst_network_accepts(const struct sst_network *net, int width, int height)
     return ok;
 }
 
-#if WITH_OPENCV
 static int run_opencv(struct sst_network *net, const float *in, int width, int height, const float **result,
                       struct sst_shape *out)
 {
@@ -321,7 +316,6 @@ static int plan_opencv(struct sst_network *net, int width, int height)
     free(in);
     return err;
 }
-#endif
 
 static int plan(struct sst_network *net, int width, int height)
 {
@@ -340,10 +334,8 @@ static int plan(struct sst_network *net, int width, int height)
     if (!net->cv)
         err = plan_dnnl(net, width, height);
 #endif
-#if WITH_OPENCV
     if (net->cv)
         err = plan_opencv(net, width, height);
-#endif
     if (err)
         return err;
     net->width = width;
@@ -370,7 +362,6 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
 
     if (err)
         return err;
-#if WITH_OPENCV
     if (net->cv) {
         struct sst_shape shape;
         const float *result;
@@ -380,7 +371,6 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
             memcpy(out, result, (size_t)net->out.c * (size_t)net->out.h * (size_t)net->out.w * sizeof(*out));
         return err;
     }
-#endif
 #if WITH_DNNL
     err = plan_run(net->plan, in, out);
     if (err)

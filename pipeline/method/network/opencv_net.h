@@ -7,7 +7,8 @@
 
 SST_EXTERN_C_BEGIN
 
-/* All return 0, -ENOMEM or -EINVAL (OpenCV refused; its reason, cut to one line, is in why[256]). Not logged. */
+/* All return 0, -ENOTSUP (libsst-opencv.so cannot be loaded), -ENOMEM or -EINVAL (OpenCV refused); the reason, cut to
+ * one line, is in why[256]. Not logged. */
 
 struct cv_net; /* a network in OpenCV's DNN module; one thread at a time */
 

@@ -1,0 +1,28 @@
+/* opencv_net.cc is in a part of its own, libsst-opencv.so. */
+#include <errno.h>
+
+#include "base/plugin.h"
+#include "pipeline/method/network/opencv_net.h"
+
+int cv_net_open(struct cv_net **out, const uint8_t *data, size_t size, char why[256])
+{
+#define LOAD(function) sst_plugin_symbol("opencv", function, why)
+    SST_PLUGIN_CALL(LOAD, cv_net_open, out, data, size, why);
+}
+
+void cv_net_close(struct cv_net *net)
+{
+    char why[256];
+    void (*loaded)(struct cv_net *) = NULL;
+
+    if (net)
+        *(void **)&loaded = sst_plugin_symbol("opencv", "cv_net_close", why);
+    if (loaded)
+        loaded(net);
+}
+
+int cv_net_run(struct cv_net *net, const float *in, const int in_shape[3], int threads, const float **result,
+               int shape[3], char why[256])
+{
+    SST_PLUGIN_CALL(LOAD, cv_net_run, net, in, in_shape, threads, result, shape, why);
+}
