@@ -481,6 +481,38 @@ static void a_camera_is_a_video_that_plays(void **state)
     bench_fini(&b);
 }
 
+#if WITH_AVFORMAT
+static int read_zeros(void *arg, size_t i, uint8_t *data)
+{
+    memset(data, 0, 100000);
+    return i == *(size_t *)arg ? -EIO : 0;
+}
+
+/* Errors of the disk, in reading and writing, are the video's. */
+static void a_failed_write_is_an_error(void **state)
+{
+    const struct sst_mkv_config cfg = {
+        .title = "", .track = "", .fourcc = V4L2_PIX_FMT_MJPEG, .width = 8, .height = 6
+    };
+    struct sst_mkv_frame frame[50];
+    size_t bad = ARRAY_LEN(frame);
+    int fd;
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(frame); i++)
+        frame[i] = (struct sst_mkv_frame){ .t_ns = (int64_t)i * 100 * MS, .bytes = 100000 };
+    fd = open("/dev/full", O_RDWR);
+    assert_true(fd >= 0);
+    assert_int_equal(sst_mkv_write(fd, &cfg, frame, ARRAY_LEN(frame), read_zeros, &bad), -ENOSPC);
+    close(fd);
+    fd = open(in(top, "out.mkv"), O_RDWR | O_CREAT, 0600);
+    assert_int_equal(sst_mkv_write(fd, &cfg, frame, ARRAY_LEN(frame), read_zeros, &bad), 0);
+    bad = 40;
+    assert_int_equal(sst_mkv_write(fd, &cfg, frame, ARRAY_LEN(frame), read_zeros, &bad), -EIO);
+    close(fd);
+}
+#endif
+
 /* A video for which there is no room is one error; it counts as long as it is there. */
 static void a_video_needs_room(void **state)
 {
@@ -815,6 +847,9 @@ int main(void)
         TEST(what_a_kill_left_is_measured),
         TEST(a_recording_without_its_manifest_is_reported),
         TEST(a_camera_is_a_video_that_plays),
+#if WITH_AVFORMAT
+        TEST(a_failed_write_is_an_error),
+#endif
         TEST(a_video_needs_room),
         TEST(the_view_is_recorded_with_what_was_before),
         TEST(an_old_picture_does_not_pass_for_a_new_one),
