@@ -207,11 +207,11 @@ static int transfer_error(struct sst_client *c, CURLcode code, const char *said)
         }
         /* fall through */
     case CURLE_COULDNT_RESOLVE_HOST:
-        sst_log_error("no service runs at %s: `systemctl status sstd` tells why; --socket or --url name another",
+        sst_log_error("no service runs at %s: see `systemctl status sstd`; --socket or --url name another",
                       c->place);
         return -ENOPKG;
     case CURLE_OPERATION_TIMEDOUT:
-        sst_log_error("the service at %s does not answer: `systemctl status sstd` and `journalctl -u sstd` tell why",
+        sst_log_error("the service at %s does not answer: see `systemctl status sstd` and `journalctl -u sstd`",
                       c->place);
         return -ETIMEDOUT;
     case CURLE_SSL_CONNECT_ERROR:
@@ -444,7 +444,7 @@ int sst_client_save(struct sst_client *c, const char *path, const char *type, co
         sst_log_error("what answers at %s is no service of sst: %s is no %s", c->place, path, type);
         err = -EPROTO;
     } else if (!err && !strcmp(type, "application/x-tar") && c->zeros < TAR_END_BYTES) {
-        sst_log_error("the service at %s broke off while it sent %s: `journalctl -u sstd` tells why", c->place, path);
+        sst_log_error("the service at %s ended while it sent %s: see `journalctl -u sstd`", c->place, path);
         err = -EPROTO;
     }
     if (!err)

@@ -77,7 +77,7 @@ static void tell(struct sst_hooks *h, const struct run *r, int status, const cha
     }
     pthread_mutex_unlock(&h->lock);
     if (changed && status)
-        sst_log_warning("hook %s of %s %s; told again when that changes", r->hook.argv[0], r->hook.event, what);
+        sst_log_warning("hook %s of %s %s; logged again when that changes", r->hook.argv[0], r->hook.event, what);
     else if (changed && !first)
         sst_log_warning("hook %s of %s succeeds again", r->hook.argv[0], r->hook.event);
 }

@@ -51,7 +51,7 @@ see events --after 25 --type camera-lost --json
 see reload --dry-run
 told "r['body'] == {'dry_run': True}"
 shows '10 -> 20'
-shows 'capturing starts anew'
+shows 'capturing restarts'
 see reload
 told "r['body'] == {'dry_run': False}"
 echo refuse >s.mode
