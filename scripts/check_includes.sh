@@ -9,15 +9,17 @@ deny() { # folder, regex of includes it must not have
     echo "error: $1 must not include $2" >&2; bad=1
   fi
 }
-deny base 'config|drivers|capture|pipeline|daemon|cli|simulators'
+deny base 'config|drivers|capture|pipeline|client|publishers|daemon|cli|simulators'
+deny client 'config|drivers|capture|pipeline|publishers|daemon|cli|simulators'
+deny publishers 'drivers|capture|daemon/(counters|events|publish|service|storage)|cli|simulators'
 deny config 'drivers|capture|pipeline|daemon|cli|simulators'
 deny pipeline 'config|drivers|capture|daemon|cli|simulators'
 deny drivers 'config|capture|pipeline|daemon|cli|simulators'
 deny capture 'daemon|cli|simulators'
-deny daemon 'cli|simulators'
-deny cli 'daemon|simulators/(scene/world|devices|rig)'
+deny daemon 'client|publishers|cli|simulators'
+deny cli 'daemon|publishers|simulators/(scene/world|devices|rig)'
 deny simulators 'daemon|cli|drivers|capture'
-for h in $(find base config drivers capture pipeline daemon cli simulators tests -name '*.h' 2>/dev/null | sort); do
+for h in $(find base config client drivers capture pipeline daemon cli simulators tests -name '*.h' 2>/dev/null | sort); do
   case $h in *_tmpl.h|*/templates.h) continue;; esac
   echo "#include \"$h\"" | gcc -std=c11 -D_DEFAULT_SOURCE -I. -Wall -Werror -fsyntax-only -x c - || bad=1
 done
