@@ -4,7 +4,6 @@
 #define SST_PUBLISHERS_MQTT_MQTT_INTERNAL_H
 
 #include <pthread.h>
-#include <signal.h>
 
 #include "publishers/publisher.h"
 
@@ -33,7 +32,7 @@ struct mqtt {
     /* fixed after begin */
     struct sst_publisher publisher;
     int wake; /* eventfd: something for the main thread */
-    volatile sig_atomic_t stop;
+    SST_ATOMIC(bool) stop; /* by a signal */
     pthread_mutex_t lock;
     /* under lock */
     bool service_up;              /* the broker is connected only while it is */
