@@ -169,8 +169,8 @@ static int delete_kept(void *arg, const json_t *request, struct sst_api_answer *
     else if (err == -EBUSY)
         snprintf(out->error, sizeof(out->error), "%.64s is still being written; delete it when it has ended", name);
     else if (err)
-        snprintf(out->error, sizeof(out->error), "%.64s cannot be removed from the disk: %s; see the journal",
-                 name, strerror(-err));
+        snprintf(out->error, sizeof(out->error), "%.64s cannot be removed from the disk: %s; see the journal", name,
+                 strerror(-err));
     return err ? err : answer_name(out, name);
 }
 

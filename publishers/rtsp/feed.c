@@ -339,7 +339,7 @@ static void aims_at(GstRTSPMedia *media, gint state, gpointer factory)
         atomic_fetch_add(&((struct rtsp_factory *)factory)->ended, 1);
 }
 
-static void forget(gpointer factory, GClosure *closure)
+static void unref_factory(gpointer factory, GClosure *closure)
 {
     (void)closure;
     g_object_unref(factory);
@@ -349,7 +349,8 @@ static void configure(GstRTSPMediaFactory *factory, GstRTSPMedia *media)
 {
     GST_RTSP_MEDIA_FACTORY_CLASS(g_type_class_peek(GST_TYPE_RTSP_MEDIA_FACTORY))->configure(factory, media);
     g_signal_connect(media, "unprepared", G_CALLBACK(unprepared), NULL);
-    g_signal_connect_data(media, "target-state", G_CALLBACK(aims_at), g_object_ref(factory), forget, (GConnectFlags)0);
+    g_signal_connect_data(media, "target-state", G_CALLBACK(aims_at), g_object_ref(factory), unref_factory,
+                          (GConnectFlags)0);
 }
 
 /* Whatever a client adds to the path, it shares the pipeline. */
