@@ -103,8 +103,8 @@ static int write_files(const struct site *s)
     return sst_outfile_commit(&file);
 }
 
-/** Before minutes of preparing: the service would go on without a page, and the address told lead to somebody else's.
- *  @return 0, -EBUSY, or what the system says; told */
+/** Check a port before minutes of preparation: the service would run without a page, and the printed address would be
+ *  another program's. @return 0, -EBUSY, or an errno; logged */
 static int try_port(int port)
 {
     const struct sockaddr_in at = { .sin_family = AF_INET,
@@ -296,7 +296,7 @@ static void print_address(const struct site *s, double seconds)
     fflush(stdout);
 }
 
-/** Start a site and wait for its first picture. @return 0, -EINTR, -ECHILD (it ended; told), -ETIMEDOUT (told) */
+/** Start a site and wait for its first picture. @return 0, -EINTR, -ECHILD (it ended; logged), -ETIMEDOUT (logged) */
 static int bring_up(struct site *s)
 {
     const int64_t start_ns = sst_clock_now_ns();

@@ -1,4 +1,4 @@
-/* sst reload: the service reads its configuration again, or says what that would change. */
+/* sst reload: the service reads its configuration again, or reports what that would change. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -57,7 +57,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     request = json_pack("{s:b}", "dry_run", dry_run);
     err = request ? sst_client_ask(&where, "/api/v1/reload", request, &answer) : -ENOMEM;
     json_decref(request);
-    if (err == -EBADMSG || err == -EBUSY) /* refused: nothing was changed, and the reason was told */
+    if (err == -EBADMSG || err == -EBUSY) /* refused: nothing was changed, and the reason was logged */
         return CLI_INPUT;
     if (err)
         return cli_exit_code(err);

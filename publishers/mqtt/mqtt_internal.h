@@ -31,7 +31,7 @@ struct mqtt_message {
 struct mqtt {
     /* fixed after begin */
     struct sst_publisher publisher;
-    int wake; /* eventfd: something for the main thread */
+    int wake;              /* eventfd: something for the main thread */
     SST_ATOMIC(bool) stop; /* by a signal */
     pthread_mutex_t lock;
     /* under lock */
@@ -75,7 +75,7 @@ void mqtt_init(struct mqtt *m);
 void mqtt_fini(struct mqtt *m);
 /** Do what is due, for 100 ms at most. @param wanted  a connection @return false: nothing to do for now */
 bool mqtt_step(struct mqtt *m, bool wanted);
-/** Follow another configuration, which it takes over. */
+/** Follow another configuration, which it owns from then on. */
 void mqtt_configure(struct mqtt *m, struct sst_config *next);
 
 /** Publish a message. @param topic  below mqtt.topic @return false: not accepted; try again later */

@@ -102,7 +102,7 @@ static void publish_status(struct mqtt *m)
     if (o)
         (void)(publish_json(m, "status", o) &&
                publish_text(m, "record", json_is_true(json_object_get(o, "recording")) ? "ON" : "OFF") &&
-               publish_text(m, "focus", text)); /* what the broker does not take now it gets with the next status */
+               publish_text(m, "focus", text)); /* what is not accepted now is sent with the next status */
     json_decref(o);
     json_decref(answer);
 }
@@ -140,7 +140,7 @@ static void publish_cameras(struct mqtt *m)
 
 /* --- events ------------------------------------------------------------------------------------------------------- */
 
-/* Does it change what the status or the cameras say? */
+/* True for events after which status or cameras differ. */
 static bool changes_state(const char *type)
 {
     static const char *const types[] = { "state",   "camera-lost",  "camera-found", "trigger-lost", "trigger-found",

@@ -70,7 +70,7 @@ struct rtsp_server {
 
 /** Load the plugins of GStreamer. @return 0, -ENOTSUP (one is missing; logged) */
 SST_MUST_CHECK int rtsp_load_plugins(enum sst_rtsp_codec codec);
-/** A server on a listening socket, which it takes over. @return 0, -EIO; logged */
+/** A server on a listening socket, which it owns from then on. @return 0, -EIO; logged */
 SST_MUST_CHECK int rtsp_server_open(struct rtsp_server *server, enum sst_rtsp_codec codec,
                                     const struct rtsp_login *login, int fd);
 _Noreturn void rtsp_server_run(struct rtsp_server *server);
