@@ -17,10 +17,10 @@
 #include "base/file.h"
 #include "base/log.h"
 
-#define STEP_MS 200
-#define READY_S 600 /* a slow machine prepares a world of leaves for minutes */
-#define END_MS  3000
-#define TELL_NS INT64_C(10000000000)
+#define STEP_MS   200
+#define READY_S   600 /* a slow machine prepares a world of leaves for minutes */
+#define END_MS    3000
+#define REPORT_NS INT64_C(10000000000)
 
 /* What integrators would write for an array with six trigger lines and a loop-back wire. */
 static const char config_text[] = "# sstd on a simulated 6x6 array: sst-sim --world %s -- sstd --config %s\n"
@@ -103,8 +103,8 @@ static int write_files(const struct site *s)
     return sst_outfile_commit(&file);
 }
 
-/** Before minutes of preparing: the service would go on without a page, and the address told lead to somebody else's.
- *  @return 0, -EBUSY, or what the system says; told */
+/** Check a port before minutes of preparation: the service would run without a page, and the printed address would be
+ *  another program's. @return 0, -EBUSY, or an errno; logged */
 static int try_port(int port)
 {
     const struct sockaddr_in at = { .sin_family = AF_INET,
@@ -224,7 +224,7 @@ static void stop(struct site *s)
 }
 
 /** Last line of what the programs said. */
-static void tell_end(const struct site *s)
+static void report_end(const struct site *s)
 {
     static const char prefix[] = "sst: error: ";
     const char *said;
@@ -280,7 +280,7 @@ static int first_picture(const struct site *s)
     return err ? -EAGAIN : 0;
 }
 
-static void tell_address(const struct site *s, double seconds)
+static void print_address(const struct site *s, double seconds)
 {
     char token[128] = "";
     FILE *f = fopen(s->token, "re");
@@ -296,11 +296,11 @@ static void tell_address(const struct site *s, double seconds)
     fflush(stdout);
 }
 
-/** Start a site and wait for its first picture. @return 0, -EINTR, -ECHILD (it ended; told), -ETIMEDOUT (told) */
+/** Start a site and wait for its first picture. @return 0, -EINTR, -ECHILD (it ended; logged), -ETIMEDOUT (logged) */
 static int bring_up(struct site *s)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    int64_t told_ns = start_ns;
+    int64_t reported_ns = start_ns;
     int err = start(s);
 
     if (err)
@@ -314,30 +314,30 @@ static int bring_up(struct site *s)
         if (interrupted)
             return -EINTR;
         if (!runs(s)) {
-            tell_end(s);
+            report_end(s);
             return -ECHILD;
         }
         if (now_ns - start_ns > READY_S * INT64_C(1000000000)) {
             sst_log_error("no picture of %s within %d s: see %s", s->scene, READY_S, s->log);
             return -ETIMEDOUT;
         }
-        if (now_ns - told_ns > TELL_NS) {
-            told_ns = now_ns;
+        if (now_ns - reported_ns > REPORT_NS) {
+            reported_ns = now_ns;
             printf("  %.0f s ...\n", (double)(now_ns - start_ns) / 1e9);
             fflush(stdout);
         }
         nanosleep(&(struct timespec){ .tv_nsec = STEP_MS * 1000000 }, NULL);
     }
-    tell_address(s, (double)(sst_clock_now_ns() - start_ns) / 1e9);
+    print_address(s, (double)(sst_clock_now_ns() - start_ns) / 1e9);
     return 0;
 }
 
-static int watch(struct site *sites, int n)
+static int watch_sites(struct site *sites, int n)
 {
     while (!interrupted) {
         for (int i = 0; i < n; i++)
             if (!runs(&sites[i])) {
-                tell_end(&sites[i]);
+                report_end(&sites[i]);
                 return CLI_INTERNAL;
             }
         nanosleep(&(struct timespec){ .tv_nsec = STEP_MS * 1000000 }, NULL);
@@ -371,7 +371,7 @@ int cli_demo_live(const struct cli_demo_live *demo)
     if (!err) {
         printf("Ctrl-C ends it.\n");
         fflush(stdout);
-        code = watch(sites, n);
+        code = watch_sites(sites, n);
     }
     for (int i = n - 1; i >= 0; i--)
         stop(&sites[i]);

@@ -104,7 +104,7 @@ static int follow(struct sst_client *client, struct show *s)
     snprintf(path, sizeof(path), "/api/v1/events/stream?after=%" PRIu64, s->last);
     err = sst_client_lines(client, path, true, on_line, s);
     if (!err) {
-        sst_log_error("the service ended the events: it stops or restarts; `systemctl status sstd` tells");
+        sst_log_error("the service ended the events: it stops or restarts; see `systemctl status sstd`");
         err = -ENOPKG;
     }
     return err;
@@ -147,7 +147,7 @@ const struct cli_command cli_events = {
     .name = "events",
     .usage = "[--follow] [--after ID] [--type TYPE] [--json]",
     .summary = "what happened in the service: cameras lost and found, recordings, storage",
-    .detail = "Times are UTC. Ids count from 1 at each start of the service. With --follow exit code 5 says that the\n"
+    .detail = "Times are UTC. Ids count from 1 at each start of the service. With --follow exit code 5 means that the\n"
               "service ended.",
     .example = "sst events --follow\n  sst events --type camera-lost --json",
     .run = run,

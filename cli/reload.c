@@ -1,4 +1,4 @@
-/* sst reload: the service reads its configuration again, or says what that would change. */
+/* sst reload: the service reads its configuration again, or reports what that would change. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -10,9 +10,9 @@ static const char *meaning(const char *class_)
     if (!strcmp(class_, "live"))
         return "applies at once";
     if (!strcmp(class_, "restart-camera"))
-        return "capturing starts anew for a moment";
+        return "capturing restarts for a moment";
     if (!strcmp(class_, "restart-live"))
-        return "the live picture starts anew, capturing goes on";
+        return "the live picture restarts, capturing goes on";
     if (!strcmp(class_, "restart-daemon"))
         return "needs `systemctl restart sstd`";
     return class_;
@@ -44,7 +44,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_client_service where = { 0 };
     bool dry_run = false, json = false;
     const struct cli_option options[] = {
-        { "dry-run", 'n', CLI_FLAG, &dry_run, NULL, "say only what would change, and what that takes", 0, 0 },
+        { "dry-run", 'n', CLI_FLAG, &dry_run, NULL, "print only what would change, and what it restarts", 0, 0 },
         { "json", 0, CLI_FLAG, &json, NULL, "the service's answer (docs/api.md)", 0, 0 },
         CLI_SERVICE_OPTIONS(where),
     };
@@ -57,7 +57,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     request = json_pack("{s:b}", "dry_run", dry_run);
     err = request ? sst_client_ask(&where, "/api/v1/reload", request, &answer) : -ENOMEM;
     json_decref(request);
-    if (err == -EBADMSG || err == -EBUSY) /* refused: nothing was changed, and the reason was told */
+    if (err == -EBADMSG || err == -EBUSY) /* refused: nothing was changed, and the reason was logged */
         return CLI_INPUT;
     if (err)
         return cli_exit_code(err);

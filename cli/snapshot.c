@@ -44,7 +44,7 @@ static int keep(struct sst_client *client, const char *file)
     cli_text(answer, "name", name, sizeof(name));
     json_decref(answer);
     if (!is_name(name)) {
-        sst_log_error("the service kept the moment, but does not say under which name");
+        sst_log_error("the service kept the moment, but its answer has no name");
         return -EPROTO;
     }
     printf("%s\n", name);
@@ -85,7 +85,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (r != CLI_GO_ON)
         return r;
     if (!file && !keep_it)
-        return cli_usage_error(cmd, "say where the picture goes: -o FILE.jpg, or --keep");
+        return cli_usage_error(cmd, "an output is missing: -o FILE.jpg, or --keep");
     if (file && ends_with(file, ".png"))
         return cli_usage_error(cmd, "pictures of the service are JPEG: -o FILE.jpg");
     if (of && keep_it)

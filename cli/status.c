@@ -82,11 +82,11 @@ static void print_missing(const json_t *cameras)
 
     for (size_t i = 0; i < json_array_size(list); i++) {
         const json_t *cam = json_array_get(list, i);
-        bool told = streams(cam);
+        bool shown = streams(cam);
 
-        for (size_t k = 0; k < i && !told; k++)
-            told = alike(json_array_get(list, k), cam);
-        if (told)
+        for (size_t k = 0; k < i && !shown; k++)
+            shown = alike(json_array_get(list, k), cam);
+        if (shown)
             continue;
         printf("%s", any ? "; " : "  missing    ");
         print_alike(list, i);
@@ -246,7 +246,7 @@ static void print_status(const json_t *status, const json_t *cameras)
 /* --- command -------------------------------------------------------------------------------------------------------
  */
 
-/* @param failed  out, the service says that it failed */
+/* @param failed  out, the service reports a failure */
 static int show(const struct sst_client_service *where, bool json, bool clear, bool *failed)
 {
     json_t *status = NULL, *cameras = NULL;

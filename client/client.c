@@ -19,11 +19,11 @@
 #define CONNECT_S       5
 #define ANSWER_S        15         /* without a byte */
 #define MAKE_S          600        /* likewise, of a video: it is made before its first byte */
-#define SILENCE_S       60         /* likewise, of what has no end: the service sends signs of life more often */
+#define SILENCE_S       60         /* the same for endless streams: the service sends signs of life more often */
 #define ANSWER_BYTES    (16 << 20) /* of an answer that is kept in memory, or of a line */
 #define TOKEN_BYTES     4096
 #define PART_HEAD_BYTES 4096 /* of a part of a stream */
-#define TAR_END_BYTES   1024 /* zeros that end an archive; what is sent in chunks does not tell its length */
+#define TAR_END_BYTES   1024 /* zeros that end an archive; a chunked transfer has no length */
 
 struct sst_client {
     CURL *curl;
@@ -209,11 +209,10 @@ static int transfer_error(struct sst_client *c, CURLcode code, const char *said)
         }
         /* fall through */
     case CURLE_COULDNT_RESOLVE_HOST:
-        sst_log_error("no service runs at %s: `systemctl status sstd` tells why; --socket or --url name another",
-                      c->place);
+        sst_log_error("no service runs at %s: see `systemctl status sstd`; --socket or --url name another", c->place);
         return -ENOPKG;
     case CURLE_OPERATION_TIMEDOUT:
-        sst_log_error("the service at %s does not answer: `systemctl status sstd` and `journalctl -u sstd` tell why",
+        sst_log_error("the service at %s does not answer: see `systemctl status sstd` and `journalctl -u sstd`",
                       c->place);
         return -ETIMEDOUT;
     case CURLE_SSL_CONNECT_ERROR:
@@ -372,7 +371,7 @@ int sst_client_open(struct sst_client **out, const struct sst_client_service *wh
     (void)curl_easy_setopt(c->curl, CURLOPT_XFERINFODATA, c);
     (void)curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
     (void)curl_easy_setopt(c->curl, CURLOPT_PROTOCOLS_STR, "http,https");
-    (void)curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* the service is asked itself, whatever the environment says */
+    (void)curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* no proxy of the environment */
     (void)curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
     (void)curl_easy_setopt(c->curl, CURLOPT_NOPROGRESS, 0L);
     if (where->ca)
@@ -448,7 +447,7 @@ int sst_client_save(struct sst_client *c, const char *path, const char *type, co
         sst_log_error("what answers at %s is no service of sst: %s is no %s", c->place, path, type);
         err = -EPROTO;
     } else if (!err && !strcmp(type, "application/x-tar") && c->zeros < TAR_END_BYTES) {
-        sst_log_error("the service at %s broke off while it sent %s: `journalctl -u sstd` tells why", c->place, path);
+        sst_log_error("the service at %s ended while it sent %s: see `journalctl -u sstd`", c->place, path);
         err = -EPROTO;
     }
     if (!err)

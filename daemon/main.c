@@ -291,7 +291,7 @@ int main(int argc, char **argv)
         }
     }
     if (optind < argc) {
-        fprintf(stderr, "sst: error: sstd takes no argument like %s; see sstd --help\n", argv[optind]);
+        fprintf(stderr, "sst: error: sstd has no argument %s; see sstd --help\n", argv[optind]);
         return EXIT_USAGE;
     }
     sst_log_set_level((enum sst_log_level)(level > SST_LOG_DEBUG ? SST_LOG_DEBUG : level));

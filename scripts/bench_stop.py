@@ -41,6 +41,7 @@ class Service(bench_service.Service):
     """With what may hang: a disk, programs, a broker; more keys in a file of its own."""
 
     def __init__(self, build, world):
+        self.publishers = []
         self.broker = socket.create_server(("127.0.0.1", 0))  # takes connections, says nothing
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.rtsp = free.getsockname()[1]
@@ -66,6 +67,15 @@ class Service(bench_service.Service):
         while not os.path.exists(pid_file) or not os.path.getsize(pid_file):
             time.sleep(0.02)
         self.pid = int(open(pid_file).read())
+        if not self.publishers:
+            self.publishers = [subprocess.Popen([f"{self.build}/sst-{name}", "--config", f"{self.dir}/sstd.yaml"],
+                                                stdout=self.log, stderr=self.log) for name in ("rtsp", "mqtt")]
+
+    def close(self):
+        for p in self.publishers:
+            p.terminate()
+            p.wait()
+        super().close()
 
     def post(self, path, body):
         c = bench_service.Unix(os.path.join(self.dir, "c.sock"))

@@ -9,12 +9,14 @@ deny() { # folder, regex of includes it must not have
     echo "error: $1 must not include $2" >&2; bad=1
   fi
 }
-deny base 'config|drivers|capture|pipeline|daemon|cli|simulators'
+deny base 'config|drivers|capture|pipeline|client|publishers|daemon|cli|simulators'
+deny client 'config|drivers|capture|pipeline|publishers|daemon|cli|simulators'
+deny publishers 'drivers|capture|daemon/(counters|events|publish|service|storage)|cli|simulators'
 deny config 'drivers|capture|pipeline|daemon|cli|simulators'
 deny pipeline 'config|drivers|capture|daemon|cli|simulators'
 deny drivers 'config|capture|pipeline|daemon|cli|simulators'
 deny capture 'daemon|cli|simulators'
-deny daemon 'cli|simulators'
-deny cli 'daemon|simulators/(scene/world|devices|rig)'
+deny daemon 'client|publishers|cli|simulators'
+deny cli 'daemon|publishers|simulators/(scene/world|devices|rig)'
 deny simulators 'daemon|cli|drivers|capture'
 exit $bad

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Names and arrows of the built objects and of the headers:
-# - code depends one way, and no circle of folders is linked (base < drivers, pipeline < capture < daemon, cli);
+# - code depends one way, and no circle of folders is linked (base < drivers, pipeline < capture < daemon, cli; base < client < publishers, cli);
 # - the first word after sst_ belongs to one folder and its subfolders; sst_sim_ to simulators/;
 # - sst_ means public: a folder has at most one private header, FOLDER_internal.h, in which no function or tag has sst_,
 #   and only its own files and tests include it; functions in other headers have sst_;
@@ -10,7 +10,7 @@
 set -u
 cd "$(dirname "$0")/.." || exit 1
 build=${SST_BUILD:-build}
-roots='base config drivers capture pipeline daemon cli simulators'
+roots='base client config drivers capture pipeline daemon publishers cli simulators'
 bad=0
 fail() { echo "error: $*" >&2; bad=1; }
 
@@ -24,10 +24,11 @@ done)
   function top(f) { sub(/\/.*/, "", f); return f }
   function inside(a, b) { return a == b || index(a, b "/") == 1 }
   BEGIN {
+    allowed["client"] = "base"; allowed["publishers"] = "base client config pipeline"
     allowed["config"] = "base"; allowed["drivers"] = "base"; allowed["pipeline"] = "base"
     allowed["capture"] = "base drivers pipeline config"; allowed["simulators"] = "base pipeline"
     allowed["daemon"] = "base drivers pipeline config capture"
-    allowed["cli"] = "base drivers pipeline config capture simulators"
+    allowed["cli"] = "base client drivers pipeline config capture simulators"
   }
   { sub(/:$/, "", $1); f = folder($1) }
   $3 ~ /^[TDBR]$/ { home[$2] = f }

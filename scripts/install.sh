@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install.sh install|uninstall: puts what was built in place, or takes it away again; one list for both. From make:
+# install.sh install|uninstall: installs or removes what was built; one list for both. From make:
 # BUILD, PREFIX, SYSCONFDIR, DESTDIR. A configuration that was changed stays in both cases.
 set -eu
 verb=$1

@@ -3,7 +3,7 @@
 #define SST_TESTS_STORAGE_BENCH_H
 
 #include "base/clock.h"
-#include "daemon/slot/download.h"
+#include "daemon/storage/download.h"
 #include "daemon/storage/storage.h"
 #include "pipeline/image/codec.h"
 #include "tests/recording_tests.h"

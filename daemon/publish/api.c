@@ -31,11 +31,11 @@ int sst_api_members(const json_t *request, const char *const *known, char error[
         if (known[i])
             continue;
         near = sst_word_nearest(key, known);
-        snprintf(error, 512, "there is no member \"%.64s\" here; %s%s%s", key,
-                 near       ? "did you mean "
+        snprintf(error, 512, "unknown member `%.64s`; %s%s%s", key,
+                 near       ? "did you mean `"
                  : known[0] ? "there are "
-                            : "this takes none",
-                 near ? near : "", near ? "?" : "");
+                            : "it has none",
+                 near ? near : "", near ? "`?" : "");
         for (i = 0; !near && known[i]; i++) {
             add(error, 512, i == 0 ? "" : known[i + 1] ? ", " : " and ");
             add(error, 512, known[i]);

@@ -64,7 +64,7 @@ static void wake(void *arg)
 /* --- starting and ending ------------------------------------------------------------------------------------------ */
 
 /* Logged when it differs from the last time, so that a hook that always fails does not fill the journal. */
-static void tell(struct sst_hooks *h, const struct run *r, int status, const char *what)
+static void log_result(struct sst_hooks *h, const struct run *r, int status, const char *what)
 {
     bool changed = false, first = false;
 
@@ -77,7 +77,7 @@ static void tell(struct sst_hooks *h, const struct run *r, int status, const cha
     }
     pthread_mutex_unlock(&h->lock);
     if (changed && status)
-        sst_log_warning("hook %s of %s %s; told again when that changes", r->hook.argv[0], r->hook.event, what);
+        sst_log_warning("hook %s of %s %s; logged again when that changes", r->hook.argv[0], r->hook.event, what);
     else if (changed && !first)
         sst_log_warning("hook %s of %s succeeds again", r->hook.argv[0], r->hook.event);
 }
@@ -98,7 +98,7 @@ static void start(struct sst_hooks *h, struct run *r)
     if (err) {
         r->pid = 0;
         snprintf(what, sizeof(what), "cannot be run: %s", strerror(-err));
-        tell(h, r, err - 1, what);
+        log_result(h, r, err - 1, what);
     }
     pthread_mutex_lock(&h->lock);
     h->n.run++;
@@ -124,10 +124,10 @@ static void end(struct sst_hooks *h, struct run *r)
         snprintf(what, sizeof(what), "ended by signal %d", WTERMSIG(status));
     else
         snprintf(what, sizeof(what), "ended with status %d", WEXITSTATUS(status));
-    tell(h, r, status, what);
+    log_result(h, r, status, what);
 }
 
-static void look(struct sst_hooks *h, struct run *r)
+static void check_run(struct sst_hooks *h, struct run *r)
 {
     siginfo_t info = { .si_pid = 0 };
     const int err = waitid(P_PID, (id_t)r->pid, &info, WEXITED | WNOHANG | WNOWAIT);
@@ -175,7 +175,7 @@ static void enqueue(struct sst_hooks *h, const struct sst_hook *hook, int index,
     h->n_waiting++;
 }
 
-static void take_event(struct sst_hooks *h, const char *event)
+static void start_hooks(struct sst_hooks *h, const char *event)
 {
     json_t *o = json_loads(event, 0, NULL);
     const char *type = json_string_value(json_object_get(o, "type"));
@@ -194,7 +194,7 @@ static void take_event(struct sst_hooks *h, const char *event)
     json_decref(o);
 }
 
-static void take_events(struct sst_hooks *h)
+static void handle_events(struct sst_hooks *h)
 {
     uint64_t id;
     char *event;
@@ -203,7 +203,7 @@ static void take_events(struct sst_hooks *h)
         if (id > h->seen + 1 && drop(h, id - h->seen - 1))
             sst_log_warning("hooks: events came faster than they are kept; those without a hook's run are counted");
         h->seen = id;
-        take_event(h, event);
+        start_hooks(h, event);
         free(event);
     }
 }
@@ -227,7 +227,7 @@ static void follow_settings(struct sst_hooks *h, unsigned *generation)
 }
 
 /* @return programs that run */
-static int attend(struct sst_hooks *h)
+static int handle_runs(struct sst_hooks *h)
 {
     int running = 0;
 
@@ -235,7 +235,7 @@ static int attend(struct sst_hooks *h)
         struct run *r = &h->run[i];
 
         if (r->pid)
-            look(h, r);
+            check_run(h, r);
         while (!r->pid && h->n_waiting && !h->stop) {
             *r = h->waiting[0];
             memmove(h->waiting, h->waiting + 1, (size_t)--h->n_waiting * sizeof(h->waiting[0]));
@@ -259,7 +259,7 @@ static void kill_all(struct sst_hooks *h)
             h->run[i].index = -1;
             kill(-h->run[i].pid, SIGKILL);
         }
-    while (attend(h) && sst_clock_now_ns() < end_ns)
+    while (handle_runs(h) && sst_clock_now_ns() < end_ns)
         poll(NULL, 0, CHECK_MS);
     for (int i = 0; i < h->n_waiting; i++)
         free(h->waiting[i].event);
@@ -275,8 +275,8 @@ static void *work(void *arg)
     sst_thread_name("sst-hooks");
     while (!h->stop) {
         follow_settings(h, &generation);
-        take_events(h);
-        if (poll(&fd, 1, attend(h) ? CHECK_MS : -1) > 0 && read(h->wake, &count, sizeof(count)) < 0)
+        handle_events(h);
+        if (poll(&fd, 1, handle_runs(h) ? CHECK_MS : -1) > 0 && read(h->wake, &count, sizeof(count)) < 0)
             continue; /* taken already */
     }
     kill_all(h);

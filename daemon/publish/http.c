@@ -52,12 +52,12 @@ static void close_if_left(int fd, const struct stat *was)
 }
 
 /* Serve on a listening socket, which it owns from then on. */
-static int serve(struct http_side *side, int fd, bool tls)
+static int serve(struct http_listener *listener, int fd, bool tls)
 {
     const unsigned flags = MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
                            MHD_USE_ITC | MHD_USE_ERROR_LOG | (tls ? MHD_USE_TLS : 0);
-    const unsigned clients = (unsigned)side->http->cfg.clients;
-    struct http_pair *pair = tls ? http_tls_take(&side->http->pairs) : NULL; /* it may be renewed meanwhile */
+    const unsigned clients = (unsigned)listener->http->cfg.clients;
+    struct http_pair *pair = tls ? http_tls_take(&listener->http->pairs) : NULL; /* it may be renewed meanwhile */
     const struct MHD_OptionItem secure[] = {
         { tls ? MHD_OPTION_HTTPS_MEM_CERT : MHD_OPTION_END, 0, http_tls_pem(pair, false) },
         { MHD_OPTION_HTTPS_MEM_KEY, 0, http_tls_pem(pair, true) },
@@ -68,15 +68,16 @@ static int serve(struct http_side *side, int fd, bool tls)
     (void)fstat(fd, &socket);
     library_error[0] = 0;
     /* The first option, so that errors of the others reach our log. */
-    side->daemon = MHD_start_daemon(
-        flags, 0, NULL, NULL, http_on_request, side, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
-        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, side, MHD_OPTION_NOTIFY_CONNECTION,
-        http_on_link, side, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT, clients + SPARE,
-        MHD_OPTION_PER_IP_CONNECTION_LIMIT, side->local ? 0 : (clients + 3) / 4 * 3, MHD_OPTION_CONNECTION_TIMEOUT,
-        (unsigned)HTTP_IDLE_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES, MHD_OPTION_THREAD_STACK_SIZE,
-        (size_t)STACK_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure, MHD_OPTION_END);
-    http_tls_end(&side->http->pairs, pair);
-    if (side->daemon)
+    listener->daemon = MHD_start_daemon(
+        flags, 0, NULL, NULL, http_on_request, listener, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
+        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, listener, MHD_OPTION_NOTIFY_CONNECTION,
+        http_on_link, listener, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT,
+        clients + SPARE, MHD_OPTION_PER_IP_CONNECTION_LIMIT, listener->local ? 0 : (clients + 3) / 4 * 3,
+        MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)HTTP_IDLE_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES,
+        MHD_OPTION_THREAD_STACK_SIZE, (size_t)STACK_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure,
+        MHD_OPTION_END);
+    http_tls_end(&listener->http->pairs, pair);
+    if (listener->daemon)
         return 0;
     close_if_left(fd, &socket);
     return -EIO;
@@ -223,8 +224,8 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
         return -ENOMEM;
     http->cfg = *cfg;
     http->count = cfg->counters;
-    http->tcp = (struct http_side){ .http = http };
-    http->local = (struct http_side){ .http = http, .local = true };
+    http->tcp = (struct http_listener){ .http = http };
+    http->local = (struct http_listener){ .http = http, .local = true };
     copy(http->host, sizeof(http->host), cfg->host);
     copy(http->address, sizeof(http->address), cfg->address);
     copy(http->token_file, sizeof(http->token_file), cfg->token_file);

@@ -241,7 +241,7 @@ static int refuse_method(struct http_request *q, const char *path)
         post |= !strcmp(routes[i].method, "POST");
     }
     snprintf(q->allow, sizeof(q->allow), "%s%s%s", get ? "GET, HEAD" : "", get && post ? ", " : "", post ? "POST" : "");
-    return http_reply_error(q, MHD_HTTP_METHOD_NOT_ALLOWED, "this takes %s", q->allow);
+    return http_reply_error(q, MHD_HTTP_METHOD_NOT_ALLOWED, "the methods of this path are %s", q->allow);
 }
 
 int http_check(struct http_request *q, const char *path, const char *method)

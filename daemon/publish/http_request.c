@@ -19,7 +19,7 @@ bool http_crowded(struct http_request *q)
     const int64_t now_ns = sst_clock_now_ns();
     bool report;
 
-    if (atomic_load(&q->side->clients) <= http->cfg.clients)
+    if (atomic_load(&q->listener->clients) <= http->cfg.clients)
         return false;
     pthread_mutex_lock(&http->lock);
     report = !http->flood_ns || now_ns - http->flood_ns > FLOOD_NS;
@@ -34,8 +34,8 @@ bool http_crowded(struct http_request *q)
 
 void http_on_link(void *cls, struct MHD_Connection *connection, void **state, enum MHD_ConnectionNotificationCode how)
 {
-    struct http_side *side = cls;
-    struct sst_http *http = side->http;
+    struct http_listener *listener = cls;
+    struct sst_http *http = listener->http;
     struct http_link *l = *state;
 
     if (how == MHD_CONNECTION_NOTIFY_STARTED) {
@@ -43,8 +43,8 @@ void http_on_link(void *cls, struct MHD_Connection *connection, void **state, en
         *state = l;
         if (!l)
             return; /* its requests are refused */
-        atomic_fetch_add(&side->clients, 1);
-        atomic_fetch_add(&side->http->count->clients, 1);
+        atomic_fetch_add(&listener->clients, 1);
+        atomic_fetch_add(&listener->http->count->clients, 1);
         l->pair = http_tls_begin(&http->pairs, connection);
         l->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
         l->deadline_ns = sst_clock_now_ns() + HTTP_REQUEST_S * SECOND_NS;
@@ -61,29 +61,29 @@ void http_on_link(void *cls, struct MHD_Connection *connection, void **state, en
         if (l->next)
             l->next->prev = l->prev;
         pthread_mutex_unlock(&http->lock);
-        atomic_fetch_sub(&side->clients, 1);
-        atomic_fetch_sub(&side->http->count->clients, 1);
+        atomic_fetch_sub(&listener->clients, 1);
+        atomic_fetch_sub(&listener->http->count->clients, 1);
         http_tls_end(&http->pairs, l->pair);
         free(l);
         *state = NULL;
     }
 }
 
-static struct http_request *new_request(struct http_side *side, struct MHD_Connection *connection)
+static struct http_request *new_request(struct http_listener *listener, struct MHD_Connection *connection)
 {
     struct http_link *link = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
     struct http_request *q = link ? calloc(1, sizeof(*q)) : NULL;
 
     if (!q)
         return NULL;
-    q->http = side->http;
-    q->side = side;
-    q->local = side->local;
+    q->http = listener->http;
+    q->listener = listener;
+    q->local = listener->local;
     q->connection = connection;
     q->link = link;
     q->fd = link->fd;
     http_name_peer(q);
-    atomic_fetch_add(&side->http->count->requests, 1);
+    atomic_fetch_add(&listener->http->count->requests, 1);
     return q;
 }
 

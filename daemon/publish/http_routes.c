@@ -9,7 +9,7 @@
 
 /* method, path, role, one line, handler. The first that fits counts: {name} comes after words. */
 #define ROUTES(X)                                                                                                      \
-    X("GET", "/healthz", ANYONE, "Is the array captured?", healthz)                                                    \
+    X("GET", "/healthz", ANYONE, "Health check: is the array being captured?", healthz)                                \
     X("GET", "/login", ANYONE, "A form for the token", login_form)                                                     \
     X("POST", "/login", ANYONE, "Log in with a token; sets a cookie", login)                                           \
     X("GET", "/", VIEW, "The page", page)                                                                              \
@@ -18,8 +18,8 @@
     X("GET", "/api/v1/status", VIEW, "State, rates, latencies, counters", status)                                      \
     X("GET", "/api/v1/cameras", VIEW, "The grid of cameras and each one's state", cameras)                             \
     X("GET", "/api/v1/labels", VIEW, "Classes, colours, shares of the picture", labels)                                \
-    X("GET", "/api/v1/events", VIEW, "Events kept, a line of JSON each", events)                                       \
-    X("GET", "/api/v1/events/stream", VIEW, "Events as they come", event_stream)                                       \
+    X("GET", "/api/v1/events", VIEW, "Stored events, one line of JSON each", events)                                   \
+    X("GET", "/api/v1/events/stream", VIEW, "Event stream", event_stream)                                              \
     X("GET", "/api/v1/views", VIEW, "Views and their settings", views)                                                 \
     X("POST", "/api/v1/views", VIEW, "A view with settings of its own", view_create)                                   \
     X("POST", "/api/v1/views/{id}", VIEW, "Change a view's settings; main: control", view_change)                      \
@@ -29,20 +29,20 @@
     X("GET", "/stream/disparity", VIEW, "Moving picture of the disparity", stream_disparity)                           \
     X("GET", "/stream/camera/{camera}", VIEW, "Moving picture of a camera", stream_camera)                             \
     X("GET", "/stream/{id}", VIEW, "Moving picture of a view", stream_view)                                            \
-    X("GET", "/snapshot", VIEW, "Newest picture of the main view", snapshot_main)                                      \
-    X("GET", "/snapshot/labels", VIEW, "Newest picture of the labels", snapshot_labels)                                \
-    X("GET", "/snapshot/disparity", VIEW, "Newest picture of the disparity", snapshot_disparity)                       \
-    X("GET", "/snapshot/camera/{camera}", VIEW, "Newest picture of a camera", snapshot_camera)                         \
-    X("GET", "/snapshot/{id}", VIEW, "Newest picture of a view", snapshot_view)                                        \
-    X("POST", "/api/v1/snapshot", CONTROL, "Keep this moment: light field and picture", snapshot)                      \
+    X("GET", "/snapshot", VIEW, "Latest picture of the main view", snapshot_main)                                      \
+    X("GET", "/snapshot/labels", VIEW, "Latest picture of the labels", snapshot_labels)                                \
+    X("GET", "/snapshot/disparity", VIEW, "Latest picture of the disparity", snapshot_disparity)                       \
+    X("GET", "/snapshot/camera/{camera}", VIEW, "Latest picture of a camera", snapshot_camera)                         \
+    X("GET", "/snapshot/{id}", VIEW, "Latest picture of a view", snapshot_view)                                        \
+    X("POST", "/api/v1/snapshot", CONTROL, "Take a snapshot: light field and picture of this moment", snapshot)        \
     X("POST", "/api/v1/record", CONTROL, "Start or stop recording", record)                                            \
-    X("GET", "/api/v1/recordings", VIEW, "What is kept: recordings, snapshots, exports", recordings)                   \
+    X("GET", "/api/v1/recordings", VIEW, "Stored recordings, snapshots and exports", recordings)                       \
     X("POST", "/api/v1/export", CONTROL, "A light field of a moment of a recording", export)                           \
-    X("GET", "/api/v1/download/{name}", VIEW, "What is kept, as a file", download)                                     \
+    X("GET", "/api/v1/download/{name}", VIEW, "Download a recording, snapshot or export as a file", download)          \
     X("POST", "/api/v1/delete", CONTROL, "Delete a recording, snapshot or export", delete)                             \
-    X("POST", "/api/v1/reload", CONTROL, "Read the configuration anew", reload)                                        \
+    X("POST", "/api/v1/reload", CONTROL, "Reload the configuration", reload)                                           \
     X("POST", "/api/v1/publishers", CONTROL, "Report of a program that publishes", publishers)                         \
-    X("POST", "/api/v1/calibration/check", CONTROL, "Is the calibration still true?", calibration_check)               \
+    X("POST", "/api/v1/calibration/check", CONTROL, "Check the calibration against the scene", calibration_check)      \
     X("GET", "/metrics", VIEW, "Counters and gauges for Prometheus", metrics)
 
 #define PUBLIC(method, path, role, what, handler) { method, path, SST_ROLE_##role, what },
@@ -169,7 +169,7 @@ static int view_change(struct http_request *q)
 
     if (!strcmp(q->name, "main") && q->role < SST_ROLE_CONTROL)
         return http_reply_error(q, MHD_HTTP_FORBIDDEN,
-                                "the main view is what everybody sees: changing it takes the control role; "
+                                "the main view is shared by all: changing it needs the control role; "
                                 "POST /api/v1/views makes a view of your own");
     err = api_of(q)->view_change(api_of(q)->live, q->name, q->body, &out);
     return http_reply_answer(q, err, &out, "view");

@@ -100,8 +100,8 @@ static bool next_picture(struct stream *s)
 }
 
 /* Copy what fits of a part that lies at `start` of head, picture, tail. */
-static size_t take(const struct stream *s, size_t at, size_t start, const void *part, size_t bytes, char *buf,
-                   size_t room)
+static size_t copy_part(const struct stream *s, size_t at, size_t start, const void *part, size_t bytes, char *buf,
+                        size_t room)
 {
     size_t n;
 
@@ -123,9 +123,9 @@ static ssize_t stream_read(void *arg, uint64_t pos, char *buf, size_t max)
     if (!s->jpeg && !next_picture(s))
         return MHD_CONTENT_READER_END_OF_STREAM;
     end = s->head_bytes + s->jpeg->bytes + sizeof(tail) - 1;
-    n += take(s, s->at + n, 0, s->head, s->head_bytes, buf + n, max - n);
-    n += take(s, s->at + n, s->head_bytes, s->jpeg->data, s->jpeg->bytes, buf + n, max - n);
-    n += take(s, s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
+    n += copy_part(s, s->at + n, 0, s->head, s->head_bytes, buf + n, max - n);
+    n += copy_part(s, s->at + n, s->head_bytes, s->jpeg->data, s->jpeg->bytes, buf + n, max - n);
+    n += copy_part(s, s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
     s->at += n;
     if (s->at == end) {
         sst_jpeg_unref(s->jpeg);

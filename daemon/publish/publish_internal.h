@@ -188,7 +188,7 @@ void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns
 /* --- the server ------------------------------------------------------------------------------------------------------
  */
 
-struct http_side { /* the UNIX socket or TCP */
+struct http_listener { /* the UNIX socket or TCP */
     struct sst_http *http;
     bool local;
     struct MHD_Daemon *daemon; /* fixed after open */
@@ -209,7 +209,7 @@ struct sst_http {
     char host[256], address[64], token_file[512];
     bool tls;
     struct http_unix unix_socket;
-    struct http_side tcp, local;
+    struct http_listener tcp, local;
     struct http_auth auth;
     struct http_tls pairs;
     pthread_t reaper;
@@ -233,7 +233,7 @@ void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE]);
 /** One request, on its connection's thread. */
 struct http_request {
     struct sst_http *http;
-    struct http_side *side;
+    struct http_listener *listener;
     struct MHD_Connection *connection;
     struct http_link *link;
     const struct sst_route *route;
@@ -268,7 +268,7 @@ void http_name_peer(struct http_request *q);
 bool http_crowded(struct http_request *q);
 
 #if WITH_HTTPD
-/* What microhttpd calls (http_request.c); cls is a struct http_side. */
+/* What microhttpd calls (http_request.c); cls is a struct http_listener. */
 enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
                                 const char *version, const char *data, size_t *size, void **state);
 void http_on_done(void *cls, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode how);

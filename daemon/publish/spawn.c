@@ -6,7 +6,7 @@
 #include <signal.h>
 #include <spawn.h>
 
-static int give(posix_spawn_file_actions_t *files, const int *fd, int fds)
+static int set_descriptors(posix_spawn_file_actions_t *files, const int *fd, int fds)
 {
     int err = 0;
 
@@ -16,7 +16,7 @@ static int give(posix_spawn_file_actions_t *files, const int *fd, int fds)
     return err ? err : posix_spawn_file_actions_addclosefrom_np(files, fds);
 }
 
-static int set(posix_spawnattr_t *attr)
+static int set_attributes(posix_spawnattr_t *attr)
 {
     sigset_t none, all;
     int err;
@@ -40,8 +40,8 @@ int spawn_program(pid_t *pid, const char *program, char *const argv[], char *con
         return -err;
     err = posix_spawnattr_init(&attr);
     if (!err) {
-        err = give(&files, fd, fds);
-        err = err ? err : set(&attr);
+        err = set_descriptors(&files, fd, fds);
+        err = err ? err : set_attributes(&attr);
         err = err ? err : posix_spawn(pid, program, &files, &attr, argv, env);
         posix_spawnattr_destroy(&attr);
     }

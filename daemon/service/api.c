@@ -27,12 +27,12 @@ static int explain(struct sst_service *s, int err, struct sst_api_answer *out)
     const char *reason = json_string_value(json_object_get(status, "reason"));
 
     if (status)
-        snprintf(out->error, sizeof(out->error), "nothing can be kept: %s",
+        snprintf(out->error, sizeof(out->error), "nothing can be stored: %s",
                  reason && reason[0] ? reason : strerror(-err));
     else if (err == -ENODATA)
         snprintf(out->error, sizeof(out->error), "nothing has been captured yet");
     else if (err)
-        snprintf(out->error, sizeof(out->error), "this could not be done: %s", strerror(-err));
+        snprintf(out->error, sizeof(out->error), "the request failed: %s", strerror(-err));
     json_decref(status);
     return err;
 }
@@ -169,8 +169,8 @@ static int delete_kept(void *arg, const json_t *request, struct sst_api_answer *
     else if (err == -EBUSY)
         snprintf(out->error, sizeof(out->error), "%.64s is still being written; delete it when it has ended", name);
     else if (err)
-        snprintf(out->error, sizeof(out->error), "%.64s cannot be removed from the disk: %s; the journal says more",
-                 name, strerror(-err));
+        snprintf(out->error, sizeof(out->error), "%.64s cannot be removed from the disk: %s; see the journal", name,
+                 strerror(-err));
     return err ? err : answer_name(out, name);
 }
 

@@ -88,7 +88,7 @@ static int on_set(void *arg, const struct sst_set *set)
     return err;
 }
 
-static json_t *place(const struct service_array *a, int cam)
+static json_t *camera_position(const struct service_array *a, int cam)
 {
     const struct sst_config_camera *at = &a->config.camera[cam];
 
@@ -111,11 +111,11 @@ static void on_camera(void *arg, int cam, enum sst_grab_state state, const char 
     snprintf(c->reason, sizeof(c->reason), "%s", delivers || !why ? "" : why);
     pthread_mutex_unlock(&a->lock);
     if (delivers && before != SST_GRAB_STREAMING && known)
-        sst_events_emit(a->events, SST_EVENT_INFO, "camera-found", place(a, cam),
+        sst_events_emit(a->events, SST_EVENT_INFO, "camera-found", camera_position(a, cam),
                         "camera of row %d, col %d (%s) delivers again", at->row, at->col,
                         at->serial[0] ? at->serial : at->port);
     if (before == SST_GRAB_STREAMING && !delivers && state != SST_GRAB_READY) {
-        json_t *data = place(a, cam);
+        json_t *data = camera_position(a, cam);
 
         json_object_set_new(data, "reason", json_string(why ? why : ""));
         sst_events_emit(a->events, SST_EVENT_WARNING, "camera-lost", data, "camera of row %d, col %d (%s) is lost: %s",
@@ -123,7 +123,7 @@ static void on_camera(void *arg, int cam, enum sst_grab_state state, const char 
     }
 }
 
-static void tell_skew(struct service_array *a, const struct sst_capture_report *r, uint64_t sets)
+static void report_skew(struct service_array *a, const struct sst_capture_report *r, uint64_t sets)
 {
     const bool over = r->skewed > a->told_skewed && 2 * (r->skewed - a->told_skewed) > sets;
     const struct sst_config_camera *at = &a->config.camera[sst_max_int(r->worst_cam, 0)];
@@ -144,7 +144,7 @@ static void tell_skew(struct service_array *a, const struct sst_capture_report *
                         a->config.skew_limit_us);
 }
 
-static void tell_trigger(struct service_array *a, bool away)
+static void report_trigger(struct service_array *a, bool away)
 {
     if (away == a->trigger_away)
         return;
@@ -157,7 +157,7 @@ static void tell_trigger(struct service_array *a, bool away)
         sst_events_emit(a->events, SST_EVENT_INFO, "trigger-found", NULL, "the trigger fires again");
 }
 
-static void take_camera_locked(struct service_array *a, int i, const struct sst_capture_report *r, double s)
+static void update_camera_locked(struct service_array *a, int i, const struct sst_capture_report *r, double s)
 {
     struct array_camera *c = &a->camera[i];
     const struct sst_grab_device *device;
@@ -174,7 +174,7 @@ static void take_camera_locked(struct service_array *a, int i, const struct sst_
 }
 
 /** Until sets come, errors are kept as the reason of the state; afterwards they are logged. */
-static void tell_errors(void)
+static void log_errors(void)
 {
     char *held = sst_log_hold_errors(NULL);
 
@@ -219,10 +219,10 @@ static void on_progress(void *arg, uint64_t sets)
     if (!a->capture)
         return;
     if (sets)
-        tell_errors();
+        log_errors();
     sst_capture_report(a->capture, &r);
-    tell_skew(a, &r, sets - a->told_sets);
-    tell_trigger(a, r.trigger_away);
+    report_skew(a, &r, sets - a->told_sets);
+    report_trigger(a, r.trigger_away);
     pthread_mutex_lock(&a->lock);
     if (sets)
         a->state.reason[0] = 0;
@@ -233,7 +233,7 @@ static void on_progress(void *arg, uint64_t sets)
     a->state.complete = a->complete_before + r.complete;
     a->state.rate_hz = s > 0 ? (double)(sets - a->told_sets) / s : 0;
     for (int i = 0; i < a->config.bound; i++)
-        take_camera_locked(a, i, &r, s);
+        update_camera_locked(a, i, &r, s);
     pthread_mutex_unlock(&a->lock);
     a->told_ns = now_ns;
     a->told_sets = sets;
@@ -248,7 +248,7 @@ static int64_t period_ns(const struct sst_array_config *a)
 }
 
 /** Until an opening succeeds, cameras are where the last one found them. */
-static void forget_cameras_locked(struct service_array *a)
+static void clear_cameras_locked(struct service_array *a)
 {
     memset(a->camera, 0, sizeof(a->camera));
     for (int i = 0; a->layout.generation && i < a->layout.config.bound; i++) {
@@ -321,7 +321,7 @@ static int capture_once(struct service_array *a, unsigned count, bool again, cha
     a->told_ns = sst_clock_now_ns();
     a->told_sets = a->told_skewed = 0;
     pthread_mutex_lock(&a->lock);
-    forget_cameras_locked(a);
+    clear_cameras_locked(a);
     pthread_mutex_unlock(&a->lock);
     err = sst_capture_open(&capture, &a->config, &events);
     if (!err) {
@@ -360,7 +360,7 @@ static void *run(void *arg)
     struct service_array *a = arg;
     int64_t retry_ns = RETRY_MIN_NS;
     unsigned tried = 0;
-    char told[SST_LOG_MAX] = "", why[SST_LOG_MAX];
+    char last_logged[SST_LOG_MAX] = "", why[SST_LOG_MAX];
 
     sst_thread_name("sst-capture");
     pthread_mutex_lock(&a->lock);
@@ -375,9 +375,9 @@ static void *run(void *arg)
         pthread_mutex_unlock(&a->lock);
         err = capture_once(a, count, again, why);
         tried = count;
-        if (why[0] && strcmp(why, told)) /* once, not at each retry */
+        if (why[0] && strcmp(why, last_logged)) /* once, not at each retry */
             sst_log_error("%s", why);
-        memcpy(told, why, sizeof(told));
+        memcpy(last_logged, why, sizeof(last_logged));
         pthread_mutex_lock(&a->lock);
         snprintf(a->state.reason, sizeof(a->state.reason), "%s", err ? why : "");
         a->state.failed = err != 0;

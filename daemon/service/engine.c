@@ -45,7 +45,7 @@ static void name_unknown_locked(const struct live_engine *v, char out[512])
     }
 }
 
-static void tell_unknown(const char *labels)
+static void log_unknown_labels(const char *labels)
 {
     if (*labels)
         sst_log_warning("storage: record_on: the network knows no class %s, which will never start a recording; `curl "
@@ -145,7 +145,7 @@ static void open_live(struct live_engine *v)
     pthread_mutex_unlock(&v->lock);
     if (tell)
         sst_log_error("%s", why);
-    tell_unknown(unknown);
+    log_unknown_labels(unknown);
     if (err)
         sst_use_calibration_fini(&v->use);
     v->retry_ns = err ? sst_clock_now_ns() + RETRY_NS : 0;
@@ -260,7 +260,7 @@ static void note_scene(struct live_engine *v)
 }
 
 /** Recording on event follows what was seen. */
-static void tell_storage(struct live_engine *v, const struct sst_kept *kept, const struct sst_live_report *r)
+static void notify_storage(struct live_engine *v, const struct sst_kept *kept, const struct sst_live_report *r)
 {
     struct sst_seen seen = { .number = kept->number, .t_ns = kept->set.t_ns, .zones = v->live_config.zones };
 
@@ -279,7 +279,7 @@ static void tell_storage(struct live_engine *v, const struct sst_kept *kept, con
     sst_storage_seen(v->storage, &seen);
 }
 
-static void take_set(struct live_engine *v, const struct sst_kept *kept, uint64_t dropped)
+static void process_set(struct live_engine *v, const struct sst_kept *kept, uint64_t dropped)
 {
     struct sst_live_input *in = &v->input;
     const int64_t start_ns = sst_clock_now_ns();
@@ -310,7 +310,7 @@ static void take_set(struct live_engine *v, const struct sst_kept *kept, uint64_
     v->set_wall_ns = kept->set.wall_ns;
     v->latency_due = v->report.tiles_changed > 0;
     note_scene(v);
-    tell_storage(v, kept, &v->report);
+    notify_storage(v, kept, &v->report);
 }
 
 /**
@@ -318,7 +318,7 @@ static void take_set(struct live_engine *v, const struct sst_kept *kept, uint64_
  *
  * @param took_ns  that the work before took, 0: there was none
  */
-static void attend(struct live_engine *v, int64_t took_ns)
+static void serve_clients(struct live_engine *v, int64_t took_ns)
 {
     const int64_t end_ns = sst_clock_now_ns() + (took_ns < INTERACTION_MAX_NS ? took_ns : INTERACTION_MAX_NS);
     int64_t seen_ns, until_ns;
@@ -358,7 +358,7 @@ static int64_t step(struct live_engine *v)
     if (kept) {
         v->last = kept->number;
         v->last_ns = sst_clock_now_ns();
-        take_set(v, kept, dropped);
+        process_set(v, kept, dropped);
         sst_ring_unref(v->ring, kept);
         took_ns = sst_clock_now_ns() - v->last_ns;
     }
@@ -381,7 +381,7 @@ static void *run(void *arg)
     sst_thread_nice(LIVE_NICE);
     while (!stop) {
         if (follow(v)) {
-            attend(v, step(v));
+            serve_clients(v, step(v));
             engine_check_by_time(v);
         } else {
             engine_serve(v);
@@ -449,7 +449,7 @@ void engine_configure(struct live_engine *v, const struct sst_config *config, bo
     name_unknown_locked(v, unknown);
     pthread_mutex_unlock(&v->lock);
     if (!restart)
-        tell_unknown(unknown);
+        log_unknown_labels(unknown);
 }
 
 void engine_state(struct live_engine *v, struct engine_state *out)

@@ -84,7 +84,7 @@ static void write_live(FILE *f, const struct engine_state *v)
     metric(f, "live_pictures_total", "counter", "Pictures rendered and encoded.", (double)v->pictures);
     metric(f, "live_rate_hz", "gauge", "Sets per second, over the last ten seconds.", v->rate_hz);
     metric(f, "live_tiles_total", "counter", "Tiles of the sets taken in.", (double)v->tiles);
-    metric(f, "live_tiles_changed_total", "counter", "Tiles of them computed anew.", (double)v->tiles_changed);
+    metric(f, "live_tiles_changed_total", "counter", "Tiles of them that were recomputed.", (double)v->tiles_changed);
     metric(f, "live_label_runs_total", "counter", "Runs of the segmentation network.", (double)v->label_runs);
     metric(f, "live_label_runs_skipped_total", "counter", "Runs that were not needed.", (double)v->label_runs_skipped);
     head(f, "live_latency_seconds", "summary", "From the trigger to the encoded picture.");

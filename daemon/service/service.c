@@ -207,7 +207,7 @@ static void name_unused(enum sst_bucket bucket, char *why, size_t size)
                  "frames come, but they belong to no trigger: set the cameras' triggered mode in cameras: "
                  "controls (trigger_mode: 1), or trigger: source software or free-run");
     else
-        snprintf(why, size, "frames come, but nearly all are %s: the journal tells why of each camera",
+        snprintf(why, size, "frames come, but nearly all are %s: the journal has the reason for each camera",
                  sst_bucket_name(bucket));
 }
 

@@ -27,7 +27,7 @@ static const struct {
     { "c2", 0, 1, false },           { "label_factor", 1, 1e6, false }, { "aperture", 0, 1e3, true },
 };
 
-static double *place(struct view_settings *s, enum number i)
+static double *member_of(struct view_settings *s, enum number i)
 {
     switch (i) {
     case FOCUS:
@@ -84,12 +84,12 @@ void view_settings_follow(struct view_settings *s, const struct sst_live_setting
     s->render.threads = to->threads;
 }
 
-static int take_number(struct view_settings *s, enum number i, const json_t *value, char error[512])
+static int parse_number(struct view_settings *s, enum number i, const json_t *value, char error[512])
 {
     const double v = json_number_value(value);
 
     if (json_is_null(value) && numbers[i].null) {
-        *place(s, i) = natural(i);
+        *member_of(s, i) = natural(i);
         return 0;
     }
     if (!json_is_number(value) || !(v >= numbers[i].min && v <= numbers[i].max)) {
@@ -97,11 +97,11 @@ static int take_number(struct view_settings *s, enum number i, const json_t *val
                  numbers[i].null ? " or null" : "");
         return -EINVAL;
     }
-    *place(s, i) = v;
+    *member_of(s, i) = v;
     return 0;
 }
 
-static int take_method(struct view_settings *s, const json_t *value, char error[512])
+static int parse_method(struct view_settings *s, const json_t *value, char error[512])
 {
     const char *text = json_string_value(value);
 
@@ -113,7 +113,7 @@ static int take_method(struct view_settings *s, const json_t *value, char error[
     return 0;
 }
 
-static int take_label(struct view_settings *s, const json_t *value, char error[512])
+static int parse_label(struct view_settings *s, const json_t *value, char error[512])
 {
     const char *text = json_is_null(value) ? "" : json_string_value(value);
 
@@ -125,15 +125,15 @@ static int take_label(struct view_settings *s, const json_t *value, char error[5
     return 0;
 }
 
-static int take_member(struct view_settings *s, const char *key, const json_t *value, char error[512])
+static int parse_member(struct view_settings *s, const char *key, const json_t *value, char error[512])
 {
     for (int i = 0; i < NUMBERS; i++)
         if (!strcmp(key, numbers[i].key))
-            return take_number(s, (enum number)i, value, error);
+            return parse_number(s, (enum number)i, value, error);
     if (!strcmp(key, "method"))
-        return take_method(s, value, error);
+        return parse_method(s, value, error);
     if (!strcmp(key, "focus_label"))
-        return take_label(s, value, error);
+        return parse_label(s, value, error);
     if (!strcmp(key, "follow") && json_is_boolean(value)) {
         s->follow = json_is_true(value);
         return 0;
@@ -158,7 +158,7 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
         return -EINVAL;
     json_object_foreach((json_t *)from, key, value)
     {
-        const int err = take_member(&to, key, value, error);
+        const int err = parse_member(&to, key, value, error);
 
         if (err)
             return err;
@@ -173,7 +173,7 @@ json_t *view_settings_json(const struct view_settings *s)
                           "focus_label", s->focus_label, "follow", s->follow);
 
     for (int i = 0; i < NUMBERS && o; i++) {
-        const double v = *place((struct view_settings *)s, (enum number)i);
+        const double v = *member_of((struct view_settings *)s, (enum number)i);
         const bool null = isnan(v) || isinf(v) || (i == SIGMA && v == 0);
 
         json_object_set_new(o, numbers[i].key, null ? json_null() : json_real(v));

@@ -1,5 +1,5 @@
 /* What clients download, opened: files as they are, archives read from their files, videos made before. */
-#include "daemon/slot/download.h"
+#include "daemon/storage/download.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -9,8 +9,8 @@
 #include "capture/recording/recorder.h"
 #include "config/sstd.h"
 #include "daemon/events/events.h"
-#include "daemon/slot/download.h"
-#include "daemon/slot/jpeg_slot.h"
+#include "daemon/storage/download.h"
+#include "base/jpeg_slot.h"
 
 /* storage.dir:
  *   recordings/2026-11-21T18-05-00Z/   recordings as sst capture array writes them (docs/recordings.md); a new one each

@@ -12,7 +12,7 @@
 #include "base/file.h"
 #include "capture/recording/mkv.h"
 #include "config/sstd.h"
-#include "daemon/slot/jpeg_slot.h"
+#include "base/jpeg_slot.h"
 #include "daemon/storage/storage.h"
 
 /* --- catalog ---

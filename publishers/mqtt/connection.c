@@ -225,7 +225,7 @@ static void withdraw(struct mqtt *m)
     while (!(done && !mosquitto_want_write(m->client)) && !m->stop && sst_clock_now_ns() < end_ns) {
         done = mqtt_announce_step(m);
         if (mosquitto_loop(m->client, 20, 1))
-            return; /* the next loop says why */
+            return; /* the next loop logs the reason */
     }
 }
 

@@ -2,6 +2,7 @@
  * The main thread talks to the broker; one thread receives the service's events, another one its pictures. */
 #include <errno.h>
 #include <poll.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,7 +30,7 @@ static void wake(struct mqtt *m)
 static void on_signal(int sig)
 {
     (void)sig;
-    mqtt.stop = 1;
+    mqtt.stop = true;
     wake(&mqtt);
 }
 

@@ -4,7 +4,6 @@
 #define SST_PUBLISHERS_MQTT_MQTT_INTERNAL_H
 
 #include <pthread.h>
-#include <signal.h>
 
 #include "publishers/publisher.h"
 
@@ -32,8 +31,8 @@ struct mqtt_message {
 struct mqtt {
     /* fixed after begin */
     struct sst_publisher publisher;
-    int wake; /* eventfd: something for the main thread */
-    volatile sig_atomic_t stop;
+    int wake;              /* eventfd: something for the main thread */
+    SST_ATOMIC(bool) stop; /* by a signal */
     pthread_mutex_t lock;
     /* under lock */
     bool service_up;              /* the broker is connected only while it is */
@@ -76,7 +75,7 @@ void mqtt_init(struct mqtt *m);
 void mqtt_fini(struct mqtt *m);
 /** Do what is due, for 100 ms at most. @param wanted  a connection @return false: nothing to do for now */
 bool mqtt_step(struct mqtt *m, bool wanted);
-/** Follow another configuration, which it takes over. */
+/** Follow another configuration, which it owns from then on. */
 void mqtt_configure(struct mqtt *m, struct sst_config *next);
 
 /** Publish a message. @param topic  below mqtt.topic @return false: not accepted; try again later */

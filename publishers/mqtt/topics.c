@@ -102,7 +102,7 @@ static void publish_status(struct mqtt *m)
     if (o)
         (void)(publish_json(m, "status", o) &&
                publish_text(m, "record", json_is_true(json_object_get(o, "recording")) ? "ON" : "OFF") &&
-               publish_text(m, "focus", text)); /* what the broker does not take now it gets with the next status */
+               publish_text(m, "focus", text)); /* what is not accepted now is sent with the next status */
     json_decref(o);
     json_decref(answer);
 }
@@ -140,8 +140,8 @@ static void publish_cameras(struct mqtt *m)
 
 /* --- events ------------------------------------------------------------------------------------------------------- */
 
-/* Does it change what the status or the cameras say? */
-static bool of_state(const char *type)
+/* True for events after which status or cameras differ. */
+static bool changes_state(const char *type)
 {
     static const char *const types[] = { "state",   "camera-lost",  "camera-found", "trigger-lost", "trigger-found",
                                          "storage", "record-start", "record-stop",  "reload",       "skew" };
@@ -175,7 +175,7 @@ static bool publish_event(struct mqtt *m, const char *text)
         done = mqtt_publish(m, topic, text, strlen(text), 1, false);
         if (done && !strcmp(type, "motion"))
             publish_motion(m, json_object_get(o, "data"));
-        m->state_changed = m->state_changed || of_state(type);
+        m->state_changed = m->state_changed || changes_state(type);
     }
     json_decref(o);
     return done;

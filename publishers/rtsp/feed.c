@@ -19,9 +19,9 @@
 
 #define REPEAT_NS  1000000000LL /* a still picture is shown again */
 #define STILL_NS   300000000LL  /* a picture stands still if no newer one came for so long */
-#define EAGER_NS   3000000000LL /* it is shown more often for that long after somebody came: receivers want some */
+#define EAGER_NS   3000000000LL /* it is repeated more often for this long after a client came: receivers need some */
 #define EAGER_STEP 100000000LL  /*     pictures before they show the first */
-#define KEY_NS     2000000000LL /* pictures that can be decoded alone, for who comes later */
+#define KEY_NS     2000000000LL /* between key frames, for clients that come later */
 #define FRESH_NS   1000000000LL /* a picture is worth waiting that long for a newer one */
 #define FIRST_NS   3000000000LL /* ... and that long for the first */
 #define STEP_NS    1000000LL    /* least between two pictures' times */
@@ -30,7 +30,7 @@
 #define KBIT_MOST  8000
 #define FEED_KEY   "sst-feed"
 
-/** A picture's place: what is made there when somebody comes. */
+/** Factory of a mounted picture: makes its pipeline for the first client. */
 struct rtsp_factory {
     GstRTSPMediaFactory parent;
     struct rtsp_server *rtsp;
@@ -124,7 +124,7 @@ static void push(struct feed *f, GstAppSrc *src, const struct sst_jpeg *jpeg, in
     gst_app_src_push_buffer(src, buffer); /* fails when the pipeline stops, and that is as well */
 }
 
-/* A camera's damaged frame is passed over; what never fits is told. */
+/* A damaged frame is dropped; a form that never fits is logged. */
 static bool fits(struct feed *f, const struct sst_jpeg *jpeg)
 {
     char why[96];
@@ -339,7 +339,7 @@ static void aims_at(GstRTSPMedia *media, gint state, gpointer factory)
         atomic_fetch_add(&((struct rtsp_factory *)factory)->ended, 1);
 }
 
-static void forget(gpointer factory, GClosure *closure)
+static void unref_factory(gpointer factory, GClosure *closure)
 {
     (void)closure;
     g_object_unref(factory);
@@ -349,7 +349,8 @@ static void configure(GstRTSPMediaFactory *factory, GstRTSPMedia *media)
 {
     GST_RTSP_MEDIA_FACTORY_CLASS(g_type_class_peek(GST_TYPE_RTSP_MEDIA_FACTORY))->configure(factory, media);
     g_signal_connect(media, "unprepared", G_CALLBACK(unprepared), NULL);
-    g_signal_connect_data(media, "target-state", G_CALLBACK(aims_at), g_object_ref(factory), forget, (GConnectFlags)0);
+    g_signal_connect_data(media, "target-state", G_CALLBACK(aims_at), g_object_ref(factory), unref_factory,
+                          (GConnectFlags)0);
 }
 
 /* Whatever a client adds to the path, it shares the pipeline. */

@@ -48,7 +48,7 @@ static void remove_locked(const struct source *s)
             pictures.source[i] = NULL;
 }
 
-/* A source without viewers leaves the table at once: who asks for its picture next gets another one. */
+/* A source without viewers leaves the table at once: the next request for its picture gets another one. */
 static bool is_used(void *arg)
 {
     struct source *s = arg;

@@ -8,7 +8,7 @@
 #include <stdatomic.h>
 
 #include "config/sstd.h"
-#include "daemon/slot/jpeg_slot.h"
+#include "base/jpeg_slot.h"
 
 #define RTSP_SLICE_MS 50  /* longest wait in one piece: how fast a stop is noticed */
 #define RTSP_NAME_MAX 63  /* characters of the name of a view or camera */
@@ -70,7 +70,7 @@ struct rtsp_server {
 
 /** Load the plugins of GStreamer. @return 0, -ENOTSUP (one is missing; logged) */
 SST_MUST_CHECK int rtsp_load_plugins(enum sst_rtsp_codec codec);
-/** A server on a listening socket, which it takes over. @return 0, -EIO; logged */
+/** A server on a listening socket, which it owns from then on. @return 0, -EIO; logged */
 SST_MUST_CHECK int rtsp_server_open(struct rtsp_server *server, enum sst_rtsp_codec codec,
                                     const struct rtsp_login *login, int fd);
 _Noreturn void rtsp_server_run(struct rtsp_server *server);

@@ -437,7 +437,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.post_view(part[3] if len(part) > 3 else None, body)
             return
         if s.role != "control":
-            raise Refused(403, "this token may only look: use the other token to control")
+            raise Refused(403, "this token is read-only: use the other token to control")
         if path == "/api/v1/record":
             if body.get("action") == "start":
                 s.recording = (now().strftime("%Y-%m-%dT%H-%M-%SZ"), now())
@@ -478,7 +478,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 s.next_view += 1
                 s.views[name] = dict(copy.deepcopy(SETTINGS), viewers=0, seen=time.time())
             elif name == "main" and s.role != "control":
-                raise Refused(403, "this token may only look: the main view is for those who control")
+                raise Refused(403, "this token is read-only: the main view is for those who control")
             self.view(name).update(body)
             self.answer(200, s.view_json(name))
 

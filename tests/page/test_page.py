@@ -292,7 +292,7 @@ def test_role(b, fake):
     check("control" in b.js("document.getElementById('record').title"), "no reason why")
     count = len(fake.posts("/api/v1/record"))
     b.click("#record")
-    b.wait("document.getElementById('toasts').textContent.includes('may only look')")
+    b.wait("document.getElementById('toasts').textContent.includes('read-only')")
     check(len(fake.posts("/api/v1/record")) == count, "a viewer's click was sent")
     fake.set(role="control")
     b.wait("!document.getElementById('record').hasAttribute('aria-disabled')")

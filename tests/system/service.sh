@@ -74,8 +74,8 @@ picks() { awaits "curl -s -m 10 --unix-socket c.sock 'http://x/api/v1/views/$1/p
 id=$(ask /api/v1/views '{"focus_px": 5}' | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin)["id"])')
 awaits "curl -sf -m 10 --unix-socket c.sock 'http://x/snapshot/$id' >own.jpg" || fail "/snapshot/$id"
 picks "$id" || fail "pick: $(cat picked)"
-ask "/api/v1/views/$id" '{"focus": 5}' | grep -q 'did you mean focus_px' || fail "an unknown setting is not refused"
-ask /api/v1/calibration/check '{"now": true}' | grep -q 'takes none' || fail "an unknown member of a check is not refused"
+ask "/api/v1/views/$id" '{"focus": 5}' | grep -q 'did you mean .focus_px' || fail "an unknown setting is not refused"
+ask /api/v1/calibration/check '{"now": true}' | grep -q 'has none' || fail "an unknown member of a check is not refused"
 ask "/api/v1/views/$id" '{"focus_label": "Dragon"}' | grep -q 'knows no class' || fail "an unknown label is not refused"
 /usr/bin/python3 "$root/tests/openapi.py" "$SST_SOCKET" >out || fail "answers and openapi.json differ: $(cat out)"
 until_is 10 storage.recording.active 'not v'

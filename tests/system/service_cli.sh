@@ -51,7 +51,7 @@ see events --after 25 --type camera-lost --json
 see reload --dry-run
 told "r['body'] == {'dry_run': True}"
 shows '10 -> 20'
-shows 'capturing starts anew'
+shows 'capturing restarts'
 see reload
 told "r['body'] == {'dry_run': False}"
 echo refuse >s.mode
@@ -93,7 +93,7 @@ see snapshot --of r0c5 -o cam.jpg
 told "r['path'] == '/snapshot/camera/r0c5'"
 see snapshot --keep -o kept.tar
 shows 2026-11-21T18-05-00.123Z
-want 2 'say where' snapshot
+want 2 'an output is missing' snapshot
 want 2 'is no view' snapshot --of ../../etc -o bad.jpg
 want 4 'no-such' snapshot -o no-such/bad.jpg
 
@@ -108,7 +108,7 @@ want 1 'cannot be asked' status
 want 1 'cannot be asked' snapshot -o bad.jpg
 echo torn >s.mode
 "$sst" snapshot --keep -o bad.tar >out 2>err
-judge 1 'broke off' $? 'a torn archive'
+judge 1 'ended while it sent' $? 'a torn archive'
 echo evil >s.mode
 want 1 'two?lines and ?' status
 rm s.mode

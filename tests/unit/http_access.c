@@ -226,7 +226,7 @@ static void bodies(void **state)
         { JSON, "", 200, "reload" },
         { JSON, "{\"dry_run\": true}", 200, "dry" },
         { JSON, "{\"dry_run\": 1}", 400, "true or false" },
-        { JSON, "{\"dry\": true}", 400, "did you mean dry_run" },
+        { JSON, "{\"dry\": true}", 400, "did you mean `dry_run`" },
         { JSON, "{", 400, "line 1" },
         { JSON, "[]", 400, "not an object" },
         { JSON, "{\"a\": 1, \"a\": 2}", 400, "not JSON" },

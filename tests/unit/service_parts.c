@@ -15,7 +15,7 @@
 #include "daemon/events/events.h"
 #include "daemon/publish/api.h"
 #include "daemon/service/service_internal.h"
-#include "daemon/slot/jpeg_slot.h"
+#include "base/jpeg_slot.h"
 
 /* --- ring --------------------------------------------------------------------------------------------------------- */
 
@@ -362,8 +362,8 @@ static void unknown_members_are_refused_with_the_likely_one(void **state)
     static const struct {
         const char *request, *said;
     } wrong[] = {
-        { "{\"secnds\": 5}", "\"secnds\" here; did you mean seconds?" },
-        { "{\"action\": 1, \"rate\": 5}", "did you mean rate_hz?" },
+        { "{\"secnds\": 5}", "unknown member `secnds`; did you mean `seconds`?" },
+        { "{\"action\": 1, \"rate\": 5}", "did you mean `rate_hz`?" },
         { "{\"zzz\": 5}", "there are action, seconds and rate_hz" },
         { "[]", "must be an object" },
     };
@@ -378,7 +378,7 @@ static void unknown_members_are_refused_with_the_likely_one(void **state)
             fail_msg("no \"%s\" in \"%s\"", wrong[i].said, error);
         if (json_is_object(o)) {
             assert_int_equal(sst_api_members(o, none, error), -EINVAL);
-            assert_non_null(strstr(error, "this takes none"));
+            assert_non_null(strstr(error, "it has none"));
         }
         json_decref(o);
     }

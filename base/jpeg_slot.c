@@ -1,4 +1,4 @@
-#include "daemon/slot/jpeg_slot.h"
+#include "base/jpeg_slot.h"
 
 #include <errno.h>
 #include <pthread.h>

@@ -1,7 +1,7 @@
-/* daemon/slot/jpeg_slot.h - the newest JPEG of one moving picture, for any number of clients that never wait for
+/* base/jpeg_slot.h - the newest JPEG of one moving picture, for any number of clients that never wait for
  * one another. */
-#ifndef SST_DAEMON_SLOT_JPEG_SLOT_H
-#define SST_DAEMON_SLOT_JPEG_SLOT_H
+#ifndef SST_BASE_JPEG_SLOT_H
+#define SST_BASE_JPEG_SLOT_H
 
 #include <stdbool.h>
 

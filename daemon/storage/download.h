@@ -1,6 +1,6 @@
-/* daemon/slot/download.h - something in storage, opened for a client that downloads it. */
-#ifndef SST_DAEMON_SLOT_DOWNLOAD_H
-#define SST_DAEMON_SLOT_DOWNLOAD_H
+/* daemon/storage/download.h - something in storage, opened for a client that downloads it. */
+#ifndef SST_DAEMON_STORAGE_DOWNLOAD_H
+#define SST_DAEMON_STORAGE_DOWNLOAD_H
 
 #include <sys/types.h>
 
