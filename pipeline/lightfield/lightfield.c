@@ -87,6 +87,22 @@ void sst_view_name(const struct sst_lightfield *lf, int view, char out[16])
     snprintf(out, 16, "%02u_%02u", (unsigned)(view / lf->cols) % 1000u, (unsigned)(view % lf->cols) % 1000u);
 }
 
+bool sst_view_has(const struct sst_view *v, enum sst_lightfield_load kind)
+{
+    return kind == SST_LOAD_DISPARITY ? v->disp.data != NULL
+           : kind == SST_LOAD_LABELS  ? v->label.data != NULL
+                                      : v->confidence.data != NULL;
+}
+
+bool sst_lightfield_has(const struct sst_lightfield *lf, enum sst_lightfield_load kind)
+{
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (sst_view_has(&lf->views[k], kind))
+            return true;
+    }
+    return false;
+}
+
 int sst_view_copy(struct sst_view *to, const struct sst_view *from)
 {
     const struct sst_image *img = &from->image;

@@ -63,6 +63,11 @@ enum sst_lightfield_load {
 SST_MUST_CHECK int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols);
 void sst_lightfield_fini(struct sst_lightfield *lf);
 
+/** True if the view, or any view, has maps of this kind (SST_LOAD_DISPARITY, SST_LOAD_LABELS or SST_LOAD_CONFIDENCE).
+ */
+bool sst_view_has(const struct sst_view *v, enum sst_lightfield_load kind);
+bool sst_lightfield_has(const struct sst_lightfield *lf, enum sst_lightfield_load kind);
+
 /** Copy a view's image, validity mask and offset; buffers of `to` of the same size are reused.
  *  @return 0, -ENOMEM (`to` is still freed with its light field) */
 SST_MUST_CHECK int sst_view_copy(struct sst_view *to, const struct sst_view *from);

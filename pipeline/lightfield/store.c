@@ -24,7 +24,7 @@ enum map_kind {
 
 static const struct {
     const char *folder;
-    unsigned load; /* enum sst_lightfield_load */
+    enum sst_lightfield_load load;
 } kinds[MAP_KINDS] = {
     [MAP_DISPARITY] = { "disparity", SST_LOAD_DISPARITY },
     [MAP_LABELS] = { "labels", SST_LOAD_LABELS },
@@ -67,13 +67,6 @@ int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int k, co
 
     snprintf(name, sizeof(name), "views/%s", lf->files->view[k].name);
     return sst_path_join(out, dir, name);
-}
-
-static bool has_map(const struct sst_view *v, enum map_kind kind)
-{
-    return kind == MAP_DISPARITY ? v->disp.data != NULL
-           : kind == MAP_LABELS  ? v->label.data != NULL
-                                 : v->confidence.data != NULL;
 }
 
 /* --- loading ------------------------------------------------------------------------------------------------------ */
@@ -265,7 +258,7 @@ static int write_view(void *arg, int k, int worker SST_UNUSED)
     int err = 0;
 
     for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
-        if (!has_map(v, kind))
+        if (!sst_view_has(v, kinds[kind].load))
             continue;
         err = map_path(path, job->in, job->dir, kind, k);
         if (err)
@@ -296,15 +289,6 @@ static int hash_if_empty(void *arg, int k, int worker SST_UNUSED)
         return 0;
     err = view_path(path, job->in, k, job->dir);
     return err ? err : file_sha256(job->hashes[k], path);
-}
-
-static bool any_map(const struct sst_lightfield *lf, enum map_kind kind)
-{
-    for (int k = 0; k < lf->rows * lf->cols; k++) {
-        if (has_map(&lf->views[k], kind))
-            return true;
-    }
-    return false;
 }
 
 static bool fits(const struct sst_lightfield *lf, const void *data, int width, int height)
@@ -360,7 +344,7 @@ static int write_files(const struct sst_lightfield *lf, const char *calibration_
     for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
         char folder[SST_PATH_MAX];
 
-        if (!any_map(lf, kind))
+        if (!sst_lightfield_has(lf, kinds[kind].load))
             continue;
         err = sst_path_join(folder, out, kinds[kind].folder);
         err = err ? err : sst_path_make_dir(folder);
@@ -428,7 +412,7 @@ int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, i
         return err;
     err = write_files(lf, lf->files ? lf->files->calibration_sha256 : "", dir, fresh.temporary, threads);
     for (enum map_kind kind = 0; kind < MAP_KINDS; kind++) {
-        if (any_map(lf, kind))
+        if (sst_lightfield_has(lf, kinds[kind].load))
             names[count++] = kinds[kind].folder;
     }
     names[count++] = "lightfield.json";

@@ -259,21 +259,12 @@ static int match_views(struct run *run)
     return err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
 }
 
-static bool any_label(const struct sst_lightfield *lf)
-{
-    for (int view = 0; view < lf->rows * lf->cols; view++) {
-        if (lf->views[view].label.data)
-            return true;
-    }
-    return false;
-}
-
 static int refine_views(struct run *run)
 {
     struct sst_refine_config cfg = run->cfg->refinement;
     int err = 0;
 
-    if (!any_label(run->lf))
+    if (!sst_lightfield_has(run->lf, SST_LOAD_LABELS))
         return 0;
     cfg.threads = run->cfg->threads;
     cfg.cancel = run->cfg->cancel;

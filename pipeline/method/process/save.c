@@ -37,20 +37,11 @@ static void remove_folder(const char *dir, const char *name)
         sst_path_remove_tree(path);
 }
 
-static bool any_confidence(const struct sst_lightfield *lf)
-{
-    for (int view = 0; view < lf->rows * lf->cols; view++) {
-        if (lf->views[view].confidence.data)
-            return true;
-    }
-    return false;
-}
-
 static void remove_stale(const struct sst_lightfield *lf, const char *dir)
 {
     for (int i = 0; lf->files->external_labels && i < SST_EXTRAS; i++)
         remove_folder(dir, extra_names[i]);
-    if (lf->files->external_disparity && !any_confidence(lf))
+    if (lf->files->external_disparity && !sst_lightfield_has(lf, SST_LOAD_CONFIDENCE))
         remove_folder(dir, "confidence");
 }
 
