@@ -179,8 +179,7 @@ int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *
     }
     if ((uint64_t)st.st_size > limit_bytes) {
         err = -EBADMSG;
-        sst_log_error("%s has %lld bytes, more than the %zu that are accepted here", path, (long long)st.st_size,
-                      limit_bytes);
+        sst_log_error("%s has %lld bytes, more than the limit of %zu", path, (long long)st.st_size, limit_bytes);
         goto fail;
     }
     buf = malloc((size_t)st.st_size + 1);

@@ -34,7 +34,7 @@ static int by_name(const void *a, const void *b)
 static int add_path(struct files *f, const char *path)
 {
     if (f->n == (int)ARRAY_LEN(f->path)) {
-        sst_log_error("%s: more than %d files; put several into one", path, SST_CONFIG_FILES_MAX);
+        sst_log_error("%s: more than %d files; merge some of them", path, SST_CONFIG_FILES_MAX);
         return -EBADMSG;
     }
     f->path[f->n] = strdup(path);
@@ -63,7 +63,7 @@ static int find_parts(struct files *f, const char *path)
         return 0;
     if (!d) {
         err = -errno;
-        sst_log_error("%s: cannot be read: %s; it holds parts of the configuration", folder, strerror(-err));
+        sst_log_error("cannot read %s: %s; it contains parts of the configuration", folder, strerror(-err));
         return err == -EACCES || err == -ENOMEM ? err : -EBADMSG;
     }
     while (!err && (entry = readdir(d))) {

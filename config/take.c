@@ -26,7 +26,7 @@ static void fault_event(struct sst_yaml *doc, const struct sst_yaml_node *n)
 
     for (int i = 1; i < sst_event_types_count; i++)
         snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i > 1 ? ", " : "", sst_event_types[i]);
-    sst_yaml_fault(doc, n, "wants \"*\" or one of %s, not %.40s", list, n->text);
+    sst_yaml_fault(doc, n, "must be \"*\" or one of %s, not %.40s", list, n->text);
 }
 
 static bool is_event(const char *text)
@@ -47,23 +47,23 @@ static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum
     case SST_TEXT_NAME:
         if (strspn(n->text, "abcdefghijklmnopqrstuvwxyz0123456789_-") == size)
             return true;
-        sst_yaml_fault(doc, n, "wants a name of a-z, 0-9, - and _, not %.60s", n->text);
+        sst_yaml_fault(doc, n, "must be a name of a-z, 0-9, - and _, not %.60s", n->text);
         return false;
     case SST_TEXT_PATH:
     case SST_TEXT_FILE:
         if (*n->text == '/')
             return true;
-        sst_yaml_fault(doc, n, "wants a path from the root, as /etc/sst/..., not %.60s", n->text);
+        sst_yaml_fault(doc, n, "must be an absolute path such as /etc/sst/..., not %.60s", n->text);
         return false;
     case SST_TEXT_ADDRESS:
         if (is_address(n->text))
             return true;
-        sst_yaml_fault(doc, n, "wants a numeric address, as 127.0.0.1, 0.0.0.0 or ::1, not %.60s", n->text);
+        sst_yaml_fault(doc, n, "must be a numeric address such as 127.0.0.1, 0.0.0.0 or ::1, not %.60s", n->text);
         return false;
     case SST_TEXT_TOPIC:
         if (!strpbrk(n->text, "+# $") && n->text[0] != '/' && n->text[size - 1] != '/')
             return true;
-        sst_yaml_fault(doc, n, "wants an MQTT topic without spaces, +, #, $ and outer slashes, not %.60s", n->text);
+        sst_yaml_fault(doc, n, "must be an MQTT topic without spaces, +, #, $ and outer slashes, not %.60s", n->text);
         return false;
     case SST_TEXT_EVENT:
         if (is_event(n->text))
@@ -97,7 +97,8 @@ static bool take_text(struct sst_yaml *doc, const struct sst_yaml_node *n, const
         return true;
     }
     if (ambiguous(n)) {
-        sst_yaml_fault(doc, n, "wants a text, which %s is only in quotes%s", n->text, optional ? "; \"\" is none" : "");
+        sst_yaml_fault(doc, n, "must be a string: put %s in quotes%s", n->text,
+                       optional ? ", or write \"\" for none" : "");
         return false;
     }
     if (n->type == SST_YAML_SCALAR && *n->text && !right_kind(doc, n, key->kind))
@@ -127,7 +128,7 @@ static void take_numbers(struct sst_yaml *doc, const struct sst_yaml_node *n, co
     const struct sst_yaml_node *c = n->first;
 
     if (n->type == SST_YAML_MAP || (n->type == SST_YAML_LIST && (n->count < 1 || n->count > most))) {
-        sst_yaml_fault(doc, n, "wants one number or a list of 1 to %d in %g..%g", most, key->min, key->max);
+        sst_yaml_fault(doc, n, "must be one number or a list of 1 to %d numbers in %g..%g", most, key->min, key->max);
         return;
     }
     for (int i = 0; i < most; i++) {
@@ -151,11 +152,11 @@ static int list_count(struct sst_yaml *doc, const struct sst_yaml_node *n, const
     const int most = (int)(key->size / key->stride);
 
     if (n->type != SST_YAML_LIST) {
-        sst_yaml_fault(doc, n, "must be a list; [] is an empty one");
+        sst_yaml_fault(doc, n, "must be a list; write [] for an empty one");
         return 0;
     }
     if (n->count > most)
-        sst_yaml_fault(doc, n, "has %d entries, more than the %d that there may be", n->count, most);
+        sst_yaml_fault(doc, n, "has %d entries, more than the limit of %d", n->count, most);
     return sst_min_int(n->count, most);
 }
 
@@ -170,7 +171,7 @@ static void take_texts(struct sst_yaml *doc, const struct sst_yaml_node *n, cons
         if (take_text(doc, c, key, first + (size_t)i * key->stride, key->stride))
             for (int k = 0; key->count_offset != SST_KEY_NO_COUNT && k < i; k++)
                 if (!strcmp(first + (size_t)k * key->stride, c->text))
-                    sst_yaml_fault(doc, c, "has %.60s twice", c->text);
+                    sst_yaml_fault(doc, c, "lists %.60s twice", c->text);
     }
     set_count(key, base, count);
 }
@@ -188,7 +189,7 @@ static void take_controls(struct sst_yaml *doc, struct sst_yaml_node *n, struct 
         int i = 0;
 
         if (!*c->key || strlen(c->key) >= sizeof(a->control[0].name)) {
-            sst_yaml_fault(doc, c, "is no control's name");
+            sst_yaml_fault(doc, c, "is not a valid name of a control");
             continue;
         }
         if (!sst_yaml_double(doc, c, -9e15, 9e15, &value))
@@ -200,7 +201,7 @@ static void take_controls(struct sst_yaml *doc, struct sst_yaml_node *n, struct 
         while (i < a->controls && strcmp(a->control[i].name, c->key) != 0)
             i++;
         if (i == SST_CONFIG_CONTROLS_MAX) {
-            sst_yaml_fault(doc, c, "is one control too many: at most %d", SST_CONFIG_CONTROLS_MAX);
+            sst_yaml_fault(doc, c, "exceeds the limit of %d controls", SST_CONFIG_CONTROLS_MAX);
             return;
         }
         a->controls = sst_max_int(a->controls, i + 1);
@@ -221,7 +222,7 @@ static void take_list(struct sst_yaml *doc, const struct sst_yaml_node *n, const
         char *element = (char *)base + key->offset + (size_t)i * key->stride;
 
         if (c->type != SST_YAML_MAP)
-            sst_yaml_fault(doc, c, "must be a list of mappings, as - { %s: ... }", key->fields[0].name);
+            sst_yaml_fault(doc, c, "must be a list of mappings such as - { %s: ... }", key->fields[0].name);
         for (int f = 0; f < key->n_fields; f++) {
             struct sst_yaml_node *value = sst_yaml_get(c, key->fields[f].name);
 
@@ -229,7 +230,7 @@ static void take_list(struct sst_yaml *doc, const struct sst_yaml_node *n, const
             if (value)
                 take_value(doc, value, &key->fields[f], element);
             else if (c->type == SST_YAML_MAP && !key->fields[f].standard)
-                sst_yaml_fault(doc, c, "lacks the key %s; add it", key->fields[f].name);
+                sst_yaml_fault(doc, c, "lacks the key `%s`; add it", key->fields[f].name);
         }
     }
     set_count(key, base, count);
@@ -292,7 +293,7 @@ static struct sst_yaml_node *find_section(struct sst_yaml *doc, struct sst_yaml_
 
     if (!n || n->type == SST_YAML_MAP || nothing(n))
         return n;
-    sst_yaml_fault(doc, n, "must hold keys with values, such as \"key: value\"");
+    sst_yaml_fault(doc, n, "must contain keys with values, such as \"key: value\"");
     return NULL;
 }
 
