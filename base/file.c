@@ -71,8 +71,8 @@ static void wait_if_interrupted(void)
     sst_file_allow_interrupt();
 }
 
-/* A thread, because a signal's handler may neither allocate memory nor list a folder: the thread that it stopped could be
- * holding the allocator's lock. */
+/* A thread, because a signal's handler may neither allocate memory nor list a folder: the thread that it stopped could
+ * be holding the allocator's lock. */
 static void *end_when_interrupted(void *arg SST_UNUSED)
 {
     char gone[SST_PATH_MAX + 8];

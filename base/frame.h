@@ -24,10 +24,10 @@ enum sst_frame_fault {
  * Times are ns on CLOCK_MONOTONIC.
  */
 struct sst_frame {
-    int cam;            /* index among the configured cameras */
-    uint32_t fourcc;    /* V4L2 pixel format */
-    int width, height;  /* px */
-    size_t stride;      /* bytes; 0 for compressed formats */
+    int cam;           /* index among the configured cameras */
+    uint32_t fourcc;   /* V4L2 pixel format */
+    int width, height; /* px */
+    size_t stride;     /* bytes; 0 for compressed formats */
     const uint8_t *data;
     size_t bytes;
     uint32_t sequence;    /* the driver's count */

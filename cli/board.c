@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "cli/cli.h"
+#include "cli/cli_internal.h"
 #include "pipeline/calibration/board/print.h"
 
 static bool ends_with(const char *text, const char *end)

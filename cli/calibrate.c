@@ -8,9 +8,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "cli/calibrate_check.h"
-#include "cli/calibrate_gather.h"
-#include "cli/cli.h"
+#include "cli/cli_internal.h"
 #include "pipeline/calibration/report/report.h"
 
 struct options {

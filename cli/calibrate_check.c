@@ -1,4 +1,4 @@
-#include "cli/calibrate_check.h"
+#include "cli/cli_internal.h"
 
 #include <jansson.h>
 #include <math.h>

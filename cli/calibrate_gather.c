@@ -1,4 +1,4 @@
-#include "cli/calibrate_gather.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -6,7 +6,6 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "cli/cli.h"
 #include "pipeline/calibration/board/coverage.h"
 #include "pipeline/image/codec.h"
 

@@ -9,10 +9,9 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "cli/calibrate_gather.h"
-#include "cli/capture.h"
 #include "capture/array/capture.h"
 #include "capture/recording/recorder.h"
+#include "cli/cli_internal.h"
 #include "pipeline/calibration/board/coverage.h"
 
 #define STILL_SHARE 0.02 /* of the picture's width: a board that moved less shows nothing new */

@@ -7,7 +7,7 @@
 #include <linux/videodev2.h>
 
 #include "base/log.h"
-#include "cli/calibrate_source.h"
+#include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
 

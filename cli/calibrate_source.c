@@ -1,5 +1,5 @@
 /* Folders of pictures: who is the camera, what is the moment. */
-#include "cli/calibrate_source.h"
+#include "cli/cli_internal.h"
 
 #include <ctype.h>
 #include <dirent.h>

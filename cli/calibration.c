@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "cli/cli.h"
+#include "cli/cli_internal.h"
 #include "pipeline/camera/format.h"
 
 #define DEG (180 / M_PI)

@@ -9,8 +9,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "cli/cameras.h"
-#include "cli/places.h"
+#include "cli/cli_internal.h"
 
 #define USER_MAX 64
 

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "cli/cameras.h"
+#include "cli/cli_internal.h"
 
 #define SIDE_MAX 256
 #define TEXT     300

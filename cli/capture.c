@@ -1,5 +1,5 @@
 /* sst capture: finds what is to be captured from. */
-#include "cli/capture.h"
+#include "cli/cli_internal.h"
 
 #include <stdio.h>
 #include <string.h>

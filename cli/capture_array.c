@@ -9,9 +9,9 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "cli/capture.h"
 #include "capture/array/capture.h"
 #include "capture/recording/recorder.h"
+#include "cli/cli_internal.h"
 
 struct array_capture {
     struct sst_array_config config;

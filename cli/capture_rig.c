@@ -9,9 +9,9 @@
 #include <sys/statvfs.h>
 
 #include "base/log.h"
-#include "cli/capture.h"
-#include "config/array.h"
 #include "capture/rig/rig_camera.h"
+#include "cli/cli_internal.h"
+#include "config/array.h"
 
 /* What the command line says; the rest is the configuration's. */
 struct options {

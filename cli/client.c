@@ -1,4 +1,4 @@
-#include "cli/client.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "cli/client.h"
+#include "cli/cli_internal.h"
 
 const json_t *cli_member(const json_t *object, const char *path)
 {

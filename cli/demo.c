@@ -6,8 +6,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "cli/cli.h"
-#include "cli/demo_live.h"
+#include "cli/cli_internal.h"
 #include "pipeline/eval/report.h"
 #include "pipeline/image/codec.h"
 

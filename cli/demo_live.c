@@ -1,4 +1,4 @@
-#include "cli/demo_live.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <limits.h>
@@ -16,7 +16,6 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "cli/client.h"
 
 #define STEP_MS 200
 #define READY_S 600 /* a slow machine prepares a world of leaves for minutes */

@@ -1,11 +1,9 @@
 /* sst doctor: what stands in the way of capturing, each in one sentence with its remedy. */
-#include "cli/doctor.h"
+#include "cli/cli_internal.h"
 
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
-
-#include "cli/cli.h"
 
 static const char *const level_names[] = { "OK", "WARNING", "PROBLEM" };
 

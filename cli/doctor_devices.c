@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "cli/doctor.h"
+#include "cli/cli_internal.h"
 #include "drivers/grab/grab.h"
 #include "drivers/trigger/trigger.h"
 

@@ -14,7 +14,7 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "cli/doctor.h"
+#include "cli/cli_internal.h"
 
 #define AREA_DISK           "disk"
 #define TRY_NS              1000000000 /* of writing */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/thread.h"
-#include "cli/render_args.h"
+#include "cli/cli_internal.h"
 #include "pipeline/eval/report.h"
 
 static json_t *number(double v)

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "cli/client.h"
+#include "cli/cli_internal.h"
 
 #define LAST 10 /* shown before what comes, with --follow */
 

@@ -6,15 +6,15 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "cli/render_args.h"
+#include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/import.h"
 
-#define PATCH 15    /* pixels around a ray */
-#define MAGNIFY 4   /* each of them so wide */
-#define BAR 8       /* rows of the bar below */
-#define GAP 4
-#define CELL_WIDTH (PATCH * MAGNIFY + GAP)
+#define PATCH       15 /* pixels around a ray */
+#define MAGNIFY     4  /* each of them so wide */
+#define BAR         8  /* rows of the bar below */
+#define GAP         4
+#define CELL_WIDTH  (PATCH * MAGNIFY + GAP)
 #define CELL_HEIGHT (PATCH * MAGNIFY + BAR + GAP)
 
 struct explanation {
@@ -29,8 +29,9 @@ struct explanation {
 /* Dark blue over green to yellow, each step brighter than the one before. u in 0..1. */
 static void colour_of(double u, uint8_t rgb[3])
 {
-    static const double stop[][3] = { { 20, 10, 80 }, { 50, 60, 150 }, { 30, 130, 140 }, { 90, 190, 90 },
-                                      { 250, 235, 60 } };
+    static const double stop[][3] = {
+        { 20, 10, 80 }, { 50, 60, 150 }, { 30, 130, 140 }, { 90, 190, 90 }, { 250, 235, 60 }
+    };
     const double at = sst_clamp_double(u, 0, 1) * (double)(ARRAY_LEN(stop) - 1);
     const size_t i = at >= (double)(ARRAY_LEN(stop) - 1) ? ARRAY_LEN(stop) - 2 : (size_t)at;
 
@@ -74,15 +75,16 @@ static int write_disparity(const struct explanation *e)
     if (!err)
         err = sst_image_write_png(&img, path);
     if (!err && lo <= hi)
-        json_object_set_new(e->root, "disparity_px", json_pack("{s:f, s:f}", "dark_blue", sst_disp_px(&e->in->lf, lo),
-                                                               "yellow", sst_disp_px(&e->in->lf, hi)));
+        json_object_set_new(
+            e->root, "disparity_px",
+            json_pack("{s:f, s:f}", "dark_blue", sst_disp_px(&e->in->lf, lo), "yellow", sst_disp_px(&e->in->lf, hi)));
     sst_image_fini(&img);
     return err;
 }
 
 static int write_labels(const struct explanation *e, const struct sst_map_u8 *label, const char *file)
 {
-    const uint8_t (*palette)[3] = sst_classes_palette();
+    const uint8_t(*palette)[3] = sst_classes_palette();
     bool seen[256] = { false };
     json_t *legend = json_object();
     char path[SST_PATH_MAX], colour[16];
@@ -188,11 +190,11 @@ static void draw_ray(struct sst_image *img, const struct sst_lightfield *lf, con
 
 static json_t *describe_ray(const struct sst_lightfield *lf, const struct sst_ray *ray)
 {
-    json_t *j = json_pack("{s:i, s:i, s:f, s:f, s:s, s:f, s:f, s:f, s:f, s:[f, f, f]}", "row", ray->view / lf->cols,
-                          "col", ray->view % lf->cols, "x", ray->x, "y", ray->y,
-                          "label", sst_classes_name(&lf->classes, ray->label), "aperture", ray->aperture,
-                          "weight_depth", ray->w_depth, "weight_label", ray->w_label, "share", ray->share,
-                          "rgb", ray->colour[0], ray->colour[1], ray->colour[2]);
+    json_t *j =
+        json_pack("{s:i, s:i, s:f, s:f, s:s, s:f, s:f, s:f, s:f, s:[f, f, f]}", "row", ray->view / lf->cols, "col",
+                  ray->view % lf->cols, "x", ray->x, "y", ray->y, "label", sst_classes_name(&lf->classes, ray->label),
+                  "aperture", ray->aperture, "weight_depth", ray->w_depth, "weight_label", ray->w_label, "share",
+                  ray->share, "rgb", ray->colour[0], ray->colour[1], ray->colour[2]);
 
     json_object_set_new(j, "disparity_px", isnan(ray->disp_px) ? json_null() : json_real(ray->disp_px));
     return j;

@@ -1,7 +1,6 @@
 #include <stdio.h>
 
-#include "cli/cli.h"
-#include "cli/lightfield_line.h"
+#include "cli/cli_internal.h"
 #include "pipeline/lightfield/import.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)

@@ -2,10 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "cli/cli.h"
-#include "cli/import_recording.h"
-#include "cli/lightfield_line.h"
-#include "cli/rectify.h"
+#include "cli/cli_internal.h"
 #include "pipeline/lightfield/import.h"
 
 static int import_folder(struct sst_import_config *cfg, const char *format, const char *source, const int grid[2])

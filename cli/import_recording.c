@@ -1,4 +1,4 @@
-#include "cli/import_recording.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "cli/lightfield_line.h"
 #include "capture/recording/lightfields.h"
 
 /* Numbers and ranges, each set once, in the order of recording. */
@@ -69,9 +68,15 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
 {
     const int n = sst_recording_sets(recording);
     struct sst_lightfields_config cfg = {
-        .out = args->out, .allow_partial = args->allow_partial, .force = args->force,
-        .range_min_px = args->range_min_px, .range_max_px = args->range_max_px, .threads = args->threads,
-        .calibration = args->calibration, .progress = cli_progress, .progress_arg = (void *)(uintptr_t)"import",
+        .out = args->out,
+        .allow_partial = args->allow_partial,
+        .force = args->force,
+        .range_min_px = args->range_min_px,
+        .range_max_px = args->range_max_px,
+        .threads = args->threads,
+        .calibration = args->calibration,
+        .progress = cli_progress,
+        .progress_arg = (void *)(uintptr_t) "import",
     };
     int *sets, err, r;
 

@@ -1,4 +1,4 @@
-#include "cli/lightfield_line.h"
+#include "cli/cli_internal.h"
 
 #include <math.h>
 #include <stdio.h>

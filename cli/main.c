@@ -5,7 +5,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "cli/cli.h"
+#include "cli/cli_internal.h"
 
 static const struct cli_command *const commands[] = {
     &cli_demo,    &cli_scene,     &cli_import,  &cli_recording, &cli_export,   &cli_rectify, &cli_process,

@@ -1,4 +1,4 @@
-#include "cli/matching.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "cli/model_facts.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <jansson.h>

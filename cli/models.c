@@ -7,8 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "cli/cli.h"
-#include "cli/model_facts.h"
+#include "cli/cli_internal.h"
 #include "pipeline/method/network/manifest.h"
 #include "pipeline/method/network/model_path.h"
 

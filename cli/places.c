@@ -1,4 +1,4 @@
-#include "cli/places.h"
+#include "cli/cli_internal.h"
 
 #include <stdio.h>
 #include <string.h>

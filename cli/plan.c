@@ -4,8 +4,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "cli/cli.h"
-#include "cli/usb.h"
+#include "cli/cli_internal.h"
 
 #define ADVICE_MAX 1024
 

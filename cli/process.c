@@ -8,7 +8,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "cli/matching.h"
+#include "cli/cli_internal.h"
 #include "pipeline/lightfield/given.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"

@@ -6,7 +6,7 @@
 #include <time.h>
 
 #include "base/log.h"
-#include "cli/client.h"
+#include "cli/cli_internal.h"
 
 struct args {
     struct cli_client *client;

@@ -6,9 +6,9 @@
 #include <jansson.h>
 
 #include "base/log.h"
-#include "cli/cli.h"
 #include "capture/recording/pixel_format.h"
 #include "capture/recording/recording.h"
+#include "cli/cli_internal.h"
 
 #define MAX_NAMED 8 /* cameras or sets named in one line */
 
@@ -17,12 +17,12 @@ struct summary {
     int sets, complete, damaged, runs;
     int missing[SST_CAMERAS_MAX], bad[SST_CAMERAS_MAX];
     int64_t bytes, lost_before;
-    int spreads, periods;              /* how many there are of: */
-    int64_t *spread_ns;                /* sets with two frames or more */
-    int64_t *period_ns;                /* from one set to the next of the same run */
-    int worst[SST_CAMERAS_MAX];        /* sets in which the camera was the one farthest off */
-    int gaps;                          /* periods of more than one and a half of the usual */
-    json_t *damage;                    /* [{"set":, "cam":}]; cam -1: the line */
+    int spreads, periods;       /* how many there are of: */
+    int64_t *spread_ns;         /* sets with two frames or more */
+    int64_t *period_ns;         /* from one set to the next of the same run */
+    int worst[SST_CAMERAS_MAX]; /* sets in which the camera was the one farthest off */
+    int gaps;                   /* periods of more than one and a half of the usual */
+    json_t *damage;             /* [{"set":, "cam":}]; cam -1: the line */
 };
 
 static int compare(const void *a, const void *b)
@@ -61,8 +61,8 @@ static void add_set(struct summary *s, const struct sst_recording_set *set)
 
 static void count_gaps(struct summary *s)
 {
-    const double usual = s->info->rate_hz > 0 ? 1e9 / s->info->rate_hz
-                                              : (double)percentile(s->period_ns, s->periods, 50);
+    const double usual =
+        s->info->rate_hz > 0 ? 1e9 / s->info->rate_hz : (double)percentile(s->period_ns, s->periods, 50);
 
     for (int i = 0; i < s->periods; i++)
         s->gaps += (double)s->period_ns[i] > 1.5 * usual;
@@ -97,7 +97,7 @@ static int look(struct summary *s, const struct sst_recording *recording, bool v
         else if (err)
             sst_log_error("cannot read set %d of %s; check the disk", i, sst_recording_dir(recording));
         if (verify)
-            cli_progress((void *)(uintptr_t)"verify", (i + 1.0) / s->sets);
+            cli_progress((void *)(uintptr_t) "verify", (i + 1.0) / s->sets);
     }
     cli_progress_end();
     qsort(s->spread_ns, (size_t)s->spreads, sizeof(*s->spread_ns), compare);
@@ -194,20 +194,19 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
     json_t *root;
 
     sst_pixel_format_name(s->info->fourcc, format);
-    root = json_pack("{s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:i, s:i, s:i, s:i, s:I, s:I, s:f, s:i, s:f,"
-                     " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:I, s:o}",
-                     "rows", s->info->rows, "cols", s->info->cols, "cameras", s->info->cameras, "pixel_format", format,
-                     "width", s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets",
-                     s->sets, "runs", s->runs, "complete", s->complete, "partial", s->sets - s->damaged - s->complete,
-                     "bytes", (json_int_t)s->bytes, "lost_before", (json_int_t)s->lost_before, "median_hz",
-                     period > 0 ? 1e9 / (double)period : 0.0, "gaps", s->gaps, "longest_s",
-                     (double)percentile(s->period_ns, s->periods, 100) * 1e-9, "skew_us", "p50",
-                     (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3, "p99",
-                     (double)percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
-                     (double)percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s), "verified",
-                     verify, "damaged", s->damaged, "damage", s->damage, "torn_bytes",
-                     (json_int_t)sst_recording_torn_bytes(recording), "removed_sets",
-                     (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
+    root = json_pack(
+        "{s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:i, s:i, s:i, s:i, s:I, s:I, s:f, s:i, s:f,"
+        " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:I, s:o}",
+        "rows", s->info->rows, "cols", s->info->cols, "cameras", s->info->cameras, "pixel_format", format, "width",
+        s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets", s->sets, "runs", s->runs,
+        "complete", s->complete, "partial", s->sets - s->damaged - s->complete, "bytes", (json_int_t)s->bytes,
+        "lost_before", (json_int_t)s->lost_before, "median_hz", period > 0 ? 1e9 / (double)period : 0.0, "gaps",
+        s->gaps, "longest_s", (double)percentile(s->period_ns, s->periods, 100) * 1e-9, "skew_us", "p50",
+        (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3, "p99",
+        (double)percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
+        (double)percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s), "verified", verify,
+        "damaged", s->damaged, "damage", s->damage, "torn_bytes", (json_int_t)sst_recording_torn_bytes(recording),
+        "removed_sets", (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
     text = root ? json_dumps(root, JSON_COMPACT) : NULL;
     json_decref(root);
     if (!text)

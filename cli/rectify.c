@@ -1,13 +1,11 @@
 /* sst rectify: a light field of raw frames made true by a calibration. */
-#include "cli/rectify.h"
+#include "cli/cli_internal.h"
 
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "cli/lightfield_line.h"
 
 int cli_use_calibration(struct sst_use_calibration *use, const struct cli_command *cmd, const char *path,
                         const char *filter)

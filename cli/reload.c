@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "cli/client.h"
+#include "cli/cli_internal.h"
 
 static const char *meaning(const char *class_)
 {

@@ -5,7 +5,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "cli/render_args.h"
+#include "cli/cli_internal.h"
 
 #define MAX_REPEAT 1000
 
@@ -167,7 +167,8 @@ const struct cli_command cli_render = {
         "colours agree at the focus make the picture (--verify-rays auto). Given disparities are trusted; on verifies\n"
         "these, too, and off counts rays by disparity and label alone.\n"
         "\n"
-        "A light field with a calibration holds raw frames. With --sampling raw the rays are sampled from them at once,\n"
+        "A light field with a calibration holds raw frames. With --sampling raw the rays are sampled from them at "
+        "once,\n"
         "which is sharper and less work for few views or pictures; rectified makes all views first; auto (default)\n"
         "takes the way that is less work.\n"
         "\n"

@@ -1,4 +1,4 @@
-#include "cli/render_args.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,7 +1,6 @@
 #include "simulators/scene/scene.h"
 
-#include "cli/cli.h"
-#include "cli/lightfield_line.h"
+#include "cli/cli_internal.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {

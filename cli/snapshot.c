@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "cli/client.h"
+#include "cli/cli_internal.h"
 
 #define JPEG "image/jpeg"
 #define TAR  "application/x-tar"

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "cli/client.h"
+#include "cli/cli_internal.h"
 
 #define TEXT      300
 #define NAMED_MAX 12 /* cameras named; more are counted */

@@ -6,7 +6,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "cli/matching.h"
+#include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 
 #define PNG_MAX_PX 255 /* what 16 bits hold */

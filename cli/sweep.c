@@ -4,8 +4,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "cli/render_args.h"
-#include "cli/video.h"
+#include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/import.h"
 
@@ -49,8 +48,8 @@ static json_t *describe(const struct sweep *s)
         snprintf(name, sizeof(name), "%04d.png", i);
         json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, "focus_px", focus_of(s, i)));
     }
-    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", s->args.method, "fps", s->fps,
-                     "frames", frames);
+    return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", s->args.method, "fps", s->fps, "frames",
+                     frames);
 }
 
 static int write_description(const struct sweep *s, const char *dir)

@@ -2,8 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "cli/cli.h"
-#include "cli/usb.h"
+#include "cli/cli_internal.h"
 
 static const char *const switching_names[] = { "unknown", "none", "ganged", "ports" };
 static const char *const switching_texts[] = { "no right to ask for port power", "no port power switching",

@@ -1,4 +1,4 @@
-#include "cli/usb.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <stdarg.h>

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "base/thread.h"
-#include "cli/cli.h"
+#include "cli/cli_internal.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/network/model_path.h"
 
@@ -11,15 +11,9 @@ static const struct {
     const char *name;
     int built;
 } parts[] = {
-    { "onednn", WITH_DNNL },
-    { "opencv", WITH_OPENCV },
-    { "libavformat", WITH_AVFORMAT },
-    { "libudev", WITH_UDEV },
-    { "libusb", WITH_USB },
-    { "libmodbus", WITH_MODBUS },
-    { "libgpiod", WITH_GPIOD > 0 },
-    { "libdogleg", WITH_DOGLEG },
-    { "libcurl", WITH_CURL },
+    { "onednn", WITH_DNNL },        { "opencv", WITH_OPENCV },    { "libavformat", WITH_AVFORMAT },
+    { "libudev", WITH_UDEV },       { "libusb", WITH_USB },       { "libmodbus", WITH_MODBUS },
+    { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG }, { "libcurl", WITH_CURL },
 };
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };

@@ -1,4 +1,4 @@
-#include "cli/video.h"
+#include "cli/cli_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -190,8 +190,7 @@ void video_close(struct video *v)
 int video_open(struct video **out SST_UNUSED, const char *path, int width SST_UNUSED, int height SST_UNUSED,
                double fps SST_UNUSED)
 {
-    sst_log_error("%s: this build has no libavformat, so it cannot write video; name a folder to get pictures",
-                  path);
+    sst_log_error("%s: this build has no libavformat, so it cannot write video; name a folder to get pictures", path);
     return -ENOTSUP;
 }
 

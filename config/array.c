@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "config/load.h"
+#include "config/config_internal.h"
 
 const char *const sst_format_names[8] = { "MJPEG", "YUYV", "GREY", "Y16", "BGGR8", "GBRG8", "GRBG8", "RGGB8" };
 static const char format_codes[8][5] = { "MJPG", "YUYV", "GREY", "Y16 ", "BA81", "GBRG", "GRBG", "RGGB" };
@@ -50,7 +50,7 @@ int sst_array_config_read(struct sst_array_config *cfg, const char *path)
     if (!all)
         return -ENOMEM;
     all->array = *cfg;
-    err = sst_config_load(all, path, true);
+    err = config_load(all, path, true);
     if (!err)
         *cfg = all->array;
     free(all);

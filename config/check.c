@@ -10,20 +10,20 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "config/load.h"
+#include "config/config_internal.h"
 
 /* Where the first of two keys was read; if it is in no file, the second. */
-static const struct sst_config_place *place(const struct sst_config_load *load, const char *key, const char *other)
+static const struct config_place *place(const struct config_load *load, const char *key, const char *other)
 {
-    const struct sst_config_place *p = &load->at[sst_schema_index(key)];
+    const struct config_place *p = &load->at[sst_schema_index(key)];
 
     return p->node || !other ? p : &load->at[sst_schema_index(other)];
 }
 
 /* A key in no file has its default, which fits the other defaults: no fault is noted for it. */
-static void fault(const struct sst_config_place *p, const struct sst_yaml_node *node, const char *fmt, ...)
+static void fault(const struct config_place *p, const struct sst_yaml_node *node, const char *fmt, ...)
     SST_PRINTF(3, 4);
-static void fault(const struct sst_config_place *p, const struct sst_yaml_node *node, const char *fmt, ...)
+static void fault(const struct config_place *p, const struct sst_yaml_node *node, const char *fmt, ...)
 {
     char text[300];
     va_list args;
@@ -36,7 +36,7 @@ static void fault(const struct sst_config_place *p, const struct sst_yaml_node *
 }
 
 /* The list's first element; NULL if it is not a list. */
-static struct sst_yaml_node *elements(const struct sst_config_place *p)
+static struct sst_yaml_node *elements(const struct config_place *p)
 {
     return p->node && p->node->type == SST_YAML_LIST ? p->node->first : NULL;
 }
@@ -51,8 +51,8 @@ static int line_index(const struct sst_array_config *a, const char *name)
     return -1;
 }
 
-static void check_twice(const struct sst_config_place *p, const struct sst_yaml_node *at,
-                        const struct sst_array_config *a, int i)
+static void check_twice(const struct config_place *p, const struct sst_yaml_node *at, const struct sst_array_config *a,
+                        int i)
 {
     const struct sst_config_camera *c = &a->camera[i];
 
@@ -68,9 +68,9 @@ static void check_twice(const struct sst_config_place *p, const struct sst_yaml_
     }
 }
 
-static void check_bind(struct sst_config_load *load)
+static void check_bind(struct config_load *load)
 {
-    const struct sst_config_place *p = place(load, "cameras.bind", NULL);
+    const struct config_place *p = place(load, "cameras.bind", NULL);
     struct sst_array_config *a = &load->cfg->array;
     struct sst_yaml_node *n = elements(p);
 
@@ -102,13 +102,13 @@ static void check_bind(struct sst_config_load *load)
             a->camera[i].line = a->lines == a->rows ? a->camera[i].row : 0;
 }
 
-static void check_lengths(const struct sst_config_load *load)
+static void check_lengths(const struct config_load *load)
 {
     int count;
     const struct sst_key *keys = sst_schema(&count);
 
     for (int i = 0; i < count; i++) {
-        const struct sst_config_place *p = &load->at[i];
+        const struct config_place *p = &load->at[i];
         const bool numbers = keys[i].type == SST_KEY_INTS || keys[i].type == SST_KEY_DOUBLES;
         const int want = numbers ? sst_max_int(sst_key_count(&keys[i], load->cfg), 1) : 0;
 
@@ -117,7 +117,7 @@ static void check_lengths(const struct sst_config_load *load)
     }
 }
 
-static void check_rig(const struct sst_config_load *load)
+static void check_rig(const struct config_load *load)
 {
     const struct sst_array_config *a = &load->cfg->array;
     bool zero = false, travel = false;
@@ -133,7 +133,7 @@ static void check_rig(const struct sst_config_load *load)
               "leaves no travel: travel_min_mm must be below travel_max_mm");
 }
 
-void sst_config_check_array(struct sst_config_load *load)
+void config_check_array(struct config_load *load)
 {
     const struct sst_array_config *a = &load->cfg->array;
     const bool gpio = a->source == SST_CONFIG_GPIO;
@@ -155,9 +155,9 @@ void sst_config_check_array(struct sst_config_load *load)
 
 /* --- service ------------------------------------------------------------------------------------------------------ */
 
-static void check_zones(const struct sst_config_load *load)
+static void check_zones(const struct config_load *load)
 {
-    const struct sst_config_place *p = place(load, "zones", NULL);
+    const struct config_place *p = place(load, "zones", NULL);
     const struct sst_config *c = load->cfg;
     struct sst_yaml_node *n = elements(p);
 
@@ -182,9 +182,9 @@ static int zone_index(const struct sst_config *c, const char *name)
     return -1;
 }
 
-static void check_triggers(struct sst_config_load *load)
+static void check_triggers(struct config_load *load)
 {
-    const struct sst_config_place *p = place(load, "storage.record_on", NULL);
+    const struct config_place *p = place(load, "storage.record_on", NULL);
     struct sst_config *c = load->cfg;
     struct sst_yaml_node *n = elements(p);
 
@@ -206,9 +206,9 @@ static void check_triggers(struct sst_config_load *load)
         fault(p, NULL, "event needs live: enabled: true, which detects the events");
 }
 
-static void check_hooks(const struct sst_config_load *load)
+static void check_hooks(const struct config_load *load)
 {
-    const struct sst_config_place *p = place(load, "hooks", NULL);
+    const struct config_place *p = place(load, "hooks", NULL);
     struct sst_yaml_node *n = elements(p);
 
     for (int i = 0; n && i < load->cfg->hooks; i++, n = n->next) {
@@ -242,7 +242,7 @@ static bool is_any(const char *address)
     return !strcmp(address, "0.0.0.0") || !strcmp(address, "::");
 }
 
-static void check_sockets(const struct sst_config_load *load)
+static void check_sockets(const struct config_load *load)
 {
     const struct sst_config *c = load->cfg;
     const bool tls = c->web.tls_certificate[0] && c->web.tls_key[0];
@@ -285,7 +285,7 @@ static double array_rate(const struct sst_array_config *a, double jpeg_bytes)
     return (a->bound ? a->bound : a->rows * a->cols) * hz * a->width * a->height * (jpeg ? jpeg_bytes : two ? 2 : 1);
 }
 
-void sst_config_check_service(struct sst_config_load *load)
+void config_check_service(struct config_load *load)
 {
     const struct sst_config *c = load->cfg;
     const double segment = array_rate(&c->array, 0.1) * c->storage.segment_s; /* of strongly compressed frames */
@@ -304,7 +304,7 @@ void sst_config_check_service(struct sst_config_load *load)
               c->storage.segment_s, segment / 1e9);
 }
 
-static void warn(const struct sst_config_place *p, const char *text)
+static void warn(const struct config_place *p, const char *text)
 {
     if (p->node)
         sst_log_warning("%s:%d:%d: %s", sst_yaml_name(p->doc), p->node->line, p->node->column, text);
@@ -312,7 +312,7 @@ static void warn(const struct sst_config_place *p, const char *text)
         sst_log_warning("configuration: %s", text);
 }
 
-void sst_config_warn(const struct sst_config_load *load)
+void config_warn(const struct config_load *load)
 {
     const struct sst_config *c = load->cfg;
     const double need_mb = array_rate(&c->array, 0.33) * c->storage.preroll_s / (1 << 20);

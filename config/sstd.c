@@ -9,7 +9,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "config/load.h"
+#include "config/config_internal.h"
 
 /* The documents that were read stay until all faults are told. */
 struct files {
@@ -92,7 +92,7 @@ static int parse(struct sst_yaml **doc, const char *path)
 }
 
 /* Every file is read and told about, whatever the others are like. */
-static int take_all(struct sst_config_load *load, struct files *f)
+static int take_all(struct config_load *load, struct files *f)
 {
     int err = 0;
 
@@ -101,12 +101,12 @@ static int take_all(struct sst_config_load *load, struct files *f)
 
         err = err ? err : bad;
         if (!bad)
-            sst_config_take(load, f->doc[i]);
+            config_take(load, f->doc[i]);
     }
     if (!err) { /* with a part missing, what fits together is not known */
-        sst_config_check_array(load);
+        config_check_array(load);
         if (!load->array_only)
-            sst_config_check_service(load);
+            config_check_service(load);
     }
     for (int i = 0; i < f->n; i++) {
         const int bad = f->doc[i] ? sst_yaml_finish(f->doc[i]) : 0;
@@ -114,13 +114,13 @@ static int take_all(struct sst_config_load *load, struct files *f)
         err = err ? err : bad;
     }
     if (!err && !load->array_only)
-        sst_config_warn(load);
+        config_warn(load);
     return err;
 }
 
-int sst_config_load(struct sst_config *cfg, const char *path, bool array_only)
+int config_load(struct sst_config *cfg, const char *path, bool array_only)
 {
-    struct sst_config_load load = { .array_only = array_only };
+    struct config_load load = { .array_only = array_only };
     struct files f = { .n = 0 };
     int err = 0;
 
@@ -146,7 +146,7 @@ int sst_config_load(struct sst_config *cfg, const char *path, bool array_only)
 
 int sst_config_read(struct sst_config *cfg, const char *path)
 {
-    return sst_config_load(cfg, path, false);
+    return config_load(cfg, path, false);
 }
 
 void sst_config_defaults(struct sst_config *cfg)

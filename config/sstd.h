@@ -90,7 +90,7 @@ struct sst_config {
         enum sst_record_mode mode;
         double quota_gb, min_free_gb, max_age_days; /* 0: no limit */
         double by_hand_gb, by_hand_max_age_days;    /* of what somebody asked for; 0: half of the room; no limit */
-        bool record_view; /* the main view as well */
+        bool record_view;                           /* the main view as well */
         double segment_s, sync_s;
         double preroll_s, postroll_s;
         int ring_mb;  /* memory that holds the sets of the last moments */

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "config/load.h"
+#include "config/config_internal.h"
 
 /* Empty, as "live:" with all its keys commented out. */
 static bool nothing(const struct sst_yaml_node *n)
@@ -297,7 +297,7 @@ static struct sst_yaml_node *find_section(struct sst_yaml *doc, struct sst_yaml_
     return NULL;
 }
 
-void sst_config_take(struct sst_config_load *load, struct sst_yaml *doc)
+void config_take(struct config_load *load, struct sst_yaml *doc)
 {
     struct sst_yaml_node *root = sst_yaml_empty(doc) ? NULL : sst_yaml_root(doc), *section = NULL;
     const char *name = NULL;
@@ -319,7 +319,7 @@ void sst_config_take(struct sst_config_load *load, struct sst_yaml *doc)
         if (n && ignored) {
             sst_yaml_know_tree(n);
         } else if (n) {
-            load->at[i] = (struct sst_config_place){ doc, n };
+            load->at[i] = (struct config_place){ doc, n };
             take_value(doc, n, &keys[i], load->cfg);
         }
     }

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# embed.sh FILE... : C source of the table sst_web_files (daemon/publish/http_internal.h) with these files' bytes in it.
+# embed.sh FILE... : C source of the table web_files (daemon/publish/publish_internal.h) with these files' bytes in it.
 set -eu
-echo '#include "daemon/publish/http_internal.h"'
+echo '#include "daemon/publish/publish_internal.h"'
 n=0
 for f in "$@"; do
   case $f in *[!A-Za-z0-9_./-]*) echo "error: $f: rename it to letters, digits, _ . -" >&2; exit 1;; esac
@@ -10,7 +10,7 @@ for f in "$@"; do
   echo "extern const uint8_t web$n[], web${n}_end[];"
   n=$((n + 1))
 done
-echo 'const struct sst_web_file sst_web_files[] = {'
+echo 'const struct web_file web_files[] = {'
 n=0
 for f in "$@"; do
   echo "    { \"${f##*/}\", web$n, web${n}_end },"

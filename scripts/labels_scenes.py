@@ -64,7 +64,7 @@ def cropped(pairs, folder, width, height, size=None):
 
 
 def starts(total, length, unit, overlap):
-    """First cells of the windows, as sst_tiles_plan() lays them."""
+    """First cells of the windows, as tiles_plan() lays them."""
     if length >= total:
         return [0]
     step = length - overlap - unit

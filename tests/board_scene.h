@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/camera/calib.h"
 #include "pipeline/calibration/board/print.h"
+#include "pipeline/camera/calib.h"
 #include "pipeline/image/image.h"
 
 #define SCENE_FINE 5 /* samples along a side of a pixel */

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "daemon/storage/triggers.h"
+#include "daemon/storage/storage_internal.h"
 #include "pipeline/live/live.h"
 #include "simulators/scene/scene.h"
 #include "simulators/scene/world/settings.h"
@@ -130,8 +130,8 @@ static inline double live_truth_percent(int64_t part, int64_t all)
 
 static inline void live_truth_watch(struct sst_watch *w, double value, int64_t t_ns, int count[2])
 {
-    (void)sst_watch_update(w, value, t_ns);
-    if (sst_watch_tell(w, value, t_ns))
+    (void)watch_update(w, value, t_ns);
+    if (watch_tell(w, value, t_ns))
         count[w->told]++;
 }
 

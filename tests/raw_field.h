@@ -10,9 +10,9 @@
 
 #include "pipeline/camera/calib.h"
 #include "pipeline/lightfield/calibrated.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 #include "pipeline/method/render/render.h"
-#include "simulators/scene/world/render.h"
+#include "simulators/scene/world/world_internal.h"
 
 /** NULL-terminated by a failed step: ok says whether everything below is there. */
 struct raw_field {
@@ -57,7 +57,7 @@ static inline void raw_field_settings(struct sst_sim_settings *s, const char *sc
 
 /** The truth as a calibration. */
 static inline int raw_field_calib(struct sst_calib *calib, const struct sst_sim_settings *s,
-                                  const struct sst_sim_stage *stage)
+                                  const struct sim_stage *stage)
 {
     double mean[3] = { 0 };
     int err = sst_calib_init(calib, s->rows, s->cols);
@@ -68,10 +68,10 @@ static inline int raw_field_calib(struct sst_calib *calib, const struct sst_sim_
     calib->height = s->height;
     for (int k = 0; k < s->rows * s->cols; k++) {
         for (int c = 0; c < 3; c++)
-            mean[c] += log(sst_sim_stage_camera(stage, k)->gain[c]) / (s->rows * s->cols);
+            mean[c] += log(sim_stage_camera(stage, k)->gain[c]) / (s->rows * s->cols);
     }
     for (int k = 0; k < s->rows * s->cols; k++) {
-        const struct sst_sim_camera *from = sst_sim_stage_camera(stage, k);
+        const struct sim_camera *from = sim_stage_camera(stage, k);
         struct sst_calib_camera *to = &calib->camera[k];
 
         to->known = true;
@@ -91,8 +91,7 @@ static inline int raw_field_calib(struct sst_calib *calib, const struct sst_sim_
     return 0;
 }
 
-static inline int raw_field_fill(struct sst_lightfield *lf, const struct raw_field *f,
-                                 const struct sst_sim_stage *stage)
+static inline int raw_field_fill(struct sst_lightfield *lf, const struct raw_field *f, const struct sim_stage *stage)
 {
     int err = sst_lightfield_init(lf, f->settings.rows, f->settings.cols);
 
@@ -103,7 +102,7 @@ static inline int raw_field_fill(struct sst_lightfield *lf, const struct raw_fie
     for (int k = 0; k < lf->rows * lf->cols && !err; k++) {
         lf->views[k].present = true;
         snprintf(lf->views[k].file, sizeof(lf->views[k].file), "view%d", k);
-        err = sst_sim_stage_loop(stage, k, raw_field_keep, &lf->views[k].image);
+        err = sim_stage_loop(stage, k, raw_field_keep, &lf->views[k].image);
     }
     err = err ? err : sst_lightfield_calibrate(lf, &f->use);
     lf->images_raw = true;
@@ -113,22 +112,22 @@ static inline int raw_field_fill(struct sst_lightfield *lf, const struct raw_fie
 /** @return 0 or a negative errno */
 static inline int raw_field_make(struct raw_field *f, const struct sst_sim_settings *settings)
 {
-    struct sst_sim_stage *stage = NULL;
+    struct sim_stage *stage = NULL;
     int err;
 
     memset(f, 0, sizeof(*f));
     f->settings = *settings;
     sst_use_calibration_defaults(&f->use);
-    err = sst_sim_stage_open(&stage, &f->settings);
+    err = sim_stage_open(&stage, &f->settings);
     if (err)
         return err;
     err = raw_field_calib(&f->use.calib, &f->settings, stage);
     err = err ? err : raw_field_fill(&f->raw, f, stage);
     err = err ? err : raw_field_fill(&f->rectified, f, stage);
     for (int k = 0; k < f->raw.rows * f->raw.cols && !err; k++)
-        err = sst_calibration_rectify_view(&f->rectified, k);
+        err = calibration_rectify_view(&f->rectified, k);
     f->rectified.images_raw = false;
-    sst_sim_stage_close(stage);
+    sim_stage_close(stage);
     return err;
 }
 
@@ -149,8 +148,8 @@ static inline int raw_field_truth(const struct raw_field *f, const struct sst_re
 {
     const struct sst_rectified *to = f->raw.rectified;
     const size_t plane = (size_t)f->raw.width * (size_t)f->raw.height;
-    struct sst_sim_stage *stage = NULL;
-    struct sst_sim_optics optics;
+    struct sim_stage *stage = NULL;
+    struct sim_optics optics;
     struct sst_sim_settings s;
     int err, n = 0;
 
@@ -161,11 +160,11 @@ static inline int raw_field_truth(const struct raw_field *f, const struct sst_re
     s.height = f->raw.height;
     s.strip = false;
     s.loop_s = 0.01;
-    err = sst_sim_stage_open(&stage, &s);
+    err = sim_stage_open(&stage, &s);
     if (err)
         return err;
-    optics = *sst_sim_stage_optics(stage);
-    sst_sim_stage_close(stage);
+    optics = *sim_stage_optics(stage);
+    sim_stage_close(stage);
     memset(sum, 0, 3 * plane * sizeof(*sum));
     for (int k = 0; k < f->raw.rows * f->raw.cols; k++) {
         const double bx = to->view[k].bx - cfg->view_bx, by = to->view[k].by - cfg->view_by;
@@ -175,13 +174,13 @@ static inline int raw_field_truth(const struct raw_field *f, const struct sst_re
         s.camera[k].principal_px[0] = to->cx + cfg->focus_px * bx - optics.cx;
         s.camera[k].principal_px[1] = to->cy + cfg->focus_px * by - optics.cy;
     }
-    err = sst_sim_stage_open(&stage, &s);
+    err = sim_stage_open(&stage, &s);
     for (int k = 0; k < f->raw.rows * f->raw.cols && !err; k++) {
         struct sst_image image = { 0 };
 
         if (hypot(to->view[k].bx - cfg->view_bx, to->view[k].by - cfg->view_by) > cfg->aperture + 1e-9)
             continue;
-        err = sst_sim_stage_loop(stage, k, raw_field_keep, &image);
+        err = sim_stage_loop(stage, k, raw_field_keep, &image);
         for (size_t i = 0; i < 3 * plane && !err; i++)
             sum[i] += sst_image_row(&image, (int)(i / plane), (int)(i % plane) / image.width)[i % (size_t)image.width];
         n++;
@@ -189,7 +188,7 @@ static inline int raw_field_truth(const struct raw_field *f, const struct sst_re
     }
     for (size_t i = 0; i < 3 * plane && n; i++)
         sum[i] /= n;
-    sst_sim_stage_close(stage);
+    sim_stage_close(stage);
     return err;
 }
 

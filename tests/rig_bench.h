@@ -15,7 +15,7 @@
 #include "capture/rig/rig.h"
 #include "pipeline/image/codec.h"
 #include "simulators/rig/drive.h"
-#include "simulators/scene/world/strip.h"
+#include "simulators/scene/world/world_internal.h"
 
 #define BENCH_WIDTH       640
 #define BENCH_HEIGHT      64
@@ -79,7 +79,7 @@ static inline int bench_expose(void *arg, int64_t after_ns, int timeout_ms, stru
         b->moving += abs(end[i] - e.pose_um[i]) > 8;
     e.trigger = b->shots;
     memset(b->luma, (int)b->shots, sizeof(b->luma));
-    sst_strip_draw(b->luma, BENCH_WIDTH, BENCH_WIDTH, &e);
+    strip_draw(b->luma, BENCH_WIDTH, BENCH_WIDTH, &e);
     b->frame = (struct sst_frame){
         .fourcc = b->cfg.fourcc,
         .width = BENCH_WIDTH,
@@ -196,7 +196,7 @@ static inline int bench_good_views(const struct bench *b)
         snprintf(path, sizeof(path), "%s/views/%02d_%02d.png", b->dir, k / b->cfg.cols, k % b->cfg.cols);
         if (!sst_path_exists(path) || sst_map_u8_read_png(&map, path))
             continue;
-        ok = !sst_strip_read(map.data, map.stride, map.width, map.height, &e);
+        ok = !strip_read(map.data, map.stride, map.width, map.height, &e);
         for (int a = 0; ok && a < b->rig_cfg.axes; a++)
             ok = abs(e.pose_um[a] - want.um[a]) <= 12;
         good += ok;

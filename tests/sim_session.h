@@ -34,7 +34,8 @@ static inline int session_enter(char **argv)
         printf("%s is not built\n", program);
         return 77;
     }
-    execl(program, "sst-sim", "--quiet", "--world", "simulators/scene/world/worlds/quick.yaml", "--", argv[0], (char *)NULL);
+    execl(program, "sst-sim", "--quiet", "--world", "simulators/scene/world/worlds/quick.yaml", "--", argv[0],
+          (char *)NULL);
     perror(program);
     return 1;
 }

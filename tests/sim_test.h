@@ -19,7 +19,7 @@
 #include "base/log.h"
 #include "pipeline/image/image.h"
 #include "simulators/scene/world/sim_world.h"
-#include "simulators/scene/world/strip.h"
+#include "simulators/scene/world/world_internal.h"
 
 #define SIM_CAPACITY ((size_t)4 << 20)
 

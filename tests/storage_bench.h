@@ -233,7 +233,9 @@ static inline void bench_put_pictures(struct bench *b, int n, int64_t first_ns)
     assert_int_equal(sst_file_read(in(top, "view.jpg"), 1 << 20, &file, &bytes), 0);
     for (int i = 0; i < n; i++) {
         struct sst_frame frame[3];
-        struct sst_set set = { .index = b->index++, .t_ns = first_ns + i * INT64_C(100000000), .cameras = 3, .present = 3 };
+        struct sst_set set = {
+            .index = b->index++, .t_ns = first_ns + i * INT64_C(100000000), .cameras = 3, .present = 3
+        };
 
         set.wall_ns = sst_clock_wall_ns() - (sst_clock_now_ns() - set.t_ns);
         for (int k = 0; k < 3; k++) {

@@ -9,18 +9,18 @@
 #include "capture/recording/recorder.h"
 
 #define SYNTHETIC_START_NS 5000000000000 /* of set 0 */
-#define SYNTHETIC_WALL_NS 1700000000000000000
+#define SYNTHETIC_WALL_NS  1700000000000000000
 
 /* Stands for an array: its frames' memory is made once. */
 struct synthetic {
     int cameras;
     uint32_t fourcc;
     int width, height;
-    size_t bytes;       /* largest frame */
+    size_t bytes; /* largest frame */
     int64_t period_ns;
-    bool holes;         /* every camera misses one set in 17 */
-    bool exact;         /* all frames have `bytes` */
-    uint8_t *data;      /* [cameras][bytes] */
+    bool holes;    /* every camera misses one set in 17 */
+    bool exact;    /* all frames have `bytes` */
+    uint8_t *data; /* [cameras][bytes] */
     struct sst_frame *frame;
     struct sst_recorder_track track[SST_CAMERAS_MAX];
 };
@@ -97,17 +97,25 @@ static inline struct sst_recorder_config synthetic_config(const struct synthetic
 /* Set `index` in the array's memory; good until the next one. */
 static inline void synthetic_set(struct synthetic *s, uint64_t index, struct sst_set *set)
 {
-    *set = (struct sst_set){ .index = index, .t_ns = SYNTHETIC_START_NS + (int64_t)index * s->period_ns, .edge = true,
-                             .cameras = s->cameras, .skew = { 3999, -2000, 0 } };
+    *set = (struct sst_set){ .index = index,
+                             .t_ns = SYNTHETIC_START_NS + (int64_t)index * s->period_ns,
+                             .edge = true,
+                             .cameras = s->cameras,
+                             .skew = { 3999, -2000, 0 } };
     set->wall_ns = SYNTHETIC_WALL_NS + (int64_t)index * s->period_ns;
     for (int k = 0; k < s->cameras; k++) {
         struct sst_frame *f = &s->frame[k];
 
         if (synthetic_missing(s, index, k))
             continue;
-        *f = (struct sst_frame){ .cam = k, .fourcc = s->fourcc, .width = s->width, .height = s->height,
-                                 .data = s->data + (size_t)k * s->bytes, .bytes = synthetic_bytes(s, index, k),
-                                 .sequence = (uint32_t)index + 7, .t_ns = set->t_ns + synthetic_dt_ns(index, k) };
+        *f = (struct sst_frame){ .cam = k,
+                                 .fourcc = s->fourcc,
+                                 .width = s->width,
+                                 .height = s->height,
+                                 .data = s->data + (size_t)k * s->bytes,
+                                 .bytes = synthetic_bytes(s, index, k),
+                                 .sequence = (uint32_t)index + 7,
+                                 .t_ns = set->t_ns + synthetic_dt_ns(index, k) };
         f->arrival_ns = f->t_ns + 30000000 + k;
         synthetic_fill(s->data + (size_t)k * s->bytes, f->bytes, index, k);
         set->frame[k] = f;

@@ -12,13 +12,13 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "capture/array/health.h"
+#include "capture/array/array_internal.h"
 #include "drivers/trigger/trigger.h"
 
 #define EDGES         64   /* told by the trigger's thread and not yet taken */
 #define START_WAIT_MS 3000 /* for cameras that need recovery at the start */
 #define LAST_WAIT_NS  2000000000
-#define STOP_WAIT_NS  300000000  /* when told to stop: what is slow or missing is not waited for */
+#define STOP_WAIT_NS  300000000   /* when told to stop: what is slow or missing is not waited for */
 #define CHIP_WAIT_NS  30000000000 /* for a trigger's chip that went, to come back */
 #define CHIP_RETRY_NS 200000000
 
@@ -38,7 +38,7 @@ struct sst_capture {
     int refused_cam;                             /* the first that was refused or lost ... */
     char refusal[384];                           /* ... and why, for the log */
     char name[SST_CAMERAS_MAX][SST_HEALTH_NAME]; /* of cameras, for the log */
-    struct sst_health health;
+    struct health health;
     int64_t idle_ns; /* since then the train has failed; 0: it runs */
     struct sst_capture_report report;
     /* under lock */
@@ -130,7 +130,7 @@ static void on_set(void *arg, struct sst_set *set)
     }
     for (int cam = 0; cam < set->cameras; cam++)
         if (set->frame[cam])
-            sst_health_set(&c->health, cam);
+            health_set(&c->health, cam);
     c->report.handed++;
     c->report.complete += set->present == set->cameras;
     c->report.empty += set->present == 0;
@@ -147,7 +147,7 @@ static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucke
 
     if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && !c->starting &&
         c->array->source != SST_CONFIG_SOFTWARE)
-        sst_health_bucket(&c->health, frame, bucket); /* marks leave most frames stray */
+        health_bucket(&c->health, frame, bucket); /* marks leave most frames stray */
     sst_grab_release(c->grab, frame);
 }
 
@@ -157,7 +157,7 @@ static void on_frame(void *arg, struct sst_frame *frame)
 
     c->came[frame->cam] = true;
     if (!c->starting)
-        sst_health_frame(&c->health, frame);
+        health_frame(&c->health, frame);
     sst_sets_frame(c->sets, frame);
 }
 
@@ -528,14 +528,14 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
         err = serve(c, next_ns < end_ns ? next_ns : end_ns);
         if (sst_clock_now_ns() >= next_ns) {
             told_ns = sst_clock_now_ns();
-            sst_health_tell(&c->health, c->array->bound, c->name);
+            health_tell(&c->health, c->array->bound, c->name);
             if (c->events.progress)
                 c->events.progress(c->events.arg, c->report.handed);
         }
     }
     sst_sets_flush(c->sets);
     end_writer(c);
-    sst_health_tell(&c->health, c->array->bound, c->name);
+    health_tell(&c->health, c->array->bound, c->name);
     if (c->events.progress)
         c->events.progress(c->events.arg, c->report.handed);
     return err ? err : trigger_err;

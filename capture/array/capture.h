@@ -4,8 +4,8 @@
 #define SST_CAPTURE_ARRAY_CAPTURE_H
 
 #include "base/histogram.h"
-#include "config/array.h"
 #include "capture/array/sets.h"
+#include "config/array.h"
 #include "drivers/grab/grab.h"
 #include "drivers/trigger/trigger.h"
 

@@ -1,4 +1,4 @@
-#include "capture/array/health.h"
+#include "capture/array/array_internal.h"
 
 #include <limits.h>
 
@@ -20,7 +20,7 @@ static const struct {
                             "check that the camera is in its triggered mode (cameras: controls), and sets: window_us" },
 };
 
-static void note(struct sst_health *h, int cam, enum sst_trouble trouble)
+static void note(struct health *h, int cam, enum trouble trouble)
 {
     if (!h->camera[cam][trouble].on) {
         const int need = h->camera[cam][trouble].need;
@@ -34,11 +34,11 @@ static void note(struct sst_health *h, int cam, enum sst_trouble trouble)
     h->camera[cam][trouble].well = 0;
 }
 
-void sst_health_frame(struct sst_health *h, const struct sst_frame *frame)
+void health_frame(struct health *h, const struct sst_frame *frame)
 {
     static const struct {
         unsigned bits;
-        enum sst_trouble trouble;
+        enum trouble trouble;
     } by_fault[] = {
         { SST_FRAME_FLAGGED, SST_TROUBLE_FLAGGED },
         { SST_FRAME_EMPTY | SST_FRAME_SHORT | SST_FRAME_NO_EOI, SST_TROUBLE_CUT },
@@ -56,7 +56,7 @@ void sst_health_frame(struct sst_health *h, const struct sst_frame *frame)
         }
 }
 
-void sst_health_bucket(struct sst_health *h, const struct sst_frame *frame, enum sst_bucket bucket)
+void health_bucket(struct health *h, const struct sst_frame *frame, enum sst_bucket bucket)
 {
     const int cam = frame->cam;
 
@@ -70,7 +70,7 @@ void sst_health_bucket(struct sst_health *h, const struct sst_frame *frame, enum
         note(h, cam, SST_TROUBLE_STRAY);
 }
 
-void sst_health_set(struct sst_health *h, int cam)
+void health_set(struct health *h, int cam)
 {
     for (int i = 0; i < SST_TROUBLES; i++) {
         if (!h->camera[cam][i].need || h->camera[cam][i].well == INT_MAX)
@@ -83,7 +83,7 @@ void sst_health_set(struct sst_health *h, int cam)
 }
 
 /** Of the cameras whose trouble began since the last telling. @return lines */
-static int tell_began(struct sst_health *h, enum sst_trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+static int tell_began(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     int n = 0, first = 0;
 
@@ -102,7 +102,7 @@ static int tell_began(struct sst_health *h, enum sst_trouble trouble, int camera
 }
 
 /** Of those whose trouble ended. @return lines */
-static int tell_ended(struct sst_health *h, enum sst_trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+static int tell_ended(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     uint64_t frames = 0;
     int n = 0, first = 0;
@@ -123,13 +123,13 @@ static int tell_ended(struct sst_health *h, enum sst_trouble trouble, int camera
     return n > 0;
 }
 
-int sst_health_tell(struct sst_health *h, int cameras, const char (*name)[SST_HEALTH_NAME])
+int health_tell(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     int lines = 0;
 
     for (int i = 0; i < SST_TROUBLES; i++) {
-        lines += tell_began(h, (enum sst_trouble)i, cameras, name);
-        lines += tell_ended(h, (enum sst_trouble)i, cameras, name);
+        lines += tell_began(h, (enum trouble)i, cameras, name);
+        lines += tell_ended(h, (enum trouble)i, cameras, name);
     }
     return lines;
 }

@@ -19,9 +19,9 @@ struct sst_kept {
 
 struct sst_ring_counters {
     uint64_t kept, complete;
-    uint64_t refused; /* no memory for them: all that is there is being read */
-    uint64_t bytes;   /* held now */
-    int sets;         /* held now */
+    uint64_t refused;  /* no memory for them: all that is there is being read */
+    uint64_t bytes;    /* held now */
+    int sets;          /* held now */
     int64_t oldest_ns; /* set.t_ns of the oldest; 0: none */
 };
 

@@ -1,4 +1,4 @@
-#include "capture/recording/append.h"
+#include "capture/recording/recording_internal.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -11,7 +11,6 @@
 
 #include "base/log.h"
 #include "capture/recording/ebml.h"
-#include "capture/recording/index.h"
 #include "capture/recording/pixel_format.h"
 
 #define SEGMENT_MAX 999999 /* six digits */
@@ -46,8 +45,9 @@ static int check_fit(const struct sst_recording_info *info, const struct sst_rec
         if (same_camera(a, b))
             continue;
         sst_log_error("%s was recorded with camera %s at row %d, col %d where now %s is at row %d, col %d; record into "
-                      "another folder", cfg->dir, a->serial[0] ? a->serial : a->port, a->row, a->col,
-                      b->serial[0] ? b->serial : b->port, b->row, b->col);
+                      "another folder",
+                      cfg->dir, a->serial[0] ? a->serial : a->port, a->row, a->col, b->serial[0] ? b->serial : b->port,
+                      b->row, b->col);
         return -EEXIST;
     }
     return 0;
@@ -95,7 +95,7 @@ static int cut_segment(const struct sst_recording *r, int segment)
     const int64_t end = segment < 0 ? 0 : sets_end(r, segment);
     char path[SST_PATH_MAX];
     struct stat st;
-    int err = end ? sst_segment_path(path, r->dir, segment) : 0;
+    int err = end ? segment_path(path, r->dir, segment) : 0;
     int fd;
 
     if (err || !end)
@@ -129,7 +129,7 @@ static int remove_segments_behind(const char *dir, int last)
 
         if (sscanf(e->d_name, "%6d.mkv%n", &number, &n) != 1 || n != 10 || e->d_name[n] || number <= last)
             continue;
-        err = sst_segment_path(path, dir, number);
+        err = segment_path(path, dir, number);
         if (!err && unlink(path)) {
             err = errno == EROFS ? -EROFS : -EIO;
             sst_log_error("cannot remove the half-written %s: %s", path, strerror(errno));
@@ -164,10 +164,10 @@ static int drop_damaged_end(struct sst_recording *r)
     return err;
 }
 
-int sst_append_prepare(struct sst_append *out, const struct sst_recorder_config *cfg, int manifest_fd)
+int append_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd)
 {
-    struct sst_append made = { 0 };
-    const struct sst_index_line *last;
+    struct append made = { 0 };
+    const struct index_line *last;
     struct sst_recording *r;
     int segment, err = sst_recording_open(&r, cfg->dir);
 

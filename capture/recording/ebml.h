@@ -4,15 +4,15 @@
 
 #include "base/base.h"
 
-#define SST_EBML_HEAD 0x1A45DFA3u
-#define SST_EBML_SEGMENT 0x18538067u
-#define SST_EBML_CLUSTER 0x1F43B675u
-#define SST_EBML_BLOCK_GROUP 0xA0u
-#define SST_EBML_BLOCK 0xA1u
+#define SST_EBML_HEAD         0x1A45DFA3u
+#define SST_EBML_SEGMENT      0x18538067u
+#define SST_EBML_CLUSTER      0x1F43B675u
+#define SST_EBML_BLOCK_GROUP  0xA0u
+#define SST_EBML_BLOCK        0xA1u
 #define SST_EBML_SIMPLE_BLOCK 0xA3u
 
-#define SST_EBML_UNKNOWN UINT64_MAX /* size of an element that was not finished */
-#define SST_EBML_HEAD_MAX 12        /* bytes of an id and a size at most */
+#define SST_EBML_UNKNOWN  UINT64_MAX /* size of an element that was not finished */
+#define SST_EBML_HEAD_MAX 12         /* bytes of an id and a size at most */
 
 struct sst_ebml {
     uint32_t id;

@@ -11,10 +11,10 @@
 #endif
 
 #include "base/log.h"
-#include "capture/recording/setlist.h"
 #include "capture/recording/pixel_format.h"
+#include "capture/recording/recording_internal.h"
 
-#define FORMAT_NAME "sst-recording"
+#define FORMAT_NAME    "sst-recording"
 #define INFO_MAX_BYTES ((size_t)4 << 20)
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
@@ -56,7 +56,7 @@ static json_t *columns_to_json(void)
     json_t *list = json_array();
 
     for (int i = 0; list && i < SST_SETLIST_COLUMNS; i++) {
-        if (json_array_append_new(list, json_string(sst_setlist_columns[i]))) {
+        if (json_array_append_new(list, json_string(setlist_columns[i]))) {
             json_decref(list);
             list = NULL;
         }
@@ -77,7 +77,7 @@ static const char *muxer(void)
 #endif
 }
 
-int sst_setlist_write_info(const char *path, const struct sst_recorder_config *cfg)
+int setlist_write_info(const char *path, const struct sst_recorder_config *cfg)
 {
     char format[5];
     json_t *root;
@@ -130,7 +130,7 @@ static bool columns_known(const json_t *list)
     for (size_t i = 0; known && i < SST_SETLIST_COLUMNS; i++) {
         const char *name = json_string_value(json_array_get(list, i));
 
-        known = name && !strcmp(name, sst_setlist_columns[i]);
+        known = name && !strcmp(name, setlist_columns[i]);
     }
     return known;
 }
@@ -169,7 +169,7 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
     return fault;
 }
 
-int sst_setlist_read_info(const char *path, struct sst_recording_info *info)
+int setlist_read_info(const char *path, struct sst_recording_info *info)
 {
     struct sst_recording_info made = { 0 };
     json_error_t error;

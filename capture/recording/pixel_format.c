@@ -7,8 +7,14 @@
 bool sst_pixel_format_known(uint32_t fourcc)
 {
     switch (fourcc) {
-    case V4L2_PIX_FMT_MJPEG: case V4L2_PIX_FMT_JPEG: case V4L2_PIX_FMT_YUYV: case V4L2_PIX_FMT_GREY:
-    case V4L2_PIX_FMT_Y16: case V4L2_PIX_FMT_SBGGR8: case V4L2_PIX_FMT_SGBRG8: case V4L2_PIX_FMT_SGRBG8:
+    case V4L2_PIX_FMT_MJPEG:
+    case V4L2_PIX_FMT_JPEG:
+    case V4L2_PIX_FMT_YUYV:
+    case V4L2_PIX_FMT_GREY:
+    case V4L2_PIX_FMT_Y16:
+    case V4L2_PIX_FMT_SBGGR8:
+    case V4L2_PIX_FMT_SGBRG8:
+    case V4L2_PIX_FMT_SGRBG8:
     case V4L2_PIX_FMT_SRGGB8:
         return true;
     default:

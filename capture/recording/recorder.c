@@ -16,15 +16,12 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "capture/recording/append.h"
-#include "capture/recording/setlist.h"
 #include "capture/recording/pixel_format.h"
-#include "capture/recording/segment.h"
-#include "capture/recording/sync.h"
+#include "capture/recording/recording_internal.h"
 
-#define RETRY_NS 500000000      /* between attempts while the disk takes nothing */
+#define RETRY_NS           500000000 /* between attempts while the disk takes nothing */
 #define SEGMENT_NUMBER_MAX 999999
-#define STAMP_SLACK_NS 1000000000 /* as in the segment: a stamp farther from its set's is wrong */
+#define STAMP_SLACK_NS     1000000000 /* as in the segment: a stamp farther from its set's is wrong */
 
 struct sst_recorder {
     /* fixed after open */
@@ -33,7 +30,7 @@ struct sst_recorder {
     char dir[SST_PATH_MAX], manifest[SST_PATH_MAX], folder[SST_PATH_MAX]; /* folder: of the segments */
     int lock_fd; /* of the folder, locked against other recorders */
     int session;
-    struct sst_sync *sync; /* NULL: every set is synced here */
+    struct sync *sync; /* NULL: every set is synced here */
     /* the caller's thread only */
     int manifest_fd; /* -1 after a failure: opened again */
     int64_t manifest_bytes;
@@ -135,9 +132,14 @@ static int open_manifest(struct sst_recorder *r, int flags)
 static int code_of(int err)
 {
     switch (-err) {
-    case ENOSPC: case EDQUOT: case EFBIG:
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
         return -ENOSPC;
-    case EROFS: case ENOMEM: case EINVAL: case ENOTSUP:
+    case EROFS:
+    case ENOMEM:
+    case EINVAL:
+    case ENOTSUP:
         return err;
     default:
         return -EIO;
@@ -148,7 +150,7 @@ static int code_of(int err)
 static int open_files(struct sst_recorder *r)
 {
     char info[SST_PATH_MAX];
-    struct sst_append from;
+    struct append from;
     bool there;
     int err = sst_path_join(info, r->dir, "recording.json");
 
@@ -161,7 +163,7 @@ static int open_files(struct sst_recorder *r)
         return -EEXIST;
     }
     if (!there)
-        err = sst_setlist_write_info(info, &r->cfg);
+        err = setlist_write_info(info, &r->cfg);
     if (err)
         return err;
     r->manifest_fd = open(r->manifest, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
@@ -172,7 +174,7 @@ static int open_files(struct sst_recorder *r)
     }
     if (!there)
         return 0;
-    err = sst_append_prepare(&from, &r->cfg, r->manifest_fd);
+    err = append_prepare(&from, &r->cfg, r->manifest_fd);
     if (err)
         return err;
     r->manifest_bytes = from.manifest_bytes;
@@ -181,14 +183,15 @@ static int open_files(struct sst_recorder *r)
     return 0;
 }
 
-/* The names of the list and of the segments' folder, in the recording's; and its own, without which they are nothing. */
+/* The names of the list and of the segments' folder, in the recording's; and its own, without which they are nothing.
+ */
 static int sync_names(const struct sst_recorder *r)
 {
     char above[SST_PATH_MAX];
-    int err = sst_sync_folder(r->dir);
+    int err = sync_folder(r->dir);
 
     if (!err && !sst_path_join(above, r->dir, ".."))
-        err = sst_sync_folder(above);
+        err = sync_folder(above);
     if (err == -EACCES) /* one may write into a folder without reading the one above */
         err = 0;
     if (err)
@@ -250,7 +253,7 @@ int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_confi
     if (!err)
         err = sync_names(r);
     if (!err && r->cfg.sync_s > 0)
-        err = sst_sync_start(&r->sync, r->folder, r->cfg.sync_s);
+        err = sync_start(&r->sync, r->folder, r->cfg.sync_s);
     if (err) {
         (void)sst_recorder_close(r); /* no set was written: there is nothing that closing could lose */
         return err;
@@ -281,7 +284,7 @@ static int finish_segment(struct sst_recorder *r)
 
     if (!r->segment)
         return 0;
-    err = sst_segment_finish(r->segment, !r->sync);
+    err = segment_finish(r->segment, !r->sync);
     if (err)
         sst_log_warning("segment %06d of %s cannot be finished: %s; its sets are all there, but no index to seek by",
                         r->number, r->dir, strerror(-err));
@@ -293,9 +296,9 @@ static int finish_segment(struct sst_recorder *r)
 static bool segment_is_full(struct sst_recorder *r, const struct sst_set *set)
 {
     if ((double)(set->t_ns - r->segment_start_ns) * 1e-9 < r->cfg.segment_s &&
-        sst_segment_bytes(r->segment) < r->cfg.segment_bytes)
+        segment_size_bytes(r->segment) < r->cfg.segment_bytes)
         return false;
-    return !r->sync || sst_sync_has_room(r->sync); /* else the disk is far behind: this one grows on */
+    return !r->sync || sync_has_room(r->sync); /* else the disk is far behind: this one grows on */
 }
 
 static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
@@ -307,9 +310,9 @@ static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
     r->watched = false;
     /* A file of that number is one that could not be removed when the disk failed. */
     for (;; r->number++) {
-        err = r->number > SEGMENT_NUMBER_MAX ? -ENOSPC : sst_segment_path(path, r->dir, r->number);
+        err = r->number > SEGMENT_NUMBER_MAX ? -ENOSPC : segment_path(path, r->dir, r->number);
         if (!err)
-            err = sst_segment_open(&r->segment, path, &r->cfg, r->segment_start_ns);
+            err = segment_open(&r->segment, path, &r->cfg, r->segment_start_ns);
         if (err != -EEXIST)
             return err;
     }
@@ -377,27 +380,27 @@ static int add_set(struct sst_recorder *r, const struct sst_set *set)
     if (!err && !r->segment)
         err = begin_segment(r, set);
     if (!err)
-        err = sst_segment_add(r->segment, set, r->offset);
+        err = segment_add(r->segment, set, r->offset);
     if (!err && !r->sync)
-        err = sync_here(r, sst_segment_fd(r->segment));
+        err = sync_here(r, segment_fd(r->segment));
     if (!err && !r->sync && !r->watched)
-        err = sst_sync_folder(r->folder);
+        err = sync_folder(r->folder);
     if (err)
         return err;
     for (int k = 0; k < set->cameras; k++)
         r->crc32[k] = set->frame[k] ? (uint32_t)crc32_z(0, set->frame[k]->data, set->frame[k]->bytes) : 0;
     if (!r->watched)
-        n = sst_setlist_segment_line(r->line, r->number, r->session, r->segment_start_ns, set->wall_ns);
-    n += sst_setlist_set_line(r->line + n, set, r->offset, r->crc32);
+        n = setlist_segment_line(r->line, r->number, r->session, r->segment_start_ns, set->wall_ns);
+    n += setlist_set_line(r->line + n, set, r->offset, r->crc32);
     err = write_line(r, n);
     if (!err && !r->sync)
         err = sync_here(r, r->manifest_fd);
     if (!err && r->sync && !r->watched)
-        err = sst_sync_watch(r->sync, sst_segment_fd(r->segment), r->manifest_fd);
+        err = sync_watch(r->sync, segment_fd(r->segment), r->manifest_fd);
     if (err)
         return err;
     r->manifest_bytes += (int64_t)n;
-    sst_segment_keep(r->segment);
+    segment_keep(r->segment);
     r->counters.segments += !r->watched;
     r->watched = true;
     return 0;
@@ -416,7 +419,7 @@ static void take_back(struct sst_recorder *r)
     if (r->segment) {
         const bool kept = r->watched;
 
-        sst_segment_abandon(r->segment);
+        segment_abandon(r->segment);
         r->segment = NULL;
         r->number += kept;
     }
@@ -458,7 +461,7 @@ int sst_recorder_write(struct sst_recorder *r, const struct sst_set *set)
         return err;
     if (r->failing && sst_clock_now_ns() < r->retry_ns)
         return drop(r);
-    if (r->sync && sst_sync_take_error(r->sync))
+    if (r->sync && sync_take_error(r->sync))
         take_back(r); /* told by the thread; a new segment from here on */
     if (r->segment && segment_is_full(r, set))
         (void)finish_segment(r); /* told; the next segment shows whether the disk takes anything */
@@ -487,7 +490,7 @@ void sst_recorder_counters(struct sst_recorder *r, struct sst_recorder_counters 
 {
     *out = r->counters;
     if (r->sync)
-        sst_sync_count(r->sync, out);
+        sync_count(r->sync, out);
 }
 
 int sst_recorder_close(struct sst_recorder *r)
@@ -497,7 +500,7 @@ int sst_recorder_close(struct sst_recorder *r)
     if (!r)
         return 0;
     err = finish_segment(r);
-    sync_err = sst_sync_stop(r->sync);
+    sync_err = sync_stop(r->sync);
     if (r->manifest_fd >= 0)
         close(r->manifest_fd);
     if (r->lock_fd >= 0)

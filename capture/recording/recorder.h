@@ -18,11 +18,11 @@ struct sst_recorder_config {
     const struct sst_recorder_track *tracks; /* [cameras] */
     uint32_t fourcc;
     int width, height;
-    double rate_hz;     /* nominal; 0 unknown */
-    double spacing_mm;  /* 0 unknown */
-    double segment_s;   /* a new file after this long ... */
+    double rate_hz;        /* nominal; 0 unknown */
+    double spacing_mm;     /* 0 unknown */
+    double segment_s;      /* a new file after this long ... */
     int64_t segment_bytes; /* ... or this much; 0: defaults */
-    double sync_s;      /* longest time between syncs: what a power cut may cost. 0: every set */
+    double sync_s;         /* longest time between syncs: what a power cut may cost. 0: every set */
 };
 
 /** Since open. */
@@ -31,7 +31,7 @@ struct sst_recorder_counters {
     uint64_t bytes;         /* of frames */
     uint64_t segments;      /* files begun */
     uint64_t syncs, sync_failures;
-    int64_t sync_max_ns;    /* longest sync: what a disk makes wait */
+    int64_t sync_max_ns; /* longest sync: what a disk makes wait */
 };
 
 /** Segments of 60 s or 1 GiB, a sync every second; everything else is 0. */

@@ -11,15 +11,15 @@
 #include <zlib.h>
 
 #include "base/log.h"
-#include "capture/recording/index.h"
+#include "capture/recording/recording_internal.h"
 
 /* --- the index ---------------------------------------------------------------------------------------------------- */
 
-static struct sst_index_line *next_line(struct sst_recording *r)
+static struct index_line *next_line(struct sst_recording *r)
 {
     if (r->count == r->capacity) {
         const int capacity = 2 * r->capacity + 1024;
-        struct sst_index_line *grown = realloc(r->line, (size_t)capacity * sizeof(*grown));
+        struct index_line *grown = realloc(r->line, (size_t)capacity * sizeof(*grown));
 
         if (!grown)
             return NULL;
@@ -32,13 +32,13 @@ static struct sst_index_line *next_line(struct sst_recording *r)
 /* One line of n bytes without its end, at `at` in the file. */
 static int index_line(struct sst_recording *r, const char *line, size_t n, int64_t at)
 {
-    struct sst_setlist_segment s;
-    struct sst_index_line *l;
+    struct setlist_segment s;
+    struct index_line *l;
     int kind = 1;
 
-    const bool whole = sst_setlist_line_whole(line, n);
+    const bool whole = setlist_line_whole(line, n);
     if (whole)
-        kind = sst_setlist_parse(line, n, r->info.cameras, &s, NULL);
+        kind = setlist_parse(line, n, r->info.cameras, &s, NULL);
     if (kind == -ENOMEM)
         return kind;
     if (whole)
@@ -53,8 +53,11 @@ static int index_line(struct sst_recording *r, const char *line, size_t n, int64
     l = next_line(r);
     if (!l)
         return -ENOMEM;
-    *l = (struct sst_index_line){ .at = at, .bytes = n < UINT32_MAX ? (uint32_t)n : UINT32_MAX, .segment = r->segment,
-                                  .session = r->session, .damaged = !whole || kind < 0 };
+    *l = (struct index_line){ .at = at,
+                              .bytes = n < UINT32_MAX ? (uint32_t)n : UINT32_MAX,
+                              .segment = r->segment,
+                              .session = r->session,
+                              .damaged = !whole || kind < 0 };
     return 0;
 }
 
@@ -99,11 +102,11 @@ int sst_recording_open(struct sst_recording **out, const char *dir)
     err = r->dir ? sst_path_join(path, dir, "recording.json") : -ENOMEM;
     if (!err && !sst_path_exists(path)) {
         err = -ENOENT;
-        sst_log_error("%s is no recording: %s", dir, sst_path_is_dir(dir) ? "it has no recording.json"
-                                                                          : "there is no such folder");
+        sst_log_error("%s is no recording: %s", dir,
+                      sst_path_is_dir(dir) ? "it has no recording.json" : "there is no such folder");
     }
     if (!err)
-        err = sst_setlist_read_info(path, &r->info);
+        err = setlist_read_info(path, &r->info);
     if (!err)
         err = sst_recording_read_removed(dir, &r->removed);
     if (!err)
@@ -181,7 +184,7 @@ static int read_at(int fd, void *data, size_t n, int64_t at)
 
 int sst_recording_line(const struct sst_recording *r, int i, char **text)
 {
-    const struct sst_index_line *l = &r->line[i];
+    const struct index_line *l = &r->line[i];
     char *made;
     int err;
 
@@ -191,7 +194,7 @@ int sst_recording_line(const struct sst_recording *r, int i, char **text)
     if (!made)
         return -ENOMEM;
     err = read_at(r->fd, made, l->bytes, l->at);
-    if (!err && !sst_setlist_line_whole(made, l->bytes))
+    if (!err && !setlist_line_whole(made, l->bytes))
         err = -EBADMSG;
     if (err) {
         free(made);
@@ -204,13 +207,13 @@ int sst_recording_line(const struct sst_recording *r, int i, char **text)
 
 int sst_recording_set(const struct sst_recording *r, int i, struct sst_recording_set *set)
 {
-    struct sst_setlist_segment unused;
+    struct setlist_segment unused;
     char *text;
     int err = sst_recording_line(r, i, &text);
 
     if (err)
         return err;
-    err = sst_setlist_parse(text, r->line[i].bytes, r->info.cameras, &unused, set);
+    err = setlist_parse(text, r->line[i].bytes, r->info.cameras, &unused, set);
     free(text);
     if (err < 0)
         return err;
@@ -229,7 +232,7 @@ int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *s
     if (err)
         return err;
     *segment = r->line[i].segment;
-    err = sst_setlist_parse_frame(text, cam, wall_ns, frame);
+    err = setlist_parse_frame(text, cam, wall_ns, frame);
     free(text);
     if (!err)
         return 0;
@@ -277,7 +280,7 @@ int sst_recording_frame(const struct sst_recording *r, const struct sst_recordin
         return -ENODATA;
     if (set->segment < 0)
         return -EBADMSG;
-    err = sst_segment_path(path, r->dir, set->segment);
+    err = segment_path(path, r->dir, set->segment);
     if (err)
         return err;
     fd = open(path, O_RDONLY | O_CLOEXEC);

@@ -1,6 +1,6 @@
 /* Matroska through libavformat. The camera's bytes go to av_write_frame() where they lie; libavformat gathers them in
  * one cluster and hands that to write_bytes(), which knows position and errors. */
-#include "capture/recording/segment.h"
+#include "capture/recording/recording_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -36,9 +36,9 @@ static const struct {
     uint32_t fourcc;
     enum AVPixelFormat pixel;
 } raw_formats[] = {
-    { V4L2_PIX_FMT_YUYV, AV_PIX_FMT_YUYV422 },        { V4L2_PIX_FMT_GREY, AV_PIX_FMT_GRAY8 },
-    { V4L2_PIX_FMT_Y16, AV_PIX_FMT_GRAY16LE },        { V4L2_PIX_FMT_SBGGR8, AV_PIX_FMT_BAYER_BGGR8 },
-    { V4L2_PIX_FMT_SGBRG8, AV_PIX_FMT_BAYER_GBRG8 },  { V4L2_PIX_FMT_SGRBG8, AV_PIX_FMT_BAYER_GRBG8 },
+    { V4L2_PIX_FMT_YUYV, AV_PIX_FMT_YUYV422 },       { V4L2_PIX_FMT_GREY, AV_PIX_FMT_GRAY8 },
+    { V4L2_PIX_FMT_Y16, AV_PIX_FMT_GRAY16LE },       { V4L2_PIX_FMT_SBGGR8, AV_PIX_FMT_BAYER_BGGR8 },
+    { V4L2_PIX_FMT_SGBRG8, AV_PIX_FMT_BAYER_GBRG8 }, { V4L2_PIX_FMT_SGRBG8, AV_PIX_FMT_BAYER_GRBG8 },
     { V4L2_PIX_FMT_SRGGB8, AV_PIX_FMT_BAYER_RGGB8 },
 };
 
@@ -126,7 +126,7 @@ static int write_head(struct sst_segment *s, const struct sst_recorder_config *c
         err = add_track(s->format, cfg, k);
     if (err)
         return err;
-    s->format->flags |= AVFMT_FLAG_BITEXACT;  /* no random numbers: the same frames give the same file */
+    s->format->flags |= AVFMT_FLAG_BITEXACT; /* no random numbers: the same frames give the same file */
     s->format->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
     av_dict_set(&options, "allow_raw_vfw", "1", 0);
     av_dict_set(&options, "write_crc32", "0", 0); /* the manifest has one of each frame */
@@ -164,8 +164,7 @@ static void close_format(struct sst_segment *s)
     free(s);
 }
 
-int sst_segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg,
-                     int64_t start_ns)
+int segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg, int64_t start_ns)
 {
     struct sst_segment *s = calloc(1, sizeof(*s));
     uint8_t *buffer = NULL;
@@ -271,7 +270,7 @@ static int find_frames(const struct sst_segment *s, int64_t pos, const struct ss
     return pos < 0 ? (int)pos : 0;
 }
 
-int sst_segment_add(struct sst_segment *s, const struct sst_set *set, int64_t offset[SST_CAMERAS_MAX])
+int segment_add(struct sst_segment *s, const struct sst_set *set, int64_t offset[SST_CAMERAS_MAX])
 {
     const int64_t from = s->end;
     int err = 0;
@@ -290,29 +289,29 @@ int sst_segment_add(struct sst_segment *s, const struct sst_set *set, int64_t of
     return find_frames(s, from, set, offset);
 }
 
-void sst_segment_keep(struct sst_segment *s)
+void segment_keep(struct sst_segment *s)
 {
     s->kept = s->end;
 }
 
-int64_t sst_segment_bytes(const struct sst_segment *s)
+int64_t segment_size_bytes(const struct sst_segment *s)
 {
     return s->end;
 }
 
-int sst_segment_fd(const struct sst_segment *s)
+int segment_fd(const struct sst_segment *s)
 {
     return s->fd;
 }
 
-int sst_segment_finish(struct sst_segment *s, bool sync)
+int segment_finish(struct sst_segment *s, bool sync)
 {
     int err = av_write_trailer(s->format);
 
     avio_flush(s->format->pb);
     if (err < 0 || s->error) {
         err = failure(s, err);
-        sst_segment_abandon(s);
+        segment_abandon(s);
         return err;
     }
     err = sync && fdatasync(s->fd) ? -errno : 0;
@@ -320,7 +319,7 @@ int sst_segment_finish(struct sst_segment *s, bool sync)
     return err;
 }
 
-void sst_segment_abandon(struct sst_segment *s)
+void segment_abandon(struct sst_segment *s)
 {
     if (!s)
         return;
@@ -334,38 +333,38 @@ void sst_segment_abandon(struct sst_segment *s)
 
 #else
 
-int sst_segment_open(struct sst_segment **out SST_UNUSED, const char *path SST_UNUSED,
-                     const struct sst_recorder_config *cfg SST_UNUSED, int64_t start_ns SST_UNUSED)
+int segment_open(struct sst_segment **out SST_UNUSED, const char *path SST_UNUSED,
+                 const struct sst_recorder_config *cfg SST_UNUSED, int64_t start_ns SST_UNUSED)
 {
     return -ENOTSUP;
 }
 
-int sst_segment_add(struct sst_segment *s SST_UNUSED, const struct sst_set *set SST_UNUSED,
-                    int64_t offset[SST_CAMERAS_MAX] SST_UNUSED)
+int segment_add(struct sst_segment *s SST_UNUSED, const struct sst_set *set SST_UNUSED,
+                int64_t offset[SST_CAMERAS_MAX] SST_UNUSED)
 {
     return -ENOTSUP;
 }
 
-void sst_segment_keep(struct sst_segment *s SST_UNUSED)
+void segment_keep(struct sst_segment *s SST_UNUSED)
 {
 }
 
-int64_t sst_segment_bytes(const struct sst_segment *s SST_UNUSED)
+int64_t segment_size_bytes(const struct sst_segment *s SST_UNUSED)
 {
     return 0;
 }
 
-int sst_segment_fd(const struct sst_segment *s SST_UNUSED)
+int segment_fd(const struct sst_segment *s SST_UNUSED)
 {
     return -1;
 }
 
-int sst_segment_finish(struct sst_segment *s SST_UNUSED, bool sync SST_UNUSED)
+int segment_finish(struct sst_segment *s SST_UNUSED, bool sync SST_UNUSED)
 {
     return -ENOTSUP;
 }
 
-void sst_segment_abandon(struct sst_segment *s SST_UNUSED)
+void segment_abandon(struct sst_segment *s SST_UNUSED)
 {
 }
 #endif

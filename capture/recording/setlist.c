@@ -1,4 +1,4 @@
-#include "capture/recording/setlist.h"
+#include "capture/recording/recording_internal.h"
 
 #include <assert.h>
 #include <errno.h>
@@ -38,7 +38,7 @@ static size_t put_end(char *out, size_t at)
     return put(out, at, ",\"crc\":\"%08" PRIx32 "\"}\n", crc_of(out, at));
 }
 
-size_t sst_setlist_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns)
+size_t setlist_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns)
 {
     const size_t at = put(out, 0, "{\"segment\":%d,\"session\":%d,\"start_ns\":%" PRId64 ",\"wall_ns\":%" PRId64,
                           segment, session, start_ns, wall_ns);
@@ -46,11 +46,11 @@ size_t sst_setlist_segment_line(char *out, int segment, int session, int64_t sta
     return put_end(out, at);
 }
 
-const char *const sst_setlist_columns[SST_SETLIST_COLUMNS] = {
+const char *const setlist_columns[SST_SETLIST_COLUMNS] = {
     "cam", "sequence", "lost_before", "from_set_ns", "arrival_ns", "offset", "bytes", "stride", "faults", "crc32",
 };
 
-size_t sst_setlist_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32)
+size_t setlist_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32)
 {
     const char *comma = "";
     size_t at = put(out, 0,
@@ -83,7 +83,7 @@ size_t sst_setlist_set_line(char *out, const struct sst_set *set, const int64_t 
 
 /* --- reading lines ------------------------------------------------------------------------------------------------ */
 
-bool sst_setlist_line_whole(const char *line, size_t n)
+bool setlist_line_whole(const char *line, size_t n)
 {
     char end[CRC_BYTES + 1];
 
@@ -153,10 +153,10 @@ static int read_set(json_t *root, int cameras, struct sst_recording_set *out)
     return err;
 }
 
-int sst_setlist_parse(const char *line, size_t n, int cameras, struct sst_setlist_segment *segment,
-                      struct sst_recording_set *set)
+int setlist_parse(const char *line, size_t n, int cameras, struct setlist_segment *segment,
+                  struct sst_recording_set *set)
 {
-    struct sst_setlist_segment s;
+    struct setlist_segment s;
     json_int_t start, wall;
     json_t *root;
     int result = 1;
@@ -184,7 +184,7 @@ int sst_setlist_parse(const char *line, size_t n, int cameras, struct sst_setlis
     return result;
 }
 
-int sst_setlist_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *out)
+int setlist_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *out)
 {
     struct sst_recording_frame f = { .offset = -1 };
     int64_t t_ns, wall, from_ns, arrival_ns, bytes, stride;
@@ -218,7 +218,7 @@ int sst_setlist_parse_frame(const char *line, int cam, int64_t *wall_ns, struct 
     return 0;
 }
 
-int sst_segment_path(char out[SST_PATH_MAX], const char *dir, int number)
+int segment_path(char out[SST_PATH_MAX], const char *dir, int number)
 {
     char name[32];
 

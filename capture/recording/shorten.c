@@ -11,7 +11,7 @@
 #include <jansson.h>
 
 #include "base/log.h"
-#include "capture/recording/setlist.h"
+#include "capture/recording/recording_internal.h"
 
 #define NAME        "removed.json"
 #define FORMAT_NAME "sst-recording-removed"
@@ -79,7 +79,7 @@ int sst_recording_segments(const char *dir)
 /* Where the sets behind a segment begin, and how many are before them. @return 0, -EBADMSG: there are none */
 static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
 {
-    struct sst_setlist_segment s = { 0 };
+    struct setlist_segment s = { 0 };
     uint64_t sets = 0;
     char *line = NULL;
     size_t capacity = 0;
@@ -91,8 +91,8 @@ static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
             sets++;
             continue;
         }
-        if (line[n - 1] != '\n' || !sst_setlist_line_whole(line, (size_t)n - 1) ||
-            sst_setlist_parse(line, (size_t)n - 1, 1, &s, NULL) || s.segment <= behind)
+        if (line[n - 1] != '\n' || !setlist_line_whole(line, (size_t)n - 1) ||
+            setlist_parse(line, (size_t)n - 1, 1, &s, NULL) || s.segment <= behind)
             continue;
         *out = (struct sst_recording_removed){
             .before_segment = s.segment, .sets = sets, .t_ns = s.start_ns, .wall_ns = s.wall_ns
@@ -199,7 +199,7 @@ int sst_recording_shorten(const char *dir, int keep, struct sst_recording_remove
         sst_log_error("%s cannot be shortened: its sets.jsonl names no set behind segment %06d", dir, lowest);
         return err;
     }
-    err = sst_segment_path(path, dir, lowest);
+    err = segment_path(path, dir, lowest);
     if (err)
         return err;
     (void)stat(path, &st);

@@ -1,7 +1,7 @@
 /* A sync takes as long as the disk wants (measured: docs/recordings.md), so the thread that takes frames never waits
  * for one. */
 #define _GNU_SOURCE
-#include "capture/recording/sync.h"
+#include "capture/recording/recording_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -23,7 +23,7 @@ struct pair {
     bool fresh; /* its name in the folder is not durable yet */
 };
 
-struct sst_sync {
+struct sync {
     /* fixed after start */
     char folder[SST_PATH_MAX];
     int64_t every_ns;
@@ -42,7 +42,7 @@ struct sst_sync {
     int64_t max_ns;
 };
 
-int sst_sync_folder(const char *folder)
+int sync_folder(const char *folder)
 {
     const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     const int err = fd < 0 || (fsync(fd) && errno != EINVAL) ? -errno : 0;
@@ -53,18 +53,18 @@ int sst_sync_folder(const char *folder)
 }
 
 /* The manifest comes last, so that on a quiet disk it never names bytes that are not there. */
-static int sync_pair(const struct sst_sync *s, const struct pair *p)
+static int sync_pair(const struct sync *s, const struct pair *p)
 {
     int err = fdatasync(p->segment_fd) ? -errno : 0;
 
     if (!err && p->fresh)
-        err = sst_sync_folder(s->folder);
+        err = sync_folder(s->folder);
     if (!err && fdatasync(p->manifest_fd))
         err = -errno;
     return err;
 }
 
-static void tell(struct sst_sync *s, int err)
+static void tell(struct sync *s, int err)
 {
     if (err && !s->failing)
         sst_log_error("cannot sync the recording in %s: %s; its last sets may be damaged, check the disk", s->folder,
@@ -76,7 +76,7 @@ static void tell(struct sst_sync *s, int err)
 }
 
 /* Called and returns with the lock held; free of it while the disk works. */
-static void sync_all_locked(struct sst_sync *s)
+static void sync_all_locked(struct sync *s)
 {
     struct pair pair[MAX_PAIRS];
     const int n = s->pairs;
@@ -112,7 +112,7 @@ static void sync_all_locked(struct sst_sync *s)
 
 static void *run(void *arg)
 {
-    struct sst_sync *s = arg;
+    struct sync *s = arg;
     int64_t due = sst_clock_now_ns() + s->every_ns;
 
     pthread_mutex_lock(&s->lock);
@@ -131,9 +131,9 @@ static void *run(void *arg)
     return NULL;
 }
 
-int sst_sync_start(struct sst_sync **out, const char *folder, double every_s)
+int sync_start(struct sync **out, const char *folder, double every_s)
 {
-    struct sst_sync *s = calloc(1, sizeof(*s));
+    struct sync *s = calloc(1, sizeof(*s));
     int err;
 
     if (!s)
@@ -159,7 +159,7 @@ int sst_sync_start(struct sst_sync **out, const char *folder, double every_s)
     return 0;
 }
 
-int sst_sync_watch(struct sst_sync *s, int segment_fd, int manifest_fd)
+int sync_watch(struct sync *s, int segment_fd, int manifest_fd)
 {
     struct pair p = { .segment_fd = fcntl(segment_fd, F_DUPFD_CLOEXEC, 0), .fresh = true };
     int err = p.segment_fd < 0 ? -errno : 0;
@@ -182,7 +182,7 @@ int sst_sync_watch(struct sst_sync *s, int segment_fd, int manifest_fd)
     return err;
 }
 
-bool sst_sync_has_room(struct sst_sync *s)
+bool sync_has_room(struct sync *s)
 {
     bool room;
 
@@ -192,7 +192,7 @@ bool sst_sync_has_room(struct sst_sync *s)
     return room;
 }
 
-int sst_sync_take_error(struct sst_sync *s)
+int sync_take_error(struct sync *s)
 {
     int err;
 
@@ -203,7 +203,7 @@ int sst_sync_take_error(struct sst_sync *s)
     return err;
 }
 
-void sst_sync_count(struct sst_sync *s, struct sst_recorder_counters *counters)
+void sync_count(struct sync *s, struct sst_recorder_counters *counters)
 {
     pthread_mutex_lock(&s->lock);
     counters->syncs += s->syncs;
@@ -213,7 +213,7 @@ void sst_sync_count(struct sst_sync *s, struct sst_recorder_counters *counters)
     pthread_mutex_unlock(&s->lock);
 }
 
-int sst_sync_stop(struct sst_sync *s)
+int sync_stop(struct sync *s)
 {
     int err;
 

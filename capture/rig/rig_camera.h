@@ -3,8 +3,8 @@
 #ifndef SST_CAPTURE_RIG_RIG_CAMERA_H
 #define SST_CAPTURE_RIG_RIG_CAMERA_H
 
-#include "config/array.h"
 #include "capture/rig/rig.h"
+#include "config/array.h"
 #include "drivers/grab/grab.h"
 
 struct sst_rig_grab; /* opaque; one thread at a time */

@@ -19,10 +19,9 @@
  *   motion             change in a zone began or ended        {zone, active, share}; zone "": the whole picture
  *   label              a label appeared in a zone or left     {zone, label, active, share}
  *                      both, when it ended                    {peak, times, seconds}: largest share; how often it came
- *                                                             back meanwhile, and once; from its begin to its last sight
- *   snapshot, export                                          {name}
- *   reload             a configuration was applied or refused {applied, reason, changes}
- *   calibration        a check of the calibration             {verdict, sentence}
+ *                                                             back meanwhile, and once; from its begin to its last
+ * sight snapshot, export                                          {name} reload             a configuration was applied
+ * or refused {applied, reason, changes} calibration        a check of the calibration             {verdict, sentence}
  *   certificate        of HTTPS: renewed, refused, expiring, expired {state, until}
  *   clock              the wall clock was stepped             {step_ms}
  *   client             a flood or many wrong tokens           {reason}

@@ -5,8 +5,8 @@
 #include <jansson.h>
 
 #include "daemon/events/events.h"
-#include "daemon/slot/jpeg_slot.h"
 #include "daemon/slot/download.h"
+#include "daemon/slot/jpeg_slot.h"
 
 /** Answer to a request: an object that is the caller's (never NULL at 0), or an error with one sentence. */
 struct sst_api_answer {

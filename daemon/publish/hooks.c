@@ -16,8 +16,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "daemon/publish/hooks_env.h"
-#include "daemon/publish/spawn.h"
+#include "daemon/publish/publish_internal.h"
 
 #define LIMIT_MS 30000
 #define LOOK_MS  20   /* between looks at programs that run */
@@ -85,14 +84,14 @@ static void tell(struct sst_hooks *h, const struct run *r, int status, const cha
 
 static void start(struct sst_hooks *h, struct run *r)
 {
-    char *argv[SST_HOOK_ARGS + 1] = { 0 }, **env = sst_hook_env(r->event), what[160];
+    char *argv[SST_HOOK_ARGS + 1] = { 0 }, **env = hook_env(r->event), what[160];
     int err = -ENOMEM;
 
     for (int i = 0; i < SST_HOOK_ARGS && r->hook.argv[i][0]; i++)
         argv[i] = r->hook.argv[i];
     if (env)
-        err = sst_spawn(&r->pid, argv[0], argv, env, (const int[]){ -1, 2, 2 }, 3);
-    sst_hook_env_free(env);
+        err = spawn_program(&r->pid, argv[0], argv, env, (const int[]){ -1, 2, 2 }, 3);
+    hook_env_free(env);
     free(r->event);
     r->event = NULL;
     /* Who sees it counted as run must see that it runs, or how it failed. */

@@ -1,4 +1,4 @@
-#include "daemon/publish/hooks_env.h"
+#include "daemon/publish/publish_internal.h"
 
 #include <ctype.h>
 #include <stdbool.h>
@@ -110,20 +110,20 @@ static int add_event(struct env *e, const json_t *o)
     return err;
 }
 
-char **sst_hook_env(const char *event)
+char **hook_env(const char *event)
 {
     json_t *o = json_loads(event, 0, NULL);
     struct env e = { .list = calloc(VARIABLES_MAX + 1, sizeof(*e.list)) };
 
     if (!o || !e.list || add_inherited(&e) || add_event(&e, o)) {
-        sst_hook_env_free(e.list);
+        hook_env_free(e.list);
         e.list = NULL;
     }
     json_decref(o);
     return e.list;
 }
 
-void sst_hook_env_free(char **env)
+void hook_env_free(char **env)
 {
     for (int i = 0; env && env[i]; i++)
         free(env[i]);

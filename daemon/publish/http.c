@@ -2,7 +2,7 @@
  *
  * Each connection has a thread, of which there are few (web.clients): a stream simply waits for its next picture, and
  * a call that takes its second holds up its own client alone. */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -37,7 +37,7 @@ static size_t unescape(void *cls, struct MHD_Connection *connection, char *text)
 {
     (void)cls;
     (void)connection;
-    return sst_http_unescape(text);
+    return http_unescape(text);
 }
 
 /* A library that did not start has closed its socket at most of its errors, but not at all of them. A number may be
@@ -56,10 +56,10 @@ static int serve(struct http_side *side, int fd, bool tls)
     const unsigned flags = MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
                            MHD_USE_ITC | MHD_USE_ERROR_LOG | (tls ? MHD_USE_TLS : 0);
     const unsigned clients = (unsigned)side->http->cfg.clients;
-    struct http_pair *pair = tls ? sst_http_tls_take(&side->http->pairs) : NULL; /* it may be renewed meanwhile */
+    struct http_pair *pair = tls ? http_tls_take(&side->http->pairs) : NULL; /* it may be renewed meanwhile */
     const struct MHD_OptionItem secure[] = {
-        { tls ? MHD_OPTION_HTTPS_MEM_CERT : MHD_OPTION_END, 0, sst_http_tls_pem(pair, false) },
-        { MHD_OPTION_HTTPS_MEM_KEY, 0, sst_http_tls_pem(pair, true) },
+        { tls ? MHD_OPTION_HTTPS_MEM_CERT : MHD_OPTION_END, 0, http_tls_pem(pair, false) },
+        { MHD_OPTION_HTTPS_MEM_KEY, 0, http_tls_pem(pair, true) },
         { MHD_OPTION_END, 0, NULL },
     };
     struct stat socket = { 0 };
@@ -68,14 +68,13 @@ static int serve(struct http_side *side, int fd, bool tls)
     said[0] = 0;
     /* The first option, so that all that follows is told to our log. */
     side->daemon = MHD_start_daemon(
-        flags, 0, NULL, NULL, sst_http_on_request, side, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
-        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, sst_http_on_done, side, MHD_OPTION_NOTIFY_CONNECTION,
-        sst_http_on_link, side, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT,
-        clients + SPARE, MHD_OPTION_PER_IP_CONNECTION_LIMIT, side->local ? 0 : (clients + 3) / 4 * 3,
-        MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)HTTP_IDLE_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES,
-        MHD_OPTION_THREAD_STACK_SIZE, (size_t)STACK_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure,
-        MHD_OPTION_END);
-    sst_http_tls_end(&side->http->pairs, pair);
+        flags, 0, NULL, NULL, http_on_request, side, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
+        MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, side, MHD_OPTION_NOTIFY_CONNECTION,
+        http_on_link, side, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT, clients + SPARE,
+        MHD_OPTION_PER_IP_CONNECTION_LIMIT, side->local ? 0 : (clients + 3) / 4 * 3, MHD_OPTION_CONNECTION_TIMEOUT,
+        (unsigned)HTTP_IDLE_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES, MHD_OPTION_THREAD_STACK_SIZE,
+        (size_t)STACK_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure, MHD_OPTION_END);
+    http_tls_end(&side->http->pairs, pair);
     if (side->daemon)
         return 0;
     close_if_left(fd, &socket);
@@ -92,7 +91,7 @@ static int open_local(struct sst_http *http)
     if (fd < 0 && !cfg->socket)
         return 0;
     if (fd < 0)
-        fd = sst_http_listen_unix(&http->unix_socket, cfg->socket, mode, http->auth.group);
+        fd = http_listen_unix(&http->unix_socket, cfg->socket, mode, http->auth.group);
     if (fd < 0)
         return fd;
     err = serve(&http->local, fd, false);
@@ -103,12 +102,12 @@ static int open_local(struct sst_http *http)
 
 static int listen_tcp(struct sst_http *http, bool quiet)
 {
-    const int fd = sst_http_listen_tcp(http->address, http->cfg.port, http->tls || http->cfg.insecure, quiet);
+    const int fd = http_listen_tcp(http->address, http->cfg.port, http->tls || http->cfg.insecure, quiet);
     int before, err;
 
     if (fd < 0)
         return fd;
-    before = atomic_exchange(&http->port, sst_http_socket_port(fd)); /* requests may come at once */
+    before = atomic_exchange(&http->port, http_socket_port(fd)); /* requests may come at once */
     err = serve(&http->tcp, fd, http->tls);
     if (err)
         atomic_store(&http->port, before);
@@ -140,7 +139,7 @@ static int open_tcp(struct sst_http *http)
         return 0;
     http->tls = cfg->tls_certificate && cfg->tls_certificate[0];
     if (http->tls)
-        err = sst_http_tls_open(&http->pairs, cfg);
+        err = http_tls_open(&http->pairs, cfg);
     if (err)
         return err;
     err = listen_tcp(http, false);
@@ -165,10 +164,10 @@ static void *reap(void *arg)
             if (now_ns > atomic_load(&l->deadline_ns))
                 shutdown(l->fd, SHUT_RDWR);
         }
-        sst_http_readers_mark_locked(http, now_ns);
+        http_readers_mark_locked(http, now_ns);
         pthread_mutex_unlock(&http->lock);
         if (http->tls)
-            sst_http_tls_look(&http->pairs, http->cfg.api->events, now_ns);
+            http_tls_look(&http->pairs, http->cfg.api->events, now_ns);
         listen_again(http, now_ns);
         pthread_mutex_lock(&http->lock);
     }
@@ -216,13 +215,13 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
     copy(http->host, sizeof(http->host), cfg->host);
     copy(http->address, sizeof(http->address), cfg->address);
     copy(http->token_file, sizeof(http->token_file), cfg->token_file);
-    err = sst_http_auth_init(&http->auth, cfg);
+    err = http_auth_init(&http->auth, cfg);
     if (err) {
         free(http);
         return err;
     }
     pthread_mutex_init(&http->lock, NULL);
-    sst_http_tls_init(&http->pairs);
+    http_tls_init(&http->pairs);
     sst_cond_init(&http->wake);
     err = start(http);
     if (err) {
@@ -238,7 +237,7 @@ int sst_http_port(const struct sst_http *http)
     return atomic_load(&http->port);
 }
 
-void sst_http_cookie(const struct sst_http *http, char out[HTTP_COOKIE])
+void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE])
 {
     snprintf(out, HTTP_COOKIE, "sst_%d", sst_http_port(http));
 }
@@ -281,15 +280,15 @@ void sst_http_close(struct sst_http *http)
     if (!http)
         return;
     sst_http_stop(http);
-    sst_http_unlink_unix(&http->unix_socket);
+    http_unlink_unix(&http->unix_socket);
     if (http->reaping)
         pthread_join(http->reaper, NULL);
     if (http->tcp.daemon)
         MHD_stop_daemon(http->tcp.daemon);
     if (http->local.daemon)
         MHD_stop_daemon(http->local.daemon);
-    sst_http_auth_fini(&http->auth);
-    sst_http_tls_fini(&http->pairs);
+    http_auth_fini(&http->auth);
+    http_tls_fini(&http->pairs);
     pthread_cond_destroy(&http->wake);
     pthread_mutex_destroy(&http->lock);
     free(http);
@@ -298,8 +297,6 @@ void sst_http_close(struct sst_http *http)
 #else
 
 #include <errno.h>
-
-#include "base/log.h"
 
 int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
 {

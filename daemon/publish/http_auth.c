@@ -14,7 +14,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #define TOKEN_BYTES 32
 #define TOKEN_LEAST 32 /* characters of one that somebody chose */
@@ -110,7 +110,7 @@ static gid_t group_id(const char *name, const char *key)
     return found->gr_gid;
 }
 
-int sst_http_auth_init(struct http_auth *a, const struct sst_http_config *cfg)
+int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg)
 {
     char view[SST_PATH_MAX];
     int err = 0;
@@ -134,7 +134,7 @@ int sst_http_auth_init(struct http_auth *a, const struct sst_http_config *cfg)
     return err;
 }
 
-void sst_http_auth_fini(struct http_auth *a)
+void http_auth_fini(struct http_auth *a)
 {
     pthread_mutex_destroy(&a->lock);
     memset(a->control, 0, sizeof(a->control));
@@ -152,7 +152,7 @@ static bool same_token(const char *secret, const char *given)
     return !difference && n <= HTTP_TOKEN_MAX;
 }
 
-enum sst_role sst_http_auth_token(const struct http_auth *a, const char *token)
+enum sst_role http_auth_token(const struct http_auth *a, const char *token)
 {
     const bool control = same_token(a->control, token), view = same_token(a->view, token);
 
@@ -178,7 +178,7 @@ static bool peer_in_group(int fd, gid_t own, gid_t wanted)
     return false;
 }
 
-enum sst_role sst_http_auth_peer(const struct http_auth *a, int fd, char *who)
+enum sst_role http_auth_peer(const struct http_auth *a, int fd, char *who)
 {
     struct ucred peer;
     socklen_t size = sizeof(peer);
@@ -192,7 +192,7 @@ enum sst_role sst_http_auth_peer(const struct http_auth *a, int fd, char *who)
     return peer_in_group(fd, peer.gid, a->view_group) ? SST_ROLE_VIEW : SST_ROLE_ANYONE;
 }
 
-void sst_http_network_of(const struct sockaddr *address, uint8_t out[16])
+void http_network_of(const struct sockaddr *address, uint8_t out[16])
 {
     memset(out, 0, 16);
     if (address->sa_family == AF_INET) {
@@ -222,14 +222,14 @@ static struct http_wrong *record_locked(struct http_auth *a, const uint8_t addre
     return w;
 }
 
-int sst_http_auth_wrong(struct http_auth *a, const struct sockaddr *address, int64_t now_ns, bool *first)
+int http_auth_wrong(struct http_auth *a, const struct sockaddr *address, int64_t now_ns, bool *first)
 {
     uint8_t network[16];
     struct http_wrong *w;
     int64_t left_ns;
 
     *first = false;
-    sst_http_network_of(address, network);
+    http_network_of(address, network);
     pthread_mutex_lock(&a->lock);
     w = record_locked(a, network);
     if (now_ns >= w->until_ns) {

@@ -1,5 +1,5 @@
 /* May this client ask this? Everything is refused unless the table of routes allows it. */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -12,12 +12,12 @@
 
 #include "base/clock.h"
 
-const char *sst_http_query(struct http_request *q, const char *name)
+const char *http_query(struct http_request *q, const char *name)
 {
     return MHD_lookup_connection_value(q->connection, MHD_GET_ARGUMENT_KIND, name);
 }
 
-const char *sst_http_header(struct http_request *q, const char *name)
+const char *http_header(struct http_request *q, const char *name)
 {
     return MHD_lookup_connection_value(q->connection, MHD_HEADER_KIND, name);
 }
@@ -40,28 +40,28 @@ static void name_address(const struct sockaddr *address, char *out, size_t size)
     snprintf(out, size, "%s", text);
 }
 
-void sst_http_name_peer(struct http_request *q)
+void http_name_peer(struct http_request *q)
 {
     name_address(address_of(q), q->who, sizeof(q->who));
 }
 
-void sst_http_network(struct http_request *q, uint8_t out[16])
+void http_network(struct http_request *q, uint8_t out[16])
 {
     const struct sockaddr *address = q->local ? NULL : address_of(q);
 
     memset(out, 0, 16);
     if (address)
-        sst_http_network_of(address, out);
+        http_network_of(address, out);
 }
 
-int sst_http_wrong_token(struct http_request *q, int *retry_s)
+int http_wrong_token(struct http_request *q, int *retry_s)
 {
     const struct sst_api *api = q->http->cfg.api;
     const struct sockaddr *address = address_of(q);
     bool first = false;
 
     q->retry_s = *retry_s =
-        address && !q->local ? sst_http_auth_wrong(&q->http->auth, address, sst_clock_now_ns(), &first) : 0;
+        address && !q->local ? http_auth_wrong(&q->http->auth, address, sst_clock_now_ns(), &first) : 0;
     if (first)
         sst_events_emit(api->events, SST_EVENT_WARNING, "client",
                         json_pack("{s:s, s:s}", "reason", "wrong tokens", "address", q->who),
@@ -78,7 +78,7 @@ static bool host_is_ours(struct http_request *q, const char *host)
     char name[256], own[96];
     int port;
 
-    if (!sst_http_host_split(host, name, &port))
+    if (!http_host_split(host, name, &port))
         return false;
     if (!strcmp(name, "localhost") || !strcmp(name, "127.0.0.1") || !strcmp(name, "::1") ||
         !strcasecmp(name, q->http->address) || (q->http->host[0] && !strcasecmp(name, q->http->host)))
@@ -90,7 +90,7 @@ static bool host_is_ours(struct http_request *q, const char *host)
     return !strcmp(name, own) || (!strncmp(own, "::ffff:", 7) && !strcmp(name, own + 7));
 }
 
-bool sst_http_is_picture(const struct sst_route *route)
+bool http_is_picture(const struct sst_route *route)
 {
     return route && (!strncmp(route->path, "/stream", 7) || !strncmp(route->path, "/snapshot", 9));
 }
@@ -98,7 +98,7 @@ bool sst_http_is_picture(const struct sst_route *route)
 /* The token that a client gives, and the most that it allows when given in this way. */
 static const char *token_of(struct http_request *q, char *space, enum sst_role *most)
 {
-    const char *text = sst_http_header(q, "Authorization");
+    const char *text = http_header(q, "Authorization");
     const bool page = q->route && (!strcmp(q->route->path, "/") || !strncmp(q->route->path, "/web/", 5));
     char cookie[HTTP_COOKIE];
 
@@ -107,40 +107,39 @@ static const char *token_of(struct http_request *q, char *space, enum sst_role *
         return text + 7 + strspn(text + 7, " ");
     if (text) {
         *most = SST_ROLE_VIEW;
-        return sst_http_basic_password(text, space) ? space : "";
+        return http_basic_password(text, space) ? space : "";
     }
-    text = page || sst_http_is_picture(q->route) ? sst_http_query(q, "token") : NULL;
+    text = page || http_is_picture(q->route) ? http_query(q, "token") : NULL;
     if (text) {
         *most = page ? SST_ROLE_CONTROL : SST_ROLE_VIEW;
         return text;
     }
-    sst_http_cookie(q->http, cookie);
+    http_cookie(q->http, cookie);
     return MHD_lookup_connection_value(q->connection, MHD_COOKIE_KIND, cookie);
 }
 
 static int refuse_stranger(struct http_request *q, bool gave_token)
 {
-    const char *accept = sst_http_header(q, "Accept");
+    const char *accept = http_header(q, "Accept");
     struct MHD_Response *response;
     int retry_s = 0, status = MHD_HTTP_UNAUTHORIZED;
 
     if (gave_token)
-        status = sst_http_wrong_token(q, &retry_s);
+        status = http_wrong_token(q, &retry_s);
     if (status == MHD_HTTP_TOO_MANY_REQUESTS)
-        return sst_http_reply_error(q, status, "too many wrong tokens from %s; try again in %d s", q->who, retry_s);
+        return http_reply_error(q, status, "too many wrong tokens from %s; try again in %d s", q->who, retry_s);
     if (q->route && !strcmp(q->route->path, "/") && accept && strstr(accept, "text/html")) {
         response = MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
         if (!response)
             return MHD_NO;
         atomic_fetch_add(&q->http->refused, 1);
-        sst_http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form says so */
-        return sst_http_reply(q, MHD_HTTP_SEE_OTHER, response);
+        http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form says so */
+        return http_reply(q, MHD_HTTP_SEE_OTHER, response);
     }
-    return sst_http_reply_error(q, status,
-                                gave_token
-                                    ? "that is not the token; `sudo cat %s` on the machine of the service prints it"
-                                    : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from %s",
-                                q->http->token_file);
+    return http_reply_error(q, status,
+                            gave_token ? "that is not the token; `sudo cat %s` on the machine of the service prints it"
+                                       : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from %s",
+                            q->http->token_file);
 }
 
 /* Who is it, and may he? @return -1: yes; else answered */
@@ -153,25 +152,23 @@ static int check_role(struct http_request *q)
     if (needed == SST_ROLE_ANYONE)
         return -1;
     if (q->local) {
-        q->role = sst_http_auth_peer(&q->http->auth, q->fd, q->who);
+        q->role = http_auth_peer(&q->http->auth, q->fd, q->who);
         if (q->role >= needed)
             return -1;
-        return sst_http_reply_error(q, MHD_HTTP_FORBIDDEN, "%s may not: %s", q->who,
-                                    q->http->auth.group_name[0]
-                                        ? "join the group of control.group (usermod -aG) and log "
-                                          "in again"
-                                        : "set control.group, or be root");
+        return http_reply_error(q, MHD_HTTP_FORBIDDEN, "%s may not: %s", q->who,
+                                q->http->auth.group_name[0] ? "join the group of control.group (usermod -aG) and log "
+                                                              "in again"
+                                                            : "set control.group, or be root");
     }
     token = token_of(q, space, &most);
-    q->role = token ? sst_http_auth_token(&q->http->auth, token) : SST_ROLE_ANYONE;
+    q->role = token ? http_auth_token(&q->http->auth, token) : SST_ROLE_ANYONE;
     if (q->role == SST_ROLE_ANYONE)
         return refuse_stranger(q, token != NULL);
     q->role = q->role < most ? q->role : most;
     if (q->role >= needed)
         return -1;
-    return sst_http_reply_error(q, MHD_HTTP_FORBIDDEN,
-                                "this token only looks; `sudo cat %s` prints the one that controls",
-                                q->http->token_file);
+    return http_reply_error(q, MHD_HTTP_FORBIDDEN, "this token only looks; `sudo cat %s` prints the one that controls",
+                            q->http->token_file);
 }
 
 /* The first route that fits, or one of another method. @return false: with none of this method */
@@ -183,7 +180,7 @@ static bool find_route(struct http_request *q, const char *method, const char *p
 
     routes = sst_http_routes(&count);
     for (int i = 0; i < count; i++) {
-        if (!sst_http_path_matches(routes[i].path, path, q->name))
+        if (!http_path_matches(routes[i].path, path, q->name))
             continue;
         q->route = &routes[i];
         q->index = i;
@@ -196,12 +193,12 @@ static bool find_route(struct http_request *q, const char *method, const char *p
 /* A page of somebody else must not act through its reader's browser. */
 static bool is_foreign(struct http_request *q)
 {
-    const char *origin = sst_http_header(q, "Origin"), *site = sst_http_header(q, "Sec-Fetch-Site");
-    const char *host = sst_http_header(q, "Host");
+    const char *origin = http_header(q, "Origin"), *site = http_header(q, "Sec-Fetch-Site");
+    const char *host = http_header(q, "Host");
 
     if (site && strcmp(site, "same-origin") && strcmp(site, "none"))
         return true;
-    return origin && (!host || !sst_http_same_origin(origin, host));
+    return origin && (!host || !http_same_origin(origin, host));
 }
 
 static bool is_login(const struct http_request *q)
@@ -212,16 +209,16 @@ static bool is_login(const struct http_request *q)
 /* What a POST must bear. @return -1: it does; else answered */
 static int check_post(struct http_request *q)
 {
-    const char *type = sst_http_header(q, "Content-Type"), *length = sst_http_header(q, "Content-Length");
+    const char *type = http_header(q, "Content-Type"), *length = http_header(q, "Content-Length");
     const char *wanted = is_login(q) ? "application/x-www-form-urlencoded" : "application/json";
     uint64_t bytes = 0;
 
     if (is_foreign(q))
-        return sst_http_reply_error(q, MHD_HTTP_FORBIDDEN, "a page of another origin may not change anything here");
-    if (!type || !sst_http_is_type(type, wanted))
-        return sst_http_reply_error(q, MHD_HTTP_UNSUPPORTED_MEDIA_TYPE, "send Content-Type: %s", wanted);
-    if (length && (!sst_http_number(length, UINT64_MAX, &bytes) || bytes > HTTP_BODY_MAX))
-        return sst_http_reply_error(q, MHD_HTTP_CONTENT_TOO_LARGE, "a body has at most %d bytes", HTTP_BODY_MAX);
+        return http_reply_error(q, MHD_HTTP_FORBIDDEN, "a page of another origin may not change anything here");
+    if (!type || !http_is_type(type, wanted))
+        return http_reply_error(q, MHD_HTTP_UNSUPPORTED_MEDIA_TYPE, "send Content-Type: %s", wanted);
+    if (length && (!http_number(length, UINT64_MAX, &bytes) || bytes > HTTP_BODY_MAX))
+        return http_reply_error(q, MHD_HTTP_CONTENT_TOO_LARGE, "a body has at most %d bytes", HTTP_BODY_MAX);
     return -1;
 }
 
@@ -234,41 +231,41 @@ static int refuse_method(struct http_request *q, const char *path)
 
     routes = sst_http_routes(&count);
     for (int i = 0; i < count; i++) {
-        if (!sst_http_path_matches(routes[i].path, path, name))
+        if (!http_path_matches(routes[i].path, path, name))
             continue;
         get |= !strcmp(routes[i].method, "GET");
         post |= !strcmp(routes[i].method, "POST");
     }
     snprintf(q->allow, sizeof(q->allow), "%s%s%s", get ? "GET, HEAD" : "", get && post ? ", " : "", post ? "POST" : "");
-    return sst_http_reply_error(q, MHD_HTTP_METHOD_NOT_ALLOWED, "this takes %s", q->allow);
+    return http_reply_error(q, MHD_HTTP_METHOD_NOT_ALLOWED, "this takes %s", q->allow);
 }
 
-int sst_http_check(struct http_request *q, const char *path, const char *method)
+int http_check(struct http_request *q, const char *path, const char *method)
 {
     const union MHD_ConnectionInfo *info =
         MHD_get_connection_info(q->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
-    const char *host = sst_http_header(q, "Host");
+    const char *host = http_header(q, "Host");
     bool found;
     int done;
 
     if (!info || info->header_size > HTTP_HEADER_MAX)
-        return sst_http_reply_error(q, MHD_HTTP_REQUEST_HEADER_FIELDS_TOO_LARGE,
-                                    "a request has at most %d bytes before its body", HTTP_HEADER_MAX);
-    if (sst_http_crowded(q))
-        return sst_http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
-                                    "%d connections are open already; try again, or raise web.clients",
-                                    q->http->cfg.clients);
+        return http_reply_error(q, MHD_HTTP_REQUEST_HEADER_FIELDS_TOO_LARGE,
+                                "a request has at most %d bytes before its body", HTTP_HEADER_MAX);
+    if (http_crowded(q))
+        return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
+                                "%d connections are open already; try again, or raise web.clients",
+                                q->http->cfg.clients);
     if (!q->local && (!host || !host_is_ours(q, host)))
-        return sst_http_reply_error(q, MHD_HTTP_FORBIDDEN, "\"%.80s\" is not a name of this service; web.host adds one",
-                                    host ? host : "");
+        return http_reply_error(q, MHD_HTTP_FORBIDDEN, "\"%.80s\" is not a name of this service; web.host adds one",
+                                host ? host : "");
     q->head = !strcmp(method, "HEAD");
     found = find_route(q, method, path);
     done = check_role(q);
     if (done >= 0)
         return done;
     if (!q->route)
-        return sst_http_reply_error(q, MHD_HTTP_NOT_FOUND,
-                                    "there is no %.200s; GET /api/v1/openapi.json names what there is", path);
+        return http_reply_error(q, MHD_HTTP_NOT_FOUND,
+                                "there is no %.200s; GET /api/v1/openapi.json names what there is", path);
     if (!found)
         return refuse_method(q, path);
     return strcmp(q->route->method, "POST") ? -1 : check_post(q);

@@ -2,7 +2,7 @@
  *
  * The bytes come over a socket from a thread of storage, so that a connection waits for no disk: it ends when the
  * service stops, whatever hangs. An answer whose bytes end too early is broken off, never finished as if whole. */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -39,7 +39,7 @@ static ssize_t receive(const struct transfer *t, void *out, size_t max)
 
         if (n >= 0)
             return n;
-        if ((ready > 0 && errno != EAGAIN && errno != EINTR) || sst_http_peer_gone(t->link->fd))
+        if ((ready > 0 && errno != EAGAIN && errno != EINTR) || http_peer_gone(t->link->fd))
             return 0;
     }
     return 0;
@@ -63,11 +63,11 @@ static ssize_t piece(void *arg, uint64_t pos, char *buf, size_t max)
     ssize_t n;
 
     (void)pos;
-    sst_http_reader_waits(t->http, t->link);
+    http_reader_waits(t->http, t->link);
     n = receive(t, buf, max);
     if (n <= 0)
         return MHD_CONTENT_READER_END_WITH_ERROR;
-    sst_http_reader_given(t->http, t->link, (size_t)n);
+    http_reader_given(t->http, t->link, (size_t)n);
     atomic_fetch_add(&t->http->bytes, (uint64_t)n);
     return n;
 }
@@ -77,7 +77,7 @@ static void transfer_free(void *arg)
     struct transfer *t = arg;
 
     close(t->fd);
-    sst_http_reader_end(t->http, t->link);
+    http_reader_end(t->http, t->link);
     free(t);
 }
 
@@ -85,7 +85,7 @@ static void transfer_free(void *arg)
 static void give_up(struct http_request *q, int fd)
 {
     close(fd);
-    sst_http_reader_end(q->http, q->link);
+    http_reader_end(q->http, q->link);
 }
 
 /* Ask for a part, and answer with it as it comes. Takes fd over. */
@@ -113,12 +113,12 @@ static struct MHD_Response *respond(struct http_request *q, int fd, uint64_t fir
 
 static void describe(struct http_request *q, struct MHD_Response *response, const char *type, const char *etag)
 {
-    sst_http_set(response, "Content-Type", "%s", type);
-    sst_http_set(response, "Content-Disposition", "%s; filename=\"%s\"",
-                 !strcmp(type, "image/jpeg") ? "inline" : "attachment", q->name);
-    sst_http_set(response, "Accept-Ranges", "%s", etag[0] ? "bytes" : "none");
+    http_set(response, "Content-Type", "%s", type);
+    http_set(response, "Content-Disposition", "%s; filename=\"%s\"",
+             !strcmp(type, "image/jpeg") ? "inline" : "attachment", q->name);
+    http_set(response, "Accept-Ranges", "%s", etag[0] ? "bytes" : "none");
     if (etag[0])
-        sst_http_set(response, "ETag", "%s", etag);
+        http_set(response, "ETag", "%s", etag);
 }
 
 static int not_modified(struct http_request *q, const char *etag)
@@ -127,8 +127,8 @@ static int not_modified(struct http_request *q, const char *etag)
 
     if (!response)
         return MHD_NO;
-    sst_http_set(response, "ETag", "%s", etag);
-    return sst_http_reply(q, MHD_HTTP_NOT_MODIFIED, response);
+    http_set(response, "ETag", "%s", etag);
+    return http_reply(q, MHD_HTTP_NOT_MODIFIED, response);
 }
 
 static int beyond(struct http_request *q, uint64_t size)
@@ -144,15 +144,15 @@ static int beyond(struct http_request *q, uint64_t size)
         free(text);
         return MHD_NO;
     }
-    sst_http_set(response, "Content-Type", "application/json");
-    sst_http_set(response, "Content-Range", "bytes */%" PRIu64, size);
-    return sst_http_reply(q, MHD_HTTP_RANGE_NOT_SATISFIABLE, response);
+    http_set(response, "Content-Type", "application/json");
+    http_set(response, "Content-Range", "bytes */%" PRIu64, size);
+    return http_reply(q, MHD_HTTP_RANGE_NOT_SATISFIABLE, response);
 }
 
 /* What is asked for, now that its size and tag are known. Takes fd over. */
 static int answer(struct http_request *q, int fd, const struct sst_download_info *info, const char *type)
 {
-    const char *match = sst_http_header(q, "If-None-Match"), *if_range = sst_http_header(q, "If-Range");
+    const char *match = http_header(q, "If-None-Match"), *if_range = http_header(q, "If-Range");
     const uint64_t size = (uint64_t)info->bytes;
     uint64_t first = 0, bytes = size;
     enum http_range range = HTTP_RANGE_WHOLE;
@@ -161,12 +161,12 @@ static int answer(struct http_request *q, int fd, const struct sst_download_info
 
     if (info->tag[0])
         snprintf(etag, sizeof(etag), "\"%s\"", info->tag);
-    if (etag[0] && match && sst_http_etag_matches(match, etag)) {
+    if (etag[0] && match && http_etag_matches(match, etag)) {
         give_up(q, fd);
         return not_modified(q, etag);
     }
-    if (etag[0] && !q->head && (!if_range || sst_http_if_range(if_range, etag)))
-        range = sst_http_range(sst_http_header(q, "Range"), size, &first, &bytes);
+    if (etag[0] && !q->head && (!if_range || http_if_range(if_range, etag)))
+        range = http_range_parse(http_header(q, "Range"), size, &first, &bytes);
     if (range == HTTP_RANGE_BEYOND) {
         give_up(q, fd);
         return beyond(q, size);
@@ -177,9 +177,8 @@ static int answer(struct http_request *q, int fd, const struct sst_download_info
     (void)MHD_set_connection_option(q->connection, MHD_CONNECTION_OPTION_TIMEOUT, SILENCE_S);
     describe(q, response, type, etag);
     if (range == HTTP_RANGE_PART)
-        sst_http_set(response, "Content-Range", "bytes %" PRIu64 "-%" PRIu64 "/%" PRIu64, first, first + bytes - 1,
-                     size);
-    return sst_http_reply(q, range == HTTP_RANGE_PART ? MHD_HTTP_PARTIAL_CONTENT : MHD_HTTP_OK, response);
+        http_set(response, "Content-Range", "bytes %" PRIu64 "-%" PRIu64 "/%" PRIu64, first, first + bytes - 1, size);
+    return http_reply(q, range == HTTP_RANGE_PART ? MHD_HTTP_PARTIAL_CONTENT : MHD_HTTP_OK, response);
 }
 
 static int refuse(struct http_request *q, int err)
@@ -193,7 +192,7 @@ static int refuse(struct http_request *q, int err)
         snprintf(out.error, sizeof(out.error), "nothing of %.128s was recorded", q->name);
     else if (err == -EBUSY)
         snprintf(out.error, sizeof(out.error), "%.128s is still being written; try again when it has ended", q->name);
-    return sst_http_reply_answer(q, err == -ENODATA ? -ENOENT : err, &out, "download");
+    return http_reply_answer(q, err == -ENODATA ? -ENOENT : err, &out, "download");
 }
 
 /* The thread of a reader who was dropped may not have noticed yet. */
@@ -209,18 +208,18 @@ static int ask(struct http_request *q, int *fd, const char **type)
     return err;
 }
 
-int sst_http_do_download(struct http_request *q)
+int http_do_download(struct http_request *q)
 {
     struct transfer t = { .http = q->http, .link = q->link, .fd = -1 };
     struct sst_download_info info;
     const char *type = NULL;
-    int err = sst_http_reader_begin(q);
+    int err = http_reader_begin(q);
 
     if (err)
         return refuse(q, err);
     err = ask(q, &t.fd, &type);
     if (err) {
-        sst_http_reader_end(q->http, q->link);
+        http_reader_end(q->http, q->link);
         return refuse(q, err);
     }
     if (!receive_all(&t, &info, sizeof(info)) || (!info.err && info.bytes < 0))

@@ -1,6 +1,6 @@
 /* Events: those kept as lines of JSON, and the stream of them for as long as somebody listens. */
 #define _GNU_SOURCE /* asprintf */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -29,16 +29,16 @@ struct listener {
 /* A number in the query. @return false: answered already */
 static bool number_of(struct http_request *q, const char *name, uint64_t max, uint64_t *out, int *done)
 {
-    const char *text = sst_http_query(q, name);
+    const char *text = http_query(q, name);
 
-    if (!text || sst_http_number(text, max, out))
+    if (!text || http_number(text, max, out))
         return true;
-    *done = sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "%s=%.40s is not a number from 0 to %llu", name, text,
-                                 (unsigned long long)max);
+    *done = http_reply_error(q, MHD_HTTP_BAD_REQUEST, "%s=%.40s is not a number from 0 to %llu", name, text,
+                             (unsigned long long)max);
     return false;
 }
 
-int sst_http_do_events(struct http_request *q)
+int http_do_events(struct http_request *q)
 {
     struct sst_events *events = q->http->cfg.api->events;
     const uint64_t last = sst_events_last(events);
@@ -65,7 +65,7 @@ int sst_http_do_events(struct http_request *q)
         free(text);
         return MHD_NO;
     }
-    return sst_http_reply_text(q, MHD_HTTP_OK, "application/x-ndjson", text);
+    return http_reply_text(q, MHD_HTTP_OK, "application/x-ndjson", text);
 }
 
 /* The next event, or after a silence a sign of life, as it goes out. @return false: over */
@@ -77,7 +77,7 @@ static bool next_text(struct listener *l)
     int n;
 
     for (;;) {
-        if (atomic_load(&l->http->stopping) || sst_http_peer_gone(l->fd))
+        if (atomic_load(&l->http->stopping) || http_peer_gone(l->fd))
             return false;
         if (sst_events_next(l->events, l->after, &id, &json))
             break;
@@ -136,23 +136,23 @@ static void listener_free(void *arg)
 /* From where on: what a browser says that it has got, what is asked for, or now. @return false: answered already */
 static bool start_of(struct http_request *q, struct sst_events *events, uint64_t *after, int *done)
 {
-    const char *got = sst_http_header(q, "Last-Event-ID");
+    const char *got = http_header(q, "Last-Event-ID");
     const uint64_t last = sst_events_last(events);
 
     *after = last;
     if (!number_of(q, "after", UINT64_MAX, after, done))
         return false;
     if (got)
-        (void)sst_http_number(got, UINT64_MAX, after); /* of another server's making: now */
+        (void)http_number(got, UINT64_MAX, after); /* of another server's making: now */
     if (*after > last)
         *after = 0; /* the service was restarted, and counts anew */
     return true;
 }
 
-int sst_http_do_listen(struct http_request *q)
+int http_do_listen(struct http_request *q)
 {
     struct sst_events *events = q->http->cfg.api->events;
-    const char *accept = sst_http_header(q, "Accept");
+    const char *accept = http_header(q, "Accept");
     struct MHD_Response *response;
     struct listener *l;
     uint64_t after;
@@ -178,9 +178,9 @@ int sst_http_do_listen(struct http_request *q)
         MHD_destroy_response(response);
         return MHD_NO;
     }
-    sst_http_set(response, "Content-Type", l->sse ? "text/event-stream" : "application/x-ndjson");
-    sst_http_set(response, "X-Accel-Buffering", "no");
-    return sst_http_reply(q, MHD_HTTP_OK, response);
+    http_set(response, "Content-Type", l->sse ? "text/event-stream" : "application/x-ndjson");
+    http_set(response, "X-Accel-Buffering", "no");
+    return http_reply(q, MHD_HTTP_OK, response);
 }
 
 #endif

@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #define BACKLOG 128
 
@@ -79,7 +79,7 @@ fail:
     return err;
 }
 
-int sst_http_listen_unix(struct http_unix *out, const char *path, mode_t mode, gid_t gid)
+int http_listen_unix(struct http_unix *out, const char *path, mode_t mode, gid_t gid)
 {
     struct sockaddr_un at = { .sun_family = AF_UNIX };
     struct http_unix made = { 0 };
@@ -112,7 +112,7 @@ int sst_http_listen_unix(struct http_unix *out, const char *path, mode_t mode, g
     return fd;
 }
 
-void sst_http_unlink_unix(const struct http_unix *u)
+void http_unlink_unix(const struct http_unix *u)
 {
     struct stat st;
 
@@ -129,7 +129,7 @@ static bool is_loopback(const struct sockaddr *at)
     return IN6_IS_ADDR_LOOPBACK(v6) || (IN6_IS_ADDR_V4MAPPED(v6) && v6->s6_addr[12] == 127);
 }
 
-int sst_http_listen_tcp(const char *address, int port, bool open, bool quiet)
+int http_listen_tcp(const char *address, int port, bool open, bool quiet)
 {
     const struct addrinfo hints = { .ai_flags = AI_NUMERICHOST | AI_NUMERICSERV | AI_PASSIVE,
                                     .ai_socktype = SOCK_STREAM };
@@ -170,7 +170,7 @@ out:
     return err;
 }
 
-int sst_http_socket_port(int fd)
+int http_socket_port(int fd)
 {
     struct sockaddr_in6 at;
     socklen_t size = sizeof(at);

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 static bool name_char(char c)
 {
@@ -13,7 +13,7 @@ static bool name_char(char c)
            c == '.';
 }
 
-bool sst_http_path_matches(const char *pattern, const char *path, char *name)
+bool http_path_matches(const char *pattern, const char *path, char *name)
 {
     size_t n = 0;
 
@@ -44,13 +44,13 @@ static bool port_of(const char *text, int *port)
         *port = -1;
         return true;
     }
-    if (*text != ':' || !sst_http_number(text + 1, 65535, &value) || !value)
+    if (*text != ':' || !http_number(text + 1, 65535, &value) || !value)
         return false;
     *port = (int)value;
     return true;
 }
 
-bool sst_http_host_split(const char *text, char *host, int *port)
+bool http_host_split(const char *text, char *host, int *port)
 {
     const bool v6 = *text == '[';
     size_t n = 0;
@@ -67,7 +67,7 @@ bool sst_http_host_split(const char *text, char *host, int *port)
     return true;
 }
 
-bool sst_http_same_origin(const char *origin, const char *host)
+bool http_same_origin(const char *origin, const char *host)
 {
     const bool tls = !strncmp(origin, "https://", 8);
     const int usual = tls ? 443 : 80;
@@ -76,7 +76,7 @@ bool sst_http_same_origin(const char *origin, const char *host)
 
     if (!tls && strncmp(origin, "http://", 7))
         return false;
-    if (!sst_http_host_split(origin + (tls ? 8 : 7), a, &port_a) || !sst_http_host_split(host, b, &port_b))
+    if (!http_host_split(origin + (tls ? 8 : 7), a, &port_a) || !http_host_split(host, b, &port_b))
         return false;
     return !strcmp(a, b) && (port_a < 0 ? usual : port_a) == (port_b < 0 ? usual : port_b);
 }
@@ -89,7 +89,7 @@ static int base64_value(char c)
     return at ? (int)(at - digits) : -1;
 }
 
-bool sst_http_basic_password(const char *authorization, char *out)
+bool http_basic_password(const char *authorization, char *out)
 {
     char text[3 * HTTP_TOKEN_MAX];
     const char *colon;
@@ -119,7 +119,7 @@ bool sst_http_basic_password(const char *authorization, char *out)
     return true;
 }
 
-bool sst_http_form_token(const char *body, size_t size, char *out)
+bool http_form_token(const char *body, size_t size, char *out)
 {
     const char *end = body + size, *at = body, *stop;
 
@@ -150,7 +150,7 @@ bool sst_http_form_token(const char *body, size_t size, char *out)
     return true;
 }
 
-bool sst_http_etag_matches(const char *if_none_match, const char *etag)
+bool http_etag_matches(const char *if_none_match, const char *etag)
 {
     const size_t n = strlen(etag);
 
@@ -167,14 +167,14 @@ bool sst_http_etag_matches(const char *if_none_match, const char *etag)
     return false;
 }
 
-bool sst_http_is_type(const char *content_type, const char *type)
+bool http_is_type(const char *content_type, const char *type)
 {
     const size_t n = strlen(type);
 
     return !strncasecmp(content_type, type, n) && strchr("; \t", content_type[n]); /* the NUL counts */
 }
 
-size_t sst_http_unescape(char *text)
+size_t http_unescape(char *text)
 {
     char *to = text;
 
@@ -195,7 +195,7 @@ size_t sst_http_unescape(char *text)
     return (size_t)(to - text);
 }
 
-bool sst_http_number(const char *text, uint64_t max, uint64_t *out)
+bool http_number(const char *text, uint64_t max, uint64_t *out)
 {
     uint64_t value = 0;
 
@@ -226,7 +226,7 @@ static const char *read_place(const char *text, uint64_t *value)
     return text;
 }
 
-enum http_range sst_http_range(const char *range, uint64_t size, uint64_t *first, uint64_t *bytes)
+enum http_range http_range_parse(const char *range, uint64_t size, uint64_t *first, uint64_t *bytes)
 {
     uint64_t from = 0, to = UINT64_MAX;
     const char *at, *end;
@@ -260,7 +260,7 @@ enum http_range sst_http_range(const char *range, uint64_t size, uint64_t *first
     return HTTP_RANGE_PART;
 }
 
-bool sst_http_if_range(const char *if_range, const char *etag)
+bool http_if_range(const char *if_range, const char *etag)
 {
     return if_range[0] == '"' && !strcmp(if_range, etag);
 }

@@ -2,7 +2,7 @@
  *
  * A reader's clock runs while he is waited for, not while the disk is. What he has taken is what was handed to his
  * connection less what still lies in its socket, so that deep buffers make nobody fast. */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -20,7 +20,7 @@
 /* --- how fast somebody reads -------------------------------------------------------------------------------------- */
 
 /* @param clock_ns  of the reader; taken: bytes until now */
-void sst_http_pace_mark(struct http_pace *p, int64_t clock_ns, uint64_t taken)
+void http_throughput_mark(struct http_pace *p, int64_t clock_ns, uint64_t taken)
 {
     if (clock_ns - p->late.clock_ns < SST_READER_WINDOW_NS)
         return;
@@ -28,7 +28,7 @@ void sst_http_pace_mark(struct http_pace *p, int64_t clock_ns, uint64_t taken)
     p->late = (struct http_pace_mark){ clock_ns, taken };
 }
 
-double sst_http_pace(const struct http_pace *p, int64_t clock_ns, uint64_t taken)
+double http_throughput(const struct http_pace *p, int64_t clock_ns, uint64_t taken)
 {
     const int64_t ns = clock_ns - p->early.clock_ns;
 
@@ -51,7 +51,7 @@ static uint64_t taken_of(const struct http_link *l)
     return l->reader.given > (uint64_t)queued ? l->reader.given - (uint64_t)queued : 0;
 }
 
-void sst_http_reader_waits(struct sst_http *http, struct http_link *l)
+void http_reader_waits(struct sst_http *http, struct http_link *l)
 {
     struct http_reader *r = &l->reader;
     const int64_t now_ns = sst_clock_now_ns();
@@ -62,7 +62,7 @@ void sst_http_reader_waits(struct sst_http *http, struct http_link *l)
     pthread_mutex_unlock(&http->lock);
 }
 
-void sst_http_reader_given(struct sst_http *http, struct http_link *l, size_t n)
+void http_reader_given(struct sst_http *http, struct http_link *l, size_t n)
 {
     pthread_mutex_lock(&http->lock);
     l->reader.given += n;
@@ -70,11 +70,11 @@ void sst_http_reader_given(struct sst_http *http, struct http_link *l, size_t n)
     pthread_mutex_unlock(&http->lock);
 }
 
-void sst_http_readers_mark_locked(struct sst_http *http, int64_t now_ns)
+void http_readers_mark_locked(struct sst_http *http, int64_t now_ns)
 {
     for (struct http_link *l = http->links; l; l = l->next) {
         if (l->reader.placed)
-            sst_http_pace_mark(&l->reader.pace, clock_of(&l->reader, now_ns), taken_of(l));
+            http_throughput_mark(&l->reader.pace, clock_of(&l->reader, now_ns), taken_of(l));
     }
 }
 
@@ -113,7 +113,7 @@ static struct http_link *find_slow_locked(struct sst_http *http, const struct ht
 
         if (!l->reader.placed || l->reader.dropped || (his_own && !is_same(&l->reader, r)))
             continue;
-        pace = sst_http_pace(&l->reader.pace, clock_of(&l->reader, now_ns), taken_of(l));
+        pace = http_throughput(&l->reader.pace, clock_of(&l->reader, now_ns), taken_of(l));
         if (pace < 0 || pace >= least)
             continue;
         least = pace;
@@ -157,17 +157,17 @@ static void tell_dropped(struct sst_http *http)
             "all places for downloads were taken: one below %d kB/s was ended for another", SST_READER_LEAST / 1000);
 }
 
-int sst_http_reader_begin(struct http_request *q)
+int http_reader_begin(struct http_request *q)
 {
     struct sst_http *http = q->http;
     struct http_reader r = { .placed = true, .local = q->local };
     const int64_t until_ns = sst_clock_now_ns() + WAIT_NS;
     bool dropped = false, place;
 
-    sst_http_network(q, r.network);
+    http_network(q, r.network);
     pthread_mutex_lock(&http->lock);
     http->waiting++;
-    while (!(place = look_locked(http, &r, &dropped)) && !atomic_load(&http->stopping) && !sst_http_peer_gone(q->fd) &&
+    while (!(place = look_locked(http, &r, &dropped)) && !atomic_load(&http->stopping) && !http_peer_gone(q->fd) &&
            sst_clock_now_ns() < until_ns)
         (void)sst_cond_wait_until(&http->wake, &http->lock, sst_clock_now_ns() + HTTP_WAIT_MS * 1000000LL);
     http->waiting--;
@@ -179,7 +179,7 @@ int sst_http_reader_begin(struct http_request *q)
     return place ? 0 : -EMFILE;
 }
 
-void sst_http_reader_end(struct sst_http *http, struct http_link *l)
+void http_reader_end(struct sst_http *http, struct http_link *l)
 {
     pthread_mutex_lock(&http->lock);
     l->reader = (struct http_reader){ .placed = false };

@@ -1,5 +1,5 @@
 /* Answers: what all of them bear, errors as one sentence, and what the API said as a status. */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -11,7 +11,7 @@
 
 #include "base/log.h"
 
-void sst_http_set(struct MHD_Response *response, const char *name, const char *fmt, ...)
+void http_set(struct MHD_Response *response, const char *name, const char *fmt, ...)
 {
     char text[512];
     va_list args;
@@ -28,30 +28,30 @@ void sst_http_set(struct MHD_Response *response, const char *name, const char *f
  * window of its own, so not for what the page does. */
 static void challenge(struct http_request *q, struct MHD_Response *response)
 {
-    sst_http_set(response, "WWW-Authenticate", "Bearer realm=\"sst\"");
-    if (sst_http_is_picture(q->route) && !sst_http_header(q, "Cookie"))
-        sst_http_set(response, "WWW-Authenticate", "Basic realm=\"sst\", charset=\"UTF-8\"");
+    http_set(response, "WWW-Authenticate", "Bearer realm=\"sst\"");
+    if (http_is_picture(q->route) && !http_header(q, "Cookie"))
+        http_set(response, "WWW-Authenticate", "Basic realm=\"sst\", charset=\"UTF-8\"");
 }
 
-int sst_http_reply(struct http_request *q, int status, struct MHD_Response *response)
+int http_reply(struct http_request *q, int status, struct MHD_Response *response)
 {
     enum MHD_Result done;
 
     if (!response)
         return MHD_NO;
-    sst_http_set(response, "X-Content-Type-Options", "nosniff");
+    http_set(response, "X-Content-Type-Options", "nosniff");
     /* Without any, browsers send the form for the token with the origin "null". */
-    sst_http_set(response, "Referrer-Policy", "same-origin");
+    http_set(response, "Referrer-Policy", "same-origin");
     if (!MHD_get_response_header(response, "Cache-Control"))
-        sst_http_set(response, "Cache-Control", "no-store");
+        http_set(response, "Cache-Control", "no-store");
     if (!MHD_get_response_header(response, "Content-Security-Policy"))
-        sst_http_set(response, "Content-Security-Policy",
-                     "default-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'self'; "
-                     "frame-ancestors 'none'");
+        http_set(response, "Content-Security-Policy",
+                 "default-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'self'; "
+                 "frame-ancestors 'none'");
     if (q->allow[0])
-        sst_http_set(response, "Allow", "%s", q->allow);
+        http_set(response, "Allow", "%s", q->allow);
     if (q->retry_s || status == MHD_HTTP_SERVICE_UNAVAILABLE)
-        sst_http_set(response, "Retry-After", "%d", sst_max_int(q->retry_s, 1));
+        http_set(response, "Retry-After", "%d", sst_max_int(q->retry_s, 1));
     if (status == MHD_HTTP_UNAUTHORIZED)
         challenge(q, response);
     if (q->route && !strcmp(q->route->method, "POST"))
@@ -61,7 +61,7 @@ int sst_http_reply(struct http_request *q, int status, struct MHD_Response *resp
     return done;
 }
 
-int sst_http_reply_text(struct http_request *q, int status, const char *type, char *text)
+int http_reply_text(struct http_request *q, int status, const char *type, char *text)
 {
     const size_t size = text ? strlen(text) : 0;
     struct MHD_Response *response = NULL;
@@ -73,11 +73,11 @@ int sst_http_reply_text(struct http_request *q, int status, const char *type, ch
         return MHD_NO;
     }
     atomic_fetch_add(&q->http->bytes, size);
-    sst_http_set(response, "Content-Type", "%s", type);
-    return sst_http_reply(q, status, response);
+    http_set(response, "Content-Type", "%s", type);
+    return http_reply(q, status, response);
 }
 
-int sst_http_reply_json(struct http_request *q, int status, json_t *body)
+int http_reply_json(struct http_request *q, int status, json_t *body)
 {
     char *text = json_dumps(body, JSON_COMPACT | JSON_REAL_PRECISION(12));
     const size_t n = text ? strlen(text) : 0;
@@ -89,10 +89,10 @@ int sst_http_reply_json(struct http_request *q, int status, json_t *body)
         return MHD_NO;
     }
     strcpy(line + n, "\n");
-    return sst_http_reply_text(q, status, "application/json", line);
+    return http_reply_text(q, status, "application/json", line);
 }
 
-int sst_http_reply_error(struct http_request *q, int status, const char *fmt, ...)
+int http_reply_error(struct http_request *q, int status, const char *fmt, ...)
 {
     char text[1024];
     va_list args;
@@ -109,7 +109,7 @@ int sst_http_reply_error(struct http_request *q, int status, const char *fmt, ..
         if ((unsigned char)*c < 0x20 || (unsigned char)*c >= 0x7f)
             *c = '?';
     }
-    return sst_http_reply_json(q, status, json_pack("{s:s}", "error", text));
+    return http_reply_json(q, status, json_pack("{s:s}", "error", text));
 }
 
 static const struct {
@@ -132,19 +132,19 @@ static const struct {
     { -ENOMEM, 503, "out of memory; try again" },
 };
 
-int sst_http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what)
+int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what)
 {
     if (!err && out->body)
-        return sst_http_reply_json(q, MHD_HTTP_OK, out->body);
+        return http_reply_json(q, MHD_HTTP_OK, out->body);
     json_decref(out->body);
     for (size_t i = 0; i < ARRAY_LEN(statuses); i++) {
         if (statuses[i].err != err)
             continue;
         if (out->error[0])
-            return sst_http_reply_error(q, statuses[i].status, "%s", out->error);
-        return sst_http_reply_error(q, statuses[i].status, "%s: %s", what, statuses[i].sentence);
+            return http_reply_error(q, statuses[i].status, "%s", out->error);
+        return http_reply_error(q, statuses[i].status, "%s: %s", what, statuses[i].sentence);
     }
-    return sst_http_reply_error(q, 500, "%s", out->error[0] ? out->error : strerror(err < 0 ? -err : EIO));
+    return http_reply_error(q, 500, "%s", out->error[0] ? out->error : strerror(err < 0 ? -err : EIO));
 }
 
 #endif

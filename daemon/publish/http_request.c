@@ -1,5 +1,5 @@
 /* A request from its first byte to its last: connection, body, handler, end. */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -13,7 +13,7 @@
 #define FLOOD_NS    60000000000LL /* between reports of too many connections */
 #define SECOND_NS   1000000000LL
 
-bool sst_http_crowded(struct http_request *q)
+bool http_crowded(struct http_request *q)
 {
     struct sst_http *http = q->http;
     const int64_t now_ns = sst_clock_now_ns();
@@ -32,8 +32,7 @@ bool sst_http_crowded(struct http_request *q)
     return true;
 }
 
-void sst_http_on_link(void *cls, struct MHD_Connection *connection, void **state,
-                      enum MHD_ConnectionNotificationCode how)
+void http_on_link(void *cls, struct MHD_Connection *connection, void **state, enum MHD_ConnectionNotificationCode how)
 {
     struct http_side *side = cls;
     struct sst_http *http = side->http;
@@ -45,7 +44,7 @@ void sst_http_on_link(void *cls, struct MHD_Connection *connection, void **state
         if (!l)
             return; /* its requests are refused */
         atomic_fetch_add(&side->clients, 1);
-        l->pair = sst_http_tls_begin(&http->pairs, connection);
+        l->pair = http_tls_begin(&http->pairs, connection);
         l->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
         l->deadline_ns = sst_clock_now_ns() + HTTP_REQUEST_S * SECOND_NS;
         pthread_mutex_lock(&http->lock);
@@ -62,7 +61,7 @@ void sst_http_on_link(void *cls, struct MHD_Connection *connection, void **state
             l->next->prev = l->prev;
         pthread_mutex_unlock(&http->lock);
         atomic_fetch_sub(&side->clients, 1);
-        sst_http_tls_end(&http->pairs, l->pair);
+        http_tls_end(&http->pairs, l->pair);
         free(l);
         *state = NULL;
     }
@@ -81,7 +80,7 @@ static struct http_request *new_request(struct http_side *side, struct MHD_Conne
     q->connection = connection;
     q->link = link;
     q->fd = link->fd;
-    sst_http_name_peer(q);
+    http_name_peer(q);
     atomic_fetch_add(&side->http->requests, 1);
     return q;
 }
@@ -121,10 +120,10 @@ static int parse_body(struct http_request *q)
     if (!q->body && !q->size)
         return MHD_NO;
     if (!q->body)
-        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "the body is not JSON: line %d, column %d: %s", error.line,
-                                    error.column, error.text);
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "the body is not JSON: line %d, column %d: %s", error.line,
+                                error.column, error.text);
     if (!json_is_object(q->body))
-        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "the body is JSON, but not an object {...}");
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "the body is JSON, but not an object {...}");
     return -1;
 }
 
@@ -135,17 +134,17 @@ static int answer(struct http_request *q)
 
     atomic_store(&q->link->deadline_ns, INT64_MAX);
     if (q->too_large)
-        return sst_http_reply_error(q, MHD_HTTP_CONTENT_TOO_LARGE, "a body has at most %d bytes", HTTP_BODY_MAX);
+        return http_reply_error(q, MHD_HTTP_CONTENT_TOO_LARGE, "a body has at most %d bytes", HTTP_BODY_MAX);
     if (post && strcmp(q->route->path, "/login")) {
         done = parse_body(q);
         if (done >= 0)
             return done;
     }
-    return sst_http_handler(q->index)(q);
+    return http_handler(q->index)(q);
 }
 
-enum MHD_Result sst_http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
-                                    const char *version, const char *data, size_t *size, void **state)
+enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
+                                const char *version, const char *data, size_t *size, void **state)
 {
     struct http_request *q = *state;
     int done;
@@ -155,7 +154,7 @@ enum MHD_Result sst_http_on_request(void *cls, struct MHD_Connection *connection
         *state = q = new_request(cls, connection);
         if (!q)
             return MHD_NO;
-        done = sst_http_check(q, path, method);
+        done = http_check(q, path, method);
         return done ? MHD_YES : MHD_NO;
     }
     if (*size) {
@@ -167,7 +166,7 @@ enum MHD_Result sst_http_on_request(void *cls, struct MHD_Connection *connection
     return answer(q) ? MHD_YES : MHD_NO;
 }
 
-void sst_http_on_done(void *cls, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode how)
+void http_on_done(void *cls, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode how)
 {
     struct http_request *q = *state;
 

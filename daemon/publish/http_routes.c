@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 /* method, path, role, one line, handler. The first that fits counts: {name} comes after words. */
 #define ROUTES(X)                                                                                                      \
@@ -71,42 +71,42 @@ static int healthz(struct http_request *q)
     if (text)
         snprintf(text, 80, "%.70s\n", ok ? "ok" : state ? state : "unknown");
     json_decref(out.body);
-    return sst_http_reply_text(q, ok ? MHD_HTTP_OK : MHD_HTTP_SERVICE_UNAVAILABLE, "text/plain; charset=utf-8", text);
+    return http_reply_text(q, ok ? MHD_HTTP_OK : MHD_HTTP_SERVICE_UNAVAILABLE, "text/plain; charset=utf-8", text);
 }
 
 static int login_form(struct http_request *q)
 {
-    return sst_http_do_login_form(q);
+    return http_do_login_form(q);
 }
 
 static int login(struct http_request *q)
 {
-    return sst_http_do_login(q);
+    return http_do_login(q);
 }
 
 static int page(struct http_request *q)
 {
-    return sst_http_do_web(q, "index.html", true);
+    return http_do_web(q, "index.html", true);
 }
 
 static int web(struct http_request *q)
 {
-    return sst_http_do_web(q, q->name, true);
+    return http_do_web(q, q->name, true);
 }
 
 static int openapi(struct http_request *q)
 {
-    return sst_http_do_web(q, "openapi.json", false);
+    return http_do_web(q, "openapi.json", false);
 }
 
 static int events(struct http_request *q)
 {
-    return sst_http_do_events(q);
+    return http_do_events(q);
 }
 
 static int event_stream(struct http_request *q)
 {
-    return sst_http_do_listen(q);
+    return http_do_listen(q);
 }
 
 /* Calls that take nothing. */
@@ -116,7 +116,7 @@ static int event_stream(struct http_request *q)
         struct sst_api_answer out = { 0 };                                                                             \
         const int err = api_of(q)->name(api_of(q)->arg, &out);                                                         \
                                                                                                                        \
-        return sst_http_reply_answer(q, err, &out, what);                                                              \
+        return http_reply_answer(q, err, &out, what);                                                                  \
     }
 PLAIN(cameras, "cameras")
 PLAIN(labels, "labels")
@@ -131,7 +131,7 @@ static int status(struct http_request *q)
 
     if (!err)
         json_object_set_new(out.body, "role", json_string(q->role == SST_ROLE_CONTROL ? "control" : "view"));
-    return sst_http_reply_answer(q, err, &out, "status");
+    return http_reply_answer(q, err, &out, "status");
 }
 
 /* A body, although there is nothing to say. */
@@ -141,8 +141,8 @@ static int calibration_check(struct http_request *q)
     struct sst_api_answer out = { 0 };
 
     if (sst_api_members(q->body, known, out.error))
-        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "calibration check: %s", out.error);
-    return sst_http_reply_answer(q, api_of(q)->calibration_check(api_of(q)->arg, &out), &out, "calibration check");
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "calibration check: %s", out.error);
+    return http_reply_answer(q, api_of(q)->calibration_check(api_of(q)->arg, &out), &out, "calibration check");
 }
 
 /* Calls that take the body. */
@@ -152,7 +152,7 @@ static int calibration_check(struct http_request *q)
         struct sst_api_answer out = { 0 };                                                                             \
         const int err = api_of(q)->call(api_of(q)->arg, q->body, &out);                                                \
                                                                                                                        \
-        return sst_http_reply_answer(q, err, &out, what);                                                              \
+        return http_reply_answer(q, err, &out, what);                                                                  \
     }
 WITH_BODY(view_create, view_create, "view")
 WITH_BODY(snapshot, snapshot, "snapshot")
@@ -166,16 +166,16 @@ static int view_change(struct http_request *q)
     int err;
 
     if (!strcmp(q->name, "main") && q->role < SST_ROLE_CONTROL)
-        return sst_http_reply_error(q, MHD_HTTP_FORBIDDEN,
-                                    "the main view is what everybody sees: changing it takes the control role; "
-                                    "POST /api/v1/views makes a view of your own");
+        return http_reply_error(q, MHD_HTTP_FORBIDDEN,
+                                "the main view is what everybody sees: changing it takes the control role; "
+                                "POST /api/v1/views makes a view of your own");
     err = api_of(q)->view_change(api_of(q)->arg, q->name, q->body, &out);
-    return sst_http_reply_answer(q, err, &out, "view");
+    return http_reply_answer(q, err, &out, "view");
 }
 
 static bool coordinate(struct http_request *q, const char *name, double *out)
 {
-    const char *text = sst_http_query(q, name);
+    const char *text = http_query(q, name);
     char *end = NULL;
 
     if (!text || !text[0])
@@ -191,10 +191,10 @@ static int pick(struct http_request *q)
     int err;
 
     if (!coordinate(q, "x", &x) || !coordinate(q, "y", &y))
-        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST,
-                                    "pick: give x and y in pixels of the picture, like ?x=320&y=240");
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST,
+                                "pick: give x and y in pixels of the picture, like ?x=320&y=240");
     err = api_of(q)->pick(api_of(q)->arg, q->name, x, y, &out);
-    return sst_http_reply_answer(q, err, &out, "pick");
+    return http_reply_answer(q, err, &out, "pick");
 }
 
 static int reload(struct http_request *q)
@@ -205,11 +205,11 @@ static int reload(struct http_request *q)
     int err;
 
     if (sst_api_members(q->body, known, out.error))
-        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: %s", out.error);
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: %s", out.error);
     if (dry && !json_is_boolean(dry))
-        return sst_http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: dry_run is true or false");
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: dry_run is true or false");
     err = api_of(q)->reload(api_of(q)->arg, json_is_true(dry), &out);
-    return sst_http_reply_answer(q, err, &out, "reload");
+    return http_reply_answer(q, err, &out, "reload");
 }
 
 static int metrics(struct http_request *q)
@@ -219,23 +219,23 @@ static int metrics(struct http_request *q)
     const int err = api_of(q)->metrics(api_of(q)->arg, &text);
 
     if (err)
-        return sst_http_reply_answer(q, err, &out, "metrics");
-    return sst_http_reply_text(q, MHD_HTTP_OK, "text/plain; version=0.0.4; charset=utf-8", text);
+        return http_reply_answer(q, err, &out, "metrics");
+    return http_reply_text(q, MHD_HTTP_OK, "text/plain; version=0.0.4; charset=utf-8", text);
 }
 
 static int download(struct http_request *q)
 {
-    return sst_http_do_download(q);
+    return http_do_download(q);
 }
 
 #define PICTURE(what, kind, name)                                                                                      \
     static int stream_##what(struct http_request *q)                                                                   \
     {                                                                                                                  \
-        return sst_http_do_stream(q, SST_PICTURE_##kind, name);                                                        \
+        return http_do_stream(q, SST_PICTURE_##kind, name);                                                            \
     }                                                                                                                  \
     static int snapshot_##what(struct http_request *q)                                                                 \
     {                                                                                                                  \
-        return sst_http_do_snapshot(q, SST_PICTURE_##kind, name);                                                      \
+        return http_do_snapshot(q, SST_PICTURE_##kind, name);                                                          \
     }
 PICTURE(main, VIEW, "main")
 PICTURE(view, VIEW, q->name)
@@ -246,7 +246,7 @@ PICTURE(disparity, DISPARITY, "")
 #define HANDLER(method, path, role, what, handler) handler,
 static http_handler_fn *const handlers[] = { ROUTES(HANDLER) };
 
-http_handler_fn *sst_http_handler(int index)
+http_handler_fn *http_handler(int index)
 {
     return handlers[index];
 }

@@ -3,7 +3,7 @@
  * A stream runs on its connection's thread: it waits at the outlet and hands the shared picture to the socket in
  * pieces, so that a viewer who is slow holds one picture and nobody else up; what he misses meanwhile is counted. */
 #define _GNU_SOURCE /* POLLRDHUP */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -76,7 +76,7 @@ static bool next_picture(struct stream *s)
         pause_until(s, s->due_ns);
     }
     for (;;) {
-        if (atomic_load(&s->http->stopping) || sst_outlet_is_shut(s->outlet) || sst_http_peer_gone(s->fd))
+        if (atomic_load(&s->http->stopping) || sst_outlet_is_shut(s->outlet) || http_peer_gone(s->fd))
             return false;
         now_ns = sst_clock_now_ns();
         if (!s->jpeg) /* else the one up to which those that were missed are counted */
@@ -159,10 +159,10 @@ static int find_outlet(struct http_request *q, enum sst_api_picture kind, const 
     if (err == -ENOENT)
         snprintf(answer.error, sizeof(answer.error), "there is no %s %s; GET /api/v1/%s lists them", kinds[kind], name,
                  kind == SST_PICTURE_CAMERA ? "cameras" : "views");
-    return sst_http_reply_answer(q, err, &answer, kinds[kind]);
+    return http_reply_answer(q, err, &answer, kinds[kind]);
 }
 
-int sst_http_do_stream(struct http_request *q, enum sst_api_picture kind, const char *name)
+int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char *name)
 {
     static const char type[] = "multipart/x-mixed-replace; boundary=" BOUNDARY;
     const int unsent = UNSENT_MAX;
@@ -174,9 +174,9 @@ int sst_http_do_stream(struct http_request *q, enum sst_api_picture kind, const 
     if (atomic_fetch_add(&q->http->streams, 1) >= q->http->cfg.streams) {
         atomic_fetch_sub(&q->http->streams, 1);
         atomic_fetch_add(&q->http->refused, 1);
-        return sst_http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
-                                    "%d moving pictures are being watched already; close one, or raise web.streams",
-                                    q->http->cfg.streams);
+        return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
+                                "%d moving pictures are being watched already; close one, or raise web.streams",
+                                q->http->cfg.streams);
     }
     done = find_outlet(q, kind, name, &outlet);
     s = done < 0 ? calloc(1, sizeof(*s)) : NULL;
@@ -204,9 +204,9 @@ int sst_http_do_stream(struct http_request *q, enum sst_api_picture kind, const 
     }
     if (!q->local) /* refused by no kernel of the last years; without it a slow viewer is merely later */
         (void)!setsockopt(q->fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof(unsent));
-    sst_http_set(response, "Content-Type", "%s", type);
-    sst_http_set(response, "X-Accel-Buffering", "no");
-    return sst_http_reply(q, MHD_HTTP_OK, response);
+    http_set(response, "Content-Type", "%s", type);
+    http_set(response, "X-Accel-Buffering", "no");
+    return http_reply(q, MHD_HTTP_OK, response);
 }
 
 /* The newest picture; one that is old only when no newer one comes soon. */
@@ -241,7 +241,7 @@ static void jpeg_free(void *arg)
     sst_jpeg_unref(arg);
 }
 
-int sst_http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const char *name)
+int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const char *name)
 {
     struct MHD_Response *response;
     const struct sst_jpeg *jpeg;
@@ -257,7 +257,7 @@ int sst_http_do_snapshot(struct http_request *q, enum sst_api_picture kind, cons
     sst_outlet_leave(outlet);
     sst_outlet_unref(outlet);
     if (!jpeg)
-        return sst_http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE, "there is no picture yet; try again in a moment");
+        return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE, "there is no picture yet; try again in a moment");
     atomic_fetch_add(&q->http->bytes, jpeg->bytes);
     set = jpeg->set;
     wall_ns = jpeg->wall_ns;
@@ -267,14 +267,14 @@ int sst_http_do_snapshot(struct http_request *q, enum sst_api_picture kind, cons
         sst_jpeg_unref(jpeg);
         return MHD_NO;
     }
-    sst_http_set(response, "Content-Type", "image/jpeg");
-    sst_http_set(response, "X-Timestamp", "%lld.%06lld", (long long)(wall_ns / 1000000000),
-                 (long long)(wall_ns % 1000000000 / 1000));
-    sst_http_set(response, "X-Sst-Set", "%llu", (unsigned long long)set);
-    return sst_http_reply(q, MHD_HTTP_OK, response);
+    http_set(response, "Content-Type", "image/jpeg");
+    http_set(response, "X-Timestamp", "%lld.%06lld", (long long)(wall_ns / 1000000000),
+             (long long)(wall_ns % 1000000000 / 1000));
+    http_set(response, "X-Sst-Set", "%llu", (unsigned long long)set);
+    return http_reply(q, MHD_HTTP_OK, response);
 }
 
-bool sst_http_peer_gone(int fd)
+bool http_peer_gone(int fd)
 {
     struct pollfd p = { .fd = fd, .events = POLLRDHUP };
 

@@ -2,7 +2,7 @@
  *
  * microhttpd keeps the pair that it was started with. Each connection is given the newest one when it begins, before
  * its handshake, and keeps it until it ends; the pair goes with the last of them. */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -144,7 +144,7 @@ static void unref_locked(struct http_pair *p)
         destroy(p);
 }
 
-struct http_pair *sst_http_tls_begin(struct http_tls *t, struct MHD_Connection *connection)
+struct http_pair *http_tls_begin(struct http_tls *t, struct MHD_Connection *connection)
 {
     const union MHD_ConnectionInfo *info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_GNUTLS_SESSION);
     struct http_pair *p;
@@ -161,7 +161,7 @@ struct http_pair *sst_http_tls_begin(struct http_tls *t, struct MHD_Connection *
     return p;
 }
 
-void sst_http_tls_end(struct http_tls *t, struct http_pair *p)
+void http_tls_end(struct http_tls *t, struct http_pair *p)
 {
     pthread_mutex_lock(&t->lock);
     unref_locked(p);
@@ -234,7 +234,7 @@ static int renew(struct http_tls *t, const char *certificate, const char *key, b
     return 1;
 }
 
-int sst_http_tls_open(struct http_tls *t, const struct sst_http_config *cfg)
+int http_tls_open(struct http_tls *t, const struct sst_http_config *cfg)
 {
     struct sst_http_certificate now;
 
@@ -251,7 +251,7 @@ int sst_http_tls_open(struct http_tls *t, const struct sst_http_config *cfg)
     return sst_min_int(renew(t, cfg->tls_certificate, cfg->tls_key, false, &now), 0);
 }
 
-struct http_pair *sst_http_tls_take(struct http_tls *t)
+struct http_pair *http_tls_take(struct http_tls *t)
 {
     struct http_pair *p;
 
@@ -263,18 +263,18 @@ struct http_pair *sst_http_tls_take(struct http_tls *t)
     return p;
 }
 
-void *sst_http_tls_pem(const struct http_pair *p, bool key)
+void *http_tls_pem(const struct http_pair *p, bool key)
 {
     return p ? p->pem[key] : NULL;
 }
 
-void sst_http_tls_init(struct http_tls *t)
+void http_tls_init(struct http_tls *t)
 {
     pthread_mutex_init(&t->reading, NULL);
     pthread_mutex_init(&t->lock, NULL);
 }
 
-void sst_http_tls_fini(struct http_tls *t)
+void http_tls_fini(struct http_tls *t)
 {
     unref_locked(t->pair);
     pthread_mutex_destroy(&t->lock);
@@ -344,7 +344,7 @@ static void look_at_time(struct http_tls *t, const struct sst_http_certificate *
     t->told = told;
 }
 
-void sst_http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns)
+void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns)
 {
     struct sst_http_certificate c;
 

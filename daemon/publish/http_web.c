@@ -1,6 +1,6 @@
 /* The page's files, which are part of the program, and the form for the token. */
 #define _GNU_SOURCE /* asprintf */
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
 
@@ -36,7 +36,7 @@ static const char *type_of(const char *name)
 }
 
 /* FNV-1a of the content: the same file has the same tag after an update. */
-static uint64_t hash_of(const struct sst_web_file *f)
+static uint64_t hash_of(const struct web_file *f)
 {
     uint64_t h = 14695981039346656037u;
 
@@ -50,13 +50,13 @@ static struct MHD_Response *empty(void)
     return MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
 }
 
-void sst_http_set_cookie(struct http_request *q, struct MHD_Response *response, const char *token)
+void http_set_cookie(struct http_request *q, struct MHD_Response *response, const char *token)
 {
     char name[HTTP_COOKIE];
 
-    sst_http_cookie(q->http, name);
-    sst_http_set(response, "Set-Cookie", "%s=%s; Path=/; Max-Age=%d; HttpOnly; SameSite=Strict%s", name, token,
-                 COOKIE_S, q->http->tls ? "; Secure" : "");
+    http_cookie(q->http, name);
+    http_set(response, "Set-Cookie", "%s=%s; Path=/; Max-Age=%d; HttpOnly; SameSite=Strict%s", name, token, COOKIE_S,
+             q->http->tls ? "; Secure" : "");
 }
 
 /* The token goes from the address into a cookie, so that it stands in no history. */
@@ -66,19 +66,19 @@ static int redirect_with_cookie(struct http_request *q, const char *token)
 
     if (!response)
         return MHD_NO;
-    sst_http_set_cookie(q, response, token);
+    http_set_cookie(q, response, token);
     if (!q->name[0])
-        sst_http_set(response, "Location", "/");
+        http_set(response, "Location", "/");
     else
-        sst_http_set(response, "Location", "/web/%s", q->name);
-    return sst_http_reply(q, MHD_HTTP_SEE_OTHER, response);
+        http_set(response, "Location", "/web/%s", q->name);
+    return http_reply(q, MHD_HTTP_SEE_OTHER, response);
 }
 
-int sst_http_do_web(struct http_request *q, const char *file, bool redirect)
+int http_do_web(struct http_request *q, const char *file, bool redirect)
 {
-    const char *token = redirect ? sst_http_query(q, "token") : NULL;
-    const char *match = sst_http_header(q, "If-None-Match");
-    const struct sst_web_file *f = sst_web_files;
+    const char *token = redirect ? http_query(q, "token") : NULL;
+    const char *match = http_header(q, "If-None-Match");
+    const struct web_file *f = web_files;
     struct MHD_Response *response;
     char etag[32];
     bool same;
@@ -88,19 +88,19 @@ int sst_http_do_web(struct http_request *q, const char *file, bool redirect)
     while (f->name && strcmp(f->name, file))
         f++;
     if (!f->name)
-        return sst_http_reply_error(q, MHD_HTTP_NOT_FOUND, "the page has no file %s", file);
+        return http_reply_error(q, MHD_HTTP_NOT_FOUND, "the page has no file %s", file);
     snprintf(etag, sizeof(etag), "\"%016llx\"", (unsigned long long)hash_of(f));
-    same = match && sst_http_etag_matches(match, etag);
+    same = match && http_etag_matches(match, etag);
     response =
         same ? empty()
              : MHD_create_response_from_buffer((size_t)(f->end - f->data), (void *)f->data, MHD_RESPMEM_PERSISTENT);
     if (!response)
         return MHD_NO;
     atomic_fetch_add(&q->http->bytes, same ? 0 : (uint64_t)(f->end - f->data));
-    sst_http_set(response, "Content-Type", "%s", type_of(file));
-    sst_http_set(response, "ETag", "%s", etag);
-    sst_http_set(response, "Cache-Control", "no-cache"); /* kept, but asked for each time */
-    return sst_http_reply(q, same ? MHD_HTTP_NOT_MODIFIED : MHD_HTTP_OK, response);
+    http_set(response, "Content-Type", "%s", type_of(file));
+    http_set(response, "ETag", "%s", etag);
+    http_set(response, "Cache-Control", "no-cache"); /* kept, but asked for each time */
+    return http_reply(q, same ? MHD_HTTP_NOT_MODIFIED : MHD_HTTP_OK, response);
 }
 
 static const char form[] =
@@ -130,7 +130,7 @@ static void escape(char *out, size_t size, const char *text)
     out[n] = 0;
 }
 
-int sst_http_reply_login(struct http_request *q, int status, const char *sentence)
+int http_reply_login(struct http_request *q, int status, const char *sentence)
 {
     struct MHD_Response *response;
     char file[1024], *text;
@@ -146,43 +146,43 @@ int sst_http_reply_login(struct http_request *q, int status, const char *sentenc
         free(text);
         return MHD_NO;
     }
-    sst_http_set(response, "Content-Type", "text/html; charset=utf-8");
+    http_set(response, "Content-Type", "text/html; charset=utf-8");
     /* The one page with a style in it: the files of the page are for those who are logged in. */
-    sst_http_set(response, "Content-Security-Policy",
-                 "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
-                 "frame-ancestors 'none'");
-    return sst_http_reply(q, status, response);
+    http_set(response, "Content-Security-Policy",
+             "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
+             "frame-ancestors 'none'");
+    return http_reply(q, status, response);
 }
 
-int sst_http_do_login_form(struct http_request *q)
+int http_do_login_form(struct http_request *q)
 {
-    return sst_http_reply_login(
-        q, MHD_HTTP_OK, sst_http_query(q, "wrong") ? "The token that was given is not right, or not any more." : NULL);
+    return http_reply_login(q, MHD_HTTP_OK,
+                            http_query(q, "wrong") ? "The token that was given is not right, or not any more." : NULL);
 }
 
-int sst_http_do_login(struct http_request *q)
+int http_do_login(struct http_request *q)
 {
     char token[HTTP_TOKEN_MAX + 1];
     struct MHD_Response *response;
     char sentence[96];
     int retry_s, status;
 
-    if (!sst_http_form_token(q->data ? q->data : "", q->size, token) ||
-        sst_http_auth_token(&q->http->auth, token) == SST_ROLE_ANYONE) {
-        status = sst_http_wrong_token(q, &retry_s);
+    if (!http_form_token(q->data ? q->data : "", q->size, token) ||
+        http_auth_token(&q->http->auth, token) == SST_ROLE_ANYONE) {
+        status = http_wrong_token(q, &retry_s);
         if (status == MHD_HTTP_TOO_MANY_REQUESTS)
             snprintf(sentence, sizeof(sentence), "Too many wrong tokens; try again in %d seconds.", retry_s);
         else
             snprintf(sentence, sizeof(sentence), "That is not the token.");
         atomic_fetch_add(&q->http->refused, 1);
-        return sst_http_reply_login(q, status, sentence);
+        return http_reply_login(q, status, sentence);
     }
     response = empty();
     if (!response)
         return MHD_NO;
-    sst_http_set_cookie(q, response, token);
-    sst_http_set(response, "Location", "/");
-    return sst_http_reply(q, MHD_HTTP_SEE_OTHER, response);
+    http_set_cookie(q, response, token);
+    http_set(response, "Location", "/");
+    return http_reply(q, MHD_HTTP_SEE_OTHER, response);
 }
 
 #endif

@@ -1,5 +1,5 @@
 /* The connection: one thread that never holds anybody up, and that can be left behind. */
-#include "daemon/publish/mqtt_parts.h"
+#include "daemon/publish/publish_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -25,14 +25,14 @@
 
 /* --- messages ----------------------------------------------------------------------------------------------------- */
 
-bool sst_mqtt_free(const struct sst_mqtt *m)
+bool mqtt_free(const struct sst_mqtt *m)
 {
     return m->up && m->under_way < SST_MQTT_UNDER_WAY;
 }
 
-bool sst_mqtt_tell_at(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain)
+bool mqtt_tell_at(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain)
 {
-    if (!sst_mqtt_free(m) || bytes > INT32_MAX)
+    if (!mqtt_free(m) || bytes > INT32_MAX)
         return false;
     m->under_way++; /* on_publish() may come before the return */
     if (mosquitto_publish(m->client, NULL, topic, (int)bytes, payload, qos, retain)) {
@@ -45,13 +45,13 @@ bool sst_mqtt_tell_at(struct sst_mqtt *m, const char *topic, const void *payload
     return true;
 }
 
-bool sst_mqtt_tell(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain)
+bool mqtt_tell(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain)
 {
     char whole[SST_MQTT_TOPIC_MAX];
 
     if (snprintf(whole, sizeof(whole), "%s/%s", m->config->mqtt.topic, topic) >= (int)sizeof(whole))
         return true; /* never: it is not tried again */
-    return sst_mqtt_tell_at(m, whole, payload, bytes, qos, retain);
+    return mqtt_tell_at(m, whole, payload, bytes, qos, retain);
 }
 
 static void on_publish(struct mosquitto *client, void *arg, int id)
@@ -63,7 +63,7 @@ static void on_publish(struct mosquitto *client, void *arg, int id)
     m->under_way = sst_max_int(m->under_way - 1, 0); /* some may be of an earlier connection */
 }
 
-bool sst_mqtt_ask(struct sst_mqtt *m, const char *pattern)
+bool mqtt_ask(struct sst_mqtt *m, const char *pattern)
 {
     return !mosquitto_subscribe(m->client, NULL, pattern, 0);
 }
@@ -77,9 +77,9 @@ static void on_message(struct mosquitto *client, void *arg, const struct mosquit
     if (m->stop)
         return;
     if (message->retain && message->payloadlen)
-        sst_mqtt_found(m, message->topic);
+        mqtt_found(m, message->topic);
     if (!strncmp(message->topic, m->config->mqtt.topic, n) && message->topic[n] == '/')
-        sst_mqtt_command(m, message->topic + n + 1, message->payload, (size_t)message->payloadlen, message->retain);
+        mqtt_command(m, message->topic + n + 1, message->payload, (size_t)message->payloadlen, message->retain);
 }
 
 /* --- connection --------------------------------------------------------------------------------------------------- */
@@ -110,7 +110,7 @@ static void lost(struct sst_mqtt *m, const char *why)
     pthread_mutex_lock(&m->lock);
     m->n.connected = false;
     pthread_mutex_unlock(&m->lock);
-    sst_mqtt_forget(m);
+    mqtt_forget(m);
 }
 
 /* Of an error of the library's, directly after it. */
@@ -147,7 +147,7 @@ static void on_connect(struct mosquitto *client, void *arg, int code)
     m->n.connected = true;
     m->n.connects++;
     pthread_mutex_unlock(&m->lock);
-    sst_mqtt_greet(m);
+    mqtt_greet(m);
 }
 
 static int make_client(struct sst_mqtt *m)
@@ -236,9 +236,9 @@ static void withdraw(struct sst_mqtt *m)
     const int64_t end_ns = sst_clock_now_ns() + WITHDRAW_NS;
     bool told = false;
 
-    sst_mqtt_withdraw(m);
+    mqtt_withdraw(m);
     while (!(told && !mosquitto_want_write(m->client)) && !m->stop && sst_clock_now_ns() < end_ns) {
-        told = sst_mqtt_hello(m);
+        told = mqtt_hello(m);
         if (mosquitto_loop(m->client, 20, 1))
             return; /* the next loop says why */
     }
@@ -271,7 +271,7 @@ static void take_config(struct sst_mqtt *m)
     m->wait_ns = WAIT_MIN_NS;
     m->next_try_ns = 0;
     if (m->up)
-        sst_mqtt_greet(m);
+        mqtt_greet(m);
 }
 
 static void step(struct sst_mqtt *m)
@@ -298,7 +298,7 @@ static void step(struct sst_mqtt *m)
         return;
     }
     if (m->up && !m->stop)
-        sst_mqtt_due(m);
+        mqtt_due(m);
 }
 
 /* Those who subscribed learn it at once, instead of when the broker misses us. */
@@ -310,7 +310,7 @@ static void say_goodbye(struct sst_mqtt *m)
     if (!m->up)
         return;
     m->under_way = 0; /* this one is always let through */
-    if (!sst_mqtt_tell(m, "available", "offline", 7, 0, true))
+    if (!mqtt_tell(m, "available", "offline", 7, 0, true))
         return;
     m->under_way += before;
     /* A connection that is closed with receipts unread is reset, and the broker publishes the last will, too. */
@@ -322,7 +322,7 @@ static void say_goodbye(struct sst_mqtt *m)
 
 static void destroy(struct sst_mqtt *m)
 {
-    sst_mqtt_forget(m);
+    mqtt_forget(m);
     drop_client(m);
     mosquitto_lib_cleanup();
     pthread_cond_destroy(&m->changed);

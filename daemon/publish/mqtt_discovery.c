@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "daemon/publish/mqtt_parts.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_MQTT
 
@@ -14,7 +14,7 @@
 struct announcement {
     const struct sst_config *config;
     char node[128]; /* the topic as one word */
-    struct sst_mqtt_message *list;
+    struct mqtt_message *list;
     int n;
     bool failed;
 };
@@ -76,7 +76,7 @@ static void add(struct announcement *a, const struct entity *e)
 {
     char topic[SST_MQTT_TOPIC_MAX], id[256];
     json_t *o = json_object();
-    struct sst_mqtt_message *m = &a->list[a->n];
+    struct mqtt_message *m = &a->list[a->n];
 
     if (a->n == ENTITIES_MAX || !o) {
         json_decref(o);
@@ -145,7 +145,7 @@ static void add_zones(struct announcement *a)
     }
 }
 
-void sst_mqtt_node(char out[128], const struct sst_config *config)
+void mqtt_node(char out[128], const struct sst_config *config)
 {
     const char *t = config->mqtt.topic;
     size_t n = 0;
@@ -155,28 +155,28 @@ void sst_mqtt_node(char out[128], const struct sst_config *config)
     out[n] = 0;
 }
 
-int sst_mqtt_announce(struct sst_mqtt_message **out, const struct sst_config *config, const json_t *cameras)
+int mqtt_announce(struct mqtt_message **out, const struct sst_config *config, const json_t *cameras)
 {
     struct announcement a = { .config = config };
 
     a.list = calloc(ENTITIES_MAX, sizeof(*a.list));
     if (!a.list)
         return -ENOMEM;
-    sst_mqtt_node(a.node, config);
+    mqtt_node(a.node, config);
     for (size_t i = 0; i < ARRAY_LEN(entities); i++)
         if (strcmp(entities[i].component, "camera") != 0 || config->mqtt.picture_s > 0)
             add(&a, &entities[i]);
     add_cameras(&a, cameras);
     add_zones(&a);
     if (a.failed) {
-        sst_mqtt_messages_free(a.list, a.n);
+        mqtt_messages_free(a.list, a.n);
         return -ENOMEM;
     }
     *out = a.list;
     return a.n;
 }
 
-void sst_mqtt_messages_free(struct sst_mqtt_message *list, int n)
+void mqtt_messages_free(struct mqtt_message *list, int n)
 {
     for (int i = 0; i < n; i++) {
         free(list[i].topic);

@@ -7,7 +7,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/publish/mqtt_parts.h"
+#include "daemon/publish/publish_internal.h"
 
 #if WITH_MQTT
 
@@ -32,7 +32,7 @@ static json_t *member(const json_t *o, const char *path)
     return (json_t *)(uintptr_t)o;
 }
 
-json_t *sst_mqtt_short_status(const json_t *status)
+json_t *mqtt_short_status(const json_t *status)
 {
     static const char *const taken[][2] = {
         { "state", "state" },
@@ -76,7 +76,7 @@ json_t *sst_mqtt_short_status(const json_t *status)
 static bool tell_json(struct sst_mqtt *m, const char *topic, const json_t *o)
 {
     char *text = json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(6));
-    bool done = text && sst_mqtt_tell(m, topic, text, strlen(text), 1, true);
+    bool done = text && mqtt_tell(m, topic, text, strlen(text), 1, true);
 
     free(text);
     return done;
@@ -84,7 +84,7 @@ static bool tell_json(struct sst_mqtt *m, const char *topic, const json_t *o)
 
 static bool tell_text(struct sst_mqtt *m, const char *topic, const char *text)
 {
-    return sst_mqtt_tell(m, topic, text, strlen(text), 1, true);
+    return mqtt_tell(m, topic, text, strlen(text), 1, true);
 }
 
 static void tell_status(struct sst_mqtt *m)
@@ -96,7 +96,7 @@ static void tell_status(struct sst_mqtt *m)
 
     if (m->api->status(m->api->arg, &a))
         return;
-    o = sst_mqtt_short_status(a.body);
+    o = mqtt_short_status(a.body);
     focus = json_object_get(o, "focus_px");
     if (json_is_number(focus))
         snprintf(text, sizeof(text), "%.6g", json_number_value(focus));
@@ -119,7 +119,7 @@ static void tell_cameras(struct sst_mqtt *m)
 
     if (m->api->cameras(m->api->arg, &a))
         return;
-    if ((int)json_array_size(json_object_get(a.body, "cameras")) != m->cameras && sst_mqtt_hello(m))
+    if ((int)json_array_size(json_object_get(a.body, "cameras")) != m->cameras && mqtt_hello(m))
         add_hello(m); /* they were opened after connecting */
     json_array_foreach(json_object_get(a.body, "cameras"), i, camera)
     {
@@ -173,7 +173,7 @@ static bool tell_event(struct sst_mqtt *m, const char *text)
 
     if (type) {
         snprintf(topic, sizeof(topic), "event/%.48s", type);
-        done = sst_mqtt_tell(m, topic, text, strlen(text), 1, false);
+        done = mqtt_tell(m, topic, text, strlen(text), 1, false);
         if (done && !strcmp(type, "motion"))
             tell_motion(m, json_object_get(o, "data"));
         m->unread_events = m->unread_events || of_state(type);
@@ -234,7 +234,7 @@ static void tell_picture(struct sst_mqtt *m, int64_t now_ns)
     jpeg = sst_outlet_get(m->outlet, m->picture);
     if (!jpeg)
         return;
-    if (sst_mqtt_tell(m, "picture", jpeg->data, jpeg->bytes, 0, true)) {
+    if (mqtt_tell(m, "picture", jpeg->data, jpeg->bytes, 0, true)) {
         m->picture = jpeg->number;
         m->picture_ns = now_ns + (int64_t)(m->config->mqtt.picture_s * 1e9);
         leave(m);
@@ -246,7 +246,7 @@ static void tell_picture(struct sst_mqtt *m, int64_t now_ns)
 
 static void forget_hello(struct sst_mqtt *m)
 {
-    sst_mqtt_messages_free(m->hello, m->hellos);
+    mqtt_messages_free(m->hello, m->hellos);
     m->hello = NULL;
     m->hellos = m->hello_next = 0;
 }
@@ -260,32 +260,32 @@ static void add_hello(struct sst_mqtt *m)
     if (m->api->cameras(m->api->arg, &a))
         a.body = NULL;
     m->cameras = (int)json_array_size(json_object_get(a.body, "cameras"));
-    n = m->config->mqtt.discovery[0] ? sst_mqtt_announce(&m->hello, m->config, a.body) : 0;
+    n = m->config->mqtt.discovery[0] ? mqtt_announce(&m->hello, m->config, a.body) : 0;
     json_decref(a.body);
     m->hellos = sst_max_int(n, 0);
     m->asked = !m->hellos;
 }
 
-bool sst_mqtt_hello(struct sst_mqtt *m)
+bool mqtt_hello(struct sst_mqtt *m)
 {
     char node[128], pattern[SST_MQTT_TOPIC_MAX];
 
     while (m->hello_next < m->hellos) {
-        const struct sst_mqtt_message *h = &m->hello[m->hello_next];
+        const struct mqtt_message *h = &m->hello[m->hello_next];
 
-        if (!sst_mqtt_tell_at(m, h->topic, h->payload, strlen(h->payload), 1, true))
+        if (!mqtt_tell_at(m, h->topic, h->payload, strlen(h->payload), 1, true))
             return false;
         m->hello_next++;
     }
     if (!m->asked) {
-        sst_mqtt_node(node, m->config);
+        mqtt_node(node, m->config);
         snprintf(pattern, sizeof(pattern), "%s/+/%s/+/config", m->config->mqtt.discovery, node);
-        m->asked = sst_mqtt_ask(m, pattern);
+        m->asked = mqtt_ask(m, pattern);
     }
     return true;
 }
 
-void sst_mqtt_withdraw(struct sst_mqtt *m)
+void mqtt_withdraw(struct sst_mqtt *m)
 {
     for (int i = 0; i < m->hellos; i++)
         m->hello[i].payload[0] = 0; /* an empty retained message removes the one before */
@@ -300,7 +300,7 @@ static bool read_id(const struct sst_mqtt *m, const char *topic, char id[64])
     char node[128];
     int end = 0;
 
-    sst_mqtt_node(node, m->config);
+    mqtt_node(node, m->config);
     if (strncmp(topic, m->config->mqtt.discovery, n) != 0 || topic[n] != '/')
         return false;
     topic += n + 1;
@@ -312,7 +312,7 @@ static bool read_id(const struct sst_mqtt *m, const char *topic, char id[64])
            !topic[strlen(node) + 1 + (size_t)end];
 }
 
-void sst_mqtt_found(struct sst_mqtt *m, const char *topic)
+void mqtt_found(struct sst_mqtt *m, const char *topic)
 {
     char id[64], state[96];
 
@@ -323,27 +323,27 @@ void sst_mqtt_found(struct sst_mqtt *m, const char *topic)
             return;
     if (!m->hellos || (!m->cameras && !strncmp(id, "camera_", 7)))
         return; /* which cameras there are is not known yet */
-    if (!sst_mqtt_tell_at(m, topic, "", 0, 1, true))
+    if (!mqtt_tell_at(m, topic, "", 0, 1, true))
         m->asked = false; /* once more, later */
     if (!strncmp(id, "zone_", 5)) {
         snprintf(state, sizeof(state), "zone/%s/motion", id + 5);
-        (void)sst_mqtt_tell(m, state, "", 0, 1, true);
+        (void)mqtt_tell(m, state, "", 0, 1, true);
     }
 }
 
-void sst_mqtt_greet(struct sst_mqtt *m)
+void mqtt_greet(struct sst_mqtt *m)
 {
-    sst_mqtt_forget(m);
+    mqtt_forget(m);
     add_hello(m);
     (void)tell_text(m, "available", "online");
     m->status_ns = m->picture_ns = 0;
 }
 
-void sst_mqtt_due(struct sst_mqtt *m)
+void mqtt_due(struct sst_mqtt *m)
 {
     const int64_t now_ns = sst_clock_now_ns();
 
-    if (!sst_mqtt_hello(m))
+    if (!mqtt_hello(m))
         return;
     tell_events(m);
     if (m->unread_events && m->status_ns > now_ns + SOON_NS)
@@ -357,7 +357,7 @@ void sst_mqtt_due(struct sst_mqtt *m)
     tell_picture(m, now_ns);
 }
 
-void sst_mqtt_forget(struct sst_mqtt *m)
+void mqtt_forget(struct sst_mqtt *m)
 {
     leave(m);
     sst_outlet_unref(m->outlet);
@@ -403,7 +403,7 @@ static int focus(struct sst_mqtt *m, const char *text, struct sst_api_answer *a)
     return err;
 }
 
-void sst_mqtt_command(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained)
+void mqtt_command(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained)
 {
     struct sst_api_answer a = { 0 };
     char text[40];

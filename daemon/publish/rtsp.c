@@ -41,7 +41,7 @@ struct sst_rtsp {
     /* fixed after open */
     const struct sst_api *api;
     enum sst_rtsp_codec codec;
-    struct sst_rtsp_login login;
+    struct rtsp_login login;
     char address[64];
     int wake;
     pthread_t thread;
@@ -64,9 +64,9 @@ struct sst_rtsp {
 
 /* --- what the process says ---------------------------------------------------------------------------------------- */
 
-static int say(struct sst_rtsp *rtsp, const struct sst_rtsp_message *message, const void *data)
+static int say(struct sst_rtsp *rtsp, const struct rtsp_message *message, const void *data)
 {
-    return sst_rtsp_link_send(rtsp->link, message, data, rtsp->wake);
+    return rtsp_link_send(rtsp->link, message, data, rtsp->wake);
 }
 
 static void watch(struct place *p, bool watched)
@@ -91,9 +91,9 @@ static void forget(struct sst_rtsp *rtsp, struct place *p)
     rtsp->places--;
 }
 
-static int find(struct sst_rtsp *rtsp, const struct sst_rtsp_message *m, struct place *p)
+static int find(struct sst_rtsp *rtsp, const struct rtsp_message *m, struct place *p)
 {
-    struct sst_rtsp_message answer = { .word = SST_RTSP_FOUND, .place = m->place };
+    struct rtsp_message answer = { .word = SST_RTSP_FOUND, .place = m->place };
 
     if (p->outlet || (m->value != SST_PICTURE_VIEW && m->value != SST_PICTURE_CAMERA))
         return -EPROTO;
@@ -123,8 +123,8 @@ static void tell_wrong(struct sst_rtsp *rtsp, const char *who)
 /* Clients of the process may have got hold of it: what it says is checked. */
 static int hear(struct sst_rtsp *rtsp)
 {
-    struct sst_rtsp_message m;
-    const int err = sst_rtsp_link_read(rtsp->link, &m, sizeof(m), rtsp->wake);
+    struct rtsp_message m;
+    const int err = rtsp_link_read(rtsp->link, &m, sizeof(m), rtsp->wake);
     struct place *p;
 
     if (err)
@@ -163,7 +163,7 @@ static int hear(struct sst_rtsp *rtsp)
 static int show(struct sst_rtsp *rtsp, int at)
 {
     struct place *p = &rtsp->place[at];
-    struct sst_rtsp_message m = { .word = SST_RTSP_OVER, .place = at };
+    struct rtsp_message m = { .word = SST_RTSP_OVER, .place = at };
     const struct sst_jpeg *jpeg;
     int err;
 
@@ -177,12 +177,12 @@ static int show(struct sst_rtsp *rtsp, int at)
     if (!jpeg)
         return 0;
     p->number = jpeg->number;
-    m = (struct sst_rtsp_message){ .word = SST_RTSP_PICTURE,
-                                   .place = at,
-                                   .bytes = (uint32_t)jpeg->bytes,
-                                   .set = jpeg->set,
-                                   .t_ns = jpeg->t_ns,
-                                   .wall_ns = jpeg->wall_ns };
+    m = (struct rtsp_message){ .word = SST_RTSP_PICTURE,
+                               .place = at,
+                               .bytes = (uint32_t)jpeg->bytes,
+                               .set = jpeg->set,
+                               .t_ns = jpeg->t_ns,
+                               .wall_ns = jpeg->wall_ns };
     err = jpeg->bytes <= SST_RTSP_PICTURE_MAX ? say(rtsp, &m, jpeg->data) : 0;
     sst_jpeg_unref(jpeg);
     return err;
@@ -201,7 +201,7 @@ static int step(struct sst_rtsp *rtsp)
         err = -ETIMEDOUT;
     for (int i = 0; i < SST_RTSP_PLACES && !err && rtsp->places; i++)
         err = show(rtsp, i);
-    if (rtsp->late && sst_rtsp_reap(rtsp->late))
+    if (rtsp->late && rtsp_reap(rtsp->late))
         rtsp->late = 0;
     return err;
 }
@@ -210,14 +210,14 @@ static int step(struct sst_rtsp *rtsp)
 
 static int begin(struct sst_rtsp *rtsp)
 {
-    const struct sst_rtsp_message settings = { .word = SST_RTSP_SETTINGS,
-                                               .value = (int32_t)rtsp->codec,
-                                               .bytes = sizeof(rtsp->login) };
+    const struct rtsp_message settings = { .word = SST_RTSP_SETTINGS,
+                                           .value = (int32_t)rtsp->codec,
+                                           .bytes = sizeof(rtsp->login) };
     int err;
 
     rtsp->ready = false;
     rtsp->begun_ns = rtsp->heard_ns = sst_clock_now_ns();
-    err = sst_rtsp_spawn(&rtsp->pid, &rtsp->link, rtsp->listener);
+    err = rtsp_spawn(&rtsp->pid, &rtsp->link, rtsp->listener);
     if (err) {
         rtsp->pid = 0;
         return err;
@@ -235,7 +235,7 @@ static void end(struct sst_rtsp *rtsp, char *how, size_t room)
         return;
     }
     close(rtsp->link);
-    if (!sst_rtsp_kill(rtsp->pid, how, room))
+    if (!rtsp_kill(rtsp->pid, how, room))
         rtsp->late = rtsp->pid;
     rtsp->pid = 0;
 }
@@ -262,7 +262,7 @@ static int wait_for_address(struct sst_rtsp *rtsp)
         pause_for(rtsp, WAIT_MS);
         if (atomic_load(&rtsp->closing))
             return 0;
-        rtsp->listener = sst_rtsp_listen(rtsp->address, atomic_load(&rtsp->port), true, &port);
+        rtsp->listener = rtsp_listen(rtsp->address, atomic_load(&rtsp->port), true, &port);
         atomic_store(&rtsp->away, rtsp->listener < 0 ? -rtsp->listener : 0); /* for another reason by now, perhaps */
     }
     atomic_store(&rtsp->port, port);
@@ -321,9 +321,9 @@ static void await(struct sst_rtsp *rtsp)
 
 int sst_rtsp_open(struct sst_rtsp **out, const struct sst_rtsp_config *cfg)
 {
-    struct sst_rtsp_login login;
+    struct rtsp_login login;
     struct sst_rtsp *rtsp;
-    int port = 0, err = sst_rtsp_check(&login, cfg);
+    int port = 0, err = rtsp_check(&login, cfg);
 
     if (err)
         return err;
@@ -335,7 +335,7 @@ int sst_rtsp_open(struct sst_rtsp **out, const struct sst_rtsp_config *cfg)
     rtsp->login = login;
     rtsp->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     snprintf(rtsp->address, sizeof(rtsp->address), "%s", cfg->address);
-    rtsp->listener = sst_rtsp_listen(cfg->address, cfg->port, false, &port);
+    rtsp->listener = rtsp_listen(cfg->address, cfg->port, false, &port);
     atomic_store(&rtsp->port, rtsp->listener < 0 ? cfg->port : port);
     if (rtsp->wake < 0)
         err = -ENOMEM;
@@ -402,7 +402,7 @@ void sst_rtsp_close(struct sst_rtsp *rtsp)
     } else {
         end(rtsp, how, sizeof(how));
     }
-    if (rtsp->late && !sst_rtsp_reap(rtsp->late))
+    if (rtsp->late && !rtsp_reap(rtsp->late))
         sst_log_debug("rtsp: a process that was killed has still not ended");
     if (rtsp->listener >= 0)
         close(rtsp->listener);

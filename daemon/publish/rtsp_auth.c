@@ -20,11 +20,11 @@ static void count_wrong(GstRTSPContext *ctx)
     g_object_set_data(G_OBJECT(ctx->client), WRONG_KEY, GINT_TO_POINTER(wrong));
     if (gst_rtsp_message_get_header(ctx->request, GST_RTSP_HDR_AUTHORIZATION, &header, 0) == GST_RTSP_OK) {
         if (wrong > 1) /* the first may be an answer to an earlier connection's question */
-            sst_rtsp_say_wrong(gst_rtsp_connection_get_ip(ctx->conn));
+            rtsp_say_wrong(gst_rtsp_connection_get_ip(ctx->conn));
         nanosleep(&pause, NULL);
     }
     if (wrong >= WRONG_MAX)
-        sst_rtsp_send_away(ctx->client);
+        rtsp_send_away(ctx->client);
 }
 
 static gboolean let_in(GstRTSPAuth *auth, GstRTSPContext *ctx)
@@ -71,7 +71,7 @@ static GType auth_type(void)
     return type;
 }
 
-void sst_rtsp_auth_set(GstRTSPServer *server, const struct sst_rtsp_login *login)
+void rtsp_auth_set(GstRTSPServer *server, const struct rtsp_login *login)
 {
     GstRTSPAuth *auth = g_object_new(auth_type(), NULL);
     GstRTSPToken *token = gst_rtsp_token_new_empty();

@@ -37,7 +37,7 @@
 /** A picture's place: what is made there when somebody comes. */
 struct rtsp_factory {
     GstRTSPMediaFactory parent;
-    struct sst_rtsp_server *rtsp;
+    struct rtsp_server *rtsp;
     enum sst_api_picture kind;
     char name[NAME_LEN + 1], path[NAME_LEN + 16];
     atomic_uint ended; /* pipelines that were there before: who comes while one stops gets a new one */
@@ -131,7 +131,7 @@ static bool fits(struct feed *f, const struct sst_jpeg *jpeg)
 {
     char why[96];
 
-    if (f->codec != SST_RTSP_MJPEG || sst_rtsp_jpeg_fits(jpeg->data, jpeg->bytes, why, sizeof(why)))
+    if (f->codec != SST_RTSP_MJPEG || rtsp_jpeg_fits(jpeg->data, jpeg->bytes, why, sizeof(why)))
         return true;
     if (!f->told)
         sst_log_warning("rtsp: pictures of %s cannot be sent as they are, %s; set rtsp.codec: h264", f->path, why);
@@ -196,7 +196,7 @@ static struct feed *feed_of(GstRTSPMedia *media)
     return f;
 }
 
-void sst_rtsp_feed_refresh(GstRTSPMedia *media)
+void rtsp_feed_refresh(GstRTSPMedia *media)
 {
     struct feed *f = feed_of(media);
 
@@ -204,7 +204,7 @@ void sst_rtsp_feed_refresh(GstRTSPMedia *media)
         atomic_store(&f->refresh, true);
 }
 
-bool sst_rtsp_feed_is_over(GstRTSPMedia *media)
+bool rtsp_feed_is_over(GstRTSPMedia *media)
 {
     struct feed *f = feed_of(media);
 
@@ -265,7 +265,7 @@ static struct feed *feed_create(struct rtsp_factory *at)
 {
     struct feed *f = calloc(1, sizeof(*f));
 
-    if (f && sst_rtsp_find(at->kind, at->name, &f->outlet)) {
+    if (f && rtsp_find(at->kind, at->name, &f->outlet)) {
         free(f);
         f = NULL;
     }
@@ -406,13 +406,13 @@ static bool parse_path(const char *path, enum sst_api_picture *kind, char name[N
 }
 
 /* Views come and go, each with a name of its own: what is gone makes room when something new is put up. */
-static void sweep_locked(struct sst_rtsp_server *rtsp)
+static void sweep_locked(struct rtsp_server *rtsp)
 {
     for (guint i = rtsp->factories->len; i-- > 0;) {
         const struct rtsp_factory *at = rtsp->factories->pdata[i];
         struct sst_outlet *outlet = NULL;
 
-        if (sst_rtsp_find(at->kind, at->name, &outlet)) {
+        if (rtsp_find(at->kind, at->name, &outlet)) {
             gst_rtsp_mount_points_remove_factory(rtsp->mounts, at->path);
             g_ptr_array_remove_index_fast(rtsp->factories, i);
         }
@@ -420,7 +420,7 @@ static void sweep_locked(struct sst_rtsp_server *rtsp)
     }
 }
 
-static void put_up(struct sst_rtsp_server *rtsp, const char *path, enum sst_api_picture kind, const char *name)
+static void put_up(struct rtsp_server *rtsp, const char *path, enum sst_api_picture kind, const char *name)
 {
     struct rtsp_factory *at;
     bool known = false;
@@ -443,7 +443,7 @@ static void put_up(struct sst_rtsp_server *rtsp, const char *path, enum sst_api_
     pthread_mutex_unlock(&rtsp->lock);
 }
 
-GstRTSPStatusCode sst_rtsp_mount(struct sst_rtsp_server *rtsp, const char *path)
+GstRTSPStatusCode rtsp_mount(struct rtsp_server *rtsp, const char *path)
 {
     enum sst_api_picture kind;
     char name[NAME_LEN + 1];
@@ -453,7 +453,7 @@ GstRTSPStatusCode sst_rtsp_mount(struct sst_rtsp_server *rtsp, const char *path)
 
     if (!parse_path(path, &kind, name))
         return GST_RTSP_STS_NOT_FOUND;
-    err = sst_rtsp_find(kind, name, &outlet);
+    err = rtsp_find(kind, name, &outlet);
     if (err)
         return err == -ENOENT ? GST_RTSP_STS_NOT_FOUND : GST_RTSP_STS_SERVICE_UNAVAILABLE;
     sst_outlet_join(outlet);

@@ -19,15 +19,15 @@
 
 /** A picture of the service, by name: a reference to an outlet that shows it while somebody has joined.
  *  Thread: any; waits for the service. @return 0, or what sst_api's outlet returns */
-SST_MUST_CHECK int sst_rtsp_find(enum sst_api_picture kind, const char *name, struct sst_outlet **out);
+SST_MUST_CHECK int rtsp_find(enum sst_api_picture kind, const char *name, struct sst_outlet **out);
 /** Somebody sent a wrong password. */
-void sst_rtsp_say_wrong(const char *address);
+void rtsp_say_wrong(const char *address);
 /** So many watch; also a sign of life of the server's thread. */
-void sst_rtsp_say_clients(int clients);
+void rtsp_say_clients(int clients);
 
 /* --- rtsp_server.c ------------------------------------------------------------------------------------------------ */
 
-struct sst_rtsp_server {
+struct rtsp_server {
     /* fixed after open */
     enum sst_rtsp_codec codec;
     GMainContext *context;
@@ -39,29 +39,29 @@ struct sst_rtsp_server {
 };
 
 /** A server for who connects to SST_RTSP_LISTEN_FD. @return 0, -ENOTSUP (an element is missing; logged) */
-SST_MUST_CHECK int sst_rtsp_server_open(struct sst_rtsp_server *server, enum sst_rtsp_codec codec,
-                                        const struct sst_rtsp_login *login);
+SST_MUST_CHECK int rtsp_server_open(struct rtsp_server *server, enum sst_rtsp_codec codec,
+                                    const struct rtsp_login *login);
 /** Serves for ever. */
-_Noreturn void sst_rtsp_server_run(struct sst_rtsp_server *server);
+_Noreturn void rtsp_server_run(struct rtsp_server *server);
 
 /** Reset a connection: one that is merely shut down goes on to be read. Its own thread sees the end and clears up. */
-void sst_rtsp_send_away(GstRTSPClient *client);
+void rtsp_send_away(GstRTSPClient *client);
 
 /* --- rtsp_auth.c -------------------------------------------------------------------------------------------------- */
 
 /** Make clients name the user and the password. */
-void sst_rtsp_auth_set(GstRTSPServer *server, const struct sst_rtsp_login *login);
+void rtsp_auth_set(GstRTSPServer *server, const struct rtsp_login *login);
 
 /* --- rtsp_feed.c -------------------------------------------------------------------------------------------------- */
 
 /** Put a picture at the path that a client names, so that it can be described; waits some seconds for one that is
  *  fresh.  Thread: the client's. @return 200, 404, 503 */
-GstRTSPStatusCode sst_rtsp_mount(struct sst_rtsp_server *server, const char *path);
+GstRTSPStatusCode rtsp_mount(struct rtsp_server *server, const char *path);
 
 /** A viewer comes: what follows begins with a picture that can be decoded alone. */
-void sst_rtsp_feed_refresh(GstRTSPMedia *media);
+void rtsp_feed_refresh(GstRTSPMedia *media);
 /** Has what this shows ended? */
-bool sst_rtsp_feed_is_over(GstRTSPMedia *media);
+bool rtsp_feed_is_over(GstRTSPMedia *media);
 
 /* --- rtsp_jpeg.c -------------------------------------------------------------------------------------------------- */
 
@@ -69,7 +69,7 @@ bool sst_rtsp_feed_is_over(GstRTSPMedia *media);
  * Can RTP carry this picture as it is (RFC 2435)?
  * @param why  out, a sentence's part when it cannot
  */
-bool sst_rtsp_jpeg_fits(const uint8_t *data, size_t bytes, char *why, size_t room);
+bool rtsp_jpeg_fits(const uint8_t *data, size_t bytes, char *why, size_t room);
 
 #endif
 #endif

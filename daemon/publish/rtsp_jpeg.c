@@ -66,7 +66,7 @@ static const char *fault(struct jpeg_decompress_struct *jpeg, struct jpeg_compre
     return standard_tables(jpeg, standard) ? NULL : "their Huffman tables are their own";
 }
 
-bool sst_rtsp_jpeg_fits(const uint8_t *data, size_t bytes, char *why, size_t room)
+bool rtsp_jpeg_fits(const uint8_t *data, size_t bytes, char *why, size_t room)
 {
     struct jpeg_compress_struct standard = { 0 };
     struct jpeg_decompress_struct jpeg = { 0 };

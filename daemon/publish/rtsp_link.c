@@ -11,7 +11,7 @@
 #define SLICE_US 100000
 #define HUNG     30 /* slices in a row in which nothing moved; counted: a machine that stood still hangs nobody */
 
-int sst_rtsp_link_init(int fd)
+int rtsp_link_init(int fd)
 {
     const struct timeval slice = { .tv_usec = SLICE_US };
 
@@ -52,14 +52,14 @@ static int move_all(int fd, void *data, size_t bytes, bool out, int stop)
     return 0;
 }
 
-int sst_rtsp_link_send(int fd, const struct sst_rtsp_message *message, const void *data, int stop)
+int rtsp_link_send(int fd, const struct rtsp_message *message, const void *data, int stop)
 {
     const int err = move_all(fd, (void *)(uintptr_t)message, sizeof(*message), true, stop);
 
     return err || !message->bytes ? err : move_all(fd, (void *)(uintptr_t)data, message->bytes, true, stop);
 }
 
-int sst_rtsp_link_read(int fd, void *out, size_t bytes, int stop)
+int rtsp_link_read(int fd, void *out, size_t bytes, int stop)
 {
     return move_all(fd, out, bytes, false, stop);
 }

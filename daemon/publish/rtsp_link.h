@@ -12,9 +12,9 @@
 #define SST_RTSP_PASSWORD    129
 #define SST_RTSP_PICTURE_MAX (64u << 20) /* bytes */
 
-enum sst_rtsp_word {
+enum rtsp_word {
     /* to the process */
-    SST_RTSP_SETTINGS = 1, /* first: value is the codec; struct sst_rtsp_login follows */
+    SST_RTSP_SETTINGS = 1, /* first: value is the codec; struct rtsp_login follows */
     SST_RTSP_FOUND = 2,    /* place, value: 0 or -errno */
     SST_RTSP_PICTURE = 3,  /* place, set, t_ns, wall_ns; the JPEG follows */
     SST_RTSP_OVER = 4,     /* place: no picture will follow */
@@ -27,7 +27,7 @@ enum sst_rtsp_word {
     SST_RTSP_WRONG = 21,   /* name: the address that a wrong password came from */
 };
 
-struct sst_rtsp_message {
+struct rtsp_message {
     uint32_t word, bytes; /* bytes: that follow */
     int32_t place, value;
     uint64_t set;
@@ -35,21 +35,21 @@ struct sst_rtsp_message {
     char name[SST_RTSP_NAME];
 };
 
-struct sst_rtsp_login {
+struct rtsp_login {
     char user[256], password[SST_RTSP_PASSWORD]; /* user "": nobody is asked */
 };
 
 /** Patience of a socket: what is below looks that often whether to stop. @return 0, -errno */
-SST_MUST_CHECK int sst_rtsp_link_init(int fd);
+SST_MUST_CHECK int rtsp_link_init(int fd);
 
 /**
  * Send a message and the message->bytes that follow it.
  * @param stop  descriptor; what can be read there ends the wait for a peer that does not read; -1: none
  * @return 0, -EPIPE and the like, -ETIMEDOUT (the peer has not read for three seconds), -ECANCELED (stop)
  */
-SST_MUST_CHECK int sst_rtsp_link_send(int fd, const struct sst_rtsp_message *message, const void *data, int stop);
+SST_MUST_CHECK int rtsp_link_send(int fd, const struct rtsp_message *message, const void *data, int stop);
 
 /** Read exactly `bytes`. @return as above; -EPIPE: the peer is gone */
-SST_MUST_CHECK int sst_rtsp_link_read(int fd, void *out, size_t bytes, int stop);
+SST_MUST_CHECK int rtsp_link_read(int fd, void *out, size_t bytes, int stop);
 
 #endif

@@ -63,10 +63,10 @@ static int read_password(const char *path, char out[SST_RTSP_PASSWORD])
     return err;
 }
 
-int sst_rtsp_check(struct sst_rtsp_login *out, const struct sst_rtsp_config *cfg)
+int rtsp_check(struct rtsp_login *out, const struct sst_rtsp_config *cfg)
 {
     const bool user = cfg->user && cfg->user[0], file = cfg->password_file && cfg->password_file[0];
-    struct sst_rtsp_login login = { .user = "" };
+    struct rtsp_login login = { .user = "" };
     struct addrinfo *at = NULL;
     int err = resolve(&at, cfg->address, cfg->port);
 
@@ -106,7 +106,7 @@ static int bound_port(int fd)
     return getsockname(fd, (struct sockaddr *)&at, &size) ? 0 : ntohs(at.sin6_port); /* that of IPv4 has its place */
 }
 
-int sst_rtsp_listen(const char *address, int port, bool quiet, int *bound)
+int rtsp_listen(const char *address, int port, bool quiet, int *bound)
 {
     const int one = 1;
     struct addrinfo *at;

@@ -43,33 +43,33 @@ static struct {
               .answered = PTHREAD_COND_INITIALIZER };
 
 /* Without the service there is nothing to do, nor to save. */
-static void say(const struct sst_rtsp_message *message)
+static void say(const struct rtsp_message *message)
 {
     int err;
 
     pthread_mutex_lock(&process.saying);
-    err = sst_rtsp_link_send(SST_RTSP_LINK_FD, message, NULL, -1);
+    err = rtsp_link_send(SST_RTSP_LINK_FD, message, NULL, -1);
     pthread_mutex_unlock(&process.saying);
     if (err)
         _exit(0);
 }
 
-static void say_of(int place, enum sst_rtsp_word word, int value)
+static void say_of(int place, enum rtsp_word word, int value)
 {
-    const struct sst_rtsp_message m = { .word = word, .place = place, .value = value };
+    const struct rtsp_message m = { .word = word, .place = place, .value = value };
 
     say(&m);
 }
 
-void sst_rtsp_say_wrong(const char *address)
+void rtsp_say_wrong(const char *address)
 {
-    struct sst_rtsp_message m = { .word = SST_RTSP_WRONG };
+    struct rtsp_message m = { .word = SST_RTSP_WRONG };
 
     strncpy(m.name, address, sizeof(m.name) - 1);
     say(&m);
 }
 
-void sst_rtsp_say_clients(int clients)
+void rtsp_say_clients(int clients)
 {
     say_of(0, SST_RTSP_CLIENTS, clients);
 }
@@ -90,7 +90,7 @@ static struct place *known_locked(enum sst_api_picture kind, const char *name)
 /* @return asked for; NULL: none is free */
 static struct place *ask_locked(enum sst_api_picture kind, const char *name)
 {
-    struct sst_rtsp_message m = { .word = SST_RTSP_FIND, .value = kind };
+    struct rtsp_message m = { .word = SST_RTSP_FIND, .value = kind };
     struct place *p = NULL;
 
     for (int i = 0; i < SST_RTSP_PLACES && !p; i++)
@@ -110,7 +110,7 @@ static struct place *ask_locked(enum sst_api_picture kind, const char *name)
     return p;
 }
 
-int sst_rtsp_find(enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+int rtsp_find(enum sst_api_picture kind, const char *name, struct sst_outlet **out)
 {
     struct place *p;
     int err = -EOVERFLOW;
@@ -192,7 +192,7 @@ static void found_locked(struct place *p, int err)
     pthread_cond_broadcast(&process.answered);
 }
 
-static int take_picture_locked(struct place *p, const struct sst_rtsp_message *m, uint8_t *jpeg)
+static int take_picture_locked(struct place *p, const struct rtsp_message *m, uint8_t *jpeg)
 {
     if (p->state == LIVE)
         return sst_outlet_put(p->outlet, jpeg, m->bytes, m->set, m->t_ns, m->wall_ns);
@@ -200,7 +200,7 @@ static int take_picture_locked(struct place *p, const struct sst_rtsp_message *m
     return 0;
 }
 
-static void take(const struct sst_rtsp_message *m, uint8_t *data)
+static void take(const struct rtsp_message *m, uint8_t *data)
 {
     struct place *p = &process.place[m->place];
 
@@ -219,10 +219,10 @@ static void take(const struct sst_rtsp_message *m, uint8_t *data)
 
 static void hear(void)
 {
-    struct sst_rtsp_message m;
+    struct rtsp_message m;
     uint8_t *data = NULL;
 
-    if (sst_rtsp_link_read(SST_RTSP_LINK_FD, &m, sizeof(m), -1))
+    if (rtsp_link_read(SST_RTSP_LINK_FD, &m, sizeof(m), -1))
         _exit(0);
     if (m.bytes) {
         data = malloc(m.bytes);
@@ -230,7 +230,7 @@ static void hear(void)
             sst_log_error("rtsp: no memory for a picture of %u bytes", m.bytes);
             _exit(EXIT_FAILURE);
         }
-        if (sst_rtsp_link_read(SST_RTSP_LINK_FD, data, m.bytes, -1))
+        if (rtsp_link_read(SST_RTSP_LINK_FD, data, m.bytes, -1))
             _exit(0);
     }
     take(&m, data);
@@ -265,9 +265,9 @@ static void go_first(void)
 
 int sst_rtsp_process(void)
 {
-    static struct sst_rtsp_server server;
-    struct sst_rtsp_message settings;
-    struct sst_rtsp_login login;
+    static struct rtsp_server server;
+    struct rtsp_message settings;
+    struct rtsp_login login;
     pthread_t thread;
     int err;
 
@@ -276,20 +276,20 @@ int sst_rtsp_process(void)
     signal(SIGPIPE, SIG_IGN);
     mallopt(M_ARENA_MAX, ARENAS);
     go_first();
-    if (sst_rtsp_link_init(SST_RTSP_LINK_FD) || sst_rtsp_link_read(SST_RTSP_LINK_FD, &settings, sizeof(settings), -1) ||
+    if (rtsp_link_init(SST_RTSP_LINK_FD) || rtsp_link_read(SST_RTSP_LINK_FD, &settings, sizeof(settings), -1) ||
         settings.word != SST_RTSP_SETTINGS || settings.bytes != sizeof(login) ||
-        sst_rtsp_link_read(SST_RTSP_LINK_FD, &login, sizeof(login), -1)) {
+        rtsp_link_read(SST_RTSP_LINK_FD, &login, sizeof(login), -1)) {
         sst_log_error("%s is for sstd itself: it serves RTSP where rtsp.enabled is true", SST_RTSP_PROCESS);
         return EXIT_FAILURE;
     }
-    err = sst_rtsp_server_open(&server, (enum sst_rtsp_codec)settings.value, &login);
+    err = rtsp_server_open(&server, (enum sst_rtsp_codec)settings.value, &login);
     explicit_bzero(&login, sizeof(login));
     if (!err)
         err = -pthread_create(&thread, NULL, listen_to_service, NULL);
     say_of(0, SST_RTSP_READY, err);
     if (err)
         return EXIT_FAILURE;
-    sst_rtsp_server_run(&server);
+    rtsp_server_run(&server);
 }
 
 #endif

@@ -110,7 +110,7 @@ static GSocket *socket_of(GstRTSPClient *client)
     return connection ? gst_rtsp_connection_get_read_socket(connection) : NULL;
 }
 
-void sst_rtsp_send_away(GstRTSPClient *client)
+void rtsp_send_away(GstRTSPClient *client)
 {
     const struct sockaddr none = { .sa_family = AF_UNSPEC };
     GSocket *socket = socket_of(client);
@@ -138,7 +138,7 @@ static struct client *of(GstRTSPClient *client)
 static GstRTSPFilterResult find_over(GstRTSPSession *session, GstRTSPSessionMedia *media, gpointer over)
 {
     (void)session;
-    *(bool *)over |= sst_rtsp_feed_is_over(gst_rtsp_session_media_get_media(media));
+    *(bool *)over |= rtsp_feed_is_over(gst_rtsp_session_media_get_media(media));
     return GST_RTSP_FILTER_KEEP;
 }
 
@@ -162,7 +162,7 @@ static GstRTSPFilterResult look_at_client(GstRTSPServer *server, GstRTSPClient *
     g_list_free_full(gst_rtsp_session_pool_filter(c->sessions, look_at_session, &over), g_object_unref);
     *(guint *)watching += sessions;
     if (bytes > c->bytes + FLOOD_BYTES || over || (!sessions && !c->busy && now_ns - c->since_ns > IDLE_NS)) {
-        sst_rtsp_send_away(client);
+        rtsp_send_away(client);
         c->away_ns = c->away_ns ? c->away_ns : now_ns;
     }
     c->bytes = bytes;
@@ -175,11 +175,11 @@ static GstRTSPFilterResult look_at_client(GstRTSPServer *server, GstRTSPClient *
 
 static gboolean reap(gpointer arg)
 {
-    struct sst_rtsp_server *rtsp = arg;
+    struct rtsp_server *rtsp = arg;
     guint watching = 0;
 
     g_list_free_full(gst_rtsp_server_client_filter(rtsp->server, look_at_client, &watching), g_object_unref);
-    sst_rtsp_say_clients((int)watching);
+    rtsp_say_clients((int)watching);
     return G_SOURCE_CONTINUE;
 }
 
@@ -191,7 +191,7 @@ static void be_busy(GstRTSPClient *client)
 static GstRTSPStatusCode before_describe(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
 {
     be_busy(client);
-    return sst_rtsp_mount(arg, ctx->uri->abspath);
+    return rtsp_mount(arg, ctx->uri->abspath);
 }
 
 static GstRTSPFilterResult count(GstRTSPServer *server, GstRTSPClient *client, gpointer sessions)
@@ -204,7 +204,7 @@ static GstRTSPFilterResult count(GstRTSPServer *server, GstRTSPClient *client, g
 /* A stream is set up once: the library would go on to send to where it was to go first. */
 static GstRTSPStatusCode before_setup(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
 {
-    struct sst_rtsp_server *rtsp = arg;
+    struct rtsp_server *rtsp = arg;
     guint sessions = 0;
 
     if (ctx->session)
@@ -221,7 +221,7 @@ static void on_play(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
     (void)client;
     (void)arg;
     if (ctx->sessmedia)
-        sst_rtsp_feed_refresh(gst_rtsp_session_media_get_media(ctx->sessmedia));
+        rtsp_feed_refresh(gst_rtsp_session_media_get_media(ctx->sessmedia));
 }
 
 static GstRTSPFilterResult detach(GstRTSPSession *session, GstRTSPSessionMedia *media, gpointer arg)
@@ -248,7 +248,7 @@ static gboolean is_time(gpointer arg)
 
 /* Packets are handed to a client without holding it, and an assertion ends the process if it is gone by then: it is
  * detached from its streams first, and kept while one that is on its way may need it. */
-static void keep_a_moment(struct sst_rtsp_server *rtsp, GstRTSPClient *client)
+static void keep_a_moment(struct rtsp_server *rtsp, GstRTSPClient *client)
 {
     GSource *source = g_timeout_source_new(FAREWELL_MS);
 
@@ -299,13 +299,13 @@ static void on_connect(GstRTSPServer *server, GstRTSPClient *client, gpointer ar
     g_signal_connect(client, "send-message", G_CALLBACK(on_answer), NULL);
     g_signal_connect(client, "closed", G_CALLBACK(on_close), arg);
     if (g_list_length(others) >= CONNECTIONS_MAX)
-        sst_rtsp_send_away(client);
+        rtsp_send_away(client);
     g_list_free_full(others, g_object_unref);
 }
 
 /* --- open, run ---------------------------------------------------------------------------------------------------- */
 
-static int listen_on(struct sst_rtsp_server *rtsp, int fd)
+static int listen_on(struct rtsp_server *rtsp, int fd)
 {
     GError *error = NULL;
     GSocket *socket = g_socket_new_from_fd(fd, &error);
@@ -324,7 +324,7 @@ static int listen_on(struct sst_rtsp_server *rtsp, int fd)
     return 0;
 }
 
-int sst_rtsp_server_open(struct sst_rtsp_server *rtsp, enum sst_rtsp_codec codec, const struct sst_rtsp_login *login)
+int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, const struct rtsp_login *login)
 {
     const int err = load_parts(codec);
     GstRTSPThreadPool *threads;
@@ -344,7 +344,7 @@ int sst_rtsp_server_open(struct sst_rtsp_server *rtsp, enum sst_rtsp_codec codec
     gst_rtsp_thread_pool_set_max_threads(threads, CONNECTIONS_MAX);
     g_object_unref(threads);
     if (login->user[0])
-        sst_rtsp_auth_set(rtsp->server, login);
+        rtsp_auth_set(rtsp->server, login);
     g_signal_connect(rtsp->server, "client-connected", G_CALLBACK(on_connect), rtsp);
     reaper = g_timeout_source_new(REAP_MS);
     g_source_set_callback(reaper, reap, rtsp, NULL);
@@ -353,7 +353,7 @@ int sst_rtsp_server_open(struct sst_rtsp_server *rtsp, enum sst_rtsp_codec codec
     return listen_on(rtsp, SST_RTSP_LISTEN_FD);
 }
 
-void sst_rtsp_server_run(struct sst_rtsp_server *rtsp)
+void rtsp_server_run(struct rtsp_server *rtsp)
 {
     g_main_context_push_thread_default(rtsp->context);
     for (;;)

@@ -14,13 +14,13 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "daemon/publish/spawn.h"
+#include "daemon/publish/publish_internal.h"
 
 /* Two milliseconds apart: the disk may hold a process that dumps core. Counted: a machine that stood still ends no
  * wait. */
 #define KILL_LOOKS 250
 
-int sst_rtsp_spawn(pid_t *pid, int *link, int listener)
+int rtsp_spawn(pid_t *pid, int *link, int listener)
 {
     static char word[] = SST_RTSP_PROCESS, name[] = "sstd";
     char *const argv[] = { name, word, NULL };
@@ -28,11 +28,11 @@ int sst_rtsp_spawn(pid_t *pid, int *link, int listener)
 
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair))
         return -errno;
-    err = sst_rtsp_link_init(pair[0]);
+    err = rtsp_link_init(pair[0]);
     if (!err)
-        err = sst_spawn(pid, "/proc/self/exe", argv, environ,
-                        (const int[]){ [SST_RTSP_LINK_FD] = pair[1], 2, 2, [SST_RTSP_LISTEN_FD] = listener },
-                        SST_RTSP_LISTEN_FD + 1);
+        err = spawn_program(pid, "/proc/self/exe", argv, environ,
+                            (const int[]){ [SST_RTSP_LINK_FD] = pair[1], 2, 2, [SST_RTSP_LISTEN_FD] = listener },
+                            SST_RTSP_LISTEN_FD + 1);
     close(pair[1]);
     if (err)
         close(pair[0]);
@@ -41,7 +41,7 @@ int sst_rtsp_spawn(pid_t *pid, int *link, int listener)
     return err;
 }
 
-bool sst_rtsp_kill(pid_t pid, char *how, size_t room)
+bool rtsp_kill(pid_t pid, char *how, size_t room)
 {
     const struct timespec moment = { .tv_nsec = 2000000 };
     int status = 0, looks = 0;
@@ -59,7 +59,7 @@ bool sst_rtsp_kill(pid_t pid, char *how, size_t room)
     return got != 0;
 }
 
-bool sst_rtsp_reap(pid_t pid)
+bool rtsp_reap(pid_t pid)
 {
     return waitpid(pid, NULL, WNOHANG) != 0;
 }

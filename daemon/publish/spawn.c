@@ -1,6 +1,6 @@
 #define _GNU_SOURCE /* posix_spawn_file_actions_addclosefrom_np */
 
-#include "daemon/publish/spawn.h"
+#include "daemon/publish/publish_internal.h"
 
 #include <fcntl.h>
 #include <signal.h>
@@ -30,7 +30,7 @@ static int set(posix_spawnattr_t *attr)
                : posix_spawnattr_setflags(attr, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
 }
 
-int sst_spawn(pid_t *pid, const char *program, char *const argv[], char *const env[], const int *fd, int fds)
+int spawn_program(pid_t *pid, const char *program, char *const argv[], char *const env[], const int *fd, int fds)
 {
     posix_spawn_file_actions_t files;
     posix_spawnattr_t attr;

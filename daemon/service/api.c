@@ -7,46 +7,46 @@
 #include <string.h>
 #include <time.h>
 
-#include "daemon/service/service_parts.h"
+#include "daemon/service/service_internal.h"
 
 static int labels(void *arg, struct sst_api_answer *out)
 {
-    return sst_viewer_labels(((struct sst_service *)arg)->viewer, out);
+    return viewer_labels(((struct sst_service *)arg)->viewer, out);
 }
 
 static int views(void *arg, struct sst_api_answer *out)
 {
-    return sst_viewer_views(((struct sst_service *)arg)->viewer, out);
+    return viewer_views(((struct sst_service *)arg)->viewer, out);
 }
 
 static int view_create(void *arg, const json_t *settings, struct sst_api_answer *out)
 {
-    return sst_viewer_view_create(((struct sst_service *)arg)->viewer, settings, out);
+    return viewer_view_create(((struct sst_service *)arg)->viewer, settings, out);
 }
 
 static int view_change(void *arg, const char *id, const json_t *settings, struct sst_api_answer *out)
 {
-    return sst_viewer_view_change(((struct sst_service *)arg)->viewer, id, settings, out);
+    return viewer_view_change(((struct sst_service *)arg)->viewer, id, settings, out);
 }
 
 static int pick(void *arg, const char *id, double x, double y, struct sst_api_answer *out)
 {
-    return sst_viewer_pick(((struct sst_service *)arg)->viewer, id, x, y, out);
+    return viewer_pick(((struct sst_service *)arg)->viewer, id, x, y, out);
 }
 
 static int calibration_check(void *arg, struct sst_api_answer *out)
 {
-    return sst_viewer_calibration_check(((struct sst_service *)arg)->viewer, out);
+    return viewer_calibration_check(((struct sst_service *)arg)->viewer, out);
 }
 
 static int outlet(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
 {
-    return sst_viewer_outlet(((struct sst_service *)arg)->viewer, kind, name, out);
+    return viewer_outlet(((struct sst_service *)arg)->viewer, kind, name, out);
 }
 
 static int reload(void *arg, bool dry_run, struct sst_api_answer *out)
 {
-    return sst_service_apply(arg, dry_run, out);
+    return service_apply(arg, dry_run, out);
 }
 
 /* --- requests ----------------------------------------------------------------------------------------------------- */
@@ -122,7 +122,7 @@ static int snapshot(void *arg, const json_t *request, struct sst_api_answer *out
 
     if (err)
         return err;
-    if (!id || sst_viewer_outlet(s->viewer, SST_PICTURE_VIEW, id, &from)) {
+    if (!id || viewer_outlet(s->viewer, SST_PICTURE_VIEW, id, &from)) {
         snprintf(out->error, sizeof(out->error), "there is no view %.32s", id ? id : "of that kind");
         return -ENOENT;
     }
@@ -216,14 +216,14 @@ static int download(void *arg, const char *name, int *fd, const char **type)
     return sst_storage_download(((struct sst_service *)arg)->storage, name, fd, type);
 }
 
-void sst_service_api(struct sst_service *s)
+void service_api(struct sst_service *s)
 {
     s->api = (struct sst_api){
         .arg = s,
-        .status = sst_service_status,
-        .cameras = sst_service_cameras,
+        .status = service_status,
+        .cameras = service_cameras,
         .labels = labels,
-        .metrics = sst_service_metrics,
+        .metrics = service_metrics,
         .views = views,
         .view_create = view_create,
         .view_change = view_change,

@@ -1,4 +1,4 @@
-#include "daemon/service/array.h"
+#include "daemon/service/service_internal.h"
 
 #include <errno.h>
 #include <pthread.h>
@@ -14,7 +14,7 @@
 #define RETRY_MAX_NS INT64_C(5000000000)
 #define SMOOTH       0.1 /* share of a new set in a camera's skew */
 
-struct sst_array {
+struct service_array {
     /* fixed after open */
     struct sst_ring *ring;
     struct sst_events *events;
@@ -31,14 +31,14 @@ struct sst_array {
     unsigned wanted_count;       /* of configurations */
     struct sst_capture *capture; /* while it runs */
     bool stop, ended;
-    struct sst_array_state state;
-    struct sst_layout layout;
-    struct sst_array_camera camera[SST_CAMERAS_MAX];
+    struct array_state state;
+    struct array_layout layout;
+    struct array_camera camera[SST_CAMERAS_MAX];
     uint64_t sets_before, complete_before;                          /* of earlier openings */
     uint64_t frames[SST_CAMERAS_MAX], told_frames[SST_CAMERAS_MAX]; /* in sets */
 };
 
-const char *sst_array_state_name(enum sst_grab_state state)
+const char *array_state_name(enum sst_grab_state state)
 {
     static const char *const names[] = { "absent", "streaming", "recovering", "refused", "ready" };
 
@@ -55,7 +55,7 @@ static int compare_ns(const void *a, const void *b)
 }
 
 /** Each camera's stamp against the median of its set. */
-static void note_set_locked(struct sst_array *a, const struct sst_set *set)
+static void note_set_locked(struct service_array *a, const struct sst_set *set)
 {
     int64_t stamp[SST_CAMERAS_MAX], median;
     int n = 0;
@@ -68,7 +68,7 @@ static void note_set_locked(struct sst_array *a, const struct sst_set *set)
     qsort(stamp, (size_t)n, sizeof(stamp[0]), compare_ns);
     median = stamp[n / 2];
     for (int i = 0; i < set->cameras; i++) {
-        struct sst_array_camera *c = &a->camera[i];
+        struct array_camera *c = &a->camera[i];
 
         if (set->frame[i]) {
             const double us = (double)(set->frame[i]->t_ns - median) / 1e3;
@@ -84,7 +84,7 @@ static void note_set_locked(struct sst_array *a, const struct sst_set *set)
 /** On the writer's thread of capture: copy the set, so that its frames go back at once. */
 static int on_set(void *arg, const struct sst_set *set)
 {
-    struct sst_array *a = arg;
+    struct service_array *a = arg;
     const int err = sst_ring_put(a->ring, set);
 
     pthread_mutex_lock(&a->lock);
@@ -94,7 +94,7 @@ static int on_set(void *arg, const struct sst_set *set)
     return err;
 }
 
-static json_t *place(const struct sst_array *a, int cam)
+static json_t *place(const struct service_array *a, int cam)
 {
     const struct sst_config_camera *at = &a->config.camera[cam];
 
@@ -103,9 +103,9 @@ static json_t *place(const struct sst_array *a, int cam)
 
 static void on_camera(void *arg, int cam, enum sst_grab_state state, const char *why)
 {
-    struct sst_array *a = arg;
+    struct service_array *a = arg;
     const struct sst_config_camera *at = &a->config.camera[cam];
-    struct sst_array_camera *c = &a->camera[cam];
+    struct array_camera *c = &a->camera[cam];
     const bool delivers = state == SST_GRAB_STREAMING;
     enum sst_grab_state before;
     bool known;
@@ -129,7 +129,7 @@ static void on_camera(void *arg, int cam, enum sst_grab_state state, const char 
     }
 }
 
-static void tell_skew(struct sst_array *a, const struct sst_capture_report *r, uint64_t sets)
+static void tell_skew(struct service_array *a, const struct sst_capture_report *r, uint64_t sets)
 {
     const bool over = r->skewed > a->told_skewed && 2 * (r->skewed - a->told_skewed) > sets;
     const struct sst_config_camera *at = &a->config.camera[sst_max_int(r->worst_cam, 0)];
@@ -150,7 +150,7 @@ static void tell_skew(struct sst_array *a, const struct sst_capture_report *r, u
                         a->config.skew_limit_us);
 }
 
-static void tell_trigger(struct sst_array *a, bool away)
+static void tell_trigger(struct service_array *a, bool away)
 {
     if (away == a->trigger_away)
         return;
@@ -163,9 +163,9 @@ static void tell_trigger(struct sst_array *a, bool away)
         sst_events_emit(a->events, SST_EVENT_INFO, "trigger-found", NULL, "the trigger fires again");
 }
 
-static void take_camera_locked(struct sst_array *a, int i, const struct sst_capture_report *r, double s)
+static void take_camera_locked(struct service_array *a, int i, const struct sst_capture_report *r, double s)
 {
-    struct sst_array_camera *c = &a->camera[i];
+    struct array_camera *c = &a->camera[i];
     const struct sst_grab_device *device;
 
     sst_capture_camera(a->capture, i, &c->grab, &device);
@@ -191,7 +191,7 @@ static void tell_errors(void)
 }
 
 /** Frames that ended since the last report: were they of any use? */
-static void note_unused_locked(struct sst_array *a, const struct sst_sets_counters *n, int64_t now_ns)
+static void note_unused_locked(struct service_array *a, const struct sst_sets_counters *n, int64_t now_ns)
 {
     const uint64_t *before = a->state.report.sets.bucket, used = n->bucket[SST_BUCKET_SET] - before[SST_BUCKET_SET];
     uint64_t unused = 0, most = 0;
@@ -217,7 +217,7 @@ static void note_unused_locked(struct sst_array *a, const struct sst_sets_counte
 /** Once a second, on the capturing thread. */
 static void on_progress(void *arg, uint64_t sets)
 {
-    struct sst_array *a = arg;
+    struct service_array *a = arg;
     const int64_t now_ns = sst_clock_now_ns();
     const double s = (double)(now_ns - a->told_ns) / 1e9;
     struct sst_capture_report r;
@@ -254,7 +254,7 @@ static int64_t period_ns(const struct sst_array_config *a)
 }
 
 /** Until an opening succeeds, cameras are where the last one found them. */
-static void forget_cameras_locked(struct sst_array *a)
+static void forget_cameras_locked(struct service_array *a)
 {
     memset(a->camera, 0, sizeof(a->camera));
     for (int i = 0; a->layout.generation && i < a->layout.config.bound; i++) {
@@ -268,7 +268,7 @@ static void forget_cameras_locked(struct sst_array *a)
 }
 
 /** What was learned by opening: where which camera sits. */
-static void begin_locked(struct sst_array *a, struct sst_capture *capture)
+static void begin_locked(struct service_array *a, struct sst_capture *capture)
 {
     struct sst_ring_counters ring;
 
@@ -289,7 +289,7 @@ static void begin_locked(struct sst_array *a, struct sst_capture *capture)
     memset(a->frames, 0, sizeof(a->frames));
     memset(a->told_frames, 0, sizeof(a->told_frames));
     for (int i = 0; i < a->config.bound; i++) {
-        struct sst_array_camera *c = &a->camera[i];
+        struct array_camera *c = &a->camera[i];
         const struct sst_grab_device *device;
 
         sst_capture_camera(capture, i, &c->grab, &device);
@@ -301,7 +301,7 @@ static void begin_locked(struct sst_array *a, struct sst_capture *capture)
     }
 }
 
-static void end_locked(struct sst_array *a)
+static void end_locked(struct service_array *a)
 {
     a->capture = NULL;
     a->state.open = false;
@@ -314,7 +314,7 @@ static void end_locked(struct sst_array *a)
  * @param why    out, the sentence of the error that ended it, or ""
  * @return 0, or that error
  */
-static int capture_once(struct sst_array *a, unsigned count, bool again, char why[SST_LOG_MAX])
+static int capture_once(struct service_array *a, unsigned count, bool again, char why[SST_LOG_MAX])
 {
     const struct sst_capture_events events = {
         .arg = a, .set = on_set, .progress = on_progress, .camera = on_camera, .quiet = true, .again = again
@@ -348,7 +348,7 @@ static int capture_once(struct sst_array *a, unsigned count, bool again, char wh
     return err;
 }
 
-static void wait_locked(struct sst_array *a, int64_t ns, unsigned count)
+static void wait_locked(struct service_array *a, int64_t ns, unsigned count)
 {
     const int64_t end_ns = sst_clock_now_ns() + ns;
 
@@ -363,7 +363,7 @@ static void wait_locked(struct sst_array *a, int64_t ns, unsigned count)
 
 static void *run(void *arg)
 {
-    struct sst_array *a = arg;
+    struct service_array *a = arg;
     int64_t retry_ns = RETRY_MIN_NS;
     unsigned tried = 0;
     char told[SST_LOG_MAX] = "", why[SST_LOG_MAX];
@@ -401,10 +401,10 @@ static void *run(void *arg)
 
 /* --- for the others ----------------------------------------------------------------------------------------------- */
 
-int sst_array_open(struct sst_array **out, const struct sst_array_config *config, struct sst_ring *ring,
-                   struct sst_events *events)
+int array_open(struct service_array **out, const struct sst_array_config *config, struct sst_ring *ring,
+               struct sst_events *events)
 {
-    struct sst_array *a = calloc(1, sizeof(*a));
+    struct service_array *a = calloc(1, sizeof(*a));
     int err;
 
     if (!a)
@@ -418,14 +418,14 @@ int sst_array_open(struct sst_array **out, const struct sst_array_config *config
     sst_cond_init(&a->changed);
     err = -pthread_create(&a->thread, NULL, run, a);
     if (err) {
-        sst_array_close(a);
+        array_close(a);
         return err;
     }
     *out = a;
     return 0;
 }
 
-void sst_array_configure(struct sst_array *a, const struct sst_array_config *config)
+void array_configure(struct service_array *a, const struct sst_array_config *config)
 {
     pthread_mutex_lock(&a->lock);
     a->wanted = *config;
@@ -436,7 +436,7 @@ void sst_array_configure(struct sst_array *a, const struct sst_array_config *con
     pthread_mutex_unlock(&a->lock);
 }
 
-void sst_array_state(struct sst_array *a, struct sst_array_state *out)
+void array_state(struct service_array *a, struct array_state *out)
 {
     pthread_mutex_lock(&a->lock);
     *out = a->state;
@@ -446,7 +446,7 @@ void sst_array_state(struct sst_array *a, struct sst_array_state *out)
     pthread_mutex_unlock(&a->lock);
 }
 
-int sst_array_cameras(struct sst_array *a, struct sst_array_camera *out)
+int array_cameras(struct service_array *a, struct array_camera *out)
 {
     int n;
 
@@ -457,7 +457,7 @@ int sst_array_cameras(struct sst_array *a, struct sst_array_camera *out)
     return n;
 }
 
-unsigned sst_array_generation(struct sst_array *a)
+unsigned array_generation(struct service_array *a)
 {
     unsigned generation;
 
@@ -467,18 +467,18 @@ unsigned sst_array_generation(struct sst_array *a)
     return generation;
 }
 
-void sst_array_layout(struct sst_array *a, struct sst_layout *out)
+void array_layout(struct service_array *a, struct array_layout *out)
 {
     pthread_mutex_lock(&a->lock);
     *out = a->layout;
     pthread_mutex_unlock(&a->lock);
 }
 
-void sst_array_tracks(struct sst_array *a, struct sst_recorder_track *out)
+void array_tracks(struct service_array *a, struct sst_recorder_track *out)
 {
     pthread_mutex_lock(&a->lock);
     for (int i = 0; a->layout.generation && i < a->layout.config.bound; i++) {
-        const struct sst_array_camera *c = &a->camera[i];
+        const struct array_camera *c = &a->camera[i];
 
         out[i] = (struct sst_recorder_track){ .row = c->row, .col = c->col };
         memcpy(out[i].serial, c->serial, sizeof(out[i].serial));
@@ -488,7 +488,7 @@ void sst_array_tracks(struct sst_array *a, struct sst_recorder_track *out)
     pthread_mutex_unlock(&a->lock);
 }
 
-void sst_array_stop(struct sst_array *a)
+void array_stop(struct service_array *a)
 {
     pthread_mutex_lock(&a->lock);
     a->stop = true;
@@ -498,7 +498,7 @@ void sst_array_stop(struct sst_array *a)
     pthread_mutex_unlock(&a->lock);
 }
 
-bool sst_array_join(struct sst_array *a, int64_t until_ns)
+bool array_join(struct service_array *a, int64_t until_ns)
 {
     bool ended;
 
@@ -512,7 +512,7 @@ bool sst_array_join(struct sst_array *a, int64_t until_ns)
     return ended;
 }
 
-void sst_array_close(struct sst_array *a)
+void array_close(struct service_array *a)
 {
     if (!a)
         return;

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "base/clock.h"
-#include "daemon/service/service_parts.h"
+#include "daemon/service/service_internal.h"
 
 static void metric(FILE *f, const char *name, const char *type, const char *help, double value)
 {
@@ -25,7 +25,7 @@ static void write_phase(FILE *f, enum sst_service_phase phase)
         fprintf(f, "sst_state{state=\"%s\"} %d\n", sst_service_phase_name((enum sst_service_phase)i), (int)phase == i);
 }
 
-static void write_capture(FILE *f, const struct sst_array_state *a)
+static void write_capture(FILE *f, const struct array_state *a)
 {
     static const char *const buckets[] = { "set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };
     static const double quantiles[] = { 0.5, 0.99, 1 };
@@ -53,8 +53,8 @@ static void write_capture(FILE *f, const struct sst_array_state *a)
 
 static void write_cameras(FILE *f, struct sst_service *s)
 {
-    struct sst_array_camera *c = calloc(SST_CAMERAS_MAX, sizeof(*c));
-    const int n = c ? sst_array_cameras(s->array, c) : 0;
+    struct array_camera *c = calloc(SST_CAMERAS_MAX, sizeof(*c));
+    const int n = c ? array_cameras(s->array, c) : 0;
 
     head(f, "camera_up", "gauge", "1 if the camera delivers.");
     for (int i = 0; i < n; i++)
@@ -73,7 +73,7 @@ static void write_cameras(FILE *f, struct sst_service *s)
     free(c);
 }
 
-static void write_live(FILE *f, const struct sst_viewer_state *v)
+static void write_live(FILE *f, const struct viewer_state *v)
 {
     static const double quantiles[] = { 0.5, 0.99, 1 };
 
@@ -90,12 +90,12 @@ static void write_live(FILE *f, const struct sst_viewer_state *v)
     head(f, "live_latency_seconds", "summary", "From the trigger to the encoded picture.");
     for (size_t i = 0; i < ARRAY_LEN(quantiles); i++)
         fprintf(f, "sst_live_latency_seconds{quantile=\"%g\"} %.9g\n", quantiles[i],
-                sst_window_quantile(&v->latency_ms, quantiles[i]) / 1e3);
+                window_quantile(&v->latency_ms, quantiles[i]) / 1e3);
     fprintf(f, "sst_live_latency_seconds_sum %.9g\nsst_live_latency_seconds_count %llu\n", v->latency_ms.sum / 1e3,
             (unsigned long long)v->latency_ms.count);
     head(f, "live_stage_seconds_total", "counter", "Time spent in each stage.");
     for (int i = 0; i < SST_VIEWER_STAGES; i++)
-        fprintf(f, "sst_live_stage_seconds_total{stage=\"%s\"} %.9g\n", sst_viewer_stage_name((enum sst_viewer_stage)i),
+        fprintf(f, "sst_live_stage_seconds_total{stage=\"%s\"} %.9g\n", viewer_stage_name((enum viewer_stage)i),
                 v->stage_ms[i].sum / 1e3);
 }
 
@@ -140,9 +140,9 @@ static void write_process(FILE *f, struct sst_service *s)
     unsigned restarts;
     double days;
     int descriptors;
-    const int rtsp = sst_service_clients(s, &h, &restarts);
+    const int rtsp = service_clients(s, &h, &restarts);
 
-    sst_service_process(&rss_bytes, &descriptors);
+    service_process(&rss_bytes, &descriptors);
     sst_events_counts(s->events, events);
     metric(f, "http_clients", "gauge", "Connections.", h.clients);
     metric(f, "http_streams", "gauge", "Moving pictures that are watched over HTTP.", h.streams);
@@ -154,7 +154,7 @@ static void write_process(FILE *f, struct sst_service *s)
     metric(f, "http_pictures_skipped_total", "counter", "Pictures that slow viewers did not get.", (double)h.skipped);
     metric(f, "rtsp_clients", "gauge", "Clients that watch over RTSP.", rtsp);
     metric(f, "rtsp_restarts_total", "counter", "Times that the process that serves RTSP ended or hung.", restarts);
-    if (sst_service_certificate(s, &certificate, &days))
+    if (service_certificate(s, &certificate, &days))
         metric(f, "certificate_days", "gauge", "Days that are left of the certificate of HTTPS.", days);
     head(f, "events_total", "counter", "Events by level.");
     fprintf(f, "sst_events_total{level=\"info\"} %llu\n", (unsigned long long)events[0]);
@@ -166,19 +166,19 @@ static void write_process(FILE *f, struct sst_service *s)
     metric(f, "uptime_seconds", "gauge", "Since the start.", (double)(sst_clock_now_ns() - s->start_ns) / 1e9);
 }
 
-int sst_service_metrics(void *arg, char **text)
+int service_metrics(void *arg, char **text)
 {
     struct sst_service *s = arg;
-    struct sst_array_state *array = calloc(1, sizeof(*array));
-    struct sst_viewer_state *viewer = calloc(1, sizeof(*viewer));
+    struct array_state *array = calloc(1, sizeof(*array));
+    struct viewer_state *viewer = calloc(1, sizeof(*viewer));
     enum sst_service_phase phase;
     char *out = NULL;
     size_t size;
     FILE *f = array && viewer ? open_memstream(&out, &size) : NULL;
 
     if (f) {
-        sst_array_state(s->array, array);
-        sst_viewer_state(s->viewer, viewer);
+        array_state(s->array, array);
+        viewer_state(s->viewer, viewer);
         pthread_mutex_lock(&s->lock);
         phase = s->phase;
         pthread_mutex_unlock(&s->lock);

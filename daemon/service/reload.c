@@ -6,7 +6,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/service/service_parts.h"
+#include "daemon/service/service_internal.h"
 
 /** What all changes together take. */
 struct consequences {
@@ -44,13 +44,13 @@ static int apply(struct sst_service *s, struct sst_config *to, const struct sst_
     pthread_mutex_unlock(&s->lock);
     if (sst_storage_configure(s->storage, to))
         sst_log_warning("storage keeps its settings: out of memory");
-    sst_viewer_configure(s->viewer, to, c->picture);
-    sst_service_record_view(s);
+    viewer_configure(s->viewer, to, c->picture);
+    service_record_view(s);
     sst_hooks_configure(s->hooks, to->hook, to->hooks);
     if (sst_mqtt_configure(s->mqtt, to))
         sst_log_warning("MQTT keeps its settings");
     if (c->cameras)
-        sst_array_configure(s->array, &to->array);
+        array_configure(s->array, &to->array);
     pthread_mutex_unlock(&s->parts);
     return 0;
 }
@@ -119,7 +119,7 @@ static int change(struct sst_service *s, struct sst_config *to, const struct sst
     return err;
 }
 
-int sst_service_apply(struct sst_service *s, bool dry_run, struct sst_api_answer *out)
+int service_apply(struct sst_service *s, bool dry_run, struct sst_api_answer *out)
 {
     struct sst_config *to = calloc(1, sizeof(*to)), *from = calloc(1, sizeof(*from));
     char why[440] = "";
@@ -152,7 +152,7 @@ int sst_service_apply(struct sst_service *s, bool dry_run, struct sst_api_answer
 int sst_service_reload(struct sst_service *s)
 {
     struct sst_api_answer answer = { 0 };
-    const int err = sst_service_apply(s, false, &answer);
+    const int err = service_apply(s, false, &answer);
 
     json_decref(answer.body);
     return err;

@@ -11,7 +11,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "daemon/service/service_parts.h"
+#include "daemon/service/service_internal.h"
 
 #define EVENTS_KEPT   1000
 #define STOP_NS       INT64_C(900000000) /* for all of it, */
@@ -124,11 +124,11 @@ static int check_alone(const char *path)
     return err;
 }
 
-void sst_service_record_view(struct sst_service *s)
+void service_record_view(struct sst_service *s)
 {
     struct sst_outlet *outlet;
 
-    if (sst_viewer_outlet(s->viewer, SST_PICTURE_VIEW, "main", &outlet))
+    if (viewer_outlet(s->viewer, SST_PICTURE_VIEW, "main", &outlet))
         return; /* there is no live picture */
     sst_storage_view(s->storage, outlet);
     sst_outlet_unref(outlet);
@@ -147,22 +147,22 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
         sst_log_error("no memory for %d MiB of sets: lower storage: ring_mb", c->storage.ring_mb);
         return err;
     }
-    sst_service_api(s);
+    service_api(s);
     const struct sst_storage_config storage = { .config = c, .ring = s->ring, .events = s->events, .tracks = &none };
 
     c->array.bound = 0;
     err = sst_storage_open(&s->storage, &storage);
     c->array.bound = bound;
     if (!err)
-        err = sst_array_open(&s->array, &c->array, s->ring, s->events);
-    const struct sst_viewer_config viewer = {
+        err = array_open(&s->array, &c->array, s->ring, s->events);
+    const struct viewer_config viewer = {
         .config = c, .ring = s->ring, .array = s->array, .storage = s->storage, .events = s->events
     };
 
     if (!err)
-        err = sst_viewer_open(&s->viewer, &viewer);
+        err = viewer_open(&s->viewer, &viewer);
     if (!err)
-        sst_service_record_view(s);
+        service_record_view(s);
     if (!err)
         err = open_http(s, cfg);
     if (!err)
@@ -212,10 +212,10 @@ int sst_service_open(struct sst_service **out, const struct sst_config *config, 
 /* --- states ------------------------------------------------------------------------------------------------------- */
 
 /** What is missing, of what works. */
-static void name_missing(struct sst_service *s, const struct sst_array_state *a, char *why, size_t size)
+static void name_missing(struct sst_service *s, const struct array_state *a, char *why, size_t size)
 {
-    struct sst_array_camera *c = calloc(SST_CAMERAS_MAX, sizeof(*c));
-    const int n = c ? sst_array_cameras(s->array, c) : 0;
+    struct array_camera *c = calloc(SST_CAMERAS_MAX, sizeof(*c));
+    const int n = c ? array_cameras(s->array, c) : 0;
     int shown = 0, used;
 
     used = snprintf(why, size, "%d of %d cameras are missing:", a->cameras - a->present, a->cameras);
@@ -226,8 +226,8 @@ static void name_missing(struct sst_service *s, const struct sst_array_state *a,
             snprintf(why + used, size - (size_t)used, " ...");
             break;
         }
-        used += snprintf(why + used, size - (size_t)used, " r%dc%d (%s)", c[i].row, c[i].col,
-                         sst_array_state_name(c[i].state));
+        used +=
+            snprintf(why + used, size - (size_t)used, " r%dc%d (%s)", c[i].row, c[i].col, array_state_name(c[i].state));
     }
     free(c);
 }
@@ -243,8 +243,8 @@ static void name_unused(enum sst_bucket bucket, char *why, size_t size)
                  sst_bucket_name(bucket));
 }
 
-static enum sst_service_phase judge(struct sst_service *s, const struct sst_array_state *a,
-                                    const struct sst_viewer_state *v, char *why, size_t size)
+static enum sst_service_phase judge(struct sst_service *s, const struct array_state *a, const struct viewer_state *v,
+                                    char *why, size_t size)
 {
     const int64_t now_ns = sst_clock_now_ns();
     const bool flows = a->frame_ns && now_ns - a->frame_ns < FRESH_NS + 3 * a->period_ns;
@@ -298,8 +298,8 @@ static void watch_clock(struct sst_service *s)
 /** Recordings say which cameras there are. */
 static void tell_storage(struct sst_service *s)
 {
-    const unsigned generation = sst_array_generation(s->array);
-    struct sst_layout *layout;
+    const unsigned generation = array_generation(s->array);
+    struct array_layout *layout;
     struct sst_recorder_track *tracks;
 
     if (generation == s->generation)
@@ -307,8 +307,8 @@ static void tell_storage(struct sst_service *s)
     layout = calloc(1, sizeof(*layout));
     tracks = calloc(SST_CAMERAS_MAX, sizeof(*tracks));
     if (layout && tracks) {
-        sst_array_layout(s->array, layout);
-        sst_array_tracks(s->array, tracks);
+        array_layout(s->array, layout);
+        array_tracks(s->array, tracks);
         sst_storage_cameras(s->storage, &layout->config, tracks);
         s->generation = generation;
     }
@@ -331,20 +331,20 @@ static void measure_cpu(struct sst_service *s)
 
 enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
 {
-    struct sst_array_state *a = &s->array_now;
-    struct sst_viewer_state *v = &s->viewer_now;
+    struct array_state *a = &s->array_now;
+    struct viewer_state *v = &s->viewer_now;
     enum sst_service_phase phase = s->phase, before = s->phase;
     char why[512] = "";
 
     watch_clock(s);
     tell_storage(s);
     measure_cpu(s);
-    sst_array_state(s->array, a);
-    sst_viewer_state(s->viewer, v);
+    array_state(s->array, a);
+    viewer_state(s->viewer, v);
     phase = judge(s, a, v, why, sizeof(why));
     snprintf(status, 512, "%s: %d of %d cameras, %.1f sets/s, live %.1f sets/s, latency %.0f ms%s%.300s",
              sst_service_phase_name(phase), a->present, a->cameras, a->rate_hz, v->rate_hz,
-             sst_window_quantile(&v->latency_ms, 0.5), why[0] ? "; " : "", why);
+             window_quantile(&v->latency_ms, 0.5), why[0] ? "; " : "", why);
     pthread_mutex_lock(&s->lock);
     s->phase = phase;
     memcpy(s->reason, why, sizeof(s->reason));
@@ -361,13 +361,13 @@ enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
 
 bool sst_service_alive(struct sst_service *s, int64_t ns)
 {
-    struct sst_array_state *a = &s->array_now;
-    struct sst_viewer_state *v = &s->viewer_now;
+    struct array_state *a = &s->array_now;
+    struct viewer_state *v = &s->viewer_now;
     const int64_t now_ns = sst_clock_now_ns();
     bool alive;
 
-    sst_array_state(s->array, a);
-    sst_viewer_state(s->viewer, v);
+    array_state(s->array, a);
+    viewer_state(s->viewer, v);
     /* The capturing thread runs; cameras that do not answer hold up its opening of them for long ... */
     alive = now_ns - a->beat_ns < (a->open ? ns : 3 * ns);
     if (alive && a->open && a->present && !a->report.trigger_away) { /* ... frames come, in sets or not ... */
@@ -420,15 +420,15 @@ static bool begin_end(struct sst_service *s, int64_t until_ns, struct sst_http *
     s->rtsp = NULL;
     pthread_mutex_unlock(&s->lock);
     if (s->viewer)
-        sst_viewer_stop(s->viewer); /* viewers leave, so that servers end at once */
+        viewer_stop(s->viewer); /* viewers leave, so that servers end at once */
     if (s->array)
-        sst_array_stop(s->array);
+        array_stop(s->array);
     sst_mqtt_stop(s->mqtt);
     sst_hooks_stop(s->hooks);
     sst_http_stop(*http);
     sst_rtsp_stop(*rtsp);
     if (s->array)
-        ended = sst_array_join(s->array, sets_ns);
+        ended = array_join(s->array, sets_ns);
     if (s->ring)
         sst_ring_shut(s->ring);
     sst_storage_shut(s->storage, left_ms(until_ns));
@@ -474,10 +474,10 @@ bool sst_service_stop(struct sst_service *s)
     mqtt = sst_mqtt_close(s->mqtt, left_ms(until_ns));
     note(took, sizeof(took), "MQTT", &since_ns);
     if (s->viewer)
-        viewer = sst_viewer_join(s->viewer, since_ns < free_ns ? free_ns : since_ns);
+        viewer = viewer_join(s->viewer, since_ns < free_ns ? free_ns : since_ns);
     note(took, sizeof(took), "live", &since_ns);
     if (!array)
-        array = sst_array_join(s->array, since_ns < free_ns ? free_ns : since_ns);
+        array = array_join(s->array, since_ns < free_ns ? free_ns : since_ns);
     note(took, sizeof(took), "cameras", &since_ns);
     sst_log_info("stopped in %.0f ms, waiting for %s", (double)(since_ns - start_ns) * 1e-6, took);
     if (!mqtt || !storage)
@@ -485,8 +485,8 @@ bool sst_service_stop(struct sst_service *s)
                         mqtt ? "" : "the MQTT broker; ", storage ? "" : "the disk; ");
     if (!mqtt || !array || !storage || !viewer || !sst_storage_close(s->storage, 0))
         return false; /* their threads may still ask for things */
-    sst_viewer_close(s->viewer);
-    sst_array_close(s->array);
+    viewer_close(s->viewer);
+    array_close(s->array);
     sst_ring_destroy(s->ring);
     sst_events_destroy(s->events);
     pthread_mutex_destroy(&s->lock);

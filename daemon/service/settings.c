@@ -1,4 +1,4 @@
-#include "daemon/service/settings.h"
+#include "daemon/service/service_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -27,7 +27,7 @@ static const struct {
     { "c2", 0, 1, false },           { "label_factor", 1, 1e6, false }, { "aperture", 0, 1e3, true },
 };
 
-static double *place(struct sst_view_settings *s, enum number i)
+static double *place(struct view_settings *s, enum number i)
 {
     switch (i) {
     case FOCUS:
@@ -51,7 +51,7 @@ static double natural(enum number i)
     return i == FOCUS ? (double)NAN : i == SIGMA ? 0 : (double)INFINITY;
 }
 
-void sst_view_settings_defaults(struct sst_view_settings *s, const struct sst_live_settings *config)
+void view_settings_defaults(struct view_settings *s, const struct sst_live_settings *config)
 {
     memset(s, 0, sizeof(*s));
     sst_render_config_defaults(&s->render);
@@ -65,8 +65,8 @@ void sst_view_settings_defaults(struct sst_view_settings *s, const struct sst_li
     s->render.threads = config->threads;
 }
 
-void sst_view_settings_follow(struct sst_view_settings *s, const struct sst_live_settings *from,
-                              const struct sst_live_settings *to)
+void view_settings_follow(struct view_settings *s, const struct sst_live_settings *from,
+                          const struct sst_live_settings *to)
 {
     if (from->focus_px != to->focus_px && !(isnan(from->focus_px) && isnan(to->focus_px))) {
         s->render.focus_px = to->focus_px;
@@ -84,7 +84,7 @@ void sst_view_settings_follow(struct sst_view_settings *s, const struct sst_live
     s->render.threads = to->threads;
 }
 
-static int take_number(struct sst_view_settings *s, enum number i, const json_t *value, char error[512])
+static int take_number(struct view_settings *s, enum number i, const json_t *value, char error[512])
 {
     const double v = json_number_value(value);
 
@@ -101,7 +101,7 @@ static int take_number(struct sst_view_settings *s, enum number i, const json_t 
     return 0;
 }
 
-static int take_method(struct sst_view_settings *s, const json_t *value, char error[512])
+static int take_method(struct view_settings *s, const json_t *value, char error[512])
 {
     const char *text = json_string_value(value);
 
@@ -113,7 +113,7 @@ static int take_method(struct sst_view_settings *s, const json_t *value, char er
     return 0;
 }
 
-static int take_label(struct sst_view_settings *s, const json_t *value, char error[512])
+static int take_label(struct view_settings *s, const json_t *value, char error[512])
 {
     const char *text = json_is_null(value) ? "" : json_string_value(value);
 
@@ -125,7 +125,7 @@ static int take_label(struct sst_view_settings *s, const json_t *value, char err
     return 0;
 }
 
-static int take_member(struct sst_view_settings *s, const char *key, const json_t *value, char error[512])
+static int take_member(struct view_settings *s, const char *key, const json_t *value, char error[512])
 {
     for (int i = 0; i < NUMBERS; i++)
         if (!strcmp(key, numbers[i].key))
@@ -142,11 +142,11 @@ static int take_member(struct sst_view_settings *s, const char *key, const json_
     return -EINVAL;
 }
 
-int sst_view_settings_take(struct sst_view_settings *s, const json_t *from, char error[512])
+int view_settings_take(struct view_settings *s, const json_t *from, char error[512])
 {
     static const char *const known[] = { "method", "focus_px", "focus_label",  "follow",   "sigma_px",
                                          "c1",     "c2",       "label_factor", "aperture", NULL };
-    struct sst_view_settings to = *s;
+    struct view_settings to = *s;
     const char *key;
     json_t *value;
 
@@ -167,13 +167,13 @@ int sst_view_settings_take(struct sst_view_settings *s, const json_t *from, char
     return 0;
 }
 
-json_t *sst_view_settings_json(const struct sst_view_settings *s)
+json_t *view_settings_json(const struct view_settings *s)
 {
     json_t *o = json_pack("{s:s, s:s, s:b}", "method", s->render.method == SST_RENDER_SST ? "sst" : "refocus",
                           "focus_label", s->focus_label, "follow", s->follow);
 
     for (int i = 0; i < NUMBERS && o; i++) {
-        const double v = *place((struct sst_view_settings *)s, (enum number)i);
+        const double v = *place((struct view_settings *)s, (enum number)i);
         const bool null = isnan(v) || isinf(v) || (i == SIGMA && v == 0);
 
         json_object_set_new(o, numbers[i].key, null ? json_null() : json_real(v));

@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "daemon/service/service_parts.h"
+#include "daemon/service/service_internal.h"
 
 static json_t *count(uint64_t n)
 {
@@ -28,7 +28,7 @@ static json_t *counts(const char *const *keys, const uint64_t *n, int size)
     return o;
 }
 
-static json_t *skew_json(const struct sst_layout *layout, const struct sst_capture_report *r)
+static json_t *skew_json(const struct array_layout *layout, const struct sst_capture_report *r)
 {
     const struct sst_config_camera *worst = r->worst_cam >= 0 ? &layout->config.camera[r->worst_cam] : NULL;
     char name[16] = "";
@@ -41,7 +41,7 @@ static json_t *skew_json(const struct sst_layout *layout, const struct sst_captu
                      (json_int_t)r->skewed);
 }
 
-static json_t *capture_json(const struct sst_array_state *a, const struct sst_layout *layout)
+static json_t *capture_json(const struct array_state *a, const struct array_layout *layout)
 {
     const struct sst_capture_report *r = &a->report;
     json_t *frames = counts(bucket_keys, r->sets.bucket, SST_BUCKETS);
@@ -59,10 +59,10 @@ static json_t *capture_json(const struct sst_array_state *a, const struct sst_la
         "frames", frames, "skew_us", skew_json(layout, r), "recovery", counts(rung_keys, r->grab.rung, SST_GRAB_RUNGS));
 }
 
-static json_t *window_json(const struct sst_window *w)
+static json_t *window_json(const struct time_window *w)
 {
-    return json_pack("{s:f, s:f, s:f}", "p50", sst_window_quantile(w, 0.5), "p99", sst_window_quantile(w, 0.99), "max",
-                     sst_window_quantile(w, 1));
+    return json_pack("{s:f, s:f, s:f}", "p50", window_quantile(w, 0.5), "p99", window_quantile(w, 0.99), "max",
+                     window_quantile(w, 1));
 }
 
 static json_t *skip_json(bool on, uint64_t done, uint64_t skipped, double error)
@@ -73,12 +73,12 @@ static json_t *skip_json(bool on, uint64_t done, uint64_t skipped, double error)
                      "error", sst_api_real(error));
 }
 
-static json_t *live_json(const struct sst_viewer_state *v, const struct sst_live_settings *settings)
+static json_t *live_json(const struct viewer_state *v, const struct sst_live_settings *settings)
 {
     json_t *stages = json_object(), *live;
 
     for (int i = 0; i < SST_VIEWER_STAGES; i++)
-        json_object_set_new(stages, sst_viewer_stage_name((enum sst_viewer_stage)i), window_json(&v->stage_ms[i]));
+        json_object_set_new(stages, viewer_stage_name((enum viewer_stage)i), window_json(&v->stage_ms[i]));
     live = json_pack("{s:b, s:b, s:s, s:f, s:I, s:I, s:I, s:I, s:f, s:f, s:i, s:i}", "enabled", v->enabled, "ready",
                      v->ready, "reason", v->reason, "rate_hz", v->rate_hz, "sets", (json_int_t)v->sets, "dropped",
                      (json_int_t)v->dropped, "idle", (json_int_t)v->idle, "pictures", (json_int_t)v->pictures,
@@ -106,7 +106,7 @@ static json_t *live_json(const struct sst_viewer_state *v, const struct sst_live
     return live;
 }
 
-void sst_service_process(uint64_t *rss_bytes, int *descriptors)
+void service_process(uint64_t *rss_bytes, int *descriptors)
 {
     FILE *f = fopen("/proc/self/statm", "re");
     DIR *dir = opendir("/proc/self/fd");
@@ -125,7 +125,7 @@ void sst_service_process(uint64_t *rss_bytes, int *descriptors)
 }
 
 /* Under the lock: the servers go when the service stops, and those who ask, MQTT among them, after them. */
-int sst_service_clients(struct sst_service *s, struct sst_http_counters *http, unsigned *restarts)
+int service_clients(struct sst_service *s, struct sst_http_counters *http, unsigned *restarts)
 {
     int clients;
 
@@ -139,7 +139,7 @@ int sst_service_clients(struct sst_service *s, struct sst_http_counters *http, u
     return clients;
 }
 
-bool sst_service_certificate(struct sst_service *s, struct sst_http_certificate *out, double *days)
+bool service_certificate(struct sst_service *s, struct sst_http_certificate *out, double *days)
 {
     bool any;
 
@@ -158,7 +158,7 @@ static json_t *certificate_json(struct sst_service *s)
     char text[SST_CLOCK_TEXT];
     double days;
 
-    if (!sst_service_certificate(s, &c, &days))
+    if (!service_certificate(s, &c, &days))
         return json_null();
     sst_clock_text(text, c.until_s * 1000000000);
     return json_pack("{s:s, s:f}", "until", text, "days", days);
@@ -168,7 +168,7 @@ static json_t *clients_json(struct sst_service *s)
 {
     struct sst_http_counters h;
     unsigned restarts;
-    const int rtsp = sst_service_clients(s, &h, &restarts);
+    const int rtsp = service_clients(s, &h, &restarts);
 
     return json_pack("{s:i, s:i, s:i, s:i, s:I, s:I, s:I, s:I, s:I}", "http", h.clients, "streams", h.streams,
                      "listeners", h.listeners, "rtsp", rtsp, "rtsp_restarts", (json_int_t)restarts, "requests",
@@ -181,23 +181,23 @@ static json_t *process_json(double cpu_percent)
     uint64_t rss_bytes;
     int descriptors;
 
-    sst_service_process(&rss_bytes, &descriptors);
+    service_process(&rss_bytes, &descriptors);
     return json_pack("{s:I, s:f, s:i}", "rss_bytes", (json_int_t)rss_bytes, "cpu_percent", cpu_percent, "descriptors",
                      descriptors);
 }
 
 /* Large together, and not for a stack of a server's thread. */
 struct gathered {
-    struct sst_array_state array;
-    struct sst_viewer_state viewer;
-    struct sst_layout layout;
+    struct array_state array;
+    struct viewer_state viewer;
+    struct array_layout layout;
     struct sst_live_settings live;
     enum sst_service_phase phase;
     char reason[512];
     double cpu_percent;
 };
 
-int sst_service_status(void *arg, struct sst_api_answer *out)
+int service_status(void *arg, struct sst_api_answer *out)
 {
     struct sst_service *s = arg;
     struct gathered *g = calloc(1, sizeof(*g));
@@ -206,9 +206,9 @@ int sst_service_status(void *arg, struct sst_api_answer *out)
 
     if (!g)
         return -ENOMEM;
-    sst_array_state(s->array, &g->array);
-    sst_array_layout(s->array, &g->layout);
-    sst_viewer_state(s->viewer, &g->viewer);
+    array_state(s->array, &g->array);
+    array_layout(s->array, &g->layout);
+    viewer_state(s->viewer, &g->viewer);
     pthread_mutex_lock(&s->lock);
     g->live = s->config.live;
     g->phase = s->phase;
@@ -230,13 +230,13 @@ int sst_service_status(void *arg, struct sst_api_answer *out)
 
 /* --- cameras ------------------------------------------------------------------------------------------------------ */
 
-static json_t *camera_json(const struct sst_array_camera *c, int64_t now_ns)
+static json_t *camera_json(const struct array_camera *c, int64_t now_ns)
 {
     char name[32];
 
     snprintf(name, sizeof(name), "r%dc%d", c->row, c->col);
     return json_pack("{s:s, s:i, s:i, s:s, s:s, s:s, s:s, s:I, s:I, s:I, s:f, s:f, s:o, s:o, s:o, s:s}", "name", name,
-                     "row", c->row, "col", c->col, "state", sst_array_state_name(c->state), "serial", c->serial, "port",
+                     "row", c->row, "col", c->col, "state", array_state_name(c->state), "serial", c->serial, "port",
                      c->port, "device", c->name, "frames", (json_int_t)c->grab.frames, "bad", (json_int_t)c->grab.bad,
                      "lost", (json_int_t)c->grab.lost, "rate_hz", c->rate_hz, "skew_us", c->skew_us, "last_s",
                      c->last_ns ? json_real((double)(now_ns - c->last_ns) / 1e9) : json_null(), "buckets",
@@ -244,17 +244,17 @@ static json_t *camera_json(const struct sst_array_camera *c, int64_t now_ns)
                      counts(rung_keys, c->grab.rung, SST_GRAB_RUNGS), "reason", c->reason);
 }
 
-int sst_service_cameras(void *arg, struct sst_api_answer *out)
+int service_cameras(void *arg, struct sst_api_answer *out)
 {
     struct sst_service *s = arg;
-    struct sst_array_camera *cameras = calloc(SST_CAMERAS_MAX, sizeof(*cameras));
-    struct sst_layout *layout = calloc(1, sizeof(*layout));
+    struct array_camera *cameras = calloc(SST_CAMERAS_MAX, sizeof(*cameras));
+    struct array_layout *layout = calloc(1, sizeof(*layout));
     json_t *list = json_array();
     int n = 0;
 
     if (cameras && layout) {
-        n = sst_array_cameras(s->array, cameras);
-        sst_array_layout(s->array, layout);
+        n = array_cameras(s->array, cameras);
+        array_layout(s->array, layout);
     }
     for (int i = 0; i < n; i++)
         json_array_append_new(list, camera_json(&cameras[i], sst_clock_now_ns()));

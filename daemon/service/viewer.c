@@ -1,4 +1,4 @@
-#include "daemon/service/viewer.h"
+#include "daemon/service/service_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -10,7 +10,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "daemon/service/viewer_parts.h"
 #include "pipeline/method/network/model_path.h"
 
 #define POLL_MS  30
@@ -22,7 +21,7 @@
 /* Capturing comes first: this thread takes all processors that there are, and so do those that it starts. */
 #define LIVE_NICE 5
 
-const char *sst_viewer_stage_name(enum sst_viewer_stage stage)
+const char *viewer_stage_name(enum viewer_stage stage)
 {
     static const char *const names[SST_VIEWER_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
                                                           "labels", "refine", "render", "encode" };
@@ -33,7 +32,7 @@ const char *sst_viewer_stage_name(enum sst_viewer_stage stage)
 /* --- the light field that is followed ----------------------------------------------------------------------------- */
 
 /** Labels that start recordings, but are none of the network's: one that is misspelt would never record. */
-static void name_unknown_locked(const struct sst_viewer *v, char out[512])
+static void name_unknown_locked(const struct live_engine *v, char out[512])
 {
     size_t used = 0;
 
@@ -54,13 +53,13 @@ static void tell_unknown(const char *labels)
                         labels);
 }
 
-static void close_live(struct sst_viewer *v)
+static void close_live(struct live_engine *v)
 {
     struct sst_live *live = v->live;
 
     if (!live)
         return;
-    sst_viewer_forget_pictures(v);
+    viewer_forget_pictures(v);
     pthread_mutex_lock(&v->lock);
     v->live = NULL;
     v->state.ready = false;
@@ -70,7 +69,7 @@ static void close_live(struct sst_viewer *v)
 }
 
 /** What the configuration and the array say. @return 0 or an error, logged */
-static int describe(struct sst_viewer *v, const struct sst_config *c)
+static int describe(struct live_engine *v, const struct sst_config *c)
 {
     const struct sst_array_config *a = &v->layout.config;
     struct sst_live_config *l = &v->live_config;
@@ -113,7 +112,7 @@ static int describe(struct sst_viewer *v, const struct sst_config *c)
 }
 
 /** Where the array is and what is wanted of it is known: follow it. */
-static void open_live(struct sst_viewer *v)
+static void open_live(struct live_engine *v)
 {
     struct sst_config *c = malloc(sizeof(*c));
     char why[SST_LOG_MAX] = "", unknown[512] = "";
@@ -165,9 +164,9 @@ static bool same_array(const struct sst_array_config *a, const struct sst_array_
 }
 
 /** Follow the array's openings and the configuration's changes. @return there is a light field to bring up to date */
-static bool follow(struct sst_viewer *v)
+static bool follow(struct live_engine *v)
 {
-    const unsigned generation = sst_array_generation(v->array);
+    const unsigned generation = array_generation(v->array);
     bool anew, enabled;
 
     pthread_mutex_lock(&v->lock);
@@ -178,7 +177,7 @@ static bool follow(struct sst_viewer *v)
     if (generation && generation != v->layout.generation) {
         const struct sst_array_config before = v->layout.config;
 
-        sst_array_layout(v->array, &v->layout);
+        array_layout(v->array, &v->layout);
         if (same_array(&before, &v->layout.config))
             v->last = v->layout.first - 1 > v->last ? v->layout.first - 1 : v->last;
         else
@@ -195,7 +194,7 @@ static bool follow(struct sst_viewer *v)
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static void note_second_locked(struct sst_viewer *v, const struct sst_live_report *r)
+static void note_second_locked(struct live_engine *v, const struct sst_live_report *r)
 {
     const int64_t s = sst_clock_now_ns() / 1000000000;
     struct second *at = &v->second[s % RATE_SLOTS];
@@ -208,9 +207,9 @@ static void note_second_locked(struct sst_viewer *v, const struct sst_live_repor
     at->cpu_ns += r->cpu_ns;
 }
 
-static void note_locked(struct sst_viewer *v, const struct sst_live_report *r, int64_t wait_ns)
+static void note_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns)
 {
-    struct sst_viewer_state *s = &v->state;
+    struct viewer_state *s = &v->state;
 
     note_second_locked(v, r);
     s->sets++;
@@ -233,15 +232,15 @@ static void note_locked(struct sst_viewer *v, const struct sst_live_report *r, i
     if (!r->tiles_changed)
         return;
     v->update++;
-    sst_window_add(&s->stage_ms[SST_VIEWER_WAIT], (double)wait_ns / 1e6);
+    window_add(&s->stage_ms[SST_VIEWER_WAIT], (double)wait_ns / 1e6);
     for (int i = 0; i < SST_LIVE_STAGES; i++)
-        sst_window_add(&s->stage_ms[SST_VIEWER_LIVE + i], (double)r->stage_ns[i] / 1e6);
+        window_add(&s->stage_ms[SST_VIEWER_LIVE + i], (double)r->stage_ns[i] / 1e6);
     for (int i = 0; i < 256; i++)
         v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
 }
 
 /** What is where, for those who look at sliders. */
-static void note_scene(struct sst_viewer *v)
+static void note_scene(struct live_engine *v)
 {
     const struct sst_lightfield *lf = sst_live_lightfield(v->live);
     double min_px = NAN, max_px = NAN;
@@ -261,7 +260,7 @@ static void note_scene(struct sst_viewer *v)
 }
 
 /** Recording on event follows what was seen. */
-static void tell_storage(struct sst_viewer *v, const struct sst_kept *kept, const struct sst_live_report *r)
+static void tell_storage(struct live_engine *v, const struct sst_kept *kept, const struct sst_live_report *r)
 {
     struct sst_seen seen = { .number = kept->number, .t_ns = kept->set.t_ns, .zones = v->live_config.zones };
 
@@ -280,7 +279,7 @@ static void tell_storage(struct sst_viewer *v, const struct sst_kept *kept, cons
     sst_storage_seen(v->storage, &seen);
 }
 
-static void take_set(struct sst_viewer *v, const struct sst_kept *kept, uint64_t dropped)
+static void take_set(struct live_engine *v, const struct sst_kept *kept, uint64_t dropped)
 {
     struct sst_live_input *in = &v->input;
     const int64_t start_ns = sst_clock_now_ns();
@@ -319,7 +318,7 @@ static void take_set(struct sst_viewer *v, const struct sst_kept *kept, uint64_t
  *
  * @param took_ns  that the work before took, 0: there was none
  */
-static void attend(struct sst_viewer *v, int64_t took_ns)
+static void attend(struct live_engine *v, int64_t took_ns)
 {
     const int64_t end_ns = sst_clock_now_ns() + (took_ns < HAND_MAX_NS ? took_ns : HAND_MAX_NS);
     int64_t seen_ns, until_ns;
@@ -329,8 +328,8 @@ static void attend(struct sst_viewer *v, int64_t took_ns)
         pthread_mutex_lock(&v->lock);
         seen_ns = v->hand_ns;
         pthread_mutex_unlock(&v->lock);
-        sst_viewer_serve(v);
-        sst_viewer_publish(v);
+        viewer_serve(v);
+        viewer_publish(v);
         until_ns = seen_ns + HAND_NS < end_ns ? seen_ns + HAND_NS : end_ns;
         pthread_mutex_lock(&v->lock);
         while (!v->stop && v->hand_ns == seen_ns && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
@@ -341,7 +340,7 @@ static void attend(struct sst_viewer *v, int64_t took_ns)
 }
 
 /** Take the newest set in, if its time has come. @return what that took, ns; 0: there was none */
-static int64_t step(struct sst_viewer *v)
+static int64_t step(struct live_engine *v)
 {
     const struct sst_kept *kept = NULL;
     uint64_t dropped = 0;
@@ -375,7 +374,7 @@ static int64_t step(struct sst_viewer *v)
 
 static void *run(void *arg)
 {
-    struct sst_viewer *v = arg;
+    struct live_engine *v = arg;
     bool stop = false;
 
     sst_thread_name("sst-live");
@@ -383,9 +382,9 @@ static void *run(void *arg)
     while (!stop) {
         if (follow(v)) {
             attend(v, step(v));
-            sst_viewer_check_by_time(v);
+            viewer_check_by_time(v);
         } else {
-            sst_viewer_serve(v);
+            viewer_serve(v);
             nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000 }, NULL);
         }
         pthread_mutex_lock(&v->lock);
@@ -403,9 +402,9 @@ static void *run(void *arg)
 
 /* --- for the others ----------------------------------------------------------------------------------------------- */
 
-int sst_viewer_open(struct sst_viewer **out, const struct sst_viewer_config *cfg)
+int viewer_open(struct live_engine **out, const struct viewer_config *cfg)
 {
-    struct sst_viewer *v = calloc(1, sizeof(*v));
+    struct live_engine *v = calloc(1, sizeof(*v));
     int err;
 
     if (!v)
@@ -421,30 +420,30 @@ int sst_viewer_open(struct sst_viewer **out, const struct sst_viewer_config *cfg
     v->state.beat_ns = sst_clock_now_ns();
     pthread_mutex_init(&v->lock, NULL);
     sst_cond_init(&v->changed);
-    err = sst_viewer_views_open(v);
+    err = viewer_views_open(v);
     if (!err) {
-        err = -pthread_create(&v->camera_thread, NULL, sst_viewer_run_cameras, v);
+        err = -pthread_create(&v->camera_thread, NULL, viewer_run_cameras, v);
         v->camera_runs = !err;
     }
     if (!err)
         err = -pthread_create(&v->thread, NULL, run, v);
     if (err) {
-        sst_viewer_stop(v);
+        viewer_stop(v);
         if (v->camera_runs)
             pthread_join(v->camera_thread, NULL);
-        sst_viewer_close(v);
+        viewer_close(v);
         return err;
     }
     *out = v;
     return 0;
 }
 
-void sst_viewer_configure(struct sst_viewer *v, const struct sst_config *config, bool anew)
+void viewer_configure(struct live_engine *v, const struct sst_config *config, bool anew)
 {
     char unknown[512];
 
     pthread_mutex_lock(&v->lock);
-    sst_viewer_views_follow_locked(v, &config->live);
+    viewer_views_follow_locked(v, &config->live);
     v->config = *config;
     v->config_count += anew;
     name_unknown_locked(v, unknown);
@@ -453,7 +452,7 @@ void sst_viewer_configure(struct sst_viewer *v, const struct sst_config *config,
         tell_unknown(unknown);
 }
 
-void sst_viewer_state(struct sst_viewer *v, struct sst_viewer_state *out)
+void viewer_state(struct live_engine *v, struct viewer_state *out)
 {
     const int64_t now_s = sst_clock_now_ns() / 1000000000;
     uint64_t sets = 0, tiles = 0, changed = 0;
@@ -477,7 +476,7 @@ void sst_viewer_state(struct sst_viewer *v, struct sst_viewer_state *out)
     out->cpu_percent = (double)cpu_ns / 1e8;
 }
 
-int sst_viewer_labels(struct sst_viewer *v, struct sst_api_answer *out)
+int viewer_labels(struct live_engine *v, struct sst_api_answer *out)
 {
     const uint8_t(*palette)[3] = sst_classes_palette();
     json_t *list = json_array();
@@ -495,7 +494,7 @@ int sst_viewer_labels(struct sst_viewer *v, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-void sst_viewer_stop(struct sst_viewer *v)
+void viewer_stop(struct live_engine *v)
 {
     pthread_mutex_lock(&v->lock);
     v->stop = true;
@@ -514,7 +513,7 @@ void sst_viewer_stop(struct sst_viewer *v)
     pthread_mutex_unlock(&v->lock);
 }
 
-bool sst_viewer_join(struct sst_viewer *v, int64_t until_ns)
+bool viewer_join(struct live_engine *v, int64_t until_ns)
 {
     bool ended;
 
@@ -527,16 +526,16 @@ bool sst_viewer_join(struct sst_viewer *v, int64_t until_ns)
     if (ended) {
         pthread_join(v->thread, NULL);
         pthread_join(v->camera_thread, NULL);
-        sst_viewer_check_join(v);
+        viewer_check_join(v);
     }
     return ended;
 }
 
-void sst_viewer_close(struct sst_viewer *v)
+void viewer_close(struct live_engine *v)
 {
     if (!v)
         return;
-    sst_viewer_views_close(v);
+    viewer_views_close(v);
     pthread_cond_destroy(&v->changed);
     pthread_mutex_destroy(&v->lock);
     free(v);

@@ -4,7 +4,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "daemon/service/viewer_parts.h"
+#include "daemon/service/service_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
 
@@ -37,7 +37,7 @@ static uint8_t *as_jpeg(const struct sst_frame *f, int quality, size_t *bytes)
     return data;
 }
 
-static void show(struct sst_viewer *v, const struct sst_kept *kept)
+static void show(struct live_engine *v, const struct sst_kept *kept)
 {
     for (int i = 0; i < kept->set.cameras; i++) {
         const struct sst_frame *f = kept->set.frame[i];
@@ -48,7 +48,7 @@ static void show(struct sst_viewer *v, const struct sst_kept *kept)
         int quality;
 
         pthread_mutex_lock(&v->lock);
-        if (f && f->bytes && s->outlet && s->shown < kept->number && sst_viewer_wanted(s->outlet, s->used_ns)) {
+        if (f && f->bytes && s->outlet && s->shown < kept->number && viewer_wanted(s->outlet, s->used_ns)) {
             outlet = sst_outlet_ref(s->outlet);
             s->shown = kept->number;
         }
@@ -61,21 +61,21 @@ static void show(struct sst_viewer *v, const struct sst_kept *kept)
     }
 }
 
-static bool any_wanted(struct sst_viewer *v, bool *stop)
+static bool any_wanted(struct live_engine *v, bool *stop)
 {
     bool any = false;
 
     pthread_mutex_lock(&v->lock);
     for (int i = 0; i < SST_CAMERAS_MAX && !any; i++)
-        any = v->camera[i].outlet && sst_viewer_wanted(v->camera[i].outlet, v->camera[i].used_ns);
+        any = v->camera[i].outlet && viewer_wanted(v->camera[i].outlet, v->camera[i].used_ns);
     *stop = v->stop;
     pthread_mutex_unlock(&v->lock);
     return any;
 }
 
-void *sst_viewer_run_cameras(void *arg)
+void *viewer_run_cameras(void *arg)
 {
-    struct sst_viewer *v = arg;
+    struct live_engine *v = arg;
     uint64_t last = 0;
     bool stop = false, wanted;
 

@@ -8,14 +8,14 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "daemon/service/viewer_parts.h"
+#include "daemon/service/service_internal.h"
 #include "pipeline/calibration/drift/check.h"
 
 #define EVERY_NS INT64_C(86400000000000)
 #define FIRST_NS INT64_C(60000000000)
 
 struct work {
-    struct sst_viewer *v;
+    struct live_engine *v;
     struct sst_lightfield lf; /* copies of the images */
 };
 
@@ -39,7 +39,7 @@ static int copy(struct sst_lightfield *to, const struct sst_lightfield *from)
 static void *run(void *arg)
 {
     struct work *w = arg;
-    struct sst_viewer *v = w->v;
+    struct live_engine *v = w->v;
     const struct sst_check_config cfg = { .threads = 1 };
     struct sst_check check;
     char why[SST_LOG_MAX] = "";
@@ -71,7 +71,7 @@ static void *run(void *arg)
     return NULL;
 }
 
-static void start(struct sst_viewer *v)
+static void start(struct live_engine *v)
 {
     struct work *w = calloc(1, sizeof(*w));
     int err = w ? copy(&w->lf, sst_live_lightfield(v->live)) : -ENOMEM;
@@ -90,14 +90,14 @@ static void start(struct sst_viewer *v)
         sst_log_warning("the calibration cannot be checked now: %s", strerror(-err));
 }
 
-void sst_viewer_check_join(struct sst_viewer *v)
+void viewer_check_join(struct live_engine *v)
 {
     if (v->check_runs)
         pthread_join(v->check_thread, NULL);
     v->check_runs = false;
 }
 
-void sst_viewer_check_by_time(struct sst_viewer *v)
+void viewer_check_by_time(struct live_engine *v)
 {
     const int64_t now_ns = sst_clock_now_ns();
     bool due, ended;
@@ -112,11 +112,11 @@ void sst_viewer_check_by_time(struct sst_viewer *v)
     pthread_mutex_unlock(&v->lock);
     if (!due)
         return;
-    sst_viewer_check_join(v);
+    viewer_check_join(v);
     start(v);
 }
 
-int sst_viewer_calibration_check(struct sst_viewer *v, struct sst_api_answer *out)
+int viewer_calibration_check(struct live_engine *v, struct sst_api_answer *out)
 {
     bool ready;
 

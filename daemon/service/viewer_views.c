@@ -9,12 +9,12 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "daemon/service/viewer_parts.h"
+#include "daemon/service/service_internal.h"
 #include "pipeline/image/codec.h"
 
 /* --- the list of views, under lock -------------------------------------------------------------------------------- */
 
-static struct view *find_locked(struct sst_viewer *v, const char *id)
+static struct view *find_locked(struct live_engine *v, const char *id)
 {
     for (int i = 0; i < VIEWS_MAX; i++)
         if (v->view[i].used && !strcmp(v->view[i].id, id))
@@ -22,7 +22,7 @@ static struct view *find_locked(struct sst_viewer *v, const char *id)
     return NULL;
 }
 
-static int add_locked(struct sst_viewer *v, const char *id, const struct sst_view_settings *settings, struct view **out)
+static int add_locked(struct live_engine *v, const char *id, const struct view_settings *settings, struct view **out)
 {
     const int room = 1 + sst_clamp_int(v->config.web.views, 0, VIEWS_MAX - 1);
     struct sst_outlet *outlet;
@@ -43,26 +43,26 @@ static int add_locked(struct sst_viewer *v, const char *id, const struct sst_vie
     return -EOVERFLOW;
 }
 
-int sst_viewer_views_open(struct sst_viewer *v)
+int viewer_views_open(struct live_engine *v)
 {
-    struct sst_view_settings settings;
+    struct view_settings settings;
     struct view *e;
 
-    sst_view_settings_defaults(&settings, &v->config.live);
+    view_settings_defaults(&settings, &v->config.live);
     return add_locked(v, "main", &settings, &e);
 }
 
-void sst_viewer_views_follow_locked(struct sst_viewer *v, const struct sst_live_settings *to)
+void viewer_views_follow_locked(struct live_engine *v, const struct sst_live_settings *to)
 {
     struct view *e = find_locked(v, "main");
 
     if (!e)
         return;
-    sst_view_settings_follow(&e->settings, &v->config.live, to);
+    view_settings_follow(&e->settings, &v->config.live, to);
     e->version++;
 }
 
-void sst_viewer_views_close(struct sst_viewer *v)
+void viewer_views_close(struct live_engine *v)
 {
     for (int i = 0; i < VIEWS_MAX; i++)
         sst_outlet_unref(v->view[i].outlet);
@@ -77,14 +77,14 @@ void sst_viewer_views_close(struct sst_viewer *v)
 static json_t *view_json_locked(const struct view *e)
 {
     json_t *o = json_pack("{s:s, s:i, s:o?}", "id", e->id, "viewers", sst_outlet_viewers(e->outlet), "settings",
-                          sst_view_settings_json(&e->settings));
+                          view_settings_json(&e->settings));
 
     if (o)
         json_object_set_new(o, "shown_focus_px", isnan(e->shown_focus_px) ? json_null() : json_real(e->shown_focus_px));
     return o;
 }
 
-int sst_viewer_views(struct sst_viewer *v, struct sst_api_answer *out)
+int viewer_views(struct live_engine *v, struct sst_api_answer *out)
 {
     json_t *list = json_array();
 
@@ -98,7 +98,7 @@ int sst_viewer_views(struct sst_viewer *v, struct sst_api_answer *out)
 }
 
 /** A label that the network does not know helps nobody. */
-static int check_label_locked(struct sst_viewer *v, const struct sst_view_settings *s, char error[512])
+static int check_label_locked(struct live_engine *v, const struct view_settings *s, char error[512])
 {
     if (!s->focus_label[0] || !v->classes.count || sst_classes_find(&v->classes, s->focus_label))
         return 0;
@@ -106,9 +106,9 @@ static int check_label_locked(struct sst_viewer *v, const struct sst_view_settin
     return -EINVAL;
 }
 
-int sst_viewer_view_create(struct sst_viewer *v, const json_t *settings, struct sst_api_answer *out)
+int viewer_view_create(struct live_engine *v, const json_t *settings, struct sst_api_answer *out)
 {
-    struct sst_view_settings s;
+    struct view_settings s;
     struct view *e;
     char id[16];
     uint32_t number;
@@ -118,8 +118,8 @@ int sst_viewer_view_create(struct sst_viewer *v, const json_t *settings, struct 
         return -EIO;
     snprintf(id, sizeof(id), "v%08x", number);
     pthread_mutex_lock(&v->lock);
-    sst_view_settings_defaults(&s, &v->config.live);
-    err = settings ? sst_view_settings_take(&s, settings, out->error) : 0;
+    view_settings_defaults(&s, &v->config.live);
+    err = settings ? view_settings_take(&s, settings, out->error) : 0;
     if (!err)
         err = check_label_locked(v, &s, out->error);
     if (!err)
@@ -132,9 +132,9 @@ int sst_viewer_view_create(struct sst_viewer *v, const json_t *settings, struct 
     return err ? err : out->body ? 0 : -ENOMEM;
 }
 
-int sst_viewer_view_change(struct sst_viewer *v, const char *id, const json_t *settings, struct sst_api_answer *out)
+int viewer_view_change(struct live_engine *v, const char *id, const json_t *settings, struct sst_api_answer *out)
 {
-    struct sst_view_settings s;
+    struct view_settings s;
     struct view *e;
     int err = -ENOENT;
 
@@ -142,7 +142,7 @@ int sst_viewer_view_change(struct sst_viewer *v, const char *id, const json_t *s
     e = find_locked(v, id);
     if (e) {
         s = e->settings;
-        err = sst_view_settings_take(&s, settings, out->error);
+        err = view_settings_take(&s, settings, out->error);
         if (!err)
             err = check_label_locked(v, &s, out->error);
     } else {
@@ -162,7 +162,7 @@ int sst_viewer_view_change(struct sst_viewer *v, const char *id, const json_t *s
 /* --- pictures, live thread ---------------------------------------------------------------------------------------- */
 
 /** Views that nobody looked at for long go. */
-static void expire(struct sst_viewer *v)
+static void expire(struct live_engine *v)
 {
     for (int i = 1; i < VIEWS_MAX; i++) {
         struct view *e = &v->view[i];
@@ -182,7 +182,7 @@ static void expire(struct sst_viewer *v)
     }
 }
 
-void sst_viewer_forget_pictures(struct sst_viewer *v)
+void viewer_forget_pictures(struct live_engine *v)
 {
     for (int i = 0; i < VIEWS_MAX; i++) {
         struct sst_live_picture *picture;
@@ -197,7 +197,7 @@ void sst_viewer_forget_pictures(struct sst_viewer *v)
 }
 
 /** Settings as the renderer takes them, here and now. */
-static void resolve(struct sst_viewer *v, const struct sst_view_settings *s, struct sst_render_config *render)
+static void resolve(struct live_engine *v, const struct view_settings *s, struct sst_render_config *render)
 {
     const struct sst_classes *classes = &sst_live_lightfield(v->live)->classes;
 
@@ -215,7 +215,7 @@ static void resolve(struct sst_viewer *v, const struct sst_view_settings *s, str
         render->focus_px = 0;
 }
 
-static int show(struct sst_viewer *v, struct sst_outlet *outlet, const struct sst_image *image, int quality)
+static int show(struct live_engine *v, struct sst_outlet *outlet, const struct sst_image *image, int quality)
 {
     const uint8_t *jpeg;
     uint8_t *data = NULL;
@@ -232,7 +232,7 @@ static int show(struct sst_viewer *v, struct sst_outlet *outlet, const struct ss
 }
 
 /** @param ns  in, out, time spent on rendering and on encoding @return a picture was made */
-static bool render_view(struct sst_viewer *v, struct view *e, const struct sst_view_settings *settings, int quality,
+static bool render_view(struct live_engine *v, struct view *e, const struct view_settings *settings, int quality,
                         int64_t ns[2])
 {
     const int64_t start_ns = sst_clock_now_ns();
@@ -269,16 +269,16 @@ static bool render_view(struct sst_viewer *v, struct view *e, const struct sst_v
 /** Make a view's picture anew where it is not what is shown.
  * @param asked  even where nobody looks, as something else needs it
  * @return a picture was made */
-static bool publish_view(struct sst_viewer *v, struct view *e, bool asked, int64_t ns[2])
+static bool publish_view(struct live_engine *v, struct view *e, bool asked, int64_t ns[2])
 {
-    struct sst_view_settings settings;
+    struct view_settings settings;
     unsigned version;
     uint64_t update;
     bool due, made;
     int quality;
 
     pthread_mutex_lock(&v->lock);
-    due = e->used && (asked || sst_viewer_wanted(e->outlet, e->used_ns)) &&
+    due = e->used && (asked || viewer_wanted(e->outlet, e->used_ns)) &&
           (e->shown_version != e->version || e->shown_update != v->update);
     settings = e->settings;
     version = e->version;
@@ -296,7 +296,7 @@ static bool publish_view(struct sst_viewer *v, struct view *e, bool asked, int64
     return made;
 }
 
-static void publish_overlay(struct sst_viewer *v, enum sst_live_overlay kind)
+static void publish_overlay(struct live_engine *v, enum sst_live_overlay kind)
 {
     const struct sst_lightfield *lf = sst_live_lightfield(v->live);
     struct shared *s = &v->overlay[kind];
@@ -306,7 +306,7 @@ static void publish_overlay(struct sst_viewer *v, enum sst_live_overlay kind)
     int quality;
 
     pthread_mutex_lock(&v->lock);
-    outlet = s->outlet && s->shown != v->update && sst_viewer_wanted(s->outlet, s->used_ns) ? s->outlet : NULL;
+    outlet = s->outlet && s->shown != v->update && viewer_wanted(s->outlet, s->used_ns) ? s->outlet : NULL;
     update = v->update;
     quality = v->config.live.jpeg_quality;
     pthread_mutex_unlock(&v->lock);
@@ -325,7 +325,7 @@ static void publish_overlay(struct sst_viewer *v, enum sst_live_overlay kind)
     }
 }
 
-void sst_viewer_publish(struct sst_viewer *v)
+void viewer_publish(struct live_engine *v)
 {
     int64_t ns[2] = { 0, 0 };
     int made = 0;
@@ -342,9 +342,9 @@ void sst_viewer_publish(struct sst_viewer *v)
     pthread_mutex_lock(&v->lock);
     v->state.pictures += (uint64_t)made;
     if (v->latency_due) {
-        sst_window_add(&v->state.latency_ms, (double)(sst_clock_now_ns() - v->set_t_ns) / 1e6);
-        sst_window_add(&v->state.stage_ms[SST_VIEWER_RENDER], (double)ns[0] / 1e6);
-        sst_window_add(&v->state.stage_ms[SST_VIEWER_ENCODE], (double)ns[1] / 1e6);
+        window_add(&v->state.latency_ms, (double)(sst_clock_now_ns() - v->set_t_ns) / 1e6);
+        window_add(&v->state.stage_ms[SST_VIEWER_RENDER], (double)ns[0] / 1e6);
+        window_add(&v->state.stage_ms[SST_VIEWER_ENCODE], (double)ns[1] / 1e6);
     }
     pthread_mutex_unlock(&v->lock);
     v->latency_due = false;
@@ -352,12 +352,12 @@ void sst_viewer_publish(struct sst_viewer *v)
 
 /* --- what is asked from outside ----------------------------------------------------------------------------------- */
 
-bool sst_viewer_wanted(struct sst_outlet *outlet, int64_t used_ns)
+bool viewer_wanted(struct sst_outlet *outlet, int64_t used_ns)
 {
     return sst_outlet_viewers(outlet) > 0 || (used_ns && sst_clock_now_ns() - used_ns < WANTED_NS);
 }
 
-int sst_viewer_share_locked(struct shared *s, struct sst_outlet **out)
+int viewer_share_locked(struct shared *s, struct sst_outlet **out)
 {
     if (!s->outlet && sst_outlet_create(&s->outlet))
         return -ENOMEM;
@@ -372,7 +372,7 @@ static int64_t end_of_wait(void)
 }
 
 /** Wait, a little, until the picture shows what is there now: it may not have been made for long. */
-static void await_view_locked(struct sst_viewer *v, const char *id)
+static void await_view_locked(struct live_engine *v, const char *id)
 {
     const int64_t end_ns = end_of_wait();
     const struct view *e;
@@ -383,7 +383,7 @@ static void await_view_locked(struct sst_viewer *v, const char *id)
         ;
 }
 
-static int view_outlet_locked(struct sst_viewer *v, const char *id, struct sst_outlet **out)
+static int view_outlet_locked(struct live_engine *v, const char *id, struct sst_outlet **out)
 {
     struct view *e = find_locked(v, id);
 
@@ -396,11 +396,11 @@ static int view_outlet_locked(struct sst_viewer *v, const char *id, struct sst_o
     return 0;
 }
 
-static int overlay_outlet_locked(struct sst_viewer *v, enum sst_live_overlay kind, struct sst_outlet **out)
+static int overlay_outlet_locked(struct live_engine *v, enum sst_live_overlay kind, struct sst_outlet **out)
 {
     const int64_t end_ns = end_of_wait();
     struct shared *s = &v->overlay[kind];
-    const int err = sst_viewer_share_locked(s, out);
+    const int err = viewer_share_locked(s, out);
 
     while (!err && !v->stop && v->state.ready && s->shown != v->update && !sst_outlet_viewers(s->outlet) &&
            sst_cond_wait_until(&v->changed, &v->lock, end_ns))
@@ -408,23 +408,23 @@ static int overlay_outlet_locked(struct sst_viewer *v, enum sst_live_overlay kin
     return err;
 }
 
-static int camera_outlet_locked(struct sst_viewer *v, const char *name, struct sst_outlet **out)
+static int camera_outlet_locked(struct live_engine *v, const char *name, struct sst_outlet **out)
 {
-    struct sst_layout *layout = malloc(sizeof(*layout));
+    struct array_layout *layout = malloc(sizeof(*layout));
     int row, col, end = 0, err = -ENOENT;
 
     if (!layout)
         return -ENOMEM;
-    sst_array_layout(v->array, layout);
+    array_layout(v->array, layout);
     if (sscanf(name, "r%3dc%3d%n", &row, &col, &end) == 2 && !name[end])
         for (int i = 0; layout->generation && i < layout->config.bound && err == -ENOENT; i++)
             if (layout->config.camera[i].row == row && layout->config.camera[i].col == col)
-                err = sst_viewer_share_locked(&v->camera[i], out);
+                err = viewer_share_locked(&v->camera[i], out);
     free(layout);
     return err;
 }
 
-int sst_viewer_outlet(struct sst_viewer *v, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+int viewer_outlet(struct live_engine *v, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
 {
     int err;
 
@@ -451,7 +451,7 @@ int sst_viewer_outlet(struct sst_viewer *v, enum sst_api_picture kind, const cha
     return err;
 }
 
-void sst_viewer_serve(struct sst_viewer *v)
+void viewer_serve(struct live_engine *v)
 {
     int64_t ns[2] = { 0, 0 };
     struct sst_live_pick pick;
@@ -487,7 +487,7 @@ void sst_viewer_serve(struct sst_viewer *v)
     pthread_mutex_unlock(&v->lock);
 }
 
-static int answer_pick_locked(struct sst_viewer *v, struct sst_api_answer *out)
+static int answer_pick_locked(struct live_engine *v, struct sst_api_answer *out)
 {
     const struct sst_live_pick *p = &v->request.pick;
 
@@ -505,7 +505,7 @@ static int answer_pick_locked(struct sst_viewer *v, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-int sst_viewer_pick(struct sst_viewer *v, const char *id, double x, double y, struct sst_api_answer *out)
+int viewer_pick(struct live_engine *v, const char *id, double x, double y, struct sst_api_answer *out)
 {
     const int64_t end_ns = end_of_wait();
     int err;

@@ -1,9 +1,9 @@
-#include "daemon/service/window.h"
+#include "daemon/service/service_internal.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-void sst_window_add(struct sst_window *w, double value)
+void window_add(struct time_window *w, double value)
 {
     w->value[w->count++ % SST_WINDOW] = (float)value;
     w->sum += value;
@@ -16,7 +16,7 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-double sst_window_quantile(const struct sst_window *w, double q)
+double window_quantile(const struct time_window *w, double q)
 {
     const size_t n = w->count < SST_WINDOW ? (size_t)w->count : SST_WINDOW;
     float sorted[SST_WINDOW];

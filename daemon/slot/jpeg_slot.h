@@ -11,8 +11,8 @@ struct sst_outlet; /* opaque, counted; any thread */
 
 /** One encoded picture; counted, read-only. */
 struct sst_jpeg {
-    uint64_t number; /* 1, 2, ... of its outlet */
-    uint64_t set;    /* index of the trigger that it shows */
+    uint64_t number;       /* 1, 2, ... of its outlet */
+    uint64_t set;          /* index of the trigger that it shows */
     int64_t t_ns, wall_ns; /* of that set: time zero */
     size_t bytes;
     const uint8_t *data;

@@ -1,4 +1,4 @@
-#include "daemon/storage/catalog.h"
+#include "daemon/storage/storage_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -9,18 +9,18 @@
 #define PLAUSIBLE_NS (INT64_C(1767225600) * 1000000000) /* 2026-01-01: no clock that is set shows less */
 #define SLACK_NS     (INT64_C(3600) * 1000000000) /* what is made at a time may differ by its pre-roll and its length */
 
-static bool is_before(const struct sst_store_entry *a, const struct sst_store_entry *b)
+static bool is_before(const struct store_entry *a, const struct store_entry *b)
 {
     return a->order < b->order || (a->order == b->order && a->made_ns < b->made_ns);
 }
 
-int sst_catalog_add(struct sst_catalog *c, const struct sst_store_entry *entry)
+int catalog_add(struct catalog *c, const struct store_entry *entry)
 {
     int at = c->count;
 
     if (c->count == c->capacity) {
         const int capacity = 2 * c->capacity + 64;
-        struct sst_store_entry *grown = realloc(c->entry, (size_t)capacity * sizeof(*grown));
+        struct store_entry *grown = realloc(c->entry, (size_t)capacity * sizeof(*grown));
 
         if (!grown)
             return -ENOMEM;
@@ -37,9 +37,9 @@ int sst_catalog_add(struct sst_catalog *c, const struct sst_store_entry *entry)
     return 0;
 }
 
-void sst_catalog_remove(struct sst_catalog *c, const char *name)
+void catalog_remove(struct catalog *c, const char *name)
 {
-    const struct sst_store_entry *e = sst_catalog_find(c, name);
+    const struct store_entry *e = catalog_find(c, name);
     const int at = e ? (int)(e - c->entry) : c->count;
 
     if (!e)
@@ -48,9 +48,9 @@ void sst_catalog_remove(struct sst_catalog *c, const char *name)
     c->count--;
 }
 
-void sst_catalog_update(struct sst_catalog *c, const struct sst_store_entry *entry)
+void catalog_update(struct catalog *c, const struct store_entry *entry)
 {
-    struct sst_store_entry *e = sst_catalog_find(c, entry->name), made = *entry;
+    struct store_entry *e = catalog_find(c, entry->name), made = *entry;
 
     if (!e)
         return;
@@ -59,7 +59,7 @@ void sst_catalog_update(struct sst_catalog *c, const struct sst_store_entry *ent
     *e = made;
 }
 
-struct sst_store_entry *sst_catalog_find(struct sst_catalog *c, const char *name)
+struct store_entry *catalog_find(struct catalog *c, const char *name)
 {
     for (int i = 0; i < c->count; i++) {
         if (!strcmp(c->entry[i].name, name))
@@ -68,13 +68,13 @@ struct sst_store_entry *sst_catalog_find(struct sst_catalog *c, const char *name
     return NULL;
 }
 
-void sst_catalog_fini(struct sst_catalog *c)
+void catalog_fini(struct catalog *c)
 {
     free(c->entry);
-    *c = (struct sst_catalog){ 0 };
+    *c = (struct catalog){ 0 };
 }
 
-bool sst_store_name_good(const char *name)
+bool store_name_good(const char *name)
 {
     static const char letters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-.";
     const size_t n = strlen(name);
@@ -82,22 +82,22 @@ bool sst_store_name_good(const char *name)
     return n > 0 && n < SST_STORE_NAME && name[0] != '.' && strspn(name, letters) == n;
 }
 
-bool sst_store_by_hand(const struct sst_store_entry *e)
+bool store_by_hand(const struct store_entry *e)
 {
     return e->kind != SST_STORE_RECORDING || !strcmp(e->why, SST_STORE_ON_DEMAND);
 }
 
-const char *sst_store_kind_name(enum sst_store_kind kind)
+const char *store_kind_name(enum store_kind kind)
 {
     return kind == SST_STORE_SNAPSHOT ? "snapshot" : kind == SST_STORE_EXPORT ? "export" : "recording";
 }
 
-const char *sst_store_prefix(enum sst_store_kind kind)
+const char *store_prefix(enum store_kind kind)
 {
     return kind == SST_STORE_SNAPSHOT ? "snapshot-" : kind == SST_STORE_EXPORT ? "export-" : "";
 }
 
-void sst_store_name(char out[SST_STORE_NAME], enum sst_store_kind kind, int64_t wall_ns, int attempt)
+void store_name(char out[SST_STORE_NAME], enum store_kind kind, int64_t wall_ns, int attempt)
 {
     const time_t s = (time_t)(wall_ns / 1000000000);
     struct tm tm = { 0 };
@@ -109,29 +109,29 @@ void sst_store_name(char out[SST_STORE_NAME], enum sst_store_kind kind, int64_t 
         snprintf(date, sizeof(date), "0000-00-00T00-00-00Z");
     if (attempt > 1)
         snprintf(suffix, sizeof(suffix), "-%d", attempt);
-    snprintf(out, SST_STORE_NAME, "%s%s%s", sst_store_prefix(kind), date, suffix);
+    snprintf(out, SST_STORE_NAME, "%s%s%s", store_prefix(kind), date, suffix);
 }
 
-static bool may_go(const struct sst_store_entry *e)
+static bool may_go(const struct store_entry *e)
 {
     return e->stage == SST_STORE_DONE || e->stage == SST_STORE_TORN;
 }
 
 /* Its oldest segments may go while it is being written. */
-static bool may_be_shortened(const struct sst_store_entry *e)
+static bool may_be_shortened(const struct store_entry *e)
 {
     return e->kind == SST_STORE_RECORDING && e->stage == SST_STORE_ACTIVE && e->segments > SST_STORE_SEGMENTS;
 }
 
 /* What may go first, of what was made by hand or not; -1: none. */
-static int oldest(const struct sst_catalog *c, bool by_hand)
+static int oldest(const struct catalog *c, bool by_hand)
 {
     int read = -1, written = -1;
 
     for (int i = 0; i < c->count; i++) {
-        const struct sst_store_entry *e = &c->entry[i];
+        const struct store_entry *e = &c->entry[i];
 
-        if (sst_store_by_hand(e) != by_hand)
+        if (store_by_hand(e) != by_hand)
             continue;
         if (may_go(e) && !e->readers)
             return i;
@@ -143,27 +143,26 @@ static int oldest(const struct sst_catalog *c, bool by_hand)
     return read >= 0 ? read : written;
 }
 
-int64_t sst_store_room_bytes(const struct sst_store_limits *l, const struct sst_store_room *room)
+int64_t store_room_bytes(const struct store_limits *l, const struct store_room *room)
 {
     const int64_t disk = room->used_bytes + room->free_bytes - l->min_free_bytes;
 
     return l->quota_bytes && l->quota_bytes < disk ? l->quota_bytes : disk;
 }
 
-int64_t sst_store_hand_bytes(const struct sst_store_limits *l, const struct sst_store_room *room)
+int64_t store_hand_bytes(const struct store_limits *l, const struct store_room *room)
 {
-    return l->hand_bytes ? l->hand_bytes : sst_store_room_bytes(l, room) / 2;
+    return l->hand_bytes ? l->hand_bytes : store_room_bytes(l, room) / 2;
 }
 
-static int too_much(const struct sst_catalog *c, const struct sst_store_limits *limits,
-                    const struct sst_store_room *room)
+static int too_much(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
 {
     const int self = oldest(c, false), hand = oldest(c, true);
     int64_t bytes = 0;
 
     for (int i = 0; i < c->count; i++)
-        bytes += sst_store_by_hand(&c->entry[i]) ? c->entry[i].bytes : 0;
-    return hand >= 0 && (self < 0 || bytes > sst_store_hand_bytes(limits, room)) ? hand : self;
+        bytes += store_by_hand(&c->entry[i]) ? c->entry[i].bytes : 0;
+    return hand >= 0 && (self < 0 || bytes > store_hand_bytes(limits, room)) ? hand : self;
 }
 
 /* Stamped by a clock that was not set yet, or set wrong? Things are made in their order, and none in the future. */
@@ -173,16 +172,15 @@ static bool is_doubtful(int64_t end_ns, int64_t before_ns, int64_t wall_ns)
 }
 
 /* By itself, and by hand: -1: there is none. */
-static void find_newest(const struct sst_catalog *c, int newest[2])
+static void find_newest(const struct catalog *c, int newest[2])
 {
     newest[0] = newest[1] = -1;
     for (int i = 0; i < c->count; i++)
-        newest[sst_store_by_hand(&c->entry[i])] = i;
+        newest[store_by_hand(&c->entry[i])] = i;
 }
 
 /* What bears a doubtful time was made before what came next: the time of that counts. */
-static int too_old(const struct sst_catalog *c, const struct sst_store_limits *limits,
-                   const struct sst_store_room *room)
+static int too_old(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
 {
     const int64_t age_ns[2] = { limits->max_age_ns, limits->hand_max_age_ns };
     int newest[2], waits[2] = { -1, -1 }; /* the first that goes by the time of what comes next */
@@ -190,8 +188,8 @@ static int too_old(const struct sst_catalog *c, const struct sst_store_limits *l
 
     find_newest(c, newest);
     for (int i = 0; i < c->count; i++) {
-        const struct sst_store_entry *e = &c->entry[i];
-        const bool recording = e->kind == SST_STORE_RECORDING, by_hand = sst_store_by_hand(e);
+        const struct store_entry *e = &c->entry[i];
+        const bool recording = e->kind == SST_STORE_RECORDING, by_hand = store_by_hand(e);
         const int64_t begin_ns = recording ? e->from_ns : e->made_ns, end_ns = recording ? e->to_ns : e->made_ns;
 
         if (end_ns && may_go(e) && i != newest[by_hand] && age_ns[by_hand] && waits[by_hand] < 0)
@@ -209,8 +207,8 @@ static int too_old(const struct sst_catalog *c, const struct sst_store_limits *l
     return -1;
 }
 
-enum sst_store_verdict sst_store_judge(const struct sst_catalog *c, const struct sst_store_limits *limits,
-                                       const struct sst_store_room *room, int *victim)
+enum store_verdict store_judge(const struct catalog *c, const struct store_limits *limits,
+                               const struct store_room *room, int *victim)
 {
     const bool quota = limits->quota_bytes && room->used_bytes > limits->quota_bytes - limits->margin_bytes;
     const bool low = limits->min_free_bytes && room->free_bytes < limits->min_free_bytes + limits->margin_bytes;

@@ -17,10 +17,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "capture/recording/shorten.h"
-#include "daemon/storage/parts.h"
-#include "daemon/storage/spans.h"
-#include "daemon/storage/tar.h"
-#include "daemon/storage/video.h"
+#include "daemon/storage/storage_internal.h"
 
 #define PATIENCE_NS 60000000000 /* with a reader that takes nothing, and with what is still being made */
 #define UNUSED_NS   60000000000 /* a plan that nobody asked for goes */
@@ -30,7 +27,7 @@ enum content { CONTENT_PICTURE, CONTENT_TAR, CONTENT_CAMERA, CONTENT_VIEW };
 
 struct download {
     struct sst_storage *s;
-    enum sst_store_kind kind;
+    enum store_kind kind;
     enum content content;
     char name[SST_STORE_NAME]; /* of the entry */
     int row, col;
@@ -39,8 +36,8 @@ struct download {
 };
 
 /* A plan, and what it was made of: seeking in a video asks for the same one again and again. */
-struct sst_store_plan {
-    struct sst_spans spans;
+struct store_plan {
+    struct spans spans;
     char name[SST_STORE_NAME];
     enum content content;
     int row, col;
@@ -95,15 +92,15 @@ static int send_bytes(void *arg, const void *data, size_t n)
 
 /* --- plans -------------------------------------------------------------------------------------------------------- */
 
-static void unref_locked(struct sst_store_plan *p)
+static void unref_locked(struct store_plan *p)
 {
     if (!p || --p->refs)
         return;
-    sst_spans_fini(&p->spans);
+    spans_fini(&p->spans);
     free(p);
 }
 
-void sst_store_plans_expire(struct sst_storage *s, int64_t now_ns)
+void store_plans_expire(struct sst_storage *s, int64_t now_ns)
 {
     pthread_mutex_lock(&s->lock);
     for (int i = 0; i < SST_STORE_PLANS; i++) {
@@ -115,7 +112,7 @@ void sst_store_plans_expire(struct sst_storage *s, int64_t now_ns)
     pthread_mutex_unlock(&s->lock);
 }
 
-static bool same_plan(const struct sst_store_plan *a, const struct sst_store_plan *b)
+static bool same_plan(const struct store_plan *a, const struct store_plan *b)
 {
     return a && a->content == b->content && a->row == b->row && a->col == b->col && !strcmp(a->name, b->name) &&
            a->size == b->size && a->before == b->before && a->mtime.tv_sec == b->mtime.tv_sec &&
@@ -123,9 +120,9 @@ static bool same_plan(const struct sst_store_plan *a, const struct sst_store_pla
 }
 
 /* One that was made before for the same, referenced. */
-static struct sst_store_plan *known_plan(struct sst_storage *s, const struct sst_store_plan *like)
+static struct store_plan *known_plan(struct sst_storage *s, const struct store_plan *like)
 {
-    struct sst_store_plan *found = NULL;
+    struct store_plan *found = NULL;
 
     pthread_mutex_lock(&s->lock);
     for (int i = 0; i < SST_STORE_PLANS && !found; i++) {
@@ -141,7 +138,7 @@ static struct sst_store_plan *known_plan(struct sst_storage *s, const struct sst
 }
 
 /* In the place of the one that was not used for longest. */
-static void keep_plan(struct sst_storage *s, struct sst_store_plan *p)
+static void keep_plan(struct sst_storage *s, struct store_plan *p)
 {
     int at = 0;
 
@@ -157,41 +154,41 @@ static void keep_plan(struct sst_storage *s, struct sst_store_plan *p)
     pthread_mutex_unlock(&s->lock);
 }
 
-static int plan_picture(struct sst_spans *to, int folder)
+static int plan_picture(struct spans *to, int folder)
 {
-    const int fd = sst_spans_open(folder, "picture.jpg");
+    const int fd = spans_open(folder, "picture.jpg");
     struct stat st;
     int err = fd < 0 ? fd : fstat(fd, &st) ? -errno : S_ISREG(st.st_mode) ? 0 : -ENOENT;
 
     if (!err) {
-        sst_spans_mark(to, &st.st_mtim, sizeof(st.st_mtim));
-        sst_spans_piece(to, sst_spans_file(to, "picture.jpg"), 0, st.st_size);
-        err = sst_spans_error(to);
+        spans_mark(to, &st.st_mtim, sizeof(st.st_mtim));
+        spans_piece(to, spans_file(to, "picture.jpg"), 0, st.st_size);
+        err = spans_error(to);
     }
     if (fd >= 0)
         close(fd);
     return err;
 }
 
-static int make_plan(const struct download *d, const char *dir, int folder, struct sst_spans *to)
+static int make_plan(const struct download *d, const char *dir, int folder, struct spans *to)
 {
     switch (d->content) {
     case CONTENT_TAR:
-        return sst_tar_plan(to, folder, d->name);
+        return tar_plan(to, folder, d->name);
     case CONTENT_CAMERA:
-        return sst_video_plan_camera(to, dir, d->row, d->col);
+        return video_plan_camera(to, dir, d->row, d->col);
     case CONTENT_VIEW:
-        return sst_video_plan_view(to, dir);
+        return video_plan_view(to, dir);
     default:
         return plan_picture(to, folder);
     }
 }
 
 /* The plan, referenced. Those of videos, which take a while to make, are kept while they are used. */
-static int get_plan(const struct download *d, const char *dir, int folder, struct sst_store_plan **out)
+static int get_plan(const struct download *d, const char *dir, int folder, struct store_plan **out)
 {
     const bool video = d->content == CONTENT_CAMERA || d->content == CONTENT_VIEW;
-    struct sst_store_plan *p = calloc(1, sizeof(*p)), *known = NULL;
+    struct store_plan *p = calloc(1, sizeof(*p)), *known = NULL;
     struct sst_recording_removed removed = { 0 };
     struct stat st = { 0 };
     int err = !p ? -ENOMEM : video ? sst_recording_read_removed(dir, &removed) : 0;
@@ -215,7 +212,7 @@ static int get_plan(const struct download *d, const char *dir, int folder, struc
     if (!known)
         err = make_plan(d, dir, folder, &p->spans);
     if (known || err) {
-        sst_spans_fini(&p->spans);
+        spans_fini(&p->spans);
         free(p);
         p = known;
     } else if (video && !d->active) {
@@ -233,16 +230,16 @@ static void wait_until_made(struct download *d)
 {
     struct sst_storage *s = d->s;
     const int64_t until_ns = sst_clock_now_ns() + PATIENCE_NS;
-    const struct sst_store_entry *e;
+    const struct store_entry *e;
 
     pthread_mutex_lock(&s->lock);
-    while (!s->stop && sst_clock_now_ns() < until_ns && (e = sst_catalog_find(&s->catalog, d->name)) &&
+    while (!s->stop && sst_clock_now_ns() < until_ns && (e = catalog_find(&s->catalog, d->name)) &&
            e->stage == SST_STORE_ACTIVE && e->kind != SST_STORE_RECORDING)
-        (void)sst_store_wait_answer_locked(s, sst_clock_now_ns() + SLICE_MS * INT64_C(1000000));
+        (void)store_wait_answer_locked(s, sst_clock_now_ns() + SLICE_MS * INT64_C(1000000));
     pthread_mutex_unlock(&s->lock);
 }
 
-static int send_part(struct download *d, const struct sst_store_plan *p, int folder)
+static int send_part(struct download *d, const struct store_plan *p, int folder)
 {
     struct sst_download_info info = { .bytes = p->spans.bytes };
     struct sst_download_part part;
@@ -257,7 +254,7 @@ static int send_part(struct download *d, const struct sst_store_plan *p, int fol
         return -EPIPE; /* it was enough to know how large it is */
     if (part.first < 0 || part.bytes < 0 || part.first > info.bytes || part.bytes > info.bytes - part.first)
         return -EINVAL;
-    return sst_spans_send(&p->spans, folder, part.first, part.bytes, send_bytes, d);
+    return spans_send(&p->spans, folder, part.first, part.bytes, send_bytes, d);
 }
 
 static int serve(struct download *d)
@@ -266,7 +263,7 @@ static int serve(struct download *d)
     const int above = open(top, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     const int folder = above < 0 ? -1 : openat(above, d->name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     struct sst_download_info none = { .err = folder < 0 ? -errno : 0 };
-    struct sst_store_plan *p = NULL;
+    struct store_plan *p = NULL;
     char dir[SST_PATH_MAX];
     int err = none.err ? none.err : sst_path_join(dir, top, d->name);
 
@@ -292,16 +289,16 @@ static int serve(struct download *d)
 static void end(struct download *d)
 {
     struct sst_storage *s = d->s;
-    struct sst_store_entry *e;
+    struct store_entry *e;
 
     pthread_mutex_lock(&s->lock);
     s->downloads--;
-    e = sst_catalog_find(&s->catalog, d->name);
+    e = catalog_find(&s->catalog, d->name);
     if (e && e->readers > 0)
         e->readers--;
     pthread_mutex_unlock(&s->lock);
     free(d);
-    sst_store_thread_ends(s);
+    store_thread_ends(s);
 }
 
 static void *run(void *arg)
@@ -375,13 +372,13 @@ static bool split_name(const char *name, struct download *d)
         d->content = CONTENT_CAMERA;
         *dot = 0;
     }
-    if (!sst_store_name_good(stem))
+    if (!store_name_good(stem))
         return false;
     memcpy(d->name, stem, strlen(stem) + 1);
     return true;
 }
 
-static int is_there_locked(const struct sst_store_entry *e, const struct download *d)
+static int is_there_locked(const struct store_entry *e, const struct download *d)
 {
     const bool recording = e && e->kind == SST_STORE_RECORDING;
     const bool video = d->content == CONTENT_CAMERA || d->content == CONTENT_VIEW;
@@ -396,11 +393,11 @@ static int is_there_locked(const struct sst_store_entry *e, const struct downloa
 /* Only what the catalog knows is there; a place for the thread is taken. */
 static int reserve(struct sst_storage *s, struct download *d)
 {
-    struct sst_store_entry *e;
+    struct store_entry *e;
     int err;
 
     pthread_mutex_lock(&s->lock);
-    e = sst_catalog_find(&s->catalog, d->name);
+    e = catalog_find(&s->catalog, d->name);
     err = is_there_locked(e, d);
     if (!err && (s->downloads == SST_DOWNLOADS_MAX || s->stop))
         err = -EMFILE;

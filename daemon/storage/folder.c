@@ -13,8 +13,7 @@
 
 #include "base/log.h"
 #include "capture/recording/recording.h"
-#include "daemon/storage/catalog.h"
-#include "daemon/storage/video.h"
+#include "daemon/storage/storage_internal.h"
 
 #define ABOUT       "storage.json"
 #define ABOUT_MAX   ((size_t)16 << 10)
@@ -22,7 +21,7 @@
 
 /* --- storage.json ------------------------------------------------------------------------------------------------- */
 
-int sst_store_write(const char *dir, const struct sst_store_entry *e)
+int store_write(const char *dir, const struct store_entry *e)
 {
     char path[SST_PATH_MAX], *text = NULL;
     int err = sst_path_join(path, dir, ABOUT);
@@ -59,7 +58,7 @@ static int read_small(const char *path, char *text, size_t *size)
     return err;
 }
 
-int sst_store_read(const char *dir, struct sst_store_entry *e)
+int store_read(const char *dir, struct store_entry *e)
 {
     json_int_t order, from, to, made = 0, sets, gone = -1, bytes;
     char path[SST_PATH_MAX], text[ABOUT_MAX];
@@ -105,7 +104,7 @@ static int add_size(const char *path SST_UNUSED, const struct stat *st, int type
     return 0;
 }
 
-int64_t sst_store_bytes(const char *dir)
+int64_t store_bytes(const char *dir)
 {
     sum = 0;
     (void)nftw(dir, add_size, 16, FTW_PHYS | FTW_MOUNT);
@@ -113,12 +112,12 @@ int64_t sst_store_bytes(const char *dir)
 }
 
 /* A name that was made here, perhaps with more behind it: somebody else's is never touched. */
-static bool is_ours(enum sst_store_kind kind, const char *name)
+static bool is_ours(enum store_kind kind, const char *name)
 {
     static const char form[] = "0000-00-00T00-00-00Z";
-    const char *prefix = sst_store_prefix(kind);
+    const char *prefix = store_prefix(kind);
 
-    if (!sst_store_name_good(name) || strncmp(name, prefix, strlen(prefix)))
+    if (!store_name_good(name) || strncmp(name, prefix, strlen(prefix)))
         return false;
     name += strlen(prefix);
     for (size_t i = 0; form[i]; i++) {
@@ -137,7 +136,7 @@ static bool has(const char *dir, const char *name)
 
 /* What a recording's storage.json does not know: it was written when the recording began, where its service was killed,
  * and before its beginning was removed, where it was killed in between. */
-static void look_closer(const char *path, struct sst_store_entry *e)
+static void look_closer(const char *path, struct store_entry *e)
 {
     struct sst_recording_removed removed;
     const bool known = !sst_recording_read_removed(path, &removed), shortened = known && removed.before_segment;
@@ -153,7 +152,7 @@ static void look_closer(const char *path, struct sst_store_entry *e)
     if (known)
         e->gone = removed.sets;
     if (shortened || e->stage == SST_STORE_TORN)
-        e->bytes = sst_store_bytes(path);
+        e->bytes = store_bytes(path);
 }
 
 /* What it was killed over: notes that never got their name, and a folder in which nothing else was. */
@@ -175,7 +174,7 @@ static void tidy_recording(const char *path)
 }
 
 /* A folder's entry. @return 0, -ENOENT: nothing of ours */
-static int look_at(const char *folder, const char *name, enum sst_store_kind kind, bool tidy, struct sst_store_entry *e)
+static int look_at(const char *folder, const char *name, enum store_kind kind, bool tidy, struct store_entry *e)
 {
     char path[SST_PATH_MAX];
     struct stat st;
@@ -188,14 +187,14 @@ static int look_at(const char *folder, const char *name, enum sst_store_kind kin
             sst_path_remove_tree(path);
         return -ENOENT;
     }
-    if (!sst_store_name_good(name))
+    if (!store_name_good(name))
         return -ENOENT;
-    *e = (struct sst_store_entry){ .kind = kind };
+    *e = (struct store_entry){ .kind = kind };
     snprintf(e->name, sizeof(e->name), "%s", name);
     if (kind == SST_STORE_RECORDING) {
         if (tidy && is_ours(kind, name))
             tidy_recording(path);
-        err = sst_store_read(path, e);
+        err = store_read(path, e);
         if (err == -EBADMSG && is_ours(kind, name)) {
             sst_log_warning("%s/%s is damaged; it is made anew from the recording, of which it is no longer known what "
                             "it was made for, and which goes first when room is needed",
@@ -212,17 +211,17 @@ static int look_at(const char *folder, const char *name, enum sst_store_kind kin
     }
     if (!has(path, "lightfield.json"))
         return -ENOENT;
-    if (sst_store_read(path, e)) {
+    if (store_read(path, e)) {
         e->from_ns = e->to_ns = e->made_ns = (int64_t)st.st_mtim.tv_sec * 1000000000 + st.st_mtim.tv_nsec;
         e->sets = 1;
     }
     e->stage = SST_STORE_DONE; /* they appear whole */
     e->picture = has(path, "picture.jpg");
-    e->bytes = sst_store_bytes(path);
+    e->bytes = store_bytes(path);
     return 0;
 }
 
-int sst_store_scan(const char *folder, enum sst_store_kind kind, bool tidy, struct sst_catalog *c)
+int store_scan(const char *folder, enum store_kind kind, bool tidy, struct catalog *c)
 {
     DIR *d = opendir(folder);
     const struct dirent *f;
@@ -231,10 +230,10 @@ int sst_store_scan(const char *folder, enum sst_store_kind kind, bool tidy, stru
     if (!d)
         return -errno;
     while (!err && (errno = 0, f = readdir(d))) {
-        struct sst_store_entry e;
+        struct store_entry e;
 
         if (f->d_name[0] != '.' && !look_at(folder, f->d_name, kind, tidy, &e))
-            err = sst_catalog_add(c, &e);
+            err = catalog_add(c, &e);
     }
     if (!err && errno)
         err = -errno;
@@ -245,7 +244,7 @@ int sst_store_scan(const char *folder, enum sst_store_kind kind, bool tidy, stru
 /* --- mending ------------------------------------------------------------------------------------------------------ */
 
 /* First and last set that can be read. */
-static void read_span(const struct sst_recording *r, struct sst_store_entry *e)
+static void read_span(const struct sst_recording *r, struct store_entry *e)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
     const int n = sst_recording_sets(r);
@@ -288,9 +287,9 @@ static int cut(const char *dir, const struct sst_recording_info *info)
     return err ? err : sst_recorder_close(recorder);
 }
 
-int sst_store_mend(const char *dir, struct sst_store_entry *e)
+int store_mend(const char *dir, struct store_entry *e)
 {
-    struct sst_store_entry made = *e;
+    struct store_entry made = *e;
     struct sst_recording *r;
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, dir, "recording.json");
@@ -321,8 +320,8 @@ int sst_store_mend(const char *dir, struct sst_store_entry *e)
     if (!made.sets)
         return -ENODATA;
     made.stage = SST_STORE_DONE;
-    made.bytes = sst_store_bytes(dir);
-    err = sst_store_write(dir, &made);
+    made.bytes = store_bytes(dir);
+    err = store_write(dir, &made);
     if (!err)
         *e = made;
     return err;

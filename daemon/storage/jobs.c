@@ -8,21 +8,21 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "capture/recording/lightfields.h"
-#include "daemon/storage/parts.h"
+#include "daemon/storage/storage_internal.h"
 
 #define NEAR_NS   10000000000 /* an export is of a set within this of the moment */
 #define STRIDE    64          /* sets between two looks for a moment */
 #define RECENT    5           /* sets among which a snapshot takes a complete one */
 #define NAMES_MAX 99          /* snapshots of one second */
 
-struct sst_store_job {
-    struct sst_store_entry entry;
+struct store_job {
+    struct store_entry entry;
     const struct sst_kept *kept; /* of the ring; NULL: of a recording */
     char recording[SST_STORE_NAME];
     int64_t wall_ns;
     uint8_t *jpeg;
     size_t jpeg_bytes;
-    struct sst_store_settings settings;
+    struct store_settings settings;
     /* under the storage's lock */
     bool done, left; /* left: nobody waits for it any more */
     int err;
@@ -30,7 +30,7 @@ struct sst_store_job {
 
 /* --- light fields ------------------------------------------------------------------------------------------------- */
 
-static int read_calibration(struct sst_use_calibration *use, const struct sst_store_settings *set)
+static int read_calibration(struct sst_use_calibration *use, const struct store_settings *set)
 {
     int err;
 
@@ -42,7 +42,7 @@ static int read_calibration(struct sst_use_calibration *use, const struct sst_st
 }
 
 /* A calibration that cannot be used must not cost the moment: it can be given to the light field later. */
-static int make_lightfield(const struct sst_store_job *job, const struct sst_recording *r, int set, const char *source,
+static int make_lightfield(const struct store_job *job, const struct sst_recording *r, int set, const char *source,
                            const char *out)
 {
     struct sst_use_calibration *use = calloc(1, sizeof(*use));
@@ -80,12 +80,12 @@ static int make_lightfield(const struct sst_store_job *job, const struct sst_rec
 }
 
 /* A set of the ring becomes a recording of one set first: light fields are made of recordings. */
-static int record_one(struct sst_storage *s, const struct sst_store_job *job, const char *dir)
+static int record_one(struct sst_storage *s, const struct store_job *job, const char *dir)
 {
     const struct sst_set *set = &job->kept->set;
     struct sst_recorder_config cfg;
     struct sst_recorder *recorder;
-    struct sst_recorder_track *tracks = sst_store_tracks(s);
+    struct sst_recorder_track *tracks = store_tracks(s);
     int err, closed;
 
     if (!tracks)
@@ -151,7 +151,7 @@ static int find_set(const struct sst_recording *r, int64_t wall_ns, int *nearest
     return 0;
 }
 
-static int run_job(struct sst_storage *s, const struct sst_store_job *job)
+static int run_job(struct sst_storage *s, const struct store_job *job)
 {
     char out[SST_PATH_MAX], raw[SST_PATH_MAX], source[SST_PATH_MAX];
     struct sst_recording *r = NULL;
@@ -180,7 +180,7 @@ static int run_job(struct sst_storage *s, const struct sst_store_job *job)
 
 /* --- the thread --------------------------------------------------------------------------------------------------- */
 
-static void free_job(struct sst_storage *s, struct sst_store_job *job)
+static void free_job(struct sst_storage *s, struct store_job *job)
 {
     if (job->kept)
         sst_ring_unref(s->ring, job->kept);
@@ -188,7 +188,7 @@ static void free_job(struct sst_storage *s, struct sst_store_job *job)
     free(job);
 }
 
-static void tell(struct sst_storage *s, const struct sst_store_job *job, int err, const char *said)
+static void tell(struct sst_storage *s, const struct store_job *job, int err, const char *said)
 {
     const char *type = job->entry.kind == SST_STORE_SNAPSHOT ? "snapshot" : "export";
 
@@ -201,9 +201,9 @@ static void tell(struct sst_storage *s, const struct sst_store_job *job, int err
 }
 
 /* Without the file that says so it counts as the oldest after the next start: nothing to fail for. */
-static void settle(struct sst_storage *s, struct sst_store_job *job)
+static void settle(struct sst_storage *s, struct store_job *job)
 {
-    struct sst_store_entry *e = &job->entry;
+    struct store_entry *e = &job->entry;
     char path[SST_PATH_MAX];
 
     e->stage = SST_STORE_DONE;
@@ -212,13 +212,13 @@ static void settle(struct sst_storage *s, struct sst_store_job *job)
     e->picture = job->jpeg != NULL;
     if (sst_path_join(path, s->folder[e->kind], e->name))
         return;
-    e->bytes = sst_store_bytes(path);
-    if (sst_store_write(path, e))
+    e->bytes = store_bytes(path);
+    if (store_write(path, e))
         sst_log_debug("%s: its order is lost", path);
 }
 
 /* It is told when it can be had, listed, deleted; who waits for it is answered when it has been told. */
-static void end_job(struct sst_storage *s, struct sst_store_job *job, int err, const char *said)
+static void end_job(struct sst_storage *s, struct store_job *job, int err, const char *said)
 {
     bool left;
 
@@ -226,9 +226,9 @@ static void end_job(struct sst_storage *s, struct sst_store_job *job, int err, c
         settle(s, job);
     pthread_mutex_lock(&s->lock);
     if (err)
-        sst_catalog_remove(&s->catalog, job->entry.name);
+        catalog_remove(&s->catalog, job->entry.name);
     else
-        sst_catalog_update(&s->catalog, &job->entry);
+        catalog_update(&s->catalog, &job->entry);
     pthread_cond_broadcast(&s->wake); /* the limits */
     pthread_mutex_unlock(&s->lock);
     tell(s, job, err, said);
@@ -244,7 +244,7 @@ static void end_job(struct sst_storage *s, struct sst_store_job *job, int err, c
         free_job(s, job);
 }
 
-void *sst_store_jobs_run(void *storage)
+void *store_jobs_run(void *storage)
 {
     struct sst_storage *s = storage;
     char said[SST_LOG_MAX];
@@ -252,11 +252,11 @@ void *sst_store_jobs_run(void *storage)
     sst_log_hold_errors(said);
     pthread_mutex_lock(&s->lock);
     while (!s->stop || s->jobs) {
-        struct sst_store_job *job = s->jobs ? s->job[0] : NULL;
+        struct store_job *job = s->jobs ? s->job[0] : NULL;
         int err;
 
         if (!job) {
-            sst_store_wait_locked(s, 1000);
+            store_wait_locked(s, 1000);
             continue;
         }
         err = s->stop ? -ECANCELED : 0;
@@ -269,7 +269,7 @@ void *sst_store_jobs_run(void *storage)
     }
     pthread_mutex_unlock(&s->lock);
     sst_log_hold_errors(NULL);
-    sst_store_thread_ends(s);
+    store_thread_ends(s);
     return NULL;
 }
 
@@ -281,7 +281,7 @@ static int check_room(struct sst_storage *s)
     int err;
 
     pthread_mutex_lock(&s->lock);
-    err = s->stop ? -EBUSY : s->ready || s->blocked ? sst_store_refusal_locked(s) : 0;
+    err = s->stop ? -EBUSY : s->ready || s->blocked ? store_refusal_locked(s) : 0;
     if (!err && s->jobs == SST_STORE_JOBS)
         err = -EBUSY;
     pthread_mutex_unlock(&s->lock);
@@ -289,24 +289,24 @@ static int check_room(struct sst_storage *s)
 }
 
 /* Hand the job to the thread and wait a while. It is freed here or there. */
-static int submit(struct sst_storage *s, struct sst_store_job *job, char *name)
+static int submit(struct sst_storage *s, struct store_job *job, char *name)
 {
     const int64_t until_ns = sst_clock_now_ns() + SST_STORE_ANSWER_MS * INT64_C(1000000);
-    const enum sst_store_kind kind = job->entry.kind;
+    const enum store_kind kind = job->entry.kind;
     int err = -EEXIST;
     bool done;
 
     for (int attempt = 1; err == -EEXIST && attempt <= NAMES_MAX; attempt++)
-        err = sst_store_reserve(s, kind, job->wall_ns, attempt, "", &job->entry);
+        err = store_reserve(s, kind, job->wall_ns, attempt, "", &job->entry);
     if (err) {
         free_job(s, job);
         return err == -EEXIST ? -EBUSY : err;
     }
     pthread_mutex_lock(&s->lock);
-    if (sst_catalog_find(&s->catalog, job->entry.name))
-        sst_catalog_find(&s->catalog, job->entry.name)->picture = job->jpeg != NULL;
+    if (catalog_find(&s->catalog, job->entry.name))
+        catalog_find(&s->catalog, job->entry.name)->picture = job->jpeg != NULL;
     if (s->jobs == SST_STORE_JOBS || s->stop) {
-        sst_catalog_remove(&s->catalog, job->entry.name);
+        catalog_remove(&s->catalog, job->entry.name);
         pthread_mutex_unlock(&s->lock);
         free_job(s, job);
         return -EBUSY;
@@ -315,7 +315,7 @@ static int submit(struct sst_storage *s, struct sst_store_job *job, char *name)
     s->job[s->jobs++] = job;
     snprintf(name, SST_STORE_NAME, "%s", job->entry.name);
     pthread_cond_broadcast(&s->wake);
-    while (!job->done && !s->stop && sst_store_wait_answer_locked(s, until_ns))
+    while (!job->done && !s->stop && store_wait_answer_locked(s, until_ns))
         ;
     done = job->done;
     job->left = !done;
@@ -340,7 +340,7 @@ static const struct sst_kept *newest_set(struct sst_ring *ring)
 
 int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jpeg, size_t bytes, char *name)
 {
-    struct sst_store_job *job;
+    struct store_job *job;
     int err = check_room(s);
 
     if (err)
@@ -403,7 +403,7 @@ static int64_t find_recording(struct sst_storage *s, const char *recording, int6
 
     pthread_mutex_lock(&s->lock);
     for (int i = 0; i < s->catalog.count; i++) {
-        const struct sst_store_entry *e = &s->catalog.entry[i];
+        const struct store_entry *e = &s->catalog.entry[i];
         int64_t away = INT64_MAX;
 
         if (e->kind != SST_STORE_RECORDING || (recording && strcmp(e->name, recording)))
@@ -423,7 +423,7 @@ static int64_t find_recording(struct sst_storage *s, const char *recording, int6
 
 int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name)
 {
-    struct sst_store_job *job;
+    struct store_job *job;
     int64_t away, away_ram = INT64_MAX;
     int err = check_room(s);
 

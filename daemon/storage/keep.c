@@ -14,7 +14,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "capture/recording/shorten.h"
-#include "daemon/storage/parts.h"
+#include "daemon/storage/storage_internal.h"
 
 #define PASS_MS     500
 #define RESCAN_NS   60000000000
@@ -149,9 +149,9 @@ static void lose_folder(struct keep *k)
     /* Until nothing is written there, and sst-state has met it: made anew before that, it would not be told. */
     while ((s->take[0] || s->trouble != SST_TROUBLE_FOLDER || strcmp(s->reason, text)) && !s->stop &&
            sst_clock_now_ns() < until_ns)
-        sst_store_wait_locked(s, 100);
+        store_wait_locked(s, 100);
     if (!s->take[0])
-        sst_catalog_fini(&s->catalog);
+        catalog_fini(&s->catalog);
     pthread_mutex_unlock(&s->lock);
     close(k->lock_fd);
     k->lock_fd = -1;
@@ -178,7 +178,7 @@ static void check_take(struct keep *k)
 
 /* Both catalogs are in the same order: what is looked for is mostly what follows what was found last. With ten thousand
  * entries everybody would wait for the lock otherwise. */
-static bool find_next(const struct sst_catalog *c, const char *name, int *next)
+static bool find_next(const struct catalog *c, const char *name, int *next)
 {
     for (int k = 0; k < c->count; k++) {
         const int i = (*next + k) % c->count;
@@ -199,7 +199,7 @@ static uint64_t unsettled_order(struct sst_storage *s)
     pthread_mutex_lock(&s->lock);
     order = s->catalog.order + 1;
     for (int i = 0; i < s->catalog.count; i++) {
-        const struct sst_store_entry *e = &s->catalog.entry[i];
+        const struct store_entry *e = &s->catalog.entry[i];
 
         if (e->stage == SST_STORE_ACTIVE && e->order < order)
             order = e->order;
@@ -209,33 +209,33 @@ static uint64_t unsettled_order(struct sst_storage *s)
 }
 
 /* Take in what is new, and forget what somebody removed. */
-static void merge_locked(struct sst_storage *s, const struct sst_catalog *found, bool first, uint64_t unsettled)
+static void merge_locked(struct sst_storage *s, const struct catalog *found, bool first, uint64_t unsettled)
 {
     bool empty;
     int next = 0;
 
     for (int i = 0; i < s->catalog.count;) {
-        const struct sst_store_entry *e = &s->catalog.entry[i];
+        const struct store_entry *e = &s->catalog.entry[i];
 
         if (e->order >= unsettled || find_next(found, e->name, &next))
             i++;
         else
-            sst_catalog_remove(&s->catalog, e->name);
+            catalog_remove(&s->catalog, e->name);
     }
     empty = !s->catalog.count;
     next = 0;
     for (int i = 0; i < found->count; i++) {
-        struct sst_store_entry e = found->entry[i];
-        const struct sst_store_entry *known =
+        struct store_entry e = found->entry[i];
+        const struct store_entry *known =
             !empty && find_next(&s->catalog, e.name, &next) ? &s->catalog.entry[next - 1] : NULL;
 
         if (known && known->stage == SST_STORE_KEPT)
-            sst_catalog_update(&s->catalog, &e); /* tried again */
+            catalog_update(&s->catalog, &e); /* tried again */
         if (known)
             continue;
         if (!first && e.stage == SST_STORE_TORN)
             e.stage = SST_STORE_KEPT; /* not killed: perhaps it ended between our two looks */
-        if (sst_catalog_add(&s->catalog, &e))
+        if (catalog_add(&s->catalog, &e))
             break;
     }
 }
@@ -243,13 +243,13 @@ static void merge_locked(struct sst_storage *s, const struct sst_catalog *found,
 static int scan(struct keep *k)
 {
     struct sst_storage *s = k->s;
-    struct sst_catalog found = { 0 };
+    struct catalog found = { 0 };
     const uint64_t unsettled = unsettled_order(s);
     const bool first = !k->scanned;
     int err = 0;
 
     for (int i = 0; !err && i < SST_STORE_KINDS; i++)
-        err = sst_store_scan(s->folder[i], (enum sst_store_kind)i, first, &found);
+        err = store_scan(s->folder[i], (enum store_kind)i, first, &found);
     if (!err) {
         pthread_mutex_lock(&s->lock);
         merge_locked(s, &found, first, unsettled);
@@ -260,7 +260,7 @@ static int scan(struct keep *k)
     } else {
         folder_says(k, err, s->dir);
     }
-    sst_catalog_fini(&found);
+    catalog_fini(&found);
     return err;
 }
 
@@ -269,21 +269,21 @@ static void measure_take(struct keep *k)
 {
     struct sst_storage *s = k->s;
     char name[SST_STORE_NAME], path[SST_PATH_MAX];
-    struct sst_store_entry *e;
+    struct store_entry *e;
     int64_t before = 0, bytes;
     int segments;
 
     pthread_mutex_lock(&s->lock);
     memcpy(name, s->take, sizeof(name));
-    e = name[0] ? sst_catalog_find(&s->catalog, name) : NULL;
+    e = name[0] ? catalog_find(&s->catalog, name) : NULL;
     before = e ? e->bytes : 0;
     pthread_mutex_unlock(&s->lock);
     if (!e || sst_path_join(path, s->folder[SST_STORE_RECORDING], name))
         return;
-    bytes = sst_store_bytes(path);
+    bytes = store_bytes(path);
     segments = k->stuck ? 0 : sst_recording_segments(path);
     pthread_mutex_lock(&s->lock);
-    e = sst_catalog_find(&s->catalog, name);
+    e = catalog_find(&s->catalog, name);
     if (e && e->stage == SST_STORE_ACTIVE) {
         /* What was written meanwhile is estimated, and never too low; the estimates end where nothing was. */
         if (e->bytes == before || bytes > e->bytes)
@@ -305,7 +305,7 @@ static void follow_clock(struct keep *k)
     k->steady = now_ns - k->steady_ns > STEADY_NS;
 }
 
-static int64_t margin_of(const struct sst_store_settings *set, int64_t limit_bytes, int64_t set_bytes)
+static int64_t margin_of(const struct store_settings *set, int64_t limit_bytes, int64_t set_bytes)
 {
     const double rate = set->rate_hz > 0 ? set->rate_hz : 1;
     const double want = fmax((double)limit_bytes / 20, MARGIN_S * rate * (double)set_bytes);
@@ -321,7 +321,7 @@ static int64_t set_bytes(struct sst_ring *ring)
     return c.sets > 0 ? (int64_t)(c.bytes / (uint64_t)c.sets) : 0;
 }
 
-static int look(struct keep *k, struct sst_store_room *room, struct sst_store_limits *limits)
+static int look(struct keep *k, struct store_room *room, struct store_limits *limits)
 {
     struct sst_storage *s = k->s;
     const int64_t one = set_bytes(s->ring);
@@ -338,22 +338,22 @@ static int look(struct keep *k, struct sst_store_room *room, struct sst_store_li
     limits->margin_bytes =
         limits->quota_bytes && (!free_margin || quota_margin < free_margin) ? quota_margin : free_margin;
     s->settings.limits.margin_bytes = limits->margin_bytes;
-    *room = (struct sst_store_room){ .used_bytes = sst_store_used_locked(s),
-                                     .free_bytes = (int64_t)fmin((double)v.f_bavail * (double)v.f_frsize, 9e18),
-                                     .waiting_bytes = s->waiting_bytes,
-                                     .wall_ns = sst_clock_wall_ns(),
-                                     .clock_steady = k->steady };
+    *room = (struct store_room){ .used_bytes = store_used_locked(s),
+                                 .free_bytes = (int64_t)fmin((double)v.f_bavail * (double)v.f_frsize, 9e18),
+                                 .waiting_bytes = s->waiting_bytes,
+                                 .wall_ns = sst_clock_wall_ns(),
+                                 .clock_steady = k->steady };
     s->used_bytes = room->used_bytes;
     s->free_bytes = room->free_bytes;
-    s->hand_bytes = sst_store_hand_bytes(limits, room);
-    s->part_bytes = sst_store_room_bytes(limits, room) / PARTS;
+    s->hand_bytes = store_hand_bytes(limits, room);
+    s->part_bytes = store_room_bytes(limits, room) / PARTS;
     s->part_bytes = s->part_bytes < PART_MIN ? PART_MIN : s->part_bytes;
     pthread_mutex_unlock(&s->lock);
     return 0;
 }
 
-static void set_limit(struct keep *k, enum sst_store_trouble limit, const struct sst_store_limits *l,
-                      const struct sst_store_room *room)
+static void set_limit(struct keep *k, enum store_trouble limit, const struct store_limits *l,
+                      const struct store_room *room)
 {
     struct sst_storage *s = k->s;
     /* What was over is under again once something was removed: where there is room, it was not the room. */
@@ -383,45 +383,45 @@ static void set_limit(struct keep *k, enum sst_store_trouble limit, const struct
 }
 
 /* Far enough from the limits that the next set does not bring the same again. */
-static bool is_easy(const struct sst_store_limits *l, const struct sst_store_room *room, double part)
+static bool is_easy(const struct store_limits *l, const struct store_room *room, double part)
 {
     return !(l->quota_bytes && (double)room->used_bytes > (double)l->quota_bytes * (1 - part)) &&
            !(l->min_free_bytes && (double)room->free_bytes < (double)l->min_free_bytes * (1 + part));
 }
 
 /* A small one goes as a whole; of a large one, and of the one at work, the oldest segment. */
-static int make_room(struct keep *k, const struct sst_store_entry *e, bool too_much)
+static int make_room(struct keep *k, const struct store_entry *e, bool too_much)
 {
     const bool active = e->stage == SST_STORE_ACTIVE;
     int err = -ENODATA;
 
     if (active || (too_much && e->kind == SST_STORE_RECORDING && e->bytes > k->s->part_bytes)) /* written here alone */
-        err = sst_store_shorten(k->s, e);
+        err = store_shorten(k->s, e);
     if (err && active) {
         k->stuck = true;
         return 0;
     }
-    return err ? sst_store_remove(k->s, e) : 0;
+    return err ? store_remove(k->s, e) : 0;
 }
 
 static int keep_limits(struct keep *k)
 {
     struct sst_storage *s = k->s;
-    enum sst_store_trouble limit = s->limit; /* written by this thread alone */
-    enum sst_store_verdict verdict;
-    struct sst_store_limits limits;
-    struct sst_store_room room;
+    enum store_trouble limit = s->limit; /* written by this thread alone */
+    enum store_verdict verdict;
+    struct store_limits limits;
+    struct store_room room;
     int err;
 
     k->stuck = false;
     while (!(err = look(k, &room, &limits))) {
-        struct sst_store_entry e = { .name = "" };
+        struct store_entry e = { .name = "" };
         int victim;
         bool stop;
 
         pthread_mutex_lock(&s->lock);
         stop = s->stop;
-        verdict = sst_store_judge(&s->catalog, &limits, &room, &victim);
+        verdict = store_judge(&s->catalog, &limits, &room, &victim);
         if (verdict == SST_STORE_TOO_OLD || verdict == SST_STORE_TOO_MUCH)
             e = s->catalog.entry[victim];
         pthread_mutex_unlock(&s->lock);
@@ -451,7 +451,7 @@ static int keep_limits(struct keep *k)
 static bool mend_one(struct keep *k)
 {
     struct sst_storage *s = k->s;
-    struct sst_store_entry e = { 0 };
+    struct store_entry e = { 0 };
     char path[SST_PATH_MAX];
     int err;
 
@@ -464,19 +464,19 @@ static bool mend_one(struct keep *k)
     if (!e.name[0] || sst_path_join(path, s->folder[SST_STORE_RECORDING], e.name))
         return false;
     k->said[0] = 0;
-    err = sst_store_mend(path, &e);
+    err = store_mend(path, &e);
     if (err == -ENODATA) {
-        if (!sst_store_remove(s, &e))
+        if (!store_remove(s, &e))
             sst_log_info("%s held no set and was removed", path);
         return true;
     }
     if (err) {
         sst_log_warning("%s was not finished and cannot be mended: %s", path, k->said[0] ? k->said : strerror(-err));
         e.stage = err == -EBADMSG || err == -EEXIST ? SST_STORE_DONE : SST_STORE_KEPT; /* no use, or another time */
-        e.bytes = sst_store_bytes(path);
+        e.bytes = store_bytes(path);
     }
     pthread_mutex_lock(&s->lock);
-    sst_catalog_update(&s->catalog, &e);
+    catalog_update(&s->catalog, &e);
     pthread_mutex_unlock(&s->lock);
     return true;
 }
@@ -542,7 +542,7 @@ static int pass(struct keep *k)
     if (err)
         return PASS_MS;
     check_take(k);
-    sst_store_remove_doomed(s);
+    store_remove_doomed(s);
     follow_clock(k);
     err = keep_limits(k);
     if (err) {
@@ -550,12 +550,12 @@ static int pass(struct keep *k)
         return PASS_MS;
     }
     probe(k);
-    sst_store_plans_expire(s, sst_clock_now_ns());
-    sst_store_busy(s, &s->keep_busy_ns, false); /* mending takes its time */
+    store_plans_expire(s, sst_clock_now_ns());
+    store_busy(s, &s->keep_busy_ns, false); /* mending takes its time */
     return mend_one(k) ? 1 : PASS_MS;
 }
 
-void *sst_store_keep_run(void *storage)
+void *store_keep_run(void *storage)
 {
     struct sst_storage *s = storage;
     struct keep k = { .s = s, .lock_fd = -1 };
@@ -564,23 +564,23 @@ void *sst_store_keep_run(void *storage)
 
     sst_log_hold_errors(k.said);
     while (!stop) {
-        sst_store_busy(s, &s->keep_busy_ns, true);
+        store_busy(s, &s->keep_busy_ns, true);
         ms = pass(&k);
-        sst_store_busy(s, &s->keep_busy_ns, false);
+        store_busy(s, &s->keep_busy_ns, false);
         pthread_mutex_lock(&s->lock);
         if (!s->stop)
-            sst_store_wait_locked(s, ms);
+            store_wait_locked(s, ms);
         stop = s->stop;
         pthread_mutex_unlock(&s->lock);
     }
     /* The folder stays ours until nothing is written any more. */
     pthread_mutex_lock(&s->lock);
     while (s->threads > 1 && s->take[0])
-        (void)sst_store_wait_answer_locked(s, sst_clock_now_ns() + 100000000);
+        (void)store_wait_answer_locked(s, sst_clock_now_ns() + 100000000);
     pthread_mutex_unlock(&s->lock);
     if (k.lock_fd >= 0)
         close(k.lock_fd);
     sst_log_hold_errors(NULL);
-    sst_store_thread_ends(s);
+    store_thread_ends(s);
     return NULL;
 }

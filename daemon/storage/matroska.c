@@ -1,5 +1,5 @@
 /* Matroska (RFC 9559) of constant-width parts, so that all places are known before the first byte is. */
-#include "daemon/storage/matroska.h"
+#include "daemon/storage/storage_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -75,7 +75,7 @@ static void add_text(struct text *t, uint32_t id, const char *text)
 
 /* --- tracks ------------------------------------------------------------------------------------------------------- */
 
-void sst_matroska_jpeg_track(struct sst_matroska_track *out, int width, int height, const char *name)
+void matroska_jpeg_track(struct matroska_track *out, int width, int height, const char *name)
 {
     struct text video = { .n = 0 }, entry = { .n = 0 };
 
@@ -112,7 +112,7 @@ static int64_t number_of(const uint8_t *data, size_t n)
     return number;
 }
 
-int sst_matroska_find_track(const uint8_t *data, size_t n, int number, struct sst_matroska_track *out)
+int matroska_find_track(const uint8_t *data, size_t n, int number, struct matroska_track *out)
 {
     struct sst_ebml e;
     bool inside = false;
@@ -147,13 +147,13 @@ struct cluster {
     int64_t bytes;       /* of its content */
 };
 
-static int64_t ms_of(const struct sst_matroska_frame *frame, size_t i)
+static int64_t ms_of(const struct matroska_frame *frame, size_t i)
 {
     return (frame[i].t_ns - frame[0].t_ns) / 1000000;
 }
 
 /* Every frame can be sought to a second, and its time in a cluster fits its 16 bits. */
-static size_t make_clusters(struct cluster *c, const struct sst_matroska_frame *frame, size_t count)
+static size_t make_clusters(struct cluster *c, const struct matroska_frame *frame, size_t count)
 {
     size_t n = 0;
 
@@ -199,7 +199,7 @@ static void write_start(struct text *out, uint64_t segment_bytes)
 }
 
 /* @param place  of the cluster in the segment */
-static void plan_cue(struct sst_spans *to, int track, int64_t ms, int64_t place)
+static void plan_cue(struct spans *to, int track, int64_t ms, int64_t place)
 {
     uint8_t cue[CUE_BYTES] = { 0xBB, 0x80 | (CUE_BYTES - 2), 0xB3, 0x88 };
     size_t n = 4;
@@ -210,11 +210,10 @@ static void plan_cue(struct sst_spans *to, int track, int64_t ms, int64_t place)
     n += put_bytes(cue + n, (uint64_t)track, 2);
     n += put_bytes(cue + n, 0xF188u, 2);
     put_bytes(cue + n, (uint64_t)place, 8);
-    sst_spans_own(to, cue, sizeof(cue));
+    spans_own(to, cue, sizeof(cue));
 }
 
-static void plan_cluster(struct sst_spans *to, int track, const struct cluster *c,
-                         const struct sst_matroska_frame *frame)
+static void plan_cluster(struct spans *to, int track, const struct cluster *c, const struct matroska_frame *frame)
 {
     const int64_t start_ms = ms_of(frame, c->first);
     uint8_t head[MASTER_HEAD + STAMP_BYTES];
@@ -222,7 +221,7 @@ static void plan_cluster(struct sst_spans *to, int track, const struct cluster *
 
     n += put_bytes(head + n, 0xE788u, 2);
     n += put_bytes(head + n, (uint64_t)start_ms, 8);
-    sst_spans_own(to, head, n);
+    spans_own(to, head, n);
     for (size_t i = c->first; i < c->first + c->count; i++) {
         uint8_t block[BLOCK_HEAD];
 
@@ -230,13 +229,13 @@ static void plan_cluster(struct sst_spans *to, int track, const struct cluster *
         n += put_bytes(block + n, (uint64_t)track | 0x4000, 2);
         n += put_bytes(block + n, (uint64_t)(ms_of(frame, i) - start_ms), 2);
         block[n++] = 0x80; /* each picture stands for itself */
-        sst_spans_own(to, block, n);
-        sst_spans_piece(to, frame[i].file, frame[i].offset, frame[i].bytes);
+        spans_own(to, block, n);
+        spans_piece(to, frame[i].file, frame[i].offset, frame[i].bytes);
     }
 }
 
 /* How long it plays: the last picture stays as long as one does on average, a second at most. */
-static int64_t length_ms(const struct sst_matroska_frame *frame, size_t count)
+static int64_t length_ms(const struct matroska_frame *frame, size_t count)
 {
     const int64_t last_ms = ms_of(frame, count - 1);
 
@@ -245,8 +244,8 @@ static int64_t length_ms(const struct sst_matroska_frame *frame, size_t count)
     return last_ms + (mean_ms < 1000 ? mean_ms : 1000);
 }
 
-int sst_matroska_plan(struct sst_spans *to, const struct sst_matroska_track *track, const char *title, int64_t wall_ns,
-                      const struct sst_matroska_frame *frame, size_t count)
+int matroska_plan(struct spans *to, const struct matroska_track *track, const char *title, int64_t wall_ns,
+                  const struct matroska_frame *frame, size_t count)
 {
     struct cluster *c = calloc(count ? count : 1, sizeof(*c));
     struct text start = { .n = 0 }, info = { .n = 0 };
@@ -264,11 +263,11 @@ int sst_matroska_plan(struct sst_spans *to, const struct sst_matroska_track *tra
         all += MASTER_HEAD + c[i].bytes;
     place = (int64_t)(info.n + MASTER_HEAD + track->bytes + MASTER_HEAD + clusters * CUE_BYTES);
     write_start(&start, (uint64_t)(place + all));
-    sst_spans_own(to, start.data, start.n);
-    sst_spans_own(to, info.data, info.n);
-    sst_spans_own(to, head, put_head(head, ID_TRACKS, track->bytes));
-    sst_spans_own(to, track->entry, track->bytes);
-    sst_spans_own(to, head, put_head(head, 0x1C53BB6Bu, clusters * CUE_BYTES));
+    spans_own(to, start.data, start.n);
+    spans_own(to, info.data, info.n);
+    spans_own(to, head, put_head(head, ID_TRACKS, track->bytes));
+    spans_own(to, track->entry, track->bytes);
+    spans_own(to, head, put_head(head, 0x1C53BB6Bu, clusters * CUE_BYTES));
     for (size_t i = 0; i < clusters; i++) {
         plan_cue(to, track->number, ms_of(frame, c[i].first), place);
         place += MASTER_HEAD + c[i].bytes;
@@ -276,5 +275,5 @@ int sst_matroska_plan(struct sst_spans *to, const struct sst_matroska_track *tra
     for (size_t i = 0; i < clusters; i++)
         plan_cluster(to, track->number, &c[i], frame);
     free(c);
-    return sst_spans_error(to);
+    return spans_error(to);
 }

@@ -7,7 +7,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/storage/parts.h"
+#include "daemon/storage/storage_internal.h"
 
 #define HOUR_NS     3600000000000
 #define MINUTE_NS   60000000000
@@ -24,7 +24,7 @@
 struct take {
     struct sst_storage *s;
     struct sst_recorder *recorder; /* NULL: none */
-    struct sst_store_entry entry;
+    struct store_entry entry;
     char dir[SST_PATH_MAX], zone[32], label[64];
     uint32_t fourcc;
     int width, height;
@@ -32,7 +32,7 @@ struct take {
     bool continuous;
     int64_t first_ns, last_ns; /* set.t_ns of the first and last set; with sets */
     int64_t side_bytes;        /* of the list and the view, which are not removed in pieces; about */
-    struct sst_view_files view;
+    struct view_files view;
     bool view_lost;       /* it could not be written */
     uint64_t view_number; /* of the last picture that was written */
     int64_t begun_hour;
@@ -47,7 +47,7 @@ struct plan {
     bool stop, ready, blocked, lost, wanted, continuous, asked, checked;
     int64_t stop_ns, part_bytes;
     char why[SST_STORE_WHY], zone[32], label[64];
-    struct sst_store_settings settings;
+    struct store_settings settings;
 };
 
 /* --- what is wanted ----------------------------------------------------------------------------------------------- */
@@ -65,7 +65,7 @@ static void expire_locked(struct sst_storage *s, int64_t now_ns)
 
 static void make_plan(struct sst_storage *s, struct plan *p)
 {
-    const struct sst_store_want *w;
+    const struct store_want *w;
 
     pthread_mutex_lock(&s->lock);
     expire_locked(s, sst_clock_now_ns());
@@ -92,7 +92,7 @@ static void make_plan(struct sst_storage *s, struct plan *p)
     pthread_mutex_unlock(&s->lock);
 }
 
-static bool holds(struct sst_store_want *w, int64_t t_ns)
+static bool holds(struct store_want *w, int64_t t_ns)
 {
     if (w->armed && t_ns > w->end_ns)
         w->armed = false;
@@ -165,7 +165,7 @@ static int make_folder(struct take *t, int64_t wall_ns, const char *why)
     int err = -EEXIST;
 
     for (int attempt = 1; err == -EEXIST && attempt <= NAMES_MAX; attempt++) {
-        err = sst_store_reserve(s, SST_STORE_RECORDING, wall_ns, attempt, why, &t->entry);
+        err = store_reserve(s, SST_STORE_RECORDING, wall_ns, attempt, why, &t->entry);
         if (err)
             continue;
         err = sst_path_join(t->dir, s->folder[SST_STORE_RECORDING], t->entry.name);
@@ -176,16 +176,16 @@ static int make_folder(struct take *t, int64_t wall_ns, const char *why)
         }
         if (err) {
             pthread_mutex_lock(&s->lock);
-            sst_catalog_remove(&s->catalog, t->entry.name);
+            catalog_remove(&s->catalog, t->entry.name);
             pthread_mutex_unlock(&s->lock);
         }
     }
     return err;
 }
 
-static int open_recorder(struct take *t, const struct sst_store_settings *set, const struct sst_set *like)
+static int open_recorder(struct take *t, const struct store_settings *set, const struct sst_set *like)
 {
-    struct sst_recorder_track *tracks = sst_store_tracks(t->s);
+    struct sst_recorder_track *tracks = store_tracks(t->s);
     struct sst_recorder_config cfg;
     int err;
 
@@ -228,7 +228,7 @@ static void forget(struct take *t)
     struct sst_storage *s = t->s;
 
     pthread_mutex_lock(&s->lock);
-    sst_catalog_remove(&s->catalog, t->entry.name);
+    catalog_remove(&s->catalog, t->entry.name);
     pthread_mutex_unlock(&s->lock);
 }
 
@@ -240,10 +240,10 @@ static int begin(struct take *t, const struct plan *p, const struct sst_kept *k)
     if (sst_clock_now_ns() < t->retry_ns)
         return -EAGAIN;
     t->said[0] = 0;
-    sst_store_busy(s, &s->record_busy_ns, true);
+    store_busy(s, &s->record_busy_ns, true);
     err = make_folder(t, k->set.wall_ns, p->why);
     if (!err) {
-        err = sst_store_write(t->dir, &t->entry);
+        err = store_write(t->dir, &t->entry);
         if (!err)
             err = open_recorder(t, &p->settings, &k->set);
         if (err) {
@@ -251,7 +251,7 @@ static int begin(struct take *t, const struct plan *p, const struct sst_kept *k)
             sst_path_remove_tree(t->dir);
         }
     }
-    sst_store_busy(s, &s->record_busy_ns, false);
+    store_busy(s, &s->record_busy_ns, false);
     if (err) {
         t->retry_ns = sst_clock_now_ns() + RETRY_NS;
         failed(t, err);
@@ -279,7 +279,7 @@ static void lose_view(struct take *t, int err)
 {
     sst_log_warning("the see-through view of %s cannot be recorded (%s); its sets are", t->dir, strerror(-err));
     t->view_lost = true;
-    (void)sst_view_end(&t->view, 0, 0);
+    (void)view_end(&t->view, 0, 0);
 }
 
 /* The next picture: of a new recording first what was seen at its beginning. */
@@ -289,9 +289,9 @@ static const struct sst_jpeg *next_picture(struct take *t)
     const struct sst_jpeg *jpeg;
 
     pthread_mutex_lock(&s->lock);
-    jpeg = t->view.index ? NULL : sst_view_shown_at(&s->shown, t->first_ns);
+    jpeg = t->view.index ? NULL : view_shown_at(&s->shown, t->first_ns);
     if (!jpeg)
-        jpeg = sst_view_shown_next(&s->shown, t->view_number);
+        jpeg = view_shown_next(&s->shown, t->view_number);
     pthread_mutex_unlock(&s->lock);
     return jpeg;
 }
@@ -299,9 +299,9 @@ static const struct sst_jpeg *next_picture(struct take *t)
 static int write_picture(struct take *t, const struct sst_jpeg *jpeg)
 {
     const int64_t t_ns = jpeg->t_ns > t->first_ns ? jpeg->t_ns : t->first_ns;
-    int err = t->view.index ? 0 : sst_view_begin(&t->view, t->dir);
+    int err = t->view.index ? 0 : view_begin(&t->view, t->dir);
 
-    return err ? err : sst_view_write(&t->view, jpeg, t_ns);
+    return err ? err : view_write(&t->view, jpeg, t_ns);
 }
 
 /* What was shown since the last set. */
@@ -309,18 +309,18 @@ static void follow_view(struct take *t)
 {
     struct sst_storage *s = t->s;
     const struct sst_jpeg *jpeg;
-    struct sst_store_entry *e;
+    struct store_entry *e;
     int err = 0;
 
     while (!t->view_lost && t->entry.sets && (jpeg = next_picture(t))) {
-        sst_store_busy(s, &s->record_busy_ns, true);
+        store_busy(s, &s->record_busy_ns, true);
         err = write_picture(t, jpeg);
-        sst_store_busy(s, &s->record_busy_ns, false);
+        store_busy(s, &s->record_busy_ns, false);
         t->view_number = jpeg->number;
         t->entry.picture |= !err;
         t->side_bytes += (int64_t)jpeg->bytes;
         pthread_mutex_lock(&s->lock);
-        e = sst_catalog_find(&s->catalog, t->entry.name);
+        e = catalog_find(&s->catalog, t->entry.name);
         if (e) {
             e->picture = t->entry.picture;
             e->bytes += (int64_t)jpeg->bytes;
@@ -336,7 +336,7 @@ static void follow_view(struct take *t)
 /* What was removed of it while it was written, or is just now. */
 static void take_over_locked(struct take *t)
 {
-    const struct sst_store_entry *e = sst_catalog_find(&t->s->catalog, t->entry.name);
+    const struct store_entry *e = catalog_find(&t->s->catalog, t->entry.name);
 
     if (e) {
         t->entry.from_ns = e->from_ns;
@@ -361,13 +361,13 @@ static void settle(struct take *t, bool lost)
     pthread_mutex_unlock(&s->lock);
     t->entry.stage = SST_STORE_DONE;
     t->entry.made_ns = sst_clock_wall_ns();
-    t->entry.bytes = sst_store_bytes(t->dir);
-    if (sst_store_write(t->dir, &t->entry))
+    t->entry.bytes = store_bytes(t->dir);
+    if (store_write(t->dir, &t->entry))
         sst_log_debug("%s: mended at the next start", t->dir);
     pthread_mutex_lock(&s->lock);
     take_over_locked(t);
-    sst_catalog_update(&s->catalog, &t->entry);
-    s->used_bytes = sst_store_used_locked(s);
+    catalog_update(&s->catalog, &t->entry);
+    s->used_bytes = store_used_locked(s);
     pthread_mutex_unlock(&s->lock);
 }
 
@@ -381,12 +381,12 @@ static void finish(struct take *t, const char *reason, bool lost)
     t->said[0] = 0;
     if (!lost)
         follow_view(t);
-    sst_store_busy(s, &s->record_busy_ns, true);
-    (void)sst_view_end(&t->view, t->last_ns, t->entry.to_ns);
+    store_busy(s, &s->record_busy_ns, true);
+    (void)view_end(&t->view, t->last_ns, t->entry.to_ns);
     err = sst_recorder_close(t->recorder);
     t->recorder = NULL;
     settle(t, lost);
-    sst_store_busy(s, &s->record_busy_ns, false);
+    store_busy(s, &s->record_busy_ns, false);
     if (err && !lost)
         failed(t, err);
     pthread_mutex_lock(&s->lock);
@@ -426,7 +426,7 @@ static int64_t cost(const struct sst_kept *k)
 /* Would the set go beyond the quota? Then sst-keep makes room first. */
 static bool must_wait(struct sst_storage *s, const struct sst_kept *k)
 {
-    const struct sst_store_limits *l = &s->settings.limits;
+    const struct store_limits *l = &s->settings.limits;
     bool wait;
 
     pthread_mutex_lock(&s->lock);
@@ -443,7 +443,7 @@ static void account(struct take *t, const struct sst_kept *k)
 {
     struct sst_storage *s = t->s;
     const bool first = !t->entry.sets;
-    struct sst_store_entry *e;
+    struct store_entry *e;
 
     if (first) {
         t->first_ns = k->set.t_ns;
@@ -455,7 +455,7 @@ static void account(struct take *t, const struct sst_kept *k)
     t->entry.to_ns = k->set.wall_ns;
     t->side_bytes += LIST_BYTES * (k->set.present + 3);
     pthread_mutex_lock(&s->lock);
-    e = sst_catalog_find(&s->catalog, t->entry.name);
+    e = catalog_find(&s->catalog, t->entry.name);
     if (e) {
         e->bytes += cost(k);
         e->sets++;
@@ -485,9 +485,9 @@ static int write_set(struct take *t, const struct plan *p, const struct sst_kept
     t->said[0] = 0;
     if (p->part_bytes) /* as pieces they can be removed one by one */
         sst_recorder_set_segment_bytes(t->recorder, p->part_bytes < SEGMENT_MAX ? p->part_bytes : SEGMENT_MAX);
-    sst_store_busy(s, &s->record_busy_ns, true);
+    store_busy(s, &s->record_busy_ns, true);
     err = sst_recorder_write(t->recorder, &k->set);
-    sst_store_busy(s, &s->record_busy_ns, false);
+    store_busy(s, &s->record_busy_ns, false);
     if (err) {
         failed(t, err); /* pictures wait until sets can be written again */
         return err;
@@ -525,7 +525,7 @@ static void pass_by(struct take *t, const struct plan *p)
         sst_ring_unref(t->s->ring, k);
     }
     pthread_mutex_lock(&t->s->lock);
-    err = sst_store_refusal_locked(t->s);
+    err = store_refusal_locked(t->s);
     pthread_mutex_unlock(&t->s->lock);
     if (p->checked && err)
         answer(t->s, err);
@@ -549,7 +549,7 @@ static void idle(struct sst_storage *s, int ms)
 {
     pthread_mutex_lock(&s->lock);
     if (!s->stop)
-        sst_store_wait_locked(s, ms);
+        store_wait_locked(s, ms);
     pthread_mutex_unlock(&s->lock);
 }
 
@@ -622,7 +622,7 @@ static bool step(struct take *t, struct plan *p)
     return true;
 }
 
-void *sst_store_record_run(void *storage)
+void *store_record_run(void *storage)
 {
     struct take *t = calloc(1, sizeof(*t));
     struct plan *p = calloc(1, sizeof(*p));
@@ -640,6 +640,6 @@ void *sst_store_record_run(void *storage)
     }
     free(t);
     free(p);
-    sst_store_thread_ends(s);
+    store_thread_ends(s);
     return NULL;
 }

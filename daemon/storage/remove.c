@@ -7,10 +7,10 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "capture/recording/shorten.h"
-#include "daemon/storage/parts.h"
+#include "daemon/storage/storage_internal.h"
 
 /* First out of its name, so that what is left of it after a kill is no recording any more. */
-static int out_of_name(struct sst_storage *s, const struct sst_store_entry *e, char gone[SST_PATH_MAX])
+static int out_of_name(struct sst_storage *s, const struct store_entry *e, char gone[SST_PATH_MAX])
 {
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, s->folder[e->kind], e->name);
@@ -25,24 +25,24 @@ static int out_of_name(struct sst_storage *s, const struct sst_store_entry *e, c
 /* The files of an hour take a while to go: that is no disk that hangs. */
 static void remove_files(struct sst_storage *s, const char *gone)
 {
-    sst_store_busy(s, &s->keep_busy_ns, false);
+    store_busy(s, &s->keep_busy_ns, false);
     sst_path_remove_tree(gone);
-    sst_store_busy(s, &s->keep_busy_ns, true);
+    store_busy(s, &s->keep_busy_ns, true);
 }
 
-int sst_store_remove(struct sst_storage *s, const struct sst_store_entry *entry)
+int store_remove(struct sst_storage *s, const struct store_entry *entry)
 {
-    struct sst_store_entry *e;
+    struct store_entry *e;
     char gone[SST_PATH_MAX];
     const int err = out_of_name(s, entry, gone);
 
     if (!err)
         remove_files(s, gone);
     pthread_mutex_lock(&s->lock);
-    e = sst_catalog_find(&s->catalog, entry->name);
+    e = catalog_find(&s->catalog, entry->name);
     if (!err && e) {
         s->removed[entry->kind]++;
-        sst_catalog_remove(&s->catalog, entry->name);
+        catalog_remove(&s->catalog, entry->name);
     } else if (e) {
         e->stage = SST_STORE_KEPT;
     }
@@ -51,15 +51,15 @@ int sst_store_remove(struct sst_storage *s, const struct sst_store_entry *entry)
 }
 
 /* What the catalog says of it from now on. @return it has ended, and its storage.json is to say so, too */
-static bool note_shorter(struct sst_storage *s, const struct sst_store_entry *entry, int64_t bytes,
-                         const struct sst_recording_removed *now, struct sst_store_entry *out)
+static bool note_shorter(struct sst_storage *s, const struct store_entry *entry, int64_t bytes,
+                         const struct sst_recording_removed *now, struct store_entry *out)
 {
-    struct sst_store_entry *e;
+    struct store_entry *e;
     uint64_t sets;
 
     pthread_mutex_lock(&s->lock);
     s->shortened++;
-    e = sst_catalog_find(&s->catalog, entry->name);
+    e = catalog_find(&s->catalog, entry->name);
     if (e) {
         sets = now->sets > e->gone ? now->sets - e->gone : 0;
         e->from_ns = now->wall_ns;
@@ -72,10 +72,10 @@ static bool note_shorter(struct sst_storage *s, const struct sst_store_entry *en
     return e && out->stage == SST_STORE_DONE;
 }
 
-int sst_store_shorten(struct sst_storage *s, const struct sst_store_entry *entry)
+int store_shorten(struct sst_storage *s, const struct store_entry *entry)
 {
     struct sst_recording_removed now;
-    struct sst_store_entry e;
+    struct store_entry e;
     char path[SST_PATH_MAX];
     int64_t bytes;
     int err = sst_path_join(path, s->folder[entry->kind], entry->name);
@@ -84,24 +84,24 @@ int sst_store_shorten(struct sst_storage *s, const struct sst_store_entry *entry
         err = sst_recording_shorten(path, entry->stage == SST_STORE_ACTIVE ? SST_STORE_SEGMENTS : 1, &now, &bytes);
     if (err)
         return err;
-    if (note_shorter(s, entry, bytes, &now, &e) && sst_store_write(path, &e))
+    if (note_shorter(s, entry, bytes, &now, &e) && store_write(path, &e))
         sst_log_debug("%s: it says of itself that it begins earlier", path);
     return 0;
 }
 
 /* Who deleted it is answered as soon as it has left its name. */
-static void remove_deleted(struct sst_storage *s, const struct sst_store_entry *entry)
+static void remove_deleted(struct sst_storage *s, const struct store_entry *entry)
 {
-    struct sst_store_entry *e;
+    struct store_entry *e;
     char gone[SST_PATH_MAX];
     const int err = out_of_name(s, entry, gone);
 
     pthread_mutex_lock(&s->lock);
-    e = sst_catalog_find(&s->catalog, entry->name);
+    e = catalog_find(&s->catalog, entry->name);
     if (!err) {
         s->deleted++;
-        sst_catalog_remove(&s->catalog, entry->name);
-        s->used_bytes = sst_store_used_locked(s);
+        catalog_remove(&s->catalog, entry->name);
+        s->used_bytes = store_used_locked(s);
     } else if (e) {
         e->doomed = false;
     }
@@ -117,7 +117,7 @@ static void remove_deleted(struct sst_storage *s, const struct sst_store_entry *
 }
 
 /* @return false: there is none */
-static bool find_doomed(struct sst_storage *s, struct sst_store_entry *out)
+static bool find_doomed(struct sst_storage *s, struct store_entry *out)
 {
     bool found = false;
 
@@ -131,9 +131,9 @@ static bool find_doomed(struct sst_storage *s, struct sst_store_entry *out)
     return found;
 }
 
-void sst_store_remove_doomed(struct sst_storage *s)
+void store_remove_doomed(struct sst_storage *s)
 {
-    struct sst_store_entry e;
+    struct store_entry e;
 
     while (find_doomed(s, &e))
         remove_deleted(s, &e);
@@ -142,11 +142,11 @@ void sst_store_remove_doomed(struct sst_storage *s)
 int sst_storage_delete(struct sst_storage *s, const char *name)
 {
     const int64_t until_ns = sst_clock_now_ns() + SST_STORE_ANSWER_MS * INT64_C(1000000);
-    struct sst_store_entry *e;
+    struct store_entry *e;
     int err = 0;
 
     pthread_mutex_lock(&s->lock);
-    e = sst_catalog_find(&s->catalog, name);
+    e = catalog_find(&s->catalog, name);
     if (!e || e->doomed)
         err = -ENOENT;
     else if (e->stage == SST_STORE_ACTIVE || s->stop)
@@ -156,8 +156,7 @@ int sst_storage_delete(struct sst_storage *s, const char *name)
     if (!err) {
         e->doomed = true;
         pthread_cond_broadcast(&s->wake);
-        while ((e = sst_catalog_find(&s->catalog, name)) && e->doomed && !s->stop &&
-               sst_store_wait_answer_locked(s, until_ns))
+        while ((e = catalog_find(&s->catalog, name)) && e->doomed && !s->stop && store_wait_answer_locked(s, until_ns))
             ;
         err = e && !e->doomed ? -EIO : 0; /* what takes longer goes on by itself */
     }

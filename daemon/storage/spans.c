@@ -1,4 +1,4 @@
-#include "daemon/storage/spans.h"
+#include "daemon/storage/storage_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -9,18 +9,18 @@
 
 #define COPY_BYTES ((size_t)256 << 10)
 
-void sst_spans_fini(struct sst_spans *s)
+void spans_fini(struct spans *s)
 {
     for (int i = 0; i < s->files; i++)
         free(s->path[i]);
     free(s->path);
     free(s->own);
     free(s->span);
-    *s = (struct sst_spans){ 0 };
+    *s = (struct spans){ 0 };
 }
 
 /* FNV-1a. */
-void sst_spans_mark(struct sst_spans *s, const void *data, size_t n)
+void spans_mark(struct spans *s, const void *data, size_t n)
 {
     const uint8_t *byte = data;
 
@@ -31,7 +31,7 @@ void sst_spans_mark(struct sst_spans *s, const void *data, size_t n)
 }
 
 /* Room for `more` elements behind `count`. @return false: no memory, and the plan is none any more */
-static bool grow(struct sst_spans *s, void *array, size_t size, size_t count, size_t more, size_t *capacity)
+static bool grow(struct spans *s, void *array, size_t size, size_t count, size_t more, size_t *capacity)
 {
     void **at = array, *grown;
     size_t want = *capacity ? *capacity : 64;
@@ -53,31 +53,31 @@ static bool grow(struct sst_spans *s, void *array, size_t size, size_t count, si
 }
 
 /* A span that goes on where the last one ends is part of it. */
-static void add(struct sst_spans *s, int file, int64_t offset, int64_t n)
+static void add(struct spans *s, int file, int64_t offset, int64_t n)
 {
-    const struct sst_span *last = s->count ? &s->span[s->count - 1] : NULL;
+    const struct file_span *last = s->count ? &s->span[s->count - 1] : NULL;
 
     if (n <= 0)
         return;
     if (!last || last->file != file || last->offset + (s->bytes - last->at) != offset) {
         if (!grow(s, &s->span, sizeof(*s->span), s->count, 1, &s->capacity))
             return;
-        s->span[s->count++] = (struct sst_span){ s->bytes, offset, file };
+        s->span[s->count++] = (struct file_span){ s->bytes, offset, file };
     }
     s->bytes += n;
 }
 
-void sst_spans_own(struct sst_spans *s, const void *data, size_t n)
+void spans_own(struct spans *s, const void *data, size_t n)
 {
     if (!n || !grow(s, &s->own, 1, s->own_bytes, n, &s->own_capacity))
         return;
     memcpy(s->own + s->own_bytes, data, n);
     s->own_bytes += n;
-    sst_spans_mark(s, data, n);
+    spans_mark(s, data, n);
     add(s, -1, (int64_t)(s->own_bytes - n), (int64_t)n);
 }
 
-int sst_spans_file(struct sst_spans *s, const char *path)
+int spans_file(struct spans *s, const char *path)
 {
     size_t capacity = (size_t)s->files_capacity;
     char *copy;
@@ -90,20 +90,20 @@ int sst_spans_file(struct sst_spans *s, const char *path)
         s->failed = true;
         return 0;
     }
-    sst_spans_mark(s, path, strlen(path) + 1);
+    spans_mark(s, path, strlen(path) + 1);
     s->path[s->files] = copy;
     return s->files++;
 }
 
-void sst_spans_piece(struct sst_spans *s, int file, int64_t offset, int64_t n)
+void spans_piece(struct spans *s, int file, int64_t offset, int64_t n)
 {
     const int64_t what[] = { file, offset, n };
 
-    sst_spans_mark(s, what, sizeof(what));
+    spans_mark(s, what, sizeof(what));
     add(s, file, offset, n);
 }
 
-int sst_spans_error(const struct sst_spans *s)
+int spans_error(const struct spans *s)
 {
     return s->failed ? -ENOMEM : 0;
 }
@@ -111,15 +111,15 @@ int sst_spans_error(const struct sst_spans *s)
 /* --- sending ------------------------------------------------------------------------------------------------------ */
 
 struct sending {
-    const struct sst_spans *s;
+    const struct spans *s;
     int folder, file, fd; /* the file that is open; -1: none */
     uint8_t *copy;        /* [COPY_BYTES] */
     size_t held;          /* bytes in it */
-    sst_spans_fn *fn;
+    spans_fn *fn;
     void *arg;
 };
 
-int sst_spans_open(int folder, const char *path)
+int spans_open(int folder, const char *path)
 {
     const int flags = O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC;
     const char *slash = strchr(path, '/');
@@ -137,7 +137,7 @@ int sst_spans_open(int folder, const char *path)
     inner = openat(folder, name, flags | O_DIRECTORY);
     if (inner < 0)
         return -errno;
-    fd = sst_spans_open(inner, slash + 1);
+    fd = spans_open(inner, slash + 1);
     close(inner);
     return fd;
 }
@@ -149,7 +149,7 @@ static int open_file(struct sending *t, int file)
     if (t->fd >= 0)
         close(t->fd);
     t->file = file;
-    t->fd = sst_spans_open(t->folder, t->s->path[file]);
+    t->fd = spans_open(t->folder, t->s->path[file]);
     if (t->fd < 0)
         return t->fd;
     if (fstat(t->fd, &st))
@@ -166,7 +166,7 @@ static int flush(struct sending *t)
 }
 
 /* Small pieces go out together. */
-static int send_piece(struct sending *t, const struct sst_span *span, int64_t from, int64_t n)
+static int send_piece(struct sending *t, const struct file_span *span, int64_t from, int64_t n)
 {
     int err = span->file < 0 || (t->fd >= 0 && t->file == span->file) ? 0 : open_file(t, span->file);
 
@@ -192,7 +192,7 @@ static int send_piece(struct sending *t, const struct sst_span *span, int64_t fr
 }
 
 /* Number of the span that holds a byte of the whole. */
-static size_t find(const struct sst_spans *s, int64_t at)
+static size_t find(const struct spans *s, int64_t at)
 {
     size_t low = 0, high = s->count;
 
@@ -207,13 +207,13 @@ static size_t find(const struct sst_spans *s, int64_t at)
     return low;
 }
 
-int sst_spans_send(const struct sst_spans *s, int folder, int64_t first, int64_t n, sst_spans_fn *fn, void *arg)
+int spans_send(const struct spans *s, int folder, int64_t first, int64_t n, spans_fn *fn, void *arg)
 {
     struct sending t = { .s = s, .folder = folder, .fd = -1, .fn = fn, .arg = arg, .copy = malloc(COPY_BYTES) };
     int err = t.copy ? 0 : -ENOMEM;
 
     for (size_t i = n > 0 ? find(s, first) : s->count; !err && n > 0 && i < s->count; i++) {
-        const struct sst_span *span = &s->span[i];
+        const struct file_span *span = &s->span[i];
         const int64_t end = i + 1 < s->count ? s->span[i + 1].at : s->bytes;
         const int64_t part = end - first < n ? end - first : n;
 

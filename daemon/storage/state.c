@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "daemon/storage/parts.h"
+#include "daemon/storage/storage_internal.h"
 
 static bool hangs(int64_t since_ns, int64_t now_ns)
 {
@@ -15,7 +15,7 @@ static bool hangs(int64_t since_ns, int64_t now_ns)
 static bool work_out_locked(struct sst_storage *s)
 {
     const int64_t now_ns = sst_clock_now_ns();
-    enum sst_store_trouble trouble = s->limit;
+    enum store_trouble trouble = s->limit;
     const char *text = s->limit_text;
     char hung[SST_STORE_TEXT];
     bool changed;
@@ -56,7 +56,7 @@ static void tell(struct sst_storage *s, enum sst_storage_state state, const char
                     "storage is %s%s%s", state_name(state), reason[0] ? ": " : "", reason);
 }
 
-void *sst_store_state_run(void *storage)
+void *store_state_run(void *storage)
 {
     struct sst_storage *s = storage;
 
@@ -72,10 +72,10 @@ void *sst_store_state_run(void *storage)
             tell(s, state, reason, free_bytes, used_bytes);
             pthread_mutex_lock(&s->lock);
         }
-        sst_store_wait_locked(s, 250);
+        store_wait_locked(s, 250);
     }
     pthread_mutex_unlock(&s->lock);
-    sst_store_thread_ends(s);
+    store_thread_ends(s);
     return NULL;
 }
 
@@ -122,8 +122,8 @@ static json_t *ring_json(struct sst_storage *s)
 
 static json_t *recording_json_locked(const struct sst_storage *s)
 {
-    struct sst_catalog catalog = s->catalog;
-    const struct sst_store_entry *e = s->take[0] ? sst_catalog_find(&catalog, s->take) : NULL;
+    struct catalog catalog = s->catalog;
+    const struct store_entry *e = s->take[0] ? catalog_find(&catalog, s->take) : NULL;
 
     return json_pack("{s:s, s:b, s:s, s:s, s:o, s:I, s:I}", "mode", mode_name(s->settings.mode), "active", e != NULL,
                      "name", s->take, "why", e ? s->take_why : "", "since", time_json(e ? e->from_ns : 0), "sets",
@@ -137,10 +137,10 @@ static void add_counts_locked(json_t *status, const struct sst_storage *s)
     int64_t count[SST_STORE_KINDS] = { 0 }, hand_bytes = 0, removed = 0;
 
     for (int i = 0; i < s->catalog.count; i++) {
-        const struct sst_store_entry *e = &s->catalog.entry[i];
+        const struct store_entry *e = &s->catalog.entry[i];
 
         count[e->kind]++;
-        hand_bytes += sst_store_by_hand(e) ? e->bytes : 0;
+        hand_bytes += store_by_hand(e) ? e->bytes : 0;
     }
     for (int i = 0; i < SST_STORE_KINDS; i++) {
         removed += (int64_t)s->removed[i];
@@ -157,7 +157,7 @@ static void add_counts_locked(json_t *status, const struct sst_storage *s)
 json_t *sst_storage_status(struct sst_storage *s)
 {
     json_t *o, *ring = ring_json(s);
-    const struct sst_store_entry *oldest = NULL;
+    const struct store_entry *oldest = NULL;
 
     pthread_mutex_lock(&s->lock);
     for (int i = 0; i < s->catalog.count && !oldest; i++) {
@@ -176,15 +176,15 @@ json_t *sst_storage_status(struct sst_storage *s)
     return o;
 }
 
-static json_t *entry_json(const struct sst_store_entry *e)
+static json_t *entry_json(const struct store_entry *e)
 {
     const bool active = e->stage == SST_STORE_ACTIVE;
 
     if (e->kind == SST_STORE_RECORDING)
         return json_pack("{s:s, s:o, s:o, s:I, s:I, s:s, s:b, s:b, s:b}", "name", e->name, "from",
                          time_json(e->from_ns), "to", time_json(e->to_ns), "sets", (json_int_t)e->sets, "bytes",
-                         (json_int_t)e->bytes, "why", e->why, "by_hand", sst_store_by_hand(e), "view", e->picture,
-                         "active", active);
+                         (json_int_t)e->bytes, "why", e->why, "by_hand", store_by_hand(e), "view", e->picture, "active",
+                         active);
     return json_pack("{s:s, s:o, s:I, s:b, s:b}", "name", e->name, "time", time_json(e->from_ns), "bytes",
                      (json_int_t)e->bytes, "picture", e->picture, "active", active);
 }
@@ -198,7 +198,7 @@ json_t *sst_storage_list(struct sst_storage *s)
         good &= (list[i] = json_array()) != NULL;
     pthread_mutex_lock(&s->lock);
     for (int i = 0; good && i < s->catalog.count; i++) {
-        const struct sst_store_entry *e = &s->catalog.entry[i];
+        const struct store_entry *e = &s->catalog.entry[i];
 
         if (!e->doomed)
             good = !json_array_append_new(list[e->kind], entry_json(e));

@@ -11,20 +11,20 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "daemon/storage/parts.h"
+#include "daemon/storage/storage_internal.h"
 
 #define GB 1e9
 
 /* --- threads ------------------------------------------------------------------------------------------------------ */
 
-void sst_store_wait_locked(struct sst_storage *s, int ms)
+void store_wait_locked(struct sst_storage *s, int ms)
 {
     (void)sst_cond_wait_until(&s->wake, &s->lock, sst_clock_now_ns() + (int64_t)ms * 1000000);
 }
 
 /* Who finds that it is late waits a little longer, once: on a machine that stood still the time went by, and the thread
  * that is to answer had none of it. */
-bool sst_store_wait_answer_locked(struct sst_storage *s, int64_t until_ns)
+bool store_wait_answer_locked(struct sst_storage *s, int64_t until_ns)
 {
     const int64_t now_ns = sst_clock_now_ns();
 
@@ -34,7 +34,7 @@ bool sst_store_wait_answer_locked(struct sst_storage *s, int64_t until_ns)
     return true;
 }
 
-void sst_store_thread_ends(struct sst_storage *s)
+void store_thread_ends(struct sst_storage *s)
 {
     pthread_mutex_lock(&s->lock);
     s->threads--;
@@ -42,7 +42,7 @@ void sst_store_thread_ends(struct sst_storage *s)
     pthread_mutex_unlock(&s->lock);
 }
 
-void sst_store_busy(struct sst_storage *s, int64_t *since_ns, bool busy)
+void store_busy(struct sst_storage *s, int64_t *since_ns, bool busy)
 {
     pthread_mutex_lock(&s->lock);
     *since_ns = busy ? sst_clock_now_ns() : 0;
@@ -61,7 +61,7 @@ static int64_t ns_of(double s)
     return s > 0 ? (int64_t)fmin(s * 1e9, 9e18) : 0;
 }
 
-static void take_array(struct sst_store_settings *to, const struct sst_array_config *a)
+static void take_array(struct store_settings *to, const struct sst_array_config *a)
 {
     to->rate_hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
     to->spacing_mm = a->spacing_mm;
@@ -73,9 +73,9 @@ static void take_array(struct sst_store_settings *to, const struct sst_array_con
     to->height = a->height;
 }
 
-static void take_settings(struct sst_store_settings *to, const struct sst_config *c)
+static void take_settings(struct store_settings *to, const struct sst_config *c)
 {
-    *to = (struct sst_store_settings){
+    *to = (struct store_settings){
         .mode = c->storage.mode,
         .view = c->storage.record_view && c->live.enabled,
         .limits = { .quota_bytes = bytes_of(c->storage.quota_gb),
@@ -94,7 +94,7 @@ static void take_settings(struct sst_store_settings *to, const struct sst_config
 }
 
 /* What the array was opened with holds until it is opened again. */
-static void keep_array(struct sst_store_settings *to, const struct sst_store_settings *from)
+static void keep_array(struct store_settings *to, const struct store_settings *from)
 {
     to->rate_hz = from->rate_hz;
     to->spacing_mm = from->spacing_mm;
@@ -118,7 +118,7 @@ void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *a
     pthread_mutex_unlock(&s->lock);
 }
 
-struct sst_recorder_track *sst_store_tracks(struct sst_storage *s)
+struct sst_recorder_track *store_tracks(struct sst_storage *s)
 {
     struct sst_recorder_track *copy = malloc(SST_CAMERAS_MAX * sizeof(*copy));
 
@@ -132,12 +132,12 @@ struct sst_recorder_track *sst_store_tracks(struct sst_storage *s)
 
 int sst_storage_configure(struct sst_storage *s, const struct sst_config *config)
 {
-    struct sst_watches *fresh = malloc(sizeof(*fresh));
-    struct sst_store_settings before;
+    struct watches *fresh = malloc(sizeof(*fresh));
+    struct store_settings before;
 
     if (!fresh)
         return -ENOMEM;
-    sst_watches_init(fresh, config);
+    watches_init(fresh, config);
     pthread_mutex_lock(&s->lock);
     before = s->settings;
     take_settings(&s->settings, config);
@@ -152,7 +152,7 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
 
             if (!strcmp(to->zone, from->zone) && !strcmp(to->label, from->label) && (from->active || from->told) &&
                 !to->active && !to->told)
-                sst_watch_go_on(to, from);
+                watch_go_on(to, from);
         }
     }
     s->watches = *fresh;
@@ -164,7 +164,7 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
 
 /* --- what was seen ------------------------------------------------------------------------------------------------ */
 
-void sst_store_watch_text(char out[SST_STORE_WHY], const struct sst_watch *w)
+void store_watch_text(char out[SST_STORE_WHY], const struct sst_watch *w)
 {
     snprintf(out, SST_STORE_WHY, "%.63s%s%.31s", w->label[0] ? w->label : "motion", w->zone[0] ? " in " : "", w->zone);
 }
@@ -183,11 +183,11 @@ static double value_of(const struct sst_watch *w, const struct sst_seen *seen)
 /* The recording that follows a watch, which has begun or goes on. */
 static void want_locked(struct sst_storage *s, const struct sst_watch *w)
 {
-    struct sst_store_want *e = &s->event;
+    struct store_want *e = &s->event;
 
     if (!e->armed) {
-        *e = (struct sst_store_want){ .armed = true, .begin_ns = w->begin_ns - s->settings.preroll_ns };
-        sst_store_watch_text(e->why, w);
+        *e = (struct store_want){ .armed = true, .begin_ns = w->begin_ns - s->settings.preroll_ns };
+        store_watch_text(e->why, w);
         memcpy(e->zone, w->zone, sizeof(e->zone));
         memcpy(e->label, w->label, sizeof(e->label));
     }
@@ -231,7 +231,7 @@ static void tell(struct sst_storage *s, const struct told *t)
         json_object_set_new(data, "times", json_integer(w->times));
         json_object_set_new(data, "seconds", json_real(round((double)(w->last_ns - t->since_ns) * 1e-8) / 10));
     }
-    sst_store_watch_text(text, w);
+    store_watch_text(text, w);
     sst_events_emit(s->events, SST_EVENT_INFO, w->label[0] ? "label" : "motion", data, "%s %s", text,
                     w->told ? "began" : "ended");
 }
@@ -248,8 +248,8 @@ void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
         const double value = value_of(w, seen);
         const int64_t since_ns = w->told_ns;
 
-        (void)sst_watch_update(w, value, seen->t_ns);
-        if (sst_watch_tell(w, value, seen->t_ns))
+        (void)watch_update(w, value, seen->t_ns);
+        if (watch_tell(w, value, seen->t_ns))
             told[n++] = (struct told){ *w, value, since_ns };
         if (w->active && w->trigger >= 0)
             want_locked(s, w);
@@ -264,7 +264,7 @@ void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
 
 /* --- on demand ---------------------------------------------------------------------------------------------------- */
 
-int sst_store_refusal_locked(const struct sst_storage *s)
+int store_refusal_locked(const struct sst_storage *s)
 {
     const int err = s->folder_err ? s->folder_err : s->write_err;
 
@@ -286,19 +286,19 @@ int sst_storage_record(struct sst_storage *s, double seconds, char *name)
 
     sst_ring_counters(s->ring, &ring);
     pthread_mutex_lock(&s->lock);
-    err = s->stop || !ring.sets ? -ENODATA : s->ready || s->blocked ? sst_store_refusal_locked(s) : 0;
+    err = s->stop || !ring.sets ? -ENODATA : s->ready || s->blocked ? store_refusal_locked(s) : 0;
     if (err)
         goto out;
     prolonged = s->demand.armed;
     if (!prolonged)
-        s->demand = (struct sst_store_want){ .armed = true,
-                                             .begin_ns = now_ns - s->settings.preroll_ns,
-                                             .why = SST_STORE_ON_DEMAND };
+        s->demand = (struct store_want){ .armed = true,
+                                         .begin_ns = now_ns - s->settings.preroll_ns,
+                                         .why = SST_STORE_ON_DEMAND };
     if (!prolonged || end_ns > s->demand.end_ns)
         s->demand.end_ns = end_ns;
     mine = ++s->asked;
     pthread_cond_broadcast(&s->wake);
-    while (s->answer < mine && !s->stop && sst_store_wait_answer_locked(s, until_ns))
+    while (s->answer < mine && !s->stop && store_wait_answer_locked(s, until_ns))
         ;
     if (s->answer >= mine)
         err = s->answer_err;
@@ -329,7 +329,7 @@ int sst_storage_stop(struct sst_storage *s)
 
 /* --- the catalog -------------------------------------------------------------------------------------------------- */
 
-int64_t sst_store_used_locked(const struct sst_storage *s)
+int64_t store_used_locked(const struct sst_storage *s)
 {
     int64_t used = 0;
 
@@ -338,17 +338,17 @@ int64_t sst_store_used_locked(const struct sst_storage *s)
     return used;
 }
 
-int sst_store_reserve(struct sst_storage *s, enum sst_store_kind kind, int64_t wall_ns, int attempt, const char *why,
-                      struct sst_store_entry *out)
+int store_reserve(struct sst_storage *s, enum store_kind kind, int64_t wall_ns, int attempt, const char *why,
+                  struct store_entry *out)
 {
-    struct sst_store_entry made = { .kind = kind, .stage = SST_STORE_ACTIVE, .from_ns = wall_ns, .to_ns = wall_ns };
+    struct store_entry made = { .kind = kind, .stage = SST_STORE_ACTIVE, .from_ns = wall_ns, .to_ns = wall_ns };
     int err;
 
-    sst_store_name(made.name, kind, wall_ns, attempt);
+    store_name(made.name, kind, wall_ns, attempt);
     snprintf(made.why, sizeof(made.why), "%s", why);
     pthread_mutex_lock(&s->lock);
     made.order = s->catalog.order + 1;
-    err = sst_catalog_find(&s->catalog, made.name) ? -EEXIST : sst_catalog_add(&s->catalog, &made);
+    err = catalog_find(&s->catalog, made.name) ? -EEXIST : catalog_add(&s->catalog, &made);
     pthread_mutex_unlock(&s->lock);
     if (!err)
         *out = made;
@@ -359,10 +359,10 @@ int sst_store_reserve(struct sst_storage *s, enum sst_store_kind kind, int64_t w
 
 static void destroy(struct sst_storage *s)
 {
-    sst_store_plans_expire(s, INT64_MAX);
-    sst_view_shown_fini(&s->shown);
+    store_plans_expire(s, INT64_MAX);
+    view_shown_fini(&s->shown);
     sst_outlet_unref(s->outlet);
-    sst_catalog_fini(&s->catalog);
+    catalog_fini(&s->catalog);
     pthread_cond_destroy(&s->answered);
     pthread_cond_destroy(&s->wake);
     pthread_mutex_destroy(&s->lock);
@@ -389,8 +389,8 @@ static void init_locks(struct sst_storage *s)
 
 int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *cfg)
 {
-    static void *(*const run[])(void *) = { sst_store_record_run, sst_store_keep_run, sst_store_jobs_run,
-                                            sst_store_state_run, sst_store_view_run };
+    static void *(*const run[])(void *) = { store_record_run, store_keep_run, store_jobs_run, store_state_run,
+                                            store_view_run };
     static const char *const names[] = { "sst-record", "sst-keep", "sst-export", "sst-state", "sst-view" };
     const int cameras = cfg->config->array.bound;
     struct sst_storage *s;
@@ -422,7 +422,7 @@ int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *
             continue;
         }
         sst_log_error("cannot start the threads of storage: %s", strerror(-err));
-        sst_store_thread_ends(s);
+        store_thread_ends(s);
         for (; i < (int)ARRAY_LEN(run); i++)
             s->thread[i] = 0;
     }
@@ -457,7 +457,7 @@ bool sst_storage_finish(struct sst_storage *s, int timeout_ms)
         return true;
     sst_storage_shut(s, timeout_ms);
     pthread_mutex_lock(&s->lock);
-    while (s->threads && sst_store_wait_answer_locked(s, until_ns))
+    while (s->threads && store_wait_answer_locked(s, until_ns))
         ;
     ended = !s->threads;
     pthread_mutex_unlock(&s->lock);

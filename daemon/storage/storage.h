@@ -5,11 +5,11 @@
 
 #include <jansson.h>
 
-#include "config/sstd.h"
 #include "capture/array/ring.h"
+#include "capture/recording/recorder.h"
+#include "config/sstd.h"
 #include "daemon/events/events.h"
 #include "daemon/slot/jpeg_slot.h"
-#include "capture/recording/recorder.h"
 
 /* storage.dir:
  *   recordings/2026-11-21T18-05-00Z/   recordings as sst capture array writes them (docs/recordings.md); a new one each

@@ -1,5 +1,5 @@
 #define _GNU_SOURCE /* scandirat */
-#include "daemon/storage/tar.h"
+#include "daemon/storage/storage_internal.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -35,7 +35,7 @@ static void set_size(char out[12], int64_t size)
         out[i] = (char)(size & 0xff);
 }
 
-static int add_header(struct sst_spans *to, const char *name, const struct stat *st)
+static int add_header(struct spans *to, const char *name, const struct stat *st)
 {
     struct header h = { .magic = "ustar", .version = { '0', '0' } };
     const int64_t size = S_ISDIR(st->st_mode) ? 0 : st->st_size;
@@ -59,13 +59,13 @@ static int add_header(struct sst_spans *to, const char *name, const struct stat 
         sum += byte[i];
     snprintf(octal, sizeof(octal), "%06o", sum);
     memcpy(h.checksum, octal, 7);
-    sst_spans_own(to, &h, sizeof(h));
-    sst_spans_mark(to, &st->st_mtim, sizeof(st->st_mtim));
+    spans_own(to, &h, sizeof(h));
+    spans_mark(to, &st->st_mtim, sizeof(st->st_mtim));
     return 0;
 }
 
 struct walk {
-    struct sst_spans *to;
+    struct spans *to;
     size_t top; /* characters of the archive's name before a path in the folder */
 };
 
@@ -78,8 +78,8 @@ static int add_file(const struct walk *w, const char *name, const struct stat *s
 
     if (err || !st->st_size)
         return err;
-    sst_spans_piece(w->to, sst_spans_file(w->to, name + w->top), 0, st->st_size);
-    sst_spans_own(w->to, zeros, (size_t)(BLOCK - st->st_size % BLOCK) % BLOCK);
+    spans_piece(w->to, spans_file(w->to, name + w->top), 0, st->st_size);
+    spans_own(w->to, zeros, (size_t)(BLOCK - st->st_size % BLOCK) % BLOCK);
     return 0;
 }
 
@@ -91,7 +91,7 @@ static int add_entry(const struct walk *w, int folder, const char *name, const c
 
     if (snprintf(path, sizeof(path), "%s%s", name, file) >= (int)sizeof(path) - 1)
         return -ENAMETOOLONG;
-    fd = sst_spans_open(folder, file);
+    fd = spans_open(folder, file);
     if (fd < 0)
         return fd == -ENOENT || fd == -ELOOP || fd == -ENXIO ? 0 : fd;
     if (fstat(fd, &st)) {
@@ -127,7 +127,7 @@ static int add_folder(const struct walk *w, int fd, const char *name, int depth)
     return err;
 }
 
-int sst_tar_plan(struct sst_spans *to, int fd, const char *name)
+int tar_plan(struct spans *to, int fd, const char *name)
 {
     static const uint8_t end[2 * BLOCK];
     const struct walk w = { .to = to, .top = strlen(name) + 1 };
@@ -136,6 +136,6 @@ int sst_tar_plan(struct sst_spans *to, int fd, const char *name)
 
     if (!err)
         err = add_folder(&w, fd, top, 0);
-    sst_spans_own(to, end, sizeof(end));
-    return err ? err : sst_spans_error(to);
+    spans_own(to, end, sizeof(end));
+    return err ? err : spans_error(to);
 }

@@ -1,10 +1,10 @@
-#include "daemon/storage/triggers.h"
+#include "daemon/storage/storage_internal.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-static struct sst_watch *add(struct sst_watches *w, const struct sst_config *config, int zone)
+static struct sst_watch *add(struct watches *w, const struct sst_config *config, int zone)
 {
     struct sst_watch *made = &w->watch[w->count++];
 
@@ -14,7 +14,7 @@ static struct sst_watch *add(struct sst_watches *w, const struct sst_config *con
     return made;
 }
 
-void sst_watches_init(struct sst_watches *w, const struct sst_config *config)
+void watches_init(struct watches *w, const struct sst_config *config)
 {
     bool named[SST_ZONES_MAX] = { false };
 
@@ -43,7 +43,7 @@ static int64_t end_ns(const struct sst_watch *w)
     return llround((w->end_s > 0 ? w->end_s : SST_WATCH_END_S) * 1e9);
 }
 
-bool sst_watch_update(struct sst_watch *w, double value, int64_t t_ns)
+bool watch_update(struct sst_watch *w, double value, int64_t t_ns)
 {
     /* A share of 0 means: anything at all. Comparisons with NaN are false: it is nothing. */
     const bool reached = value > 0 && value >= w->share;
@@ -83,7 +83,7 @@ static int64_t longer(int64_t hold_ns)
     return hold_ns < SST_WATCH_HOLD_NS / 2 ? 2 * hold_ns : SST_WATCH_HOLD_NS;
 }
 
-bool sst_watch_tell(struct sst_watch *w, double value, int64_t t_ns)
+bool watch_tell(struct sst_watch *w, double value, int64_t t_ns)
 {
     const bool came = w->active && !w->was_active;
 
@@ -110,7 +110,7 @@ bool sst_watch_tell(struct sst_watch *w, double value, int64_t t_ns)
     return true;
 }
 
-void sst_watch_go_on(struct sst_watch *w, const struct sst_watch *before)
+void watch_go_on(struct sst_watch *w, const struct sst_watch *before)
 {
     const struct sst_watch set = *w;
 

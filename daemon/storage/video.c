@@ -1,4 +1,4 @@
-#include "daemon/storage/video.h"
+#include "daemon/storage/storage_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -11,20 +11,19 @@
 
 #include "base/file.h"
 #include "capture/recording/recording.h"
-#include "daemon/storage/matroska.h"
 
 #define HEAD_BYTES ((size_t)1 << 20) /* that hold the description of all tracks of a segment */
 #define STAMP_MAX  (INT64_MAX / 4)   /* differences of stamps fit */
 
 /* Frames of a video, as they are found. */
 struct frames {
-    struct sst_matroska_frame *frame;
+    struct matroska_frame *frame;
     size_t count, capacity;
 };
 
-static int add_frame(struct frames *f, struct sst_matroska_frame made)
+static int add_frame(struct frames *f, struct matroska_frame made)
 {
-    struct sst_matroska_frame *grown;
+    struct matroska_frame *grown;
 
     if (made.t_ns < -STAMP_MAX || made.t_ns > STAMP_MAX)
         return 0; /* a damaged line */
@@ -43,21 +42,21 @@ static int add_frame(struct frames *f, struct sst_matroska_frame made)
 }
 
 /* Size of a file that is one; -1: there is none. What it is now goes into the plan's tag. */
-static int64_t size_of(struct sst_spans *to, const char *dir, const char *name)
+static int64_t size_of(struct spans *to, const char *dir, const char *name)
 {
     char path[SST_PATH_MAX];
     struct stat st;
 
     if (sst_path_join(path, dir, name) || lstat(path, &st) || !S_ISREG(st.st_mode))
         return -1;
-    sst_spans_mark(to, &st.st_mtim, sizeof(st.st_mtim));
-    sst_spans_mark(to, &st.st_ino, sizeof(st.st_ino));
+    spans_mark(to, &st.st_mtim, sizeof(st.st_mtim));
+    spans_mark(to, &st.st_ino, sizeof(st.st_ino));
     return st.st_size;
 }
 
 /* --- a camera ----------------------------------------------------------------------------------------------------- */
 
-static int read_track(const char *dir, const char *name, int number, struct sst_matroska_track *out)
+static int read_track(const char *dir, const char *name, int number, struct matroska_track *out)
 {
     uint8_t *data = malloc(HEAD_BYTES);
     char path[SST_PATH_MAX];
@@ -71,7 +70,7 @@ static int read_track(const char *dir, const char *name, int number, struct sst_
         if (fd >= 0)
             close(fd);
     }
-    if (!err && sst_matroska_find_track(data, (size_t)n, number, out))
+    if (!err && matroska_find_track(data, (size_t)n, number, out))
         err = -EBADMSG;
     free(data);
     return err;
@@ -79,13 +78,13 @@ static int read_track(const char *dir, const char *name, int number, struct sst_
 
 /* What a walk along the sets of a recording has met so far. */
 struct walk {
-    struct sst_spans *to;
+    struct spans *to;
     const char *dir;
     int cam, segment, file; /* the segment of the last set; its file */
     int64_t segment_bytes;
     int64_t wall_ns;
     struct frames frames;
-    struct sst_matroska_track track;
+    struct matroska_track track;
 };
 
 static int enter_segment(struct walk *w, int segment)
@@ -104,7 +103,7 @@ static int enter_segment(struct walk *w, int segment)
         w->segment_bytes = -1;
         return 0;
     }
-    w->file = sst_spans_file(w->to, name);
+    w->file = spans_file(w->to, name);
     return err;
 }
 
@@ -120,7 +119,7 @@ static int add_set(struct walk *w, int segment, int64_t wall_ns, const struct ss
         return err;
     if (!w->frames.count)
         w->wall_ns = wall_ns;
-    return add_frame(&w->frames, (struct sst_matroska_frame){ f->t_ns, f->offset, (uint32_t)f->bytes, w->file });
+    return add_frame(&w->frames, (struct matroska_frame){ f->t_ns, f->offset, (uint32_t)f->bytes, w->file });
 }
 
 static int walk_sets(struct walk *w, const struct sst_recording *r)
@@ -148,7 +147,7 @@ static int find_camera(const struct sst_recording_info *info, int row, int col)
     return -ENOENT;
 }
 
-int sst_video_plan_camera(struct sst_spans *to, const char *dir, int row, int col)
+int video_plan_camera(struct spans *to, const char *dir, int row, int col)
 {
     struct walk *w = calloc(1, sizeof(*w));
     struct sst_recording *r = NULL;
@@ -164,7 +163,7 @@ int sst_video_plan_camera(struct sst_spans *to, const char *dir, int row, int co
     }
     snprintf(title, sizeof(title), "%s, camera r%dc%d", sst_path_base(dir), row, col);
     if (!err)
-        err = sst_matroska_plan(to, &w->track, title, w->wall_ns, w->frames.frame, w->frames.count);
+        err = matroska_plan(to, &w->track, title, w->wall_ns, w->frames.frame, w->frames.count);
     sst_recording_close(r);
     if (w)
         free(w->frames.frame);
@@ -174,7 +173,7 @@ int sst_video_plan_camera(struct sst_spans *to, const char *dir, int row, int co
 
 /* --- the see-through view ----------------------------------------------------------------------------------------- */
 
-size_t sst_video_write_line(char out[SST_VIDEO_LINE_MAX], const struct sst_video_line *l)
+size_t video_write_line(char out[SST_VIDEO_LINE_MAX], const struct video_line *l)
 {
     return (size_t)snprintf(out, SST_VIDEO_LINE_MAX,
                             "{\"t_ns\":%" PRId64 ",\"wall_ns\":%" PRId64 ",\"set\":%" PRIu64 ",\"offset\":%" PRId64
@@ -182,9 +181,9 @@ size_t sst_video_write_line(char out[SST_VIDEO_LINE_MAX], const struct sst_video
                             l->t_ns, l->wall_ns, l->set, l->offset, l->bytes);
 }
 
-bool sst_video_read_line(const char *text, struct sst_video_line *out)
+bool video_read_line(const char *text, struct video_line *out)
 {
-    struct sst_video_line l;
+    struct video_line l;
     int end = 0;
 
     if (sscanf(text,
@@ -230,11 +229,11 @@ static int read_lines(FILE *f, int64_t size, int file, const struct sst_recordin
                       struct frames *frames, int64_t *wall_ns)
 {
     char text[SST_VIDEO_LINE_MAX];
-    struct sst_video_line l;
+    struct video_line l;
     int err = 0;
 
     while (!err && fgets(text, sizeof(text), f)) {
-        if (!sst_video_read_line(text, &l) || l.bytes > size - l.offset)
+        if (!video_read_line(text, &l) || l.bytes > size - l.offset)
             continue;
         if (removed->before_segment && l.t_ns <= removed->t_ns) {
             l.t_ns = removed->t_ns;
@@ -243,15 +242,15 @@ static int read_lines(FILE *f, int64_t size, int file, const struct sst_recordin
         }
         if (!frames->count)
             *wall_ns = l.wall_ns;
-        err = add_frame(frames, (struct sst_matroska_frame){ l.t_ns, l.offset, (uint32_t)l.bytes, file });
+        err = add_frame(frames, (struct matroska_frame){ l.t_ns, l.offset, (uint32_t)l.bytes, file });
     }
     return ferror(f) ? -EIO : err;
 }
 
-int sst_video_plan_view(struct sst_spans *to, const char *dir)
+int video_plan_view(struct spans *to, const char *dir)
 {
     struct frames frames = { NULL };
-    struct sst_matroska_track *track = calloc(1, sizeof(*track));
+    struct matroska_track *track = calloc(1, sizeof(*track));
     const int64_t size = size_of(to, dir, SST_VIDEO_PICTURES);
     char path[SST_PATH_MAX], title[128];
     struct sst_recording_removed removed = { 0 };
@@ -262,16 +261,16 @@ int sst_video_plan_view(struct sst_spans *to, const char *dir)
     if (!err)
         err = sst_recording_read_removed(dir, &removed);
     if (!err)
-        err = f ? read_lines(f, size, sst_spans_file(to, SST_VIDEO_PICTURES), &removed, &frames, &wall_ns) : -ENOENT;
-    sst_spans_mark(to, &removed.before_segment, sizeof(removed.before_segment));
+        err = f ? read_lines(f, size, spans_file(to, SST_VIDEO_PICTURES), &removed, &frames, &wall_ns) : -ENOENT;
+    spans_mark(to, &removed.before_segment, sizeof(removed.before_segment));
     if (f)
         fclose(f);
     if (!err)
         err = frames.count ? read_size(dir, frames.frame[0].offset, frames.frame[0].bytes, &width, &height) : -ENODATA;
     snprintf(title, sizeof(title), "%s, see-through", sst_path_base(dir));
     if (!err) {
-        sst_matroska_jpeg_track(track, width, height, "see-through");
-        err = sst_matroska_plan(to, track, title, wall_ns, frames.frame, frames.count);
+        matroska_jpeg_track(track, width, height, "see-through");
+        err = matroska_plan(to, track, title, wall_ns, frames.frame, frames.count);
     }
     free(frames.frame);
     free(track);

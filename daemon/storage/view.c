@@ -1,4 +1,4 @@
-#include "daemon/storage/view.h"
+#include "daemon/storage/storage_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -7,8 +7,6 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/storage/parts.h"
-#include "daemon/storage/video.h"
 
 #define LATE_NS  5000000000 /* that pictures may come behind their sets */
 #define FRESH_NS 2000000000
@@ -16,12 +14,12 @@
 
 /* --- the last moments --------------------------------------------------------------------------------------------- */
 
-static const struct sst_jpeg **at(struct sst_view_shown *s, int i)
+static const struct sst_jpeg **at(struct view_shown *s, int i)
 {
     return &s->jpeg[(s->first + i) % SST_VIEW_SHOWN_MAX];
 }
 
-static void drop_first(struct sst_view_shown *s)
+static void drop_first(struct view_shown *s)
 {
     const struct sst_jpeg *gone = *at(s, 0);
 
@@ -31,7 +29,7 @@ static void drop_first(struct sst_view_shown *s)
     sst_jpeg_unref(gone);
 }
 
-void sst_view_shown_add(struct sst_view_shown *s, const struct sst_jpeg *jpeg, int64_t keep_ns)
+void view_shown_add(struct view_shown *s, const struct sst_jpeg *jpeg, int64_t keep_ns)
 {
     while (s->count && (s->count == SST_VIEW_SHOWN_MAX || s->bytes + jpeg->bytes > SST_VIEW_SHOWN_BYTES ||
                         (s->count > 1 && (*at(s, 1))->t_ns <= keep_ns)))
@@ -40,7 +38,7 @@ void sst_view_shown_add(struct sst_view_shown *s, const struct sst_jpeg *jpeg, i
     s->bytes += jpeg->bytes;
 }
 
-const struct sst_jpeg *sst_view_shown_next(struct sst_view_shown *s, uint64_t after)
+const struct sst_jpeg *view_shown_next(struct view_shown *s, uint64_t after)
 {
     for (int i = 0; i < s->count; i++) {
         if ((*at(s, i))->number > after)
@@ -49,7 +47,7 @@ const struct sst_jpeg *sst_view_shown_next(struct sst_view_shown *s, uint64_t af
     return NULL;
 }
 
-const struct sst_jpeg *sst_view_shown_at(struct sst_view_shown *s, int64_t t_ns)
+const struct sst_jpeg *view_shown_at(struct view_shown *s, int64_t t_ns)
 {
     for (int i = s->count - 1; i >= 0; i--) {
         if ((*at(s, i))->t_ns <= t_ns)
@@ -58,7 +56,7 @@ const struct sst_jpeg *sst_view_shown_at(struct sst_view_shown *s, int64_t t_ns)
     return NULL;
 }
 
-void sst_view_shown_fini(struct sst_view_shown *s)
+void view_shown_fini(struct view_shown *s)
 {
     while (s->count)
         drop_first(s);
@@ -87,7 +85,7 @@ static void look_locked(struct sst_storage *s, struct looking *l)
         (needed ? sst_outlet_join : sst_outlet_leave)(s->outlet);
     l->joined = needed;
     if (alone)
-        sst_view_shown_fini(&s->shown);
+        view_shown_fini(&s->shown);
     if (old) {
         l->number = old->number;
         l->until_ns = sst_clock_now_ns() + FRESH_NS;
@@ -112,7 +110,7 @@ static const struct sst_jpeg *next_shown(struct sst_outlet *outlet, struct looki
     return jpeg;
 }
 
-void *sst_store_view_run(void *storage)
+void *store_view_run(void *storage)
 {
     struct sst_storage *s = storage;
     struct looking l = { .alone = true };
@@ -126,25 +124,25 @@ void *sst_store_view_run(void *storage)
             if (l.joined)
                 sst_outlet_leave(outlet);
             l = (struct looking){ .alone = true };
-            sst_view_shown_fini(&s->shown);
-            sst_store_wait_locked(s, WAIT_MS);
+            view_shown_fini(&s->shown);
+            store_wait_locked(s, WAIT_MS);
             continue;
         }
         look_locked(s, &l);
         if (l.alone) {
-            sst_store_wait_locked(s, WAIT_MS);
+            store_wait_locked(s, WAIT_MS);
             continue;
         }
         pthread_mutex_unlock(&s->lock);
         jpeg = next_shown(outlet, &l);
         pthread_mutex_lock(&s->lock);
         if (jpeg)
-            sst_view_shown_add(&s->shown, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
+            view_shown_add(&s->shown, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
     }
     if (l.joined)
         sst_outlet_leave(s->outlet);
     pthread_mutex_unlock(&s->lock);
-    sst_store_thread_ends(s);
+    store_thread_ends(s);
     return NULL;
 }
 
@@ -159,10 +157,10 @@ void sst_storage_view(struct sst_storage *s, struct sst_outlet *outlet)
 
 /* --- the files ---------------------------------------------------------------------------------------------------- */
 
-int sst_view_begin(struct sst_view_files *f, const char *dir)
+int view_begin(struct view_files *f, const char *dir)
 {
     const int flags = O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC;
-    struct sst_view_files made = { 0 };
+    struct view_files made = { 0 };
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, dir, SST_VIDEO_PICTURES);
 
@@ -184,10 +182,10 @@ int sst_view_begin(struct sst_view_files *f, const char *dir)
 }
 
 /* A line stands in the index only when all bytes of its picture are in their file. */
-static int write_line(struct sst_view_files *f, const struct sst_video_line *line)
+static int write_line(struct view_files *f, const struct video_line *line)
 {
     char text[SST_VIDEO_LINE_MAX];
-    const size_t n = sst_video_write_line(text, line);
+    const size_t n = video_write_line(text, line);
 
     if (fwrite(text, 1, n, f->index) != n || fflush(f->index))
         return errno ? -errno : -EIO;
@@ -198,10 +196,10 @@ static int write_line(struct sst_view_files *f, const struct sst_video_line *lin
     return 0;
 }
 
-int sst_view_write(struct sst_view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns)
+int view_write(struct view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns)
 {
-    const struct sst_video_line line = { t_ns, jpeg->wall_ns + (t_ns - jpeg->t_ns), jpeg->set, f->at,
-                                         (int64_t)jpeg->bytes };
+    const struct video_line line = { t_ns, jpeg->wall_ns + (t_ns - jpeg->t_ns), jpeg->set, f->at,
+                                     (int64_t)jpeg->bytes };
     size_t done = 0;
 
     while (done < jpeg->bytes) {
@@ -217,9 +215,9 @@ int sst_view_write(struct sst_view_files *f, const struct sst_jpeg *jpeg, int64_
     return write_line(f, &line);
 }
 
-int sst_view_end(struct sst_view_files *f, int64_t end_ns, int64_t end_wall_ns)
+int view_end(struct view_files *f, int64_t end_ns, int64_t end_wall_ns)
 {
-    const struct sst_video_line last = { end_ns, end_wall_ns, f->last_set, f->last_at, f->last_bytes };
+    const struct video_line last = { end_ns, end_wall_ns, f->last_set, f->last_at, f->last_bytes };
     int err = 0;
 
     if (!f->index)
@@ -231,6 +229,6 @@ int sst_view_end(struct sst_view_files *f, int64_t end_ns, int64_t end_wall_ns)
     if (fdatasync(f->fd) && !err)
         err = -errno;
     close(f->fd);
-    *f = (struct sst_view_files){ 0 };
+    *f = (struct view_files){ 0 };
     return err;
 }

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "drivers/grab/grab.h"
-#include "drivers/grab/raw.h"
+#include "drivers/grab/grab_internal.h"
 
 /* JPEG markers, ITU T.81 table B.1. */
 enum {
@@ -134,6 +134,6 @@ unsigned sst_frame_check(uint32_t fourcc, int width, int height, size_t stride, 
         return SST_FRAME_EMPTY;
     if (fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG)
         return check_jpeg(width, height, data, bytes);
-    need = sst_raw_bytes(fourcc, width, height, stride);
+    need = raw_bytes(fourcc, width, height, stride);
     return bytes < need ? SST_FRAME_SHORT : 0;
 }

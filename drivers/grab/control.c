@@ -1,4 +1,4 @@
-#include "drivers/grab/control.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -7,10 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "drivers/grab/node.h"
-#include "drivers/grab/text.h"
-
-void sst_control_name(char *out, size_t size, const char *title)
+void control_name(char *out, size_t size, const char *title)
 {
     size_t n = 0;
     bool gap = false;
@@ -39,14 +36,14 @@ static int find(int fd, const char *name, struct v4l2_query_ext_ctrl *q, char *n
 
         memset(q, 0, sizeof(*q));
         q->id = id;
-        if (sst_node_ioctl(fd, VIDIOC_QUERY_EXT_CTRL, q))
+        if (node_ioctl(fd, VIDIOC_QUERY_EXT_CTRL, q))
             return -ENOENT;
         if (q->type == V4L2_CTRL_TYPE_CTRL_CLASS || (q->flags & V4L2_CTRL_FLAG_DISABLED))
             continue;
-        sst_control_name(here, sizeof(here), q->name);
+        control_name(here, sizeof(here), q->name);
         if (!strcmp(here, name))
             return 0;
-        sst_text_add(names, size, "%s%s", *names ? " " : "", here);
+        text_add(names, size, "%s%s", *names ? " " : "", here);
     }
 }
 
@@ -60,7 +57,7 @@ static int transfer(int fd, unsigned long request, const struct v4l2_query_ext_c
         c.value64 = *value;
     else
         c.value = (int32_t)*value;
-    err = sst_node_ioctl(fd, request, &list);
+    err = node_ioctl(fd, request, &list);
     if (!err && request == VIDIOC_G_EXT_CTRLS)
         *value = q->type == V4L2_CTRL_TYPE_INTEGER64 ? c.value64 : c.value;
     return err;
@@ -82,8 +79,8 @@ static void apply_pass(int fd, const struct sst_grab_control *control, int count
         int err = find(fd, control[i].name, &q, names, sizeof(names));
 
         if (err && modes)
-            sst_text_add(why, size, "%sthere is no control %s (there are: %s)", *why ? "; " : "", control[i].name,
-                         *names ? names : "none");
+            text_add(why, size, "%sthere is no control %s (there are: %s)", *why ? "; " : "", control[i].name,
+                     *names ? names : "none");
         if (err || is_mode(&q) != modes)
             continue;
         if (value < q.minimum || value > q.maximum)
@@ -91,11 +88,11 @@ static void apply_pass(int fd, const struct sst_grab_control *control, int count
         else
             err = transfer(fd, VIDIOC_S_EXT_CTRLS, &q, &value);
         if (err == -ERANGE)
-            sst_text_add(why, size, "%s%s cannot be %" PRId64 " (%" PRId64 "..%" PRId64 " step %" PRIu64 ")",
-                         *why ? "; " : "", control[i].name, value, (int64_t)q.minimum, (int64_t)q.maximum,
-                         (uint64_t)q.step);
+            text_add(why, size, "%s%s cannot be %" PRId64 " (%" PRId64 "..%" PRId64 " step %" PRIu64 ")",
+                     *why ? "; " : "", control[i].name, value, (int64_t)q.minimum, (int64_t)q.maximum,
+                     (uint64_t)q.step);
         else if (err)
-            sst_text_add(why, size, "%s%s cannot be set: %s", *why ? "; " : "", control[i].name, strerror(-err));
+            text_add(why, size, "%s%s cannot be set: %s", *why ? "; " : "", control[i].name, strerror(-err));
     }
 }
 
@@ -110,12 +107,12 @@ static void compare(int fd, const struct sst_grab_control *control, int count, c
             control[i].value > q.maximum || (q.flags & V4L2_CTRL_FLAG_WRITE_ONLY))
             continue;
         if (!transfer(fd, VIDIOC_G_EXT_CTRLS, &q, &now) && now != control[i].value)
-            sst_text_add(why, size, "%s%s reads back as %" PRId64 ", not %" PRId64, *why ? "; " : "", control[i].name,
-                         now, control[i].value);
+            text_add(why, size, "%s%s reads back as %" PRId64 ", not %" PRId64, *why ? "; " : "", control[i].name, now,
+                     control[i].value);
     }
 }
 
-void sst_controls_apply(int fd, const struct sst_grab_control *control, int count, char *why, size_t size)
+void controls_apply(int fd, const struct sst_grab_control *control, int count, char *why, size_t size)
 {
     *why = 0;
     apply_pass(fd, control, count, true, why, size);

@@ -1,5 +1,5 @@
 /* Discovery and hot-plug: by libudev, or without it by what sysfs says of /dev/video*. */
-#include "drivers/grab/devices.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <errno.h>
 #include <linux/videodev2.h>
@@ -16,9 +16,6 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "drivers/grab/format.h"
-#include "drivers/grab/job.h"
-#include "drivers/grab/node.h"
 
 /* A node that does not answer within this is listed with -ETIMEDOUT. */
 #define PROBE_MS 2000
@@ -43,9 +40,9 @@ static int node_number(const char *name)
 }
 
 /* @return descriptor or -errno */
-static int probe_node(struct sst_grab_node *node)
+static int probe_node(struct grab_node *node)
 {
-    const int fd = sst_node_open(&node->device);
+    const int fd = node_open(&node->device);
 
     node->device.error = fd < 0 ? -fd : 0;
     node->capture = fd >= 0 ? 1 : fd == -ENOTTY ? 0 : node->capture;
@@ -53,7 +50,7 @@ static int probe_node(struct sst_grab_node *node)
 }
 
 /* Off USB a device's bus_info is its port, and asking for it does not reach for hardware that may hang. */
-static void identify_off_usb(struct sst_grab_node *node)
+static void identify_off_usb(struct grab_node *node)
 {
     const int fd = probe_node(node);
 
@@ -62,7 +59,7 @@ static void identify_off_usb(struct sst_grab_node *node)
 }
 
 struct node_list {
-    struct sst_grab_node *node;
+    struct grab_node *node;
     int count;
 };
 
@@ -81,18 +78,18 @@ static void list_sort(struct node_list *list)
         if (!*list->node[i].device.port)
             identify_off_usb(&list->node[i]);
     }
-    qsort(list->node, (size_t)list->count, sizeof(*list->node), sst_grab_node_order);
+    qsort(list->node, (size_t)list->count, sizeof(*list->node), grab_node_order);
 }
 
 #if WITH_UDEV
 
-struct sst_grab_watch {
+struct grab_watch {
     struct udev *udev;
     struct udev_monitor *monitor;
 };
 
 /* Also where no udevd runs (an initramfs, a container): then the USB device's own serial, and nothing about capture. */
-static bool node_from_udev(struct sst_grab_node *node, struct udev_device *d)
+static bool node_from_udev(struct grab_node *node, struct udev_device *d)
 {
     const char *path = udev_device_get_devnode(d);
     const char *caps = udev_device_get_property_value(d, "ID_V4L_CAPABILITIES");
@@ -101,7 +98,7 @@ static bool node_from_udev(struct sst_grab_node *node, struct udev_device *d)
 
     if (!path || node_number(udev_device_get_sysname(d)) < 0)
         return false;
-    *node = (struct sst_grab_node){ .number = node_number(udev_device_get_sysname(d)), .capture = -1 };
+    *node = (struct grab_node){ .number = node_number(udev_device_get_sysname(d)), .capture = -1 };
     if (!serial && usb)
         serial = udev_device_get_sysattr_value(usb, "serial");
     copy(node->device.node, path);
@@ -125,7 +122,8 @@ static int scan_udev(struct udev *udev, struct node_list *list)
         udev_enumerate_unref(e);
         return err;
     }
-    udev_list_entry_foreach(entry, udev_enumerate_get_list_entry(e)) {
+    udev_list_entry_foreach(entry, udev_enumerate_get_list_entry(e))
+    {
         struct udev_device *d = udev_device_new_from_syspath(udev, udev_list_entry_get_name(entry));
 
         if (d && list->count < SST_GRAB_NODES_MAX && node_from_udev(&list->node[list->count], d))
@@ -136,7 +134,7 @@ static int scan_udev(struct udev *udev, struct node_list *list)
     return 0;
 }
 
-int sst_grab_scan(struct sst_grab_node **nodes, int *count)
+int grab_scan(struct grab_node **nodes, int *count)
 {
     struct udev *udev = udev_new();
     struct node_list list = { 0 };
@@ -155,9 +153,9 @@ int sst_grab_scan(struct sst_grab_node **nodes, int *count)
     return 0;
 }
 
-int sst_grab_watch_open(struct sst_grab_watch **out)
+int grab_watch_open(struct grab_watch **out)
 {
-    struct sst_grab_watch *w = calloc(1, sizeof(*w));
+    struct grab_watch *w = calloc(1, sizeof(*w));
     int err = -ENOMEM;
 
     if (!w || !(w->udev = udev_new()))
@@ -178,16 +176,16 @@ int sst_grab_watch_open(struct sst_grab_watch **out)
 fail:
     sst_log_error("plugging of cameras cannot be watched: udev: %s; a sandbox must allow netlink sockets",
                   strerror(-err));
-    sst_grab_watch_close(w);
+    grab_watch_close(w);
     return err;
 }
 
-int sst_grab_watch_fd(const struct sst_grab_watch *watch)
+int grab_watch_fd(const struct grab_watch *watch)
 {
     return udev_monitor_get_fd(watch->monitor);
 }
 
-int sst_grab_watch_next(struct sst_grab_watch *watch, struct sst_grab_node *node)
+int grab_watch_next(struct grab_watch *watch, struct grab_node *node)
 {
     struct udev_device *d;
     int what = 0;
@@ -210,7 +208,7 @@ int sst_grab_watch_next(struct sst_grab_watch *watch, struct sst_grab_node *node
     return what;
 }
 
-void sst_grab_watch_close(struct sst_grab_watch *watch)
+void grab_watch_close(struct grab_watch *watch)
 {
     if (!watch)
         return;
@@ -238,12 +236,12 @@ static void read_attribute(char out[SST_GRAB_NAME_MAX], const char *dir, const c
 }
 
 /* ".../1-2/1-2.3/1-2.3:1.0" is the interface of a USB device; its folder's parent is the device. */
-static void node_from_sysfs(struct sst_grab_node *node, int number)
+static void node_from_sysfs(struct grab_node *node, int number)
 {
     char link[64], dir[PATH_MAX];
     char *slash;
 
-    *node = (struct sst_grab_node){ .number = number, .capture = -1 };
+    *node = (struct grab_node){ .number = number, .capture = -1 };
     snprintf(node->device.node, sizeof(node->device.node), "/dev/video%d", number);
     snprintf(link, sizeof(link), "/sys/class/video4linux/video%d", number);
     read_attribute(node->device.name, link, "name");
@@ -256,7 +254,7 @@ static void node_from_sysfs(struct sst_grab_node *node, int number)
     read_attribute(node->device.serial, dir, "serial");
 }
 
-int sst_grab_scan(struct sst_grab_node **nodes, int *count)
+int grab_scan(struct grab_node **nodes, int *count)
 {
     struct node_list list;
     struct dirent *entry;
@@ -283,23 +281,23 @@ int sst_grab_scan(struct sst_grab_node **nodes, int *count)
     return 0;
 }
 
-int sst_grab_watch_open(struct sst_grab_watch **out)
+int grab_watch_open(struct grab_watch **out)
 {
     *out = NULL;
     return 0;
 }
 
-int sst_grab_watch_fd(const struct sst_grab_watch *watch SST_UNUSED)
+int grab_watch_fd(const struct grab_watch *watch SST_UNUSED)
 {
     return -1;
 }
 
-int sst_grab_watch_next(struct sst_grab_watch *watch SST_UNUSED, struct sst_grab_node *node SST_UNUSED)
+int grab_watch_next(struct grab_watch *watch SST_UNUSED, struct grab_node *node SST_UNUSED)
 {
     return 0;
 }
 
-void sst_grab_watch_close(struct sst_grab_watch *watch SST_UNUSED)
+void grab_watch_close(struct grab_watch *watch SST_UNUSED)
 {
 }
 
@@ -308,17 +306,17 @@ void sst_grab_watch_close(struct sst_grab_watch *watch SST_UNUSED)
 /* --- the list for people ------------------------------------------------------------------------------------------ */
 
 struct probe {
-    struct sst_job job;
+    struct grab_job job;
     int index;
-    struct sst_grab_node node;
+    struct grab_node node;
 };
 
 struct probe_result {
-    struct sst_grab_node *nodes;
+    struct grab_node *nodes;
     int running;
 };
 
-static void probe_run(struct sst_job *job)
+static void probe_run(struct grab_job *job)
 {
     struct v4l2_requestbuffers none = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
     struct sst_grab_device *d = &((struct probe *)job)->node.device;
@@ -326,12 +324,12 @@ static void probe_run(struct sst_job *job)
 
     if (fd < 0)
         return;
-    sst_format_summary(fd, d->formats, sizeof(d->formats));
-    d->busy = sst_node_ioctl(fd, VIDIOC_REQBUFS, &none) == -EBUSY;
+    format_summary(fd, d->formats, sizeof(d->formats));
+    d->busy = node_ioctl(fd, VIDIOC_REQBUFS, &none) == -EBUSY;
     close(fd);
 }
 
-static void probe_ended(struct sst_job *job, void *owner)
+static void probe_ended(struct grab_job *job, void *owner)
 {
     struct probe *p = (struct probe *)job;
     struct probe_result *result = owner;
@@ -341,19 +339,19 @@ static void probe_ended(struct sst_job *job, void *owner)
     free(p);
 }
 
-static void probe_discard(struct sst_job *job)
+static void probe_discard(struct grab_job *job)
 {
     free(job);
 }
 
 /* Ask all nodes at once, each on a thread of its own: one that hangs delays nobody beyond PROBE_MS. Time in which we
  * stood still ourselves, perhaps with the whole machine, counts for little. */
-static int probe_all(struct sst_grab_node *nodes, int count)
+static int probe_all(struct grab_node *nodes, int count)
 {
     int64_t left_ns = PROBE_MS * INT64_C(1000000);
     struct probe_result result = { nodes, 0 };
-    struct sst_jobs *jobs;
-    int err = sst_jobs_create(&jobs);
+    struct jobs *jobs;
+    int err = jobs_create(&jobs);
 
     if (err)
         return err;
@@ -365,7 +363,7 @@ static int probe_all(struct sst_grab_node *nodes, int count)
             break;
         *p = (struct probe){ { .run = probe_run, .ended = probe_ended, .discard = probe_discard }, i, nodes[i] };
         nodes[i].device.error = ETIMEDOUT;
-        err = sst_jobs_start(jobs, &p->job);
+        err = jobs_start(jobs, &p->job);
         if (err)
             free(p);
         else
@@ -375,20 +373,20 @@ static int probe_all(struct sst_grab_node *nodes, int count)
         const int64_t begin_ns = sst_clock_now_ns();
         int64_t took_ns;
 
-        sst_jobs_wait(jobs, SLICE_MS);
-        sst_jobs_collect(jobs, &result);
+        jobs_wait(jobs, SLICE_MS);
+        jobs_collect(jobs, &result);
         took_ns = sst_clock_now_ns() - begin_ns;
         left_ns -= took_ns < SLICE_MS * INT64_C(1000000) ? took_ns : SLICE_MS * INT64_C(1000000);
     }
-    sst_jobs_destroy(jobs);
+    jobs_destroy(jobs);
     return err;
 }
 
 int sst_grab_list(struct sst_grab_device **devices, int *count)
 {
-    struct sst_grab_node *nodes = NULL;
+    struct grab_node *nodes = NULL;
     struct sst_grab_device *list;
-    int found = 0, n = 0, err = sst_grab_scan(&nodes, &found);
+    int found = 0, n = 0, err = grab_scan(&nodes, &found);
 
     if (err)
         return err;

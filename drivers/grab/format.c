@@ -1,4 +1,4 @@
-#include "drivers/grab/format.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <errno.h>
 #include <linux/videodev2.h>
@@ -6,10 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "drivers/grab/node.h"
-#include "drivers/grab/raw.h"
-#include "drivers/grab/text.h"
 
 /* Bounds for enumerations that a broken driver never ends. */
 #define FORMATS_MAX 64
@@ -24,13 +20,13 @@
 static bool format_at(int fd, uint32_t index, struct v4l2_fmtdesc *f)
 {
     *f = (struct v4l2_fmtdesc){ .index = index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
-    return index < FORMATS_MAX && !sst_node_ioctl(fd, VIDIOC_ENUM_FMT, f);
+    return index < FORMATS_MAX && !node_ioctl(fd, VIDIOC_ENUM_FMT, f);
 }
 
 static bool size_at(int fd, uint32_t fourcc, uint32_t index, struct v4l2_frmsizeenum *s)
 {
     *s = (struct v4l2_frmsizeenum){ .index = index, .pixel_format = fourcc };
-    return index < SIZES_MAX && !sst_node_ioctl(fd, VIDIOC_ENUM_FRAMESIZES, s);
+    return index < SIZES_MAX && !node_ioctl(fd, VIDIOC_ENUM_FRAMESIZES, s);
 }
 
 static bool interval_at(int fd, uint32_t fourcc, int width, int height, uint32_t index, struct v4l2_frmivalenum *v)
@@ -38,7 +34,7 @@ static bool interval_at(int fd, uint32_t fourcc, int width, int height, uint32_t
     *v = (struct v4l2_frmivalenum){
         .index = index, .pixel_format = fourcc, .width = (uint32_t)width, .height = (uint32_t)height
     };
-    return index < RATES_MAX && !sst_node_ioctl(fd, VIDIOC_ENUM_FRAMEINTERVALS, v);
+    return index < RATES_MAX && !node_ioctl(fd, VIDIOC_ENUM_FRAMEINTERVALS, v);
 }
 
 static void add_format_names(int fd, char *out, size_t size)
@@ -48,8 +44,8 @@ static void add_format_names(int fd, char *out, size_t size)
     for (uint32_t i = 0; format_at(fd, i, &f); i++) {
         char name[5];
 
-        sst_fourcc_name(name, f.pixelformat);
-        sst_text_add(out, size, "%s%s", i ? ", " : "", name);
+        fourcc_name(name, f.pixelformat);
+        text_add(out, size, "%s%s", i ? ", " : "", name);
     }
 }
 
@@ -79,10 +75,10 @@ static void nearest_size(int fd, const struct sst_grab_config *cfg, int best[2],
         const int64_t off = llabs((long long)w - cfg->width) + llabs((long long)h - cfg->height);
 
         if (discrete)
-            sst_text_add(list, size, "%s%dx%d", i ? ", " : "", w, h);
+            text_add(list, size, "%s%dx%d", i ? ", " : "", w, h);
         else
-            sst_text_add(list, size, "%ux%u to %ux%u", s.stepwise.min_width, s.stepwise.min_height,
-                         s.stepwise.max_width, s.stepwise.max_height);
+            text_add(list, size, "%ux%u to %ux%u", s.stepwise.min_width, s.stepwise.min_height, s.stepwise.max_width,
+                     s.stepwise.max_height);
         if (best_off < 0 || off < best_off) {
             best_off = off;
             best[0] = w;
@@ -109,16 +105,16 @@ static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size
             discrete ? hz(v.discrete) : fmin(fmax(cfg->rate_hz, hz(v.stepwise.max)), hz(v.stepwise.min));
 
         if (discrete)
-            sst_text_add(out, size, "%s%.4g", i ? ", " : "; it offers ", rate);
+            text_add(out, size, "%s%.4g", i ? ", " : "; it offers ", rate);
         else
-            sst_text_add(out, size, "; it offers %.4g to %.4g", hz(v.stepwise.max), hz(v.stepwise.min));
+            text_add(out, size, "; it offers %.4g to %.4g", hz(v.stepwise.max), hz(v.stepwise.min));
         if (!best || fabs(rate - cfg->rate_hz) < fabs(best - cfg->rate_hz))
             best = rate;
         if (!discrete)
             break;
     }
     if (best)
-        sst_text_add(out, size, " Hz, nearest %.4g", best);
+        text_add(out, size, " Hz, nearest %.4g", best);
 }
 
 /* --- asking ------------------------------------------------------------------------------------------------------- */
@@ -128,21 +124,21 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_p
     char want[5], is[5], sizes[384] = "", nearest[32];
     int best[2] = { -1, -1 };
 
-    sst_fourcc_name(want, cfg->fourcc);
-    sst_fourcc_name(is, got->pixelformat);
+    fourcc_name(want, cfg->fourcc);
+    fourcc_name(is, got->pixelformat);
     if (got->pixelformat != cfg->fourcc) {
-        sst_text_add(why, size, "it has no format %s, it offers ", want);
+        text_add(why, size, "it has no format %s, it offers ", want);
         add_format_names(fd, why, size);
-        sst_text_add(why, size, "; set cameras: format");
+        text_add(why, size, "; set cameras: format");
         return -EINVAL;
     }
     nearest_size(fd, cfg, best, sizes, sizeof(sizes));
     snprintf(nearest, sizeof(nearest), "%dx%d", best[0] < 0 ? (int)got->width : best[0],
              best[0] < 0 ? (int)got->height : best[1]);
-    sst_text_add(why, size, "it has no %s of %dx%d, nearest is %s", want, cfg->width, cfg->height, nearest);
+    text_add(why, size, "it has no %s of %dx%d, nearest is %s", want, cfg->width, cfg->height, nearest);
     if (*sizes && strcmp(sizes, nearest))
-        sst_text_add(why, size, " of %s", sizes);
-    sst_text_add(why, size, "; set cameras: width and height");
+        text_add(why, size, " of %s", sizes);
+    text_add(why, size, "; set cameras: width and height");
     return -EINVAL;
 }
 
@@ -156,18 +152,18 @@ static int set_picture(int fd, const struct sst_grab_config *cfg, size_t *stride
     pix->height = (uint32_t)cfg->height;
     pix->pixelformat = cfg->fourcc;
     pix->field = V4L2_FIELD_NONE;
-    err = sst_node_ioctl(fd, VIDIOC_S_FMT, &f);
+    err = node_ioctl(fd, VIDIOC_S_FMT, &f);
     /* Drivers that refuse instead of offering something near: ask what they would give. */
     if (err == -EINVAL) {
         f = (struct v4l2_format){ .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
-        if (!sst_node_ioctl(fd, VIDIOC_G_FMT, &f))
+        if (!node_ioctl(fd, VIDIOC_G_FMT, &f))
             return refuse(fd, cfg, pix, why, size);
     }
     if (err)
         return err;
     if (pix->pixelformat != cfg->fourcc || (int)pix->width != cfg->width || (int)pix->height != cfg->height)
         return refuse(fd, cfg, pix, why, size);
-    *stride = sst_raw_bytes(cfg->fourcc, cfg->width, cfg->height, 0) ? pix->bytesperline : 0;
+    *stride = raw_bytes(cfg->fourcc, cfg->width, cfg->height, 0) ? pix->bytesperline : 0;
     return 0;
 }
 
@@ -176,28 +172,28 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
     struct v4l2_streamparm p = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
     struct v4l2_captureparm *c = &p.parm.capture;
     double got;
-    int err = sst_node_ioctl(fd, VIDIOC_G_PARM, &p);
+    int err = node_ioctl(fd, VIDIOC_G_PARM, &p);
 
     if (err == -ENODEV || err == -EIO)
         return err;
     if (err || !(c->capability & V4L2_CAP_TIMEPERFRAME)) {
-        sst_text_add(why, size, "it does not let its rate be set; %.4g Hz is what it makes of it", cfg->rate_hz);
+        text_add(why, size, "it does not let its rate be set; %.4g Hz is what it makes of it", cfg->rate_hz);
         return 0;
     }
     c->timeperframe.numerator = 10000;
     c->timeperframe.denominator = (uint32_t)lround(cfg->rate_hz * 10000);
-    err = sst_node_ioctl(fd, VIDIOC_S_PARM, &p);
+    err = node_ioctl(fd, VIDIOC_S_PARM, &p);
     if (err)
         return err;
     got = hz(c->timeperframe);
     if (fabs(got - cfg->rate_hz) <= RATE_TOLERANCE * cfg->rate_hz)
         return 0;
-    sst_text_add(why, size, "at %dx%d it makes %.4g Hz and not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
+    text_add(why, size, "at %dx%d it makes %.4g Hz and not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
     add_rates(fd, cfg, why, size);
     return cfg->triggered ? 0 : -EINVAL;
 }
 
-int sst_format_set(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size)
+int format_set(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size)
 {
     int err;
 
@@ -206,7 +202,7 @@ int sst_format_set(int fd, const struct sst_grab_config *cfg, size_t *stride, ch
     return err || cfg->rate_hz <= 0 ? err : set_rate(fd, cfg, why, size);
 }
 
-void sst_format_summary(int fd, char *out, size_t size)
+void format_summary(int fd, char *out, size_t size)
 {
     struct v4l2_fmtdesc f;
 
@@ -215,15 +211,15 @@ void sst_format_summary(int fd, char *out, size_t size)
         struct v4l2_frmsizeenum s;
         char name[5];
 
-        sst_fourcc_name(name, f.pixelformat);
-        sst_text_add(out, size, "%s%s", i ? ", " : "", name);
+        fourcc_name(name, f.pixelformat);
+        text_add(out, size, "%s%s", i ? ", " : "", name);
         for (uint32_t j = 0; size_at(fd, f.pixelformat, j, &s); j++) {
             if (s.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
-                sst_text_add(out, size, " %ux%u", s.discrete.width, s.discrete.height);
+                text_add(out, size, " %ux%u", s.discrete.width, s.discrete.height);
                 continue;
             }
-            sst_text_add(out, size, " %ux%u-%ux%u", s.stepwise.min_width, s.stepwise.min_height, s.stepwise.max_width,
-                         s.stepwise.max_height);
+            text_add(out, size, " %ux%u-%ux%u", s.stepwise.min_width, s.stepwise.min_height, s.stepwise.max_width,
+                     s.stepwise.max_height);
             break;
         }
     }

@@ -14,7 +14,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "drivers/grab/camera.h"
+#include "drivers/grab/grab_internal.h"
 
 /* Cameras that have not answered by then are started when they do. */
 #define OPEN_WAIT_NS  (8000 * SST_MS)
@@ -97,10 +97,10 @@ static int open_descriptors(struct sst_grab *g)
     if (g->epoll_fd < 0 || g->timer_fd < 0 || g->wake_fd < 0)
         err = -errno;
     else
-        err = sst_jobs_create(&g->jobs);
+        err = jobs_create(&g->jobs);
     err = err ? err : watch_fd(g, g->timer_fd, TAG_TIMER);
     err = err ? err : watch_fd(g, g->wake_fd, TAG_WAKE);
-    err = err ? err : watch_fd(g, sst_jobs_fd(g->jobs), TAG_JOBS);
+    err = err ? err : watch_fd(g, jobs_fd(g->jobs), TAG_JOBS);
     if (err)
         sst_log_error("cameras cannot be polled: %s; raise the limit of open files (ulimit -n)", strerror(-err));
     return err;
@@ -120,12 +120,12 @@ static struct sst_grab *create(const struct sst_grab_config *cfg, const struct s
     g->nodes = calloc(SST_GRAB_NODES_MAX, sizeof(*g->nodes));
     g->camera = calloc((size_t)cfg->cameras, sizeof(*g->camera));
     for (int i = 0; g->camera && i < cfg->cameras; i++) {
-        struct sst_camera *cam = &g->camera[i];
+        struct grab_camera *cam = &g->camera[i];
 
         cam->binding = cfg->bindings[i];
         cam->number = -1;
-        sst_ladder_init(&cam->ladder, g->cfg.stall_ms * SST_MS + WAKE_UP_NS, false, cfg->port_power);
-        sst_grab_camera_name(cam->name, sizeof(cam->name), i, &cam->binding);
+        ladder_init(&cam->ladder, g->cfg.stall_ms * SST_MS + WAKE_UP_NS, false, cfg->port_power);
+        grab_camera_name(cam->name, sizeof(cam->name), i, &cam->binding);
     }
     return g;
 }
@@ -151,7 +151,7 @@ static void tell_absent(struct sst_grab *g)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
         if (g->camera[i].number < 0 && !*g->camera[i].why)
-            sst_camera_say(g, &g->camera[i], SST_GRAB_ABSENT, "is not there; it starts when it is plugged in");
+            camera_say(g, &g->camera[i], SST_GRAB_ABSENT, "is not there; it starts when it is plugged in");
     }
 }
 
@@ -169,11 +169,11 @@ int sst_grab_open(struct sst_grab **out, const struct sst_grab_config *cfg, cons
         goto fail;
     }
     err = open_descriptors(g);
-    err = err ? err : sst_grab_watch_open(&g->watch);
+    err = err ? err : grab_watch_open(&g->watch);
     if (!err && g->watch)
-        err = watch_fd(g, sst_grab_watch_fd(g->watch), TAG_PLUG);
-    err = err ? err : sst_plug_read(g);
-    err = err ? err : sst_plug_assign(g);
+        err = watch_fd(g, grab_watch_fd(g->watch), TAG_PLUG);
+    err = err ? err : plug_read(g);
+    err = err ? err : plug_assign(g);
     if (err)
         goto fail;
     wait_for_jobs(g);
@@ -192,7 +192,7 @@ int sst_grab_start(struct sst_grab *g)
 
     g->started = true;
     for (int i = 0; i < g->cfg.cameras; i++)
-        sst_recovery_start(g, &g->camera[i]);
+        recovery_start(g, &g->camera[i]);
     wait_for_jobs(g);
     for (int i = 0; i < g->cfg.cameras; i++)
         streaming += g->camera[i].state == SST_GRAB_STREAMING;
@@ -207,7 +207,7 @@ static void take_trigger(struct sst_grab *g)
     const int64_t fired_ns = atomic_exchange(&g->fired_ns, 0);
 
     for (int i = 0; fired_ns && i < g->cfg.cameras; i++) {
-        struct sst_camera *cam = &g->camera[i];
+        struct grab_camera *cam = &g->camera[i];
 
         if (cam->running && !cam->owed_ns && cam->heard_ns < fired_ns)
             cam->owed_ns = fired_ns;
@@ -220,14 +220,14 @@ static void serve_one(struct sst_grab *g, const struct epoll_event *e)
     uint64_t count;
 
     if (tag == TAG_JOBS) {
-        sst_jobs_collect(g->jobs, g);
+        jobs_collect(g->jobs, g);
     } else if (tag == TAG_PLUG) {
-        sst_plug_events(g);
+        plug_events(g);
     } else if (tag == TAG_TIMER || tag == TAG_WAKE) {
         (void)!read(tag == TAG_TIMER ? g->timer_fd : g->wake_fd, &count, sizeof(count));
     } else if (g->camera[tag].armed) {
         /* Else something before it in this round has closed it. */
-        sst_intake(g, &g->camera[tag], !(e->events & EPOLLIN));
+        intake(g, &g->camera[tag], !(e->events & EPOLLIN));
     }
 }
 
@@ -250,23 +250,23 @@ static void serve_time(struct sst_grab *g)
     if (puts_off(g, now_ns))
         return;
     for (int i = 0; i < g->cfg.cameras; i++) {
-        struct sst_camera *cam = &g->camera[i];
-        const int64_t silent_ns = sst_intake_due(g, cam);
+        struct grab_camera *cam = &g->camera[i];
+        const int64_t silent_ns = intake_due(g, cam);
 
         if (silent_ns && now_ns >= silent_ns)
-            sst_intake_silence(g, cam, now_ns);
-        sst_recovery_time(g, cam, now_ns);
+            intake_silence(g, cam, now_ns);
+        recovery_time(g, cam, now_ns);
     }
-    sst_plug_time(g, now_ns);
+    plug_time(g, now_ns);
 }
 
 static void set_timer(struct sst_grab *g, int64_t now_ns)
 {
     struct itimerspec t = { 0 };
-    int64_t due_ns = sst_plug_due(g);
+    int64_t due_ns = plug_due(g);
 
     for (int i = 0; i < g->cfg.cameras; i++) {
-        const int64_t due[2] = { sst_recovery_due(g, &g->camera[i]), sst_intake_due(g, &g->camera[i]) };
+        const int64_t due[2] = { recovery_due(g, &g->camera[i]), intake_due(g, &g->camera[i]) };
 
         for (int k = 0; k < 2; k++) {
             if (due[k] && (!due_ns || due[k] < due_ns))
@@ -315,7 +315,7 @@ void sst_grab_expect(struct sst_grab *g, int64_t t_ns)
 
 void sst_grab_release(struct sst_grab *g SST_UNUSED, struct sst_frame *frame)
 {
-    sst_stream_release(frame);
+    stream_release(frame);
 }
 
 enum sst_grab_state sst_grab_camera_state(const struct sst_grab *g, int cam)
@@ -350,17 +350,17 @@ void sst_grab_close(struct sst_grab *g)
     g->closing = true;
     for (int i = 0; g->jobs && g->camera && i < g->cfg.cameras; i++) {
         g->camera[i].job = NULL;
-        sst_recovery_drop(g, &g->camera[i]);
+        recovery_drop(g, &g->camera[i]);
     }
-    while (g->jobs && sst_jobs_running(g->jobs) && sst_clock_now_ns() < end_ns) {
-        sst_jobs_wait(g->jobs, 50);
-        sst_jobs_collect(g->jobs, g);
+    while (g->jobs && jobs_running(g->jobs) && sst_clock_now_ns() < end_ns) {
+        jobs_wait(g->jobs, 50);
+        jobs_collect(g->jobs, g);
     }
-    if (g->jobs && sst_jobs_running(g->jobs))
+    if (g->jobs && jobs_running(g->jobs))
         sst_log_warning("cameras hang in the system while they are closed (%d); they are left to it",
-                        sst_jobs_running(g->jobs));
-    sst_jobs_destroy(g->jobs);
-    sst_grab_watch_close(g->watch);
+                        jobs_running(g->jobs));
+    jobs_destroy(g->jobs);
+    grab_watch_close(g->watch);
     close_fd(g->epoll_fd);
     close_fd(g->timer_fd);
     close_fd(g->wake_fd);

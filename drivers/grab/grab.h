@@ -83,7 +83,7 @@ enum sst_grab_rung {
 struct sst_grab_counters {
     uint64_t frames, bad, lost; /* lost: gaps in the driver's sequence */
     uint64_t fault[8];          /* by bit of sst_frame_fault */
-    uint64_t io_errors; /* DQBUF calls that failed with EIO and went on */
+    uint64_t io_errors;         /* DQBUF calls that failed with EIO and went on */
     uint64_t lost_devices, found_devices, rung[SST_GRAB_RUNGS];
 };
 

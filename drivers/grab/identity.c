@@ -1,30 +1,30 @@
 #define _GNU_SOURCE /* strverscmp */
-#include "drivers/grab/identity.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <ctype.h>
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
-int sst_grab_node_order(const void *pa, const void *pb)
+int grab_node_order(const void *pa, const void *pb)
 {
-    const struct sst_grab_node *a = pa, *b = pb;
+    const struct grab_node *a = pa, *b = pb;
     const int order = strverscmp(a->device.port, b->device.port);
 
     return order ? order : (a->number > b->number) - (a->number < b->number);
 }
 
-void sst_grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_binding *b)
+void grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_binding *b)
 {
     snprintf(out, size, "camera %d (%s %s)", cam, *b->serial ? "serial" : "port", *b->serial ? b->serial : b->port);
 }
 
-bool sst_grab_is_usb_port(const char *port)
+bool grab_is_usb_port(const char *port)
 {
     return isdigit((unsigned char)*port) && strchr(port, '-') && !port[strspn(port, "0123456789-.")];
 }
 
-static int find(const struct sst_grab_node *nodes, int count, int from, const char *serial, const char *port)
+static int find(const struct grab_node *nodes, int count, int from, const char *serial, const char *port)
 {
     for (int i = from; i < count; i++) {
         if (nodes[i].capture && (!serial || !strcmp(nodes[i].device.serial, serial)) &&
@@ -34,12 +34,12 @@ static int find(const struct sst_grab_node *nodes, int count, int from, const ch
     return -ENODEV;
 }
 
-static const char *serial_of(const struct sst_grab_node *node)
+static const char *serial_of(const struct grab_node *node)
 {
     return *node->device.serial ? node->device.serial : "none";
 }
 
-int sst_grab_match(const struct sst_grab_binding *b, const struct sst_grab_node *nodes, int count, char *why)
+int grab_match(const struct sst_grab_binding *b, const struct grab_node *nodes, int count, char *why)
 {
     const int at_port = *b->port ? find(nodes, count, 0, NULL, b->port) : -ENODEV;
     int first;
@@ -58,11 +58,15 @@ int sst_grab_match(const struct sst_grab_binding *b, const struct sst_grab_node 
     if (!*b->port)
         return first;
     if (first < 0 && at_port >= 0)
-        snprintf(why, SST_WHY_MAX, "serial %s is not there, and port %s holds serial %s instead; plug the cameras as "
-                 "they are bound, or change the binding", b->serial, b->port, serial_of(&nodes[at_port]));
+        snprintf(why, SST_WHY_MAX,
+                 "serial %s is not there, and port %s holds serial %s instead; plug the cameras as "
+                 "they are bound, or change the binding",
+                 b->serial, b->port, serial_of(&nodes[at_port]));
     else if (first >= 0 && strcmp(nodes[first].device.port, b->port) != 0)
-        snprintf(why, SST_WHY_MAX, "serial %s is at port %s and not at its port %s, which holds %s%s; cameras were "
-                 "swapped: plug them back or change the binding", b->serial, nodes[first].device.port, b->port,
-                 at_port >= 0 ? "serial " : "nothing", at_port >= 0 ? serial_of(&nodes[at_port]) : "");
+        snprintf(why, SST_WHY_MAX,
+                 "serial %s is at port %s and not at its port %s, which holds %s%s; cameras were "
+                 "swapped: plug them back or change the binding",
+                 b->serial, nodes[first].device.port, b->port, at_port >= 0 ? "serial " : "nothing",
+                 at_port >= 0 ? serial_of(&nodes[at_port]) : "");
     return first;
 }

@@ -6,8 +6,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "drivers/grab/camera.h"
-#include "drivers/grab/raw.h"
+#include "drivers/grab/grab_internal.h"
 
 /* A camera that sends damaged frames only is treated as silent after this many, and three times the usual patience. */
 #define BAD_ROW 10
@@ -19,10 +18,10 @@
 /* A driver that polls as broken while it has no buffer is asked again after this. */
 #define REARM_NS (20 * SST_MS)
 
-void sst_intake_begin(struct sst_grab *g SST_UNUSED, struct sst_camera *cam)
+void intake_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
 {
     cam->heard_ns = cam->good_ns = sst_clock_now_ns();
-    cam->history = (struct sst_history){ 0 };
+    cam->history = (struct history){ 0 };
     cam->owed_ns = 0;
     cam->bad_row = cam->eio_row = 0;
     cam->wakes = false;
@@ -37,10 +36,10 @@ static uint32_t lost_between(uint32_t before, uint32_t now)
     return step == 0 || step > UINT32_MAX / 2 ? 0 : step - 1;
 }
 
-static void compare(struct sst_grab *g, struct sst_camera *cam, struct sst_frame *f)
+static void compare(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f)
 {
-    struct sst_history *h = &cam->history;
-    const uint64_t hash = g->cfg.check_frozen ? sst_frame_hash(f->data, f->bytes) : 0;
+    struct history *h = &cam->history;
+    const uint64_t hash = g->cfg.check_frozen ? frame_hash(f->data, f->bytes) : 0;
 
     if (h->any) {
         f->lost_before = lost_between(h->sequence, f->sequence);
@@ -49,10 +48,10 @@ static void compare(struct sst_grab *g, struct sst_camera *cam, struct sst_frame
         if (g->cfg.check_frozen && f->bytes && hash == h->hash)
             f->faults |= SST_FRAME_FROZEN;
     }
-    *h = (struct sst_history){ true, f->sequence, f->t_ns, hash };
+    *h = (struct history){ true, f->sequence, f->t_ns, hash };
 }
 
-static void count(struct sst_camera *cam, const struct sst_frame *f)
+static void count(struct grab_camera *cam, const struct sst_frame *f)
 {
     struct sst_grab_counters *c = &cam->counters;
 
@@ -64,7 +63,7 @@ static void count(struct sst_camera *cam, const struct sst_frame *f)
 }
 
 /* What the stamps mean is said once per camera: sets are put together by them. */
-static void tell_stamp(struct sst_camera *cam, const struct sst_stream_stamp *stamp)
+static void tell_stamp(struct grab_camera *cam, const struct stream_stamp *stamp)
 {
     if (cam->told_stamp)
         return;
@@ -78,7 +77,7 @@ static void tell_stamp(struct sst_camera *cam, const struct sst_stream_stamp *st
                      cam->device.driver);
 }
 
-static void alive(struct sst_grab *g, struct sst_camera *cam, const struct sst_frame *f)
+static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_frame *f)
 {
     const bool good = !(f->faults & SST_FRAME_BAD);
     char why[96];
@@ -89,14 +88,14 @@ static void alive(struct sst_grab *g, struct sst_camera *cam, const struct sst_f
     cam->bad_row = good ? 0 : cam->bad_row + 1;
     if (good)
         cam->good_ns = f->arrival_ns;
-    (void)sst_ladder_step(&cam->ladder, SST_LADDER_FRAME, f->arrival_ns, true);
+    (void)ladder_step(&cam->ladder, SST_LADDER_FRAME, f->arrival_ns, true);
     if (cam->state == SST_GRAB_STREAMING)
         return;
     snprintf(why, sizeof(why), "frames again after %.1f s", (double)(f->arrival_ns - cam->down_ns) * 1e-9);
-    sst_camera_say(g, cam, SST_GRAB_STREAMING, why);
+    camera_say(g, cam, SST_GRAB_STREAMING, why);
 }
 
-static void take(struct sst_grab *g, struct sst_camera *cam, struct sst_frame *f, const struct sst_stream_stamp *stamp)
+static void take(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const struct stream_stamp *stamp)
 {
     f->faults |= sst_frame_check(f->fourcc, f->width, f->height, f->stride, f->data, f->bytes);
     compare(g, cam, f);
@@ -105,21 +104,21 @@ static void take(struct sst_grab *g, struct sst_camera *cam, struct sst_frame *f
     alive(g, cam, f);
     g->events.frame(g->events.arg, f);
     if (cam->bad_row >= BAD_ROW && cam->heard_ns - cam->good_ns > 3 * g->cfg.stall_ms * SST_MS)
-        sst_recovery_fault(g, cam, "it sends damaged frames only");
+        recovery_fault(g, cam, "it sends damaged frames only");
 }
 
 /* v4l2loopback enters a waiter only while it has no frame for it, so epoll may be deaf to it. Nothing readable after it
    was added: it had none then, and wakes us from now on. */
-static void listen_again(struct sst_grab *g, struct sst_camera *cam)
+static void listen_again(struct sst_grab *g, struct grab_camera *cam)
 {
-    struct pollfd p = { .fd = sst_stream_fd(cam->stream), .events = POLLIN };
+    struct pollfd p = { .fd = stream_fd(cam->stream), .events = POLLIN };
 
-    sst_recovery_disarm(g, cam);
-    sst_recovery_arm(g, cam);
+    recovery_disarm(g, cam);
+    recovery_arm(g, cam);
     cam->wakes = !poll(&p, 1, 0);
 }
 
-static void tell_eio(struct sst_camera *cam)
+static void tell_eio(struct grab_camera *cam)
 {
     if (!cam->eio_well)
         sst_log_warning("%s: the driver fails to hand out frames (EIO) and goes on: check its cable and USB power",
@@ -128,11 +127,11 @@ static void tell_eio(struct sst_camera *cam)
     cam->counters.io_errors++;
 }
 
-void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
+void intake(struct sst_grab *g, struct grab_camera *cam, bool broken)
 {
-    struct sst_stream_stamp stamp;
+    struct stream_stamp stamp;
     struct sst_frame *frame;
-    const int err = sst_stream_take(cam->stream, &frame, &stamp);
+    const int err = stream_take(cam->stream, &frame, &stamp);
     char why[96];
 
     if (err == -EIO) {
@@ -147,13 +146,13 @@ void sst_intake(struct sst_grab *g, struct sst_camera *cam, bool broken)
         if (!cam->wakes && cam->armed)
             listen_again(g, cam);
     } else if (err == -ENODEV) {
-        sst_plug_strike(g, cam->number, true);
-        sst_recovery_lost(g, cam);
+        plug_strike(g, cam->number, true);
+        recovery_lost(g, cam);
     } else if (err != -EAGAIN) {
         snprintf(why, sizeof(why), "its stream broke: %s", strerror(-err));
-        sst_recovery_fault(g, cam, why);
+        recovery_fault(g, cam, why);
     } else if (broken) {
-        sst_recovery_disarm(g, cam);
+        recovery_disarm(g, cam);
         cam->rearm_ns = sst_clock_now_ns() + REARM_NS;
     }
 }
@@ -168,7 +167,7 @@ static int64_t patience_ns(const struct sst_grab *g)
     return stall > three ? stall : three;
 }
 
-int64_t sst_intake_due(const struct sst_grab *g, const struct sst_camera *cam)
+int64_t intake_due(const struct sst_grab *g, const struct grab_camera *cam)
 {
     if (!cam->running || !cam->stream || cam->ladder.phase != SST_LADDER_QUIET)
         return 0;
@@ -177,10 +176,10 @@ int64_t sst_intake_due(const struct sst_grab *g, const struct sst_camera *cam)
     return cam->heard_ns + patience_ns(g);
 }
 
-void sst_intake_silence(struct sst_grab *g, struct sst_camera *cam, int64_t now_ns)
+void intake_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
 {
-    const int64_t ready_ns = sst_stream_ready_ns(cam->stream);
-    const bool refused = !ready_ns && !sst_stream_lent(cam->stream);
+    const int64_t ready_ns = stream_ready_ns(cam->stream);
+    const bool refused = !ready_ns && !stream_lent(cam->stream);
     char why[96];
 
     if (ready_ns && now_ns - ready_ns < patience_ns(g)) { /* before, it could not speak */
@@ -192,7 +191,7 @@ void sst_intake_silence(struct sst_grab *g, struct sst_camera *cam, int64_t now_
     if (refused || ready_ns) {
         snprintf(why, sizeof(why), "no frame for %.1f s%s", (double)(now_ns - cam->heard_ns) * 1e-9,
                  refused ? ", and its driver takes no buffer" : "");
-        sst_recovery_fault(g, cam, why);
+        recovery_fault(g, cam, why);
         return;
     }
     /* It cannot speak: every buffer is with the receiver. The gap in the sequence will tell what was lost. */

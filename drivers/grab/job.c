@@ -1,4 +1,4 @@
-#include "drivers/grab/job.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -9,21 +9,21 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-struct sst_jobs {
+struct jobs {
     /* fixed after create */
     int fd;
     /* the owner's thread only */
     int running;
     /* under lock */
     pthread_mutex_t lock;
-    struct sst_job *done;
+    struct grab_job *done;
     int users; /* the owner and every job that runs: the last one frees */
     bool abandoned;
 };
 
-int sst_jobs_create(struct sst_jobs **out)
+int jobs_create(struct jobs **out)
 {
-    struct sst_jobs *jobs = calloc(1, sizeof(*jobs));
+    struct jobs *jobs = calloc(1, sizeof(*jobs));
 
     if (!jobs)
         return -ENOMEM;
@@ -38,12 +38,12 @@ int sst_jobs_create(struct sst_jobs **out)
     return 0;
 }
 
-int sst_jobs_fd(const struct sst_jobs *jobs)
+int jobs_fd(const struct jobs *jobs)
 {
     return jobs->fd;
 }
 
-static void unref(struct sst_jobs *jobs)
+static void unref(struct jobs *jobs)
 {
     bool last;
 
@@ -59,8 +59,8 @@ static void unref(struct sst_jobs *jobs)
 
 static void *thread_main(void *arg)
 {
-    struct sst_job *job = arg;
-    struct sst_jobs *jobs = job->jobs;
+    struct grab_job *job = arg;
+    struct jobs *jobs = job->jobs;
     const uint64_t one = 1;
     bool abandoned;
 
@@ -80,7 +80,7 @@ static void *thread_main(void *arg)
     return NULL;
 }
 
-int sst_jobs_start(struct sst_jobs *jobs, struct sst_job *job)
+int jobs_start(struct jobs *jobs, struct grab_job *job)
 {
     sigset_t all, before;
     pthread_t thread;
@@ -104,9 +104,9 @@ int sst_jobs_start(struct sst_jobs *jobs, struct sst_job *job)
     return 0;
 }
 
-static struct sst_job *take(struct sst_jobs *jobs)
+static struct grab_job *take(struct jobs *jobs)
 {
-    struct sst_job *job;
+    struct grab_job *job;
     uint64_t count;
 
     pthread_mutex_lock(&jobs->lock);
@@ -119,9 +119,9 @@ static struct sst_job *take(struct sst_jobs *jobs)
     return job;
 }
 
-void sst_jobs_collect(struct sst_jobs *jobs, void *owner)
+void jobs_collect(struct jobs *jobs, void *owner)
 {
-    struct sst_job *job;
+    struct grab_job *job;
 
     while ((job = take(jobs))) {
         jobs->running--;
@@ -129,31 +129,31 @@ void sst_jobs_collect(struct sst_jobs *jobs, void *owner)
     }
 }
 
-int sst_jobs_running(const struct sst_jobs *jobs)
+int jobs_running(const struct jobs *jobs)
 {
     return jobs->running;
 }
 
-void sst_jobs_wait(struct sst_jobs *jobs, int timeout_ms)
+void jobs_wait(struct jobs *jobs, int timeout_ms)
 {
     struct pollfd p = { .fd = jobs->fd, .events = POLLIN };
 
     (void)poll(&p, 1, timeout_ms);
 }
 
-static void discard_all(struct sst_job *job)
+static void discard_all(struct grab_job *job)
 {
     while (job) {
-        struct sst_job *next = job->next;
+        struct grab_job *next = job->next;
 
         job->discard(job);
         job = next;
     }
 }
 
-void sst_jobs_destroy(struct sst_jobs *jobs)
+void jobs_destroy(struct jobs *jobs)
 {
-    struct sst_job *done;
+    struct grab_job *done;
 
     if (!jobs)
         return;

@@ -1,11 +1,11 @@
-#include "drivers/grab/ladder.h"
+#include "drivers/grab/grab_internal.h"
 
 /* A device that was reset, re-authorised or switched off is enumerated anew, and its driver probes it. */
 #define ENUMERATE_NS INT64_C(3000000000)
 
-void sst_ladder_init(struct sst_ladder *l, int64_t patience_ns, bool usb, bool port_power)
+void ladder_init(struct ladder *l, int64_t patience_ns, bool usb, bool port_power)
 {
-    *l = (struct sst_ladder){
+    *l = (struct ladder){
         .patience_ns = patience_ns,
         .usb = usb,
         .port_power = port_power,
@@ -19,7 +19,7 @@ static bool re_enumerates(int rung)
     return rung == SST_GRAB_RESET || rung == SST_GRAB_REAUTHORISE || rung == SST_GRAB_POWER;
 }
 
-static int rest(struct sst_ladder *l, int64_t now_ns)
+static int rest(struct ladder *l, int64_t now_ns)
 {
     l->phase = SST_LADDER_RESTING;
     l->rung = SST_GRAB_BACK_OFF;
@@ -30,7 +30,7 @@ static int rest(struct sst_ladder *l, int64_t now_ns)
     return SST_GRAB_BACK_OFF;
 }
 
-static int work(struct sst_ladder *l, int rung)
+static int work(struct ladder *l, int rung)
 {
     l->phase = SST_LADDER_WORKING;
     l->rung = rung;
@@ -38,7 +38,7 @@ static int work(struct sst_ladder *l, int rung)
     return rung;
 }
 
-static int climb(struct sst_ladder *l, int64_t now_ns, bool streaming)
+static int climb(struct ladder *l, int64_t now_ns, bool streaming)
 {
     int rung = l->rung + 1;
 
@@ -51,14 +51,14 @@ static int climb(struct sst_ladder *l, int64_t now_ns, bool streaming)
     return rung >= SST_GRAB_BACK_OFF ? rest(l, now_ns) : work(l, rung);
 }
 
-static int wait_until(struct sst_ladder *l, int64_t due_ns)
+static int wait_until(struct ladder *l, int64_t due_ns)
 {
     l->phase = SST_LADDER_WAITING;
     l->due_ns = due_ns;
     return -1;
 }
 
-static int on_frame(struct sst_ladder *l, int64_t now_ns)
+static int on_frame(struct ladder *l, int64_t now_ns)
 {
     if (l->phase == SST_LADDER_WAITING) {
         l->phase = SST_LADDER_QUIET;
@@ -71,7 +71,7 @@ static int on_frame(struct sst_ladder *l, int64_t now_ns)
     return -1;
 }
 
-static int on_time(struct sst_ladder *l, int64_t now_ns, bool streaming)
+static int on_time(struct ladder *l, int64_t now_ns, bool streaming)
 {
     if (!l->due_ns || now_ns < l->due_ns)
         return -1;
@@ -80,19 +80,19 @@ static int on_time(struct sst_ladder *l, int64_t now_ns, bool streaming)
     return l->phase == SST_LADDER_RESTING ? work(l, SST_GRAB_REOPEN) : -1;
 }
 
-static int on_lost(struct sst_ladder *l)
+static int on_lost(struct ladder *l)
 {
-    if (!sst_ladder_expects_loss(l))
-        sst_ladder_init(l, l->patience_ns, l->usb, l->port_power);
+    if (!ladder_expects_loss(l))
+        ladder_init(l, l->patience_ns, l->usb, l->port_power);
     return -1;
 }
 
-bool sst_ladder_expects_loss(const struct sst_ladder *l)
+bool ladder_expects_loss(const struct ladder *l)
 {
     return re_enumerates(l->rung) && (l->phase == SST_LADDER_WORKING || l->phase == SST_LADDER_WAITING);
 }
 
-int sst_ladder_step(struct sst_ladder *l, enum sst_ladder_event event, int64_t now_ns, bool streaming)
+int ladder_step(struct ladder *l, enum ladder_event event, int64_t now_ns, bool streaming)
 {
     switch (event) {
     case SST_LADDER_OPENED:

@@ -1,4 +1,4 @@
-#include "drivers/grab/node.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -8,7 +8,7 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-int sst_node_ioctl(int fd, unsigned long request, void *arg)
+int node_ioctl(int fd, unsigned long request, void *arg)
 {
     int r;
 
@@ -24,10 +24,10 @@ static bool same_port(const char *port, const char *bus_info)
 {
     const char *a = strchr(port, '-'), *b = strrchr(bus_info, '-');
 
-    return !sst_grab_is_usb_port(port) || strncmp(bus_info, "usb-", 4) != 0 || !a || !b || !strcmp(a, b);
+    return !grab_is_usb_port(port) || strncmp(bus_info, "usb-", 4) != 0 || !a || !b || !strcmp(a, b);
 }
 
-int sst_node_open(struct sst_grab_device *d)
+int node_open(struct sst_grab_device *d)
 {
     const int fd = open(d->node, O_RDWR | O_NONBLOCK | O_CLOEXEC);
     struct v4l2_capability cap = { 0 };
@@ -36,7 +36,7 @@ int sst_node_open(struct sst_grab_device *d)
 
     if (fd < 0)
         return errno == ENOENT || errno == ENXIO ? -ENODEV : -errno;
-    err = sst_node_ioctl(fd, VIDIOC_QUERYCAP, &cap);
+    err = node_ioctl(fd, VIDIOC_QUERYCAP, &cap);
     caps = cap.capabilities & V4L2_CAP_DEVICE_CAPS ? cap.device_caps : cap.capabilities;
     if (!err && !((caps & V4L2_CAP_VIDEO_CAPTURE) && (caps & V4L2_CAP_STREAMING)))
         err = -ENOTTY;

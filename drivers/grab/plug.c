@@ -5,13 +5,13 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "drivers/grab/camera.h"
+#include "drivers/grab/grab_internal.h"
 
 /* While a camera is missing the list is read anew: events do get lost. Without udev that is all there is. */
-#define RESCAN_NS (5000 * SST_MS)
+#define RESCAN_NS                (5000 * SST_MS)
 #define RESCAN_WITHOUT_EVENTS_NS (1000 * SST_MS)
 
-static struct sst_camera *camera_of(struct sst_grab *g, int number)
+static struct grab_camera *camera_of(struct sst_grab *g, int number)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
         if (g->camera[i].number == number)
@@ -37,16 +37,16 @@ static void remove_node(struct sst_grab *g, int number)
         memmove(&g->nodes[i], &g->nodes[i + 1], (size_t)(--g->node_count - i) * sizeof(*g->nodes));
 }
 
-static void add_node(struct sst_grab *g, const struct sst_grab_node *node)
+static void add_node(struct sst_grab *g, const struct grab_node *node)
 {
     remove_node(g, node->number);
     if (g->node_count == SST_GRAB_NODES_MAX)
         return;
     g->nodes[g->node_count++] = *node;
-    qsort(g->nodes, (size_t)g->node_count, sizeof(*g->nodes), sst_grab_node_order);
+    qsort(g->nodes, (size_t)g->node_count, sizeof(*g->nodes), grab_node_order);
 }
 
-void sst_plug_strike(struct sst_grab *g, int number, bool gone)
+void plug_strike(struct sst_grab *g, int number, bool gone)
 {
     const int i = node_index(g, number);
 
@@ -57,7 +57,7 @@ void sst_plug_strike(struct sst_grab *g, int number, bool gone)
 }
 
 /* Something odd about a camera's identity, once. */
-static void tell_odd(struct sst_camera *cam, const char *why, bool fault)
+static void tell_odd(struct grab_camera *cam, const char *why, bool fault)
 {
     if (!strcmp(cam->odd, why))
         return;
@@ -68,17 +68,17 @@ static void tell_odd(struct sst_camera *cam, const char *why, bool fault)
         sst_log_warning("%s: %s", cam->name, why);
 }
 
-int sst_plug_assign(struct sst_grab *g)
+int plug_assign(struct sst_grab *g)
 {
     int worst = 0;
 
     for (int i = 0; i < g->cfg.cameras; i++) {
-        struct sst_camera *cam = &g->camera[i];
+        struct grab_camera *cam = &g->camera[i];
         char why[SST_WHY_MAX];
         int at;
 
         /* Also of those that stream: a second device of their serial is told when it is plugged in. */
-        at = sst_grab_match(&cam->binding, g->nodes, g->node_count, why);
+        at = grab_match(&cam->binding, g->nodes, g->node_count, why);
         tell_odd(cam, why, at == -ENOTUNIQ);
         if (at == -ENOTUNIQ)
             worst = at;
@@ -87,25 +87,25 @@ int sst_plug_assign(struct sst_grab *g)
         if (at >= 0 && camera_of(g, g->nodes[at].number)) /* the other binding names the same device by port */
             continue;
         if (at >= 0)
-            sst_recovery_found(g, cam, &g->nodes[at]);
+            recovery_found(g, cam, &g->nodes[at]);
     }
     return worst;
 }
 
-void sst_plug_events(struct sst_grab *g)
+void plug_events(struct sst_grab *g)
 {
-    struct sst_grab_node node;
+    struct grab_node node;
     bool added = false;
     int what;
 
-    while ((what = sst_grab_watch_next(g->watch, &node)) > 0) {
-        struct sst_camera *cam = camera_of(g, node.number);
+    while ((what = grab_watch_next(g->watch, &node)) > 0) {
+        struct grab_camera *cam = camera_of(g, node.number);
 
         g->changes++;
         added |= what == 1;
         /* The number of a node that is added is free: whoever had it is gone, whether its event came or not. */
         if (cam)
-            sst_recovery_lost(g, cam);
+            recovery_lost(g, cam);
         if (what == 1)
             add_node(g, &node);
         else
@@ -116,30 +116,30 @@ void sst_plug_events(struct sst_grab *g)
         g->scan_ns = sst_clock_now_ns();
     }
     if (added)
-        (void)sst_plug_assign(g);
+        (void)plug_assign(g);
 }
 
 /* --- reading the list --------------------------------------------------------------------------------------------- */
 
-static void take_list(struct sst_grab *g, const struct sst_grab_node *nodes, int count)
+static void take_list(struct sst_grab *g, const struct grab_node *nodes, int count)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
-        struct sst_camera *cam = &g->camera[i];
+        struct grab_camera *cam = &g->camera[i];
         bool there = false;
 
         for (int k = 0; k < count; k++)
             there |= nodes[k].number == cam->number && !strcmp(nodes[k].device.port, cam->device.port);
         if (cam->number >= 0 && !there)
-            sst_recovery_lost(g, cam);
+            recovery_lost(g, cam);
     }
     memcpy(g->nodes, nodes, (size_t)count * sizeof(*nodes));
     g->node_count = count;
 }
 
-int sst_plug_read(struct sst_grab *g)
+int plug_read(struct sst_grab *g)
 {
-    struct sst_grab_node *nodes;
-    int count, err = sst_grab_scan(&nodes, &count);
+    struct grab_node *nodes;
+    int count, err = grab_scan(&nodes, &count);
 
     if (err)
         return err;
@@ -149,26 +149,26 @@ int sst_plug_read(struct sst_grab *g)
 }
 
 struct scan_job {
-    struct sst_job job;
-    struct sst_grab_node *nodes;
+    struct grab_job job;
+    struct grab_node *nodes;
     int count, err;
     unsigned changes; /* when it began */
 };
 
-static void scan_run(struct sst_job *job)
+static void scan_run(struct grab_job *job)
 {
     struct scan_job *s = (struct scan_job *)job;
 
-    s->err = sst_grab_scan(&s->nodes, &s->count);
+    s->err = grab_scan(&s->nodes, &s->count);
 }
 
-static void scan_discard(struct sst_job *job)
+static void scan_discard(struct grab_job *job)
 {
     free(((struct scan_job *)job)->nodes);
     free(job);
 }
 
-static void scan_ended(struct sst_job *job, void *owner)
+static void scan_ended(struct grab_job *job, void *owner)
 {
     struct scan_job *s = (struct scan_job *)job;
     struct sst_grab *g = owner;
@@ -177,7 +177,7 @@ static void scan_ended(struct sst_job *job, void *owner)
     /* Events that came meanwhile know better. */
     if (!s->err && !g->closing && s->changes == g->changes) {
         take_list(g, s->nodes, s->count);
-        (void)sst_plug_assign(g);
+        (void)plug_assign(g);
     }
     scan_discard(job);
 }
@@ -191,12 +191,12 @@ static bool any_missing(const struct sst_grab *g)
     return false;
 }
 
-int64_t sst_plug_due(const struct sst_grab *g)
+int64_t plug_due(const struct sst_grab *g)
 {
     return g->scanning || !any_missing(g) ? 0 : g->scan_ns;
 }
 
-void sst_plug_time(struct sst_grab *g, int64_t now_ns)
+void plug_time(struct sst_grab *g, int64_t now_ns)
 {
     struct scan_job *s;
 
@@ -210,7 +210,7 @@ void sst_plug_time(struct sst_grab *g, int64_t now_ns)
         return;
     *s = (struct scan_job){ .job = { .run = scan_run, .ended = scan_ended, .discard = scan_discard },
                             .changes = g->changes };
-    g->scanning = !sst_jobs_start(g->jobs, &s->job);
+    g->scanning = !jobs_start(g->jobs, &s->job);
     if (!g->scanning)
         free(s);
 }

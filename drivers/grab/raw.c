@@ -1,4 +1,4 @@
-#include "drivers/grab/raw.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <linux/videodev2.h>
 #include <string.h>
@@ -10,24 +10,24 @@ struct raw_format {
 };
 
 static const struct raw_format formats[] = {
-    { V4L2_PIX_FMT_GREY, 8, 0 },       { V4L2_PIX_FMT_SBGGR8, 8, 0 },     { V4L2_PIX_FMT_SGBRG8, 8, 0 },
-    { V4L2_PIX_FMT_SGRBG8, 8, 0 },     { V4L2_PIX_FMT_SRGGB8, 8, 0 },     { V4L2_PIX_FMT_Y10, 16, 0 },
-    { V4L2_PIX_FMT_Y12, 16, 0 },       { V4L2_PIX_FMT_Y16, 16, 0 },       { V4L2_PIX_FMT_SBGGR10, 16, 0 },
-    { V4L2_PIX_FMT_SGBRG10, 16, 0 },   { V4L2_PIX_FMT_SGRBG10, 16, 0 },   { V4L2_PIX_FMT_SRGGB10, 16, 0 },
-    { V4L2_PIX_FMT_SBGGR12, 16, 0 },   { V4L2_PIX_FMT_SGBRG12, 16, 0 },   { V4L2_PIX_FMT_SGRBG12, 16, 0 },
-    { V4L2_PIX_FMT_SRGGB12, 16, 0 },   { V4L2_PIX_FMT_SBGGR16, 16, 0 },   { V4L2_PIX_FMT_SGBRG16, 16, 0 },
-    { V4L2_PIX_FMT_SGRBG16, 16, 0 },   { V4L2_PIX_FMT_SRGGB16, 16, 0 },   { V4L2_PIX_FMT_Y10P, 10, 0 },
-    { V4L2_PIX_FMT_SBGGR10P, 10, 0 },  { V4L2_PIX_FMT_SGBRG10P, 10, 0 },  { V4L2_PIX_FMT_SGRBG10P, 10, 0 },
-    { V4L2_PIX_FMT_SRGGB10P, 10, 0 },  { V4L2_PIX_FMT_SBGGR12P, 12, 0 },  { V4L2_PIX_FMT_SGBRG12P, 12, 0 },
-    { V4L2_PIX_FMT_SGRBG12P, 12, 0 },  { V4L2_PIX_FMT_SRGGB12P, 12, 0 },  { V4L2_PIX_FMT_YUYV, 16, 0 },
-    { V4L2_PIX_FMT_YVYU, 16, 0 },      { V4L2_PIX_FMT_UYVY, 16, 0 },      { V4L2_PIX_FMT_VYUY, 16, 0 },
-    { V4L2_PIX_FMT_RGB565, 16, 0 },    { V4L2_PIX_FMT_RGB24, 24, 0 },     { V4L2_PIX_FMT_BGR24, 24, 0 },
-    { V4L2_PIX_FMT_XBGR32, 32, 0 },    { V4L2_PIX_FMT_ABGR32, 32, 0 },    { V4L2_PIX_FMT_XRGB32, 32, 0 },
-    { V4L2_PIX_FMT_NV12, 8, 4 },       { V4L2_PIX_FMT_NV21, 8, 4 },       { V4L2_PIX_FMT_YUV420, 8, 4 },
-    { V4L2_PIX_FMT_YVU420, 8, 4 },     { V4L2_PIX_FMT_NV16, 8, 8 },       { V4L2_PIX_FMT_YUV422P, 8, 8 },
+    { V4L2_PIX_FMT_GREY, 8, 0 },      { V4L2_PIX_FMT_SBGGR8, 8, 0 },    { V4L2_PIX_FMT_SGBRG8, 8, 0 },
+    { V4L2_PIX_FMT_SGRBG8, 8, 0 },    { V4L2_PIX_FMT_SRGGB8, 8, 0 },    { V4L2_PIX_FMT_Y10, 16, 0 },
+    { V4L2_PIX_FMT_Y12, 16, 0 },      { V4L2_PIX_FMT_Y16, 16, 0 },      { V4L2_PIX_FMT_SBGGR10, 16, 0 },
+    { V4L2_PIX_FMT_SGBRG10, 16, 0 },  { V4L2_PIX_FMT_SGRBG10, 16, 0 },  { V4L2_PIX_FMT_SRGGB10, 16, 0 },
+    { V4L2_PIX_FMT_SBGGR12, 16, 0 },  { V4L2_PIX_FMT_SGBRG12, 16, 0 },  { V4L2_PIX_FMT_SGRBG12, 16, 0 },
+    { V4L2_PIX_FMT_SRGGB12, 16, 0 },  { V4L2_PIX_FMT_SBGGR16, 16, 0 },  { V4L2_PIX_FMT_SGBRG16, 16, 0 },
+    { V4L2_PIX_FMT_SGRBG16, 16, 0 },  { V4L2_PIX_FMT_SRGGB16, 16, 0 },  { V4L2_PIX_FMT_Y10P, 10, 0 },
+    { V4L2_PIX_FMT_SBGGR10P, 10, 0 }, { V4L2_PIX_FMT_SGBRG10P, 10, 0 }, { V4L2_PIX_FMT_SGRBG10P, 10, 0 },
+    { V4L2_PIX_FMT_SRGGB10P, 10, 0 }, { V4L2_PIX_FMT_SBGGR12P, 12, 0 }, { V4L2_PIX_FMT_SGBRG12P, 12, 0 },
+    { V4L2_PIX_FMT_SGRBG12P, 12, 0 }, { V4L2_PIX_FMT_SRGGB12P, 12, 0 }, { V4L2_PIX_FMT_YUYV, 16, 0 },
+    { V4L2_PIX_FMT_YVYU, 16, 0 },     { V4L2_PIX_FMT_UYVY, 16, 0 },     { V4L2_PIX_FMT_VYUY, 16, 0 },
+    { V4L2_PIX_FMT_RGB565, 16, 0 },   { V4L2_PIX_FMT_RGB24, 24, 0 },    { V4L2_PIX_FMT_BGR24, 24, 0 },
+    { V4L2_PIX_FMT_XBGR32, 32, 0 },   { V4L2_PIX_FMT_ABGR32, 32, 0 },   { V4L2_PIX_FMT_XRGB32, 32, 0 },
+    { V4L2_PIX_FMT_NV12, 8, 4 },      { V4L2_PIX_FMT_NV21, 8, 4 },      { V4L2_PIX_FMT_YUV420, 8, 4 },
+    { V4L2_PIX_FMT_YVU420, 8, 4 },    { V4L2_PIX_FMT_NV16, 8, 8 },      { V4L2_PIX_FMT_YUV422P, 8, 8 },
 };
 
-size_t sst_raw_bytes(uint32_t fourcc, int width, int height, size_t stride)
+size_t raw_bytes(uint32_t fourcc, int width, int height, size_t stride)
 {
     for (size_t i = 0; i < ARRAY_LEN(formats); i++) {
         const size_t row = ((size_t)width * (size_t)formats[i].bits + 7) / 8, rows = (size_t)height;
@@ -44,7 +44,7 @@ size_t sst_raw_bytes(uint32_t fourcc, int width, int height, size_t stride)
     return 0;
 }
 
-void sst_fourcc_name(char out[5], uint32_t fourcc)
+void fourcc_name(char out[5], uint32_t fourcc)
 {
     for (int i = 0; i < 4; i++) {
         const char c = (char)(fourcc >> (8 * i) & 0x7f);
@@ -59,7 +59,7 @@ void sst_fourcc_name(char out[5], uint32_t fourcc)
 /* Each lane is a chain of bijections of its words, so that frames that differ in one word never agree. */
 #define LANES 4
 
-uint64_t sst_frame_hash(const uint8_t *data, size_t bytes)
+uint64_t frame_hash(const uint8_t *data, size_t bytes)
 {
     const uint64_t k = UINT64_C(0x9e3779b97f4a7c15);
     uint64_t lane[LANES] = { 1, 2, 3, 4 }, last[LANES] = { 0 }, hash = bytes;

@@ -7,7 +7,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "drivers/grab/camera.h"
+#include "drivers/grab/grab_internal.h"
 #include "drivers/usb/usb.h"
 
 /* A job that takes longer hangs in the kernel; the camera goes on without it. */
@@ -31,10 +31,10 @@ static const char *const task_names[] = {
 };
 
 struct camera_job {
-    struct sst_job job;
+    struct grab_job job;
     struct sst_grab_config cfg;
     struct sst_grab_device device;
-    struct sst_stream *stream; /* in and out */
+    struct grab_stream *stream; /* in and out */
     int cam, err;
     enum task task;
     bool start;
@@ -47,11 +47,11 @@ static int reopen(struct camera_job *j)
 {
     int err;
 
-    sst_stream_close(j->stream);
+    stream_close(j->stream);
     j->stream = NULL;
-    err = sst_stream_open(&j->stream, &j->device, &j->cfg, j->cam, j->why, j->note);
+    err = stream_open(&j->stream, &j->device, &j->cfg, j->cam, j->why, j->note);
     if (!err && j->start)
-        err = sst_stream_start(j->stream, j->why);
+        err = stream_start(j->stream, j->why);
     return err;
 }
 
@@ -59,7 +59,7 @@ static int reset(struct camera_job *j)
 {
     int err;
 
-    sst_stream_close(j->stream);
+    stream_close(j->stream);
     j->stream = NULL;
     err = j->task == TASK_RESET         ? sst_usb_reset(j->device.port)
           : j->task == TASK_REAUTHORISE ? sst_usb_reauthorise(j->device.port)
@@ -69,17 +69,17 @@ static int reset(struct camera_job *j)
     return err;
 }
 
-static void job_run(struct sst_job *job)
+static void job_run(struct grab_job *job)
 {
     struct camera_job *j = (struct camera_job *)job;
 
     switch (j->task) {
     case TASK_RESTREAM:
-        sst_stream_stop(j->stream);
-        j->err = sst_stream_start(j->stream, j->why);
+        stream_stop(j->stream);
+        j->err = stream_start(j->stream, j->why);
         break;
     case TASK_START:
-        j->err = sst_stream_start(j->stream, j->why);
+        j->err = stream_start(j->stream, j->why);
         break;
     case TASK_REOPEN:
         j->err = reopen(j);
@@ -90,47 +90,47 @@ static void job_run(struct sst_job *job)
         j->err = reset(j);
         break;
     case TASK_CLOSE:
-        sst_stream_close(j->stream);
+        stream_close(j->stream);
         j->stream = NULL;
         break;
     }
 }
 
-static void job_discard(struct sst_job *job)
+static void job_discard(struct grab_job *job)
 {
     struct camera_job *j = (struct camera_job *)job;
 
-    sst_stream_close(j->stream);
+    stream_close(j->stream);
     free(j);
 }
 
-static void job_ended(struct sst_job *job, void *owner);
+static void job_ended(struct grab_job *job, void *owner);
 
-static const struct sst_job job_calls = { .run = job_run, .ended = job_ended, .discard = job_discard };
+static const struct grab_job job_calls = { .run = job_run, .ended = job_ended, .discard = job_discard };
 
 /* --- on the polling thread ---------------------------------------------------------------------------------------- */
 
-void sst_recovery_arm(struct sst_grab *g, struct sst_camera *cam)
+void recovery_arm(struct sst_grab *g, struct grab_camera *cam)
 {
     struct epoll_event e = { .events = EPOLLIN, .data = { .u64 = (uint64_t)(cam - g->camera) } };
 
     cam->rearm_ns = 0;
     if (cam->armed || !cam->stream || !cam->running)
         return;
-    cam->armed = !epoll_ctl(g->epoll_fd, EPOLL_CTL_ADD, sst_stream_fd(cam->stream), &e);
+    cam->armed = !epoll_ctl(g->epoll_fd, EPOLL_CTL_ADD, stream_fd(cam->stream), &e);
     if (!cam->armed)
         sst_log_error("%s cannot be polled: %s", cam->name, strerror(errno));
 }
 
-void sst_recovery_disarm(struct sst_grab *g, struct sst_camera *cam)
+void recovery_disarm(struct sst_grab *g, struct grab_camera *cam)
 {
     if (cam->armed)
-        (void)epoll_ctl(g->epoll_fd, EPOLL_CTL_DEL, sst_stream_fd(cam->stream), NULL);
+        (void)epoll_ctl(g->epoll_fd, EPOLL_CTL_DEL, stream_fd(cam->stream), NULL);
     cam->armed = false;
     cam->rearm_ns = 0;
 }
 
-void sst_camera_say(struct sst_grab *g, struct sst_camera *cam, enum sst_grab_state state, const char *why)
+void camera_say(struct sst_grab *g, struct grab_camera *cam, enum sst_grab_state state, const char *why)
 {
     const bool changed = cam->state != state;
 
@@ -151,31 +151,31 @@ void sst_camera_say(struct sst_grab *g, struct sst_camera *cam, enum sst_grab_st
         g->events.state(g->events.arg, (int)(cam - g->camera), state, why);
 }
 
-static void climbed(struct sst_grab *g, struct sst_camera *cam, int rung);
+static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung);
 
-static void step(struct sst_grab *g, struct sst_camera *cam, enum sst_ladder_event event)
+static void step(struct sst_grab *g, struct grab_camera *cam, enum ladder_event event)
 {
-    climbed(g, cam, sst_ladder_step(&cam->ladder, event, sst_clock_now_ns(), cam->stream && cam->running));
+    climbed(g, cam, ladder_step(&cam->ladder, event, sst_clock_now_ns(), cam->stream && cam->running));
 }
 
 /* Nobody waits for a close, which hangs where the camera does. */
-static void close_stream(struct sst_grab *g, struct sst_stream *stream)
+static void close_stream(struct sst_grab *g, struct grab_stream *stream)
 {
     struct camera_job *j = calloc(1, sizeof(*j));
 
-    sst_stream_detach(stream);
+    stream_detach(stream);
     if (j)
         *j = (struct camera_job){ .job = job_calls, .stream = stream, .task = TASK_CLOSE };
     /* Without memory or a thread there is no way but to wait here. */
-    if (!j || sst_jobs_start(g->jobs, &j->job)) {
-        sst_stream_close(stream);
+    if (!j || jobs_start(g->jobs, &j->job)) {
+        stream_close(stream);
         free(j);
     }
 }
 
-void sst_recovery_drop(struct sst_grab *g, struct sst_camera *cam)
+void recovery_drop(struct sst_grab *g, struct grab_camera *cam)
 {
-    sst_recovery_disarm(g, cam);
+    recovery_disarm(g, cam);
     if (cam->stream)
         close_stream(g, cam->stream);
     cam->stream = NULL;
@@ -183,7 +183,7 @@ void sst_recovery_drop(struct sst_grab *g, struct sst_camera *cam)
 }
 
 /* The camera's stream goes with the job. @return 0 or -errno (the stream stays) */
-static int start_job(struct sst_grab *g, struct sst_camera *cam, enum task task)
+static int start_job(struct sst_grab *g, struct grab_camera *cam, enum task task)
 {
     struct camera_job *j = calloc(1, sizeof(*j));
     int err = -ENOMEM;
@@ -197,9 +197,9 @@ static int start_job(struct sst_grab *g, struct sst_camera *cam, enum task task)
                                   .task = task,
                                   .start = g->started };
         if (cam->stream)
-            sst_stream_detach(cam->stream);
-        sst_recovery_disarm(g, cam);
-        err = sst_jobs_start(g->jobs, &j->job);
+            stream_detach(cam->stream);
+        recovery_disarm(g, cam);
+        err = jobs_start(g->jobs, &j->job);
     }
     if (err) {
         sst_log_error("%s: no thread for the %s: %s", cam->name, task_names[task], strerror(-err));
@@ -214,7 +214,7 @@ static int start_job(struct sst_grab *g, struct sst_camera *cam, enum task task)
 }
 
 /* Carry out a rung that the ladder tells. */
-static void climbed(struct sst_grab *g, struct sst_camera *cam, int rung)
+static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung)
 {
     char why[SST_WHY_MAX + 64];
 
@@ -222,7 +222,7 @@ static void climbed(struct sst_grab *g, struct sst_camera *cam, int rung)
         return;
     cam->counters.rung[rung]++;
     if (rung == SST_GRAB_BACK_OFF) {
-        sst_recovery_drop(g, cam);
+        recovery_drop(g, cam);
         if (cam->state == SST_GRAB_RECOVERING && !cam->told_hopeless)
             sst_log_error("%s: nothing brings it back; check its cable, hub and power: it is tried again now and then",
                           cam->name);
@@ -232,44 +232,44 @@ static void climbed(struct sst_grab *g, struct sst_camera *cam, int rung)
     if (cam->state != SST_GRAB_REFUSED) {
         snprintf(why, sizeof(why), "%s; next: %s", cam->state == SST_GRAB_RECOVERING ? "still no frame" : cam->why,
                  task_names[rung]);
-        sst_camera_say(g, cam, SST_GRAB_RECOVERING, why);
+        camera_say(g, cam, SST_GRAB_RECOVERING, why);
     }
     if (start_job(g, cam, (enum task)rung))
         step(g, cam, SST_LADDER_FAILED);
 }
 
-void sst_recovery_fault(struct sst_grab *g, struct sst_camera *cam, const char *why)
+void recovery_fault(struct sst_grab *g, struct grab_camera *cam, const char *why)
 {
     if (cam->ladder.phase != SST_LADDER_QUIET && cam->ladder.phase != SST_LADDER_WAITING)
         return;
-    sst_camera_say(g, cam, SST_GRAB_RECOVERING, why);
+    camera_say(g, cam, SST_GRAB_RECOVERING, why);
     step(g, cam, SST_LADDER_FAULT);
 }
 
-void sst_recovery_lost(struct sst_grab *g, struct sst_camera *cam)
+void recovery_lost(struct sst_grab *g, struct grab_camera *cam)
 {
-    const bool expected = sst_ladder_expects_loss(&cam->ladder);
+    const bool expected = ladder_expects_loss(&cam->ladder);
 
-    sst_recovery_drop(g, cam);
+    recovery_drop(g, cam);
     cam->number = -1;
     cam->open_ns = 0;
-    (void)sst_ladder_step(&cam->ladder, SST_LADDER_LOST, sst_clock_now_ns(), false);
+    (void)ladder_step(&cam->ladder, SST_LADDER_LOST, sst_clock_now_ns(), false);
     if (expected)
         return;
     cam->job = NULL; /* what it brings is closed when it ends */
     cam->job_end_ns = 0;
     cam->counters.lost_devices++;
-    sst_camera_say(g, cam, SST_GRAB_ABSENT, "unplugged; it goes on when it is back");
+    camera_say(g, cam, SST_GRAB_ABSENT, "unplugged; it goes on when it is back");
 }
 
-static void open_now(struct sst_grab *g, struct sst_camera *cam)
+static void open_now(struct sst_grab *g, struct grab_camera *cam)
 {
     cam->open_ns = 0;
     if (start_job(g, cam, TASK_REOPEN))
         cam->open_ns = sst_clock_now_ns() + RESET_NS;
 }
 
-void sst_recovery_found(struct sst_grab *g, struct sst_camera *cam, const struct sst_grab_node *node)
+void recovery_found(struct sst_grab *g, struct grab_camera *cam, const struct grab_node *node)
 {
     if (*cam->serial_seen && strcmp(cam->serial_seen, node->device.serial) != 0)
         sst_log_warning(
@@ -279,7 +279,7 @@ void sst_recovery_found(struct sst_grab *g, struct sst_camera *cam, const struct
     snprintf(cam->serial_seen, sizeof(cam->serial_seen), "%s", node->device.serial);
     cam->device = node->device;
     cam->number = node->number;
-    cam->ladder.usb = sst_grab_is_usb_port(node->device.port);
+    cam->ladder.usb = grab_is_usb_port(node->device.port);
     if (cam->state == SST_GRAB_ABSENT)
         cam->counters.found_devices++;
     /* A reset may still be at its end: its job tells. */
@@ -287,7 +287,7 @@ void sst_recovery_found(struct sst_grab *g, struct sst_camera *cam, const struct
         open_now(g, cam);
 }
 
-void sst_recovery_start(struct sst_grab *g, struct sst_camera *cam)
+void recovery_start(struct sst_grab *g, struct grab_camera *cam)
 {
     if (cam->stream && !cam->running && !cam->job && start_job(g, cam, TASK_START))
         step(g, cam, SST_LADDER_FAILED);
@@ -295,7 +295,7 @@ void sst_recovery_start(struct sst_grab *g, struct sst_camera *cam)
 
 /* --- the ends of jobs --------------------------------------------------------------------------------------------- */
 
-static void opened(struct sst_grab *g, struct sst_camera *cam, struct camera_job *j)
+static void opened(struct sst_grab *g, struct grab_camera *cam, struct camera_job *j)
 {
     cam->running = j->start || j->task == TASK_START;
     snprintf(cam->device.name, sizeof(cam->device.name), "%s", j->device.name);
@@ -306,20 +306,20 @@ static void opened(struct sst_grab *g, struct sst_camera *cam, struct camera_job
             sst_log_warning("%s: %s", cam->name, j->note);
     }
     if (!cam->running) {
-        sst_ladder_init(&cam->ladder, cam->ladder.patience_ns, cam->ladder.usb, cam->ladder.port_power);
-        sst_camera_say(g, cam, SST_GRAB_READY, "ready");
+        ladder_init(&cam->ladder, cam->ladder.patience_ns, cam->ladder.usb, cam->ladder.port_power);
+        camera_say(g, cam, SST_GRAB_READY, "ready");
         if (g->started) /* while it was being opened */
-            sst_recovery_start(g, cam);
+            recovery_start(g, cam);
         return;
     }
-    sst_intake_begin(g, cam);
-    sst_recovery_arm(g, cam);
+    intake_begin(g, cam);
+    recovery_arm(g, cam);
     if (cam->ladder.phase == SST_LADDER_WORKING)
         step(g, cam, SST_LADDER_DONE);
     else
         step(g, cam, SST_LADDER_OPENED);
     if (cam->ladder.rung < 0 || cam->state == SST_GRAB_REFUSED)
-        sst_camera_say(g, cam, SST_GRAB_STREAMING, "streaming");
+        camera_say(g, cam, SST_GRAB_STREAMING, "streaming");
 }
 
 static bool is_refusal(int err)
@@ -327,27 +327,27 @@ static bool is_refusal(int err)
     return err == -EINVAL || err == -EBUSY || err == -EACCES || err == -EPERM || err == -ENOSPC || err == -ENOMEM;
 }
 
-static void failed(struct sst_grab *g, struct sst_camera *cam, struct camera_job *j)
+static void failed(struct sst_grab *g, struct grab_camera *cam, struct camera_job *j)
 {
     const bool opening = j->task == TASK_REOPEN || j->task == TASK_START || j->task == TASK_RESTREAM;
 
     if (opening && j->err == -ENOTTY) {
-        sst_plug_strike(g, cam->number, false);
+        plug_strike(g, cam->number, false);
         cam->number = -1;
-        (void)sst_plug_assign(g);
+        (void)plug_assign(g);
     } else if (opening && j->err == -ENODEV) {
-        sst_plug_strike(g, cam->number, true);
-        sst_recovery_lost(g, cam);
+        plug_strike(g, cam->number, true);
+        recovery_lost(g, cam);
     } else if (opening && is_refusal(j->err)) {
-        sst_camera_say(g, cam, SST_GRAB_REFUSED, j->why);
+        camera_say(g, cam, SST_GRAB_REFUSED, j->why);
         step(g, cam, SST_LADDER_REFUSED);
     } else {
-        sst_camera_say(g, cam, SST_GRAB_RECOVERING, j->why);
+        camera_say(g, cam, SST_GRAB_RECOVERING, j->why);
         step(g, cam, SST_LADDER_FAILED);
     }
 }
 
-static void ended(struct sst_grab *g, struct sst_camera *cam, struct camera_job *j)
+static void ended(struct sst_grab *g, struct grab_camera *cam, struct camera_job *j)
 {
     cam->job = NULL;
     cam->job_end_ns = 0;
@@ -364,11 +364,11 @@ static void ended(struct sst_grab *g, struct sst_camera *cam, struct camera_job 
     }
 }
 
-static void job_ended(struct sst_job *job, void *owner)
+static void job_ended(struct grab_job *job, void *owner)
 {
     struct camera_job *j = (struct camera_job *)job;
     struct sst_grab *g = owner;
-    struct sst_camera *cam = &g->camera[j->cam];
+    struct grab_camera *cam = &g->camera[j->cam];
 
     if (cam->job == j)
         ended(g, cam, j);
@@ -380,7 +380,7 @@ static void job_ended(struct sst_job *job, void *owner)
 /* --- time --------------------------------------------------------------------------------------------------------- */
 
 /* Where frames follow triggers only, a camera that was brought back owes one from the next trigger on. */
-static int64_t ladder_due(const struct sst_grab *g, const struct sst_camera *cam)
+static int64_t ladder_due(const struct sst_grab *g, const struct grab_camera *cam)
 {
     const int64_t due = cam->ladder.due_ns;
 
@@ -396,17 +396,17 @@ static int64_t sooner(int64_t a, int64_t b)
     return !a ? b : !b ? a : a < b ? a : b;
 }
 
-int64_t sst_recovery_due(const struct sst_grab *g, const struct sst_camera *cam)
+int64_t recovery_due(const struct sst_grab *g, const struct grab_camera *cam)
 {
     return sooner(sooner(cam->job_end_ns, cam->open_ns), sooner(cam->rearm_ns, ladder_due(g, cam)));
 }
 
-void sst_recovery_time(struct sst_grab *g, struct sst_camera *cam, int64_t now_ns)
+void recovery_time(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
 {
     const int64_t due = ladder_due(g, cam);
 
     if (cam->rearm_ns && now_ns >= cam->rearm_ns)
-        sst_recovery_arm(g, cam);
+        recovery_arm(g, cam);
     if (cam->job_end_ns && now_ns >= cam->job_end_ns) {
         sst_log_warning("%s: the %s hangs in the system; going on without it", cam->name, task_names[cam->job->task]);
         cam->job = NULL;
@@ -420,7 +420,7 @@ void sst_recovery_time(struct sst_grab *g, struct sst_camera *cam, int64_t now_n
     }
     if (!due || now_ns < due)
         return;
-    if (cam->running && cam->stream && cam->ladder.phase == SST_LADDER_WAITING && !sst_stream_queued(cam->stream))
+    if (cam->running && cam->stream && cam->ladder.phase == SST_LADDER_WAITING && !stream_queued(cam->stream))
         cam->ladder.due_ns = now_ns + g->cfg.stall_ms * SST_MS; /* the receiver has all buffers: it cannot speak */
     else
         step(g, cam, SST_LADDER_TIME);

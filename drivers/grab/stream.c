@@ -1,4 +1,4 @@
-#include "drivers/grab/stream.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <errno.h>
 #include <linux/videodev2.h>
@@ -10,10 +10,6 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "drivers/grab/control.h"
-#include "drivers/grab/format.h"
-#include "drivers/grab/node.h"
-#include "drivers/grab/text.h"
 
 enum slot_place {
     SLOT_IDLE = 0,   /* with neither */
@@ -23,14 +19,14 @@ enum slot_place {
 
 struct slot {
     struct sst_frame frame; /* its pool is the slot */
-    struct sst_stream *stream;
+    struct grab_stream *stream;
     uint32_t index;
     enum slot_place place; /* under lock */
     uint8_t *map;
     size_t map_bytes;
 };
 
-struct sst_stream {
+struct grab_stream {
     /* fixed after open */
     int fd, count;
     struct slot slot[SST_STREAM_BUFFERS_MAX];
@@ -45,7 +41,7 @@ struct sst_stream {
 
 /* --- open and close ----------------------------------------------------------------------------------------------- */
 
-static void destroy(struct sst_stream *s)
+static void destroy(struct grab_stream *s)
 {
     for (int i = 0; i < s->count; i++) {
         if (s->slot[i].map)
@@ -55,13 +51,13 @@ static void destroy(struct sst_stream *s)
     free(s);
 }
 
-static int map_buffer(struct sst_stream *s, int index)
+static int map_buffer(struct grab_stream *s, int index)
 {
     struct slot *slot = &s->slot[index];
     struct v4l2_buffer b = { .index = (uint32_t)index,
                              .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
                              .memory = V4L2_MEMORY_MMAP };
-    const int err = sst_node_ioctl(s->fd, VIDIOC_QUERYBUF, &b);
+    const int err = node_ioctl(s->fd, VIDIOC_QUERYBUF, &b);
     void *map;
 
     if (err)
@@ -74,12 +70,12 @@ static int map_buffer(struct sst_stream *s, int index)
     return 0;
 }
 
-static int map_buffers(struct sst_stream *s, const struct sst_grab_config *cfg, int cam, size_t stride, char *why)
+static int map_buffers(struct grab_stream *s, const struct sst_grab_config *cfg, int cam, size_t stride, char *why)
 {
     struct v4l2_requestbuffers r = { .count = (uint32_t)cfg->buffers,
                                      .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
                                      .memory = V4L2_MEMORY_MMAP };
-    int err = sst_node_ioctl(s->fd, VIDIOC_REQBUFS, &r);
+    int err = node_ioctl(s->fd, VIDIOC_REQBUFS, &r);
 
     if (!err && (r.count < 2 || r.count > SST_STREAM_BUFFERS_MAX))
         err = -ENOMEM;
@@ -112,7 +108,7 @@ static int map_buffers(struct sst_stream *s, const struct sst_grab_config *cfg, 
 
 static int open_node(struct sst_grab_device *device, char *why)
 {
-    const int fd = sst_node_open(device);
+    const int fd = node_open(device);
 
     if (fd == -EACCES || fd == -EPERM)
         snprintf(why, SST_WHY_MAX, "%s may not be opened; add this user to the group of the node (video)",
@@ -122,12 +118,12 @@ static int open_node(struct sst_grab_device *device, char *why)
     return fd;
 }
 
-static int set_up(struct sst_stream *s, const struct sst_grab_device *device, const struct sst_grab_config *cfg,
+static int set_up(struct grab_stream *s, const struct sst_grab_device *device, const struct sst_grab_config *cfg,
                   int cam, char *why, char *note)
 {
     char controls[SST_WHY_MAX];
     size_t stride = 0;
-    int err = sst_format_set(s->fd, cfg, &stride, note, SST_WHY_MAX);
+    int err = format_set(s->fd, cfg, &stride, note, SST_WHY_MAX);
 
     if (err) {
         snprintf(why, SST_WHY_MAX, "%s",
@@ -137,18 +133,18 @@ static int set_up(struct sst_stream *s, const struct sst_grab_device *device, co
         *note = 0;
         return err;
     }
-    sst_controls_apply(s->fd, cfg->control, cfg->controls, controls, sizeof(controls));
+    controls_apply(s->fd, cfg->control, cfg->controls, controls, sizeof(controls));
     if (*controls)
-        sst_text_add(note, SST_WHY_MAX, "%s%s", *note ? "; " : "", controls);
+        text_add(note, SST_WHY_MAX, "%s%s", *note ? "; " : "", controls);
     if (*note)
-        sst_text_add(note, SST_WHY_MAX, " [%s]", device->node);
+        text_add(note, SST_WHY_MAX, " [%s]", device->node);
     return map_buffers(s, cfg, cam, stride, why);
 }
 
-int sst_stream_open(struct sst_stream **out, struct sst_grab_device *device, const struct sst_grab_config *cfg, int cam,
-                    char *why, char *note)
+int stream_open(struct grab_stream **out, struct sst_grab_device *device, const struct sst_grab_config *cfg, int cam,
+                char *why, char *note)
 {
-    struct sst_stream *s = calloc(1, sizeof(*s));
+    struct grab_stream *s = calloc(1, sizeof(*s));
     int err;
 
     *why = *note = 0;
@@ -166,23 +162,23 @@ int sst_stream_open(struct sst_stream **out, struct sst_grab_device *device, con
     }
     err = set_up(s, device, cfg, cam, why, note);
     if (err) {
-        sst_stream_close(s);
+        stream_close(s);
         return err;
     }
     *out = s;
     return 0;
 }
 
-void sst_stream_close(struct sst_stream *s)
+void stream_close(struct grab_stream *s)
 {
     struct v4l2_requestbuffers none = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
     bool last;
 
     if (!s)
         return;
-    sst_stream_stop(s);
+    stream_stop(s);
     /* A mapped buffer keeps the file open behind close(), and the driver's queue with it: give the queue up first. */
-    (void)sst_node_ioctl(s->fd, VIDIOC_REQBUFS, &none);
+    (void)node_ioctl(s->fd, VIDIOC_REQBUFS, &none);
     close(s->fd);
     pthread_mutex_lock(&s->lock);
     s->closed = true;
@@ -194,10 +190,10 @@ void sst_stream_close(struct sst_stream *s)
 
 /* --- streaming ---------------------------------------------------------------------------------------------------- */
 
-static int queue_locked(struct sst_stream *s, struct slot *slot)
+static int queue_locked(struct grab_stream *s, struct slot *slot)
 {
     struct v4l2_buffer b = { .index = slot->index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
-    const int err = sst_node_ioctl(s->fd, VIDIOC_QBUF, &b);
+    const int err = node_ioctl(s->fd, VIDIOC_QBUF, &b);
 
     slot->place = err ? SLOT_IDLE : SLOT_QUEUED;
     if (!err && !s->queued++)
@@ -205,8 +201,9 @@ static int queue_locked(struct sst_stream *s, struct slot *slot)
     return err;
 }
 
-/* Also those that the driver refused before: it may take them now. One that takes none falls silent, and is found so. */
-static void queue_idle_locked(struct sst_stream *s)
+/* Also those that the driver refused before: it may take them now. One that takes none falls silent, and is found so.
+ */
+static void queue_idle_locked(struct grab_stream *s)
 {
     for (int i = 0; i < s->count; i++) {
         if (s->slot[i].place == SLOT_IDLE)
@@ -214,7 +211,7 @@ static void queue_idle_locked(struct sst_stream *s)
     }
 }
 
-int sst_stream_start(struct sst_stream *s, char *why)
+int stream_start(struct grab_stream *s, char *why)
 {
     int type = V4L2_BUF_TYPE_VIDEO_CAPTURE, err = 0;
 
@@ -224,7 +221,7 @@ int sst_stream_start(struct sst_stream *s, char *why)
             err = queue_locked(s, &s->slot[i]);
     }
     pthread_mutex_unlock(&s->lock);
-    err = err ? err : sst_node_ioctl(s->fd, VIDIOC_STREAMON, &type);
+    err = err ? err : node_ioctl(s->fd, VIDIOC_STREAMON, &type);
     if (err == -ENOSPC)
         snprintf(why, SST_WHY_MAX,
                  "no USB bandwidth is left for it (no disk is meant); `sst plan` shows what fits, put "
@@ -240,20 +237,20 @@ int sst_stream_start(struct sst_stream *s, char *why)
     return err;
 }
 
-void sst_stream_detach(struct sst_stream *s)
+void stream_detach(struct grab_stream *s)
 {
     pthread_mutex_lock(&s->lock);
     s->live = false;
     pthread_mutex_unlock(&s->lock);
 }
 
-void sst_stream_stop(struct sst_stream *s)
+void stream_stop(struct grab_stream *s)
 {
     int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 
-    sst_stream_detach(s);
+    stream_detach(s);
     /* A camera that is gone says so; there is nothing left to stop then. */
-    (void)sst_node_ioctl(s->fd, VIDIOC_STREAMOFF, &type);
+    (void)node_ioctl(s->fd, VIDIOC_STREAMOFF, &type);
     pthread_mutex_lock(&s->lock);
     s->queued = 0;
     for (int i = 0; i < s->count; i++) {
@@ -263,12 +260,12 @@ void sst_stream_stop(struct sst_stream *s)
     pthread_mutex_unlock(&s->lock);
 }
 
-int sst_stream_fd(const struct sst_stream *s)
+int stream_fd(const struct grab_stream *s)
 {
     return s->fd;
 }
 
-int sst_stream_queued(struct sst_stream *s)
+int stream_queued(struct grab_stream *s)
 {
     int queued;
 
@@ -278,7 +275,7 @@ int sst_stream_queued(struct sst_stream *s)
     return queued;
 }
 
-int64_t sst_stream_ready_ns(struct sst_stream *s)
+int64_t stream_ready_ns(struct grab_stream *s)
 {
     int64_t ready_ns;
 
@@ -288,7 +285,7 @@ int64_t sst_stream_ready_ns(struct sst_stream *s)
     return ready_ns;
 }
 
-int sst_stream_lent(struct sst_stream *s)
+int stream_lent(struct grab_stream *s)
 {
     int lent;
 
@@ -298,10 +295,10 @@ int sst_stream_lent(struct sst_stream *s)
     return lent;
 }
 
-int sst_stream_take(struct sst_stream *s, struct sst_frame **out, struct sst_stream_stamp *stamp)
+int stream_take(struct grab_stream *s, struct sst_frame **out, struct stream_stamp *stamp)
 {
     struct v4l2_buffer b = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
-    const int err = sst_node_ioctl(s->fd, VIDIOC_DQBUF, &b);
+    const int err = node_ioctl(s->fd, VIDIOC_DQBUF, &b);
     struct sst_frame *frame;
     struct slot *slot;
     bool lent;
@@ -312,7 +309,8 @@ int sst_stream_take(struct sst_stream *s, struct sst_frame **out, struct sst_str
         return -EIO;
     slot = &s->slot[b.index];
     pthread_mutex_lock(&s->lock);
-    /* v4l2loopback hands out what it was not given; the receiver's stays, and the gap in the sequence tells of this one. */
+    /* v4l2loopback hands out what it was not given; the receiver's stays, and the gap in the sequence tells of this
+     * one. */
     lent = slot->place == SLOT_LENT;
     if (!lent) {
         s->queued -= slot->place == SLOT_QUEUED;
@@ -336,10 +334,10 @@ int sst_stream_take(struct sst_stream *s, struct sst_frame **out, struct sst_str
     return 0;
 }
 
-void sst_stream_release(struct sst_frame *frame)
+void stream_release(struct sst_frame *frame)
 {
     struct slot *slot = frame->pool;
-    struct sst_stream *s = slot->stream;
+    struct grab_stream *s = slot->stream;
     bool last;
 
     pthread_mutex_lock(&s->lock);

@@ -1,10 +1,10 @@
-#include "drivers/grab/text.h"
+#include "drivers/grab/grab_internal.h"
 
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-void sst_text_add(char *text, size_t size, const char *fmt, ...)
+void text_add(char *text, size_t size, const char *fmt, ...)
 {
     const size_t used = strnlen(text, size);
     va_list args;

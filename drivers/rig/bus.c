@@ -1,5 +1,5 @@
 /* libmodbus with bounds: its own recovery would replay writes and may never return, so it stays off. */
-#include "drivers/rig/bus.h"
+#include "drivers/rig/rig_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -22,7 +22,7 @@
 #define RETRY_NS        100000000
 #define DRAIN_MAX_NS    2000000000
 
-struct sst_rig_bus {
+struct rig_bus {
     modbus_t *ctx;
     bool serial, open;
     int response_ms, gap_ms;
@@ -47,7 +47,7 @@ static int bad_name(const char *bus)
     return -EINVAL;
 }
 
-static int make_tcp(struct sst_rig_bus *b)
+static int make_tcp(struct rig_bus *b)
 {
     char host[SST_RIG_TEXT_MAX];
     const char *port = strrchr(b->name, ':');
@@ -60,7 +60,7 @@ static int make_tcp(struct sst_rig_bus *b)
     return b->ctx ? 0 : -ENOMEM;
 }
 
-static int make_rtu(struct sst_rig_bus *b)
+static int make_rtu(struct rig_bus *b)
 {
     int baud = 0, data = 0, stop = 0, n = 0;
     char parity[2] = "";
@@ -77,7 +77,7 @@ static int make_rtu(struct sst_rig_bus *b)
 
 /* libmodbus 3.1.6 and some later ones put the descriptor into an fd_set without looking: it must be a small one, and
  * that must be known before they open it. */
-static int check_descriptors(struct sst_rig_bus *b)
+static int check_descriptors(struct rig_bus *b)
 {
     const int fd = open("/dev/null", O_RDONLY | O_CLOEXEC);
 
@@ -110,7 +110,7 @@ static int connect_errno(int e)
     }
 }
 
-static int connect_once(struct sst_rig_bus *b)
+static int connect_once(struct rig_bus *b)
 {
     int err = check_descriptors(b), fd;
 
@@ -138,9 +138,9 @@ static int connect_once(struct sst_rig_bus *b)
     return 0;
 }
 
-int sst_rig_bus_open(struct sst_rig_bus **out, const char *bus, int response_ms, int gap_ms)
+int rig_bus_open(struct rig_bus **out, const char *bus, int response_ms, int gap_ms)
 {
-    struct sst_rig_bus *b = calloc(1, sizeof(*b));
+    struct rig_bus *b = calloc(1, sizeof(*b));
     int err;
 
     if (!b)
@@ -170,11 +170,11 @@ int sst_rig_bus_open(struct sst_rig_bus **out, const char *bus, int response_ms,
     return 0;
 
 fail:
-    sst_rig_bus_close(b);
+    rig_bus_close(b);
     return err;
 }
 
-void sst_rig_bus_close(struct sst_rig_bus *b)
+void rig_bus_close(struct rig_bus *b)
 {
     if (!b)
         return;
@@ -186,7 +186,7 @@ void sst_rig_bus_close(struct sst_rig_bus *b)
 
 /* --- requests ----------------------------------------------------------------------------------------------------- */
 
-static int exception(struct sst_rig_bus *b, int code)
+static int exception(struct rig_bus *b, int code)
 {
     b->count.exceptions++;
     snprintf(b->why, sizeof(b->why), "exception %d (%s)", code, modbus_strerror(MODBUS_ENOBASE + code));
@@ -203,7 +203,7 @@ static int exception(struct sst_rig_bus *b, int code)
     }
 }
 
-static int request_errno(struct sst_rig_bus *b, int e)
+static int request_errno(struct rig_bus *b, int e)
 {
     if (e > MODBUS_ENOBASE && e < MODBUS_ENOBASE + MODBUS_EXCEPTION_MAX)
         return exception(b, e - MODBUS_ENOBASE);
@@ -222,7 +222,7 @@ static int request_errno(struct sst_rig_bus *b, int e)
     return -ENOTCONN;
 }
 
-static int begin(struct sst_rig_bus *b, int unit)
+static int begin(struct rig_bus *b, int unit)
 {
     if (!b->open) {
         snprintf(b->why, sizeof(b->why), "the line is lost");
@@ -233,7 +233,7 @@ static int begin(struct sst_rig_bus *b, int unit)
     return modbus_set_slave(b->ctx, unit) ? -EINVAL : 0;
 }
 
-int sst_rig_bus_read(struct sst_rig_bus *b, int unit, enum sst_rig_table table, int address, int count, uint16_t *out)
+int rig_bus_read(struct rig_bus *b, int unit, enum rig_table table, int address, int count, uint16_t *out)
 {
     /* Room for whatever a reply can hold. */
     uint16_t words[MODBUS_MAX_READ_REGISTERS + 3] = { 0 };
@@ -265,8 +265,7 @@ int sst_rig_bus_read(struct sst_rig_bus *b, int unit, enum sst_rig_table table, 
     return 0;
 }
 
-int sst_rig_bus_write(struct sst_rig_bus *b, int unit, enum sst_rig_table table, int address, int count,
-                      const uint16_t *values)
+int rig_bus_write(struct rig_bus *b, int unit, enum rig_table table, int address, int count, const uint16_t *values)
 {
     int n, err = begin(b, unit);
 
@@ -282,7 +281,7 @@ int sst_rig_bus_write(struct sst_rig_bus *b, int unit, enum sst_rig_table table,
     return n == count ? 0 : request_errno(b, n < 0 ? err : EMBBADDATA);
 }
 
-const char *sst_rig_bus_why(const struct sst_rig_bus *b)
+const char *rig_bus_why(const struct rig_bus *b)
 {
     return b->why;
 }
@@ -290,7 +289,7 @@ const char *sst_rig_bus_why(const struct sst_rig_bus *b)
 /* --- after a failure ---------------------------------------------------------------------------------------------- */
 
 /* Read until the line was silent for one response time. @return 0 or -ENOTCONN */
-static int drain(struct sst_rig_bus *b)
+static int drain(struct rig_bus *b)
 {
     const int64_t end_ns = sst_clock_now_ns() + DRAIN_MAX_NS;
     struct pollfd p = { .fd = modbus_get_socket(b->ctx), .events = POLLIN };
@@ -307,7 +306,7 @@ static int drain(struct sst_rig_bus *b)
     return 0;
 }
 
-int sst_rig_bus_restore(struct sst_rig_bus *b, int reconnect_ms, bool (*cancelled)(void *arg), void *arg)
+int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void *arg), void *arg)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)reconnect_ms * 1000000;
     bool told = false;
@@ -335,49 +334,48 @@ int sst_rig_bus_restore(struct sst_rig_bus *b, int reconnect_ms, bool (*cancelle
     return 0;
 }
 
-void sst_rig_bus_counters(const struct sst_rig_bus *b, struct sst_rig_counters *out)
+void rig_bus_counters(const struct rig_bus *b, struct sst_rig_counters *out)
 {
     *out = b->count;
 }
 
 #else
 
-int sst_rig_bus_open(struct sst_rig_bus **out SST_UNUSED, const char *bus, int response_ms SST_UNUSED,
-                     int gap_ms SST_UNUSED)
+int rig_bus_open(struct rig_bus **out SST_UNUSED, const char *bus, int response_ms SST_UNUSED, int gap_ms SST_UNUSED)
 {
     sst_log_error("rig %s: this sst was built without libmodbus; install libmodbus-dev and build again", bus);
     return -ENOSYS;
 }
 
 /* Never called: without an open there is no bus. */
-void sst_rig_bus_close(struct sst_rig_bus *b SST_UNUSED)
+void rig_bus_close(struct rig_bus *b SST_UNUSED)
 {
 }
 
-int sst_rig_bus_read(struct sst_rig_bus *b SST_UNUSED, int unit SST_UNUSED, enum sst_rig_table table SST_UNUSED,
-                     int address SST_UNUSED, int count SST_UNUSED, uint16_t *out SST_UNUSED)
-{
-    return -ENOSYS;
-}
-
-int sst_rig_bus_write(struct sst_rig_bus *b SST_UNUSED, int unit SST_UNUSED, enum sst_rig_table table SST_UNUSED,
-                      int address SST_UNUSED, int count SST_UNUSED, const uint16_t *values SST_UNUSED)
+int rig_bus_read(struct rig_bus *b SST_UNUSED, int unit SST_UNUSED, enum rig_table table SST_UNUSED,
+                 int address SST_UNUSED, int count SST_UNUSED, uint16_t *out SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-const char *sst_rig_bus_why(const struct sst_rig_bus *b SST_UNUSED)
+int rig_bus_write(struct rig_bus *b SST_UNUSED, int unit SST_UNUSED, enum rig_table table SST_UNUSED,
+                  int address SST_UNUSED, int count SST_UNUSED, const uint16_t *values SST_UNUSED)
+{
+    return -ENOSYS;
+}
+
+const char *rig_bus_why(const struct rig_bus *b SST_UNUSED)
 {
     return "built without libmodbus";
 }
 
-int sst_rig_bus_restore(struct sst_rig_bus *b SST_UNUSED, int reconnect_ms SST_UNUSED,
-                        bool (*cancelled)(void *arg) SST_UNUSED, void *arg SST_UNUSED)
+int rig_bus_restore(struct rig_bus *b SST_UNUSED, int reconnect_ms SST_UNUSED, bool (*cancelled)(void *arg) SST_UNUSED,
+                    void *arg SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-void sst_rig_bus_counters(const struct sst_rig_bus *b SST_UNUSED, struct sst_rig_counters *out)
+void rig_bus_counters(const struct rig_bus *b SST_UNUSED, struct sst_rig_counters *out)
 {
     *out = (struct sst_rig_counters){ 0 };
 }

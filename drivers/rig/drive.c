@@ -1,4 +1,4 @@
-#include "drivers/rig/drive.h"
+#include "drivers/rig/rig_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -13,13 +13,13 @@
 #define BUSY_MS 30
 #define TELL_NS 10000000000 /* between two warnings of faults that were mended */
 
-const char *sst_rig_axis_name(const struct sst_rig *rig, int a, char text[32])
+const char *rig_axis_name(const struct sst_rig *rig, int a, char text[32])
 {
     snprintf(text, 32, "axis %c (unit %d)", 'x' + a, rig->cfg.unit[a]);
     return text;
 }
 
-void sst_rig_sleep_ms(struct sst_rig *rig, int ms)
+void rig_sleep_ms(struct sst_rig *rig, int ms)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)ms * 1000000;
 
@@ -42,7 +42,7 @@ static bool cancelled(void *arg)
 
 /* --- requests, retried -------------------------------------------------------------------------------------------- */
 
-static int registers_of(const struct sst_rig_register *reg)
+static int registers_of(const struct rig_register *reg)
 {
     return reg->type == SST_RIG_U32 || reg->type == SST_RIG_S32 ? 2 : 1;
 }
@@ -56,7 +56,7 @@ static void tell_fault(struct sst_rig *rig, int a, const char *doing, const char
     char name[32];
 
     (again ? sst_log_debug : sst_log_warning)("rig %s: %s: %s while %s %s; trying again", rig->cfg.bus,
-                                              sst_rig_axis_name(rig, a, name), sst_rig_bus_why(rig->bus), doing, reg);
+                                              rig_axis_name(rig, a, name), rig_bus_why(rig->bus), doing, reg);
     if (!again)
         rig->told_ns = now_ns;
 }
@@ -66,7 +66,7 @@ static int give_up(struct sst_rig *rig, int a, const char *doing, const char *re
     char name[32];
 
     sst_log_error("rig %s: %s: %s while %s %s; check cable, unit number and the drive's profile %s", rig->cfg.bus,
-                  sst_rig_axis_name(rig, a, name), sst_rig_bus_why(rig->bus), doing, reg, rig->profile.path);
+                  rig_axis_name(rig, a, name), rig_bus_why(rig->bus), doing, reg, rig->profile.path);
     return err == -ETIMEDOUT ? -ETIMEDOUT : err == -EPROTO ? -EPROTO : -EIO;
 }
 
@@ -76,19 +76,19 @@ static int before_retry(struct sst_rig *rig, int a, int err, const char *doing, 
     if (err == -EPROTO || err == -EREMOTEIO)
         return err;
     if (err == -EAGAIN) { /* as the standard has it: no fault */
-        sst_rig_sleep_ms(rig, BUSY_MS);
+        rig_sleep_ms(rig, BUSY_MS);
         return 0;
     }
     tell_fault(rig, a, doing, reg);
-    return sst_rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, cancelled, rig);
+    return rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, cancelled, rig);
 }
 
-static int read_words(struct sst_rig *rig, int a, const struct sst_rig_register *reg, uint16_t out[2])
+static int read_words(struct sst_rig *rig, int a, const struct rig_register *reg, uint16_t out[2])
 {
     int err = 0, again = 0;
 
     for (int i = 0; i <= rig->cfg.retries; i++) {
-        err = sst_rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), out);
+        err = rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), out);
         if (!err)
             return 0;
         again = before_retry(rig, a, err, "reading", reg->name);
@@ -100,7 +100,7 @@ static int read_words(struct sst_rig *rig, int a, const struct sst_rig_register 
     return give_up(rig, a, "reading", reg->name, err);
 }
 
-static double value_of(const struct sst_rig_register *reg, const uint16_t words[2])
+static double value_of(const struct rig_register *reg, const uint16_t words[2])
 {
     const uint32_t both = reg->low_first ? (uint32_t)words[1] << 16 | words[0] : (uint32_t)words[0] << 16 | words[1];
 
@@ -119,7 +119,7 @@ static double value_of(const struct sst_rig_register *reg, const uint16_t words[
 }
 
 /* @return 0 or -ERANGE */
-static int words_of(const struct sst_rig_register *reg, double value, uint16_t words[2])
+static int words_of(const struct rig_register *reg, double value, uint16_t words[2])
 {
     static const double limits[][2] = {
         { 0, 65535 }, { -32768, 65535 }, { 0, 4294967295.0 }, { -2147483648.0, 4294967295.0 }, { 0, 1 }
@@ -138,12 +138,12 @@ static int words_of(const struct sst_rig_register *reg, double value, uint16_t w
 
 static int read_flags(struct sst_rig *rig, int a, bool out[SST_RIG_FLAGS])
 {
-    const struct sst_rig_profile *p = &rig->profile;
+    const struct rig_profile *p = &rig->profile;
     bool have[SST_RIG_REGISTERS_MAX] = { false };
     uint32_t value[SST_RIG_REGISTERS_MAX];
 
     for (int i = 0; i < SST_RIG_FLAGS; i++) {
-        const struct sst_rig_bit *b = &p->bit[i];
+        const struct rig_bit *b = &p->bit[i];
         uint16_t words[2];
 
         out[i] = false;
@@ -167,10 +167,10 @@ static int32_t um_of(const struct sst_rig *rig, int a, double counts)
     return (int32_t)lround(sst_clamp_double(counts * rig->cfg.um_per_count[a], -2e9, 2e9));
 }
 
-int sst_rig_drive_status(struct sst_rig *rig, int a)
+int rig_drive_status(struct sst_rig *rig, int a)
 {
-    const struct sst_rig_profile *p = &rig->profile;
-    struct sst_rig_status now = { .alarm = 0 };
+    const struct rig_profile *p = &rig->profile;
+    struct rig_status now = { .alarm = 0 };
     uint16_t words[2];
     int err = read_flags(rig, a, now.flag);
 
@@ -185,9 +185,9 @@ int sst_rig_drive_status(struct sst_rig *rig, int a)
     return 0;
 }
 
-int sst_rig_drive_identity(struct sst_rig *rig, int a, long *value)
+int rig_drive_identity(struct sst_rig *rig, int a, long *value)
 {
-    const struct sst_rig_profile *p = &rig->profile;
+    const struct rig_profile *p = &rig->profile;
     uint16_t words[2];
     int err;
 
@@ -203,14 +203,14 @@ int sst_rig_drive_identity(struct sst_rig *rig, int a, long *value)
 /* --- sequences ---------------------------------------------------------------------------------------------------- */
 
 /* Did a write arrive whose reply did not come? @return 1, 0, or -ETIMEDOUT: nobody can tell */
-static int arrived(struct sst_rig *rig, int a, const struct sst_rig_step *step, const uint16_t words[2])
+static int arrived(struct sst_rig *rig, int a, const struct rig_step *step, const uint16_t words[2])
 {
-    const struct sst_rig_register *reg = &rig->profile.reg[step->reg];
+    const struct rig_register *reg = &rig->profile.reg[step->reg];
     bool flag[SST_RIG_FLAGS];
     uint16_t back[2];
 
     if (reg->read_back) {
-        const int err = sst_rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), back);
+        const int err = rig_bus_read(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), back);
 
         if (err)
             return -ETIMEDOUT;
@@ -221,15 +221,15 @@ static int arrived(struct sst_rig *rig, int a, const struct sst_rig_step *step, 
     return -ETIMEDOUT;
 }
 
-static int write_words(struct sst_rig *rig, int a, const struct sst_rig_step *step, const uint16_t words[2])
+static int write_words(struct sst_rig *rig, int a, const struct rig_step *step, const uint16_t words[2])
 {
-    const struct sst_rig_register *reg = &rig->profile.reg[step->reg];
+    const struct rig_register *reg = &rig->profile.reg[step->reg];
     int err = 0;
 
     for (int i = 0; i <= rig->cfg.retries; i++) {
         int there = 0;
 
-        err = sst_rig_bus_write(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), words);
+        err = rig_bus_write(rig->bus, rig->cfg.unit[a], reg->table, reg->address, registers_of(reg), words);
         if (!err || before_retry(rig, a, err, "writing", reg->name))
             break;
         if (err == -EAGAIN)
@@ -243,9 +243,9 @@ static int write_words(struct sst_rig *rig, int a, const struct sst_rig_step *st
     return err ? give_up(rig, a, "writing", reg->name, err) : 0;
 }
 
-static int run_write(struct sst_rig *rig, int a, const struct sst_rig_step *step, int32_t um)
+static int run_write(struct sst_rig *rig, int a, const struct rig_step *step, int32_t um)
 {
-    const struct sst_rig_register *reg = &rig->profile.reg[step->reg];
+    const struct rig_register *reg = &rig->profile.reg[step->reg];
     const double counts_per_mm = 1000.0 / fabs(rig->cfg.um_per_count[a]);
     double value = step->number;
     uint16_t words[2];
@@ -268,13 +268,13 @@ static int run_write(struct sst_rig *rig, int a, const struct sst_rig_step *step
         return 0;
     if (words_of(reg, round(value), words)) {
         sst_log_error("rig: %s: %.0f does not fit its register %s; check um per count, speed and travel",
-                      sst_rig_axis_name(rig, a, name), value, reg->name);
+                      rig_axis_name(rig, a, name), value, reg->name);
         return -EIO;
     }
     return write_words(rig, a, step, words);
 }
 
-static int run_wait(struct sst_rig *rig, int a, const struct sst_rig_step *step)
+static int run_wait(struct sst_rig *rig, int a, const struct rig_step *step)
 {
     static const char *const names[SST_RIG_FLAGS] = { "moving",  "in position", "homed",      "alarm",
                                                       "enabled", "limit low",   "limit high", "acknowledge" };
@@ -291,19 +291,19 @@ static int run_wait(struct sst_rig *rig, int a, const struct sst_rig_step *step)
             return 0;
         if (sst_clock_now_ns() >= end_ns)
             break;
-        sst_rig_sleep_ms(rig, POLL_MS);
+        rig_sleep_ms(rig, POLL_MS);
     }
-    sst_log_error("rig: %s did not report '%s' as %s within %d ms; look at the drive", sst_rig_axis_name(rig, a, name),
+    sst_log_error("rig: %s did not report '%s' as %s within %d ms; look at the drive", rig_axis_name(rig, a, name),
                   names[step->flag], step->is ? "true" : "false", step->ms);
     return -ETIMEDOUT;
 }
 
-int sst_rig_drive_run(struct sst_rig *rig, int a, enum sst_rig_sequence which, int32_t um)
+int rig_drive_run(struct sst_rig *rig, int a, enum rig_sequence which, int32_t um)
 {
     int err = 0;
 
     for (int i = 0; !err && i < rig->profile.steps[which]; i++) {
-        const struct sst_rig_step *step = &rig->profile.step[which][i];
+        const struct rig_step *step = &rig->profile.step[which][i];
 
         switch (step->what) {
         case SST_RIG_WRITE:
@@ -313,7 +313,7 @@ int sst_rig_drive_run(struct sst_rig *rig, int a, enum sst_rig_sequence which, i
             err = run_wait(rig, a, step);
             break;
         case SST_RIG_PAUSE:
-            sst_rig_sleep_ms(rig, step->ms);
+            rig_sleep_ms(rig, step->ms);
             break;
         }
     }

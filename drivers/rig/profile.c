@@ -1,4 +1,4 @@
-#include "drivers/rig/profile.h"
+#include "drivers/rig/rig_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -19,7 +19,7 @@ static const char *const sequence_names[SST_RIG_SEQUENCES] = { "enable", "setup"
 static const char *const value_names[] = { "", "target", "speed", "acceleration" };
 
 struct reader {
-    struct sst_rig_profile *p;
+    struct rig_profile *p;
     struct sst_yaml *doc;
 };
 
@@ -51,7 +51,7 @@ static bool read_code_int(struct reader *r, const struct sst_yaml_node *node, lo
     return true;
 }
 
-static int find_register(const struct sst_rig_profile *p, const char *name)
+static int find_register(const struct rig_profile *p, const char *name)
 {
     for (int i = 0; i < p->registers; i++) {
         if (!strcmp(p->reg[i].name, name))
@@ -76,11 +76,11 @@ static void read_register_name(struct reader *r, const struct sst_yaml_node *nod
 
 static void read_register(struct reader *r, struct sst_yaml_node *node)
 {
-    struct sst_rig_register *reg = &r->p->reg[r->p->registers];
+    struct rig_register *reg = &r->p->reg[r->p->registers];
     int table = 0, type = 0;
     bool bits;
 
-    *reg = (struct sst_rig_register){ .scale = 1, .read_back = true };
+    *reg = (struct rig_register){ .scale = 1, .read_back = true };
     if (r->p->registers == SST_RIG_REGISTERS_MAX || strlen(node->key) >= sizeof(reg->name)) {
         sst_yaml_fault(r->doc, node, "is one too many (at most %d), or its name longer than %d bytes",
                        SST_RIG_REGISTERS_MAX, SST_RIG_WORD_MAX - 1);
@@ -93,20 +93,20 @@ static void read_register(struct reader *r, struct sst_yaml_node *node)
     sst_yaml_bool(r->doc, sst_yaml_get(node, "low_first"), &reg->low_first);
     sst_yaml_bool(r->doc, sst_yaml_get(node, "read_back"), &reg->read_back);
     sst_yaml_double(r->doc, sst_yaml_get(node, "scale"), 1e-6, 1e6, &reg->scale);
-    reg->table = (enum sst_rig_table)table;
-    reg->type = (enum sst_rig_type)type;
+    reg->table = (enum rig_table)table;
+    reg->type = (enum rig_type)type;
     bits = reg->table == SST_RIG_COIL || reg->table == SST_RIG_DISCRETE;
     if (bits != (reg->type == SST_RIG_BIT))
         sst_yaml_fault(r->doc, node, "must have the type bit exactly if it is a coil or discrete input");
     r->p->registers++;
 }
 
-static void read_flag(struct reader *r, struct sst_yaml_node *node, enum sst_rig_flag flag)
+static void read_flag(struct reader *r, struct sst_yaml_node *node, enum rig_flag flag)
 {
-    struct sst_rig_bit *b = &r->p->bit[flag];
+    struct rig_bit *b = &r->p->bit[flag];
     int bit = -1, mask = 0, equals = 0;
 
-    *b = (struct sst_rig_bit){ .reg = -1 };
+    *b = (struct rig_bit){ .reg = -1 };
     if (!node)
         return;
     read_register_name(r, sst_yaml_need(r->doc, node, "register"), &b->reg);
@@ -126,7 +126,7 @@ static void read_flag(struct reader *r, struct sst_yaml_node *node, enum sst_rig
     }
 }
 
-static void read_write_step(struct reader *r, struct sst_yaml_node *node, struct sst_rig_step *s)
+static void read_write_step(struct reader *r, struct sst_yaml_node *node, struct rig_step *s)
 {
     struct sst_yaml_node *value = sst_yaml_need(r->doc, node, "value"), *shown = sst_yaml_get(node, "shown_by");
     int flag = SST_RIG_FLAGS;
@@ -138,27 +138,27 @@ static void read_write_step(struct reader *r, struct sst_yaml_node *node, struct
         sst_yaml_fault(r->doc, node, "writes an input; only holding registers and coils can be written");
     for (int i = 1; value && i < (int)ARRAY_LEN(value_names); i++) {
         if (value->type == SST_YAML_SCALAR && !strcmp(value->text, value_names[i]))
-            s->value = (enum sst_rig_value)i;
+            s->value = (enum rig_value)i;
     }
     if (value && s->value == SST_RIG_NUMBER && read_code(r, value, INT32_MIN, UINT32_MAX, &number))
         s->number = (double)number;
     sst_yaml_choice(r->doc, shown, flag_names, SST_RIG_FLAGS, &flag);
-    s->flag = (enum sst_rig_flag)flag;
+    s->flag = (enum rig_flag)flag;
 }
 
-static void read_step(struct reader *r, struct sst_yaml_node *node, struct sst_rig_step *s)
+static void read_step(struct reader *r, struct sst_yaml_node *node, struct rig_step *s)
 {
     struct sst_yaml_node *wait = sst_yaml_get(node, "wait"), *pause = sst_yaml_get(node, "pause_ms");
     int flag = 0;
 
-    *s = (struct sst_rig_step){ .flag = SST_RIG_FLAGS };
+    *s = (struct rig_step){ .flag = SST_RIG_FLAGS };
     if (sst_yaml_get(node, "write")) {
         read_write_step(r, node, s);
     } else if (wait) {
         s->what = SST_RIG_WAIT;
         if (sst_yaml_choice(r->doc, wait, flag_names, SST_RIG_FLAGS, &flag) && r->p->bit[flag].reg < 0)
             sst_yaml_fault(r->doc, wait, "waits for a flag that is not listed under flags");
-        s->flag = (enum sst_rig_flag)flag;
+        s->flag = (enum rig_flag)flag;
         sst_yaml_bool(r->doc, sst_yaml_need(r->doc, node, "is"), &s->is);
         sst_yaml_int(r->doc, sst_yaml_need(r->doc, node, "within_ms"), 1, 60000, &s->ms);
     } else if (pause) {
@@ -169,7 +169,7 @@ static void read_step(struct reader *r, struct sst_yaml_node *node, struct sst_r
     }
 }
 
-static void read_sequence(struct reader *r, struct sst_yaml_node *list, enum sst_rig_sequence which)
+static void read_sequence(struct reader *r, struct sst_yaml_node *list, enum rig_sequence which)
 {
     if (!list)
         return;
@@ -206,7 +206,7 @@ static void read_alarms(struct reader *r, struct sst_yaml_node *map)
 
 static void read_all(struct reader *r)
 {
-    struct sst_rig_profile *p = r->p;
+    struct rig_profile *p = r->p;
     struct sst_yaml_node *root = sst_yaml_root(r->doc), *n, *map;
 
     sst_yaml_string(r->doc, sst_yaml_need(r->doc, root, "name"), p->name, sizeof(p->name));
@@ -233,13 +233,13 @@ static void read_all(struct reader *r)
     map = sst_yaml_need(r->doc, root, "flags");
     for (int i = 0; i < SST_RIG_FLAGS; i++)
         read_flag(r, i < SST_RIG_ENABLED ? sst_yaml_need(r->doc, map, flag_names[i]) : sst_yaml_get(map, flag_names[i]),
-                  (enum sst_rig_flag)i);
+                  (enum rig_flag)i);
     map = sst_yaml_need(r->doc, root, "sequences");
     for (int i = 0; i < SST_RIG_SEQUENCES; i++)
         read_sequence(r,
                       i > SST_RIG_SEQ_SETUP ? sst_yaml_need(r->doc, map, sequence_names[i])
                                             : sst_yaml_get(map, sequence_names[i]),
-                      (enum sst_rig_sequence)i);
+                      (enum rig_sequence)i);
     read_alarms(r, sst_yaml_get(root, "alarms"));
 }
 
@@ -283,9 +283,9 @@ static int find_profile(char out[SST_PATH_MAX], const char *name)
     return -ENOENT;
 }
 
-int sst_rig_profile_read(struct sst_rig_profile *out, const char *name)
+int rig_profile_read(struct rig_profile *out, const char *name)
 {
-    struct sst_rig_profile *p = calloc(1, sizeof(*p));
+    struct rig_profile *p = calloc(1, sizeof(*p));
     struct reader r = { .p = p };
     uint8_t *text = NULL;
     size_t size;
@@ -310,7 +310,7 @@ int sst_rig_profile_read(struct sst_rig_profile *out, const char *name)
     return err;
 }
 
-void sst_rig_profile_alarm(const struct sst_rig_profile *profile, long code, char *text, size_t size)
+void rig_profile_alarm(const struct rig_profile *profile, long code, char *text, size_t size)
 {
     for (int i = 0; i < profile->alarms; i++) {
         if (profile->alarm[i].code == code) {

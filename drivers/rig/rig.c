@@ -10,7 +10,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "drivers/rig/drive.h"
+#include "drivers/rig/rig_internal.h"
 
 #define POLL_MS  5
 #define STALL_NS 1000000000 /* neither arrived nor a step further for this long */
@@ -65,19 +65,19 @@ static int check_axis(struct sst_rig *rig, int a)
     const long want = rig->profile.identity_value;
     char name[32], alarm[128];
     long is;
-    int err = sst_rig_drive_identity(rig, a, &is);
+    int err = rig_drive_identity(rig, a, &is);
 
     if (!err && rig->profile.identity >= 0 && is != want) {
         sst_log_error(
             "rig %s: %s identifies itself as 0x%04lX, not as 0x%04lX (%s); name the profile that fits the drive",
-            rig->cfg.bus, sst_rig_axis_name(rig, a, name), is, want, rig->profile.name);
+            rig->cfg.bus, rig_axis_name(rig, a, name), is, want, rig->profile.name);
         return -EPROTO;
     }
     if (!err)
-        err = sst_rig_drive_status(rig, a);
+        err = rig_drive_status(rig, a);
     if (!err && rig->axis[a].now.flag[SST_RIG_ALARM]) {
-        sst_rig_profile_alarm(&rig->profile, rig->axis[a].now.alarm, alarm, sizeof(alarm));
-        sst_log_warning("rig: %s has alarm %s; homing clears it", sst_rig_axis_name(rig, a, name), alarm);
+        rig_profile_alarm(&rig->profile, rig->axis[a].now.alarm, alarm, sizeof(alarm));
+        sst_log_warning("rig: %s has alarm %s; homing clears it", rig_axis_name(rig, a, name), alarm);
         rig->doubt = true;
     }
     return err;
@@ -94,16 +94,16 @@ int sst_rig_open(struct sst_rig **out, const struct sst_rig_config *cfg)
     }
     rig->cfg = *cfg;
     atomic_init(&rig->cancel, false);
-    err = sst_rig_profile_read(&rig->profile, cfg->profile);
+    err = rig_profile_read(&rig->profile, cfg->profile);
     if (!err)
-        err = sst_rig_bus_open(&rig->bus, cfg->bus, cfg->response_ms, rig->profile.gap_ms);
+        err = rig_bus_open(&rig->bus, cfg->bus, cfg->response_ms, rig->profile.gap_ms);
     for (int a = 0; !err && a < cfg->axes; a++)
         err = check_axis(rig, a);
     if (!err) {
         *out = rig;
         return 0;
     }
-    sst_rig_bus_close(rig->bus);
+    rig_bus_close(rig->bus);
     free(rig);
     return err;
 }
@@ -114,7 +114,7 @@ void sst_rig_close(struct sst_rig *rig)
         return;
     if (rig->moving)
         (void)sst_rig_stop(rig);
-    sst_rig_bus_close(rig->bus);
+    rig_bus_close(rig->bus);
     free(rig);
 }
 
@@ -128,7 +128,7 @@ int sst_rig_stop(struct sst_rig *rig)
     rig->moving = false;
     rig->count.stops++;
     for (int a = 0; a < rig->cfg.axes; a++) {
-        const int e = sst_rig_drive_run(rig, a, SST_RIG_SEQ_STOP, 0);
+        const int e = rig_drive_run(rig, a, SST_RIG_SEQ_STOP, 0);
 
         rig->axis[a].has_target = false;
         if (e && !err)
@@ -164,10 +164,10 @@ void sst_rig_cancel(struct sst_rig *rig)
 /* Alarm, limit switch, lost home: 0 or what it means for a motion. Told once, where it is first seen. */
 static int axis_fault(struct sst_rig *rig, int a)
 {
-    const struct sst_rig_status *s = &rig->axis[a].now;
+    const struct rig_status *s = &rig->axis[a].now;
     char name[32], alarm[128];
 
-    sst_rig_axis_name(rig, a, name);
+    rig_axis_name(rig, a, name);
     if (s->flag[SST_RIG_LIMIT_LOW] || s->flag[SST_RIG_LIMIT_HIGH]) {
         rig->count.limits++;
         rig->doubt = true;
@@ -180,7 +180,7 @@ static int axis_fault(struct sst_rig *rig, int a)
     if (s->flag[SST_RIG_ALARM]) {
         rig->count.alarms++;
         rig->doubt = true;
-        sst_rig_profile_alarm(&rig->profile, s->alarm, alarm, sizeof(alarm));
+        rig_profile_alarm(&rig->profile, s->alarm, alarm, sizeof(alarm));
         sst_log_error("rig: %s has alarm %s at %.3f mm; stopped; remove its cause, homing clears it", name, alarm,
                       s->um / 1000.0);
         return -EIO;
@@ -207,23 +207,23 @@ static int enable(struct sst_rig *rig, int a)
 {
     if (rig->profile.bit[SST_RIG_ENABLED].reg >= 0 && rig->axis[a].now.flag[SST_RIG_ENABLED])
         return 0;
-    return sst_rig_drive_run(rig, a, SST_RIG_SEQ_ENABLE, 0);
+    return rig_drive_run(rig, a, SST_RIG_SEQ_ENABLE, 0);
 }
 
 static int wait_home(struct sst_rig *rig, int a, int64_t end_ns)
 {
-    const struct sst_rig_status *s = &rig->axis[a].now;
+    const struct rig_status *s = &rig->axis[a].now;
     char name[32], alarm[128];
 
     for (;;) {
-        const int err = sst_rig_drive_status(rig, a);
+        const int err = rig_drive_status(rig, a);
 
-        sst_rig_axis_name(rig, a, name);
+        rig_axis_name(rig, a, name);
         if (err)
             return err;
         if (s->flag[SST_RIG_ALARM]) {
             rig->count.alarms++;
-            sst_rig_profile_alarm(&rig->profile, s->alarm, alarm, sizeof(alarm));
+            rig_profile_alarm(&rig->profile, s->alarm, alarm, sizeof(alarm));
             sst_log_error("rig: %s has alarm %s while homing; remove its cause", name, alarm);
             return -EIO;
         }
@@ -235,25 +235,25 @@ static int wait_home(struct sst_rig *rig, int a, int64_t end_ns)
             sst_log_error("rig: %s did not find its home in time; stopped; check the home switch", name);
             return -ETIMEDOUT;
         }
-        sst_rig_sleep_ms(rig, POLL_MS);
+        rig_sleep_ms(rig, POLL_MS);
     }
 }
 
 static int home_axis(struct sst_rig *rig, int a, int64_t end_ns)
 {
-    int err = sst_rig_drive_status(rig, a);
+    int err = rig_drive_status(rig, a);
 
     rig->axis[a].has_target = false;
     if (!err && (rig->doubt || rig->axis[a].now.flag[SST_RIG_ALARM]))
-        err = sst_rig_drive_run(rig, a, SST_RIG_SEQ_RESET, 0);
+        err = rig_drive_run(rig, a, SST_RIG_SEQ_RESET, 0);
     if (!err)
-        err = sst_rig_drive_status(rig, a);
+        err = rig_drive_status(rig, a);
     if (!err)
         err = enable(rig, a);
     if (!err)
-        err = sst_rig_drive_run(rig, a, SST_RIG_SEQ_SETUP, 0);
+        err = rig_drive_run(rig, a, SST_RIG_SEQ_SETUP, 0);
     if (!err)
-        err = sst_rig_drive_run(rig, a, SST_RIG_SEQ_HOME, 0);
+        err = rig_drive_run(rig, a, SST_RIG_SEQ_HOME, 0);
     return err ? err : wait_home(rig, a, end_ns);
 }
 
@@ -292,7 +292,7 @@ static int check_target(const struct sst_rig *rig, const struct sst_rig_pos *tar
 /* Is it where it shall go already, told to be there and standing? */
 static bool is_there(const struct sst_rig *rig, int a, int32_t um)
 {
-    const struct sst_rig_axis *axis = &rig->axis[a];
+    const struct rig_axis *axis = &rig->axis[a];
 
     return axis->has_target && axis->target_um == um && axis->now.flag[SST_RIG_IN_POSITION] &&
            abs(axis->now.um - um) <= rig->cfg.tolerance_um;
@@ -300,7 +300,7 @@ static bool is_there(const struct sst_rig *rig, int a, int32_t um)
 
 static int move_axis(struct sst_rig *rig, int a, int32_t um)
 {
-    int err = sst_rig_drive_status(rig, a);
+    int err = rig_drive_status(rig, a);
 
     if (!err)
         err = axis_fault(rig, a);
@@ -308,10 +308,10 @@ static int move_axis(struct sst_rig *rig, int a, int32_t um)
         return err;
     err = enable(rig, a);
     if (!err)
-        err = sst_rig_drive_run(rig, a, SST_RIG_SEQ_SETUP, 0);
+        err = rig_drive_run(rig, a, SST_RIG_SEQ_SETUP, 0);
     rig->axis[a].has_target = false;
     if (!err)
-        err = sst_rig_drive_run(rig, a, SST_RIG_SEQ_MOVE, um);
+        err = rig_drive_run(rig, a, SST_RIG_SEQ_MOVE, um);
     rig->axis[a].target_um = um;
     rig->axis[a].has_target = !err;
     return err;
@@ -357,8 +357,8 @@ static int32_t still_um(const struct sst_rig *rig, int a)
  * @return 1: arrived and standing; 0: not yet; or what stops the motion */
 static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked_ns)
 {
-    const struct sst_rig_axis *axis = &rig->axis[a];
-    const struct sst_rig_status *s = &axis->now;
+    const struct rig_axis *axis = &rig->axis[a];
+    const struct rig_status *s = &axis->now;
     const bool says = s->flag[SST_RIG_IN_POSITION] && !s->flag[SST_RIG_MOVING];
     const int32_t off_um = abs(s->um - axis->target_um);
     char name[32];
@@ -366,7 +366,7 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked
 
     if (err)
         return err;
-    sst_rig_axis_name(rig, a, name);
+    rig_axis_name(rig, a, name);
     if (abs(s->um - w->last_um) > still_um(rig, a)) {
         if (says && off_um > rig->cfg.tolerance_um && abs(s->um - w->last_um) > rig->cfg.tolerance_um && !w->lied) {
             sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is watched instead",
@@ -404,7 +404,7 @@ static int watch_all(struct sst_rig *rig, struct watch *w)
 
     for (int a = 0; a < rig->cfg.axes; a++) {
         const int64_t asked_ns = sst_clock_now_ns();
-        int r = sst_rig_drive_status(rig, a);
+        int r = rig_drive_status(rig, a);
 
         if (!r)
             r = watch_axis(rig, a, &w[a], asked_ns);
@@ -418,14 +418,14 @@ static int watch_all(struct sst_rig *rig, struct watch *w)
 static int time_out(struct sst_rig *rig, int timeout_ms)
 {
     for (int a = 0; a < rig->cfg.axes; a++) {
-        const struct sst_rig_axis *axis = &rig->axis[a];
+        const struct rig_axis *axis = &rig->axis[a];
         char name[32];
 
         if (abs(axis->now.um - axis->target_um) <= rig->cfg.tolerance_um && axis->now.flag[SST_RIG_IN_POSITION])
             continue;
         sst_log_error(
             "rig: %s has not arrived at %.3f mm within %d ms, it is at %.3f mm; stopped; is its speed too low?",
-            sst_rig_axis_name(rig, a, name), axis->target_um / 1000.0, timeout_ms, axis->now.um / 1000.0);
+            rig_axis_name(rig, a, name), axis->target_um / 1000.0, timeout_ms, axis->now.um / 1000.0);
         return stop_for(rig, -ETIMEDOUT);
     }
     sst_log_error("rig: the axes do not come to rest within %d ms; stopped; damp the rig or give a larger tolerance",
@@ -455,7 +455,7 @@ int sst_rig_wait(struct sst_rig *rig, int timeout_ms)
         else if (now_ns >= end_ns)
             return time_out(rig, timeout_ms);
         else
-            sst_rig_sleep_ms(rig, POLL_MS);
+            rig_sleep_ms(rig, POLL_MS);
     }
     return 0;
 }
@@ -465,7 +465,7 @@ int sst_rig_position(struct sst_rig *rig, struct sst_rig_pos *now)
     struct sst_rig_pos pos = { { 0 } };
 
     for (int a = 0; a < rig->cfg.axes; a++) {
-        const int err = sst_rig_drive_status(rig, a);
+        const int err = rig_drive_status(rig, a);
 
         if (err)
             return err;
@@ -483,7 +483,7 @@ bool sst_rig_still(struct sst_rig *rig)
         const int64_t now_ns = sst_clock_now_ns();
         struct watch w = { .last_um = rig->axis[a].now.um, .moved_ns = now_ns };
 
-        if (!rig->axis[a].has_target || sst_rig_drive_status(rig, a) || watch_axis(rig, a, &w, now_ns) != 1)
+        if (!rig->axis[a].has_target || rig_drive_status(rig, a) || watch_axis(rig, a, &w, now_ns) != 1)
             return false;
     }
     return true;
@@ -493,7 +493,7 @@ void sst_rig_counters(const struct sst_rig *rig, struct sst_rig_counters *out)
 {
     struct sst_rig_counters bus;
 
-    sst_rig_bus_counters(rig->bus, &bus);
+    rig_bus_counters(rig->bus, &bus);
     *out = rig->count;
     out->requests = bus.requests;
     out->timeouts = bus.timeouts;

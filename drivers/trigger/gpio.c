@@ -1,4 +1,4 @@
-#include "drivers/trigger/gpio.h"
+#include "drivers/trigger/trigger_internal.h"
 
 #include <ctype.h>
 #include <dirent.h>
@@ -25,22 +25,22 @@ static void add(char *text, size_t size, const char *fmt, ...)
 
 static int by_number(const void *a, const void *b)
 {
-    const struct sst_gpio_listed *x = a, *y = b;
+    const struct gpio_listed *x = a, *y = b;
     const size_t m = strlen(x->path), n = strlen(y->path);
 
     return m != n ? (m < n ? -1 : 1) : strcmp(x->path, y->path);
 }
 
 /* opendir, because a GPIO chip needs no udev to be there. Links beside the nodes (old names of a chip) are left out. */
-static int scan(struct sst_gpio_listed **out)
+static int scan(struct gpio_listed **out)
 {
     DIR *dir = opendir("/dev");
-    struct sst_gpio_listed *list = NULL;
+    struct gpio_listed *list = NULL;
     struct dirent *entry;
     int n = 0;
 
     while (dir && (entry = readdir(dir))) {
-        struct sst_gpio_listed *more;
+        struct gpio_listed *more;
 
         if (strncmp(entry->d_name, "gpiochip", 8) || !isdigit((unsigned char)entry->d_name[8]) ||
             entry->d_type == DT_LNK || strlen(entry->d_name) > 32)
@@ -63,21 +63,21 @@ static int scan(struct sst_gpio_listed **out)
     return n;
 }
 
-int sst_gpio_list(struct sst_gpio_listed **out)
+int gpio_list(struct gpio_listed **out)
 {
-    struct sst_gpio_listed *list;
+    struct gpio_listed *list;
     const int n = WITH_GPIOD ? scan(&list) : -ENOSYS;
 
     for (int i = 0; i < n; i++) {
-        struct sst_gpio_chip *chip;
-        const int err = sst_gpio_chip_open(&chip, list[i].path);
+        struct trigger_chip *chip;
+        const int err = gpio_chip_open(&chip, list[i].path);
 
         list[i].error = -err;
         if (err)
             continue;
-        snprintf(list[i].label, sizeof(list[i].label), "%s", sst_gpio_chip_label(chip));
-        list[i].lines = sst_gpio_chip_lines(chip);
-        sst_gpio_chip_close(chip);
+        snprintf(list[i].label, sizeof(list[i].label), "%s", gpio_chip_label(chip));
+        list[i].lines = gpio_chip_lines(chip);
+        gpio_chip_close(chip);
     }
     if (n >= 0)
         *out = list;
@@ -86,15 +86,15 @@ int sst_gpio_list(struct sst_gpio_listed **out)
 
 /* @return the offset of a line name, or of digits where no line has that name; -ENODEV or what reading a line returns
  */
-static int offset_of(struct sst_gpio_chip *chip, const char *name)
+static int offset_of(struct trigger_chip *chip, const char *name)
 {
-    const int lines = sst_gpio_chip_lines(chip);
+    const int lines = gpio_chip_lines(chip);
     char *end;
     long number;
 
     for (int i = 0; i < lines; i++) {
-        struct sst_gpio_line line;
-        const int err = sst_gpio_chip_line(chip, (unsigned)i, &line);
+        struct trigger_line line;
+        const int err = gpio_chip_line(chip, (unsigned)i, &line);
 
         if (err)
             return err;
@@ -106,7 +106,7 @@ static int offset_of(struct sst_gpio_chip *chip, const char *name)
 }
 
 /* @return 0, or an error with the name of the line that stands in the way */
-static int resolve(struct sst_gpio_chip *chip, struct sst_gpio_request *request, const struct sst_gpio_wanted *wanted,
+static int resolve(struct trigger_chip *chip, struct gpio_request *request, const struct gpio_wanted *wanted,
                    const char **missing)
 {
     request->outputs = wanted->outputs;
@@ -127,14 +127,14 @@ static int resolve(struct sst_gpio_chip *chip, struct sst_gpio_request *request,
     return 0;
 }
 
-static void list_lines(struct sst_gpio_chip *chip, char *text, size_t size)
+static void list_lines(struct trigger_chip *chip, char *text, size_t size)
 {
-    const int lines = sst_gpio_chip_lines(chip);
+    const int lines = gpio_chip_lines(chip);
     const char *comma = "";
-    struct sst_gpio_line line;
+    struct trigger_line line;
 
     for (int i = 0; i < lines && strlen(text) + 80 < size; i++) {
-        if (sst_gpio_chip_line(chip, (unsigned)i, &line) || !line.name[0])
+        if (gpio_chip_line(chip, (unsigned)i, &line) || !line.name[0])
             continue;
         add(text, size, "%s%s", comma, line.name);
         comma = ", ";
@@ -142,7 +142,7 @@ static void list_lines(struct sst_gpio_chip *chip, char *text, size_t size)
     add(text, size, *comma ? "" : "without names: give offsets 0..%d", lines - 1);
 }
 
-static void list_chips(const struct sst_gpio_listed *list, int n, char *text, size_t size)
+static void list_chips(const struct gpio_listed *list, int n, char *text, size_t size)
 {
     for (int i = 0; i < n; i++) {
         if (list[i].error)
@@ -152,7 +152,7 @@ static void list_chips(const struct sst_gpio_listed *list, int n, char *text, si
     }
 }
 
-void sst_gpio_access_remedy(const char *path, char *text, size_t size)
+void gpio_access_remedy(const char *path, char *text, size_t size)
 {
     struct stat st;
     const struct group *group = stat(path, &st) ? NULL : getgrgid(st.st_gid);
@@ -167,15 +167,14 @@ void sst_gpio_access_remedy(const char *path, char *text, size_t size)
 }
 
 /* Why no chip is it. */
-static int explain(const struct sst_gpio_listed *list, int n, const struct sst_gpio_wanted *wanted, char *why,
-                   size_t size)
+static int explain(const struct gpio_listed *list, int n, const struct gpio_wanted *wanted, char *why, size_t size)
 {
     char remedy[256];
 
     for (int i = 0; i < n; i++) {
         if (list[i].error != EACCES && list[i].error != EPERM)
             continue;
-        sst_gpio_access_remedy(list[i].path, remedy, sizeof(remedy));
+        gpio_access_remedy(list[i].path, remedy, sizeof(remedy));
         snprintf(why, size, "no right to open %s: %s", list[i].path, remedy);
         return -EACCES;
     }
@@ -195,15 +194,15 @@ static int explain(const struct sst_gpio_listed *list, int n, const struct sst_g
 }
 
 /* Look at one chip. @return 1 (it is the one), 0 (another one), or an error with `why` */
-static int consider(struct sst_gpio_listed *listed, struct sst_gpio_chip **chip, struct sst_gpio_request *request,
-                    const struct sst_gpio_wanted *wanted, char *why, size_t size)
+static int consider(struct gpio_listed *listed, struct trigger_chip **chip, struct gpio_request *request,
+                    const struct gpio_wanted *wanted, char *why, size_t size)
 {
     const char *missing = "";
     int err;
 
     if (listed->error || (wanted->chip[0] && strcmp(listed->label, wanted->chip)))
         return 0;
-    err = sst_gpio_chip_open(chip, listed->path);
+    err = gpio_chip_open(chip, listed->path);
     if (!err) {
         err = resolve(*chip, request, wanted, &missing);
         if (!err)
@@ -219,17 +218,17 @@ static int consider(struct sst_gpio_listed *listed, struct sst_gpio_chip **chip,
     } else {
         snprintf(why, size, "reading chip %s: %s", listed->path, strerror(-err));
     }
-    sst_gpio_chip_close(*chip);
+    gpio_chip_close(*chip);
     return err;
 }
 
-int sst_gpio_find(struct sst_gpio_chip **out, struct sst_gpio_request *request, const struct sst_gpio_wanted *wanted,
-                  char *why, size_t size)
+int gpio_find(struct trigger_chip **out, struct gpio_request *request, const struct gpio_wanted *wanted, char *why,
+              size_t size)
 {
-    struct sst_gpio_request other;
-    struct sst_gpio_chip *found = NULL, *chip;
-    struct sst_gpio_listed *list = NULL;
-    int first = -1, err = 0, n = sst_gpio_list(&list);
+    struct gpio_request other;
+    struct trigger_chip *found = NULL, *chip;
+    struct gpio_listed *list = NULL;
+    int first = -1, err = 0, n = gpio_list(&list);
 
     if (n < 0) {
         snprintf(why, size,
@@ -246,7 +245,7 @@ int sst_gpio_find(struct sst_gpio_chip **out, struct sst_gpio_request *request, 
                      "both %s and %s have what is configured: give the label of one as trigger chip, or "
                      "take the other away",
                      list[first].path, list[i].path);
-            sst_gpio_chip_close(chip);
+            gpio_chip_close(chip);
             err = -ENOTUNIQ;
         } else if (r == 1) {
             found = chip;
@@ -258,7 +257,7 @@ int sst_gpio_find(struct sst_gpio_chip **out, struct sst_gpio_request *request, 
     if (!err && !found)
         err = explain(list, n, wanted, why, size);
     if (err)
-        sst_gpio_chip_close(found);
+        gpio_chip_close(found);
     else
         *out = found;
     free(list);
@@ -266,64 +265,64 @@ int sst_gpio_find(struct sst_gpio_chip **out, struct sst_gpio_request *request, 
 }
 
 /* Which of the lines is in use, and by whom. @return -EBUSY, or 0 where none seems to be */
-static int name_holder(struct sst_gpio_chip *chip, const struct sst_gpio_request *r, char *why, size_t size)
+static int name_holder(struct trigger_chip *chip, const struct gpio_request *r, char *why, size_t size)
 {
-    struct sst_gpio_line line;
+    struct trigger_line line;
 
     for (int i = 0; i <= r->outputs; i++) {
         const int offset = i < r->outputs ? (int)r->output[i] : r->loopback;
 
-        if (offset < 0 || sst_gpio_chip_line(chip, (unsigned)offset, &line) || !line.used)
+        if (offset < 0 || gpio_chip_line(chip, (unsigned)offset, &line) || !line.used)
             continue;
         snprintf(why, size,
                  "line %s (offset %d) of chip \"%s\" is in use by \"%s\": end that program, or choose another "
                  "line",
-                 line.name[0] ? line.name : "without a name", offset, sst_gpio_chip_label(chip),
+                 line.name[0] ? line.name : "without a name", offset, gpio_chip_label(chip),
                  line.consumer[0] ? line.consumer : "the kernel");
         return -EBUSY;
     }
     return 0;
 }
 
-int sst_gpio_probe(const struct sst_gpio_wanted *wanted, char *why, size_t size)
+int gpio_probe(const struct gpio_wanted *wanted, char *why, size_t size)
 {
-    struct sst_gpio_request request;
-    struct sst_gpio_chip *chip;
-    int err = sst_gpio_find(&chip, &request, wanted, why, size);
+    struct gpio_request request;
+    struct trigger_chip *chip;
+    int err = gpio_find(&chip, &request, wanted, why, size);
 
     if (err)
         return err;
     err = name_holder(chip, &request, why, size);
     if (!err)
-        snprintf(why, size, "chip \"%s\" has all %d lines, and they are free", sst_gpio_chip_label(chip),
+        snprintf(why, size, "chip \"%s\" has all %d lines, and they are free", gpio_chip_label(chip),
                  request.outputs + (request.loopback >= 0));
-    sst_gpio_chip_close(chip);
+    gpio_chip_close(chip);
     return err;
 }
 
-int sst_gpio_open(struct sst_gpio_chip **out, const struct sst_gpio_wanted *wanted, char *why, size_t size)
+int gpio_open(struct trigger_chip **out, const struct gpio_wanted *wanted, char *why, size_t size)
 {
-    struct sst_gpio_chip *chip;
-    struct sst_gpio_request request;
-    int err = sst_gpio_find(&chip, &request, wanted, why, size);
+    struct trigger_chip *chip;
+    struct gpio_request request;
+    int err = gpio_find(&chip, &request, wanted, why, size);
 
     if (err)
         return err;
-    err = sst_gpio_chip_request(chip, &request);
+    err = gpio_chip_request(chip, &request);
     if (!err) {
         *out = chip;
         return 0;
     }
     if (err == -EBUSY) {
         if (!name_holder(chip, &request, why, size))
-            snprintf(why, size, "a line of chip \"%s\" was in use a moment ago: try again", sst_gpio_chip_label(chip));
+            snprintf(why, size, "a line of chip \"%s\" was in use a moment ago: try again", gpio_chip_label(chip));
     } else if (err == -EPERM || err == -EACCES) {
         snprintf(why, size, "no right to hold the lines of chip \"%s\": they are reserved or the system denies it (%s)",
-                 sst_gpio_chip_label(chip), strerror(-err));
+                 gpio_chip_label(chip), strerror(-err));
     } else {
-        snprintf(why, size, "requesting the lines of chip \"%s\": %s%s", sst_gpio_chip_label(chip), strerror(-err),
+        snprintf(why, size, "requesting the lines of chip \"%s\": %s%s", gpio_chip_label(chip), strerror(-err),
                  request.loopback >= 0 ? "; the loop-back line must be able to report edges (interrupts)" : "");
     }
-    sst_gpio_chip_close(chip);
+    gpio_chip_close(chip);
     return err == -EPERM ? -EACCES : err;
 }

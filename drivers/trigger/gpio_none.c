@@ -1,47 +1,45 @@
 /* Built without libgpiod: no chip opens, so that nothing below the opening is ever reached. */
 #if WITH_GPIOD == 0
-#include "drivers/trigger/gpio.h"
+#include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>
 
-int sst_gpio_chip_open(struct sst_gpio_chip **out SST_UNUSED, const char *path SST_UNUSED)
+int gpio_chip_open(struct trigger_chip **out SST_UNUSED, const char *path SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-const char *sst_gpio_chip_label(const struct sst_gpio_chip *c SST_UNUSED)
+const char *gpio_chip_label(const struct trigger_chip *c SST_UNUSED)
 {
     return "";
 }
 
-int sst_gpio_chip_lines(const struct sst_gpio_chip *c SST_UNUSED)
+int gpio_chip_lines(const struct trigger_chip *c SST_UNUSED)
 {
     return 0;
 }
 
-int sst_gpio_chip_line(struct sst_gpio_chip *c SST_UNUSED, unsigned offset SST_UNUSED,
-                       struct sst_gpio_line *out SST_UNUSED)
+int gpio_chip_line(struct trigger_chip *c SST_UNUSED, unsigned offset SST_UNUSED, struct trigger_line *out SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-int sst_gpio_chip_request(struct sst_gpio_chip *c SST_UNUSED, const struct sst_gpio_request *r SST_UNUSED)
+int gpio_chip_request(struct trigger_chip *c SST_UNUSED, const struct gpio_request *r SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-int sst_gpio_chip_set(struct sst_gpio_chip *c SST_UNUSED, uint64_t active SST_UNUSED)
+int gpio_chip_set(struct trigger_chip *c SST_UNUSED, uint64_t active SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-int sst_gpio_chip_edge(struct sst_gpio_chip *c SST_UNUSED, int64_t timeout_ns SST_UNUSED,
-                       struct sst_gpio_edge *out SST_UNUSED)
+int gpio_chip_edge(struct trigger_chip *c SST_UNUSED, int64_t timeout_ns SST_UNUSED, struct gpio_edge *out SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-void sst_gpio_chip_close(struct sst_gpio_chip *c SST_UNUSED)
+void gpio_chip_close(struct trigger_chip *c SST_UNUSED)
 {
 }
 #else

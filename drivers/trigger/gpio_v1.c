@@ -1,6 +1,6 @@
 /* libgpiod 1.x: outputs are one line handle, the loop-back line is a line event beside it. */
 #if WITH_GPIOD == 1
-#include "drivers/trigger/gpio.h"
+#include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>
 #include <gpiod.h>
@@ -8,19 +8,17 @@
 #include <stdlib.h>
 #include <time.h>
 
-#include "drivers/trigger/pulse.h"
-
 #define CONSUMER "sst-trigger"
 
-struct sst_gpio_chip {
+struct trigger_chip {
     struct gpiod_chip *chip;
     struct gpiod_line_bulk outputs; /* empty until requested */
     struct gpiod_line *loopback;    /* NULL until requested */
 };
 
-int sst_gpio_chip_open(struct sst_gpio_chip **out, const char *path)
+int gpio_chip_open(struct trigger_chip **out, const char *path)
 {
-    struct sst_gpio_chip *c = calloc(1, sizeof(*c));
+    struct trigger_chip *c = calloc(1, sizeof(*c));
     int err;
 
     if (!c)
@@ -35,17 +33,17 @@ int sst_gpio_chip_open(struct sst_gpio_chip **out, const char *path)
     return 0;
 }
 
-const char *sst_gpio_chip_label(const struct sst_gpio_chip *c)
+const char *gpio_chip_label(const struct trigger_chip *c)
 {
     return gpiod_chip_label(c->chip);
 }
 
-int sst_gpio_chip_lines(const struct sst_gpio_chip *c)
+int gpio_chip_lines(const struct trigger_chip *c)
 {
     return (int)gpiod_chip_num_lines(c->chip);
 }
 
-int sst_gpio_chip_line(struct sst_gpio_chip *c, unsigned offset, struct sst_gpio_line *out)
+int gpio_chip_line(struct trigger_chip *c, unsigned offset, struct trigger_line *out)
 {
     struct gpiod_line *line = gpiod_chip_get_line(c->chip, offset);
     const char *name, *consumer;
@@ -60,7 +58,7 @@ int sst_gpio_chip_line(struct sst_gpio_chip *c, unsigned offset, struct sst_gpio
     return 0;
 }
 
-int sst_gpio_chip_request(struct sst_gpio_chip *c, const struct sst_gpio_request *r)
+int gpio_chip_request(struct trigger_chip *c, const struct gpio_request *r)
 {
     const int flags = r->active_low ? GPIOD_LINE_REQUEST_FLAG_ACTIVE_LOW : 0;
     const struct gpiod_line_request_config output = { CONSUMER, GPIOD_LINE_REQUEST_DIRECTION_OUTPUT, flags };
@@ -94,7 +92,7 @@ int sst_gpio_chip_request(struct sst_gpio_chip *c, const struct sst_gpio_request
     return 0;
 }
 
-int sst_gpio_chip_set(struct sst_gpio_chip *c, uint64_t active)
+int gpio_chip_set(struct trigger_chip *c, uint64_t active)
 {
     int values[SST_GPIO_LINES_MAX];
 
@@ -108,10 +106,10 @@ static int64_t read_clock(clockid_t id)
     struct timespec ts;
 
     clock_gettime(id, &ts);
-    return sst_ns(ts.tv_sec, ts.tv_nsec);
+    return pulse_ns(ts.tv_sec, ts.tv_nsec);
 }
 
-int sst_gpio_chip_edge(struct sst_gpio_chip *c, int64_t timeout_ns, struct sst_gpio_edge *out)
+int gpio_chip_edge(struct trigger_chip *c, int64_t timeout_ns, struct gpio_edge *out)
 {
     const struct timespec timeout = { timeout_ns / 1000000000, timeout_ns % 1000000000 };
     struct gpiod_line_event event;
@@ -121,13 +119,13 @@ int sst_gpio_chip_edge(struct sst_gpio_chip *c, int64_t timeout_ns, struct sst_g
         return ready < 0 ? -errno : 0;
     if (gpiod_line_event_read(c->loopback, &event))
         return -errno;
-    out->t_ns = sst_edge_monotonic(sst_ns(event.ts.tv_sec, event.ts.tv_nsec), read_clock(CLOCK_MONOTONIC),
-                                   read_clock(CLOCK_REALTIME));
+    out->t_ns = edge_monotonic(pulse_ns(event.ts.tv_sec, event.ts.tv_nsec), read_clock(CLOCK_MONOTONIC),
+                               read_clock(CLOCK_REALTIME));
     out->sequence = 0;
     return 1;
 }
 
-void sst_gpio_chip_close(struct sst_gpio_chip *c)
+void gpio_chip_close(struct trigger_chip *c)
 {
     if (!c)
         return;

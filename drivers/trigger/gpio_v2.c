@@ -1,6 +1,6 @@
 /* libgpiod 2.x: outputs and the loop-back line are one line request. */
 #if WITH_GPIOD == 2
-#include "drivers/trigger/gpio.h"
+#include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>
 #include <gpiod.h>
@@ -9,7 +9,7 @@
 
 #define CONSUMER "sst-trigger"
 
-struct sst_gpio_chip {
+struct trigger_chip {
     struct gpiod_chip *chip;
     struct gpiod_chip_info *info;
     struct gpiod_line_request *request;     /* NULL until requested */
@@ -18,9 +18,9 @@ struct sst_gpio_chip {
     int outputs;
 };
 
-int sst_gpio_chip_open(struct sst_gpio_chip **out, const char *path)
+int gpio_chip_open(struct trigger_chip **out, const char *path)
 {
-    struct sst_gpio_chip *c = calloc(1, sizeof(*c));
+    struct trigger_chip *c = calloc(1, sizeof(*c));
     int err;
 
     if (!c)
@@ -30,24 +30,24 @@ int sst_gpio_chip_open(struct sst_gpio_chip **out, const char *path)
         c->info = gpiod_chip_get_info(c->chip);
     if (!c->info) {
         err = -errno;
-        sst_gpio_chip_close(c);
+        gpio_chip_close(c);
         return err;
     }
     *out = c;
     return 0;
 }
 
-const char *sst_gpio_chip_label(const struct sst_gpio_chip *c)
+const char *gpio_chip_label(const struct trigger_chip *c)
 {
     return gpiod_chip_info_get_label(c->info);
 }
 
-int sst_gpio_chip_lines(const struct sst_gpio_chip *c)
+int gpio_chip_lines(const struct trigger_chip *c)
 {
     return (int)gpiod_chip_info_get_num_lines(c->info);
 }
 
-int sst_gpio_chip_line(struct sst_gpio_chip *c, unsigned offset, struct sst_gpio_line *out)
+int gpio_chip_line(struct trigger_chip *c, unsigned offset, struct trigger_line *out)
 {
     struct gpiod_line_info *info = gpiod_chip_get_line_info(c->chip, offset);
     const char *name, *consumer;
@@ -65,7 +65,7 @@ int sst_gpio_chip_line(struct sst_gpio_chip *c, unsigned offset, struct sst_gpio
 
 /* Both kinds of line go into one configuration, hence one ioctl. */
 static int configure(struct gpiod_line_config *config, struct gpiod_line_settings *settings,
-                     const struct sst_gpio_request *r)
+                     const struct gpio_request *r)
 {
     const unsigned loopback = (unsigned)r->loopback;
 
@@ -84,7 +84,7 @@ static int configure(struct gpiod_line_config *config, struct gpiod_line_setting
     return 0;
 }
 
-int sst_gpio_chip_request(struct sst_gpio_chip *c, const struct sst_gpio_request *r)
+int gpio_chip_request(struct trigger_chip *c, const struct gpio_request *r)
 {
     struct gpiod_line_settings *settings = gpiod_line_settings_new();
     struct gpiod_line_config *config = gpiod_line_config_new();
@@ -116,7 +116,7 @@ out:
     return err;
 }
 
-int sst_gpio_chip_set(struct sst_gpio_chip *c, uint64_t active)
+int gpio_chip_set(struct trigger_chip *c, uint64_t active)
 {
     enum gpiod_line_value values[SST_GPIO_LINES_MAX];
 
@@ -125,7 +125,7 @@ int sst_gpio_chip_set(struct sst_gpio_chip *c, uint64_t active)
     return gpiod_line_request_set_values_subset(c->request, (size_t)c->outputs, c->output, values) ? -errno : 0;
 }
 
-int sst_gpio_chip_edge(struct sst_gpio_chip *c, int64_t timeout_ns, struct sst_gpio_edge *out)
+int gpio_chip_edge(struct trigger_chip *c, int64_t timeout_ns, struct gpio_edge *out)
 {
     const int ready = gpiod_line_request_wait_edge_events(c->request, timeout_ns);
     struct gpiod_edge_event *event;
@@ -142,7 +142,7 @@ int sst_gpio_chip_edge(struct sst_gpio_chip *c, int64_t timeout_ns, struct sst_g
     return 1;
 }
 
-void sst_gpio_chip_close(struct sst_gpio_chip *c)
+void gpio_chip_close(struct trigger_chip *c)
 {
     if (!c)
         return;

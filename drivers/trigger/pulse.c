@@ -1,9 +1,9 @@
-#include "drivers/trigger/pulse.h"
+#include "drivers/trigger/trigger_internal.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-int sst_pulse_steps(struct sst_pulse_step *step, const int *delay_us, int lines, int pulse_us)
+int pulse_steps(struct pulse_step *step, const int *delay_us, int lines, int pulse_us)
 {
     int64_t at_us = -1;
     int n = 0;
@@ -27,16 +27,16 @@ int sst_pulse_steps(struct sst_pulse_step *step, const int *delay_us, int lines,
             if (delay_us[i] <= at_us && at_us < (int64_t)delay_us[i] + pulse_us)
                 active |= 1ull << i;
         }
-        step[n++] = (struct sst_pulse_step){ at_us * 1000, active };
+        step[n++] = (struct pulse_step){ at_us * 1000, active };
     }
 }
 
-int64_t sst_beat_due_ns(int64_t start_ns, double rate_hz, uint64_t n)
+int64_t beat_due_ns(int64_t start_ns, double rate_hz, uint64_t n)
 {
     return start_ns + llround((double)n * 1e9 / rate_hz);
 }
 
-uint64_t sst_beat_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns)
+uint64_t beat_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns)
 {
     const double beats = (double)(now_ns - start_ns) * rate_hz * 1e-9;
     const double first = ceil(beats - 0.5);
@@ -44,7 +44,7 @@ uint64_t sst_beat_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now
     return first > (double)n ? (uint64_t)first : n;
 }
 
-int64_t sst_edge_monotonic(int64_t stamp_ns, int64_t monotonic_ns, int64_t realtime_ns)
+int64_t edge_monotonic(int64_t stamp_ns, int64_t monotonic_ns, int64_t realtime_ns)
 {
     if (llabs(stamp_ns - monotonic_ns) <= llabs(stamp_ns - realtime_ns))
         return stamp_ns;

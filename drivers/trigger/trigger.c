@@ -11,8 +11,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "drivers/trigger/gpio.h"
-#include "drivers/trigger/pulse.h"
+#include "drivers/trigger/trigger_internal.h"
 
 #define PRIORITY       50
 #define FINE_NS        2000000 /* the last piece before a step is slept by the clock alone, the rest can be interrupted */
@@ -28,7 +27,7 @@ struct sst_trigger {
     struct sst_trigger_config cfg;
     sst_trigger_edge_fn *edge;
     void *arg;
-    struct sst_pulse_step step[2 * SST_TRIGGER_LINES_MAX];
+    struct pulse_step step[2 * SST_TRIGGER_LINES_MAX];
     int steps;
     pthread_t thread;
     bool threaded;
@@ -45,7 +44,7 @@ struct sst_trigger {
     _Atomic bool running, lost;
     _Atomic uint64_t skipped;
     /* trigger's thread only, once it runs */
-    struct sst_gpio_chip *chip;
+    struct trigger_chip *chip;
     uint64_t index;
     uint32_t sequence;    /* of the last edge; 0: none yet */
     int edges_until_well; /* a missing edge was told, and is told again after so many good ones */
@@ -92,11 +91,11 @@ static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
 /* Look for the loop-back edge of this pulse until t_ns. @return 1, 0, or the error of the chip */
 static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t t_ns)
 {
-    struct sst_gpio_edge got;
+    struct gpio_edge got;
 
     for (;;) {
         const int64_t left_ns = t_ns - sst_clock_now_ns();
-        const int r = sst_gpio_chip_edge(t->chip, left_ns > 0 ? left_ns : 0, &got);
+        const int r = gpio_chip_edge(t->chip, left_ns > 0 ? left_ns : 0, &got);
 
         if (r == -EINTR)
             continue;
@@ -168,7 +167,7 @@ static int pulse(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t e
         sleep_until(at_ns);
         if (!i)
             edge->before_ns = sst_clock_now_ns();
-        err = sst_gpio_chip_set(t->chip, t->step[i].active);
+        err = gpio_chip_set(t->chip, t->step[i].active);
         if (!i) {
             edge->after_ns = sst_clock_now_ns();
             base_ns = edge->before_ns - t->step[0].at_ns;
@@ -206,9 +205,9 @@ static int beat(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
 
 /* --- the thread --------------------------------------------------------------------------------------------------- */
 
-static struct sst_gpio_wanted wanted_lines(const struct sst_trigger_config *cfg)
+static struct gpio_wanted wanted_lines(const struct sst_trigger_config *cfg)
 {
-    struct sst_gpio_wanted wanted = {
+    struct gpio_wanted wanted = {
         .chip = cfg->chip,
         .outputs = cfg->lines,
         .loopback = cfg->loopback,
@@ -222,10 +221,10 @@ static struct sst_gpio_wanted wanted_lines(const struct sst_trigger_config *cfg)
 
 static int open_chip(struct sst_trigger *t, char *why, size_t size)
 {
-    const struct sst_gpio_wanted wanted = wanted_lines(&t->cfg);
+    const struct gpio_wanted wanted = wanted_lines(&t->cfg);
 
     t->sequence = 0;
-    return sst_gpio_open(&t->chip, &wanted, why, size);
+    return gpio_open(&t->chip, &wanted, why, size);
 }
 
 static void lose_chip_locked(struct sst_trigger *t, int err)
@@ -234,7 +233,7 @@ static void lose_chip_locked(struct sst_trigger *t, int err)
         sst_log_error("trigger: GPIO chip \"%s\" failed at beat %llu: %s; the train has ended, and the chip is looked "
                       "for until it is back",
                       t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
-    sst_gpio_chip_close(t->chip); /* also lets the lines go, whatever level the last step left */
+    gpio_chip_close(t->chip); /* also lets the lines go, whatever level the last step left */
     t->chip = NULL;
     t->counters.chip_lost++;
     t->lost = true;
@@ -260,7 +259,7 @@ static void find_chip_locked(struct sst_trigger *t)
             t->counters.chip_found++;
             t->lost = false;
             if (!t->cfg.quiet)
-                sst_log_warning("trigger: GPIO chip \"%s\" is back", sst_gpio_chip_label(t->chip));
+                sst_log_warning("trigger: GPIO chip \"%s\" is back", gpio_chip_label(t->chip));
             return;
         }
         wait_ns = wait_ns * 2 > RETRY_MAX_NS ? RETRY_MAX_NS : wait_ns * 2;
@@ -276,13 +275,13 @@ static int run_train_locked(struct sst_trigger *t)
     uint64_t fired = 0;
 
     for (uint64_t n = 0; !t->count || fired < t->count; n++) {
-        const int64_t due_ns = sst_beat_due_ns(start_ns, rate_hz, n);
+        const int64_t due_ns = beat_due_ns(start_ns, rate_hz, n);
         uint64_t next;
         int err;
 
         if (!wait_until_locked(t, due_ns))
             return 0;
-        next = sst_beat_next(start_ns, rate_hz, n, sst_clock_now_ns());
+        next = beat_next(start_ns, rate_hz, n, sst_clock_now_ns());
         if (next > n) {
             t->skipped += next - n;
             n = next - 1;
@@ -374,11 +373,11 @@ static int check_config(const struct sst_trigger_config *cfg, char *why, size_t 
 
 int sst_trigger_check(const struct sst_trigger_config *cfg, char *why, size_t size)
 {
-    const struct sst_gpio_wanted wanted = wanted_lines(cfg);
+    const struct gpio_wanted wanted = wanted_lines(cfg);
     int err = check_config(cfg, why, size);
 
     if (!err && cfg->source == SST_TRIGGER_GPIO)
-        err = sst_gpio_probe(&wanted, why, size);
+        err = gpio_probe(&wanted, why, size);
     else if (!err)
         snprintf(why, size, "no GPIO line is needed");
     return err;
@@ -421,7 +420,7 @@ int sst_trigger_open(struct sst_trigger **out, const struct sst_trigger_config *
     if (cfg->source != SST_TRIGGER_GPIO)
         t->cfg.loopback[0] = 0;
     if (cfg->source == SST_TRIGGER_GPIO) {
-        t->steps = sst_pulse_steps(t->step, cfg->delay_us, cfg->lines, cfg->pulse_us);
+        t->steps = pulse_steps(t->step, cfg->delay_us, cfg->lines, cfg->pulse_us);
         err = open_chip(t, why, sizeof(why));
         if (err)
             sst_log_error("trigger: %s", why);
@@ -538,7 +537,7 @@ void sst_trigger_close(struct sst_trigger *t)
         pthread_mutex_unlock(&t->lock);
         pthread_join(t->thread, NULL);
     }
-    sst_gpio_chip_close(t->chip);
+    gpio_chip_close(t->chip);
     pthread_cond_destroy(&t->ended);
     pthread_cond_destroy(&t->wake);
     pthread_mutex_destroy(&t->lock);

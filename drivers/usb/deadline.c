@@ -1,4 +1,4 @@
-#include "drivers/usb/deadline.h"
+#include "drivers/usb/usb_internal.h"
 
 #include <errno.h>
 #include <pthread.h>
@@ -11,7 +11,7 @@
 
 struct job {
     /* fixed */
-    sst_deadline_fn *fn;
+    deadline_fn *fn;
     /* under lock */
     pthread_mutex_t lock;
     pthread_cond_t ended;
@@ -57,7 +57,7 @@ static void init(struct job *job)
     pthread_condattr_destroy(&attr);
 }
 
-int sst_deadline_call(sst_deadline_fn *fn, const void *arg, size_t arg_size, int timeout_ms)
+int deadline_call(deadline_fn *fn, const void *arg, size_t arg_size, int timeout_ms)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)timeout_ms * 1000000;
     const struct timespec end = { end_ns / 1000000000, end_ns % 1000000000 };

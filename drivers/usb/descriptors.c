@@ -1,6 +1,6 @@
 #include <string.h>
 
-#include "drivers/usb/sysfs.h"
+#include "drivers/usb/usb_internal.h"
 
 enum { CONFIGURATION = 2, INTERFACE = 4, ENDPOINT = 5, COMPANION = 0x30, CLASS_VIDEO = 14, SUBCLASS_STREAMING = 2 };
 enum { ISOCHRONOUS = 1, BULK = 2 };
@@ -21,7 +21,7 @@ static void read_endpoint(struct sst_usb_alt *alt, const uint8_t *d, int speed_m
     alt->interval_us = frame_us << exponent;
 }
 
-int sst_usb_parse_alts(struct sst_usb_alt alt[SST_USB_ALTS_MAX], const uint8_t *data, size_t size, int speed_mbit)
+int usb_parse_alts(struct sst_usb_alt alt[SST_USB_ALTS_MAX], const uint8_t *data, size_t size, int speed_mbit)
 {
     int n = 0, configurations = 0, interface = -1, setting = -1;
     bool here = false; /* the last endpoint was one of ours */

@@ -1,4 +1,4 @@
-#include "drivers/usb/hub.h"
+#include "drivers/usb/usb_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -65,7 +65,7 @@ static int open_usb(struct usb *u, int bus, int address)
     return translate(r);
 }
 
-int sst_hub_reset_device(int bus, int address)
+int hub_reset_device(int bus, int address)
 {
     struct usb u;
     int err = open_usb(&u, bus, address);
@@ -78,7 +78,7 @@ int sst_hub_reset_device(int bus, int address)
     return err == LIBUSB_ERROR_NOT_FOUND ? 0 : translate(err);
 }
 
-int sst_hub_set_port_power(int bus, int address, int number, bool on)
+int hub_set_port_power(int bus, int address, int number, bool on)
 {
     const uint8_t type = LIBUSB_ENDPOINT_OUT | LIBUSB_REQUEST_TYPE_CLASS | LIBUSB_RECIPIENT_OTHER;
     struct usb u;
@@ -93,7 +93,7 @@ int sst_hub_set_port_power(int bus, int address, int number, bool on)
 }
 
 /* wHubCharacteristics, bits 1..0: 0 all ports together, 1 each by itself, 2 and 3 no switching. */
-enum sst_usb_switching sst_hub_switching(int bus, int address)
+enum sst_usb_switching hub_switching(int bus, int address)
 {
     const uint8_t type = LIBUSB_ENDPOINT_IN | LIBUSB_REQUEST_TYPE_CLASS | LIBUSB_RECIPIENT_DEVICE;
     uint8_t data[64];
@@ -113,17 +113,17 @@ enum sst_usb_switching sst_hub_switching(int bus, int address)
     return (data[3] & 3) == 0 ? SST_USB_POWER_GANGED : (data[3] & 3) == 1 ? SST_USB_POWER_PORTS : SST_USB_POWER_ALWAYS;
 }
 #else
-int sst_hub_reset_device(int bus SST_UNUSED, int address SST_UNUSED)
+int hub_reset_device(int bus SST_UNUSED, int address SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-int sst_hub_set_port_power(int bus SST_UNUSED, int address SST_UNUSED, int number SST_UNUSED, bool on SST_UNUSED)
+int hub_set_port_power(int bus SST_UNUSED, int address SST_UNUSED, int number SST_UNUSED, bool on SST_UNUSED)
 {
     return -ENOSYS;
 }
 
-enum sst_usb_switching sst_hub_switching(int bus SST_UNUSED, int address SST_UNUSED)
+enum sst_usb_switching hub_switching(int bus SST_UNUSED, int address SST_UNUSED)
 {
     return SST_USB_POWER_UNKNOWN;
 }

@@ -8,9 +8,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "drivers/usb/deadline.h"
-#include "drivers/usb/hub.h"
-#include "drivers/usb/sysfs.h"
+#include "drivers/usb/usb_internal.h"
 
 #define DEVICES     "/sys/bus/usb/devices"
 #define DEADLINE_MS 10000
@@ -43,7 +41,7 @@ static int write_attribute(const char *folder, const char *attribute, char digit
     struct write_job job = { .text = { digit, 0 } };
     const int err = sst_path_join(job.path, folder, attribute);
 
-    return err ? err : sst_deadline_call(write_text, &job, sizeof(job), DEADLINE_MS);
+    return err ? err : deadline_call(write_text, &job, sizeof(job), DEADLINE_MS);
 }
 
 static const char *remedy(int err)
@@ -77,14 +75,14 @@ static int device_folder(char folder[SST_PATH_MAX], const char *port)
     int number;
 
     /* Ports come from a configuration: no path may hide in one. */
-    return sst_usb_split_port(port, hub, &number) ? -EINVAL : sst_path_join(folder, DEVICES, port);
+    return usb_split_port(port, hub, &number) ? -EINVAL : sst_path_join(folder, DEVICES, port);
 }
 
 static int reset_job(void *arg)
 {
     const struct port_job *job = arg;
 
-    return sst_hub_reset_device(job->bus, job->address);
+    return hub_reset_device(job->bus, job->address);
 }
 
 int sst_usb_reset(const char *port)
@@ -94,9 +92,9 @@ int sst_usb_reset(const char *port)
     int err = device_folder(folder, port);
 
     if (!err) {
-        job = (struct port_job){ .bus = sst_sysfs_int(folder, "busnum", 10, -1),
-                                 .address = sst_sysfs_int(folder, "devnum", 10, -1) };
-        err = job.bus < 0 || job.address < 0 ? -ENODEV : sst_deadline_call(reset_job, &job, sizeof(job), DEADLINE_MS);
+        job = (struct port_job){ .bus = sysfs_int(folder, "busnum", 10, -1),
+                                 .address = sysfs_int(folder, "devnum", 10, -1) };
+        err = job.bus < 0 || job.address < 0 ? -ENODEV : deadline_call(reset_job, &job, sizeof(job), DEADLINE_MS);
     }
     return err ? failed("reset", port, err) : 0;
 }
@@ -163,7 +161,7 @@ static int set_port_job(void *arg)
 {
     const struct port_job *job = arg;
 
-    return sst_hub_set_port_power(job->bus, job->address, job->number, job->on);
+    return hub_set_port_power(job->bus, job->address, job->number, job->on);
 }
 
 static int hub_address(const struct power_port *p, struct port_job *job)
@@ -173,8 +171,8 @@ static int hub_address(const struct power_port *p, struct port_job *job)
 
     if (err)
         return err;
-    job->bus = sst_sysfs_int(folder, "busnum", 10, -1);
-    job->address = sst_sysfs_int(folder, "devnum", 10, -1);
+    job->bus = sysfs_int(folder, "busnum", 10, -1);
+    job->address = sysfs_int(folder, "devnum", 10, -1);
     job->number = p->number;
     return job->bus < 0 || job->address < 0 ? -ENODEV : 0;
 }
@@ -187,7 +185,7 @@ static int switch_port(const struct power_port *p, bool on)
     if (p->attribute)
         return write_attribute(p->folder, "disable", on ? '0' : '1');
     err = hub_address(p, &job);
-    return err ? err : sst_deadline_call(set_port_job, &job, sizeof(job), DEADLINE_MS);
+    return err ? err : deadline_call(set_port_job, &job, sizeof(job), DEADLINE_MS);
 }
 
 /* A hub that says it cannot is not asked to; one that may not be asked is tried. */
@@ -198,7 +196,7 @@ static int check_switching(const struct power_port *p)
 
     if (err)
         return err;
-    switch (sst_hub_switching(job.bus, job.address)) {
+    switch (hub_switching(job.bus, job.address)) {
     case SST_USB_POWER_ALWAYS:
     case SST_USB_POWER_GANGED:
         return -ENOTSUP;
@@ -220,7 +218,7 @@ static void sleep_ms(int ms)
 int sst_usb_power_cycle(const char *port, int off_ms)
 {
     struct power_port half[2];
-    int halves = 1, err = sst_usb_split_port(port, half[0].hub, &half[0].number);
+    int halves = 1, err = usb_split_port(port, half[0].hub, &half[0].number);
 
     if (!err)
         err = find_port(&half[0]);
@@ -244,5 +242,5 @@ int sst_usb_power_cycle(const char *port, int off_ms)
 
 enum sst_usb_switching sst_usb_hub_switching(const struct sst_usb_device *hub)
 {
-    return hub->hub ? sst_hub_switching(hub->bus, hub->address) : SST_USB_POWER_UNKNOWN;
+    return hub->hub ? hub_switching(hub->bus, hub->address) : SST_USB_POWER_UNKNOWN;
 }

@@ -1,4 +1,4 @@
-#include "drivers/usb/sysfs.h"
+#include "drivers/usb/usb_internal.h"
 
 #include <ctype.h>
 #include <dirent.h>
@@ -41,7 +41,7 @@ static int read_bytes(void *data, size_t size, const char *folder, const char *a
     return err ? err : (int)used;
 }
 
-int sst_sysfs_read(char *text, size_t size, const char *folder, const char *attribute)
+int sysfs_read(char *text, size_t size, const char *folder, const char *attribute)
 {
     const int n = read_bytes(text, size - 1, folder, attribute);
 
@@ -52,12 +52,12 @@ int sst_sysfs_read(char *text, size_t size, const char *folder, const char *attr
     return (int)strlen(text);
 }
 
-int sst_sysfs_int(const char *folder, const char *attribute, int base, int missing)
+int sysfs_int(const char *folder, const char *attribute, int base, int missing)
 {
     char text[32], *end;
     long v;
 
-    if (sst_sysfs_read(text, sizeof(text), folder, attribute) <= 0)
+    if (sysfs_read(text, sizeof(text), folder, attribute) <= 0)
         return missing;
     v = strtol(text, &end, base);
     return end == text ? missing : (int)v;
@@ -81,7 +81,7 @@ static int numbers(int out[16], const char *port)
     return *port ? 0 : n;
 }
 
-int sst_usb_compare_ports(const char *a, const char *b)
+int usb_compare_ports(const char *a, const char *b)
 {
     int x[16], y[16];
     const int m = numbers(x, a), n = numbers(y, b);
@@ -95,7 +95,7 @@ int sst_usb_compare_ports(const char *a, const char *b)
     return (m > n) - (m < n);
 }
 
-int sst_usb_split_port(const char *port, char hub[SST_USB_TEXT_MAX], int *number)
+int usb_split_port(const char *port, char hub[SST_USB_TEXT_MAX], int *number)
 {
     int part[16];
     const int n = numbers(part, port);
@@ -129,7 +129,7 @@ static void read_controller(struct sst_usb_device *d, const char *devices, const
     *slash = 0;
     snprintf(d->controller, sizeof(d->controller), "%.63s", sst_path_base(link));
     if (!sst_path_join(real, devices, link))
-        d->port_buses = sst_sysfs_int(real, "vendor", 16, 0) == VENDOR_INTEL && strstr(d->maker, "xhci");
+        d->port_buses = sysfs_int(real, "vendor", 16, 0) == VENDOR_INTEL && strstr(d->maker, "xhci");
 }
 
 static void read_alts(struct sst_usb_device *d, const char *folder)
@@ -138,7 +138,7 @@ static void read_alts(struct sst_usb_device *d, const char *folder)
     const int n = data ? read_bytes(data, DESCRIPTORS_MAX, folder, "descriptors") : -ENOMEM;
 
     if (n > 0)
-        d->alts = sst_usb_parse_alts(d->alt, data, (size_t)n, d->speed_mbit);
+        d->alts = usb_parse_alts(d->alt, data, (size_t)n, d->speed_mbit);
     free(data);
 }
 
@@ -147,22 +147,22 @@ static int read_device(struct sst_usb_device *d, const char *devices, const char
     char folder[SST_PATH_MAX];
 
     memset(d, 0, sizeof(*d));
-    if (sst_path_join(folder, devices, name) || sst_sysfs_int(folder, "busnum", 10, -1) < 0)
+    if (sst_path_join(folder, devices, name) || sysfs_int(folder, "busnum", 10, -1) < 0)
         return -ENODEV; /* went away meanwhile */
     snprintf(d->port, sizeof(d->port), "%.63s", name);
-    d->bus = sst_sysfs_int(folder, "busnum", 10, 0);
-    d->address = sst_sysfs_int(folder, "devnum", 10, 0);
-    d->speed_mbit = sst_sysfs_int(folder, "speed", 10, 0);
-    d->hub = sst_sysfs_int(folder, "bDeviceClass", 16, 0) == 9;
-    d->hub_ports = sst_sysfs_int(folder, "maxchild", 10, 0);
-    d->single_tt = d->hub && sst_sysfs_int(folder, "bDeviceProtocol", 16, 0) == 1;
-    d->vendor = sst_sysfs_int(folder, "idVendor", 16, 0);
-    d->product = sst_sysfs_int(folder, "idProduct", 16, 0);
-    if (sst_sysfs_read(d->maker, sizeof(d->maker), folder, "manufacturer") < 0)
+    d->bus = sysfs_int(folder, "busnum", 10, 0);
+    d->address = sysfs_int(folder, "devnum", 10, 0);
+    d->speed_mbit = sysfs_int(folder, "speed", 10, 0);
+    d->hub = sysfs_int(folder, "bDeviceClass", 16, 0) == 9;
+    d->hub_ports = sysfs_int(folder, "maxchild", 10, 0);
+    d->single_tt = d->hub && sysfs_int(folder, "bDeviceProtocol", 16, 0) == 1;
+    d->vendor = sysfs_int(folder, "idVendor", 16, 0);
+    d->product = sysfs_int(folder, "idProduct", 16, 0);
+    if (sysfs_read(d->maker, sizeof(d->maker), folder, "manufacturer") < 0)
         d->maker[0] = 0;
-    if (sst_sysfs_read(d->name, sizeof(d->name), folder, "product") < 0)
+    if (sysfs_read(d->name, sizeof(d->name), folder, "product") < 0)
         d->name[0] = 0;
-    if (sst_sysfs_read(d->serial, sizeof(d->serial), folder, "serial") < 0)
+    if (sysfs_read(d->serial, sizeof(d->serial), folder, "serial") < 0)
         d->serial[0] = 0;
     if (!strncmp(name, "usb", 3))
         read_controller(d, devices, folder);
@@ -183,7 +183,7 @@ static void read_node(struct sst_usb_device *d, const char *devices, const char 
     dir = opendir(path);
     while (dir && (entry = readdir(dir))) {
         if (strncmp(entry->d_name, "video", 5) || sst_path_join(node, path, entry->d_name) ||
-            sst_sysfs_int(node, "index", 10, 0) != 0)
+            sysfs_int(node, "index", 10, 0) != 0)
             continue;
         snprintf(d->node, sizeof(d->node), "/dev/%.50s", entry->d_name);
     }
@@ -202,7 +202,7 @@ static int find(const struct sst_usb_device *list, int n, const char *port)
 
 static int by_port(const void *a, const void *b)
 {
-    return sst_usb_compare_ports(((const struct sst_usb_device *)a)->port, ((const struct sst_usb_device *)b)->port);
+    return usb_compare_ports(((const struct sst_usb_device *)a)->port, ((const struct sst_usb_device *)b)->port);
 }
 
 static void link_parents(struct sst_usb_device *list, int n)
@@ -212,7 +212,7 @@ static void link_parents(struct sst_usb_device *list, int n)
         char hub[SST_USB_TEXT_MAX];
         int number;
 
-        d->parent = sst_usb_split_port(d->port, hub, &number) ? -1 : find(list, i, hub);
+        d->parent = usb_split_port(d->port, hub, &number) ? -1 : find(list, i, hub);
         if (d->parent < 0)
             continue;
         memcpy(d->controller, list[d->parent].controller, sizeof(d->controller));
@@ -252,7 +252,7 @@ static int read_all(struct sst_usb_device **list, DIR *dir, const char *devices,
     return n;
 }
 
-int sst_usb_scan(struct sst_usb_device **out, int *count, const char *root)
+int usb_scan(struct sst_usb_device **out, int *count, const char *root)
 {
     struct sst_usb_device *list = NULL;
     char devices[SST_PATH_MAX];
@@ -286,5 +286,5 @@ int sst_usb_scan(struct sst_usb_device **out, int *count, const char *root)
 
 int sst_usb_list(struct sst_usb_device **devices, int *count)
 {
-    return sst_usb_scan(devices, count, "/sys");
+    return usb_scan(devices, count, "/sys");
 }

@@ -6,9 +6,9 @@
 
 #include "base/base.h"
 
-#define SST_MAX_CLASSES 64
+#define SST_MAX_CLASSES    64
 #define SST_CLASS_NAME_MAX 32
-#define SST_LABEL_NONE 0 /* unlabeled; label = index in the class list + 1 */
+#define SST_LABEL_NONE     0 /* unlabeled; label = index in the class list + 1 */
 
 /** A class list, in label order: label i + 1 is names[i]. */
 struct sst_classes {

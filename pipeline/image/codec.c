@@ -32,8 +32,8 @@ int sst_image_size_error(int err, const char *name, int64_t width, int64_t heigh
         sst_log_error("no memory for %s (%lldx%lld pixels)", name, (long long)width, (long long)height);
         return -ENOMEM;
     }
-    sst_log_error("%s claims %lldx%lld pixels; a side must be 1 to %d and the area at most %zu", name,
-                  (long long)width, (long long)height, SST_IMAGE_MAX_SIDE, SST_IMAGE_MAX_PIXELS);
+    sst_log_error("%s claims %lldx%lld pixels; a side must be 1 to %d and the area at most %zu", name, (long long)width,
+                  (long long)height, SST_IMAGE_MAX_SIDE, SST_IMAGE_MAX_PIXELS);
     return -EBADMSG;
 }
 

@@ -7,7 +7,7 @@
 #include "base/base.h"
 
 /* Larger images are refused everywhere; both fit int and their product fits size_t with room to spare. */
-#define SST_IMAGE_MAX_SIDE 32768
+#define SST_IMAGE_MAX_SIDE   32768
 #define SST_IMAGE_MAX_PIXELS ((size_t)1 << 28)
 
 /** 8-bit sRGB, three planes R, G, B in one allocation. Rows start on 64 bytes; stride is bytes. */

@@ -30,8 +30,8 @@ static int read_header(struct header *h, const uint8_t *data, size_t size, const
     double scale;
 
     if (size < 2 || memcmp(data, "Pf", 2))
-        return malformed(path, size >= 2 && !memcmp(data, "PF", 2) ? "it has three channels"
-                                                                   : "it does not begin with Pf");
+        return malformed(path,
+                         size >= 2 && !memcmp(data, "PF", 2) ? "it has three channels" : "it does not begin with Pf");
     errno = 0;
     h->width = strtol(p, &end, 10);
     if (end == p || !isspace((unsigned char)*p))

@@ -233,23 +233,23 @@ int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, cons
     return err;
 }
 
-#define DEFINE_MAP_READ(kind, sample)                                                                                \
-    int sst_map_##kind##_read_png(struct sst_map_##kind *map, const char *path)                                      \
-    {                                                                                                                \
-        struct sst_map_##kind made = { 0 };                                                                          \
-        uint8_t *data;                                                                                               \
-        size_t size;                                                                                                 \
-        int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);                                            \
-                                                                                                                     \
-        if (err)                                                                                                     \
-            return err;                                                                                              \
-        err = decode(data, size, path, sample, &made);                                                               \
-        free(data);                                                                                                  \
-        if (err)                                                                                                     \
-            sst_map_##kind##_fini(&made);                                                                            \
-        else                                                                                                         \
-            *map = made;                                                                                             \
-        return err;                                                                                                  \
+#define DEFINE_MAP_READ(kind, sample)                                                                                  \
+    int sst_map_##kind##_read_png(struct sst_map_##kind *map, const char *path)                                        \
+    {                                                                                                                  \
+        struct sst_map_##kind made = { 0 };                                                                            \
+        uint8_t *data;                                                                                                 \
+        size_t size;                                                                                                   \
+        int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);                                              \
+                                                                                                                       \
+        if (err)                                                                                                       \
+            return err;                                                                                                \
+        err = decode(data, size, path, sample, &made);                                                                 \
+        free(data);                                                                                                    \
+        if (err)                                                                                                       \
+            sst_map_##kind##_fini(&made);                                                                              \
+        else                                                                                                           \
+            *map = made;                                                                                               \
+        return err;                                                                                                    \
     }
 
 DEFINE_MAP_READ(u8, SAMPLE_U8)
@@ -319,9 +319,10 @@ static void write_rows(struct writer *w, const struct picture *p)
     }
     /* Speed first: these files are written by the dozen. A map of indices does not get smaller by differences. */
     png_set_compression_level(w->png, 2);
-    png_set_filter(w->png, PNG_FILTER_TYPE_BASE, p->palette ? PNG_FILTER_NONE
-                                                 : p->image ? PNG_FILTER_SUB
-                                                            : PNG_FILTER_UP);
+    png_set_filter(w->png, PNG_FILTER_TYPE_BASE,
+                   p->palette ? PNG_FILTER_NONE
+                   : p->image ? PNG_FILTER_SUB
+                              : PNG_FILTER_UP);
     png_write_info(w->png, w->info);
     if (p->u16 && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
         png_set_swap(w->png);

@@ -1,5 +1,5 @@
-/* enlarge_row: the left pixels of a block of cells, then the right ones. What a block needs is brought to 16 bits first,
- * so that choosing is one loop of equal lanes. */
+/* enlarge_row: the left pixels of a block of cells, then the right ones. What a block needs is brought to 16 bits
+ * first, so that choosing is one loop of equal lanes. */
 
 #define ENLARGE_BLOCK 32
 
@@ -30,8 +30,8 @@ static inline void KERNEL(enlarge_choose)(struct KERNEL(enlarge_lanes) *restrict
     for (int i = 0; i < ENLARGE_BLOCK; i++) {
         const uint16_t d = cell->disp[i], o = own->disp[i];
         const uint16_t apart = (uint16_t)(d > o ? d - o : o - d);
-        const uint16_t far = (uint16_t)-(apart > step), other = (uint16_t)-(cell->label[i] != own->label[i]);
-        const uint16_t less = (uint16_t)-(cell->unlike[i] < best->unlike[i]);
+        const uint16_t far = (uint16_t) - (apart > step), other = (uint16_t) - (cell->label[i] != own->label[i]);
+        const uint16_t less = (uint16_t) - (cell->unlike[i] < best->unlike[i]);
         const uint16_t take = (uint16_t)((far | other) & less), keep = (uint16_t)~take;
 
         best->disp[i] = (uint16_t)((d & take) | (best->disp[i] & keep));
@@ -41,8 +41,8 @@ static inline void KERNEL(enlarge_choose)(struct KERNEL(enlarge_lanes) *restrict
 }
 
 /* The pixels of n cells from x on, n at most ENLARGE_BLOCK, on their left (side -1) or right (1). */
-static inline void KERNEL(enlarge_side)(struct KERNEL(enlarge_lanes) *restrict best, const struct sst_enlarge *e, long x,
-                                        long side, long n)
+static inline void KERNEL(enlarge_side)(struct KERNEL(enlarge_lanes) *restrict best, const struct sst_enlarge *e,
+                                        long x, long side, long n)
 {
     const uint8_t *restrict pixel = e->green + 2 * x + (side > 0);
     const uint16_t step = (uint16_t)e->step_q6;

@@ -21,8 +21,10 @@ static inline float sst_exp_neg(float t)
     const int k = (int)(t * 1.44269504f + 0.5f);
     const float n = (float)k;
     const float r = (n * 0.693359375f - t) + n * -2.12194440e-4f;
-    const float p = 1.0f + r * (1.0f + r * (0.5f + r * (1.0f / 6 + r * (1.0f / 24 + r * (1.0f / 120 +
-                    r * (1.0f / 720 + r * (1.0f / 5040)))))));
+    const float p =
+        1.0f +
+        r * (1.0f +
+             r * (0.5f + r * (1.0f / 6 + r * (1.0f / 24 + r * (1.0f / 120 + r * (1.0f / 720 + r * (1.0f / 5040)))))));
     const int32_t bits = (127 - k) << 23;
     float scale;
 

@@ -11,8 +11,8 @@
 
 static const char *const level_names[] = { "ref", "base", "avx2", "avxvnni", "avx512" };
 
-static struct sst_kernels table;          /* fixed after the first get */
-static enum sst_cpu_level level_chosen;   /* likewise */
+static struct sst_kernels table;        /* fixed after the first get */
+static enum sst_cpu_level level_chosen; /* likewise */
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 
 #if defined(__x86_64__)

@@ -192,8 +192,8 @@ typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *we
 typedef void sst_blend_take_fn(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n);
 
 /*
- * Which rays of a pixel agree (pipeline/method/render/verify.h). A ray votes for its own colour and, the less the farther, for
- * those nearby; distances of colours are sums of the three differences.
+ * Which rays of a pixel agree (pipeline/method/render/verify.h). A ray votes for its own colour and, the less the
+ * farther, for those nearby; distances of colours are sums of the three differences.
  */
 #define SST_AGREE_BINS 4096 /* colours by the upper 4 bits of R, G, B */
 #define SST_AGREE_MODE 48   /* votes reach so far ... */
@@ -205,7 +205,8 @@ struct sst_voting {
     float scale, most;     /* votes for a rarity and weight of 1; at most, 1..255 */
 };
 
-/** vote[x] = min(1 + scale (weight + doubt) rarity(colour), most), cut to a whole number; 0 where weight < 0: no ray. */
+/** vote[x] = min(1 + scale (weight + doubt) rarity(colour), most), cut to a whole number; 0 where weight < 0: no ray.
+ */
 typedef void sst_agree_votes_fn(uint8_t *vote, const uint8_t *const colour[3], const float *weight,
                                 const struct sst_voting *v, size_t n);
 

@@ -11,8 +11,8 @@ static inline float sst_atanh2(float z)
 {
     const float s = z * z;
 
-    return 2 * z * (1 + s * (1.0f / 3 + s * (1.0f / 5 + s * (1.0f / 7 + s * (1.0f / 9 + s * (1.0f / 11 +
-           s * (1.0f / 13)))))));
+    return 2 * z *
+           (1 + s * (1.0f / 3 + s * (1.0f / 5 + s * (1.0f / 7 + s * (1.0f / 9 + s * (1.0f / 11 + s * (1.0f / 13)))))));
 }
 
 /**

@@ -8,7 +8,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define MAX_NAMED   4    /* views named in one message */
 #define OFFSET_SLIP 1e-9 /* spacings: stored offsets agree with the calibration */
@@ -143,7 +143,7 @@ int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_cal
     return 0;
 }
 
-void sst_calibration_drop(struct sst_lightfield *lf)
+void calibration_drop(struct sst_lightfield *lf)
 {
     if (!lf->calibration)
         return;
@@ -181,7 +181,7 @@ static int check_offsets(const struct sst_lightfield *lf, const char *path)
     return 0;
 }
 
-int sst_calibration_load(struct sst_lightfield *lf, const char *dir)
+int calibration_load(struct sst_lightfield *lf, const char *dir)
 {
     char path[SST_PATH_MAX], hash[65];
     struct sst_calib *calib;
@@ -193,7 +193,7 @@ int sst_calibration_load(struct sst_lightfield *lf, const char *dir)
         err = sst_file_read(path, SST_VIEW_FILE_MAX, &text, &size);
     if (err)
         return err;
-    sst_sha256_hex(hash, text, size);
+    sha256_hex(hash, text, size);
     free(text);
     if (strcmp(hash, lf->calibration_sha256)) {
         sst_log_error(
@@ -220,7 +220,7 @@ int sst_calibration_load(struct sst_lightfield *lf, const char *dir)
     return err ? err : check_offsets(lf, path);
 }
 
-int sst_calibration_rectify_view(struct sst_lightfield *lf, int view)
+int calibration_rectify_view(struct sst_lightfield *lf, int view)
 {
     struct sst_view *v = &lf->views[view];
     struct sst_rectify_map *map = NULL;

@@ -9,9 +9,7 @@
 #include "base/thread.h"
 #include "pipeline/camera/format.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/export_parts.h"
-#include "pipeline/lightfield/import_plan.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define SENSOR_MM 35.0 /* HCI gives the focal length by a sensor size; any will do, this is theirs */
 
@@ -20,7 +18,7 @@ struct format {
     unsigned load;
     bool raw; /* takes the files with the cameras that made them, not rectified views */
     sst_work_fn *view;
-    int (*rest)(const struct sst_export_job *job);
+    int (*rest)(const struct export_job *job);
 };
 
 /* Text in the making, with room for two lines of numbers for each of 256 views. */
@@ -44,7 +42,7 @@ static void add(struct text *t, const char *fmt, ...)
         t->size += (size_t)n < left ? (size_t)n : left - 1;
 }
 
-static int write_text(const struct sst_export_job *job, const char *name, const struct text *t)
+static int write_text(const struct export_job *job, const char *name, const struct text *t)
 {
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, job->out, name);
@@ -52,7 +50,7 @@ static int write_text(const struct sst_export_job *job, const char *name, const 
     return err ? err : sst_file_write(path, t->data, t->size);
 }
 
-int sst_export_read_view(const struct sst_export_job *job, int k, char path[SST_PATH_MAX], uint8_t **data, size_t *size)
+int export_read_view(const struct export_job *job, int k, char path[SST_PATH_MAX], uint8_t **data, size_t *size)
 {
     char name[300], hash[65];
     int err;
@@ -63,7 +61,7 @@ int sst_export_read_view(const struct sst_export_job *job, int k, char path[SST_
         err = sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
     if (err)
         return err;
-    sst_sha256_hex(hash, *data, *size);
+    sha256_hex(hash, *data, *size);
     if (!strcmp(hash, job->lf.views[k].sha256))
         return 0;
     sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
@@ -81,7 +79,7 @@ static double position_unit(const struct sst_lightfield *lf)
 
 static int stanford_view(void *arg, int k, int worker SST_UNUSED)
 {
-    const struct sst_export_job *job = arg;
+    const struct export_job *job = arg;
     const struct sst_view *v = &job->lf.views[k];
     const double unit = position_unit(&job->lf);
     /* Nine digits of a spacing, whatever its unit. */
@@ -94,7 +92,7 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
     if (!v->present)
         return 0;
     if (!job->lf.calibration)
-        err = sst_export_read_view(job, k, path, &data, &size);
+        err = export_read_view(job, k, path, &data, &size);
     if (err)
         return err;
     snprintf(name, sizeof(name), "out_%02d_%02d_%.*f_%.*f_.%s", k / job->lf.cols, k % job->lf.cols, digits,
@@ -106,7 +104,7 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-static int stanford_rest(const struct sst_export_job *job)
+static int stanford_rest(const struct export_job *job)
 {
     const struct sst_lightfield *lf = &job->lf;
     struct text t = { .size = 0 };
@@ -121,7 +119,7 @@ static int stanford_rest(const struct sst_export_job *job)
 
 /* --- hci ---------------------------------------------------------------------------------------------------------- */
 
-static int hci_disparity(const struct sst_export_job *job, int k, const char *name)
+static int hci_disparity(const struct export_job *job, int k, const char *name)
 {
     const struct sst_map_u16 *disp = &job->lf.views[k].disp;
     char path[SST_PATH_MAX];
@@ -145,7 +143,7 @@ static int hci_disparity(const struct sst_export_job *job, int k, const char *na
 }
 
 /* HCI's readers want PNG: other views are decoded, those in PNG are copied. */
-static int hci_image(const struct sst_export_job *job, int k, const char *path)
+static int hci_image(const struct export_job *job, int k, const char *path)
 {
     char from[SST_PATH_MAX];
     struct sst_image img;
@@ -155,7 +153,7 @@ static int hci_image(const struct sst_export_job *job, int k, const char *path)
 
     if (job->lf.calibration)
         return sst_image_write_png(&job->lf.views[k].image, path);
-    err = sst_export_read_view(job, k, from, &data, &size);
+    err = export_read_view(job, k, from, &data, &size);
     if (err)
         return err;
     if (data[0] == 0x89) {
@@ -173,7 +171,7 @@ static int hci_image(const struct sst_export_job *job, int k, const char *path)
 
 static int hci_view(void *arg, int k, int worker SST_UNUSED)
 {
-    const struct sst_export_job *job = arg;
+    const struct export_job *job = arg;
     char path[SST_PATH_MAX], name[64];
     int err;
 
@@ -209,7 +207,7 @@ static void add_offsets(struct text *t, const struct sst_lightfield *lf)
                         worst);
 }
 
-static int hci_rest(const struct sst_export_job *job)
+static int hci_rest(const struct export_job *job)
 {
     const struct sst_lightfield *lf = &job->lf;
     const int centre = lf->rows / 2 * lf->cols + lf->cols / 2;
@@ -232,7 +230,7 @@ static int hci_rest(const struct sst_export_job *job)
 
 /* --- colmap, nerfstudio: the files as they are, and the cameras that made them ------------------------------------ */
 
-void sst_export_image_name(const struct sst_export_job *job, int view, char out[64])
+void export_image_name(const struct export_job *job, int view, char out[64])
 {
     const char *file = job->lf.views[view].file, *dot = strrchr(file, '.');
     char place[16];
@@ -243,7 +241,7 @@ void sst_export_image_name(const struct sst_export_job *job, int view, char out[
 
 static int posed_view(void *arg, int k, int worker SST_UNUSED)
 {
-    const struct sst_export_job *job = arg;
+    const struct export_job *job = arg;
     char path[SST_PATH_MAX], name[64], file[80];
     uint8_t *data;
     size_t size;
@@ -251,10 +249,10 @@ static int posed_view(void *arg, int k, int worker SST_UNUSED)
 
     if (!job->lf.views[k].present)
         return 0;
-    err = sst_export_read_view(job, k, path, &data, &size);
+    err = export_read_view(job, k, path, &data, &size);
     if (err)
         return err;
-    sst_export_image_name(job, k, name);
+    export_image_name(job, k, name);
     snprintf(file, sizeof(file), "images/%s", name);
     err = sst_path_join(path, job->out, file);
     if (!err)
@@ -265,7 +263,7 @@ static int posed_view(void *arg, int k, int worker SST_UNUSED)
 
 typedef int write_poses_fn(const struct sst_calib *calib, const char (*name)[64], const char *dir);
 
-static int write_poses(const struct sst_export_job *job, write_poses_fn *write, int coefficients)
+static int write_poses(const struct export_job *job, write_poses_fn *write, int coefficients)
 {
     const int views = job->lf.rows * job->lf.cols;
     char(*name)[64] = calloc((size_t)views, sizeof(*name));
@@ -277,8 +275,8 @@ static int write_poses(const struct sst_export_job *job, write_poses_fn *write, 
         return -ENOMEM;
     }
     for (int k = 0; k < views; k++)
-        sst_export_image_name(job, k, name[k]);
-    err = sst_export_cameras(&exact, &job->lf, job->cfg);
+        export_image_name(job, k, name[k]);
+    err = export_cameras(&exact, &job->lf, job->cfg);
     if (!err) {
         if (coefficients)
             err = sst_calib_reduce(&fitted, &exact, coefficients, job->cfg->lossy, "nerfstudio");
@@ -291,14 +289,14 @@ static int write_poses(const struct sst_export_job *job, write_poses_fn *write, 
     return err;
 }
 
-static int colmap_rest(const struct sst_export_job *job)
+static int colmap_rest(const struct export_job *job)
 {
-    return write_poses(job, sst_colmap_write, 0);
+    return write_poses(job, colmap_write, 0);
 }
 
-static int nerfstudio_rest(const struct sst_export_job *job)
+static int nerfstudio_rest(const struct export_job *job)
 {
-    return write_poses(job, sst_nerfstudio_write, 5);
+    return write_poses(job, nerfstudio_write, 5);
 }
 
 /* ------------------------------------------------------------------------------------------------------------------ */
@@ -341,7 +339,7 @@ int sst_export(const struct sst_export_config *cfg)
 {
     const char *const inputs[] = { cfg->dir, NULL };
     const int threads = sst_thread_count(cfg->threads);
-    struct sst_export_job job = { .cfg = cfg };
+    struct export_job job = { .cfg = cfg };
     const struct format *f = formats;
     struct sst_outdir folder;
     int err;

@@ -7,7 +7,7 @@
 
 #include "base/log.h"
 #include "pipeline/camera/format.h"
-#include "pipeline/lightfield/export_parts.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define METRE_MM 1000.0
 #define HALF_PX  0.5 /* their pixels' centres are at halves, ours at whole numbers */
@@ -64,7 +64,7 @@ static int rectified_cameras(struct sst_calib *out, const struct sst_lightfield 
     return 0;
 }
 
-int sst_export_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const struct sst_export_config *cfg)
+int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const struct sst_export_config *cfg)
 {
     struct sst_calib made;
     int err;
@@ -228,7 +228,7 @@ static int make_dirs(char out[SST_PATH_MAX], const char *dir, const char *a, con
     return err || !b ? err : sst_path_make_dir(out);
 }
 
-int sst_colmap_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
+int colmap_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
 {
     static const struct {
         const char *name;
@@ -297,7 +297,7 @@ static json_t *frame_to_json(const struct sst_calib *calib, int view, const char
                      c->k[3], "transform_matrix", pose_matrix(c));
 }
 
-int sst_nerfstudio_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
+int nerfstudio_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
 {
     const double applied[12] = { world[0][0], world[0][1], world[0][2], 0,           world[1][0], world[1][1],
                                  world[1][2], 0,           world[2][0], world[2][1], world[2][2], 0 };

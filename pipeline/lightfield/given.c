@@ -8,14 +8,14 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 struct given {
     struct sst_lightfield *lf;
     const char *dir;
-    bool store;       /* second pass over disparity: keep, not only measure */
+    bool store;        /* second pass over disparity: keep, not only measure */
     double *min, *max; /* [views] of the finite values; min above max: none */
-    int *max_label;   /* [views] */
+    int *max_label;    /* [views] */
 };
 
 static int map_path(char out[SST_PATH_MAX], const struct given *g, int k, const char *extension)

@@ -11,23 +11,22 @@
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/given.h"
-#include "pipeline/lightfield/import_plan.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define MAX_NAMED 4 /* files or views named in one message */
 
 static const struct {
     const char *name;
-    int (*plan)(struct sst_import_plan *plan);
+    int (*plan)(struct import_plan *plan);
 } formats[] = {
-    { "stanford", sst_plan_stanford },
-    { "hci", sst_plan_hci },
-    { "folder", sst_plan_folder },
+    { "stanford", plan_stanford },
+    { "hci", plan_hci },
+    { "folder", plan_folder },
 };
 
 /* What the threads share: each writes only its own view's places. */
 struct job {
-    struct sst_import_plan *plan;
+    struct import_plan *plan;
     const char *out; /* the output's temporary folder */
     int width[SST_MAX_VIEWS], height[SST_MAX_VIEWS];
     double truth_min[SST_MAX_VIEWS], truth_max[SST_MAX_VIEWS]; /* min above max: none */
@@ -77,7 +76,7 @@ static bool has_neighbours(const struct sst_lightfield *lf)
 }
 
 /* Holes are accepted where the user knows the grid: a file forgotten in a copy must not pass unseen. */
-static int check_holes(const struct sst_import_plan *plan)
+static int check_holes(const struct import_plan *plan)
 {
     const struct sst_lightfield *lf = &plan->lf;
     const int count = lf->rows * lf->cols;
@@ -106,13 +105,13 @@ static int check_holes(const struct sst_import_plan *plan)
     return 0;
 }
 
-static void warn_unused(const struct sst_import_plan *plan)
+static void warn_unused(const struct import_plan *plan)
 {
     char named[MAX_NAMED * (SST_NAME_MAX + 2) + 8] = "";
     int unused = 0;
 
     for (int i = 0; i < plan->names.count; i++) {
-        if (plan->names.used[i] || !sst_name_is_image(plan->names.name[i]) || unused++ >= MAX_NAMED)
+        if (plan->names.used[i] || !name_is_image(plan->names.name[i]) || unused++ >= MAX_NAMED)
             continue;
         strcat(strcat(named, named[0] ? ", " : ""), plan->names.name[i]);
     }
@@ -124,10 +123,10 @@ static void warn_unused(const struct sst_import_plan *plan)
 }
 
 /* Offsets in spacings from the reference view. */
-static int set_offsets(struct sst_import_plan *plan)
+static int set_offsets(struct import_plan *plan)
 {
     struct sst_lightfield *lf = &plan->lf;
-    const struct sst_plan_view *ref;
+    const struct plan_view *ref;
 
     if (!(plan->spacing > 0) || !isfinite(plan->spacing)) {
         sst_log_error("%s: the spacing of the cameras comes out as %g; correct their positions", plan->cfg->source,
@@ -149,7 +148,7 @@ static int set_offsets(struct sst_import_plan *plan)
 /* The true disparity that came with a view, in our unit, under the view's name. */
 static int copy_truth(struct job *job, int k)
 {
-    const struct sst_import_plan *plan = job->plan;
+    const struct import_plan *plan = job->plan;
     char path[SST_PATH_MAX], name[64], rr_cc[16];
     struct sst_map_f32 map;
     int err = sst_path_join(path, plan->cfg->source, plan->names.name[plan->views[k].truth]);
@@ -190,7 +189,7 @@ out:
 static int copy_view(void *arg, int k, int worker SST_UNUSED)
 {
     struct job *job = arg;
-    struct sst_import_plan *plan = job->plan;
+    struct import_plan *plan = job->plan;
     struct sst_view *v = &plan->lf.views[k];
     char path[SST_PATH_MAX], name[300];
     struct sst_image img;
@@ -213,7 +212,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     job->width[k] = img.width;
     job->height[k] = img.height;
     sst_image_fini(&img);
-    sst_sha256_hex(v->sha256, data, size);
+    sha256_hex(v->sha256, data, size);
     sst_view_name(&plan->lf, k, v->file);
     strcat(v->file, data[0] == 0x89 ? ".png" : ".jpg"); /* the first byte tells, after decoding */
     snprintf(name, sizeof(name), "views/%s", v->file);
@@ -230,7 +229,7 @@ out:
 
 static int check_sizes(const struct job *job)
 {
-    const struct sst_import_plan *plan = job->plan;
+    const struct import_plan *plan = job->plan;
     const int ref = plan->lf.ref_view;
 
     for (int k = 0; k < plan->lf.rows * plan->lf.cols; k++) {
@@ -308,7 +307,7 @@ fail:
 
 static int fill(struct job *job)
 {
-    struct sst_import_plan *plan = job->plan;
+    struct import_plan *plan = job->plan;
     const struct sst_import_config *cfg = plan->cfg;
     const int threads = sst_thread_count(cfg->threads), ref = plan->lf.ref_view;
     const char *fault;
@@ -330,7 +329,7 @@ static int fill(struct job *job)
         return err;
     set_range(job);
     set_source(&plan->lf, cfg);
-    fault = sst_lightfield_fault(&plan->lf);
+    fault = lightfield_fault(&plan->lf);
     if (fault) {
         sst_log_error("%s gives a light field that cannot be: %s; correct its names or parameters", cfg->source, fault);
         return -EBADMSG;
@@ -342,10 +341,10 @@ static int fill(struct job *job)
     return err ? err : sst_lightfield_write(&plan->lf, job->out, threads);
 }
 
-static int run(struct sst_import_plan *plan, int (*format)(struct sst_import_plan *), const char *out)
+static int run(struct import_plan *plan, int (*format)(struct import_plan *), const char *out)
 {
     struct job job = { .plan = plan, .out = out };
-    int err = sst_names_read(&plan->names, plan->cfg->source);
+    int err = names_read(&plan->names, plan->cfg->source);
 
     if (!err)
         err = format(plan);
@@ -364,7 +363,7 @@ static int run(struct sst_import_plan *plan, int (*format)(struct sst_import_pla
 int sst_import(const struct sst_import_config *cfg)
 {
     const char *inputs[] = { cfg->source, cfg->disparity_dir, cfg->labels_dir, NULL, NULL };
-    struct sst_import_plan plan = { .cfg = cfg, .spacing = 1, .truth_scale = 1 };
+    struct import_plan plan = { .cfg = cfg, .spacing = 1, .truth_scale = 1 };
     struct sst_outdir out;
     size_t i = 0;
     int err;
@@ -392,7 +391,7 @@ int sst_import(const struct sst_import_config *cfg)
     else
         err = sst_outdir_commit(&out);
     sst_lightfield_fini(&plan.lf);
-    sst_names_fini(&plan.names);
+    names_fini(&plan.names);
     free(plan.views);
     return err;
 }

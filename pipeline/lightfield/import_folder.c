@@ -4,24 +4,24 @@
 #include <strings.h>
 
 #include "base/log.h"
-#include "pipeline/lightfield/import_plan.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 /* rr_cc.ext, whatever the extension says: what is no image is refused when it is decoded. */
 static bool parse_name(const char *name, int *row, int *col)
 {
-    const char *p = sst_parse_index(name, row);
+    const char *p = parse_index(name, row);
 
-    p = p && *p == '_' ? sst_parse_index(p + 1, col) : NULL;
+    p = p && *p == '_' ? parse_index(p + 1, col) : NULL;
     return p && *p == '.' && !strchr(p + 1, '.') && strcasecmp(p, ".pfm");
 }
 
-int sst_plan_folder(struct sst_import_plan *plan)
+int plan_folder(struct import_plan *plan)
 {
     const struct sst_import_config *cfg = plan->cfg;
-    int count = 0, err = sst_plan_set_grid(plan, cfg->rows, cfg->cols);
+    int count = 0, err = plan_set_grid(plan, cfg->rows, cfg->cols);
 
     for (int k = 0; !err && k < cfg->rows * cfg->cols; k++) {
-        struct sst_plan_view *v = &plan->views[k];
+        struct plan_view *v = &plan->views[k];
 
         snprintf(v->expected, sizeof(v->expected), "%02d_%02d.*", k / cfg->cols, k % cfg->cols);
         v->pos_x = k % cfg->cols;
@@ -37,7 +37,7 @@ int sst_plan_folder(struct sst_import_plan *plan)
                           plan->names.name[i], cfg->rows, cfg->cols);
             return -EBADMSG;
         }
-        err = sst_plan_place(plan, row, col, i);
+        err = plan_place(plan, row, col, i);
         count++;
     }
     if (!err && !count) {

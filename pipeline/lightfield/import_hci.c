@@ -10,13 +10,13 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/lightfield/import_plan.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define PREFIX "input_Cam"
 
 struct grid {
-    int rows, cols;           /* of the whole set */
-    int n_row, n_col;         /* of those that are here */
+    int rows, cols;   /* of the whole set */
+    int n_row, n_col; /* of those that are here */
     int row[SST_MAX_VIEWS], col[SST_MAX_VIEWS];
     char *params; /* text of parameters.cfg, or NULL */
     char params_path[SST_PATH_MAX];
@@ -28,20 +28,20 @@ static int index_of(const char *name)
     const char *end;
     int index;
 
-    if (strncmp(name, PREFIX, strlen(PREFIX)) || !sst_name_is_image(name))
+    if (strncmp(name, PREFIX, strlen(PREFIX)) || !name_is_image(name))
         return -1;
-    end = sst_parse_index(name + strlen(PREFIX), &index);
+    end = parse_index(name + strlen(PREFIX), &index);
     return end && *end == '.' ? index : -1;
 }
 
 static int number(const struct grid *g, const char *key, double *value)
 {
-    return g->params ? sst_params_number(g->params, g->params_path, key, value) : 0;
+    return g->params ? params_number(g->params, g->params_path, key, value) : 0;
 }
 
-static int read_params(struct sst_import_plan *plan, struct grid *g)
+static int read_params(struct import_plan *plan, struct grid *g)
 {
-    const int i = sst_names_find(&plan->names, "parameters.cfg");
+    const int i = names_find(&plan->names, "parameters.cfg");
     double rows = 9, cols = 9, focal_mm = 0, sensor_mm = 0;
     uint8_t *text;
     size_t size;
@@ -75,7 +75,7 @@ static int read_params(struct sst_import_plan *plan, struct grid *g)
 }
 
 /* Rows and columns that occur. */
-static int find_lines(struct sst_import_plan *plan, struct grid *g)
+static int find_lines(struct import_plan *plan, struct grid *g)
 {
     bool row_here[SST_MAX_VIEWS] = { false }, col_here[SST_MAX_VIEWS] = { false };
     int n = 0;
@@ -114,23 +114,23 @@ static double median_step(const struct grid *g)
 
     for (int l = 0; l + 1 < n; l++)
         d[l] = line[l + 1] - line[l];
-    return n > 1 ? sst_median(d, n - 1) : 1.0;
+    return n > 1 ? median(d, n - 1) : 1.0;
 }
 
-static int truth_of(const struct sst_import_plan *plan, const struct grid *g, int index)
+static int truth_of(const struct import_plan *plan, const struct grid *g, int index)
 {
     char name[64];
     int i;
 
     snprintf(name, sizeof(name), "gt_disp_lowres_Cam%03d.pfm", index);
-    i = sst_names_find(&plan->names, name);
+    i = names_find(&plan->names, name);
     if (i < 0 && index == g->rows / 2 * g->cols + g->cols / 2)
-        i = sst_names_find(&plan->names, "gt_disp_lowres.pfm");
+        i = names_find(&plan->names, "gt_disp_lowres.pfm");
     return i;
 }
 
 /* Where our own export has noted that a camera is off its place. */
-static int read_offset(const struct grid *g, int index, struct sst_plan_view *v)
+static int read_offset(const struct grid *g, int index, struct plan_view *v)
 {
     char key[32];
     int err;
@@ -143,12 +143,12 @@ static int read_offset(const struct grid *g, int index, struct sst_plan_view *v)
     return err < 0 ? err : 0;
 }
 
-static int place_all(struct sst_import_plan *plan, const struct grid *g)
+static int place_all(struct import_plan *plan, const struct grid *g)
 {
-    int err = sst_plan_set_grid(plan, g->n_row, g->n_col);
+    int err = plan_set_grid(plan, g->n_row, g->n_col);
 
     for (int k = 0; !err && k < g->n_row * g->n_col; k++) {
-        struct sst_plan_view *v = &plan->views[k];
+        struct plan_view *v = &plan->views[k];
         const int row = g->row[k / g->n_col], col = g->col[k % g->n_col], index = row * g->cols + col;
 
         snprintf(v->expected, sizeof(v->expected), PREFIX "%03d.png", index);
@@ -169,12 +169,12 @@ static int place_all(struct sst_import_plan *plan, const struct grid *g)
             row++;
         while (g->col[col] != index % g->cols)
             col++;
-        err = sst_plan_place(plan, row, col, i);
+        err = plan_place(plan, row, col, i);
     }
     return err;
 }
 
-int sst_plan_hci(struct sst_import_plan *plan)
+int plan_hci(struct import_plan *plan)
 {
     struct grid g = { 0 };
     double range[2], spacing_mm;

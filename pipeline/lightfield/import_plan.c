@@ -1,5 +1,5 @@
 #define _GNU_SOURCE
-#include "pipeline/lightfield/import_plan.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #include <ctype.h>
 #include <dirent.h>
@@ -27,9 +27,9 @@ static bool wanted(DIR *d, const char *name)
     return name[0] != '.' && strlen(name) < SST_NAME_MAX && !fstatat(dirfd(d), name, &st, 0) && S_ISREG(st.st_mode);
 }
 
-int sst_names_read(struct sst_names *names, const char *dir)
+int names_read(struct name_list *names, const char *dir)
 {
-    struct sst_names made = { 0 };
+    struct name_list made = { 0 };
     int capacity = 0, err = 0;
     struct dirent *e;
     DIR *d = opendir(dir);
@@ -60,7 +60,7 @@ int sst_names_read(struct sst_names *names, const char *dir)
     if (!err && !made.used)
         err = -ENOMEM;
     if (err) {
-        sst_names_fini(&made);
+        names_fini(&made);
         return err;
     }
     if (made.count)
@@ -69,14 +69,14 @@ int sst_names_read(struct sst_names *names, const char *dir)
     return 0;
 }
 
-void sst_names_fini(struct sst_names *names)
+void names_fini(struct name_list *names)
 {
     free(names->name);
     free(names->used);
-    *names = (struct sst_names){ 0 };
+    *names = (struct name_list){ 0 };
 }
 
-int sst_names_find(const struct sst_names *names, const char *name)
+int names_find(const struct name_list *names, const char *name)
 {
     for (int i = 0; i < names->count; i++) {
         if (!strcmp(names->name[i], name))
@@ -85,14 +85,14 @@ int sst_names_find(const struct sst_names *names, const char *name)
     return -1;
 }
 
-bool sst_name_is_image(const char *name)
+bool name_is_image(const char *name)
 {
     const char *dot = strrchr(name, '.');
 
     return dot && (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
 }
 
-const char *sst_parse_index(const char *s, int *value)
+const char *parse_index(const char *s, int *value)
 {
     int v = 0;
 
@@ -114,7 +114,7 @@ static int compare_ints(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-int sst_distinct(int *v, int n)
+int distinct(int *v, int n)
 {
     int count = 0;
 
@@ -133,13 +133,13 @@ static int compare_doubles(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-double sst_median(double *v, int n)
+double median(double *v, int n)
 {
     qsort(v, (size_t)n, sizeof(*v), compare_doubles);
     return n % 2 ? v[n / 2] : v[n / 2 - 1] + (v[n / 2] - v[n / 2 - 1]) / 2;
 }
 
-int sst_params_number(const char *text, const char *path, const char *key, double *value)
+int params_number(const char *text, const char *path, const char *key, double *value)
 {
     const size_t n = strlen(key);
 
@@ -165,7 +165,7 @@ int sst_params_number(const char *text, const char *path, const char *key, doubl
     return 0;
 }
 
-int sst_plan_set_grid(struct sst_import_plan *plan, int rows, int cols)
+int plan_set_grid(struct import_plan *plan, int rows, int cols)
 {
     const struct sst_import_config *cfg = plan->cfg;
     int err;
@@ -190,9 +190,9 @@ int sst_plan_set_grid(struct sst_import_plan *plan, int rows, int cols)
     return 0;
 }
 
-int sst_plan_place(struct sst_import_plan *plan, int row, int col, int i)
+int plan_place(struct import_plan *plan, int row, int col, int i)
 {
-    struct sst_plan_view *v = &plan->views[row * plan->lf.cols + col];
+    struct plan_view *v = &plan->views[row * plan->lf.cols + col];
 
     if (v->name >= 0) {
         sst_log_error("%s: %s and %s are both row %d, column %d; remove one of them", plan->cfg->source,

@@ -15,10 +15,10 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/lightfield/import_plan.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define POSITION_MAX 1e9 /* in the unit of the names */
-#define MAX_TOKENS 32
+#define MAX_TOKENS   32
 
 struct entry {
     int name, row, col; /* row, col as in the name */
@@ -44,7 +44,7 @@ static bool parse_position(const char *s, double *v)
 
 static bool parse_at(char *const *token, struct entry *e, bool with_point)
 {
-    const char *row_end = sst_parse_index(token[0], &e->row), *col_end = sst_parse_index(token[1], &e->col);
+    const char *row_end = parse_index(token[0], &e->row), *col_end = parse_index(token[1], &e->col);
 
     return row_end && !*row_end && col_end && !*col_end && parse_position(token[2], &e->y) &&
            parse_position(token[3], &e->x) && (!with_point || (strchr(token[2], '.') && strchr(token[3], '.')));
@@ -83,7 +83,7 @@ static int make_lines(struct lines *lines, const struct entry *e, int n, bool ro
         goto out;
     for (int i = 0; i < n; i++)
         numbers[i] = rows ? e[i].row : e[i].col;
-    lines->count = sst_distinct(numbers, n);
+    lines->count = distinct(numbers, n);
     err = -EBADMSG;
     if (lines->count > SST_MAX_VIEWS) {
         sst_log_error("%s has images of %d %s; at most %d views are accepted", source, lines->count,
@@ -98,7 +98,7 @@ static int make_lines(struct lines *lines, const struct entry *e, int n, bool ro
             if ((rows ? e[i].row : e[i].col) == numbers[l])
                 v[m++] = rows ? e[i].y : e[i].x;
         }
-        position = sst_median(v, m);
+        position = median(v, m);
         for (; at > 0 && lines->position[at - 1] > position; at--) {
             lines->position[at] = lines->position[at - 1];
             lines->number[at] = lines->number[at - 1];
@@ -132,22 +132,22 @@ static int line_of(const struct lines *lines, int number)
 
 /* Median distance of neighbours along the columns' axis, or the rows' where there is one column only: the unit of all
  * offsets on both axes, so that a ray has one disparity. */
-static double nominal_spacing(const struct sst_import_plan *plan)
+static double nominal_spacing(const struct import_plan *plan)
 {
     const int rows = plan->lf.rows, cols = plan->lf.cols, step = cols > 1 ? 1 : cols;
     double d[SST_MAX_VIEWS];
     int n = 0;
 
     for (int k = 0; k + step < rows * cols; k++) {
-        const struct sst_plan_view *a = &plan->views[k], *b = &plan->views[k + step];
+        const struct plan_view *a = &plan->views[k], *b = &plan->views[k + step];
 
         if (a->name >= 0 && b->name >= 0 && (cols == 1 || k % cols + 1 < cols))
             d[n++] = cols > 1 ? b->pos_x - a->pos_x : b->pos_y - a->pos_y;
     }
-    return n ? sst_median(d, n) : 1.0;
+    return n ? median(d, n) : 1.0;
 }
 
-static int place_all(struct sst_import_plan *plan, const struct entry *e, int n)
+static int place_all(struct import_plan *plan, const struct entry *e, int n)
 {
     struct lines rows = { 0 }, cols = { 0 };
     int err = make_lines(&rows, e, n, true, plan->cfg->source);
@@ -155,16 +155,16 @@ static int place_all(struct sst_import_plan *plan, const struct entry *e, int n)
     if (!err)
         err = make_lines(&cols, e, n, false, plan->cfg->source);
     if (!err)
-        err = sst_plan_set_grid(plan, rows.count, cols.count);
+        err = plan_set_grid(plan, rows.count, cols.count);
     if (err)
         return err;
     for (int k = 0; k < rows.count * cols.count; k++)
-        snprintf(plan->views[k].expected, sizeof(plan->views[k].expected), "*_%02d_%02d_*",
-                 rows.number[k / cols.count], cols.number[k % cols.count]);
+        snprintf(plan->views[k].expected, sizeof(plan->views[k].expected), "*_%02d_%02d_*", rows.number[k / cols.count],
+                 cols.number[k % cols.count]);
     for (int i = 0; !err && i < n; i++) {
         const int row = line_of(&rows, e[i].row), col = line_of(&cols, e[i].col);
 
-        err = sst_plan_place(plan, row, col, e[i].name);
+        err = plan_place(plan, row, col, e[i].name);
         plan->views[row * cols.count + col].pos_x = e[i].x;
         plan->views[row * cols.count + col].pos_y = e[i].y;
     }
@@ -173,9 +173,9 @@ static int place_all(struct sst_import_plan *plan, const struct entry *e, int n)
 
 /* What the names cannot say, in a file that our own export adds: the nominal spacing, which is not exactly the median
  * of measured ones, whether positions are in millimetres, and the range. */
-static int read_extra(struct sst_import_plan *plan)
+static int read_extra(struct import_plan *plan)
 {
-    const int i = sst_names_find(&plan->names, "positions.cfg");
+    const int i = names_find(&plan->names, "positions.cfg");
     char path[SST_PATH_MAX];
     struct sst_lightfield *lf = &plan->lf;
     const char *t;
@@ -192,30 +192,31 @@ static int read_extra(struct sst_import_plan *plan)
     if (err)
         return err;
     t = (const char *)text;
-    if ((err = sst_params_number(t, path, "spacing", &plan->spacing)) >= 0 &&
-        (err = sst_params_number(t, path, "spacing_mm", &lf->spacing_mm)) >= 0 &&
-        (err = sst_params_number(t, path, "focal_px", &lf->focal_px)) >= 0 &&
-        (err = sst_params_number(t, path, "disp_min", &lf->range_min_px)) >= 0)
-        err = sst_params_number(t, path, "disp_max", &lf->range_max_px);
+    if ((err = params_number(t, path, "spacing", &plan->spacing)) >= 0 &&
+        (err = params_number(t, path, "spacing_mm", &lf->spacing_mm)) >= 0 &&
+        (err = params_number(t, path, "focal_px", &lf->focal_px)) >= 0 &&
+        (err = params_number(t, path, "disp_min", &lf->range_min_px)) >= 0)
+        err = params_number(t, path, "disp_max", &lf->range_max_px);
     free(text);
     return err < 0 ? err : 0;
 }
 
-int sst_plan_stanford(struct sst_import_plan *plan)
+int plan_stanford(struct import_plan *plan)
 {
-    const struct sst_names *names = &plan->names;
+    const struct name_list *names = &plan->names;
     struct entry *e = calloc((size_t)names->count + 1, sizeof(*e));
     int n = 0, err;
 
     if (!e)
         return -ENOMEM;
     for (int i = 0; i < names->count; i++) {
-        if (sst_name_is_image(names->name[i]) && parse_name(names->name[i], &e[n]))
+        if (name_is_image(names->name[i]) && parse_name(names->name[i], &e[n]))
             e[n++].name = i;
     }
     if (!n) {
         sst_log_error("%s has no image named like out_09_12_-822.67_-3293.22_.png (row, column, y, x); is it another "
-                      "format?", plan->cfg->source);
+                      "format?",
+                      plan->cfg->source);
         err = -EBADMSG;
     } else {
         err = place_all(plan, e, n);

@@ -10,13 +10,13 @@
 
 #include "base/log.h"
 #include "pipeline/lightfield/calibrated.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define JSON_MAX_BYTES ((size_t)4 << 20)
 #define FORMAT_NAME    "sst-lightfield"
 #define OFFSET_MAX     1e4 /* spacings; a grid is at most 256 wide */
 
-bool sst_view_file_name_ok(const char *name)
+bool view_file_name_ok(const char *name)
 {
     const size_t n = strlen(name);
 
@@ -46,7 +46,7 @@ static const char *view_fault(const struct sst_lightfield *lf, int k)
         what = "bx or by is outside -10000..10000";
     else if (k == lf->ref_view && (v->bx != 0 || v->by != 0))
         what = "bx and by of the reference view must be 0";
-    else if (!sst_view_file_name_ok(v->file))
+    else if (!view_file_name_ok(v->file))
         what = "file is not a plain file name";
     for (int j = 0; !what && j < k; j++) {
         if (lf->views[j].present && !strcmp(lf->views[j].file, v->file))
@@ -71,7 +71,7 @@ static const char *classes_fault(const struct sst_classes *c)
     return NULL;
 }
 
-const char *sst_lightfield_fault(const struct sst_lightfield *lf)
+const char *lightfield_fault(const struct sst_lightfield *lf)
 {
     struct sst_lightfield copy = *lf;
 
@@ -157,7 +157,7 @@ static json_t *calibration_to_json(const struct sst_lightfield *lf)
     return NULL;
 }
 
-char *sst_lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
+char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
 {
     json_t *root =
         json_pack("{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}",
@@ -466,7 +466,7 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     finish(r);
     if (!r->err && calibration)
         r->err = read_calibration(lf, r->path, calibration);
-    what = r->err ? NULL : sst_lightfield_fault(lf);
+    what = r->err ? NULL : lightfield_fault(lf);
     if (what) {
         sst_log_error("%s: %s; make the light field again", r->path, what);
         r->err = -EBADMSG;
@@ -474,7 +474,7 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     return r->err;
 }
 
-int sst_lightfield_read_json(struct sst_lightfield *lf, const char *path)
+int lightfield_read_json(struct sst_lightfield *lf, const char *path)
 {
     struct reader r = { .path = path, .where = "" };
     struct sst_lightfield made = { 0 };

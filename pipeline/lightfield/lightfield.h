@@ -3,13 +3,13 @@
 #define SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_H
 
 #include "base/file.h"
-#include "pipeline/image/image.h"
 #include "pipeline/image/classes.h"
+#include "pipeline/image/image.h"
 
-#define SST_MAX_VIEWS 256
-#define SST_DISP_NONE 0xFFFFu       /* disparity unknown */
-#define SST_DISP_MAX_Q6 0xFFFEu     /* largest stored value */
-#define SST_DISP_SCALE 64.0         /* steps per pixel */
+#define SST_MAX_VIEWS   256
+#define SST_DISP_NONE   0xFFFFu /* disparity unknown */
+#define SST_DISP_MAX_Q6 0xFFFEu /* largest stored value */
+#define SST_DISP_SCALE  64.0    /* steps per pixel */
 
 struct sst_calib;
 struct sst_rectified;
@@ -19,25 +19,25 @@ struct sst_rectified;
  * pixels per unit spacing.
  */
 struct sst_view {
-    bool present;           /* false: the grid has a hole here; everything below is empty */
-    double bx, by;          /* offset from the reference view in nominal spacings, right and down positive */
-    char file[256];         /* name inside views/, untouched camera bytes */
-    char sha256[65];        /* of that file, lower-case hex */
-    struct sst_image image; /* empty until loaded */
-    struct sst_map_u8 valid; /* 0 where the rectified image is black for want of a place in the raw frame, else 255; made
-                                with the image; empty: there is no such pixel */
-    struct sst_map_u16 disp;       /* 1/64 px above disp_min_px, or SST_DISP_NONE; empty: not computed */
-    struct sst_map_u8 label;       /* refined labels; empty: not computed */
-    struct sst_map_u8 confidence;  /* of the disparity; empty: not computed */
+    bool present;            /* false: the grid has a hole here; everything below is empty */
+    double bx, by;           /* offset from the reference view in nominal spacings, right and down positive */
+    char file[256];          /* name inside views/, untouched camera bytes */
+    char sha256[65];         /* of that file, lower-case hex */
+    struct sst_image image;  /* empty until loaded */
+    struct sst_map_u8 valid; /* 0 where the rectified image is black for want of a place in the raw frame, else 255;
+                                made with the image; empty: there is no such pixel */
+    struct sst_map_u16 disp; /* 1/64 px above disp_min_px, or SST_DISP_NONE; empty: not computed */
+    struct sst_map_u8 label; /* refined labels; empty: not computed */
+    struct sst_map_u8 confidence; /* of the disparity; empty: not computed */
 };
 
 struct sst_lightfield {
     int rows, cols, width, height;
-    int ref_view;        /* row (rows-1)/2, column (cols-1)/2, or the nearest view that is present */
-    double disp_min_px;  /* disparity of stored value 0; may be negative */
+    int ref_view;                      /* row (rows-1)/2, column (cols-1)/2, or the nearest view that is present */
+    double disp_min_px;                /* disparity of stored value 0; may be negative */
     double range_min_px, range_max_px; /* disparities expected in the scene; equal: unknown */
-    double focal_px;     /* 0: unknown */
-    double spacing_mm;   /* nominal spacing; 0: unknown */
+    double focal_px;                   /* 0: unknown */
+    double spacing_mm;                 /* nominal spacing; 0: unknown */
     struct sst_classes classes;
     bool labels_given, disparity_given; /* came with the data: processing keeps them */
     /* With a calibration the views' files are raw frames, which loading rectifies by it; everything else here (sizes,
@@ -47,9 +47,9 @@ struct sst_lightfield {
     char calibration_sha256[65];     /* of the folder's calibration.yaml; empty: not written yet */
     int filter;                      /* sst_filter of the resampling */
     bool images_raw;                 /* the images are raw frames, of the calibration's size: SST_LOAD_RAW */
-    char source[1024];   /* provenance: format and where from */
-    char history[1024];  /* what processing made the derived maps, one line */
-    struct sst_view *views; /* rows * cols */
+    char source[1024];               /* provenance: format and where from */
+    char history[1024];              /* what processing made the derived maps, one line */
+    struct sst_view *views;          /* rows * cols */
 };
 
 /** What to load besides lightfield.json. */
@@ -77,8 +77,8 @@ SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
 
 /**
  * Read a light-field folder. With a calibration, images are rectified as they are loaded (SST_LOAD_RAW: not), the same
- * bytes for any number of threads. What `what` names and the folder lacks stays empty, except images, which must be there.
- * Checks every size, hash-free (see sst_lightfield_verify); decodes on `threads` threads.
+ * bytes for any number of threads. What `what` names and the folder lacks stays empty, except images, which must be
+ * there. Checks every size, hash-free (see sst_lightfield_verify); decodes on `threads` threads.
  *
  * @return 0, -ENOENT, -EBADMSG, -ENOMEM, -EIO; logged.
  */

@@ -9,7 +9,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/import.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 struct job {
     const struct sst_rectify_dir_config *cfg;
@@ -52,7 +52,7 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
     int err = sst_image_decode(&v->image, data, size, from);
 
     if (!err)
-        err = sst_calibration_rectify_view(&job->lf, k);
+        err = calibration_rectify_view(&job->lf, k);
     if (err)
         return err;
     sst_view_name(&job->lf, k, v->file);
@@ -84,7 +84,7 @@ static int take_view(void *arg, int k, int worker)
         err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
     if (err)
         return err;
-    sst_sha256_hex(hash, data, size);
+    sha256_hex(hash, data, size);
     if (strcmp(hash, v->sha256)) {
         sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
         err = -EBADMSG;
@@ -121,7 +121,7 @@ static int prepare(struct job *job)
         return -EINVAL;
     }
     if (use) {
-        sst_calibration_drop(lf);
+        calibration_drop(lf);
         err = sst_lightfield_fit_calibration(lf, use);
         if (!err)
             err = sst_lightfield_calibrate(lf, use);

@@ -1,6 +1,6 @@
 /* A light field as a folder: lightfield.json, views/, and the derived disparity/, labels/ and confidence/. */
 #include "pipeline/lightfield/calibrated.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -40,7 +40,7 @@ struct job {
     char (*hashes)[65];
 };
 
-void sst_sha256_hex(char out[65], const uint8_t *data, size_t size)
+void sha256_hex(char out[65], const uint8_t *data, size_t size)
 {
     SHA2_CTX ctx;
     uint8_t digest[SHA256_DIGEST_LENGTH];
@@ -111,7 +111,7 @@ static int load_image(const struct job *job, int k)
     if (!calib)
         return check_size(job->lf, path, v->image.width, v->image.height);
     err = check_raw_size(calib, path, &v->image);
-    return err || job->what & SST_LOAD_RAW ? err : sst_calibration_rectify_view(job->lf, k);
+    return err || job->what & SST_LOAD_RAW ? err : calibration_rectify_view(job->lf, k);
 }
 
 /* Labels index the class list in every later stage. */
@@ -189,11 +189,11 @@ int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned wha
                                              : "there is no such folder");
         return -ENOENT;
     }
-    err = sst_lightfield_read_json(&made, path);
+    err = lightfield_read_json(&made, path);
     if (err)
         return err;
     if (made.rectified)
-        err = sst_calibration_load(&made, dir);
+        err = calibration_load(&made, dir);
     made.images_raw = made.rectified && what & SST_LOAD_IMAGES && what & SST_LOAD_RAW;
     if (!err)
         err = sst_parallel_for(made.rows * made.cols, sst_thread_count(threads), load_view, &job);
@@ -217,7 +217,7 @@ static int hash_view(const struct job *job, int k, char out[65])
         err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
     if (err)
         return err;
-    sst_sha256_hex(out, data, size);
+    sha256_hex(out, data, size);
     free(data);
     return 0;
 }
@@ -335,7 +335,7 @@ static int write_calibration(char sha256[65], const struct sst_calib *calib, con
         err = sst_file_read(path, SST_VIEW_FILE_MAX, &text, &size);
     if (err)
         return err;
-    sst_sha256_hex(sha256, text, size);
+    sha256_hex(sha256, text, size);
     free(text);
     return 0;
 }
@@ -344,7 +344,7 @@ static int write_calibration(char sha256[65], const struct sst_calib *calib, con
 static int write_files(const struct sst_lightfield *lf, const char *dir, const char *out, int threads)
 {
     struct job job = { .in = lf, .dir = dir };
-    const char *fault = sst_lightfield_fault(lf);
+    const char *fault = lightfield_fault(lf);
     char path[SST_PATH_MAX], *json = NULL;
     int err = sst_path_join(path, out, "lightfield.json");
 
@@ -370,7 +370,7 @@ static int write_files(const struct sst_lightfield *lf, const char *dir, const c
         err = sst_parallel_for(lf->rows * lf->cols, threads, write_view, &job);
     if (err)
         goto out;
-    json = sst_lightfield_to_json(lf, job.hashes);
+    json = lightfield_to_json(lf, job.hashes);
     if (!json)
         goto no_memory;
     err = sst_file_write(path, json, strlen(json));

@@ -1,7 +1,7 @@
 /* pipeline/lightfield/unsure.h - where maps are poor: how many disparities around each ray no other view confirms.
  *
- * Matching gives confidence 0 to disparities that no neighbour has, which are guesses (pipeline/method/disparity). They are
- * one in a thousand where things are large, four to eight in a hundred between leaves.
+ * Matching gives confidence 0 to disparities that no neighbour has, which are guesses (pipeline/method/disparity). They
+ * are one in a thousand where things are large, four to eight in a hundred between leaves.
  */
 #ifndef SST_PIPELINE_LIGHTFIELD_UNSURE_H
 #define SST_PIPELINE_LIGHTFIELD_UNSURE_H

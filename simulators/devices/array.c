@@ -1,5 +1,5 @@
 /* The simulated cameras together: who they are, plugging, edges, the log of the truth. */
-#include "simulators/devices/array.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -9,26 +9,25 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "simulators/devices/camera.h"
 
 #define VIDEO_MAJOR 81
 
-struct sst_sim_array {
-    struct sst_sim_array_config cfg; /* fixed after open, but for `truth` */
+struct sim_array {
+    struct sim_array_config cfg; /* fixed after open, but for `truth` */
     int cameras, scope;
     int64_t opened_ns;
-    struct sst_sim_bus bus;
+    struct sim_bus bus;
     FILE *truth;
-    struct sst_sim_cam *cam; /* [cameras] */
+    struct sim_cam *cam; /* [cameras] */
 };
 
 /* --- identity ----------------------------------------------------------------------------------------------------- */
 
-void sst_sim_identity(const struct sst_sim_usb *usb, int cam, struct sst_sim_identity *out)
+void sim_identity(const struct sst_sim_usb *usb, int cam, struct sim_identity *out)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(usb, sst_sim_usb_camera(usb, cam));
 
-    *out = (struct sst_sim_identity){ .bus = d->bus };
+    *out = (struct sim_identity){ .bus = d->bus };
     (void)snprintf(out->serial, sizeof(out->serial), "%.15s", d->serial);
     (void)snprintf(out->card, sizeof(out->card), "%.31s", sst_sim_usb_product(d));
     (void)snprintf(out->controller, sizeof(out->controller), "%.31s", d->controller);
@@ -38,13 +37,13 @@ void sst_sim_identity(const struct sst_sim_usb *usb, int cam, struct sst_sim_ide
 
 /* --- what cameras ask --------------------------------------------------------------------------------------------- */
 
-double sst_sim_cam_fault(const struct sst_sim_cam *cam, enum sst_sim_cam_fault fault)
+double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault)
 {
-    return sst_sim_fault_value(cam->array->cfg.faults, cam->array->scope, cam->index, (int)fault);
+    return sim_fault_value(cam->array->cfg.faults, cam->array->scope, cam->index, (int)fault);
 }
 
 /* splitmix64 (Steele, Lea, Flood 2014) */
-static uint64_t draw(struct sst_sim_cam *cam)
+static uint64_t draw(struct sim_cam *cam)
 {
     uint64_t z = cam->random += 0x9e3779b97f4a7c15u;
 
@@ -54,48 +53,48 @@ static uint64_t draw(struct sst_sim_cam *cam)
 }
 
 /* In (0, 1). */
-static double uniform(struct sst_sim_cam *cam)
+static double uniform(struct sim_cam *cam)
 {
     return ((double)(draw(cam) >> 12) + 0.5) * 0x1p-52;
 }
 
-bool sst_sim_cam_chance(struct sst_sim_cam *cam, double probability)
+bool sim_cam_chance(struct sim_cam *cam, double probability)
 {
     return probability > 0 && uniform(cam) < probability;
 }
 
 /* Box and Muller 1958 */
-double sst_sim_cam_gauss(struct sst_sim_cam *cam)
+double sim_cam_gauss(struct sim_cam *cam)
 {
     const double radius = sqrt(-2 * log(uniform(cam)));
 
     return radius * cos(2 * 3.14159265358979323846 * uniform(cam));
 }
 
-int64_t sst_sim_array_opened_ns(const struct sst_sim_array *a)
+int64_t sim_array_opened_ns(const struct sim_array *a)
 {
     return a->opened_ns;
 }
 
-const struct sst_sim_bus *sst_sim_array_bus(const struct sst_sim_array *a)
+const struct sim_bus *sim_array_bus(const struct sim_array *a)
 {
     return &a->bus;
 }
 
-int sst_sim_array_body(const struct sst_sim_array *a, int cam)
+int sim_array_body(const struct sim_array *a, int cam)
 {
-    const int body = cam + (int)sst_sim_fault_value(a->cfg.faults, a->scope, cam, SST_SIM_FAULT_SWAP);
+    const int body = cam + (int)sim_fault_value(a->cfg.faults, a->scope, cam, SST_SIM_FAULT_SWAP);
 
     return sst_clamp_int(body, 0, a->cameras - 1);
 }
 
-int sst_sim_cam_body(const struct sst_sim_cam *cam)
+int sim_cam_body(const struct sim_cam *cam)
 {
-    return sst_sim_array_body(cam->array, cam->index);
+    return sim_array_body(cam->array, cam->index);
 }
 
-void sst_sim_array_truth(struct sst_sim_array *a, const struct sst_sim_cam *cam, const struct sst_sim_shot *shot,
-                         int64_t stamp_ns, const char *why)
+void sim_array_truth(struct sim_array *a, const struct sim_cam *cam, const struct sim_shot *shot, int64_t stamp_ns,
+                     const char *why)
 {
     const struct sst_sim_exposure *e = &shot->exposure;
 
@@ -111,7 +110,7 @@ void sst_sim_array_truth(struct sst_sim_array *a, const struct sst_sim_cam *cam,
 
 /* --- plugging ----------------------------------------------------------------------------------------------------- */
 
-static int lowest_free_number(const struct sst_sim_array *a)
+static int lowest_free_number(const struct sim_array *a)
 {
     for (int n = 0;; n++) {
         int i = 0;
@@ -123,24 +122,24 @@ static int lowest_free_number(const struct sst_sim_array *a)
     }
 }
 
-static int appear(struct sst_sim_array *a, struct sst_sim_cam *cam)
+static int appear(struct sim_array *a, struct sim_cam *cam)
 {
     const int number = lowest_free_number(a);
     char path[32];
     int err;
 
     (void)snprintf(path, sizeof(path), "/dev/video%d", number);
-    sst_sim_cam_formats_reset(cam);
-    sst_sim_cam_controls_reset(cam);
-    err = sst_sim_node_add(a->cfg.server, &cam->node, path, VIDEO_MAJOR, (unsigned)number, &sst_sim_cam_ops, cam);
+    sim_cam_formats_reset(cam);
+    sim_cam_controls_reset(cam);
+    err = sim_node_add(a->cfg.server, &cam->node, path, VIDEO_MAJOR, (unsigned)number, &sim_cam_ops, cam);
     if (!err)
         cam->number = number;
     return err;
 }
 
-int sst_sim_array_plug(struct sst_sim_array *a, int index, bool present)
+int sim_array_plug(struct sim_array *a, int index, bool present)
 {
-    struct sst_sim_cam *cam = &a->cam[index];
+    struct sim_cam *cam = &a->cam[index];
     int err = 0;
 
     if (present == (cam->node != NULL))
@@ -148,9 +147,9 @@ int sst_sim_array_plug(struct sst_sim_array *a, int index, bool present)
     if (present) {
         err = appear(a, cam);
     } else {
-        sst_sim_node_remove(a->cfg.server, cam->node);
+        sim_node_remove(a->cfg.server, cam->node);
         cam->node = NULL;
-        sst_sim_cam_queue_free(cam);
+        sim_cam_queue_free(cam);
     }
     if (!err && a->bus.plugged)
         a->bus.plugged(a->bus.arg, index, present, cam->number);
@@ -159,31 +158,31 @@ int sst_sim_array_plug(struct sst_sim_array *a, int index, bool present)
 
 static int fault_changed(void *arg, int instance, int fault, double value)
 {
-    struct sst_sim_array *a = arg;
+    struct sim_array *a = arg;
 
     if (fault == SST_SIM_FAULT_UNPLUG)
-        return sst_sim_array_plug(a, instance, value == 0);
-    sst_sim_cam_fault_set(&a->cam[instance], fault, value);
+        return sim_array_plug(a, instance, value == 0);
+    sim_cam_fault_set(&a->cam[instance], fault, value);
     if (fault == SST_SIM_FAULT_SWAP && a->bus.swapped)
-        a->bus.swapped(a->bus.arg, instance, sst_sim_array_body(a, instance));
+        a->bus.swapped(a->bus.arg, instance, sim_array_body(a, instance));
     return 0;
 }
 
-void sst_sim_array_rung(struct sst_sim_array *a, int cam, enum sst_sim_rung rung)
+void sim_array_rung(struct sim_array *a, int cam, enum sim_rung rung)
 {
-    const double stall = sst_sim_cam_fault(&a->cam[cam], SST_SIM_FAULT_STALL);
+    const double stall = sim_cam_fault(&a->cam[cam], SST_SIM_FAULT_STALL);
 
     if (stall > 0 && (double)rung >= stall)
-        sst_sim_fault_reset(a->cfg.faults, a->scope, cam, SST_SIM_FAULT_STALL);
+        sim_fault_reset(a->cfg.faults, a->scope, cam, SST_SIM_FAULT_STALL);
     if (rung == SST_SIM_RESET)
-        sst_sim_cam_queue_stop(&a->cam[cam], NULL);
+        sim_cam_queue_stop(&a->cam[cam], NULL);
 }
 
 /* --- open, edges, questions --------------------------------------------------------------------------------------- */
 
-int sst_sim_array_open(struct sst_sim_array **out, const struct sst_sim_array_config *cfg)
+int sim_array_open(struct sim_array **out, const struct sim_array_config *cfg)
 {
-    struct sst_sim_array *a = calloc(1, sizeof(*a));
+    struct sim_array *a = calloc(1, sizeof(*a));
     int err = -ENOMEM;
 
     if (!a)
@@ -201,20 +200,20 @@ int sst_sim_array_open(struct sst_sim_array **out, const struct sst_sim_array_co
     }
     if (a->truth)
         setlinebuf(a->truth);
-    a->scope = sst_sim_faults_add(cfg->faults, &(struct sst_sim_fault_scope){
-                                                   .name = "camera",
-                                                   .faults = sst_sim_cam_faults,
-                                                   .count = SST_SIM_FAULTS_OF_CAMERA,
-                                                   .instances = a->cameras,
-                                                   .changed = fault_changed,
-                                                   .arg = a,
-                                               });
+    a->scope = sim_faults_add(cfg->faults, &(struct sim_fault_scope){
+                                               .name = "camera",
+                                               .faults = sim_cam_faults,
+                                               .count = SST_SIM_FAULTS_OF_CAMERA,
+                                               .instances = a->cameras,
+                                               .changed = fault_changed,
+                                               .arg = a,
+                                           });
     err = sst_min_int(a->scope, 0);
     for (int i = 0; !err && i < a->cameras; i++) {
-        struct sst_sim_cam *cam = &a->cam[i];
+        struct sim_cam *cam = &a->cam[i];
 
-        *cam = (struct sst_sim_cam){ .array = a, .server = cfg->server, .world = cfg->world, .index = i };
-        sst_sim_cam_exposure_init(cam);
+        *cam = (struct sim_cam){ .array = a, .server = cfg->server, .world = cfg->world, .index = i };
+        sim_cam_exposure_init(cam);
         err = appear(a, cam);
     }
     if (err)
@@ -223,22 +222,22 @@ int sst_sim_array_open(struct sst_sim_array **out, const struct sst_sim_array_co
     return 0;
 
 fail:
-    sst_sim_array_close(a);
+    sim_array_close(a);
     return err;
 }
 
-void sst_sim_array_close(struct sst_sim_array *a)
+void sim_array_close(struct sim_array *a)
 {
     if (!a)
         return;
-    a->bus = (struct sst_sim_bus){ 0 };
+    a->bus = (struct sim_bus){ 0 };
     for (int i = 0; a->cam && i < a->cameras; i++) {
-        struct sst_sim_cam *cam = &a->cam[i];
+        struct sim_cam *cam = &a->cam[i];
 
         if (cam->node)
-            sst_sim_node_remove(a->cfg.server, cam->node);
+            sim_node_remove(a->cfg.server, cam->node);
         if (cam->array)
-            sst_sim_cam_queue_free(cam);
+            sim_cam_queue_free(cam);
         free(cam->frozen);
     }
     if (a->truth && fclose(a->truth) != 0)
@@ -247,34 +246,34 @@ void sst_sim_array_close(struct sst_sim_array *a)
     free(a);
 }
 
-void sst_sim_array_set_bus(struct sst_sim_array *a, const struct sst_sim_bus *bus)
+void sim_array_set_bus(struct sim_array *a, const struct sim_bus *bus)
 {
     a->bus = *bus;
 }
 
-int sst_sim_array_cameras(const struct sst_sim_array *a)
+int sim_array_cameras(const struct sim_array *a)
 {
     return a->cameras;
 }
 
-const struct sst_sim_usb *sst_sim_array_usb(const struct sst_sim_array *a)
+const struct sst_sim_usb *sim_array_usb(const struct sim_array *a)
 {
     return a->cfg.usb;
 }
 
-int sst_sim_array_node(const struct sst_sim_array *a, int cam)
+int sim_array_node(const struct sim_array *a, int cam)
 {
     return a->cam[cam].node ? a->cam[cam].number : -1;
 }
 
-void sst_sim_array_edge(struct sst_sim_array *a, int first, int count, uint64_t trigger, int64_t t_ns)
+void sim_array_edge(struct sim_array *a, int first, int count, uint64_t trigger, int64_t t_ns)
 {
     for (int i = first; i < first + count && i < a->cameras; i++)
         if (a->cam[i].node)
-            sst_sim_cam_edge(&a->cam[i], trigger, t_ns);
+            sim_cam_edge(&a->cam[i], trigger, t_ns);
 }
 
-uint64_t sst_sim_array_frames(const struct sst_sim_array *a)
+uint64_t sim_array_frames(const struct sim_array *a)
 {
     uint64_t frames = 0;
 
@@ -283,17 +282,17 @@ uint64_t sst_sim_array_frames(const struct sst_sim_array *a)
     return frames;
 }
 
-json_t *sst_sim_array_status(const struct sst_sim_array *a)
+json_t *sim_array_status(const struct sim_array *a)
 {
     json_t *all = json_array();
 
     for (int i = 0; all && i < a->cameras; i++) {
-        const struct sst_sim_cam *cam = &a->cam[i];
-        struct sst_sim_identity identity;
+        const struct sim_cam *cam = &a->cam[i];
+        struct sim_identity identity;
 
-        sst_sim_identity(a->cfg.usb, i, &identity);
+        sim_identity(a->cfg.usb, i, &identity);
         (void)json_array_append_new(
-            all, json_pack("{s:i, s:s, s:s, s:b, s:b, s:I, s:I, s:I, s:I}", "node", sst_sim_array_node(a, i), "serial",
+            all, json_pack("{s:i, s:s, s:s, s:b, s:b, s:I, s:I, s:I, s:I}", "node", sim_array_node(a, i), "serial",
                            identity.serial, "port", identity.port, "streaming", cam->queue.streaming, "triggered",
                            cam->control[SST_SIM_CONTROL_TRIGGER], "exposures", (json_int_t)cam->counters.exposures,
                            "frames", (json_int_t)cam->counters.frames, "lost", (json_int_t)cam->counters.lost,

@@ -1,7 +1,7 @@
 /* What can go wrong with a camera. */
-#include "simulators/devices/camera.h"
+#include "simulators/devices/devices_internal.h"
 
-const struct sst_sim_fault sst_sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA] = {
+const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA] = {
     [SST_SIM_FAULT_UNPLUG] = { "unplug", 0, 1, "1: away, 0: back, perhaps as another /dev/videoN" },
     [SST_SIM_FAULT_EIO] = { "eio", 0, 1, "share of DQBUF calls that fail with EIO; the frame stays for the next call" },
     [SST_SIM_FAULT_ERROR_FLAG] = { "error_flag", 0, 1, "share of frames with V4L2_BUF_FLAG_ERROR" },

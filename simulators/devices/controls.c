@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "simulators/devices/camera.h"
+#include "simulators/devices/devices_internal.h"
 
-#define CLASS_OF(id) ((id)&0x0fff0000u)
+#define CLASS_OF(id)     ((id)&0x0fff0000u)
 #define CID_TRIGGER_MODE (V4L2_CID_CAMERA_CLASS_BASE + 0x1000)
 
 static const char *const line_menu[] = { "Disabled", "50 Hz", "60 Hz", "Auto" };
@@ -13,17 +13,17 @@ static const char *const exposure_menu[] = { NULL, "Manual Mode", NULL, "Apertur
 static const char *const trigger_menu[] = { "Free Run", "External Edge" };
 
 /* By rising id; camera.h names the places of some. */
-static const struct sst_sim_control_def defs[] = {
+static const struct sim_control_def defs[] = {
     { V4L2_CID_USER_CLASS, V4L2_CTRL_TYPE_CTRL_CLASS, "User Controls", 0, 0, 0, 0, NULL },
     { V4L2_CID_BRIGHTNESS, V4L2_CTRL_TYPE_INTEGER, "Brightness", -64, 64, 1, 0, NULL },
     { V4L2_CID_CONTRAST, V4L2_CTRL_TYPE_INTEGER, "Contrast", 0, 64, 1, 32, NULL },
     { V4L2_CID_SATURATION, V4L2_CTRL_TYPE_INTEGER, "Saturation", 0, 128, 1, 64, NULL },
-    [SST_SIM_CONTROL_AUTO_WHITE] = { V4L2_CID_AUTO_WHITE_BALANCE, V4L2_CTRL_TYPE_BOOLEAN, "White Balance, Automatic",
-                                     0, 1, 1, 1, NULL },
+    [SST_SIM_CONTROL_AUTO_WHITE] = { V4L2_CID_AUTO_WHITE_BALANCE, V4L2_CTRL_TYPE_BOOLEAN, "White Balance, Automatic", 0,
+                                     1, 1, 1, NULL },
     [SST_SIM_CONTROL_GAIN] = { V4L2_CID_GAIN, V4L2_CTRL_TYPE_INTEGER, "Gain", 10, 400, 1, 100, NULL },
     { V4L2_CID_POWER_LINE_FREQUENCY, V4L2_CTRL_TYPE_MENU, "Power Line Frequency", 0, 3, 1, 1, line_menu },
-    [SST_SIM_CONTROL_WHITE] = { V4L2_CID_WHITE_BALANCE_TEMPERATURE, V4L2_CTRL_TYPE_INTEGER,
-                                "White Balance Temperature", 2800, 6500, 10, 4600, NULL },
+    [SST_SIM_CONTROL_WHITE] = { V4L2_CID_WHITE_BALANCE_TEMPERATURE, V4L2_CTRL_TYPE_INTEGER, "White Balance Temperature",
+                                2800, 6500, 10, 4600, NULL },
     { V4L2_CID_CAMERA_CLASS, V4L2_CTRL_TYPE_CTRL_CLASS, "Camera Controls", 0, 0, 0, 0, NULL },
     [SST_SIM_CONTROL_AUTO_EXPOSURE] = { V4L2_CID_EXPOSURE_AUTO, V4L2_CTRL_TYPE_MENU, "Auto Exposure", 0, 3, 1, 3,
                                         exposure_menu },
@@ -34,13 +34,13 @@ static const struct sst_sim_control_def defs[] = {
 #define COUNT ((int)ARRAY_LEN(defs))
 _Static_assert(ARRAY_LEN(defs) <= SST_SIM_CAM_CONTROLS, "room for the controls");
 
-void sst_sim_cam_controls_reset(struct sst_sim_cam *cam)
+void sim_cam_controls_reset(struct sim_cam *cam)
 {
     for (int i = 0; i < COUNT; i++)
         cam->control[i] = defs[i].value;
 }
 
-int sst_sim_cam_control_find(uint32_t id)
+int sim_cam_control_find(uint32_t id)
 {
     for (int i = 0; i < COUNT; i++)
         if (defs[i].id == id)
@@ -49,7 +49,7 @@ int sst_sim_cam_control_find(uint32_t id)
 }
 
 /* An automatic puts the value that it sets out of the user's hands. */
-static uint32_t flags_of(const struct sst_sim_cam *cam, int i)
+static uint32_t flags_of(const struct sim_cam *cam, int i)
 {
     if (defs[i].type == V4L2_CTRL_TYPE_CTRL_CLASS)
         return V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_WRITE_ONLY;
@@ -59,15 +59,20 @@ static uint32_t flags_of(const struct sst_sim_cam *cam, int i)
     return i == SST_SIM_CONTROL_AUTO_WHITE || i == SST_SIM_CONTROL_AUTO_EXPOSURE ? V4L2_CTRL_FLAG_UPDATE : 0;
 }
 
-void sst_sim_cam_control_state(const struct sst_sim_cam *cam, int control, uint32_t changes, struct v4l2_event *out)
+void sim_cam_control_state(const struct sim_cam *cam, int control, uint32_t changes, struct v4l2_event *out)
 {
-    const struct sst_sim_control_def *d = &defs[control];
+    const struct sim_control_def *d = &defs[control];
 
     out->type = V4L2_EVENT_CTRL;
     out->id = d->id;
-    out->u.ctrl = (struct v4l2_event_ctrl){ .changes = changes, .type = d->type, .value = cam->control[control],
-                                            .flags = flags_of(cam, control), .minimum = d->min, .maximum = d->max,
-                                            .step = d->step, .default_value = d->value };
+    out->u.ctrl = (struct v4l2_event_ctrl){ .changes = changes,
+                                            .type = d->type,
+                                            .value = cam->control[control],
+                                            .flags = flags_of(cam, control),
+                                            .minimum = d->min,
+                                            .maximum = d->max,
+                                            .step = d->step,
+                                            .default_value = d->value };
 }
 
 /* --- queries ------------------------------------------------------------------------------------------------------ */
@@ -78,7 +83,7 @@ static int find_query(uint32_t id)
     const uint32_t next = V4L2_CTRL_FLAG_NEXT_CTRL | V4L2_CTRL_FLAG_NEXT_COMPOUND;
 
     if (!(id & next))
-        return sst_sim_cam_control_find(id);
+        return sim_cam_control_find(id);
     if (!(id & V4L2_CTRL_FLAG_NEXT_CTRL))
         return -1; /* there are no compound ones */
     for (int i = 0; i < COUNT; i++)
@@ -87,15 +92,19 @@ static int find_query(uint32_t id)
     return -1;
 }
 
-static int query(const struct sst_sim_cam *cam, struct v4l2_query_ext_ctrl *q)
+static int query(const struct sim_cam *cam, struct v4l2_query_ext_ctrl *q)
 {
     const int i = find_query(q->id);
-    const struct sst_sim_control_def *d = &defs[i < 0 ? 0 : i];
+    const struct sim_control_def *d = &defs[i < 0 ? 0 : i];
 
     if (i < 0)
         return -EINVAL;
-    *q = (struct v4l2_query_ext_ctrl){ .id = d->id, .type = d->type, .minimum = d->min, .maximum = d->max,
-                                       .step = (uint64_t)d->step, .default_value = d->value,
+    *q = (struct v4l2_query_ext_ctrl){ .id = d->id,
+                                       .type = d->type,
+                                       .minimum = d->min,
+                                       .maximum = d->max,
+                                       .step = (uint64_t)d->step,
+                                       .default_value = d->value,
                                        .flags = flags_of(cam, i) };
     (void)snprintf(q->name, sizeof(q->name), "%s", d->name);
     if (d->type != V4L2_CTRL_TYPE_CTRL_CLASS) {
@@ -105,22 +114,26 @@ static int query(const struct sst_sim_cam *cam, struct v4l2_query_ext_ctrl *q)
     return 0;
 }
 
-static int query_short(const struct sst_sim_cam *cam, struct v4l2_queryctrl *q)
+static int query_short(const struct sim_cam *cam, struct v4l2_queryctrl *q)
 {
     struct v4l2_query_ext_ctrl e = { .id = q->id };
 
     if (query(cam, &e))
         return -EINVAL;
-    *q = (struct v4l2_queryctrl){ .id = e.id, .type = e.type, .minimum = (int32_t)e.minimum,
-                                  .maximum = (int32_t)e.maximum, .step = (int32_t)e.step,
-                                  .default_value = (int32_t)e.default_value, .flags = e.flags };
+    *q = (struct v4l2_queryctrl){ .id = e.id,
+                                  .type = e.type,
+                                  .minimum = (int32_t)e.minimum,
+                                  .maximum = (int32_t)e.maximum,
+                                  .step = (int32_t)e.step,
+                                  .default_value = (int32_t)e.default_value,
+                                  .flags = e.flags };
     memcpy(q->name, e.name, sizeof(q->name));
     return 0;
 }
 
 static int query_menu(struct v4l2_querymenu *q)
 {
-    const int i = sst_sim_cam_control_find(q->id);
+    const int i = sim_cam_control_find(q->id);
 
     if (i < 0 || !defs[i].menu || q->index > (uint32_t)defs[i].max || !defs[i].menu[q->index])
         return -EINVAL;
@@ -132,7 +145,7 @@ static int query_menu(struct v4l2_querymenu *q)
 /* --- values ------------------------------------------------------------------------------------------------------- */
 
 /* Bring a value into the control's range, as the kernel does. @return 0, -ERANGE or -EINVAL (menus) */
-static int fit(const struct sst_sim_control_def *d, int32_t *value)
+static int fit(const struct sim_control_def *d, int32_t *value)
 {
     if (d->type == V4L2_CTRL_TYPE_BOOLEAN) {
         *value = *value != 0;
@@ -150,27 +163,27 @@ static int fit(const struct sst_sim_control_def *d, int32_t *value)
 }
 
 /* The value fits. */
-static void apply(struct sst_sim_cam *cam, const struct sst_sim_open *by, int i, int32_t value)
+static void apply(struct sim_cam *cam, const struct sim_open *by, int i, int32_t value)
 {
     int other = -1;
 
-    if (cam->control[i] == value || sst_sim_cam_fault(cam, SST_SIM_FAULT_CONTROL_STUCK) > 0)
+    if (cam->control[i] == value || sim_cam_fault(cam, SST_SIM_FAULT_CONTROL_STUCK) > 0)
         return;
     cam->control[i] = value;
-    sst_sim_cam_control_event(cam, by, i, V4L2_EVENT_CTRL_CH_VALUE);
+    sim_cam_control_event(cam, by, i, V4L2_EVENT_CTRL_CH_VALUE);
     if (i == SST_SIM_CONTROL_AUTO_WHITE)
         other = SST_SIM_CONTROL_WHITE;
     if (i == SST_SIM_CONTROL_AUTO_EXPOSURE)
         other = SST_SIM_CONTROL_EXPOSURE;
     if (other >= 0)
-        sst_sim_cam_control_event(cam, NULL, other, V4L2_EVENT_CTRL_CH_FLAGS);
+        sim_cam_control_event(cam, NULL, other, V4L2_EVENT_CTRL_CH_FLAGS);
     if (i == SST_SIM_CONTROL_TRIGGER)
-        sst_sim_cam_retime(cam);
+        sim_cam_retime(cam);
 }
 
-static int get_short(const struct sst_sim_cam *cam, struct v4l2_control *c)
+static int get_short(const struct sim_cam *cam, struct v4l2_control *c)
 {
-    const int i = sst_sim_cam_control_find(c->id);
+    const int i = sim_cam_control_find(c->id);
 
     if (i < 0)
         return -EINVAL;
@@ -180,9 +193,9 @@ static int get_short(const struct sst_sim_cam *cam, struct v4l2_control *c)
     return 0;
 }
 
-static int set_short(struct sst_sim_cam *cam, const struct sst_sim_open *by, struct v4l2_control *c)
+static int set_short(struct sim_cam *cam, const struct sim_open *by, struct v4l2_control *c)
 {
-    const int i = sst_sim_cam_control_find(c->id);
+    const int i = sim_cam_control_find(c->id);
     int err;
 
     if (i < 0)
@@ -200,7 +213,7 @@ static int set_short(struct sst_sim_cam *cam, const struct sst_sim_open *by, str
 /* Place of a control that check_ids() found. */
 static int place_of(const struct v4l2_ext_control *c)
 {
-    return sst_max_int(sst_sim_cam_control_find(c->id), 0);
+    return sst_max_int(sim_cam_control_find(c->id), 0);
 }
 
 static bool get_only(uint32_t which)
@@ -214,14 +227,14 @@ static int check_ids(const struct v4l2_ext_controls *c, const struct v4l2_ext_co
     const bool classed = c->which != V4L2_CTRL_WHICH_CUR_VAL && !get_only(c->which);
 
     if (!c->count)
-        return classed && sst_sim_cam_control_find(c->which | 1) < 0 ? -EINVAL : 0;
+        return classed && sim_cam_control_find(c->which | 1) < 0 ? -EINVAL : 0;
     for (*bad = 0; *bad < c->count; ++*bad)
-        if (sst_sim_cam_control_find(list[*bad].id) < 0 || (classed && CLASS_OF(list[*bad].id) != c->which))
+        if (sim_cam_control_find(list[*bad].id) < 0 || (classed && CLASS_OF(list[*bad].id) != c->which))
             return -EINVAL;
     return 0;
 }
 
-static int get_several(const struct sst_sim_cam *cam, struct v4l2_ext_controls *c, struct v4l2_ext_control *list)
+static int get_several(const struct sim_cam *cam, struct v4l2_ext_controls *c, struct v4l2_ext_control *list)
 {
     uint32_t bad;
     const int err = check_ids(c, list, &bad);
@@ -241,7 +254,7 @@ static int get_several(const struct sst_sim_cam *cam, struct v4l2_ext_controls *
 }
 
 /* All are checked before one is set. error_idx names the bad one, for S_EXT_CTRLS only that none was set. */
-static int set_several(struct sst_sim_cam *cam, const struct sst_sim_open *by, struct v4l2_ext_controls *c,
+static int set_several(struct sim_cam *cam, const struct sim_open *by, struct v4l2_ext_controls *c,
                        struct v4l2_ext_control *list, bool set)
 {
     uint32_t bad = c->count;
@@ -261,7 +274,7 @@ static int set_several(struct sst_sim_cam *cam, const struct sst_sim_open *by, s
     return err;
 }
 
-static int several(struct sst_sim_cam *cam, const struct sst_sim_open *by, struct sst_sim_request *r)
+static int several(struct sim_cam *cam, const struct sim_open *by, struct sim_request *r)
 {
     struct v4l2_ext_controls *c = (struct v4l2_ext_controls *)r->data;
     struct v4l2_ext_control *list = (struct v4l2_ext_control *)(r->data + sizeof(*c));
@@ -280,21 +293,33 @@ static int several(struct sst_sim_cam *cam, const struct sst_sim_open *by, struc
     return set_several(cam, by, c, list, r->call.cmd == VIDIOC_S_EXT_CTRLS);
 }
 
-int sst_sim_cam_controls_ioctl(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+int sim_cam_controls_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r)
 {
     void *a = r->data;
     int err;
 
     switch (r->call.cmd) {
-    case VIDIOC_QUERYCTRL: err = query_short(cam, a); break;
-    case VIDIOC_QUERY_EXT_CTRL: err = query(cam, a); break;
-    case VIDIOC_QUERYMENU: err = query_menu(a); break;
-    case VIDIOC_G_CTRL: err = get_short(cam, a); break;
-    case VIDIOC_S_CTRL: err = set_short(cam, o, a); break;
+    case VIDIOC_QUERYCTRL:
+        err = query_short(cam, a);
+        break;
+    case VIDIOC_QUERY_EXT_CTRL:
+        err = query(cam, a);
+        break;
+    case VIDIOC_QUERYMENU:
+        err = query_menu(a);
+        break;
+    case VIDIOC_G_CTRL:
+        err = get_short(cam, a);
+        break;
+    case VIDIOC_S_CTRL:
+        err = set_short(cam, o, a);
+        break;
     case VIDIOC_G_EXT_CTRLS:
     case VIDIOC_S_EXT_CTRLS:
-    case VIDIOC_TRY_EXT_CTRLS: return several(cam, o, r);
-    default: return -ENOTTY;
+    case VIDIOC_TRY_EXT_CTRLS:
+        return several(cam, o, r);
+    default:
+        return -ENOTTY;
     }
     if (!err)
         r->out_bytes = _IOC_SIZE(r->call.cmd);

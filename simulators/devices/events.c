@@ -3,9 +3,9 @@
 #include <string.h>
 #include <time.h>
 
-#include "simulators/devices/camera.h"
+#include "simulators/devices/devices_internal.h"
 
-static int find_subscription(const struct sst_sim_open *o, uint32_t id)
+static int find_subscription(const struct sim_open *o, uint32_t id)
 {
     for (int i = 0; i < o->subscriptions; i++)
         if (o->subscribed[i].id == id)
@@ -13,14 +13,14 @@ static int find_subscription(const struct sst_sim_open *o, uint32_t id)
     return -1;
 }
 
-static void forget_event(struct sst_sim_open *o, int i)
+static void forget_event(struct sim_open *o, int i)
 {
     o->events--;
     memmove(&o->event[i], &o->event[i + 1], (size_t)(o->events - i) * sizeof(o->event[0]));
 }
 
 /* Hand the oldest event out. */
-static void take(struct sst_sim_open *o, struct sst_sim_request *r)
+static void take(struct sim_open *o, struct sim_request *r)
 {
     struct v4l2_event *out = (struct v4l2_event *)r->data;
 
@@ -32,12 +32,12 @@ static void take(struct sst_sim_open *o, struct sst_sim_request *r)
         r->out_flags |= SST_SIM_TAKE_URGENT;
 }
 
-static void put(struct sst_sim_open *o, int control, uint32_t changes)
+static void put(struct sim_open *o, int control, uint32_t changes)
 {
     struct v4l2_event e = { .sequence = o->event_sequence++ };
-    struct sst_sim_request *waiter = o->event_waiter;
+    struct sim_request *waiter = o->event_waiter;
 
-    sst_sim_cam_control_state(o->cam, control, changes, &e);
+    sim_cam_control_state(o->cam, control, changes, &e);
     (void)clock_gettime(CLOCK_MONOTONIC, &e.timestamp);
     /* One event of each control waits; a newer one takes over what the older one had to tell. */
     for (int i = 0; i < o->events; i++)
@@ -52,16 +52,16 @@ static void put(struct sst_sim_open *o, int control, uint32_t changes)
         take(o, waiter);
         sst_sim_answer(o->cam->server, waiter, 0);
     } else {
-        sst_sim_handle_urgent(o->handle);
+        sim_handle_urgent(o->handle);
     }
 }
 
-void sst_sim_cam_control_event(struct sst_sim_cam *cam, const struct sst_sim_open *by, int control, uint32_t changes)
+void sim_cam_control_event(struct sim_cam *cam, const struct sim_open *by, int control, uint32_t changes)
 {
     struct v4l2_event e = { 0 };
 
-    sst_sim_cam_control_state(cam, control, changes, &e);
-    for (struct sst_sim_open *o = cam->opens; o; o = o->next) {
+    sim_cam_control_state(cam, control, changes, &e);
+    for (struct sim_open *o = cam->opens; o; o = o->next) {
         const int i = find_subscription(o, e.id);
 
         if (i >= 0 && (o != by || (o->subscribed[i].flags & V4L2_EVENT_SUB_FL_ALLOW_FEEDBACK)))
@@ -69,9 +69,9 @@ void sst_sim_cam_control_event(struct sst_sim_cam *cam, const struct sst_sim_ope
     }
 }
 
-int sst_sim_cam_subscribe(struct sst_sim_open *o, const struct v4l2_event_subscription *s)
+int sim_cam_subscribe(struct sim_open *o, const struct v4l2_event_subscription *s)
 {
-    const int control = s->type == V4L2_EVENT_CTRL ? sst_sim_cam_control_find(s->id) : -1;
+    const int control = s->type == V4L2_EVENT_CTRL ? sim_cam_control_find(s->id) : -1;
 
     if (control < 0)
         return -EINVAL;
@@ -79,13 +79,12 @@ int sst_sim_cam_subscribe(struct sst_sim_open *o, const struct v4l2_event_subscr
         return 0;
     o->subscribed[o->subscriptions++] = *s; /* one for each control at most: there is room */
     /* The heading of a class has no state to tell. */
-    if ((s->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL) &&
-        sst_sim_cam_control_find(V4L2_CTRL_ID2WHICH(s->id) | 1) != control)
+    if ((s->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL) && sim_cam_control_find(V4L2_CTRL_ID2WHICH(s->id) | 1) != control)
         put(o, control, V4L2_EVENT_CTRL_CH_FLAGS | V4L2_EVENT_CTRL_CH_VALUE);
     return 0;
 }
 
-int sst_sim_cam_unsubscribe(struct sst_sim_open *o, const struct v4l2_event_subscription *s, struct sst_sim_request *r)
+int sim_cam_unsubscribe(struct sim_open *o, const struct v4l2_event_subscription *s, struct sim_request *r)
 {
     const bool all = s->type == V4L2_EVENT_ALL;
 
@@ -101,7 +100,7 @@ int sst_sim_cam_unsubscribe(struct sst_sim_open *o, const struct v4l2_event_subs
     return 0;
 }
 
-int sst_sim_cam_dequeue_event(struct sst_sim_open *o, struct sst_sim_request *r)
+int sim_cam_dequeue_event(struct sim_open *o, struct sim_request *r)
 {
     if (o->events) {
         take(o, r);

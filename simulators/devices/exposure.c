@@ -7,7 +7,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "simulators/devices/camera.h"
+#include "simulators/devices/devices_internal.h"
 
 #define MS     1000000LL
 #define SECOND 1000000000LL
@@ -20,31 +20,31 @@
 static void deliver(void *arg);
 static void free_run(void *arg);
 
-void sst_sim_cam_exposure_init(struct sst_sim_cam *cam)
+void sim_cam_exposure_init(struct sim_cam *cam)
 {
     cam->random = sst_sim_world_seed(cam->world) * 0x9e3779b97f4a7c15u + (uint64_t)cam->index + 1;
-    cam->free_run_timer = (struct sst_sim_timer){ .fire = free_run, .arg = cam };
+    cam->free_run_timer = (struct sim_timer){ .fire = free_run, .arg = cam };
     for (int i = 0; i < SST_SIM_CAM_SHOTS; i++) {
         cam->shot[i].cam = cam;
-        cam->shot[i].timer = (struct sst_sim_timer){ .fire = deliver, .arg = &cam->shot[i] };
+        cam->shot[i].timer = (struct sim_timer){ .fire = deliver, .arg = &cam->shot[i] };
     }
 }
 
 /* --- exposures ---------------------------------------------------------------------------------------------------- */
 
-static const struct sst_sim_timing *timing_of(const struct sst_sim_cam *cam)
+static const struct sst_sim_timing *timing_of(const struct sim_cam *cam)
 {
-    return sst_sim_world_timing(cam->world, sst_sim_cam_body(cam));
+    return sst_sim_world_timing(cam->world, sim_cam_body(cam));
 }
 
-static int exposure_us(const struct sst_sim_cam *cam)
+static int exposure_us(const struct sim_cam *cam)
 {
     const bool manual = cam->control[SST_SIM_CONTROL_AUTO_EXPOSURE] == V4L2_EXPOSURE_MANUAL;
 
     return manual ? 100 * cam->control[SST_SIM_CONTROL_EXPOSURE] : sst_sim_world_exposure_us(cam->world);
 }
 
-static struct sst_sim_shot *free_shot(struct sst_sim_cam *cam)
+static struct sim_shot *free_shot(struct sim_cam *cam)
 {
     for (int i = 0; i < SST_SIM_CAM_SHOTS; i++)
         if (!cam->shot[i].timer.slot)
@@ -53,16 +53,16 @@ static struct sst_sim_shot *free_shot(struct sst_sim_cam *cam)
 }
 
 /* The sensor exposes at `start`. The sequence counts every frame that it makes. */
-static void expose(struct sst_sim_cam *cam, uint64_t trigger, int64_t start_ns)
+static void expose(struct sim_cam *cam, uint64_t trigger, int64_t start_ns)
 {
-    struct sst_sim_shot lost = { .cam = cam }, *shot = free_shot(cam);
-    const double late_ms = sst_sim_cam_fault(cam, SST_SIM_FAULT_LATE_MS);
-    const double late_p = sst_sim_cam_fault(cam, SST_SIM_FAULT_LATE_P);
-    const struct sst_sim_bus *bus = sst_sim_array_bus(cam->array);
-    struct sst_sim_shot *s = shot ? shot : &lost;
+    struct sim_shot lost = { .cam = cam }, *shot = free_shot(cam);
+    const double late_ms = sim_cam_fault(cam, SST_SIM_FAULT_LATE_MS);
+    const double late_p = sim_cam_fault(cam, SST_SIM_FAULT_LATE_P);
+    const struct sim_bus *bus = sim_array_bus(cam->array);
+    struct sim_shot *s = shot ? shot : &lost;
     int64_t due;
 
-    s->exposure = (struct sst_sim_exposure){ .cam = sst_sim_cam_body(cam),
+    s->exposure = (struct sst_sim_exposure){ .cam = sim_cam_body(cam),
                                              .trigger = trigger,
                                              .t_ns = start_ns,
                                              .exposure_us = exposure_us(cam),
@@ -73,42 +73,41 @@ static void expose(struct sst_sim_cam *cam, uint64_t trigger, int64_t start_ns)
     cam->counters.exposures++;
     cam->busy_until_ns = start_ns + s->exposure.exposure_us * 1000LL + READOUT_NS;
     due = start_ns + s->exposure.exposure_us * 1000LL + timing_of(cam)->latency_ns;
-    if (late_ms > 0 && (late_p == 0 || sst_sim_cam_chance(cam, late_p)))
+    if (late_ms > 0 && (late_p == 0 || sim_cam_chance(cam, late_p)))
         due += (int64_t)(late_ms * MS);
-    if (!shot || sst_sim_timer_set(cam->server, &s->timer, due)) {
+    if (!shot || sim_timer_set(cam->server, &s->timer, due)) {
         cam->counters.lost++;
-        sst_sim_array_truth(cam->array, cam, s, 0, "too many frames on the way");
+        sim_array_truth(cam->array, cam, s, 0, "too many frames on the way");
     }
 }
 
-void sst_sim_cam_edge(struct sst_sim_cam *cam, uint64_t trigger, int64_t t_ns)
+void sim_cam_edge(struct sim_cam *cam, uint64_t trigger, int64_t t_ns)
 {
     const struct sst_sim_timing *t = timing_of(cam);
-    const struct sst_sim_shot ignored = { .cam = cam,
-                                          .exposure = { .cam = sst_sim_cam_body(cam), .trigger = trigger } };
+    const struct sim_shot ignored = { .cam = cam, .exposure = { .cam = sim_cam_body(cam), .trigger = trigger } };
     int64_t start;
 
     if (!cam->queue.streaming || !cam->control[SST_SIM_CONTROL_TRIGGER])
         return;
-    start = t_ns + t->delay_ns + (int64_t)(sst_sim_cam_gauss(cam) * (double)t->jitter_ns);
+    start = t_ns + t->delay_ns + (int64_t)(sim_cam_gauss(cam) * (double)t->jitter_ns);
     if (start < t_ns)
         start = t_ns; /* never before its cause */
     if (start < cam->busy_until_ns) {
         cam->counters.overtrigger++;
-        sst_sim_array_truth(cam->array, cam, &ignored, 0, "still exposing or reading out");
+        sim_array_truth(cam->array, cam, &ignored, 0, "still exposing or reading out");
         return;
     }
     expose(cam, trigger, start);
 }
 
-static int64_t period_ns(const struct sst_sim_cam *cam)
+static int64_t period_ns(const struct sim_cam *cam)
 {
     return SECOND * cam->interval.numerator / cam->interval.denominator;
 }
 
-static void beat_at(struct sst_sim_cam *cam, int64_t due_ns)
+static void beat_at(struct sim_cam *cam, int64_t due_ns)
 {
-    if (sst_sim_timer_set(cam->server, &cam->free_run_timer, due_ns))
+    if (sim_timer_set(cam->server, &cam->free_run_timer, due_ns))
         sst_log_error("camera %d: no memory for its next beat; it stands still until the stream is started again",
                       cam->index);
 }
@@ -116,7 +115,7 @@ static void beat_at(struct sst_sim_cam *cam, int64_t due_ns)
 /* The sensor's own beat, without drift of the timer; a simulator that was stopped for long does not catch up. */
 static void free_run(void *arg)
 {
-    struct sst_sim_cam *cam = arg;
+    struct sim_cam *cam = arg;
     const int64_t period = period_ns(cam), now = sst_clock_now_ns();
     int64_t due = cam->free_run_start_ns + (int64_t)cam->free_run * period;
 
@@ -131,12 +130,12 @@ static void free_run(void *arg)
     beat_at(cam, due);
 }
 
-int sst_sim_cam_start(struct sst_sim_cam *cam)
+int sim_cam_start(struct sim_cam *cam)
 {
-    const struct sst_sim_bus *bus = sst_sim_array_bus(cam->array);
+    const struct sim_bus *bus = sim_array_bus(cam->array);
     int err = 0;
 
-    if (sst_sim_cam_fault(cam, SST_SIM_FAULT_NOSPACE) > 0)
+    if (sim_cam_fault(cam, SST_SIM_FAULT_NOSPACE) > 0)
         return -ENOSPC;
     if (bus->reserve)
         err = bus->reserve(bus->arg, cam->index, cam->format.pixelformat, (int)cam->format.width,
@@ -144,37 +143,37 @@ int sst_sim_cam_start(struct sst_sim_cam *cam)
     if (err)
         return err;
     cam->reserved = true;
-    cam->sequence = sst_sim_cam_fault(cam, SST_SIM_FAULT_SEQUENCE_WRAP) > 0 ? (uint32_t)-8 : 0;
+    cam->sequence = sim_cam_fault(cam, SST_SIM_FAULT_SEQUENCE_WRAP) > 0 ? (uint32_t)-8 : 0;
     cam->busy_until_ns = 0;
     cam->free_run = 0;
-    sst_sim_cam_retime(cam);
+    sim_cam_retime(cam);
     return 0;
 }
 
-void sst_sim_cam_retime(struct sst_sim_cam *cam)
+void sim_cam_retime(struct sim_cam *cam)
 {
     const int64_t period = period_ns(cam), now = sst_clock_now_ns();
     int64_t phase;
 
-    sst_sim_timer_stop(cam->server, &cam->free_run_timer);
+    sim_timer_stop(cam->server, &cam->free_run_timer);
     if (!cam->queue.streaming || cam->control[SST_SIM_CONTROL_TRIGGER])
         return;
     /* Beats lie at phase + n * period since the world began: cameras of one rate keep their places to each other. */
-    phase = sst_sim_array_opened_ns(cam->array) + timing_of(cam)->phase_ns;
+    phase = sim_array_opened_ns(cam->array) + timing_of(cam)->phase_ns;
     cam->free_run_start_ns = phase + ((now - phase) / period + 1) * period - (int64_t)cam->free_run * period;
     beat_at(cam, cam->free_run_start_ns + (int64_t)cam->free_run * period);
 }
 
-void sst_sim_cam_stop(struct sst_sim_cam *cam)
+void sim_cam_stop(struct sim_cam *cam)
 {
-    const struct sst_sim_bus *bus = sst_sim_array_bus(cam->array);
+    const struct sim_bus *bus = sim_array_bus(cam->array);
 
-    sst_sim_timer_stop(cam->server, &cam->free_run_timer);
+    sim_timer_stop(cam->server, &cam->free_run_timer);
     for (int i = 0; i < SST_SIM_CAM_SHOTS; i++)
         if (cam->shot[i].timer.slot) {
-            sst_sim_timer_stop(cam->server, &cam->shot[i].timer);
+            sim_timer_stop(cam->server, &cam->shot[i].timer);
             cam->counters.lost++;
-            sst_sim_array_truth(cam->array, cam, &cam->shot[i], 0, "stream stopped");
+            sim_array_truth(cam->array, cam, &cam->shot[i], 0, "stream stopped");
         }
     if (cam->reserved && bus->release)
         bus->release(bus->arg, cam->index);
@@ -184,25 +183,25 @@ void sst_sim_cam_stop(struct sst_sim_cam *cam)
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
 /* The stamp by the camera's clock. */
-static int64_t stamp_of(struct sst_sim_cam *cam, int64_t t_ns)
+static int64_t stamp_of(struct sim_cam *cam, int64_t t_ns)
 {
     const struct sst_sim_timing *t = timing_of(cam);
-    const double age = (double)(t_ns - sst_sim_array_opened_ns(cam->array));
+    const double age = (double)(t_ns - sim_array_opened_ns(cam->array));
     int64_t stamp = t_ns + t->clock_offset_ns + (int64_t)(age * t->clock_drift_ppm * 1e-6) +
-                    (int64_t)(sst_sim_cam_fault(cam, SST_SIM_FAULT_CLOCK_STEP_US) * 1000);
+                    (int64_t)(sim_cam_fault(cam, SST_SIM_FAULT_CLOCK_STEP_US) * 1000);
 
     if (cam->time_wrap_ns) {
         stamp += ((1LL << 31) - 2) * SECOND - cam->time_wrap_ns;
         if (stamp >= (1LL << 31) * SECOND)
             stamp -= (1LL << 32) * SECOND;
     }
-    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_BACKWARDS)))
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_BACKWARDS)))
         stamp -= BACKWARDS_NS;
     return stamp;
 }
 
 /* Keep the first frame of a frozen camera, and show it again. */
-static void freeze(struct sst_sim_cam *cam, struct sst_sim_buffer *b)
+static void freeze(struct sim_cam *cam, struct sim_buffer *b)
 {
     if (!cam->frozen) {
         cam->frozen = malloc(b->bytesused);
@@ -215,45 +214,45 @@ static void freeze(struct sst_sim_cam *cam, struct sst_sim_buffer *b)
     }
 }
 
-static void damage(struct sst_sim_cam *cam, struct sst_sim_buffer *b)
+static void damage(struct sim_cam *cam, struct sim_buffer *b)
 {
-    if (sst_sim_cam_fault(cam, SST_SIM_FAULT_FROZEN) > 0)
+    if (sim_cam_fault(cam, SST_SIM_FAULT_FROZEN) > 0)
         freeze(cam, b);
-    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_SOI)) && b->bytesused >= 2)
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_SOI)) && b->bytesused >= 2)
         memset(b->data, 0, 2);
-    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_EOI)) && b->bytesused >= 2)
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_EOI)) && b->bytesused >= 2)
         memset(b->data + b->bytesused - 2, 0, 2);
     /* A start-of-image marker where coded data should be. */
-    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_MID)) && b->bytesused >= 64)
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_CORRUPT_MID)) && b->bytesused >= 64)
         for (int i = 0; i < 16; i++)
             b->data[b->bytesused / 2 + (uint32_t)i] = i & 1 ? 0xd8 : 0xff;
-    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_TRUNCATED)))
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_TRUNCATED)))
         b->bytesused /= 2;
-    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_SHORT)) && b->bytesused > SHORT_BYTES)
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_SHORT)) && b->bytesused > SHORT_BYTES)
         b->bytesused = SHORT_BYTES;
-    b->error = sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_ERROR_FLAG));
+    b->error = sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_ERROR_FLAG));
 }
 
 /* Memory of another device: the frame is copied there, as no hardware would have to. */
-static bool hand_over(const struct sst_sim_buffer *b)
+static bool hand_over(const struct sim_buffer *b)
 {
     return b->dmabuf < 0 || pwrite(b->dmabuf, b->data, b->bytesused, 0) == (ssize_t)b->bytesused;
 }
 
-static void fill(struct sst_sim_cam *cam, const struct sst_sim_shot *shot, uint32_t sequence, int64_t later_ns)
+static void fill(struct sim_cam *cam, const struct sim_shot *shot, uint32_t sequence, int64_t later_ns)
 {
-    struct sst_sim_buffer *b = sst_sim_cam_queue_next(cam);
+    struct sim_buffer *b = sim_cam_queue_next(cam);
     size_t bytes = 0;
 
     if (!b) {
         cam->counters.lost++;
-        sst_sim_array_truth(cam->array, cam, shot, 0, "no buffer queued");
+        sim_array_truth(cam->array, cam, shot, 0, "no buffer queued");
         return;
     }
     if (sst_sim_world_frame(cam->world, &shot->exposure, cam->format.pixelformat, (int)cam->format.width,
                             (int)cam->format.height, b->data, b->length, &bytes)) {
         cam->counters.lost++;
-        sst_sim_array_truth(cam->array, cam, shot, 0, "larger than the buffer");
+        sim_array_truth(cam->array, cam, shot, 0, "larger than the buffer");
         return;
     }
     b->bytesused = (uint32_t)bytes;
@@ -263,31 +262,31 @@ static void fill(struct sst_sim_cam *cam, const struct sst_sim_shot *shot, uint3
     if (!hand_over(b))
         b->error = true;
     cam->counters.frames++;
-    sst_sim_array_truth(cam->array, cam, shot, b->stamp_ns, NULL);
-    sst_sim_cam_queue_done(cam);
+    sim_array_truth(cam->array, cam, shot, b->stamp_ns, NULL);
+    sim_cam_queue_done(cam);
 }
 
 static void deliver(void *arg)
 {
-    const struct sst_sim_shot *shot = arg;
-    struct sst_sim_cam *cam = shot->cam;
+    const struct sim_shot *shot = arg;
+    struct sim_cam *cam = shot->cam;
     const char *why = NULL;
 
-    if (sst_sim_cam_fault(cam, SST_SIM_FAULT_STALL) > 0)
+    if (sim_cam_fault(cam, SST_SIM_FAULT_STALL) > 0)
         why = "stalled";
-    else if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_GAP)))
+    else if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_GAP)))
         why = "gap";
     if (why) {
         cam->counters.lost++;
-        sst_sim_array_truth(cam->array, cam, shot, 0, why);
+        sim_array_truth(cam->array, cam, shot, 0, why);
         return;
     }
     fill(cam, shot, shot->sequence, 0);
-    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_DUPLICATE)))
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_DUPLICATE)))
         fill(cam, shot, cam->sequence++, DUPLICATE_NS);
 }
 
-void sst_sim_cam_fault_set(struct sst_sim_cam *cam, int fault, double value)
+void sim_cam_fault_set(struct sim_cam *cam, int fault, double value)
 {
     if (fault == SST_SIM_FAULT_FROZEN && value == 0) {
         free(cam->frozen);

@@ -1,5 +1,5 @@
 /* Names and values of faults. */
-#include "simulators/devices/faults.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -12,18 +12,18 @@
 #define SCOPES 16
 
 struct scope {
-    struct sst_sim_fault_scope scope;
+    struct sim_fault_scope scope;
     double *values; /* [instances or 1][count] */
 };
 
-struct sst_sim_faults {
+struct sim_faults {
     struct scope scopes[SCOPES];
     int count;
 };
 
-int sst_sim_faults_create(struct sst_sim_faults **out)
+int sim_faults_create(struct sim_faults **out)
 {
-    struct sst_sim_faults *f = calloc(1, sizeof(*f));
+    struct sim_faults *f = calloc(1, sizeof(*f));
 
     if (!f)
         return -ENOMEM;
@@ -31,7 +31,7 @@ int sst_sim_faults_create(struct sst_sim_faults **out)
     return 0;
 }
 
-void sst_sim_faults_destroy(struct sst_sim_faults *f)
+void sim_faults_destroy(struct sim_faults *f)
 {
     if (!f)
         return;
@@ -40,7 +40,7 @@ void sst_sim_faults_destroy(struct sst_sim_faults *f)
     free(f);
 }
 
-int sst_sim_faults_add(struct sst_sim_faults *f, const struct sst_sim_fault_scope *scope)
+int sim_faults_add(struct sim_faults *f, const struct sim_fault_scope *scope)
 {
     struct scope *s = &f->scopes[f->count];
 
@@ -51,19 +51,19 @@ int sst_sim_faults_add(struct sst_sim_faults *f, const struct sst_sim_fault_scop
     return s->values ? f->count++ : -ENOMEM;
 }
 
-static double *value_at(const struct sst_sim_faults *f, int scope, int instance, int fault)
+static double *value_at(const struct sim_faults *f, int scope, int instance, int fault)
 {
     const struct scope *s = &f->scopes[scope];
 
     return &s->values[instance * s->scope.count + fault];
 }
 
-double sst_sim_fault_value(const struct sst_sim_faults *f, int scope, int instance, int fault)
+double sim_fault_value(const struct sim_faults *f, int scope, int instance, int fault)
 {
     return *value_at(f, scope, instance, fault);
 }
 
-void sst_sim_fault_reset(struct sst_sim_faults *f, int scope, int instance, int fault)
+void sim_fault_reset(struct sim_faults *f, int scope, int instance, int fault)
 {
     *value_at(f, scope, instance, fault) = 0;
 }
@@ -79,7 +79,7 @@ SST_PRINTF(4, 5) static int refuse(int err, char *message, size_t size, const ch
 }
 
 /* The instances that "3." or "*." means: *first .. *last; the rest of the name follows. */
-static const char *read_instance(const struct sst_sim_fault_scope *scope, const char *name, int *first, int *last)
+static const char *read_instance(const struct sim_fault_scope *scope, const char *name, int *first, int *last)
 {
     char *end;
     long n;
@@ -98,7 +98,7 @@ static const char *read_instance(const struct sst_sim_fault_scope *scope, const 
     return end + 1;
 }
 
-static int find_fault(const struct sst_sim_fault_scope *scope, const char *name, size_t bytes)
+static int find_fault(const struct sim_fault_scope *scope, const char *name, size_t bytes)
 {
     for (int i = 0; i < scope->count; i++)
         if (strlen(scope->faults[i].name) == bytes && memcmp(scope->faults[i].name, name, bytes) == 0)
@@ -106,7 +106,7 @@ static int find_fault(const struct sst_sim_fault_scope *scope, const char *name,
     return -1;
 }
 
-int sst_sim_faults_set(struct sst_sim_faults *f, const char *text, char *message, size_t size)
+int sim_faults_set(struct sim_faults *f, const char *text, char *message, size_t size)
 {
     const char *equals = strchr(text, '=');
     char *end = NULL;
@@ -115,7 +115,7 @@ int sst_sim_faults_set(struct sst_sim_faults *f, const char *text, char *message
     if (!equals || end == equals + 1 || *end || !isfinite(value))
         return refuse(-EINVAL, message, size, "fault '%s': write NAME=NUMBER", text);
     for (int i = 0; i < f->count; i++) {
-        const struct sst_sim_fault_scope *scope = &f->scopes[i].scope;
+        const struct sim_fault_scope *scope = &f->scopes[i].scope;
         const size_t head = strlen(scope->name);
         const char *name = text + head + 1;
         int first, last, k;
@@ -148,11 +148,10 @@ int sst_sim_faults_set(struct sst_sim_faults *f, const char *text, char *message
     return refuse(-EINVAL, message, size, "fault '%s': no such fault; 'sst-sim fault --list' shows all", text);
 }
 
-void sst_sim_faults_each(const struct sst_sim_faults *f, void (*fn)(void *arg, const char *name, double value),
-                         void *arg)
+void sim_faults_each(const struct sim_faults *f, void (*fn)(void *arg, const char *name, double value), void *arg)
 {
     for (int i = 0; i < f->count; i++) {
-        const struct sst_sim_fault_scope *s = &f->scopes[i].scope;
+        const struct sim_fault_scope *s = &f->scopes[i].scope;
 
         for (int n = 0; n < sst_max_int(s->instances, 1); n++)
             for (int k = 0; k < s->count; k++) {
@@ -192,14 +191,14 @@ static void append_value(void *arg, const char *name, double value)
     append(arg, "%s=%g\n", name, value);
 }
 
-size_t sst_sim_faults_list(const struct sst_sim_faults *f, char *out, size_t size)
+size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size)
 {
     struct text t = { .out = out, .size = size };
     size_t before;
 
     out[0] = 0;
     for (int i = 0; i < f->count; i++) {
-        const struct sst_sim_fault_scope *s = &f->scopes[i].scope;
+        const struct sim_fault_scope *s = &f->scopes[i].scope;
 
         for (int k = 0; k < s->count; k++) {
             char name[96];
@@ -210,7 +209,7 @@ size_t sst_sim_faults_list(const struct sst_sim_faults *f, char *out, size_t siz
     }
     append(&t, "set now:\n");
     before = t.used;
-    sst_sim_faults_each(f, append_value, &t);
+    sim_faults_each(f, append_value, &t);
     if (t.used == before)
         append(&t, "none\n");
     return t.used;

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "simulators/devices/camera.h"
+#include "simulators/devices/devices_internal.h"
 
 struct format {
     uint32_t fourcc;
@@ -34,7 +34,7 @@ static const struct format *find_format(uint32_t fourcc)
 }
 
 /* The offered size nearest to a wish. */
-static void nearest_size(const struct sst_sim_cam *cam, uint32_t *width, uint32_t *height)
+static void nearest_size(const struct sim_cam *cam, uint32_t *width, uint32_t *height)
 {
     const int(*sizes)[2];
     const int count = sst_sim_world_sizes(cam->world, &sizes);
@@ -53,7 +53,7 @@ static void nearest_size(const struct sst_sim_cam *cam, uint32_t *width, uint32_
     *height = (uint32_t)sizes[at][1];
 }
 
-static bool is_size(const struct sst_sim_cam *cam, uint32_t width, uint32_t height)
+static bool is_size(const struct sim_cam *cam, uint32_t width, uint32_t height)
 {
     uint32_t w = width, h = height;
 
@@ -62,7 +62,7 @@ static bool is_size(const struct sst_sim_cam *cam, uint32_t width, uint32_t heig
 }
 
 /* What the camera makes of a wish: an offered format, never an error. */
-static void adjust(const struct sst_sim_cam *cam, struct v4l2_pix_format *p)
+static void adjust(const struct sim_cam *cam, struct v4l2_pix_format *p)
 {
     const struct format *f = find_format(p->pixelformat);
     struct v4l2_pix_format out = { .width = p->width,
@@ -83,7 +83,7 @@ static void adjust(const struct sst_sim_cam *cam, struct v4l2_pix_format *p)
     *p = out;
 }
 
-void sst_sim_cam_formats_reset(struct sst_sim_cam *cam)
+void sim_cam_formats_reset(struct sim_cam *cam)
 {
     int width, height;
 
@@ -109,7 +109,7 @@ static int enum_format(struct v4l2_fmtdesc *d)
     return 0;
 }
 
-static int enum_size(const struct sst_sim_cam *cam, struct v4l2_frmsizeenum *e)
+static int enum_size(const struct sim_cam *cam, struct v4l2_frmsizeenum *e)
 {
     const int(*sizes)[2];
     const int count = sst_sim_world_sizes(cam->world, &sizes);
@@ -123,7 +123,7 @@ static int enum_size(const struct sst_sim_cam *cam, struct v4l2_frmsizeenum *e)
     return 0;
 }
 
-static int enum_interval(const struct sst_sim_cam *cam, struct v4l2_frmivalenum *e)
+static int enum_interval(const struct sim_cam *cam, struct v4l2_frmivalenum *e)
 {
     if (!find_format(e->pixel_format) || !is_size(cam, e->width, e->height) || e->index >= ARRAY_LEN(rates))
         return -EINVAL;
@@ -136,20 +136,20 @@ static int enum_interval(const struct sst_sim_cam *cam, struct v4l2_frmivalenum 
     return 0;
 }
 
-static int set_format(struct sst_sim_cam *cam, struct v4l2_format *f, bool keep)
+static int set_format(struct sim_cam *cam, struct v4l2_format *f, bool keep)
 {
     if (f->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
         return -EINVAL;
     adjust(cam, &f->fmt.pix);
     if (!keep)
         return 0;
-    if (cam->queue.count || sst_sim_cam_fault(cam, SST_SIM_FAULT_BUSY) > 0)
+    if (cam->queue.count || sim_cam_fault(cam, SST_SIM_FAULT_BUSY) > 0)
         return -EBUSY;
     cam->format = f->fmt.pix;
     return 0;
 }
 
-static int get_format(const struct sst_sim_cam *cam, struct v4l2_format *f)
+static int get_format(const struct sim_cam *cam, struct v4l2_format *f)
 {
     if (f->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
         return -EINVAL;
@@ -159,7 +159,7 @@ static int get_format(const struct sst_sim_cam *cam, struct v4l2_format *f)
     return 0;
 }
 
-static int get_rate(const struct sst_sim_cam *cam, struct v4l2_streamparm *p)
+static int get_rate(const struct sim_cam *cam, struct v4l2_streamparm *p)
 {
     if (p->type != V4L2_BUF_TYPE_VIDEO_CAPTURE)
         return -EINVAL;
@@ -169,7 +169,7 @@ static int get_rate(const struct sst_sim_cam *cam, struct v4l2_streamparm *p)
     return 0;
 }
 
-static int set_rate(struct sst_sim_cam *cam, struct v4l2_streamparm *p)
+static int set_rate(struct sim_cam *cam, struct v4l2_streamparm *p)
 {
     const struct v4l2_fract want = p->parm.capture.timeperframe;
     double best = 1e300;
@@ -192,7 +192,7 @@ static int set_rate(struct sst_sim_cam *cam, struct v4l2_streamparm *p)
     return get_rate(cam, p);
 }
 
-int sst_sim_cam_formats_ioctl(struct sst_sim_cam *cam, struct sst_sim_request *r)
+int sim_cam_formats_ioctl(struct sim_cam *cam, struct sim_request *r)
 {
     void *a = r->data;
     int err;

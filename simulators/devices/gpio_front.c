@@ -1,5 +1,5 @@
 /* simulators/devices/gpio_front.c - the model of simulators/devices/gpio behind /dev/gpiochipN. */
-#include "simulators/devices/gpio_front.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -13,45 +13,45 @@
 #include "base/log.h"
 #include "simulators/devices/gpio/gpio_model.h"
 
-#define CHIPS 2
-#define TRIGGER_CHIP 1
-#define TRIGGER_MAX 16
+#define CHIPS         2
+#define TRIGGER_CHIP  1
+#define TRIGGER_MAX   16
 #define TRIGGER_LINES (TRIGGER_MAX + 8) /* LOOP0, spare lines and nameless ones after the triggers */
 #define CHARDEV_MAJOR 254
-#define READERS 8 /* threads that wait for one file's events */
+#define READERS       8 /* threads that wait for one file's events */
 
 struct chip {
-    struct sst_sim_gpio_front *front;
+    struct sim_gpio_front *front;
     int number;
-    struct sst_sim_node *node; /* NULL: vanished */
+    struct sim_node *node; /* NULL: vanished */
 };
 
 /** An open file of a program: of a chip, or of requested lines. */
 struct open_file {
     struct open_file *next;
-    struct sst_sim_gpio_front *front;
-    struct sst_sim_handle *handle;
+    struct sim_gpio_front *front;
+    struct sim_handle *handle;
     struct sst_sim_gpio_file *file;
     bool told; /* a byte in the socket says that there are events */
-    struct sst_sim_request *waiting[READERS];
+    struct sim_request *waiting[READERS];
     int readers;
 };
 
-struct sst_sim_gpio_front {
-    struct sst_sim_gpio_front_config cfg;
+struct sim_gpio_front {
+    struct sim_gpio_front_config cfg;
     struct sst_sim_gpio *gpio;
     struct chip chip[CHIPS];
     struct open_file *files;
-    struct sst_sim_timer debounce;
+    struct sim_timer debounce;
 };
 
-static const struct sst_sim_ops chip_ops, lines_ops;
+static const struct sim_ops chip_ops, lines_ops;
 static const char *const labels[CHIPS] = { "sst-board", "sst-trigger" };
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
 /** @return bytes or -errno; told says whether the socket still has its byte */
-static int read_now(struct open_file *f, struct sst_sim_request *r)
+static int read_now(struct open_file *f, struct sim_request *r)
 {
     const size_t want = r->call.length < SST_SIM_PAYLOAD_MAX ? r->call.length : SST_SIM_PAYLOAD_MAX;
     const int n = sst_sim_gpio_read(f->file, r->data, want);
@@ -71,16 +71,16 @@ static void wake(void *arg, struct sst_sim_gpio_file *file)
 
     (void)arg;
     while (f && f->readers > 0 && sst_sim_gpio_readable(file)) {
-        struct sst_sim_request *r = f->waiting[0];
+        struct sim_request *r = f->waiting[0];
 
         memmove(f->waiting, f->waiting + 1, (size_t)--f->readers * sizeof(f->waiting[0]));
         sst_sim_answer(f->handle->server, r, read_now(f, r));
     }
     if (f && !f->told && sst_sim_gpio_readable(file))
-        f->told = sst_sim_handle_readable(f->handle, "", 1) == 0;
+        f->told = sim_handle_readable(f->handle, "", 1) == 0;
 }
 
-static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int file_read(struct sim_handle *h, struct sim_request *r)
 {
     struct open_file *f = h->state;
     const int n = read_now(f, r);
@@ -93,7 +93,7 @@ static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
     return SST_SIM_LATER;
 }
 
-static void file_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
+static void file_cancel(struct sim_handle *h, struct sim_request *r)
 {
     struct open_file *f = h->state;
 
@@ -104,26 +104,26 @@ static void file_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
 
 /* --- files -------------------------------------------------------------------------------------------------------- */
 
-static void after_call(struct sst_sim_gpio_front *front)
+static void after_call(struct sim_gpio_front *front)
 {
     const int64_t due = sst_sim_gpio_due(front->gpio);
 
     if (due == INT64_MAX)
-        sst_sim_timer_stop(sst_sim_sysfs_server(front->cfg.sysfs), &front->debounce);
-    else if (sst_sim_timer_set(sst_sim_sysfs_server(front->cfg.sysfs), &front->debounce, due) < 0)
+        sim_timer_stop(sim_sysfs_server(front->cfg.sysfs), &front->debounce);
+    else if (sim_timer_set(sim_sysfs_server(front->cfg.sysfs), &front->debounce, due) < 0)
         sst_log_warning("GPIO: debouncing is late: no memory");
 }
 
 static void debounce_over(void *arg)
 {
-    struct sst_sim_gpio_front *front = arg;
+    struct sim_gpio_front *front = arg;
 
     sst_sim_gpio_tick(front->gpio, sst_clock_now_ns());
     after_call(front);
 }
 
 /** Book-keeping of a model's file that a program now holds. On failure the file is closed. */
-static int adopt(struct sst_sim_gpio_front *front, struct sst_sim_handle *h, struct sst_sim_gpio_file *file)
+static int adopt(struct sim_gpio_front *front, struct sim_handle *h, struct sst_sim_gpio_file *file)
 {
     struct open_file *f = calloc(1, sizeof(*f));
 
@@ -138,7 +138,7 @@ static int adopt(struct sst_sim_gpio_front *front, struct sst_sim_handle *h, str
     return 0;
 }
 
-static int chip_open(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int chip_open(struct sim_handle *h, struct sim_request *r)
 {
     struct chip *chip = h->device;
     struct sst_sim_gpio_file *file;
@@ -148,7 +148,7 @@ static int chip_open(struct sst_sim_handle *h, struct sst_sim_request *r)
     return err ? err : adopt(chip->front, h, file);
 }
 
-static void file_close(struct sst_sim_handle *h)
+static void file_close(struct sim_handle *h)
 {
     struct open_file *f = h->state, **link;
 
@@ -163,10 +163,10 @@ static void file_close(struct sst_sim_handle *h)
     free(f);
 }
 
-static int hand_out(struct open_file *chip, struct sst_sim_gpio_file *file, struct sst_sim_request *r)
+static int hand_out(struct open_file *chip, struct sst_sim_gpio_file *file, struct sim_request *r)
 {
-    struct sst_sim_handle *h;
-    int fd, err = sst_sim_handle_create(chip->handle->server, &lines_ops, NULL, &h, &fd);
+    struct sim_handle *h;
+    int fd, err = sim_handle_create(chip->handle->server, &lines_ops, NULL, &h, &fd);
 
     if (err) {
         sst_sim_gpio_close(file, sst_clock_now_ns());
@@ -176,11 +176,11 @@ static int hand_out(struct open_file *chip, struct sst_sim_gpio_file *file, stru
     r->out_fd_close = true;
     err = adopt(chip->front, h, file);
     if (err)
-        sst_sim_handle_drop(h);
+        sim_handle_drop(h);
     return err;
 }
 
-static int file_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int file_ioctl(struct sim_handle *h, struct sim_request *r)
 {
     struct open_file *f = h->state;
     struct sst_sim_gpio_file *opened;
@@ -197,10 +197,10 @@ static int file_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
     return result;
 }
 
-static const struct sst_sim_ops chip_ops = {
+static const struct sim_ops chip_ops = {
     .letter = 'g', .open = chip_open, .close = file_close, .ioctl = file_ioctl, .read = file_read, .cancel = file_cancel
 };
-static const struct sst_sim_ops lines_ops = {
+static const struct sim_ops lines_ops = {
     .letter = 'g', .close = file_close, .ioctl = file_ioctl, .read = file_read, .cancel = file_cancel
 };
 
@@ -208,7 +208,7 @@ static const struct sst_sim_ops lines_ops = {
 
 static void pin(void *arg, int chip, int line, bool level, int64_t t_ns)
 {
-    struct sst_sim_gpio_front *front = arg;
+    struct sim_gpio_front *front = arg;
 
     if (chip == TRIGGER_CHIP && line < front->cfg.lines && level)
         front->cfg.edge(front->cfg.arg, line, t_ns);
@@ -218,33 +218,33 @@ static void pin(void *arg, int chip, int line, bool level, int64_t t_ns)
 
 static void show_in_sysfs(struct chip *chip, bool present)
 {
-    struct sst_sim_sysfs *fs = chip->front->cfg.sysfs;
-    struct sst_sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
+    struct sim_sysfs *fs = chip->front->cfg.sysfs;
+    struct sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
     char dir[128], link[128], number[128], id[32];
 
     snprintf(dir, sizeof(dir), "/sys/devices/pci0000:00/0000:00:1f.0/gpiochip%d", chip->number);
     snprintf(link, sizeof(link), "/sys/bus/gpio/devices/gpiochip%d", chip->number);
     snprintf(number, sizeof(number), "/sys/dev/char/%d:%d", CHARDEV_MAJOR, chip->number);
     snprintf(id, sizeof(id), "c%d:%d", CHARDEV_MAJOR, chip->number);
-    sst_sim_props_add(&props, "MAJOR=%d", CHARDEV_MAJOR);
-    sst_sim_props_add(&props, "MINOR=%d", chip->number);
-    sst_sim_props_add(&props, "DEVNAME=gpiochip%d", chip->number);
+    sim_props_add(&props, "MAJOR=%d", CHARDEV_MAJOR);
+    sim_props_add(&props, "MINOR=%d", chip->number);
+    sim_props_add(&props, "DEVNAME=gpiochip%d", chip->number);
     if (present) {
         char subsystem[160];
 
-        sst_sim_sysfs_attr(fs, dir, "dev", "%d:%d", CHARDEV_MAJOR, chip->number);
-        sst_sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
+        sim_sysfs_attr(fs, dir, "dev", "%d:%d", CHARDEV_MAJOR, chip->number);
+        sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
         snprintf(subsystem, sizeof(subsystem), "%s/subsystem", dir);
-        sst_sim_sysfs_link(fs, subsystem, "/sys/bus/gpio");
-        sst_sim_sysfs_link(fs, link, dir);
-        sst_sim_sysfs_link(fs, number, dir);
+        sim_sysfs_link(fs, subsystem, "/sys/bus/gpio");
+        sim_sysfs_link(fs, link, dir);
+        sim_sysfs_link(fs, number, dir);
     } else {
-        sst_sim_sysfs_remove(fs, link);
-        sst_sim_sysfs_remove(fs, number);
-        sst_sim_sysfs_remove(fs, dir);
+        sim_sysfs_remove(fs, link);
+        sim_sysfs_remove(fs, number);
+        sim_sysfs_remove(fs, dir);
     }
-    sst_sim_props_add(&props, "SUBSYSTEM=gpio");
-    sst_sim_uevent(fs, present ? "add" : "remove", dir + strlen("/sys"), &props, id, &udev);
+    sim_props_add(&props, "SUBSYSTEM=gpio");
+    sim_uevent(fs, present ? "add" : "remove", dir + strlen("/sys"), &props, id, &udev);
 }
 
 static int appear(struct chip *chip)
@@ -253,8 +253,8 @@ static int appear(struct chip *chip)
     int err;
 
     snprintf(path, sizeof(path), "/dev/gpiochip%d", chip->number);
-    err = sst_sim_node_add(sst_sim_sysfs_server(chip->front->cfg.sysfs), &chip->node, path, CHARDEV_MAJOR,
-                           (unsigned)chip->number, &chip_ops, chip);
+    err = sim_node_add(sim_sysfs_server(chip->front->cfg.sysfs), &chip->node, path, CHARDEV_MAJOR,
+                       (unsigned)chip->number, &chip_ops, chip);
     if (!err)
         show_in_sysfs(chip, true);
     return err;
@@ -265,21 +265,21 @@ static void disappear(struct chip *chip)
 {
     struct open_file *f = chip->front->files;
 
-    sst_sim_node_remove(sst_sim_sysfs_server(chip->front->cfg.sysfs), chip->node);
+    sim_node_remove(sim_sysfs_server(chip->front->cfg.sysfs), chip->node);
     chip->node = NULL;
     show_in_sysfs(chip, false);
     for (f = chip->front->files; f;) {
         struct open_file *next = f->next;
 
         if (sst_sim_gpio_gone(f->file))
-            sst_sim_handle_drop(f->handle);
+            sim_handle_drop(f->handle);
         f = next;
     }
 }
 
 /* --- faults: all of the trigger chip ------------------------------------------------------------------------------ */
 
-static const struct sst_sim_fault faults[SST_SIM_GPIO_FAULTS] = {
+static const struct sim_fault faults[SST_SIM_GPIO_FAULTS] = {
     [SST_SIM_GPIO_BUSY] = { "busy", 0, 1, "1: another driver holds the named lines of sst-trigger (EBUSY)" },
     [SST_SIM_GPIO_DENIED] = { "denied", 0, 2, "opening sst-trigger gives 1: EACCES, 2: EPERM" },
     [SST_SIM_GPIO_VANISH] = { "vanish", 0, 1, "1: sst-trigger is gone (ENODEV), 0: it is back" },
@@ -289,7 +289,7 @@ static const struct sst_sim_fault faults[SST_SIM_GPIO_FAULTS] = {
 
 static int fault_changed(void *arg, int instance, int fault, double value)
 {
-    struct sst_sim_gpio_front *front = arg;
+    struct sim_gpio_front *front = arg;
     struct chip *chip = &front->chip[TRIGGER_CHIP];
     int err = sst_sim_gpio_fault(front->gpio, TRIGGER_CHIP, (enum sst_sim_gpio_fault)fault, value, sst_clock_now_ns());
 
@@ -306,7 +306,7 @@ static int fault_changed(void *arg, int instance, int fault, double value)
 
 /* --- the whole ---------------------------------------------------------------------------------------------------- */
 
-static int create_model(struct sst_sim_gpio_front *front)
+static int create_model(struct sim_gpio_front *front)
 {
     static const char *const board[] = { "PWR_LED", "FAN", NULL, "DOOR", NULL, NULL, NULL, NULL };
     char triggers[TRIGGER_MAX][SST_SIM_GPIO_NAME];
@@ -338,9 +338,9 @@ static int create_model(struct sst_sim_gpio_front *front)
                                });
 }
 
-int sst_sim_gpio_front_open(struct sst_sim_gpio_front **out, const struct sst_sim_gpio_front_config *cfg)
+int sim_gpio_front_open(struct sim_gpio_front **out, const struct sim_gpio_front_config *cfg)
 {
-    struct sst_sim_gpio_front *front;
+    struct sim_gpio_front *front;
     int err;
 
     if (cfg->lines < 1 || cfg->lines > TRIGGER_MAX) {
@@ -351,39 +351,39 @@ int sst_sim_gpio_front_open(struct sst_sim_gpio_front **out, const struct sst_si
     if (!front)
         return -ENOMEM;
     front->cfg = *cfg;
-    front->debounce = (struct sst_sim_timer){ .fire = debounce_over, .arg = front };
+    front->debounce = (struct sim_timer){ .fire = debounce_over, .arg = front };
     err = create_model(front);
     for (int i = 0; !err && i < CHIPS; i++) {
         front->chip[i] = (struct chip){ .front = front, .number = i };
         err = appear(&front->chip[i]);
     }
     if (!err) {
-        err = sst_sim_faults_add(cfg->faults, &(struct sst_sim_fault_scope){ .name = "gpio",
-                                                                             .faults = faults,
-                                                                             .count = SST_SIM_GPIO_FAULTS,
-                                                                             .changed = fault_changed,
-                                                                             .arg = front });
+        err = sim_faults_add(cfg->faults, &(struct sim_fault_scope){ .name = "gpio",
+                                                                     .faults = faults,
+                                                                     .count = SST_SIM_GPIO_FAULTS,
+                                                                     .changed = fault_changed,
+                                                                     .arg = front });
         err = err < 0 ? err : 0;
     }
     if (err) {
         sst_log_error("GPIO: the simulated chips cannot be made: %s", strerror(-err));
-        sst_sim_gpio_front_close(front);
+        sim_gpio_front_close(front);
         return err;
     }
     *out = front;
     return 0;
 }
 
-void sst_sim_gpio_front_close(struct sst_sim_gpio_front *front)
+void sim_gpio_front_close(struct sim_gpio_front *front)
 {
     if (!front)
         return;
     for (int i = 0; i < CHIPS; i++)
         if (front->chip[i].node)
-            sst_sim_node_remove(sst_sim_sysfs_server(front->cfg.sysfs), front->chip[i].node);
+            sim_node_remove(sim_sysfs_server(front->cfg.sysfs), front->chip[i].node);
     while (front->files)
-        sst_sim_handle_drop(front->files->handle);
-    sst_sim_timer_stop(sst_sim_sysfs_server(front->cfg.sysfs), &front->debounce);
+        sim_handle_drop(front->files->handle);
+    sim_timer_stop(sim_sysfs_server(front->cfg.sysfs), &front->debounce);
     sst_sim_gpio_destroy(front->gpio);
     free(front);
 }

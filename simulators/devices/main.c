@@ -10,8 +10,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "simulators/devices/session.h"
-#include "simulators/devices/simulator.h"
+#include "simulators/devices/devices_internal.h"
 
 #define EXIT_USAGE 2
 #define FAULTS_MAX 64
@@ -32,7 +31,7 @@ static const char help[] =
     "  --usb NAME       wide: a controller for each camera (default); tight: all on one, behind hubs;\n"
     "                   single-tt, multi-tt: full-speed cameras behind hubs with one translator, or one a port\n"
     "  --triggers WHAT  rows: line TRIG<row> of chip sst-trigger exposes a row (default); one: TRIG0 exposes all\n"
-    "  --rig            three drives on Modbus TCP and RTU (/dev/serial/by-id/usb-sst_sim_rig) carry the camera\n"
+    "  --rig            three drives on Modbus TCP and RTU (/dev/serial/by-id/usb-sim_rig) carry the camera\n"
     "  --rig-port N     TCP port of the drives on 127.0.0.1 (default: 1502; 0: a free one, see sst-sim status)\n"
     "  --fault N=V      a fault from the start; may be repeated\n"
     "  --parameters F   write the world's true parameters: F.json all of them, F.yaml as a calibration\n"
@@ -45,7 +44,7 @@ static const char help[] =
     "         sst-sim --fault camera.3.eio=0.1 -- sh -c 'ffmpeg -f v4l2 -i /dev/video3 -frames 50 out.mp4'\n";
 
 struct arguments {
-    struct sst_sim_options options;
+    struct sim_options options;
     const char *faults[FAULTS_MAX];
     const char *serve, *join, *dir, *parameters;
     bool list, json;
@@ -70,32 +69,62 @@ static int read_port(const char *text)
 static int read_options(int argc, char **argv, struct arguments *a)
 {
     static const struct option options[] = {
-        { "world", required_argument, NULL, 'w' }, { "cache", required_argument, NULL, 'c' },
-        { "usb", required_argument, NULL, 'u' },   { "fault", required_argument, NULL, 'f' },
-        { "rig", no_argument, NULL, 'r' },         { "rig-port", required_argument, NULL, 'p' },
+        { "world", required_argument, NULL, 'w' },
+        { "cache", required_argument, NULL, 'c' },
+        { "usb", required_argument, NULL, 'u' },
+        { "fault", required_argument, NULL, 'f' },
+        { "rig", no_argument, NULL, 'r' },
+        { "rig-port", required_argument, NULL, 'p' },
         { "triggers", required_argument, NULL, 'T' },
-        { "truth", required_argument, NULL, 't' }, { "stats", required_argument, NULL, 's' },
-        { "quiet", no_argument, NULL, 'q' },       { "serve", required_argument, NULL, 'S' },
-        { "join", required_argument, NULL, 'J' },  { "dir", required_argument, NULL, 'd' },
-        { "list", no_argument, NULL, 'l' },        { "json", no_argument, NULL, 'j' },
+        { "truth", required_argument, NULL, 't' },
+        { "stats", required_argument, NULL, 's' },
+        { "quiet", no_argument, NULL, 'q' },
+        { "serve", required_argument, NULL, 'S' },
+        { "join", required_argument, NULL, 'J' },
+        { "dir", required_argument, NULL, 'd' },
+        { "list", no_argument, NULL, 'l' },
+        { "json", no_argument, NULL, 'j' },
         { "parameters", required_argument, NULL, 'P' },
-        { "help", no_argument, NULL, 'h' },        { NULL, 0, NULL, 0 },
+        { "help", no_argument, NULL, 'h' },
+        { NULL, 0, NULL, 0 },
     };
     int c;
 
     while ((c = getopt_long(argc, argv, "+h", options, NULL)) != -1) {
         switch (c) {
-        case 'w': a->options.world = optarg; break;
-        case 'c': a->options.cache = optarg; break;
-        case 'P': a->parameters = optarg; break;
-        case 't': a->options.truth = optarg; break;
-        case 's': a->options.stats = optarg; break;
-        case 'q': a->options.quiet = true; break;
-        case 'S': a->serve = optarg; break;
-        case 'J': a->join = optarg; break;
-        case 'd': a->dir = optarg; break;
-        case 'l': a->list = true; break;
-        case 'j': a->json = true; break;
+        case 'w':
+            a->options.world = optarg;
+            break;
+        case 'c':
+            a->options.cache = optarg;
+            break;
+        case 'P':
+            a->parameters = optarg;
+            break;
+        case 't':
+            a->options.truth = optarg;
+            break;
+        case 's':
+            a->options.stats = optarg;
+            break;
+        case 'q':
+            a->options.quiet = true;
+            break;
+        case 'S':
+            a->serve = optarg;
+            break;
+        case 'J':
+            a->join = optarg;
+            break;
+        case 'd':
+            a->dir = optarg;
+            break;
+        case 'l':
+            a->list = true;
+            break;
+        case 'j':
+            a->json = true;
+            break;
         case 'u':
             a->options.wires.usb = optarg;
             break;
@@ -104,7 +133,9 @@ static int read_options(int argc, char **argv, struct arguments *a)
                 return usage("--triggers takes rows or one") + 1;
             a->options.wires.one_trigger = strcmp(optarg, "one") == 0;
             break;
-        case 'r': a->options.wires.rig = true; break;
+        case 'r':
+            a->options.wires.rig = true;
+            break;
         case 'p':
             a->options.wires.rig_port = read_port(optarg);
             if (a->options.wires.rig_port < 0)
@@ -115,8 +146,11 @@ static int read_options(int argc, char **argv, struct arguments *a)
                 return usage("too many --fault") + 1;
             a->faults[a->options.fault_count++] = optarg;
             break;
-        case 'h': (void)fputs(help, stdout); return 1;
-        default: return usage("unknown option or a value is missing") + 1;
+        case 'h':
+            (void)fputs(help, stdout);
+            return 1;
+        default:
+            return usage("unknown option or a value is missing") + 1;
         }
     }
     a->options.faults = a->faults;
@@ -126,16 +160,16 @@ static int read_options(int argc, char **argv, struct arguments *a)
 /* --- a session ---------------------------------------------------------------------------------------------------- */
 
 struct run {
-    struct sst_sim_command command;
-    struct sst_sim_server *server;
+    struct sim_command command;
+    struct sim_server *server;
 };
 
 static void signalled(void *arg)
 {
     struct run *run = arg;
 
-    if (sst_sim_command_signal(&run->command))
-        sst_sim_server_stop(run->server);
+    if (sim_command_signal(&run->command))
+        sim_server_stop(run->server);
 }
 
 /* Memory of every buffer is a descriptor here. The command, started before, keeps the limit that it has. */
@@ -150,26 +184,26 @@ static void raise_limit(void)
 }
 
 /* Serve in a folder, with a command or until a signal or 'stop'. @return exit status */
-static int serve(struct sst_sim_simulator *sim, const char *dir, char *const argv[])
+static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
 {
     struct run run = { .command.signals = -1 };
-    int err = sst_sim_command_prepare(&run.command), status;
+    int err = sim_command_prepare(&run.command), status;
 
     if (!err)
-        err = sst_sim_simulator_start(sim, dir);
+        err = sim_simulator_start(sim, dir);
     if (!err && argv)
-        err = sst_sim_session_enter(dir, NULL);
-    if (!err && argv && sst_sim_command_start(&run.command, argv))
+        err = sim_session_enter(dir, NULL);
+    if (!err && argv && sim_command_start(&run.command, argv))
         run.command.status = err = 127;
-    run.server = sst_sim_simulator_server(sim);
+    run.server = sim_simulator_server(sim);
     if (!err)
-        err = sst_sim_watch(run.server, run.command.signals, signalled, &run);
+        err = sim_watch(run.server, run.command.signals, signalled, &run);
     if (!err) {
         raise_limit();
-        err = sst_sim_server_run(run.server);
+        err = sim_server_run(run.server);
     }
     status = err && !run.command.status ? EXIT_FAILURE : run.command.status;
-    sst_sim_command_close(&run.command);
+    sim_command_close(&run.command);
     return status;
 }
 
@@ -177,7 +211,7 @@ static int serve(struct sst_sim_simulator *sim, const char *dir, char *const arg
 static int take_folder(const char *name, char dir[SST_PATH_MAX])
 {
     if (!name)
-        return sst_sim_session_make(dir);
+        return sim_session_make(dir);
     if ((rmdir(name) < 0 && errno != ENOENT) || mkdir(name, 0700) < 0 || !realpath(name, dir)) {
         sst_log_error("session folder '%s': %s; name one that is not there yet, or empty", name, strerror(errno));
         return -EEXIST;
@@ -187,19 +221,19 @@ static int take_folder(const char *name, char dir[SST_PATH_MAX])
 
 static int run_session(const struct arguments *a, char *const argv[])
 {
-    struct sst_sim_simulator *sim = NULL;
+    struct sim_simulator *sim = NULL;
     char dir[SST_PATH_MAX];
     int status = EXIT_FAILURE;
 
     /* While the world is prepared; later signals are blocked and come by the event loop. */
-    if (sst_file_clean_on_interrupt() || sst_sim_simulator_open(&sim, &a->options))
+    if (sst_file_clean_on_interrupt() || sim_simulator_open(&sim, &a->options))
         return EXIT_FAILURE;
     if (take_folder(a->serve, dir) == 0) {
         status = serve(sim, dir, argv);
-        sst_sim_simulator_close(sim);
+        sim_simulator_close(sim);
         sst_path_remove_tree(dir);
     } else {
-        sst_sim_simulator_close(sim);
+        sim_simulator_close(sim);
     }
     return status;
 }
@@ -212,7 +246,7 @@ static int join(const char *folder, char *const argv[])
         sst_log_error("session '%s': %s; start it with 'sst-sim --serve %s'", folder, strerror(errno), folder);
         return EXIT_FAILURE;
     }
-    if (sst_sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0 || sst_sim_session_enter(dir, NULL))
+    if (sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0 || sim_session_enter(dir, NULL))
         return EXIT_FAILURE;
     (void)execvp(argv[0], argv);
     sst_log_error("command '%s': cannot be run: %s", argv[0], strerror(errno));
@@ -228,7 +262,7 @@ static int set_faults(const char *dir, int argc, char **argv)
     if (!argc)
         return usage("fault needs NAME=VALUE or --list");
     for (int i = 0; i < argc; i++) {
-        const int err = sst_sim_session_ask(dir, SST_SIM_FAULT, argv[i], answer, sizeof(answer));
+        const int err = sim_session_ask(dir, SST_SIM_FAULT, argv[i], answer, sizeof(answer));
 
         if (err < 0) {
             if (*answer)
@@ -242,7 +276,7 @@ static int set_faults(const char *dir, int argc, char **argv)
 static int ask(const char *dir, unsigned op)
 {
     char answer[SST_SIM_PAYLOAD_MAX] = "";
-    const int err = sst_sim_session_ask(dir, op, "", answer, sizeof(answer));
+    const int err = sim_session_ask(dir, op, "", answer, sizeof(answer));
 
     if (err >= 0 && *answer)
         printf("%s%s", answer, answer[strlen(answer) - 1] == '\n' ? "" : "\n");
@@ -259,11 +293,11 @@ static int status(const char *dir, bool json)
 
     if (json)
         return ask(dir, SST_SIM_STATUS);
-    if (sst_sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0)
+    if (sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0)
         return EXIT_FAILURE;
     all = json_loads(answer, 0, NULL);
-    json_array_foreach(json_object_get(all, "cameras"), i, cam)
-        present += json_integer_value(json_object_get(cam, "node")) >= 0;
+    json_array_foreach(json_object_get(all, "cameras"), i, cam) present +=
+        json_integer_value(json_object_get(cam, "node")) >= 0;
     printf("session %s: %d of %d cameras there, %lld frames made in %.1f s, %.1f %% of one core\n", dir, present,
            (int)json_array_size(json_object_get(all, "cameras")),
            (long long)json_integer_value(json_object_get(all, "frames")),

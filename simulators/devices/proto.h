@@ -16,8 +16,8 @@
  * hold it (dup, fork, exec, SCM_RIGHTS) can tell what it is.
  */
 #define SST_SIM_DIR_ENV "SST_SIM_DIR"
-#define SST_SIM_SOCKET "control.sock"
-#define SST_SIM_NAME "sst-sim/" /* then one letter, '/', the handle in decimal */
+#define SST_SIM_SOCKET  "control.sock"
+#define SST_SIM_NAME    "sst-sim/" /* then one letter, '/', the handle in decimal */
 
 #define SST_SIM_PAYLOAD_MAX 65536
 
@@ -25,17 +25,17 @@
 #define SST_SIM_OWN_KINDS "video", "media", "v4l", "gpiochip", "bus", "serial"
 
 enum sst_sim_op {
-    SST_SIM_OPEN = 1,   /* payload: path; cmd: flags of open(); answer brings the descriptor */
-    SST_SIM_IOCTL = 2,  /* cmd: request; arg: the argument's value; payload: argument, then areas it points to */
-    SST_SIM_MAP = 3,    /* arg: offset; length; cmd: prot << 16 | flags; answer: descriptor, arg: offset in it */
-    SST_SIM_CANCEL = 4, /* a signal came: answer the pending call now with -EINTR. Has no answer of its own */
-    SST_SIM_READY = 5,  /* the out-of-band byte was taken. No answer */
-    SST_SIM_READ = 6,   /* length: wanted; answer: payload */
-    SST_SIM_WRITE = 7,  /* payload */
-    SST_SIM_STAT = 12,  /* answer's arg: major << 32 | minor */
-    SST_SIM_SEEK = 13,  /* arg: offset, cmd: whence of lseek(); answer's arg: new position */
-    SST_SIM_FAULT = 8,  /* payload: "NAME=VALUE"; answer's payload: message on failure */
-    SST_SIM_FAULTS = 9, /* answer's payload: all faults with values and help, as text */
+    SST_SIM_OPEN = 1,    /* payload: path; cmd: flags of open(); answer brings the descriptor */
+    SST_SIM_IOCTL = 2,   /* cmd: request; arg: the argument's value; payload: argument, then areas it points to */
+    SST_SIM_MAP = 3,     /* arg: offset; length; cmd: prot << 16 | flags; answer: descriptor, arg: offset in it */
+    SST_SIM_CANCEL = 4,  /* a signal came: answer the pending call now with -EINTR. Has no answer of its own */
+    SST_SIM_READY = 5,   /* the out-of-band byte was taken. No answer */
+    SST_SIM_READ = 6,    /* length: wanted; answer: payload */
+    SST_SIM_WRITE = 7,   /* payload */
+    SST_SIM_STAT = 12,   /* answer's arg: major << 32 | minor */
+    SST_SIM_SEEK = 13,   /* arg: offset, cmd: whence of lseek(); answer's arg: new position */
+    SST_SIM_FAULT = 8,   /* payload: "NAME=VALUE"; answer's payload: message on failure */
+    SST_SIM_FAULTS = 9,  /* answer's payload: all faults with values and help, as text */
     SST_SIM_STATUS = 10, /* answer's payload: JSON */
     SST_SIM_STOP = 11,   /* end a session that was started with --serve */
 };
@@ -68,8 +68,8 @@ enum sst_sim_answer_flag {
 };
 
 struct sst_sim_answer {
-    int32_t result;  /* negative errno, or what the call returns */
-    uint32_t drain;  /* bytes to take from the descriptor: it says readable for that many things that are gone now */
+    int32_t result; /* negative errno, or what the call returns */
+    uint32_t drain; /* bytes to take from the descriptor: it says readable for that many things that are gone now */
     uint32_t flags, pid;
     uint64_t arg;
 };

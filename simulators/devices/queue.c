@@ -7,11 +7,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "simulators/devices/camera.h"
+#include "simulators/devices/devices_internal.h"
 
 #define OFFSET_SHIFT 26 /* mmap offsets of buffers lie this far apart; larger than any buffer */
-#define CAPABILITIES                                                                                       \
-    (V4L2_BUF_CAP_SUPPORTS_MMAP | V4L2_BUF_CAP_SUPPORTS_USERPTR | V4L2_BUF_CAP_SUPPORTS_DMABUF |            \
+#define CAPABILITIES                                                                                                   \
+    (V4L2_BUF_CAP_SUPPORTS_MMAP | V4L2_BUF_CAP_SUPPORTS_USERPTR | V4L2_BUF_CAP_SUPPORTS_DMABUF |                       \
      V4L2_BUF_CAP_SUPPORTS_ORPHANED_BUFS)
 
 /* --- memory ------------------------------------------------------------------------------------------------------- */
@@ -23,7 +23,7 @@ static size_t whole_pages(uint32_t bytes)
     return (bytes + page - 1) / page * page;
 }
 
-static void buffer_free(struct sst_sim_buffer *b)
+static void buffer_free(struct sim_buffer *b)
 {
     if (b->data)
         (void)munmap(b->data, whole_pages(b->length));
@@ -31,15 +31,15 @@ static void buffer_free(struct sst_sim_buffer *b)
         close(b->memory); /* programs that still map it keep it */
     if (b->dmabuf >= 0)
         close(b->dmabuf);
-    *b = (struct sst_sim_buffer){ .memory = -1, .dmabuf = -1 };
+    *b = (struct sim_buffer){ .memory = -1, .dmabuf = -1 };
 }
 
-static int buffer_make(struct sst_sim_buffer *b, uint32_t bytes)
+static int buffer_make(struct sim_buffer *b, uint32_t bytes)
 {
     const size_t room = whole_pages(bytes);
     void *data = MAP_FAILED;
 
-    *b = (struct sst_sim_buffer){ .length = bytes, .user_length = bytes, .dmabuf = -1, .dmabuf_number = -1 };
+    *b = (struct sim_buffer){ .length = bytes, .user_length = bytes, .dmabuf = -1, .dmabuf_number = -1 };
     b->memory = memfd_create("sst-sim-frame", MFD_CLOEXEC);
     if (b->memory >= 0 && ftruncate(b->memory, (off_t)room) == 0)
         data = mmap(NULL, room, PROT_READ | PROT_WRITE, MAP_SHARED, b->memory, 0);
@@ -52,7 +52,7 @@ static int buffer_make(struct sst_sim_buffer *b, uint32_t bytes)
 }
 
 /* @return buffers made, or -ENOMEM if not one could be */
-static int make_buffers(struct sst_sim_queue *q, uint32_t count, uint32_t bytes)
+static int make_buffers(struct sim_queue *q, uint32_t count, uint32_t bytes)
 {
     uint32_t made = 0;
 
@@ -63,7 +63,7 @@ static int make_buffers(struct sst_sim_queue *q, uint32_t count, uint32_t bytes)
     return made ? (int)made : -ENOMEM;
 }
 
-static void free_buffers(struct sst_sim_queue *q)
+static void free_buffers(struct sim_queue *q)
 {
     for (uint32_t i = 0; i < q->count; i++)
         buffer_free(&q->buffer[i]);
@@ -84,19 +84,25 @@ static uint32_t shift(uint32_t *list, int *count)
 
 /* --- what programs are told --------------------------------------------------------------------------------------- */
 
-static void describe(const struct sst_sim_queue *q, uint32_t index, struct v4l2_buffer *out)
+static void describe(const struct sim_queue *q, uint32_t index, struct v4l2_buffer *out)
 {
-    const struct sst_sim_buffer *b = &q->buffer[index];
+    const struct sim_buffer *b = &q->buffer[index];
     int64_t us = b->stamp_ns / 1000;
 
-    *out = (struct v4l2_buffer){ .index = index, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = q->memory,
-                                 .field = V4L2_FIELD_NONE, .length = b->length, .bytesused = b->bytesused,
+    *out = (struct v4l2_buffer){ .index = index,
+                                 .type = V4L2_BUF_TYPE_VIDEO_CAPTURE,
+                                 .memory = q->memory,
+                                 .field = V4L2_FIELD_NONE,
+                                 .length = b->length,
+                                 .bytesused = b->bytesused,
                                  .sequence = b->sequence,
                                  .flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE };
     out->timestamp.tv_sec = us / 1000000 - (us % 1000000 < 0);
     out->timestamp.tv_usec = us % 1000000 + (us % 1000000 < 0 ? 1000000 : 0);
     switch (q->memory) {
-    case V4L2_MEMORY_MMAP: out->m.offset = index << OFFSET_SHIFT; break;
+    case V4L2_MEMORY_MMAP:
+        out->m.offset = index << OFFSET_SHIFT;
+        break;
     case V4L2_MEMORY_USERPTR:
         out->m.userptr = b->userptr;
         out->length = b->user_length;
@@ -117,19 +123,19 @@ static void describe(const struct sst_sim_queue *q, uint32_t index, struct v4l2_
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
-struct sst_sim_buffer *sst_sim_cam_queue_next(struct sst_sim_cam *cam)
+struct sim_buffer *sim_cam_queue_next(struct sim_cam *cam)
 {
-    struct sst_sim_queue *q = &cam->queue;
+    struct sim_queue *q = &cam->queue;
 
     return q->streaming && q->queued_count ? &q->buffer[q->queued[0]] : NULL;
 }
 
 /* Take the oldest frame out and write the answer to its DQBUF. */
-static void take(struct sst_sim_queue *q, struct sst_sim_request *r)
+static void take(struct sim_queue *q, struct sim_request *r)
 {
     struct v4l2_buffer *out = (struct v4l2_buffer *)r->data;
     const uint32_t index = shift(q->done, &q->done_count);
-    struct sst_sim_buffer *b = &q->buffer[index];
+    struct sim_buffer *b = &q->buffer[index];
 
     describe(q, index, out);
     out->flags &= ~(uint32_t)V4L2_BUF_FLAG_DONE;
@@ -143,11 +149,11 @@ static void take(struct sst_sim_queue *q, struct sst_sim_request *r)
     b->dmabuf = -1;
 }
 
-void sst_sim_cam_queue_done(struct sst_sim_cam *cam)
+void sim_cam_queue_done(struct sim_cam *cam)
 {
-    struct sst_sim_queue *q = &cam->queue;
+    struct sim_queue *q = &cam->queue;
     const uint32_t index = shift(q->queued, &q->queued_count);
-    struct sst_sim_request *waiter = q->waiter;
+    struct sim_request *waiter = q->waiter;
 
     q->buffer[index].state = SST_SIM_BUFFER_DONE;
     q->buffer[index].prepared = false;
@@ -158,17 +164,17 @@ void sst_sim_cam_queue_done(struct sst_sim_cam *cam)
         sst_sim_answer(cam->server, waiter, 0);
     } else if (q->owner) {
         /* One byte for each frame that is there. 32 always fit. */
-        (void)!sst_sim_handle_readable(q->owner->handle, "", 1);
+        (void)!sim_handle_readable(q->owner->handle, "", 1);
     }
 }
 
-void sst_sim_cam_queue_stop(struct sst_sim_cam *cam, struct sst_sim_request *r)
+void sim_cam_queue_stop(struct sim_cam *cam, struct sim_request *r)
 {
-    struct sst_sim_queue *q = &cam->queue;
-    struct sst_sim_request *waiter = q->waiter;
+    struct sim_queue *q = &cam->queue;
+    struct sim_request *waiter = q->waiter;
 
     if (q->streaming)
-        sst_sim_cam_stop(cam);
+        sim_cam_stop(cam);
     q->streaming = false;
     if (r)
         r->drain = (uint32_t)q->done_count;
@@ -182,9 +188,9 @@ void sst_sim_cam_queue_stop(struct sst_sim_cam *cam, struct sst_sim_request *r)
         sst_sim_answer(cam->server, waiter, -EINVAL);
 }
 
-void sst_sim_cam_queue_free(struct sst_sim_cam *cam)
+void sim_cam_queue_free(struct sim_cam *cam)
 {
-    sst_sim_cam_queue_stop(cam, NULL);
+    sim_cam_queue_stop(cam, NULL);
     free_buffers(&cam->queue);
     cam->queue.owner = NULL;
 }
@@ -192,9 +198,9 @@ void sst_sim_cam_queue_free(struct sst_sim_cam *cam)
 /* --- ioctls ------------------------------------------------------------------------------------------------------- */
 
 /* Another file has the buffers. It may have been closed just now. */
-static bool taken(const struct sst_sim_queue *q, const struct sst_sim_open *o)
+static bool taken(const struct sim_queue *q, const struct sim_open *o)
 {
-    return q->owner && q->owner != o && !sst_sim_handle_settle(q->owner->handle);
+    return q->owner && q->owner != o && !sim_handle_settle(q->owner->handle);
 }
 
 static bool wrong_type(uint32_t type)
@@ -207,10 +213,10 @@ static bool wrong_memory(uint32_t memory)
     return memory != V4L2_MEMORY_MMAP && memory != V4L2_MEMORY_USERPTR && memory != V4L2_MEMORY_DMABUF;
 }
 
-static int request_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+static int request_buffers(struct sim_cam *cam, struct sim_open *o, struct sim_request *r)
 {
     struct v4l2_requestbuffers *a = (struct v4l2_requestbuffers *)r->data;
-    struct sst_sim_queue *q = &cam->queue;
+    struct sim_queue *q = &cam->queue;
     int made = 0;
 
     if (wrong_type(a->type) || wrong_memory(a->memory))
@@ -218,9 +224,9 @@ static int request_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, stru
     a->capabilities = CAPABILITIES;
     a->flags = 0;
     memset(a->reserved, 0, sizeof(a->reserved));
-    if (taken(q, o) || q->streaming || sst_sim_cam_fault(cam, SST_SIM_FAULT_BUSY) > 0)
+    if (taken(q, o) || q->streaming || sim_cam_fault(cam, SST_SIM_FAULT_BUSY) > 0)
         return -EBUSY;
-    sst_sim_cam_queue_stop(cam, r);
+    sim_cam_queue_stop(cam, r);
     free_buffers(q);
     q->owner = NULL;
     if (a->count) {
@@ -234,10 +240,10 @@ static int request_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, stru
     return 0;
 }
 
-static int create_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+static int create_buffers(struct sim_cam *cam, struct sim_open *o, struct sim_request *r)
 {
     struct v4l2_create_buffers *a = (struct v4l2_create_buffers *)r->data;
-    struct sst_sim_queue *q = &cam->queue;
+    struct sim_queue *q = &cam->queue;
     const uint32_t bytes = a->format.fmt.pix.sizeimage;
     int made;
 
@@ -264,7 +270,7 @@ static int create_buffers(struct sst_sim_cam *cam, struct sst_sim_open *o, struc
     return 0;
 }
 
-static int query_buffer(struct sst_sim_queue *q, struct v4l2_buffer *a)
+static int query_buffer(struct sim_queue *q, struct v4l2_buffer *a)
 {
     if (wrong_type(a->type) || a->index >= q->count)
         return -EINVAL;
@@ -273,8 +279,8 @@ static int query_buffer(struct sst_sim_queue *q, struct v4l2_buffer *a)
 }
 
 /* The memory that the program gives for a frame. */
-static int take_memory(const struct sst_sim_cam *cam, struct sst_sim_buffer *b, const struct v4l2_buffer *a,
-                       struct sst_sim_request *r)
+static int take_memory(const struct sim_cam *cam, struct sim_buffer *b, const struct v4l2_buffer *a,
+                       struct sim_request *r)
 {
     struct stat st;
 
@@ -297,11 +303,11 @@ static int take_memory(const struct sst_sim_cam *cam, struct sst_sim_buffer *b, 
     return 0;
 }
 
-static int queue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r, bool prepare)
+static int queue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_request *r, bool prepare)
 {
     struct v4l2_buffer *a = (struct v4l2_buffer *)r->data;
-    struct sst_sim_queue *q = &cam->queue;
-    struct sst_sim_buffer *b;
+    struct sim_queue *q = &cam->queue;
+    struct sim_buffer *b;
     int err;
 
     if (taken(q, o))
@@ -327,10 +333,10 @@ static int queue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struct 
     return 0;
 }
 
-static int dequeue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+static int dequeue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_request *r)
 {
     const struct v4l2_buffer *a = (const struct v4l2_buffer *)r->data;
-    struct sst_sim_queue *q = &cam->queue;
+    struct sim_queue *q = &cam->queue;
 
     if (taken(q, o))
         return -EBUSY;
@@ -338,7 +344,7 @@ static int dequeue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struc
         return -EINVAL;
     if (q->waiter)
         return -EBUSY; /* another thread waits for a frame */
-    if (sst_sim_cam_chance(cam, sst_sim_cam_fault(cam, SST_SIM_FAULT_EIO)))
+    if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_EIO)))
         return -EIO;
     if (q->done_count) {
         take(q, r);
@@ -351,7 +357,7 @@ static int dequeue_buffer(struct sst_sim_cam *cam, struct sst_sim_open *o, struc
     return SST_SIM_LATER;
 }
 
-static int export_buffer(struct sst_sim_queue *q, struct sst_sim_open *o, struct sst_sim_request *r)
+static int export_buffer(struct sim_queue *q, struct sim_open *o, struct sim_request *r)
 {
     const struct v4l2_exportbuffer *a = (const struct v4l2_exportbuffer *)r->data;
 
@@ -365,9 +371,9 @@ static int export_buffer(struct sst_sim_queue *q, struct sst_sim_open *o, struct
     return 0;
 }
 
-static int stream_on(struct sst_sim_cam *cam, struct sst_sim_open *o, int type)
+static int stream_on(struct sim_cam *cam, struct sim_open *o, int type)
 {
-    struct sst_sim_queue *q = &cam->queue;
+    struct sim_queue *q = &cam->queue;
     int err;
 
     if (taken(q, o))
@@ -377,51 +383,66 @@ static int stream_on(struct sst_sim_cam *cam, struct sst_sim_open *o, int type)
     if (q->streaming)
         return 0;
     q->streaming = true;
-    err = sst_sim_cam_start(cam);
+    err = sim_cam_start(cam);
     if (err)
         q->streaming = false;
     return err;
 }
 
-static int stream_off(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r, int type)
+static int stream_off(struct sim_cam *cam, struct sim_open *o, struct sim_request *r, int type)
 {
     if (taken(&cam->queue, o))
         return -EBUSY;
     if (wrong_type((uint32_t)type))
         return -EINVAL;
-    sst_sim_cam_queue_stop(cam, r);
-    sst_sim_array_rung(cam->array, cam->index, SST_SIM_RESTREAM);
+    sim_cam_queue_stop(cam, r);
+    sim_array_rung(cam->array, cam->index, SST_SIM_RESTREAM);
     return 0;
 }
 
-int sst_sim_cam_queue_ioctl(struct sst_sim_cam *cam, struct sst_sim_open *o, struct sst_sim_request *r)
+int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r)
 {
     int type, err;
 
     memcpy(&type, r->data, sizeof(type));
     switch (r->call.cmd) {
-    case VIDIOC_DQBUF: return dequeue_buffer(cam, o, r);
-    case VIDIOC_EXPBUF: return export_buffer(&cam->queue, o, r);
-    case VIDIOC_STREAMON: return stream_on(cam, o, type);
-    case VIDIOC_STREAMOFF: return stream_off(cam, o, r, type);
-    case VIDIOC_REQBUFS: err = request_buffers(cam, o, r); break;
-    case VIDIOC_CREATE_BUFS: err = create_buffers(cam, o, r); break;
-    case VIDIOC_QUERYBUF: err = query_buffer(&cam->queue, (struct v4l2_buffer *)r->data); break;
-    case VIDIOC_QBUF: err = queue_buffer(cam, o, r, false); break;
-    case VIDIOC_PREPARE_BUF: err = queue_buffer(cam, o, r, true); break;
-    default: return -ENOTTY;
+    case VIDIOC_DQBUF:
+        return dequeue_buffer(cam, o, r);
+    case VIDIOC_EXPBUF:
+        return export_buffer(&cam->queue, o, r);
+    case VIDIOC_STREAMON:
+        return stream_on(cam, o, type);
+    case VIDIOC_STREAMOFF:
+        return stream_off(cam, o, r, type);
+    case VIDIOC_REQBUFS:
+        err = request_buffers(cam, o, r);
+        break;
+    case VIDIOC_CREATE_BUFS:
+        err = create_buffers(cam, o, r);
+        break;
+    case VIDIOC_QUERYBUF:
+        err = query_buffer(&cam->queue, (struct v4l2_buffer *)r->data);
+        break;
+    case VIDIOC_QBUF:
+        err = queue_buffer(cam, o, r, false);
+        break;
+    case VIDIOC_PREPARE_BUF:
+        err = queue_buffer(cam, o, r, true);
+        break;
+    default:
+        return -ENOTTY;
     }
     if (!err)
         r->out_bytes = _IOC_SIZE(r->call.cmd);
     return err;
 }
 
-int sst_sim_cam_queue_map(struct sst_sim_cam *cam, struct sst_sim_request *r)
+int sim_cam_queue_map(struct sim_cam *cam, struct sim_request *r)
 {
     const uint64_t index = r->call.arg >> OFFSET_SHIFT;
     const int prot = (int)(r->call.cmd >> 16), flags = (int)(r->call.cmd & 0xffff);
-    struct sst_sim_queue *q = &cam->queue;
-    struct sst_sim_buffer *b;
+    struct sim_queue *q = &cam->queue;
+    struct sim_buffer *b;
 
     if (q->memory != V4L2_MEMORY_MMAP || index >= q->count || (r->call.arg & ((1u << OFFSET_SHIFT) - 1)))
         return -EINVAL;

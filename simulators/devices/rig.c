@@ -1,4 +1,4 @@
-#include "simulators/devices/rig.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -9,12 +9,12 @@
 #include "base/file.h"
 #include "simulators/rig/drive.h"
 
-struct sst_sim_rig {
+struct sim_rig {
     struct sst_sim_drive *drive;
     char link[SST_PATH_MAX];
 };
 
-const char sst_sim_rig_faults[] =
+const char sim_rig_faults[] =
     "rig.NAME=WHEN              off, once, N (the next N replies), 1/N (every Nth), always; NAME is one of:\n"
     "  silence, wrong_unit, drop_bytes, bad_crc and noise (RTU), disconnect; exception=CODE[:WHEN], late_ms=MS[:WHEN]\n"
     "rig.NAME=AXIS              x, y, z, or off; x:always for the first three:\n"
@@ -36,9 +36,9 @@ static int make_folders(const char *dir)
     return err;
 }
 
-int sst_sim_rig_open(struct sst_sim_rig **out, const char *dir, int port, uint64_t seed)
+int sim_rig_open(struct sim_rig **out, const char *dir, int port, uint64_t seed)
 {
-    struct sst_sim_rig *rig = calloc(1, sizeof(*rig));
+    struct sim_rig *rig = calloc(1, sizeof(*rig));
     struct sst_sim_drive_config cfg = { .tcp_port = port, .seed = seed };
     int err = -ENOMEM;
 
@@ -58,7 +58,7 @@ int sst_sim_rig_open(struct sst_sim_rig **out, const char *dir, int port, uint64
     return 0;
 }
 
-void sst_sim_rig_close(struct sst_sim_rig *rig)
+void sim_rig_close(struct sim_rig *rig)
 {
     if (!rig)
         return;
@@ -66,12 +66,12 @@ void sst_sim_rig_close(struct sst_sim_rig *rig)
     free(rig);
 }
 
-void sst_sim_rig_pose(struct sst_sim_rig *rig, int64_t t_ns, int32_t pose_um[3])
+void sim_rig_pose(struct sim_rig *rig, int64_t t_ns, int32_t pose_um[3])
 {
     sst_sim_drive_pose(rig->drive, t_ns, pose_um);
 }
 
-int sst_sim_rig_fault(struct sst_sim_rig *rig, const char *text, char *message, size_t size)
+int sim_rig_fault(struct sim_rig *rig, const char *text, char *message, size_t size)
 {
     const char *name = text + strlen("rig."), *equals = strchr(text, '=');
     char only[64];
@@ -84,7 +84,7 @@ int sst_sim_rig_fault(struct sst_sim_rig *rig, const char *text, char *message, 
     return sst_sim_drive_fault(rig->drive, only, equals + 1, message, size);
 }
 
-json_t *sst_sim_rig_status(struct sst_sim_rig *rig)
+json_t *sim_rig_status(struct sim_rig *rig)
 {
     int32_t um[3];
     char bus[64];

@@ -1,6 +1,6 @@
 /* The simulator's event loop: connections of programs and their calls. */
 #define _GNU_SOURCE
-#include "simulators/devices/server.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -13,9 +13,8 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "simulators/devices/server_internal.h"
 
-int sst_sim_source_add(int epoll, int fd, uint32_t events, struct sst_sim_source *source)
+int sim_source_add(int epoll, int fd, uint32_t events, struct sim_source *source)
 {
     struct epoll_event ev = { .events = events, .data.ptr = source };
 
@@ -26,7 +25,7 @@ int sst_sim_source_add(int epoll, int fd, uint32_t events, struct sst_sim_source
  * Take the end of files that programs closed. Also before each call is served: a program that let something go and
  * calls at once must find it free, and epoll has a connection that was just served ready before what came meanwhile.
  */
-static void take_hangups(struct sst_sim_server *s)
+static void take_hangups(struct sim_server *s)
 {
     struct epoll_event ev[64];
     int n;
@@ -34,7 +33,7 @@ static void take_hangups(struct sst_sim_server *s)
     do {
         n = epoll_wait(s->hangups, ev, ARRAY_LEN(ev), 0);
         for (int i = 0; i < n; i++) {
-            struct sst_sim_source *source = ev[i].data.ptr;
+            struct sim_source *source = ev[i].data.ptr;
 
             source->ready(s, source, ev[i].events);
         }
@@ -43,9 +42,9 @@ static void take_hangups(struct sst_sim_server *s)
 
 /* --- answers ------------------------------------------------------------------------------------------------------ */
 
-static struct sst_sim_conn *conn_of(struct sst_sim_request *r)
+static struct sim_conn *conn_of(struct sim_request *r)
 {
-    return (struct sst_sim_conn *)((char *)r - offsetof(struct sst_sim_conn, request));
+    return (struct sim_conn *)((char *)r - offsetof(struct sim_conn, request));
 }
 
 static void put_fd(struct msghdr *msg, char *room, int fd)
@@ -61,9 +60,9 @@ static void put_fd(struct msghdr *msg, char *room, int fd)
     memcpy(CMSG_DATA(c), &fd, sizeof(fd));
 }
 
-static void request_end(struct sst_sim_conn *c)
+static void request_end(struct sim_conn *c)
 {
-    struct sst_sim_request *r = &c->request;
+    struct sim_request *r = &c->request;
 
     if (r->out_fd >= 0 && r->out_fd_close)
         close(r->out_fd);
@@ -73,15 +72,15 @@ static void request_end(struct sst_sim_conn *c)
     c->pending = false;
 }
 
-void sst_sim_answer(struct sst_sim_server *s, struct sst_sim_request *r, int result)
+void sst_sim_answer(struct sim_server *s, struct sim_request *r, int result)
 {
-    struct sst_sim_conn *c = conn_of(r);
+    struct sim_conn *c = conn_of(r);
     struct sst_sim_answer answer = { .result = result, .drain = r->drain, .flags = r->out_flags, .arg = r->out_arg };
     struct iovec iov[2] = { { &answer, sizeof(answer) }, { r->data, r->out_bytes } };
     struct msghdr msg = { .msg_iov = iov, .msg_iovlen = r->out_bytes ? 2 : 1 };
     _Alignas(struct cmsghdr) char room[CMSG_SPACE(sizeof(int))] = { 0 };
 
-    sst_sim_timer_stop(s, &c->delay);
+    sim_timer_stop(s, &c->delay);
     if (result >= 0 && r->out_fd >= 0)
         put_fd(&msg, room, r->out_fd);
     /* The program waits for this one message: a full socket means that it does not play by the rules. */
@@ -92,34 +91,34 @@ void sst_sim_answer(struct sst_sim_server *s, struct sst_sim_request *r, int res
 
 static void delay_over(void *arg)
 {
-    struct sst_sim_conn *c = arg;
+    struct sim_conn *c = arg;
 
     sst_sim_answer(c->server, &c->request, c->delayed_result);
 }
 
-int sst_sim_answer_at(struct sst_sim_server *s, struct sst_sim_request *r, int result, int64_t due_ns)
+int sim_answer_at(struct sim_server *s, struct sim_request *r, int result, int64_t due_ns)
 {
-    struct sst_sim_conn *c = conn_of(r);
-    const int err = sst_sim_timer_set(s, &c->delay, due_ns);
+    struct sim_conn *c = conn_of(r);
+    const int err = sim_timer_set(s, &c->delay, due_ns);
 
     c->delayed_result = result;
     return err ? err : SST_SIM_LATER;
 }
 
 /* Forget what a device was to answer later. */
-static void request_cancel(struct sst_sim_server *s, struct sst_sim_conn *c)
+static void request_cancel(struct sim_server *s, struct sim_conn *c)
 {
-    struct sst_sim_handle *h = c->request.handle;
+    struct sim_handle *h = c->request.handle;
 
     if (c->delay.slot)
-        sst_sim_timer_stop(s, &c->delay);
+        sim_timer_stop(s, &c->delay);
     else if (h && h->ops->cancel)
         h->ops->cancel(h, &c->request);
 }
 
-void sst_sim_requests_fail(struct sst_sim_server *s, struct sst_sim_handle *h, int err)
+void sim_requests_fail(struct sim_server *s, struct sim_handle *h, int err)
 {
-    for (struct sst_sim_conn *c = s->conns; c; c = c->next)
+    for (struct sim_conn *c = s->conns; c; c = c->next)
         if (c->pending && c->request.handle == h) {
             request_cancel(s, c);
             c->request.handle = NULL;
@@ -130,27 +129,34 @@ void sst_sim_requests_fail(struct sst_sim_server *s, struct sst_sim_handle *h, i
 
 /* --- calls -------------------------------------------------------------------------------------------------------- */
 
-static int serve_file(struct sst_sim_server *s, struct sst_sim_request *r)
+static int serve_file(struct sim_server *s, struct sim_request *r)
 {
-    struct sst_sim_open_file *f = sst_sim_file_find(s, r->call.handle);
-    const struct sst_sim_ops *ops = f ? f->handle.ops : NULL;
+    struct sim_open_file *f = sim_file_find(s, r->call.handle);
+    const struct sim_ops *ops = f ? f->handle.ops : NULL;
 
     if (!f)
         return -ENODEV;
     r->handle = &f->handle;
     switch (r->call.op) {
-    case SST_SIM_IOCTL: return ops->ioctl ? ops->ioctl(&f->handle, r) : -ENOTTY;
-    case SST_SIM_MAP: return ops->map ? ops->map(&f->handle, r) : -ENODEV;
-    case SST_SIM_STAT: r->out_arg = sst_sim_file_device(f); return 0;
-    case SST_SIM_SEEK: return ops->seek ? ops->seek(&f->handle, r) : -ESPIPE;
-    case SST_SIM_READ: return ops->read ? ops->read(&f->handle, r) : -EINVAL;
-    default: return ops->write ? ops->write(&f->handle, r) : -EINVAL;
+    case SST_SIM_IOCTL:
+        return ops->ioctl ? ops->ioctl(&f->handle, r) : -ENOTTY;
+    case SST_SIM_MAP:
+        return ops->map ? ops->map(&f->handle, r) : -ENODEV;
+    case SST_SIM_STAT:
+        r->out_arg = sim_file_device(f);
+        return 0;
+    case SST_SIM_SEEK:
+        return ops->seek ? ops->seek(&f->handle, r) : -ESPIPE;
+    case SST_SIM_READ:
+        return ops->read ? ops->read(&f->handle, r) : -EINVAL;
+    default:
+        return ops->write ? ops->write(&f->handle, r) : -EINVAL;
     }
 }
 
-static void serve_ready(struct sst_sim_server *s, const struct sst_sim_call *call)
+static void serve_ready(struct sim_server *s, const struct sst_sim_call *call)
 {
-    struct sst_sim_open_file *f = sst_sim_file_find(s, call->handle);
+    struct sim_open_file *f = sim_file_find(s, call->handle);
 
     if (f) {
         f->handle.urgent = false;
@@ -159,37 +165,44 @@ static void serve_ready(struct sst_sim_server *s, const struct sst_sim_call *cal
     }
 }
 
-static void serve(struct sst_sim_server *s, struct sst_sim_conn *c)
+static void serve(struct sim_server *s, struct sim_conn *c)
 {
-    struct sst_sim_request *r = &c->request;
+    struct sim_request *r = &c->request;
     int result;
 
     c->pending = true;
     switch (r->call.op) {
-    case SST_SIM_OPEN: result = sst_sim_file_open(s, r); break;
+    case SST_SIM_OPEN:
+        result = sim_file_open(s, r);
+        break;
     case SST_SIM_IOCTL:
     case SST_SIM_MAP:
     case SST_SIM_STAT:
     case SST_SIM_READ:
     case SST_SIM_SEEK:
-    case SST_SIM_WRITE: result = serve_file(s, r); break;
+    case SST_SIM_WRITE:
+        result = serve_file(s, r);
+        break;
     case SST_SIM_FAULT:
     case SST_SIM_FAULTS:
     case SST_SIM_STATUS:
-    case SST_SIM_STOP: result = s->control.call(s->control.arg, r); break;
-    default: result = -ENOSYS;
+    case SST_SIM_STOP:
+        result = s->control.call(s->control.arg, r);
+        break;
+    default:
+        result = -ENOSYS;
     }
     if (result != SST_SIM_LATER)
         sst_sim_answer(s, r, result);
 }
 
-static void conn_close(struct sst_sim_server *s, struct sst_sim_conn *c)
+static void conn_close(struct sim_server *s, struct sim_conn *c)
 {
     if (c->pending) {
         request_cancel(s, c);
         request_end(c);
     }
-    for (struct sst_sim_conn **p = &s->conns; *p; p = &(*p)->next)
+    for (struct sim_conn **p = &s->conns; *p; p = &(*p)->next)
         if (*p == c) {
             *p = c->next;
             break;
@@ -209,7 +222,7 @@ static int take_fd(struct msghdr *msg)
 }
 
 /* One message: a call, or the cancel of a pending one. @return false: the connection is at its end. */
-static bool receive(struct sst_sim_server *s, struct sst_sim_conn *c)
+static bool receive(struct sim_server *s, struct sim_conn *c)
 {
     struct sst_sim_call call;
     _Alignas(struct cmsghdr) char room[CMSG_SPACE(sizeof(int))];
@@ -240,24 +253,25 @@ static bool receive(struct sst_sim_server *s, struct sst_sim_conn *c)
         serve_ready(s, &call);
         return true;
     }
-    c->request = (struct sst_sim_request){ .call = call, .data = c->data, .fd = fd, .out_fd = -1,
-                                           .bytes = (uint32_t)((size_t)n - sizeof(call)) };
+    c->request = (struct sim_request){
+        .call = call, .data = c->data, .fd = fd, .out_fd = -1, .bytes = (uint32_t)((size_t)n - sizeof(call))
+    };
     serve(s, c);
     return true;
 }
 
-static void conn_ready(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+static void conn_ready(struct sim_server *s, struct sim_source *source, uint32_t events)
 {
-    struct sst_sim_conn *c = (struct sst_sim_conn *)source;
+    struct sim_conn *c = (struct sim_conn *)source;
 
     if (!(events & EPOLLIN) || !receive(s, c))
         conn_close(s, c);
 }
 
-static void accept_one(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+static void accept_one(struct sim_server *s, struct sim_source *source, uint32_t events)
 {
     const int fd = accept4(s->listener, NULL, NULL, SOCK_CLOEXEC);
-    struct sst_sim_conn *c;
+    struct sim_conn *c;
 
     (void)source;
     (void)events;
@@ -272,8 +286,8 @@ static void accept_one(struct sst_sim_server *s, struct sst_sim_source *source, 
     c->fd = fd;
     c->server = s;
     c->request.fd = c->request.out_fd = -1;
-    c->delay = (struct sst_sim_timer){ .fire = delay_over, .arg = c };
-    if (sst_sim_source_add(s->epoll, fd, EPOLLIN, &c->source)) {
+    c->delay = (struct sim_timer){ .fire = delay_over, .arg = c };
+    if (sim_source_add(s->epoll, fd, EPOLLIN, &c->source)) {
         close(fd);
         free(c);
         return;
@@ -284,26 +298,26 @@ static void accept_one(struct sst_sim_server *s, struct sst_sim_source *source, 
 
 /* --- the loop ----------------------------------------------------------------------------------------------------- */
 
-static void timers_due(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+static void timers_due(struct sim_server *s, struct sim_source *source, uint32_t events)
 {
     uint64_t expirations;
 
     (void)source;
     (void)events;
     (void)!read(s->timerfd, &expirations, sizeof(expirations));
-    sst_sim_timers_fire(s);
+    sim_timers_fire(s);
 }
 
-static void hangups_ready(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+static void hangups_ready(struct sim_server *s, struct sim_source *source, uint32_t events)
 {
     (void)source;
     (void)events;
     take_hangups(s);
 }
 
-static void watched_ready(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+static void watched_ready(struct sim_server *s, struct sim_source *source, uint32_t events)
 {
-    struct sst_sim_watched *w = (struct sst_sim_watched *)source;
+    struct sim_watched *w = (struct sim_watched *)source;
 
     (void)s;
     (void)events;
@@ -311,9 +325,9 @@ static void watched_ready(struct sst_sim_server *s, struct sst_sim_source *sourc
         w->fn(w->arg);
 }
 
-int sst_sim_watch(struct sst_sim_server *s, int fd, void (*fn)(void *arg), void *arg)
+int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg)
 {
-    struct sst_sim_watched *w = s->watched;
+    struct sim_watched *w = s->watched;
     int err;
 
     while (w && w->fd != fd)
@@ -331,8 +345,8 @@ int sst_sim_watch(struct sst_sim_server *s, int fd, void (*fn)(void *arg), void 
     w = calloc(1, sizeof(*w));
     if (!w)
         return -ENOMEM;
-    *w = (struct sst_sim_watched){ .source.ready = watched_ready, .fd = fd, .fn = fn, .arg = arg, .next = s->watched };
-    err = sst_sim_source_add(s->epoll, fd, EPOLLIN, &w->source);
+    *w = (struct sim_watched){ .source.ready = watched_ready, .fd = fd, .fn = fn, .arg = arg, .next = s->watched };
+    err = sim_source_add(s->epoll, fd, EPOLLIN, &w->source);
     if (err)
         free(w);
     else
@@ -340,7 +354,7 @@ int sst_sim_watch(struct sst_sim_server *s, int fd, void (*fn)(void *arg), void 
     return err;
 }
 
-int sst_sim_server_run(struct sst_sim_server *s)
+int sim_server_run(struct sim_server *s)
 {
     struct epoll_event ev[64];
 
@@ -348,7 +362,7 @@ int sst_sim_server_run(struct sst_sim_server *s)
     while (!s->stop) {
         int n;
 
-        sst_sim_timers_arm(s);
+        sim_timers_arm(s);
         /* Serving an event frees nothing that another points to: files wait in dead_files, a connection is only
          * freed by its own event. */
         n = epoll_wait(s->epoll, ev, ARRAY_LEN(ev), -1);
@@ -359,21 +373,21 @@ int sst_sim_server_run(struct sst_sim_server *s)
             return err;
         }
         for (int i = 0; i < n && !s->stop; i++) {
-            struct sst_sim_source *source = ev[i].data.ptr;
+            struct sim_source *source = ev[i].data.ptr;
 
             source->ready(s, source, ev[i].events);
         }
-        sst_sim_files_free_dead(s);
+        sim_files_free_dead(s);
     }
     return 0;
 }
 
-void sst_sim_server_stop(struct sst_sim_server *s)
+void sim_server_stop(struct sim_server *s)
 {
     s->stop = true;
 }
 
-static int listen_at(struct sst_sim_server *s)
+static int listen_at(struct sim_server *s)
 {
     struct sockaddr_un name = { .sun_family = AF_UNIX };
     char path[sizeof(name.sun_path)];
@@ -389,9 +403,9 @@ static int listen_at(struct sst_sim_server *s)
     return 0;
 }
 
-int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const struct sst_sim_control *control)
+int sim_server_open(struct sim_server **out, const char *dir, const struct sst_sim_control *control)
 {
-    struct sst_sim_server *s = calloc(1, sizeof(*s));
+    struct sim_server *s = calloc(1, sizeof(*s));
     int err = -ENOMEM;
 
     if (!s)
@@ -403,7 +417,7 @@ int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const stru
     s->hangups_source.ready = hangups_ready;
     err = sst_path_join(s->dir, dir, NULL);
     if (!err)
-        err = sst_sim_dev_open(s);
+        err = sim_dev_open(s);
     if (err)
         goto fail;
     err = listen_at(s);
@@ -418,11 +432,11 @@ int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const stru
     if (s->epoll < 0 || s->hangups < 0 || s->timerfd < 0)
         err = -errno;
     if (!err)
-        err = sst_sim_source_add(s->epoll, s->listener, EPOLLIN, &s->listener_source);
+        err = sim_source_add(s->epoll, s->listener, EPOLLIN, &s->listener_source);
     if (!err)
-        err = sst_sim_source_add(s->epoll, s->timerfd, EPOLLIN, &s->timer_source);
+        err = sim_source_add(s->epoll, s->timerfd, EPOLLIN, &s->timer_source);
     if (!err)
-        err = sst_sim_source_add(s->epoll, s->hangups, EPOLLIN, &s->hangups_source);
+        err = sim_source_add(s->epoll, s->hangups, EPOLLIN, &s->hangups_source);
     if (err) {
         sst_log_error("simulator: no event loop: %s", strerror(-err));
         goto fail;
@@ -431,22 +445,22 @@ int sst_sim_server_open(struct sst_sim_server **out, const char *dir, const stru
     return 0;
 
 fail:
-    sst_sim_server_close(s);
+    sim_server_close(s);
     return err;
 }
 
-void sst_sim_server_close(struct sst_sim_server *s)
+void sim_server_close(struct sim_server *s)
 {
     if (!s)
         return;
     while (s->nodes)
-        sst_sim_node_remove(s, s->nodes);
-    sst_sim_files_drop(s, NULL);
+        sim_node_remove(s, s->nodes);
+    sim_files_drop(s, NULL);
     while (s->conns)
         conn_close(s, s->conns);
-    sst_sim_files_free_dead(s);
+    sim_files_free_dead(s);
     while (s->watched) {
-        struct sst_sim_watched *w = s->watched;
+        struct sim_watched *w = s->watched;
 
         s->watched = w->next;
         free(w);
@@ -464,7 +478,7 @@ void sst_sim_server_close(struct sst_sim_server *s)
     free(s);
 }
 
-const char *sst_sim_server_dir(const struct sst_sim_server *s)
+const char *sim_server_dir(const struct sim_server *s)
 {
     return s->dir;
 }

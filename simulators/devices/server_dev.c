@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "simulators/devices/server_internal.h"
+#include "simulators/devices/devices_internal.h"
 
 static bool hidden(const char *name)
 {
@@ -22,7 +22,7 @@ static bool hidden(const char *name)
     return name[0] == '.';
 }
 
-int sst_sim_dev_open(struct sst_sim_server *s)
+int sim_dev_open(struct sim_server *s)
 {
     char path[SST_PATH_MAX], target[SST_PATH_MAX];
     int err = sst_path_join(path, s->dir, "dev");
@@ -37,8 +37,8 @@ int sst_sim_dev_open(struct sst_sim_server *s)
         if (hidden(e->d_name))
             continue;
         if (snprintf(path + base, sizeof(path) - base, "/%s", e->d_name) < (int)(sizeof(path) - base) &&
-            snprintf(target, sizeof(target), "/dev/%s", e->d_name) < (int)sizeof(target) &&
-            symlink(target, path) < 0 && errno != EEXIST)
+            snprintf(target, sizeof(target), "/dev/%s", e->d_name) < (int)sizeof(target) && symlink(target, path) < 0 &&
+            errno != EEXIST)
             err = -errno;
     }
     if (real)
@@ -48,16 +48,16 @@ int sst_sim_dev_open(struct sst_sim_server *s)
     return err;
 }
 
-struct sst_sim_node *sst_sim_node_find(struct sst_sim_server *s, const char *path)
+struct sim_node *sim_node_find(struct sim_server *s, const char *path)
 {
-    for (struct sst_sim_node *n = s->nodes; n; n = n->next)
+    for (struct sim_node *n = s->nodes; n; n = n->next)
         if (strcmp(n->path, path) == 0)
             return n;
     return NULL;
 }
 
 /* Where an entry of /dev lies in the session; its folders are made. */
-static int place(struct sst_sim_server *s, const char *path, char out[SST_PATH_MAX])
+static int place(struct sim_server *s, const char *path, char out[SST_PATH_MAX])
 {
     if (snprintf(out, SST_PATH_MAX, "%s%s", s->dir, path) >= SST_PATH_MAX)
         return -ENAMETOOLONG;
@@ -70,7 +70,7 @@ static int place(struct sst_sim_server *s, const char *path, char out[SST_PATH_M
     return 0;
 }
 
-static int write_node(struct sst_sim_server *s, const struct sst_sim_node *n)
+static int write_node(struct sim_server *s, const struct sim_node *n)
 {
     char path[SST_PATH_MAX], temporary[SST_PATH_MAX];
     int err = place(s, n->path, path);
@@ -93,18 +93,18 @@ static int write_node(struct sst_sim_server *s, const struct sst_sim_node *n)
     return err;
 }
 
-int sst_sim_node_add(struct sst_sim_server *s, struct sst_sim_node **node, const char *path, unsigned dev_major,
-                     unsigned dev_minor, const struct sst_sim_ops *ops, void *device)
+int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path, unsigned dev_major, unsigned dev_minor,
+                 const struct sim_ops *ops, void *device)
 {
-    struct sst_sim_node *n;
+    struct sim_node *n;
     int err = 0;
 
-    if (sst_sim_node_find(s, path))
+    if (sim_node_find(s, path))
         return -EEXIST;
     n = calloc(1, sizeof(*n));
     if (!n)
         return -ENOMEM;
-    *n = (struct sst_sim_node){ .dev_major = dev_major, .dev_minor = dev_minor, .ops = ops, .device = device };
+    *n = (struct sim_node){ .dev_major = dev_major, .dev_minor = dev_minor, .ops = ops, .device = device };
     if (snprintf(n->path, sizeof(n->path), "%s", path) >= (int)sizeof(n->path))
         err = -ENAMETOOLONG;
     else if (strncmp(path, "/dev/", 5) == 0)
@@ -120,24 +120,24 @@ int sst_sim_node_add(struct sst_sim_server *s, struct sst_sim_node **node, const
     return 0;
 }
 
-void sst_sim_node_remove(struct sst_sim_server *s, struct sst_sim_node *node)
+void sim_node_remove(struct sim_server *s, struct sim_node *node)
 {
     char path[SST_PATH_MAX];
 
     if (!node)
         return;
-    for (struct sst_sim_node **p = &s->nodes; *p; p = &(*p)->next)
+    for (struct sim_node **p = &s->nodes; *p; p = &(*p)->next)
         if (*p == node) {
             *p = node->next;
             break;
         }
     if (strncmp(node->path, "/dev/", 5) == 0 && place(s, node->path, path) == 0)
         (void)unlink(path);
-    sst_sim_files_drop(s, node);
+    sim_files_drop(s, node);
     free(node);
 }
 
-int sst_sim_link(struct sst_sim_server *s, const char *path, const char *target)
+int sim_link(struct sim_server *s, const char *path, const char *target)
 {
     char entry[SST_PATH_MAX];
     int err = place(s, path, entry);

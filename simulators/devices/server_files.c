@@ -11,31 +11,31 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include "simulators/devices/server_internal.h"
+#include "simulators/devices/devices_internal.h"
 
 #define SLOT_BITS 14 /* SST_SIM_HANDLES_MAX */
 
-struct sst_sim_open_file *sst_sim_file_find(struct sst_sim_server *s, uint32_t id)
+struct sim_open_file *sim_file_find(struct sim_server *s, uint32_t id)
 {
     const uint32_t slot = id & (SST_SIM_HANDLES_MAX - 1);
-    struct sst_sim_open_file *f = slot < (uint32_t)s->file_slots ? s->files[slot] : NULL;
+    struct sim_open_file *f = slot < (uint32_t)s->file_slots ? s->files[slot] : NULL;
 
     return f && f->handle.id == id ? f : NULL;
 }
 
-static void hung_up(struct sst_sim_server *s, struct sst_sim_source *source, uint32_t events)
+static void hung_up(struct sim_server *s, struct sim_source *source, uint32_t events)
 {
-    struct sst_sim_open_file *f = (struct sst_sim_open_file *)source;
+    struct sim_open_file *f = (struct sim_open_file *)source;
 
     (void)s;
     (void)events;
     if (!f->dead)
-        sst_sim_handle_drop(&f->handle);
+        sim_handle_drop(&f->handle);
 }
 
-static int free_slot(struct sst_sim_server *s)
+static int free_slot(struct sim_server *s)
 {
-    struct sst_sim_open_file **files;
+    struct sim_open_file **files;
     int slot = 0, slots;
 
     while (slot < s->file_slots && s->files[slot])
@@ -54,7 +54,7 @@ static int free_slot(struct sst_sim_server *s)
     return slot;
 }
 
-static int make_pair(const struct sst_sim_ops *ops, uint32_t id, int pair[2])
+static int make_pair(const struct sim_ops *ops, uint32_t id, int pair[2])
 {
     struct sockaddr_un name = { .sun_family = AF_UNIX };
     const int n = snprintf(name.sun_path + 1, sizeof(name.sun_path) - 1, SST_SIM_NAME "%c/%u", ops->letter, id);
@@ -74,11 +74,11 @@ static int make_pair(const struct sst_sim_ops *ops, uint32_t id, int pair[2])
     return err;
 }
 
-int sst_sim_handle_create(struct sst_sim_server *s, const struct sst_sim_ops *ops, void *device,
-                          struct sst_sim_handle **handle, int *client_fd)
+int sim_handle_create(struct sim_server *s, const struct sim_ops *ops, void *device, struct sim_handle **handle,
+                      int *client_fd)
 {
     const int slot = free_slot(s);
-    struct sst_sim_open_file *f;
+    struct sim_open_file *f;
     int pair[2], err;
     uint32_t id;
 
@@ -97,8 +97,8 @@ int sst_sim_handle_create(struct sst_sim_server *s, const struct sst_sim_ops *op
         return err;
     }
     f->source.ready = hung_up;
-    f->handle = (struct sst_sim_handle){ .server = s, .ops = ops, .device = device, .id = id, .fd = pair[0] };
-    err = sst_sim_source_add(s->hangups, pair[0], EPOLLRDHUP, &f->source);
+    f->handle = (struct sim_handle){ .server = s, .ops = ops, .device = device, .id = id, .fd = pair[0] };
+    err = sim_source_add(s->hangups, pair[0], EPOLLRDHUP, &f->source);
     if (err) {
         close(pair[0]);
         close(pair[1]);
@@ -111,24 +111,24 @@ int sst_sim_handle_create(struct sst_sim_server *s, const struct sst_sim_ops *op
     return 0;
 }
 
-uint64_t sst_sim_file_device(const struct sst_sim_open_file *f)
+uint64_t sim_file_device(const struct sim_open_file *f)
 {
     return f->node ? (uint64_t)f->node->dev_major << 32 | f->node->dev_minor : 0;
 }
 
-static struct sst_sim_open_file *file_of(struct sst_sim_handle *h)
+static struct sim_open_file *file_of(struct sim_handle *h)
 {
-    return (struct sst_sim_open_file *)((char *)h - offsetof(struct sst_sim_open_file, handle));
+    return (struct sim_open_file *)((char *)h - offsetof(struct sim_open_file, handle));
 }
 
-void sst_sim_handle_drop(struct sst_sim_handle *h)
+void sim_handle_drop(struct sim_handle *h)
 {
-    struct sst_sim_server *s = h->server;
-    struct sst_sim_open_file *f = file_of(h);
+    struct sim_server *s = h->server;
+    struct sim_open_file *f = file_of(h);
 
     s->files[h->id & (SST_SIM_HANDLES_MAX - 1)] = NULL;
     f->dead = true;
-    sst_sim_requests_fail(s, h, -ENODEV);
+    sim_requests_fail(s, h, -ENODEV);
     if (h->ops->close)
         h->ops->close(h);
     close(h->fd);
@@ -136,53 +136,53 @@ void sst_sim_handle_drop(struct sst_sim_handle *h)
     s->dead_files = f;
 }
 
-void sst_sim_files_free_dead(struct sst_sim_server *s)
+void sim_files_free_dead(struct sim_server *s)
 {
     while (s->dead_files) {
-        struct sst_sim_open_file *f = s->dead_files;
+        struct sim_open_file *f = s->dead_files;
 
         s->dead_files = f->next_dead;
         free(f);
     }
 }
 
-void sst_sim_files_drop(struct sst_sim_server *s, const struct sst_sim_node *node)
+void sim_files_drop(struct sim_server *s, const struct sim_node *node)
 {
     for (int i = 0; i < s->file_slots; i++)
         if (s->files[i] && (!node || s->files[i]->node == node))
-            sst_sim_handle_drop(&s->files[i]->handle);
+            sim_handle_drop(&s->files[i]->handle);
 }
 
-bool sst_sim_handle_settle(struct sst_sim_handle *h)
+bool sim_handle_settle(struct sim_handle *h)
 {
     struct pollfd p = { .fd = h->fd, .events = POLLRDHUP };
 
     if (poll(&p, 1, 0) != 1)
         return false;
-    sst_sim_handle_drop(h);
+    sim_handle_drop(h);
     return true;
 }
 
 /* A program that closed a file and opens it again must find it closed. */
-static void settle_node(struct sst_sim_server *s, const struct sst_sim_node *node)
+static void settle_node(struct sim_server *s, const struct sim_node *node)
 {
     for (int i = 0; i < s->file_slots; i++)
         if (s->files[i] && s->files[i]->node == node)
-            (void)sst_sim_handle_settle(&s->files[i]->handle);
+            (void)sim_handle_settle(&s->files[i]->handle);
 }
 
-int sst_sim_file_open(struct sst_sim_server *s, struct sst_sim_request *r)
+int sim_file_open(struct sim_server *s, struct sim_request *r)
 {
-    struct sst_sim_node *node;
-    struct sst_sim_handle *h;
+    struct sim_node *node;
+    struct sim_handle *h;
     int err, fd;
 
     r->data[sst_min_int((int)r->bytes, SST_SIM_PAYLOAD_MAX - 1)] = 0;
-    node = sst_sim_node_find(s, (const char *)r->data);
+    node = sim_node_find(s, (const char *)r->data);
     if (!node)
         return -ENXIO;
     settle_node(s, node);
-    err = sst_sim_handle_create(s, node->ops, node->device, &h, &fd);
+    err = sim_handle_create(s, node->ops, node->device, &h, &fd);
     if (err)
         return err;
     file_of(h)->node = node;
@@ -199,20 +199,20 @@ int sst_sim_file_open(struct sst_sim_server *s, struct sst_sim_request *r)
         r->out_fd = -1;
         close(fd);
         /* never was open: the device is not told that it closes */
-        h->ops = &(const struct sst_sim_ops){ .letter = node->ops->letter };
-        sst_sim_handle_drop(h);
+        h->ops = &(const struct sim_ops){ .letter = node->ops->letter };
+        sim_handle_drop(h);
     }
     return err;
 }
 
-int sst_sim_handle_readable(struct sst_sim_handle *h, const void *data, size_t bytes)
+int sim_handle_readable(struct sim_handle *h, const void *data, size_t bytes)
 {
     const ssize_t n = send(h->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL);
 
     return n < 0 ? -errno : n == (ssize_t)bytes ? 0 : -EAGAIN;
 }
 
-void sst_sim_handle_urgent(struct sst_sim_handle *h)
+void sim_handle_urgent(struct sim_handle *h)
 {
     /* Only one at a time: a second would turn the first into common data. */
     if (!h->urgent && send(h->fd, "", 1, MSG_OOB | MSG_DONTWAIT | MSG_NOSIGNAL) == 1)

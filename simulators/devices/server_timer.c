@@ -5,17 +5,17 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "simulators/devices/server_internal.h"
+#include "simulators/devices/devices_internal.h"
 
-static void place(struct sst_sim_server *s, int i, struct sst_sim_timer *timer)
+static void place(struct sim_server *s, int i, struct sim_timer *timer)
 {
     s->heap[i] = timer;
     timer->slot = i + 1;
 }
 
-static void sift(struct sst_sim_server *s, int i)
+static void sift(struct sim_server *s, int i)
 {
-    struct sst_sim_timer *timer = s->heap[i];
+    struct sim_timer *timer = s->heap[i];
 
     while (i > 0 && s->heap[(i - 1) / 2]->due_ns > timer->due_ns) {
         place(s, i, s->heap[(i - 1) / 2]);
@@ -31,7 +31,7 @@ static void sift(struct sst_sim_server *s, int i)
     place(s, i, timer);
 }
 
-void sst_sim_timers_arm(struct sst_sim_server *s)
+void sim_timers_arm(struct sim_server *s)
 {
     struct itimerspec when = { 0 };
 
@@ -43,12 +43,12 @@ void sst_sim_timers_arm(struct sst_sim_server *s)
     (void)timerfd_settime(s->timerfd, TFD_TIMER_ABSTIME, &when, NULL);
 }
 
-int sst_sim_timer_set(struct sst_sim_server *s, struct sst_sim_timer *timer, int64_t due_ns)
+int sim_timer_set(struct sim_server *s, struct sim_timer *timer, int64_t due_ns)
 {
     if (!timer->slot) {
         if (s->timers == s->heap_room) {
             const int room = s->heap_room ? 2 * s->heap_room : 64;
-            struct sst_sim_timer **heap = realloc(s->heap, (size_t)room * sizeof(*heap));
+            struct sim_timer **heap = realloc(s->heap, (size_t)room * sizeof(*heap));
 
             if (!heap)
                 return -ENOMEM;
@@ -62,7 +62,7 @@ int sst_sim_timer_set(struct sst_sim_server *s, struct sst_sim_timer *timer, int
     return 0;
 }
 
-void sst_sim_timer_stop(struct sst_sim_server *s, struct sst_sim_timer *timer)
+void sim_timer_stop(struct sim_server *s, struct sim_timer *timer)
 {
     const int i = timer->slot - 1;
 
@@ -76,14 +76,14 @@ void sst_sim_timer_stop(struct sst_sim_server *s, struct sst_sim_timer *timer)
     }
 }
 
-void sst_sim_timers_fire(struct sst_sim_server *s)
+void sim_timers_fire(struct sim_server *s)
 {
     const int64_t now = sst_clock_now_ns();
 
     while (s->timers && s->heap[0]->due_ns <= now && !s->stop) {
-        struct sst_sim_timer *timer = s->heap[0];
+        struct sim_timer *timer = s->heap[0];
 
-        sst_sim_timer_stop(s, timer);
+        sim_timer_stop(s, timer);
         timer->fire(timer->arg);
     }
 }

@@ -1,6 +1,6 @@
 /* Sessions as their programs see them: folder, environment, command, questions. */
 #define _GNU_SOURCE
-#include "simulators/devices/session.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -57,7 +57,7 @@ static void remove_dead(const char *parent)
     globfree(&found);
 }
 
-int sst_sim_session_make(char dir[SST_PATH_MAX])
+int sim_session_make(char dir[SST_PATH_MAX])
 {
     const char *runtime = getenv("XDG_RUNTIME_DIR");
 
@@ -136,7 +136,7 @@ static int allow_preload(void)
 }
 #endif
 
-int sst_sim_session_enter(const char *dir, const char *further)
+int sim_session_enter(const char *dir, const char *further)
 {
     const char *old = getenv("LD_PRELOAD");
     char preload[SST_PATH_MAX], all[3 * SST_PATH_MAX];
@@ -196,12 +196,12 @@ static void run_child(char *const argv[], bool terminal, int report, const sigse
     _exit(127);
 }
 
-int sst_sim_command_prepare(struct sst_sim_command *c)
+int sim_command_prepare(struct sim_command *c)
 {
     sigset_t set;
     int err;
 
-    *c = (struct sst_sim_command){ .signals = -1 };
+    *c = (struct sim_command){ .signals = -1 };
     forwarded(&set);
     sigaddset(&set, SIGCHLD);
     if (sigprocmask(SIG_BLOCK, &set, &c->mask) == 0 &&
@@ -212,7 +212,7 @@ int sst_sim_command_prepare(struct sst_sim_command *c)
     return err;
 }
 
-int sst_sim_command_start(struct sst_sim_command *c, char *const argv[])
+int sim_command_start(struct sim_command *c, char *const argv[])
 {
     const pid_t self = getpid();
     int report[2], err = 0, why;
@@ -239,7 +239,7 @@ int sst_sim_command_start(struct sst_sim_command *c, char *const argv[])
 }
 
 /* Stopped by the terminal: let the shell that started us have it back, and go on together. */
-static void stop_together(const struct sst_sim_command *c)
+static void stop_together(const struct sim_command *c)
 {
     if (!c->terminal)
         return;
@@ -249,7 +249,7 @@ static void stop_together(const struct sst_sim_command *c)
     (void)kill(-c->pid, SIGCONT);
 }
 
-static bool reap(struct sst_sim_command *c)
+static bool reap(struct sim_command *c)
 {
     int status;
 
@@ -264,7 +264,7 @@ static bool reap(struct sst_sim_command *c)
     return true;
 }
 
-bool sst_sim_command_signal(struct sst_sim_command *c)
+bool sim_command_signal(struct sim_command *c)
 {
     struct signalfd_siginfo info;
     bool ended = false;
@@ -280,7 +280,7 @@ bool sst_sim_command_signal(struct sst_sim_command *c)
     return ended;
 }
 
-void sst_sim_command_close(struct sst_sim_command *c)
+void sim_command_close(struct sim_command *c)
 {
     if (c->pid > 0) {
         (void)kill(-c->pid, SIGKILL);
@@ -290,12 +290,12 @@ void sst_sim_command_close(struct sst_sim_command *c)
         give_terminal(getpgrp());
     if (c->signals > 0)
         close(c->signals);
-    *c = (struct sst_sim_command){ 0 };
+    *c = (struct sim_command){ 0 };
 }
 
 /* --- questions ---------------------------------------------------------------------------------------------------- */
 
-int sst_sim_session_ask(const char *dir, unsigned op, const char *text, char *answer, size_t size)
+int sim_session_ask(const char *dir, unsigned op, const char *text, char *answer, size_t size)
 {
     struct sockaddr_un name = { .sun_family = AF_UNIX };
     struct sst_sim_call call = { .op = op };

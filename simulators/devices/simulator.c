@@ -1,5 +1,5 @@
 /* World, server and devices: opened in order, closed in reverse; what a session answers about itself. */
-#include "simulators/devices/simulator.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -11,13 +11,13 @@
 #include "base/log.h"
 #include "simulators/scene/world/settings.h"
 
-struct sst_sim_simulator {
-    struct sst_sim_options options;
+struct sim_simulator {
+    struct sim_options options;
     struct sst_sim_world *world;
-    struct sst_sim_faults *faults;
-    struct sst_sim_server *server;
-    struct sst_sim_wires *wires;
-    struct sst_sim_array *array;
+    struct sim_faults *faults;
+    struct sim_server *server;
+    struct sim_wires *wires;
+    struct sim_array *array;
     int64_t opened_ns, opened_cpu_ns;
 };
 
@@ -29,16 +29,16 @@ static void add_fault(void *arg, const char *name, double value)
 }
 
 /* What the simulation did and cost since the devices are there. */
-static json_t *figures(const struct sst_sim_simulator *sim)
+static json_t *figures(const struct sim_simulator *sim)
 {
     const double wall = (double)(sst_clock_now_ns() - sim->opened_ns) * 1e-9;
     const double cpu = (double)(sst_clock_cpu_ns() - sim->opened_cpu_ns) * 1e-9;
 
-    return json_pack("{s:I, s:f, s:f, s:f}", "frames", (json_int_t)sst_sim_array_frames(sim->array), "seconds", wall,
+    return json_pack("{s:I, s:f, s:f, s:f}", "frames", (json_int_t)sim_array_frames(sim->array), "seconds", wall,
                      "cpu_seconds", cpu, "cpu_percent", wall > 0 ? 100 * cpu / wall : 0.0);
 }
 
-static json_t *status(const struct sst_sim_simulator *sim)
+static json_t *status(const struct sim_simulator *sim)
 {
     json_t *all = figures(sim), *faults = json_object();
 
@@ -47,16 +47,16 @@ static json_t *status(const struct sst_sim_simulator *sim)
         json_decref(faults);
         return NULL;
     }
-    sst_sim_faults_each(sim->faults, add_fault, faults);
-    (void)json_object_set_new(all, "dir", json_string(sst_sim_server_dir(sim->server)));
+    sim_faults_each(sim->faults, add_fault, faults);
+    (void)json_object_set_new(all, "dir", json_string(sim_server_dir(sim->server)));
     (void)json_object_set_new(all, "faults", faults);
-    (void)json_object_set_new(all, "cameras", sst_sim_array_status(sim->array));
-    if (sst_sim_wires_rig(sim->wires))
-        (void)json_object_set_new(all, "rig", sst_sim_rig_status(sst_sim_wires_rig(sim->wires)));
+    (void)json_object_set_new(all, "cameras", sim_array_status(sim->array));
+    if (sim_wires_rig(sim->wires))
+        (void)json_object_set_new(all, "rig", sim_rig_status(sim_wires_rig(sim->wires)));
     return all;
 }
 
-static int answer_status(const struct sst_sim_simulator *sim, struct sst_sim_request *r)
+static int answer_status(const struct sim_simulator *sim, struct sim_request *r)
 {
     json_t *all = status(sim);
     size_t n = 0;
@@ -70,16 +70,16 @@ static int answer_status(const struct sst_sim_simulator *sim, struct sst_sim_req
     return 0;
 }
 
-static int set_fault(struct sst_sim_simulator *sim, const char *text, char *message, size_t size)
+static int set_fault(struct sim_simulator *sim, const char *text, char *message, size_t size)
 {
-    struct sst_sim_rig *rig = sst_sim_wires_rig(sim->wires);
+    struct sim_rig *rig = sim_wires_rig(sim->wires);
 
     if (rig && !strncmp(text, "rig.", 4))
-        return sst_sim_rig_fault(rig, text, message, size);
-    return sst_sim_faults_set(sim->faults, text, message, size);
+        return sim_rig_fault(rig, text, message, size);
+    return sim_faults_set(sim->faults, text, message, size);
 }
 
-static int answer_fault(struct sst_sim_simulator *sim, struct sst_sim_request *r)
+static int answer_fault(struct sim_simulator *sim, struct sim_request *r)
 {
     char text[256], message[512] = "";
     int err;
@@ -94,19 +94,19 @@ static int answer_fault(struct sst_sim_simulator *sim, struct sst_sim_request *r
     return err;
 }
 
-static int answer_faults(const struct sst_sim_simulator *sim, struct sst_sim_request *r)
+static int answer_faults(const struct sim_simulator *sim, struct sim_request *r)
 {
-    size_t n = sst_sim_faults_list(sim->faults, (char *)r->data, SST_SIM_PAYLOAD_MAX);
+    size_t n = sim_faults_list(sim->faults, (char *)r->data, SST_SIM_PAYLOAD_MAX);
 
-    if (sst_sim_wires_rig(sim->wires))
-        n += (size_t)snprintf((char *)r->data + n, SST_SIM_PAYLOAD_MAX - n, "%s", sst_sim_rig_faults);
+    if (sim_wires_rig(sim->wires))
+        n += (size_t)snprintf((char *)r->data + n, SST_SIM_PAYLOAD_MAX - n, "%s", sim_rig_faults);
     r->out_bytes = (uint32_t)(n < SST_SIM_PAYLOAD_MAX ? n : SST_SIM_PAYLOAD_MAX - 1);
     return 0;
 }
 
-static int answer(void *arg, struct sst_sim_request *r)
+static int answer(void *arg, struct sim_request *r)
 {
-    struct sst_sim_simulator *sim = arg;
+    struct sim_simulator *sim = arg;
 
     switch (r->call.op) {
     case SST_SIM_FAULT:
@@ -116,38 +116,38 @@ static int answer(void *arg, struct sst_sim_request *r)
     case SST_SIM_STATUS:
         return answer_status(sim, r);
     default:
-        sst_sim_server_stop(sim->server);
+        sim_server_stop(sim->server);
         return 0;
     }
 }
 
 /* --- faults of the world ------------------------------------------------------------------------------------------ */
 
-static const struct sst_sim_fault world_faults[] = {
+static const struct sim_fault world_faults[] = {
     { "board_pose", 0, SST_SIM_POSES_MAX, "the board stays in this pose, from 1; 0: by time, on a rig the first" },
 };
 
 static int hold_board(void *arg, int instance SST_UNUSED, int fault SST_UNUSED, double value)
 {
-    struct sst_sim_simulator *sim = arg;
+    struct sim_simulator *sim = arg;
 
     return sst_sim_world_hold(sim->world, (int)value);
 }
 
-static int add_world_faults(struct sst_sim_simulator *sim)
+static int add_world_faults(struct sim_simulator *sim)
 {
-    const int scope = sst_sim_faults_add(sim->faults, &(struct sst_sim_fault_scope){ .name = "world",
-                                                                                     .faults = world_faults,
-                                                                                     .count = ARRAY_LEN(world_faults),
-                                                                                     .changed = hold_board,
-                                                                                     .arg = sim });
+    const int scope = sim_faults_add(sim->faults, &(struct sim_fault_scope){ .name = "world",
+                                                                             .faults = world_faults,
+                                                                             .count = ARRAY_LEN(world_faults),
+                                                                             .changed = hold_board,
+                                                                             .arg = sim });
 
     return sst_min_int(scope, 0);
 }
 
 /* --- open and close ----------------------------------------------------------------------------------------------- */
 
-static int set_faults(struct sst_sim_simulator *sim)
+static int set_faults(struct sim_simulator *sim)
 {
     for (int i = 0; i < sim->options.fault_count; i++) {
         char message[512];
@@ -161,9 +161,9 @@ static int set_faults(struct sst_sim_simulator *sim)
     return 0;
 }
 
-int sst_sim_simulator_open(struct sst_sim_simulator **out, const struct sst_sim_options *options)
+int sim_simulator_open(struct sim_simulator **out, const struct sim_options *options)
 {
-    struct sst_sim_simulator *sim = calloc(1, sizeof(*sim));
+    struct sim_simulator *sim = calloc(1, sizeof(*sim));
     int err = -ENOMEM;
 
     if (!sim)
@@ -171,35 +171,35 @@ int sst_sim_simulator_open(struct sst_sim_simulator **out, const struct sst_sim_
     sim->options = *options;
     err = sst_sim_world_open(&sim->world, options->world, options->cache);
     if (!err)
-        err = sst_sim_faults_create(&sim->faults);
+        err = sim_faults_create(&sim->faults);
     if (!err)
         err = add_world_faults(sim);
     if (err) {
-        sst_sim_simulator_close(sim);
+        sim_simulator_close(sim);
         return err;
     }
     *out = sim;
     return 0;
 }
 
-int sst_sim_simulator_start(struct sst_sim_simulator *sim, const char *dir)
+int sim_simulator_start(struct sim_simulator *sim, const char *dir)
 {
     const struct sst_sim_control control = { .arg = sim, .call = answer };
-    int err = sst_sim_server_open(&sim->server, dir, &control);
+    int err = sim_server_open(&sim->server, dir, &control);
 
     if (!err)
-        err = sst_sim_wires_open(&sim->wires, &(struct sst_sim_wires_config){ .options = sim->options.wires,
-                                                                              .server = sim->server,
-                                                                              .faults = sim->faults,
-                                                                              .world = sim->world });
+        err = sim_wires_open(&sim->wires, &(struct sim_wires_config){ .options = sim->options.wires,
+                                                                      .server = sim->server,
+                                                                      .faults = sim->faults,
+                                                                      .world = sim->world });
     if (!err)
-        err = sst_sim_array_open(&sim->array, &(struct sst_sim_array_config){ .world = sim->world,
-                                                                              .server = sim->server,
-                                                                              .faults = sim->faults,
-                                                                              .usb = sst_sim_wires_usb(sim->wires),
-                                                                              .truth = sim->options.truth });
+        err = sim_array_open(&sim->array, &(struct sim_array_config){ .world = sim->world,
+                                                                      .server = sim->server,
+                                                                      .faults = sim->faults,
+                                                                      .usb = sim_wires_usb(sim->wires),
+                                                                      .truth = sim->options.truth });
     if (!err)
-        err = sst_sim_wires_attach(sim->wires, sim->array);
+        err = sim_wires_attach(sim->wires, sim->array);
     if (!err)
         err = set_faults(sim);
     if (err) {
@@ -213,7 +213,7 @@ int sst_sim_simulator_start(struct sst_sim_simulator *sim, const char *dir)
 }
 
 /* So that the cost of the simulation is not taken for the cost of what ran in it. */
-static void tell_cost(const struct sst_sim_simulator *sim)
+static void tell_cost(const struct sim_simulator *sim)
 {
     json_t *f = figures(sim);
     char *text = f ? json_dumps(f, JSON_INDENT(2)) : NULL;
@@ -230,21 +230,21 @@ static void tell_cost(const struct sst_sim_simulator *sim)
     json_decref(f);
 }
 
-void sst_sim_simulator_close(struct sst_sim_simulator *sim)
+void sim_simulator_close(struct sim_simulator *sim)
 {
     if (!sim)
         return;
     if (sim->array)
         tell_cost(sim);
-    sst_sim_array_close(sim->array);
-    sst_sim_wires_close(sim->wires);
-    sst_sim_server_close(sim->server);
-    sst_sim_faults_destroy(sim->faults);
+    sim_array_close(sim->array);
+    sim_wires_close(sim->wires);
+    sim_server_close(sim->server);
+    sim_faults_destroy(sim->faults);
     sst_sim_world_close(sim->world);
     free(sim);
 }
 
-struct sst_sim_server *sst_sim_simulator_server(const struct sst_sim_simulator *sim)
+struct sim_server *sim_simulator_server(const struct sim_simulator *sim)
 {
     return sim->server;
 }

@@ -1,6 +1,6 @@
 /* simulators/devices/sysfs.c - files and links of a session's /sys. */
 #define _XOPEN_SOURCE 700
-#include "simulators/devices/sysfs.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -14,9 +14,8 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "simulators/devices/sysfs_internal.h"
 
-static void failed(struct sst_sim_sysfs *fs, const char *path, int err)
+static void failed(struct sim_sysfs *fs, const char *path, int err)
 {
     if (fs->err)
         return;
@@ -26,7 +25,7 @@ static void failed(struct sst_sim_sysfs *fs, const char *path, int err)
 }
 
 /** The real path. @return false: too long, told */
-static bool real_path(struct sst_sim_sysfs *fs, const char *path, char out[SST_PATH_MAX])
+static bool real_path(struct sim_sysfs *fs, const char *path, char out[SST_PATH_MAX])
 {
     if (snprintf(out, SST_PATH_MAX, "%s%s", fs->root, path) < SST_PATH_MAX)
         return true;
@@ -35,7 +34,7 @@ static bool real_path(struct sst_sim_sysfs *fs, const char *path, char out[SST_P
 }
 
 /** Make the folders that lead to a real path. Failures show when something is put there. */
-static void make_folders(const struct sst_sim_sysfs *fs, char *real)
+static void make_folders(const struct sim_sysfs *fs, char *real)
 {
     for (char *p = real + strlen(fs->root) + 1; (p = strchr(p, '/')); p++) {
         *p = '\0';
@@ -59,7 +58,7 @@ static int write_file(const char *real, int flags, mode_t mode, const void *data
 }
 
 /** Readers find the old contents or the new ones. */
-static int replace_file(const struct sst_sim_sysfs *fs, const char *real, const void *data, size_t bytes)
+static int replace_file(const struct sim_sysfs *fs, const char *real, const void *data, size_t bytes)
 {
     char temporary[SST_PATH_MAX];
     struct stat st;
@@ -74,7 +73,7 @@ static int replace_file(const struct sst_sim_sysfs *fs, const char *real, const 
     return !err && rename(temporary, real) < 0 ? -errno : err;
 }
 
-static void put_file(struct sst_sim_sysfs *fs, const char *path, const void *data, size_t bytes)
+static void put_file(struct sim_sysfs *fs, const char *path, const void *data, size_t bytes)
 {
     char real[SST_PATH_MAX];
     int err;
@@ -92,7 +91,7 @@ static void put_file(struct sst_sim_sysfs *fs, const char *path, const void *dat
         failed(fs, path, err);
 }
 
-void sst_sim_sysfs_bytes(struct sst_sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes)
+void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes)
 {
     char path[SST_PATH_MAX];
 
@@ -101,7 +100,7 @@ void sst_sim_sysfs_bytes(struct sst_sim_sysfs *fs, const char *dir, const char *
     put_file(fs, path, data, bytes);
 }
 
-void sst_sim_sysfs_attr(struct sst_sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...)
+void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...)
 {
     char text[4096];
     va_list args;
@@ -113,11 +112,11 @@ void sst_sim_sysfs_attr(struct sst_sim_sysfs *fs, const char *dir, const char *n
     if (n < 0 || n >= (int)sizeof(text) - 1)
         return failed(fs, dir, -E2BIG);
     text[n++] = '\n';
-    sst_sim_sysfs_bytes(fs, dir, name, text, (size_t)n);
+    sim_sysfs_bytes(fs, dir, name, text, (size_t)n);
 }
 
-void sst_sim_sysfs_writable(struct sst_sim_sysfs *fs, struct sst_sim_node **node, const char *path,
-                            const struct sst_sim_ops *ops, void *device)
+void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *path, const struct sim_ops *ops,
+                        void *device)
 {
     char real[SST_PATH_MAX];
     int err;
@@ -125,12 +124,12 @@ void sst_sim_sysfs_writable(struct sst_sim_sysfs *fs, struct sst_sim_node **node
     if (!real_path(fs, path, real))
         return;
     /* The preload library knows by the sticky bit that writing asks the simulator. */
-    err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sst_sim_node_add(fs->server, node, path, 0, 0, ops, device);
+    err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sim_node_add(fs->server, node, path, 0, 0, ops, device);
     if (err)
         failed(fs, path, err);
 }
 
-static void put_link(struct sst_sim_sysfs *fs, const char *path, char *real, const char *target)
+static void put_link(struct sim_sysfs *fs, const char *path, char *real, const char *target)
 {
     for (int attempt = 0; symlink(target, real) < 0; attempt++) {
         if (attempt == 2 || (errno != ENOENT && errno != EEXIST))
@@ -142,7 +141,7 @@ static void put_link(struct sst_sim_sysfs *fs, const char *path, char *real, con
     }
 }
 
-void sst_sim_sysfs_link(struct sst_sim_sysfs *fs, const char *path, const char *target)
+void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target)
 {
     char real[SST_PATH_MAX], relative[SST_PATH_MAX] = "";
     size_t common = 0;
@@ -170,7 +169,7 @@ static int remove_entry(const char *path, const struct stat *st, int type, struc
     return 0;
 }
 
-void sst_sim_sysfs_remove(struct sst_sim_sysfs *fs, const char *path)
+void sim_sysfs_remove(struct sim_sysfs *fs, const char *path)
 {
     char real[SST_PATH_MAX];
 
@@ -181,7 +180,7 @@ void sst_sim_sysfs_remove(struct sst_sim_sysfs *fs, const char *path)
 /* --- the machine's own -------------------------------------------------------------------------------------------- */
 
 /** Link a real folder's entries, but for some. */
-static void show_through(struct sst_sim_sysfs *fs, const char *dir, const char *const *without)
+static void show_through(struct sim_sysfs *fs, const char *dir, const char *const *without)
 {
     DIR *real = opendir(dir);
 
@@ -202,7 +201,7 @@ static void show_through(struct sst_sim_sysfs *fs, const char *dir, const char *
 }
 
 /** Real devices by number, but those of the kinds that the session has of its own. */
-static void show_numbers(struct sst_sim_sysfs *fs)
+static void show_numbers(struct sim_sysfs *fs)
 {
     static const char *const none[] = { NULL };
     static const char *const own[] = { "81:", "189:", "254:" };
@@ -219,20 +218,20 @@ static void show_numbers(struct sst_sim_sysfs *fs)
     closedir(dir);
 }
 
-int sst_sim_sysfs_open(struct sst_sim_sysfs **out, struct sst_sim_server *server)
+int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server)
 {
     static const char *const top[] = { "bus", "class", "dev", "devices", NULL };
     static const char *const bus[] = { "usb", "gpio", "pci", NULL };
     static const char *const class[] = { "video4linux", "gpio", NULL };
     static const char *const devices[] = { "pci0000:00", NULL };
     static const char *const dev[] = { "char", NULL };
-    struct sst_sim_sysfs *fs = calloc(1, sizeof(*fs));
+    struct sim_sysfs *fs = calloc(1, sizeof(*fs));
     int err;
 
     if (!fs)
         return -ENOMEM;
     fs->server = server;
-    snprintf(fs->root, sizeof(fs->root), "%s", sst_sim_server_dir(server));
+    snprintf(fs->root, sizeof(fs->root), "%s", sim_server_dir(server));
     show_through(fs, "/sys", top);
     show_through(fs, "/sys/bus", bus);
     show_through(fs, "/sys/class", class);
@@ -240,30 +239,30 @@ int sst_sim_sysfs_open(struct sst_sim_sysfs **out, struct sst_sim_server *server
     show_through(fs, "/sys/dev", dev);
     show_numbers(fs);
     /* libudev looks whether udev runs: by this socket's name. */
-    sst_sim_sysfs_bytes(fs, "/run/udev", "control", "", 0);
-    err = fs->err ? fs->err : sst_sim_events_open(fs);
+    sim_sysfs_bytes(fs, "/run/udev", "control", "", 0);
+    err = fs->err ? fs->err : sim_events_open(fs);
     if (err) {
-        sst_sim_sysfs_close(fs);
+        sim_sysfs_close(fs);
         return err;
     }
     *out = fs;
     return 0;
 }
 
-void sst_sim_sysfs_close(struct sst_sim_sysfs *fs)
+void sim_sysfs_close(struct sim_sysfs *fs)
 {
     if (!fs)
         return;
-    sst_sim_events_close(fs);
+    sim_events_close(fs);
     free(fs);
 }
 
-struct sst_sim_server *sst_sim_sysfs_server(const struct sst_sim_sysfs *fs)
+struct sim_server *sim_sysfs_server(const struct sim_sysfs *fs)
 {
     return fs->server;
 }
 
-int sst_sim_sysfs_error(const struct sst_sim_sysfs *fs)
+int sim_sysfs_error(const struct sim_sysfs *fs)
 {
     return fs->err;
 }

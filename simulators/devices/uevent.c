@@ -8,12 +8,12 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "simulators/devices/sysfs_internal.h"
+#include "simulators/devices/devices_internal.h"
 
 #define GROUP_KERNEL 1 /* netlink groups, bits */
-#define GROUP_UDEV 2
-#define QUEUE_MAX 4096
-#define RETRY_NS 2000000
+#define GROUP_UDEV   2
+#define QUEUE_MAX    4096
+#define RETRY_NS     2000000
 
 struct message {
     struct message *next;
@@ -22,9 +22,9 @@ struct message {
 };
 
 /** A program's netlink socket. */
-struct sst_sim_listener {
-    struct sst_sim_listener *next;
-    struct sst_sim_handle *handle;
+struct sim_listener {
+    struct sim_listener *next;
+    struct sim_handle *handle;
     unsigned groups;
     struct message *first, **last; /* what did not fit into its socket yet */
     int queued;
@@ -39,12 +39,12 @@ struct udev_header {
 /* --- sending ------------------------------------------------------------------------------------------------------ */
 
 /** Whatever fits, in order. @return false if something is left */
-static bool drain(struct sst_sim_listener *l)
+static bool drain(struct sim_listener *l)
 {
     while (l->first) {
         struct message *m = l->first;
 
-        if (sst_sim_handle_readable(l->handle, m->data, m->bytes) == -EAGAIN)
+        if (sim_handle_readable(l->handle, m->data, m->bytes) == -EAGAIN)
             return false;
         l->first = m->next;
         if (!l->first)
@@ -57,17 +57,17 @@ static bool drain(struct sst_sim_listener *l)
 
 static void retry(void *arg)
 {
-    struct sst_sim_sysfs *fs = arg;
+    struct sim_sysfs *fs = arg;
     bool left = false;
 
-    for (struct sst_sim_listener *l = fs->listeners; l; l = l->next)
+    for (struct sim_listener *l = fs->listeners; l; l = l->next)
         left = !drain(l) || left;
-    if (left && sst_sim_timer_set(fs->server, &fs->retry, sst_clock_now_ns() + RETRY_NS) < 0)
+    if (left && sim_timer_set(fs->server, &fs->retry, sst_clock_now_ns() + RETRY_NS) < 0)
         sst_log_warning("events of devices are held up: no memory");
 }
 
 /** A program that does not listen loses the newest, as with a full netlink socket. */
-static void queue(struct sst_sim_listener *l, const void *data, size_t bytes)
+static void queue(struct sim_listener *l, const void *data, size_t bytes)
 {
     struct message *m = l->queued < QUEUE_MAX ? malloc(sizeof(*m) + bytes) : NULL;
 
@@ -81,16 +81,16 @@ static void queue(struct sst_sim_listener *l, const void *data, size_t bytes)
     l->queued++;
 }
 
-static void send_group(struct sst_sim_sysfs *fs, unsigned group, const void *data, size_t bytes)
+static void send_group(struct sim_sysfs *fs, unsigned group, const void *data, size_t bytes)
 {
-    for (struct sst_sim_listener *l = fs->listeners; l; l = l->next)
+    for (struct sim_listener *l = fs->listeners; l; l = l->next)
         if (l->groups & group)
             queue(l, data, bytes);
 }
 
 /* --- building ----------------------------------------------------------------------------------------------------- */
 
-void sst_sim_props_add(struct sst_sim_props *props, const char *fmt, ...)
+void sim_props_add(struct sim_props *props, const char *fmt, ...)
 {
     const size_t room = sizeof(props->text) - props->bytes;
     va_list args;
@@ -107,7 +107,7 @@ void sst_sim_props_add(struct sst_sim_props *props, const char *fmt, ...)
 }
 
 /** Properties as messages have them: a zero after each. Lines with S: become one DEVLINKS. */
-static size_t flatten(char *out, size_t size, size_t at, const struct sst_sim_props *props)
+static size_t flatten(char *out, size_t size, size_t at, const struct sim_props *props)
 {
     char links[1024] = "";
 
@@ -125,43 +125,43 @@ static size_t flatten(char *out, size_t size, size_t at, const struct sst_sim_pr
     return at;
 }
 
-void sst_sim_udev_data(struct sst_sim_sysfs *fs, const char *id, const struct sst_sim_props *udev)
+void sim_udev_data(struct sim_sysfs *fs, const char *id, const struct sim_props *udev)
 {
     char path[512];
-    struct sst_sim_props data = { .bytes = 0 };
+    struct sim_props data = { .bytes = 0 };
 
     if (!udev) {
         snprintf(path, sizeof(path), "/run/udev/data/%s", id);
-        sst_sim_sysfs_remove(fs, path);
+        sim_sysfs_remove(fs, path);
         return;
     }
     for (const char *line = udev->text; *line; line = strchr(line, '\n') + 1)
-        sst_sim_props_add(&data, "%s%.*s", strncmp(line, "S:", 2) == 0 ? "" : "E:", (int)(strchr(line, '\n') - line),
-                          line);
-    sst_sim_props_add(&data, "I:%lld", (long long)(sst_clock_now_ns() / 1000));
-    sst_sim_props_add(&data, "V:1");
-    sst_sim_sysfs_bytes(fs, "/run/udev/data", id, data.text, data.bytes);
+        sim_props_add(&data, "%s%.*s", strncmp(line, "S:", 2) == 0 ? "" : "E:", (int)(strchr(line, '\n') - line), line);
+    sim_props_add(&data, "I:%lld", (long long)(sst_clock_now_ns() / 1000));
+    sim_props_add(&data, "V:1");
+    sim_sysfs_bytes(fs, "/run/udev/data", id, data.text, data.bytes);
 }
 
-void sst_sim_uevent(struct sst_sim_sysfs *fs, const char *action, const char *devpath,
-                    const struct sst_sim_props *kernel, const char *id, const struct sst_sim_props *udev)
+void sim_uevent(struct sim_sysfs *fs, const char *action, const char *devpath, const struct sim_props *kernel,
+                const char *id, const struct sim_props *udev)
 {
-    struct udev_header header = { .prefix = "libudev", .magic = htonl(0xfeedcafe), .header_bytes = sizeof(header),
-                                  .offset = sizeof(header) };
-    struct sst_sim_props head = { .bytes = 0 };
+    struct udev_header header = {
+        .prefix = "libudev", .magic = htonl(0xfeedcafe), .header_bytes = sizeof(header), .offset = sizeof(header)
+    };
+    struct sim_props head = { .bytes = 0 };
     char text[sizeof(header) + 2 * sizeof(head.text)];
     size_t bytes;
 
-    sst_sim_props_add(&head, "ACTION=%s", action);
-    sst_sim_props_add(&head, "DEVPATH=%s", devpath);
-    sst_sim_props_add(&head, "SEQNUM=%llu", (unsigned long long)++fs->sequence);
+    sim_props_add(&head, "ACTION=%s", action);
+    sim_props_add(&head, "DEVPATH=%s", devpath);
+    sim_props_add(&head, "SEQNUM=%llu", (unsigned long long)++fs->sequence);
     bytes = (size_t)snprintf(text, sizeof(text), "%s@%s", action, devpath) + 1;
     bytes = flatten(text, sizeof(text), bytes, &head);
     bytes = flatten(text, sizeof(text), bytes, kernel);
     send_group(fs, GROUP_KERNEL, text, bytes);
 
     if (udev && id && strcmp(action, "remove") != 0)
-        sst_sim_udev_data(fs, id, udev);
+        sim_udev_data(fs, id, udev);
     bytes = flatten(text, sizeof(text), sizeof(header), &head);
     bytes = flatten(text, sizeof(text), bytes, kernel);
     if (udev)
@@ -170,16 +170,16 @@ void sst_sim_uevent(struct sst_sim_sysfs *fs, const char *action, const char *de
     memcpy(text, &header, sizeof(header));
     send_group(fs, GROUP_UDEV, text, bytes);
     if (udev && id && strcmp(action, "remove") == 0)
-        sst_sim_udev_data(fs, id, NULL);
+        sim_udev_data(fs, id, NULL);
     retry(fs);
 }
 
 /* --- listeners ---------------------------------------------------------------------------------------------------- */
 
-static int listener_open(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int listener_open(struct sim_handle *h, struct sim_request *r)
 {
-    struct sst_sim_sysfs *fs = h->device;
-    struct sst_sim_listener *l = calloc(1, sizeof(*l));
+    struct sim_sysfs *fs = h->device;
+    struct sim_listener *l = calloc(1, sizeof(*l));
 
     (void)r;
     if (!l)
@@ -193,18 +193,18 @@ static int listener_open(struct sst_sim_handle *h, struct sst_sim_request *r)
 }
 
 /** bind(): the argument is the set of groups. */
-static int listener_bind(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int listener_bind(struct sim_handle *h, struct sim_request *r)
 {
-    struct sst_sim_listener *l = h->state;
+    struct sim_listener *l = h->state;
 
     l->groups = (unsigned)r->call.arg;
     return 0;
 }
 
-static void listener_close(struct sst_sim_handle *h)
+static void listener_close(struct sim_handle *h)
 {
-    struct sst_sim_sysfs *fs = h->device;
-    struct sst_sim_listener *l = h->state, **link = &fs->listeners;
+    struct sim_sysfs *fs = h->device;
+    struct sim_listener *l = h->state, **link = &fs->listeners;
 
     while (*link != l)
         link = &(*link)->next;
@@ -218,18 +218,18 @@ static void listener_close(struct sst_sim_handle *h)
     free(l);
 }
 
-int sst_sim_events_open(struct sst_sim_sysfs *fs)
+int sim_events_open(struct sim_sysfs *fs)
 {
-    static const struct sst_sim_ops ops = {
+    static const struct sim_ops ops = {
         .letter = 'n', .packets = true, .open = listener_open, .close = listener_close, .ioctl = listener_bind
     };
 
-    fs->retry = (struct sst_sim_timer){ .fire = retry, .arg = fs };
-    return sst_sim_node_add(fs->server, &fs->events, SST_SIM_UEVENTS, 0, 0, &ops, fs);
+    fs->retry = (struct sim_timer){ .fire = retry, .arg = fs };
+    return sim_node_add(fs->server, &fs->events, SST_SIM_UEVENTS, 0, 0, &ops, fs);
 }
 
-void sst_sim_events_close(struct sst_sim_sysfs *fs)
+void sim_events_close(struct sim_sysfs *fs)
 {
-    sst_sim_node_remove(fs->server, fs->events);
-    sst_sim_timer_stop(fs->server, &fs->retry);
+    sim_node_remove(fs->server, fs->events);
+    sim_timer_stop(fs->server, &fs->retry);
 }

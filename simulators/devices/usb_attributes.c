@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sys/socket.h>
 
-#include "simulators/devices/usb_front_internal.h"
+#include "simulators/devices/devices_internal.h"
 
 /* --- a device's --------------------------------------------------------------------------------------------------- */
 
@@ -45,7 +45,7 @@ static int write_driver_file(struct usb_driver_file *f, const char *text)
 
 /* --- both --------------------------------------------------------------------------------------------------------- */
 
-static int write_text(struct sst_sim_handle *h, const uint8_t *data, size_t bytes)
+static int write_text(struct sim_handle *h, const uint8_t *data, size_t bytes)
 {
     char text[128];
     int err;
@@ -59,7 +59,7 @@ static int write_text(struct sst_sim_handle *h, const uint8_t *data, size_t byte
 }
 
 /** What libc's own streams wrote went past the preload library and lies in the socket. */
-static int take_late(struct sst_sim_handle *h)
+static int take_late(struct sim_handle *h)
 {
     uint8_t data[256];
     const ssize_t n = recv(h->fd, data, sizeof(data), MSG_DONTWAIT);
@@ -68,15 +68,15 @@ static int take_late(struct sst_sim_handle *h)
     return n > (first ? 1 : 0) ? write_text(h, data + first, (size_t)n - first) : 0;
 }
 
-static int attribute_write(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int attribute_write(struct sim_handle *h, struct sim_request *r)
 {
     return r->bytes > 0 ? write_text(h, r->data, r->bytes) : take_late(h);
 }
 
-static void attribute_close(struct sst_sim_handle *h)
+static void attribute_close(struct sim_handle *h)
 {
     (void)!take_late(h);
 }
 
-const struct sst_sim_ops usb_attribute_ops = { .letter = 's', .close = attribute_close, .write = attribute_write };
-const struct sst_sim_ops usb_driver_ops = { .letter = 's', .close = attribute_close, .write = attribute_write };
+const struct sim_ops usb_attribute_ops = { .letter = 's', .close = attribute_close, .write = attribute_write };
+const struct sim_ops usb_driver_ops = { .letter = 's', .close = attribute_close, .write = attribute_write };

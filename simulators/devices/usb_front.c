@@ -1,5 +1,5 @@
 /* simulators/devices/usb_front.c - the model of simulators/devices/usb, shown to programs; and its faults. */
-#include "simulators/devices/usb_front.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -7,29 +7,28 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "simulators/devices/usb_front_internal.h"
 
 /* --- events of the model ------------------------------------------------------------------------------------------ */
 
-static void add_node(struct sst_sim_usb_front *front, int device)
+static void add_node(struct sim_usb_front *front, int device)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     char path[64];
 
     /* Its failure is logged; the device is then seen in /sys, but not to be opened. */
     snprintf(path, sizeof(path), "/dev/bus/usb/%03d/%03d", d->bus, d->address);
-    (void)!sst_sim_node_add(front->server, &front->shown[device].node, path, SST_SIM_USB_MAJOR,
-                            (unsigned)((d->bus - 1) * 128 + d->address - 1), &usb_file_ops, &front->shown[device]);
+    (void)!sim_node_add(front->server, &front->shown[device].node, path, SST_SIM_USB_MAJOR,
+                        (unsigned)((d->bus - 1) * 128 + d->address - 1), &usb_file_ops, &front->shown[device]);
 }
 
-static void remove_node(struct sst_sim_usb_front *front, int device)
+static void remove_node(struct sim_usb_front *front, int device)
 {
-    sst_sim_node_remove(front->server, front->shown[device].node);
+    sim_node_remove(front->server, front->shown[device].node);
     front->shown[device].node = NULL;
 }
 
 /** The control interface is what the video node hangs at. */
-static void camera_bound(struct sst_sim_usb_front *front, int device, int interface, bool bound)
+static void camera_bound(struct sim_usb_front *front, int device, int interface, bool bound)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
 
@@ -37,7 +36,7 @@ static void camera_bound(struct sst_sim_usb_front *front, int device, int interf
         front->cfg.works(front->cfg.arg, d->camera, bound);
 }
 
-static void handle(struct sst_sim_usb_front *front, int device, enum sst_sim_usb_event event, int interface)
+static void handle(struct sim_usb_front *front, int device, enum sst_sim_usb_event event, int interface)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
 
@@ -72,7 +71,7 @@ static void handle(struct sst_sim_usb_front *front, int device, enum sst_sim_usb
 
 static void event(void *arg, int device, enum sst_sim_usb_event what, int interface)
 {
-    struct sst_sim_usb_front *front = arg;
+    struct sim_usb_front *front = arg;
     const bool telling = front->telling;
 
     front->telling = true;
@@ -82,7 +81,7 @@ static void event(void *arg, int device, enum sst_sim_usb_event what, int interf
 
 /* --- what the array asks and tells -------------------------------------------------------------------------------- */
 
-bool sst_sim_usb_front_video(struct sst_sim_usb_front *front, int cam, bool present, int node)
+bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int node)
 {
     const int device = sst_sim_usb_camera(front->usb, cam);
     struct usb_shown *shown = &front->shown[device];
@@ -104,24 +103,24 @@ bool sst_sim_usb_front_video(struct sst_sim_usb_front *front, int cam, bool pres
     return true;
 }
 
-struct sst_sim_usb *sst_sim_usb_front_model(struct sst_sim_usb_front *front)
+struct sst_sim_usb *sim_usb_front_model(struct sim_usb_front *front)
 {
     return front->usb;
 }
 
 /* --- faults ------------------------------------------------------------------------------------------------------- */
 
-static const struct sst_sim_fault bus_faults[SST_SIM_USB_FAULTS] = {
+static const struct sim_fault bus_faults[SST_SIM_USB_FAULTS] = {
     [SST_SIM_USB_RESET_FAILS] = { "reset_fails", 0, 1, "1: USB resets end with ETIMEDOUT" },
     [SST_SIM_USB_NO_PORT_POWER] = { "no_port_power", 0, 1, "1: hubs cannot switch the power of a port" },
 };
-static const struct sst_sim_fault hub_faults[] = {
+static const struct sim_fault hub_faults[] = {
     { "unplug", 0, 1, "1: the hub and all below it are away, 0: they are back" },
 };
 
 static int bus_changed(void *arg, int instance, int fault, double value)
 {
-    struct sst_sim_usb_front *front = arg;
+    struct sim_usb_front *front = arg;
 
     (void)instance;
     sst_sim_usb_fault(front->usb, (enum sst_sim_usb_fault)fault, value != 0);
@@ -142,30 +141,30 @@ static int hub_device(const struct sst_sim_usb *usb, int n)
 
 static int hub_changed(void *arg, int instance, int fault, double value)
 {
-    struct sst_sim_usb_front *front = arg;
+    struct sim_usb_front *front = arg;
 
     (void)fault;
     sst_sim_usb_plug(front->usb, hub_device(front->usb, instance), value == 0);
     return 0;
 }
 
-static int add_faults(struct sst_sim_usb_front *front)
+static int add_faults(struct sim_usb_front *front)
 {
-    struct sst_sim_fault_scope scope = {
+    struct sim_fault_scope scope = {
         .name = "usb", .faults = bus_faults, .count = SST_SIM_USB_FAULTS, .changed = bus_changed, .arg = front
     };
-    int err = sst_sim_faults_add(front->cfg.faults, &scope), hubs = 0;
+    int err = sim_faults_add(front->cfg.faults, &scope), hubs = 0;
 
     while (hub_device(front->usb, hubs) >= 0)
         hubs++;
     if (err >= 0 && hubs > 0) {
-        scope = (struct sst_sim_fault_scope){ .name = "hub",
-                                              .faults = hub_faults,
-                                              .count = (int)ARRAY_LEN(hub_faults),
-                                              .instances = hubs,
-                                              .changed = hub_changed,
-                                              .arg = front };
-        err = sst_sim_faults_add(front->cfg.faults, &scope);
+        scope = (struct sim_fault_scope){ .name = "hub",
+                                          .faults = hub_faults,
+                                          .count = (int)ARRAY_LEN(hub_faults),
+                                          .instances = hubs,
+                                          .changed = hub_changed,
+                                          .arg = front };
+        err = sim_faults_add(front->cfg.faults, &scope);
     }
     return err < 0 ? err : 0;
 }
@@ -182,7 +181,7 @@ static void no_layout(const char *layout)
     sst_log_error("USB layout '%s' is not known or has no room for so many cameras; there are %s", layout, names);
 }
 
-static int show_all(struct sst_sim_usb_front *front)
+static int show_all(struct sim_usb_front *front)
 {
     usb_sysfs_drivers(front);
     front->telling = true;
@@ -191,12 +190,12 @@ static int show_all(struct sst_sim_usb_front *front)
         usb_sysfs_add(front, i);
     }
     front->telling = false;
-    return sst_sim_sysfs_error(front->cfg.sysfs);
+    return sim_sysfs_error(front->cfg.sysfs);
 }
 
-int sst_sim_usb_front_open(struct sst_sim_usb_front **out, const struct sst_sim_usb_front_config *cfg)
+int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_config *cfg)
 {
-    struct sst_sim_usb_front *front = calloc(1, sizeof(*front));
+    struct sim_usb_front *front = calloc(1, sizeof(*front));
     struct sst_sim_usb_config model = {
         .layout = cfg->layout,
         .cameras = cfg->cameras,
@@ -210,7 +209,7 @@ int sst_sim_usb_front_open(struct sst_sim_usb_front **out, const struct sst_sim_
         return err;
     model.arg = front;
     front->cfg = *cfg;
-    front->server = sst_sim_sysfs_server(cfg->sysfs);
+    front->server = sim_sysfs_server(cfg->sysfs);
     err = sst_sim_usb_create(&front->usb, &model);
     if (err == -EINVAL)
         no_layout(cfg->layout ? cfg->layout : "(default)");
@@ -228,24 +227,24 @@ int sst_sim_usb_front_open(struct sst_sim_usb_front **out, const struct sst_sim_
     if (!err)
         err = add_faults(front);
     if (err) {
-        sst_sim_usb_front_close(front);
+        sim_usb_front_close(front);
         return err;
     }
     *out = front;
     return 0;
 }
 
-void sst_sim_usb_front_close(struct sst_sim_usb_front *front)
+void sim_usb_front_close(struct sim_usb_front *front)
 {
     if (!front)
         return;
     for (int i = 0; front->shown && i < sst_sim_usb_count(front->usb); i++) {
         remove_node(front, i);
         for (int p = 0; p <= SST_SIM_USB_PORTS; p++)
-            sst_sim_node_remove(front->server, front->shown[i].attribute[p].node);
+            sim_node_remove(front->server, front->shown[i].attribute[p].node);
     }
     for (size_t i = 0; i < ARRAY_LEN(front->driver_file); i++)
-        sst_sim_node_remove(front->server, front->driver_file[i].node);
+        sim_node_remove(front->server, front->driver_file[i].node);
     sst_sim_usb_destroy(front->usb);
     free(front->shown);
     free(front);

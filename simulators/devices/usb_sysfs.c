@@ -3,11 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "simulators/devices/usb_front_internal.h"
+#include "simulators/devices/devices_internal.h"
 
 /* --- names -------------------------------------------------------------------------------------------------------- */
 
-void usb_sysfs_dir(const struct sst_sim_usb_front *front, int device, char out[SST_PATH_MAX])
+void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_PATH_MAX])
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     char below[SST_PATH_MAX] = "";
@@ -29,7 +29,7 @@ void usb_interface_name(const struct sst_sim_usb_device *d, int interface, char 
         snprintf(out, size, "%s:1.%d", d->path, interface);
 }
 
-static void interface_dir(const struct sst_sim_usb_front *front, int device, int interface, char out[SST_PATH_MAX])
+static void interface_dir(const struct sim_usb_front *front, int device, int interface, char out[SST_PATH_MAX])
 {
     char dir[SST_PATH_MAX], name[96];
 
@@ -39,7 +39,7 @@ static void interface_dir(const struct sst_sim_usb_front *front, int device, int
 }
 
 /** "1-1-port2" of a hub "1-1", "usb1-port2" of a root hub. */
-static void port_dir(const struct sst_sim_usb_front *front, int hub, int port, char out[SST_PATH_MAX])
+static void port_dir(const struct sim_usb_front *front, int hub, int port, char out[SST_PATH_MAX])
 {
     char dir[SST_PATH_MAX];
 
@@ -48,20 +48,20 @@ static void port_dir(const struct sst_sim_usb_front *front, int hub, int port, c
 }
 
 /** Link `dir`/`name` to a target. */
-static void link_in(const struct sst_sim_usb_front *front, const char *dir, const char *name, const char *target)
+static void link_in(const struct sim_usb_front *front, const char *dir, const char *name, const char *target)
 {
     char path[SST_PATH_MAX];
 
     snprintf(path, sizeof(path), "%.1800s/%s", dir, name);
-    sst_sim_sysfs_link(front->cfg.sysfs, path, target);
+    sim_sysfs_link(front->cfg.sysfs, path, target);
 }
 
-static void unlink_in(const struct sst_sim_usb_front *front, const char *dir, const char *name)
+static void unlink_in(const struct sim_usb_front *front, const char *dir, const char *name)
 {
     char path[SST_PATH_MAX];
 
     snprintf(path, sizeof(path), "%.1800s/%s", dir, name);
-    sst_sim_sysfs_remove(front->cfg.sysfs, path);
+    sim_sysfs_remove(front->cfg.sysfs, path);
 }
 
 static int minor_of(const struct sst_sim_usb_device *d)
@@ -90,7 +90,7 @@ static void path_id(const struct sst_sim_usb_device *d, int interface, char *out
         snprintf(out + n, size - (size_t)n, ":1.%d", interface);
 }
 
-static void add_identity(struct sst_sim_props *udev, const struct sst_sim_usb_device *d, const uint8_t *descriptor)
+static void add_identity(struct sim_props *udev, const struct sst_sim_usb_device *d, const uint8_t *descriptor)
 {
     char maker[64], product[64];
 
@@ -98,20 +98,19 @@ static void add_identity(struct sst_sim_props *udev, const struct sst_sim_usb_de
     snprintf(product, sizeof(product), "%s", sst_sim_usb_product(d));
     underscores(maker);
     underscores(product);
-    sst_sim_props_add(udev, "ID_BUS=usb");
-    sst_sim_props_add(udev, "ID_VENDOR=%s", maker);
-    sst_sim_props_add(udev, "ID_VENDOR_ID=%02x%02x", descriptor[9], descriptor[8]);
-    sst_sim_props_add(udev, "ID_MODEL=%s", product);
-    sst_sim_props_add(udev, "ID_MODEL_ID=%02x%02x", descriptor[11], descriptor[10]);
-    sst_sim_props_add(udev, "ID_REVISION=%02x%02x", descriptor[13], descriptor[12]);
-    sst_sim_props_add(udev, "ID_SERIAL=%s_%s%s%s", maker, product, d->serial[0] ? "_" : "", d->serial);
+    sim_props_add(udev, "ID_BUS=usb");
+    sim_props_add(udev, "ID_VENDOR=%s", maker);
+    sim_props_add(udev, "ID_VENDOR_ID=%02x%02x", descriptor[9], descriptor[8]);
+    sim_props_add(udev, "ID_MODEL=%s", product);
+    sim_props_add(udev, "ID_MODEL_ID=%02x%02x", descriptor[11], descriptor[10]);
+    sim_props_add(udev, "ID_REVISION=%02x%02x", descriptor[13], descriptor[12]);
+    sim_props_add(udev, "ID_SERIAL=%s_%s%s%s", maker, product, d->serial[0] ? "_" : "", d->serial);
     if (d->serial[0])
-        sst_sim_props_add(udev, "ID_SERIAL_SHORT=%s", d->serial);
-    sst_sim_props_add(udev, "ID_USB_INTERFACES=%s",
-                      d->kind == SST_SIM_USB_CAMERA ? ":0e0100:0e0200:" : ":090000:");
+        sim_props_add(udev, "ID_SERIAL_SHORT=%s", d->serial);
+    sim_props_add(udev, "ID_USB_INTERFACES=%s", d->kind == SST_SIM_USB_CAMERA ? ":0e0100:0e0200:" : ":090000:");
 }
 
-static void add_path_id(struct sst_sim_props *udev, const char *path)
+static void add_path_id(struct sim_props *udev, const char *path)
 {
     char tag[160];
 
@@ -119,51 +118,51 @@ static void add_path_id(struct sst_sim_props *udev, const char *path)
     for (char *p = tag; *p; p++)
         if (*p == ':' || *p == '.')
             *p = '_';
-    sst_sim_props_add(udev, "ID_PATH=%s", path);
-    sst_sim_props_add(udev, "ID_PATH_TAG=%s", tag);
+    sim_props_add(udev, "ID_PATH=%s", path);
+    sim_props_add(udev, "ID_PATH_TAG=%s", tag);
 }
 
 /* --- properties in "uevent" --------------------------------------------------------------------------------------- */
 
-static void device_props(struct sst_sim_props *props, const struct sst_sim_usb_device *d, const uint8_t *descriptor)
+static void device_props(struct sim_props *props, const struct sst_sim_usb_device *d, const uint8_t *descriptor)
 {
-    sst_sim_props_add(props, "MAJOR=%d", SST_SIM_USB_MAJOR);
-    sst_sim_props_add(props, "MINOR=%d", minor_of(d));
-    sst_sim_props_add(props, "DEVNAME=bus/usb/%03d/%03d", d->bus, d->address);
-    sst_sim_props_add(props, "DEVTYPE=usb_device");
-    sst_sim_props_add(props, "DRIVER=usb");
-    sst_sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8,
-                      descriptor[10] | descriptor[11] << 8, descriptor[12] | descriptor[13] << 8);
-    sst_sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
-    sst_sim_props_add(props, "BUSNUM=%03d", d->bus);
-    sst_sim_props_add(props, "DEVNUM=%03d", d->address);
+    sim_props_add(props, "MAJOR=%d", SST_SIM_USB_MAJOR);
+    sim_props_add(props, "MINOR=%d", minor_of(d));
+    sim_props_add(props, "DEVNAME=bus/usb/%03d/%03d", d->bus, d->address);
+    sim_props_add(props, "DEVTYPE=usb_device");
+    sim_props_add(props, "DRIVER=usb");
+    sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
+                  descriptor[12] | descriptor[13] << 8);
+    sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
+    sim_props_add(props, "BUSNUM=%03d", d->bus);
+    sim_props_add(props, "DEVNUM=%03d", d->address);
 }
 
-static void interface_props(const struct sst_sim_usb_front *front, struct sst_sim_props *props, int device,
-                            int interface, const uint8_t *descriptor)
+static void interface_props(const struct sim_usb_front *front, struct sim_props *props, int device, int interface,
+                            const uint8_t *descriptor)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     uint8_t class[3] = { 0 };
 
     if (sst_sim_usb_interface_class(front->usb, device, interface, class) < 0)
         return;
-    sst_sim_props_add(props, "DEVTYPE=usb_interface");
+    sim_props_add(props, "DEVTYPE=usb_interface");
     if (d->bound >> interface & 1)
-        sst_sim_props_add(props, "DRIVER=%s", sst_sim_usb_driver(d));
-    sst_sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8,
-                      descriptor[10] | descriptor[11] << 8, descriptor[12] | descriptor[13] << 8);
-    sst_sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
-    sst_sim_props_add(props, "INTERFACE=%d/%d/%d", class[0], class[1], class[2]);
-    sst_sim_props_add(props, "MODALIAS=usb:v%02X%02Xp%02X%02Xd%02X%02Xdc%02Xdsc%02Xdp%02Xic%02Xisc%02Xip%02Xin%02X",
-                      descriptor[9], descriptor[8], descriptor[11], descriptor[10], descriptor[13], descriptor[12],
-                      descriptor[4], descriptor[5], descriptor[6], class[0], class[1], class[2], interface);
+        sim_props_add(props, "DRIVER=%s", sst_sim_usb_driver(d));
+    sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
+                  descriptor[12] | descriptor[13] << 8);
+    sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
+    sim_props_add(props, "INTERFACE=%d/%d/%d", class[0], class[1], class[2]);
+    sim_props_add(props, "MODALIAS=usb:v%02X%02Xp%02X%02Xd%02X%02Xdc%02Xdsc%02Xdp%02Xic%02Xisc%02Xip%02Xin%02X",
+                  descriptor[9], descriptor[8], descriptor[11], descriptor[10], descriptor[13], descriptor[12],
+                  descriptor[4], descriptor[5], descriptor[6], class[0], class[1], class[2], interface);
 }
 
 /** An event about a device (interface -1) or one of its interfaces. */
-static void tell(struct sst_sim_usb_front *front, int device, int interface, const char *action)
+static void tell(struct sim_usb_front *front, int device, int interface, const char *action)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
-    struct sst_sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
+    struct sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
     char dir[SST_PATH_MAX], id[32], path[128];
     uint8_t descriptor[4096];
 
@@ -180,70 +179,70 @@ static void tell(struct sst_sim_usb_front *front, int device, int interface, con
         interface_props(front, &props, device, interface, descriptor);
     }
     add_path_id(&udev, path);
-    sst_sim_props_add(&props, "SUBSYSTEM=usb");
-    sst_sim_uevent(front->cfg.sysfs, action, dir + strlen("/sys"), &props, interface < 0 ? id : NULL, &udev);
+    sim_props_add(&props, "SUBSYSTEM=usb");
+    sim_uevent(front->cfg.sysfs, action, dir + strlen("/sys"), &props, interface < 0 ? id : NULL, &udev);
 }
 
 /* --- attributes --------------------------------------------------------------------------------------------------- */
 
-static void descriptor_attributes(struct sst_sim_sysfs *fs, const char *dir, const uint8_t *b, int bytes)
+static void descriptor_attributes(struct sim_sysfs *fs, const char *dir, const uint8_t *b, int bytes)
 {
-    sst_sim_sysfs_bytes(fs, dir, "descriptors", b, (size_t)bytes);
-    sst_sim_sysfs_attr(fs, dir, "version", "%2x.%02x", b[3], b[2]);
-    sst_sim_sysfs_attr(fs, dir, "bDeviceClass", "%02x", b[4]);
-    sst_sim_sysfs_attr(fs, dir, "bDeviceSubClass", "%02x", b[5]);
-    sst_sim_sysfs_attr(fs, dir, "bDeviceProtocol", "%02x", b[6]);
-    sst_sim_sysfs_attr(fs, dir, "bMaxPacketSize0", "%d", b[7]);
-    sst_sim_sysfs_attr(fs, dir, "idVendor", "%02x%02x", b[9], b[8]);
-    sst_sim_sysfs_attr(fs, dir, "idProduct", "%02x%02x", b[11], b[10]);
-    sst_sim_sysfs_attr(fs, dir, "bcdDevice", "%02x%02x", b[13], b[12]);
-    sst_sim_sysfs_attr(fs, dir, "bNumConfigurations", "%d", b[17]);
-    sst_sim_sysfs_attr(fs, dir, "bNumInterfaces", "%2d", b[18 + 4]);
-    sst_sim_sysfs_attr(fs, dir, "bConfigurationValue", "%d", b[18 + 5]);
-    sst_sim_sysfs_attr(fs, dir, "bmAttributes", "%02x", b[18 + 7]);
-    sst_sim_sysfs_attr(fs, dir, "bMaxPower", "%dmA", b[18 + 8] * 2);
+    sim_sysfs_bytes(fs, dir, "descriptors", b, (size_t)bytes);
+    sim_sysfs_attr(fs, dir, "version", "%2x.%02x", b[3], b[2]);
+    sim_sysfs_attr(fs, dir, "bDeviceClass", "%02x", b[4]);
+    sim_sysfs_attr(fs, dir, "bDeviceSubClass", "%02x", b[5]);
+    sim_sysfs_attr(fs, dir, "bDeviceProtocol", "%02x", b[6]);
+    sim_sysfs_attr(fs, dir, "bMaxPacketSize0", "%d", b[7]);
+    sim_sysfs_attr(fs, dir, "idVendor", "%02x%02x", b[9], b[8]);
+    sim_sysfs_attr(fs, dir, "idProduct", "%02x%02x", b[11], b[10]);
+    sim_sysfs_attr(fs, dir, "bcdDevice", "%02x%02x", b[13], b[12]);
+    sim_sysfs_attr(fs, dir, "bNumConfigurations", "%d", b[17]);
+    sim_sysfs_attr(fs, dir, "bNumInterfaces", "%2d", b[18 + 4]);
+    sim_sysfs_attr(fs, dir, "bConfigurationValue", "%d", b[18 + 5]);
+    sim_sysfs_attr(fs, dir, "bmAttributes", "%02x", b[18 + 7]);
+    sim_sysfs_attr(fs, dir, "bMaxPower", "%dmA", b[18 + 8] * 2);
 }
 
-static void device_attributes(struct sst_sim_usb_front *front, int device, const char *dir)
+static void device_attributes(struct sim_usb_front *front, int device, const char *dir)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
-    struct sst_sim_sysfs *fs = front->cfg.sysfs;
+    struct sim_sysfs *fs = front->cfg.sysfs;
     const char *ports = d->kind == SST_SIM_USB_ROOT ? "0" : strchr(d->path, '-') + 1;
 
-    sst_sim_sysfs_attr(fs, dir, "busnum", "%d", d->bus);
-    sst_sim_sysfs_attr(fs, dir, "devnum", "%d", d->address);
-    sst_sim_sysfs_attr(fs, dir, "devpath", "%s", ports);
-    sst_sim_sysfs_attr(fs, dir, "dev", "%d:%d", SST_SIM_USB_MAJOR, minor_of(d));
-    sst_sim_sysfs_attr(fs, dir, "speed", "%d", d->speed_mbit);
-    sst_sim_sysfs_attr(fs, dir, "maxchild", "%d", d->ports);
-    sst_sim_sysfs_attr(fs, dir, "manufacturer", "%s", sst_sim_usb_maker(d));
-    sst_sim_sysfs_attr(fs, dir, "product", "%s", sst_sim_usb_product(d));
+    sim_sysfs_attr(fs, dir, "busnum", "%d", d->bus);
+    sim_sysfs_attr(fs, dir, "devnum", "%d", d->address);
+    sim_sysfs_attr(fs, dir, "devpath", "%s", ports);
+    sim_sysfs_attr(fs, dir, "dev", "%d:%d", SST_SIM_USB_MAJOR, minor_of(d));
+    sim_sysfs_attr(fs, dir, "speed", "%d", d->speed_mbit);
+    sim_sysfs_attr(fs, dir, "maxchild", "%d", d->ports);
+    sim_sysfs_attr(fs, dir, "manufacturer", "%s", sst_sim_usb_maker(d));
+    sim_sysfs_attr(fs, dir, "product", "%s", sst_sim_usb_product(d));
     if (d->serial[0])
-        sst_sim_sysfs_attr(fs, dir, "serial", "%s", d->serial);
-    sst_sim_sysfs_attr(fs, dir, "removable", "%s", d->kind == SST_SIM_USB_ROOT ? "unknown" : "removable");
-    sst_sim_sysfs_attr(fs, dir, "authorized", "%d", d->authorized);
+        sim_sysfs_attr(fs, dir, "serial", "%s", d->serial);
+    sim_sysfs_attr(fs, dir, "removable", "%s", d->kind == SST_SIM_USB_ROOT ? "unknown" : "removable");
+    sim_sysfs_attr(fs, dir, "authorized", "%d", d->authorized);
 }
 
-static void writable(struct sst_sim_usb_front *front, int device, int port, const char *dir, const char *name)
+static void writable(struct sim_usb_front *front, int device, int port, const char *dir, const char *name)
 {
     struct usb_attribute *a = &front->shown[device].attribute[port];
     char path[SST_PATH_MAX];
 
     *a = (struct usb_attribute){ .front = front, .device = device, .port = port };
     snprintf(path, sizeof(path), "%.1800s/%s", dir, name);
-    sst_sim_sysfs_writable(front->cfg.sysfs, &a->node, path, &usb_attribute_ops, a);
+    sim_sysfs_writable(front->cfg.sysfs, &a->node, path, &usb_attribute_ops, a);
 }
 
-static void add_port(struct sst_sim_usb_front *front, int hub, int port)
+static void add_port(struct sim_usb_front *front, int hub, int port)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, hub);
-    struct sst_sim_sysfs *fs = front->cfg.sysfs;
+    struct sim_sysfs *fs = front->cfg.sysfs;
     char dir[SST_PATH_MAX], peer[SST_PATH_MAX];
 
     port_dir(front, hub, port, dir);
-    sst_sim_sysfs_attr(fs, dir, "connect_type", "hotplug");
-    sst_sim_sysfs_attr(fs, dir, "over_current_count", "0");
-    sst_sim_sysfs_attr(fs, dir, "disable", "%d", d->disabled[port]);
+    sim_sysfs_attr(fs, dir, "connect_type", "hotplug");
+    sim_sysfs_attr(fs, dir, "over_current_count", "0");
+    sim_sysfs_attr(fs, dir, "disable", "%d", d->disabled[port]);
     writable(front, hub, port, dir, "disable");
     if (d->twin >= 0) {
         port_dir(front, d->twin, port, peer);
@@ -251,22 +250,22 @@ static void add_port(struct sst_sim_usb_front *front, int hub, int port)
     }
 }
 
-static void interface_uevent(struct sst_sim_usb_front *front, int device, int interface, const uint8_t *descriptor)
+static void interface_uevent(struct sim_usb_front *front, int device, int interface, const uint8_t *descriptor)
 {
-    struct sst_sim_props props = { .bytes = 0 };
+    struct sim_props props = { .bytes = 0 };
     const char *alias;
     char dir[SST_PATH_MAX];
 
     interface_dir(front, device, interface, dir);
     interface_props(front, &props, device, interface, descriptor);
-    sst_sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
+    sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
     alias = strstr(props.text, "MODALIAS=");
     if (alias)
-        sst_sim_sysfs_attr(front->cfg.sysfs, dir, "modalias", "%.*s", (int)strcspn(alias + 9, "\n"), alias + 9);
+        sim_sysfs_attr(front->cfg.sysfs, dir, "modalias", "%.*s", (int)strcspn(alias + 9, "\n"), alias + 9);
 }
 
 /** The links between an interface and its driver. */
-static void link_driver(const struct sst_sim_usb_front *front, int device, int interface)
+static void link_driver(const struct sim_usb_front *front, int device, int interface)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     char dir[SST_PATH_MAX], driver[96], name[96];
@@ -283,23 +282,23 @@ static void link_driver(const struct sst_sim_usb_front *front, int device, int i
     }
 }
 
-static void add_interface(struct sst_sim_usb_front *front, int device, int interface, const uint8_t *descriptor)
+static void add_interface(struct sim_usb_front *front, int device, int interface, const uint8_t *descriptor)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
-    struct sst_sim_sysfs *fs = front->cfg.sysfs;
+    struct sim_sysfs *fs = front->cfg.sysfs;
     char dir[SST_PATH_MAX], name[96];
     uint8_t class[3] = { 0 };
 
     if (sst_sim_usb_interface_class(front->usb, device, interface, class) < 0)
         return;
     interface_dir(front, device, interface, dir);
-    sst_sim_sysfs_attr(fs, dir, "bInterfaceNumber", "%02x", interface);
-    sst_sim_sysfs_attr(fs, dir, "bAlternateSetting", "%2d", interface == 1 ? d->alt : 0);
-    sst_sim_sysfs_attr(fs, dir, "bNumEndpoints", "%02x", interface == 0);
-    sst_sim_sysfs_attr(fs, dir, "bInterfaceClass", "%02x", class[0]);
-    sst_sim_sysfs_attr(fs, dir, "bInterfaceSubClass", "%02x", class[1]);
-    sst_sim_sysfs_attr(fs, dir, "bInterfaceProtocol", "%02x", class[2]);
-    sst_sim_sysfs_attr(fs, dir, "authorized", "1");
+    sim_sysfs_attr(fs, dir, "bInterfaceNumber", "%02x", interface);
+    sim_sysfs_attr(fs, dir, "bAlternateSetting", "%2d", interface == 1 ? d->alt : 0);
+    sim_sysfs_attr(fs, dir, "bNumEndpoints", "%02x", interface == 0);
+    sim_sysfs_attr(fs, dir, "bInterfaceClass", "%02x", class[0]);
+    sim_sysfs_attr(fs, dir, "bInterfaceSubClass", "%02x", class[1]);
+    sim_sysfs_attr(fs, dir, "bInterfaceProtocol", "%02x", class[2]);
+    sim_sysfs_attr(fs, dir, "authorized", "1");
     link_in(front, dir, "subsystem", "/sys/bus/usb");
     usb_interface_name(d, interface, name, sizeof(name));
     interface_uevent(front, device, interface, descriptor);
@@ -312,29 +311,29 @@ static void add_interface(struct sst_sim_usb_front *front, int device, int inter
 
 /* --- devices come and go ------------------------------------------------------------------------------------------ */
 
-static void add_controller(struct sst_sim_usb_front *front, const struct sst_sim_usb_device *d)
+static void add_controller(struct sim_usb_front *front, const struct sst_sim_usb_device *d)
 {
-    struct sst_sim_sysfs *fs = front->cfg.sysfs;
+    struct sim_sysfs *fs = front->cfg.sysfs;
     char dir[160];
 
     snprintf(dir, sizeof(dir), "/sys/devices/pci0000:00/%s", d->controller);
-    sst_sim_sysfs_attr(fs, dir, "vendor", "0x1b36");
-    sst_sim_sysfs_attr(fs, dir, "device", "0x000d");
-    sst_sim_sysfs_attr(fs, dir, "class", "0x0c0330");
-    sst_sim_sysfs_attr(fs, dir, "uevent", "DRIVER=xhci_hcd\nPCI_CLASS=C0330\nPCI_ID=1B36:000D\nPCI_SLOT_NAME=%s",
-                       d->controller);
+    sim_sysfs_attr(fs, dir, "vendor", "0x1b36");
+    sim_sysfs_attr(fs, dir, "device", "0x000d");
+    sim_sysfs_attr(fs, dir, "class", "0x0c0330");
+    sim_sysfs_attr(fs, dir, "uevent", "DRIVER=xhci_hcd\nPCI_CLASS=C0330\nPCI_ID=1B36:000D\nPCI_SLOT_NAME=%s",
+                   d->controller);
     link_in(front, dir, "subsystem", "/sys/bus/pci");
     link_in(front, dir, "driver", "/sys/bus/pci/drivers/xhci_hcd");
     link_in(front, "/sys/bus/pci/devices", d->controller, dir);
     link_in(front, "/sys/bus/pci/drivers/xhci_hcd", d->controller, dir);
 }
 
-void usb_sysfs_add(struct sst_sim_usb_front *front, int device)
+void usb_sysfs_add(struct sim_usb_front *front, int device)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     uint8_t descriptor[4096];
     const int bytes = sst_sim_usb_descriptors(front->usb, device, descriptor, sizeof(descriptor));
-    struct sst_sim_props props = { .bytes = 0 };
+    struct sim_props props = { .bytes = 0 };
     char dir[SST_PATH_MAX], number[32], port[SST_PATH_MAX];
 
     if (bytes < 0)
@@ -348,7 +347,7 @@ void usb_sysfs_add(struct sst_sim_usb_front *front, int device)
     for (int i = 0; i < d->interfaces; i++)
         add_interface(front, device, i, descriptor);
     device_props(&props, d, descriptor);
-    sst_sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
+    sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
     link_in(front, dir, "subsystem", "/sys/bus/usb");
     link_in(front, dir, "driver", "/sys/bus/usb/drivers/usb");
     link_in(front, "/sys/bus/usb/drivers/usb", d->path, dir);
@@ -365,7 +364,7 @@ void usb_sysfs_add(struct sst_sim_usb_front *front, int device)
         tell(front, device, i, "add");
 }
 
-void usb_sysfs_remove(struct sst_sim_usb_front *front, int device)
+void usb_sysfs_remove(struct sim_usb_front *front, int device)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     char dir[SST_PATH_MAX], name[96], number[32], port[SST_PATH_MAX];
@@ -377,7 +376,7 @@ void usb_sysfs_remove(struct sst_sim_usb_front *front, int device)
     }
     tell(front, device, -1, "remove");
     for (int p = 0; p <= SST_SIM_USB_PORTS; p++) {
-        sst_sim_node_remove(front->server, front->shown[device].attribute[p].node);
+        sim_node_remove(front->server, front->shown[device].attribute[p].node);
         front->shown[device].attribute[p].node = NULL;
     }
     usb_sysfs_dir(front, device, dir);
@@ -387,10 +386,10 @@ void usb_sysfs_remove(struct sst_sim_usb_front *front, int device)
     unlink_in(front, "/sys/dev/char", number);
     port_dir(front, d->parent, d->port, port);
     unlink_in(front, port, "device");
-    sst_sim_sysfs_remove(front->cfg.sysfs, dir);
+    sim_sysfs_remove(front->cfg.sysfs, dir);
 }
 
-void usb_sysfs_bound(struct sst_sim_usb_front *front, int device, int interface)
+void usb_sysfs_bound(struct sim_usb_front *front, int device, int interface)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     const bool bound = d->bound >> interface & 1;
@@ -405,21 +404,21 @@ void usb_sysfs_bound(struct sst_sim_usb_front *front, int device, int interface)
         tell(front, device, -1, "bind");
 }
 
-void usb_sysfs_changed(struct sst_sim_usb_front *front, int device)
+void usb_sysfs_changed(struct sim_usb_front *front, int device)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     char dir[SST_PATH_MAX];
 
     usb_sysfs_dir(front, device, dir);
-    sst_sim_sysfs_attr(front->cfg.sysfs, dir, "authorized", "%d", d->authorized);
-    sst_sim_sysfs_attr(front->cfg.sysfs, dir, "bConfigurationValue", "%s", d->authorized ? "1" : "");
+    sim_sysfs_attr(front->cfg.sysfs, dir, "authorized", "%d", d->authorized);
+    sim_sysfs_attr(front->cfg.sysfs, dir, "bConfigurationValue", "%s", d->authorized ? "1" : "");
     for (int p = 1; p <= d->ports; p++) {
         port_dir(front, device, p, dir);
-        sst_sim_sysfs_attr(front->cfg.sysfs, dir, "disable", "%d", d->disabled[p]);
+        sim_sysfs_attr(front->cfg.sysfs, dir, "disable", "%d", d->disabled[p]);
     }
 }
 
-void usb_sysfs_drivers(struct sst_sim_usb_front *front)
+void usb_sysfs_drivers(struct sim_usb_front *front)
 {
     static const char *const drivers[] = { "uvcvideo", "hub" };
     int n = 0;
@@ -430,17 +429,17 @@ void usb_sysfs_drivers(struct sst_sim_usb_front *front)
         snprintf(dir, sizeof(dir), "/sys/bus/usb/drivers/%s", drivers[i]);
         for (int bind = 0; bind <= 1; bind++, n++) {
             front->driver_file[n] = (struct usb_driver_file){ .front = front, .driver = drivers[i], .bind = bind };
-            sst_sim_sysfs_attr(front->cfg.sysfs, dir, bind ? "bind" : "unbind", "%s", "");
+            sim_sysfs_attr(front->cfg.sysfs, dir, bind ? "bind" : "unbind", "%s", "");
             snprintf(path, sizeof(path), "%s/%s", dir, bind ? "bind" : "unbind");
-            sst_sim_sysfs_writable(front->cfg.sysfs, &front->driver_file[n].node, path, &usb_driver_ops,
-                                   &front->driver_file[n]);
+            sim_sysfs_writable(front->cfg.sysfs, &front->driver_file[n].node, path, &usb_driver_ops,
+                               &front->driver_file[n]);
         }
     }
 }
 
 /* --- video nodes -------------------------------------------------------------------------------------------------- */
 
-static void video_udev(struct sst_sim_usb_front *front, int device, struct sst_sim_props *udev)
+static void video_udev(struct sim_usb_front *front, int device, struct sim_props *udev)
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     uint8_t descriptor[4096];
@@ -451,34 +450,34 @@ static void video_udev(struct sst_sim_usb_front *front, int device, struct sst_s
     path_id(d, 0, path, sizeof(path));
     snprintf(id, sizeof(id), "%s_%s_%s", sst_sim_usb_maker(d), sst_sim_usb_product(d), d->serial);
     underscores(id);
-    sst_sim_props_add(udev, "S:v4l/by-id/usb-%s-video-index0", id);
-    sst_sim_props_add(udev, "S:v4l/by-path/%s-video-index0", path);
-    sst_sim_props_add(udev, "ID_V4L_VERSION=2");
-    sst_sim_props_add(udev, "ID_V4L_PRODUCT=%s", sst_sim_usb_product(d));
-    sst_sim_props_add(udev, "ID_V4L_CAPABILITIES=:capture:");
-    sst_sim_props_add(udev, "ID_TYPE=video");
-    sst_sim_props_add(udev, "ID_USB_INTERFACE_NUM=00");
-    sst_sim_props_add(udev, "ID_USB_DRIVER=uvcvideo");
+    sim_props_add(udev, "S:v4l/by-id/usb-%s-video-index0", id);
+    sim_props_add(udev, "S:v4l/by-path/%s-video-index0", path);
+    sim_props_add(udev, "ID_V4L_VERSION=2");
+    sim_props_add(udev, "ID_V4L_PRODUCT=%s", sst_sim_usb_product(d));
+    sim_props_add(udev, "ID_V4L_CAPABILITIES=:capture:");
+    sim_props_add(udev, "ID_TYPE=video");
+    sim_props_add(udev, "ID_USB_INTERFACE_NUM=00");
+    sim_props_add(udev, "ID_USB_DRIVER=uvcvideo");
     add_identity(udev, d, descriptor);
     add_path_id(udev, path);
 }
 
 /** The links that udev makes in /dev. */
-static void video_links(struct sst_sim_usb_front *front, const struct sst_sim_props *udev, int node)
+static void video_links(struct sim_usb_front *front, const struct sim_props *udev, int node)
 {
     char path[256], target[32];
 
     snprintf(target, sizeof(target), "../../video%d", node);
     for (const char *line = udev->text; strncmp(line, "S:", 2) == 0; line = strchr(line, '\n') + 1) {
         snprintf(path, sizeof(path), "/dev/%.*s", (int)strcspn(line + 2, "\n"), line + 2);
-        (void)!sst_sim_link(front->server, path, node >= 0 ? target : NULL);
+        (void)!sim_link(front->server, path, node >= 0 ? target : NULL);
     }
 }
 
-void usb_sysfs_video(struct sst_sim_usb_front *front, int device, bool present, int node)
+void usb_sysfs_video(struct sim_usb_front *front, int device, bool present, int node)
 {
-    struct sst_sim_sysfs *fs = front->cfg.sysfs;
-    struct sst_sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
+    struct sim_sysfs *fs = front->cfg.sysfs;
+    struct sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
     char interface[SST_PATH_MAX], dir[SST_PATH_MAX], name[32], number[32], id[32];
 
     interface_dir(front, device, 0, interface);
@@ -486,26 +485,26 @@ void usb_sysfs_video(struct sst_sim_usb_front *front, int device, bool present, 
     snprintf(number, sizeof(number), "81:%d", node);
     snprintf(id, sizeof(id), "c81:%d", node);
     snprintf(dir, sizeof(dir), "%.1800s/video4linux/%s", interface, name);
-    sst_sim_props_add(&props, "MAJOR=81");
-    sst_sim_props_add(&props, "MINOR=%d", node);
-    sst_sim_props_add(&props, "DEVNAME=%s", name);
+    sim_props_add(&props, "MAJOR=81");
+    sim_props_add(&props, "MINOR=%d", node);
+    sim_props_add(&props, "DEVNAME=%s", name);
     video_udev(front, device, &udev);
     if (present) {
-        sst_sim_sysfs_attr(fs, dir, "name", "%s", sst_sim_usb_product(sst_sim_usb_device(front->usb, device)));
-        sst_sim_sysfs_attr(fs, dir, "index", "0");
-        sst_sim_sysfs_attr(fs, dir, "dev", "81:%d", node);
-        sst_sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
+        sim_sysfs_attr(fs, dir, "name", "%s", sst_sim_usb_product(sst_sim_usb_device(front->usb, device)));
+        sim_sysfs_attr(fs, dir, "index", "0");
+        sim_sysfs_attr(fs, dir, "dev", "81:%d", node);
+        sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
         link_in(front, dir, "subsystem", "/sys/class/video4linux");
         link_in(front, dir, "device", interface);
         link_in(front, "/sys/class/video4linux", name, dir);
         link_in(front, "/sys/dev/char", number, dir);
     }
     video_links(front, &udev, present ? node : -1);
-    sst_sim_props_add(&props, "SUBSYSTEM=video4linux");
-    sst_sim_uevent(fs, present ? "add" : "remove", dir + strlen("/sys"), &props, id, &udev);
+    sim_props_add(&props, "SUBSYSTEM=video4linux");
+    sim_uevent(fs, present ? "add" : "remove", dir + strlen("/sys"), &props, id, &udev);
     if (!present) {
         unlink_in(front, "/sys/class/video4linux", name);
         unlink_in(front, "/sys/dev/char", number);
-        sst_sim_sysfs_remove(fs, dir);
+        sim_sysfs_remove(fs, dir);
     }
 }

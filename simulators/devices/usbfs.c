@@ -8,7 +8,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "simulators/devices/usb_front_internal.h"
+#include "simulators/devices/devices_internal.h"
 
 #define REAPERS 8 /* threads that wait in USBDEVFS_REAPURB */
 
@@ -21,9 +21,9 @@ struct transfer {
 
 struct usb_file {
     struct usb_shown *shown;
-    struct sst_sim_handle *handle;
+    struct sim_handle *handle;
     struct transfer *transfers; /* in the order of their submission */
-    struct sst_sim_request *waiting[REAPERS];
+    struct sim_request *waiting[REAPERS];
     int reapers;
     size_t position; /* of read() */
 };
@@ -36,7 +36,7 @@ static const struct sst_sim_usb_device *device_of(const struct usb_file *f)
 /* --- transfers ---------------------------------------------------------------------------------------------------- */
 
 /** The oldest that ended goes to the program. @return 0 or -EAGAIN */
-static int reap(struct usb_file *f, struct sst_sim_request *r)
+static int reap(struct usb_file *f, struct sim_request *r)
 {
     for (struct transfer **link = &f->transfers; *link; link = &(*link)->next) {
         struct transfer *t = *link;
@@ -59,7 +59,7 @@ static void tell_done(struct usb_file *f)
     char gone[4096];
 
     if (f->reapers > 0) {
-        struct sst_sim_request *r = f->waiting[--f->reapers];
+        struct sim_request *r = f->waiting[--f->reapers];
 
         sst_sim_answer(f->handle->server, r, reap(f, r));
         return;
@@ -68,7 +68,7 @@ static void tell_done(struct usb_file *f)
         ;
 }
 
-static int submit(struct usb_file *f, struct sst_sim_request *r)
+static int submit(struct usb_file *f, struct sim_request *r)
 {
     struct transfer *t;
     size_t length;
@@ -108,7 +108,7 @@ static int submit(struct usb_file *f, struct sst_sim_request *r)
     return 0;
 }
 
-static int discard(struct usb_file *f, const struct sst_sim_request *r)
+static int discard(struct usb_file *f, const struct sim_request *r)
 {
     struct sst_sim_usb_transfer which;
 
@@ -127,7 +127,7 @@ static int discard(struct usb_file *f, const struct sst_sim_request *r)
 }
 
 /** USBDEVFS_CONTROL: the same at once. */
-static int control(struct usb_file *f, struct sst_sim_request *r)
+static int control(struct usb_file *f, struct sim_request *r)
 {
     struct sst_sim_usb_transfer t;
     uint8_t data[SST_SIM_USB_TRANSFER_MAX];
@@ -206,7 +206,7 @@ static int disconnect_claim(struct usb_file *f, const struct usbdevfs_disconnect
     return claim(f, c->interface);
 }
 
-static int get_driver(const struct usb_file *f, struct sst_sim_request *r)
+static int get_driver(const struct usb_file *f, struct sim_request *r)
 {
     struct usbdevfs_getdriver *g = (void *)r->data;
 
@@ -225,7 +225,7 @@ static int get_driver(const struct usb_file *f, struct sst_sim_request *r)
 
 /* --- about the device --------------------------------------------------------------------------------------------- */
 
-static int give(struct sst_sim_request *r, const void *data, size_t bytes)
+static int give(struct sim_request *r, const void *data, size_t bytes)
 {
     memcpy(r->data, data, bytes);
     r->out_bytes = (uint32_t)bytes;
@@ -237,11 +237,12 @@ static int speed_of(const struct sst_sim_usb_device *d)
     return d->speed_mbit >= 5000 ? 5 : d->speed_mbit >= 480 ? 3 : 2; /* enum usb_device_speed of the kernel */
 }
 
-static int connection(const struct usb_file *f, struct sst_sim_request *r)
+static int connection(const struct usb_file *f, struct sim_request *r)
 {
     const struct sst_sim_usb_device *d = device_of(f);
-    struct usbdevfs_conninfo_ex c = { .size = sizeof(c), .busnum = (uint32_t)d->bus, .devnum = (uint32_t)d->address,
-                                      .speed = (uint32_t)speed_of(d) };
+    struct usbdevfs_conninfo_ex c = {
+        .size = sizeof(c), .busnum = (uint32_t)d->bus, .devnum = (uint32_t)d->address, .speed = (uint32_t)speed_of(d)
+    };
     const char *p = strchr(d->path, '-');
 
     while (d->kind != SST_SIM_USB_ROOT && p && c.num_ports < sizeof(c.ports)) {
@@ -277,7 +278,7 @@ static int wrapped(struct usb_file *f, const struct usbdevfs_ioctl *c)
     return -ENOTTY;
 }
 
-static int reap_or_wait(struct usb_file *f, struct sst_sim_request *r)
+static int reap_or_wait(struct usb_file *f, struct sim_request *r)
 {
     const int result = reap(f, r);
 
@@ -289,7 +290,7 @@ static int reap_or_wait(struct usb_file *f, struct sst_sim_request *r)
     return SST_SIM_LATER;
 }
 
-static int file_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int file_ioctl(struct sim_handle *h, struct sim_request *r)
 {
     struct usb_file *f = h->state;
     const uint32_t sizeless = ~((uint32_t)_IOC_SIZEMASK << _IOC_SIZESHIFT);
@@ -304,36 +305,54 @@ static int file_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
     if ((r->call.cmd & sizeless) == (USBDEVFS_CONNINFO_EX(0) & sizeless))
         return connection(f, r);
     switch (r->call.cmd) {
-    case (uint32_t)USBDEVFS_CONTROL: return control(f, r);
-    case (uint32_t)USBDEVFS_SUBMITURB: return submit(f, r);
-    case (uint32_t)USBDEVFS_DISCARDURB: return discard(f, r);
+    case (uint32_t)USBDEVFS_CONTROL:
+        return control(f, r);
+    case (uint32_t)USBDEVFS_SUBMITURB:
+        return submit(f, r);
+    case (uint32_t)USBDEVFS_DISCARDURB:
+        return discard(f, r);
     case (uint32_t)USBDEVFS_REAPURB:
-    case (uint32_t)USBDEVFS_REAPURBNDELAY: return reap_or_wait(f, r);
-    case (uint32_t)USBDEVFS_GET_CAPABILITIES: return give(r, &capabilities, sizeof(capabilities));
-    case (uint32_t)USBDEVFS_CONNECTINFO: return give(r, &info, sizeof(info));
-    case (uint32_t)USBDEVFS_GET_SPEED: return speed_of(d);
-    case (uint32_t)USBDEVFS_GETDRIVER: return get_driver(f, r);
-    case (uint32_t)USBDEVFS_CLAIMINTERFACE: return claim(f, number);
-    case (uint32_t)USBDEVFS_RELEASEINTERFACE: return release(f, number);
-    case (uint32_t)USBDEVFS_RESET: return reset(f);
-    case (uint32_t)USBDEVFS_SETCONFIGURATION: return number <= 1 ? 0 : -EINVAL;
+    case (uint32_t)USBDEVFS_REAPURBNDELAY:
+        return reap_or_wait(f, r);
+    case (uint32_t)USBDEVFS_GET_CAPABILITIES:
+        return give(r, &capabilities, sizeof(capabilities));
+    case (uint32_t)USBDEVFS_CONNECTINFO:
+        return give(r, &info, sizeof(info));
+    case (uint32_t)USBDEVFS_GET_SPEED:
+        return speed_of(d);
+    case (uint32_t)USBDEVFS_GETDRIVER:
+        return get_driver(f, r);
+    case (uint32_t)USBDEVFS_CLAIMINTERFACE:
+        return claim(f, number);
+    case (uint32_t)USBDEVFS_RELEASEINTERFACE:
+        return release(f, number);
+    case (uint32_t)USBDEVFS_RESET:
+        return reset(f);
+    case (uint32_t)USBDEVFS_SETCONFIGURATION:
+        return number <= 1 ? 0 : -EINVAL;
     case (uint32_t)USBDEVFS_CLEAR_HALT:
     case (uint32_t)USBDEVFS_RESETEP:
-    case (uint32_t)USBDEVFS_DROP_PRIVILEGES: return 0;
-    default: break;
+    case (uint32_t)USBDEVFS_DROP_PRIVILEGES:
+        return 0;
+    default:
+        break;
     }
     if (r->bytes < _IOC_SIZE(r->call.cmd))
         return -EINVAL;
     switch (r->call.cmd) {
-    case (uint32_t)USBDEVFS_IOCTL: return wrapped(f, (const void *)r->data);
-    case (uint32_t)USBDEVFS_DISCONNECT_CLAIM: return disconnect_claim(f, (const void *)r->data);
-    case (uint32_t)USBDEVFS_SETINTERFACE: return set_interface(f, (const void *)r->data);
-    default: return -ENOTTY;
+    case (uint32_t)USBDEVFS_IOCTL:
+        return wrapped(f, (const void *)r->data);
+    case (uint32_t)USBDEVFS_DISCONNECT_CLAIM:
+        return disconnect_claim(f, (const void *)r->data);
+    case (uint32_t)USBDEVFS_SETINTERFACE:
+        return set_interface(f, (const void *)r->data);
+    default:
+        return -ENOTTY;
     }
 }
 
 /** The file's contents are the descriptors. */
-static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int file_read(struct sim_handle *h, struct sim_request *r)
 {
     struct usb_file *f = h->state;
     uint8_t all[4096];
@@ -351,7 +370,7 @@ static int file_read(struct sst_sim_handle *h, struct sst_sim_request *r)
 }
 
 /** To a place from the start or from here; the end is none of usbfs's. */
-static int file_seek(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int file_seek(struct sim_handle *h, struct sim_request *r)
 {
     struct usb_file *f = h->state;
     const int64_t to = (int64_t)r->call.arg + (r->call.cmd == SEEK_CUR ? (int64_t)f->position : 0);
@@ -363,7 +382,7 @@ static int file_seek(struct sst_sim_handle *h, struct sst_sim_request *r)
     return 0;
 }
 
-static int file_open(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int file_open(struct sim_handle *h, struct sim_request *r)
 {
     static const char filler[1024];
     struct usb_file *f = calloc(1, sizeof(*f));
@@ -379,7 +398,7 @@ static int file_open(struct sst_sim_handle *h, struct sst_sim_request *r)
     return 0;
 }
 
-static void file_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
+static void file_cancel(struct sim_handle *h, struct sim_request *r)
 {
     struct usb_file *f = h->state;
 
@@ -388,7 +407,7 @@ static void file_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
             f->waiting[i--] = f->waiting[--f->reapers];
 }
 
-static void file_close(struct sst_sim_handle *h)
+static void file_close(struct sim_handle *h)
 {
     struct usb_file *f = h->state;
 
@@ -404,7 +423,10 @@ static void file_close(struct sst_sim_handle *h)
     free(f);
 }
 
-const struct sst_sim_ops usb_file_ops = {
-    .letter = 'u', .open = file_open, .close = file_close, .ioctl = file_ioctl, .read = file_read,
-    .seek = file_seek, .cancel = file_cancel
-};
+const struct sim_ops usb_file_ops = { .letter = 'u',
+                                      .open = file_open,
+                                      .close = file_close,
+                                      .ioctl = file_ioctl,
+                                      .read = file_read,
+                                      .seek = file_seek,
+                                      .cancel = file_cancel };

@@ -5,15 +5,15 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "simulators/devices/camera.h"
+#include "simulators/devices/devices_internal.h"
 
 #define KERNEL_VERSION_SHOWN (6u << 16 | 1u << 8)
 
-static int cam_open(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int cam_open(struct sim_handle *h, struct sim_request *r)
 {
-    struct sst_sim_cam *cam = h->device;
-    struct sst_sim_open *o = calloc(1, sizeof(*o));
-    const double slow_ms = sst_sim_cam_fault(cam, SST_SIM_FAULT_SLOW_OPEN_MS);
+    struct sim_cam *cam = h->device;
+    struct sim_open *o = calloc(1, sizeof(*o));
+    const double slow_ms = sim_cam_fault(cam, SST_SIM_FAULT_SLOW_OPEN_MS);
 
     if (!o)
         return -ENOMEM;
@@ -23,32 +23,32 @@ static int cam_open(struct sst_sim_handle *h, struct sst_sim_request *r)
     o->next = cam->opens;
     cam->opens = o;
     h->state = o;
-    return slow_ms > 0 ? sst_sim_answer_at(h->server, r, 0, sst_clock_now_ns() + (int64_t)(slow_ms * 1e6)) : 0;
+    return slow_ms > 0 ? sim_answer_at(h->server, r, 0, sst_clock_now_ns() + (int64_t)(slow_ms * 1e6)) : 0;
 }
 
-static void cam_close(struct sst_sim_handle *h)
+static void cam_close(struct sim_handle *h)
 {
-    struct sst_sim_open *o = h->state;
-    struct sst_sim_cam *cam = h->device;
+    struct sim_open *o = h->state;
+    struct sim_cam *cam = h->device;
 
-    for (struct sst_sim_open **p = &cam->opens; *p; p = &(*p)->next)
+    for (struct sim_open **p = &cam->opens; *p; p = &(*p)->next)
         if (*p == o) {
             *p = o->next;
             break;
         }
     if (cam->queue.owner == o)
-        sst_sim_cam_queue_free(cam);
+        sim_cam_queue_free(cam);
     /* It may have given its buffers up before. */
     if (!cam->queue.owner)
-        sst_sim_array_rung(cam->array, cam->index, SST_SIM_REOPEN);
+        sim_array_rung(cam->array, cam->index, SST_SIM_REOPEN);
     free(o);
 }
 
-static int query_capabilities(const struct sst_sim_cam *cam, struct v4l2_capability *c)
+static int query_capabilities(const struct sim_cam *cam, struct v4l2_capability *c)
 {
-    struct sst_sim_identity identity;
+    struct sim_identity identity;
 
-    sst_sim_identity(sst_sim_array_usb(cam->array), cam->index, &identity);
+    sim_identity(sim_array_usb(cam->array), cam->index, &identity);
     *c = (struct v4l2_capability){ .driver = "uvcvideo",
                                    .version = KERNEL_VERSION_SHOWN,
                                    .device_caps =
@@ -69,17 +69,17 @@ static int enum_input(struct v4l2_input *i)
 
 /* --- priority ----------------------------------------------------------------------------------------------------- */
 
-static uint32_t highest_priority(const struct sst_sim_cam *cam)
+static uint32_t highest_priority(const struct sim_cam *cam)
 {
     uint32_t highest = V4L2_PRIORITY_UNSET;
 
-    for (const struct sst_sim_open *o = cam->opens; o; o = o->next)
+    for (const struct sim_open *o = cam->opens; o; o = o->next)
         if (o->priority > highest)
             highest = o->priority;
     return highest;
 }
 
-static int set_priority(struct sst_sim_open *o, uint32_t priority)
+static int set_priority(struct sim_open *o, uint32_t priority)
 {
     if (priority != V4L2_PRIORITY_BACKGROUND && priority != V4L2_PRIORITY_INTERACTIVE &&
         priority != V4L2_PRIORITY_RECORD)
@@ -111,7 +111,7 @@ static bool needs_priority(uint32_t request)
 /* --- ioctls ------------------------------------------------------------------------------------------------------- */
 
 /* @return 0 or an errno; *bytes of the argument go back */
-static int common_ioctl(struct sst_sim_open *o, struct sst_sim_request *r, uint32_t *bytes)
+static int common_ioctl(struct sim_open *o, struct sim_request *r, uint32_t *bytes)
 {
     uint32_t number;
 
@@ -140,19 +140,19 @@ static int common_ioctl(struct sst_sim_open *o, struct sst_sim_request *r, uint3
         return 0;
     case VIDIOC_SUBSCRIBE_EVENT:
         *bytes = 0;
-        return sst_sim_cam_subscribe(o, (struct v4l2_event_subscription *)r->data);
+        return sim_cam_subscribe(o, (struct v4l2_event_subscription *)r->data);
     case VIDIOC_UNSUBSCRIBE_EVENT:
         *bytes = 0;
-        return sst_sim_cam_unsubscribe(o, (struct v4l2_event_subscription *)r->data, r);
+        return sim_cam_unsubscribe(o, (struct v4l2_event_subscription *)r->data, r);
     default:
         return -ENOTTY;
     }
 }
 
-static int cam_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int cam_ioctl(struct sim_handle *h, struct sim_request *r)
 {
-    struct sst_sim_open *o = h->state;
-    struct sst_sim_cam *cam = h->device;
+    struct sim_open *o = h->state;
+    struct sim_cam *cam = h->device;
     uint32_t bytes = _IOC_DIR(r->call.cmd) == _IOC_NONE ? 0 : _IOC_SIZE(r->call.cmd);
     int result;
 
@@ -163,31 +163,31 @@ static int cam_ioctl(struct sst_sim_handle *h, struct sst_sim_request *r)
     if (needs_priority(r->call.cmd) && o->priority < highest_priority(cam))
         return -EBUSY;
     if (r->call.cmd == VIDIOC_DQEVENT)
-        return sst_sim_cam_dequeue_event(o, r);
+        return sim_cam_dequeue_event(o, r);
     result = common_ioctl(o, r, &bytes);
     if (result == 0)
         r->out_bytes = bytes;
     if (result == -ENOTTY)
-        result = sst_sim_cam_formats_ioctl(cam, r);
+        result = sim_cam_formats_ioctl(cam, r);
     if (result == -ENOTTY)
-        result = sst_sim_cam_controls_ioctl(cam, o, r);
+        result = sim_cam_controls_ioctl(cam, o, r);
     if (result == -ENOTTY)
-        result = sst_sim_cam_queue_ioctl(cam, o, r);
+        result = sim_cam_queue_ioctl(cam, o, r);
     /* Nothing goes back that the request does not take. */
     if (!(_IOC_DIR(r->call.cmd) & _IOC_READ))
         r->out_bytes = 0;
     return result;
 }
 
-static int cam_map(struct sst_sim_handle *h, struct sst_sim_request *r)
+static int cam_map(struct sim_handle *h, struct sim_request *r)
 {
-    return sst_sim_cam_queue_map(h->device, r);
+    return sim_cam_queue_map(h->device, r);
 }
 
-static void cam_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
+static void cam_cancel(struct sim_handle *h, struct sim_request *r)
 {
-    struct sst_sim_open *o = h->state;
-    struct sst_sim_cam *cam = h->device;
+    struct sim_open *o = h->state;
+    struct sim_cam *cam = h->device;
 
     if (cam->queue.waiter == r)
         cam->queue.waiter = NULL;
@@ -195,15 +195,15 @@ static void cam_cancel(struct sst_sim_handle *h, struct sst_sim_request *r)
         o->event_waiter = NULL;
 }
 
-static void cam_ready(struct sst_sim_handle *h)
+static void cam_ready(struct sim_handle *h)
 {
-    struct sst_sim_open *o = h->state;
+    struct sim_open *o = h->state;
 
     if (o->events)
-        sst_sim_handle_urgent(h);
+        sim_handle_urgent(h);
 }
 
-const struct sst_sim_ops sst_sim_cam_ops = {
+const struct sim_ops sim_cam_ops = {
     .letter = 'v',
     .open = cam_open,
     .close = cam_close,

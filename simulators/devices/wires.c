@@ -1,5 +1,5 @@
 /* simulators/devices/wires.c - edges to cameras, cameras to the bus, poses to exposures. */
-#include "simulators/devices/wires.h"
+#include "simulators/devices/devices_internal.h"
 
 #include <errno.h>
 #include <linux/videodev2.h>
@@ -7,20 +7,17 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "simulators/devices/gpio_front.h"
-#include "simulators/devices/sysfs.h"
-#include "simulators/devices/usb_front.h"
 
-#define TRIGGERS_MAX 16
+#define TRIGGERS_MAX     16
 #define UVC_HEADER_BYTES 12 /* before the picture in each packet */
 
-struct sst_sim_wires {
-    struct sst_sim_wires_config cfg;
-    struct sst_sim_sysfs *sysfs;
-    struct sst_sim_usb_front *usb;
-    struct sst_sim_gpio_front *gpio;
-    struct sst_sim_rig *rig;     /* NULL: none */
-    struct sst_sim_array *array; /* NULL until attached */
+struct sim_wires {
+    struct sim_wires_config cfg;
+    struct sim_sysfs *sysfs;
+    struct sim_usb_front *usb;
+    struct sim_gpio_front *gpio;
+    struct sim_rig *rig;     /* NULL: none */
+    struct sim_array *array; /* NULL until attached */
     int rows, cols;
     uint64_t edges[TRIGGERS_MAX];
 };
@@ -29,8 +26,8 @@ struct sst_sim_wires {
 
 static void works(void *arg, int cam, bool works_now)
 {
-    struct sst_sim_wires *w = arg;
-    const int err = w->array ? sst_sim_array_plug(w->array, cam, works_now) : 0;
+    struct sim_wires *w = arg;
+    const int err = w->array ? sim_array_plug(w->array, cam, works_now) : 0;
 
     if (err)
         sst_log_error("camera %d: no video node: %s", cam, strerror(-err));
@@ -38,13 +35,13 @@ static void works(void *arg, int cam, bool works_now)
 
 static void rung(void *arg, int cam, enum sst_sim_usb_event event)
 {
-    struct sst_sim_wires *w = arg;
+    struct sim_wires *w = arg;
 
     if (w->array)
-        sst_sim_array_rung(w->array, cam,
-                           event == SST_SIM_USB_RESET          ? SST_SIM_RESET
-                           : event == SST_SIM_USB_REAUTHORISED ? SST_SIM_REAUTHORISE
-                                                               : SST_SIM_POWER);
+        sim_array_rung(w->array, cam,
+                       event == SST_SIM_USB_RESET          ? SST_SIM_RESET
+                       : event == SST_SIM_USB_REAUTHORISED ? SST_SIM_REAUTHORISE
+                                                           : SST_SIM_POWER);
 }
 
 /* --- cameras to bus ----------------------------------------------------------------------------------------------- */
@@ -61,8 +58,8 @@ static int64_t bytes_per_second(uint32_t fourcc, int width, int height, double r
 
 static int reserve(void *arg, int cam, uint32_t fourcc, int width, int height, double rate_hz)
 {
-    struct sst_sim_wires *w = arg;
-    struct sst_sim_usb *usb = sst_sim_usb_front_model(w->usb);
+    struct sim_wires *w = arg;
+    struct sst_sim_usb *usb = sim_usb_front_model(w->usb);
     const int device = sst_sim_usb_camera(usb, cam);
     int err = sst_sim_usb_stream(usb, device, bytes_per_second(fourcc, width, height, rate_hz));
 
@@ -74,24 +71,24 @@ static int reserve(void *arg, int cam, uint32_t fourcc, int width, int height, d
 
 static void release(void *arg, int cam)
 {
-    struct sst_sim_wires *w = arg;
-    struct sst_sim_usb *usb = sst_sim_usb_front_model(w->usb);
+    struct sim_wires *w = arg;
+    struct sst_sim_usb *usb = sim_usb_front_model(w->usb);
 
     sst_sim_usb_stream_end(usb, sst_sim_usb_camera(usb, cam));
 }
 
 static void plugged(void *arg, int cam, bool present, int node)
 {
-    struct sst_sim_wires *w = arg;
+    struct sim_wires *w = arg;
 
-    if (!sst_sim_usb_front_video(w->usb, cam, present, node))
-        (void)!sst_sim_array_plug(w->array, cam, false); /* leaving cannot fail */
+    if (!sim_usb_front_video(w->usb, cam, present, node))
+        (void)!sim_array_plug(w->array, cam, false); /* leaving cannot fail */
 }
 
 static void swapped(void *arg, int cam, int body)
 {
-    struct sst_sim_wires *w = arg;
-    struct sst_sim_usb *usb = sst_sim_usb_front_model(w->usb);
+    struct sim_wires *w = arg;
+    struct sst_sim_usb *usb = sim_usb_front_model(w->usb);
 
     sst_sim_usb_swap(usb, sst_sim_usb_camera(usb, cam), body);
 }
@@ -100,30 +97,30 @@ static void swapped(void *arg, int cam, int body)
 
 static void edge(void *arg, int line, int64_t t_ns)
 {
-    struct sst_sim_wires *w = arg;
+    struct sim_wires *w = arg;
     const uint64_t index = w->edges[line]++;
 
     if (w->cfg.options.one_trigger)
-        sst_sim_array_edge(w->array, 0, w->rows * w->cols, index, t_ns);
+        sim_array_edge(w->array, 0, w->rows * w->cols, index, t_ns);
     else
-        sst_sim_array_edge(w->array, line * w->cols, w->cols, index, t_ns);
+        sim_array_edge(w->array, line * w->cols, w->cols, index, t_ns);
 }
 
 /* --- rig ---------------------------------------------------------------------------------------------------------- */
 
 static void pose(void *arg, int64_t t_ns, int32_t pose_um[3])
 {
-    const struct sst_sim_wires *w = arg;
+    const struct sim_wires *w = arg;
 
-    sst_sim_rig_pose(w->rig, t_ns, pose_um);
+    sim_rig_pose(w->rig, t_ns, pose_um);
 }
 
 /* --- the whole ---------------------------------------------------------------------------------------------------- */
 
-int sst_sim_wires_open(struct sst_sim_wires **out, const struct sst_sim_wires_config *cfg)
+int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
 {
-    struct sst_sim_wires *w = calloc(1, sizeof(*w));
-    struct sst_sim_usb_front_config usb = {
+    struct sim_wires *w = calloc(1, sizeof(*w));
+    struct sim_usb_front_config usb = {
         .faults = cfg->faults, .layout = cfg->options.usb, .arg = w, .works = works, .rung = rung
     };
     int err;
@@ -134,34 +131,33 @@ int sst_sim_wires_open(struct sst_sim_wires **out, const struct sst_sim_wires_co
     sst_sim_world_grid(cfg->world, &w->rows, &w->cols);
     usb.cameras = sst_sim_world_cameras(cfg->world);
     usb.size_count = sst_sim_world_sizes(cfg->world, &usb.sizes);
-    err = sst_sim_sysfs_open(&w->sysfs, cfg->server);
+    err = sim_sysfs_open(&w->sysfs, cfg->server);
     usb.sysfs = w->sysfs;
     if (!err)
-        err = sst_sim_usb_front_open(&w->usb, &usb);
+        err = sim_usb_front_open(&w->usb, &usb);
     if (!err && (cfg->options.rig || usb.cameras == 1))
-        err = sst_sim_rig_open(&w->rig, sst_sim_server_dir(cfg->server), cfg->options.rig_port,
-                               sst_sim_world_seed(cfg->world));
+        err = sim_rig_open(&w->rig, sim_server_dir(cfg->server), cfg->options.rig_port, sst_sim_world_seed(cfg->world));
     if (err) {
-        sst_sim_wires_close(w);
+        sim_wires_close(w);
         return err;
     }
     *out = w;
     return 0;
 }
 
-const struct sst_sim_usb *sst_sim_wires_usb(const struct sst_sim_wires *wires)
+const struct sst_sim_usb *sim_wires_usb(const struct sim_wires *wires)
 {
-    return sst_sim_usb_front_model(wires->usb);
+    return sim_usb_front_model(wires->usb);
 }
 
-struct sst_sim_rig *sst_sim_wires_rig(const struct sst_sim_wires *wires)
+struct sim_rig *sim_wires_rig(const struct sim_wires *wires)
 {
     return wires->rig;
 }
 
-int sst_sim_wires_attach(struct sst_sim_wires *w, struct sst_sim_array *array)
+int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
 {
-    const struct sst_sim_gpio_front_config gpio = {
+    const struct sim_gpio_front_config gpio = {
         .sysfs = w->sysfs,
         .faults = w->cfg.faults,
         .lines = w->cfg.options.one_trigger ? 1 : sst_min_int(w->rows, TRIGGERS_MAX),
@@ -171,25 +167,25 @@ int sst_sim_wires_attach(struct sst_sim_wires *w, struct sst_sim_array *array)
     };
 
     w->array = array;
-    for (int cam = 0; cam < sst_sim_array_cameras(array); cam++)
-        plugged(w, cam, true, sst_sim_array_node(array, cam));
-    sst_sim_array_set_bus(array, &(struct sst_sim_bus){ .arg = w,
-                                                        .reserve = reserve,
-                                                        .release = release,
-                                                        .plugged = plugged,
-                                                        .swapped = swapped,
-                                                        .pose = w->rig ? pose : NULL });
-    return sst_sim_gpio_front_open(&w->gpio, &gpio);
+    for (int cam = 0; cam < sim_array_cameras(array); cam++)
+        plugged(w, cam, true, sim_array_node(array, cam));
+    sim_array_set_bus(array, &(struct sim_bus){ .arg = w,
+                                                .reserve = reserve,
+                                                .release = release,
+                                                .plugged = plugged,
+                                                .swapped = swapped,
+                                                .pose = w->rig ? pose : NULL });
+    return sim_gpio_front_open(&w->gpio, &gpio);
 }
 
-void sst_sim_wires_close(struct sst_sim_wires *w)
+void sim_wires_close(struct sim_wires *w)
 {
     if (!w)
         return;
     w->array = NULL;
-    sst_sim_rig_close(w->rig);
-    sst_sim_gpio_front_close(w->gpio);
-    sst_sim_usb_front_close(w->usb);
-    sst_sim_sysfs_close(w->sysfs);
+    sim_rig_close(w->rig);
+    sim_gpio_front_close(w->gpio);
+    sim_usb_front_close(w->usb);
+    sim_sysfs_close(w->sysfs);
     free(w);
 }

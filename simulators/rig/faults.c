@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "simulators/rig/wire.h"
+#include "simulators/rig/rig_internal.h"
 
-bool sst_sim_strikes(struct sst_sim_when *when)
+bool sim_strikes(struct sim_when *when)
 {
     if (when->every)
         return ++when->count % when->every == 0;
@@ -29,9 +29,9 @@ static bool number(const char *text, char **end, int max, int *out)
 }
 
 /* off | once | always | N (the next N) | 1/N (every Nth) */
-static bool parse_when(const char *text, struct sst_sim_when *out)
+static bool parse_when(const char *text, struct sim_when *out)
 {
-    struct sst_sim_when w = { 0 };
+    struct sim_when w = { 0 };
     char *end;
 
     if (!strcmp(text, "off")) {
@@ -53,13 +53,13 @@ static bool parse_when(const char *text, struct sst_sim_when *out)
 }
 
 /* NUMBER[:WHEN], or off */
-static bool parse_number_when(const char *text, int max, int *number_out, struct sst_sim_when *out)
+static bool parse_number_when(const char *text, int max, int *number_out, struct sim_when *out)
 {
     char *end;
     int n;
 
     if (!strcmp(text, "off")) {
-        *out = (struct sst_sim_when){ 0 };
+        *out = (struct sim_when){ 0 };
         return true;
     }
     if (!number(text, &end, max, &n) || (*end && *end != ':') || !parse_when(*end ? end + 1 : "once", out))
@@ -68,7 +68,7 @@ static bool parse_number_when(const char *text, int max, int *number_out, struct
     return true;
 }
 
-static struct sst_sim_axis *parse_axis(struct sst_sim_drives *bus, const char *text, const char **rest)
+static struct sim_axis *parse_axis(struct sim_drives *bus, const char *text, const char **rest)
 {
     const int axis = text[0] - 'x';
 
@@ -78,16 +78,16 @@ static struct sst_sim_axis *parse_axis(struct sst_sim_drives *bus, const char *t
     return &bus->axis[axis];
 }
 
-static bool set_axis_fault(struct sst_sim_drives *bus, const char *name, const char *value)
+static bool set_axis_fault(struct sim_drives *bus, const char *name, const char *value)
 {
     const char *rest;
-    struct sst_sim_axis *a;
+    struct sim_axis *a;
     char *end;
     int n = 0;
 
     if (!strcmp(value, "off")) {
         for (int i = 0; i < SST_SIM_AXES; i++)
-            bus->axis[i].faults = (struct sst_sim_axis_faults){ 0 };
+            bus->axis[i].faults = (struct sim_axis_faults){ 0 };
         return true;
     }
     a = parse_axis(bus, value, &rest);
@@ -96,11 +96,11 @@ static bool set_axis_fault(struct sst_sim_drives *bus, const char *name, const c
     if (!strcmp(name, "alarm")) {
         if (*rest && (!number(rest, &end, 0xFFFF, &n) || *end))
             return false;
-        sst_sim_axis_alarm(a, (uint16_t)(n ? n : SST_SIM_ALARM_FOLLOWING));
+        sim_axis_alarm(a, (uint16_t)(n ? n : SST_SIM_ALARM_FOLLOWING));
         return true;
     }
     if (!strcmp(name, "power_loss")) {
-        sst_sim_axis_power_loss(a);
+        sim_axis_power_loss(a);
         return !*rest;
     }
     if (!strcmp(name, "lost_steps")) {
@@ -129,11 +129,11 @@ static bool is_axis_fault(const char *name)
     return false;
 }
 
-static struct sst_sim_when *wire_fault(struct sst_sim_wire_faults *f, const char *name)
+static struct sim_when *wire_fault(struct sim_wire_faults *f, const char *name)
 {
     const struct {
         const char *name;
-        struct sst_sim_when *when;
+        struct sim_when *when;
     } all[] = {
         { "noise", &f->noise },           { "bad_crc", &f->bad_crc },       { "silence", &f->silence },
         { "wrong_unit", &f->wrong_unit }, { "drop_bytes", &f->drop_bytes }, { "disconnect", &f->disconnect },
@@ -146,11 +146,10 @@ static struct sst_sim_when *wire_fault(struct sst_sim_wire_faults *f, const char
     return NULL;
 }
 
-int sst_sim_drives_fault(struct sst_sim_drives *bus, const char *name, const char *value, char *error,
-                         size_t error_size)
+int sim_drives_fault(struct sim_drives *bus, const char *name, const char *value, char *error, size_t error_size)
 {
-    struct sst_sim_wire_faults *f = &bus->faults;
-    struct sst_sim_when *when = wire_fault(f, name);
+    struct sim_wire_faults *f = &bus->faults;
+    struct sim_when *when = wire_fault(f, name);
     const char *want = "off, once, always, N or 1/N";
     bool ok;
 

@@ -1,15 +1,15 @@
 /* Motion is computed in ticks of 1 ms: a trapezoidal profile for the command, the mechanics on top of it. */
-#include "simulators/rig/model.h"
+#include "simulators/rig/rig_internal.h"
 
 #include <math.h>
 
-#define TICK_NS 1000000
-#define TICK_S 1e-3
-#define IDLE_TICKS 300    /* after this long at rest nothing changes any more */
-#define INDEX_UM 2000.0   /* distance of index pulses: the spindle's lead */
-#define RING_HZ 25.0      /* of the frame after an arrival ... */
-#define RING_TAU_S 0.03   /* ... and how fast that dies */
-#define RING_PER_ACCEL 2e-5 /* um for each um/s2 of deceleration */
+#define TICK_NS           1000000
+#define TICK_S            1e-3
+#define IDLE_TICKS        300    /* after this long at rest nothing changes any more */
+#define INDEX_UM          2000.0 /* distance of index pulses: the spindle's lead */
+#define RING_HZ           25.0   /* of the frame after an arrival ... */
+#define RING_TAU_S        0.03   /* ... and how fast that dies */
+#define RING_PER_ACCEL    2e-5   /* um for each um/s2 of deceleration */
 #define IN_POSITION_TICKS 5
 
 enum mode { IDLE = 0, POSITIONING = 1, HOMING = 2, HALTING = 3 };
@@ -24,16 +24,24 @@ static uint64_t mix(uint64_t x)
     return x ^ (x >> 31);
 }
 
-void sst_sim_axis_init(struct sst_sim_axis *axis, int index, uint64_t seed, int64_t t_ns)
+void sim_axis_init(struct sim_axis *axis, int index, uint64_t seed, int64_t t_ns)
 {
     static const double travel_um[SST_SIM_AXES] = { 400000, 400000, 100000 };
     const uint64_t random = mix(seed * SST_SIM_AXES + (uint64_t)index);
 
-    *axis = (struct sst_sim_axis){
-        .soft_low = -1000, .soft_high = (int32_t)travel_um[index] + 1000,
-        .speed = 100000, .accel = 1000000, .home_speed = 50000, .window = 10, .following_limit = 2000,
-        .t_ns = t_ns, .first_ns = t_ns,
-        .low_stop = -5000, .high_stop = travel_um[index] + 5000, .switch_at = -500,
+    *axis = (struct sim_axis){
+        .soft_low = -1000,
+        .soft_high = (int32_t)travel_um[index] + 1000,
+        .speed = 100000,
+        .accel = 1000000,
+        .home_speed = 50000,
+        .window = 10,
+        .following_limit = 2000,
+        .t_ns = t_ns,
+        .first_ns = t_ns,
+        .low_stop = -5000,
+        .high_stop = travel_um[index] + 5000,
+        .switch_at = -500,
         .pos = 1000.0 + (double)(random % 4000),
     };
     axis->cmd = axis->goal = axis->zero = axis->offset = axis->pos;
@@ -44,7 +52,7 @@ void sst_sim_axis_init(struct sst_sim_axis *axis, int index, uint64_t seed, int6
 
 /* --- commands ----------------------------------------------------------------------------------------------------- */
 
-static void begin(struct sst_sim_axis *axis, enum mode mode, double goal, double cruise)
+static void begin(struct sim_axis *axis, enum mode mode, double goal, double cruise)
 {
     axis->mode = (int)mode;
     axis->from = axis->cmd;
@@ -54,27 +62,27 @@ static void begin(struct sst_sim_axis *axis, enum mode mode, double goal, double
     axis->ring = 0;
 }
 
-static void end(struct sst_sim_axis *axis, enum mode mode)
+static void end(struct sim_axis *axis, enum mode mode)
 {
     begin(axis, mode, axis->cmd, axis->cruise);
     axis->vel = 0;
 }
 
-static void halt(struct sst_sim_axis *axis)
+static void halt(struct sim_axis *axis)
 {
     if (axis->mode == IDLE)
         return;
     begin(axis, HALTING, axis->cmd + axis->vel * fabs(axis->vel) / (2.0 * axis->accel), fabs(axis->vel));
 }
 
-void sst_sim_axis_alarm(struct sst_sim_axis *axis, uint16_t code)
+void sim_axis_alarm(struct sim_axis *axis, uint16_t code)
 {
     axis->alarm = code;
     axis->cmd = axis->pos - axis->lost;
     end(axis, IDLE);
 }
 
-void sst_sim_axis_power_loss(struct sst_sim_axis *axis)
+void sim_axis_power_loss(struct sim_axis *axis)
 {
     axis->homed = axis->enabled = axis->stuck = axis->start_seen = axis->soft_hit = false;
     axis->control = 0;
@@ -84,7 +92,7 @@ void sst_sim_axis_power_loss(struct sst_sim_axis *axis)
     end(axis, IDLE);
 }
 
-static void reset(struct sst_sim_axis *axis)
+static void reset(struct sim_axis *axis)
 {
     axis->alarm = 0;
     axis->stuck = axis->pressed_low = axis->pressed_high = false;
@@ -92,7 +100,7 @@ static void reset(struct sst_sim_axis *axis)
     end(axis, IDLE);
 }
 
-static int start_positioning(struct sst_sim_axis *axis)
+static int start_positioning(struct sim_axis *axis)
 {
     const int32_t target = axis->target < axis->soft_low    ? axis->soft_low
                            : axis->target > axis->soft_high ? axis->soft_high
@@ -107,7 +115,7 @@ static int start_positioning(struct sst_sim_axis *axis)
     return 0;
 }
 
-static int start_homing(struct sst_sim_axis *axis)
+static int start_homing(struct sim_axis *axis)
 {
     if (axis->alarm || !axis->enabled)
         return 4;
@@ -119,7 +127,7 @@ static int start_homing(struct sst_sim_axis *axis)
     return 0;
 }
 
-int sst_sim_axis_control(struct sst_sim_axis *axis, uint16_t word)
+int sim_axis_control(struct sim_axis *axis, uint16_t word)
 {
     const uint16_t rising = word & (uint16_t)~axis->control;
     int err = 0;
@@ -145,7 +153,7 @@ int sst_sim_axis_control(struct sst_sim_axis *axis, uint16_t word)
 /* --- motion ------------------------------------------------------------------------------------------------------- */
 
 /* One tick of the trapezoid towards the goal; true on arrival. */
-static bool step_profile(struct sst_sim_axis *axis)
+static bool step_profile(struct sim_axis *axis)
 {
     const double left = axis->goal - axis->cmd, dir = left < 0 ? -1 : 1, a = axis->accel, dv = a * TICK_S;
     double v = axis->vel * dir;
@@ -163,7 +171,7 @@ static bool step_profile(struct sst_sim_axis *axis)
     return false;
 }
 
-static void arrive(struct sst_sim_axis *axis)
+static void arrive(struct sim_axis *axis)
 {
     axis->ring = axis->mode == POSITIONING && fabs(axis->goal - axis->from) > 1 ? RING_PER_ACCEL * axis->accel : 0;
     axis->ring_age = 0;
@@ -173,7 +181,7 @@ static void arrive(struct sst_sim_axis *axis)
         axis->faults.lies = false;
 }
 
-static void step_homing(struct sst_sim_axis *axis)
+static void step_homing(struct sim_axis *axis)
 {
     const double slow = fmax(axis->home_speed / 10.0, 1);
     const bool on = axis->pos < axis->switch_at, arrived = step_profile(axis);
@@ -193,21 +201,21 @@ static void step_homing(struct sst_sim_axis *axis)
         axis->mode = IDLE;
         axis->ring = 0;
     } else if (arrived) {
-        sst_sim_axis_alarm(axis, SST_SIM_ALARM_HOMING);
+        sim_axis_alarm(axis, SST_SIM_ALARM_HOMING);
     }
 }
 
 /* How far the motion has come, 0..1. */
-static double progress(const struct sst_sim_axis *axis)
+static double progress(const struct sim_axis *axis)
 {
     const double way = axis->goal - axis->from;
 
     return fabs(way) < 1 ? 1 : (axis->cmd - axis->from) / way;
 }
 
-static void meddle(struct sst_sim_axis *axis)
+static void meddle(struct sim_axis *axis)
 {
-    struct sst_sim_axis_faults *f = &axis->faults;
+    struct sim_axis_faults *f = &axis->faults;
 
     if (axis->mode == IDLE || progress(axis) < 0.5 || fabs(axis->goal - axis->from) < 100)
         return;
@@ -229,7 +237,7 @@ static void meddle(struct sst_sim_axis *axis)
     }
 }
 
-static void step_mechanics(struct sst_sim_axis *axis)
+static void step_mechanics(struct sim_axis *axis)
 {
     double ring = 0;
 
@@ -237,14 +245,15 @@ static void step_mechanics(struct sst_sim_axis *axis)
         axis->ring_age += TICK_S;
         ring = axis->ring * exp(-axis->ring_age / RING_TAU_S) * sin(2 * 3.14159265358979 * RING_HZ * axis->ring_age);
     }
-    axis->pos = axis->stuck ? axis->stuck_at : sst_clamp_double(axis->cmd + axis->lost + ring, axis->low_stop - 500,
-                                                                axis->high_stop + 500);
-    if (axis->mode == POSITIONING && (axis->pressed_low || axis->pressed_high || axis->pos <= axis->low_stop ||
-                                      axis->pos >= axis->high_stop))
-        sst_sim_axis_alarm(axis, SST_SIM_ALARM_LIMIT);
+    axis->pos = axis->stuck
+                    ? axis->stuck_at
+                    : sst_clamp_double(axis->cmd + axis->lost + ring, axis->low_stop - 500, axis->high_stop + 500);
+    if (axis->mode == POSITIONING &&
+        (axis->pressed_low || axis->pressed_high || axis->pos <= axis->low_stop || axis->pos >= axis->high_stop))
+        sim_axis_alarm(axis, SST_SIM_ALARM_LIMIT);
     /* Lost steps go unnoticed: the drive's loop runs on its own count. */
     if (fabs(axis->cmd + axis->lost - axis->pos) > axis->following_limit)
-        sst_sim_axis_alarm(axis, SST_SIM_ALARM_FOLLOWING);
+        sim_axis_alarm(axis, SST_SIM_ALARM_FOLLOWING);
     if (axis->mode == IDLE && fabs(axis->cmd + axis->lost - axis->pos) <= axis->window) {
         if (axis->settled_ticks < IDLE_TICKS)
             axis->settled_ticks++;
@@ -253,7 +262,7 @@ static void step_mechanics(struct sst_sim_axis *axis)
     }
 }
 
-static void tick(struct sst_sim_axis *axis)
+static void tick(struct sim_axis *axis)
 {
     if (axis->mode == HOMING) {
         step_homing(axis);
@@ -264,12 +273,12 @@ static void tick(struct sst_sim_axis *axis)
     step_mechanics(axis);
 }
 
-static size_t slot(const struct sst_sim_axis *axis, int64_t t_ns)
+static size_t slot(const struct sim_axis *axis, int64_t t_ns)
 {
     return (size_t)((t_ns - axis->first_ns) / TICK_NS) % SST_SIM_TRACE;
 }
 
-void sst_sim_axis_advance(struct sst_sim_axis *axis, int64_t t_ns)
+void sim_axis_advance(struct sim_axis *axis, int64_t t_ns)
 {
     while (axis->t_ns + TICK_NS <= t_ns) {
         const int64_t ticks = (t_ns - axis->t_ns) / TICK_NS;
@@ -283,12 +292,12 @@ void sst_sim_axis_advance(struct sst_sim_axis *axis, int64_t t_ns)
     }
 }
 
-double sst_sim_axis_position(struct sst_sim_axis *axis, int64_t t_ns)
+double sim_axis_position(struct sim_axis *axis, int64_t t_ns)
 {
     const int64_t oldest = axis->t_ns - (int64_t)(SST_SIM_TRACE - 2) * TICK_NS;
     double part;
 
-    sst_sim_axis_advance(axis, t_ns);
+    sim_axis_advance(axis, t_ns);
     if (t_ns >= axis->t_ns)
         return axis->pos;
     if (t_ns < oldest || t_ns < axis->first_ns)
@@ -299,7 +308,7 @@ double sst_sim_axis_position(struct sst_sim_axis *axis, int64_t t_ns)
 
 /* --- what the drive tells ----------------------------------------------------------------------------------------- */
 
-uint16_t sst_sim_axis_status(const struct sst_sim_axis *axis)
+uint16_t sim_axis_status(const struct sim_axis *axis)
 {
     const bool lies = axis->faults.lies && axis->mode == POSITIONING && progress(axis) > 0.3;
     const bool moving = axis->mode != IDLE && !lies;
@@ -319,12 +328,12 @@ uint16_t sst_sim_axis_status(const struct sst_sim_axis *axis)
     return (uint16_t)word;
 }
 
-int32_t sst_sim_axis_actual(const struct sst_sim_axis *axis)
+int32_t sim_axis_actual(const struct sim_axis *axis)
 {
     return (int32_t)lround(axis->pos - axis->offset);
 }
 
-int32_t sst_sim_axis_commanded(const struct sst_sim_axis *axis)
+int32_t sim_axis_commanded(const struct sim_axis *axis)
 {
     return (int32_t)lround(axis->cmd - axis->zero);
 }

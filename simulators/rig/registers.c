@@ -1,15 +1,15 @@
 /* The register map of docs/rig.md and the Modbus function codes over it. */
 #include <string.h>
 
-#include "simulators/rig/wire.h"
+#include "simulators/rig/rig_internal.h"
 
 enum exception { ILLEGAL_FUNCTION = 1, ILLEGAL_ADDRESS = 2, ILLEGAL_VALUE = 3 };
 
 #define HOLDING_COUNT 0x10
-#define INPUT_COUNT 0x14
-#define DEVICE_ID 0x5353
-#define FIRMWARE 0x0100
-#define BITS 16
+#define INPUT_COUNT   0x14
+#define DEVICE_ID     0x5353
+#define FIRMWARE      0x0100
+#define BITS          16
 
 static uint16_t high(uint32_t v)
 {
@@ -21,30 +21,55 @@ static uint16_t low(uint32_t v)
     return (uint16_t)(v & 0xFFFF);
 }
 
-static void read_holding(const struct sst_sim_axis *a, uint16_t r[HOLDING_COUNT])
+static void read_holding(const struct sim_axis *a, uint16_t r[HOLDING_COUNT])
 {
     const uint16_t all[HOLDING_COUNT] = {
-        a->control, 0,
-        high((uint32_t)a->target), low((uint32_t)a->target),
-        high(a->speed), low(a->speed), high(a->accel), low(a->accel),
-        a->window, a->following_limit,
-        high((uint32_t)a->soft_low), low((uint32_t)a->soft_low), high((uint32_t)a->soft_high),
+        a->control,
+        0,
+        high((uint32_t)a->target),
+        low((uint32_t)a->target),
+        high(a->speed),
+        low(a->speed),
+        high(a->accel),
+        low(a->accel),
+        a->window,
+        a->following_limit,
+        high((uint32_t)a->soft_low),
+        low((uint32_t)a->soft_low),
+        high((uint32_t)a->soft_high),
         low((uint32_t)a->soft_high),
-        high(a->home_speed), low(a->home_speed),
+        high(a->home_speed),
+        low(a->home_speed),
     };
 
     memcpy(r, all, sizeof(all));
 }
 
-static void read_input(const struct sst_sim_axis *a, int unit, uint16_t r[INPUT_COUNT])
+static void read_input(const struct sim_axis *a, int unit, uint16_t r[INPUT_COUNT])
 {
-    const uint32_t actual = (uint32_t)sst_sim_axis_actual(a), commanded = (uint32_t)sst_sim_axis_commanded(a);
+    const uint32_t actual = (uint32_t)sim_axis_actual(a), commanded = (uint32_t)sim_axis_commanded(a);
     const uint32_t error = commanded - actual, speed = (uint32_t)(int32_t)a->vel;
     const uint16_t all[INPUT_COUNT] = {
-        sst_sim_axis_status(a), a->alarm,
-        high(actual), low(actual), high(commanded), low(commanded), high(error), low(error), high(speed), low(speed),
-        0, 0, 0, 0, 0, 0,
-        DEVICE_ID, FIRMWARE, (uint16_t)unit, 0,
+        sim_axis_status(a),
+        a->alarm,
+        high(actual),
+        low(actual),
+        high(commanded),
+        low(commanded),
+        high(error),
+        low(error),
+        high(speed),
+        low(speed),
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+        DEVICE_ID,
+        FIRMWARE,
+        (uint16_t)unit,
+        0,
     };
 
     memcpy(r, all, sizeof(all));
@@ -56,7 +81,7 @@ static uint32_t join(const uint16_t *r)
 }
 
 /* All registers as they shall be; the control word acts last. @return 0 or an exception, nothing changed. */
-static int write_holding(struct sst_sim_axis *a, const uint16_t r[HOLDING_COUNT])
+static int write_holding(struct sim_axis *a, const uint16_t r[HOLDING_COUNT])
 {
     const uint32_t speed = join(r + 4), accel = join(r + 6), home_speed = join(r + 14);
 
@@ -71,7 +96,7 @@ static int write_holding(struct sst_sim_axis *a, const uint16_t r[HOLDING_COUNT]
     a->soft_low = (int32_t)join(r + 10);
     a->soft_high = (int32_t)join(r + 12);
     a->home_speed = home_speed;
-    return r[0] == a->control ? 0 : sst_sim_axis_control(a, r[0]);
+    return r[0] == a->control ? 0 : sim_axis_control(a, r[0]);
 }
 
 static unsigned word(const uint8_t *p)
@@ -85,7 +110,7 @@ static void put(uint8_t *p, unsigned v)
     p[1] = (uint8_t)v;
 }
 
-static int answer_registers(struct sst_sim_axis *a, int unit, const uint8_t *pdu, uint8_t *reply, size_t *n)
+static int answer_registers(struct sim_axis *a, int unit, const uint8_t *pdu, uint8_t *reply, size_t *n)
 {
     const unsigned first = word(pdu + 1), count = word(pdu + 3), there = pdu[0] == 3 ? HOLDING_COUNT : INPUT_COUNT;
     uint16_t r[INPUT_COUNT];
@@ -106,10 +131,10 @@ static int answer_registers(struct sst_sim_axis *a, int unit, const uint8_t *pdu
 }
 
 /* Coils are the control word's bits, discrete inputs the status word's. */
-static int answer_bits(const struct sst_sim_axis *a, const uint8_t *pdu, uint8_t *reply, size_t *n)
+static int answer_bits(const struct sim_axis *a, const uint8_t *pdu, uint8_t *reply, size_t *n)
 {
     const unsigned first = word(pdu + 1), count = word(pdu + 3);
-    const unsigned bits = pdu[0] == 1 ? a->control : sst_sim_axis_status(a);
+    const unsigned bits = pdu[0] == 1 ? a->control : sim_axis_status(a);
 
     if (count < 1 || count > 2000)
         return ILLEGAL_VALUE;
@@ -122,7 +147,7 @@ static int answer_bits(const struct sst_sim_axis *a, const uint8_t *pdu, uint8_t
     return 0;
 }
 
-static int write_coil(struct sst_sim_axis *a, const uint8_t *pdu)
+static int write_coil(struct sim_axis *a, const uint8_t *pdu)
 {
     const unsigned bit = word(pdu + 1), value = word(pdu + 3);
 
@@ -130,10 +155,10 @@ static int write_coil(struct sst_sim_axis *a, const uint8_t *pdu)
         return ILLEGAL_ADDRESS;
     if (value != 0 && value != 0xFF00)
         return ILLEGAL_VALUE;
-    return sst_sim_axis_control(a, (uint16_t)((a->control & ~(1u << bit)) | (value ? 1u << bit : 0u)));
+    return sim_axis_control(a, (uint16_t)((a->control & ~(1u << bit)) | (value ? 1u << bit : 0u)));
 }
 
-static int write_registers(struct sst_sim_axis *a, unsigned first, unsigned count, const uint8_t *values)
+static int write_registers(struct sim_axis *a, unsigned first, unsigned count, const uint8_t *values)
 {
     uint16_t r[HOLDING_COUNT];
 
@@ -146,16 +171,18 @@ static int write_registers(struct sst_sim_axis *a, unsigned first, unsigned coun
 }
 
 /* @return 0 or an exception */
-static int answer(struct sst_sim_axis *a, int unit, const uint8_t *pdu, size_t size, uint8_t *reply, size_t *n)
+static int answer(struct sim_axis *a, int unit, const uint8_t *pdu, size_t size, uint8_t *reply, size_t *n)
 {
     if (size < 5)
         return ILLEGAL_VALUE;
     memcpy(reply, pdu, 5); /* what a write replies */
     *n = 5;
     switch (pdu[0]) {
-    case 1: case 2:
+    case 1:
+    case 2:
         return answer_bits(a, pdu, reply, n);
-    case 3: case 4:
+    case 3:
+    case 4:
         return answer_registers(a, unit, pdu, reply, n);
     case 5:
         return write_coil(a, pdu);
@@ -172,17 +199,17 @@ static int answer(struct sst_sim_axis *a, int unit, const uint8_t *pdu, size_t s
     }
 }
 
-size_t sst_sim_drives_answer(struct sst_sim_drives *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
-                          uint8_t reply[SST_SIM_PDU_MAX])
+size_t sim_drives_answer(struct sim_drives *bus, int unit, int64_t t_ns, const uint8_t *pdu, size_t size,
+                         uint8_t reply[SST_SIM_PDU_MAX])
 {
-    struct sst_sim_axis *a = &bus->axis[unit - 1];
+    struct sim_axis *a = &bus->axis[unit - 1];
     size_t n = 0;
     int exception = 0;
 
     if (unit < 1 || unit > SST_SIM_AXES || size < 1)
         return 0;
-    sst_sim_axis_advance(a, t_ns);
-    if (sst_sim_strikes(&bus->faults.exception))
+    sim_axis_advance(a, t_ns);
+    if (sim_strikes(&bus->faults.exception))
         exception = bus->faults.exception_code;
     if (!exception)
         exception = answer(a, unit, pdu, size, reply, &n);
@@ -193,7 +220,7 @@ size_t sst_sim_drives_answer(struct sst_sim_drives *bus, int unit, int64_t t_ns,
     return 2;
 }
 
-size_t sst_sim_request_size(const uint8_t *pdu, size_t have)
+size_t sim_request_size(const uint8_t *pdu, size_t have)
 {
     if (have < 1)
         return 0;

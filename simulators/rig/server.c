@@ -17,12 +17,12 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "simulators/rig/drive.h"
-#include "simulators/rig/wire.h"
+#include "simulators/rig/rig_internal.h"
 
-#define CLIENTS 8
-#define ADU_MAX 600 /* a reply with noise around it */
+#define CLIENTS   8
+#define ADU_MAX   600       /* a reply with noise around it */
 #define REPLUG_NS 500000000 /* a serial adapter that was pulled comes back after this */
-#define GAP_NS 20000000     /* silence on the serial line that ends a broken request */
+#define GAP_NS    20000000  /* silence on the serial line that ends a broken request */
 
 /* One connection: TCP client or serial line. Server thread only. */
 struct line {
@@ -36,7 +36,7 @@ struct line {
 struct sst_sim_drive {
     pthread_t thread;
     pthread_mutex_t lock;
-    struct sst_sim_drives bus; /* under lock */
+    struct sim_drives bus; /* under lock */
 
     int wake, listener, port; /* fixed after start */
     char rtu_link[108];
@@ -61,7 +61,8 @@ static uint16_t crc16(const uint8_t *p, size_t n)
 
 static int open_listener(struct sst_sim_drive *d, int port)
 {
-    struct sockaddr_in a = { .sin_family = AF_INET, .sin_port = htons((uint16_t)port),
+    struct sockaddr_in a = { .sin_family = AF_INET,
+                             .sin_port = htons((uint16_t)port),
                              .sin_addr.s_addr = htonl(INADDR_LOOPBACK) };
     socklen_t n = sizeof(a);
     const int on = 1;
@@ -131,13 +132,13 @@ static void drop_line(struct sst_sim_drive *d, struct line *l)
 static void frame_reply_locked(struct sst_sim_drive *d, struct line *l, const uint8_t *request, int unit,
                                const uint8_t *pdu, size_t size)
 {
-    struct sst_sim_wire_faults *f = &d->bus.faults;
+    struct sim_wire_faults *f = &d->bus.faults;
     uint8_t *out = l->out;
     size_t n = 0;
 
-    if (sst_sim_strikes(&f->wrong_unit))
+    if (sim_strikes(&f->wrong_unit))
         unit = unit % SST_SIM_AXES + 1;
-    if (l->serial && sst_sim_strikes(&f->noise)) {
+    if (l->serial && sim_strikes(&f->noise)) {
         static const uint8_t noise[] = { 0x00, 0xFF, 0x5A, 0x01, 0x83, 0xC3 };
 
         memcpy(out, noise, sizeof(noise));
@@ -149,7 +150,7 @@ static void frame_reply_locked(struct sst_sim_drive *d, struct line *l, const ui
         out[n] = (uint8_t)unit;
         memcpy(out + n + 1, pdu, size);
         crc = crc16(out + n, size + 1);
-        if (sst_sim_strikes(&f->bad_crc))
+        if (sim_strikes(&f->bad_crc))
             crc ^= 0x0100;
         out[n + size + 1] = (uint8_t)crc;
         out[n + size + 2] = (uint8_t)(crc >> 8);
@@ -162,10 +163,10 @@ static void frame_reply_locked(struct sst_sim_drive *d, struct line *l, const ui
         memcpy(out + 7, pdu, size);
         n = size + 7;
     }
-    if (sst_sim_strikes(&f->drop_bytes))
+    if (sim_strikes(&f->drop_bytes))
         n -= 2;
     l->out_size = n;
-    l->due_ns = sst_clock_now_ns() + (sst_sim_strikes(&f->late) ? (int64_t)f->late_ms * 1000000 : 0);
+    l->due_ns = sst_clock_now_ns() + (sim_strikes(&f->late) ? (int64_t)f->late_ms * 1000000 : 0);
 }
 
 /* @param request  whole ADU; pdu points into it */
@@ -177,15 +178,15 @@ static void serve(struct sst_sim_drive *d, struct line *l, const uint8_t *reques
     size_t n = 0;
 
     pthread_mutex_lock(&d->lock);
-    gone = sst_sim_strikes(&d->bus.faults.disconnect);
+    gone = sim_strikes(&d->bus.faults.disconnect);
     if (!gone)
-        n = sst_sim_drives_answer(&d->bus, unit, sst_clock_now_ns(), pdu, size, reply);
+        n = sim_drives_answer(&d->bus, unit, sst_clock_now_ns(), pdu, size, reply);
     if (!gone && !n && !l->serial) { /* a gateway says that nobody answers */
         reply[0] = pdu[0] | 0x80;
         reply[1] = 11;
         n = 2;
     }
-    if (n && !sst_sim_strikes(&d->bus.faults.silence))
+    if (n && !sim_strikes(&d->bus.faults.silence))
         frame_reply_locked(d, l, request, unit, reply, n);
     pthread_mutex_unlock(&d->lock);
     if (gone)
@@ -225,7 +226,7 @@ static bool take_serial(struct sst_sim_drive *d, struct line *l)
     size_t n;
 
     /* What broke off goes when more comes: see receive(). */
-    n = l->have < 2 ? 0 : sst_sim_request_size(l->in + 1, l->have - 1);
+    n = l->have < 2 ? 0 : sim_request_size(l->in + 1, l->have - 1);
     if (!n || l->have < n + 3)
         return false;
     n += 3;
@@ -362,7 +363,7 @@ int sst_sim_drive_start(struct sst_sim_drive **out, const struct sst_sim_drive_c
     for (int i = 0; i <= CLIENTS; i++)
         d->line[i].fd = -1;
     for (int i = 0; i < SST_SIM_AXES; i++)
-        sst_sim_axis_init(&d->bus.axis[i], i, cfg->seed, sst_clock_now_ns());
+        sim_axis_init(&d->bus.axis[i], i, cfg->seed, sst_clock_now_ns());
     d->wake = eventfd(0, EFD_CLOEXEC);
     if (d->wake < 0)
         err = -errno;
@@ -424,8 +425,8 @@ void sst_sim_drive_pose(struct sst_sim_drive *d, int64_t t_ns, int32_t pose_um[3
     pthread_mutex_lock(&d->lock);
     for (int i = 0; i < SST_SIM_AXES; i++) {
         /* What is yet to come can be commanded otherwise until then: only what has been is computed. */
-        sst_sim_axis_advance(&d->bus.axis[i], now);
-        pose_um[i] = (int32_t)(sst_sim_axis_position(&d->bus.axis[i], t_ns < now ? t_ns : now) + 100000.5) - 100000;
+        sim_axis_advance(&d->bus.axis[i], now);
+        pose_um[i] = (int32_t)(sim_axis_position(&d->bus.axis[i], t_ns < now ? t_ns : now) + 100000.5) - 100000;
     }
     pthread_mutex_unlock(&d->lock);
 }
@@ -436,8 +437,8 @@ int sst_sim_drive_fault(struct sst_sim_drive *d, const char *name, const char *v
 
     pthread_mutex_lock(&d->lock);
     for (int i = 0; i < SST_SIM_AXES; i++)
-        sst_sim_axis_advance(&d->bus.axis[i], sst_clock_now_ns());
-    err = sst_sim_drives_fault(&d->bus, name, value, error, error_size);
+        sim_axis_advance(&d->bus.axis[i], sst_clock_now_ns());
+    err = sim_drives_fault(&d->bus, name, value, error, error_size);
     pthread_mutex_unlock(&d->lock);
     return err;
 }

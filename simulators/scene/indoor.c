@@ -1,6 +1,6 @@
 /* The scenes on a table: "transportation", "humvee", "cd-cases", "cat", and "cell" under a microscope. */
 #include "pipeline/image/classes.h"
-#include "simulators/scene/models.h"
+#include "simulators/scene/scene_internal.h"
 
 /*
  * A table top that runs from before the cameras to a wall. `lines` is the height of the cameras above it in spacings,
@@ -45,7 +45,7 @@ static void shadow_at(struct sst_world *w, struct sst_vec3 p, double rx, double 
 
 void sst_build_transportation(struct sst_world *w)
 {
-    struct sst_stand horse, bicycle, motorcycle;
+    struct stand horse, bicycle, motorcycle;
     unsigned bit_bicycle, bit_horse;
     double y;
 
@@ -57,18 +57,18 @@ void sst_build_transportation(struct sst_world *w)
     y = add_room(w, 8, 16);
     sst_begin(w, SST_LABEL_POSTER, 0);
     sst_add_board(w, -60, 20, 16.4, 250, 105, picture(0x2c4a78, 0xd8b070, 12, "ARRAY 6X6"));
-    horse = (struct sst_stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 72), 0.04, 0.15 };
-    bicycle = (struct sst_stand){ on_table(w, sst_random_in(&w->rng, 0, 40), y, 47), 0.088, 0.1 };
-    motorcycle = (struct sst_stand){ on_table(w, sst_random_in(&w->rng, 25, 65), y, 31), 0.098, 0.1 };
+    horse = (struct stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 72), 0.04, 0.15 };
+    bicycle = (struct stand){ on_table(w, sst_random_in(&w->rng, 0, 40), y, 47), 0.088, 0.1 };
+    motorcycle = (struct stand){ on_table(w, sst_random_in(&w->rng, 25, 65), y, 31), 0.098, 0.1 };
     shadow_at(w, motorcycle.base, 120, 24);
     shadow_at(w, bicycle.base, 90, 14);
     shadow_at(w, horse.base, 42, 13);
     sst_begin(w, SST_LABEL_MOTORCYCLE, 0);
-    sst_add_motorcycle(w, motorcycle);
+    add_motorcycle(w, motorcycle);
     sst_begin(w, SST_LABEL_BICYCLE, bit_bicycle);
-    sst_add_bicycle(w, bicycle);
+    add_bicycle(w, bicycle);
     sst_begin(w, SST_LABEL_HORSE, bit_horse | bit_bicycle);
-    sst_add_horse(w, horse);
+    add_horse(w, horse);
 }
 
 /* --- humvee: toys behind leaves ---------------------------------------------------------------------------------- */
@@ -101,7 +101,7 @@ static void add_soldier(struct sst_world *w, struct sst_vec3 base, double scale,
 void sst_build_humvee(struct sst_world *w)
 {
     const double all_x[2] = { -800, 800 }, all_y[2] = { -580, 640 }, disp[2] = { 52, 76 };
-    struct sst_stand car;
+    struct stand car;
     struct sst_vec3 man;
     unsigned leaves;
     double y, turn;
@@ -113,12 +113,12 @@ void sst_build_humvee(struct sst_world *w)
     sst_begin(w, SST_LABEL_POSTER, 0);
     sst_add_board(w, 0, -70, 28.2, 470, 235, sst_mat(sst_paint_landscape, 0x7fa4c8, 0x8a7446, 10));
     turn = sst_random_in(&w->rng, 0.2, 0.35);
-    car = (struct sst_stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 29.5), 0.066, turn };
+    car = (struct stand){ on_table(w, sst_random_in(&w->rng, -110, -50), y, 29.5), 0.066, turn };
     man = on_table(w, sst_random_in(&w->rng, 260, 310), y, 30.5);
     shadow_at(w, car.base, 165, 95);
     shadow_at(w, man, 45, 30);
     sst_begin(w, SST_LABEL_TOY, 0);
-    sst_add_humvee(w, car);
+    add_humvee(w, car);
     add_soldier(w, man, 0.125, -0.3);
     sst_begin(w, SST_LABEL_TREE, leaves);
     for (int i = 0; i < 6; i++) {
@@ -172,7 +172,7 @@ void sst_build_cd_cases(struct sst_world *w)
 
 void sst_build_cat(struct sst_world *w)
 {
-    struct sst_stand cat, hen;
+    struct stand cat, hen;
     unsigned bit;
     double y;
 
@@ -183,14 +183,14 @@ void sst_build_cat(struct sst_world *w)
     y = add_room(w, 7.6, 24);
     sst_begin(w, SST_LABEL_POSTER, 0);
     sst_add_board(w, 190, -40, 24.5, 200, 120, picture(0x7a4a2a, 0xe8c890, 14, "FARM"));
-    cat = (struct sst_stand){ on_table(w, sst_random_in(&w->rng, 20, 60), y, 52), 0.5, 0.12 };
-    hen = (struct sst_stand){ on_table(w, sst_random_in(&w->rng, -190, -150), y, 60), 0.36, 0.2 };
+    cat = (struct stand){ on_table(w, sst_random_in(&w->rng, 20, 60), y, 52), 0.5, 0.12 };
+    hen = (struct stand){ on_table(w, sst_random_in(&w->rng, -190, -150), y, 60), 0.36, 0.2 };
     shadow_at(w, cat.base, 190, 70);
     shadow_at(w, hen.base, 85, 45);
     sst_begin(w, SST_LABEL_CAT, 0);
-    sst_add_cat(w, cat);
+    add_cat(w, cat);
     sst_begin(w, SST_LABEL_HEN, bit);
-    sst_add_hen(w, hen);
+    add_hen(w, hen);
 }
 
 /* --- cell: a translucent layer of membranes over the layer of the nuclei ----------------------------------------- */

@@ -9,14 +9,14 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "simulators/scene/raster.h"
+#include "simulators/scene/scene_internal.h"
 
 struct sst_layers {
     struct sst_raster r;   /* its world changes from picture to picture */
     const bool *moving;    /* [count] */
     struct sst_seen *seen; /* [count] */
-    struct sst_band fixed; /* the whole picture before translucent surfaces */
-    struct sst_band work;
+    struct band fixed;     /* the whole picture before translucent surfaces */
+    struct band work;
     struct sst_image picture; /* of all that is fixed */
 };
 
@@ -38,12 +38,12 @@ void sst_world_compare(const struct sst_world *a, const struct sst_world *b, boo
 /* Columns x0 .. x1-1 of the work band as they are without what moves. */
 static void restore(struct sst_layers *l)
 {
-    struct sst_band *to = &l->work;
+    struct band *to = &l->work;
     const size_t n = (size_t)(to->x1 - to->x0);
 
     for (int k = 0; k < SST_COLOURS; k++) {
         for (int y = to->y0; y < to->y0 + to->rows; y++) {
-            const size_t at = sst_band_cell(to, k, y, to->x0), from = sst_band_cell(&l->fixed, k, y, to->x0);
+            const size_t at = band_cell(to, k, y, to->x0), from = band_cell(&l->fixed, k, y, to->x0);
 
             memcpy(to->inv_z + at, l->fixed.inv_z + from, n * sizeof(*to->inv_z));
             memcpy(to->owner + at, l->fixed.owner + from, n * sizeof(*to->owner));
@@ -56,7 +56,7 @@ static void draw_translucent(struct sst_layers *l, bool with_moving)
 {
     for (int i = 0; i < l->r.world->count; i++) {
         if (l->r.world->surfaces[i].translucent && (with_moving || !l->moving[i]))
-            sst_band_translucent(&l->work, (uint32_t)i);
+            band_translucent(&l->work, (uint32_t)i);
     }
 }
 
@@ -73,7 +73,7 @@ static void finish_fixed(struct sst_layers *l)
         l->work.rows = sst_min_int(SST_BAND_ROWS, l->r.height - l->work.y0);
         restore(l);
         draw_translucent(l, false);
-        sst_band_store(&l->work);
+        band_store(&l->work);
     }
     l->r.image = image;
 }
@@ -82,15 +82,15 @@ static void finish_fixed(struct sst_layers *l)
 static int draw_fixed(void *arg, int index, int worker SST_UNUSED)
 {
     const struct sst_layers *l = arg;
-    struct sst_band b = l->fixed;
+    struct band b = l->fixed;
 
     b.y0 = index * SST_BAND_ROWS;
     b.rows = sst_min_int(SST_BAND_ROWS, l->r.height - b.y0);
     for (int i = 0; i < l->r.world->count; i++) {
         if (!l->moving[i] && !l->r.world->surfaces[i].translucent)
-            sst_band_opaque(&b, (uint32_t)i);
+            band_opaque(&b, (uint32_t)i);
     }
-    sst_band_colour(&b, NULL);
+    band_colour(&b, NULL);
     return 0;
 }
 
@@ -104,16 +104,15 @@ int sst_layers_create(struct sst_layers **out, const struct sst_raster *r, const
     l->r = *r;
     l->moving = moving;
     l->seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*l->seen));
-    if (!l->seen || (err = sst_band_init(&l->fixed, &l->r, r->height)) ||
-        (err = sst_band_init(&l->work, &l->r, SST_BAND_ROWS)) ||
-        (err = sst_image_init(&l->picture, r->width, r->height))) {
+    if (!l->seen || (err = band_init(&l->fixed, &l->r, r->height)) ||
+        (err = band_init(&l->work, &l->r, SST_BAND_ROWS)) || (err = sst_image_init(&l->picture, r->width, r->height))) {
         sst_layers_destroy(l);
         return err;
     }
     l->fixed.seen = l->work.seen = l->seen;
     for (int i = 0; i < r->world->count; i++)
-        sst_surface_see(r, &r->world->surfaces[i], &l->seen[i]);
-    sst_band_clear(&l->fixed);
+        surface_see(r, &r->world->surfaces[i], &l->seen[i]);
+    band_clear(&l->fixed);
     err = sst_parallel_for((r->height + SST_BAND_ROWS - 1) / SST_BAND_ROWS, threads, draw_fixed, l);
     if (err) {
         sst_layers_destroy(l);
@@ -129,8 +128,8 @@ void sst_layers_destroy(struct sst_layers *l)
     if (!l)
         return;
     sst_image_fini(&l->picture);
-    sst_band_fini(&l->work);
-    sst_band_fini(&l->fixed);
+    band_fini(&l->work);
+    band_fini(&l->fixed);
     sst_mem_free(l->seen);
     free(l);
 }
@@ -138,7 +137,7 @@ void sst_layers_destroy(struct sst_layers *l)
 /* Columns of the band that moving surfaces may touch. */
 static void find_columns(struct sst_layers *l)
 {
-    struct sst_band *b = &l->work;
+    struct band *b = &l->work;
 
     b->x0 = l->r.width;
     b->x1 = 0;
@@ -164,11 +163,11 @@ static void draw_band(struct sst_layers *l)
     restore(l);
     for (int i = 0; i < l->r.world->count; i++) {
         if (l->moving[i] && !l->r.world->surfaces[i].translucent)
-            sst_band_opaque(&l->work, (uint32_t)i);
+            band_opaque(&l->work, (uint32_t)i);
     }
-    sst_band_colour(&l->work, l->moving);
+    band_colour(&l->work, l->moving);
     draw_translucent(l, true);
-    sst_band_store(&l->work);
+    band_store(&l->work);
 }
 
 void sst_layers_draw(struct sst_layers *l, const struct sst_world *world, int y0, int y1)
@@ -176,7 +175,7 @@ void sst_layers_draw(struct sst_layers *l, const struct sst_world *world, int y0
     l->r.world = world;
     for (int i = 0; i < world->count; i++) {
         if (l->moving[i])
-            sst_surface_see(&l->r, &world->surfaces[i], &l->seen[i]);
+            surface_see(&l->r, &world->surfaces[i], &l->seen[i]);
     }
     for (l->work.y0 = y0; l->work.y0 < y1; l->work.y0 += SST_BAND_ROWS) {
         l->work.top = l->work.y0;

@@ -1,5 +1,5 @@
 /* Lengths in the model functions are mm of the real thing: x to its front, y up from the ground, z to its left. */
-#include "simulators/scene/models.h"
+#include "simulators/scene/scene_internal.h"
 
 struct model {
     struct sst_world *w;
@@ -7,7 +7,7 @@ struct model {
     double scale;
 };
 
-static struct model model_at(struct sst_world *w, struct sst_stand at)
+static struct model model_at(struct sst_world *w, struct stand at)
 {
     return (struct model){ .w = w,
                            .base = at.base,
@@ -63,7 +63,7 @@ static void wheel(const struct model *m, struct sst_vec3 c, double radius, doubl
 
 /* --- animals ----------------------------------------------------------------------------------------------------- */
 
-void sst_add_horse(struct sst_world *w, struct sst_stand stand)
+void add_horse(struct sst_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
     const struct sst_material coat = sst_mat(sst_paint_fur, 0x6e4326, 0xa66c40, 160 * m.scale);
@@ -92,7 +92,7 @@ void sst_add_horse(struct sst_world *w, struct sst_stand stand)
     }
 }
 
-void sst_add_cat(struct sst_world *w, struct sst_stand stand)
+void add_cat(struct sst_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
     const struct sst_material coat = { sst_paint_fur, sst_hex(0x9c5a24), sst_hex(0xd89a56), 34 * m.scale, 0.32, NULL };
@@ -123,7 +123,7 @@ void sst_add_cat(struct sst_world *w, struct sst_stand stand)
     }
 }
 
-void sst_add_hen(struct sst_world *w, struct sst_stand stand)
+void add_hen(struct sst_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
     const struct sst_material feather = sst_mat(sst_paint_feather, 0x8a4c20, 0xd79a58, 30 * m.scale);
@@ -153,7 +153,7 @@ void sst_add_hen(struct sst_world *w, struct sst_stand stand)
 
 /* --- vehicles ---------------------------------------------------------------------------------------------------- */
 
-void sst_add_bicycle(struct sst_world *w, struct sst_stand stand)
+void add_bicycle(struct sst_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
     const struct sst_material frame = sst_mat(sst_paint_fbm, 0x0f5f6b, 0x3fa6a8, 60 * m.scale);
@@ -185,7 +185,7 @@ void sst_add_bicycle(struct sst_world *w, struct sst_stand stand)
     ring->mask = sst_mask_disc;
 }
 
-void sst_add_motorcycle(struct sst_world *w, struct sst_stand stand)
+void add_motorcycle(struct sst_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
     const struct sst_material red = sst_mat(sst_paint_fbm, 0x8e1414, 0xd6402e, 260 * m.scale);
@@ -229,7 +229,7 @@ static void add_humvee_wheels(const struct model *m)
     }
 }
 
-void sst_add_humvee(struct sst_world *w, struct sst_stand stand)
+void add_humvee(struct sst_world *w, struct stand stand)
 {
     const struct model m = model_at(w, stand);
     const struct sst_material paint = sst_mat(sst_paint_camouflage, 0x8c8458, 0x5a6238, 700 * m.scale);

@@ -1,4 +1,5 @@
-/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells. */
+/* Textures that picture one thing: a face, a number plate, the rear of a car, a house front, a poster, stained cells.
+ */
 #include <string.h>
 
 #include "simulators/scene/world.h"

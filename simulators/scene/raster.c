@@ -10,21 +10,21 @@
 #include <float.h>
 
 #include "base/mem.h"
-#include "simulators/scene/raster.h"
+#include "simulators/scene/scene_internal.h"
 
 #define NEAREST_MM 1.0 /* corners nearer than this (or behind the camera) give no bounds */
 
 static const double offset_x[SST_SAMPLES] = { 0.125, 0.375, -0.125, -0.375, 0 };
 static const double offset_y[SST_SAMPLES] = { -0.375, 0.125, 0.375, -0.125, 0 };
 
-static struct sst_affine along_ray(const struct sst_raster *r, struct sst_vec3 a)
+static struct raster_affine along_ray(const struct sst_raster *r, struct sst_vec3 a)
 {
     const double x = a.x / r->focal_px, y = a.y / r->focal_px;
 
-    return (struct sst_affine){ x, y, a.z - x * r->cx - y * r->cy };
+    return (struct raster_affine){ x, y, a.z - x * r->cx - y * r->cy };
 }
 
-static inline double at(struct sst_affine a, double x, double y)
+static inline double at(struct raster_affine a, double x, double y)
 {
     return a.x * x + a.y * y + a.c;
 }
@@ -68,7 +68,7 @@ static struct sst_vec3 patch_normal(const struct sst_surface *s)
     return sst_cross(s->u, s->v);
 }
 
-void sst_surface_see(const struct sst_raster *r, const struct sst_surface *s, struct sst_seen *out)
+void surface_see(const struct sst_raster *r, const struct sst_surface *s, struct sst_seen *out)
 {
     const struct sst_vec3 eye = sst_v(r->bx * r->world->spacing_mm, r->by * r->world->spacing_mm, r->eye_z_mm);
     const struct sst_vec3 e = sst_sub(s->origin, eye);
@@ -94,10 +94,10 @@ void sst_surface_see(const struct sst_raster *r, const struct sst_surface *s, st
     out->inv_z = along_ray(r, sst_mul(n, 1 / sst_dot(n, e)));
     for (int i = 0; i < 2; i++) {
         const struct sst_vec3 dual = sst_mul(i ? sst_cross(n, s->u) : sst_cross(s->v, n), 1 / sst_dot(n, n));
-        const struct sst_affine a = along_ray(r, dual);
+        const struct raster_affine a = along_ray(r, dual);
         const double k = sst_dot(dual, e);
 
-        out->axis[i] = (struct sst_affine){ a.x - k * out->inv_z.x, a.y - k * out->inv_z.y, a.c - k * out->inv_z.c };
+        out->axis[i] = (struct raster_affine){ a.x - k * out->inv_z.x, a.y - k * out->inv_z.y, a.c - k * out->inv_z.c };
     }
 }
 
@@ -181,11 +181,11 @@ static float shade(const struct sst_surface *s, const double q[3], struct sst_rg
 
 /* --- a band ------------------------------------------------------------------------------------------------------ */
 
-int sst_band_init(struct sst_band *b, const struct sst_raster *r, int capacity)
+int band_init(struct band *b, const struct sst_raster *r, int capacity)
 {
     const size_t cells = (size_t)capacity * (size_t)r->width;
 
-    *b = (struct sst_band){
+    *b = (struct band){
         .r = r,
         .x1 = r->width,
         .capacity = capacity,
@@ -196,14 +196,14 @@ int sst_band_init(struct sst_band *b, const struct sst_raster *r, int capacity)
     return b->inv_z && b->owner && (b->colour || !r->image) ? 0 : -ENOMEM;
 }
 
-void sst_band_fini(struct sst_band *b)
+void band_fini(struct band *b)
 {
     sst_mem_free(b->colour);
     sst_mem_free(b->owner);
     sst_mem_free(b->inv_z);
 }
 
-void sst_band_clear(struct sst_band *b)
+void band_clear(struct band *b)
 {
     const size_t cells = (size_t)SST_SAMPLES * (size_t)b->capacity * (size_t)b->r->width;
 
@@ -224,18 +224,18 @@ static inline double look_y(const struct sst_raster *r, int x, int y, int k)
     return (r->warp ? sst_warp_y(r->warp, x, y) : y * r->step_y) + offset_y[k];
 }
 
-static int first_sample(const struct sst_band *b)
+static int first_sample(const struct band *b)
 {
     return b->colour ? 0 : SST_CENTRE;
 }
 
 /* The centre is for the truth alone. */
-static int last_sample(const struct sst_band *b)
+static int last_sample(const struct band *b)
 {
     return b->r->disp || b->r->label || b->r->owner ? SST_SAMPLES : SST_COLOURS;
 }
 
-void sst_band_opaque(struct sst_band *b, uint32_t index)
+void band_opaque(struct band *b, uint32_t index)
 {
     const struct sst_raster *r = b->r;
     const struct sst_surface *s = &r->world->surfaces[index];
@@ -245,8 +245,8 @@ void sst_band_opaque(struct sst_band *b, uint32_t index)
 
     for (int k = first_sample(b); k < last_sample(b); k++) {
         for (int y = y0; y < y1; y++) {
-            float *inv_z = b->inv_z + sst_band_cell(b, k, y, 0);
-            uint32_t *owner = b->owner + sst_band_cell(b, k, y, 0);
+            float *inv_z = b->inv_z + band_cell(b, k, y, 0);
+            uint32_t *owner = b->owner + band_cell(b, k, y, 0);
 
             for (int x = x0; x < x1; x++) {
                 double q[3];
@@ -261,14 +261,14 @@ void sst_band_opaque(struct sst_band *b, uint32_t index)
     }
 }
 
-void sst_band_colour(struct sst_band *b, const bool *only)
+void band_colour(struct band *b, const bool *only)
 {
     const struct sst_raster *r = b->r;
 
     for (int k = 0; k < SST_COLOURS; k++) {
         for (int y = b->y0; y < b->y0 + b->rows; y++) {
             for (int x = b->x0; x < b->x1; x++) {
-                const size_t i = sst_band_cell(b, k, y, x);
+                const size_t i = band_cell(b, k, y, x);
                 const uint32_t owner = b->owner[i];
                 double q[3];
 
@@ -284,7 +284,7 @@ void sst_band_colour(struct sst_band *b, const bool *only)
     }
 }
 
-void sst_band_translucent(struct sst_band *b, uint32_t index)
+void band_translucent(struct band *b, uint32_t index)
 {
     const struct sst_raster *r = b->r;
     const struct sst_surface *s = &r->world->surfaces[index];
@@ -295,7 +295,7 @@ void sst_band_translucent(struct sst_band *b, uint32_t index)
     for (int k = first_sample(b); k < last_sample(b); k++) {
         for (int y = y0; y < y1; y++) {
             for (int x = x0; x < x1; x++) {
-                const size_t i = sst_band_cell(b, k, y, x);
+                const size_t i = band_cell(b, k, y, x);
                 struct sst_rgb c;
                 double q[3];
                 const double iz = meet(s, g, look_x(r, x, y, k), look_y(r, x, y, k), b->inv_z[i], q);
@@ -319,10 +319,10 @@ static uint8_t to_byte(float sum)
     return (uint8_t)(v <= 0 ? 0 : v >= 255 ? 255 : v);
 }
 
-static void store_truth(const struct sst_band *b, int x, int y)
+static void store_truth(const struct band *b, int x, int y)
 {
     const struct sst_raster *r = b->r;
-    const size_t i = sst_band_cell(b, SST_CENTRE, y, x);
+    const size_t i = band_cell(b, SST_CENTRE, y, x);
     const struct sst_surface *s = b->owner[i] == SST_NOTHING ? NULL : &r->world->surfaces[b->owner[i]];
 
     if (r->disp)
@@ -333,7 +333,7 @@ static void store_truth(const struct sst_band *b, int x, int y)
         sst_map_u8_row(r->owner, y)[x] = s ? (uint8_t)s->hide : 0;
 }
 
-void sst_band_store(const struct sst_band *b)
+void band_store(const struct band *b)
 {
     const struct sst_raster *r = b->r;
 
@@ -345,7 +345,7 @@ void sst_band_store(const struct sst_band *b)
                 struct sst_rgb c = { 0, 0, 0 };
 
                 for (int k = 0; k < SST_COLOURS; k++) {
-                    const struct sst_rgb *p = &b->colour[sst_band_cell(b, k, y, x)];
+                    const struct sst_rgb *p = &b->colour[band_cell(b, k, y, x)];
 
                     c = (struct sst_rgb){ c.r + p->r, c.g + p->g, c.b + p->b };
                 }
@@ -357,29 +357,29 @@ void sst_band_store(const struct sst_band *b)
     }
 }
 
-static void run_band(struct sst_band *b)
+static void run_band(struct band *b)
 {
     const struct sst_world *w = b->r->world;
 
-    sst_band_clear(b);
+    band_clear(b);
     for (int i = 0; i < w->count; i++) {
         if (!w->surfaces[i].translucent)
-            sst_band_opaque(b, (uint32_t)i);
+            band_opaque(b, (uint32_t)i);
     }
     if (b->colour)
-        sst_band_colour(b, NULL);
+        band_colour(b, NULL);
     for (int i = 0; i < w->count; i++) {
         if (w->surfaces[i].translucent)
-            sst_band_translucent(b, (uint32_t)i);
+            band_translucent(b, (uint32_t)i);
     }
-    sst_band_store(b);
+    band_store(b);
 }
 
 int sst_raster_run(const struct sst_raster *r)
 {
     struct sst_seen *seen = sst_mem_alloc((size_t)r->world->count + 1, sizeof(*seen));
-    struct sst_band b;
-    int err = sst_band_init(&b, r, SST_BAND_ROWS);
+    struct band b;
+    int err = band_init(&b, r, SST_BAND_ROWS);
 
     if (!seen)
         err = -ENOMEM;
@@ -387,7 +387,7 @@ int sst_raster_run(const struct sst_raster *r)
         goto done;
     b.seen = seen;
     for (int i = 0; i < r->world->count; i++)
-        sst_surface_see(r, &r->world->surfaces[i], &seen[i]);
+        surface_see(r, &r->world->surfaces[i], &seen[i]);
     for (b.y0 = 0; b.y0 < r->height; b.y0 += SST_BAND_ROWS) {
         b.top = b.y0;
         b.rows = sst_min_int(SST_BAND_ROWS, r->height - b.y0);
@@ -395,7 +395,7 @@ int sst_raster_run(const struct sst_raster *r)
     }
 
 done:
-    sst_band_fini(&b);
+    band_fini(&b);
     sst_mem_free(seen);
     return err;
 }

@@ -4,7 +4,7 @@
 
 #include "base/log.h"
 #include "base/mem.h"
-#include "simulators/scene/internal.h"
+#include "simulators/scene/scene_internal.h"
 
 #define PROBE_WIDTH  320 /* points per side that are looked at to learn ranges and focal planes */
 #define PROBE_HEIGHT 240
@@ -57,7 +57,7 @@ static int check(const struct sst_scene_config *c)
     return 0;
 }
 
-void sst_scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_raster *out)
+void scene_raster(const struct sst_scene *s, double bx, double by, unsigned hidden, struct sst_raster *out)
 {
     *out = (struct sst_raster){
         .world = &s->world,
@@ -100,7 +100,7 @@ static int look(const struct sst_scene *s, double bx, double by, unsigned hidden
         err = sst_map_u8_init(&p->owner, PROBE_WIDTH, PROBE_HEIGHT);
     if (err)
         return err;
-    sst_scene_raster(s, bx, by, hidden, &r);
+    scene_raster(s, bx, by, hidden, &r);
     r.step_x = (double)r.width / PROBE_WIDTH;
     r.step_y = (double)r.height / PROBE_HEIGHT;
     r.cx -= 0.5 * r.step_x - 0.5; /* the first point is half a step inside the picture's edge */
@@ -278,7 +278,7 @@ int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned h
     if ((image && (image->width != w || image->height != h)) || (disp && (disp->width != w || disp->height != h)) ||
         (label && (label->width != w || label->height != h)))
         return -EINVAL;
-    sst_scene_raster(s, bx, by, hidden, &r);
+    scene_raster(s, bx, by, hidden, &r);
     r.image = image;
     r.disp = disp;
     r.label = label;

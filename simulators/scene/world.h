@@ -50,7 +50,7 @@ struct sst_surface {
     float grain; /* strength of the fine texture that every surface carries */
     double grain_mm;
     struct sst_material mat;
-    const void *own; /* of a paint from elsewhere */
+    const void *own;                 /* of a paint from elsewhere */
     sst_mask_fn *mask;               /* NULL: the whole patch */
     double outline;                  /* the mask's own parameter */
     struct sst_vec3 origin, u, v, w; /* centre and half-axes; a patch has no w */

@@ -12,7 +12,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield.h"
-#include "simulators/scene/internal.h"
+#include "simulators/scene/scene_internal.h"
 
 #define FILE_NAME_MAX 64
 
@@ -99,7 +99,7 @@ static int render_mask(const struct sst_scene *scene, unsigned bit, struct sst_m
     struct sst_raster r;
     int err;
 
-    sst_scene_raster(scene, 0, 0, 0, &r);
+    scene_raster(scene, 0, 0, 0, &r);
     r.owner = mask;
     err = sst_raster_run(&r);
     for (int y = 0; y < mask->height && !err; y++) {

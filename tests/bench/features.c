@@ -7,9 +7,9 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/eval/eval.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/method/disparity/stage.h"
 
 #define DISPARITIES 64 /* the truth of the Middlebury pairs lies within 0..63 px */
 #define THREADS     2

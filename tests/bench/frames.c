@@ -9,7 +9,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "drivers/grab/grab.h"
-#include "drivers/grab/raw.h"
+#include "drivers/grab/grab_internal.h"
 
 #define FRAMES 64 /* as many cameras' worth: together larger than a cache */
 #define ROUNDS 10
@@ -73,7 +73,7 @@ int main(int argc, char **argv)
     report("marker walk", begin, bytes);
     begin = sst_clock_now_ns();
     for (int i = 0; i < FRAMES * ROUNDS; i++)
-        sink += sst_frame_hash(frames + (size_t)(i % FRAMES) * bytes, bytes);
+        sink += frame_hash(frames + (size_t)(i % FRAMES) * bytes, bytes);
     report("hash", begin, bytes);
     begin = sst_clock_now_ns();
     for (int i = 0; i < FRAMES * ROUNDS; i++) {

@@ -15,11 +15,11 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/eval/eval.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/live/scene/scene.h"
-#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/live/scene/scene_internal.h"
+#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/refine/refine.h"
 #include "simulators/scene/scene.h"
 #include "simulators/scene/world/sim_world.h"
@@ -181,7 +181,7 @@ static int segment_job(void *arg, int view, int worker)
 {
     (void)arg;
     sst_map_u8_fini(&b.exact.views[view].label);
-    return sst_scene_segment(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
+    return scene_segment(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
 }
 
 /* What sst process does. */

@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/lightfield/rectify/map.h"
+#include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #define ROUNDS 9
 #define MARGIN 8 /* px of a picture's border that are not judged */

@@ -14,7 +14,7 @@
 #include "tests/bench/blend.h"
 
 #define THREADS 2
-#define MIB (1024.0 * 1024.0)
+#define MIB     (1024.0 * 1024.0)
 
 struct bench {
     int rounds;

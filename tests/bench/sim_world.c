@@ -29,8 +29,10 @@ static int deliver(struct sst_sim_world *w, uint32_t fourcc, const char *what, i
     sst_sim_world_size(w, &width, &height);
     start = sst_clock_now_ns();
     for (int i = 0; i < frames && !err; i++) {
-        const struct sst_sim_exposure e = { .cam = i % cams, .trigger = (uint64_t)(i / cams),
-                                            .t_ns = 1000000000 + i / cams * 33333333LL, .exposure_us = exposure_us,
+        const struct sst_sim_exposure e = { .cam = i % cams,
+                                            .trigger = (uint64_t)(i / cams),
+                                            .t_ns = 1000000000 + i / cams * 33333333LL,
+                                            .exposure_us = exposure_us,
                                             .gain = 1 };
 
         err = sst_sim_world_frame(w, &e, fourcc, width, height, out, capacity, &bytes);
@@ -65,8 +67,11 @@ static int leave_frames(struct sst_sim_world *w, const char *folder, uint8_t *ou
 
     sst_sim_world_size(w, &width, &height);
     for (int i = 0; i < 4 * cams && !err; i++) {
-        const struct sst_sim_exposure e = { .cam = i % cams, .trigger = (uint64_t)(i / cams),
-                                            .t_ns = 1 + i / cams * 500000000LL, .exposure_us = 5000, .gain = 1 };
+        const struct sst_sim_exposure e = { .cam = i % cams,
+                                            .trigger = (uint64_t)(i / cams),
+                                            .t_ns = 1 + i / cams * 500000000LL,
+                                            .exposure_us = 5000,
+                                            .gain = 1 };
         char name[64], path[SST_PATH_MAX];
         size_t bytes;
 

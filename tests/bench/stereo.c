@@ -6,14 +6,14 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/eval/eval.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/model_path.h"
 #include "tests/bench/sgbm.h"
 
 #define DISPARITIES 64 /* the truth of all pairs lies within 0..63 px */
-#define THREADS 2
+#define THREADS     2
 
 static const struct {
     const char *name, *left, *right, *truth;
@@ -27,10 +27,8 @@ static const struct {
     const char *name, *preset; /* no preset: OpenCV in this mode */
     enum bench_sgbm mode;
 } methods[] = {
-    { .name = "OpenCV SGBM 3WAY", .mode = BENCH_SGBM_3WAY },
-    { .name = "OpenCV SGBM HH", .mode = BENCH_SGBM_HH },
-    { .name = "sst preview", .preset = "preview" },
-    { .name = "sst balanced", .preset = "balanced" },
+    { .name = "OpenCV SGBM 3WAY", .mode = BENCH_SGBM_3WAY }, { .name = "OpenCV SGBM HH", .mode = BENCH_SGBM_HH },
+    { .name = "sst preview", .preset = "preview" },          { .name = "sst balanced", .preset = "balanced" },
     { .name = "sst accurate", .preset = "accurate" },
 };
 

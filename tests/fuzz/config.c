@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "config/load.h"
+#include "config/config_internal.h"
 #include "tests/fuzz/seeds.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -39,18 +39,18 @@ static void compare(const struct sst_config *cfg)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     static struct sst_config cfg;
-    struct sst_config_load load = { .cfg = &cfg, .array_only = size && data[0] == '#' };
+    struct config_load load = { .cfg = &cfg, .array_only = size && data[0] == '#' };
     struct sst_yaml *doc;
 
     if (sst_yaml_parse(&doc, (const char *)data, size, "fuzz"))
         return 0;
     sst_config_defaults(&cfg);
-    sst_config_take(&load, doc);
-    sst_config_check_array(&load);
+    config_take(&load, doc);
+    config_check_array(&load);
     if (!load.array_only)
-        sst_config_check_service(&load);
+        config_check_service(&load);
     if (!sst_yaml_finish(doc)) {
-        sst_config_warn(&load);
+        config_warn(&load);
         compare(&cfg);
     }
     sst_yaml_destroy(doc);

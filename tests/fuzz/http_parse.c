@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 #include "tests/fuzz/seeds.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -12,7 +12,7 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
     static const char *const seeds[] = {
         "/api/v1/views/v1/pick",  "cam.example:8090",     "[::1]:80",         "http://localhost:8090",
         "Basic dXNlcjp0b2tlbg==", "x=1&token=+abcdef+&y", "W/\"ab\", \"cd\"", "application/json; charset=utf-8",
-        "/web/%2e%2e%00/token",   "18446744073709551615", "bytes=0-499",       "bytes=-18446744073709551616",
+        "/web/%2e%2e%00/token",   "18446744073709551615", "bytes=0-499",      "bytes=-18446744073709551616",
     };
 
     for (int i = 0; i < (int)ARRAY_LEN(seeds); i++)
@@ -30,26 +30,26 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     memcpy(text, data, size);
     text[size] = 0;
     for (size_t i = 0; i < ARRAY_LEN(patterns); i++) {
-        if (sst_http_path_matches(patterns[i], text, out) && (strchr(out, '/') || out[0] == '.'))
+        if (http_path_matches(patterns[i], text, out) && (strchr(out, '/') || out[0] == '.'))
             abort();
     }
-    if (sst_http_host_split(text, out, &port) && (!out[0] || strpbrk(out, "/@ ") || port == 0 || port > 65535))
+    if (http_host_split(text, out, &port) && (!out[0] || strpbrk(out, "/@ ") || port == 0 || port > 65535))
         abort();
-    if (sst_http_same_origin(text, "localhost:8090") && !strstr(text, "8090"))
+    if (http_same_origin(text, "localhost:8090") && !strstr(text, "8090"))
         abort();
-    if (sst_http_basic_password(text, out) && strlen(out) > HTTP_TOKEN_MAX)
+    if (http_basic_password(text, out) && strlen(out) > HTTP_TOKEN_MAX)
         abort();
-    if (sst_http_form_token(text, size, out) && strlen(out) > HTTP_TOKEN_MAX)
+    if (http_form_token(text, size, out) && strlen(out) > HTTP_TOKEN_MAX)
         abort();
-    if (sst_http_number(text, 65535, &number) && number > 65535)
+    if (http_number(text, 65535, &number) && number > 65535)
         abort();
-    if (sst_http_range(text, 1000, &first, &bytes) == HTTP_RANGE_PART &&
+    if (http_range_parse(text, 1000, &first, &bytes) == HTTP_RANGE_PART &&
         (!bytes || first >= 1000 || bytes > 1000 - first))
         abort();
-    (void)sst_http_if_range(text, "\"ab\"");
-    (void)sst_http_etag_matches(text, "\"ab\"");
-    (void)sst_http_is_type(text, "application/json");
-    if (sst_http_unescape(text) > size)
+    (void)http_if_range(text, "\"ab\"");
+    (void)http_etag_matches(text, "\"ab\"");
+    (void)http_is_type(text, "application/json");
+    if (http_unescape(text) > size)
         abort();
     free(text);
     return 0;

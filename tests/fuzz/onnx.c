@@ -3,13 +3,13 @@
 #include <stdlib.h>
 
 #include "pipeline/method/network/graph.h"
+#include "pipeline/method/network/network_internal.h"
 #include "pipeline/method/network/onnx.h"
-#include "pipeline/method/network/plan.h"
 #include "pipeline/method/network/summary.h"
 #include "tests/fuzz/seeds.h"
 #include "tests/onnx_writer.h"
 
-#define WIDTH 40
+#define WIDTH  40
 #define HEIGHT 24
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -38,9 +38,9 @@ static void run(const struct sst_graph *g, const struct sst_shape *shapes)
 
     for (int i = 0; x && i < g->in_channels * WIDTH * HEIGHT; i++)
         x[i] = (float)(i % 7) - 3;
-    if (x && y && !sst_plan_create(&plan, g, shapes, 1, "fuzz") && sst_plan_run(plan, x, y))
+    if (x && y && !plan_create(&plan, g, shapes, 1, "fuzz") && plan_run(plan, x, y))
         abort();
-    sst_plan_destroy(plan);
+    plan_destroy(plan);
     free(x);
     free(y);
 }

@@ -1,5 +1,5 @@
-/* MJPEG into v4l2loopback nodes until SIGTERM: eight pictures in turn, also written to files 0..7 of the current folder.
-   feed WIDTH HEIGHT RATE_HZ CUT_EVERY NODE...   (each CUT_EVERY-th frame ends early; 0: none) */
+/* MJPEG into v4l2loopback nodes until SIGTERM: eight pictures in turn, also written to files 0..7 of the current
+   folder. feed WIDTH HEIGHT RATE_HZ CUT_EVERY NODE...   (each CUT_EVERY-th frame ends early; 0: none) */
 #include <fcntl.h>
 #include <linux/videodev2.h>
 #include <signal.h>
@@ -52,8 +52,10 @@ static int node(const char *path, int width, int height)
     struct v4l2_format f = { .type = V4L2_BUF_TYPE_VIDEO_OUTPUT };
     const int fd = open(path, O_RDWR);
 
-    f.fmt.pix = (struct v4l2_pix_format){ .width = (unsigned)width, .height = (unsigned)height,
-                                          .pixelformat = V4L2_PIX_FMT_MJPEG, .field = V4L2_FIELD_NONE };
+    f.fmt.pix = (struct v4l2_pix_format){ .width = (unsigned)width,
+                                          .height = (unsigned)height,
+                                          .pixelformat = V4L2_PIX_FMT_MJPEG,
+                                          .field = V4L2_FIELD_NONE };
     if (fd < 0 || ioctl(fd, VIDIOC_S_FMT, &f)) {
         perror(path);
         exit(1);

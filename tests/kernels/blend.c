@@ -80,9 +80,16 @@ static struct accumulators guard_accumulators(size_t n, const struct accumulator
 
 static struct sst_blend random_blend(size_t n, const float *table)
 {
-    struct sst_blend b = { .fx = (float)(next_random() % 1000) / 1000, .fy = (float)(next_random() % 1000) / 1000,
-                           .aperture = 0.75f, .label_weight = table, .focus_whole_q6 = 300, .focus_part_q6 = -0.25f,
-                           .half_inverse_variance = 1 / 3000.0f, .c1 = 0.01f, .one_minus_c1 = 0.99f, .unknown = 0.01f };
+    struct sst_blend b = { .fx = (float)(next_random() % 1000) / 1000,
+                           .fy = (float)(next_random() % 1000) / 1000,
+                           .aperture = 0.75f,
+                           .label_weight = table,
+                           .focus_whole_q6 = 300,
+                           .focus_part_q6 = -0.25f,
+                           .half_inverse_variance = 1 / 3000.0f,
+                           .c1 = 0.01f,
+                           .one_minus_c1 = 0.99f,
+                           .unknown = 0.01f };
     uint16_t *disp = guard_random(n * sizeof(*disp));
 
     for (int c = 0; c < 3; c++) {
@@ -163,9 +170,19 @@ static void reference_is_the_formula(void **state SST_UNUSED)
     static float table[256 * SST_BLEND_COLUMNS];
     const uint8_t top[] = { 10, 30 }, bottom[] = { 50, 110 }, label = 7;
     const uint16_t disp = 100;
-    struct sst_blend b = { .top = { top, top, top }, .bottom = { bottom, bottom, bottom }, .fx = 0.5f, .fy = 0.25f,
-                           .aperture = 2, .disp = &disp, .label = &label, .label_weight = table, .focus_whole_q6 = 92,
-                           .half_inverse_variance = 1 / 64.0f, .c1 = 0.2f, .one_minus_c1 = 0.8f, .unknown = 0.2f };
+    struct sst_blend b = { .top = { top, top, top },
+                           .bottom = { bottom, bottom, bottom },
+                           .fx = 0.5f,
+                           .fy = 0.25f,
+                           .aperture = 2,
+                           .disp = &disp,
+                           .label = &label,
+                           .label_weight = table,
+                           .focus_whole_q6 = 92,
+                           .half_inverse_variance = 1 / 64.0f,
+                           .c1 = 0.2f,
+                           .one_minus_c1 = 0.8f,
+                           .unknown = 0.2f };
     float r = 1, g = 0, blue = 0, w = 0, *const acc[4] = { &r, &g, &blue, &w };
     const uint16_t none = 0xFFFF;
 

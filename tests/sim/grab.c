@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "drivers/grab/stream.h"
+#include "drivers/grab/grab_internal.h"
 #include "tests/grab_rig.h"
 
 /* So long a condition may take on a busy machine under a sanitizer; what must be quick is measured, see measured(). */
@@ -525,7 +525,7 @@ static void controls_are_read_back(void **state SST_UNUSED)
 {
     char why[SST_WHY_MAX], note[SST_WHY_MAX];
     struct sst_grab_device *devices;
-    struct sst_stream *stream;
+    struct grab_stream *stream;
     int count;
 
     assert_int_equal(rig_config(&rig, 1), 0);
@@ -534,23 +534,23 @@ static void controls_are_read_back(void **state SST_UNUSED)
     rig.cfg.control[0] = (struct sst_grab_control){ "exposure_time_absolute", 120 };
     rig.cfg.control[1] = (struct sst_grab_control){ "auto_exposure", 1 };
     rig.cfg.control[2] = (struct sst_grab_control){ "gain", 20 };
-    assert_int_equal(sst_stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
+    assert_int_equal(stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
     assert_string_equal(note, "");
-    sst_stream_close(stream);
+    stream_close(stream);
 
     rig.cfg.control[2].value = 1000000;
     snprintf(rig.cfg.control[0].name, SST_GRAB_NAME_MAX, "exposure");
-    assert_int_equal(sst_stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
+    assert_int_equal(stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
     assert_non_null(strstr(note, "there is no control exposure"));
     assert_non_null(strstr(note, "gain cannot be 1000000"));
-    sst_stream_close(stream);
+    stream_close(stream);
 
     assert_int_equal(rig_fault("camera.%d.control_stuck=1", 0), 0);
     rig.cfg.controls = 1;
     rig.cfg.control[0] = (struct sst_grab_control){ "gain", 33 };
-    assert_int_equal(sst_stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
+    assert_int_equal(stream_open(&stream, &devices[0], &rig.cfg, 0, why, note), 0);
     assert_non_null(strstr(note, "gain reads back as"));
-    sst_stream_close(stream);
+    stream_close(stream);
     assert_int_equal(rig_fault("camera.%d.control_stuck=0", 0), 0);
     free(devices);
 }

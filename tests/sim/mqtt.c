@@ -18,11 +18,11 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "daemon/publish/mqtt_parts.h"
+#include "daemon/publish/publish_internal.h"
 #include "tests/quick.h"
 
 #define BROKER   "/usr/sbin/mosquitto"
-#define PATIENCE 6000 /* looks, 10 ms apart, for what comes sooner or later */
+#define PATIENCE 6000  /* looks, 10 ms apart, for what comes sooner or later */
 #define CLOSE_MS 60000 /* for an end that comes in any case; where it must be quick, that is measured */
 
 extern char **environ;

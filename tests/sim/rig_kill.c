@@ -17,7 +17,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "pipeline/image/codec.h"
-#include "simulators/scene/world/strip.h"
+#include "simulators/scene/world/world_internal.h"
 
 #define KILLS       3
 #define RUN_LIMIT_S 120
@@ -120,7 +120,7 @@ static void check_strip(json_t *line, const char *file)
     char path[256];
 
     snprintf(path, sizeof(path), "%s/views/%s", dir, file);
-    if (sst_image_read(&image, path) || sst_strip_read(image.plane[1], image.stride, image.width, image.height, &e))
+    if (sst_image_read(&image, path) || strip_read(image.plane[1], image.stride, image.width, image.height, &e))
         fail("no picture with a strip", path);
     for (size_t a = 0; a < 2; a++) {
         const json_int_t read = json_integer_value(json_array_get(json_object_get(line, "read_um"), a));

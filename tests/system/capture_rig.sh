@@ -22,7 +22,7 @@ cat >inside.sh <<'INSIDE'
 rig=("$@")
 fail() { echo "FAIL: $*"; bad=1; }
 bad=0
-bus=rtu:/dev/serial/by-id/usb-sst_sim_rig,115200,8E1
+bus=rtu:/dev/serial/by-id/usb-sim_rig,115200,8E1
 timeout 600 "$sst" capture rig "${rig[@]}" --bus $bus -o lf --json >report 2>err || fail "capture over RTU: $(cat err)"
 grep -q '"taken":3' report || fail "not three views: $(cat report)"
 [ -f lf/lightfield.json ] && [ "$(ls lf/views | wc -l)" -eq 3 ] || fail "no light field: $(ls lf lf/views)"

@@ -22,7 +22,7 @@ put 2 12345 -t 4:int
 put 0 1 -t 4; put 0 3 -t 4; wait_for 12 8 "not in position"
 at=$(value -a 1 -t 3:int -r 2)
 [ "$at" -ge 12335 ] && [ "$at" -le 12355 ] || { echo "FAIL: at $at, not 12345"; exit 1; }
-line=$(readlink "$SST_SIM_DIR/dev/serial/by-id/usb-sst_sim_rig")
+line=$(readlink "$SST_SIM_DIR/dev/serial/by-id/usb-sim_rig")
 rtu=$(LD_PRELOAD= timeout 60 mbpoll -o 10 -q -1 -0 -B -m rtu -b 19200 -P even -a 1 -t 3:int -r 2 "$line" | sed -n 's/^\[[0-9]*\]:[^-0-9]*//p')
 [ $((rtu - at)) -ge -3 ] && [ $((rtu - at)) -le 3 ] || { echo "FAIL: RTU says $rtu, TCP $at"; exit 1; }
 LD_PRELOAD= timeout 60 mbpoll -o 10 -q -1 -0 -m tcp -p "$port" -a 1 -t 4 -r 64 127.0.0.1 2>&1 | grep -qi "illegal data address" || { echo "FAIL: no exception 2"; exit 1; }

@@ -6,8 +6,8 @@
  * cameras=36 bytes=40000 sets=100 rate=10 sync=1 segment_s=60 segment_bytes=0 append=0 holes=1 exact=0 pace=0
  * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0
  * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; first: index of
- * the first set; stay: after an error go on with the next set 20 ms later; the first time that recording is not possible
- * those sets do not count, a minute at most: somebody is about to mend it. */
+ * the first set; stay: after an error go on with the next set 20 ms later; the first time that recording is not
+ * possible those sets do not count, a minute at most: somebody is about to mend it. */
 #include <errno.h>
 #include <stdio.h>
 #include <time.h>
@@ -26,9 +26,9 @@ static struct {
     const char *name;
     double value;
 } options[] = {
-    { "cameras", 36 }, { "bytes", 40000 }, { "sets", 100 }, { "rate", 10 }, { "sync", 1 }, { "segment_s", 60 },
-    { "segment_bytes", 0 }, { "append", 0 }, { "holes", 1 }, { "exact", 0 }, { "pace", 0 }, { "width", 640 },
-    { "height", 480 }, { "jpeg", 0 }, { "first", 0 }, { "stay", 0 },
+    { "cameras", 36 },      { "bytes", 40000 }, { "sets", 100 }, { "rate", 10 }, { "sync", 1 }, { "segment_s", 60 },
+    { "segment_bytes", 0 }, { "append", 0 },    { "holes", 1 },  { "exact", 0 }, { "pace", 0 }, { "width", 640 },
+    { "height", 480 },      { "jpeg", 0 },      { "first", 0 },  { "stay", 0 },
 };
 static const char *format = "MJPG";
 
@@ -148,9 +148,10 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
         return 1;
     if (bench)
         printf("%d sets of %d cameras, %.3f MB each: CPU %.3f ms, wall %.3f ms, longest %.1f ms per set; "
-               "%llu syncs, longest %.1f ms; %llu segments\n", n, s->cameras, (double)c.bytes * 1e-6 / n,
-               (double)cpu * 1e-6 / n, (double)wall * 1e-6 / n, (double)longest * 1e-6, (unsigned long long)c.syncs,
-               (double)c.sync_max_ns * 1e-6, (unsigned long long)c.segments);
+               "%llu syncs, longest %.1f ms; %llu segments\n",
+               n, s->cameras, (double)c.bytes * 1e-6 / n, (double)cpu * 1e-6 / n, (double)wall * 1e-6 / n,
+               (double)longest * 1e-6, (unsigned long long)c.syncs, (double)c.sync_max_ns * 1e-6,
+               (unsigned long long)c.segments);
     return 0;
 }
 

@@ -18,13 +18,13 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/lightfield/rectify/rectify.h"
-#include "simulators/scene/world/render.h"
+#include "simulators/scene/world/world_internal.h"
 
 #define HIDDEN 0.998 /* a surface nearer than this share of a point's depth hides it */
 
 struct work {
     const struct sst_lightfield *lf;
-    const struct sst_sim_stage *stage;
+    const struct sim_stage *stage;
     int frame;
     struct sst_warp rays;
     struct sst_map_f32 depth, disp, visible;
@@ -38,7 +38,7 @@ static size_t cell(const struct work *w, int x, int y)
 
 static void aim(struct work *w, int x, int y, const double ray[3])
 {
-    const struct sst_sim_optics *o = sst_sim_stage_optics(w->stage);
+    const struct sim_optics *o = sim_stage_optics(w->stage);
 
     w->rays.x[cell(w, x, y)] = (float)(o->focal_px * ray[0] / ray[2] + o->cx);
     w->rays.y[cell(w, x, y)] = (float)(o->focal_px * ray[1] / ray[2] + o->cy);
@@ -47,13 +47,13 @@ static void aim(struct work *w, int x, int y, const double ray[3])
 /* The true ray, z = 1, of a rectified pixel. @return false: it is from outside the raw picture */
 static bool true_ray(const struct work *w, int view, int x, int y, double ray[3])
 {
-    const struct sst_sim_camera *c = sst_sim_stage_camera(w->stage, view);
+    const struct sim_camera *c = sim_stage_camera(w->stage, view);
     const struct sst_calib *calib = w->lf->calibration;
     double raw_x, raw_y, a, b, to[3];
 
     if (!sst_rectify_point(w->lf->rectified, calib, view, x, y, &raw_x, &raw_y) || !(raw_x >= 0) || !(raw_y >= 0) ||
         raw_x > calib->width - 1 || raw_y > calib->height - 1 ||
-        !sst_sim_camera_undistort(c, (raw_x - c->cx) / c->fx, (raw_y - c->cy) / c->fy, &a, &b))
+        !sim_camera_undistort(c, (raw_x - c->cx) / c->fx, (raw_y - c->cy) / c->fy, &a, &b))
         return false;
     for (int i = 0; i < 3; i++)
         to[i] = c->rotation[i] * a + c->rotation[3 + i] * b + c->rotation[6 + i];
@@ -65,7 +65,7 @@ static bool true_ray(const struct work *w, int view, int x, int y, double ray[3]
 /* Depth along the rectified axis of a point as the calibration would have it, if it knew where the point is. */
 static double rectified_depth(const struct work *w, int view, const double at[3])
 {
-    const struct sst_sim_camera *c = sst_sim_stage_camera(w->stage, view);
+    const struct sim_camera *c = sim_stage_camera(w->stage, view);
     const double *r = w->lf->rectified->rotation;
     double z = 0;
 
@@ -81,7 +81,7 @@ static double rectified_depth(const struct work *w, int view, const double at[3]
 static int find_disparity(struct work *w)
 {
     const int view = w->lf->ref_view;
-    const struct sst_sim_camera *c = sst_sim_stage_camera(w->stage, view);
+    const struct sim_camera *c = sim_stage_camera(w->stage, view);
     const struct sst_rectified *to = w->lf->rectified;
     int err;
 
@@ -94,7 +94,7 @@ static int find_disparity(struct work *w)
             memcpy(w->at[cell(w, x, y)], ray, sizeof(ray));
         }
     }
-    err = sst_sim_stage_look(w->stage, w->frame, c->position_mm, &w->rays, &w->depth, NULL);
+    err = sim_stage_look(w->stage, w->frame, c->position_mm, &w->rays, &w->depth, NULL);
     for (int y = 0; y < w->rays.height && !err; y++) {
         for (int x = 0; x < w->rays.width; x++) {
             const double depth = sst_map_f32_row(&w->depth, y)[x];
@@ -114,7 +114,7 @@ static int find_disparity(struct work *w)
 /* Make what another camera does not see unknown in `visible`. */
 static int hide(struct work *w, int view)
 {
-    const double *eye = sst_sim_stage_camera(w->stage, view)->position_mm;
+    const double *eye = sim_stage_camera(w->stage, view)->position_mm;
     int err;
 
     for (int y = 0; y < w->rays.height; y++) {
@@ -124,7 +124,7 @@ static int hide(struct work *w, int view)
             aim(w, x, y, ray[2] > 0 ? ray : (const double[3]){ 0, 0, 1 });
         }
     }
-    err = sst_sim_stage_look(w->stage, w->frame, eye, &w->rays, &w->depth, NULL);
+    err = sim_stage_look(w->stage, w->frame, eye, &w->rays, &w->depth, NULL);
     for (int y = 0; y < w->rays.height && !err; y++) {
         for (int x = 0; x < w->rays.width; x++) {
             const double d = sst_map_f32_row(&w->disp, y)[x], depth = w->at[cell(w, x, y)][2] - eye[2];
@@ -189,7 +189,7 @@ static int make_room(struct work *w, int width, int height)
 int main(int argc, char **argv)
 {
     static struct sst_sim_settings settings;
-    struct sst_sim_stage *stage = NULL;
+    struct sim_stage *stage = NULL;
     struct sst_lightfield lf = { 0 };
     struct work w = { .lf = &lf, .frame = argc > 4 ? atoi(argv[4]) : 0 };
     int err;
@@ -200,7 +200,7 @@ int main(int argc, char **argv)
     }
     err = sst_sim_settings_read(&settings, argv[1]);
     if (!err)
-        err = sst_sim_stage_open(&stage, &settings);
+        err = sim_stage_open(&stage, &settings);
     w.stage = stage;
     if (!err)
         err = sst_lightfield_load(&lf, argv[2], 0, 1);
@@ -220,6 +220,6 @@ int main(int argc, char **argv)
     sst_map_f32_fini(&w.depth);
     sst_warp_fini(&w.rays);
     sst_lightfield_fini(&lf);
-    sst_sim_stage_close(stage);
+    sim_stage_close(stage);
     return err ? EXIT_FAILURE : EXIT_SUCCESS;
 }

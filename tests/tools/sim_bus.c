@@ -22,12 +22,12 @@
 
 #define PATIENCE_MS 60000 /* for what a simulator that stands still for a while does later */
 
-#define CHECK(what)                                                                          \
-    do {                                                                                     \
-        if (!(what)) {                                                                       \
-            printf("line %d: not so: %s (%s)\n", __LINE__, #what, strerror(errno));          \
-            exit(1);                                                                         \
-        }                                                                                    \
+#define CHECK(what)                                                                                                    \
+    do {                                                                                                               \
+        if (!(what)) {                                                                                                 \
+            printf("line %d: not so: %s (%s)\n", __LINE__, #what, strerror(errno));                                    \
+            exit(1);                                                                                                   \
+        }                                                                                                              \
     } while (0)
 
 static int64_t now_ns(void)

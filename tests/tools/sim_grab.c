@@ -16,7 +16,7 @@
 
 #include <turbojpeg.h>
 
-#include "simulators/scene/world/strip.h"
+#include "simulators/scene/world/world_internal.h"
 
 #define BUFFERS 16 /* more than a test wants frames of: none is lost while we stand still */
 
@@ -54,7 +54,7 @@ static int print_frame(const uint8_t *luma, int width, int height, const struct 
 {
     struct sst_sim_exposure e;
 
-    if (!luma || sst_strip_read(luma, (size_t)width, width, height, &e)) {
+    if (!luma || strip_read(luma, (size_t)width, width, height, &e)) {
         printf("bad strip, sequence %u flags %x bytes %u\n", b->sequence, b->flags, b->bytesused);
         return 1;
     }

@@ -97,7 +97,8 @@ static void faults_are_told(void **state)
     refuse("cameras: { controls: { gain: 1.5 } }\n", "whole number");
     refuse("cameras: { bind: [ { row: 0, col: 0 } ] }\n", "serial or its port");
     refuse("cameras: { bind: [ { row: 6, col: 0, serial: A } ] }\n", "row");
-    refuse("cameras: { bind: [ { row: 0, col: 0, serial: A }, { row: 0, col: 0, serial: B } ] }\n", "assigns a second camera");
+    refuse("cameras: { bind: [ { row: 0, col: 0, serial: A }, { row: 0, col: 0, serial: B } ] }\n",
+           "assigns a second camera");
     refuse("cameras: { bind: [ { row: 0, col: 0, serial: A }, { row: 0, col: 1, serial: A } ] }\n", "serial A twice");
     refuse("cameras: { bind: [ { row: 0, col: 0, serial: A, line: X } ] }\n", "unknown trigger line `X`");
     refuse("trigger: { source: gpio }\n", "needs trigger: lines");

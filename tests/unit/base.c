@@ -226,12 +226,9 @@ static void interrupt_leaves_whole_folders(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(parallel_for_runs_every_index),
-        cmocka_unit_test(parallel_for_reports_the_lowest_error),
-        cmocka_unit_test(parallel_for_shows_one_error),
-        cmocka_unit_test(alloc_refuses_overflow),
-        cmocka_unit_test(outfile_appears_whole_or_not),
-        cmocka_unit_test(swap_exchanges_or_moves),
+        cmocka_unit_test(parallel_for_runs_every_index),  cmocka_unit_test(parallel_for_reports_the_lowest_error),
+        cmocka_unit_test(parallel_for_shows_one_error),   cmocka_unit_test(alloc_refuses_overflow),
+        cmocka_unit_test(outfile_appears_whole_or_not),   cmocka_unit_test(swap_exchanges_or_moves),
         cmocka_unit_test(interrupt_leaves_whole_folders),
     };
 

@@ -15,7 +15,7 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 #include "tests/calib_solution.h"
 
 static char dir[] = "/tmp/sst-calib-report-XXXXXX";
@@ -106,8 +106,8 @@ static void numbers_have_sensible_digits(void **state)
     assert_string_equal(SST_COUNT(53214), "53,214");
     assert_string_equal(SST_COUNT(-1234567), "-1,234,567");
     assert_string_equal(SST_COUNT(-123), "-123");
-    assert_string_equal(sst_calib_date(0).text, "unknown");
-    assert_string_equal(sst_calib_date(1700000000000000000).text, "2023-11-14 22:13:20 UTC");
+    assert_string_equal(calib_date(0).text, "unknown");
+    assert_string_equal(calib_date(1700000000000000000).text, "2023-11-14 22:13:20 UTC");
 }
 
 static char *written(void (*write)(FILE *, const char *), const char *text)
@@ -124,7 +124,7 @@ static char *written(void (*write)(FILE *, const char *), const char *text)
 
 static void base64_of(FILE *out, const char *text)
 {
-    sst_base64(out, (const uint8_t *)text, strlen(text));
+    encode_base64(out, (const uint8_t *)text, strlen(text));
 }
 
 /* RFC 4648, section 10, and what browsers and parsers stumble over. */
@@ -154,7 +154,7 @@ static void text_cannot_become_markup(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(pairs); i++) {
-        char *html = written(sst_html_text, pairs[i][0]);
+        char *html = written(html_text, pairs[i][0]);
 
         assert_string_equal(html, pairs[i][1]);
         free(html);
@@ -165,31 +165,31 @@ static void text_cannot_become_markup(void **state)
         assert_string_equal(text, base64[i][1]);
         free(text);
     }
-    sst_calib_utf8(clean, "<\xFF>\x1B[31m\xC3\xA9");
+    calib_utf8(clean, "<\xFF>\x1B[31m\xC3\xA9");
     assert_string_equal(clean, "<\xEF\xBF\xBD>\xEF\xBF\xBD[31m\xC3\xA9");
 }
 
 static void scales_are_round_and_robust(void **state)
 {
     double values[200];
-    struct sst_calib_scale s;
+    struct calib_scale s;
 
     (void)state;
     for (int i = 0; i < 200; i++)
         values[i] = i < 195 ? 0.14 : 5; /* one part in forty far off does not stretch the colours */
     values[0] = NAN;
-    s = sst_calib_scale_fit(values, 200);
+    s = calib_scale_fit(values, 200);
     assert_near(s.hi, 0.25, 1e-12); /* 1.7 * 0.14 = 0.238 */
-    assert_int_equal(sst_calib_level(s, 0), 0);
-    assert_int_equal(sst_calib_level(s, 0.14), 5);
-    assert_int_equal(sst_calib_level(s, 5), 9);
-    assert_int_equal(sst_calib_level(s, -1), 0);
-    assert_int_equal(sst_calib_level(s, NAN), -1);
-    s = sst_calib_scale_fit(values, 1); /* nothing known */
+    assert_int_equal(calib_level(s, 0), 0);
+    assert_int_equal(calib_level(s, 0.14), 5);
+    assert_int_equal(calib_level(s, 5), 9);
+    assert_int_equal(calib_level(s, -1), 0);
+    assert_int_equal(calib_level(s, NAN), -1);
+    s = calib_scale_fit(values, 1); /* nothing known */
     assert_true(s.hi > s.lo);
-    assert_near(sst_calib_round_down(0.34), 0.2, 1e-15);
-    assert_near(sst_calib_round_down(1000), 1000, 1e-9);
-    assert_near(sst_calib_round_down(99), 50, 1e-12);
+    assert_near(calib_round_down(0.34), 0.2, 1e-15);
+    assert_near(calib_round_down(1000), 1000, 1e-9);
+    assert_near(calib_round_down(99), 50, 1e-12);
 }
 
 /* Two cameras side by side, one frame, four corners each in one region; every number by hand. */
@@ -199,7 +199,7 @@ static void figures_are_those_worked_by_hand(void **state)
     static const double right[4][2] = { { 0.1, 0.2 }, { -0.1, 0.2 }, { 0, 0.2 }, { 0, 0.2 } };
     struct made_config cfg = made_defaults();
     struct made m;
-    struct sst_calib_figures f;
+    struct calib_figures f;
 
     (void)state;
     cfg.rows = 1, cfg.cols = 2, cfg.frames = 1, cfg.across = cfg.down = 1, cfg.width = 800, cfg.height = 600;
@@ -221,7 +221,7 @@ static void figures_are_those_worked_by_hand(void **state)
     m.solution.frame[0] = (struct sst_solve_frame){ .known = true, .rms_px = 0.25 };
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(sst_calib_figures_init(&f, &report), 0);
+    assert_int_equal(calib_figures_init(&f, &report), 0);
     assert_int_equal(f.known, 2);
     /* Column 210.5 / 100 = 2, row 510.5 / 100 = 5; the outlier does not count. */
     assert_int_equal(f.camera[0].region[5][2].corners, 3);
@@ -247,7 +247,7 @@ static void figures_are_those_worked_by_hand(void **state)
     assert_int_equal(f.pairs, 0); /* three shared corners are too few */
     assert_near(f.centre_mm[0][0], 0, 1e-12);
     assert_near(f.lattice_mm[1][0], 0, 1e-9); /* two places are always a lattice */
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     made_close(&m);
 }
 
@@ -256,7 +256,7 @@ static void lattice_is_fitted(void **state)
 {
     struct made_config cfg = small();
     struct made m;
-    struct sst_calib_figures f;
+    struct calib_figures f;
     double sum[2] = { 0 };
 
     (void)state;
@@ -271,16 +271,16 @@ static void lattice_is_fitted(void **state)
     }
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(sst_calib_figures_init(&f, &report), 0);
+    assert_int_equal(calib_figures_init(&f, &report), 0);
     for (int k = 0; k < 6; k++) {
         assert_near(f.lattice_mm[k][0], 0, 1e-12);
         assert_near(f.lattice_mm[k][1], 0, 1e-12);
         assert_near(f.centre_mm[k][2], k == 3 ? 0.5 : -0.1, 1e-12); /* against the mean */
     }
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     m.solution.calib.camera[0].position_mm[0] += 0.6;
     m.solution.calib.camera[0].position_mm[1] -= 0.3;
-    assert_int_equal(sst_calib_figures_init(&f, &report), 0);
+    assert_int_equal(calib_figures_init(&f, &report), 0);
     /* Leverage of a corner of 2x3 with three parameters: 1/6 + 1/4 + 1/6 = 7/12 is fitted away. */
     assert_near(f.lattice_mm[0][0], 0.6 * 5 / 12, 1e-12);
     assert_near(f.lattice_mm[0][1], -0.3 * 5 / 12, 1e-12);
@@ -290,7 +290,7 @@ static void lattice_is_fitted(void **state)
     }
     assert_near(sum[0], 0, 1e-12);
     assert_near(sum[1], 0, 1e-12);
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     made_close(&m);
 }
 
@@ -300,7 +300,7 @@ static void pairs_are_compared_across_their_line(void **state)
     static const double quarter[9] = { 0, 1, 0, -1, 0, 0, 0, 0, 1 }; /* camera from rig */
     struct made_config cfg = small();
     struct made m;
-    struct sst_calib_figures f;
+    struct calib_figures f;
 
     (void)state;
     cfg.rows = 1, cfg.cols = 2, cfg.noise_px = 0.01, cfg.frames = 40;
@@ -317,7 +317,7 @@ static void pairs_are_compared_across_their_line(void **state)
     }
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(sst_calib_figures_init(&f, &report), 0);
+    assert_int_equal(calib_figures_init(&f, &report), 0);
     assert_int_equal(f.pairs, 1);
     assert_near(f.pair_mean_px, 0.2, 0.005);
     assert_near(f.pair_max_px, 0.2, 0.005);
@@ -326,12 +326,12 @@ static void pairs_are_compared_across_their_line(void **state)
     assert_true(f.camera[0].systematic_px < 0.003);
     assert_int_equal(f.systematic_camera, 1);
     assert_true(f.direction_z > 10);
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     /* Its picture's down is the rig's left: along the line between them, so no longer across it. */
     memcpy(m.solution.calib.camera[1].rotation, quarter, sizeof(quarter));
-    assert_int_equal(sst_calib_figures_init(&f, &report), 0);
+    assert_int_equal(calib_figures_init(&f, &report), 0);
     assert_near(f.pair_mean_px, 0, 0.005);
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     made_close(&m);
 }
 
@@ -339,30 +339,30 @@ static void random_residuals_look_random(void **state)
 {
     struct made_config cfg = small();
     struct made m;
-    struct sst_calib_figures f;
+    struct calib_figures f;
 
     (void)state;
     cfg.frames = 60;
     made_open(&m, &cfg);
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(sst_calib_figures_init(&f, &report), 0);
+    assert_int_equal(calib_figures_init(&f, &report), 0);
     assert_true(f.regions > 100);
     assert_true(fabs(f.direction_z) < 3);
     assert_true(f.regions_off < 3);
     assert_near((double)f.within[0] / (double)f.samples, 0.6827, 0.01);
     assert_near((double)f.within[1] / (double)f.samples, 0.9545, 0.006);
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     made_close(&m);
 }
 
 /* Verdict of the small array with one thing changed. */
-static enum sst_calib_verdict verdict_with(void (*change)(struct made *), const char *reason)
+static enum calib_verdict verdict_with(void (*change)(struct made *), const char *reason)
 {
     struct made_config cfg = small();
     struct made m;
-    struct sst_calib_figures f;
-    enum sst_calib_verdict verdict;
+    struct calib_figures f;
+    enum calib_verdict verdict;
     char text[640];
     bool found = false;
 
@@ -371,9 +371,9 @@ static enum sst_calib_verdict verdict_with(void (*change)(struct made *), const 
     change(&m);
     const struct sst_calib_report report = report_of(&m);
 
-    assert_int_equal(sst_calib_figures_init(&f, &report), 0);
+    assert_int_equal(calib_figures_init(&f, &report), 0);
     for (int i = 0; i < f.bars; i++) {
-        if (sst_calib_bar_reason(&f.bar[i], text)) {
+        if (calib_bar_reason(&f.bar[i], text)) {
             if (!reason || !strstr(text, reason))
                 fail_msg("not expected: %s", text);
             found = true;
@@ -381,7 +381,7 @@ static enum sst_calib_verdict verdict_with(void (*change)(struct made *), const 
     }
     assert_true(found == (reason != NULL));
     verdict = f.verdict;
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     made_close(&m);
     return verdict;
 }

@@ -15,10 +15,10 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/import.h"
+#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/render/render.h"
 #include "tests/small.h"
 

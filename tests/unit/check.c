@@ -16,7 +16,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 #include "simulators/scene/noise.h"
 #include "tests/small.h"
 
@@ -128,20 +128,20 @@ static void quantile_is_nearest_rank(void **state)
     double v[] = { 5, 1, 4, 2, 3 };
 
     (void)state;
-    assert_true(sst_check_quantile(v, 5, 0.5) == 3);
-    assert_true(sst_check_quantile(v, 5, 0) == 1);
-    assert_true(sst_check_quantile(v, 5, 1) == 5);
-    assert_true(sst_check_quantile(v, 1, 0.95) == 1);
+    assert_true(check_quantile(v, 5, 0.5) == 3);
+    assert_true(check_quantile(v, 5, 0) == 1);
+    assert_true(check_quantile(v, 5, 1) == 5);
+    assert_true(check_quantile(v, 1, 0.95) == 1);
 }
 
 /* Level 1's pixel 3 is the mean of 6 and 7: its centre is at 6.5, to which both round (6.5 - 0.5) / 2 = 3. */
 static void levels_share_centres(void **state)
 {
     (void)state;
-    assert_int_equal(sst_check_to_level(6, 1), 3);
-    assert_int_equal(sst_check_to_level(7, 1), 3);
-    assert_int_equal(sst_check_to_level(6, 0), 6);
-    assert_int_equal(sst_check_to_level(8, 2), 2); /* (8 - 1.5) / 4 = 1.6 */
+    assert_int_equal(check_to_level(6, 1), 3);
+    assert_int_equal(check_to_level(7, 1), 3);
+    assert_int_equal(check_to_level(6, 0), 6);
+    assert_int_equal(check_to_level(8, 2), 2); /* (8 - 1.5) / 4 = 1.6 */
 }
 
 static const struct sst_map_u8 everywhere; /* empty: the whole picture is one */
@@ -149,8 +149,8 @@ static const struct sst_map_u8 everywhere; /* empty: the whole picture is one */
 /* Sub-pixel shifts by eighths: mean of the error over all features below 0.01 px for every one, in both axes. */
 static void alignment_is_unbiased(void **state)
 {
-    static struct sst_check_view a, b;
-    const struct sst_check_search s = { .u = { 1, 0 }, .n = { 0, 1 } };
+    static struct check_view a, b;
+    const struct check_search s = { .u = { 1, 0 }, .n = { 0, 1 } };
     struct recipe r = plain(1, 2, 3);
     struct sst_image one, other;
     double worst = 0;
@@ -158,7 +158,7 @@ static void alignment_is_unbiased(void **state)
     (void)state;
     r.wall = r.disc = 0;
     draw_view(&one, &r, 0, 0, 0);
-    assert_int_equal(sst_check_view_init(&a, &one, &everywhere, 160), 0);
+    assert_int_equal(check_view_init(&a, &one, &everywhere, 160), 0);
     for (int step = -4; step <= 4; step++) {
         double sum[2] = { 0 }, squares = 0;
         int n = 0;
@@ -166,11 +166,11 @@ static void alignment_is_unbiased(void **state)
         r.fault[1].x = 2 + step / 8.0;
         r.fault[1].y = -1 - step / 8.0;
         draw_view(&other, &r, 1, 0, 0);
-        assert_int_equal(sst_check_view_init(&b, &other, &everywhere, 160), 0);
+        assert_int_equal(check_view_init(&b, &other, &everywhere, 160), 0);
         for (int i = 0; i < a.first[SST_CHECK_CELLS]; i++) {
-            struct sst_check_match m = { .dx = 2, .dy = -1 };
+            struct check_match m = { .dx = 2, .dy = -1 };
 
-            sst_check_refine(&m, &a, &b, &a.feature[i], &s, 0);
+            check_refine(&m, &a, &b, &a.feature[i], &s, 0);
             if (m.outcome != SST_CHECK_MATCHED)
                 continue;
             sum[0] += m.dx - r.fault[1].x;
@@ -181,20 +181,20 @@ static void alignment_is_unbiased(void **state)
         assert_true(n > 300);
         worst = fmax(worst, fmax(fabs(sum[0] / n), fabs(sum[1] / n)));
         assert_true(sqrt(squares / n) < 0.03);
-        sst_check_view_fini(&b);
+        check_view_fini(&b);
         sst_image_fini(&other);
     }
     print_message("largest mean error %.4f px\n", worst);
     assert_true(worst < 0.01);
-    sst_check_view_fini(&a);
+    check_view_fini(&a);
     sst_image_fini(&one);
 }
 
 /* Sigmas of matches are what their errors are, within a factor of 1.5: noise of 3 grey levels, one depth. */
 static void sigmas_are_true(void **state)
 {
-    static struct sst_check_view a, b;
-    const struct sst_check_search s = { .u = { 0, 1 }, .n = { 1, 0 }, .noise = 3 * 0.306 };
+    static struct check_view a, b;
+    const struct check_search s = { .u = { 0, 1 }, .n = { 1, 0 }, .noise = 3 * 0.306 };
     struct recipe r = plain(1, 2, 4);
     struct sst_image one, other;
     double cross = 0, along = 0;
@@ -206,12 +206,12 @@ static void sigmas_are_true(void **state)
     r.fault[1] = (struct fault){ .x = 0.3, .y = 0.4, .gain = 0.9 };
     draw_view(&one, &r, 0, 0, 0);
     draw_view(&other, &r, 1, 0, 0);
-    assert_int_equal(sst_check_view_init(&a, &one, &everywhere, 160), 0);
-    assert_int_equal(sst_check_view_init(&b, &other, &everywhere, 160), 0);
+    assert_int_equal(check_view_init(&a, &one, &everywhere, 160), 0);
+    assert_int_equal(check_view_init(&b, &other, &everywhere, 160), 0);
     for (int i = 0; i < a.first[SST_CHECK_CELLS]; i++) {
-        struct sst_check_match m = { .dx = 0, .dy = 0 };
+        struct check_match m = { .dx = 0, .dy = 0 };
 
-        sst_check_refine(&m, &a, &b, &a.feature[i], &s, 0);
+        check_refine(&m, &a, &b, &a.feature[i], &s, 0);
         if (m.outcome != SST_CHECK_MATCHED)
             continue;
         cross += pow(m.dx - 0.3, 2) / m.var_cross;
@@ -222,8 +222,8 @@ static void sigmas_are_true(void **state)
     assert_true(n > 200);
     assert_true(cross / n > 1 / 2.25 && cross / n < 2.25);
     assert_true(along / n > 1 / 2.25 && along / n < 2.25);
-    sst_check_view_fini(&a);
-    sst_check_view_fini(&b);
+    check_view_fini(&a);
+    check_view_fini(&b);
     sst_image_fini(&one);
     sst_image_fini(&other);
 }
@@ -426,7 +426,7 @@ static void blank_and_repeated_walls_raise_no_alarm(void **state)
 /* (R + 2 G + B) / 4 and the mean of four pixels: noise of 1 becomes sqrt(6) / 8. */
 static void noise_is_measured(void **state)
 {
-    static struct sst_check_view v;
+    static struct check_view v;
     struct recipe r = plain(1, 1, 43);
     struct sst_image image;
 
@@ -434,10 +434,10 @@ static void noise_is_measured(void **state)
     r.contrast = 0;
     for (r.noise = 2; r.noise <= 8; r.noise *= 2) {
         draw_view(&image, &r, 0, 0, 0);
-        assert_int_equal(sst_check_view_init(&v, &image, &everywhere, 160), 0);
+        assert_int_equal(check_view_init(&v, &image, &everywhere, 160), 0);
         assert_true(fabs(v.noise / (r.noise * sqrt(6) / 8) - 1) < 0.2);
         assert_int_equal(v.first[SST_CHECK_CELLS], 0);
-        sst_check_view_fini(&v);
+        check_view_fini(&v);
         sst_image_fini(&image);
     }
 }
@@ -445,7 +445,7 @@ static void noise_is_measured(void **state)
 /* What a camera does not see of the common view is black with a hard edge, which is no feature. */
 static void borders_are_no_features(void **state)
 {
-    static struct sst_check_view v;
+    static struct check_view v;
     const struct recipe r = plain(1, 1, 44);
     struct sst_image image;
     struct sst_map_u8 valid;
@@ -462,16 +462,16 @@ static void borders_are_no_features(void **state)
                 sst_image_row(&image, c, y)[x] = 0;
         }
     }
-    assert_int_equal(sst_check_view_init(&v, &image, &everywhere, 160), 0);
+    assert_int_equal(check_view_init(&v, &image, &everywhere, 160), 0);
     for (int i = 0; i < v.first[SST_CHECK_CELLS]; i++)
         before += abs(v.feature[i].x + v.feature[i].y / 4 - image.width / 2) < 8;
     assert_true(before > 0);
-    sst_check_view_fini(&v);
-    assert_int_equal(sst_check_view_init(&v, &image, &valid, 160), 0);
+    check_view_fini(&v);
+    assert_int_equal(check_view_init(&v, &image, &valid, 160), 0);
     assert_true(v.first[SST_CHECK_CELLS] > 0);
     for (int i = 0; i < v.first[SST_CHECK_CELLS]; i++)
         assert_true(v.feature[i].x + v.feature[i].y / 4 - image.width / 2 >= 8);
-    sst_check_view_fini(&v);
+    check_view_fini(&v);
     sst_map_u8_fini(&valid);
     sst_image_fini(&image);
 }

@@ -17,8 +17,8 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/image/codec.h"
 #include "pipeline/image/classes.h"
+#include "pipeline/image/codec.h"
 
 #define ROBUSTNESS "../shared/data/jpeg-robustness"
 

@@ -14,8 +14,8 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "config/schema.h"
 #include "base/yaml.h"
+#include "config/schema.h"
 
 static struct sst_config cfg, other;
 static char folder[64], said[8192];

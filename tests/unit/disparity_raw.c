@@ -13,10 +13,10 @@
 #include "pipeline/method/disparity/stage.h"
 #include "tests/onnx_writer.h"
 
-#define WIDTH 80
-#define HEIGHT 24
-#define MIN_PX (-20) /* with MAX_PX more than 48 px: whole steps */
-#define MAX_PX 30
+#define WIDTH    80
+#define HEIGHT   24
+#define MIN_PX   (-20) /* with MAX_PX more than 48 px: whole steps */
+#define MAX_PX   30
 #define SHIFT_PX 6
 
 struct pair {
@@ -160,8 +160,9 @@ static void networks_of_other_shapes_are_refused(void **state SST_UNUSED)
 {
     static const struct {
         int in, out, stride, want;
-    } cases[] = { { 1, 64, 1, 0 }, { 3, 64, 1, -EBADMSG }, { 1, 63, 1, -EBADMSG }, { 1, 128, 1, -EBADMSG },
-                  { 1, 64, 2, -EBADMSG } };
+    } cases[] = {
+        { 1, 64, 1, 0 }, { 3, 64, 1, -EBADMSG }, { 1, 63, 1, -EBADMSG }, { 1, 128, 1, -EBADMSG }, { 1, 64, 2, -EBADMSG }
+    };
     char path[] = "/tmp/sst-matching-XXXXXX";
     const int fd = mkstemp(path);
     struct sst_disparity_config cfg = raw_config();

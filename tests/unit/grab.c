@@ -11,20 +11,18 @@
 
 #include <cmocka.h>
 
-#include "drivers/grab/control.h"
-#include "drivers/grab/identity.h"
-#include "drivers/grab/raw.h"
+#include "drivers/grab/grab_internal.h"
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
 /* The smallest file with all that counts: frame header of 16x8, one scan with a stuffed byte and a restart. */
 static const uint8_t tiny[] = {
-    0xff, 0xd8,                                                                         /* 0: SOI */
-    0xff, 0xe0, 0x00, 0x04, 'a', 'b',                                                   /* 2: APP0 */
-    0xff, 0xc0, 0x00, 0x0b, 8, 0x00, 0x08, 0x00, 0x10, 1, 1, 0x11, 0,                   /* 8: SOF0 */
-    0xff, 0xda, 0x00, 0x08, 1, 1, 0, 0, 0x3f, 0,                                        /* 21: SOS */
-    0x12, 0xff, 0x00, 0x34, 0xff, 0xd0, 0x56, 0xff, 0xff, 0xd1, 0x78,                   /* 31: coded data */
-    0xff, 0xd9,                                                                         /* 42: EOI */
+    0xff, 0xd8,                                                                /* 0: SOI */
+    0xff, 0xe0, 0x00, 0x04, 'a',  'b',                                         /* 2: APP0 */
+    0xff, 0xc0, 0x00, 0x0b, 8,    0x00, 0x08, 0x00, 0x10, 1,    1,    0x11, 0, /* 8: SOF0 */
+    0xff, 0xda, 0x00, 0x08, 1,    1,    0,    0,    0x3f, 0,                   /* 21: SOS */
+    0x12, 0xff, 0x00, 0x34, 0xff, 0xd0, 0x56, 0xff, 0xff, 0xd1, 0x78,          /* 31: coded data */
+    0xff, 0xd9,                                                                /* 42: EOI */
 };
 
 /* From the heap, so that the address sanitizer sees a byte too many. */
@@ -99,7 +97,8 @@ static void jpeg_of_an_encoder_passes(void **state SST_UNUSED)
         unsigned long bytes = 0;
 
         assert_int_equal(tjCompress2(tj, rgb, 64, 0, 48, TJPF_RGB, &jpeg, &bytes, TJSAMP_422, 95,
-                                     progressive ? TJFLAG_PROGRESSIVE : 0), 0);
+                                     progressive ? TJFLAG_PROGRESSIVE : 0),
+                         0);
         assert_int_equal(sst_frame_check(V4L2_PIX_FMT_MJPEG, 64, 48, 0, jpeg, bytes), 0);
         assert_int_equal(sst_frame_check(V4L2_PIX_FMT_MJPEG, 48, 64, 0, jpeg, bytes), SST_FRAME_MARKER);
         for (unsigned long n = 2; n < bytes - 1; n += 97)
@@ -114,12 +113,12 @@ static void raw_frames_must_be_whole(void **state SST_UNUSED)
     static const uint8_t data[1] = { 0 };
 
     /* YUYV 6x4 with rows of 16 bytes: 3 whole rows and 12 bytes of the last. */
-    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_YUYV, 6, 4, 16), 60);
-    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_YUYV, 6, 4, 0), 48);
-    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_GREY, 5, 3, 0), 15);
-    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_Y10P, 8, 2, 0), 20); /* 4 pixels in 5 bytes */
-    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_NV12, 8, 4, 16), 96);
-    assert_int_equal(sst_raw_bytes(V4L2_PIX_FMT_MJPEG, 8, 4, 0), 0);
+    assert_int_equal(raw_bytes(V4L2_PIX_FMT_YUYV, 6, 4, 16), 60);
+    assert_int_equal(raw_bytes(V4L2_PIX_FMT_YUYV, 6, 4, 0), 48);
+    assert_int_equal(raw_bytes(V4L2_PIX_FMT_GREY, 5, 3, 0), 15);
+    assert_int_equal(raw_bytes(V4L2_PIX_FMT_Y10P, 8, 2, 0), 20); /* 4 pixels in 5 bytes */
+    assert_int_equal(raw_bytes(V4L2_PIX_FMT_NV12, 8, 4, 16), 96);
+    assert_int_equal(raw_bytes(V4L2_PIX_FMT_MJPEG, 8, 4, 0), 0);
     assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 59), SST_FRAME_SHORT);
     assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 60), 0);
     assert_int_equal(sst_frame_check(V4L2_PIX_FMT_YUYV, 6, 4, 16, data, 64), 0);
@@ -134,23 +133,23 @@ static void hash_sees_every_bit(void **state SST_UNUSED)
 
     for (size_t i = 0; i < sizeof(data); i++)
         data[i] = (uint8_t)(i * 37);
-    same = sst_frame_hash(data, sizeof(data));
-    assert_true(same == sst_frame_hash(data, sizeof(data)));
+    same = frame_hash(data, sizeof(data));
+    assert_true(same == frame_hash(data, sizeof(data)));
     for (size_t bit = 0; bit < 8 * sizeof(data); bit++) {
         data[bit / 8] ^= (uint8_t)(1 << bit % 8);
-        assert_true(sst_frame_hash(data, sizeof(data)) != same);
+        assert_true(frame_hash(data, sizeof(data)) != same);
         data[bit / 8] ^= (uint8_t)(1 << bit % 8);
     }
     memset(data, 0, sizeof(data));
     for (size_t n = 1; n < sizeof(data); n++)
-        assert_true(sst_frame_hash(data, n) != sst_frame_hash(data, n - 1));
+        assert_true(frame_hash(data, n) != frame_hash(data, n - 1));
 }
 
 /* --- identity ----------------------------------------------------------------------------------------------------- */
 
-static struct sst_grab_node node(int number, const char *serial, const char *port, int capture)
+static struct grab_node node(int number, const char *serial, const char *port, int capture)
 {
-    struct sst_grab_node n = { .number = number, .capture = capture };
+    struct grab_node n = { .number = number, .capture = capture };
 
     snprintf(n.device.serial, sizeof(n.device.serial), "%s", serial);
     snprintf(n.device.port, sizeof(n.device.port), "%s", port);
@@ -159,29 +158,29 @@ static struct sst_grab_node node(int number, const char *serial, const char *por
 
 static void ports_are_ordered_as_people_read_them(void **state SST_UNUSED)
 {
-    struct sst_grab_node n[] = { node(0, "", "1-2.10", 1), node(3, "", "1-2.9", 1), node(2, "", "1-2.9", 1),
-                                 node(1, "", "10-1", 1), node(4, "", "2-1", 1) };
+    struct grab_node n[] = { node(0, "", "1-2.10", 1), node(3, "", "1-2.9", 1), node(2, "", "1-2.9", 1),
+                             node(1, "", "10-1", 1), node(4, "", "2-1", 1) };
     static const int want[] = { 2, 3, 0, 4, 1 };
 
-    qsort(n, ARRAY_LEN(n), sizeof(*n), sst_grab_node_order);
+    qsort(n, ARRAY_LEN(n), sizeof(*n), grab_node_order);
     for (size_t i = 0; i < ARRAY_LEN(n); i++)
         assert_int_equal(n[i].number, want[i]);
 }
 
-static int match(const char *serial, const char *port, const struct sst_grab_node *n, int count, char *why)
+static int match(const char *serial, const char *port, const struct grab_node *n, int count, char *why)
 {
     struct sst_grab_binding b = { "", "" };
 
     snprintf(b.serial, sizeof(b.serial), "%s", serial);
     snprintf(b.port, sizeof(b.port), "%s", port);
-    return sst_grab_match(&b, n, count, why);
+    return grab_match(&b, n, count, why);
 }
 
 static void bindings_find_their_devices(void **state SST_UNUSED)
 {
     /* One camera with its metadata node first, one with two pictures, one without a serial. */
-    const struct sst_grab_node n[] = { node(1, "A", "1-1", 0), node(0, "A", "1-1", -1), node(2, "B", "1-2", 1),
-                                       node(3, "B", "1-2", 1), node(4, "", "1-3", 1) };
+    const struct grab_node n[] = { node(1, "A", "1-1", 0), node(0, "A", "1-1", -1), node(2, "B", "1-2", 1),
+                                   node(3, "B", "1-2", 1), node(4, "", "1-3", 1) };
     char why[SST_WHY_MAX];
 
     assert_int_equal(match("A", "", n, 5, why), 1);
@@ -196,7 +195,7 @@ static void bindings_find_their_devices(void **state SST_UNUSED)
 
 static void odd_identities_are_named(void **state SST_UNUSED)
 {
-    const struct sst_grab_node n[] = { node(0, "A", "1-1", 1), node(1, "A", "1-2", 1), node(2, "B", "1-3", 1) };
+    const struct grab_node n[] = { node(0, "A", "1-1", 1), node(1, "A", "1-2", 1), node(2, "B", "1-3", 1) };
     char why[SST_WHY_MAX];
 
     assert_int_equal(match("A", "", n, 3, why), -ENOTUNIQ);
@@ -228,10 +227,10 @@ static void control_names_are_those_of_v4l2_ctl(void **state SST_UNUSED)
     char out[64], small[6];
 
     for (size_t i = 0; i < ARRAY_LEN(names); i++) {
-        sst_control_name(out, sizeof(out), names[i][0]);
+        control_name(out, sizeof(out), names[i][0]);
         assert_string_equal(out, names[i][1]);
     }
-    sst_control_name(small, sizeof(small), "Exposure");
+    control_name(small, sizeof(small), "Exposure");
     assert_int_equal(strnlen(small, sizeof(small)) < sizeof(small), 1);
 }
 

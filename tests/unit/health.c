@@ -7,23 +7,23 @@
 
 #include <cmocka.h>
 
-#include "capture/array/health.h"
+#include "capture/array/array_internal.h"
 
 enum { CAMERAS = 36 };
 
-static struct sst_health health;
+static struct health health;
 static char name[CAMERAS][SST_HEALTH_NAME] = { "row 0, col 0" };
 
 static int begin(void **state)
 {
     (void)state;
-    health = (struct sst_health){ 0 };
+    health = (struct health){ 0 };
     return 0;
 }
 
 static void stray(int cam)
 {
-    sst_health_bucket(&health, &(struct sst_frame){ .cam = cam }, SST_BUCKET_STRAY);
+    health_bucket(&health, &(struct sst_frame){ .cam = cam }, SST_BUCKET_STRAY);
 }
 
 /** Sets with a good frame of every camera. */
@@ -31,12 +31,12 @@ static void sets(int n)
 {
     for (int i = 0; i < n; i++)
         for (int cam = 0; cam < CAMERAS; cam++)
-            sst_health_set(&health, cam);
+            health_set(&health, cam);
 }
 
 static int tell(void)
 {
-    return sst_health_tell(&health, CAMERAS, name);
+    return health_tell(&health, CAMERAS, name);
 }
 
 static void one_line_tells_of_all_cameras(void **state)
@@ -64,7 +64,7 @@ static void kinds_are_told_apart(void **state)
     (void)state;
     stray(3);
     stray(4);
-    sst_health_frame(&health, &cut);
+    health_frame(&health, &cut);
     assert_int_equal(tell(), 3); /* stray, cut, lost */
     sets(SST_HEALTH_SETS + 1);
     stray(3);

@@ -14,7 +14,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "daemon/publish/hooks.h"
-#include "daemon/publish/hooks_env.h"
+#include "daemon/publish/publish_internal.h"
 #include "tests/quick.h"
 
 static char folder[64];
@@ -160,9 +160,9 @@ static void a_program_is_told_what_happened(void **state)
 static void what_is_no_event_makes_no_environment(void **state)
 {
     (void)state;
-    assert_null(sst_hook_env("[1]"));
-    assert_null(sst_hook_env("{"));
-    assert_null(sst_hook_env("{\"type\": \"x\"}"));
+    assert_null(hook_env("[1]"));
+    assert_null(hook_env("{"));
+    assert_null(hook_env("{\"type\": \"x\"}"));
 }
 
 /* The process whose number is in this file is gone, or waits for init to reap it. */

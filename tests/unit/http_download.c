@@ -2,7 +2,7 @@
 #include "tests/http_fake.h"
 #include "tests/quick.h"
 
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 static void ranges_are_read_as_the_rfc_says(void **state)
 {
@@ -57,18 +57,18 @@ static void ranges_are_read_as_the_rfc_says(void **state)
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         uint64_t first = 0, bytes = 0;
-        const enum http_range got = sst_http_range(cases[i].text, cases[i].size, &first, &bytes);
+        const enum http_range got = http_range_parse(cases[i].text, cases[i].size, &first, &bytes);
 
         if (got != cases[i].want || first != cases[i].first || bytes != cases[i].bytes)
             fail_msg("%s of %llu: %d, %llu + %llu", cases[i].text, (unsigned long long)cases[i].size, (int)got,
                      (unsigned long long)first, (unsigned long long)bytes);
     }
-    assert_true(sst_http_if_range("\"a\"", "\"a\""));
-    assert_false(sst_http_if_range("W/\"a\"", "\"a\""));
-    assert_false(sst_http_if_range("\"a\", \"b\"", "\"a\""));
-    assert_false(sst_http_if_range("*", "\"a\""));
-    assert_false(sst_http_if_range("Sat, 21 Nov 2026 21:00:00 GMT", "\"a\""));
-    assert_false(sst_http_if_range("", ""));
+    assert_true(http_if_range("\"a\"", "\"a\""));
+    assert_false(http_if_range("W/\"a\"", "\"a\""));
+    assert_false(http_if_range("\"a\", \"b\"", "\"a\""));
+    assert_false(http_if_range("*", "\"a\""));
+    assert_false(http_if_range("Sat, 21 Nov 2026 21:00:00 GMT", "\"a\""));
+    assert_false(http_if_range("", ""));
 }
 
 /* A header of the answer's, into one of a few places; "": it has none. */
@@ -222,23 +222,23 @@ static void a_pace_is_of_the_last_moments(void **state)
     struct http_pace p = { .early = { 0, 0 } };
 
     (void)state;
-    assert_true(sst_http_pace(&p, 5 * S - 1, 1 << 30) < 0); /* too early to say */
-    assert_true(sst_http_pace(&p, 5 * S, 0) == 0);
-    assert_true(sst_http_pace(&p, 5 * S, 500000) == 100000);
+    assert_true(http_throughput(&p, 5 * S - 1, 1 << 30) < 0); /* too early to say */
+    assert_true(http_throughput(&p, 5 * S, 0) == 0);
+    assert_true(http_throughput(&p, 5 * S, 500000) == 100000);
     /* A burst at the beginning is forgotten in two windows. */
     for (int64_t i = 1; i <= 9; i++)
-        sst_http_pace_mark(&p, i * S, 100000000);
-    assert_true(sst_http_pace(&p, 9 * S, 100000000) > 1e7);
+        http_throughput_mark(&p, i * S, 100000000);
+    assert_true(http_throughput(&p, 9 * S, 100000000) > 1e7);
     for (int64_t i = 10; i <= 15; i++)
-        sst_http_pace_mark(&p, i * S, 100000000 + (uint64_t)(i - 9) * 1000);
-    assert_true(sst_http_pace(&p, 15 * S, 100006000) < 1001);
+        http_throughput_mark(&p, i * S, 100000000 + (uint64_t)(i - 9) * 1000);
+    assert_true(http_throughput(&p, 15 * S, 100006000) < 1001);
     /* Less in the socket's way than was thought is no pace below 0; a clock that stands (a disk is waited for) is none.
      */
-    assert_true(sst_http_pace(&p, 15 * S, 5) == 0);
+    assert_true(http_throughput(&p, 15 * S, 5) == 0);
     p = (struct http_pace){ .early = { 0, 0 } };
     for (int i = 0; i < 100; i++)
-        sst_http_pace_mark(&p, 3 * S, 10);
-    assert_true(sst_http_pace(&p, 3 * S, 10) < 0);
+        http_throughput_mark(&p, 3 * S, 10);
+    assert_true(http_throughput(&p, 3 * S, 10) < 0);
 }
 
 /* One who takes nothing, from now on. */

@@ -1,7 +1,7 @@
 /* Certificates that are renewed while the server runs: by hand and by themselves, good ones and bad ones. */
 #include "tests/http_fake.h"
 
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 static char said[SST_LOG_MAX];
 
@@ -195,33 +195,33 @@ static void certificate_is_noticed(void **state)
     cfg.tls_certificate = cert;
     cfg.tls_key = key;
     serve(&cfg);
-    sst_http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
+    http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
     assert_null(last_event("certificate"));
     install("two");
-    sst_http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
+    http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
     expect_organisation("First"); /* who knows whether it is all there */
-    sst_http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
+    http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
     expect_organisation("Second");
     expect_event("renewed", "holds until");
 
     snprintf(command, sizeof(command), "cp %s/one.pem %s/cert.pem", folder, folder);
     assert_int_equal(system(command), 0);
     for (int i = 0; i < 2; i++)
-        sst_http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
+        http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
     expect_event("refused", "is not the key of the certificate");
     events = sst_events_last(fake.events);
     for (int i = 0; i < 5; i++)
-        sst_http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
+        http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
     assert_int_equal(sst_events_last(fake.events), events);
     expect_organisation("Second");
 
     install("soon");
     for (int i = 0; i < 3; i++)
-        sst_http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
+        http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
     expect_organisation("Soon");
     expect_event("expiring", "it is taken over by itself");
     events = sst_events_last(fake.events);
-    sst_http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
+    http_tls_look(&server->pairs, fake.events, now_ns += step_ns);
     assert_int_equal(sst_events_last(fake.events), events);
 }
 

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/file.h"
-#include "daemon/publish/http_internal.h"
+#include "daemon/publish/publish_internal.h"
 
 static const char *const roles[] = { "anyone", "view", "control" };
 
@@ -121,19 +121,19 @@ static void paths(void **state)
     char longest[HTTP_NAME_MAX + 2];
 
     (void)state;
-    assert_true(sst_http_path_matches("/", "/", name));
-    assert_false(sst_http_path_matches("/", "", name));
-    assert_true(sst_http_path_matches("/a/{x}/b", "/a/c.d-1_/b", name));
+    assert_true(http_path_matches("/", "/", name));
+    assert_false(http_path_matches("/", "", name));
+    assert_true(http_path_matches("/a/{x}/b", "/a/c.d-1_/b", name));
     assert_string_equal(name, "c.d-1_");
-    assert_false(sst_http_path_matches("/a/{x}/b", "/a//b", name));
-    assert_false(sst_http_path_matches("/a/{x}", "/a/b/c", name));
-    assert_false(sst_http_path_matches("/a/{x}", "/a/..", name));
-    assert_false(sst_http_path_matches("/a/{x}", "/a/b ", name));
+    assert_false(http_path_matches("/a/{x}/b", "/a//b", name));
+    assert_false(http_path_matches("/a/{x}", "/a/b/c", name));
+    assert_false(http_path_matches("/a/{x}", "/a/..", name));
+    assert_false(http_path_matches("/a/{x}", "/a/b ", name));
     memset(longest, 'a', sizeof(longest));
     longest[HTTP_NAME_MAX + 1] = 0;
-    assert_false(sst_http_path_matches("{x}", longest, name));
+    assert_false(http_path_matches("{x}", longest, name));
     longest[HTTP_NAME_MAX] = 0;
-    assert_true(sst_http_path_matches("{x}", longest, name));
+    assert_true(http_path_matches("{x}", longest, name));
 }
 
 static void hosts(void **state)
@@ -157,17 +157,17 @@ static void hosts(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
-        assert_int_equal(sst_http_host_split(cases[i].text, host, &port), cases[i].host != NULL);
+        assert_int_equal(http_host_split(cases[i].text, host, &port), cases[i].host != NULL);
         if (cases[i].host) {
             assert_string_equal(host, cases[i].host);
             assert_int_equal(port, cases[i].port);
         }
     }
-    assert_true(sst_http_same_origin("http://a", "a:80"));
-    assert_true(sst_http_same_origin("https://a:443", "a"));
-    assert_false(sst_http_same_origin("https://a", "a:80"));
-    assert_false(sst_http_same_origin("ftp://a", "a"));
-    assert_false(sst_http_same_origin("http://a/", "a"));
+    assert_true(http_same_origin("http://a", "a:80"));
+    assert_true(http_same_origin("https://a:443", "a"));
+    assert_false(http_same_origin("https://a", "a:80"));
+    assert_false(http_same_origin("ftp://a", "a"));
+    assert_false(http_same_origin("http://a/", "a"));
 }
 
 static void texts(void **state)
@@ -190,33 +190,33 @@ static void texts(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(basic); i++) {
-        assert_int_equal(sst_http_basic_password(basic[i].text, out), basic[i].password != NULL);
+        assert_int_equal(http_basic_password(basic[i].text, out), basic[i].password != NULL);
         if (basic[i].password)
             assert_string_equal(out, basic[i].password);
     }
     memset(big, 'Y', sizeof(big));
     memcpy(big, "Basic ", 6);
     big[999] = 0;
-    assert_false(sst_http_basic_password(big, out));
+    assert_false(http_basic_password(big, out));
     for (size_t i = 0; i < ARRAY_LEN(forms); i++) {
-        assert_int_equal(sst_http_form_token(forms[i].body, strlen(forms[i].body), out), forms[i].token != NULL);
+        assert_int_equal(http_form_token(forms[i].body, strlen(forms[i].body), out), forms[i].token != NULL);
         if (forms[i].token)
             assert_string_equal(out, forms[i].token);
     }
-    assert_int_equal(sst_http_unescape(text), 12);
+    assert_int_equal(http_unescape(text), 12);
     assert_string_equal(text, "/a b%00%zz%2");
-    assert_true(sst_http_etag_matches("W/\"a\", \"b\"", "\"b\""));
-    assert_true(sst_http_etag_matches("W/\"a\"", "\"a\""));
-    assert_true(sst_http_etag_matches("*", "\"a\""));
-    assert_false(sst_http_etag_matches("\"ab\"", "\"a\""));
-    assert_false(sst_http_etag_matches("", "\"a\""));
-    assert_true(sst_http_number("18446744073709551615", UINT64_MAX, &n) && n == UINT64_MAX);
-    assert_false(sst_http_number("18446744073709551616", UINT64_MAX, &n));
-    assert_true(sst_http_number("1000", 1000, &n) && n == 1000);
-    assert_false(sst_http_number("1001", 1000, &n));
-    assert_false(sst_http_number("", 1000, &n));
-    assert_false(sst_http_number("-1", 1000, &n));
-    assert_false(sst_http_number("1 ", 1000, &n));
+    assert_true(http_etag_matches("W/\"a\", \"b\"", "\"b\""));
+    assert_true(http_etag_matches("W/\"a\"", "\"a\""));
+    assert_true(http_etag_matches("*", "\"a\""));
+    assert_false(http_etag_matches("\"ab\"", "\"a\""));
+    assert_false(http_etag_matches("", "\"a\""));
+    assert_true(http_number("18446744073709551615", UINT64_MAX, &n) && n == UINT64_MAX);
+    assert_false(http_number("18446744073709551616", UINT64_MAX, &n));
+    assert_true(http_number("1000", 1000, &n) && n == 1000);
+    assert_false(http_number("1001", 1000, &n));
+    assert_false(http_number("", 1000, &n));
+    assert_false(http_number("-1", 1000, &n));
+    assert_false(http_number("1 ", 1000, &n));
 }
 
 int main(void)

@@ -14,7 +14,7 @@
 #include "base/file.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/import.h"
-#include "pipeline/lightfield/import_plan.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 #define WIDTH  6
 #define HEIGHT 5
@@ -103,21 +103,21 @@ static void helpers_have_known_answers(void **state SST_UNUSED)
     double odd[] = { 5, 1, 3 }, even[] = { 4, 1, 3, 2 }, v = 0;
     int numbers[] = { 9, 3, 9, 0, 3 }, index = 0;
 
-    assert_true(sst_median(odd, 3) == 3 && sst_median(even, 4) == 2.5 && sst_median(odd, 1) == 1);
-    assert_int_equal(sst_distinct(numbers, 5), 3);
+    assert_true(median(odd, 3) == 3 && median(even, 4) == 2.5 && median(odd, 1) == 1);
+    assert_int_equal(distinct(numbers, 5), 3);
     assert_true(numbers[0] == 0 && numbers[1] == 3 && numbers[2] == 9);
-    assert_string_equal(sst_parse_index("007_", &index), "_");
+    assert_string_equal(parse_index("007_", &index), "_");
     assert_int_equal(index, 7);
-    assert_null(sst_parse_index("100000", &index));
-    assert_null(sst_parse_index("-1", &index));
-    assert_int_equal(sst_params_number(ini, "ini", "disp_min", &v), 1);
+    assert_null(parse_index("100000", &index));
+    assert_null(parse_index("-1", &index));
+    assert_int_equal(params_number(ini, "ini", "disp_min", &v), 1);
     assert_true(v == -1.5);
-    assert_int_equal(sst_params_number(ini, "ini", "baseline_mm", &v), 1);
+    assert_int_equal(params_number(ini, "ini", "baseline_mm", &v), 1);
     assert_true(v == 50);
-    assert_int_equal(sst_params_number(ini, "ini", "disp", &v), 0);
-    assert_int_equal(sst_params_number(ini, "ini", "empty", &v), -EBADMSG);
-    assert_int_equal(sst_params_number(ini, "ini", "bad", &v), -EBADMSG);
-    assert_int_equal(sst_params_number(ini, "ini", "inf", &v), -EBADMSG);
+    assert_int_equal(params_number(ini, "ini", "disp", &v), 0);
+    assert_int_equal(params_number(ini, "ini", "empty", &v), -EBADMSG);
+    assert_int_equal(params_number(ini, "ini", "bad", &v), -EBADMSG);
+    assert_int_equal(params_number(ini, "ini", "inf", &v), -EBADMSG);
     assert_true(v == 50);
 }
 

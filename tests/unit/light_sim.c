@@ -4,15 +4,13 @@
 
 #include "tests/sim_test.h"
 
-#include "pipeline/image/codec.h"
 #include "pipeline/calibration/photometric/light.h"
-#include "simulators/scene/world/board.h"
-#include "simulators/scene/world/jpeg.h"
-#include "simulators/scene/world/render.h"
+#include "pipeline/image/codec.h"
+#include "simulators/scene/world/world_internal.h"
 
 struct shoot {
     const struct sst_sim_settings *settings;
-    const struct sst_sim_stage *stage;
+    const struct sim_stage *stage;
     struct sst_board board;
     struct sst_calib calib;
     struct sst_light_samples all;
@@ -33,7 +31,7 @@ static void point_of(const struct sst_sim_board *b, int id, double out[2])
 {
     double width, height;
 
-    sst_sim_board_size(b, &width, &height);
+    sim_board_size(b, &width, &height);
     if (b->kind == SST_SIM_APRILGRID) {
         const double pitch = (1 + b->marker) * b->square_mm, gap = b->marker * b->square_mm;
 
@@ -50,14 +48,14 @@ static void point_of(const struct sst_sim_board *b, int id, double out[2])
 /* The corners, from the truth. */
 static struct sst_detection detect(const struct shoot *s, int frame)
 {
-    const struct sst_sim_board *b = sst_sim_stage_board(s->stage);
+    const struct sst_sim_board *b = sim_stage_board(s->stage);
     const bool tags = b->kind == SST_SIM_APRILGRID;
     const int points = tags ? 4 * b->cols * b->rows : (b->cols - 1) * (b->rows - 1);
     struct sst_detection d = { .view = s->cam, .frame = frame, .corner = calloc((size_t)points, sizeof(*d.corner)) };
     double r[9];
 
     assert_non_null(d.corner);
-    sst_sim_rotation(b->pose[frame].rotation_deg, r);
+    sim_rotation(b->pose[frame].rotation_deg, r);
     for (int id = 0; id < points; id++) {
         double at[2], p[3], x, y;
 
@@ -75,9 +73,9 @@ static int take(void *arg, int frame, const struct sst_image *image)
 {
     struct shoot *s = arg;
     struct sst_detection d = detect(s, frame);
-    struct sst_sim_jpeg jpeg;
+    struct sim_jpeg jpeg;
     struct sst_image seen = { 0 };
-    int err = sst_sim_jpeg_encode(image, s->settings->quality, false, &jpeg);
+    int err = sim_jpeg_encode(image, s->settings->quality, false, &jpeg);
 
     assert_int_equal(err, 0);
     assert_int_equal(sst_image_decode(&seen, jpeg.data, jpeg.bytes, "frame"), 0);
@@ -93,11 +91,11 @@ static void shoot_all(struct shoot *s)
     const struct sst_sim_settings *c = s->settings;
 
     assert_int_equal(sst_calib_init(&s->calib, c->rows, c->cols), 0);
-    s->board = board_of(sst_sim_stage_board(s->stage));
+    s->board = board_of(sim_stage_board(s->stage));
     s->calib.width = c->width;
     s->calib.height = c->height;
     for (s->cam = 0; s->cam < c->rows * c->cols; s->cam++) {
-        const struct sst_sim_camera *from = sst_sim_stage_camera(s->stage, s->cam);
+        const struct sim_camera *from = sim_stage_camera(s->stage, s->cam);
         struct sst_calib_camera *to = &s->calib.camera[s->cam];
 
         *to = (struct sst_calib_camera){ .known = true,
@@ -110,7 +108,7 @@ static void shoot_all(struct shoot *s)
         memcpy(to->k, from->distortion, sizeof(from->distortion));
         memcpy(to->rotation, from->rotation, sizeof(to->rotation));
         memcpy(to->position_mm, from->position_mm, sizeof(to->position_mm));
-        assert_int_equal(sst_sim_stage_loop(s->stage, s->cam, take, s), 0);
+        assert_int_equal(sim_stage_loop(s->stage, s->cam, take, s), 0);
     }
 }
 
@@ -130,8 +128,7 @@ static double truth_at(const struct shoot *s, int cam, int colour, double x, dou
     const double dx = x - c->cx, dy = y - c->cy;
     const double half2 = (s->calib.width * s->calib.width + s->calib.height * s->calib.height) / 4.0;
 
-    return sst_sim_stage_camera(s->stage, cam)->gain[colour] *
-           (1 - s->settings->vignetting * (dx * dx + dy * dy) / half2);
+    return sim_stage_camera(s->stage, cam)->gain[colour] * (1 - s->settings->vignetting * (dx * dx + dy * dy) / half2);
 }
 
 /* Errors of the gains (light at the principal point, over the array's mean) and of the corners against it. */
@@ -177,12 +174,12 @@ struct result {
 static struct result calibrate(const char *world)
 {
     struct sst_sim_settings settings;
-    struct sst_sim_stage *stage = NULL;
+    struct sim_stage *stage = NULL;
     struct shoot s = { .settings = &settings };
     struct result r;
 
     assert_int_equal(sst_sim_settings_read(&settings, world), 0);
-    assert_int_equal(sst_sim_stage_open(&stage, &settings), 0);
+    assert_int_equal(sim_stage_open(&stage, &settings), 0);
     s.stage = stage;
     shoot_all(&s);
     assert_int_equal(sst_light_solve(&s.calib, &s.all, &r.report), 0);
@@ -194,7 +191,7 @@ static struct result calibrate(const char *world)
     assert_null(sst_calib_fault(&s.calib));
     sst_light_samples_fini(&s.all);
     sst_calib_fini(&s.calib);
-    sst_sim_stage_close(stage);
+    sim_stage_close(stage);
     return r;
 }
 

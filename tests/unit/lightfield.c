@@ -15,7 +15,7 @@
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
-#include "pipeline/lightfield/store.h"
+#include "pipeline/lightfield/lightfield_internal.h"
 
 static char dir[] = "/tmp/sst-lightfield-XXXXXX";
 
@@ -111,7 +111,7 @@ static void sha256_of_abc(void **state SST_UNUSED)
 {
     char hex[65];
 
-    sst_sha256_hex(hex, (const uint8_t *)"abc", 3); /* FIPS 180-4 example */
+    sha256_hex(hex, (const uint8_t *)"abc", 3); /* FIPS 180-4 example */
     assert_string_equal(hex, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
 }
 

@@ -16,8 +16,8 @@
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
-#include "pipeline/live/frames/change.h"
 #include "pipeline/live/frames/frames.h"
+#include "pipeline/live/frames/frames_internal.h"
 
 #ifdef __SANITIZE_THREAD__
 #define WATCH_THREADS true

@@ -15,8 +15,8 @@
 #include <linux/videodev2.h>
 
 #include "base/file.h"
-#include "pipeline/live/frames/change.h"
 #include "pipeline/live/frames/frames.h"
+#include "pipeline/live/frames/frames_internal.h"
 #include "simulators/scene/world/sim_world.h"
 
 #ifdef __SANITIZE_THREAD__

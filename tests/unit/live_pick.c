@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "pipeline/live/live_parts.h"
-#include "pipeline/live/picture/sweep.h"
+#include "pipeline/live/picture/picture_internal.h"
 
 #define SIDE   6
 #define VIEWS  (SIDE * SIDE)
@@ -168,7 +168,7 @@ static struct sst_live_pick pick_at(struct made *m, double focus_px, int x, int 
 struct swept {
     struct made made;
     struct sst_plan plan;
-    struct sst_sweep sweep;
+    struct patch_sweep sweep;
 };
 
 static void sweep_made(struct swept *s, int x, int y)
@@ -179,7 +179,7 @@ static void sweep_made(struct swept *s, int x, int y)
     cfg.method = SST_RENDER_REFOCUS;
     cfg.focus_px = 0;
     assert_int_equal(sst_plan_init(&s->plan, s->made.live.renderer, &cfg), 0);
-    sst_sweep_init(&s->sweep, &s->plan, s->made.live.renderer->rarity, x, y);
+    sweep_init(&s->sweep, &s->plan, s->made.live.renderer->rarity, x, y);
 }
 
 static void sweep_of(struct swept *s, const struct layer *layer, int layers, int x, int y)
@@ -205,13 +205,13 @@ static void one_layer_is_found_between_the_steps(void **state SST_UNUSED)
 
     sweep_of(&s, wall, 1, 0, 0);
     for (size_t i = 0; i < ARRAY_LEN(at); i++) {
-        struct sst_sweep_peak peak;
+        struct sweep_peak peak;
 
-        sst_sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, at[i][0], at[i][1]);
-        peak = sst_sweep_peak(&s.sweep, 0, 16, 0);
+        sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, at[i][0], at[i][1]);
+        peak = sweep_peak(&s.sweep, 0, 16, 0);
         assert_near(peak.disp_px, BEHIND, 0.15);
         assert_true(peak.agree > 0.5 && peak.agree <= 1);
-        assert_true(sst_sweep_agree(&s.sweep, BEHIND + 3) < 0.5 * peak.agree);
+        assert_true(sweep_agree(&s.sweep, BEHIND + 3) < 0.5 * peak.agree);
     }
     end_sweep(&s);
 }
@@ -226,9 +226,9 @@ static void of_two_layers_both_are_found(void **state SST_UNUSED)
         for (int x = 20; x < WIDTH - 20; x += 8) {
             const int front = seen(&s.made, 0, 0, x, y) == 0;
 
-            sst_sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, x, y);
-            found[1] += fabs(sst_sweep_peak(&s.sweep, 0, FRONT - 3, 0).disp_px - BEHIND) <= 0.5;
-            found[0] += front && fabs(sst_sweep_peak(&s.sweep, FRONT - 3, 16, 0).disp_px - FRONT) <= 0.5;
+            sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, x, y);
+            found[1] += fabs(sweep_peak(&s.sweep, 0, FRONT - 3, 0).disp_px - BEHIND) <= 0.5;
+            found[0] += front && fabs(sweep_peak(&s.sweep, FRONT - 3, 16, 0).disp_px - FRONT) <= 0.5;
             all[1]++;
             all[0] += front;
         }
@@ -242,35 +242,35 @@ static void of_two_layers_both_are_found(void **state SST_UNUSED)
 static void without_texture_what_is_preferred_is_told(void **state SST_UNUSED)
 {
     static const struct layer paint[] = { { BEHIND, 1, 2, true } };
-    struct sst_sweep_peak peak;
+    struct sweep_peak peak;
     struct swept s;
 
     sweep_of(&s, paint, 1, 80, 60);
-    peak = sst_sweep_peak(&s.sweep, 0, 16, 7.25);
+    peak = sweep_peak(&s.sweep, 0, 16, 7.25);
     assert_near(peak.disp_px, 7.25, 0);
     assert_near(peak.agree, 1, 1e-9);
-    assert_near(sst_sweep_peak(&s.sweep, 0, 16, 99).disp_px, 16, 0.5);
+    assert_near(sweep_peak(&s.sweep, 0, 16, 99).disp_px, 16, 0.5);
     end_sweep(&s);
 }
 
 static void where_no_rays_are_nothing_is_told(void **state SST_UNUSED)
 {
-    struct sst_sweep_peak peak;
+    struct sweep_peak peak;
     struct swept s;
 
     sweep_of(&s, wall, 1, 80, 60);
-    assert_true(isnan(sst_sweep_agree(&s.sweep, 1e9))); /* the reference view alone */
-    assert_true(isnan(sst_sweep_peak(&s.sweep, 1e5, 2e5, 0).disp_px));
+    assert_true(isnan(sweep_agree(&s.sweep, 1e9))); /* the reference view alone */
+    assert_true(isnan(sweep_peak(&s.sweep, 1e5, 2e5, 0).disp_px));
     /* One place, and a stretch that is none. */
-    assert_near(sst_sweep_peak(&s.sweep, BEHIND, BEHIND, 0).disp_px, BEHIND, 0);
-    assert_near(sst_sweep_peak(&s.sweep, BEHIND, BEHIND - 1, 0).disp_px, BEHIND - 1, 1);
+    assert_near(sweep_peak(&s.sweep, BEHIND, BEHIND, 0).disp_px, BEHIND, 0);
+    assert_near(sweep_peak(&s.sweep, BEHIND, BEHIND - 1, 0).disp_px, BEHIND - 1, 1);
     sst_plan_fini(&s.plan);
     for (int k = 1; k < VIEWS; k++)
         s.made.live.lf.views[k].present = false;
     sweep_made(&s, 80, 60);
-    peak = sst_sweep_peak(&s.sweep, 0, 16, 0);
+    peak = sweep_peak(&s.sweep, 0, 16, 0);
     assert_true(isnan(peak.disp_px));
-    assert_int_equal(sst_sweep_label(&s.sweep, BEHIND, 1), 0);
+    assert_int_equal(sweep_label(&s.sweep, BEHIND, 1), 0);
     end_sweep(&s);
 }
 
@@ -285,7 +285,7 @@ static void what_no_camera_saw_does_not_count(void **state SST_UNUSED)
     for (int k = 0; k < VIEWS; k += 5)
         s.made.live.lf.views[k].present = false;
     sweep_made(&s, 80, 60);
-    without = sst_sweep_agree(&s.sweep, BEHIND);
+    without = sweep_agree(&s.sweep, BEHIND);
     assert_true(without > 0.5);
     sst_plan_fini(&s.plan);
     for (int k = 0; k < VIEWS; k += 5) {
@@ -299,7 +299,7 @@ static void what_no_camera_saw_does_not_count(void **state SST_UNUSED)
             memset(sst_image_row(&v->image, c, 0), 77, v->image.stride * HEIGHT);
     }
     sweep_made(&s, 80, 60);
-    assert_near(sst_sweep_agree(&s.sweep, BEHIND), without, 0.02); /* votes are of another size */
+    assert_near(sweep_agree(&s.sweep, BEHIND), without, 0.02); /* votes are of another size */
     end_sweep(&s);
 }
 
@@ -308,11 +308,11 @@ static void a_label_is_of_the_rays_that_agree(void **state SST_UNUSED)
     struct swept s;
 
     sweep_of(&s, hedge, 2, 80, 60);
-    assert_int_equal(sst_sweep_label(&s.sweep, BEHIND, 1), 2);
+    assert_int_equal(sweep_label(&s.sweep, BEHIND, 1), 2);
     /* All maps say hedge: nothing is known of what is behind. */
     tell(&s.made, FRONT, 6);
-    sst_sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, 80, 60);
-    assert_int_equal(sst_sweep_label(&s.sweep, BEHIND, 1), 0);
+    sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, 80, 60);
+    assert_int_equal(sweep_label(&s.sweep, BEHIND, 1), 0);
     /* But for a strip next to the patch. */
     for (int k = 0; k < VIEWS; k++) {
         struct sst_view *v = &s.made.live.lf.views[k];
@@ -326,8 +326,8 @@ static void a_label_is_of_the_rays_that_agree(void **state SST_UNUSED)
             }
         }
     }
-    sst_sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, 80, 60);
-    assert_int_equal(sst_sweep_label(&s.sweep, BEHIND, 1), 10);
+    sweep_init(&s.sweep, &s.plan, s.made.live.renderer->rarity, 80, 60);
+    assert_int_equal(sweep_label(&s.sweep, BEHIND, 1), 10);
     end_sweep(&s);
 }
 

@@ -11,7 +11,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/live/scene/scene_internal.h"
 #include "tests/quick.h"
 #include "tests/small.h"
 
@@ -155,33 +155,33 @@ static void keys_are_spread_and_survive_holes(void **state SST_UNUSED)
     int views[SST_SCENE_KEYS];
 
     assert_int_equal(sst_lightfield_init(&lf, 6, 6), 0);
-    assert_int_equal(sst_scene_choose_keys(&lf, views), 0);
+    assert_int_equal(scene_choose_keys(&lf, views), 0);
     for (int view = 0; view < 36; view++)
         lf.views[view].present = true;
-    assert_int_equal(sst_scene_choose_keys(&lf, views), 5);
+    assert_int_equal(scene_choose_keys(&lf, views), 5);
     assert_int_equal(views[0], 14);
     assert_int_equal(views[1], 7);
     assert_int_equal(views[4], 28);
     lf.views[7].present = false;
-    assert_int_equal(sst_scene_choose_keys(&lf, views), 5);
+    assert_int_equal(scene_choose_keys(&lf, views), 5);
     assert_int_not_equal(views[1], 7);
     assert_true(lf.views[views[1]].present);
     for (int view = 1; view < 36; view++)
         lf.views[view].present = view == 35;
-    assert_int_equal(sst_scene_choose_keys(&lf, views), 0); /* two corners are no neighbours */
+    assert_int_equal(scene_choose_keys(&lf, views), 0); /* two corners are no neighbours */
     sst_lightfield_fini(&lf);
 }
 
 static void changed_tiles_are_gathered(void **state SST_UNUSED)
 {
-    struct sst_scene_rect r[SST_SCENE_RECTS];
+    struct scene_rect r[SST_SCENE_RECTS];
     uint8_t dirty[20 * 15] = { 0 };
     int n;
 
-    assert_int_equal(sst_scene_gather(r, dirty, 20, 15, 320, 240), 0);
+    assert_int_equal(scene_gather(r, dirty, 20, 15, 320, 240), 0);
     dirty[0] = 1;
     dirty[7 * 20 + 10] = dirty[8 * 20 + 10] = 1;
-    assert_int_equal(sst_scene_gather(r, dirty, 20, 15, 320, 240), 2);
+    assert_int_equal(scene_gather(r, dirty, 20, 15, 320, 240), 2);
     assert_int_equal(r[0].x0, 0);
     assert_int_equal(r[0].x1, 32);
     assert_int_equal(r[1].x0, 144);
@@ -190,7 +190,7 @@ static void changed_tiles_are_gathered(void **state SST_UNUSED)
     assert_int_equal(r[1].y1, 160);
     for (int i = 0; i < 300; i += 4) /* far more than there is room for */
         dirty[i] = 1;
-    n = sst_scene_gather(r, dirty, 20, 15, 320, 240);
+    n = scene_gather(r, dirty, 20, 15, 320, 240);
     assert_in_range(n, 1, SST_SCENE_RECTS);
     for (int i = 0; i < 300; i++) {
         int holds = 0;
@@ -204,8 +204,8 @@ static void changed_tiles_are_gathered(void **state SST_UNUSED)
 /* A surface of 8 px before one of 4 px, seen from one spacing to the right: cells move left by 4 and by 2. */
 static void cells_are_carried_over(void **state SST_UNUSED)
 {
-    struct sst_scene_composer composer;
-    struct sst_scene_key key = { .view = 0 };
+    struct scene_composer composer;
+    struct scene_key key = { .view = 0 };
     struct sst_lightfield lf;
     uint8_t dirty[4] = { 1, 1, 0, 0 };
 
@@ -235,8 +235,8 @@ static void cells_are_carried_over(void **state SST_UNUSED)
             sst_map_u8_row(&key.maps.sure, y)[x] = 1;
         }
     }
-    assert_int_equal(sst_scene_composer_init(&composer, 32, 32), 0);
-    sst_scene_compose(&composer, &lf, 1, &key, 1, dirty, 2, 2, true);
+    assert_int_equal(scene_composer_init(&composer, 32, 32), 0);
+    scene_compose(&composer, &lf, 1, &key, 1, dirty, 2, 2, true);
     for (int y = 0; y < 64; y++) {
         for (int x = 0; x < 64; x++) {
             const int d = sst_map_u16_row(&lf.views[1].disp, y)[x], l = sst_map_u8_row(&lf.views[1].label, y)[x];
@@ -246,7 +246,7 @@ static void cells_are_carried_over(void **state SST_UNUSED)
             assert_int_equal(l, y >= 32 ? 0xEE : near ? 2 : 1);
         }
     }
-    sst_scene_composer_fini(&composer);
+    scene_composer_fini(&composer);
     sst_map_u16_fini(&key.maps.disp);
     sst_map_u8_fini(&key.maps.label);
     sst_map_u8_fini(&key.maps.sure);

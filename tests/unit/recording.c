@@ -1,5 +1,5 @@
-/* capture/recording: what is recorded is read back byte for byte, by us and by others; damage is told; what cannot be is
- * refused. */
+/* capture/recording: what is recorded is read back byte for byte, by us and by others; damage is told; what cannot be
+ * is refused. */
 #include <fcntl.h>
 
 #if WITH_AVFORMAT
@@ -8,7 +8,7 @@
 #endif
 
 #include "capture/recording/ebml.h"
-#include "capture/recording/setlist.h"
+#include "capture/recording/recording_internal.h"
 #include "tests/recording_tests.h"
 
 /* --- tests -------------------------------------------------------------------------------------------------------- */
@@ -65,12 +65,12 @@ static void lines_are_read_strictly(void **state)
         { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2.5,9,100,40,0,0,1]],\"missing\":[0]}" },
         { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0]],\"missing\":[0]}" },
     };
-    struct sst_setlist_segment segment;
+    struct setlist_segment segment;
     struct sst_recording_set set;
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
-        const int got = sst_setlist_parse(cases[i].line, strlen(cases[i].line), 2, &segment, &set);
+        const int got = setlist_parse(cases[i].line, strlen(cases[i].line), 2, &segment, &set);
 
         if (got != cases[i].want)
             fail_msg("%d, not %d: %s", got, cases[i].want, cases[i].line);
@@ -79,9 +79,9 @@ static void lines_are_read_strictly(void **state)
     assert_true(set.present == 1 && set.frame[1].t_ns == 3 && set.frame[1].arrival_ns == 12 &&
                 set.frame[1].crc32 == UINT32_MAX && set.frame[1].offset == 100 && set.frame[1].bytes == 40);
     /* The checksum is zlib.crc32(b'{"a":1') of Python. */
-    assert_true(sst_setlist_line_whole("{\"a\":1,\"crc\":\"a702fc6e\"}", 24));
-    assert_false(sst_setlist_line_whole("{\"a\":2,\"crc\":\"a702fc6e\"}", 24));
-    assert_false(sst_setlist_line_whole("", 0));
+    assert_true(setlist_line_whole("{\"a\":1,\"crc\":\"a702fc6e\"}", 24));
+    assert_false(setlist_line_whole("{\"a\":2,\"crc\":\"a702fc6e\"}", 24));
+    assert_false(setlist_line_whole("", 0));
 }
 
 static void round_trip(void **state)

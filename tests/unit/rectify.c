@@ -13,8 +13,8 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/lightfield/rectify/map.h"
 #include "pipeline/lightfield/rectify/rectify.h"
+#include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #define F     1000.0
 #define PITCH 50.0

@@ -1,4 +1,5 @@
-/* pipeline/method/refine: fits, distances, planes, energies against hand-worked values and plain loops; rules of the driver.
+/* pipeline/method/refine: fits, distances, planes, energies against hand-worked values and plain loops; rules of the
+ * driver.
  */
 #include <errno.h>
 #include <math.h>

@@ -1,5 +1,5 @@
-/* pipeline/method/refine: labels of a synthetic light field of things standing on a table, and that the normals earn their
- * keep. */
+/* pipeline/method/refine: labels of a synthetic light field of things standing on a table, and that the normals earn
+ * their keep. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

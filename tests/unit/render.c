@@ -1,4 +1,5 @@
-/* pipeline/method/render/: hand-worked weights and pixels, equalities, and pictures against a plain renderer in double. */
+/* pipeline/method/render/: hand-worked weights and pixels, equalities, and pictures against a plain renderer in double.
+ */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fenv.h>

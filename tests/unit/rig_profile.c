@@ -12,9 +12,9 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "drivers/rig/profile.h"
+#include "drivers/rig/rig_internal.h"
 
-static struct sst_rig_profile profile;
+static struct rig_profile profile;
 static char said[SST_LOG_MAX];
 
 static void every_profile_that_ships_is_read(void **state SST_UNUSED)
@@ -30,7 +30,7 @@ static void every_profile_that_ships_is_read(void **state SST_UNUSED)
             continue;
         snprintf(path, sizeof(path), "config/profiles/%.200s", e->d_name);
         memset(&profile, 0, sizeof(profile));
-        assert_int_equal(sst_rig_profile_read(&profile, path), 0);
+        assert_int_equal(rig_profile_read(&profile, path), 0);
         assert_true(profile.steps[SST_RIG_SEQ_MOVE] > 0 && profile.steps[SST_RIG_SEQ_STOP] > 0);
         assert_true(profile.manual[0]);
         n++;
@@ -43,7 +43,7 @@ static void registers_bits_and_steps(void **state SST_UNUSED)
 {
     char text[128];
 
-    assert_int_equal(sst_rig_profile_read(&profile, "config/profiles/leadshine-pr.yaml"), 0);
+    assert_int_equal(rig_profile_read(&profile, "config/profiles/leadshine-pr.yaml"), 0);
     assert_int_equal(profile.reg[profile.position].address, 0x602C);
     assert_int_equal(profile.reg[profile.position].type, SST_RIG_S32);
     assert_int_equal(profile.bit[SST_RIG_IN_POSITION].mask, 0x30);
@@ -56,9 +56,9 @@ static void registers_bits_and_steps(void **state SST_UNUSED)
     assert_float_equal(profile.step[SST_RIG_SEQ_MOVE][2].number, 0x10, 0);
     assert_int_equal(profile.step[SST_RIG_SEQ_MOVE][2].flag, SST_RIG_MOVING);
     assert_false(profile.reg[profile.step[SST_RIG_SEQ_MOVE][2].reg].read_back);
-    sst_rig_profile_alarm(&profile, 0x02, text, sizeof(text));
+    rig_profile_alarm(&profile, 0x02, text, sizeof(text));
     assert_string_equal(text, "0x02 (overvoltage)");
-    sst_rig_profile_alarm(&profile, 0x99, text, sizeof(text));
+    rig_profile_alarm(&profile, 0x99, text, sizeof(text));
     assert_string_equal(text, "0x99 (see the drive's manual)");
 }
 
@@ -92,7 +92,7 @@ static void refuse(const char *from, const char *to, const char *words)
     close(fd);
     said[0] = 0;
     (void)sst_log_hold_errors(said);
-    err = sst_rig_profile_read(&profile, path);
+    err = rig_profile_read(&profile, path);
     (void)sst_log_hold_errors(NULL);
     unlink(path);
     assert_int_equal(err, words ? -EBADMSG : 0);

@@ -331,14 +331,14 @@ static void forms_that_fit(void **state)
 
         encode(&forms[i], &data, &bytes);
         why[0] = 0;
-        fits = sst_rtsp_jpeg_fits(data, bytes, why, sizeof(why));
+        fits = rtsp_jpeg_fits(data, bytes, why, sizeof(why));
         if (fits != !forms[i].why || (!fits && !strstr(why, forms[i].why)))
             fail_msg("form %zu: %d, \"%s\"", i, fits, why);
         for (unsigned long n = 0; n < 700 && n < bytes; n++) /* damaged ones do no harm */
-            (void)sst_rtsp_jpeg_fits(data, n, why, sizeof(why));
+            (void)rtsp_jpeg_fits(data, n, why, sizeof(why));
         free(data);
     }
-    assert_false(sst_rtsp_jpeg_fits((const uint8_t *)"hello", 5, why, sizeof(why)));
+    assert_false(rtsp_jpeg_fits((const uint8_t *)"hello", 5, why, sizeof(why)));
 }
 
 #endif

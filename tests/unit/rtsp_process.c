@@ -118,7 +118,7 @@ static void a_process_that_hangs(void **state)
 
 #define LIE "SST_TEST_RTSP_LIE"
 
-static const struct sst_rtsp_message lies[] = {
+static const struct rtsp_message lies[] = {
     { .word = SST_RTSP_READY, .bytes = 1 << 30 },
     { .word = SST_RTSP_WATCH, .place = SST_RTSP_PLACES, .value = 1 },
     { .word = SST_RTSP_FORGET, .place = -1 },
@@ -130,14 +130,14 @@ static const struct sst_rtsp_message lies[] = {
 /* As a process that a client has taken over might: the first one that finds the file, which says what to lie. */
 static int lie(const char *file)
 {
-    struct sst_rtsp_message m = { .word = SST_RTSP_READY };
+    struct rtsp_message m = { .word = SST_RTSP_READY };
     FILE *f = fopen(file, "r");
     int which = -1;
 
     if (!f || fscanf(f, "%d", &which) != 1 || unlink(file))
         return f ? 1 : sst_rtsp_process();
     fclose(f);
-    if (sst_rtsp_link_send(SST_RTSP_LINK_FD, &m, NULL, -1))
+    if (rtsp_link_send(SST_RTSP_LINK_FD, &m, NULL, -1))
         return 1;
     return send(SST_RTSP_LINK_FD, &lies[which], sizeof(m), MSG_NOSIGNAL) < 0 || pause();
 }

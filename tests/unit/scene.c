@@ -13,8 +13,8 @@
 #include <cmocka.h>
 
 #include "base/file.h"
-#include "pipeline/image/codec.h"
 #include "pipeline/image/classes.h"
+#include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "simulators/scene/world.h"
 #include "tests/small.h"

@@ -14,9 +14,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/method/labels/labels.h"
-#include "pipeline/method/labels/resample.h"
-#include "pipeline/method/labels/tiles.h"
-#include "pipeline/method/labels/upsample.h"
+#include "pipeline/method/labels/labels_internal.h"
 #include "pipeline/method/network/model_path.h"
 #include "tests/onnx_writer.h"
 
@@ -155,17 +153,17 @@ static void labels_come_back_in_place(void **state SST_UNUSED)
  * between windows 0 and 1 from 25 to 35, with u = (at - 25) / 10. */
 static void window_weights_have_known_values(void **state SST_UNUSED)
 {
-    const struct sst_tiles t = sst_tiles_plan(100, 40, 4), one = sst_tiles_plan(40, 40, 8);
+    const struct tiles t = tiles_plan(100, 40, 4), one = tiles_plan(40, 40, 8);
 
     assert_true(t.count == 4 && t.overlap == 10);
     for (int k = 0; k < 4; k++)
-        assert_int_equal(sst_tiles_start(&t, k), 20 * k);
-    assert_true(sst_tiles_weight(&t, 0, 0) == 1 && sst_tiles_weight(&t, 0, 24) == 1 && sst_tiles_weight(&t, 1, 4) == 0);
+        assert_int_equal(tiles_start(&t, k), 20 * k);
+    assert_true(tiles_weight(&t, 0, 0) == 1 && tiles_weight(&t, 0, 24) == 1 && tiles_weight(&t, 1, 4) == 0);
     /* sample 27: u = 0.25, 3/16 - 2/64 = 0.15625 */
-    assert_true(fabs((double)sst_tiles_weight(&t, 1, 7) - 0.15625) < 1e-7);
-    assert_true(fabs((double)sst_tiles_weight(&t, 0, 27) - 0.84375) < 1e-7);
-    assert_true(sst_tiles_weight(&t, 0, 35) == 0 && sst_tiles_weight(&t, 1, 15) == 1);
-    assert_true(one.count == 1 && sst_tiles_start(&one, 0) == 0 && sst_tiles_weight(&one, 0, 39) == 1);
+    assert_true(fabs((double)tiles_weight(&t, 1, 7) - 0.15625) < 1e-7);
+    assert_true(fabs((double)tiles_weight(&t, 0, 27) - 0.84375) < 1e-7);
+    assert_true(tiles_weight(&t, 0, 35) == 0 && tiles_weight(&t, 1, 15) == 1);
+    assert_true(one.count == 1 && tiles_start(&one, 0) == 0 && tiles_weight(&one, 0, 39) == 1);
 }
 
 static void window_weights_sum_to_one_everywhere(void **state SST_UNUSED)
@@ -173,18 +171,17 @@ static void window_weights_sum_to_one_everywhere(void **state SST_UNUSED)
     for (int unit = 1; unit <= 8; unit *= 2) {
         for (int total = unit; total < 700; total += unit) {
             for (int length = 8 * unit; length <= 16 * unit; length += unit) {
-                const struct sst_tiles t = sst_tiles_plan(total, length, unit);
+                const struct tiles t = tiles_plan(total, length, unit);
                 double sum[700] = { 0 };
 
-                assert_int_equal(sst_tiles_start(&t, t.count - 1) + t.length, total);
+                assert_int_equal(tiles_start(&t, t.count - 1) + t.length, total);
                 for (int k = 0; k < t.count; k++) {
-                    const int start = sst_tiles_start(&t, k);
+                    const int start = tiles_start(&t, k);
 
-                    assert_true(start % unit == 0 &&
-                                (k == 0 || start - sst_tiles_start(&t, k - 1) <= length - t.overlap));
+                    assert_true(start % unit == 0 && (k == 0 || start - tiles_start(&t, k - 1) <= length - t.overlap));
                     for (int i = 0; i < t.length; i++) {
-                        assert_true(sst_tiles_weight(&t, k, i) >= 0);
-                        sum[start + i] += (double)sst_tiles_weight(&t, k, i);
+                        assert_true(tiles_weight(&t, k, i) >= 0);
+                        sum[start + i] += (double)tiles_weight(&t, k, i);
                     }
                 }
                 for (int i = 0; i < total; i++)
@@ -258,9 +255,9 @@ static void windows_of_a_plain_image_agree(void **state SST_UNUSED)
  * of the other cell's only the floor, 0.001, over a distance that never more than makes up for it on the black side. */
 static void upsampling_follows_the_picture(void **state SST_UNUSED)
 {
-    struct sst_class_grid grid = { .width = 2, .height = 1, .count = 2, .values = sst_class_grid_values(2) };
+    struct class_grid grid = { .width = 2, .height = 1, .count = 2, .values = class_grid_values(2) };
     struct sst_image img = new_image(16, 2, 0, 0, 0);
-    struct sst_upsample_memory memory = { 0 };
+    struct upsample_memory memory = { 0 };
     struct sst_map_u8 label, alone;
     struct sst_map_f32 entropy;
     float cells[16] = { 1, 0, 0, 0, 0, 0, 0, 0, 0.25f, 0.75f }, prob[2 * 16 * 2];
@@ -274,8 +271,8 @@ static void upsampling_follows_the_picture(void **state SST_UNUSED)
     assert_int_equal(sst_map_u8_init(&label, 16, 2), 0);
     assert_int_equal(sst_map_u8_init(&alone, 16, 2), 0);
     assert_int_equal(sst_map_f32_init(&entropy, 16, 2), 0);
-    assert_int_equal(sst_upsample(&label, &entropy, prob, &grid, &img, 1, &memory), 0);
-    assert_int_equal(sst_upsample(&alone, NULL, NULL, &grid, &img, 2, &memory), 0);
+    assert_int_equal(labels_upsample(&label, &entropy, prob, &grid, &img, 1, &memory), 0);
+    assert_int_equal(labels_upsample(&alone, NULL, NULL, &grid, &img, 2, &memory), 0);
     for (int i = 0; i < 32; i++) {
         const bool white = i % 16 >= 7;
 
@@ -287,7 +284,7 @@ static void upsampling_follows_the_picture(void **state SST_UNUSED)
     }
     sst_map_u8_fini(&label);
     sst_map_u8_fini(&alone);
-    sst_upsample_memory_fini(&memory);
+    upsample_memory_fini(&memory);
     sst_map_f32_fini(&entropy);
     sst_image_fini(&img);
 }

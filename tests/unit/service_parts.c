@@ -14,9 +14,8 @@
 #include "capture/array/ring.h"
 #include "daemon/events/events.h"
 #include "daemon/publish/api.h"
+#include "daemon/service/service_internal.h"
 #include "daemon/slot/jpeg_slot.h"
-#include "daemon/service/settings.h"
-#include "daemon/service/window.h"
 
 /* --- ring --------------------------------------------------------------------------------------------------------- */
 
@@ -259,25 +258,25 @@ static void wall_time_as_text(void **state)
 
 static void window_of_the_last_values(void **state)
 {
-    static struct sst_window w;
+    static struct time_window w;
 
     (void)state;
-    assert_true(sst_window_quantile(&w, 0.5) == 0);
-    sst_window_add(&w, 7);
-    assert_true(sst_window_quantile(&w, 0) == 7 && sst_window_quantile(&w, 1) == 7);
+    assert_true(window_quantile(&w, 0.5) == 0);
+    window_add(&w, 7);
+    assert_true(window_quantile(&w, 0) == 7 && window_quantile(&w, 1) == 7);
     for (int i = 1; i <= 1000; i++)
-        sst_window_add(&w, i);
+        window_add(&w, i);
     assert_int_equal(w.count, 1001);
     assert_true(w.sum == 500507);
-    assert_true(sst_window_quantile(&w, 0) == 1000 - SST_WINDOW + 1);
-    assert_true(sst_window_quantile(&w, 0.5) == 1000 - SST_WINDOW + 1 + SST_WINDOW / 2);
-    assert_true(sst_window_quantile(&w, 1) == 1000);
+    assert_true(window_quantile(&w, 0) == 1000 - SST_WINDOW + 1);
+    assert_true(window_quantile(&w, 0.5) == 1000 - SST_WINDOW + 1 + SST_WINDOW / 2);
+    assert_true(window_quantile(&w, 1) == 1000);
 }
 
-static int take(struct sst_view_settings *s, const char *text, char error[512])
+static int take(struct view_settings *s, const char *text, char error[512])
 {
     json_t *o = json_loads(text, JSON_DECODE_ANY, NULL);
-    const int err = sst_view_settings_take(s, o, error);
+    const int err = view_settings_take(s, o, error);
 
     assert_non_null(o);
     json_decref(o);
@@ -289,25 +288,25 @@ static void settings_follow_the_configuration(void **state)
 {
     const struct sst_live_settings from = { .focus_px = NAN, .c1 = 0.25, .c2 = 0.5, .label_factor = 2, .threads = 1 };
     struct sst_live_settings to = from;
-    struct sst_view_settings s;
+    struct view_settings s;
 
     (void)state;
-    sst_view_settings_defaults(&s, &from);
+    view_settings_defaults(&s, &from);
     s.render.focus_px = 7;
     s.render.c2 = 0.125;
     s.follow = true;
-    sst_view_settings_follow(&s, &from, &to);
+    view_settings_follow(&s, &from, &to);
     assert_true(s.render.focus_px == 7 && s.render.c2 == 0.125 && s.follow);
     to.c1 = 0.75;
     to.sigma_px = 3;
     to.label_factor = 9;
     to.threads = 2;
-    sst_view_settings_follow(&s, &from, &to);
+    view_settings_follow(&s, &from, &to);
     assert_true(s.render.focus_px == 7 && s.render.c2 == 0.125 && s.follow);
     assert_true(s.render.c1 == 0.75 && s.render.sigma_px == 3 && s.render.label_factor == 9 && s.render.threads == 2);
     to.focus_px = 5;
     to.c2 = 0;
-    sst_view_settings_follow(&s, &from, &to);
+    view_settings_follow(&s, &from, &to);
     assert_true(s.render.focus_px == 5 && s.render.c2 == 0 && !s.follow);
 }
 
@@ -328,12 +327,12 @@ static void settings_of_a_view(void **state)
                                          "{\"focus_label\": \"a name that is longer than any class can be, by far\"}",
                                          "{\"c2\": 0.5, \"focus_px\": true}" };
     const struct sst_live_settings config = { .focus_px = NAN, .c1 = 0.25, .c2 = 0.5, .label_factor = 2 };
-    struct sst_view_settings s, before;
+    struct view_settings s, before;
     char error[512];
     json_t *o;
 
     (void)state;
-    sst_view_settings_defaults(&s, &config);
+    view_settings_defaults(&s, &config);
     assert_true(isnan(s.render.focus_px) && s.render.c1 == 0.25);
     memcpy(&before, &s, sizeof(s));
     for (size_t i = 0; i < ARRAY_LEN(wrong); i++) {
@@ -348,7 +347,7 @@ static void settings_of_a_view(void **state)
     assert_true(s.render.focus_px == 12 && s.render.method == SST_RENDER_REFOCUS && s.follow);
     assert_int_equal(take(&s, "{\"focus_px\": null, \"focus_label\": \"\", \"aperture\": 1.5}", error), 0);
     assert_true(isnan(s.render.focus_px) && !s.focus_label[0] && s.render.aperture == 1.5);
-    o = sst_view_settings_json(&s);
+    o = view_settings_json(&s);
     assert_true(json_is_null(json_object_get(o, "focus_px")));
     assert_true(json_number_value(json_object_get(o, "aperture")) == 1.5);
     assert_string_equal(json_string_value(json_object_get(o, "method")), "refocus");

@@ -17,8 +17,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "config/schema.h"
-#include "daemon/service/service_parts.h"
-#include "daemon/service/viewer_parts.h"
+#include "daemon/service/service_internal.h"
 
 static char folder[64], base_yaml[600];
 static struct sst_service *service;

@@ -12,8 +12,8 @@
 
 #define US 1000LL
 
-static int pins;        /* changes told through the hook ... */
-static int last_pin;    /* ... and the last of them */
+static int pins;     /* changes told through the hook ... */
+static int last_pin; /* ... and the last of them */
 static bool last_level;
 static int64_t last_t_ns;
 
@@ -110,7 +110,7 @@ static void tells_chip_and_lines(void **state)
     assert_int_equal(info.lines, 5);
     assert_int_equal(ask(chip, GPIO_GET_LINEINFO_IOCTL, &v1, 0), 0);
     assert_string_equal(v1.name, "IN0");
-    assert_int_equal(v1.flags, 0); /* free, input */
+    assert_int_equal(v1.flags, 0);                                            /* free, input */
     assert_int_equal(ask(chip, GPIO_V2_GET_LINEINFO_IOCTL, &v2, 0), -EINVAL); /* past the end */
     v2.offset = 4;
     v2.padding[2] = 1;

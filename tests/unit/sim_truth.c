@@ -113,7 +113,7 @@ static void an_ideal_array_has_the_scenes_views_and_disparity(void **state SST_U
 
         luma[cam] = sim_luma(w, &e);
         scene_view("cat", 0, 2, 3, cam % 3 - 1, cam / 3, 320, 240, &image, cam == 1 ? &disp : NULL);
-        assert_true(sim_psnr(luma[cam], &image, sst_strip_height(320), 240) > 38);
+        assert_true(sim_psnr(luma[cam], &image, strip_height(320), 240) > 38);
         sst_image_fini(&image);
     }
     for (int y = 60; y < 230; y += 7) {
@@ -273,7 +273,7 @@ static void the_rigs_pose_decides_the_view(void **state SST_UNUSED)
 
         scene_view("humvee", 0, 3, 4, i - 1, i / 2 - 1, 320, 240, &image, NULL);
         assert_true(sim_psnr(luma, &image, 48, 240) > 38);
-        assert_int_equal(sst_strip_read(luma, 320, 320, 240, &got), 0);
+        assert_int_equal(strip_read(luma, 320, 320, 240, &got), 0);
         assert_int_equal(got.pose_um[0], e.pose_um[0]);
         again = sim_luma(w, &e);
         assert_memory_equal(again, luma, 320 * 240);

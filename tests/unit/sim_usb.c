@@ -163,7 +163,7 @@ static void bandwidth_runs_out(void **state)
     assert_int_equal(sst_sim_usb_stream(usb, sst_sim_usb_camera(usb, 4), 8192000), -ENOSPC);
     assert_int_equal(sst_sim_usb_stream(usb, sst_sim_usb_camera(usb, 4), 1000000), 0); /* alt 1: 128 bytes, 3.2 us */
     assert_int_equal(sst_sim_usb_stream(usb, sst_sim_usb_camera(usb, 4), 30000000), -EIO); /* above 24.6 MB/s */
-    sst_sim_usb_plug(usb, sst_sim_usb_camera(usb, 2), false); /* what leaves gives back */
+    sst_sim_usb_plug(usb, sst_sim_usb_camera(usb, 2), false);                              /* what leaves gives back */
     assert_int_equal(sst_sim_usb_stream(usb, sst_sim_usb_camera(usb, 5), 7000000), 0);
     sst_sim_usb_destroy(usb);
     usb = tree("wide", 36);
@@ -231,7 +231,13 @@ static void control_transfers_answer(void **state)
 
     (void)state;
     assert_int_equal(ask(usb, camera, SETUP(0x80, 6, 3, 3, 9, 4, 255, 0), data), 2 + 2 * 7);
-    assert_memory_equal(data, "\x10\x03S\0I\0M\0" "0\0" "0\0" "0\0" "1", 15);
+    assert_memory_equal(data,
+                        "\x10\x03S\0I\0M\0"
+                        "0\0"
+                        "0\0"
+                        "0\0"
+                        "1",
+                        15);
     assert_int_equal(ask(usb, camera, SETUP(0x80, 6, 0, 1, 0, 0, 8, 0), data), 8);
     assert_int_equal(ask(usb, camera, SETUP(0xa3, 0, 0, 0, 1, 0, 4, 0), data), -EPIPE); /* not a hub */
     assert_int_equal(sst_sim_usb_interface_class(usb, camera, 1, triple), 0);
@@ -259,10 +265,10 @@ static void control_transfers_answer(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(layouts_have_the_ports),   cmocka_unit_test(a_hub_takes_all_below_along),
-        cmocka_unit_test(rungs_are_told),           cmocka_unit_test(drivers_bind_and_let_go),
-        cmocka_unit_test(bandwidth_runs_out),       cmocka_unit_test(translators_carry_full_speed),
-        cmocka_unit_test(descriptors_are_whole),    cmocka_unit_test(control_transfers_answer),
+        cmocka_unit_test(layouts_have_the_ports), cmocka_unit_test(a_hub_takes_all_below_along),
+        cmocka_unit_test(rungs_are_told),         cmocka_unit_test(drivers_bind_and_let_go),
+        cmocka_unit_test(bandwidth_runs_out),     cmocka_unit_test(translators_carry_full_speed),
+        cmocka_unit_test(descriptors_are_whole),  cmocka_unit_test(control_transfers_answer),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -8,9 +8,8 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#include "simulators/scene/world/convert.h"
-#include "simulators/scene/world/jpeg.h"
 #include "simulators/scene/world/settings.h"
+#include "simulators/scene/world/world_internal.h"
 
 static const struct sst_sim_exposure example = {
     .cam = 1, .trigger = 7, .t_ns = 123456789012, .exposure_us = 5000, .gain = 1
@@ -37,20 +36,20 @@ static void any_quality_and_width_makes_valid_frames(void **state SST_UNUSED)
         }
         for (size_t q = 0; q < ARRAY_LEN(qualities); q++) {
             struct sst_sim_exposure got;
-            struct sst_sim_jpeg jpeg;
+            struct sim_jpeg jpeg;
             uint8_t *plain, *luma;
             size_t bytes;
 
-            assert_int_equal(sst_sim_jpeg_encode(&image, qualities[q], true, &jpeg), 0);
+            assert_int_equal(sim_jpeg_encode(&image, qualities[q], true, &jpeg), 0);
             plain = sim_decode(jpeg.data, jpeg.bytes, width, height);
-            assert_int_equal(sst_sim_jpeg_copy(&jpeg, width, &example, sim_out, SIM_CAPACITY, &bytes), 0);
+            assert_int_equal(sim_jpeg_copy(&jpeg, width, &example, sim_out, SIM_CAPACITY, &bytes), 0);
             luma = sim_decode(sim_out, bytes, width, height);
-            assert_int_equal(sst_strip_read(luma, (size_t)width, width, height, &got), 0);
+            assert_int_equal(strip_read(luma, (size_t)width, width, height, &got), 0);
             assert_int_equal(got.t_ns, example.t_ns);
             /* Below the strip nothing has changed. */
-            assert_memory_equal(luma + sst_strip_height(width) * width, plain + sst_strip_height(width) * width,
-                                (size_t)((height - sst_strip_height(width)) * width));
-            assert_int_equal(sst_sim_jpeg_copy(&jpeg, width, NULL, sim_out, jpeg.bytes, &bytes), 0);
+            assert_memory_equal(luma + strip_height(width) * width, plain + strip_height(width) * width,
+                                (size_t)((height - strip_height(width)) * width));
+            assert_int_equal(sim_jpeg_copy(&jpeg, width, NULL, sim_out, jpeg.bytes, &bytes), 0);
             assert_int_equal(bytes, jpeg.bytes);
             assert_memory_equal(sim_out, jpeg.data, bytes);
             free(luma);
@@ -63,12 +62,12 @@ static void any_quality_and_width_makes_valid_frames(void **state SST_UNUSED)
 
 static void a_picture_without_room_for_the_strip_is_refused(void **state SST_UNUSED)
 {
-    struct sst_sim_jpeg jpeg;
+    struct sim_jpeg jpeg;
     struct sst_image image;
 
     assert_int_equal(sst_image_init(&image, 640, 24), 0);
-    assert_int_equal(sst_sim_jpeg_encode(&image, 85, true, &jpeg), -EINVAL);
-    assert_int_equal(sst_sim_jpeg_encode(&image, 85, false, &jpeg), 0);
+    assert_int_equal(sim_jpeg_encode(&image, 85, true, &jpeg), -EINVAL);
+    assert_int_equal(sim_jpeg_encode(&image, 85, false, &jpeg), 0);
     free(jpeg.data);
     sst_image_fini(&image);
 }
@@ -86,17 +85,17 @@ static void formats_are_packed_as_v4l2_says(void **state SST_UNUSED)
     assert_int_equal(sst_image_init(&image, 4, 1), 0);
     for (int c = 0; c < 3; c++)
         sst_image_row(&image, c, 0)[c] = sst_image_row(&image, c, 0)[3] = 255;
-    assert_int_equal(sst_sim_format_bytes(V4L2_PIX_FMT_YUYV, 4, 1), 8);
-    assert_int_equal(sst_sim_format_bytes(V4L2_PIX_FMT_Y16, 4, 1), 8);
-    assert_int_equal(sst_sim_format_bytes(V4L2_PIX_FMT_GREY, 4, 1), 4);
-    assert_int_equal(sst_sim_format_bytes(V4L2_PIX_FMT_NV12, 4, 1), 0);
-    sst_sim_pack(&image, V4L2_PIX_FMT_GREY, out);
+    assert_int_equal(sim_format_bytes(V4L2_PIX_FMT_YUYV, 4, 1), 8);
+    assert_int_equal(sim_format_bytes(V4L2_PIX_FMT_Y16, 4, 1), 8);
+    assert_int_equal(sim_format_bytes(V4L2_PIX_FMT_GREY, 4, 1), 4);
+    assert_int_equal(sim_format_bytes(V4L2_PIX_FMT_NV12, 4, 1), 0);
+    sim_pack(&image, V4L2_PIX_FMT_GREY, out);
     assert_memory_equal(out, grey, 4);
-    sst_sim_pack(&image, V4L2_PIX_FMT_Y16, out);
+    sim_pack(&image, V4L2_PIX_FMT_Y16, out);
     assert_memory_equal(out, y16, 8);
     /* Red and green together: U = 128 - (43 + 85) / 2 = 64, V = 128 + (127.5 - 106.8) / 2 = 138.4; blue and white: U =
      * 128 + 128 / 2 = 192, V = 128 - 21 / 2 = 117.5. */
-    sst_sim_pack(&image, V4L2_PIX_FMT_YUYV, out);
+    sim_pack(&image, V4L2_PIX_FMT_YUYV, out);
     assert_memory_equal(out, yuyv, 8);
     sst_image_fini(&image);
 }
@@ -121,7 +120,7 @@ static void bayer_has_its_four_orders(void **state SST_UNUSED)
             memset(sst_image_row(&image, c, y), 10 * (c + 1), 2);
     }
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
-        sst_sim_pack(&image, cases[i].fourcc, out);
+        sim_pack(&image, cases[i].fourcc, out);
         assert_memory_equal(out, cases[i].want, 4);
     }
     sst_image_fini(&image);
@@ -155,7 +154,7 @@ static void every_format_and_size_carries_the_strip(void **state SST_UNUSED)
             for (int p = 0; p < width * height; p++)
                 luma[p] = sim_out[p * step];
         }
-        assert_int_equal(sst_strip_read(luma, (size_t)width, width, height, &got), 0);
+        assert_int_equal(strip_read(luma, (size_t)width, width, height, &got), 0);
         assert_int_equal(got.cam, example.cam);
         assert_int_equal(got.trigger, example.trigger);
         free(luma);
@@ -195,7 +194,7 @@ static void what_no_camera_offers_is_refused(void **state SST_UNUSED)
 /* Mean of the grey frame below the strip. */
 static double mean_grey(struct sst_sim_world *w, const struct sst_sim_exposure *e)
 {
-    const int top = sst_strip_height(160) * 160;
+    const int top = strip_height(160) * 160;
     double sum = 0;
 
     sim_frame(w, e, V4L2_PIX_FMT_GREY, 160, 192);

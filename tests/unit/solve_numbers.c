@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 #include "tests/calib_truth.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
@@ -19,18 +19,18 @@ static void algebra(void **state)
     double v[] = { 5, 1, 4, 2, 3 };
 
     (void)state;
-    assert_true(sst_solve_cholesky(a, 3)); /* L = 2; 1 2; -1 2 3 */
+    assert_true(solve_cholesky(a, 3)); /* L = 2; 1 2; -1 2 3 */
     assert_near(a[0], 2, 0);
     assert_near(a[3], 1, 0);
     assert_near(a[4], 2, 0);
     assert_near(a[6], -1, 0);
     assert_near(a[7], 2, 0);
     assert_near(a[8], 3, 0);
-    sst_solve_cholesky_solve(a, 3, x); /* A (1, 0.7273.., ...) checked by multiplying back */
+    solve_cholesky_solve(a, 3, x); /* A (1, 0.7273.., ...) checked by multiplying back */
     assert_near(4 * x[0] + 2 * x[1] - 2 * x[2], 4, 1e-14);
     assert_near(2 * x[0] + 5 * x[1] + 3 * x[2], 10, 1e-14);
     assert_near(-2 * x[0] + 3 * x[1] + 14 * x[2], 15, 1e-14);
-    sst_solve_cholesky_inverse(a, 3, work);
+    solve_cholesky_inverse(a, 3, work);
     for (int i = 0; i < 3; i++) {
         const double m[3][3] = { { 4, 2, -2 }, { 2, 5, 3 }, { -2, 3, 14 } };
 
@@ -54,9 +54,9 @@ static void not_definite(void **state)
     double a[4] = { 1, 0, 1, 1 }, zero[1] = { 0 }, nan[1] = { NAN };
 
     (void)state;
-    assert_false(sst_solve_cholesky(a, 2)); /* singular */
-    assert_false(sst_solve_cholesky(zero, 1));
-    assert_false(sst_solve_cholesky(nan, 1));
+    assert_false(solve_cholesky(a, 2)); /* singular */
+    assert_false(solve_cholesky(zero, 1));
+    assert_false(solve_cholesky(nan, 1));
 }
 
 /* R'R = A'A, also with fewer rows than columns, equal columns and zeros. */
@@ -72,7 +72,7 @@ static void triangle(void **state)
         for (int i = 0; i < m * n; i++)
             a[i] = trial % 5 == 4 && i % n == n / 2 ? 0 : trial % 3 == 2 ? 1 + i / n : truth_normal(&seed);
         memcpy(r, a, sizeof(r));
-        sst_solve_qr(r, m, n);
+        solve_qr(r, m, n);
         for (int i = 0; i < n * n; i++) {
             double want = 0, got = 0;
 
@@ -100,11 +100,11 @@ static void left_jacobian(void **state)
     for (size_t t = 0; t < ARRAY_LEN(at); t++) {
         double j[9], je[3], by[9], r[9], want[9], sum[3];
 
-        sst_solve_left_jacobian(at[t], j);
-        sst_solve_apply3(j, e, je);
+        solve_left_jacobian(at[t], j);
+        solve_apply3(j, e, je);
         sst_rotation_from_vector(je, by);
         sst_rotation_from_vector(at[t], r);
-        sst_solve_mul3(by, r, r);
+        solve_mul3(by, r, r);
         for (int i = 0; i < 3; i++)
             sum[i] = at[t][i] + e[i];
         sst_rotation_from_vector(sum, want);
@@ -118,7 +118,7 @@ static void left_jacobian(void **state)
 
 static void problem(struct solve_problem *p, const struct truth *t, const struct sst_solve_config *cfg)
 {
-    assert_int_equal(sst_solve_problem_make(p, &t->all, cfg), 0);
+    assert_int_equal(solve_problem_make(p, &t->all, cfg), 0);
     for (int v = 0; v < p->views; v++) {
         const struct sst_calib_camera *c = &t->calib.camera[v];
         struct solve_camera *to = &p->camera[v];
@@ -127,7 +127,7 @@ static void problem(struct solve_problem *p, const struct truth *t, const struct
         memcpy(to->lens, &c->fx, 4 * sizeof(double));
         memcpy(to->lens + 4, c->k, sizeof(c->k));
         memcpy(to->pose.rotation, c->rotation, sizeof(c->rotation));
-        sst_solve_apply3(c->rotation, c->position_mm, to->pose.shift);
+        solve_apply3(c->rotation, c->position_mm, to->pose.shift);
         for (int i = 0; i < 3; i++)
             to->pose.shift[i] *= -1;
     }
@@ -158,11 +158,11 @@ static void residuals_are_zero(void **state)
     for (int i = 0; i < p.count; i++) {
         double r[200][2];
 
-        sst_solve_residuals(&p, &p.detection[i], r);
+        solve_residuals(&p, &p.detection[i], r);
         for (int k = 0; k < p.detection[i].corners; k++)
             assert_true(hypot(r[k][0], r[k][1]) < 1e-9);
     }
-    sst_solve_problem_fini(&p);
+    solve_problem_fini(&p);
     truth_free(&t);
 }
 
@@ -188,7 +188,7 @@ static void nudge(struct solve_problem *p, const struct solve_layout *l, int sta
         if (state >= at + 3 && state < at + 6)
             to->shift[state - at - 3] += by * l->scale[state];
         sst_rotation_from_vector(v, m);
-        sst_solve_mul3(m, old->rotation, to->rotation);
+        solve_mul3(m, old->rotation, to->rotation);
     }
     for (int i = 0; i < 2; i++)
         p->warp[i] = from->warp[i] + (l->warp >= 0 && state == l->warp + i ? by * l->scale[state] : 0);
@@ -199,30 +199,30 @@ static void check_derivatives(const struct solve_problem *at, const struct solve
 {
     static const double turn[3] = { 0.2, -0.1, 0.3 };
     static double rows[3][400 * SOLVE_COLS_MAX];
-    const int n = sst_solve_block_columns(at);
+    const int n = solve_block_columns(at);
     struct solve_problem p;
     struct solve_layout l;
     struct solve_spread s;
     struct solve_pose board;
     int count = 0;
 
-    assert_int_equal(sst_solve_problem_copy(&p, at), 0);
-    assert_int_equal(sst_solve_layout_init(&l, at), 0);
+    assert_int_equal(solve_problem_copy(&p, at), 0);
+    assert_int_equal(solve_layout_init(&l, at), 0);
     for (int state = 0; state < l.states; state++) {
         double worst = 0, size = 0;
 
         for (int k = 0; k < 3; k++) {
             nudge(&p, &l, state, k ? (k == 1 ? 1e-3 : -1e-3) : 0, turn, at);
-            sst_solve_relative(&p, d, &board);
-            count = sst_solve_block(&p, d, &board, loss_px, rows[k]);
+            solve_relative(&p, d, &board);
+            count = solve_block(&p, d, &board, loss_px, rows[k]);
         }
         nudge(&p, &l, state, 0, turn, at);
-        sst_solve_spread_make(&s, &p, &l, d, turn, turn);
+        solve_spread_make(&s, &p, &l, d, turn, turn);
         for (int i = 0; i < count; i++) {
             int states[40], entries;
             double value[40], want = (rows[1][i * n + n - 1] - rows[2][i * n + n - 1]) / 2e-3, got = 0;
 
-            entries = sst_solve_spread_row(&s, &p, &l, rows[0] + i * n, 0, states, value);
+            entries = solve_spread_row(&s, &p, &l, rows[0] + i * n, 0, states, value);
             for (int e = 0; e < entries; e++) {
                 assert_true(!e || states[e] > states[e - 1]);
                 got += states[e] == state ? value[e] : 0;
@@ -233,8 +233,8 @@ static void check_derivatives(const struct solve_problem *at, const struct solve
         if (worst > 1e-6 * size + 1e-8)
             fail_msg("state %d, loss %g: derivative off by %g of %g", state, loss_px, worst, size);
     }
-    sst_solve_layout_fini(&l);
-    sst_solve_problem_fini(&p);
+    solve_layout_fini(&l);
+    solve_problem_fini(&p);
 }
 
 static void derivatives(void **state)
@@ -261,7 +261,7 @@ static void derivatives(void **state)
         }
         p.rig = true;
         check_derivatives(&p, &p.detection[2], 0);
-        sst_solve_problem_fini(&p);
+        solve_problem_fini(&p);
     }
     truth_free(&t);
 }
@@ -276,7 +276,7 @@ static void always_finite(void **state)
     for (size_t i = 0; i < ARRAY_LEN(q); i++) {
         double xy[2], jq[2][3], jl[2][SOLVE_LENS_MAX];
 
-        sst_solve_see(lens, 8, q[i], xy, jq, jl);
+        solve_see(lens, 8, q[i], xy, jq, jl);
         for (int k = 0; k < 2; k++) {
             assert_true(isfinite(xy[k]));
             for (int c = 0; c < SOLVE_LENS_MAX; c++)
@@ -305,7 +305,7 @@ static void compressed_is_the_same(void **state)
             p[k].camera[v].lens[4] += 0.02;
         }
         p[k].row_by_row = k;
-        assert_int_equal(sst_solve_adjust(&p[k], &cfg, &done[k]), WITH_DOGLEG ? 0 : -ENOTSUP);
+        assert_int_equal(solve_adjust(&p[k], &cfg, &done[k]), WITH_DOGLEG ? 0 : -ENOTSUP);
     }
     if (WITH_DOGLEG) {
         assert_true(done[0].converged && done[1].converged);
@@ -317,8 +317,8 @@ static void compressed_is_the_same(void **state)
                 assert_near(p[0].camera[v].lens[i], p[1].camera[v].lens[i], 1e-5);
         }
     }
-    sst_solve_problem_fini(&p[0]);
-    sst_solve_problem_fini(&p[1]);
+    solve_problem_fini(&p[0]);
+    solve_problem_fini(&p[1]);
     truth_free(&t);
 }
 
@@ -331,14 +331,14 @@ static void lens_difference(void **state)
 
     (void)state;
     memcpy(b, a, sizeof(b));
-    assert_near(sst_solve_lens_difference(&p, a, b, 0.8), 0, 1e-9);
+    assert_near(solve_lens_difference(&p, a, b, 0.8), 0, 1e-9);
     b[2] += 0.5; /* nearly a turn */
-    assert_true(sst_solve_lens_difference(&p, a, b, 0.8) < 0.05);
+    assert_true(solve_lens_difference(&p, a, b, 0.8) < 0.05);
     memcpy(b, a, sizeof(b));
     b[0] *= 1.0001;
     b[1] *= 1.0001;
     /* 1e-4 of the distance to the centre, RMS over 0.8 of 640 x 480 px: some 0.8 * 231 px * 1e-4 */
-    assert_near(sst_solve_lens_difference(&p, a, b, 0.8), 0.0187, 0.002);
+    assert_near(solve_lens_difference(&p, a, b, 0.8), 0.0187, 0.002);
 }
 
 int main(void)

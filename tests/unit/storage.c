@@ -3,9 +3,7 @@
 #include <math.h>
 #include <sys/wait.h>
 
-#include "daemon/storage/catalog.h"
-#include "daemon/storage/tar.h"
-#include "daemon/storage/triggers.h"
+#include "daemon/storage/storage_internal.h"
 #include "tests/quick.h"
 #include "tests/storage_bench.h"
 
@@ -31,28 +29,28 @@ static void a_watch_is_not_moved_by_one_set(void **state)
 
     (void)state;
     for (int i = 0; i < 50; i++) /* one set in three */
-        assert_false(sst_watch_update(&w, i % 3 ? 0.02 : 0.9, t += 100 * MS));
-    assert_false(sst_watch_update(&w, 0.2, t += 100 * MS));
-    assert_false(sst_watch_update(&w, 0.2, t + 200 * MS));
-    assert_true(sst_watch_update(&w, 0.2, t + 300 * MS));
+        assert_false(watch_update(&w, i % 3 ? 0.02 : 0.9, t += 100 * MS));
+    assert_false(watch_update(&w, 0.2, t += 100 * MS));
+    assert_false(watch_update(&w, 0.2, t + 200 * MS));
+    assert_true(watch_update(&w, 0.2, t + 300 * MS));
     assert_true(w.active);
     assert_int_equal(w.begin_ns, t);
     t += 300 * MS;
     for (int i = 0; i < 50; i++) /* flicker, and what is between both limits */
-        assert_false(sst_watch_update(&w, i % 2 ? 0.0 : 0.075, t += 100 * MS));
+        assert_false(watch_update(&w, i % 2 ? 0.0 : 0.075, t += 100 * MS));
     assert_true(w.active && w.last_ns == t - 100 * MS);
     for (int i = 0; i < 9; i++)
-        assert_false(sst_watch_update(&w, i % 2 ? NAN : 0.04, t += 100 * MS));
-    assert_true(sst_watch_update(&w, 0.04, t += 100 * MS));
+        assert_false(watch_update(&w, i % 2 ? NAN : 0.04, t += 100 * MS));
+    assert_true(watch_update(&w, 0.04, t += 100 * MS));
     assert_false(w.active);
 
     /* A share of 0: anything; slow pictures need two sets, too. */
     w = (struct sst_watch){ .share = 0 };
-    assert_false(sst_watch_update(&w, 0, t));
-    assert_false(sst_watch_update(&w, 1e-6, t + 5000 * MS));
-    assert_true(sst_watch_update(&w, 1e-6, t + 10000 * MS));
-    assert_false(sst_watch_update(&w, NAN, t + 15000 * MS));
-    assert_true(sst_watch_update(&w, NAN, t + 20000 * MS));
+    assert_false(watch_update(&w, 0, t));
+    assert_false(watch_update(&w, 1e-6, t + 5000 * MS));
+    assert_true(watch_update(&w, 1e-6, t + 10000 * MS));
+    assert_false(watch_update(&w, NAN, t + 15000 * MS));
+    assert_true(watch_update(&w, NAN, t + 20000 * MS));
 }
 
 /* Two sets in three speak for it: it takes three times as long; times that are asked for count. */
@@ -63,18 +61,18 @@ static void odd_sets_only_delay_a_watch(void **state)
 
     (void)state;
     for (int i = 0; i < 100 && !w.active; i++)
-        if (sst_watch_update(&w, i % 3 == 2 ? 0 : 0.2, t += 100 * MS))
+        if (watch_update(&w, i % 3 == 2 ? 0 : 0.2, t += 100 * MS))
             begun = t;
     assert_true(w.active && w.begin_ns == 100 * MS);
     assert_in_range(begun, 2500 * MS, 3200 * MS);
     while (w.active && t < begun + 20000 * MS)
-        (void)sst_watch_update(&w, t / (100 * MS) % 3 ? 0 : 0.2, t + 100 * MS), t += 100 * MS;
+        (void)watch_update(&w, t / (100 * MS) % 3 ? 0 : 0.2, t + 100 * MS), t += 100 * MS;
     assert_false(w.active);
     assert_in_range(t - begun, 5000 * MS, 7000 * MS);
     /* Time that stands still or runs back speaks for nothing. */
     w = (struct sst_watch){ .share = 0.1 };
     for (int i = 0; i < 100; i++)
-        assert_false(sst_watch_update(&w, 0.2, 5000 * MS - i * MS));
+        assert_false(watch_update(&w, 0.2, 5000 * MS - i * MS));
 }
 
 /* A second of change every four, for ten minutes. @return times that it was told to have begun */
@@ -85,8 +83,8 @@ static int storm(struct sst_watch *w, int *ended, int *times)
     for (int i = 0; i < 6000; i++) {
         const double value = i % 40 < 10 ? 0.5 : 0;
 
-        (void)sst_watch_update(w, value, i * 100 * MS);
-        if (!sst_watch_tell(w, value, i * 100 * MS))
+        (void)watch_update(w, value, i * 100 * MS);
+        if (!watch_tell(w, value, i * 100 * MS))
             continue;
         began += w->told;
         *ended += !w->told;
@@ -114,8 +112,8 @@ static void changes_again_and_again_are_told_as_one(void **state)
         const int64_t t = 600000 * MS + i * 100 * MS;
         const double value = i >= 900 && i < 910 ? 0.5 : 0;
 
-        (void)sst_watch_update(&motion, value, t);
-        told += sst_watch_tell(&motion, value, t);
+        (void)watch_update(&motion, value, t);
+        told += watch_tell(&motion, value, t);
         assert_int_equal(motion.told, i < 9 || (i >= 903 && i < 920));
         assert_int_equal(told, (i >= 9) + (i >= 903) + (i >= 920));
     }
@@ -124,7 +122,7 @@ static void changes_again_and_again_are_told_as_one(void **state)
 static void watches_follow_the_configuration(void **state)
 {
     struct sst_config *c = calloc(1, sizeof(*c));
-    struct sst_watches w;
+    struct watches w;
 
     (void)state;
     c->zones = 2;
@@ -134,7 +132,7 @@ static void watches_follow_the_configuration(void **state)
     c->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.3 };
     c->storage.trigger[1] = (struct sst_record_trigger){ .zone = 1, .share = 0.1, .label = "Pedestrian" };
     c->storage.trigger[2] = (struct sst_record_trigger){ .zone = -1, .share = 0.5 };
-    sst_watches_init(&w, c);
+    watches_init(&w, c);
     assert_int_equal(w.count, 4); /* changes at the gate are told, but not recorded */
     assert_string_equal(w.watch[1].label, "Pedestrian");
     assert_true(w.watch[2].index == -1 && !w.watch[2].zone[0]);
@@ -145,53 +143,51 @@ static void watches_follow_the_configuration(void **state)
 
 static void the_oldest_goes_and_no_clock_takes_the_newest(void **state)
 {
-    struct sst_catalog c = { 0 };
-    struct sst_store_limits l = { .quota_bytes = 1000, .margin_bytes = 50 };
-    struct sst_store_room room = {
-        .used_bytes = 951, .free_bytes = 1 << 30, .wall_ns = T0 + 1000, .clock_steady = true
-    };
-    struct sst_store_entry e = { .bytes = 300 };
+    struct catalog c = { 0 };
+    struct store_limits l = { .quota_bytes = 1000, .margin_bytes = 50 };
+    struct store_room room = { .used_bytes = 951, .free_bytes = 1 << 30, .wall_ns = T0 + 1000, .clock_steady = true };
+    struct store_entry e = { .bytes = 300 };
     int victim = -1;
 
     (void)state;
     /* Made 3, 1, 2 in the list's order of names; the wall clock went backwards before the last. */
     for (int i = 0; i < 3; i++) {
-        sst_store_name(e.name, SST_STORE_RECORDING, (int64_t)i * 1000000000, 1);
+        store_name(e.name, SST_STORE_RECORDING, (int64_t)i * 1000000000, 1);
         e.order = (uint64_t[]){ 3, 1, 2 }[i];
         e.from_ns = e.to_ns = T0 + (int64_t[]){ 100, 900, 800 }[i];
-        assert_int_equal(sst_catalog_add(&c, &e), 0);
+        assert_int_equal(catalog_add(&c, &e), 0);
     }
     assert_int_equal(c.order, 3);
-    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_TOO_MUCH);
+    assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_TOO_MUCH);
     assert_int_equal(c.entry[victim].order, 1);
     room.used_bytes = 950;
-    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
-    l = (struct sst_store_limits){ .min_free_bytes = 1000, .margin_bytes = 50 };
+    assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
+    l = (struct store_limits){ .min_free_bytes = 1000, .margin_bytes = 50 };
     room.free_bytes = 1049;
     c.entry[0].stage = SST_STORE_ACTIVE; /* is never removed */
-    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_TOO_MUCH);
+    assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_TOO_MUCH);
     assert_int_equal(c.entry[victim].order, 2);
     c.entry[1].stage = c.entry[2].stage = SST_STORE_KEPT;
-    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
+    assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
     room.free_bytes = 999;
-    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_NO_ROOM);
+    assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_NO_ROOM);
 
     /* Ages: all look old after a step, the one made last stays; while the clock is in doubt none goes. */
-    l = (struct sst_store_limits){ .max_age_ns = 150 };
+    l = (struct store_limits){ .max_age_ns = 150 };
     for (int i = 0; i < 3; i++)
         c.entry[i].stage = SST_STORE_DONE;
-    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_TOO_OLD);
+    assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_TOO_OLD);
     assert_int_equal(c.entry[victim].order, 2);
     room.clock_steady = false;
-    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
-    room = (struct sst_store_room){ .wall_ns = INT64_MAX, .clock_steady = true };
+    assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
+    room = (struct store_room){ .wall_ns = INT64_MAX, .clock_steady = true };
     for (int left = 3; left > 1; left--) {
-        assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_TOO_OLD);
-        sst_catalog_remove(&c, c.entry[victim].name);
+        assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_TOO_OLD);
+        catalog_remove(&c, c.entry[victim].name);
     }
-    assert_int_equal(sst_store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
+    assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_FITS);
     assert_int_equal(c.entry[0].order, 3);
-    sst_catalog_fini(&c);
+    catalog_fini(&c);
 }
 
 static void names_are_checked(void **state)
@@ -201,17 +197,17 @@ static void names_are_checked(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(bad); i++)
-        assert_false(sst_store_name_good(bad[i]));
+        assert_false(store_name_good(bad[i]));
     memset(longest, 'a', sizeof(longest));
     longest[64] = 0;
-    assert_false(sst_store_name_good(longest));
+    assert_false(store_name_good(longest));
     longest[63] = 0;
-    assert_true(sst_store_name_good(longest));
-    sst_store_name(name, SST_STORE_EXPORT, (int64_t)1763748300 * 1000 * MS, 2);
+    assert_true(store_name_good(longest));
+    store_name(name, SST_STORE_EXPORT, (int64_t)1763748300 * 1000 * MS, 2);
     assert_string_equal(name, "export-2025-11-21T18-05-00Z-2");
-    assert_true(sst_store_name_good(name));
-    sst_store_name(name, SST_STORE_RECORDING, INT64_MIN, 1);
-    assert_true(sst_store_name_good(name));
+    assert_true(store_name_good(name));
+    store_name(name, SST_STORE_RECORDING, INT64_MIN, 1);
+    assert_true(store_name_good(name));
 }
 
 /* --- recording ---------------------------------------------------------------------------------------------------- */
@@ -376,7 +372,7 @@ static void check_shortened(const char *path, uint64_t listed)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
     struct sst_recording_removed removed;
-    struct sst_store_entry e;
+    struct store_entry e;
     struct sst_recording *r;
     int n, cam;
 
@@ -395,7 +391,7 @@ static void check_shortened(const char *path, uint64_t listed)
     assert_int_equal(sst_recording_set(r, n - 1, set), 0);
     assert_int_equal(set->index, 699);
     sst_recording_close(r);
-    assert_int_equal(sst_store_read(path, &e), 0);
+    assert_int_equal(store_read(path, &e), 0);
     assert_true(e.stage == SST_STORE_DONE && (int)e.sets == n && e.from_ns == removed.wall_ns);
     free(set);
 }
@@ -430,7 +426,7 @@ static void the_quota_holds_while_sets_come(void **state)
         all += 3 * 20000;
         usleep(3000);
         if (i % 10 == 0) {
-            const int64_t used = sst_store_bytes(in(dir, "recordings"));
+            const int64_t used = store_bytes(in(dir, "recordings"));
 
             most = used > most ? used : most;
         }
@@ -467,7 +463,7 @@ static void a_quota_of_two_pieces_holds_nothing_up(void **state)
         assert_true(sst_clock_now_ns() < end_ns);
         bench_put(&b, sst_clock_now_ns());
         usleep(3000);
-        assert_true(sst_store_bytes(in(dir, "recordings")) <= 2000000 + 3 * 4096); /* the folder itself */
+        assert_true(store_bytes(in(dir, "recordings")) <= 2000000 + 3 * 4096); /* the folder itself */
     }
     assert_true(bench_events(&b, "storage", "raise it") >= 1);
     bench_fini(&b);

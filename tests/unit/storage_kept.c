@@ -1,11 +1,7 @@
 /* What is kept: who goes first, what is deleted, and how all of it is taken away, whole and in parts. */
 #include <fcntl.h>
 
-#include "daemon/storage/catalog.h"
-#include "daemon/storage/spans.h"
-#include "daemon/storage/tar.h"
-#include "daemon/storage/video.h"
-#include "daemon/storage/view.h"
+#include "daemon/storage/storage_internal.h"
 #include "tests/storage_bench.h"
 
 #if WITH_AVFORMAT
@@ -29,30 +25,30 @@ int fsync(int fd SST_UNUSED)
 
 /* --- who goes first ----------------------------------------------------------------------------------------------- */
 
-static void add(struct sst_catalog *c, enum sst_store_kind kind, uint64_t order, const char *why, int64_t bytes)
+static void add(struct catalog *c, enum store_kind kind, uint64_t order, const char *why, int64_t bytes)
 {
-    struct sst_store_entry e = { .kind = kind, .order = order, .bytes = bytes };
+    struct store_entry e = { .kind = kind, .order = order, .bytes = bytes };
 
     e.from_ns = e.to_ns = e.made_ns = T0 + (int64_t)order * DAY;
-    sst_store_name(e.name, kind, e.made_ns, 1);
+    store_name(e.name, kind, e.made_ns, 1);
     snprintf(e.why, sizeof(e.why), "%s", why);
-    assert_int_equal(sst_catalog_add(c, &e), 0);
+    assert_int_equal(catalog_add(c, &e), 0);
 }
 
-static uint64_t goes(const struct sst_catalog *c, const struct sst_store_limits *l, const struct sst_store_room *room,
-                     enum sst_store_verdict want)
+static uint64_t goes(const struct catalog *c, const struct store_limits *l, const struct store_room *room,
+                     enum store_verdict want)
 {
     int victim = -1;
 
-    assert_int_equal(sst_store_judge(c, l, room, &victim), want);
+    assert_int_equal(store_judge(c, l, room, &victim), want);
     return victim < 0 ? 0 : c->entry[victim].order;
 }
 
 static void what_was_made_by_hand_outlives_the_rest(void **state)
 {
-    struct sst_catalog c = { 0 };
-    struct sst_store_limits l = { .quota_bytes = 1000, .margin_bytes = 50 };
-    struct sst_store_room room = { .used_bytes = 960, .free_bytes = 1 << 30, .clock_steady = true };
+    struct catalog c = { 0 };
+    struct store_limits l = { .quota_bytes = 1000, .margin_bytes = 50 };
+    struct store_room room = { .used_bytes = 960, .free_bytes = 1 << 30, .clock_steady = true };
 
     (void)state;
     add(&c, SST_STORE_SNAPSHOT, 1, "", 100);
@@ -69,12 +65,12 @@ static void what_was_made_by_hand_outlives_the_rest(void **state)
     l.hand_bytes = 549;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
     /* Half of the room is half of what others leave of a disk. */
-    l = (struct sst_store_limits){ .min_free_bytes = 1000, .margin_bytes = 50 };
+    l = (struct store_limits){ .min_free_bytes = 1000, .margin_bytes = 50 };
     room.free_bytes = 140;
-    assert_int_equal(sst_store_hand_bytes(&l, &room), 50);
+    assert_int_equal(store_hand_bytes(&l, &room), 50);
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
     /* What is being read goes after what is not; if nothing else is left, it goes. */
-    l = (struct sst_store_limits){ .quota_bytes = 1000, .margin_bytes = 50, .hand_bytes = 900 };
+    l = (struct store_limits){ .quota_bytes = 1000, .margin_bytes = 50, .hand_bytes = 900 };
     c.entry[2].readers = 1;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 5);
     c.entry[4].stage = SST_STORE_ACTIVE;
@@ -84,14 +80,14 @@ static void what_was_made_by_hand_outlives_the_rest(void **state)
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 5); /* but it makes room, as long as it has some ... */
     c.entry[4].segments = 2;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1); /* nothing else: the disk is never full for it */
-    sst_catalog_fini(&c);
+    catalog_fini(&c);
 }
 
 static void each_has_an_age_of_its_own(void **state)
 {
-    struct sst_catalog c = { 0 };
-    struct sst_store_limits l = { .max_age_ns = 2 * DAY };
-    const struct sst_store_room room = { .wall_ns = T0 + 10 * DAY, .clock_steady = true };
+    struct catalog c = { 0 };
+    struct store_limits l = { .max_age_ns = 2 * DAY };
+    const struct store_room room = { .wall_ns = T0 + 10 * DAY, .clock_steady = true };
 
     (void)state;
     add(&c, SST_STORE_SNAPSHOT, 1, "", 1);
@@ -99,26 +95,26 @@ static void each_has_an_age_of_its_own(void **state)
     add(&c, SST_STORE_RECORDING, 3, SST_STORE_ON_DEMAND, 1);
     add(&c, SST_STORE_RECORDING, 4, "continuous", 1);
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 2);
-    l = (struct sst_store_limits){ .hand_max_age_ns = 8 * DAY };
+    l = (struct store_limits){ .hand_max_age_ns = 8 * DAY };
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 1);
-    sst_catalog_remove(&c, c.entry[0].name);
+    catalog_remove(&c, c.entry[0].name);
     l.hand_max_age_ns = 1;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0); /* the newest by hand, however old */
-    sst_catalog_fini(&c);
+    catalog_fini(&c);
 }
 
 /* Recorded before the clock was set: it goes when what was made next is too old, and not before. */
 static void what_an_unset_clock_stamped_goes_with_what_came_next(void **state)
 {
-    const struct sst_store_limits l = { .max_age_ns = 2 * DAY };
-    struct sst_store_room room = { .clock_steady = true };
+    const struct store_limits l = { .max_age_ns = 2 * DAY };
+    struct store_room room = { .clock_steady = true };
 
     (void)state;
     for (int earlier = 0; earlier < 2; earlier++) {
         /* 1970; the day on which the system was made; long before what is older; in the future */
         for (int wrong = 0; wrong < 4; wrong++) {
             const int64_t stamp = (int64_t[]){ 60000 * MS, T0 - 700 * DAY, T0 + 90 * DAY, T0 + 900 * DAY }[wrong];
-            struct sst_catalog c = { 0 };
+            struct catalog c = { 0 };
             int first = 0;
 
             if (earlier)
@@ -136,7 +132,7 @@ static void what_an_unset_clock_stamped_goes_with_what_came_next(void **state)
             room.wall_ns = T0 + 101 * DAY + 1;
             if (earlier) {
                 assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 99);
-                sst_catalog_remove(&c, c.entry[0].name);
+                catalog_remove(&c, c.entry[0].name);
             }
             room.wall_ns = T0 + 104 * DAY;
             if (wrong != 2) /* what gave it away has gone */
@@ -144,11 +140,11 @@ static void what_an_unset_clock_stamped_goes_with_what_came_next(void **state)
             room.wall_ns++;
             for (uint64_t n = 100; n < 103; n++) {
                 assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), n);
-                sst_catalog_remove(&c, c.entry[0].name);
+                catalog_remove(&c, c.entry[0].name);
             }
             room.wall_ns += 900 * DAY;
             assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0); /* the newest */
-            sst_catalog_fini(&c);
+            catalog_fini(&c);
         }
     }
 }
@@ -172,7 +168,7 @@ static int take(void *arg, const void *data, size_t n)
 
 static void every_part_of_a_plan_is_that_part(void **state)
 {
-    struct sst_spans s = { 0 };
+    struct spans s = { 0 };
     struct sink whole = { 0 }, none = { 0 };
     int folder, file;
 
@@ -184,22 +180,22 @@ static void every_part_of_a_plan_is_that_part(void **state)
     assert_int_equal(symlink("a", in(dir, "link")), 0);
     assert_int_equal(symlink("b", in(dir, "below")), 0);
     folder = open(dir, O_RDONLY | O_DIRECTORY);
-    sst_spans_own(&s, "<", 1);
-    sst_spans_own(&s, "", 0);
-    file = sst_spans_file(&s, "a");
-    sst_spans_piece(&s, file, 2, 3);
-    sst_spans_piece(&s, file, 5, 1); /* goes on */
-    sst_spans_piece(&s, sst_spans_file(&s, "b/c"), 0, 6);
-    sst_spans_own(&s, ">>", 2);
-    assert_int_equal(sst_spans_error(&s), 0);
+    spans_own(&s, "<", 1);
+    spans_own(&s, "", 0);
+    file = spans_file(&s, "a");
+    spans_piece(&s, file, 2, 3);
+    spans_piece(&s, file, 5, 1); /* goes on */
+    spans_piece(&s, spans_file(&s, "b/c"), 0, 6);
+    spans_own(&s, ">>", 2);
+    assert_int_equal(spans_error(&s), 0);
     assert_int_equal(s.bytes, 13);
-    assert_int_equal(sst_spans_send(&s, folder, 0, 13, take, &whole), 0);
+    assert_int_equal(spans_send(&s, folder, 0, 13, take, &whole), 0);
     assert_memory_equal(whole.data, "<2345abcdef>>", 13);
     for (int64_t first = 0; first <= 13; first++) {
         for (int64_t n = 0; n <= 13 - first; n++) {
             struct sink part = { 0 };
 
-            assert_int_equal(sst_spans_send(&s, folder, first, n, take, &part), 0);
+            assert_int_equal(spans_send(&s, folder, first, n, take, &part), 0);
             assert_int_equal(part.n, n);
             assert_true(!n || !memcmp(part.data, whole.data + first, (size_t)n));
             free(part.data);
@@ -207,12 +203,12 @@ static void every_part_of_a_plan_is_that_part(void **state)
     }
     /* What is no longer as planned is told; links lead nowhere. */
     assert_int_equal(truncate(in(dir, "b/c"), 3), 0);
-    assert_int_equal(sst_spans_send(&s, folder, 0, 13, take, &none), -EBADMSG);
+    assert_int_equal(spans_send(&s, folder, 0, 13, take, &none), -EBADMSG);
     assert_int_equal(unlink(in(dir, "b/c")), 0);
-    assert_int_equal(sst_spans_send(&s, folder, 0, 13, take, &none), -ENOENT);
-    assert_int_equal(sst_spans_open(folder, "link"), -ELOOP);
-    assert_true(sst_spans_open(folder, "below/c") < 0);
-    sst_spans_fini(&s);
+    assert_int_equal(spans_send(&s, folder, 0, 13, take, &none), -ENOENT);
+    assert_int_equal(spans_open(folder, "link"), -ELOOP);
+    assert_true(spans_open(folder, "below/c") < 0);
+    spans_fini(&s);
     free(whole.data);
     free(none.data);
     close(folder);
@@ -220,7 +216,7 @@ static void every_part_of_a_plan_is_that_part(void **state)
 
 static void lines_of_the_view_are_read_strictly(void **state)
 {
-    const struct sst_video_line l = { -5, 1763748300000000000, 7, 123456789012, 4000 };
+    const struct video_line l = { -5, 1763748300000000000, 7, 123456789012, 4000 };
     static const char *const bad[] = { "",
                                        "{}",
                                        "{\"t_ns\":1,\"wall_ns\":1,\"set\":1,\"offset\":0,\"bytes\":0}\n",
@@ -228,15 +224,15 @@ static void lines_of_the_view_are_read_strictly(void **state)
                                        "{\"t_ns\":1,\"wall_ns\":1,\"set\":1,\"offset\":0,\"bytes\":5",
                                        "{\"t_ns\":1,\"wall_ns\":1,\"set\":1,\"offset\":0,\"bytes\":5}" };
     char text[SST_VIDEO_LINE_MAX];
-    struct sst_video_line got;
-    const size_t n = sst_video_write_line(text, &l);
+    struct video_line got;
+    const size_t n = video_write_line(text, &l);
 
     (void)state;
     assert_int_equal(strlen(text), n);
-    assert_true(sst_video_read_line(text, &got));
+    assert_true(video_read_line(text, &got));
     assert_memory_equal(&got, &l, sizeof(l));
     for (size_t i = 0; i < ARRAY_LEN(bad); i++)
-        assert_false(sst_video_read_line(bad[i], &got));
+        assert_false(video_read_line(bad[i], &got));
 }
 
 /* The view of a recording whose beginning was removed begins with what was seen there. */
@@ -245,7 +241,7 @@ static void a_shortened_view_begins_where_the_rest_does(void **state)
     static const uint8_t jpeg[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 120, 0, 160, 1, 1, 0x11, 0, 0xff, 0xd9, 'x' };
     static const char removed[] = "{\"format\":\"sst-recording-removed\",\"version\":1,\"before_segment\":2,\"sets\":5,"
                                   "\"t_ns\":5500000000,\"wall_ns\":1763748305500000000}";
-    struct sst_spans whole = { 0 }, rest = { 0 };
+    struct spans whole = { 0 }, rest = { 0 };
     FILE *pictures, *index;
     int64_t whole_bytes;
 
@@ -256,39 +252,39 @@ static void a_shortened_view_begins_where_the_rest_does(void **state)
     assert_true(pictures && index);
     for (int i = 0; i < 10; i++) {
         const int64_t n = (int64_t)sizeof(jpeg);
-        const struct sst_video_line l = { i * S, 1763748300000000000 + i * S, (uint64_t)i, i * n, n };
+        const struct video_line l = { i * S, 1763748300000000000 + i * S, (uint64_t)i, i * n, n };
         char text[SST_VIDEO_LINE_MAX];
 
         assert_int_equal(fwrite(jpeg, 1, sizeof(jpeg), pictures), sizeof(jpeg));
-        assert_true(fwrite(text, 1, sst_video_write_line(text, &l), index) > 0);
+        assert_true(fwrite(text, 1, video_write_line(text, &l), index) > 0);
     }
     fclose(pictures);
     fclose(index);
-    assert_int_equal(sst_video_plan_view(&whole, dir), 0);
+    assert_int_equal(video_plan_view(&whole, dir), 0);
     assert_int_equal(sst_file_write(in(dir, "removed.json"), removed, sizeof(removed) - 1), 0);
-    assert_int_equal(sst_video_plan_view(&rest, dir), 0);
+    assert_int_equal(video_plan_view(&rest, dir), 0);
     /* Pictures 5 (at 5.5 s now) to 9 of 0 to 9: five clusters, blocks and places in the index less; another tag. */
     assert_true(whole.bytes - rest.bytes >= 5 * (int64_t)sizeof(jpeg) && rest.bytes > 5 * (int64_t)sizeof(jpeg));
     assert_true(whole.tag != rest.tag);
     whole_bytes = whole.bytes;
-    sst_spans_fini(&whole);
-    sst_spans_fini(&rest);
-    rest = (struct sst_spans){ 0 };
+    spans_fini(&whole);
+    spans_fini(&rest);
+    rest = (struct spans){ 0 };
     assert_int_equal(sst_file_write(in(dir, "removed.json"), "{}", 2), 0);
-    assert_int_equal(sst_video_plan_view(&rest, dir), 0); /* nothing else says what was removed */
+    assert_int_equal(video_plan_view(&rest, dir), 0); /* nothing else says what was removed */
     assert_int_equal(rest.bytes, whole_bytes);
-    sst_spans_fini(&rest);
+    spans_fini(&rest);
 }
 
-static struct sst_store_entry scanned(void)
+static struct store_entry scanned(void)
 {
-    struct sst_catalog c = { 0 };
-    struct sst_store_entry e;
+    struct catalog c = { 0 };
+    struct store_entry e;
 
-    assert_int_equal(sst_store_scan(top, SST_STORE_RECORDING, true, &c), 0);
+    assert_int_equal(store_scan(top, SST_STORE_RECORDING, true, &c), 0);
     assert_int_equal(c.count, 1);
     e = c.entry[0];
-    sst_catalog_fini(&c);
+    catalog_fini(&c);
     return e;
 }
 
@@ -303,31 +299,31 @@ static void what_a_kill_left_is_measured(void **state)
         "{\"segment\":2,\"session\":0,\"start_ns\":7500000000,\"wall_ns\":1763748307500000000,\"crc\":\"1e06bfad\"}\n";
     static const uint8_t segment[100000];
     struct sst_recording_removed now;
-    struct sst_store_entry e = { .order = 1, .why = "continuous", .stage = SST_STORE_TORN, .from_ns = T0, .to_ns = T0 };
+    struct store_entry e = { .order = 1, .why = "continuous", .stage = SST_STORE_TORN, .from_ns = T0, .to_ns = T0 };
 
     (void)state;
     assert_int_equal(mkdir(dir, 0777), 0);
     assert_int_equal(mkdir(in(dir, "segments"), 0777), 0);
     assert_int_equal(sst_file_write(in(dir, "segments/000002.mkv"), segment, sizeof(segment)), 0);
-    assert_int_equal(sst_store_write(dir, &e), 0);
+    assert_int_equal(store_write(dir, &e), 0);
     e = scanned();
-    assert_true(e.stage == SST_STORE_TORN && e.from_ns == T0 && e.bytes == sst_store_bytes(dir) && e.bytes > 100000);
+    assert_true(e.stage == SST_STORE_TORN && e.from_ns == T0 && e.bytes == store_bytes(dir) && e.bytes > 100000);
     e.stage = SST_STORE_DONE;
     e.sets = 20;
     e.bytes = 900000;
-    assert_int_equal(sst_store_write(dir, &e), 0);
+    assert_int_equal(store_write(dir, &e), 0);
     assert_int_equal(scanned().bytes, 900000); /* not read through at each start */
     assert_int_equal(sst_file_write(in(dir, "removed.json"), removed, sizeof(removed) - 1), 0);
     e = scanned();
-    assert_true(e.from_ns == 1763748305500000000 && e.bytes == sst_store_bytes(dir));
+    assert_true(e.from_ns == 1763748305500000000 && e.bytes == store_bytes(dir));
     assert_true(e.sets == 15 && e.gone == 5);
     /* As it is written when all went well: nothing is taken off twice. */
-    assert_int_equal(sst_store_write(dir, &e), 0);
+    assert_int_equal(store_write(dir, &e), 0);
     e = scanned();
     assert_true(e.sets == 15 && e.gone == 5);
     /* One of before that says nothing of what was removed is believed. */
     e.gone = UINT64_MAX;
-    assert_int_equal(sst_store_write(dir, &e), 0);
+    assert_int_equal(store_write(dir, &e), 0);
     e = scanned();
     assert_true(e.sets == 15 && e.gone == 5);
     /* Damaged itself: the recording stays in the list, and is looked through. */
@@ -336,7 +332,7 @@ static void what_a_kill_left_is_measured(void **state)
     assert_true(scanned().stage == SST_STORE_TORN && scanned().order == 1);
     assert_int_equal(rename(in(top, "2026-11-21T12-00-00Z"), dir), 0);
     /* The note was damaged: written anew with what is known. */
-    assert_int_equal(sst_store_write(dir, &e), 0);
+    assert_int_equal(store_write(dir, &e), 0);
     assert_int_equal(sst_file_write(in(dir, "sets.jsonl"), lines, sizeof(lines) - 1), 0);
     assert_int_equal(sst_file_write(in(dir, "removed.json"), "{\"format\":", 10), 0);
     e = scanned();
@@ -350,15 +346,15 @@ static void a_recording_without_its_list_is_told(void **state)
 {
     struct synthetic s = small();
     const struct sst_recorder_config cfg = synthetic_config(&s, dir);
-    struct sst_store_entry e = { .order = 1, .why = "continuous", .stage = SST_STORE_TORN };
+    struct store_entry e = { .order = 1, .why = "continuous", .stage = SST_STORE_TORN };
 
     (void)state;
     assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 3)), 0);
     assert_int_equal(unlink(in(dir, "sets.jsonl")), 0);
-    assert_int_equal(sst_store_mend(dir, &e), -EBADMSG);
+    assert_int_equal(store_mend(dir, &e), -EBADMSG);
     assert_non_null(strstr(said, "sets.jsonl is missing"));
     sst_path_remove_tree(in(dir, "segments"));
-    assert_int_equal(sst_store_mend(dir, &e), -ENODATA); /* killed before it had one */
+    assert_int_equal(store_mend(dir, &e), -ENODATA); /* killed before it had one */
     synthetic_fini(&s);
 }
 
@@ -493,14 +489,14 @@ static void show(struct bench *b, struct sst_outlet *outlet, int content, int64_
 static void damage_index(const char *name)
 {
     char path[SST_PATH_MAX], text[SST_VIDEO_LINE_MAX];
-    struct sst_video_line line = { .t_ns = -9000000000000000000, .bytes = 1 };
+    struct video_line line = { .t_ns = -9000000000000000000, .bytes = 1 };
     FILE *f;
 
     snprintf(path, sizeof(path), "%s/recordings/%s/%s", dir, name, SST_VIDEO_INDEX);
     f = fopen(path, "ae");
     assert_non_null(f);
     for (int i = 0; i < 2; i++, line.t_ns = 9000000000000000000)
-        fwrite(text, 1, sst_video_write_line(text, &line), f);
+        fwrite(text, 1, video_write_line(text, &line), f);
     assert_int_equal(fclose(f), 0);
 }
 
@@ -618,7 +614,7 @@ static void an_old_picture_does_not_pass_for_a_new_one(void **state)
 
 static void moments_are_kept_as_long_as_they_may_be_wanted(void **state)
 {
-    struct sst_view_shown *shown = calloc(1, sizeof(*shown));
+    struct view_shown *shown = calloc(1, sizeof(*shown));
     struct sst_outlet *outlet;
     const struct sst_jpeg *jpeg;
 
@@ -626,25 +622,25 @@ static void moments_are_kept_as_long_as_they_may_be_wanted(void **state)
     assert_int_equal(sst_outlet_create(&outlet), 0);
     for (int i = 1; i <= 10000; i++) {
         assert_int_equal(sst_outlet_put(outlet, calloc(1, 100), 100, 0, i * MS, 0), 0);
-        sst_view_shown_add(shown, sst_outlet_get(outlet, 0), i > 9000 ? 9500 * MS : 0);
+        view_shown_add(shown, sst_outlet_get(outlet, 0), i > 9000 ? 9500 * MS : 0);
         assert_in_range(shown->count, 1, SST_VIEW_SHOWN_MAX);
     }
-    jpeg = sst_view_shown_next(shown, 0);
+    jpeg = view_shown_next(shown, 0);
     assert_int_equal(jpeg->number, 9500); /* what was seen then */
     sst_jpeg_unref(jpeg);
-    jpeg = sst_view_shown_at(shown, 9700 * MS);
+    jpeg = view_shown_at(shown, 9700 * MS);
     assert_int_equal(jpeg->number, 9700);
     sst_jpeg_unref(jpeg);
-    assert_null(sst_view_shown_at(shown, 9499 * MS));
-    assert_null(sst_view_shown_next(shown, 10000));
+    assert_null(view_shown_at(shown, 9499 * MS));
+    assert_null(view_shown_next(shown, 10000));
     assert_int_equal(shown->bytes, 501 * 100);
     /* However large: the newest stays. */
     for (int i = 0; i < 8; i++) {
         assert_int_equal(sst_outlet_put(outlet, calloc(1, (size_t)30 << 20), (size_t)30 << 20, 0, INT64_MAX, 0), 0);
-        sst_view_shown_add(shown, sst_outlet_get(outlet, 0), 0);
+        view_shown_add(shown, sst_outlet_get(outlet, 0), 0);
     }
     assert_int_equal(shown->count, 2);
-    sst_view_shown_fini(shown);
+    view_shown_fini(shown);
     assert_int_equal(shown->bytes, 0);
     sst_outlet_unref(outlet);
     free(shown);
@@ -726,7 +722,7 @@ static void snapshots_never_fill_the_room(void **state)
 {
     char name[SST_STORE_NAME], first[SST_STORE_NAME] = "", last[SST_STORE_NAME] = "";
     struct bench b;
-    struct sst_catalog found = { 0 };
+    struct catalog found = { 0 };
 
     (void)state;
     bench_init(&b, SST_RECORD_OFF);
@@ -751,7 +747,7 @@ static void snapshots_never_fill_the_room(void **state)
     assert_string_equal(last, name);
     assert_true(bench_number(&b, NULL, "used_bytes") <= 400000 + 60000);
     bench_fini(&b);
-    assert_int_equal(sst_store_scan(in(dir, "snapshots"), SST_STORE_SNAPSHOT, false, &found), 0);
+    assert_int_equal(store_scan(in(dir, "snapshots"), SST_STORE_SNAPSHOT, false, &found), 0);
     assert_in_range(found.count, 1, 20);
     assert_string_equal(found.entry[found.count - 1].name, last);
     for (int i = 1; i < found.count; i++)
@@ -765,7 +761,7 @@ static void snapshots_never_fill_the_room(void **state)
     assert_string_equal(first, found.entry[0].name);
     assert_string_equal(name, last);
     bench_fini(&b);
-    sst_catalog_fini(&found);
+    catalog_fini(&found);
 }
 
 int main(void)

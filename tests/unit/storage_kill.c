@@ -9,7 +9,7 @@
 #include <sys/syscall.h>
 #include <sys/wait.h>
 
-#include "daemon/storage/catalog.h"
+#include "daemon/storage/storage_internal.h"
 #include "tests/storage_bench.h"
 
 #define MS     ((int64_t)1000000)
@@ -104,16 +104,16 @@ static void make(uint64_t order, int sets)
     struct synthetic s = large_sets();
     char name[SST_STORE_NAME], path[SST_PATH_MAX];
     struct sst_recorder_config cfg = synthetic_config(&s, path);
-    struct sst_store_entry e = { .order = order, .why = "continuous", .stage = SST_STORE_DONE };
+    struct store_entry e = { .order = order, .why = "continuous", .stage = SST_STORE_DONE };
 
     e.from_ns = e.to_ns = e.made_ns = SYNTHETIC_WALL_NS + (int64_t)order * 100000 * MS;
-    sst_store_name(name, SST_STORE_RECORDING, e.made_ns, 1);
+    store_name(name, SST_STORE_RECORDING, e.made_ns, 1);
     snprintf(path, sizeof(path), "%s", in(in(dir, "recordings"), name));
     cfg.segment_s = 5 * (double)s.period_ns * 1e-9 - 0.001;
     assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, sets)), 0);
     e.sets = (uint64_t)sets;
-    e.bytes = sst_store_bytes(path);
-    assert_int_equal(sst_store_write(path, &e), 0);
+    e.bytes = store_bytes(path);
+    assert_int_equal(store_write(path, &e), 0);
     synthetic_fini(&s);
 }
 
@@ -186,9 +186,9 @@ static void wait_mended(struct bench *b)
 
         torn = left;
         for (int i = 0; i < n; i++) {
-            struct sst_store_entry e = { .stage = SST_STORE_TORN };
+            struct store_entry e = { .stage = SST_STORE_TORN };
 
-            torn += sst_store_read(path[i], &e) || e.stage == SST_STORE_TORN || listed(b, path[i]) != (int64_t)e.sets;
+            torn += store_read(path[i], &e) || e.stage == SST_STORE_TORN || listed(b, path[i]) != (int64_t)e.sets;
         }
         assert_true(sst_clock_now_ns() < end_ns);
         usleep(2000);
@@ -274,7 +274,7 @@ static void killed_while_it_makes_room(void **state)
         wait_within(&b, QUOTA - QUOTA / 20);
         assert_int_equal(all(path, 2, &left), 1); /* the large one, shortened; the small one has gone */
         check_shortened(1, path, &b);
-        assert_true(sst_store_bytes(in(dir, "recordings")) <= QUOTA && sst_store_bytes(path[0]) > QUOTA / 2);
+        assert_true(store_bytes(in(dir, "recordings")) <= QUOTA && store_bytes(path[0]) > QUOTA / 2);
         bench_fini(&b);
         assert_int_equal(all(path, 2, &left) + left, 1);
         last = again ? last : shared->steps;
@@ -388,7 +388,7 @@ static void killed_while_it_records_and_makes_room(void **state)
     wait_within(&b, QUOTA2);
     wait_mended(&b);
     wait_within(&b, QUOTA2);
-    assert_true(sst_store_bytes(in(dir, "recordings")) <= QUOTA2);
+    assert_true(store_bytes(in(dir, "recordings")) <= QUOTA2);
     n = all(path, RUNS + 1, &left);
     assert_true(n > 0 && !left);
     for (int i = 0; i < n; i++) {

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "simulators/scene/world/strip.h"
+#include "simulators/scene/world/world_internal.h"
 
 #define WIDTH  640
 #define HEIGHT 24 /* 240 bits in rows of 80 cells */
@@ -43,9 +43,9 @@ static void bits_are_as_the_header_says(void **state SST_UNUSED)
                                                    0xFF, 0xFF, 0xFF, 0x00, 0x01, 0x00, 0x68, 0x71, 0xC7, 0x6A };
     uint8_t bits[SST_STRIP_BYTES];
 
-    sst_strip_pack(&example, bits);
+    strip_pack(&example, bits);
     assert_memory_equal(bits, want, sizeof(want));
-    sst_strip_draw(&luma[0][0], WIDTH, WIDTH, &example);
+    strip_draw(&luma[0][0], WIDTH, WIDTH, &example);
     /* Camera 5 is 00000101: cells 5 and 7 of the first row are white. */
     for (int cell = 0; cell < 8; cell++) {
         assert_int_equal(luma[0][8 * cell], cell == 5 || cell == 7 ? 240 : 16);
@@ -58,11 +58,11 @@ static void bits_are_as_the_header_says(void **state SST_UNUSED)
 
 static void height_follows_from_the_width(void **state SST_UNUSED)
 {
-    assert_int_equal(sst_strip_height(640), 24);  /* 3 rows of 80 cells */
-    assert_int_equal(sst_strip_height(320), 48);  /* 6 of 40 */
-    assert_int_equal(sst_strip_height(1280), 16); /* 1.5 of 160 */
-    assert_int_equal(sst_strip_height(1920), 8);  /* 1 of 240 */
-    assert_int_equal(sst_strip_height(160), 96);
+    assert_int_equal(strip_height(640), 24);  /* 3 rows of 80 cells */
+    assert_int_equal(strip_height(320), 48);  /* 6 of 40 */
+    assert_int_equal(strip_height(1280), 16); /* 1.5 of 160 */
+    assert_int_equal(strip_height(1920), 8);  /* 1 of 240 */
+    assert_int_equal(strip_height(160), 96);
 }
 
 static void every_field_comes_back(void **state SST_UNUSED)
@@ -88,8 +88,8 @@ static void every_field_comes_back(void **state SST_UNUSED)
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         struct sst_sim_exposure got = example;
 
-        sst_strip_draw(&luma[0][0], WIDTH, WIDTH, &cases[i]);
-        assert_int_equal(sst_strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), 0);
+        strip_draw(&luma[0][0], WIDTH, WIDTH, &cases[i]);
+        assert_int_equal(strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), 0);
         expect_same(&got, &cases[i]);
     }
 }
@@ -110,8 +110,8 @@ static void what_does_not_fit_is_clamped(void **state SST_UNUSED)
                                            .pose_um = { 8388607, -8388608, 0 } };
     struct sst_sim_exposure got;
 
-    sst_strip_draw(&luma[0][0], WIDTH, WIDTH, &big);
-    assert_int_equal(sst_strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), 0);
+    strip_draw(&luma[0][0], WIDTH, WIDTH, &big);
+    assert_int_equal(strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), 0);
     expect_same(&got, &want);
 }
 
@@ -121,12 +121,12 @@ static void a_wrong_bit_is_refused(void **state SST_UNUSED)
         uint8_t(*cell)[WIDTH] = &luma[i / 80 * 8];
         struct sst_sim_exposure got = { .cam = 77 };
 
-        sst_strip_draw(&luma[0][0], WIDTH, WIDTH, &example);
+        strip_draw(&luma[0][0], WIDTH, WIDTH, &example);
         for (int y = 0; y < 8; y++) {
             for (int x = i % 80 * 8; x < i % 80 * 8 + 8; x++)
                 cell[y][x] = (uint8_t)(256 - cell[y][x]);
         }
-        assert_int_equal(sst_strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), -EBADMSG);
+        assert_int_equal(strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), -EBADMSG);
         assert_int_equal(got.cam, 77);
     }
 }
@@ -135,16 +135,16 @@ static void what_is_no_strip_is_refused(void **state SST_UNUSED)
 {
     struct sst_sim_exposure got = { .cam = 77 };
 
-    sst_strip_draw(&luma[0][0], WIDTH, WIDTH, &example);
-    assert_int_equal(sst_strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT - 1, &got), -EBADMSG);
-    assert_int_equal(sst_strip_read(&luma[0][0], WIDTH, 7, HEIGHT, &got), -EBADMSG);
+    strip_draw(&luma[0][0], WIDTH, WIDTH, &example);
+    assert_int_equal(strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT - 1, &got), -EBADMSG);
+    assert_int_equal(strip_read(&luma[0][0], WIDTH, 7, HEIGHT, &got), -EBADMSG);
     for (int y = 0; y < 8; y++) /* neither black nor white */
         memset(&luma[y][16], 128, 8);
-    assert_int_equal(sst_strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), -EBADMSG);
+    assert_int_equal(strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), -EBADMSG);
     memset(luma, 0, sizeof(luma));
-    assert_int_equal(sst_strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), -EBADMSG);
+    assert_int_equal(strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), -EBADMSG);
     memset(luma, 255, sizeof(luma));
-    assert_int_equal(sst_strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), -EBADMSG);
+    assert_int_equal(strip_read(&luma[0][0], WIDTH, WIDTH, HEIGHT, &got), -EBADMSG);
     assert_int_equal(got.cam, 77);
 }
 

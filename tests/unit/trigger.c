@@ -13,16 +13,16 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "drivers/trigger/pulse.h"
 #include "drivers/trigger/trigger.h"
+#include "drivers/trigger/trigger_internal.h"
 #include "tests/quick.h"
 
 static void equal_delays_change_in_one_step(void **state SST_UNUSED)
 {
     const int delay_us[] = { 0, 0, 0 };
-    struct sst_pulse_step step[6];
+    struct pulse_step step[6];
 
-    assert_int_equal(sst_pulse_steps(step, delay_us, 3, 500), 2);
+    assert_int_equal(pulse_steps(step, delay_us, 3, 500), 2);
     assert_int_equal(step[0].at_ns, 0);
     assert_int_equal(step[0].active, 7);
     assert_int_equal(step[1].at_ns, 500000);
@@ -33,9 +33,9 @@ static void equal_delays_change_in_one_step(void **state SST_UNUSED)
 static void groups_rise_and_fall_in_order_of_time(void **state SST_UNUSED)
 {
     const int delay_us[] = { 100, 300, 100, 350 };
-    struct sst_pulse_step step[8];
+    struct pulse_step step[8];
 
-    assert_int_equal(sst_pulse_steps(step, delay_us, 3, 200), 3);
+    assert_int_equal(pulse_steps(step, delay_us, 3, 200), 3);
     assert_int_equal(step[0].at_ns, 100000);
     assert_int_equal(step[0].active, 5);
     assert_int_equal(step[1].at_ns, 300000);
@@ -43,7 +43,7 @@ static void groups_rise_and_fall_in_order_of_time(void **state SST_UNUSED)
     assert_int_equal(step[2].at_ns, 500000);
     assert_int_equal(step[2].active, 0);
 
-    assert_int_equal(sst_pulse_steps(step, delay_us, 4, 200), 5);
+    assert_int_equal(pulse_steps(step, delay_us, 4, 200), 5);
     assert_int_equal(step[2].at_ns, 350000);
     assert_int_equal(step[2].active, 2 | 8);
     assert_int_equal(step[3].at_ns, 500000);
@@ -55,11 +55,11 @@ static void groups_rise_and_fall_in_order_of_time(void **state SST_UNUSED)
 static void all_64_lines_may_differ(void **state SST_UNUSED)
 {
     int delay_us[64];
-    struct sst_pulse_step step[128];
+    struct pulse_step step[128];
 
     for (int i = 0; i < 64; i++)
         delay_us[i] = 63 - i;
-    assert_int_equal(sst_pulse_steps(step, delay_us, 64, 1000), 128);
+    assert_int_equal(pulse_steps(step, delay_us, 64, 1000), 128);
     assert_true(step[0].active == 1ull << 63);
     assert_true(step[63].active == UINT64_MAX);
     assert_int_equal(step[127].at_ns, 1063000);
@@ -70,28 +70,28 @@ static void all_64_lines_may_differ(void **state SST_UNUSED)
  */
 static void beats_do_not_drift(void **state SST_UNUSED)
 {
-    assert_int_equal(sst_beat_due_ns(7, 30, 1), 7 + 33333333);
-    assert_int_equal(sst_beat_due_ns(7, 30, 2), 7 + 66666667);
-    assert_int_equal(sst_beat_due_ns(7, 30, 30), 7 + 1000000000);
-    assert_true(sst_beat_due_ns(7, 30, 30000000) == 7 + 1000000000000000);
+    assert_int_equal(beat_due_ns(7, 30, 1), 7 + 33333333);
+    assert_int_equal(beat_due_ns(7, 30, 2), 7 + 66666667);
+    assert_int_equal(beat_due_ns(7, 30, 30), 7 + 1000000000);
+    assert_true(beat_due_ns(7, 30, 30000000) == 7 + 1000000000000000);
 }
 
 /* At 10/s: 49 ms late still fires, 51 ms late is skipped, and after 1.02 s only beat 10 is near enough. */
 static void late_beats_are_skipped(void **state SST_UNUSED)
 {
-    assert_int_equal(sst_beat_next(1000, 10, 0, 1000), 0);
-    assert_int_equal(sst_beat_next(1000, 10, 0, 1000 + 49000000), 0);
-    assert_int_equal(sst_beat_next(1000, 10, 0, 1000 + 51000000), 1);
-    assert_int_equal(sst_beat_next(1000, 10, 0, 1000 + 1020000000), 10);
-    assert_int_equal(sst_beat_next(1000, 10, 12, 1000 + 1020000000), 12);
+    assert_int_equal(beat_next(1000, 10, 0, 1000), 0);
+    assert_int_equal(beat_next(1000, 10, 0, 1000 + 49000000), 0);
+    assert_int_equal(beat_next(1000, 10, 0, 1000 + 51000000), 1);
+    assert_int_equal(beat_next(1000, 10, 0, 1000 + 1020000000), 10);
+    assert_int_equal(beat_next(1000, 10, 12, 1000 + 1020000000), 12);
 }
 
 static void stamps_of_both_clocks_become_monotonic(void **state SST_UNUSED)
 {
     const int64_t mono = 5000000000, real = 1700000000000000000;
 
-    assert_true(sst_edge_monotonic(mono - 2000, mono, real) == mono - 2000);
-    assert_true(sst_edge_monotonic(real - 2000, mono, real) == mono - 2000);
+    assert_true(edge_monotonic(mono - 2000, mono, real) == mono - 2000);
+    assert_true(edge_monotonic(real - 2000, mono, real) == mono - 2000);
 }
 
 struct marks {

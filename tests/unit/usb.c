@@ -12,9 +12,8 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
-#include "drivers/usb/deadline.h"
 #include "drivers/usb/plan.h"
-#include "drivers/usb/sysfs.h"
+#include "drivers/usb/usb_internal.h"
 #include "tests/quick.h"
 
 /* --- a tree in files ---------------------------------------------------------------------------------------------- */
@@ -127,7 +126,7 @@ static void tree_is_read_parents_first(void **state SST_UNUSED)
     struct sst_usb_device *d;
     int n;
 
-    assert_int_equal(sst_usb_scan(&d, &n, root), 0);
+    assert_int_equal(usb_scan(&d, &n, root), 0);
     assert_int_equal(n, 6);
     for (int i = 0; i < n; i++) {
         assert_string_equal(d[i].port, order[i]);
@@ -156,7 +155,7 @@ static void machine_without_usb_has_no_devices(void **state SST_UNUSED)
     struct sst_usb_device *d;
     int n = -1;
 
-    assert_int_equal(sst_usb_scan(&d, &n, "/nowhere"), 0);
+    assert_int_equal(usb_scan(&d, &n, "/nowhere"), 0);
     assert_int_equal(n, 0);
     free(d);
 }
@@ -167,7 +166,7 @@ static void settings_of_the_streaming_interface(void **state SST_UNUSED)
 {
     struct sst_usb_alt alt[SST_USB_ALTS_MAX];
 
-    assert_int_equal(sst_usb_parse_alts(alt, camera_descriptors, sizeof(camera_descriptors), 480), 2);
+    assert_int_equal(usb_parse_alts(alt, camera_descriptors, sizeof(camera_descriptors), 480), 2);
     assert_int_equal(alt[0].number, 1);
     assert_true(alt[0].isochronous);
     assert_int_equal(alt[0].packet_bytes, 512);
@@ -184,7 +183,7 @@ static void superspeed_packets_come_from_the_companion(void **state SST_UNUSED)
     }; /* 33792 bytes per interval */
     struct sst_usb_alt alt[SST_USB_ALTS_MAX];
 
-    assert_int_equal(sst_usb_parse_alts(alt, d, sizeof(d), 5000), 1);
+    assert_int_equal(usb_parse_alts(alt, d, sizeof(d), 5000), 1);
     assert_int_equal(alt[0].packet_bytes, 33792);
 }
 
@@ -200,11 +199,11 @@ static void damaged_descriptors_end_the_walk(void **state SST_UNUSED)
         assert_non_null(copy);
         memcpy(copy, camera_descriptors, size);
         copy = realloc(copy, size ? size : 1);
-        assert_in_range(sst_usb_parse_alts(alt, copy, size, 480), 0, 2);
+        assert_in_range(usb_parse_alts(alt, copy, size, 480), 0, 2);
         for (int i = 0; i < 50 && size; i++) {
             seed = seed * 1664525u + 1013904223u;
             copy[(seed >> 8) % size] = (uint8_t)(seed >> 24);
-            assert_in_range(sst_usb_parse_alts(alt, copy, size, 5000), 0, SST_USB_ALTS_MAX);
+            assert_in_range(usb_parse_alts(alt, copy, size, 5000), 0, SST_USB_ALTS_MAX);
         }
         free(copy);
     }
@@ -219,19 +218,19 @@ static void ports_are_compared_by_their_numbers(void **state SST_UNUSED)
     int number;
 
     for (size_t i = 0; i + 1 < ARRAY_LEN(order); i++) {
-        assert_true(sst_usb_compare_ports(order[i], order[i + 1]) < 0);
-        assert_true(sst_usb_compare_ports(order[i + 1], order[i]) > 0);
+        assert_true(usb_compare_ports(order[i], order[i + 1]) < 0);
+        assert_true(usb_compare_ports(order[i + 1], order[i]) > 0);
     }
-    assert_int_equal(sst_usb_split_port("3-1.4.2", hub, &number), 0);
+    assert_int_equal(usb_split_port("3-1.4.2", hub, &number), 0);
     assert_string_equal(hub, "3-1.4");
     assert_int_equal(number, 2);
-    assert_int_equal(sst_usb_split_port("3-1", hub, &number), 0);
+    assert_int_equal(usb_split_port("3-1", hub, &number), 0);
     assert_string_equal(hub, "usb3");
     assert_int_equal(number, 1);
-    assert_int_equal(sst_usb_split_port("usb3", hub, &number), -EINVAL);
-    assert_int_equal(sst_usb_split_port("../../etc", hub, &number), -EINVAL);
-    assert_int_equal(sst_usb_split_port("3-1/authorized", hub, &number), -EINVAL);
-    assert_int_equal(sst_usb_split_port("", hub, &number), -EINVAL);
+    assert_int_equal(usb_split_port("usb3", hub, &number), -EINVAL);
+    assert_int_equal(usb_split_port("../../etc", hub, &number), -EINVAL);
+    assert_int_equal(usb_split_port("3-1/authorized", hub, &number), -EINVAL);
+    assert_int_equal(usb_split_port("", hub, &number), -EINVAL);
 }
 
 /* --- plans -------------------------------------------------------------------------------------------------------- */
@@ -515,10 +514,10 @@ static void calls_are_waited_for_no_longer_than_agreed(void **state SST_UNUSED)
     const bool at_once = false, never = true;
     int64_t start_ns;
 
-    assert_int_equal(sst_deadline_call(wait_and_return, &at_once, sizeof(at_once), 60000), -EIO);
+    assert_int_equal(deadline_call(wait_and_return, &at_once, sizeof(at_once), 60000), -EIO);
     hangs = true;
     start_ns = sst_clock_now_ns();
-    assert_int_equal(sst_deadline_call(wait_and_return, &never, sizeof(never), 20), -ETIMEDOUT);
+    assert_int_equal(deadline_call(wait_and_return, &never, sizeof(never), 20), -ETIMEDOUT);
     assert_quick(start_ns, 400000000);
     assert_int_equal(ended, 1);
     hangs = false;

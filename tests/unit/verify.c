@@ -10,9 +10,9 @@
 #include <cmocka.h>
 
 #include "base/thread.h"
-#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/eval/eval.h"
 #include "pipeline/lightfield/unsure.h"
+#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/render/verify.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/board/detect_parts.h"
+#include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/calibration/board/opencv_boards.h"
 
 /* Corners row by row. */
@@ -107,7 +107,7 @@ static bool put_in_order(struct grid *g, const struct sst_map_u8 *luma)
     return even_brighter(g, luma) > 0;
 }
 
-static int keep(struct sst_sighting *s, const struct grid *g, double scale)
+static int keep(struct sighting *s, const struct grid *g, double scale)
 {
     const int n = g->cols * g->rows;
 
@@ -124,9 +124,9 @@ static int keep(struct sst_sighting *s, const struct grid *g, double scale)
     return 1;
 }
 
-static int find_at(struct sst_sighting *s, struct grid *g, const struct sst_map_u8 *luma, double scale, bool thorough)
+static int find_at(struct sighting *s, struct grid *g, const struct sst_map_u8 *luma, double scale, bool thorough)
 {
-    const int r = sst_cv_chessboard(g->at, luma, g->cols, g->rows, thorough);
+    const int r = cv_chessboard(g->at, luma, g->cols, g->rows, thorough);
 
     if (r <= 0)
         return r;
@@ -134,11 +134,11 @@ static int find_at(struct sst_sighting *s, struct grid *g, const struct sst_map_
     return keep(s, g, scale);
 }
 
-int sst_find_chessboard(struct sst_sighting *s, bool quick)
+int find_chessboard(struct sighting *s, bool quick)
 {
     struct grid g = { s->board->cols - 1, s->board->rows - 1, NULL };
-    struct sst_pyramid p;
-    int r = sst_pyramid_init(&p, s->luma);
+    struct pyramid p;
+    int r = pyramid_init(&p, s->luma);
 
     if (r)
         return r;
@@ -152,7 +152,7 @@ int sst_find_chessboard(struct sst_sighting *s, bool quick)
     }
     if (!r && !quick) /* in a large picture this would take seconds */
         r = find_at(s, &g, p.level[p.levels - 1], 1 << (p.levels - 1), true);
-    sst_pyramid_fini(&p);
+    pyramid_fini(&p);
     free(g.at);
     return r;
 }

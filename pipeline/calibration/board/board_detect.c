@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/board/detect_parts.h"
+#include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/camera/numbers.h"
 
 #define LEAST_POINTS  6
@@ -35,16 +35,16 @@ static int halve(struct sst_map_u8 *out, const struct sst_map_u8 *in)
     return err;
 }
 
-int sst_pyramid_init(struct sst_pyramid *p, const struct sst_map_u8 *luma)
+int pyramid_init(struct pyramid *p, const struct sst_map_u8 *luma)
 {
-    *p = (struct sst_pyramid){ .levels = 1, .level = { luma } };
+    *p = (struct pyramid){ .levels = 1, .level = { luma } };
     while (p->levels < (int)ARRAY_LEN(p->level)) {
         const struct sst_map_u8 *last = p->level[p->levels - 1];
 
         if (sst_max_int(last->width, last->height) <= COARSE_SIDE)
             break;
         if (halve(&p->half[p->levels - 1], last)) {
-            sst_pyramid_fini(p);
+            pyramid_fini(p);
             return -ENOMEM;
         }
         p->level[p->levels] = &p->half[p->levels - 1];
@@ -53,11 +53,11 @@ int sst_pyramid_init(struct sst_pyramid *p, const struct sst_map_u8 *luma)
     return 0;
 }
 
-void sst_pyramid_fini(struct sst_pyramid *p)
+void pyramid_fini(struct pyramid *p)
 {
     for (size_t i = 0; i < ARRAY_LEN(p->half); i++)
         sst_map_u8_fini(&p->half[i]);
-    *p = (struct sst_pyramid){ 0 };
+    *p = (struct pyramid){ 0 };
 }
 
 /* --- judging ----------------------------------------------------------------------------------------------------- */
@@ -67,7 +67,7 @@ void sst_pyramid_fini(struct sst_pyramid *p)
  * looks like skew of one sign at points with black at the upper left and of the other at the rest: the medians of both
  * kinds are averaged.
  */
-static int measure_blur(struct sst_detection *d, const struct sst_sighting *s)
+static int measure_blur(struct sst_detection *d, const struct sighting *s)
 {
     double *v = malloc((size_t)d->corners * sizeof(*v)), b[3] = { 0 }, middle, half;
 
@@ -80,7 +80,7 @@ static int measure_blur(struct sst_detection *d, const struct sst_sighting *s)
             int n = 0;
 
             for (int i = 0; i < d->corners; i++) {
-                const struct sst_saddle *c = &s->saddle[d->corner[i].id];
+                const struct saddle *c = &s->saddle[d->corner[i].id];
 
                 if ((c->contrast > 0) == sign)
                     v[n++] = axis == 0 ? c->blur_xx : axis == 1 ? c->blur_xy : c->blur_yy;
@@ -121,7 +121,7 @@ static bool spread_out(const struct sst_detection *d, const struct sst_board *bo
 
 /* --- the picture ------------------------------------------------------------------------------------------------- */
 
-static int fill(struct sst_detection *out, const struct sst_sighting *s, int count)
+static int fill(struct sst_detection *out, const struct sighting *s, int count)
 {
     struct sst_detection d = { .corner = calloc((size_t)count + 1, sizeof(*d.corner)) };
     int err;
@@ -129,7 +129,7 @@ static int fill(struct sst_detection *out, const struct sst_sighting *s, int cou
     if (!d.corner)
         return -ENOMEM;
     for (int i = 0; i < sst_board_points(s->board); i++) {
-        const struct sst_saddle *c = &s->saddle[i];
+        const struct saddle *c = &s->saddle[i];
 
         if (s->seen[i])
             d.corner[d.corners++] = (struct sst_corner){ i, c->x, c->y, FLOOR_PX / hypot(FLOOR_PX, c->noise_px) };
@@ -144,7 +144,7 @@ static int fill(struct sst_detection *out, const struct sst_sighting *s, int cou
 }
 
 /* Outcome of points that were found: the detection is kept where it is usable or nearly. */
-static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, const struct sst_sighting *s, int count,
+static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, const struct sighting *s, int count,
                  const struct sst_detect_config *cfg)
 {
     const double max_blur = cfg && cfg->max_blur_px > 0 ? cfg->max_blur_px : 3;
@@ -169,10 +169,10 @@ static int judge(struct sst_detection *out, enum sst_detect_outcome *outcome, co
     return 0;
 }
 
-static int detect_markers(struct sst_sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
+static int detect_markers(struct sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
                           const struct sst_detect_config *cfg)
 {
-    int decoded, good = sst_find_markers(s, cfg && cfg->quick, &decoded), count;
+    int decoded, good = find_markers(s, cfg && cfg->quick, &decoded), count;
 
     if (good < 0)
         return good;
@@ -184,21 +184,21 @@ static int detect_markers(struct sst_sighting *s, struct sst_detection *out, enu
         *outcome = decoded > 0 ? SST_DETECT_FEW : SST_DETECT_NONE;
         return 0;
     }
-    count = sst_find_points(s);
+    count = find_points(s);
     return count < 0 ? count : judge(out, outcome, s, count, cfg);
 }
 
-static int detect_chessboard(struct sst_sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
+static int detect_chessboard(struct sighting *s, struct sst_detection *out, enum sst_detect_outcome *outcome,
                              const struct sst_detect_config *cfg)
 {
-    const int found = sst_find_chessboard(s, cfg && cfg->quick);
+    const int found = find_chessboard(s, cfg && cfg->quick);
     int count;
 
     *outcome = SST_DETECT_NONE;
     if (found <= 0)
         return found;
-    count = sst_find_points(s);
-    if (count >= 0 && (sst_chessboard_ends_early(s) || sst_chessboard_goes_on(s))) {
+    count = find_points(s);
+    if (count >= 0 && (chessboard_ends_early(s) || chessboard_goes_on(s))) {
         *outcome = SST_DETECT_OTHER_BOARD;
         return 0;
     }
@@ -209,7 +209,7 @@ static int detect(const struct sst_board *board, const struct sst_map_u8 *luma, 
                   struct sst_detection *out, enum sst_detect_outcome *outcome)
 {
     const size_t points = (size_t)sst_board_points(board);
-    struct sst_sighting s = { .board = board, .luma = luma };
+    struct sighting s = { .board = board, .luma = luma };
     int err = -ENOMEM;
 
     s.seen = calloc(points, sizeof(*s.seen));

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/board/detect_parts.h"
+#include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/calibration/board/homography.h"
 #include "pipeline/calibration/board/opencv_boards.h"
 
@@ -112,13 +112,13 @@ static int agree(struct match *m, int n)
 
 static int by_number(const void *a, const void *b)
 {
-    const struct sst_cv_marker *x = a, *y = b;
+    const struct cv_marker *x = a, *y = b;
 
     return (x->id > y->id) - (x->id < y->id);
 }
 
 /* Where the markers that were read are on the board. One read at two places counts at both: at most one agrees. */
-static int match_markers(struct match *out, const struct sst_cv_marker *read, int n, const struct sst_board_marker *on,
+static int match_markers(struct match *out, const struct cv_marker *read, int n, const struct sst_board_marker *on,
                          int markers, double scale)
 {
     int count = 0;
@@ -138,12 +138,11 @@ static int match_markers(struct match *out, const struct sst_cv_marker *read, in
     return count;
 }
 
-int sst_read_markers(struct sst_cv_marker *read, const struct sst_map_u8 *luma, int dictionary, int border,
-                     bool touching)
+int read_markers(struct cv_marker *read, const struct sst_map_u8 *luma, int dictionary, int border, bool touching)
 {
     int kept = 0;
-    const int n = touching ? sst_cv_touching_tags(read, SST_MARKERS_MAX, luma, dictionary, border)
-                           : sst_cv_markers(read, SST_MARKERS_MAX, luma, dictionary, border);
+    const int n = touching ? cv_touching_tags(read, SST_MARKERS_MAX, luma, dictionary, border)
+                           : cv_markers(read, SST_MARKERS_MAX, luma, dictionary, border);
 
     if (n < 0)
         return n;
@@ -159,9 +158,9 @@ int sst_read_markers(struct sst_cv_marker *read, const struct sst_map_u8 *luma, 
     return kept;
 }
 
-static int keep_anchors(struct sst_sighting *s, const struct match *m, int n, int good)
+static int keep_anchors(struct sighting *s, const struct match *m, int n, int good)
 {
-    struct sst_anchor *anchor = malloc(4 * (size_t)good * sizeof(*anchor));
+    struct anchor *anchor = malloc(4 * (size_t)good * sizeof(*anchor));
 
     if (!anchor)
         return -ENOMEM;
@@ -170,7 +169,7 @@ static int keep_anchors(struct sst_sighting *s, const struct match *m, int n, in
     s->anchors = 0;
     for (int i = 0; i < n; i++) {
         for (int k = 0; k < 4 && m[i].good; k++) {
-            struct sst_anchor *a = &s->anchor[s->anchors++];
+            struct anchor *a = &s->anchor[s->anchors++];
 
             memcpy(a->board, m[i].on.corner[k], sizeof(a->board));
             memcpy(a->px, m[i].seen[k], sizeof(a->px));
@@ -180,7 +179,7 @@ static int keep_anchors(struct sst_sighting *s, const struct match *m, int n, in
     return good;
 }
 
-int sst_place_markers(struct sst_sighting *s, const struct sst_cv_marker *read, int n, double scale)
+int place_markers(struct sighting *s, const struct cv_marker *read, int n, double scale)
 {
     const int markers = sst_max_int(sst_board_markers(NULL, s->board, false), sst_board_markers(NULL, s->board, true));
     struct sst_board_marker *on = malloc(((size_t)markers + 1) * sizeof(*on));
@@ -203,25 +202,25 @@ int sst_place_markers(struct sst_sighting *s, const struct sst_cv_marker *read, 
     return best;
 }
 
-int sst_find_markers(struct sst_sighting *s, bool quick, int *decoded)
+int find_markers(struct sighting *s, bool quick, int *decoded)
 {
     int border, dictionary = sst_board_dictionary(s->board, &border), best;
-    struct sst_cv_marker *read = malloc(SST_MARKERS_MAX * sizeof(*read));
-    struct sst_pyramid p;
+    struct cv_marker *read = malloc(SST_MARKERS_MAX * sizeof(*read));
+    struct pyramid p;
 
     *decoded = 0;
     if (!read)
         return -ENOMEM;
-    best = sst_pyramid_init(&p, s->luma);
+    best = pyramid_init(&p, s->luma);
     for (int n = p.levels - 1; n >= 0 && best >= 0 && best < GOOD_ENOUGH; n--) {
-        const int count = sst_read_markers(read, p.level[n], dictionary, border, s->board->kind == SST_BOARD_APRILGRID);
+        const int count = read_markers(read, p.level[n], dictionary, border, s->board->kind == SST_BOARD_APRILGRID);
 
-        best = count < 0 ? count : sst_place_markers(s, read, count, 1 << n);
+        best = count < 0 ? count : place_markers(s, read, count, 1 << n);
         *decoded = sst_max_int(*decoded, count);
         if (quick)
             break;
     }
-    sst_pyramid_fini(&p);
+    pyramid_fini(&p);
     free(read);
     return best;
 }

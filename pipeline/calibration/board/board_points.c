@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/board/detect_parts.h"
+#include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/calibration/board/homography.h"
 #include "pipeline/camera/numbers.h"
 
@@ -21,7 +21,7 @@ struct near {
 };
 
 /* The nearest anchors, nearest first; of equal ones the first. */
-static int nearest(struct near out[NEIGHBOURS], const struct sst_anchor *anchor, int n, const double at[2], int skip)
+static int nearest(struct near out[NEIGHBOURS], const struct anchor *anchor, int n, const double at[2], int skip)
 {
     int count = 0;
 
@@ -44,7 +44,7 @@ static int nearest(struct near out[NEIGHBOURS], const struct sst_anchor *anchor,
 
 /* Where a place of the board is, from the anchors around it, but for one (skip; -1: none). slope: px per mm there.
  * @return false: nothing near enough to tell */
-static bool predict(double px[2], double slope[4], const struct sst_anchor *anchor, int n, double step_mm,
+static bool predict(double px[2], double slope[4], const struct anchor *anchor, int n, double step_mm,
                     const double at[2], int skip)
 {
     double from[NEIGHBOURS][2], to[NEIGHBOURS][2], weight[NEIGHBOURS], h[9];
@@ -54,7 +54,7 @@ static bool predict(double px[2], double slope[4], const struct sst_anchor *anch
     if (count < 4 || found[0].distance2 > 2.6 * step_mm * step_mm)
         return false;
     for (int i = 0; i < count; i++) {
-        const struct sst_anchor *a = &anchor[found[i].index];
+        const struct anchor *a = &anchor[found[i].index];
 
         memcpy(from[i], a->board, sizeof(from[i]));
         memcpy(to[i], a->px, sizeof(to[i]));
@@ -69,7 +69,7 @@ static bool predict(double px[2], double slope[4], const struct sst_anchor *anch
 /* --- refinement -------------------------------------------------------------------------------------------------- */
 
 /* What surrounds a point of this board. */
-static void surroundings(struct sst_saddle_place *place, const struct sst_board *b, int id, bool other)
+static void surroundings(struct saddle_place *place, const struct sst_board *b, int id, bool other)
 {
     if (b->kind == SST_BOARD_APRILGRID) {
         place->sign = id % 2 ? 1 : -1;
@@ -93,11 +93,10 @@ static double largest_window(const struct sst_map_u8 *luma)
 }
 
 /* Look for a point where the anchors put it. */
-static bool look(struct sst_saddle *out, const struct sst_sighting *s, int id, const struct sst_anchor *anchor, int n,
-                 double reach)
+static bool look(struct saddle *out, const struct sighting *s, int id, const struct anchor *anchor, int n, double reach)
 {
     const double pitch = sst_board_pitch_mm(s->board);
-    struct sst_saddle_place place;
+    struct saddle_place place;
     double at[2], px[2];
 
     sst_board_point(s->board, id, at);
@@ -107,11 +106,11 @@ static bool look(struct sst_saddle *out, const struct sst_sighting *s, int id, c
     place.y = px[1];
     surroundings(&place, s->board, id, s->other);
     place.reach_px = reach * (1 + pitch * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4);
-    return sst_saddle_refine(out, s->luma, &place, largest_window(s->luma));
+    return saddle_refine(out, s->luma, &place, largest_window(s->luma));
 }
 
 /* Anchors for what has been found: refined points, and where few are around them still the markers' corners. */
-static int collect(struct sst_anchor *out, int *id, const struct sst_sighting *s, int points)
+static int collect(struct anchor *out, int *id, const struct sighting *s, int points)
 {
     int n = 0;
 
@@ -132,7 +131,7 @@ static int collect(struct sst_anchor *out, int *id, const struct sst_sighting *s
 /* --- checks ------------------------------------------------------------------------------------------------------ */
 
 /* Distance of each point from where its neighbours put it, NAN where they do not tell, and the scale there. */
-static void stray(double *distance, const struct sst_sighting *s, const struct sst_anchor *anchor, int n)
+static void stray(double *distance, const struct sighting *s, const struct anchor *anchor, int n)
 {
     const double pitch = sst_board_pitch_mm(s->board);
 
@@ -152,7 +151,7 @@ static void stray(double *distance, const struct sst_sighting *s, const struct s
  * Drop, the worst first, points that are not where their neighbours put them: further than 5 times the usual distance,
  * at least 0.4 px (or 0.016 of the pitch, where that is more), and in any case than 4 times this.
  */
-static void drop_strays(struct sst_sighting *s, struct sst_anchor *anchor, double *distance, int *id, int points)
+static void drop_strays(struct sighting *s, struct anchor *anchor, double *distance, int *id, int points)
 {
     for (;;) {
         const int n = collect(anchor, id, s, points);
@@ -176,10 +175,10 @@ static void drop_strays(struct sst_sighting *s, struct sst_anchor *anchor, doubl
     }
 }
 
-int sst_find_points(struct sst_sighting *s)
+int find_points(struct sighting *s)
 {
     const int points = sst_board_points(s->board);
-    struct sst_anchor *anchor = malloc((size_t)(points + s->anchors) * sizeof(*anchor));
+    struct anchor *anchor = malloc((size_t)(points + s->anchors) * sizeof(*anchor));
     double *distance = malloc(2 * (size_t)points * sizeof(*distance));
     int *id = malloc((size_t)points * sizeof(*id));
     int count = 0, before = -1;
@@ -211,7 +210,7 @@ out:
 
 /* --- chessboards that are not of this size ------------------------------------------------------------------------ */
 
-bool sst_chessboard_ends_early(const struct sst_sighting *s)
+bool chessboard_ends_early(const struct sighting *s)
 {
     const int cols = s->board->cols - 1, rows = s->board->rows - 1;
 
@@ -230,7 +229,7 @@ bool sst_chessboard_ends_early(const struct sst_sighting *s)
     return false;
 }
 
-bool sst_chessboard_goes_on(const struct sst_sighting *s)
+bool chessboard_goes_on(const struct sighting *s)
 {
     const int cols = s->board->cols - 1, rows = s->board->rows - 1;
 
@@ -242,11 +241,11 @@ bool sst_chessboard_goes_on(const struct sst_sighting *s)
         for (int k = 0; k < length && 2 * (crossings + length - k) > length; k++) {
             const int i = side == 0 ? -1 : side == 1 ? cols : k, j = side == 2 ? -1 : side == 3 ? rows : k;
             const double at[2] = { i * s->board->square_mm, j * s->board->square_mm };
-            struct sst_saddle_place place = { .half_mm = 0.8 * s->board->square_mm,
-                                              .core_mm = INFINITY,
-                                              .core_sign = 1,
-                                              .sign = (i + j + 2) % 2 != s->other ? 1 : -1 };
-            struct sst_saddle saddle;
+            struct saddle_place place = { .half_mm = 0.8 * s->board->square_mm,
+                                          .core_mm = INFINITY,
+                                          .core_sign = 1,
+                                          .sign = (i + j + 2) % 2 != s->other ? 1 : -1 };
+            struct saddle saddle;
             double px[2];
 
             if (!predict(px, place.slope, s->anchor, s->anchors, s->board->square_mm, at, -1))
@@ -255,7 +254,7 @@ bool sst_chessboard_goes_on(const struct sst_sighting *s)
             place.y = px[1];
             place.reach_px =
                 s->board->square_mm * sqrt(place.slope[0] * place.slope[3] - place.slope[1] * place.slope[2]) / 4;
-            crossings += sst_saddle_refine(&saddle, s->luma, &place, largest_window(s->luma));
+            crossings += saddle_refine(&saddle, s->luma, &place, largest_window(s->luma));
         }
         if (2 * crossings > length)
             return true;

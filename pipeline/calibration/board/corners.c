@@ -8,7 +8,7 @@
  * P(t) = erf(t / sqrt 2), f the normal density: the expansion of the bivariate normal distribution (Mehler), whose
  * first three terms are kept. S(-t1, -t2) = S(t1, t2).
  */
-#include "pipeline/calibration/board/corners.h"
+#include "pipeline/calibration/board/board_internal.h"
 
 #include <math.h>
 #include <string.h>
@@ -43,7 +43,7 @@ static double taper(double x, double limit)
 }
 
 /* Collect the pixels around (x, y) that show the four quadrants. @return false: too few, or a side is missing */
-static bool collect(struct window *w, const struct sst_map_u8 *luma, const struct sst_saddle_place *place, double x,
+static bool collect(struct window *w, const struct sst_map_u8 *luma, const struct saddle_place *place, double x,
                     double y, double largest_px)
 {
     const double *s = place->slope, det = s[0] * s[3] - s[1] * s[2];
@@ -252,7 +252,7 @@ static double descend(const struct window *w, double q[PARAMETERS], double noise
 }
 
 /* Greys to begin with: means of both diagonals' quadrants. */
-static void begin(double q[PARAMETERS], const struct window *w, const struct sst_saddle_place *place, double blur_px)
+static void begin(double q[PARAMETERS], const struct window *w, const struct saddle_place *place, double blur_px)
 {
     const double *s = place->slope;
     double sum[2] = { 0, 0 }, n[2] = { 0, 0 };
@@ -292,7 +292,7 @@ static bool expected(double *noise_px, const struct window *w, const double q[PA
 
 /* The point spread whose widths across the two edges, and the correlation between, are those found: with the normals
  * n1, n2 of the edges, n1' B n1 = s1^2, n2' B n2 = s2^2, n1' B n2 = c s1 s2. */
-static void spread(struct sst_saddle *out, const double q[PARAMETERS])
+static void spread(struct saddle *out, const double q[PARAMETERS])
 {
     const double n[4] = { cos(q[ANGLE1]), sin(q[ANGLE1]), cos(q[ANGLE2]), sin(q[ANGLE2]) };
     const double det = n[0] * n[3] - n[1] * n[2], s1 = exp(q[BLUR1]), s2 = exp(q[BLUR2]);
@@ -311,8 +311,8 @@ static double angle_between(double a, double b)
 }
 
 /* Does what was found look like the point that was asked for? */
-static bool plausible(const struct sst_saddle *s, const double q[PARAMETERS], const double start[PARAMETERS],
-                      const struct sst_saddle_place *place, double reach_window_px)
+static bool plausible(const struct saddle *s, const double q[PARAMETERS], const double start[PARAMETERS],
+                      const struct saddle_place *place, double reach_window_px)
 {
     return q[CONTRAST] * place->sign > 4 && fabs(q[CONTRAST]) > 2.5 * s->left_over &&
            hypot(s->x - place->x, s->y - place->y) <= place->reach_px &&
@@ -320,7 +320,7 @@ static bool plausible(const struct sst_saddle *s, const double q[PARAMETERS], co
            fabs(sin(q[ANGLE1] - q[ANGLE2])) > 0.2 && exp(fmax(q[BLUR1], q[BLUR2])) < 0.6 * reach_window_px;
 }
 
-static bool usable(const struct sst_saddle_place *place)
+static bool usable(const struct saddle_place *place)
 {
     double sum = place->x + place->y;
 
@@ -331,7 +331,7 @@ static bool usable(const struct sst_saddle_place *place)
 }
 
 /* Fit once in a window around what is known so far. */
-static bool fit(struct sst_saddle *s, double q[PARAMETERS], struct window *w, double *noise2, double enough_px)
+static bool fit(struct saddle *s, double q[PARAMETERS], struct window *w, double *noise2, double enough_px)
 {
     double weights = 0, sum = descend(w, q, *noise2, enough_px);
 
@@ -343,11 +343,11 @@ static bool fit(struct sst_saddle *s, double q[PARAMETERS], struct window *w, do
     return isfinite(s->x + s->y);
 }
 
-bool sst_saddle_refine(struct sst_saddle *out, const struct sst_map_u8 *luma, const struct sst_saddle_place *place,
-                       double largest_px)
+bool saddle_refine(struct saddle *out, const struct sst_map_u8 *luma, const struct saddle_place *place,
+                   double largest_px)
 {
     double q[PARAMETERS] = { 0 }, start[PARAMETERS], noise2 = 4, reach;
-    struct sst_saddle s = { .x = place->x, .y = place->y };
+    struct saddle s = { .x = place->x, .y = place->y };
     struct window w;
 
     if (!usable(place) || !collect(&w, luma, place, s.x, s.y, largest_px))

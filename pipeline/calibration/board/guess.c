@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "pipeline/calibration/board/detect_parts.h"
+#include "pipeline/calibration/board/board_internal.h"
 
 #define LEAST_MARKERS 4
 #define COLS_MAX      24
@@ -23,13 +23,13 @@ struct guess {
     struct sst_board board;
 };
 
-static int highest(const struct sst_cv_marker *read, int n)
+static int highest(const struct cv_marker *read, int n)
 {
     return n > 0 ? read[n - 1].id : 0;
 }
 
 /* Rows that were seen, by the lowest anchor. */
-static int rows_seen(const struct sst_board *b, const struct sst_sighting *s)
+static int rows_seen(const struct sst_board *b, const struct sighting *s)
 {
     const double pitch = b->kind == SST_BOARD_APRILGRID ? (1 + b->marker) * b->square_mm : b->square_mm;
     double low = 0;
@@ -40,10 +40,10 @@ static int rows_seen(const struct sst_board *b, const struct sst_sighting *s)
 }
 
 /* Keep a board of this width if more markers agree on it than on the best so far. */
-static int try_board(struct guess *best, struct sst_board b, const struct sst_cv_marker *read, int n, int last)
+static int try_board(struct guess *best, struct sst_board b, const struct cv_marker *read, int n, int last)
 {
-    struct sst_sighting s = { .board = &b };
-    const int agree = sst_place_markers(&s, read, n, 1);
+    struct sighting s = { .board = &b };
+    const int agree = place_markers(&s, read, n, 1);
     int markers;
 
     if (agree > best->agree) {
@@ -62,10 +62,10 @@ static int try_board(struct guess *best, struct sst_board b, const struct sst_cv
 }
 
 static int try_family(struct guess *best, size_t family, const struct sst_map_u8 *luma, const struct sst_board *given,
-                      struct sst_cv_marker *read)
+                      struct cv_marker *read)
 {
     const bool grid = families[family].touching;
-    const int n = sst_read_markers(read, luma, families[family].last, families[family].border, grid);
+    const int n = read_markers(read, luma, families[family].last, families[family].border, grid);
     const int most = highest(read, n) + 1;
     int err = n < 0 ? n : 0;
 
@@ -108,7 +108,7 @@ static bool guess_chessboard(char out[160], const struct sst_map_u8 *luma, const
 {
     int cols, rows;
 
-    if (sst_cv_any_chessboard(luma, &cols, &rows) <= 0)
+    if (cv_any_chessboard(luma, &cols, &rows) <= 0)
         return false;
     for (int less = 0; less < 4; less++) {
         const struct sst_board b = { .kind = SST_BOARD_CHESSBOARD,
@@ -132,20 +132,20 @@ static bool guess_chessboard(char out[160], const struct sst_map_u8 *luma, const
 
 bool sst_board_guess(const struct sst_board *board, const struct sst_image *image, char out[160])
 {
-    struct sst_cv_marker *read = malloc(SST_MARKERS_MAX * sizeof(*read));
+    struct cv_marker *read = malloc(SST_MARKERS_MAX * sizeof(*read));
     struct sst_map_u8 luma = { 0 };
-    struct sst_pyramid p = { 0 };
+    struct pyramid p = { 0 };
     struct guess best = { 0 };
     int err = read ? sst_luma(&luma, image) : -ENOMEM;
     bool known = false;
 
     if (!err)
-        err = sst_pyramid_init(&p, &luma);
+        err = pyramid_init(&p, &luma);
     for (size_t i = 0; i < ARRAY_LEN(families) && !err; i++)
         err = try_family(&best, i, p.level[p.levels - 1], board, read);
     if (!err)
         known = describe(out, &best) || guess_chessboard(out, p.level[p.levels - 1], image);
-    sst_pyramid_fini(&p);
+    pyramid_fini(&p);
     sst_map_u8_fini(&luma);
     free(read);
     return known;

@@ -43,7 +43,7 @@ static cv::Mat mat_of(const struct sst_map_u8 *luma)
     return cv::Mat(luma->height, luma->width, CV_8U, luma->data, luma->stride); /* only read */
 }
 
-int sst_cv_chessboard(float (*corner)[2], const struct sst_map_u8 *luma, int cols, int rows, int thorough)
+int cv_chessboard(float (*corner)[2], const struct sst_map_u8 *luma, int cols, int rows, int thorough)
 {
     return guarded([&] {
         const int flags = cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK;
@@ -62,7 +62,7 @@ int sst_cv_chessboard(float (*corner)[2], const struct sst_map_u8 *luma, int col
     });
 }
 
-int sst_cv_any_chessboard(const struct sst_map_u8 *luma, int *cols, int *rows)
+int cv_any_chessboard(const struct sst_map_u8 *luma, int *cols, int *rows)
 {
     return guarded([&] {
         std::vector<cv::Point2f> found;
@@ -147,7 +147,7 @@ static std::vector<float> modules(const cv::Mat &luma, const quad &q, int side)
 }
 
 /* Read a quad as a tag: the border is black, at most a tenth of its modules not, and the bits are in the dictionary. */
-static bool read_tag(const cv::Mat &luma, quad q, const cv::aruco::Dictionary &dict, int border, sst_cv_marker *out)
+static bool read_tag(const cv::Mat &luma, quad q, const cv::aruco::Dictionary &dict, int border, cv_marker *out)
 {
     const int inner = dict.markerSize, side = inner + 2 * border;
     const std::vector<float> grey = modules(luma, q, side);
@@ -181,7 +181,7 @@ static bool read_tag(const cv::Mat &luma, quad q, const cv::aruco::Dictionary &d
     return true;
 }
 
-int sst_cv_markers(struct sst_cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary, int border)
+int cv_markers(struct cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary, int border)
 {
     return guarded([&] {
         std::vector<quad> found, rejected;
@@ -200,7 +200,7 @@ int sst_cv_markers(struct sst_cv_marker *out, int max, const struct sst_map_u8 *
     });
 }
 
-int sst_cv_touching_tags(struct sst_cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary, int border)
+int cv_touching_tags(struct cv_marker *out, int max, const struct sst_map_u8 *luma, int dictionary, int border)
 {
     return guarded([&] {
         const auto dict = dictionary_of(dictionary);
@@ -223,7 +223,7 @@ int sst_cv_touching_tags(struct sst_cv_marker *out, int max, const struct sst_ma
     });
 }
 
-int sst_cv_dictionary(int dictionary, int *modules)
+int cv_dictionary(int dictionary, int *modules)
 {
     return guarded([&] {
         const auto dict = dictionary_of(dictionary);
@@ -233,7 +233,7 @@ int sst_cv_dictionary(int dictionary, int *modules)
     });
 }
 
-int sst_cv_marker_bits(uint8_t *bits, int dictionary, int id)
+int cv_marker_bits(uint8_t *bits, int dictionary, int id)
 {
     return guarded([&] {
         const auto dict = dictionary_of(dictionary);

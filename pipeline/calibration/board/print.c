@@ -7,8 +7,8 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/image/codec.h"
 #include "pipeline/calibration/board/opencv_boards.h"
+#include "pipeline/image/codec.h"
 
 #define MODULES_MAX 8
 
@@ -30,11 +30,11 @@ static int add_marker(struct sst_print *p, const struct sst_board_marker *m, int
     const bool turned = m->corner[0][0] > m->corner[2][0];
     const double *from = m->corner[turned ? 2 : 0], side = fabs(m->corner[2][0] - m->corner[0][0]);
     uint8_t bits[MODULES_MAX * MODULES_MAX] = { 0 };
-    int inner = 0, r = sst_cv_dictionary(dictionary, &inner);
+    int inner = 0, r = cv_dictionary(dictionary, &inner);
     const int total = inner + 2 * border;
 
     if (r >= 0)
-        r = inner <= MODULES_MAX ? sst_cv_marker_bits(bits, dictionary, m->number) : -EINVAL;
+        r = inner <= MODULES_MAX ? cv_marker_bits(bits, dictionary, m->number) : -EINVAL;
     if (r < 0)
         return r;
     for (int row = 0; row < total; row++) {

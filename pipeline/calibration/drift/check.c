@@ -8,7 +8,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 #define COARSEST_SIDE 160 /* px: pictures are halved until they are at most this large */
 #define SIGMAS        4   /* a camera must be off by as many to be called so */
@@ -34,7 +34,7 @@ SST_PRINTF(2, 3) static void say(struct sst_check *out, const char *fmt, ...)
 }
 
 /* "camera 02_03 sits 0.8 px too low and 0.3 px too far right (rolled 0.05 degrees clockwise)" */
-static void say_camera(struct sst_check *out, const struct sst_check_work *w, int view, double radius)
+static void say_camera(struct sst_check *out, const struct check_work *w, int view, double radius)
 {
     const struct sst_check_camera *c = &out->camera[view];
     const double least = fmax(0.05, 0.15 * c->off_px), roll = c->roll_deg * (M_PI / 180) * radius;
@@ -66,7 +66,7 @@ static void say_camera(struct sst_check *out, const struct sst_check_work *w, in
 }
 
 /* Cameras that are off, the worst first; then how well the others sit. */
-static void say_drifted(struct sst_check *out, const struct sst_check_work *w, int drifted)
+static void say_drifted(struct sst_check *out, const struct check_work *w, int drifted)
 {
     const double radius = hypot(w->lf->width, w->lf->height) / sqrt(12);
     bool told[SST_MAX_VIEWS] = { false };
@@ -100,7 +100,7 @@ static void say_drifted(struct sst_check *out, const struct sst_check_work *w, i
 }
 
 /* Two cameras: nothing tells which of them moved. */
-static bool say_two(struct sst_check *out, const struct sst_check_work *w)
+static bool say_two(struct sst_check *out, const struct check_work *w)
 {
     int seen[2] = { 0 }, n = 0;
     char a[16], b[16];
@@ -121,7 +121,7 @@ static bool say_two(struct sst_check *out, const struct sst_check_work *w)
     return true;
 }
 
-static void say_unchecked(struct sst_check *out, const struct sst_check_work *w)
+static void say_unchecked(struct sst_check *out, const struct check_work *w)
 {
     int n = 0, first = -1;
     char name[16];
@@ -141,7 +141,7 @@ static void say_unchecked(struct sst_check *out, const struct sst_check_work *w)
 /* --- figures ------------------------------------------------------------------------------------------------------ */
 
 /* Over measured pairs. */
-static int fill_pairs(struct sst_check *out, const struct sst_check_work *w)
+static int fill_pairs(struct sst_check *out, const struct check_work *w)
 {
     double *v = malloc(((size_t)w->links * SST_CHECK_CELLS + 1) * sizeof(*v)), sum = 0;
     int n = 0;
@@ -154,7 +154,7 @@ static int fill_pairs(struct sst_check *out, const struct sst_check_work *w)
     out->pairs = w->links;
     out->mean_px = out->p95_px = out->max_px = NAN;
     for (int i = 0; i < w->links; i++) {
-        const struct sst_check_link *l = &w->link[i];
+        const struct check_link *l = &w->link[i];
 
         out->pair[i] = (struct sst_check_pair){ l->a, l->b, l->state, l->features, l->matches, 0, 0, 0 };
         if (l->state != SST_CHECK_PAIR_MEASURED)
@@ -173,21 +173,21 @@ static int fill_pairs(struct sst_check *out, const struct sst_check_work *w)
     out->matches = n;
     if (n) {
         out->mean_px = sum / out->measured;
-        out->p95_px = sst_check_quantile(v, n, 0.95);
+        out->p95_px = check_quantile(v, n, 0.95);
     }
     free(v);
     return 0;
 }
 
 /* RMS of its pairs, and whether it is off or lost. @return cameras that are */
-static int judge_camera(struct sst_check *out, const struct sst_check_work *w, int view)
+static int judge_camera(struct sst_check *out, const struct check_work *w, int view)
 {
     struct sst_check_camera *c = &out->camera[view];
     double squares = 0;
     int n = 0, lost = 0, all = 0;
 
     for (int i = 0; i < w->links; i++) {
-        const struct sst_check_link *l = &w->link[i];
+        const struct check_link *l = &w->link[i];
 
         if (l->a != view && l->b != view)
             continue;
@@ -205,14 +205,14 @@ static int judge_camera(struct sst_check *out, const struct sst_check_work *w, i
     return c->drifted;
 }
 
-static void decide(struct sst_check *out, const struct sst_check_work *w, const char *whole)
+static void decide(struct sst_check *out, const struct check_work *w, const char *whole)
 {
     int bad = 0, usable = 0, drifted = 0, known = 0, present = 0;
     double worst = 0;
 
     for (int i = 0; i < w->links; i++) {
         usable += w->link[i].state != SST_CHECK_PAIR_BLANK;
-        bad += sst_check_link_bad(&w->link[i], w->cfg.unusable_px);
+        bad += check_link_bad(&w->link[i], w->cfg.unusable_px);
     }
     for (int v = 0; v < w->views; v++) {
         drifted += judge_camera(out, w, v);
@@ -270,25 +270,25 @@ static void decide(struct sst_check *out, const struct sst_check_work *w, const 
 
 static int view_job(void *arg, int index, int worker)
 {
-    struct sst_check_work *w = arg;
+    struct check_work *w = arg;
     const struct sst_view *v = &w->lf->views[index];
     int err;
 
     (void)worker;
     if (!v->present || !v->image.plane[0])
         return 0;
-    err = sst_check_view_init(&w->view[index], &v->image, &v->valid, COARSEST_SIDE);
+    err = check_view_init(&w->view[index], &v->image, &v->valid, COARSEST_SIDE);
     if (err == -EBADMSG)
         sst_log_error("view %d has %d x %d pixels, too few to check the calibration by; give the full pictures", index,
                       v->image.width, v->image.height);
     return err;
 }
 
-static int begin(struct sst_check_work *w, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
+static int begin(struct check_work *w, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
 {
     int present = 0;
 
-    *w = (struct sst_check_work){ .lf = lf, .cfg = *cfg, .views = lf->rows * lf->cols };
+    *w = (struct check_work){ .lf = lf, .cfg = *cfg, .views = lf->rows * lf->cols };
     w->cfg.ok_px = cfg->ok_px > 0 ? cfg->ok_px : 0.25;
     w->cfg.unusable_px = cfg->unusable_px > 0 ? cfg->unusable_px : 1.0;
     w->cfg.min_matches = cfg->min_matches > 0 ? cfg->min_matches : 10;
@@ -311,29 +311,29 @@ static int begin(struct sst_check_work *w, const struct sst_lightfield *lf, cons
     return sst_parallel_for(w->views, w->cfg.threads, view_job, w);
 }
 
-static void end(struct sst_check_work *w)
+static void end(struct check_work *w)
 {
     for (int v = 0; w->view && v < w->views; v++)
-        sst_check_view_fini(&w->view[v]);
+        check_view_fini(&w->view[v]);
     free(w->view);
     free(w->offset);
     free(w->link);
 }
 
-static int run(struct sst_check *out, struct sst_check_work *w)
+static int run(struct sst_check *out, struct check_work *w)
 {
     char whole[128] = "";
-    int err = sst_check_links(w);
+    int err = check_links(w);
 
     out->camera = calloc((size_t)w->views, sizeof(*out->camera));
     if (!out->camera)
         return -ENOMEM;
-    err = err ? err : sst_check_match_links(w, NULL);
+    err = err ? err : check_match_links(w, NULL);
     err = err ? err : fill_pairs(out, w);
-    err = err ? err : sst_check_axes(w, &out->axes_px);
-    err = err ? err : sst_check_cameras(out->camera, w);
-    err = err ? err : sst_check_far(out, w);
-    err = err ? err : sst_check_places(out, w, whole);
+    err = err ? err : check_axes(w, &out->axes_px);
+    err = err ? err : check_cameras(out->camera, w);
+    err = err ? err : check_far(out, w);
+    err = err ? err : check_places(out, w, whole);
     if (err)
         return err;
     out->rows = w->lf->rows;
@@ -349,7 +349,7 @@ static int run(struct sst_check *out, struct sst_check_work *w)
 int sst_check_lightfield(struct sst_check *out, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
 {
     struct sst_check made = { 0 };
-    struct sst_check_work w;
+    struct check_work w;
     int err = begin(&w, lf, cfg);
 
     err = err ? err : run(&made, &w);

@@ -11,7 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 #define RADIUS       7  /* of the largest window */
 #define RADIUS_SMALL 4  /* tried where the largest shows several depths; and at levels above 0 */
@@ -71,13 +71,13 @@ static void project(float p[][LANES], const struct window *w, bool along)
     }
 }
 
-static bool window_read(struct window *w, const struct sst_check_view *view, int level, int x0, int y0, int radius)
+static bool window_read(struct window *w, const struct check_view *view, int level, int x0, int y0, int radius)
 {
     const int n = 2 * radius + 1, side = n + 2;
     float patch[(2 * RADIUS + 3) * (2 * RADIUS + 3)];
     double sum = 0;
 
-    if (!sst_check_patch(patch, view, level, x0 - radius - 1, y0 - radius - 1, side, side))
+    if (!check_patch(patch, view, level, x0 - radius - 1, y0 - radius - 1, side, side))
         return false;
     memset(w, 0, sizeof(*w));
     w->radius = radius;
@@ -147,15 +147,15 @@ static double fit_quality(const struct window *w, float i[][LANES], double gain,
 }
 
 /* Align view b at (x0 + *px, y0 + *py) with the window around (x0, y0); pixels of the level. */
-static bool align(const struct window *w, const struct sst_check_view *b, int level, int x0, int y0, double *px,
-                  double *py, double *variance, double *correlation)
+static bool align(const struct window *w, const struct check_view *b, int level, int x0, int y0, double *px, double *py,
+                  double *variance, double *correlation)
 {
     const int n = 2 * w->radius + 1, edge = w->radius + REACH + 1, side = 2 * edge + 2;
     const int cx = (int)floor(*px + 0.5), cy = (int)floor(*py + 0.5);
     float patch[(2 * (RADIUS + REACH) + 4) * (2 * (RADIUS + REACH) + 4)], i[2 * RADIUS + 1][LANES] = { { 0 } };
     double x = *px - cx, y = *py - cy; /* from the patch's middle */
 
-    if (!sst_check_patch(patch, b, level, x0 + cx - edge, y0 + cy - edge, side, side))
+    if (!check_patch(patch, b, level, x0 + cx - edge, y0 + cy - edge, side, side))
         return false;
     for (int round = 0; round < ROUNDS; round++) {
         const double to = REACH + 1;
@@ -184,7 +184,7 @@ static bool align(const struct window *w, const struct sst_check_view *b, int le
 }
 
 /* Variances by noise along u and across it, each with the other unknown: the inverse of the structure tensor. */
-static void set_inverse(struct sst_check_match *m, const struct window *w, const struct sst_check_search *s)
+static void set_inverse(struct check_match *m, const struct window *w, const struct check_search *s)
 {
     const double scale = SMOOTHED / w->det, ixx = w->yy * scale, ixy = -w->xy * scale, iyy = w->xx * scale;
 
@@ -192,7 +192,7 @@ static void set_inverse(struct sst_check_match *m, const struct window *w, const
     m->inverse[1] = s->n[0] * s->n[0] * ixx + 2 * s->n[0] * s->n[1] * ixy + s->n[1] * s->n[1] * iyy;
 }
 
-void sst_check_weigh(struct sst_check_match *m, double noise)
+void check_weigh(struct check_match *m, double noise)
 {
     const double allowed = SST_CHECK_NOISE_SHARE * noise * noise, by_noise = fmin(m->residual, allowed);
 
@@ -205,14 +205,13 @@ void sst_check_weigh(struct sst_check_match *m, double noise)
         m->outcome = SST_CHECK_NOWHERE;
 }
 
-static bool forth(struct window *w, struct sst_check_match *m, const struct sst_check_view *a,
-                  const struct sst_check_view *b, const struct sst_check_feature *f, int level, int radius,
-                  double *misfit)
+static bool forth(struct window *w, struct check_match *m, const struct check_view *a, const struct check_view *b,
+                  const struct check_feature *f, int level, int radius, double *misfit)
 {
     double correlation;
 
     for (; level >= 0; level--) {
-        const int x = sst_check_to_level(f->x, level), y = sst_check_to_level(f->y, level);
+        const int x = check_to_level(f->x, level), y = check_to_level(f->y, level);
         double px = m->dx / (1 << level), py = m->dy / (1 << level);
 
         if (!window_read(w, a, level, x, y, level ? RADIUS_SMALL : radius) ||
@@ -224,8 +223,8 @@ static bool forth(struct window *w, struct sst_check_match *m, const struct sst_
     return true;
 }
 
-static void refine(struct sst_check_match *m, const struct sst_check_view *a, const struct sst_check_view *b,
-                   const struct sst_check_feature *f, const struct sst_check_search *s, int level, int radius)
+static void refine(struct check_match *m, const struct check_view *a, const struct check_view *b,
+                   const struct check_feature *f, const struct check_search *s, int level, int radius)
 {
     struct window w, back;
     double misfit = 0, back_misfit = 0, unused, bx, by;
@@ -250,14 +249,14 @@ static void refine(struct sst_check_match *m, const struct sst_check_view *a, co
     m->energy = w.tt / ((2 * radius + 1) * (2 * radius + 1));
     set_inverse(m, &w, s);
     m->outcome = SST_CHECK_MATCHED;
-    sst_check_weigh(m, s->noise);
+    check_weigh(m, s->noise);
 }
 
-void sst_check_refine(struct sst_check_match *m, const struct sst_check_view *a, const struct sst_check_view *b,
-                      const struct sst_check_feature *f, const struct sst_check_search *s, int level)
+void check_refine(struct check_match *m, const struct check_view *a, const struct check_view *b,
+                  const struct check_feature *f, const struct check_search *s, int level)
 {
     static const int radius[] = { RADIUS, RADIUS_SMALL };
-    const struct sst_check_match start = *m;
+    const struct check_match start = *m;
 
     for (size_t i = 0; i < ARRAY_LEN(radius); i++) {
         *m = start;

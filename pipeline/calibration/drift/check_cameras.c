@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 #define STATES       4     /* s.x, s.y, r, q of a camera */
 #define HUBER        1.5   /* in sigmas, first rounds */
@@ -36,7 +36,7 @@ struct observation {
 };
 
 struct system {
-    const struct sst_check_work *w;
+    const struct check_work *w;
     double radius;    /* R, px */
     double centre[2]; /* px */
     int n;            /* states */
@@ -67,10 +67,10 @@ static void add_part(struct observation *o, const struct system *s, int cam, con
     o->part[i][3] += f * (axis[0] * x + axis[1] * y);
 }
 
-static void add_match(struct observation *o, const struct system *s, const struct sst_check_link *l, int k,
+static void add_match(struct observation *o, const struct system *s, const struct check_link *l, int k,
                       const double axis[2], double f)
 {
-    const struct sst_check_feature *p = &s->w->view[l->a].feature[l->feature[k]];
+    const struct check_feature *p = &s->w->view[l->a].feature[l->feature[k]];
     const double at_a[2] = { p->x, p->y }, at_b[2] = { p->x + l->m[k].dx, p->y + l->m[k].dy };
 
     add_part(o, s, l->b, at_b, axis, f);
@@ -78,8 +78,8 @@ static void add_match(struct observation *o, const struct system *s, const struc
 }
 
 /* Disparity along p less that along q, which begin at the same view. */
-static struct observation two_disparities(const struct system *s, const struct sst_check_link *p,
-                                          const struct sst_check_link *q, int k, double difference)
+static struct observation two_disparities(const struct system *s, const struct check_link *p,
+                                          const struct check_link *q, int k, double difference)
 {
     struct observation o = { .value = difference };
 
@@ -90,7 +90,7 @@ static struct observation two_disparities(const struct system *s, const struct s
 }
 
 /* A pair tells shifts across it; rolls and sizes in any case. */
-static void see(struct system *s, const struct sst_check_link *l)
+static void see(struct system *s, const struct check_link *l)
 {
     const int across = fabs(l->s.n[0]) > fabs(l->s.n[1]) ? 0 : 1;
 
@@ -106,9 +106,9 @@ static void see(struct system *s, const struct sst_check_link *l)
 static void observe(struct system *s)
 {
     for (int i = 0; i < s->w->links; i++) {
-        const struct sst_check_link *l = &s->w->link[i], *other = sst_check_other_link(s->w, i);
+        const struct check_link *l = &s->w->link[i], *other = check_other_link(s->w, i);
 
-        if (!sst_check_link_useful(l))
+        if (!check_link_useful(l))
             continue;
         for (int k = 0; k < SST_CHECK_CELLS; k++) {
             struct observation o = { .value = l->m[k].cross, .sigma = sqrt(l->m[k].var_cross) };
@@ -119,7 +119,7 @@ static void observe(struct system *s)
             add_match(&o, s, l, k, l->s.n, 1);
             s->o[s->count++] = o;
             see(s, l);
-            if (other && sst_check_two_disparities(&difference, l, other, k))
+            if (other && check_two_disparities(&difference, l, other, k))
                 s->o[s->count++] = two_disparities(s, l, other, k, difference);
         }
     }
@@ -132,7 +132,7 @@ static void presume(struct system *s)
     static const double origin[2] = { 0 };
 
     for (int i = 0; i + 1 < s->w->links; i++) {
-        const struct sst_check_link *p = &s->w->link[i], *q = p + 1;
+        const struct check_link *p = &s->w->link[i], *q = p + 1;
         struct observation *o = &s->o[s->count + s->presumed];
 
         if (q->a != p->a || !s->seen[p->a] || !s->seen[p->b] || !s->seen[q->b] || p->length <= 0 || q->length <= 0)
@@ -255,7 +255,7 @@ static double scale_of(struct system *s)
 {
     for (int i = 0; i < s->count; i++)
         s->sort[i] = fabs(residual(s, &s->o[i])) / s->o[i].sigma;
-    return fmax(1.4826 * sst_check_quantile(s->sort, s->count, 0.5), 0.1);
+    return fmax(1.4826 * check_quantile(s->sort, s->count, 0.5), 0.1);
 }
 
 static double robust_weight(double t, bool tukey)
@@ -341,7 +341,7 @@ static int report(struct sst_check_camera *cam, const struct system *s, double *
         return -ENOMEM;
     for (int c = 0; c < views; c++)
         read_camera(&cam[c], s, c, column, cov[c]);
-    sst_check_rest(cam, s->w);
+    check_rest(cam, s->w);
     for (int c = 0; c < views; c++) {
         if (cam[c].known)
             sum_up(&cam[c], s, cov[c]);
@@ -386,7 +386,7 @@ static void leave_open(struct system *s, double *part)
         iterate(s, part, true);
 }
 
-int sst_check_cameras(struct sst_check_camera *camera, const struct sst_check_work *w)
+int check_cameras(struct sst_check_camera *camera, const struct check_work *w)
 {
     const size_t most = (size_t)w->links * (2 * SST_CHECK_CELLS + 1) + 1, n = (size_t)w->views * STATES;
     const double width = w->lf->width, height = w->lf->height;

@@ -3,11 +3,11 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 /* --- disparities along rows and columns --------------------------------------------------------------------------- */
 
-bool sst_check_two_disparities(double *out, const struct sst_check_link *p, const struct sst_check_link *q, int k)
+bool check_two_disparities(double *out, const struct check_link *p, const struct check_link *q, int k)
 {
     if (!p->used[k] || !q->used[k] || p->feature[k] != q->feature[k])
         return false;
@@ -15,14 +15,14 @@ bool sst_check_two_disparities(double *out, const struct sst_check_link *p, cons
     return true;
 }
 
-const struct sst_check_link *sst_check_other_link(const struct sst_check_work *w, int index)
+const struct check_link *check_other_link(const struct check_work *w, int index)
 {
-    const struct sst_check_link *next = &w->link[index + 1];
+    const struct check_link *next = &w->link[index + 1];
 
-    return index + 1 < w->links && next->a == w->link[index].a && sst_check_link_useful(next) ? next : NULL;
+    return index + 1 < w->links && next->a == w->link[index].a && check_link_useful(next) ? next : NULL;
 }
 
-int sst_check_axes(const struct sst_check_work *w, double *axes_px)
+int check_axes(const struct check_work *w, double *axes_px)
 {
     double *v = malloc(((size_t)w->links * SST_CHECK_CELLS + 1) * sizeof(*v));
     int n = 0;
@@ -30,16 +30,16 @@ int sst_check_axes(const struct sst_check_work *w, double *axes_px)
     if (!v)
         return -ENOMEM;
     for (int i = 0; i < w->links; i++) {
-        const struct sst_check_link *l = &w->link[i], *other = sst_check_other_link(w, i);
+        const struct check_link *l = &w->link[i], *other = check_other_link(w, i);
 
-        for (int k = 0; sst_check_link_useful(l) && other && k < SST_CHECK_CELLS; k++) {
+        for (int k = 0; check_link_useful(l) && other && k < SST_CHECK_CELLS; k++) {
             double difference;
 
-            if (sst_check_two_disparities(&difference, l, other, k))
+            if (check_two_disparities(&difference, l, other, k))
                 v[n++] = fabs(difference);
         }
     }
-    *axes_px = n ? sst_check_quantile(v, n, 0.5) : NAN;
+    *axes_px = n ? check_quantile(v, n, 0.5) : NAN;
     free(v);
     return 0;
 }
@@ -49,12 +49,12 @@ int sst_check_axes(const struct sst_check_work *w, double *axes_px)
 #define DISPARITY_VAR 0.01 /* px^2 per spacing^2: disparities known worse do not lead from corner to corner */
 
 /* A feature of a cell, and its disparity, from the better of the view's matches with neighbours. */
-static bool cell_disparity(const struct sst_check_work *w, int view, int k, int *feature, double *d)
+static bool cell_disparity(const struct check_work *w, int view, int k, int *feature, double *d)
 {
     double best = DISPARITY_VAR;
 
     for (int i = 0; i < w->links; i++) {
-        const struct sst_check_link *l = &w->link[i];
+        const struct check_link *l = &w->link[i];
         const double var = l->a == view && l->used[k] ? l->m[k].var_along / (l->length * l->length) : best;
 
         if (var >= best)
@@ -67,13 +67,13 @@ static bool cell_disparity(const struct sst_check_work *w, int view, int k, int 
 }
 
 /* Appends the magnitudes of the matches of one pair that are used. */
-static int far_pair(struct sst_check_link *far, const struct sst_check_work *w, int a, int b, double *v)
+static int far_pair(struct check_link *far, const struct check_work *w, int a, int b, double *v)
 {
     int n = 0;
 
-    sst_check_link_set(far, w, a, b);
+    check_link_set(far, w, a, b);
     for (int k = 0; k < SST_CHECK_CELLS; k++) {
-        struct sst_check_match *m = &far->m[k];
+        struct check_match *m = &far->m[k];
         double d = 0;
         int feature = 0;
 
@@ -82,9 +82,9 @@ static int far_pair(struct sst_check_link *far, const struct sst_check_work *w, 
             continue;
         m->dx = -d * far->length * far->s.u[0];
         m->dy = -d * far->length * far->s.u[1];
-        sst_check_refine(m, &w->view[a], &w->view[b], &w->view[a].feature[feature], &far->s, 1);
+        check_refine(m, &w->view[a], &w->view[b], &w->view[a].feature[feature], &far->s, 1);
     }
-    sst_check_link_judge(far, 1);
+    check_link_judge(far, 1);
     for (int k = 0; k < SST_CHECK_CELLS; k++) {
         if (far->used[k])
             v[n++] = fabs(far->m[k].cross);
@@ -92,11 +92,11 @@ static int far_pair(struct sst_check_link *far, const struct sst_check_work *w, 
     return n;
 }
 
-int sst_check_far(struct sst_check *out, struct sst_check_work *w)
+int check_far(struct sst_check *out, struct check_work *w)
 {
     const int rows = w->lf->rows, cols = w->lf->cols, last = rows * cols - 1;
     const int ends[2][2] = { { 0, last }, { cols - 1, last - cols + 1 } };
-    struct sst_check_link *far = malloc(sizeof(*far));
+    struct check_link *far = malloc(sizeof(*far));
     double v[2 * SST_CHECK_CELLS];
     int n = 0;
 
@@ -109,6 +109,6 @@ int sst_check_far(struct sst_check *out, struct sst_check_work *w)
     }
     free(far);
     out->far_matches = n;
-    out->far_p95_px = n >= w->cfg.min_matches ? sst_check_quantile(v, n, 0.95) : NAN;
+    out->far_p95_px = n >= w->cfg.min_matches ? check_quantile(v, n, 0.95) : NAN;
     return 0;
 }

@@ -1,14 +1,14 @@
 /* Grey pyramids of the views, and features: one well textured place per cell of the picture.
  *
  * Only what the search needs is made: the half-size level in one pass over the picture, smaller ones from it. Full
- * size is read around features alone (sst_check_patch). */
+ * size is read around features alone (check_patch). */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/mem.h"
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 #define WINDOW   3  /* radius of a feature's structure tensor, half-size px */
 #define MARGIN   6  /* features keep this far from the edge, half-size px: windows and filters fit */
@@ -23,7 +23,7 @@
 #define NOISE_BIAS    1.25 /* of the 2 % of blocks with the least noise, where there is nothing but noise */
 #define CELL_STEP     2    /* the least eigenvalue is looked at on every second pixel both ways */
 
-void sst_check_level_size(const struct sst_check_view *view, int level, int *width, int *height)
+void check_level_size(const struct check_view *view, int level, int *width, int *height)
 {
     *width = level ? view->level[level].width : view->image->width;
     *height = level ? view->level[level].height : view->image->height;
@@ -162,7 +162,7 @@ static double texture_needed(double noise)
 #define PARTS_Y (SST_CHECK_CELLS_Y * SST_CHECK_SPLIT)
 
 /* Cell by cell, the best first. */
-static void sort_features(struct sst_check_view *view, const double *best, const struct sst_check_feature *at)
+static void sort_features(struct check_view *view, const double *best, const struct check_feature *at)
 {
     int n = 0;
 
@@ -209,12 +209,12 @@ static bool seen(const struct sst_map_u8 *valid, int x, int y)
 }
 
 /* Best place of every part of every cell. */
-static int find_features(struct sst_check_view *view, const struct sst_map_u8 *valid)
+static int find_features(struct check_view *view, const struct sst_map_u8 *valid)
 {
     const struct sst_map_u8 *grey = &view->level[1];
     const double needed = texture_needed(view->noise);
     double best[PARTS_X * PARTS_Y] = { 0 };
-    struct sst_check_feature at[PARTS_X * PARTS_Y];
+    struct check_feature at[PARTS_X * PARTS_Y];
     struct tensor t = { .width = grey->width };
     int32_t *rows = sst_mem_alloc((size_t)grey->width * 3, sizeof(*rows));
 
@@ -233,7 +233,7 @@ static int find_features(struct sst_check_view *view, const struct sst_map_u8 *v
 
             if (e > needed && e > best[i] && seen(valid, x, y)) {
                 best[i] = e;
-                at[i] = (struct sst_check_feature){ 2 * x, 2 * y };
+                at[i] = (struct check_feature){ 2 * x, 2 * y };
             }
         }
         add_row(&t, grey, y - WINDOW, -1);
@@ -243,12 +243,11 @@ static int find_features(struct sst_check_view *view, const struct sst_map_u8 *v
     return 0;
 }
 
-int sst_check_view_init(struct sst_check_view *view, const struct sst_image *image, const struct sst_map_u8 *valid,
-                        int side)
+int check_view_init(struct check_view *view, const struct sst_image *image, const struct sst_map_u8 *valid, int side)
 {
     int w = image->width, h = image->height, err = 0;
 
-    *view = (struct sst_check_view){ .image = image, .levels = 1 };
+    *view = (struct check_view){ .image = image, .levels = 1 };
     if (w < SMALLEST || h < SMALLEST)
         return -EBADMSG;
     do {
@@ -270,25 +269,25 @@ int sst_check_view_init(struct sst_check_view *view, const struct sst_image *ima
         err = find_features(view, valid);
     }
     if (err)
-        sst_check_view_fini(view);
+        check_view_fini(view);
     return err;
 }
 
-void sst_check_view_fini(struct sst_check_view *view)
+void check_view_fini(struct check_view *view)
 {
     for (int i = 1; i < SST_CHECK_LEVELS; i++)
         sst_map_u8_fini(&view->level[i]);
-    *view = (struct sst_check_view){ 0 };
+    *view = (struct check_view){ 0 };
 }
 
 /* --- patches ------------------------------------------------------------------------------------------------------ */
 
-int sst_check_to_level(int x, int level)
+int check_to_level(int x, int level)
 {
     return (int)floor((x - 0.5 * ((1 << level) - 1)) / (1 << level) + 0.5);
 }
 
-void sst_check_grey_row(uint8_t *out, const struct sst_check_view *view, int level, int x0, int y, int n)
+void check_grey_row(uint8_t *out, const struct check_view *view, int level, int x0, int y, int n)
 {
     if (level) {
         memcpy(out, sst_map_u8_row(&view->level[level], y) + x0, (size_t)n);
@@ -304,7 +303,7 @@ void sst_check_grey_row(uint8_t *out, const struct sst_check_view *view, int lev
 #define PATCH_MAX 64 /* with the margin */
 
 /* A row of grey values: at full size R + 2 G + B over 4, unrounded. */
-static void grey_row(float *out, const struct sst_check_view *view, int level, int x0, int y, int n)
+static void grey_row(float *out, const struct check_view *view, int level, int x0, int y, int n)
 {
     if (level) {
         const uint8_t *p = sst_map_u8_row(&view->level[level], y) + x0;
@@ -320,12 +319,12 @@ static void grey_row(float *out, const struct sst_check_view *view, int level, i
     }
 }
 
-bool sst_check_patch(float *out, const struct sst_check_view *view, int level, int x0, int y0, int width, int height)
+bool check_patch(float *out, const struct check_view *view, int level, int x0, int y0, int width, int height)
 {
     float row[PATCH_MAX], across[PATCH_MAX][PATCH_MAX];
     int w, h;
 
-    sst_check_level_size(view, level, &w, &h);
+    check_level_size(view, level, &w, &h);
     if (x0 < 2 || y0 < 2 || x0 > w - width - 2 || y0 > h - height - 2 || width > PATCH_MAX - 4 ||
         height > PATCH_MAX - 4)
         return false;

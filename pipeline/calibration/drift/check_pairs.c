@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/thread.h"
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 #define VOTES         32 /* features of a pair that tell where the others are to be looked for */
 #define VOTES_LEAST   6
@@ -28,23 +28,23 @@ static int compare_double(const void *pa, const void *pb)
     return (a > b) - (a < b);
 }
 
-double sst_check_quantile(double *v, int n, double share)
+double check_quantile(double *v, int n, double share)
 {
     qsort(v, (size_t)n, sizeof(*v), compare_double);
     return v[sst_clamp_int((int)floor(share * (n - 1) + 0.5), 0, n - 1)];
 }
 
-static int longer_side(const struct sst_check_work *w)
+static int longer_side(const struct check_work *w)
 {
     return sst_max_int(w->lf->width, w->lf->height);
 }
 
-void sst_check_link_set(struct sst_check_link *link, const struct sst_check_work *w, int a, int b)
+void check_link_set(struct check_link *link, const struct check_work *w, int a, int b)
 {
     const double x = w->offset[b][0] - w->offset[a][0], y = w->offset[b][1] - w->offset[a][1];
-    struct sst_check_search *s = &link->s;
+    struct check_search *s = &link->s;
 
-    *link = (struct sst_check_link){ .a = a, .b = b, .length = hypot(x, y) };
+    *link = (struct check_link){ .a = a, .b = b, .length = hypot(x, y) };
     if (link->length < 1e-3)
         return; /* one place: no line */
     s->u[0] = x / link->length;
@@ -57,7 +57,7 @@ void sst_check_link_set(struct sst_check_link *link, const struct sst_check_work
     }
 }
 
-int sst_check_links(struct sst_check_work *w)
+int check_links(struct check_work *w)
 {
     const int rows = w->lf->rows, cols = w->lf->cols;
 
@@ -74,9 +74,9 @@ int sst_check_links(struct sst_check_work *w)
         while (below < rows * cols && !w->view[below].image)
             below += cols;
         if (right / cols == v / cols)
-            sst_check_link_set(&w->link[w->links++], w, v, right);
+            check_link_set(&w->link[w->links++], w, v, right);
         if (below < rows * cols)
-            sst_check_link_set(&w->link[w->links++], w, v, below);
+            check_link_set(&w->link[w->links++], w, v, below);
     }
     return 0;
 }
@@ -84,7 +84,7 @@ int sst_check_links(struct sst_check_work *w)
 /* --- where to look ------------------------------------------------------------------------------------------------ */
 
 struct job {
-    struct sst_check_work *w;
+    struct check_work *w;
     const bool *only;
     int vote_level, search_level;
     double *vote; /* [links][VOTES] disparities */
@@ -96,7 +96,7 @@ static bool skipped(const struct job *job, int index)
     return (job->only && !job->only[index]) || job->w->link[index].length <= 0;
 }
 
-static void set_range(struct sst_check_search *s, const struct sst_check_link *link, double min_px, double max_px,
+static void set_range(struct check_search *s, const struct check_link *link, double min_px, double max_px,
                       double margin_px)
 {
     s->from_px = -max_px * link->length - margin_px;
@@ -106,9 +106,9 @@ static void set_range(struct sst_check_search *s, const struct sst_check_link *l
 /* A few features, looked for on the coarsest level over the whole range and a wide band. Sets the link's line. */
 static int vote(struct job *job, int index, double band)
 {
-    struct sst_check_work *w = job->w;
-    struct sst_check_link *link = &w->link[index];
-    const struct sst_check_view *a = &w->view[link->a], *b = &w->view[link->b];
+    struct check_work *w = job->w;
+    struct check_link *link = &w->link[index];
+    const struct check_view *a = &w->view[link->a], *b = &w->view[link->b];
     const double size = 1 << job->vote_level;
     double cross[VOTES], spread[VOTES], *d = job->vote + (size_t)index * VOTES;
     int n = 0, tried = 0;
@@ -118,11 +118,11 @@ static int vote(struct job *job, int index, double band)
     set_range(&link->s, link, w->range[0], w->range[1], 2 * size + DRIFT_REACH * longer_side(w));
     for (int i = 0; i < VOTES; i++) {
         const int cell = (2 * i + 1) * SST_CHECK_CELLS / (2 * VOTES);
-        struct sst_check_match m;
+        struct check_match m;
 
         if (a->first[cell] == a->first[cell + 1])
             continue;
-        sst_check_search(&m, a, b, &a->feature[a->first[cell]], &link->s, job->vote_level);
+        check_search(&m, a, b, &a->feature[a->first[cell]], &link->s, job->vote_level);
         tried += m.outcome != SST_CHECK_OUTSIDE && m.outcome != SST_CHECK_AMBIGUOUS;
         if (m.outcome != SST_CHECK_MATCHED)
             continue;
@@ -133,10 +133,10 @@ static int vote(struct job *job, int index, double band)
     link->s.band_px = (BAND << job->search_level);
     if (n < VOTES_LEAST)
         return tried;
-    link->s.cross_px = sst_check_quantile(cross, n, 0.5);
+    link->s.cross_px = check_quantile(cross, n, 0.5);
     for (int i = 0; i < n; i++)
         spread[i] = fabs(cross[i] - link->s.cross_px);
-    link->s.band_px = fmax(link->s.band_px, 3 * sst_check_quantile(spread, n, 0.5));
+    link->s.band_px = fmax(link->s.band_px, 3 * check_quantile(spread, n, 0.5));
     return 2 * n >= tried ? 0 : tried;
 }
 
@@ -153,7 +153,7 @@ static int vote_job(void *arg, int index, int worker)
 /* Range of the bulk of all votes, and some more. */
 static void range_of_votes(struct job *job)
 {
-    struct sst_check_work *w = job->w;
+    struct check_work *w = job->w;
     double *v = job->vote, lo, hi;
     int n = 0;
 
@@ -165,8 +165,8 @@ static void range_of_votes(struct job *job)
         w->range[0] = w->range[1] = 0;
         return;
     }
-    lo = sst_check_quantile(v, n, RANGE_CUT);
-    hi = sst_check_quantile(v, n, 1 - RANGE_CUT);
+    lo = check_quantile(v, n, RANGE_CUT);
+    hi = check_quantile(v, n, 1 - RANGE_CUT);
     w->range[0] = lo - 0.1 * (hi - lo) - (1 << job->vote_level);
     w->range[1] = hi + 0.1 * (hi - lo) + (1 << job->vote_level);
 }
@@ -174,25 +174,24 @@ static void range_of_votes(struct job *job)
 /* --- all matches -------------------------------------------------------------------------------------------------- */
 
 /* The cells' best features, at half the coarsest size. */
-static void match_best(struct sst_check_link *link, const struct sst_check_view *a, const struct sst_check_view *b,
-                       int level)
+static void match_best(struct check_link *link, const struct check_view *a, const struct check_view *b, int level)
 {
     for (int k = 0; k < SST_CHECK_CELLS; k++) {
-        struct sst_check_match *m = &link->m[k];
+        struct check_match *m = &link->m[k];
 
         m->outcome = SST_CHECK_AMBIGUOUS;
         link->feature[k] = a->first[k];
         if (a->first[k] == a->first[k + 1])
             continue;
-        sst_check_search(m, a, b, &a->feature[a->first[k]], &link->s, level);
+        check_search(m, a, b, &a->feature[a->first[k]], &link->s, level);
         if (m->outcome == SST_CHECK_MATCHED)
-            sst_check_refine(m, a, b, &a->feature[a->first[k]], &link->s, level);
+            check_refine(m, a, b, &a->feature[a->first[k]], &link->s, level);
     }
 }
 
 /* Cells without a match: all their features, at full size, in a band about what was found. Fine foliage is found only
  * so. */
-static void match_rest(struct sst_check_link *link, const struct sst_check_view *a, const struct sst_check_view *b)
+static void match_rest(struct check_link *link, const struct check_view *a, const struct check_view *b)
 {
     if (link->matches >= FEW) {
         link->s.cross_px = link->median_px;
@@ -200,11 +199,11 @@ static void match_rest(struct sst_check_link *link, const struct sst_check_view 
     }
     for (int k = 0; k < SST_CHECK_CELLS; k++) {
         for (int i = a->first[k]; link->m[k].outcome != SST_CHECK_MATCHED && i < a->first[k + 1]; i++) {
-            struct sst_check_match m;
+            struct check_match m;
 
-            sst_check_search(&m, a, b, &a->feature[i], &link->s, 0);
+            check_search(&m, a, b, &a->feature[i], &link->s, 0);
             if (m.outcome == SST_CHECK_MATCHED)
-                sst_check_refine(&m, a, b, &a->feature[i], &link->s, 0);
+                check_refine(&m, a, b, &a->feature[i], &link->s, 0);
             if (m.outcome != SST_CHECK_MATCHED)
                 continue;
             link->m[k] = m;
@@ -216,9 +215,9 @@ static void match_rest(struct sst_check_link *link, const struct sst_check_view 
 static int best_job(void *arg, int index, int worker)
 {
     struct job *job = arg;
-    struct sst_check_work *w = job->w;
-    struct sst_check_link *link = &w->link[index];
-    const struct sst_check_view *a = &w->view[link->a], *b = &w->view[link->b];
+    struct check_work *w = job->w;
+    struct check_link *link = &w->link[index];
+    const struct check_view *a = &w->view[link->a], *b = &w->view[link->b];
 
     (void)worker;
     if (skipped(job, index))
@@ -232,27 +231,27 @@ static int best_job(void *arg, int index, int worker)
 static int rest_job(void *arg, int index, int worker)
 {
     struct job *job = arg;
-    struct sst_check_work *w = job->w;
-    struct sst_check_link *link = &w->link[index];
-    const struct sst_check_view *a = &w->view[link->a], *b = &w->view[link->b];
+    struct check_work *w = job->w;
+    struct check_link *link = &w->link[index];
+    const struct check_view *a = &w->view[link->a], *b = &w->view[link->b];
 
     (void)worker;
     if (skipped(job, index))
         return 0;
     link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
     for (int k = 0; k < SST_CHECK_CELLS; k++)
-        sst_check_weigh(&link->m[k], link->s.noise);
-    sst_check_link_judge(link, w->cfg.min_matches);
+        check_weigh(&link->m[k], link->s.noise);
+    check_link_judge(link, w->cfg.min_matches);
     if (link->matches >= ENOUGH)
         return 0;
     match_rest(link, a, b);
-    sst_check_link_judge(link, w->cfg.min_matches);
+    check_link_judge(link, w->cfg.min_matches);
     return 0;
 }
 
 /* Fine texture looks like noise in one picture, but not in the difference of two that show it well: the best matches
  * of all tell by how much the pictures' noise was overrated. */
-static int learn_noise(struct sst_check_work *w)
+static int learn_noise(struct check_work *w)
 {
     double *v = malloc(((size_t)w->links * SST_CHECK_CELLS + 1) * sizeof(*v));
     int n = 0;
@@ -260,7 +259,7 @@ static int learn_noise(struct sst_check_work *w)
     if (!v)
         return -ENOMEM;
     for (int i = 0; i < w->links; i++) {
-        const struct sst_check_link *l = &w->link[i];
+        const struct check_link *l = &w->link[i];
 
         for (int k = 0; l->s.noise > 0 && k < SST_CHECK_CELLS; k++) {
             if (l->m[k].outcome == SST_CHECK_MATCHED)
@@ -268,12 +267,12 @@ static int learn_noise(struct sst_check_work *w)
         }
     }
     if (n >= NOISE_LEAST)
-        w->noise_factor = sqrt(fmin(1, NOISE_ROOM * sst_check_quantile(v, n, NOISE_BEST)));
+        w->noise_factor = sqrt(fmin(1, NOISE_ROOM * check_quantile(v, n, NOISE_BEST)));
     free(v);
     return 0;
 }
 
-static void link_figures(struct sst_check_link *link, double *v)
+static void link_figures(struct check_link *link, double *v)
 {
     double sum = 0, squares = 0;
     int n = 0;
@@ -287,10 +286,10 @@ static void link_figures(struct sst_check_link *link, double *v)
     }
     link->mean_px = sum / n;
     link->rms_px = sqrt(squares / n);
-    link->p95_px = sst_check_quantile(v, n, 0.95);
+    link->p95_px = check_quantile(v, n, 0.95);
 }
 
-void sst_check_link_judge(struct sst_check_link *link, int min_matches)
+void check_link_judge(struct check_link *link, int min_matches)
 {
     double v[SST_CHECK_CELLS], cut;
     int n = 0;
@@ -304,10 +303,10 @@ void sst_check_link_judge(struct sst_check_link *link, int min_matches)
             v[n++] = link->m[k].cross;
     }
     if (n) {
-        link->median_px = sst_check_quantile(v, n, 0.5);
+        link->median_px = check_quantile(v, n, 0.5);
         for (int i = 0; i < n; i++)
             v[i] = fabs(v[i] - link->median_px);
-        link->spread_px = 1.4826 * sst_check_quantile(v, n, 0.5);
+        link->spread_px = 1.4826 * check_quantile(v, n, 0.5);
         cut = fmax(OUTLIER_PX, 5 * link->spread_px);
         for (int k = 0; k < SST_CHECK_CELLS; k++) {
             link->used[k] = link->m[k].outcome == SST_CHECK_MATCHED && fabs(link->m[k].cross - link->median_px) <= cut;
@@ -324,19 +323,19 @@ void sst_check_link_judge(struct sst_check_link *link, int min_matches)
         link->state = SST_CHECK_PAIR_LOST;
 }
 
-bool sst_check_link_useful(const struct sst_check_link *link)
+bool check_link_useful(const struct check_link *link)
 {
     return link->state != SST_CHECK_PAIR_LOST && link->matches >= FEW;
 }
 
-bool sst_check_link_bad(const struct sst_check_link *link, double unusable_px)
+bool check_link_bad(const struct check_link *link, double unusable_px)
 {
     return link->state == SST_CHECK_PAIR_LOST || (link->state == SST_CHECK_PAIR_MEASURED && link->rms_px > unusable_px);
 }
 
 /* --- all pairs ---------------------------------------------------------------------------------------------------- */
 
-int sst_check_match_links(struct sst_check_work *w, const bool *only)
+int check_match_links(struct check_work *w, const bool *only)
 {
     const bool known = w->lf->range_max_px > w->lf->range_min_px;
     struct job job = { .w = w, .only = only };

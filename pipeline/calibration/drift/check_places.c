@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 #define SUSPECTS 6    /* cameras that are tried in each other's places */
 #define SUSPECT  0.3  /* share of a camera's pairs that are bad */
@@ -13,9 +13,9 @@
 
 /* One order of the pictures, tried. */
 struct trial {
-    struct sst_check_work w; /* own view and link */
-    bool *only;              /* [links] */
-    int good, bad;           /* of those */
+    struct check_work w; /* own view and link */
+    bool *only;          /* [links] */
+    int good, bad;       /* of those */
 };
 
 static void count(struct trial *t)
@@ -24,9 +24,9 @@ static void count(struct trial *t)
     for (int i = 0; i < t->w.links; i++) {
         if (!t->only[i])
             continue;
-        t->bad += sst_check_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
+        t->bad += check_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
         t->good +=
-            t->w.link[i].state == SST_CHECK_PAIR_MEASURED && !sst_check_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
+            t->w.link[i].state == SST_CHECK_PAIR_MEASURED && !check_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
     }
 }
 
@@ -42,7 +42,7 @@ static void trial_end(struct trial *t)
     free(t->only);
 }
 
-static int trial_begin(struct trial *t, const struct sst_check_work *w)
+static int trial_begin(struct trial *t, const struct check_work *w)
 {
     *t = (struct trial){ .w = *w };
     t->w.view = malloc((size_t)w->views * sizeof(*t->w.view));
@@ -60,23 +60,23 @@ static int trial_begin(struct trial *t, const struct sst_check_work *w)
 /* --- two views ---------------------------------------------------------------------------------------------------- */
 
 /* Share of a camera's pairs that are bad. */
-static double bad_share(const struct sst_check_work *w, int view)
+static double bad_share(const struct check_work *w, int view)
 {
     int bad = 0, all = 0;
 
     for (int i = 0; i < w->links; i++) {
-        const struct sst_check_link *l = &w->link[i];
+        const struct check_link *l = &w->link[i];
 
         if ((l->a != view && l->b != view) || l->state == SST_CHECK_PAIR_BLANK)
             continue;
         all++;
-        bad += sst_check_link_bad(l, w->cfg.unusable_px);
+        bad += check_link_bad(l, w->cfg.unusable_px);
     }
     return all ? (double)bad / all : 0;
 }
 
 /* The most suspicious first, equal ones by index. */
-static int find_suspects(int suspect[SUSPECTS], const struct sst_check_work *w)
+static int find_suspects(int suspect[SUSPECTS], const struct check_work *w)
 {
     double share[SUSPECTS];
     int n = 0;
@@ -114,10 +114,10 @@ static bool opposed(const struct sst_check_camera *a, const struct sst_check_cam
 }
 
 /* Exchange a and b: are their pairs bad now and good then? */
-static int try_exchange(bool *explains, const struct sst_check_work *w, int a, int b)
+static int try_exchange(bool *explains, const struct check_work *w, int a, int b)
 {
     struct trial t;
-    struct sst_check_view view;
+    struct check_view view;
     int before, err = trial_begin(&t, w);
 
     if (err)
@@ -129,7 +129,7 @@ static int try_exchange(bool *explains, const struct sst_check_work *w, int a, i
     view = t.w.view[a];
     t.w.view[a] = t.w.view[b];
     t.w.view[b] = view;
-    err = sst_check_match_links(&t.w, t.only);
+    err = check_match_links(&t.w, t.only);
     count(&t);
     *explains = !err && before >= 2 && 2 * t.bad < before && mostly_good(&t);
     trial_end(&t);
@@ -160,7 +160,7 @@ static int turned(const struct turn *turn, int rows, int cols, int view)
     return row * cols + col;
 }
 
-static int try_turn(bool *explains, const struct sst_check_work *w, const struct turn *turn)
+static int try_turn(bool *explains, const struct check_work *w, const struct turn *turn)
 {
     struct trial t;
     double axes = NAN;
@@ -176,15 +176,15 @@ static int try_turn(bool *explains, const struct sst_check_work *w, const struct
         if (!t.only[i])
             t.w.link[i].state = SST_CHECK_PAIR_BLANK;
     }
-    err = sst_check_match_links(&t.w, t.only);
+    err = check_match_links(&t.w, t.only);
     count(&t);
-    err = err ? err : sst_check_axes(&t.w, &axes);
+    err = err ? err : check_axes(&t.w, &axes);
     *explains = !err && mostly_good(&t) && axes <= w->cfg.unusable_px;
     trial_end(&t);
     return err;
 }
 
-int sst_check_places(struct sst_check *out, const struct sst_check_work *w, char whole[128])
+int check_places(struct sst_check *out, const struct check_work *w, char whole[128])
 {
     static const struct turn turns[] = {
         { false, true, false, "the columns run the other way (right to left)" },
@@ -198,7 +198,7 @@ int sst_check_places(struct sst_check *out, const struct sst_check_work *w, char
     whole[0] = 0;
     out->swapped_a = out->swapped_b = -1;
     for (int i = 0; i < w->links; i++) {
-        bad += sst_check_link_bad(&w->link[i], w->cfg.unusable_px);
+        bad += check_link_bad(&w->link[i], w->cfg.unusable_px);
         usable += w->link[i].state != SST_CHECK_PAIR_BLANK;
     }
     if (2 * bad > usable || out->axes_px > w->cfg.unusable_px) {

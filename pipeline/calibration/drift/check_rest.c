@@ -4,7 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 #define GAUGE_ROUNDS 60
 #define GAUGE_PX     1e-3 /* deviations below this count alike */
@@ -29,7 +29,7 @@ static void solve3(double a[3][3], double v[3])
 }
 
 /* Do the offsets of the shifts that were seen differ? */
-static bool spread_out(const struct sst_check_camera *cam, const struct sst_check_work *w)
+static bool spread_out(const struct sst_check_camera *cam, const struct check_work *w)
 {
     double mean[2] = { 0 }, squares = 0;
     int n[2] = { 0 };
@@ -51,7 +51,7 @@ static bool spread_out(const struct sst_check_camera *cam, const struct sst_chec
 }
 
 /* Common shift and proportion of the offsets that leave the smallest sum of magnitudes of the shifts that were seen. */
-static void rest_shifts(struct sst_check_camera *cam, const struct sst_check_work *w)
+static void rest_shifts(struct sst_check_camera *cam, const struct check_work *w)
 {
     const bool proportion = spread_out(cam, w);
     double g[3] = { 0 };
@@ -96,9 +96,9 @@ static void rest_median(struct sst_check_camera *cam, int views, size_t field)
     }
     if (!n)
         return;
-    median = sst_check_quantile(v, n, 0.5);
+    median = check_quantile(v, n, 0.5);
     if (n % 2 == 0)
-        median = 0.5 * (median + sst_check_quantile(v, n, 0.5 - 0.5 / n));
+        median = 0.5 * (median + check_quantile(v, n, 0.5 - 0.5 / n));
     for (int c = 0; c < views; c++) {
         double *p = (double *)(void *)((char *)&cam[c] + field);
 
@@ -106,7 +106,7 @@ static void rest_median(struct sst_check_camera *cam, int views, size_t field)
     }
 }
 
-void sst_check_rest(struct sst_check_camera *camera, const struct sst_check_work *w)
+void check_rest(struct sst_check_camera *camera, const struct check_work *w)
 {
     rest_shifts(camera, w);
     rest_median(camera, w->views, offsetof(struct sst_check_camera, roll_deg));

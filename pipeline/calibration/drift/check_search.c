@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/calibration/drift/check_parts.h"
+#include "pipeline/calibration/drift/drift_internal.h"
 
 #define BLOCK_W            8 /* pixels of the level: x - 4 .. x + 3, y - 4 .. y + 4 */
 #define BLOCK_H            9
@@ -35,11 +35,11 @@ static const uint8_t *area_at(const struct area *a, int x, int y)
 }
 
 /* The part of a level inside x0 .. x1, y0 .. y1. @return false: none, or too large a part */
-static bool area_read(struct area *a, const struct sst_check_view *view, int level, int x0, int y0, int x1, int y1)
+static bool area_read(struct area *a, const struct check_view *view, int level, int x0, int y0, int x1, int y1)
 {
     int w, h;
 
-    sst_check_level_size(view, level, &w, &h);
+    check_level_size(view, level, &w, &h);
     a->x0 = sst_max_int(x0, 0);
     a->y0 = sst_max_int(y0, 0);
     a->width = sst_min_int(x1, w - 1) - a->x0 + 1;
@@ -47,7 +47,7 @@ static bool area_read(struct area *a, const struct sst_check_view *view, int lev
     if (a->width < BLOCK_W || a->height < BLOCK_H || (int64_t)a->width * a->height > AREA_MAX)
         return false;
     for (int y = 0; y < a->height; y++)
-        sst_check_grey_row(a->v + (size_t)y * (size_t)a->width, view, level, a->x0, a->y0 + y, a->width);
+        check_grey_row(a->v + (size_t)y * (size_t)a->width, view, level, a->x0, a->y0 + y, a->width);
     return true;
 }
 
@@ -179,15 +179,15 @@ static bool two_peaks(const struct field *f, int *i, int *j, float *second)
 }
 
 /* Place in the other view of a step along and across, px of the level. */
-static void place(const struct sst_check_search *s, double along, double cross, int *x, int *y)
+static void place(const struct check_search *s, double along, double cross, int *x, int *y)
 {
     *x = (int)floor(s->u[0] * along + s->n[0] * cross + 0.5);
     *y = (int)floor(s->u[1] * along + s->n[1] * cross + 0.5);
 }
 
 /* Everything that the search can touch: the corners of the band, and the block around. */
-static bool read_band(struct area *area, const struct sst_check_view *b, const struct sst_check_search *s, int level,
-                      int x, int y, double from, double to, double low, double high)
+static bool read_band(struct area *area, const struct check_view *b, const struct check_search *s, int level, int x,
+                      int y, double from, double to, double low, double high)
 {
     int x0 = INT32_MAX, y0 = INT32_MAX, x1 = INT32_MIN, y1 = INT32_MIN;
 
@@ -203,11 +203,11 @@ static bool read_band(struct area *area, const struct sst_check_view *b, const s
     return area_read(area, b, level, x + x0 - 4, y + y0 - 4, x + x1 + 4, y + y1 + 4);
 }
 
-void sst_check_search(struct sst_check_match *out, const struct sst_check_view *a, const struct sst_check_view *b,
-                      const struct sst_check_feature *f, const struct sst_check_search *s, int level)
+void check_search(struct check_match *out, const struct check_view *a, const struct check_view *b,
+                  const struct check_feature *f, const struct check_search *s, int level)
 {
     const double size = 1 << level, from = s->from_px / size, middle = s->cross_px / size;
-    const int x = sst_check_to_level(f->x, level), y = sst_check_to_level(f->y, level);
+    const int x = check_to_level(f->x, level), y = check_to_level(f->y, level);
     const int band = sst_min_int((int)ceil(s->band_px / size), CROSS_MAX / 2);
     struct field field = { .along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX),
                            .cross = 2 * band + 1 };
@@ -218,7 +218,7 @@ void sst_check_search(struct sst_check_match *out, const struct sst_check_view *
     int i = 0, j = 0;
     bool whole = true;
 
-    *out = (struct sst_check_match){ .outcome = SST_CHECK_OUTSIDE };
+    *out = (struct check_match){ .outcome = SST_CHECK_OUTSIDE };
     if (!area_read(&area, a, level, x - 4, y - 4, x + 4, y + 4) || !block_inside(&area, x, y))
         return;
     block_read(&block, &area, x, y);

@@ -1,4 +1,5 @@
-/* pipeline/calibration/photometric/light.h - how bright each camera is, in each colour and towards its corners, from pictures of a board.
+/* pipeline/calibration/photometric/light.h - how bright each camera is, in each colour and towards its corners, from
+ * pictures of a board.
  */
 #ifndef SST_PIPELINE_CALIBRATION_PHOTOMETRIC_LIGHT_H
 #define SST_PIPELINE_CALIBRATION_PHOTOMETRIC_LIGHT_H

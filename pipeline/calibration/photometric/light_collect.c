@@ -3,8 +3,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/image/srgb.h"
 #include "pipeline/calibration/photometric/light.h"
+#include "pipeline/image/srgb.h"
 
 #define CLIPPED_CODE  254  /* a pixel this bright may have been brighter */
 #define CLIPPED_SHARE 0.01 /* noise may reach that far; more pixels are a clipped patch */

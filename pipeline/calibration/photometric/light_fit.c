@@ -1,4 +1,4 @@
-#include "pipeline/calibration/photometric/light_fit.h"
+#include "pipeline/calibration/photometric/photometric_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -29,7 +29,7 @@ static const double common_sigma[3] = { 0.7, 0.3, 0.15 };
  * Unknowns: 3 gains of each camera, 3 coefficients of the common polynomial, 1 own coefficient of each camera.
  */
 struct fit {
-    struct sst_light_problem *p;
+    struct light_problem *p;
     int unknowns;
     double *normal;                    /* [unknowns][unknowns], lower triangle */
     double *right, *step, *sum;        /* [unknowns]; sum: of w J in a group */
@@ -47,14 +47,14 @@ static double poly(const double a[3], double r2)
     return 1 + r2 * (a[0] + r2 * (a[1] + r2 * a[2]));
 }
 
-static void coefficients(const struct sst_light_problem *p, int cam, double a[3])
+static void coefficients(const struct light_problem *p, int cam, double a[3])
 {
     memcpy(a, p->common, sizeof(p->common));
     if (cam < p->cams)
         a[0] += p->cam[cam].own;
 }
 
-double sst_light_log_falloff(const struct sst_light_problem *p, int cam, double r2)
+double light_log_falloff(const struct light_problem *p, int cam, double r2)
 {
     double a[3];
 
@@ -71,7 +71,7 @@ static double lowest(const double a[3], double reach)
     return least;
 }
 
-int sst_light_fall_fault(const struct sst_light_problem *p)
+int light_fall_fault(const struct light_problem *p)
 {
     double reach = 1;
 
@@ -95,9 +95,9 @@ int sst_light_fall_fault(const struct sst_light_problem *p)
     return -1;
 }
 
-static void differentiate(const struct fit *f, const struct sst_light_seen *s, int colour, struct jacobian *j)
+static void differentiate(const struct fit *f, const struct light_seen *s, int colour, struct jacobian *j)
 {
-    const struct sst_light_problem *p = f->p;
+    const struct light_problem *p = f->p;
     double a[3], power;
 
     coefficients(p, s->cam, a);
@@ -118,7 +118,7 @@ static void differentiate(const struct fit *f, const struct sst_light_seen *s, i
     }
 }
 
-static int group_end(const struct sst_light_problem *p, int from)
+static int group_end(const struct light_problem *p, int from)
 {
     int end = from + 1;
 
@@ -130,7 +130,7 @@ static int group_end(const struct sst_light_problem *p, int from)
 /* Residuals against the weighted mean of their group. @return the sum of what the weights make of them */
 static void find_residuals(struct fit *f)
 {
-    const struct sst_light_problem *p = f->p;
+    const struct light_problem *p = f->p;
 
     for (int from = 0, end; from < p->count; from = end) {
         end = group_end(p, from);
@@ -138,8 +138,8 @@ static void find_residuals(struct fit *f)
             double sum = 0, weights = 0;
 
             for (int i = from; i < end; i++) {
-                const struct sst_light_seen *s = &p->seen[i];
-                const double y = s->value[c] - p->cam[s->cam].gain[c] - sst_light_log_falloff(p, s->cam, s->r2);
+                const struct light_seen *s = &p->seen[i];
+                const double y = s->value[c] - p->cam[s->cam].gain[c] - light_log_falloff(p, s->cam, s->r2);
 
                 f->residual[3 * i + c] = y;
                 sum += f->weight[3 * i + c] * y;
@@ -212,7 +212,7 @@ static void add_group(struct fit *f, int from, int end, int colour)
 /* What the values leave open: the mean gain of each part, coefficients that nothing measures. */
 static void add_priors(struct fit *f)
 {
-    const struct sst_light_problem *p = f->p;
+    const struct light_problem *p = f->p;
     const size_t n = (size_t)f->unknowns;
     const double s2 = ALIKE * p->scale * p->scale;
 
@@ -279,7 +279,7 @@ static void solve(struct fit *f)
 
 static void move(struct fit *f, double share)
 {
-    struct sst_light_problem *p = f->p;
+    struct light_problem *p = f->p;
     const double *x = f->step;
 
     for (int i = 0; i < 3; i++)
@@ -291,7 +291,7 @@ static void move(struct fit *f, double share)
     }
 }
 
-static bool all_positive(const struct sst_light_problem *p)
+static bool all_positive(const struct light_problem *p)
 {
     for (int k = 0; k < p->cams; k++) {
         double a[3];
@@ -323,7 +323,7 @@ static double go(struct fit *f)
 }
 
 /* The mean log gain of each part is exactly 0 in each colour. */
-static void centre(struct sst_light_problem *p)
+static void centre(struct light_problem *p)
 {
     for (int part = 0; part < p->parts; part++) {
         for (int c = 0; c < 3; c++) {
@@ -340,7 +340,7 @@ static void centre(struct sst_light_problem *p)
     }
 }
 
-static int fit_init(struct fit *f, struct sst_light_problem *p)
+static int fit_init(struct fit *f, struct light_problem *p)
 {
     const size_t n = 4 * (size_t)p->cams + 3, values = 3 * (size_t)p->count;
 
@@ -368,7 +368,7 @@ static void fit_fini(struct fit *f)
     free(f->residual);
 }
 
-int sst_light_fit(struct sst_light_problem *p)
+int light_fit_gains(struct light_problem *p)
 {
     struct fit f;
     int err = fit_init(&f, p);

@@ -6,7 +6,7 @@
 
 #include "base/log.h"
 #include "pipeline/calibration/photometric/light.h"
-#include "pipeline/calibration/photometric/light_fit.h"
+#include "pipeline/calibration/photometric/photometric_internal.h"
 
 #define FEWEST_SAMPLES 12 /* of a camera, on patches that another one sees too */
 #define ORDER          3
@@ -23,8 +23,8 @@ struct solving {
     struct usable *usable; /* by frame, patch, view: groups are neighbours */
     int *samples;          /* [views] in groups of two or more; 0: not part of the solution */
     int *cam;              /* [views] number in the problem, or -1 */
-    struct sst_light_seen *seen;
-    struct sst_light_problem problem;
+    struct light_seen *seen;
+    struct light_problem problem;
 };
 
 /* --- what is of use ---------------------------------------------------------------------------------------------- */
@@ -114,14 +114,14 @@ static double reach_of(const struct sst_calib *calib, const struct sst_calib_cam
 
 /* --- parts: cameras that patches link ---------------------------------------------------------------------------- */
 
-static int root_of(struct sst_light_cam *cam, int k)
+static int root_of(struct light_cam *cam, int k)
 {
     while (cam[k].part != k)
         k = cam[k].part = cam[cam[k].part].part;
     return k;
 }
 
-static void find_parts(struct sst_light_problem *p)
+static void find_parts(struct light_problem *p)
 {
     for (int k = 0; k < p->cams; k++)
         p->cam[k].part = k;
@@ -146,7 +146,7 @@ static void find_parts(struct sst_light_problem *p)
 
 static int make_cams(struct solving *s)
 {
-    struct sst_light_problem *p = &s->problem;
+    struct light_problem *p = &s->problem;
 
     for (int view = 0; view < s->views; view++)
         s->cam[view] = s->samples[view] ? p->cams++ : -1;
@@ -163,11 +163,11 @@ static int make_cams(struct solving *s)
 
 static void make_seen(struct solving *s)
 {
-    struct sst_light_problem *p = &s->problem;
+    struct light_problem *p = &s->problem;
 
     for (int i = 0, group = 0; i < s->count; i++) {
         const struct sst_light_sample *a = s->usable[i].sample;
-        struct sst_light_seen *seen = &s->seen[p->count];
+        struct light_seen *seen = &s->seen[p->count];
 
         group += i > 0 && !same_group(&s->usable[i - 1], &s->usable[i]);
         if (s->usable[i].dropped)
@@ -208,7 +208,7 @@ static int prepare(struct solving *s, const struct sst_light_samples *all)
 
 /* The highest degree whose common fall-off is one that lenses have; then cameras whose own is none get the common one.
  */
-static int fit(struct sst_light_problem *p)
+static int fit(struct light_problem *p)
 {
     int bad = 0, err = 0;
 
@@ -218,9 +218,9 @@ static int fit(struct sst_light_problem *p)
             p->cam[k].own = 0;
             memset(p->cam[k].gain, 0, sizeof(p->cam[k].gain));
         }
-        err = sst_light_fit(p);
-        bad = sst_light_fall_fault(p);
-        for (int k = bad; k >= 0 && k < p->cams && !err; k = sst_light_fall_fault(p)) {
+        err = light_fit_gains(p);
+        bad = light_fall_fault(p);
+        for (int k = bad; k >= 0 && k < p->cams && !err; k = light_fall_fault(p)) {
             p->cam[k].plain = true;
             p->cam[k].own = 0;
         }
@@ -230,13 +230,13 @@ static int fit(struct sst_light_problem *p)
 
 /* --- results ----------------------------------------------------------------------------------------------------- */
 
-static double residual_of(const struct sst_light_problem *p, const struct sst_light_seen *s, int c, bool corrected)
+static double residual_of(const struct light_problem *p, const struct light_seen *s, int c, bool corrected)
 {
-    return corrected ? s->value[c] - p->cam[s->cam].gain[c] - sst_light_log_falloff(p, s->cam, s->r2) : s->value[c];
+    return corrected ? s->value[c] - p->cam[s->cam].gain[c] - light_log_falloff(p, s->cam, s->r2) : s->value[c];
 }
 
 /* RMS of light over the mean of its patch less 1. */
-static double spread(const struct sst_light_problem *p, bool corrected)
+static double spread(const struct light_problem *p, bool corrected)
 {
     double sum = 0;
 
@@ -259,11 +259,11 @@ static double spread(const struct sst_light_problem *p, bool corrected)
 
 static void store(struct sst_calib *calib, const struct solving *s, struct sst_light_report *report)
 {
-    const struct sst_light_problem *p = &s->problem;
+    const struct light_problem *p = &s->problem;
 
     for (int view = 0; view < s->views; view++) {
         struct sst_calib_camera *cam = &calib->camera[view];
-        const struct sst_light_cam *found = s->cam[view] >= 0 ? &p->cam[s->cam[view]] : NULL;
+        const struct light_cam *found = s->cam[view] >= 0 ? &p->cam[s->cam[view]] : NULL;
 
         if (!cam->known)
             continue;
@@ -274,13 +274,13 @@ static void store(struct sst_calib *calib, const struct solving *s, struct sst_l
         }
         if (found)
             report->worst_falloff =
-                fmax(report->worst_falloff, -expm1(sst_light_log_falloff(p, s->cam[view], found->reach)));
+                fmax(report->worst_falloff, -expm1(light_log_falloff(p, s->cam[view], found->reach)));
     }
 }
 
 static void say(const struct solving *s)
 {
-    const struct sst_light_problem *p = &s->problem;
+    const struct light_problem *p = &s->problem;
 
     for (int view = 0; view < s->views; view++) {
         const struct sst_calib_camera *cam = &s->calib->camera[view];

@@ -6,9 +6,9 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
-static void head(const struct sst_calib_page *page)
+static void head(const struct calib_page *page)
 {
     const struct sst_calib *calib = &page->report->solution->calib;
     FILE *out = page->out;
@@ -19,7 +19,7 @@ static void head(const struct sst_calib_page *page)
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; img-src "
         "data:\"/>\n<title>Calibration report</title>\n<style>\n",
         out);
-    fputs(sst_calib_style, out);
+    fputs(calib_style, out);
     fprintf(out,
             "</style>\n</head>\n<body>\n<header>\n<h1>Calibration report</h1>\n<p class=\"sub\">%d \xC3\x97 %d %s, "
             "%d calibrated, pictures of %d \xC3\x97 %d px",
@@ -27,10 +27,10 @@ static void head(const struct sst_calib_page *page)
             calib->height);
     if (calib->source[0]) {
         fputs("; made from ", out);
-        sst_html_text(out, calib->source);
+        html_text(out, calib->source);
     }
     if (calib->created_wall_ns > 0)
-        fprintf(out, " on %s", sst_calib_date(calib->created_wall_ns).text);
+        fprintf(out, " on %s", calib_date(calib->created_wall_ns).text);
     fputs("</p>\n<nav>", out);
 }
 
@@ -40,7 +40,7 @@ struct part {
     bool there;
 };
 
-static void navigate(const struct sst_calib_page *page)
+static void navigate(const struct calib_page *page)
 {
     const struct part parts[] = {
         { "summary", "Summary", true },
@@ -62,28 +62,28 @@ static void navigate(const struct sst_calib_page *page)
     fputs("</nav>\n</header>\n<main>\n", page->out);
 }
 
-static int write_page(const struct sst_calib_page *page)
+static int write_page(const struct calib_page *page)
 {
     int err;
 
     head(page);
     navigate(page);
-    sst_calib_page_summary(page);
-    sst_calib_page_array(page);
-    err = sst_calib_page_cameras(page);
+    calib_page_summary(page);
+    calib_page_array(page);
+    err = calib_page_cameras(page);
     if (!err)
-        err = sst_calib_page_frames(page);
+        err = calib_page_frames(page);
     if (err) {
         sst_log_error("no memory for the report's maps; close other programs");
         return err;
     }
-    sst_calib_page_worst(page);
-    sst_calib_page_links(page);
-    sst_calib_page_spread(page);
-    sst_calib_page_rig(page);
-    sst_calib_page_light(page);
-    sst_calib_page_table(page);
-    sst_calib_page_cards(page);
+    calib_page_worst(page);
+    calib_page_links(page);
+    calib_page_spread(page);
+    calib_page_rig(page);
+    calib_page_light(page);
+    calib_page_table(page);
+    calib_page_cards(page);
     fprintf(page->out,
             "<footer>Written by sst %s. Residuals are measured minus predicted; all figures are in pixels of "
             "the untouched pictures unless they say otherwise.</footer>\n</main>\n</body>\n</html>\n",
@@ -93,18 +93,16 @@ static int write_page(const struct sst_calib_page *page)
 
 int sst_calib_report_write(const char *path, const struct sst_calib_report *report)
 {
-    struct sst_calib_figures figures;
+    struct calib_figures figures;
     struct sst_outfile file;
-    int err = sst_calib_figures_init(&figures, report);
+    int err = calib_figures_init(&figures, report);
 
     if (err)
         return err;
     err = sst_outfile_open(&file, path);
     if (!err) {
-        struct sst_calib_shown shown;
-        const struct sst_calib_page page = {
-            .out = file.stream, .shown = &shown, .report = report, .figures = &figures
-        };
+        struct calib_shown shown;
+        const struct calib_page page = { .out = file.stream, .shown = &shown, .report = report, .figures = &figures };
 
         err = write_page(&page);
         if (err)
@@ -112,6 +110,6 @@ int sst_calib_report_write(const char *path, const struct sst_calib_report *repo
         else
             err = sst_outfile_commit(&file);
     }
-    sst_calib_figures_fini(&figures);
+    calib_figures_fini(&figures);
     return err;
 }

@@ -1,13 +1,13 @@
-/* pipeline/calibration/report/report.h - a calibration as one self-contained HTML page that a person can judge; its summary as text
- * and JSON. */
+/* pipeline/calibration/report/report.h - a calibration as one self-contained HTML page that a person can judge; its
+ * summary as text and JSON. */
 #ifndef SST_PIPELINE_CALIBRATION_REPORT_REPORT_H
 #define SST_PIPELINE_CALIBRATION_REPORT_REPORT_H
 
 #include <stdio.h>
 
 #include "pipeline/calibration/photometric/light.h"
-#include "pipeline/lightfield/rectify/rectify.h"
 #include "pipeline/calibration/solve/solve.h"
+#include "pipeline/lightfield/rectify/rectify.h"
 
 struct sst_calib_report {
     const struct sst_detections *detections;

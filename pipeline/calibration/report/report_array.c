@@ -1,7 +1,7 @@
 /* Plan of the array: its centres against a regular lattice; and against what a rig's drives reported. */
 #include <math.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 #define WIDTH 560.0
 #define EDGE  46.0
@@ -10,13 +10,13 @@
 struct plan {
     double scale, x0, y0, height; /* units per mm; mm at the drawing's origin */
     double magnify, rule_mm;
-    struct sst_calib_scale colour;
+    struct calib_scale colour;
     bool flat; /* nothing to colour */
 };
 
-static struct plan plan_make(const struct sst_calib_page *page, const double (*off_mm)[2])
+static struct plan plan_make(const struct calib_page *page, const double (*off_mm)[2])
 {
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     double lo[2] = { INFINITY, INFINITY }, hi[2] = { -INFINITY, -INFINITY }, out = 0, off = 0, size;
     struct plan p = { 0 };
 
@@ -37,25 +37,25 @@ static struct plan plan_make(const struct sst_calib_page *page, const double (*o
     p.x0 = (lo[0] + hi[0]) / 2 - size / 2 - EDGE / p.scale;
     p.y0 = lo[1] - EDGE / p.scale;
     p.height = (hi[1] - lo[1]) * p.scale + 2 * EDGE;
-    p.magnify = off > 1e-9 ? sst_calib_round_down(42 / (off * p.scale)) : 0;
-    p.rule_mm = p.magnify > 0 ? sst_calib_round_down(60 / (p.magnify * p.scale)) : 0;
-    size = fmax(sst_calib_round_down(fmax(out, 1e-3)), 1e-3);
+    p.magnify = off > 1e-9 ? calib_round_down(42 / (off * p.scale)) : 0;
+    p.rule_mm = p.magnify > 0 ? calib_round_down(60 / (p.magnify * p.scale)) : 0;
+    size = fmax(calib_round_down(fmax(out, 1e-3)), 1e-3);
     while (size < out)
-        size = sst_calib_round_down(size * 2.5 * (1 + 1e-9));
+        size = calib_round_down(size * 2.5 * (1 + 1e-9));
     p.flat = out < 1e-6;
-    p.colour = (struct sst_calib_scale){ -size, size };
+    p.colour = (struct calib_scale){ -size, size };
     return p;
 }
 
-static void draw_camera(const struct sst_calib_page *page, const struct plan *p, int view, const double off_mm[2])
+static void draw_camera(const struct calib_page *page, const struct plan *p, int view, const double off_mm[2])
 {
     const double *at = page->figures->centre_mm[view], x = (at[0] - p->x0) * p->scale, y = (at[1] - p->y0) * p->scale;
     const bool reference = view == page->report->solution->calib.reference;
 
     fprintf(page->out, "<circle class=\"c%d\" cx=\"%.5g\" cy=\"%.5g\" r=\"%d\"%s><title>",
-            sst_calib_level(p->colour, at[2]), x, y, page->report->detections->cols > 10 ? 5 : 9,
+            calib_level(p->colour, at[2]), x, y, page->report->detections->cols > 10 ? 5 : 9,
             reference ? " stroke=\"currentColor\" stroke-width=\"2.5\"" : "");
-    sst_html_text(page->out, page->figures->camera[view].name);
+    html_text(page->out, page->figures->camera[view].name);
     fprintf(page->out, ": %s, %s mm from the reference; %s mm out of the plane", SST_NUM(at[0], 5), SST_NUM(at[1], 5),
             SST_FIGURE(at[2]));
     if (isfinite(off_mm[0]))
@@ -71,7 +71,7 @@ static void draw_camera(const struct sst_calib_page *page, const struct plan *p,
                 x, y + 22, view / page->report->detections->cols, view % page->report->detections->cols);
 }
 
-static void draw_plan(const struct sst_calib_page *page, const struct plan *p, const double (*off_mm)[2])
+static void draw_plan(const struct calib_page *page, const struct plan *p, const double (*off_mm)[2])
 {
     fprintf(page->out, "<svg viewBox=\"0 0 %.4g %.5g\" style=\"max-width:640px\">", WIDTH, p->height + 22);
     for (int k = 0; k < page->figures->views; k++) {
@@ -88,11 +88,11 @@ static void draw_plan(const struct sst_calib_page *page, const struct plan *p, c
     if (p->flat)
         fputs("<p class=\"legend\">All are in one plane.</p>\n", page->out);
     else
-        sst_html_legend(page->out, p->colour, "mm out of the mean plane, positive towards the scene", NULL);
+        html_legend(page->out, p->colour, "mm out of the mean plane, positive towards the scene", NULL);
 }
 
 /* Angles of the cameras against the common axes: how far they were from parallel. */
-static void angles(const struct sst_calib_page *page, double *mean_deg, double *most_deg, int *most)
+static void angles(const struct calib_page *page, double *mean_deg, double *most_deg, int *most)
 {
     const struct sst_calib *calib = &page->report->solution->calib;
     const double *r = page->report->rectified->rotation;
@@ -120,7 +120,7 @@ static void angles(const struct sst_calib_page *page, double *mean_deg, double *
         *mean_deg = sum / n;
 }
 
-static void facts(const struct sst_calib_page *page)
+static void facts(const struct calib_page *page)
 {
     const struct sst_rectified *r = page->report->rectified;
     FILE *out = page->out;
@@ -148,7 +148,7 @@ static void facts(const struct sst_calib_page *page)
     fprintf(out, "<tr><th>cameras turned</th><td>against it by %s degrees on average", SST_NUM(mean_deg, 3));
     if (most >= 0) {
         fprintf(out, ", at most %s (", SST_NUM(most_deg, 3));
-        sst_html_text(out, page->figures->camera[most].name);
+        html_text(out, page->figures->camera[most].name);
         fputs(")", out);
     }
     fprintf(out,
@@ -158,17 +158,17 @@ static void facts(const struct sst_calib_page *page)
             r->plane_mm > 0 ? " mm" : "");
 }
 
-void sst_calib_page_array(const struct sst_calib_page *page)
+void calib_page_array(const struct calib_page *page)
 {
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     struct plan p;
 
     if (f->known < 2)
         return;
     p = plan_make(page, (const double(*)[2])f->lattice_mm);
-    sst_html_section(page->out, "array", "Array",
-                     "Centres of the cameras in their plane, seen from behind: where they really are. A light field "
-                     "keeps these places; the array need not be regular.");
+    html_section(page->out, "array", "Array",
+                 "Centres of the cameras in their plane, seen from behind: where they really are. A light field "
+                 "keeps these places; the array need not be regular.");
     fputs("<div class=\"two\"><figure>", page->out);
     draw_plan(page, &p, (const double(*)[2])f->lattice_mm);
     fputs("<figcaption>Colour: out of the plane. Lines: from the place in the best regular lattice to the true one, "
@@ -178,7 +178,7 @@ void sst_calib_page_array(const struct sst_calib_page *page)
     fputs("</div>\n</section>\n", page->out);
 }
 
-void sst_calib_page_rig(const struct sst_calib_page *page)
+void calib_page_rig(const struct calib_page *page)
 {
     const struct sst_solution *s = page->report->solution;
     double off_mm[SST_MAX_VIEWS][2];
@@ -200,15 +200,15 @@ void sst_calib_page_rig(const struct sst_calib_page *page)
         }
     }
     p = plan_make(page, (const double(*)[2])off_mm);
-    sst_html_section(page->out, "rig", "Rig",
-                     "Solved positions against those that the drives reported, after the best rigid fit of the two.");
+    html_section(page->out, "rig", "Rig",
+                 "Solved positions against those that the drives reported, after the best rigid fit of the two.");
     fprintf(page->out,
             "<p><b>%s mm</b> RMS distance; scale %s (solved over drives: off 1 means a wrong um-per-count or a wrong "
             "board size); axes %s degrees off square.",
             SST_NUM(s->drive_rms_mm, 3), SST_NUM(s->drive_scale, 6), SST_NUM(s->drive_skew_deg, 2));
     if (worst >= 0) {
         fputs(" Farthest: ", page->out);
-        sst_html_text(page->out, page->figures->camera[worst].name);
+        html_text(page->out, page->figures->camera[worst].name);
         fprintf(page->out, ", %s mm.", SST_NUM(largest, 3));
     }
     fputs("</p>\n<figure>", page->out);

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 #define VECTORS      300   /* per camera, at most */
 #define VECTORS_ALL  12000 /* of the page */
@@ -45,10 +45,10 @@ struct tile {
 
 static double fitting(double units, double px, double scale)
 {
-    return sst_calib_round_down(units / (fmax(px, 1e-9) * scale));
+    return calib_round_down(units / (fmax(px, 1e-9) * scale));
 }
 
-static struct tile tile_make(const struct sst_calib_page *page)
+static struct tile tile_make(const struct calib_page *page)
 {
     const struct sst_calib *calib = &page->report->solution->calib;
     const double rms = page->report->solution->rms_px;
@@ -57,8 +57,7 @@ static struct tile tile_make(const struct sst_calib_page *page)
 
     for (int k = 0; k < page->figures->views; k++) {
         for (int i = 0; i < SST_REPORT_ROWS * SST_REPORT_COLS; i++) {
-            const struct sst_calib_region *r =
-                &page->figures->camera[k].region[i / SST_REPORT_COLS][i % SST_REPORT_COLS];
+            const struct calib_region *r = &page->figures->camera[k].region[i / SST_REPORT_COLS][i % SST_REPORT_COLS];
 
             if (r->corners >= MEAN_CORNERS)
                 most = fmax(most, hypot(r->mean[0], r->mean[1]));
@@ -66,7 +65,7 @@ static struct tile tile_make(const struct sst_calib_page *page)
     }
     t.magnify = fitting(14, 3 * (rms > 0 ? rms : 0.1), t.scale);
     t.mean_magnify = most > 0 ? fitting(16, most, t.scale) : 0;
-    *page->shown = (struct sst_calib_shown){
+    *page->shown = (struct calib_shown){
         .magnify = t.magnify,
         .rule_px = fitting(36, t.magnify, t.scale),
         .mean_magnify = t.mean_magnify,
@@ -86,11 +85,11 @@ static void rule(FILE *out, const struct tile *t, const char *class, double px, 
 /* --- what is in a tile -------------------------------------------------------------------------------------------- */
 
 /* Values of one camera's map; NAN where there is none. @return their number */
-static int values_of(double *values, const struct sst_calib_page *page, enum sst_calib_map kind, int view)
+static int values_of(double *values, const struct calib_page *page, enum calib_map kind, int view)
 {
     const struct sst_solution *s = page->report->solution;
     const struct sst_calib_camera *c = &s->calib.camera[view];
-    const struct sst_calib_camera_figures *f = &page->figures->camera[view];
+    const struct calib_camera_figures *f = &page->figures->camera[view];
     const int rows = kinds[kind].coarse ? SST_REPORT_ROWS : SST_UNCERTAINTY_ROWS;
     const int cols = kinds[kind].coarse ? SST_REPORT_COLS : SST_UNCERTAINTY_COLS;
 
@@ -130,10 +129,9 @@ static void segment(FILE *out, const struct tile *t, const struct sst_corner *c,
 }
 
 /* Some of a camera's residuals, evenly over their number: used corners, or outliers. */
-static void residuals(const struct sst_calib_page *page, const struct tile *t, int view, bool outliers, bool dots,
-                      int most)
+static void residuals(const struct calib_page *page, const struct tile *t, int view, bool outliers, bool dots, int most)
 {
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     const struct sst_detections *all = page->report->detections;
     const int64_t total = outliers ? f->camera[view].outliers : f->camera[view].used;
     int64_t at = 0;
@@ -154,7 +152,7 @@ static void residuals(const struct sst_calib_page *page, const struct tile *t, i
     }
 }
 
-static void draw_vectors(const struct sst_calib_page *page, const struct tile *t, int view)
+static void draw_vectors(const struct calib_page *page, const struct tile *t, int view)
 {
     const int known = page->figures->known > 0 ? page->figures->known : 1;
     const int most = sst_max_int(20, sst_min_int(VECTORS, VECTORS_ALL / known));
@@ -175,13 +173,13 @@ static void draw_vectors(const struct sst_calib_page *page, const struct tile *t
     fputs("</g>", out);
 }
 
-static void draw_means(const struct sst_calib_page *page, const struct tile *t, int view)
+static void draw_means(const struct calib_page *page, const struct tile *t, int view)
 {
     for (int pass = 0; pass < 2 && t->mean_magnify > 0; pass++) {
         fprintf(page->out, "<path class=\"mean%d\" d=\"M0 0", pass);
         for (int i = 0; i < SST_REPORT_ROWS * SST_REPORT_COLS; i++) {
             const int row = i / SST_REPORT_COLS, col = i % SST_REPORT_COLS;
-            const struct sst_calib_region *r = &page->figures->camera[view].region[row][col];
+            const struct calib_region *r = &page->figures->camera[view].region[row][col];
 
             if (r->corners < MEAN_CORNERS)
                 continue;
@@ -196,24 +194,24 @@ static void draw_means(const struct sst_calib_page *page, const struct tile *t, 
 
 /* --- the grid ----------------------------------------------------------------------------------------------------- */
 
-static void tile_open(const struct sst_calib_page *page, const struct tile *t, int view)
+static void tile_open(const struct calib_page *page, const struct tile *t, int view)
 {
     fprintf(page->out, "<a class=\"tile\" href=\"#cam%d\" title=\"", view);
-    sst_html_text(page->out, page->figures->camera[view].name);
+    html_text(page->out, page->figures->camera[view].name);
     fprintf(page->out, "\"><svg viewBox=\"0 0 160 %.4g\">", t->height);
 }
 
-static void tile_close(const struct sst_calib_page *page, int view, const char *value, const char *unit)
+static void tile_close(const struct calib_page *page, int view, const char *value, const char *unit)
 {
     fputs("</svg><b>", page->out);
-    sst_html_text(page->out, page->figures->camera[view].name);
+    html_text(page->out, page->figures->camera[view].name);
     fprintf(page->out, "</b><span>%s %s</span></a>", value, strcmp(value, "unknown") ? unit : "");
 }
 
 /* The number under a camera's tile. */
-static struct sst_calib_number caption(const struct sst_calib_page *page, enum sst_calib_map kind, int view)
+static struct calib_number caption(const struct calib_page *page, enum calib_map kind, int view)
 {
-    const struct sst_calib_camera_figures *f = &page->figures->camera[view];
+    const struct calib_camera_figures *f = &page->figures->camera[view];
     const struct sst_solution *s = page->report->solution;
     int64_t corners = 0;
 
@@ -221,20 +219,19 @@ static struct sst_calib_number caption(const struct sst_calib_page *page, enum s
     case SST_MAP_SEEN:
         for (int i = 0; i < CELLS_MOST; i++)
             corners += f->seen[i / SST_UNCERTAINTY_COLS][i % SST_UNCERTAINTY_COLS];
-        return sst_calib_count(corners);
+        return calib_count(corners);
     case SST_MAP_RMS:
-        return sst_calib_figure(f->systematic_px);
+        return calib_figure(f->systematic_px);
     case SST_MAP_LENS:
-        return sst_calib_figure(f->lens_px);
+        return calib_figure(f->lens_px);
     case SST_MAP_CARRY:
-        return sst_calib_figure(f->carry_px[s->calib.range_mm > 0]);
+        return calib_figure(f->carry_px[s->calib.range_mm > 0]);
     default:
-        return sst_calib_number(s->calib.camera[view].known ? 100 * (s->calib.camera[view].gain[1] - 1) : (double)NAN,
-                                2);
+        return calib_number(s->calib.camera[view].known ? 100 * (s->calib.camera[view].gain[1] - 1) : (double)NAN, 2);
     }
 }
 
-static void grid_open(const struct sst_calib_page *page)
+static void grid_open(const struct calib_page *page)
 {
     const int cols = page->report->detections->cols;
 
@@ -244,7 +241,7 @@ static void grid_open(const struct sst_calib_page *page)
             cols > 10 ? " many" : "", cols, 260 * cols);
 }
 
-static bool hole(const struct sst_calib_page *page, int view)
+static bool hole(const struct calib_page *page, int view)
 {
     if (page->figures->camera[view].expected)
         return false;
@@ -252,7 +249,7 @@ static bool hole(const struct sst_calib_page *page, int view)
     return true;
 }
 
-static void vectors(const struct sst_calib_page *page, const struct tile *t)
+static void vectors(const struct calib_page *page, const struct tile *t)
 {
     FILE *out = page->out;
 
@@ -278,7 +275,7 @@ static void vectors(const struct sst_calib_page *page, const struct tile *t)
         sst_max_int(20, sst_min_int(VECTORS, VECTORS_ALL / sst_max_int(page->figures->known, 1))));
 }
 
-static void map_caption(const struct sst_calib_page *page, const struct tile *t, enum sst_calib_map kind)
+static void map_caption(const struct calib_page *page, const struct tile *t, enum calib_map kind)
 {
     static const char *const below[] = { "number of corners", "systematic part of the residuals",
                                          "RMS over the known part of the picture",
@@ -292,12 +289,12 @@ static void map_caption(const struct sst_calib_page *page, const struct tile *t,
 }
 
 /* One kind of map for all cameras, if any of them has values. @param values  [views][CELLS_MOST] */
-static void map(const struct sst_calib_page *page, const struct tile *t, enum sst_calib_map kind, double *values)
+static void map(const struct calib_page *page, const struct tile *t, enum calib_map kind, double *values)
 {
     static const char *const units[] = { "corners", "px", "px", "px", "%" };
     const int rows = kinds[kind].coarse ? SST_REPORT_ROWS : SST_UNCERTAINTY_ROWS;
     const int cols = kinds[kind].coarse ? SST_REPORT_COLS : SST_UNCERTAINTY_COLS, cells = rows * cols;
-    struct sst_calib_scale scale;
+    struct calib_scale scale;
     bool any = false;
 
     for (int k = 0; k < page->figures->views; k++)
@@ -306,7 +303,7 @@ static void map(const struct sst_calib_page *page, const struct tile *t, enum ss
         any = any || (isfinite(values[i]) && (kind != SST_MAP_LIGHT || values[i] != 0)); /* 0: nothing to correct */
     if (!any)
         return;
-    scale = sst_calib_scale_fit(values, (size_t)page->figures->views * (size_t)cells);
+    scale = calib_scale_fit(values, (size_t)page->figures->views * (size_t)cells);
     if (kind == SST_MAP_SEEN)
         scale.hi = fmax(scale.hi, SST_LEVELS);
     page->shown->scale[kind] = scale;
@@ -318,31 +315,31 @@ static void map(const struct sst_calib_page *page, const struct tile *t, enum ss
         tile_open(page, t, k);
         fprintf(page->out, "<g id=\"%s%d\"><rect class=\"none\" width=\"160\" height=\"%.4g\"/>", kinds[kind].id, k,
                 t->height);
-        sst_svg_cells(page->out, values + (size_t)k * (size_t)cells, cols, rows, t->width, t->height, scale);
+        svg_cells(page->out, values + (size_t)k * (size_t)cells, cols, rows, t->width, t->height, scale);
         if (kind == SST_MAP_RMS)
             draw_means(page, t, k);
         fputs("</g>", page->out);
         tile_close(page, k, caption(page, kind, k).text, units[kind]);
     }
     fputs("</div></div>\n", page->out);
-    sst_html_legend(page->out, scale, kinds[kind].unit, kinds[kind].empty);
+    html_legend(page->out, scale, kinds[kind].unit, kinds[kind].empty);
     map_caption(page, t, kind);
 }
 
-int sst_calib_page_cameras(const struct sst_calib_page *page)
+int calib_page_cameras(const struct calib_page *page)
 {
     const struct tile t = tile_make(page);
     double *values = malloc((size_t)page->figures->views * CELLS_MOST * sizeof(*values));
 
     if (!values)
         return -ENOMEM;
-    sst_html_section(page->out, "cameras", "Cameras",
-                     "One picture per camera, placed as in the array seen from behind it. Choose one to see it large. "
-                     "All figures share one colour map: dark is little, yellow is much.");
+    html_section(page->out, "cameras", "Cameras",
+                 "One picture per camera, placed as in the array seen from behind it. Choose one to see it large. "
+                 "All figures share one colour map: dark is little, yellow is much.");
     fprintf(page->out, "<div%s>\n", page->report->detections->cols <= MANY_COLS ? " class=\"two\"" : "");
     vectors(page, &t);
     for (int kind = 0; kind < SST_MAPS; kind++)
-        map(page, &t, (enum sst_calib_map)kind, values);
+        map(page, &t, (enum calib_map)kind, values);
     fputs("</div>\n</section>\n", page->out);
     free(values);
     return 0;

@@ -1,7 +1,7 @@
 /* Each camera large, and as a line of a table. */
 #include <math.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 #define DEG (180 / M_PI)
 
@@ -13,11 +13,11 @@ static void turned(const struct sst_calib *calib, int view, double out_deg[3])
         out_deg[i] *= DEG;
 }
 
-static void card_facts(const struct sst_calib_page *page, int view)
+static void card_facts(const struct calib_page *page, int view)
 {
     const struct sst_calib *calib = &page->report->solution->calib;
     const struct sst_calib_camera *c = &calib->camera[view];
-    const struct sst_calib_camera_figures *f = &page->figures->camera[view];
+    const struct calib_camera_figures *f = &page->figures->camera[view];
     FILE *out = page->out;
     double deg[3];
 
@@ -35,7 +35,7 @@ static void card_facts(const struct sst_calib_page *page, int view)
                 "infinity.</p>\n",
                 SST_NUM0(c->sigma_px, 2), SST_NUM(f->carry_px[0], 2));
     fputs(f->lacking[0] ? "<p>Its coverage lacks: " : "<p>Its coverage lacks nothing", out);
-    sst_html_text(out, f->lacking);
+    html_text(out, f->lacking);
     fputs(".</p>\n", out);
     if (!c->known)
         return;
@@ -51,7 +51,7 @@ static void card_facts(const struct sst_calib_page *page, int view)
     fputs("</p>\n", out);
 }
 
-static int next_camera(const struct sst_calib_page *page, int view, int step)
+static int next_camera(const struct calib_page *page, int view, int step)
 {
     const int views = page->figures->views;
 
@@ -64,8 +64,7 @@ static int next_camera(const struct sst_calib_page *page, int view, int step)
     return view;
 }
 
-static void card_map(const struct sst_calib_page *page, int view, const char *id, const char *title,
-                     const char *caption)
+static void card_map(const struct calib_page *page, int view, const char *id, const char *title, const char *caption)
 {
     const struct sst_calib *calib = &page->report->solution->calib;
 
@@ -75,7 +74,7 @@ static void card_map(const struct sst_calib_page *page, int view, const char *id
         title, caption, 160.0 * calib->height / calib->width, id, view);
 }
 
-static void card_maps(const struct sst_calib_page *page, int view)
+static void card_maps(const struct calib_page *page, int view)
 {
     static const struct {
         const char *id, *title, *unit;
@@ -84,14 +83,14 @@ static void card_maps(const struct sst_calib_page *page, int view)
                          { "lens", "Uncertainty of the lens", "px" },
                          { "carry", "Uncertainty of carrying a pixel here", "px" },
                          { "light", "Light lost", "%" } };
-    const struct sst_calib_shown *shown = page->shown;
+    const struct calib_shown *shown = page->shown;
     char caption[160];
 
     snprintf(caption, sizeof(caption), "magnified %s times, the rule is %s px", SST_NUM(shown->magnify, 1),
              SST_NUM(shown->rule_px, 1));
     card_map(page, view, "vec", "Residuals", caption);
     for (int i = 0; i < SST_MAPS; i++) {
-        const struct sst_calib_scale *scale = &shown->scale[i];
+        const struct calib_scale *scale = &shown->scale[i];
         int used;
 
         if (!(scale->hi > 0))
@@ -105,7 +104,7 @@ static void card_maps(const struct sst_calib_page *page, int view)
     }
 }
 
-static void card(const struct sst_calib_page *page, int view)
+static void card(const struct calib_page *page, int view)
 {
     FILE *out = page->out;
 
@@ -113,7 +112,7 @@ static void card(const struct sst_calib_page *page, int view)
             "<section class=\"card\" id=\"cam%d\"><nav><a href=\"#cameras\">\xE2\x9C\x95 close</a><a "
             "href=\"#cam%d\">\xE2\x86\x90 previous</a><a href=\"#cam%d\">next \xE2\x86\x92</a></nav><h2>",
             view, next_camera(page, view, -1), next_camera(page, view, 1));
-    sst_html_text(out, page->figures->camera[view].name);
+    html_text(out, page->figures->camera[view].name);
     fprintf(out, " <span class=\"soft\">row %d, column %d%s</span></h2>\n", view / page->report->detections->cols,
             view % page->report->detections->cols,
             page->report->solution->calib.camera[view].known ? "" : "; not calibrated");
@@ -123,7 +122,7 @@ static void card(const struct sst_calib_page *page, int view)
     fputs("</div></section>\n", out);
 }
 
-void sst_calib_page_cards(const struct sst_calib_page *page)
+void calib_page_cards(const struct calib_page *page)
 {
     for (int k = 0; k < page->figures->views; k++) {
         if (page->figures->camera[k].expected)
@@ -137,16 +136,16 @@ static double rounded(double value, double unit)
     return fabs(value) < unit / 2 ? 0 : value;
 }
 
-static void line(const struct sst_calib_page *page, int view, int coefficients)
+static void line(const struct calib_page *page, int view, int coefficients)
 {
     const struct sst_calib *calib = &page->report->solution->calib;
     const struct sst_calib_camera *c = &calib->camera[view];
-    const struct sst_calib_camera_figures *f = &page->figures->camera[view];
+    const struct calib_camera_figures *f = &page->figures->camera[view];
     FILE *out = page->out;
     double deg[3];
 
     fprintf(out, "<tr><td><a href=\"#cam%d\">", view);
-    sst_html_text(out, f->name);
+    html_text(out, f->name);
     fprintf(out, "</a></td><td class=\"n\">%d, %d</td>", view / calib->cols, view % calib->cols);
     if (!c->known) {
         fprintf(out, "<td colspan=\"%d\">not calibrated</td></tr>\n",
@@ -172,7 +171,7 @@ static void line(const struct sst_calib_page *page, int view, int coefficients)
     fputs("</tr>\n", out);
 }
 
-void sst_calib_page_table(const struct sst_calib_page *page)
+void calib_page_table(const struct calib_page *page)
 {
     static const char *const k[] = { "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6" };
     const struct sst_calib *calib = &page->report->solution->calib;
@@ -182,12 +181,11 @@ void sst_calib_page_table(const struct sst_calib_page *page)
         if (calib->camera[view].known)
             coefficients = sst_max_int(coefficients, calib->camera[view].lens);
     }
-    sst_html_section(
-        page->out, "table", "Table of cameras",
-        "RMS per point and corners: over those that the solution used. Sigma: expected error of carrying a "
-        "pixel from the reference view at the working range; lens: of where a direction is seen; both RMS "
-        "over the picture. Position: centre of projection, and rotation (axis times angle), in the axes "
-        "of the reference camera: x right, y down, z forward. Focal length and principal point in px.");
+    html_section(page->out, "table", "Table of cameras",
+                 "RMS per point and corners: over those that the solution used. Sigma: expected error of carrying a "
+                 "pixel from the reference view at the working range; lens: of where a direction is seen; both RMS "
+                 "over the picture. Position: centre of projection, and rotation (axis times angle), in the axes "
+                 "of the reference camera: x right, y down, z forward. Focal length and principal point in px.");
     fputs(
         "<div class=\"scroll\"><table class=\"tight\"><tr><th>camera</th><th class=\"n\">row, col</th><th class=\"n\">"
         "RMS px</th><th class=\"n\">corners</th><th class=\"n\">outliers</th><th class=\"n\">system. px</th>"

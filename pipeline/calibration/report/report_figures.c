@@ -6,8 +6,8 @@
 
 #include "base/log.h"
 #include "pipeline/calibration/board/coverage.h"
+#include "pipeline/calibration/report/report_internal.h"
 #include "pipeline/camera/numbers.h"
-#include "pipeline/calibration/report/report_parts.h"
 
 #define REGIONS      (SST_REPORT_ROWS * SST_REPORT_COLS)
 #define TEST_CORNERS 8    /* of a region whose directions are tested */
@@ -36,7 +36,7 @@ static bool is_outlier(const struct sst_solve_view *v, int corner)
 }
 
 /* Keep the `most` largest, ties in the order of coming. @return the new count */
-static int keep_largest(struct sst_calib_far *list, int count, int most, struct sst_calib_far far)
+static int keep_largest(struct calib_far *list, int count, int most, struct calib_far far)
 {
     int at = count < most ? count : most;
 
@@ -51,7 +51,7 @@ static int keep_largest(struct sst_calib_far *list, int count, int most, struct 
     return count;
 }
 
-static void count_axis(struct sst_calib_figures *f, double in_sigma)
+static void count_axis(struct calib_figures *f, double in_sigma)
 {
     const double at = (in_sigma + 5) * SST_REPORT_BINS / 10, size = fabs(in_sigma);
 
@@ -66,8 +66,8 @@ static void count_axis(struct sst_calib_figures *f, double in_sigma)
         f->bin[(int)at]++;
 }
 
-static void add_used(struct sst_calib_figures *f, const struct sst_calib_report *report, const struct sst_corner *c,
-                     const double e[2], struct sst_calib_region *region, struct sums *s)
+static void add_used(struct calib_figures *f, const struct sst_calib_report *report, const struct sst_corner *c,
+                     const double e[2], struct calib_region *region, struct sums *s)
 {
     const double noise = report->solution->noise_px, length = hypot(e[0], e[1]);
 
@@ -83,13 +83,13 @@ static void add_used(struct sst_calib_figures *f, const struct sst_calib_report 
 }
 
 /* One detection into its camera's figures and the lists of the worst. */
-static void add_detection(struct sst_calib_figures *f, const struct sst_calib_report *report, int index,
+static void add_detection(struct calib_figures *f, const struct sst_calib_report *report, int index,
                           struct sums (*sums)[REGIONS])
 {
     const struct sst_detections *all = report->detections;
     const struct sst_detection *d = &all->detection[index];
     const struct sst_solve_view *v = &report->solution->view[index];
-    struct sst_calib_camera_figures *cam = &f->camera[d->view];
+    struct calib_camera_figures *cam = &f->camera[d->view];
 
     cam->frames++;
     for (int i = 0; i < d->corners; i++) {
@@ -107,7 +107,7 @@ static void add_detection(struct sst_calib_figures *f, const struct sst_calib_re
         }
         f->outliers++;
         f->listed = keep_largest(f->outlier, f->listed, SST_REPORT_LISTED,
-                                 (struct sst_calib_far){ index, i, hypot(v->residual[i][0], v->residual[i][1]) });
+                                 (struct calib_far){ index, i, hypot(v->residual[i][0], v->residual[i][1]) });
     }
 }
 
@@ -124,10 +124,10 @@ static double median_off(const struct sst_detection *d, const struct sst_solve_v
 }
 
 /* The worst picture of each frame, and of these the worst: a frame taken in motion is bad in all its pictures. */
-static int rank_pictures(struct sst_calib_figures *f, const struct sst_calib_report *report)
+static int rank_pictures(struct calib_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_detections *all = report->detections;
-    struct sst_calib_far worst = { -1, -1, 0 };
+    struct calib_far worst = { -1, -1, 0 };
     int most = 1;
     double *length;
 
@@ -140,7 +140,7 @@ static int rank_pictures(struct sst_calib_figures *f, const struct sst_calib_rep
         const double off = median_off(&all->detection[i], &report->solution->view[i], length);
 
         if (isfinite(off) && (worst.detection < 0 || off > worst.px))
-            worst = (struct sst_calib_far){ i, -1, off };
+            worst = (struct calib_far){ i, -1, off };
         if (worst.detection < 0 || (i + 1 < all->count && all->detection[i + 1].frame == all->detection[i].frame))
             continue;
         f->worst_count = keep_largest(f->worst, f->worst_count, SST_REPORT_WORST, worst);
@@ -151,13 +151,13 @@ static int rank_pictures(struct sst_calib_figures *f, const struct sst_calib_rep
 }
 
 /* Means of one camera's regions; what random residuals would leave in them is known from their own spread. */
-static void finish_camera(struct sst_calib_figures *f, int view, const struct sums *s, double total[3])
+static void finish_camera(struct calib_figures *f, int view, const struct sums *s, double total[3])
 {
-    struct sst_calib_camera_figures *cam = &f->camera[view];
+    struct calib_camera_figures *cam = &f->camera[view];
     double excess = 0, corners = 0, random = 0;
 
     for (int i = 0; i < REGIONS; i++) {
-        struct sst_calib_region *r = &cam->region[i / SST_REPORT_COLS][i % SST_REPORT_COLS];
+        struct calib_region *r = &cam->region[i / SST_REPORT_COLS][i % SST_REPORT_COLS];
         const double n = r->corners;
 
         for (int a = 0; a < 2; a++)
@@ -205,13 +205,13 @@ static double map_rms(const float (*map)[SST_UNCERTAINTY_COLS])
 }
 
 /* Names, maps and the worst of the cameras. */
-static void describe_cameras(struct sst_calib_figures *f, const struct sst_calib_report *report)
+static void describe_cameras(struct calib_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_solution *s = report->solution;
     const struct sst_detections *all = report->detections;
 
     for (int k = 0; k < f->views; k++) {
-        struct sst_calib_camera_figures *cam = &f->camera[k];
+        struct calib_camera_figures *cam = &f->camera[k];
         const struct sst_calib_camera *c = &s->calib.camera[k];
         const char *name = c->name[0] ? c->name : all->camera_name ? all->camera_name[k] : "";
 
@@ -234,7 +234,7 @@ static void describe_cameras(struct sst_calib_figures *f, const struct sst_calib
     }
 }
 
-static int describe_coverage(struct sst_calib_figures *f, const struct sst_detections *all)
+static int describe_coverage(struct calib_figures *f, const struct sst_detections *all)
 {
     struct sst_coverage *coverage = calloc((size_t)f->views, sizeof(*coverage));
 
@@ -249,7 +249,7 @@ static int describe_coverage(struct sst_calib_figures *f, const struct sst_detec
     return 0;
 }
 
-static void describe_frames(struct sst_calib_figures *f, const struct sst_calib_report *report)
+static void describe_frames(struct calib_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_solution *s = report->solution;
 
@@ -263,7 +263,7 @@ static void describe_frames(struct sst_calib_figures *f, const struct sst_calib_
     }
 }
 
-static void add_all(struct sst_calib_figures *f, const struct sst_calib_report *report, struct sums (*sums)[REGIONS])
+static void add_all(struct calib_figures *f, const struct sst_calib_report *report, struct sums (*sums)[REGIONS])
 {
     const struct sst_detections *all = report->detections;
     double total[3] = { 0 }; /* excess of means, corners, chi square of the directions */
@@ -278,16 +278,16 @@ static void add_all(struct sst_calib_figures *f, const struct sst_calib_report *
     f->direction_z = f->regions ? chi_square_z(total[2], 2 * f->regions) : (double)NAN;
 }
 
-int sst_calib_figures_init(struct sst_calib_figures *out, const struct sst_calib_report *report)
+int calib_figures_init(struct calib_figures *out, const struct sst_calib_report *report)
 {
     const struct sst_detections *all = report->detections;
     const size_t views = (size_t)all->rows * (size_t)all->cols, slots = views * (size_t)all->frames;
-    struct sst_calib_figures f = { .views = (int)views,
-                                   .worst_camera = -1,
-                                   .worst_frame = -1,
-                                   .worst_carry = -1,
-                                   .systematic_camera = -1,
-                                   .pair_worst = { -1, -1 } };
+    struct calib_figures f = { .views = (int)views,
+                               .worst_camera = -1,
+                               .worst_frame = -1,
+                               .worst_carry = -1,
+                               .systematic_camera = -1,
+                               .pair_worst = { -1, -1 } };
     struct sums(*sums)[REGIONS] = calloc(views, sizeof(*sums));
     int err = -ENOMEM;
 
@@ -300,27 +300,27 @@ int sst_calib_figures_init(struct sst_calib_figures *out, const struct sst_calib
     add_all(&f, report, sums);
     describe_cameras(&f, report);
     describe_frames(&f, report);
-    sst_calib_figures_centres(&f, report);
+    calib_figures_centres(&f, report);
     err = describe_coverage(&f, report->detections);
     if (!err)
         err = rank_pictures(&f, report);
     if (!err)
-        err = sst_calib_figures_pairs(&f, report);
+        err = calib_figures_pairs(&f, report);
     if (err)
         goto out;
-    sst_calib_figures_judge(&f, report);
+    calib_figures_judge(&f, report);
     *out = f;
-    f = (struct sst_calib_figures){ 0 };
+    f = (struct calib_figures){ 0 };
 
 out:
     if (err == -ENOMEM)
         sst_log_error("no memory for the report of %d pictures; close other programs", all->count);
     free(sums);
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     return err;
 }
 
-void sst_calib_figures_fini(struct sst_calib_figures *figures)
+void calib_figures_fini(struct calib_figures *figures)
 {
     free(figures->camera);
     free(figures->detection);

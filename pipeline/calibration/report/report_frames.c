@@ -3,14 +3,14 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 #define COLUMNS 400 /* of the map at most: more frames share one */
 #define LEFT    44.0
 #define WIDTH   1000.0
 #define HEIGHT  150.0
 
-static double largest_rms(const struct sst_calib_page *page)
+static double largest_rms(const struct calib_page *page)
 {
     const struct sst_solve_frame *frame = page->report->solution->frame;
     const int worst = page->figures->worst_frame;
@@ -30,7 +30,7 @@ static void axis(FILE *out, double most, double step)
     }
 }
 
-static void one_bar(const struct sst_calib_page *page, int frame, double most)
+static void one_bar(const struct calib_page *page, int frame, double most)
 {
     const struct sst_solve_frame *f = &page->report->solution->frame[frame];
     const int frames = page->report->detections->frames;
@@ -40,13 +40,13 @@ static void one_bar(const struct sst_calib_page *page, int frame, double most)
         return;
     fprintf(page->out, "<rect class=\"%s\" x=\"%.5g\" y=\"%.5g\" width=\"%.4g\" height=\"%.5g\"><title>",
             frame == page->figures->worst_frame ? "hot" : "bar", x, HEIGHT - height, fmin(pitch * 0.86, 40), height);
-    sst_html_text(page->out, page->report->detections->frame_name[frame]);
+    html_text(page->out, page->report->detections->frame_name[frame]);
     fprintf(page->out, ": %s px</title></rect>", SST_NUM(f->rms_px, 3));
 }
 
-static void bars(const struct sst_calib_page *page)
+static void bars(const struct calib_page *page)
 {
-    const double largest = largest_rms(page), step = sst_calib_round_down(largest / 3);
+    const double largest = largest_rms(page), step = calib_round_down(largest / 3);
     const double most = ceil(largest / step) * step, rms = page->report->solution->rms_px;
     const int frames = page->report->detections->frames;
     FILE *out = page->out;
@@ -70,15 +70,15 @@ static void bars(const struct sst_calib_page *page)
           out);
     if (page->figures->worst_frame >= 0) {
         fputs(", ", out);
-        sst_html_text(out, page->report->detections->frame_name[page->figures->worst_frame]);
+        html_text(out, page->report->detections->frame_name[page->figures->worst_frame]);
     }
     fputs(". A frame well above the rest was taken in motion, or its board bent.</figcaption></figure>\n", out);
 }
 
 /* The largest RMS of a camera's pictures in the frames from first on. */
-static double cell(const struct sst_calib_page *page, int view, int first, int frames)
+static double cell(const struct calib_page *page, int view, int first, int frames)
 {
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     double most = (double)NAN;
 
     for (int frame = first; frame < first + frames && frame < page->report->detections->frames; frame++) {
@@ -91,9 +91,9 @@ static double cell(const struct sst_calib_page *page, int view, int first, int f
     return most;
 }
 
-static void draw_map(const struct sst_calib_page *page, const double *values, int cols, int rows, int share)
+static void draw_map(const struct calib_page *page, const double *values, int cols, int rows, int share)
 {
-    const struct sst_calib_scale scale = sst_calib_scale_fit(values, (size_t)cols * (size_t)rows);
+    const struct calib_scale scale = calib_scale_fit(values, (size_t)cols * (size_t)rows);
     const double height = sst_clamp_double(floor(500.0 / rows), 2, 14), width = WIDTH / fmax(cols, 20) * cols;
     FILE *out = page->out;
 
@@ -102,7 +102,7 @@ static void draw_map(const struct sst_calib_page *page, const double *values, in
             "style=\"min-width:560px\"><rect class=\"none\" x=\"%.4g\" width=\"%.5g\" height=\"%.4g\"/>"
             "<g transform=\"translate(%.4g 0)\">",
             LEFT + WIDTH + 4, rows * height + 2, LEFT, width, rows * height, LEFT);
-    sst_svg_cells(out, values, cols, rows, width, rows * height, scale);
+    svg_cells(out, values, cols, rows, width, rows * height, scale);
     fputs("</g>", out);
     for (int row = 0, view = 0; view < page->figures->views; view++) {
         if (!page->figures->camera[view].expected)
@@ -114,7 +114,7 @@ static void draw_map(const struct sst_calib_page *page, const double *values, in
                 view % page->report->detections->cols);
     }
     fputs("</svg></div>\n", out);
-    sst_html_legend(out, scale, "px", "board not seen");
+    html_legend(out, scale, "px", "board not seen");
     fputs("<figcaption>One line per camera (row_column), one column per ", out);
     if (share > 1)
         fprintf(out, "%d frames, of which the worst is shown", share);
@@ -125,9 +125,9 @@ static void draw_map(const struct sst_calib_page *page, const double *values, in
           out);
 }
 
-int sst_calib_page_frames(const struct sst_calib_page *page)
+int calib_page_frames(const struct calib_page *page)
 {
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     const int frames = page->report->detections->frames;
     const int share = (frames + COLUMNS - 1) / COLUMNS, cols = frames ? (frames + share - 1) / share : 0;
     double *values = malloc(((size_t)f->views * (size_t)cols + 1) * sizeof(*values));
@@ -135,7 +135,7 @@ int sst_calib_page_frames(const struct sst_calib_page *page)
 
     if (!values)
         return -ENOMEM;
-    sst_html_section(page->out, "frames", "Frames", "A frame is one moment, seen by all cameras.");
+    html_section(page->out, "frames", "Frames", "A frame is one moment, seen by all cameras.");
     if (f->used_frames)
         bars(page);
     for (int view = 0; view < f->views; view++) {

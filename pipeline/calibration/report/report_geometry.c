@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 #define PAIR_REGIONS (SST_REPORT_ROWS * SST_REPORT_COLS)
 #define PAIR_CORNERS 20    /* of a region or pair that counts: enough to average the corners' noise out */
@@ -43,7 +43,7 @@ static void fit_steps(struct lattice_fit *fit)
     }
 }
 
-static void fit_lattice(struct sst_calib_figures *f, int cols, const struct sst_calib *calib)
+static void fit_lattice(struct calib_figures *f, int cols, const struct sst_calib *calib)
 {
     struct lattice_fit fit = { 0 };
 
@@ -84,7 +84,7 @@ static void fit_lattice(struct sst_calib_figures *f, int cols, const struct sst_
     }
 }
 
-void sst_calib_figures_centres(struct sst_calib_figures *f, const struct sst_calib_report *report)
+void calib_figures_centres(struct calib_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const double *r = common_rotation(report), *from = calib->camera[calib->reference].position_mm;
@@ -183,8 +183,7 @@ struct pairs {
     int regions, *step; /* [STEPS + 1] */
 };
 
-static void add_pair(struct sst_calib_figures *f, const struct sst_calib_report *report, int a, int b,
-                     struct pairs *pairs)
+static void add_pair(struct calib_figures *f, const struct sst_calib_report *report, int a, int b, struct pairs *pairs)
 {
     struct pair_sums p = { .turn = { turn_of(report, a), turn_of(report, b) },
                            .vertical = b != a + 1 || report->detections->cols == 1 };
@@ -217,7 +216,7 @@ static void add_pair(struct sst_calib_figures *f, const struct sst_calib_report 
     }
 }
 
-int sst_calib_figures_pairs(struct sst_calib_figures *f, const struct sst_calib_report *report)
+int calib_figures_pairs(struct calib_figures *f, const struct sst_calib_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const int rows = report->detections->rows, cols = report->detections->cols;

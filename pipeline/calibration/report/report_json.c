@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 static json_t *real(double value)
 {
@@ -20,7 +20,7 @@ static json_t *text(const char *s)
 {
     char clean[3 * 640 + 1];
 
-    sst_calib_utf8(clean, s);
+    calib_utf8(clean, s);
     return json_string(clean);
 }
 
@@ -33,38 +33,38 @@ static json_t *reals(const double *v, int n)
     return list;
 }
 
-static json_t *name_of(const struct sst_calib_figures *f, int view)
+static json_t *name_of(const struct calib_figures *f, int view)
 {
     return view >= 0 ? text(f->camera[view].name) : json_null();
 }
 
-static json_t *bars(const struct sst_calib_figures *f)
+static json_t *bars(const struct calib_figures *f)
 {
     json_t *list = json_array();
 
     for (int i = 0; list && i < f->bars; i++) {
-        const struct sst_calib_bar *b = &f->bar[i];
+        const struct calib_bar *b = &f->bar[i];
         char reason[640];
-        const bool is_reason = sst_calib_bar_reason(b, reason);
+        const bool is_reason = calib_bar_reason(b, reason);
 
-        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:o, s:o, s:o, s:s, s:b, s:o, s:o}", "key", b->key,
-                                              "definition", b->what, "unit", b->unit, "value", real(b->value), "bar",
-                                              real(b->pass), "easily", real(b->stretch), "state",
-                                              sst_calib_bar_word(b->state), "judged", (int)b->judged, "where",
-                                              b->where[0] ? text(b->where) : json_null(), "reason",
-                                              is_reason ? text(reason) : json_null()));
+        json_array_append_new(list,
+                              json_pack("{s:s, s:s, s:s, s:o, s:o, s:o, s:s, s:b, s:o, s:o}", "key", b->key,
+                                        "definition", b->what, "unit", b->unit, "value", real(b->value), "bar",
+                                        real(b->pass), "easily", real(b->stretch), "state", calib_bar_word(b->state),
+                                        "judged", (int)b->judged, "where", b->where[0] ? text(b->where) : json_null(),
+                                        "reason", is_reason ? text(reason) : json_null()));
     }
     return list;
 }
 
-static json_t *cameras(const struct sst_calib_report *report, const struct sst_calib_figures *f)
+static json_t *cameras(const struct sst_calib_report *report, const struct calib_figures *f)
 {
     const struct sst_calib *calib = &report->solution->calib;
     json_t *list = json_array();
 
     for (int k = 0; list && k < f->views; k++) {
         const struct sst_calib_camera *c = &calib->camera[k];
-        const struct sst_calib_camera_figures *g = &f->camera[k];
+        const struct calib_camera_figures *g = &f->camera[k];
         double rotation[3];
         json_t *o;
 
@@ -103,7 +103,7 @@ static json_t *frames(const struct sst_calib_report *report)
     return list;
 }
 
-static json_t *link_of(const struct sst_solution *s, const struct sst_calib_figures *f, int index)
+static json_t *link_of(const struct sst_solution *s, const struct calib_figures *f, int index)
 {
     const struct sst_solve_link *l = index >= 0 && index < s->links ? &s->link[index] : NULL;
 
@@ -112,7 +112,7 @@ static json_t *link_of(const struct sst_solution *s, const struct sst_calib_figu
              : json_null();
 }
 
-static json_t *links(const struct sst_solution *s, const struct sst_calib_figures *f)
+static json_t *links(const struct sst_solution *s, const struct calib_figures *f)
 {
     json_t *list = json_array();
 
@@ -149,7 +149,7 @@ static json_t *rig(const struct sst_solution *s)
                      real(s->drive_skew_deg));
 }
 
-static json_t *spread(const struct sst_calib_figures *f)
+static json_t *spread(const struct calib_figures *f)
 {
     const double n = (double)f->samples;
 
@@ -189,11 +189,11 @@ static void add_solution(json_t *o, const struct sst_solution *s)
     json_object_set_new(o, "rcond", real0(s->rcond));
 }
 
-static void add_figures(json_t *o, const struct sst_calib_report *report, const struct sst_calib_figures *f)
+static void add_figures(json_t *o, const struct sst_calib_report *report, const struct calib_figures *f)
 {
     const struct sst_solution *s = report->solution;
 
-    json_object_set_new(o, "verdict", json_string(sst_calib_verdict_word(f->verdict)));
+    json_object_set_new(o, "verdict", json_string(calib_verdict_word(f->verdict)));
     json_object_set_new(o, "cameras_known", json_integer(f->known));
     json_object_set_new(o, "cameras_missing", json_integer(f->missing));
     json_object_set_new(o, "frames_used", json_integer(f->used_frames));
@@ -218,11 +218,11 @@ static void add_figures(json_t *o, const struct sst_calib_report *report, const 
 
 char *sst_calib_report_json(const struct sst_calib_report *report)
 {
-    struct sst_calib_figures f;
+    struct calib_figures f;
     json_t *o;
     char *out;
 
-    if (sst_calib_figures_init(&f, report))
+    if (calib_figures_init(&f, report))
         return NULL;
     o = json_object();
     if (o)
@@ -231,6 +231,6 @@ char *sst_calib_report_json(const struct sst_calib_report *report)
     if (!out)
         sst_log_error("no memory for the report as JSON; close other programs");
     json_decref(o);
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     return out;
 }

@@ -1,16 +1,16 @@
 /* Light: what the photometric correction found. */
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
-void sst_calib_page_light(const struct sst_calib_page *page)
+void calib_page_light(const struct calib_page *page)
 {
     const struct sst_light_report *l = page->report->light;
     FILE *out = page->out;
 
     if (!l)
         return;
-    sst_html_section(out, "light", "Light",
-                     "The same white patch of the board should be equally bright in all cameras. Gains and fall-off of "
-                     "each camera make it so; each camera's fall-off is among the pictures above.");
+    html_section(out, "light", "Light",
+                 "The same white patch of the board should be equally bright in all cameras. Gains and fall-off of "
+                 "each camera make it so; each camera's fall-off is among the pictures above.");
     fprintf(
         out,
         "<div class=\"keys\">\n<div class=\"key\"><span class=\"name\">Cameras differ by</span><b>%s %% \xE2\x86\x92 "

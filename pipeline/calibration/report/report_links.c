@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 #define CELL     100.0 /* of the drawing, per camera */
 #define THIN     12    /* links listed */
@@ -22,7 +22,7 @@ static bool drawn(const struct sst_solution *s, const struct sst_solve_link *l)
 }
 
 /* Links of neighbours are straight, others bowed so that they pass by the cameras between. */
-static void draw_link(const struct sst_calib_page *page, int index, int most)
+static void draw_link(const struct calib_page *page, int index, int most)
 {
     const struct sst_solution *s = page->report->solution;
     const struct sst_solve_link *l = &s->link[index];
@@ -35,14 +35,14 @@ static void draw_link(const struct sst_calib_page *page, int index, int most)
             : l->tree           ? "tree"
                                 : "link",
             width, x0, y0, dx / 2 - bow * dy, dy / 2 + bow * dx, dx, dy);
-    sst_html_text(page->out, page->figures->camera[l->a].name);
+    html_text(page->out, page->figures->camera[l->a].name);
     fputs(" \xE2\x80\x93 ", page->out);
-    sst_html_text(page->out, page->figures->camera[l->b].name);
+    html_text(page->out, page->figures->camera[l->b].name);
     fprintf(page->out, ": %s corners in %s frames%s</title></path>\n", SST_COUNT(l->corners), SST_COUNT(l->frames),
             l->tree ? ", part of the tree" : "");
 }
 
-static void draw_links(const struct sst_calib_page *page, int most)
+static void draw_links(const struct calib_page *page, int most)
 {
     const struct sst_solution *s = page->report->solution;
 
@@ -54,7 +54,7 @@ static void draw_links(const struct sst_calib_page *page, int most)
     }
 }
 
-static void draw_nodes(const struct sst_calib_page *page)
+static void draw_nodes(const struct calib_page *page)
 {
     const struct sst_calib *calib = &page->report->solution->calib;
 
@@ -64,7 +64,7 @@ static void draw_nodes(const struct sst_calib_page *page)
         fprintf(page->out, "<circle class=\"node\" cx=\"%.4g\" cy=\"%.4g\" r=\"21\" stroke-width=\"%d\"%s><title>",
                 centre(k % calib->cols), centre(k / calib->cols), k == calib->reference ? 4 : 1,
                 calib->camera[k].known ? "" : " stroke-dasharray=\"4 3\"");
-        sst_html_text(page->out, page->figures->camera[k].name);
+        html_text(page->out, page->figures->camera[k].name);
         fprintf(page->out,
                 "</title></circle><text x=\"%.4g\" y=\"%.4g\" font-size=\"11\" text-anchor=\"middle\">%02d_%02d"
                 "</text>\n",
@@ -72,7 +72,7 @@ static void draw_nodes(const struct sst_calib_page *page)
     }
 }
 
-static void caption(const struct sst_calib_page *page, int most, int shown)
+static void caption(const struct calib_page *page, int most, int shown)
 {
     const struct sst_solution *s = page->report->solution;
     FILE *out = page->out;
@@ -89,9 +89,9 @@ static void caption(const struct sst_calib_page *page, int most, int shown)
         const struct sst_solve_link *l = &s->link[s->weakest];
 
         fputs(" <b class=\"usable\">Orange</b>: the weakest link of the tree, <b>", out);
-        sst_html_text(out, page->figures->camera[l->a].name);
+        html_text(out, page->figures->camera[l->a].name);
         fputs(" \xE2\x80\x93 ", out);
-        sst_html_text(out, page->figures->camera[l->b].name);
+        html_text(out, page->figures->camera[l->b].name);
         fprintf(out, "</b>, %s corners in %s frames.", SST_COUNT(l->corners), SST_COUNT(l->frames));
     }
     fputs("</figcaption></figure>\n", out);
@@ -114,7 +114,7 @@ static int next_thin(const struct sst_solution *s, int last)
     return best;
 }
 
-static void thin_links(const struct sst_calib_page *page)
+static void thin_links(const struct calib_page *page)
 {
     const struct sst_solution *s = page->report->solution;
     FILE *out = page->out;
@@ -125,16 +125,16 @@ static void thin_links(const struct sst_calib_page *page)
           out);
     for (int i = 0; i < THIN && at >= 0; i++, at = next_thin(s, at)) {
         fputs("<tr><td>", out);
-        sst_html_text(out, page->figures->camera[s->link[at].a].name);
+        html_text(out, page->figures->camera[s->link[at].a].name);
         fputs(" \xE2\x80\x93 ", out);
-        sst_html_text(out, page->figures->camera[s->link[at].b].name);
+        html_text(out, page->figures->camera[s->link[at].b].name);
         fprintf(out, "</td><td class=\"n\">%s</td><td class=\"n\">%s</td></tr>\n", SST_COUNT(s->link[at].corners),
                 SST_COUNT(s->link[at].frames));
     }
     fputs("</table></div></div>\n", out);
 }
 
-void sst_calib_page_links(const struct sst_calib_page *page)
+void calib_page_links(const struct calib_page *page)
 {
     const struct sst_solution *s = page->report->solution;
     const double width = s->calib.cols * CELL, height = s->calib.rows * CELL;
@@ -146,9 +146,9 @@ void sst_calib_page_links(const struct sst_calib_page *page)
         most = sst_max_int(most, s->link[i].corners);
         shown += drawn(s, &s->link[i]);
     }
-    sst_html_section(page->out, "links", "Links",
-                     "What holds the array together. A camera with thin links is known only through the few corners "
-                     "that it shares: more frames that it sees together with its neighbours help.");
+    html_section(page->out, "links", "Links",
+                 "What holds the array together. A camera with thin links is known only through the few corners "
+                 "that it shares: more frames that it sees together with its neighbours help.");
     fprintf(page->out, "<div class=\"two\"><figure><svg viewBox=\"0 0 %.5g %.5g\" style=\"max-width:%.0fpx\">\n", width,
             height, fmin(1200, fmax(320, width * 1.2)));
     draw_links(page, most);

@@ -5,12 +5,12 @@
 #include <string.h>
 #include <time.h>
 
+#include "pipeline/calibration/report/report_internal.h"
 #include "pipeline/camera/format_parts.h"
-#include "pipeline/calibration/report/report_parts.h"
 
-struct sst_calib_number sst_calib_number(double value, int digits)
+struct calib_number calib_number(double value, int digits)
 {
-    struct sst_calib_number n;
+    struct calib_number n;
     int decimals;
 
     if (!isfinite(value) || value == 0) {
@@ -28,15 +28,15 @@ struct sst_calib_number sst_calib_number(double value, int digits)
     return n;
 }
 
-struct sst_calib_number sst_calib_figure(double value)
+struct calib_number calib_figure(double value)
 {
     /* Below a billionth of a pixel or millimetre only rounding is left. */
-    return sst_calib_number(fabs(value) < 1e-9 ? 0 : value, fabs(value) < 0.1 ? 2 : 3);
+    return calib_number(fabs(value) < 1e-9 ? 0 : value, fabs(value) < 0.1 ? 2 : 3);
 }
 
-struct sst_calib_number sst_calib_count(int64_t count)
+struct calib_number calib_count(int64_t count)
 {
-    struct sst_calib_number n;
+    struct calib_number n;
     char digits[24];
     int used = 0;
     const int length = snprintf(digits, sizeof(digits), "%" PRId64, count);
@@ -50,9 +50,9 @@ struct sst_calib_number sst_calib_count(int64_t count)
     return n;
 }
 
-struct sst_calib_number sst_calib_date(int64_t wall_ns)
+struct calib_number calib_date(int64_t wall_ns)
 {
-    struct sst_calib_number n = { "unknown" };
+    struct calib_number n = { "unknown" };
     const time_t seconds = (time_t)(wall_ns / 1000000000);
     struct tm tm;
 
@@ -61,7 +61,7 @@ struct sst_calib_number sst_calib_date(int64_t wall_ns)
     return n;
 }
 
-void sst_calib_utf8(char *out, const char *text)
+void calib_utf8(char *out, const char *text)
 {
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
         uint32_t code;
@@ -74,7 +74,7 @@ void sst_calib_utf8(char *out, const char *text)
     *out = '\0';
 }
 
-void sst_html_text(FILE *out, const char *text)
+void html_text(FILE *out, const char *text)
 {
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
         uint32_t code;
@@ -106,7 +106,7 @@ void sst_html_text(FILE *out, const char *text)
     }
 }
 
-void sst_base64(FILE *out, const uint8_t *data, size_t size)
+void encode_base64(FILE *out, const uint8_t *data, size_t size)
 {
     static const char sign[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 

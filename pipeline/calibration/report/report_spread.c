@@ -1,13 +1,13 @@
 /* All residuals together: their histogram against the noise found, and whether their directions are random. */
 #include <math.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 #define LEFT   52.0
 #define WIDTH  640.0
 #define HEIGHT 240.0
 
-static double bin_expected(const struct sst_calib_figures *f, int bin)
+static double bin_expected(const struct calib_figures *f, int bin)
 {
     const double a = (bin * 10.0 / SST_REPORT_BINS - 5) / sqrt(2),
                  b = ((bin + 1) * 10.0 / SST_REPORT_BINS - 5) / sqrt(2);
@@ -27,9 +27,9 @@ static void histogram_axis(FILE *out, double noise_px)
             LEFT + WIDTH / 2, HEIGHT + 36);
 }
 
-static void histogram(const struct sst_calib_page *page)
+static void histogram(const struct calib_page *page)
 {
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     const double noise = page->report->solution->noise_px, pitch = WIDTH / SST_REPORT_BINS;
     double most = 0;
     FILE *out = page->out;
@@ -62,9 +62,9 @@ static void histogram(const struct sst_calib_page *page)
         SST_NUM(100.0 * (double)f->within[2] / (double)f->samples, 3));
 }
 
-static void directions(const struct sst_calib_page *page)
+static void directions(const struct calib_page *page)
 {
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     const double z = f->direction_z;
     double worst;
     FILE *out = page->out;
@@ -87,13 +87,13 @@ static void directions(const struct sst_calib_page *page)
                             : "No: a part of them is systematic.",
             SST_COUNT(f->regions), SST_REPORT_COLS, SST_REPORT_ROWS, SST_COUNT(f->regions_off), SST_NUM(z, 2),
             SST_FIGURE(f->systematic_px), SST_FIGURE(worst));
-    sst_html_text(out, f->camera[f->systematic_camera].name);
+    html_text(out, f->camera[f->systematic_camera].name);
     fputs(".</p></div>\n", out);
 }
 
-void sst_calib_page_spread(const struct sst_calib_page *page)
+void calib_page_spread(const struct calib_page *page)
 {
-    sst_html_section(page->out, "spread", "Residuals", "Is what is left over just noise?");
+    html_section(page->out, "spread", "Residuals", "Is what is left over just noise?");
     fputs("<div class=\"two\">\n", page->out);
     if (page->figures->samples)
         histogram(page);

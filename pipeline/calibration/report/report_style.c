@@ -2,9 +2,9 @@
  * whose lightness rises evenly and which all kinds of colour vision tell apart; marks are blue and vermilion (Okabe and
  * Ito).
  */
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
-const char sst_calib_style[] =
+const char calib_style[] =
     ":root{color-scheme:light dark;--bg:#fff;--fg:#1b1f24;--soft:#59636e;--line:#d5dbe1;--card:#f5f7f9;--none:#e4e8ec;"
     "--link:#0a5ea8;--mark:#0072b2;--hot:#c64600;--good:#08724f;--usable:#8a5a00;--bad:#b3261e}\n"
     "@media screen and (prefers-color-scheme:dark){:root{--bg:#14171a;--fg:#e4e8ec;--soft:#9aa5b1;--line:#343b43;"

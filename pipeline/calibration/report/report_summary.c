@@ -1,9 +1,9 @@
 /* The page's first section: the verdict, the figures with their definitions, the bars, how the calibration was made. */
 #include <math.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
-static void verdict(const struct sst_calib_page *page)
+static void verdict(const struct calib_page *page)
 {
     static const char *const kind[] = { "good", "usable", "bad" };
     static const char *const mark[] = { "\xE2\x9C\x93", "!", "\xE2\x9C\x95" };
@@ -12,21 +12,21 @@ static void verdict(const struct sst_calib_page *page)
         "It can be used where the points below do not matter:",
         "At least one figure is beyond what any use forgives:",
     };
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     char reason[640];
 
     fprintf(page->out, "<div class=\"verdict %s\"><b class=\"word\">%s Verdict: %s</b><p>%s</p>", kind[f->verdict],
-            mark[f->verdict], sst_calib_verdict_word(f->verdict), means[f->verdict]);
+            mark[f->verdict], calib_verdict_word(f->verdict), means[f->verdict]);
     if (f->verdict != SST_CALIB_GOOD)
         fputs("<ul>", page->out);
     /* Most serious first. */
     for (int state = SST_BAR_FAILED; state >= SST_BAR_UNKNOWN; state--) {
         for (int i = 0; i < f->bars; i++) {
-            if ((int)f->bar[i].state != state || !sst_calib_bar_reason(&f->bar[i], reason))
+            if ((int)f->bar[i].state != state || !calib_bar_reason(&f->bar[i], reason))
                 continue;
             fprintf(page->out, "<li><b class=\"%s\">%s</b> ", state == SST_BAR_FAILED ? "bad" : "usable",
-                    sst_calib_bar_word(f->bar[i].state));
-            sst_html_text(page->out, reason);
+                    calib_bar_word(f->bar[i].state));
+            html_text(page->out, reason);
             fputs("</li>", page->out);
         }
     }
@@ -38,7 +38,7 @@ static void verdict(const struct sst_calib_page *page)
 static void key_open(FILE *out, const char *name, const char *value, const char *unit)
 {
     fprintf(out, "<div class=\"key\"><span class=\"name\">%s</span><b>", name);
-    sst_html_text(out, value);
+    html_text(out, value);
     fprintf(out, "%s%s</b><span>", unit[0] ? " " : "", unit);
 }
 
@@ -47,10 +47,10 @@ static void key_close(FILE *out)
     fputs("</span></div>\n", out);
 }
 
-static void key_errors(const struct sst_calib_page *page)
+static void key_errors(const struct calib_page *page)
 {
     const struct sst_solution *s = page->report->solution;
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     FILE *out = page->out;
     const double all = (double)s->corners + s->outliers;
 
@@ -83,10 +83,10 @@ static void key_errors(const struct sst_calib_page *page)
     key_close(out);
 }
 
-static void key_worst(const struct sst_calib_page *page)
+static void key_worst(const struct calib_page *page)
 {
     const struct sst_solution *s = page->report->solution;
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     FILE *out = page->out;
 
     key_open(out, "Worst camera", f->worst_camera >= 0 ? f->camera[f->worst_camera].name : "unknown", "");
@@ -106,9 +106,9 @@ static void key_worst(const struct sst_calib_page *page)
         const struct sst_solve_link *l = &s->link[s->weakest];
 
         fputs("<div class=\"key\"><span class=\"name\">Weakest link</span><b>", out);
-        sst_html_text(out, f->camera[l->a].name);
+        html_text(out, f->camera[l->a].name);
         fputs(" \xE2\x80\x93 ", out);
-        sst_html_text(out, f->camera[l->b].name);
+        html_text(out, f->camera[l->b].name);
         fprintf(out,
                 "</b><span>%s corners in %s frames hold these two together: the fewest of the tree that the "
                 "solution began with.",
@@ -124,7 +124,7 @@ static void key_worst(const struct sst_calib_page *page)
     key_close(out);
 }
 
-static void bars(const struct sst_calib_page *page)
+static void bars(const struct calib_page *page)
 {
     static const char *const kind[] = { "soft", "good", "good", "usable", "bad" };
     static const char *const mark[] = { "?", "\xE2\x9C\x93\xE2\x9C\x93", "\xE2\x9C\x93", "!", "\xE2\x9C\x95" };
@@ -135,15 +135,15 @@ static void bars(const struct sst_calib_page *page)
           "</th><th class=\"n\">easily</th><th></th><th>where</th></tr>\n",
           out);
     for (int i = 0; i < page->figures->bars; i++) {
-        const struct sst_calib_bar *b = &page->figures->bar[i];
+        const struct calib_bar *b = &page->figures->bar[i];
 
         fprintf(out,
                 "<tr><td>%s%s</td><td class=\"n\">%s %s</td><td class=\"n\">%g</td><td class=\"n\">%g</td>"
                 "<td class=\"s %s\">%s %s</td><td>",
-                b->what, b->judged ? "" : " <span class=\"soft\">(for information)</span>", sst_calib_bar_value(b).text,
+                b->what, b->judged ? "" : " <span class=\"soft\">(for information)</span>", calib_bar_value(b).text,
                 isfinite(b->value) ? b->unit : "", b->pass, b->stretch, kind[b->state], mark[b->state],
-                sst_calib_bar_word(b->state));
-        sst_html_text(out, b->where);
+                calib_bar_word(b->state));
+        html_text(out, b->where);
         fputs("</td></tr>\n", out);
     }
     fputs("</table></div>\n", out);
@@ -152,7 +152,7 @@ static void bars(const struct sst_calib_page *page)
 static void fact_text(FILE *out, const char *name, const char *text)
 {
     fprintf(out, "<tr><th>%s</th><td>", name);
-    sst_html_text(out, text[0] ? text : "unknown");
+    html_text(out, text[0] ? text : "unknown");
     fputs("</td></tr>\n", out);
 }
 
@@ -174,7 +174,7 @@ static void pictures_fact(FILE *out, const struct sst_detections *all)
     fputs("</td></tr>\n", out);
 }
 
-static void facts(const struct sst_calib_page *page)
+static void facts(const struct calib_page *page)
 {
     const struct sst_solution *s = page->report->solution;
     const struct sst_detections *all = page->report->detections;
@@ -203,7 +203,7 @@ static void facts(const struct sst_calib_page *page)
     fputs("</table></div>\n", out);
 }
 
-void sst_calib_page_summary(const struct sst_calib_page *page)
+void calib_page_summary(const struct calib_page *page)
 {
     fputs("<section id=\"summary\">\n", page->out);
     verdict(page);

@@ -3,11 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
 #define STEPS 4096 /* of the search for a quantile */
 
-double sst_calib_round_down(double v)
+double calib_round_down(double v)
 {
     const double power = pow(10, floor(log10(v) + 1e-9)), lead = v / power;
 
@@ -37,14 +37,14 @@ static double round_up(double v)
     return lead[i] * power;
 }
 
-struct sst_calib_scale sst_calib_scale_fit(const double *values, size_t n)
+struct calib_scale calib_scale_fit(const double *values, size_t n)
 {
     const double most = largest(values, n);
     size_t count[STEPS] = { 0 }, all = 0, below = 0;
     double median = 0, high = 0;
 
     if (!(most > 0))
-        return (struct sst_calib_scale){ 0, 1 };
+        return (struct calib_scale){ 0, 1 };
     for (size_t i = 0; i < n; i++) {
         if (!isfinite(values[i]))
             continue;
@@ -59,18 +59,18 @@ struct sst_calib_scale sst_calib_scale_fit(const double *values, size_t n)
         if (before < 0.95 && share >= 0.95)
             high = most * (i + 1) / STEPS;
     }
-    return (struct sst_calib_scale){ 0, SST_LEVELS * round_up(fmax(high, 1.7 * median) / SST_LEVELS) };
+    return (struct calib_scale){ 0, SST_LEVELS * round_up(fmax(high, 1.7 * median) / SST_LEVELS) };
 }
 
-int sst_calib_level(struct sst_calib_scale scale, double value)
+int calib_level(struct calib_scale scale, double value)
 {
     if (!isfinite(value))
         return -1;
     return (int)sst_clamp_double(floor((value - scale.lo) / (scale.hi - scale.lo) * SST_LEVELS), 0, SST_LEVELS - 1);
 }
 
-void sst_svg_cells(FILE *out, const double *values, int cols, int rows, double width, double height,
-                   struct sst_calib_scale scale)
+void svg_cells(FILE *out, const double *values, int cols, int rows, double width, double height,
+               struct calib_scale scale)
 {
     const double w = width / cols, h = height / rows;
 
@@ -81,7 +81,7 @@ void sst_svg_cells(FILE *out, const double *values, int cols, int rows, double w
         for (int i = 0; i < rows * cols; i++) {
             int run = 0;
 
-            while (i % cols + run < cols && sst_calib_level(scale, values[i + run]) == level)
+            while (i % cols + run < cols && calib_level(scale, values[i + run]) == level)
                 run++;
             if (!run)
                 continue;
@@ -97,7 +97,7 @@ void sst_svg_cells(FILE *out, const double *values, int cols, int rows, double w
     fputs("</g>", out);
 }
 
-void sst_html_legend(FILE *out, struct sst_calib_scale scale, const char *unit, const char *empty)
+void html_legend(FILE *out, struct calib_scale scale, const char *unit, const char *empty)
 {
     const double step = (scale.hi - scale.lo) / SST_LEVELS;
 
@@ -112,7 +112,7 @@ void sst_html_legend(FILE *out, struct sst_calib_scale scale, const char *unit, 
     fputs("</p>\n", out);
 }
 
-void sst_html_section(FILE *out, const char *id, const char *title, const char *intro)
+void html_section(FILE *out, const char *id, const char *title, const char *intro)
 {
     fprintf(out, "<section id=\"%s\">\n<h2>%s</h2>\n<p>%s</p>\n", id, title, intro);
 }

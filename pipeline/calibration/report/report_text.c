@@ -1,9 +1,9 @@
 /* The report's summary for a terminal. */
 #include <math.h>
 
-#include "pipeline/calibration/report/report_parts.h"
+#include "pipeline/calibration/report/report_internal.h"
 
-static void errors(FILE *out, const struct sst_calib_report *report, const struct sst_calib_figures *f)
+static void errors(FILE *out, const struct sst_calib_report *report, const struct calib_figures *f)
 {
     const struct sst_solution *s = report->solution;
     const double all = (double)s->corners + s->outliers;
@@ -23,7 +23,7 @@ static void errors(FILE *out, const struct sst_calib_report *report, const struc
     if (f->worst_carry >= 0) {
         char name[3 * sizeof(f->camera->name)];
 
-        sst_calib_utf8(name, f->camera[f->worst_carry].name);
+        calib_utf8(name, f->camera[f->worst_carry].name);
         fprintf(out, "  %9s px  expected error of carrying a pixel from the reference view at %s mm, worst: %s\n",
                 SST_NUM(s->calib.camera[f->worst_carry].sigma_px, 2), SST_NUM0(s->calib.range_mm, 4), name);
     }
@@ -32,26 +32,26 @@ static void errors(FILE *out, const struct sst_calib_report *report, const struc
                 SST_FIGURE(f->pair_p95_px), f->pairs, f->pairs == 1 ? "" : "s");
 }
 
-static void worst(FILE *out, const struct sst_calib_report *report, const struct sst_calib_figures *f)
+static void worst(FILE *out, const struct sst_calib_report *report, const struct calib_figures *f)
 {
     const struct sst_solution *s = report->solution;
     char a[3 * 64], b[3 * 64];
 
     if (f->worst_camera >= 0) {
-        sst_calib_utf8(a, f->camera[f->worst_camera].name);
+        calib_utf8(a, f->camera[f->worst_camera].name);
         fprintf(out, "  worst camera  %s: %s px RMS per point over %s corners\n", a,
                 SST_NUM(s->calib.camera[f->worst_camera].rms_px, 3),
                 SST_COUNT(s->calib.camera[f->worst_camera].corners));
     }
     if (f->worst_frame >= 0) {
-        sst_calib_utf8(a, report->detections->frame_name[f->worst_frame]);
+        calib_utf8(a, report->detections->frame_name[f->worst_frame]);
         fprintf(out, "  worst frame   %s: %s px RMS per point\n", a, SST_NUM(s->frame[f->worst_frame].rms_px, 3));
     }
     if (s->weakest >= 0 && s->weakest < s->links) {
         const struct sst_solve_link *l = &s->link[s->weakest];
 
-        sst_calib_utf8(a, f->camera[l->a].name);
-        sst_calib_utf8(b, f->camera[l->b].name);
+        calib_utf8(a, f->camera[l->a].name);
+        calib_utf8(b, f->camera[l->b].name);
         fprintf(out, "  weakest link  %s - %s: %s corners in %s frames\n", a, b, SST_COUNT(l->corners),
                 SST_COUNT(l->frames));
     }
@@ -71,23 +71,23 @@ static void worst(FILE *out, const struct sst_calib_report *report, const struct
 
 int sst_calib_report_text(FILE *out, const struct sst_calib_report *report)
 {
-    struct sst_calib_figures f;
+    struct calib_figures f;
     char reason[640], clean[3 * sizeof(reason)];
-    int err = sst_calib_figures_init(&f, report);
+    int err = calib_figures_init(&f, report);
 
     if (err)
         return err;
-    fprintf(out, "calibration: %s\n", sst_calib_verdict_word(f.verdict));
+    fprintf(out, "calibration: %s\n", calib_verdict_word(f.verdict));
     for (int state = SST_BAR_FAILED; state >= SST_BAR_UNKNOWN; state--) {
         for (int i = 0; i < f.bars; i++) {
-            if ((int)f.bar[i].state != state || !sst_calib_bar_reason(&f.bar[i], reason))
+            if ((int)f.bar[i].state != state || !calib_bar_reason(&f.bar[i], reason))
                 continue;
-            sst_calib_utf8(clean, reason);
-            fprintf(out, "  %s: %s\n", sst_calib_bar_word(f.bar[i].state), clean);
+            calib_utf8(clean, reason);
+            fprintf(out, "  %s: %s\n", calib_bar_word(f.bar[i].state), clean);
         }
     }
     errors(out, report, &f);
     worst(out, report, &f);
-    sst_calib_figures_fini(&f);
+    calib_figures_fini(&f);
     return 0;
 }

@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "pipeline/calibration/report/report_internal.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/calibration/report/report_parts.h"
 
 #define SHOWN_PX 1100 /* wider cut-outs are halved */
 #define QUALITY  80
@@ -61,7 +61,7 @@ static int cut_out(struct sst_image *out, const struct sst_image *in, struct cut
 }
 
 /* The picture as an element of the drawing; nothing where it is not to be had. @return whether it is there */
-static bool picture(const struct sst_calib_page *page, const struct sst_detection *d, struct cut cut)
+static bool picture(const struct calib_page *page, const struct sst_detection *d, struct cut cut)
 {
     const struct sst_calib_report *r = page->report;
     struct sst_image whole = { 0 }, part = { 0 };
@@ -83,7 +83,7 @@ static bool picture(const struct sst_calib_page *page, const struct sst_detectio
         goto out;
     }
     fprintf(page->out, "<image width=\"%d\" height=\"%d\" href=\"data:image/jpeg;base64,", cut.width, cut.height);
-    sst_base64(page->out, jpeg, size);
+    encode_base64(page->out, jpeg, size);
     fputs("\"/>", page->out);
     shown = true;
 
@@ -118,11 +118,11 @@ static double magnification(const struct sst_detection *d, const struct sst_solv
     qsort(length, (size_t)n, sizeof(*length), by_size);
     most = n ? length[(n - 1) * 9 / 10] : 0;
     free(length);
-    return most > 0 ? fmax(1, sst_calib_round_down(0.04 * width / most)) : 1;
+    return most > 0 ? fmax(1, calib_round_down(0.04 * width / most)) : 1;
 }
 
 /* Rings at measured corners and lines to predicted ones, in the colour of used ones or of outliers. */
-static void corners(const struct sst_calib_page *page, int index, struct cut cut, double magnify, bool outliers)
+static void corners(const struct calib_page *page, int index, struct cut cut, double magnify, bool outliers)
 {
     const struct sst_detection *d = &page->report->detections->detection[index];
     const struct sst_solve_view *v = &page->report->solution->view[index];
@@ -149,7 +149,7 @@ static void corners(const struct sst_calib_page *page, int index, struct cut cut
     }
 }
 
-static void show(const struct sst_calib_page *page, const struct sst_calib_far *far)
+static void show(const struct calib_page *page, const struct calib_far *far)
 {
     const struct sst_detections *all = page->report->detections;
     const struct sst_detection *d = &all->detection[far->detection];
@@ -166,9 +166,9 @@ static void show(const struct sst_calib_page *page, const struct sst_calib_far *
     if (v->outliers)
         corners(page, far->detection, cut, magnify, true);
     fputs("</svg><figcaption><b>", page->out);
-    sst_html_text(page->out, page->figures->camera[d->view].name);
+    html_text(page->out, page->figures->camera[d->view].name);
     fputs(", frame ", page->out);
-    sst_html_text(page->out, all->frame_name[d->frame]);
+    html_text(page->out, all->frame_name[d->frame]);
     fprintf(page->out,
             "</b>: half of its %d corners are off by more than %s px, %d of them are outliers; lines "
             "magnified %s times.%s"
@@ -177,9 +177,9 @@ static void show(const struct sst_calib_page *page, const struct sst_calib_far *
             shown ? "" : " The picture itself is not available.");
 }
 
-static void list(const struct sst_calib_page *page)
+static void list(const struct calib_page *page)
 {
-    const struct sst_calib_figures *f = page->figures;
+    const struct calib_figures *f = page->figures;
     const struct sst_detections *all = page->report->detections;
     FILE *out = page->out;
 
@@ -199,9 +199,9 @@ static void list(const struct sst_calib_page *page)
         const double *e = page->report->solution->view[f->outlier[i].detection].residual[f->outlier[i].corner];
 
         fprintf(out, "<tr><td><a href=\"#cam%d\">", d->view);
-        sst_html_text(out, f->camera[d->view].name);
+        html_text(out, f->camera[d->view].name);
         fputs("</a></td><td>", out);
-        sst_html_text(out, all->frame_name[d->frame]);
+        html_text(out, all->frame_name[d->frame]);
         fprintf(out,
                 "</td><td class=\"n\">%d</td><td class=\"n\">%s</td><td class=\"n\">%s</td><td class=\"n\">%s</td>"
                 "</tr>\n",
@@ -210,14 +210,14 @@ static void list(const struct sst_calib_page *page)
     fputs("</table></div>\n", out);
 }
 
-void sst_calib_page_worst(const struct sst_calib_page *page)
+void calib_page_worst(const struct calib_page *page)
 {
     if (!page->figures->worst_count)
         return;
-    sst_html_section(page->out, "worst", "Worst pictures",
-                     "The worst picture of each of the three worst frames, by the median distance between measured and "
-                     "predicted corners. Rings: corners as measured; lines: towards where the solution predicts them. "
-                     "Longer ones are cut. Blue ones were used, orange ones are outliers.");
+    html_section(page->out, "worst", "Worst pictures",
+                 "The worst picture of each of the three worst frames, by the median distance between measured and "
+                 "predicted corners. Rings: corners as measured; lines: towards where the solution predicts them. "
+                 "Longer ones are cut. Blue ones were used, orange ones are outliers.");
     fputs("<div class=\"two three\">\n", page->out);
     for (int i = 0; i < page->figures->worst_count; i++)
         show(page, &page->figures->worst[i]);

@@ -8,7 +8,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 /* One sigma of the board's warp, of its longer side: boards are flat to a few millimetres in a metre. */
 #define WARP_OF_SIDE 0.005
@@ -70,10 +70,10 @@ static int check_size(const struct sst_detections *all, const struct sst_solve_c
     }
     if ((double)beyond <= (double)corners * MOST_OUTSIDE)
         return 0;
-    return sst_solve_refuse(cfg,
-                            "%lld of %lld corners lie outside of pictures of %dx%d: correct the size, or detect "
-                            "the corners again",
-                            beyond, corners, all->width, all->height);
+    return solve_refuse(cfg,
+                        "%lld of %lld corners lie outside of pictures of %dx%d: correct the size, or detect "
+                        "the corners again",
+                        beyond, corners, all->width, all->height);
 }
 
 static int take_detections(struct solve_problem *p, const struct sst_detections *all,
@@ -104,12 +104,12 @@ static int take_detections(struct solve_problem *p, const struct sst_detections 
             if (take_corner(&next[d->corners], &from->corner[k], all, low, high))
                 d->corners++;
             else if (!left_out++ &&
-                     sst_solve_refuse(cfg,
-                                      "corner %d of %s in frame %s is at (%g, %g) with weight %g, which is not a "
-                                      "point of the board (%d points) in a picture of %dx%d: detect the corners again",
-                                      from->corner[k].id, sst_solve_name(all, from->view, name),
-                                      all->frame_name[from->frame], from->corner[k].x, from->corner[k].y,
-                                      from->corner[k].weight, sst_board_points(&all->board), all->width, all->height))
+                     solve_refuse(cfg,
+                                  "corner %d of %s in frame %s is at (%g, %g) with weight %g, which is not a "
+                                  "point of the board (%d points) in a picture of %dx%d: detect the corners again",
+                                  from->corner[k].id, solve_name(all, from->view, name), all->frame_name[from->frame],
+                                  from->corner[k].x, from->corner[k].y, from->corner[k].weight,
+                                  sst_board_points(&all->board), all->width, all->height))
                 return -EBADMSG;
         }
         next += d->corners;
@@ -143,7 +143,7 @@ static int take_lenses(struct solve_problem *p, const struct sst_detections *all
             char name[128];
 
             sst_log_error("the lenses given do not know %s: calibrate it, or solve its lens too",
-                          sst_solve_name(all, v, name));
+                          solve_name(all, v, name));
             return -EBADMSG;
         }
         lens[0] = from->fx, lens[1] = from->fy, lens[2] = from->cx, lens[3] = from->cy;
@@ -153,8 +153,7 @@ static int take_lenses(struct solve_problem *p, const struct sst_detections *all
     return 0;
 }
 
-int sst_solve_problem_make(struct solve_problem *out, const struct sst_detections *all,
-                           const struct sst_solve_config *cfg)
+int solve_problem_make(struct solve_problem *out, const struct sst_detections *all, const struct sst_solve_config *cfg)
 {
     const int views = all->rows * all->cols;
     struct solve_problem p = { .views = views,
@@ -186,7 +185,7 @@ int sst_solve_problem_make(struct solve_problem *out, const struct sst_detection
     *out = p;
     return 0;
 fail:
-    sst_solve_problem_fini(&p);
+    solve_problem_fini(&p);
     return err;
 }
 
@@ -216,35 +215,35 @@ static void tell(const struct solve_case *c, double done)
 /* Seeds, tree, robust fit: what can be said before anything is left out. */
 static int begin(struct solve_case *c)
 {
-    int err = sst_solve_check_corners(c);
+    int err = solve_check_corners(c);
 
     choose_reference(c);
     if (!err)
-        err = sst_solve_seed(&c->p, c->single);
+        err = solve_seed(&c->p, c->single);
     if (!err)
-        err = sst_solve_check_mirrored(c);
+        err = solve_check_mirrored(c);
     if (!err)
-        err = sst_solve_links(&c->p, &c->link, &c->links);
+        err = solve_links(&c->p, &c->link, &c->links);
     if (!err)
-        err = sst_solve_chain(&c->p, c->single, c->link, c->links);
+        err = solve_chain(&c->p, c->single, c->link, c->links);
     if (!err)
-        err = sst_solve_check_linked(c);
+        err = solve_check_linked(c);
     tell(c, 0.3);
     return err;
 }
 
 static int fit(struct solve_case *c)
 {
-    int err = sst_solve_soft(&c->p, c->cfg->loss_px, &c->sigma_px);
+    int err = solve_soft(&c->p, c->cfg->loss_px, &c->sigma_px);
 
     if (!err)
-        err = sst_solve_check_still(c);
+        err = solve_check_still(c);
     tell(c, 0.5);
     if (!err && !c->cfg->lens && !c->p.keep_lens)
-        err = sst_solve_choose_lens(c);
+        err = solve_choose_lens(c);
     tell(c, 0.7);
     if (!err)
-        err = sst_solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &c->done);
+        err = solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &c->done);
     if (!err && !c->done.converged) {
         sst_log_error("the adjustment did not converge in %d steps, %.3g px of noise left: the corners contradict "
                       "each other or leave too much open; take more frames, near and far, and tilted",
@@ -252,7 +251,7 @@ static int fit(struct solve_case *c)
         err = -EDOM;
     }
     tell(c, 0.8);
-    return err ? err : sst_solve_check_outliers(c);
+    return err ? err : solve_check_outliers(c);
 }
 
 /* Median depth of the boards' middles before the reference. */
@@ -314,7 +313,7 @@ static int fill_views(struct sst_solution *s, const struct solve_case *c)
             return -ENOMEM;
         }
         if (c->p.camera[d->view].known && c->p.frame[d->frame].known)
-            sst_solve_residuals(&c->p, d, view->residual);
+            solve_residuals(&c->p, d, view->residual);
         for (int k = 0; k < d->corners; k++) {
             double *r = view->residual[k];
 
@@ -367,7 +366,7 @@ static void fill_cameras(struct sst_solution *s, const struct solve_case *c)
         to->lens = c->p.lens;
         memcpy(to->k, from->lens + 4, sizeof(to->k));
         memcpy(to->rotation, from->pose.rotation, sizeof(to->rotation));
-        sst_solve_centre(from, to->position_mm);
+        solve_centre(from, to->position_mm);
         for (int i = 0; i < 3; i++)
             to->position_mm[i] += 0.0; /* no -0 in the file */
     }
@@ -381,23 +380,23 @@ static void fill_cameras(struct sst_solution *s, const struct solve_case *c)
 static int fill_maps(struct sst_solution *s, struct solve_case *c)
 {
     struct solve_covariance cov;
-    int err = sst_solve_covariance(&cov, &c->p, sst_solve_unit_sigma(&c->done));
+    int err = solve_covariances(&cov, &c->p, solve_unit_sigma(&c->done));
 
     if (err == -EDOM)
-        return sst_solve_refuse(c->cfg, "the corners leave a camera's lens or place undetermined: take more frames, "
-                                        "near and far, tilted, and seen by several cameras at once");
+        return solve_refuse(c->cfg, "the corners leave a camera's lens or place undetermined: take more frames, "
+                                    "near and far, tilted, and seen by several cameras at once");
     if (err)
         return err;
-    err = sst_solve_check_focal(c, &cov);
+    err = solve_check_focal(c, &cov);
     for (int v = 0; v < c->p.views && !err; v++) {
         if (!c->p.camera[v].known)
             continue;
-        sst_solve_lens_map(&c->p, &cov, v, 1, s->lens_sigma[v]);
-        sst_solve_carry_map(&c->p, &cov, v, 0, s->carry_sigma[v][0]);
-        sst_solve_carry_map(&c->p, &cov, v, s->calib.range_mm, s->carry_sigma[v][1]);
-        s->calib.camera[v].sigma_px = sst_solve_map_rms(s->carry_sigma[v][1]);
+        solve_lens_map(&c->p, &cov, v, 1, s->lens_sigma[v]);
+        solve_carry_map(&c->p, &cov, v, 0, s->carry_sigma[v][0]);
+        solve_carry_map(&c->p, &cov, v, s->calib.range_mm, s->carry_sigma[v][1]);
+        s->calib.camera[v].sigma_px = solve_map_rms(s->carry_sigma[v][1]);
     }
-    sst_solve_covariance_fini(&cov);
+    solve_covariance_fini(&cov);
     return err;
 }
 
@@ -486,7 +485,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
         sst_log_error("this build has no solver for calibrations: install libdogleg-dev and build again");
         return -ENOTSUP;
     }
-    err = sst_solve_problem_make(&c.p, all, cfg);
+    err = solve_problem_make(&c.p, all, cfg);
     if (err)
         return err;
     c.single = calloc((size_t)all->count + 1, sizeof(*c.single));
@@ -496,11 +495,11 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     if (!err)
         err = fit(&c);
     if (!err)
-        err = sst_solve_check_places(&c);
+        err = solve_check_places(&c);
     if (!err)
-        err = sst_solve_compare_drives(&c);
+        err = solve_compare_drives(&c);
     if (!err && cfg->cross_validate)
-        err = sst_solve_cross(&c);
+        err = solve_cross(&c);
     tell(&c, 0.95);
     if (!err)
         err = fill(&s, &c);
@@ -514,7 +513,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     free(c.link);
     free(c.single);
     free(c.drive_residual_mm);
-    sst_solve_problem_fini(&c.p);
+    solve_problem_fini(&c.p);
     return err;
 }
 

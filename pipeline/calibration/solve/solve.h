@@ -1,4 +1,5 @@
-/* pipeline/calibration/solve/solve.h - from corners to a calibration: seeds, spanning tree, one joint adjustment, its uncertainty.
+/* pipeline/calibration/solve/solve.h - from corners to a calibration: seeds, spanning tree, one joint adjustment, its
+ * uncertainty.
  */
 #ifndef SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_H
 #define SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_H

@@ -12,7 +12,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 #if WITH_DOGLEG
 #include <dogleg.h>
@@ -47,7 +47,7 @@ static int compressed_entries(const struct solve_problem *p, const struct solve_
 static void count_rows(struct adjust *a)
 {
     const struct solve_problem *p = a->p;
-    const int columns = sst_solve_block_columns(p);
+    const int columns = solve_block_columns(p);
 
     for (int i = 0; i < p->count; i++) {
         const struct solve_detection *d = &p->detection[i];
@@ -75,7 +75,7 @@ static void count_rows(struct adjust *a)
     }
     a->row_at[p->count] = a->rows;
     a->entry_at[p->count] = a->entries;
-    a->priors = sst_solve_priors(p, &a->layout, NULL, NULL, NULL);
+    a->priors = solve_priors(p, &a->layout, NULL, NULL, NULL);
     a->rows += a->priors;
     a->entries += a->priors;
 }
@@ -88,7 +88,7 @@ static void move_pose(struct solve_pose *to, const struct solve_pose *from, cons
     for (int i = 0; i < 3; i++)
         turn[i] = state[i] * scale[i];
     sst_rotation_from_vector(turn, by);
-    sst_solve_mul3(by, from->rotation, to->rotation);
+    solve_mul3(by, from->rotation, to->rotation);
     for (int i = 0; i < 3; i++)
         to->shift[i] = from->shift[i] + state[3 + i] * scale[3 + i];
 }
@@ -126,7 +126,7 @@ static int evaluate_one(void *arg, int index, int worker)
 {
     struct adjust *a = arg;
     const struct solve_detection *d = &a->p->detection[index];
-    const int n = sst_solve_block_columns(a->p), first = a->row_at[index];
+    const int n = solve_block_columns(a->p), first = a->row_at[index];
     double *rows = a->scratch + (size_t)worker * 2 * (size_t)a->most_corners * (size_t)n;
     int *at = (int *)a->jt->p, *state = (int *)a->jt->i, entry = a->entry_at[index], count;
     double *value = a->jt->x, turn_camera[3], turn_board[3];
@@ -135,17 +135,17 @@ static int evaluate_one(void *arg, int index, int worker)
 
     if (!d->used)
         return 0;
-    sst_solve_relative(a->p, d, &board);
+    solve_relative(a->p, d, &board);
     turn_of(a, a->layout.pose[d->view], turn_camera);
     turn_of(a, a->layout.frame[d->frame], turn_board);
-    sst_solve_spread_make(&s, a->p, &a->layout, d, turn_camera, turn_board);
-    count = sst_solve_block(a->p, d, &board, a->loss_px, rows);
+    solve_spread_make(&s, a->p, &a->layout, d, turn_camera, turn_board);
+    count = solve_block(a->p, d, &board, a->loss_px, rows);
     if (!a->p->row_by_row) {
         if (count < n) {
             memset(rows + (size_t)count * (size_t)n, 0, (size_t)(n - count) * (size_t)n * sizeof(*rows));
             count = n;
         }
-        sst_solve_qr(rows, count, n);
+        solve_qr(rows, count, n);
         count = n;
     }
     for (int i = 0; i < count; i++) {
@@ -153,8 +153,7 @@ static int evaluate_one(void *arg, int index, int worker)
 
         at[first + i] = entry;
         a->x[first + i] = row[n - 1];
-        entry +=
-            sst_solve_spread_row(&s, a->p, &a->layout, row, a->p->row_by_row ? 0 : i, state + entry, value + entry);
+        entry += solve_spread_row(&s, a->p, &a->layout, row, a->p->row_by_row ? 0 : i, state + entry, value + entry);
     }
     return 0;
 }
@@ -187,8 +186,8 @@ static void evaluate(const double *state, double *x, cholmod_sparse *jt, void *c
     a->evaluations++;
     if (sst_parallel_for(a->p->count, a->threads, evaluate_one, a))
         abort(); /* evaluate_one() cannot fail */
-    sst_solve_priors(a->p, &a->layout, (int *)jt->i + a->entry_at[a->p->count],
-                     (double *)jt->x + a->entry_at[a->p->count], x + first);
+    solve_priors(a->p, &a->layout, (int *)jt->i + a->entry_at[a->p->count], (double *)jt->x + a->entry_at[a->p->count],
+                 x + first);
     for (int i = 0; i <= a->priors; i++)
         at[first + i] = a->entry_at[a->p->count] + i;
     stop_when_idle(a, x);
@@ -196,7 +195,7 @@ static void evaluate(const double *state, double *x, cholmod_sparse *jt, void *c
 
 static void adjust_fini(struct adjust *a)
 {
-    sst_solve_layout_fini(&a->layout);
+    solve_layout_fini(&a->layout);
     free(a->camera0);
     free(a->frame0);
     free(a->row_at);
@@ -206,12 +205,12 @@ static void adjust_fini(struct adjust *a)
 
 static int adjust_init(struct adjust *a, struct solve_problem *p, double loss_px)
 {
-    const size_t columns = (size_t)sst_solve_block_columns(p);
+    const size_t columns = (size_t)solve_block_columns(p);
     int err;
 
     *a = (struct adjust){ .p = p, .loss_px = loss_px, .threads = sst_thread_count(p->threads) };
     memcpy(a->warp0, p->warp, sizeof(a->warp0));
-    err = sst_solve_layout_init(&a->layout, p);
+    err = solve_layout_init(&a->layout, p);
     if (err)
         return err;
     a->camera0 = malloc((size_t)p->views * sizeof(*a->camera0));
@@ -230,7 +229,7 @@ static int adjust_init(struct adjust *a, struct solve_problem *p, double loss_px
     return a->scratch ? 0 : -ENOMEM;
 }
 
-int sst_solve_adjust(struct solve_problem *p, const struct solve_adjust_config *cfg, struct solve_adjusted *out)
+int solve_adjust(struct solve_problem *p, const struct solve_adjust_config *cfg, struct solve_adjusted *out)
 {
     struct adjust a;
     dogleg_solverContext_t *ctx = NULL;
@@ -275,7 +274,7 @@ out:
     return err;
 }
 #else
-int sst_solve_adjust(struct solve_problem *p, const struct solve_adjust_config *cfg, struct solve_adjusted *out)
+int solve_adjust(struct solve_problem *p, const struct solve_adjust_config *cfg, struct solve_adjusted *out)
 {
     (void)p;
     (void)cfg;

@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 /* (u, v) before focal length and centre; by (a, b) and by the coefficients. */
 static void bend(const double *k, int coefficients, double a, double b, double uv[2], double by[4],
@@ -45,8 +45,8 @@ static void bend(const double *k, int coefficients, double a, double b, double u
     }
 }
 
-void sst_solve_see(const double *lens, int coefficients, const double q[3], double xy[2], double jq[2][3],
-                   double jl[2][SOLVE_LENS_MAX])
+void solve_see(const double *lens, int coefficients, const double q[3], double xy[2], double jq[2][3],
+               double jl[2][SOLVE_LENS_MAX])
 {
     /* A step of the solver may put a corner beside the camera: it must cost much, and be finite. */
     const double least = 1e-3 * (fabs(q[0]) + fabs(q[1])) + 1e-9, z = fmax(q[2], least);
@@ -73,7 +73,7 @@ void sst_solve_see(const double *lens, int coefficients, const double q[3], doub
     }
 }
 
-struct sst_calib_camera sst_solve_camera_of(const double *lens)
+struct sst_calib_camera solve_camera_of(const double *lens)
 {
     struct sst_calib_camera cam = {
         .fx = lens[0], .fy = lens[1], .cx = lens[2], .cy = lens[3], .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }
@@ -83,17 +83,17 @@ struct sst_calib_camera sst_solve_camera_of(const double *lens)
     return cam;
 }
 
-void sst_solve_corner_place(const struct solve_pose *board_to_camera, const struct solve_corner *c,
-                            const double warp[2], double turned[3], double q[3])
+void solve_corner_place(const struct solve_pose *board_to_camera, const struct solve_corner *c, const double warp[2],
+                        double turned[3], double q[3])
 {
     const double p[3] = { c->p[0], c->p[1], warp[0] * c->bulge[0] + warp[1] * c->bulge[1] };
 
-    sst_solve_apply3(board_to_camera->rotation, p, turned);
+    solve_apply3(board_to_camera->rotation, p, turned);
     for (int i = 0; i < 3; i++)
         q[i] = turned[i] + board_to_camera->shift[i];
 }
 
-int sst_solve_block_columns(const struct solve_problem *p)
+int solve_block_columns(const struct solve_problem *p)
 {
     return (p->keep_lens ? 0 : 4 + p->lens) + 6 + (p->keep_warp ? 0 : 2) + 1;
 }
@@ -126,7 +126,7 @@ static void fill_rows(const struct solve_problem *p, const struct solve_corner *
                       const double turned[3], const double normal[3], double jq[2][3], double jl[2][SOLVE_LENS_MAX],
                       const double r[2], double *row)
 {
-    const int n = sst_solve_block_columns(p), lens = p->keep_lens ? 0 : 4 + p->lens;
+    const int n = solve_block_columns(p), lens = p->keep_lens ? 0 : 4 + p->lens;
     double j[2][SOLVE_COLS_MAX];
 
     for (int i = 0; i < 2; i++) {
@@ -151,12 +151,12 @@ static void fill_rows(const struct solve_problem *p, const struct solve_corner *
     row[2 * n - 1] = r[1];
 }
 
-int sst_solve_block(const struct solve_problem *p, const struct solve_detection *d, const struct solve_pose *board,
-                    double loss_px, double *rows)
+int solve_block(const struct solve_problem *p, const struct solve_detection *d, const struct solve_pose *board,
+                double loss_px, double *rows)
 {
     const double *lens = p->camera[d->view].lens, *rot = board->rotation;
     const double normal[3] = { rot[2], rot[5], rot[8] };
-    const int n = sst_solve_block_columns(p);
+    const int n = solve_block_columns(p);
     int count = 0;
 
     for (int i = 0; i < d->corners; i++) {
@@ -166,8 +166,8 @@ int sst_solve_block(const struct solve_problem *p, const struct solve_detection 
 
         if (c->out)
             continue;
-        sst_solve_corner_place(board, c, p->warp, turned, q);
-        sst_solve_see(lens, p->lens, q, r, jq, jl);
+        solve_corner_place(board, c, p->warp, turned, q);
+        solve_see(lens, p->lens, q, r, jq, jl);
         r[0] = w * (r[0] - c->x);
         r[1] = w * (r[1] - c->y);
         if (loss_px > 0)
@@ -180,21 +180,21 @@ int sst_solve_block(const struct solve_problem *p, const struct solve_detection 
     return count;
 }
 
-void sst_solve_relative(const struct solve_problem *p, const struct solve_detection *d, struct solve_pose *out)
+void solve_relative(const struct solve_problem *p, const struct solve_detection *d, struct solve_pose *out)
 {
-    sst_solve_pose_chain(out, &p->camera[d->view].pose, &p->frame[d->frame].pose);
+    solve_pose_chain(out, &p->camera[d->view].pose, &p->frame[d->frame].pose);
 }
 
-void sst_solve_residuals(const struct solve_problem *p, const struct solve_detection *d, double (*out)[2])
+void solve_residuals(const struct solve_problem *p, const struct solve_detection *d, double (*out)[2])
 {
     struct solve_pose board;
 
-    sst_solve_relative(p, d, &board);
+    solve_relative(p, d, &board);
     for (int i = 0; i < d->corners; i++) {
         double turned[3], q[3];
 
-        sst_solve_corner_place(&board, &d->corner[i], p->warp, turned, q);
-        sst_solve_see(p->camera[d->view].lens, p->lens, q, out[i], NULL, NULL);
+        solve_corner_place(&board, &d->corner[i], p->warp, turned, q);
+        solve_see(p->camera[d->view].lens, p->lens, q, out[i], NULL, NULL);
         out[i][0] -= d->corner[i].x;
         out[i][1] -= d->corner[i].y;
     }

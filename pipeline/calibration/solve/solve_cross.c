@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 #define LEAST_FRAMES_HELD_OUT 12   /* fewer are not divided */
 #define MOST_FRAMES_HELD_OUT  48   /* more do not make the choice surer: every second, third ... is taken */
@@ -50,27 +50,27 @@ static int hold_out(const struct solve_problem *p, int lens, struct solve_proble
     const int every = (count_frames(p) + MOST_FRAMES_HELD_OUT - 1) / MOST_FRAMES_HELD_OUT;
     struct solve_problem held = { 0 }, train = { 0 };
     struct solve_adjusted done;
-    int err = sst_solve_problem_copy(&held, p);
+    int err = solve_problem_copy(&held, p);
 
     if (err)
         return err;
     held.lens = lens;
     keep_frames(&held, every, 0, false);
-    err = sst_solve_problem_copy(&train, &held);
+    err = solve_problem_copy(&train, &held);
     if (!err) {
         keep_frames(&train, 4 * every, every, true);
-        err = sst_solve_adjust(&train, &cfg, &done);
+        err = solve_adjust(&train, &cfg, &done);
     }
     if (!err) {
         memcpy(held.camera, train.camera, (size_t)p->views * sizeof(*held.camera));
         memcpy(held.warp, train.warp, sizeof(held.warp));
         held.keep_cameras = held.keep_lens = held.keep_warp = true;
         keep_frames(&held, 4 * every, every, false);
-        err = sst_solve_adjust(&held, &cfg, &done);
+        err = solve_adjust(&held, &cfg, &done);
     }
-    sst_solve_problem_fini(&train);
+    solve_problem_fini(&train);
     if (err)
-        sst_solve_problem_fini(&held);
+        solve_problem_fini(&held);
     else
         *out = held;
     return err;
@@ -93,7 +93,7 @@ static int compare(const struct solve_problem p[2], double limit_px, double rms[
         if (!d->used)
             continue;
         for (int k = 0; k < 2; k++)
-            sst_solve_residuals(&p[k], d, r[k]);
+            solve_residuals(&p[k], d, r[k]);
         for (int c = 0; c < d->corners; c++) {
             const double a = hypot(r[0][c][0], r[0][c][1]), b = hypot(r[1][c][0], r[1][c][1]);
 
@@ -112,7 +112,7 @@ static int compare(const struct solve_problem p[2], double limit_px, double rms[
     return most ? 0 : -ENOMEM;
 }
 
-int sst_solve_choose_lens(struct solve_case *c)
+int solve_choose_lens(struct solve_case *c)
 {
     struct solve_problem half[2] = { { 0 } };
     struct solve_adjusted done;
@@ -120,13 +120,13 @@ int sst_solve_choose_lens(struct solve_case *c)
 
     if (count_frames(&c->p) < LEAST_FRAMES_HELD_OUT)
         return 0;
-    err = sst_solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &done);
+    err = solve_hard(&c->p, c->cfg->plain, &c->sigma_px, &done);
     for (int k = 0; k < 2 && !err; k++)
         err = hold_out(&c->p, k ? 8 : 5, &half[k]);
     if (!err)
         err = compare(half, SOLVE_OUTLIER_SIGMA * c->sigma_px, c->held_out_px);
-    sst_solve_problem_fini(&half[0]);
-    sst_solve_problem_fini(&half[1]);
+    solve_problem_fini(&half[0]);
+    solve_problem_fini(&half[1]);
     if (err == -EDOM)
         return 0; /* three quarters do not suffice for one of them: the leaner lens stays */
     if (err)
@@ -142,7 +142,7 @@ int sst_solve_choose_lens(struct solve_case *c)
             for (int k = 0; k < d->corners; k++)
                 d->corner[k].out = false;
         }
-        err = sst_solve_soft(&c->p, c->cfg->loss_px, &c->sigma_px);
+        err = solve_soft(&c->p, c->cfg->loss_px, &c->sigma_px);
     }
     return err;
 }
@@ -151,7 +151,7 @@ int sst_solve_choose_lens(struct solve_case *c)
 static double turned_distance(const struct solve_problem *p, const double *a, const double *b, double share,
                               const double turn[9], double normal[9], double g[3])
 {
-    const struct sst_calib_camera cam = sst_solve_camera_of(a);
+    const struct sst_calib_camera cam = solve_camera_of(a);
     double sum = 0;
     int n = 0;
 
@@ -164,8 +164,8 @@ static double turned_distance(const struct solve_problem *p, const double *a, co
 
         if (!sst_camera_undistort(&cam, x, y, &q[0], &q[1]))
             continue;
-        sst_solve_apply3(turn, q, q);
-        sst_solve_see(b, p->lens, q, xy, jq, jl);
+        solve_apply3(turn, q, q);
+        solve_see(b, p->lens, q, xy, jq, jl);
         xy[0] -= x;
         xy[1] -= y;
         for (int k = 0; k < 2; k++) {
@@ -183,17 +183,17 @@ static double turned_distance(const struct solve_problem *p, const double *a, co
     return n ? sqrt(sum / n) : 0;
 }
 
-double sst_solve_lens_difference(const struct solve_problem *p, const double *a, const double *b, double share)
+double solve_lens_difference(const struct solve_problem *p, const double *a, const double *b, double share)
 {
     double turn[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, normal[9], g[3], by[9];
 
     for (int step = 0; step < 4; step++) {
         turned_distance(p, a, b, share, turn, normal, g);
-        if (!sst_solve_cholesky(normal, 3))
+        if (!solve_cholesky(normal, 3))
             break;
-        sst_solve_cholesky_solve(normal, 3, g);
+        solve_cholesky_solve(normal, 3, g);
         sst_rotation_from_vector(g, by);
-        sst_solve_mul3(by, turn, turn);
+        solve_mul3(by, turn, turn);
     }
     return turned_distance(p, a, b, share, turn, normal, g);
 }
@@ -202,13 +202,13 @@ static int solve_half(const struct solve_problem *p, int rest, struct solve_prob
 {
     const struct solve_adjust_config cfg = { .max_iterations = 40, .tolerance = 1e-3 };
     struct solve_adjusted done;
-    int err = sst_solve_problem_copy(half, p);
+    int err = solve_problem_copy(half, p);
 
     if (err)
         return err;
     keep_frames(half, 2, rest, false);
-    err = sst_solve_adjust(half, &cfg, &done);
-    return err ? err : sst_solve_covariance(cov, half, sst_solve_unit_sigma(&done));
+    err = solve_adjust(half, &cfg, &done);
+    return err ? err : solve_covariances(cov, half, solve_unit_sigma(&done));
 }
 
 /* Root of the mean square difference of two lenses in units of its uncertainty: sqrt(d' (A + B)^-1 d / n). */
@@ -226,15 +226,15 @@ static double lens_distance(const struct solve_problem half[2], const struct sol
                                          (size_t)(cov[k].layout.lens[view] + j)];
         }
     }
-    if (!sst_solve_cholesky(m, n))
+    if (!solve_cholesky(m, n))
         return 0;
-    sst_solve_cholesky_solve(m, n, x);
+    solve_cholesky_solve(m, n, x);
     for (int i = 0; i < n; i++)
         sum += d[i] * x[i];
     return sqrt(fmax(sum, 0) / n);
 }
 
-int sst_solve_cross(struct solve_case *c)
+int solve_cross(struct solve_case *c)
 {
     struct solve_problem half[2] = { { 0 } };
     struct solve_covariance cov[2] = { { .size = 0 } };
@@ -257,18 +257,18 @@ int sst_solve_cross(struct solve_case *c)
             worst = distance;
             worst_view = v;
         }
-        px = sst_solve_lens_difference(&c->p, half[0].camera[v].lens, half[1].camera[v].lens, CENTRAL);
+        px = solve_lens_difference(&c->p, half[0].camera[v].lens, half[1].camera[v].lens, CENTRAL);
         if (c->cross_camera >= 0 && !(px > c->cross_px))
             continue;
         for (int k = 0; k < 2; k++)
-            sst_solve_lens_map(&half[k], &cov[k], v, CENTRAL, map[k]);
+            solve_lens_map(&half[k], &cov[k], v, CENTRAL, map[k]);
         c->cross_px = px;
-        c->cross_expected_px = sqrt(2) * hypot(sst_solve_map_rms(map[0]), sst_solve_map_rms(map[1]));
+        c->cross_expected_px = sqrt(2) * hypot(solve_map_rms(map[0]), solve_map_rms(map[1]));
         c->cross_camera = v;
     }
     for (int k = 0; k < 2; k++) {
-        sst_solve_problem_fini(&half[k]);
-        sst_solve_covariance_fini(&cov[k]);
+        solve_problem_fini(&half[k]);
+        solve_covariance_fini(&cov[k]);
     }
     if (err == -EDOM) {
         sst_log_warning("half of the frames do not determine all cameras: odd and even frames were not compared; take "
@@ -280,6 +280,6 @@ int sst_solve_cross(struct solve_case *c)
             "odd and even frames give lenses of %s that differ by %.2g times what the corner noise explains "
             "(largest difference of all cameras %.2g px): something moves between frames, or the lens needs "
             "more coefficients",
-            sst_solve_name(c->all, worst_view, name), worst, c->cross_px);
+            solve_name(c->all, worst_view, name), worst, c->cross_px);
     return err;
 }

@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
-void sst_solve_mul3(const double a[9], const double b[9], double out[9])
+void solve_mul3(const double a[9], const double b[9], double out[9])
 {
     double m[9];
 
@@ -14,7 +14,7 @@ void sst_solve_mul3(const double a[9], const double b[9], double out[9])
     memcpy(out, m, sizeof(m));
 }
 
-void sst_solve_mul3t(const double a[9], const double b[9], double out[9])
+void solve_mul3t(const double a[9], const double b[9], double out[9])
 {
     double m[9];
 
@@ -23,7 +23,7 @@ void sst_solve_mul3t(const double a[9], const double b[9], double out[9])
     memcpy(out, m, sizeof(m));
 }
 
-void sst_solve_apply3(const double a[9], const double v[3], double out[3])
+void solve_apply3(const double a[9], const double v[3], double out[3])
 {
     const double x = v[0], y = v[1], z = v[2];
 
@@ -32,7 +32,7 @@ void sst_solve_apply3(const double a[9], const double v[3], double out[3])
 }
 
 /* 1 + (1 - cos t) / t^2 [v]x + (t - sin t) / t^3 [v]x^2. */
-void sst_solve_left_jacobian(const double v[3], double out[9])
+void solve_left_jacobian(const double v[3], double out[9])
 {
     const double t2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], t = sqrt(t2);
     const double half = t < 1e-4 ? 0.5 - t2 / 48 : sin(t / 2) / t, b = 2 * half * half;
@@ -40,12 +40,12 @@ void sst_solve_left_jacobian(const double v[3], double out[9])
     const double cross[9] = { 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0 };
     double square[9];
 
-    sst_solve_mul3(cross, cross, square);
+    solve_mul3(cross, cross, square);
     for (int i = 0; i < 9; i++)
         out[i] = (i % 4 == 0) + b * cross[i] + c * square[i];
 }
 
-bool sst_solve_cholesky(double *a, int n)
+bool solve_cholesky(double *a, int n)
 {
     for (int i = 0; i < n; i++) {
         double *row = a + (size_t)i * n;
@@ -74,7 +74,7 @@ bool sst_solve_cholesky(double *a, int n)
     return true;
 }
 
-void sst_solve_cholesky_solve(const double *l, int n, double *x)
+void solve_cholesky_solve(const double *l, int n, double *x)
 {
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < i; j++)
@@ -89,7 +89,7 @@ void sst_solve_cholesky_solve(const double *l, int n, double *x)
 }
 
 /* L^-1 row by row, then its L^-T L^-1 column by column: sums run along rows. */
-void sst_solve_cholesky_inverse(double *l, int n, double *work)
+void solve_cholesky_inverse(double *l, int n, double *work)
 {
     for (int i = 0; i < n; i++) {
         double *row = l + (size_t)i * n;
@@ -123,7 +123,7 @@ void sst_solve_cholesky_inverse(double *l, int n, double *work)
     }
 }
 
-void sst_solve_qr(double *a, int m, int n)
+void solve_qr(double *a, int m, int n)
 {
     double dot[SOLVE_COLS_MAX];
 
@@ -161,24 +161,24 @@ void sst_solve_qr(double *a, int m, int n)
     }
 }
 
-void sst_solve_pose_chain(struct solve_pose *out, const struct solve_pose *second, const struct solve_pose *first)
+void solve_pose_chain(struct solve_pose *out, const struct solve_pose *second, const struct solve_pose *first)
 {
     struct solve_pose both;
 
-    sst_solve_mul3(second->rotation, first->rotation, both.rotation);
-    sst_solve_apply3(second->rotation, first->shift, both.shift);
+    solve_mul3(second->rotation, first->rotation, both.rotation);
+    solve_apply3(second->rotation, first->shift, both.shift);
     for (int i = 0; i < 3; i++)
         both.shift[i] += second->shift[i];
     *out = both;
 }
 
-void sst_solve_pose_inverse(struct solve_pose *out, const struct solve_pose *in)
+void solve_pose_inverse(struct solve_pose *out, const struct solve_pose *in)
 {
     struct solve_pose back;
 
     for (int i = 0; i < 9; i++)
         back.rotation[i] = in->rotation[i % 3 * 3 + i / 3];
-    sst_solve_apply3(back.rotation, in->shift, back.shift);
+    solve_apply3(back.rotation, in->shift, back.shift);
     for (int i = 0; i < 3; i++)
         back.shift[i] = -back.shift[i];
     *out = back;

@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 #define BAD_SIGMA     4   /* a detection whose median residual is as long as this many sigma's would be */
 #define LEAST_BAD_PX  0.3 /* ... and longer than this */
@@ -43,7 +43,7 @@ static void measure(struct look *l)
         l->bad[i] = false;
         if (!p->detection[i].used)
             continue;
-        sst_solve_residuals(p, &p->detection[i], l->r);
+        solve_residuals(p, &p->detection[i], l->r);
         l->median_px[i] = median_of(l, &p->detection[i], p->detection[i].corners);
         l->bad[i] = l->median_px[i] > fmax(1.1774 * BAD_SIGMA * l->c->sigma_px, LEAST_BAD_PX);
         l->at[p->detection[i].frame * p->views + p->detection[i].view] = i;
@@ -56,7 +56,7 @@ static double median_as(struct look *l, int detection, int view)
     struct solve_detection d = l->c->p.detection[detection];
 
     d.view = view;
-    sst_solve_residuals(&l->c->p, &d, l->r);
+    solve_residuals(&l->c->p, &d, l->r);
     return median_of(l, &d, d.corners);
 }
 
@@ -89,13 +89,13 @@ static int check_exchanged(struct look *l)
             last = f;
         }
         if (cured && 10 * cured >= 6 * both)
-            return sst_solve_refuse(
-                l->c->cfg,
-                "%s and %s are exchanged in %d frames, from %s to %s: each sees there what the other "
-                "should (residuals of %.3g px become %.2g px); name them right or leave these frames "
-                "out",
-                sst_solve_name(l->c->all, a, one), sst_solve_name(l->c->all, b, other), cured,
-                l->c->all->frame_name[first], l->c->all->frame_name[last], before / cured, after / cured);
+            return solve_refuse(l->c->cfg,
+                                "%s and %s are exchanged in %d frames, from %s to %s: each sees there what the other "
+                                "should (residuals of %.3g px become %.2g px); name them right or leave these frames "
+                                "out",
+                                solve_name(l->c->all, a, one), solve_name(l->c->all, b, other), cured,
+                                l->c->all->frame_name[first], l->c->all->frame_name[last], before / cured,
+                                after / cured);
     }
     return 0;
 }
@@ -127,13 +127,13 @@ static void motion_of(struct look *l, int detection, struct motion *m)
     struct solve_pose board;
 
     *m = (struct motion){ .s = 0 };
-    sst_solve_relative(p, d, &board);
+    solve_relative(p, d, &board);
     for (int k = 0; k < d->corners; k++) {
         const double w = d->corner[k].weight;
         double t[3], q[3], xy[2], jq[2][3], jl[2][SOLVE_LENS_MAX];
 
-        sst_solve_corner_place(&board, &d->corner[k], p->warp, t, q);
-        sst_solve_see(p->camera[d->view].lens, p->lens, q, xy, jq, jl);
+        solve_corner_place(&board, &d->corner[k], p->warp, t, q);
+        solve_see(p->camera[d->view].lens, p->lens, q, xy, jq, jl);
         xy[0] = w * (xy[0] - d->corner[k].x);
         xy[1] = w * (xy[1] - d->corner[k].y);
         if (hypot(xy[0], xy[1]) > limit)
@@ -166,11 +166,11 @@ static double motion_left(const struct motion *m, double x[6])
         x[i] = -m->g[i];
         l[7 * i] *= 1 + 1e-9;
     }
-    if (!sst_solve_cholesky(l, 6)) {
+    if (!solve_cholesky(l, 6)) {
         memset(x, 0, 6 * sizeof(*x));
         return m->s;
     }
-    sst_solve_cholesky_solve(l, 6, x);
+    solve_cholesky_solve(l, 6, x);
     for (int i = 0; i < 6; i++)
         gain -= x[i] * m->g[i];
     return m->s - gain;
@@ -253,12 +253,12 @@ static int check_moved(struct look *l)
         return -ENOMEM;
     if (worst.view < 0)
         return 0;
-    return sst_solve_refuse(
-        l->c->cfg,
-        "%s moved %sbefore frame %s, by %.2f px (%.2f degrees, %.1f mm): fix it and take all frames "
-        "again, or calibrate from the frames before or after that one alone",
-        sst_solve_name(l->c->all, worst.view, name), cameras == 2 ? "against the other (or both were exchanged) " : "",
-        l->c->all->frame_name[worst.frame], worst.px, worst.turn_deg, worst.shift_mm);
+    return solve_refuse(l->c->cfg,
+                        "%s moved %sbefore frame %s, by %.2f px (%.2f degrees, %.1f mm): fix it and take all frames "
+                        "again, or calibrate from the frames before or after that one alone",
+                        solve_name(l->c->all, worst.view, name),
+                        cameras == 2 ? "against the other (or both were exchanged) " : "",
+                        l->c->all->frame_name[worst.frame], worst.px, worst.turn_deg, worst.shift_mm);
 }
 
 /* --- boards and cameras that are wrong as a whole ------------------------------------------------------------------
@@ -308,7 +308,7 @@ static int check_boards(struct look *l)
         frames == 1 ? "frame" : "several frames were taken, most when", l->c->all->frame_name[first],
         frames == 1 ? "" : " (or its points are wrong there)", first_bad, first_seen, px);
     if (lost > most * all && !l->c->cfg->plain)
-        return sst_solve_refuse(l->c->cfg, "%s", text);
+        return solve_refuse(l->c->cfg, "%s", text);
     sst_log_warning("%s", text);
     return 0;
 }
@@ -333,19 +333,18 @@ static int check_garbled(const struct look *l)
             if (!(l->c->single[i].rms_px > limit_px))
                 continue;
             /* seeds' lenses are rough: again with what all corners together say */
-            sst_solve_single(&single, p, &p->detection[i], p->camera[v].lens);
+            solve_single_camera(&single, p, &p->detection[i], p->camera[v].lens);
             if (!single.known || single.rms_px > limit_px) {
                 garbled++;
                 sum += single.rms_px;
             }
         }
         if (garbled && 2 * garbled >= all)
-            return sst_solve_refuse(
-                l->c->cfg,
-                "what %s saw in %d of %d frames is not the board: its points lie %.1f px beside where "
-                "any pose puts them; it shows another board, or the points are numbered in another "
-                "order, by columns perhaps",
-                sst_solve_name(l->c->all, v, name), garbled, all, sum / garbled);
+            return solve_refuse(l->c->cfg,
+                                "what %s saw in %d of %d frames is not the board: its points lie %.1f px beside where "
+                                "any pose puts them; it shows another board, or the points are numbered in another "
+                                "order, by columns perhaps",
+                                solve_name(l->c->all, v, name), garbled, all, sum / garbled);
     }
     return 0;
 }
@@ -368,17 +367,16 @@ static int check_contrary(const struct look *l)
             px = i >= 0 ? fmax(px, l->median_px[i]) : px;
         }
         if (4 * bad >= all && bad > 1)
-            return sst_solve_refuse(
-                l->c->cfg,
-                "%s contradicts the others in %d of %d frames, by up to %.2f px: it moved, was not "
-                "triggered with them, or numbers the board's points from another corner; look at its "
-                "pictures, or leave the camera out",
-                sst_solve_name(l->c->all, v, name), bad, all, px);
+            return solve_refuse(l->c->cfg,
+                                "%s contradicts the others in %d of %d frames, by up to %.2f px: it moved, was not "
+                                "triggered with them, or numbers the board's points from another corner; look at its "
+                                "pictures, or leave the camera out",
+                                solve_name(l->c->all, v, name), bad, all, px);
     }
     return 0;
 }
 
-int sst_solve_check_still(struct solve_case *c)
+int solve_check_still(struct solve_case *c)
 {
     const struct solve_problem *p = &c->p;
     const size_t cells = (size_t)p->frames * (size_t)p->views;

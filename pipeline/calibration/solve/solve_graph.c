@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 static int shared_corners(const struct solve_detection *a, const struct solve_detection *b)
 {
@@ -45,7 +45,7 @@ static void mark_tree(struct sst_solve_link *links, int count, int *group, int v
     }
 }
 
-int sst_solve_links(const struct solve_problem *p, struct sst_solve_link **links, int *count)
+int solve_links(const struct solve_problem *p, struct sst_solve_link **links, int *count)
 {
     const size_t pairs = (size_t)p->views * (size_t)p->views;
     struct sst_solve_link *all = calloc(pairs, sizeof(*all));
@@ -90,7 +90,7 @@ static double apart(const struct solve_pose *a, const struct solve_pose *b, doub
 {
     double between[9], turn[3], move = 0;
 
-    sst_solve_mul3t(a->rotation, b->rotation, between);
+    solve_mul3t(a->rotation, b->rotation, between);
     sst_rotation_to_vector(between, turn);
     for (int i = 0; i < 3; i++)
         move += (a->shift[i] - b->shift[i]) * (a->shift[i] - b->shift[i]);
@@ -137,14 +137,14 @@ static bool chain_camera(struct chain *c, int from, int to)
 
         if (a < 0 || b < 0)
             continue;
-        sst_solve_pose_inverse(&back, &c->single[a].pose);
-        sst_solve_pose_chain(&c->try[n++], &c->single[b].pose, &back);
+        solve_pose_inverse(&back, &c->single[a].pose);
+        solve_pose_chain(&c->try[n++], &c->single[b].pose, &back);
         depth += c->single[b].pose.shift[2];
     }
     if (!n)
         return false;
-    sst_solve_pose_chain(&p->camera[to].pose, &c->try[middle_pose(c->try, n, p->camera[to].lens[0], depth / n)],
-                         &p->camera[from].pose);
+    solve_pose_chain(&p->camera[to].pose, &c->try[middle_pose(c->try, n, p->camera[to].lens[0], depth / n)],
+                     &p->camera[from].pose);
     p->camera[to].known = true;
     return true;
 }
@@ -164,8 +164,8 @@ static void chain_boards(struct chain *c)
 
             if (d < 0 || !p->camera[v].known)
                 continue;
-            sst_solve_pose_inverse(&back, &p->camera[v].pose);
-            sst_solve_pose_chain(&c->try[n++], &back, &c->single[d].pose);
+            solve_pose_inverse(&back, &p->camera[v].pose);
+            solve_pose_chain(&c->try[n++], &back, &c->single[d].pose);
             depth += c->single[d].pose.shift[2];
             focal = p->camera[v].lens[0];
         }
@@ -176,8 +176,8 @@ static void chain_boards(struct chain *c)
     }
 }
 
-int sst_solve_chain(struct solve_problem *p, const struct solve_single *single, const struct sst_solve_link *links,
-                    int count)
+int solve_chain(struct solve_problem *p, const struct solve_single *single, const struct sst_solve_link *links,
+                int count)
 {
     const size_t cells = (size_t)p->frames * (size_t)p->views;
     struct chain c = { .p = p,
@@ -223,7 +223,7 @@ int sst_solve_chain(struct solve_problem *p, const struct solve_single *single, 
     return 0;
 }
 
-int sst_solve_noise(const struct solve_problem *p, double *sigma_px)
+int solve_noise(const struct solve_problem *p, double *sigma_px)
 {
     size_t all = 0, most = 0;
     double *length, (*r)[2];
@@ -245,7 +245,7 @@ int sst_solve_noise(const struct solve_problem *p, double *sigma_px)
 
         if (!d->used)
             continue;
-        sst_solve_residuals(p, d, r);
+        solve_residuals(p, d, r);
         for (int c = 0; c < d->corners; c++) {
             if (!d->corner[c].out)
                 length[n++] = d->corner[c].weight * hypot(r[c][0], r[c][1]);

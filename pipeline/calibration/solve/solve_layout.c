@@ -4,14 +4,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 /* Of k4, k5, k6, one sigma: a ratio of two polynomials is nearly the same for many pairs of them. */
 #define DENOMINATOR_SIGMA 1
 /* Corner noise against which weak knowledge is weighed. */
 #define PRIOR_NOISE_PX 0.1
 
-int sst_solve_problem_copy(struct solve_problem *out, const struct solve_problem *in)
+int solve_problem_copy(struct solve_problem *out, const struct solve_problem *in)
 {
     struct solve_problem copy = *in;
 
@@ -20,7 +20,7 @@ int sst_solve_problem_copy(struct solve_problem *out, const struct solve_problem
     copy.frame = malloc((size_t)in->frames * sizeof(*copy.frame));
     copy.detection = malloc((size_t)in->count * sizeof(*copy.detection));
     if (!copy.camera || !copy.frame || !copy.detection) {
-        sst_solve_problem_fini(&copy);
+        solve_problem_fini(&copy);
         return -ENOMEM;
     }
     memcpy(copy.camera, in->camera, (size_t)in->views * sizeof(*copy.camera));
@@ -30,7 +30,7 @@ int sst_solve_problem_copy(struct solve_problem *out, const struct solve_problem
     return 0;
 }
 
-void sst_solve_problem_fini(struct solve_problem *p)
+void solve_problem_fini(struct solve_problem *p)
 {
     free(p->camera);
     free(p->frame);
@@ -126,7 +126,7 @@ static void measure_scales(struct solve_layout *l, const struct solve_problem *p
 
         if (!d->used)
             continue;
-        sst_solve_relative(p, d, &board);
+        solve_relative(p, d, &board);
         for (int k = 0; k < 3; k++) {
             if (at[k] >= 0)
                 set_scales(l, p, corners, at[k], d->view, fmax(board.shift[2], 1));
@@ -138,7 +138,7 @@ static void measure_scales(struct solve_layout *l, const struct solve_problem *p
     }
 }
 
-int sst_solve_layout_init(struct solve_layout *out, const struct solve_problem *p)
+int solve_layout_init(struct solve_layout *out, const struct solve_problem *p)
 {
     const size_t views = (size_t)p->views, frames = (size_t)p->frames;
     struct solve_layout l = { .lens_size = 4 + p->lens,
@@ -167,11 +167,11 @@ out:
     free(seen);
     free(corners);
     if (err)
-        sst_solve_layout_fini(&l);
+        solve_layout_fini(&l);
     return err;
 }
 
-void sst_solve_layout_fini(struct solve_layout *layout)
+void solve_layout_fini(struct solve_layout *layout)
 {
     free(layout->lens);
     free(layout->pose);
@@ -180,8 +180,8 @@ void sst_solve_layout_fini(struct solve_layout *layout)
     *layout = (struct solve_layout){ 0 };
 }
 
-void sst_solve_spread_make(struct solve_spread *s, const struct solve_problem *p, const struct solve_layout *layout,
-                           const struct solve_detection *d, const double *turn_camera, const double *turn_board)
+void solve_spread_make(struct solve_spread *s, const struct solve_problem *p, const struct solve_layout *layout,
+                       const struct solve_detection *d, const double *turn_camera, const double *turn_board)
 {
     static const double none[3] = { 0 };
     const struct solve_pose *camera = &p->camera[d->view].pose;
@@ -192,11 +192,11 @@ void sst_solve_spread_make(struct solve_spread *s, const struct solve_problem *p
     s->frame = layout->frame[d->frame];
     s->warp = layout->warp;
     memcpy(s->rotation, camera->rotation, sizeof(s->rotation));
-    sst_solve_apply3(camera->rotation, p->frame[d->frame].pose.shift, m);
+    solve_apply3(camera->rotation, p->frame[d->frame].pose.shift, m);
     memcpy(s->across, (double[9]){ 0, -m[2], m[1], m[2], 0, -m[0], -m[1], m[0], 0 }, sizeof(s->across));
-    sst_solve_left_jacobian(turn_camera ? turn_camera : none, s->camera_turn);
-    sst_solve_left_jacobian(turn_board ? turn_board : none, s->board_turn);
-    sst_solve_mul3(s->rotation, s->board_turn, s->board_turn);
+    solve_left_jacobian(turn_camera ? turn_camera : none, s->camera_turn);
+    solve_left_jacobian(turn_board ? turn_board : none, s->board_turn);
+    solve_mul3(s->rotation, s->board_turn, s->board_turn);
 }
 
 /* Row vector times matrix. */
@@ -206,8 +206,8 @@ static void row_times(const double v[3], const double m[9], double out[3])
         out[i] = v[0] * m[i] + v[1] * m[3 + i] + v[2] * m[6 + i];
 }
 
-int sst_solve_spread_row(const struct solve_spread *s, const struct solve_problem *p, const struct solve_layout *layout,
-                         const double *row, int from, int *state, double *value)
+int solve_spread_row(const struct solve_spread *s, const struct solve_problem *p, const struct solve_layout *layout,
+                     const double *row, int from, int *state, double *value)
 {
     const int lens = p->keep_lens ? 0 : layout->lens_size;
     const double *turn = row + lens, *shift = turn + 3, *warp = turn + 6;
@@ -244,8 +244,8 @@ int sst_solve_spread_row(const struct solve_spread *s, const struct solve_proble
     return n;
 }
 
-int sst_solve_priors(const struct solve_problem *p, const struct solve_layout *layout, int *state, double *value,
-                     double *residual)
+int solve_priors(const struct solve_problem *p, const struct solve_layout *layout, int *state, double *value,
+                 double *residual)
 {
     int n = 0, last = -1;
 

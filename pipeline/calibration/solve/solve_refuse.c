@@ -7,14 +7,14 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 #define LEAST_FRAMES  4
 #define REGIONS       5    /* of the picture, along each side */
 #define LEAST_REGIONS 8    /* of those, with corners */
 #define MOST_FOCAL    0.01 /* relative sigma of a focal length */
 
-int sst_solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...)
+int solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...)
 {
     char text[SST_LOG_MAX];
     va_list args;
@@ -32,7 +32,7 @@ int sst_solve_refuse(const struct sst_solve_config *cfg, const char *fmt, ...)
     return 0;
 }
 
-const char *sst_solve_name(const struct sst_detections *all, int view, char out[128])
+const char *solve_name(const struct sst_detections *all, int view, char out[128])
 {
     snprintf(out, 128, "camera %.63s%s(row %d, column %d)", all->camera_name[view],
              all->camera_name[view][0] ? " " : "", view / all->cols, view % all->cols);
@@ -59,15 +59,14 @@ static int check_frames(struct solve_case *c, const int *detections)
         return -EBADMSG;
     }
     if (frames < least && !c->p.rig)
-        return sst_solve_refuse(c->cfg, "only %d frame%s the board, %d are the least and 20 are good: take more",
-                                frames, frames == 1 ? " shows" : "s show", least);
+        return solve_refuse(c->cfg, "only %d frame%s the board, %d are the least and 20 are good: take more", frames,
+                            frames == 1 ? " shows" : "s show", least);
     for (int v = 0; v < c->p.views; v++) {
         if (c->all->camera_name[v][0] && !detections[v] &&
-            sst_solve_refuse(c->cfg,
-                             "%s has not seen the board in any of the %d frames: hold the board before it%s, or leave "
-                             "the camera out",
-                             sst_solve_name(c->all, v, name), c->all->frames,
-                             blurred ? " (many pictures were blurred)" : ""))
+            solve_refuse(c->cfg,
+                         "%s has not seen the board in any of the %d frames: hold the board before it%s, or leave "
+                         "the camera out",
+                         solve_name(c->all, v, name), c->all->frames, blurred ? " (many pictures were blurred)" : ""))
             return -EBADMSG;
     }
     return 0;
@@ -109,14 +108,14 @@ static int check_regions(struct solve_case *c, int view)
         if (third[i / 3][i % 3] < third[bare / 3][bare % 3])
             bare = i;
     }
-    return sst_solve_refuse(c->cfg,
-                            "the board was in only %d of %d regions of the picture of %s, %d are the least: hold it "
-                            "also at %s of that picture",
-                            covered, REGIONS * REGIONS, sst_solve_name(c->all, view, name), LEAST_REGIONS,
-                            where(bare / 3, bare % 3));
+    return solve_refuse(c->cfg,
+                        "the board was in only %d of %d regions of the picture of %s, %d are the least: hold it "
+                        "also at %s of that picture",
+                        covered, REGIONS * REGIONS, solve_name(c->all, view, name), LEAST_REGIONS,
+                        where(bare / 3, bare % 3));
 }
 
-int sst_solve_check_corners(struct solve_case *c)
+int solve_check_corners(struct solve_case *c)
 {
     int *detections = calloc((size_t)c->p.views, sizeof(*detections)), err;
 
@@ -131,7 +130,7 @@ int sst_solve_check_corners(struct solve_case *c)
     return err;
 }
 
-int sst_solve_check_mirrored(struct solve_case *c)
+int solve_check_mirrored(struct solve_case *c)
 {
     int err = 0;
 
@@ -152,16 +151,15 @@ int sst_solve_check_mirrored(struct solve_case *c)
             d->used = false;
         }
         if (mirrored)
-            err =
-                sst_solve_refuse(c->cfg,
-                                 "%s sees the board mirrored in %d of %d frames, first in %s: its points are numbered "
-                                 "by columns instead of rows, or its picture is flipped; correct that and detect again",
-                                 sst_solve_name(c->all, v, name), mirrored, all, c->all->frame_name[first]);
+            err = solve_refuse(c->cfg,
+                               "%s sees the board mirrored in %d of %d frames, first in %s: its points are numbered "
+                               "by columns instead of rows, or its picture is flipped; correct that and detect again",
+                               solve_name(c->all, v, name), mirrored, all, c->all->frame_name[first]);
     }
     return err;
 }
 
-int sst_solve_check_linked(struct solve_case *c)
+int solve_check_linked(struct solve_case *c)
 {
     char text[512] = "", name[128];
     int apart = 0, length = 0;
@@ -175,14 +173,13 @@ int sst_solve_check_linked(struct solve_case *c)
             continue;
         if (length < 300)
             length += snprintf(text + length, sizeof(text) - (size_t)length, "%s%s", apart ? ", " : "",
-                               sst_solve_name(c->all, v, name));
+                               solve_name(c->all, v, name));
         apart++;
     }
-    return apart ? sst_solve_refuse(c->cfg,
-                                    "%d camera%s share%s no frame of the board with the reference or any camera linked "
-                                    "to it: %s%s; hold the board where they and their neighbours see it together",
-                                    apart, apart == 1 ? "" : "s", apart == 1 ? "s" : "", text,
-                                    length >= 300 ? " ..." : "")
+    return apart ? solve_refuse(c->cfg,
+                                "%d camera%s share%s no frame of the board with the reference or any camera linked "
+                                "to it: %s%s; hold the board where they and their neighbours see it together",
+                                apart, apart == 1 ? "" : "s", apart == 1 ? "s" : "", text, length >= 300 ? " ..." : "")
                  : 0;
 }
 
@@ -212,7 +209,7 @@ static void worst(const struct solve_case *c, int *view, double *view_share, int
     }
 }
 
-int sst_solve_check_outliers(struct solve_case *c)
+int solve_check_outliers(struct solve_case *c)
 {
     const double most = c->cfg->max_outliers > 0 ? c->cfg->max_outliers : SOLVE_MOST_OUTLIERS;
     double view_share, frame_share, blur = 0;
@@ -231,13 +228,12 @@ int sst_solve_check_outliers(struct solve_case *c)
     worst(c, &view, &view_share, &frame, &frame_share);
     if (blurred)
         snprintf(more, sizeof(more), "; %d pictures are blurred, by up to %.1f px", blurred, blur);
-    return sst_solve_refuse(c->cfg,
-                            "%.1f %% of the corners are outliers (further than %d times the noise of %.2g px), %.1f %% "
-                            "are allowed: most in %s (%.0f %% of its corners) and in frame %s (%.0f %%)%s; leave those "
-                            "out, or take them again with board and cameras at rest",
-                            100.0 * out / all, SOLVE_OUTLIER_SIGMA, c->sigma_px, 100 * most,
-                            sst_solve_name(c->all, view, name), 100 * view_share, c->all->frame_name[frame],
-                            100 * frame_share, more);
+    return solve_refuse(c->cfg,
+                        "%.1f %% of the corners are outliers (further than %d times the noise of %.2g px), %.1f %% "
+                        "are allowed: most in %s (%.0f %% of its corners) and in frame %s (%.0f %%)%s; leave those "
+                        "out, or take them again with board and cameras at rest",
+                        100.0 * out / all, SOLVE_OUTLIER_SIGMA, c->sigma_px, 100 * most, solve_name(c->all, view, name),
+                        100 * view_share, c->all->frame_name[frame], 100 * frame_share, more);
 }
 
 /* Largest slant of the boards that a camera saw (degrees), and farthest over nearest. */
@@ -252,7 +248,7 @@ static void variety(const struct solve_case *c, int view, double *slant_deg, dou
 
         if (!d->used || (!c->p.rig && d->view != view))
             continue;
-        sst_solve_relative(&c->p, d, &board);
+        solve_relative(&c->p, d, &board);
         *slant_deg = fmax(*slant_deg, acos(sst_clamp_double(board.rotation[8], -1, 1)) * 180 / M_PI);
         near = fmin(near, board.shift[2]);
         far = fmax(far, board.shift[2]);
@@ -260,7 +256,7 @@ static void variety(const struct solve_case *c, int view, double *slant_deg, dou
     *ratio = near > 0 && far > 0 ? far / near : 1;
 }
 
-int sst_solve_check_focal(struct solve_case *c, const struct solve_covariance *cov)
+int solve_check_focal(struct solve_case *c, const struct solve_covariance *cov)
 {
     double most = 0, slant, ratio;
     int view = -1;
@@ -282,10 +278,9 @@ int sst_solve_check_focal(struct solve_case *c, const struct solve_covariance *c
     if (view < 0 || !(most > MOST_FOCAL))
         return 0;
     variety(c, view, &slant, &ratio);
-    return sst_solve_refuse(
-        c->cfg,
-        "the focal length of %s is known to %.1f %% only, %g %% is the most: its boards are tilted "
-        "by up to %.0f degrees and %.2g times as far as the nearest; show it boards tilted by 30 to "
-        "45 degrees, near and twice as far",
-        sst_solve_name(c->all, view, name), 100 * most, 100 * MOST_FOCAL, slant, ratio);
+    return solve_refuse(c->cfg,
+                        "the focal length of %s is known to %.1f %% only, %g %% is the most: its boards are tilted "
+                        "by up to %.0f degrees and %.2g times as far as the nearest; show it boards tilted by 30 to "
+                        "45 degrees, near and twice as far",
+                        solve_name(c->all, view, name), 100 * most, 100 * MOST_FOCAL, slant, ratio);
 }

@@ -5,17 +5,17 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 #define MOST_SCALE    0.03 /* drives and board disagree on lengths by more: one of them is wrong */
 #define EXCHANGE_GAIN 10   /* exchanging two cameras leaves less than this part of the squares */
 #define PLACE_SHARE   0.25 /* ... and the cameras on a grid to this part of a step */
 
-void sst_solve_centre(const struct solve_camera *camera, double out[3])
+void solve_centre(const struct solve_camera *camera, double out[3])
 {
     struct solve_pose back;
 
-    sst_solve_pose_inverse(&back, &camera->pose);
+    solve_pose_inverse(&back, &camera->pose);
     memcpy(out, back.shift, sizeof(back.shift));
 }
 
@@ -46,10 +46,10 @@ static double fit_grid(const struct places *p, int a, int b, double grid[3][3])
     }
     for (int i = 0; i < 3; i++) /* a grid of one row or column has no step along the other */
         m[4 * i] += 1e-9;
-    if (!sst_solve_cholesky(m, 3))
+    if (!solve_cholesky(m, 3))
         return -1;
     for (int axis = 0; axis < 3; axis++)
-        sst_solve_cholesky_solve(m, 3, grid[axis]);
+        solve_cholesky_solve(m, 3, grid[axis]);
     for (int i = 0; i < 3 * p->views; i++) {
         const int v = i / 3, axis = i % 3, from = v == a ? b : v == b ? a : v;
         const double d =
@@ -90,12 +90,11 @@ static int check_exchanged(const struct solve_case *c, const struct places *p, i
     }
     if (!(least / count < PLACE_SHARE * PLACE_SHARE * step2))
         return 0;
-    return sst_solve_refuse(
+    return solve_refuse(
         c->cfg,
         "%s and %s stand at each other's places: exchanged, all cameras are within %.2g mm of a regular "
         "grid, as named within %.3g mm; exchange their places in the configuration or their folders",
-        sst_solve_name(c->all, one, first), sst_solve_name(c->all, other, second), sqrt(least / count),
-        sqrt(as_named / count));
+        solve_name(c->all, one, first), solve_name(c->all, other, second), sqrt(least / count), sqrt(as_named / count));
 }
 
 /* Columns count to the right and rows downwards, seen from behind; a grid that is a mirror image of that is misnamed.
@@ -112,7 +111,7 @@ static void check_order(const struct solve_case *c, const struct places *p)
             "from top to bottom; rename the cameras if that was meant");
 }
 
-int sst_solve_check_places(struct solve_case *c)
+int solve_check_places(struct solve_case *c)
 {
     const size_t views = (size_t)c->p.views;
     struct places p = { .views = c->p.views,
@@ -125,7 +124,7 @@ int sst_solve_check_places(struct solve_case *c)
         p.known[v] = c->p.camera[v].known;
         count += p.known[v];
         if (p.known[v])
-            sst_solve_centre(&c->p.camera[v], p.centre[v]);
+            solve_centre(&c->p.camera[v], p.centre[v]);
     }
     if (!err && count >= 5)
         err = check_exchanged(c, &p, count);
@@ -159,7 +158,7 @@ static void align(const double (*from)[3], const double (*to)[3], const bool *kn
 
                 if (!known[v])
                     continue;
-                sst_solve_apply3(r, from[v], p);
+                solve_apply3(r, from[v], p);
                 for (int i = 0; i < 3; i++)
                     d[i] = to[v][i] - p[i];
                 cost += d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
@@ -171,11 +170,11 @@ static void align(const double (*from)[3], const double (*to)[3], const bool *kn
             }
             for (int i = 0; i < 3; i++)
                 a[4 * i] += 1e-9 * (a[0] + a[4] + a[8]) + 1e-12;
-            if (!sst_solve_cholesky(a, 3))
+            if (!solve_cholesky(a, 3))
                 break;
-            sst_solve_cholesky_solve(a, 3, g);
+            solve_cholesky_solve(a, 3, g);
             sst_rotation_from_vector(g, by);
-            sst_solve_mul3(by, r, r);
+            solve_mul3(by, r, r);
             if (fabs(g[0]) + fabs(g[1]) + fabs(g[2]) < 1e-12)
                 break;
         }
@@ -200,10 +199,10 @@ static double skew(const double (*centre)[3], const double (*drive)[3], const bo
     if (!(a[0] > 1) || !(a[4] > 1) || !(a[0] * a[4] - a[1] * a[3] > 1e-6 * a[0] * a[4]))
         return NAN; /* moved along one axis only */
     a[8] += 1e-9 * (a[0] + a[4]);
-    if (!sst_solve_cholesky(a, 3))
+    if (!solve_cholesky(a, 3))
         return NAN;
     for (int axis = 0; axis < 3; axis++) {
-        sst_solve_cholesky_solve(a, 3, b[axis]);
+        solve_cholesky_solve(a, 3, b[axis]);
         dot += b[axis][0] * b[axis][1];
         x += b[axis][0] * b[axis][0];
         y += b[axis][1] * b[axis][1];
@@ -224,7 +223,7 @@ static int centred(const struct solve_case *c, double (*centre)[3], double (*dri
         if (!known[v])
             continue;
         n++;
-        sst_solve_centre(&c->p.camera[v], centre[v]);
+        solve_centre(&c->p.camera[v], centre[v]);
         memcpy(drive[v], d, 3 * sizeof(*d));
         for (int i = 0; i < 3; i++) {
             mean[0][i] += centre[v][i];
@@ -246,14 +245,14 @@ static int judge_scale(const struct solve_case *c, double scale)
 
     if (fabs(scale - 1) <= MOST_SCALE)
         return 0;
-    return sst_solve_refuse(
+    return solve_refuse(
         c->cfg,
         "the positions are %.3g times the drives': is the board's square %.4g mm instead of %.4g mm, or "
         "the drives' scale wrong?",
         scale, square / scale, square);
 }
 
-int sst_solve_compare_drives(struct solve_case *c)
+int solve_compare_drives(struct solve_case *c)
 {
     const size_t views = (size_t)c->p.views;
     double(*centre)[3], (*drive)[3], top = 0, bottom = 0, sum = 0, rotation[9];
@@ -276,7 +275,7 @@ int sst_solve_compare_drives(struct solve_case *c)
 
         if (!known[v])
             continue;
-        sst_solve_apply3(rotation, drive[v], at);
+        solve_apply3(rotation, drive[v], at);
         for (int i = 0; i < 3; i++) {
             top += at[i] * centre[v][i];
             bottom += at[i] * at[i];

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 #define SOFT_ROUNDS     6
 #define HARD_ROUNDS     6
@@ -12,10 +12,10 @@
 #define LEAST_SIGMA_PX  1e-3 /* exact corners have no noise to scale by */
 #define LOSS_SIGMA      2.4  /* Cauchy's loss loses 5 % of the precision of least squares there */
 
-int sst_solve_soft(struct solve_problem *p, double loss_px, double *sigma_px)
+int solve_soft(struct solve_problem *p, double loss_px, double *sigma_px)
 {
     double sigma, before = INFINITY;
-    int err = sst_solve_noise(p, &sigma);
+    int err = solve_noise(p, &sigma);
 
     /* The scale follows the residuals down: wide while poses are seeds, narrow at the end. */
     for (int round = 0; !err && round < SOFT_ROUNDS && sigma < 0.7 * before; round++) {
@@ -26,9 +26,9 @@ int sst_solve_soft(struct solve_problem *p, double loss_px, double *sigma_px)
         struct solve_adjusted done;
 
         before = sigma;
-        err = sst_solve_adjust(p, &cfg, &done);
+        err = solve_adjust(p, &cfg, &done);
         if (!err)
-            err = sst_solve_noise(p, &sigma);
+            err = solve_noise(p, &sigma);
         if (!err)
             sst_log_debug("solve: loss at %.3g px: noise %.4g px, %d evaluations", cfg.loss_px, sigma,
                           done.evaluations);
@@ -49,7 +49,7 @@ static int cut(struct solve_problem *p, double limit_px, double (*r)[2])
 
         if (!p->camera[d->view].known || !p->frame[d->frame].known)
             continue;
-        sst_solve_residuals(p, d, r);
+        solve_residuals(p, d, r);
         for (int c = 0; c < d->corners; c++)
             inside += d->corner[c].weight * hypot(r[c][0], r[c][1]) <= limit_px;
         d->used = inside >= SOLVE_MIN_CORNERS && 2 * inside >= d->corners;
@@ -63,7 +63,7 @@ static int cut(struct solve_problem *p, double limit_px, double (*r)[2])
     return changed;
 }
 
-int sst_solve_hard(struct solve_problem *p, bool plain, double *sigma_px, struct solve_adjusted *out)
+int solve_hard(struct solve_problem *p, bool plain, double *sigma_px, struct solve_adjusted *out)
 {
     const struct solve_adjust_config rough = { .max_iterations = HARD_ITERATIONS, .tolerance = 0.02 };
     const struct solve_adjust_config cfg = { .max_iterations = HARD_ITERATIONS, .tolerance = SOLVE_TOLERANCE };
@@ -80,16 +80,16 @@ int sst_solve_hard(struct solve_problem *p, bool plain, double *sigma_px, struct
 
         if (!changed && round)
             break;
-        err = sst_solve_adjust(p, &rough, out);
+        err = solve_adjust(p, &rough, out);
         if (!err)
-            err = sst_solve_noise(p, sigma_px);
+            err = solve_noise(p, sigma_px);
         evaluations += err ? 0 : out->evaluations;
         sst_log_debug("solve: %d corners changed sides; noise %.4g px", changed, *sigma_px);
     }
     if (!err)
-        err = sst_solve_adjust(p, &cfg, out);
+        err = solve_adjust(p, &cfg, out);
     if (!err)
-        err = sst_solve_noise(p, sigma_px);
+        err = solve_noise(p, sigma_px);
     if (!err)
         out->evaluations += evaluations;
     free(r);

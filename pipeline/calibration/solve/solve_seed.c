@@ -6,7 +6,7 @@
 
 #include "base/thread.h"
 #include "pipeline/calibration/board/homography.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 #define SEED_DETECTIONS 30 /* that a lens is first fitted to */
 #define SEED_ITERATIONS 30
@@ -63,8 +63,8 @@ static double pose_normal(const struct solve_problem *p, const struct solve_dete
     for (int i = 0; i < d->corners; i++) {
         double t[3], q[3], xy[2], jq[2][3], jl[2][SOLVE_LENS_MAX], r2, w;
 
-        sst_solve_corner_place(pose, &d->corner[i], p->warp, t, q);
-        sst_solve_see(lens, p->lens, q, xy, jq, jl);
+        solve_corner_place(pose, &d->corner[i], p->warp, t, q);
+        solve_see(lens, p->lens, q, xy, jq, jl);
         xy[0] -= d->corner[i].x;
         xy[1] -= d->corner[i].y;
         r2 = xy[0] * xy[0] + xy[1] * xy[1];
@@ -95,8 +95,8 @@ static double pose_sigma(const struct solve_problem *p, const struct solve_detec
     for (int i = 0; i < d->corners; i++) {
         double t[3], q[3], xy[2];
 
-        sst_solve_corner_place(pose, &d->corner[i], p->warp, t, q);
-        sst_solve_see(lens, p->lens, q, xy, NULL, NULL);
+        solve_corner_place(pose, &d->corner[i], p->warp, t, q);
+        solve_see(lens, p->lens, q, xy, NULL, NULL);
         work[i] = hypot(xy[0] - d->corner[i].x, xy[1] - d->corner[i].y);
     }
     return sst_upper_median(work, d->corners) / 1.1774;
@@ -116,13 +116,13 @@ static double refine(const struct solve_problem *p, const struct solve_detection
 
         for (int i = 0; i < 6; i++)
             a[7 * i] *= 1 + damp;
-        if (!sst_solve_cholesky(a, 6))
+        if (!solve_cholesky(a, 6))
             break;
         for (int i = 0; i < 6; i++)
             g[i] = -g[i];
-        sst_solve_cholesky_solve(a, 6, g);
+        solve_cholesky_solve(a, 6, g);
         sst_rotation_from_vector(g, turned);
-        sst_solve_mul3(turned, pose->rotation, next.rotation);
+        solve_mul3(turned, pose->rotation, next.rotation);
         for (int i = 0; i < 3; i++)
             next.shift[i] += g[3 + i];
         if (!(pose_normal(p, d, lens, &next, c, a, again) <= cost)) {
@@ -145,7 +145,7 @@ static void other_pose(const struct solve_pose *pose, const double middle[3], st
 {
     double sight[3], along[9], about[3], turn[9], moved[3], length = 0, dot = 0;
 
-    sst_solve_apply3(pose->rotation, middle, sight);
+    solve_apply3(pose->rotation, middle, sight);
     for (int i = 0; i < 3; i++) {
         sight[i] += pose->shift[i];
         length += sight[i] * sight[i];
@@ -159,18 +159,18 @@ static void other_pose(const struct solve_pose *pose, const double middle[3], st
     for (int i = 0; i < 3; i++)
         about[i] = M_PI * sight[i];
     sst_rotation_from_vector(about, turn);
-    sst_solve_mul3(turn, pose->rotation, along);
+    solve_mul3(turn, pose->rotation, along);
     for (int i = 0; i < 9; i++)
         out->rotation[i] = i % 3 < 2 ? -along[i] : along[i];
-    sst_solve_apply3(out->rotation, middle, about);
+    solve_apply3(out->rotation, middle, about);
     for (int i = 0; i < 3; i++)
         out->shift[i] = moved[i] - about[i];
 }
 
-void sst_solve_single(struct solve_single *out, const struct solve_problem *p, const struct solve_detection *d,
-                      const double *lens)
+void solve_single_camera(struct solve_single *out, const struct solve_problem *p, const struct solve_detection *d,
+                         const double *lens)
 {
-    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
+    const struct sst_calib_camera cam = solve_camera_of(lens);
     double(*board)[2] = malloc((size_t)d->corners * sizeof(*board)), h[9], facing = 0, middle[3] = { 0 };
     double(*seen)[2] = malloc((size_t)d->corners * sizeof(*seen)), *work = malloc((size_t)d->corners * sizeof(*work));
     int n = 0;
@@ -266,7 +266,7 @@ static void plain_lens(const struct solve_problem *p, double focal, double lens[
 /* A lens is believed if it is near what the homographies said and sees all of the picture. */
 static bool lens_is_sane(const struct solve_problem *p, const double *lens, double focal)
 {
-    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
+    const struct sst_calib_camera cam = solve_camera_of(lens);
     bool sane = lens[0] > focal / 2 && lens[0] < 2 * focal && fabs(lens[1] / lens[0] - 1) < 0.2 &&
                 fabs(lens[2] - p->width / 2.0) < 0.25 * p->width && fabs(lens[3] - p->height / 2.0) < 0.25 * p->width;
 
@@ -302,7 +302,7 @@ static int fit_alone(const struct seed *s, int group, double *lens, bool *known)
         const struct solve_detection *d = &s->p->detection[list[(int64_t)i * n / take]];
         struct solve_single pose;
 
-        sst_solve_single(&pose, &alone, d, lens);
+        solve_single_camera(&pose, &alone, d, lens);
         if (!pose.known || pose.mirrored)
             continue;
         alone.frame[alone.count].pose = pose.pose;
@@ -316,7 +316,7 @@ static int fit_alone(const struct seed *s, int group, double *lens, bool *known)
     err = 0;
     if (alone.count < 3)
         goto out;
-    err = sst_solve_adjust(&alone, &cfg, &done);
+    err = solve_adjust(&alone, &cfg, &done);
     if (err == -EDOM) {
         err = 0;
     } else if (!err && lens_is_sane(&alone, alone.camera->lens, lens[0])) {
@@ -324,7 +324,7 @@ static int fit_alone(const struct seed *s, int group, double *lens, bool *known)
         *known = true;
     }
 out:
-    sst_solve_problem_fini(&alone);
+    solve_problem_fini(&alone);
     return err;
 }
 
@@ -347,7 +347,7 @@ static int pose_of_one(void *arg, int index, int worker)
 
     (void)worker;
     if (d->used)
-        sst_solve_single(&s->single[index], s->p, d, s->p->camera[d->view].lens);
+        solve_single_camera(&s->single[index], s->p, d, s->p->camera[d->view].lens);
     return 0;
 }
 
@@ -422,7 +422,7 @@ out:
     return err;
 }
 
-int sst_solve_seed(struct solve_problem *p, struct solve_single *single)
+int solve_seed(struct solve_problem *p, struct solve_single *single)
 {
     struct seed s = { .p = p, .single = single, .groups = p->rig ? 1 : p->views };
     int err = p->keep_lens ? 0 : seed_lenses(&s);

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/thread.h"
-#include "pipeline/calibration/solve/solve_parts.h"
+#include "pipeline/calibration/solve/solve_internal.h"
 
 #define BOARD 6 /* states of one */
 
@@ -37,21 +37,21 @@ static int place(const struct build *b, int state)
 
 static void share_of(struct build *b, const struct solve_detection *d, struct share *out, double *rows)
 {
-    const int n = sst_solve_block_columns(b->p);
+    const int n = solve_block_columns(b->p);
     struct solve_pose board;
     struct solve_spread spread;
     int count;
 
-    sst_solve_relative(b->p, d, &board);
-    sst_solve_spread_make(&spread, b->p, &b->layout, d, NULL, NULL);
-    count = sst_solve_block(b->p, d, &board, 0, rows);
-    sst_solve_qr(rows, count, n);
+    solve_relative(b->p, d, &board);
+    solve_spread_make(&spread, b->p, &b->layout, d, NULL, NULL);
+    count = solve_block(b->p, d, &board, 0, rows);
+    solve_qr(rows, count, n);
     out->n = 0;
     memset(out->m, 0, sizeof(out->m));
     for (int i = 0; i < count && i < n - 1; i++) {
         double value[SOLVE_COLS_MAX + 6];
         int state[SOLVE_COLS_MAX + 6];
-        const int got = sst_solve_spread_row(&spread, b->p, &b->layout, rows + (size_t)i * (size_t)n, i, state, value);
+        const int got = solve_spread_row(&spread, b->p, &b->layout, rows + (size_t)i * (size_t)n, i, state, value);
         int first;
 
         if (!i) {
@@ -130,7 +130,7 @@ static void add_frame(struct build *b)
             }
         }
     }
-    if (!sst_solve_cholesky(c, BOARD))
+    if (!solve_cholesky(c, BOARD))
         return; /* a board that is not determined says nothing */
     memset(b->side, 0, BOARD * size * sizeof(*b->side));
     for (int v = 0; v < b->p->views; v++) {
@@ -187,7 +187,7 @@ static int add_priors(struct build *b)
         free(value);
         return -ENOMEM;
     }
-    n = sst_solve_priors(b->p, &b->layout, state, value, value + most);
+    n = solve_priors(b->p, &b->layout, state, value, value + most);
     for (int i = 0; i < n; i++) {
         const size_t at = (size_t)place(b, state[i]);
 
@@ -198,11 +198,11 @@ static int add_priors(struct build *b)
     return 0;
 }
 
-int sst_solve_covariance(struct solve_covariance *out, const struct solve_problem *p, double sigma_px)
+int solve_covariances(struct solve_covariance *out, const struct solve_problem *p, double sigma_px)
 {
     struct build b = { .p = p };
     double *work = NULL;
-    int err = sst_solve_layout_init(&b.layout, p);
+    int err = solve_layout_init(&b.layout, p);
 
     if (err)
         return err;
@@ -215,10 +215,10 @@ int sst_solve_covariance(struct solve_covariance *out, const struct solve_proble
     err = b.s && b.side && b.share && b.at && work ? build_normal(&b) : -ENOMEM;
     if (!err)
         err = add_priors(&b);
-    if (!err && !sst_solve_cholesky(b.s, b.size))
+    if (!err && !solve_cholesky(b.s, b.size))
         err = -EDOM;
     if (!err) {
-        sst_solve_cholesky_inverse(b.s, b.size, work);
+        solve_cholesky_inverse(b.s, b.size, work);
         for (int i = 0; i < b.size; i++) {
             for (int j = 0; j < b.size; j++) {
                 const int warp = b.layout.warp - b.layout.camera_states;
@@ -232,7 +232,7 @@ int sst_solve_covariance(struct solve_covariance *out, const struct solve_proble
         b.layout = (struct solve_layout){ 0 };
         b.s = NULL;
     }
-    sst_solve_layout_fini(&b.layout);
+    solve_layout_fini(&b.layout);
     free(b.s);
     free(b.side);
     free(b.share);
@@ -241,14 +241,14 @@ int sst_solve_covariance(struct solve_covariance *out, const struct solve_proble
     return err;
 }
 
-void sst_solve_covariance_fini(struct solve_covariance *c)
+void solve_covariance_fini(struct solve_covariance *c)
 {
-    sst_solve_layout_fini(&c->layout);
+    solve_layout_fini(&c->layout);
     free(c->m);
     *c = (struct solve_covariance){ 0 };
 }
 
-double sst_solve_unit_sigma(const struct solve_adjusted *done)
+double solve_unit_sigma(const struct solve_adjusted *done)
 {
     return sqrt(done->cost / fmax(done->measurements - done->states, 1));
 }
@@ -267,7 +267,7 @@ static bool cell_inside(const struct solve_problem *p, const double xy[2], doubl
 
 static bool direction(const double *lens, double x, double y, double q[3])
 {
-    const struct sst_calib_camera cam = sst_solve_camera_of(lens);
+    const struct sst_calib_camera cam = solve_camera_of(lens);
 
     q[2] = 1;
     return sst_camera_undistort(&cam, x, y, &q[0], &q[1]);
@@ -306,7 +306,7 @@ static bool shared_turn(const struct solve_problem *p, const double *lens, doubl
         cell_pixel(p, cell / SST_UNCERTAINTY_COLS, cell % SST_UNCERTAINTY_COLS, xy);
         if (!cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
             continue;
-        sst_solve_see(lens, p->lens, q, seen, jq, jl);
+        solve_see(lens, p->lens, q, seen, jq, jl);
         by_turn(jq, q, jw);
         for (int k = 0; k < 2; k++) {
             for (int i = 0; i < 3; i++) {
@@ -317,20 +317,20 @@ static bool shared_turn(const struct solve_problem *p, const double *lens, doubl
             }
         }
     }
-    if (!sst_solve_cholesky(a, 3))
+    if (!solve_cholesky(a, 3))
         return false;
     for (int l = 0; l < 4 + p->lens; l++) {
         double x[3] = { g[0][l], g[1][l], g[2][l] };
 
-        sst_solve_cholesky_solve(a, 3, x);
+        solve_cholesky_solve(a, 3, x);
         for (int i = 0; i < 3; i++)
             turn[i][l] = x[i];
     }
     return true;
 }
 
-void sst_solve_lens_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double share,
-                        float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
+void solve_lens_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double share,
+                    float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
 {
     const double *lens = p->camera[view].lens;
     const int first = c->layout.lens[view], n = first >= 0 ? 4 + p->lens : 0;
@@ -348,7 +348,7 @@ void sst_solve_lens_map(const struct solve_problem *p, const struct solve_covari
             cell_pixel(p, row, col, xy);
             if (!fine || !cell_inside(p, xy, share) || !direction(lens, xy[0], xy[1], q))
                 continue;
-            sst_solve_see(lens, p->lens, q, seen, jq, jl);
+            solve_see(lens, p->lens, q, seen, jq, jl);
             by_turn(jq, q, jw);
             for (int k = 0; k < 2; k++) {
                 for (int l = 0; l < n; l++)
@@ -373,14 +373,14 @@ static bool carry(const struct solve_problem *p, int view, double depth_mm, cons
 
     if (!direction(lens0, xy[0], xy[1], ab))
         return false;
-    sst_solve_see(lens0, p->lens, ab, seen, jq0, jl0);
+    solve_see(lens0, p->lens, ab, seen, jq0, jl0);
     det = jq0[0][0] * jq0[1][1] - jq0[0][1] * jq0[1][0];
     for (int i = 0; i < 3; i++)
         X[i] = z * ab[i];
-    sst_solve_apply3(pose->rotation, X, turned);
+    solve_apply3(pose->rotation, X, turned);
     for (int i = 0; i < 3; i++)
         q[i] = turned[i] + move * pose->shift[i];
-    sst_solve_see(lens, p->lens, q, seen, jq, jl);
+    solve_see(lens, p->lens, q, seen, jq, jl);
     if (!(q[2] > 0) || seen[0] < -0.5 || seen[1] < -0.5 || seen[0] > p->width - 0.5 || seen[1] > p->height - 0.5 ||
         !(fabs(det) > 0))
         return false;
@@ -406,8 +406,8 @@ static bool carry(const struct solve_problem *p, int view, double depth_mm, cons
     return true;
 }
 
-void sst_solve_carry_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
-                         float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
+void solve_carry_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
+                     float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
 {
     const int n = 4 + p->lens, from[3] = { c->layout.lens[p->reference], c->layout.lens[view], c->layout.pose[view] };
     int state[2 * SOLVE_LENS_MAX + 6], at[2 * SOLVE_LENS_MAX + 6], count = 0;
@@ -439,7 +439,7 @@ void sst_solve_carry_map(const struct solve_problem *p, const struct solve_covar
     }
 }
 
-double sst_solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
+double solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS])
 {
     double sum = 0;
     int n = 0;

@@ -4,14 +4,12 @@
  * derivative, 1e-4 px for h = 32 and the lenses of ordinary cameras. No bound is taken on trust: the build compares
  * each cell with the chain where cubics err most (its middle and the middles of two edges), halves the cells until the
  * worst is below TOLERANCE_PX, and leaves cells that never are to the chain itself, pixel by pixel. */
-#include "pipeline/lightfield/rectify/map.h"
+#include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "pipeline/lightfield/rectify/light_map.h"
 
 #define FIRST_SHIFT  5
 #define LAST_SHIFT   2
@@ -26,22 +24,23 @@ enum cell {
     CELL_NONE = 2,   /* nothing is seen in it */
 };
 
-static void chain_init(struct sst_chain *chain, const struct sst_rectified *to, const struct sst_calib *calib, int view)
+static void chain_init(struct rectify_chain *chain, const struct sst_rectified *to, const struct sst_calib *calib,
+                       int view)
 {
     const struct sst_calib_camera *cam = &calib->camera[view];
 
-    *chain = (struct sst_chain){ .cam = *cam,
-                                 .focal_px = to->focal_px * to->view[view].scale,
-                                 .cx = to->cx,
-                                 .cy = to->cy,
-                                 .raw_width = calib->width,
-                                 .raw_height = calib->height };
+    *chain = (struct rectify_chain){ .cam = *cam,
+                                     .focal_px = to->focal_px * to->view[view].scale,
+                                     .cx = to->cx,
+                                     .cy = to->cy,
+                                     .raw_width = calib->width,
+                                     .raw_height = calib->height };
     sst_rotation_between(cam->rotation, to->rotation, chain->turn);
 }
 
 /* Where rectified (x, y) is in the raw picture or beyond its borders; false: behind the camera, or the lens folds over
  * before it. Beyond its fold a lens sees again what it saw before: only what undistorting leads back to is seen. */
-static bool chain_place(const struct sst_chain *chain, double x, double y, double *raw_x, double *raw_y)
+static bool chain_place(const struct rectify_chain *chain, double x, double y, double *raw_x, double *raw_y)
 {
     const double *m = chain->turn;
     const double a = (x - chain->cx) / chain->focal_px, b = (y - chain->cy) / chain->focal_px;
@@ -59,7 +58,7 @@ static bool chain_place(const struct sst_chain *chain, double x, double y, doubl
     return true;
 }
 
-static bool in_picture(const struct sst_chain *chain, double u, double v, double margin)
+static bool in_picture(const struct rectify_chain *chain, double u, double v, double margin)
 {
     return u >= -margin && v >= -margin && u <= chain->raw_width - 1 + margin && v <= chain->raw_height - 1 + margin;
 }
@@ -67,7 +66,7 @@ static bool in_picture(const struct sst_chain *chain, double u, double v, double
 bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x, double y,
                        double *raw_x, double *raw_y)
 {
-    struct sst_chain chain;
+    struct rectify_chain chain;
     double u, v;
 
     if (view < 0 || view >= to->rows * to->cols || !to->view[view].known)
@@ -219,7 +218,7 @@ int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectif
     while ((err = make_cells(map)) == -ERANGE)
         map->shift--;
     if (!err)
-        err = sst_light_map_create(&map->light, to, calib, view);
+        err = light_map_create(&map->light, to, calib, view);
     if (err)
         sst_rectify_map_destroy(map);
     else
@@ -231,7 +230,7 @@ void sst_rectify_map_destroy(struct sst_rectify_map *map)
 {
     if (!map)
         return;
-    sst_light_map_destroy(map->light);
+    light_map_destroy(map->light);
     free(map->node);
     free(map->cell);
     free(map);

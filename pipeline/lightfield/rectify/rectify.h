@@ -1,4 +1,5 @@
-/* pipeline/lightfield/rectify/rectify.h - views as if all cameras shared one rotation and one K: plan, maps, resampling. */
+/* pipeline/lightfield/rectify/rectify.h - views as if all cameras shared one rotation and one K: plan, maps,
+ * resampling. */
 #ifndef SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_H
 #define SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_H
 

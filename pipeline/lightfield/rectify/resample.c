@@ -8,8 +8,7 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/lightfield/rectify/light_map.h"
-#include "pipeline/lightfield/rectify/map.h"
+#include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #define BAND_ROWS 16
 #define MAX_TAPS  6
@@ -142,7 +141,8 @@ static int sampler_make(struct sst_sampler *s, const struct sst_rectify_map *map
     if ((size_t)filter >= ARRAY_LEN(filters))
         return -EINVAL;
     pthread_once(&once, set_all_weights);
-    *s = (struct sst_sampler){ .map = map, .packed = sst_mem_alloc_raw((size_t)map->chain.raw_height + border, stride) };
+    *s =
+        (struct sst_sampler){ .map = map, .packed = sst_mem_alloc_raw((size_t)map->chain.raw_height + border, stride) };
     if (!s->packed)
         return -ENOMEM;
     s->from = (struct sst_resample){ .pixel = s->packed + SST_RESAMPLE_BORDER * (stride + 4),
@@ -272,14 +272,14 @@ bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filt
 /* --- rows --------------------------------------------------------------------------------------------------------- */
 
 /* Samples to bytes: with the light corrected, or rounded. */
-static void finish_row(const struct sst_light_map *light, uint16_t *const sample[3], double x0, double y, int n,
+static void finish_row(const struct light_map *light, uint16_t *const sample[3], double x0, double y, int n,
                        uint8_t *const out[3])
 {
-    struct sst_light_factors factors = { 0 };
+    struct light_factors factors = { 0 };
     float scratch[2 * SST_SAMPLE_MAX];
 
     if (light)
-        sst_light_map_row(light, x0, y, n, scratch, &factors);
+        light_map_row(light, x0, y, n, scratch, &factors);
     for (int c = 0; c < 3; c++) {
         const struct sst_light l = { .value = sample[c],
                                      .falloff = factors.falloff,

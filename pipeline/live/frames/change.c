@@ -1,4 +1,4 @@
-#include "pipeline/live/frames/change.h"
+#include "pipeline/live/frames/frames_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -27,7 +27,7 @@ static const struct {
     { SST_WATCH_PEAK * LEVEL, 3 },
 };
 
-int sst_watch_init(struct sst_watch *w, int width, int height)
+int watch_init(struct sst_watch *w, int width, int height)
 {
     const int cols = (width + SST_LIVE_TILE - 1) / SST_LIVE_TILE, rows = (height + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
     const size_t tiles = (size_t)cols * (size_t)rows;
@@ -36,27 +36,27 @@ int sst_watch_init(struct sst_watch *w, int width, int height)
     w->gain_kept = sst_mem_alloc(tiles, sizeof(*w->gain_kept));
     w->unsettled = sst_mem_alloc(tiles, 1);
     w->scratch = sst_mem_alloc(tiles, SST_WATCH_STATS * sizeof(*w->scratch));
-    if (!w->gain_kept || !w->unsettled || !w->scratch || sst_cells_init(&w->now, width, height) ||
-        sst_cells_init(&w->before, width, height) || sst_cells_init(&w->kept, width, height)) {
-        sst_watch_fini(w);
+    if (!w->gain_kept || !w->unsettled || !w->scratch || cells_init(&w->now, width, height) ||
+        cells_init(&w->before, width, height) || cells_init(&w->kept, width, height)) {
+        watch_fini(w);
         return -ENOMEM;
     }
-    sst_watch_forget(w);
+    watch_forget(w);
     return 0;
 }
 
-void sst_watch_fini(struct sst_watch *w)
+void watch_fini(struct sst_watch *w)
 {
     sst_mem_free(w->gain_kept);
     sst_mem_free(w->unsettled);
     sst_mem_free(w->scratch);
-    sst_cells_fini(&w->now);
-    sst_cells_fini(&w->before);
-    sst_cells_fini(&w->kept);
+    cells_fini(&w->now);
+    cells_fini(&w->before);
+    cells_fini(&w->kept);
     *w = (struct sst_watch){ 0 };
 }
 
-void sst_watch_forget(struct sst_watch *w)
+void watch_forget(struct sst_watch *w)
 {
     w->judged = 0;
     w->gain = 1;
@@ -73,7 +73,7 @@ struct span {
     int x0, y0, x1, y1;
 };
 
-static struct span cells_of(const struct sst_cells *c, int p, int col, int row)
+static struct span cells_of(const struct cells *c, int p, int col, int row)
 {
     const int sx = c->plane[p].step_x, sy = c->plane[p].step_y;
 
@@ -88,7 +88,7 @@ static int count_of(struct span s)
 }
 
 /* Sum of a tile's cells above zero light or colour. */
-static int sum_of(const struct sst_cells *c, int p, struct span s)
+static int sum_of(const struct cells *c, int p, struct span s)
 {
     int sum = 0;
 
@@ -121,7 +121,7 @@ static inline void compare_span(const int16_t *a, const int16_t *b, size_t strid
 }
 
 /* |mean e|, mean |e|, max |e| with e = a - gain b. */
-static void compare(const struct sst_cells *a, const struct sst_cells *b, int p, struct span s, double gain,
+static void compare(const struct cells *a, const struct cells *b, int p, struct span s, double gain,
                     float out[SST_WATCH_STATS])
 {
     const size_t stride = (size_t)a->plane[p].cols, at = (size_t)s.y0 * stride + (size_t)s.x0;
@@ -231,12 +231,12 @@ static void follow_noise(struct sst_watch *w, double gain_step)
 
 /* --- judging ----------------------------------------------------------------------------------------------------- */
 
-static struct sst_verdict all_changed(const struct sst_watch *w, uint8_t *changed, double light)
+static struct verdict all_changed(const struct sst_watch *w, uint8_t *changed, double light)
 {
     const int tiles = w->cols * w->rows;
 
     memset(changed, 1, (size_t)tiles);
-    return (struct sst_verdict){ .changed = tiles, .whole = true, .light = light };
+    return (struct verdict){ .changed = tiles, .whole = true, .light = light };
 }
 
 static bool tile_changed(const struct sst_watch *w, int t)
@@ -260,21 +260,21 @@ static bool tile_changed(const struct sst_watch *w, int t)
     return false;
 }
 
-struct sst_verdict sst_watch_judge(struct sst_watch *w, uint8_t *changed)
+struct verdict watch_judge(struct sst_watch *w, uint8_t *changed)
 {
-    struct sst_verdict v = { 0 };
+    struct verdict v = { 0 };
     const double gain_before = w->gain;
 
-    if (!sst_cells_alike(&w->now, &w->kept)) {
-        sst_watch_forget(w);
-        sst_cells_copy(&w->before, &w->now);
+    if (!cells_alike(&w->now, &w->kept)) {
+        watch_forget(w);
+        cells_copy(&w->before, &w->now);
         w->judged = 1;
         return all_changed(w, changed, 0);
     }
     v.light = follow_light(w);
     follow_noise(w, w->gain / gain_before);
     w->judged = 2;
-    sst_cells_copy(&w->before, &w->now);
+    cells_copy(&w->before, &w->now);
     if (v.light > SST_WATCH_LIGHT)
         return all_changed(w, changed, v.light);
     for (int t = 0; t < w->cols * w->rows; t++) {
@@ -301,7 +301,7 @@ static void take_tile(struct sst_watch *w, int t)
     w->gain_kept[t] = w->gain;
 }
 
-void sst_watch_take(struct sst_watch *w, const uint8_t *changed)
+void watch_take(struct sst_watch *w, const uint8_t *changed)
 {
     const int tiles = w->cols * w->rows;
 
@@ -312,7 +312,7 @@ void sst_watch_take(struct sst_watch *w, const uint8_t *changed)
         }
         return;
     }
-    sst_cells_copy(&w->kept, &w->now);
+    cells_copy(&w->kept, &w->now);
     w->gain = 1;
     for (int t = 0; t < tiles; t++) {
         w->gain_kept[t] = 1;

@@ -1,4 +1,4 @@
-#include "pipeline/live/frames/decoder.h"
+#include "pipeline/live/frames/frames_internal.h"
 
 #include <errno.h>
 #include <setjmp.h>
@@ -18,7 +18,7 @@
 /* Decoding less of a row saves little, and the margin is for the neighbours that colour is interpolated from. */
 #define CROP_MARGIN 32
 
-struct sst_decoder {
+struct decoder {
     /* fixed after create */
     uint32_t fourcc;
     int width, height;
@@ -37,29 +37,29 @@ struct sst_decoder {
 
 /* --- small pictures ---------------------------------------------------------------------------------------------- */
 
-int sst_cells_init(struct sst_cells *c, int width, int height)
+int cells_init(struct cells *c, int width, int height)
 {
     const size_t n = (size_t)((width + CELL - 1) / CELL) * (size_t)((height + CELL - 1) / CELL);
 
-    *c = (struct sst_cells){ 0 };
+    *c = (struct cells){ 0 };
     for (int p = 0; p < 3; p++) {
         c->plane[p].mean = sst_mem_alloc(n, sizeof(int16_t));
         if (!c->plane[p].mean) {
-            sst_cells_fini(c);
+            cells_fini(c);
             return -ENOMEM;
         }
     }
     return 0;
 }
 
-void sst_cells_fini(struct sst_cells *c)
+void cells_fini(struct cells *c)
 {
     for (int p = 0; p < 3; p++)
         sst_mem_free(c->plane[p].mean);
-    *c = (struct sst_cells){ 0 };
+    *c = (struct cells){ 0 };
 }
 
-bool sst_cells_alike(const struct sst_cells *a, const struct sst_cells *b)
+bool cells_alike(const struct cells *a, const struct cells *b)
 {
     if (a->planes != b->planes)
         return false;
@@ -72,7 +72,7 @@ bool sst_cells_alike(const struct sst_cells *a, const struct sst_cells *b)
     return true;
 }
 
-void sst_cells_copy(struct sst_cells *to, const struct sst_cells *from)
+void cells_copy(struct cells *to, const struct cells *from)
 {
     to->planes = from->planes;
     for (int p = 0; p < from->planes; p++) {
@@ -84,7 +84,7 @@ void sst_cells_copy(struct sst_cells *to, const struct sst_cells *from)
     }
 }
 
-static void set_plane(struct sst_cells *c, int p, int cols, int rows, int step_x, int step_y, int zero)
+static void set_plane(struct cells *c, int p, int cols, int rows, int step_x, int step_y, int zero)
 {
     c->plane[p].cols = cols;
     c->plane[p].rows = rows;
@@ -102,7 +102,7 @@ struct samples {
 };
 
 /* Means of the samples in each cell; columns is the count of them in a row of the frame. */
-static void mean_plane(struct sst_cells *c, int p, const struct sst_raw *raw, const struct samples *s, int columns,
+static void mean_plane(struct cells *c, int p, const struct sst_raw *raw, const struct samples *s, int columns,
                        int per_cell)
 {
     const int rows = c->plane[p].rows, cols = c->plane[p].cols;
@@ -124,7 +124,7 @@ static void mean_plane(struct sst_cells *c, int p, const struct sst_raw *raw, co
     }
 }
 
-static void raw_cells(struct sst_cells *c, const struct sst_raw *raw)
+static void raw_cells(struct cells *c, const struct sst_raw *raw)
 {
     const int cols = (raw->width + CELL - 1) / CELL, rows = (raw->height + CELL - 1) / CELL;
     int red_x = 0, red_y = 0;
@@ -148,12 +148,12 @@ static void raw_cells(struct sst_cells *c, const struct sst_raw *raw)
     }
 }
 
-static size_t row_bytes(const struct sst_decoder *d)
+static size_t row_bytes(const struct decoder *d)
 {
     return (size_t)d->width * (d->fourcc == V4L2_PIX_FMT_YUYV || d->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1);
 }
 
-static int raw_of(struct sst_decoder *d, const struct sst_decoder_frame *frame, struct sst_raw *raw)
+static int raw_of(struct decoder *d, const struct decoder_frame *frame, struct sst_raw *raw)
 {
     const size_t row = row_bytes(d), stride = frame->stride ? frame->stride : row;
 
@@ -165,7 +165,7 @@ static int raw_of(struct sst_decoder *d, const struct sst_decoder_frame *frame, 
     return -EBADMSG;
 }
 
-static int decode_raw(struct sst_decoder *d, const struct sst_decoder_frame *frame, int x0, int y0, int x1, int y1)
+static int decode_raw(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1)
 {
     struct sst_raw raw;
     int err = raw_of(d, frame, &raw);
@@ -190,7 +190,7 @@ static int decode_raw(struct sst_decoder *d, const struct sst_decoder_frame *fra
 
 static void on_error(j_common_ptr c)
 {
-    struct sst_decoder *d = c->client_data;
+    struct decoder *d = c->client_data;
 
     c->err->format_message(c, d->fault);
     longjmp(d->escape, 1);
@@ -200,7 +200,7 @@ static void on_error(j_common_ptr c)
  */
 static void on_message(j_common_ptr c, int level)
 {
-    struct sst_decoder *d = c->client_data;
+    struct decoder *d = c->client_data;
 
     if (level >= 0 || c->err->msg_code == JWRN_EXTRANEOUS_DATA || d->refused)
         return;
@@ -209,7 +209,7 @@ static void on_message(j_common_ptr c, int level)
 }
 
 /* @return 0, -EBADMSG; may escape */
-static int read_header(struct sst_decoder *d, const struct sst_decoder_frame *frame)
+static int read_header(struct decoder *d, const struct decoder_frame *frame)
 {
     d->refused = false;
     jpeg_mem_src(&d->jpeg, frame->data, frame->bytes);
@@ -228,7 +228,7 @@ static int read_header(struct sst_decoder *d, const struct sst_decoder_frame *fr
     return 0;
 }
 
-static void jpeg_planes(struct sst_cells *c, const struct jpeg_decompress_struct *jpeg)
+static void jpeg_planes(struct cells *c, const struct jpeg_decompress_struct *jpeg)
 {
     const int n = jpeg->num_components;
 
@@ -243,7 +243,7 @@ static void jpeg_planes(struct sst_cells *c, const struct jpeg_decompress_struct
     }
 }
 
-static int look_jpeg(struct sst_decoder *d, const struct sst_decoder_frame *frame, struct sst_cells *cells)
+static int look_jpeg(struct decoder *d, const struct decoder_frame *frame, struct cells *cells)
 {
     int err;
 
@@ -265,7 +265,7 @@ static int look_jpeg(struct sst_decoder *d, const struct sst_decoder_frame *fram
 }
 
 /* May escape. */
-static void decode_rows(struct sst_decoder *d, int x0, int y0, int x1, int y1)
+static void decode_rows(struct decoder *d, int x0, int y0, int x1, int y1)
 {
     struct jpeg_decompress_struct *jpeg = &d->jpeg;
     JDIMENSION left = (JDIMENSION)sst_max_int(x0 - CROP_MARGIN, 0);
@@ -287,7 +287,7 @@ static void decode_rows(struct sst_decoder *d, int x0, int y0, int x1, int y1)
     }
 }
 
-static int decode_jpeg(struct sst_decoder *d, const struct sst_decoder_frame *frame, int x0, int y0, int x1, int y1)
+static int decode_jpeg(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1)
 {
     int err;
 
@@ -304,7 +304,7 @@ static int decode_jpeg(struct sst_decoder *d, const struct sst_decoder_frame *fr
     return err;
 }
 
-static int open_jpeg(struct sst_decoder *d)
+static int open_jpeg(struct decoder *d)
 {
     d->jpeg.err = jpeg_std_error(&d->errors);
     d->errors.error_exit = on_error;
@@ -318,7 +318,7 @@ static int open_jpeg(struct sst_decoder *d)
 
 /* --- both -------------------------------------------------------------------------------------------------------- */
 
-bool sst_decoder_is_jpeg(uint32_t fourcc)
+bool decoder_is_jpeg(uint32_t fourcc)
 {
     return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
 }
@@ -331,10 +331,10 @@ static bool is_raw(uint32_t fourcc, int width)
            (fourcc == V4L2_PIX_FMT_YUYV && width % 2 == 0) || sst_raw_red(fourcc, &x, &y);
 }
 
-int sst_decoder_create(struct sst_decoder **out, uint32_t fourcc, int width, int height)
+int decoder_create(struct decoder **out, uint32_t fourcc, int width, int height)
 {
-    const bool jpeg = sst_decoder_is_jpeg(fourcc);
-    struct sst_decoder *d;
+    const bool jpeg = decoder_is_jpeg(fourcc);
+    struct decoder *d;
     int err = 0;
 
     if (width < 1 || height < 1 || width > SST_IMAGE_MAX_SIDE || height > SST_IMAGE_MAX_SIDE ||
@@ -353,13 +353,13 @@ int sst_decoder_create(struct sst_decoder **out, uint32_t fourcc, int width, int
     else
         err = jpeg ? open_jpeg(d) : sst_image_init(&d->image, width, height);
     if (err)
-        sst_decoder_destroy(d);
+        decoder_destroy(d);
     else
         *out = d;
     return err;
 }
 
-void sst_decoder_destroy(struct sst_decoder *d)
+void decoder_destroy(struct decoder *d)
 {
     if (!d)
         return;
@@ -371,12 +371,12 @@ void sst_decoder_destroy(struct sst_decoder *d)
     free(d);
 }
 
-int sst_decoder_look(struct sst_decoder *d, const struct sst_decoder_frame *frame, struct sst_cells *cells)
+int decoder_look(struct decoder *d, const struct decoder_frame *frame, struct cells *cells)
 {
     struct sst_raw raw;
     int err;
 
-    if (sst_decoder_is_jpeg(d->fourcc))
+    if (decoder_is_jpeg(d->fourcc))
         return look_jpeg(d, frame, cells);
     err = raw_of(d, frame, &raw);
     if (!err)
@@ -384,11 +384,11 @@ int sst_decoder_look(struct sst_decoder *d, const struct sst_decoder_frame *fram
     return err;
 }
 
-int sst_decoder_decode(struct sst_decoder *d, const struct sst_decoder_frame *frame, int x0, int y0, int x1, int y1,
-                       const uint8_t **pixels, size_t *stride)
+int decoder_decode(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1,
+                   const uint8_t **pixels, size_t *stride)
 {
     const int err =
-        sst_decoder_is_jpeg(d->fourcc) ? decode_jpeg(d, frame, x0, y0, x1, y1) : decode_raw(d, frame, x0, y0, x1, y1);
+        decoder_is_jpeg(d->fourcc) ? decode_jpeg(d, frame, x0, y0, x1, y1) : decode_raw(d, frame, x0, y0, x1, y1);
 
     if (err)
         return err;
@@ -397,7 +397,7 @@ int sst_decoder_decode(struct sst_decoder *d, const struct sst_decoder_frame *fr
     return 0;
 }
 
-const char *sst_decoder_fault(const struct sst_decoder *d)
+const char *decoder_fault(const struct decoder *d)
 {
     return d->fault;
 }

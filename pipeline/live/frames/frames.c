@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/live/frames/frames_parts.h"
+#include "pipeline/live/frames/frames_internal.h"
 
 #define ABSENT_NS 2000000000
 
@@ -113,7 +113,7 @@ static int open_view(void *arg, int index, int worker SST_UNUSED)
         return 0;
     err = sst_image_init(&view->image, f->lf->width, f->lf->height);
     if (!err)
-        err = sst_watch_init(&v->watch, f->cfg->width, f->cfg->height);
+        err = watch_init(&v->watch, f->cfg->width, f->cfg->height);
     if (!err && f->cfg->calibration)
         err = open_map(f, v, view);
     v->dirty = sst_mem_alloc((size_t)f->raw_cols, (size_t)f->raw_rows);
@@ -127,7 +127,7 @@ static int open_all(struct sst_live_frames *f)
     int err;
 
     f->view = calloc((size_t)f->views, sizeof(*f->view));
-    f->decoder = calloc((size_t)f->threads, sizeof(struct sst_decoder *));
+    f->decoder = calloc((size_t)f->threads, sizeof(struct decoder *));
     if (!f->view || !f->decoder)
         return -ENOMEM;
     for (int k = 0; k < f->views; k++) {
@@ -136,7 +136,7 @@ static int open_all(struct sst_live_frames *f)
     }
     choose_keys(f);
     for (int i = 0; i < f->threads; i++) {
-        err = sst_decoder_create(&f->decoder[i], cfg->fourcc, cfg->width, cfg->height);
+        err = decoder_create(&f->decoder[i], cfg->fourcc, cfg->width, cfg->height);
         if (err == -EINVAL)
             sst_log_error("the live picture cannot be made from frames of format %.4s with %dx%d pixels; choose MJPG, "
                           "YUYV, GREY, Y16 or an 8-bit Bayer format",
@@ -167,7 +167,7 @@ int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_con
     f->cols = tiles_across(lf->width);
     f->rows = tiles_across(lf->height);
     /* Frames of ordinary quality fit; larger ones are read again even where nothing changed. */
-    f->last_room = sst_decoder_is_jpeg(cfg->fourcc) ? (size_t)cfg->width * (size_t)cfg->height / 2 : 0;
+    f->last_room = decoder_is_jpeg(cfg->fourcc) ? (size_t)cfg->width * (size_t)cfg->height / 2 : 0;
     f->all = true;
     f->sample = SST_LIVE_SAMPLE_SETS;
     err = open_all(f);
@@ -188,7 +188,7 @@ void sst_live_frames_close(struct sst_live_frames *f)
     for (int k = 0; f->view && k < f->views; k++) {
         struct live_view *v = &f->view[k];
 
-        sst_watch_fini(&v->watch);
+        watch_fini(&v->watch);
         sst_sampler_destroy(v->sampler);
         sst_rectify_map_destroy(v->map);
         free(v->from);
@@ -200,7 +200,7 @@ void sst_live_frames_close(struct sst_live_frames *f)
         }
     }
     for (int i = 0; f->decoder && i < f->threads; i++)
-        sst_decoder_destroy(f->decoder[i]);
+        decoder_destroy(f->decoder[i]);
     free(f->decoder);
     free(f->view);
     free(f);
@@ -220,7 +220,7 @@ static void begin_set(struct sst_live_frames *f, const struct sst_live_input *in
     for (int k = 0; k < f->views; k++) {
         struct live_view *v = &f->view[k];
 
-        v->verdict = (struct sst_verdict){ 0 };
+        v->verdict = (struct verdict){ 0 };
         v->looked = v->refused = v->decoded = false;
         if (v->dirty)
             memset(v->dirty, 0, (size_t)raw_tiles(f));
@@ -262,7 +262,7 @@ static void follow_presence(struct sst_live_frames *f, int k)
     if (!view->present && v->made) {
         /* What it shows when it comes back is new to everybody. */
         v->made = false;
-        sst_watch_forget(&v->watch);
+        watch_forget(&v->watch);
         memset(f->changes->map[k], 1, (size_t)f->cols * (size_t)f->rows);
     }
 }
@@ -295,14 +295,14 @@ static int run(struct sst_live_frames *f, struct sst_live_report *report)
 {
     const int64_t start = sst_clock_now_ns();
     int64_t found, decoded;
-    int err = sst_live_frames_look(f);
+    int err = live_frames_look(f);
 
     found = sst_clock_now_ns();
     if (!err)
-        err = sst_live_frames_decode(f);
+        err = live_frames_decode(f);
     decoded = sst_clock_now_ns();
     if (!err)
-        err = sst_live_frames_rectify(f);
+        err = live_frames_rectify(f);
     report->stage_ns[SST_LIVE_CHANGE] = found - start;
     report->stage_ns[SST_LIVE_DECODE] = decoded - found;
     report->stage_ns[SST_LIVE_RECTIFY] = sst_clock_now_ns() - decoded;
@@ -322,7 +322,7 @@ int sst_live_frames_update(struct sst_live_frames *f, const struct sst_live_inpu
         return err;
     if (f->cfg->skip_change && --f->sample <= 0) {
         f->sample = SST_LIVE_SAMPLE_SETS;
-        report->error_change = sst_live_frames_sample(f);
+        report->error_change = live_frames_sample(f);
     }
     end_set(f, report);
     return 0;

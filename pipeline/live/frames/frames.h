@@ -1,4 +1,5 @@
-/* pipeline/live/frames/frames.h - views kept up to date from camera frames: only what changed is decoded and rectified. */
+/* pipeline/live/frames/frames.h - views kept up to date from camera frames: only what changed is decoded and rectified.
+ */
 #ifndef SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 #define SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 

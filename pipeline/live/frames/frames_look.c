@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/thread.h"
-#include "pipeline/live/frames/frames_parts.h"
+#include "pipeline/live/frames/frames_internal.h"
 
 #define SKIP_SETS    4   /* any view is looked at at least once in so many sets */
 #define FEW_VIEWS    12  /* are all looked at */
@@ -17,12 +17,12 @@ static void set_all_dirty(const struct sst_live_frames *f, struct live_view *v)
     v->verdict.whole = true;
 }
 
-void sst_live_frames_refuse(struct live_view *v, const struct sst_decoder *d)
+void live_frames_refuse(struct live_view *v, const struct decoder *d)
 {
     v->refused = true;
     v->last_bytes = 0;
-    v->verdict = (struct sst_verdict){ 0 };
-    snprintf(v->fault, sizeof(v->fault), "%.190s", sst_decoder_fault(d));
+    v->verdict = (struct verdict){ 0 };
+    snprintf(v->fault, sizeof(v->fault), "%.190s", decoder_fault(d));
 }
 
 static int look(void *arg, int index, int worker)
@@ -30,7 +30,7 @@ static int look(void *arg, int index, int worker)
     struct sst_live_frames *f = arg;
     const int k = f->list[index];
     struct live_view *v = &f->view[k];
-    const struct sst_decoder_frame frame = frame_of(f, k);
+    const struct decoder_frame frame = frame_of(f, k);
     int err;
 
     if (atomic_load(&f->cancelled))
@@ -39,15 +39,15 @@ static int look(void *arg, int index, int worker)
     if (v->made && !f->all && v->last_bytes && frame.bytes == v->last_bytes &&
         !memcmp(frame.data, v->last, frame.bytes))
         return 0;
-    err = sst_decoder_look(f->decoder[worker], &frame, &v->watch.now);
+    err = decoder_look(f->decoder[worker], &frame, &v->watch.now);
     if (err == -EBADMSG) {
-        sst_live_frames_refuse(v, f->decoder[worker]);
+        live_frames_refuse(v, f->decoder[worker]);
         return 0;
     }
     if (err && err != -ENOTSUP)
         return err;
     if (!err)
-        v->verdict = sst_watch_judge(&v->watch, v->dirty);
+        v->verdict = watch_judge(&v->watch, v->dirty);
     else
         v->watch.now.planes = 0;
     if (err || !v->made || f->all)
@@ -115,7 +115,7 @@ static bool is_whole(const struct sst_live_frames *f)
     return looked && ((over && 2 * lit > looked) || (double)changed > MOST_CHANGED * looked * raw_tiles(f));
 }
 
-int sst_live_frames_look(struct sst_live_frames *f)
+int live_frames_look(struct sst_live_frames *f)
 {
     int err;
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/thread.h"
-#include "pipeline/live/frames/frames_parts.h"
+#include "pipeline/live/frames/frames_internal.h"
 
 /* --- decoding ---------------------------------------------------------------------------------------------------- */
 
@@ -74,7 +74,7 @@ static int decode(void *arg, int index, int worker)
     struct sst_live_frames *f = arg;
     const int k = f->list[index];
     struct live_view *v = &f->view[k];
-    const struct sst_decoder_frame frame = frame_of(f, k);
+    const struct decoder_frame frame = frame_of(f, k);
     const uint8_t *pixels;
     size_t stride;
     int box[4], err;
@@ -82,16 +82,16 @@ static int decode(void *arg, int index, int worker)
     if (atomic_load(&f->cancelled))
         return -ECANCELED;
     bounds(f, v, box);
-    err = sst_decoder_decode(f->decoder[worker], &frame, box[0], box[1], box[2], box[3], &pixels, &stride);
+    err = decoder_decode(f->decoder[worker], &frame, box[0], box[1], box[2], box[3], &pixels, &stride);
     if (err == -EBADMSG) {
-        sst_live_frames_refuse(v, f->decoder[worker]);
+        live_frames_refuse(v, f->decoder[worker]);
         return 0;
     }
     if (err)
         return err;
     take_pixels(f, k, pixels, stride);
     if (f->cfg->skip_change)
-        sst_watch_take(&v->watch, v->dirty);
+        watch_take(&v->watch, v->dirty);
     v->decoded = v->made = true;
     return 0;
 }
@@ -107,7 +107,7 @@ static int dirty_views(struct sst_live_frames *f)
     return n;
 }
 
-int sst_live_frames_decode(struct sst_live_frames *f)
+int live_frames_decode(struct sst_live_frames *f)
 {
     return sst_parallel_for(dirty_views(f), f->threads, decode, f);
 }
@@ -176,7 +176,7 @@ static int decoded_views(struct sst_live_frames *f)
     return n;
 }
 
-int sst_live_frames_rectify(struct sst_live_frames *f)
+int live_frames_rectify(struct sst_live_frames *f)
 {
     return sst_parallel_for(decoded_views(f), f->threads, rectify, f);
 }
@@ -211,20 +211,20 @@ static double difference(const struct sst_live_frames *f, int k, const uint8_t *
 }
 
 /* Decode one of the views of which tiles were skipped, and compare. */
-double sst_live_frames_sample(struct sst_live_frames *f)
+double live_frames_sample(struct sst_live_frames *f)
 {
     const int first = (int)(f->in->set / SST_LIVE_SAMPLE_SETS % (uint64_t)f->views);
 
     for (int i = 0; i < f->views; i++) {
         const int k = (first + i) % f->views;
         const struct live_view *v = &f->view[k];
-        const struct sst_decoder_frame frame = frame_of(f, k);
+        const struct decoder_frame frame = frame_of(f, k);
         const uint8_t *pixels;
         size_t stride;
 
         if (!has_frame(f, k) || !v->made || v->refused || v->verdict.changed == raw_tiles(f))
             continue;
-        if (sst_decoder_decode(f->decoder[0], &frame, 0, 0, f->cfg->width, f->cfg->height, &pixels, &stride))
+        if (decoder_decode(f->decoder[0], &frame, 0, 0, f->cfg->width, f->cfg->height, &pixels, &stride))
             return NAN;
         return difference(f, k, pixels, stride);
     }

@@ -1,13 +1,14 @@
 /* What is under a point of a picture.
  *
  * The maps say which surfaces the rays of the pixel meet, and their weights which of these the picture shows. Where the
- * picture does not trust them and shows what the rays agree on (pipeline/method/render/verify.h), nor does this: the patch
- * around is swept (sweep.h) over all disparities that are not in front of the focus, which the picture suppresses. */
+ * picture does not trust them and shows what the rays agree on (pipeline/method/render/verify.h), nor does this: the
+ * patch around is swept (sweep.h) over all disparities that are not in front of the focus, which the picture
+ * suppresses. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "pipeline/live/live_parts.h"
-#include "pipeline/live/picture/sweep.h"
+#include "pipeline/live/picture/picture_internal.h"
 #include "pipeline/method/render/verify.h"
 
 #define PICK_PX      1.0    /* disparities within this are one surface */
@@ -121,14 +122,14 @@ static void meet(struct met *met, const struct sst_plan *plan, int x, int y)
 /* Does the sweep bear out what the maps say? If it agrees there nearly as well as at the best place behind; where that
  * is in front of the focus, this must itself be seen behind something, and make up most of the pixel: what is nearest
  * of all is what the picture sees through. */
-static bool borne_out(struct sst_sweep *s, const struct sst_live_pick *by_maps, double share, double limit_px,
-                      const struct sst_sweep_peak *peak)
+static bool borne_out(struct patch_sweep *s, const struct sst_live_pick *by_maps, double share, double limit_px,
+                      const struct sweep_peak *peak)
 {
     const double px = by_maps->disp_px;
 
     if (isnan(px) || (px > limit_px && !(share > MOST && by_maps->front_px > px + PICK_PX)))
         return false;
-    return isgreaterequal(sst_sweep_agree(s, px), AS_WELL * peak->agree);
+    return isgreaterequal(sweep_agree(s, px), AS_WELL * peak->agree);
 }
 
 static void pick_by_rays(struct sst_live_pick *pick, const struct sst_live *live, const struct sst_plan *plan,
@@ -136,18 +137,18 @@ static void pick_by_rays(struct sst_live_pick *pick, const struct sst_live *live
 {
     const double focus_px = plan->cfg.focus_px;
     const double limit_px = focus_px + fmax(FRONT_SIGMAS * plan->cfg.sigma_px, PICK_PX);
-    struct sst_sweep_peak peak;
-    struct sst_sweep sweep;
+    struct sweep_peak peak;
+    struct patch_sweep sweep;
     double min_px, max_px;
 
     if (!sst_renderer_disparities(live->renderer, &min_px, &max_px))
         return;
-    sst_sweep_init(&sweep, plan, live->renderer->rarity, x, y);
-    peak = sst_sweep_peak(&sweep, fmin(min_px, focus_px), limit_px, focus_px);
+    sweep_init(&sweep, plan, live->renderer->rarity, x, y);
+    peak = sweep_peak(&sweep, fmin(min_px, focus_px), limit_px, focus_px);
     if (isnan(peak.disp_px) || borne_out(&sweep, pick, share, limit_px, &peak))
         return;
     pick->disp_px = peak.disp_px;
-    pick->label = sst_sweep_label(&sweep, peak.disp_px, PICK_PX);
+    pick->label = sweep_label(&sweep, peak.disp_px, PICK_PX);
 }
 
 struct sst_live_pick sst_live_pick(const struct sst_live *live, const struct sst_plan *plan, int x, int y)

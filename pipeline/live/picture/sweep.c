@@ -1,4 +1,4 @@
-#include "pipeline/live/picture/sweep.h"
+#include "pipeline/live/picture/picture_internal.h"
 
 #include <math.h>
 #include <string.h>
@@ -12,7 +12,7 @@
 #define PARTS      256 /* of a pixel, that colours between pixels are mixed in */
 #define CANDIDATES 36  /* views, about, whose colours are voted for: of few views all */
 
-void sst_sweep_init(struct sst_sweep *s, const struct sst_plan *plan, const uint8_t *rarity, int x, int y)
+void sweep_init(struct patch_sweep *s, const struct sst_plan *plan, const uint8_t *rarity, int x, int y)
 {
     s->plan = plan;
     s->rarity = rarity;
@@ -29,7 +29,7 @@ struct corner {
     int x, y, fx, fy;
 };
 
-static struct corner corner_of(const struct sst_sweep *s, const struct sst_tap *t, double disp_px)
+static struct corner corner_of(const struct patch_sweep *s, const struct sst_tap *t, double disp_px)
 {
     const double x = s->x - (SST_SWEEP_SIDE - 1) * 0.5 * s->step - disp_px * (t->v->bx - s->plan->cfg.view_bx);
     const double y = s->y - (SST_SWEEP_SIDE - 1) * 0.5 * s->step - disp_px * (t->v->by - s->plan->cfg.view_by);
@@ -84,7 +84,7 @@ static int take_rays(uint8_t (*colour)[SST_SWEEP_PATCH], float *there, const str
  */
 
 /* near[] of one view of those voted for. */
-static void count_near(struct sst_sweep *s, int k)
+static void count_near(struct patch_sweep *s, int k)
 {
     const uint8_t *const colour[3] = { s->colour[k][0], s->colour[k][1], s->colour[k][2] };
     const uint8_t *const mode[3] = { s->mode[0], s->mode[1], s->mode[2] };
@@ -92,7 +92,7 @@ static void count_near(struct sst_sweep *s, int k)
     sst_kernels_get()->agree_near(s->near, colour, mode, s->vote[k], SST_SWEEP_PATCH);
 }
 
-double sst_sweep_agree(struct sst_sweep *s, double disp_px)
+double sweep_agree(struct patch_sweep *s, double disp_px)
 {
     const struct sst_kernels *kernels = sst_kernels_get();
     const struct sst_plan *p = s->plan;
@@ -147,7 +147,7 @@ static double top_of(const double *at)
     return isgreater(bend, 0) ? sst_clamp_double(0.5 * (at[1] - at[-1]) / bend, -0.5, 0.5) : 0;
 }
 
-struct sst_sweep_peak sst_sweep_peak(struct sst_sweep *s, double min_px, double max_px, double preferred_px)
+struct sweep_peak sweep_peak(struct patch_sweep *s, double min_px, double max_px, double preferred_px)
 {
     const double step = step_of(s->plan, max_px - min_px);
     const int last = isgreater(max_px, min_px) ? sst_min_int((int)ceil((max_px - min_px) / step), STEPS_MAX) : 0;
@@ -155,12 +155,12 @@ struct sst_sweep_peak sst_sweep_peak(struct sst_sweep *s, double min_px, double 
     int best = -1, chosen = 0, from = last, to = 0;
 
     for (int i = 0; i <= last; i++) {
-        agree[i] = sst_sweep_agree(s, fmin(min_px + i * step, max_px));
+        agree[i] = sweep_agree(s, fmin(min_px + i * step, max_px));
         if (!isnan(agree[i]) && (best < 0 || agree[i] > agree[best]))
             best = i;
     }
     if (best < 0)
-        return (struct sst_sweep_peak){ .disp_px = NAN };
+        return (struct sweep_peak){ .disp_px = NAN };
     for (int i = 0; i <= last; i++) {
         if (!isgreaterequal(agree[i], AS_WELL * agree[best]))
             continue;
@@ -175,14 +175,14 @@ struct sst_sweep_peak sst_sweep_peak(struct sst_sweep *s, double min_px, double 
         at_px = sst_clamp_double(preferred_px, min_px + (chosen - 0.5) * step, min_px + (chosen + 0.5) * step);
     else
         at_px = min_px + step * (best + (best > 0 && best < last ? top_of(agree + best) : 0));
-    return (struct sst_sweep_peak){ sst_clamp_double(at_px, min_px, fmax(min_px, max_px)), agree[best] };
+    return (struct sweep_peak){ sst_clamp_double(at_px, min_px, fmax(min_px, max_px)), agree[best] };
 }
 
 /* --- labels ---------------------------------------------------------------------------------------------------------
  */
 
 /* Add the votes of a view's rays that agree, by their labels. */
-static void count_labels(double weight[256], const struct sst_sweep *s, const struct sst_view *v, struct corner at,
+static void count_labels(double weight[256], const struct patch_sweep *s, const struct sst_view *v, struct corner at,
                          double disp_px, double reach_px)
 {
     const int x0 = at.x + (at.fx >= PARTS / 2), y0 = at.y + (at.fy >= PARTS / 2);
@@ -199,12 +199,12 @@ static void count_labels(double weight[256], const struct sst_sweep *s, const st
     }
 }
 
-static int label_of_patch(struct sst_sweep *s, double disp_px, double reach_px)
+static int label_of_patch(struct patch_sweep *s, double disp_px, double reach_px)
 {
     double weight[256] = { 0 };
     int best = 0;
 
-    if (isnan(sst_sweep_agree(s, disp_px)))
+    if (isnan(sweep_agree(s, disp_px)))
         return 0;
     for (int k = 0; k < s->plan->count; k++) {
         const struct sst_tap *t = &s->plan->tap[k];
@@ -221,7 +221,7 @@ static int label_of_patch(struct sst_sweep *s, double disp_px, double reach_px)
     return best;
 }
 
-int sst_sweep_label(struct sst_sweep *s, double disp_px, double reach_px)
+int sweep_label(struct patch_sweep *s, double disp_px, double reach_px)
 {
     int label = label_of_patch(s, disp_px, reach_px);
 

@@ -8,7 +8,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/refine.h"
 
 /* How long close waits. */
@@ -24,7 +24,7 @@ enum state {
     QUIT = 3,
 };
 
-struct sst_scene_background {
+struct scene_background {
     /* fixed after open */
     char *model; /* NULL: no labels */
     enum sst_precision precision;
@@ -49,7 +49,7 @@ struct sst_scene_background {
 /* --- its thread --------------------------------------------------------------------------------------------------- */
 
 /* The range of what is seen now, where that is wider than what is known. */
-static void widen_range(struct sst_scene_background *b)
+static void widen_range(struct scene_background *b)
 {
     struct sst_lightfield *lf = &b->copy;
     char text[SST_LOG_MAX], *before;
@@ -69,7 +69,7 @@ static void widen_range(struct sst_scene_background *b)
         lf->range_max_px = max_px;
 }
 
-static int label_views(struct sst_scene_background *b)
+static int label_views(struct scene_background *b)
 {
     int err = 0;
 
@@ -83,7 +83,7 @@ static int label_views(struct sst_scene_background *b)
         if (b->cancel)
             return -ECANCELED;
         sst_map_u8_fini(&v->label);
-        err = sst_scene_segment(b->segmenter, &v->image, &v->label);
+        err = scene_segment(b->segmenter, &v->image, &v->label);
         for (int y = 0; !err && v->valid.data && y < v->label.height; y++) {
             for (int x = 0; x < v->label.width; x++)
                 sst_map_u8_row(&v->label, y)[x] &= sst_map_u8_row(&v->valid, y)[x];
@@ -93,7 +93,7 @@ static int label_views(struct sst_scene_background *b)
 }
 
 /* What sst process --preset balanced does, with a coarser census between pixels. */
-static int work(struct sst_scene_background *b)
+static int work(struct scene_background *b)
 {
     struct sst_disparity_config match;
     struct sst_refine_config refine;
@@ -118,7 +118,7 @@ static int work(struct sst_scene_background *b)
     return err ? err : sst_refine_labels(&b->copy, &refine, NULL);
 }
 
-static void free_background(struct sst_scene_background *b)
+static void free_background(struct scene_background *b)
 {
     sst_segmenter_close(b->segmenter);
     sst_lightfield_fini(&b->copy);
@@ -130,7 +130,7 @@ static void free_background(struct sst_scene_background *b)
 
 static void *run(void *arg)
 {
-    struct sst_scene_background *b = arg;
+    struct scene_background *b = arg;
     const struct sched_param none = { 0 };
     bool abandoned;
 
@@ -165,10 +165,10 @@ static void *run(void *arg)
 
 /* --- the caller's ------------------------------------------------------------------------------------------------- */
 
-int sst_scene_background_open(struct sst_scene_background **out, const struct sst_live_config *cfg,
-                              const struct sst_lightfield *lf)
+int scene_background_open(struct scene_background **out, const struct sst_live_config *cfg,
+                          const struct sst_lightfield *lf)
 {
-    struct sst_scene_background *b = calloc(1, sizeof(*b));
+    struct scene_background *b = calloc(1, sizeof(*b));
 
     if (!b)
         return -ENOMEM;
@@ -187,7 +187,7 @@ int sst_scene_background_open(struct sst_scene_background **out, const struct ss
     return 0;
 }
 
-void sst_scene_background_cancel(struct sst_scene_background *b)
+void scene_background_cancel(struct scene_background *b)
 {
     const struct sched_param none = { 0 };
 
@@ -198,7 +198,7 @@ void sst_scene_background_cancel(struct sst_scene_background *b)
     (void)pthread_setschedparam(b->thread, SCHED_OTHER, &none);
 }
 
-void sst_scene_background_close(struct sst_scene_background *b)
+void scene_background_close(struct scene_background *b)
 {
     const int64_t until_ns = sst_clock_now_ns() + CLOSE_NS;
     pthread_t thread;
@@ -207,7 +207,7 @@ void sst_scene_background_close(struct sst_scene_background *b)
     if (!b)
         return;
     thread = b->thread;
-    sst_scene_background_cancel(b);
+    scene_background_cancel(b);
     pthread_mutex_lock(&b->lock);
     b->state = QUIT;
     pthread_cond_broadcast(&b->wake);
@@ -231,7 +231,7 @@ int sst_live_left_behind(void)
     return left_behind;
 }
 
-int sst_scene_background_start(struct sst_scene_background *b, double min_px, double max_px)
+int scene_background_start(struct scene_background *b, double min_px, double max_px)
 {
     struct sst_lightfield *lf = &b->copy;
     int err = 0;
@@ -257,17 +257,17 @@ int sst_scene_background_start(struct sst_scene_background *b, double min_px, do
     return 0;
 }
 
-bool sst_scene_background_idle(struct sst_scene_background *b)
+bool scene_background_idle(struct scene_background *b)
 {
     return b->state == IDLE;
 }
 
-bool sst_scene_background_done(struct sst_scene_background *b)
+bool scene_background_done(struct scene_background *b)
 {
     return b && b->done;
 }
 
-void sst_scene_background_release(struct sst_scene_background *b)
+void scene_background_release(struct scene_background *b)
 {
     for (int view = 0; view < b->copy.rows * b->copy.cols; view++) {
         struct sst_view *v = &b->copy.views[view];
@@ -283,12 +283,12 @@ void sst_scene_background_release(struct sst_scene_background *b)
     pthread_mutex_unlock(&b->lock);
 }
 
-const struct sst_lightfield *sst_scene_background_result(struct sst_scene_background *b)
+const struct sst_lightfield *scene_background_result(struct scene_background *b)
 {
     if (b->state != DONE)
         return NULL;
     if (!b->failed)
         return &b->copy;
-    sst_scene_background_release(b);
+    scene_background_release(b);
     return NULL;
 }

@@ -1,7 +1,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/parts.h"
 
 /* Disparities of one surface in two key views differ by no more: three quarters of a cell. */
@@ -13,17 +13,17 @@
 #define SIGMA_PX  0.5
 
 /* The cell of another view that shows the same surface point; -1: outside. */
-static int place_in(const struct sst_scene_way *way, const struct sst_map_u16 *there, int x, int y, uint16_t disp_q6,
+static int place_in(const struct scene_way *way, const struct sst_map_u16 *there, int x, int y, uint16_t disp_q6,
                     int *ty)
 {
     const int64_t d = way->zero_q6 + disp_q6;
-    const int tx = x - sst_scene_shift(d, way->bx_q16);
+    const int tx = x - scene_shift(d, way->bx_q16);
 
-    *ty = y - sst_scene_shift(d, way->by_q16);
+    *ty = y - scene_shift(d, way->by_q16);
     return tx >= 0 && tx < there->width && *ty >= 0 && *ty < there->height ? tx : -1;
 }
 
-static void check_against(struct sst_scene_key *key, const struct sst_scene_key *other, const struct sst_scene_way *way,
+static void check_against(struct scene_key *key, const struct scene_key *other, const struct scene_way *way,
                           const uint8_t *tiles, int y)
 {
     const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
@@ -47,10 +47,10 @@ static void check_against(struct sst_scene_key *key, const struct sst_scene_key 
     }
 }
 
-void sst_scene_check(struct sst_scene_key *keys, int count, int k, const struct sst_lightfield *lf,
-                     const uint8_t *dirty, int tile_cols)
+void scene_check(struct scene_key *keys, int count, int k, const struct sst_lightfield *lf, const uint8_t *dirty,
+                 int tile_cols)
 {
-    struct sst_scene_key *key = &keys[k];
+    struct scene_key *key = &keys[k];
 
     for (int y = 0; y < key->maps.sure.height; y++) {
         const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
@@ -60,17 +60,17 @@ void sst_scene_check(struct sst_scene_key *keys, int count, int k, const struct 
             sure[x] = (uint8_t)(tiles[x / SST_SCENE_CELLS] ? 0 : sure[x]);
     }
     for (int i = 0; i < count; i++) {
-        const struct sst_scene_way way = sst_scene_way(lf, key->view, keys[i].view);
+        const struct scene_way way = scene_way(lf, key->view, keys[i].view);
 
         for (int y = 0; i != k && y < key->maps.disp.height; y++)
             check_against(key, &keys[i], &way, dirty + y / SST_SCENE_CELLS * tile_cols, y);
     }
 }
 
-void sst_scene_take_labels(struct sst_scene_key *key, const struct sst_scene_key *ref, const struct sst_lightfield *lf,
-                           const uint8_t *dirty, int tile_cols)
+void scene_take_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
+                       const uint8_t *dirty, int tile_cols)
 {
-    const struct sst_scene_way way = sst_scene_way(lf, key->view, ref->view);
+    const struct scene_way way = scene_way(lf, key->view, ref->view);
 
     for (int y = 0; y < key->maps.disp.height; y++) {
         const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
@@ -91,7 +91,7 @@ void sst_scene_take_labels(struct sst_scene_key *key, const struct sst_scene_key
 }
 
 /* Count a label's disparities. @return cells */
-static int64_t count_label(int64_t *hist, const struct sst_scene_maps *maps, int label)
+static int64_t count_label(int64_t *hist, const struct scene_maps *maps, int label)
 {
     int64_t cells = 0;
 
@@ -110,8 +110,8 @@ static int64_t count_label(int64_t *hist, const struct sst_scene_maps *maps, int
     return cells;
 }
 
-void sst_scene_fit_labels(struct sst_scene_candidates *c, const struct sst_scene_maps *maps, int classes,
-                          double disp_min_px, int64_t *hist)
+void scene_fit_labels(struct scene_candidates *c, const struct scene_maps *maps, int classes, double disp_min_px,
+                      int64_t *hist)
 {
     float highest[SST_SCENE_COLUMNS] = { 0 };
     struct sst_refine_config cfg;
@@ -119,7 +119,7 @@ void sst_scene_fit_labels(struct sst_scene_candidates *c, const struct sst_scene
     sst_refine_config_defaults(&cfg);
     cfg.min_pixels = MIN_CELLS;
     cfg.matcher_sigma_px = SIGMA_PX;
-    *c = (struct sst_scene_candidates){ 0 };
+    *c = (struct scene_candidates){ 0 };
     for (int label = 1; label <= classes; label++) {
         struct sst_label_fit fit;
 
@@ -142,8 +142,8 @@ void sst_scene_fit_labels(struct sst_scene_candidates *c, const struct sst_scene
 }
 
 /* The label of a neighbouring cell, if it is of the same surface and a candidate; else 0. */
-static uint8_t from_neighbour(const struct sst_scene_maps *maps, const struct sst_scene_candidates *c, int disp_q6,
-                              int x, int y)
+static uint8_t from_neighbour(const struct scene_maps *maps, const struct scene_candidates *c, int disp_q6, int x,
+                              int y)
 {
     int label, d;
 
@@ -157,8 +157,8 @@ static uint8_t from_neighbour(const struct sst_scene_maps *maps, const struct ss
 }
 
 /* Labels spread to cells without one: rightwards and down (step 1), or leftwards and up (step -1). */
-static void spread(struct sst_scene_maps *maps, const struct sst_scene_candidates *c, const uint8_t *dirty,
-                   int tile_cols, int step)
+static void spread(struct scene_maps *maps, const struct scene_candidates *c, const uint8_t *dirty, int tile_cols,
+                   int step)
 {
     const int w = maps->label.width, h = maps->label.height;
 
@@ -177,8 +177,7 @@ static void spread(struct sst_scene_maps *maps, const struct sst_scene_candidate
     }
 }
 
-void sst_scene_fill_labels(struct sst_scene_maps *maps, const struct sst_scene_candidates *c, const uint8_t *dirty,
-                           int tile_cols)
+void scene_fill_labels(struct scene_maps *maps, const struct scene_candidates *c, const uint8_t *dirty, int tile_cols)
 {
     spread(maps, c, dirty, tile_cols, 1);
     spread(maps, c, dirty, tile_cols, -1);

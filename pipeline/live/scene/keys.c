@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/live/scene/scene_internal.h"
 
 /* One key for so many views along a row, and along a column. */
 #define KEY_SPACING 3
@@ -21,7 +21,7 @@ static bool present_at(const struct sst_lightfield *lf, int row, int col)
     return row >= 0 && col >= 0 && row < lf->rows && col < lf->cols && lf->views[row * lf->cols + col].present;
 }
 
-int sst_scene_neighbours(const struct sst_lightfield *lf, int view, int out[SST_SCENE_NEIGHBOURS])
+int scene_neighbours(const struct sst_lightfield *lf, int view, int out[SST_SCENE_NEIGHBOURS])
 {
     static const int sides[][2] = {
         { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 }, { -1, -1 }, { -1, 1 }, { 1, -1 }, { 1, 1 }
@@ -49,7 +49,7 @@ static int nearest_view(const struct sst_lightfield *lf, int row, int col, int r
 
             if (!present_at(lf, r, c) || (best >= 0 && distance >= least))
                 continue;
-            if (sst_scene_neighbours(lf, r * lf->cols + c, unused)) {
+            if (scene_neighbours(lf, r * lf->cols + c, unused)) {
                 best = r * lf->cols + c;
                 least = distance;
             }
@@ -70,7 +70,7 @@ static int add_key(int *views, int count, int view)
     return count + 1;
 }
 
-int sst_scene_choose_keys(const struct sst_lightfield *lf, int views[SST_SCENE_KEYS])
+int scene_choose_keys(const struct sst_lightfield *lf, int views[SST_SCENE_KEYS])
 {
     const int down = (lf->rows + KEY_SPACING - 1) / KEY_SPACING, across = (lf->cols + KEY_SPACING - 1) / KEY_SPACING;
     const int ref = lf->ref_view;
@@ -86,12 +86,12 @@ int sst_scene_choose_keys(const struct sst_lightfield *lf, int views[SST_SCENE_K
     return count;
 }
 
-static bool overlap(const struct sst_scene_rect *a, const struct sst_scene_rect *b)
+static bool overlap(const struct scene_rect *a, const struct scene_rect *b)
 {
     return a->x0 < b->x1 && b->x0 < a->x1 && a->y0 < b->y1 && b->y0 < a->y1;
 }
 
-static void join(struct sst_scene_rect *a, const struct sst_scene_rect *b)
+static void join(struct scene_rect *a, const struct scene_rect *b)
 {
     a->x0 = sst_min_int(a->x0, b->x0);
     a->y0 = sst_min_int(a->y0, b->y0);
@@ -100,7 +100,7 @@ static void join(struct sst_scene_rect *a, const struct sst_scene_rect *b)
 }
 
 /* Take a rectangle in: joined with those that it meets, and with the last one when there is no room. */
-static int take_in(struct sst_scene_rect *rects, int count, struct sst_scene_rect r)
+static int take_in(struct scene_rect *rects, int count, struct scene_rect r)
 {
     for (int i = 0; i < count;) {
         if (!overlap(&rects[i], &r) && count < SST_SCENE_RECTS) {
@@ -115,8 +115,8 @@ static int take_in(struct sst_scene_rect *rects, int count, struct sst_scene_rec
     return count + 1;
 }
 
-int sst_scene_gather(struct sst_scene_rect rects[SST_SCENE_RECTS], const uint8_t *dirty, int cols, int rows, int width,
-                     int height)
+int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], const uint8_t *dirty, int cols, int rows, int width,
+                 int height)
 {
     int count = 0;
 
@@ -125,7 +125,7 @@ int sst_scene_gather(struct sst_scene_rect rects[SST_SCENE_RECTS], const uint8_t
             for (end = x; end < cols && dirty[y * cols + end] == 1; end++)
                 ;
             if (end > x)
-                count = take_in(rects, count, (struct sst_scene_rect){ x - 1, y - 1, end + 1, y + 2 });
+                count = take_in(rects, count, (struct scene_rect){ x - 1, y - 1, end + 1, y + 2 });
         }
     }
     for (int i = 0; i < count; i++) {
@@ -137,14 +137,14 @@ int sst_scene_gather(struct sst_scene_rect rects[SST_SCENE_RECTS], const uint8_t
     return count;
 }
 
-double sst_scene_disp_min(double min_px)
+double scene_disp_min(double min_px)
 {
     return 2 * floor(min_px / 2);
 }
 
-int sst_scene_matcher_init(struct sst_scene_matcher *m, double min_px, double max_px, int width, int height)
+int scene_matcher_init(struct scene_matcher *m, double min_px, double max_px, int width, int height)
 {
-    struct sst_scene_matcher made = { 0 };
+    struct scene_matcher made = { 0 };
     const int first = (int)floor(min_px / 2), last = (int)ceil(max_px / 2);
     int err = sst_volume_init(&made.volume, width, height, first, (last - first) * DIVISOR + 1);
 
@@ -153,13 +153,13 @@ int sst_scene_matcher_init(struct sst_scene_matcher *m, double min_px, double ma
     err = err ? err : sst_map_u16_init(&made.disp, width, height);
     err = err ? err : sst_map_u8_init(&made.confidence, width, height);
     if (err)
-        sst_scene_matcher_fini(&made);
+        scene_matcher_fini(&made);
     else
         *m = made;
     return err;
 }
 
-void sst_scene_matcher_fini(struct sst_scene_matcher *m)
+void scene_matcher_fini(struct scene_matcher *m)
 {
     sst_volume_fini(&m->volume);
     sst_map_u16_fini(&m->disp);
@@ -167,7 +167,7 @@ void sst_scene_matcher_fini(struct sst_scene_matcher *m)
 }
 
 /* The part of a picture that a rectangle holds; borrowed. */
-static struct sst_image part_of(const struct sst_image *img, const struct sst_scene_rect *r)
+static struct sst_image part_of(const struct sst_image *img, const struct scene_rect *r)
 {
     struct sst_image part = { .width = r->x1 - r->x0, .height = r->y1 - r->y0, .stride = img->stride };
 
@@ -177,8 +177,8 @@ static struct sst_image part_of(const struct sst_image *img, const struct sst_sc
 }
 
 /* Into the key's map, changed tiles only; half-size disparities become full-size ones. */
-static void keep(struct sst_scene_key *key, const struct sst_map_u16 *disp, const struct sst_descriptor *desc,
-                 const struct sst_scene_rect *r, const uint8_t *dirty, int tile_cols)
+static void keep(struct scene_key *key, const struct sst_map_u16 *disp, const struct sst_descriptor *desc,
+                 const struct scene_rect *r, const uint8_t *dirty, int tile_cols)
 {
     for (int y = r->y0; y < r->y1; y++) {
         const uint16_t *from = sst_map_u16_row(disp, y - r->y0);
@@ -193,8 +193,8 @@ static void keep(struct sst_scene_key *key, const struct sst_map_u16 *disp, cons
     }
 }
 
-int sst_scene_match(struct sst_scene_matcher *m, const struct sst_lightfield *lf, const struct sst_descriptor *desc,
-                    struct sst_scene_key *key, const struct sst_scene_rect *rect, const uint8_t *dirty, int tile_cols)
+int scene_match(struct scene_matcher *m, const struct sst_lightfield *lf, const struct sst_descriptor *desc,
+                struct scene_key *key, const struct scene_rect *rect, const uint8_t *dirty, int tile_cols)
 {
     static const struct sst_disparity_config cfg = {
         .paths = PATHS, .p1 = PENALTY_1, .p2 = PENALTY_2, .edge_step = EDGE_STEP

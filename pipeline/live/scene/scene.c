@@ -8,7 +8,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/live/scene/scene_state.h"
+#include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/parts.h"
 
 /* Sides of what the network sees over those of its nominal size: at half the work of the whole picture (measured in
@@ -17,7 +17,7 @@
 /* More tiles changed than this share: everything is computed. */
 #define WHOLE_SHARE 0.8
 
-static void free_maps(struct sst_scene_maps *m)
+static void free_maps(struct scene_maps *m)
 {
     sst_map_u16_fini(&m->disp);
     sst_map_u8_fini(&m->label);
@@ -28,10 +28,10 @@ void sst_live_scene_close(struct sst_live_scene *s)
 {
     if (!s)
         return;
-    sst_scene_background_close(s->background);
+    scene_background_close(s->background);
     for (int i = 0; i < s->threads; i++) {
         if (s->composers)
-            sst_scene_composer_fini(&s->composers[i]);
+            scene_composer_fini(&s->composers[i]);
         if (s->segmenters)
             sst_segmenter_close(s->segmenters[i]);
     }
@@ -45,14 +45,14 @@ void sst_live_scene_close(struct sst_live_scene *s)
         free(s->changed_ns[view]);
         free(s->settled[view]);
     }
-    sst_scene_free_matchers(s);
+    scene_free_matchers(s);
     free(s->composers);
     free(s->segmenters);
     free(s->desc);
     free(s->jobs);
     free(s->all);
     free(s->candidates);
-    sst_scene_things_close(s->things);
+    scene_things_close(s->things);
     sst_mem_free(s->hist);
     free(s);
 }
@@ -71,7 +71,7 @@ static int allocate(struct sst_live_scene *s)
         return -ENOMEM;
     memset(s->all, 1, (size_t)s->tiles);
     for (int i = 0; !err && i < s->threads; i++)
-        err = sst_scene_composer_init(&s->composers[i], s->width, s->height);
+        err = scene_composer_init(&s->composers[i], s->width, s->height);
     for (int view = 0; !err && view < s->views; view++) {
         s->dirty[view] = calloc((size_t)s->tiles, 1);
         s->before[view] = calloc((size_t)s->tiles, 1);
@@ -93,13 +93,13 @@ static int open_labels(struct sst_live_scene *s)
     s->segmenters = calloc((size_t)s->threads, sizeof(*s->segmenters));
     if (!s->segmenters)
         return -ENOMEM;
-    err = sst_scene_open_segmenter(s, 0);
+    err = scene_open_segmenter(s, 0);
     if (err)
         return err;
     if (s->cfg->skip_labels)
         sst_segmenter_configure(s->segmenters[0], &quick);
     s->lf->classes = *sst_segmenter_classes(s->segmenters[0]);
-    err = sst_scene_things_open(&s->things, s->width, s->height, s->cols, s->rows);
+    err = scene_things_open(&s->things, s->width, s->height, s->cols, s->rows);
     if (err)
         sst_log_error("not enough memory to label what moves in a view of %dx%d", s->lf->width, s->lf->height);
     return err;
@@ -127,7 +127,7 @@ int sst_live_scene_open(struct sst_live_scene **out, const struct sst_live_confi
         sst_log_error("not enough memory to follow a scene of %d views of %dx%d", s->views, lf->width, lf->height);
     err = err ? err : open_labels(s);
     if (!err && cfg->background)
-        err = sst_scene_background_open(&s->background, cfg, lf);
+        err = scene_background_open(&s->background, cfg, lf);
     if (err)
         sst_live_scene_close(s);
     else
@@ -138,7 +138,7 @@ int sst_live_scene_open(struct sst_live_scene **out, const struct sst_live_confi
 void sst_live_scene_cancel(struct sst_live_scene *s)
 {
     s->cancel = true;
-    sst_scene_background_cancel(s->background);
+    scene_background_cancel(s->background);
 }
 
 /* --- an update ---------------------------------------------------------------------------------------------------- */
@@ -229,7 +229,7 @@ static void clean(struct sst_live_scene *s)
 static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, struct sst_live_report *report)
 {
     int64_t tiles;
-    int err = sst_scene_plan(s);
+    int err = scene_plan(s);
 
     if (err)
         return err;
@@ -244,14 +244,14 @@ static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, st
     s->told_alone = false;
     tiles = mark_dirty(s, changes);
     if (s->things)
-        sst_scene_things_rest(s->things, &s->key[0], s->dirty[s->key[0].view]);
+        scene_things_rest(s->things, &s->key[0], s->dirty[s->key[0].view]);
     if (!tiles)
-        return sst_scene_follow_range(s, true);
-    err = sst_scene_find_range(s);
+        return scene_follow_range(s, true);
+    err = scene_find_range(s);
     if (err || !s->ranged)
         return err;
-    err = sst_scene_follow_range(s, false);
-    err = err ? err : sst_scene_compute(s, report);
+    err = scene_follow_range(s, false);
+    err = err ? err : scene_compute(s, report);
     if (err)
         return err;
     report->label_runs = s->label_runs;
@@ -264,7 +264,7 @@ static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, st
 int sst_live_scene_update(struct sst_live_scene *s, struct sst_live_changes *changes, struct sst_live_report *report)
 {
     int64_t present = 0;
-    int err = sst_scene_cancelled(s);
+    int err = scene_cancelled(s);
 
     report->stage_ns[SST_LIVE_DISPARITY] = report->stage_ns[SST_LIVE_LABELS] = report->stage_ns[SST_LIVE_REFINE] = 0;
     report->label_runs = 0;
@@ -281,7 +281,7 @@ int sst_live_scene_update(struct sst_live_scene *s, struct sst_live_changes *cha
     if (err)
         s->whole_next = true;
     else if (s->ready)
-        sst_scene_look_for_rest(s);
+        scene_look_for_rest(s);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to follow the scene; the next set is computed anew");
     return err;

@@ -1,5 +1,5 @@
-/* pipeline/live/scene/scene.h - disparities and labels of all views kept up to date: key views are matched and labelled where
- * something changed, the others take theirs from them. */
+/* pipeline/live/scene/scene.h - disparities and labels of all views kept up to date: key views are matched and labelled
+ * where something changed, the others take theirs from them. */
 #ifndef SST_PIPELINE_LIVE_SCENE_SCENE_H
 #define SST_PIPELINE_LIVE_SCENE_SCENE_H
 

@@ -7,7 +7,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/live/scene/scene_state.h"
+#include "pipeline/live/scene/scene_internal.h"
 
 #define RETRY_NS INT64_C(2000000000)
 /* Something may have come nearer than the range where so much of what changed in the reference, one tile of so many at
@@ -24,13 +24,13 @@
 
 /* --- which views are keys ----------------------------------------------------------------------------------------- */
 
-static int make_key(struct sst_live_scene *s, struct sst_scene_key *key, int view)
+static int make_key(struct sst_live_scene *s, struct scene_key *key, int view)
 {
-    struct sst_scene_maps *m = &key->maps;
+    struct scene_maps *m = &key->maps;
     int err = 0;
 
     key->view = view;
-    key->neighbours = sst_scene_neighbours(s->lf, view, key->neighbour);
+    key->neighbours = scene_neighbours(s->lf, view, key->neighbour);
     if (!m->disp.data) {
         err = sst_map_u16_init(&m->disp, s->width, s->height);
         err = err ? err : sst_map_u8_init(&m->label, s->width, s->height);
@@ -60,7 +60,7 @@ static int make_view_maps(struct sst_live_scene *s, struct sst_view *v)
 static int choose_keys(struct sst_live_scene *s)
 {
     int views[SST_SCENE_KEYS], err = 0;
-    const int count = sst_scene_choose_keys(s->lf, views);
+    const int count = scene_choose_keys(s->lf, views);
 
     for (int i = 0; !err && i < count; i++) {
         int at = i;
@@ -68,14 +68,14 @@ static int choose_keys(struct sst_live_scene *s)
         while (at < s->keys && s->key[at].view != views[i])
             at++;
         if (at < s->keys) {
-            const struct sst_scene_key swap = s->key[i];
+            const struct scene_key swap = s->key[i];
             const bool whole = s->key_whole[i];
 
             s->key[i] = s->key[at];
             s->key_whole[i] = s->key_whole[at];
             s->key[at] = swap;
             s->key_whole[at] = whole;
-            s->key[i].neighbours = sst_scene_neighbours(s->lf, views[i], s->key[i].neighbour);
+            s->key[i].neighbours = scene_neighbours(s->lf, views[i], s->key[i].neighbour);
             continue;
         }
         err = make_key(s, &s->key[i], views[i]);
@@ -86,7 +86,7 @@ static int choose_keys(struct sst_live_scene *s)
 }
 
 /* Follow the views that come and go. */
-int sst_scene_plan(struct sst_live_scene *s)
+int scene_plan(struct sst_live_scene *s)
 {
     bool same = true;
     int err = 0;
@@ -120,37 +120,37 @@ int sst_scene_plan(struct sst_live_scene *s)
 
 /* --- the range ---------------------------------------------------------------------------------------------------- */
 
-void sst_scene_free_matchers(struct sst_live_scene *s)
+void scene_free_matchers(struct sst_live_scene *s)
 {
     for (int i = 0; s->matchers && i < s->threads; i++)
-        sst_scene_matcher_fini(&s->matchers[i]);
+        scene_matcher_fini(&s->matchers[i]);
     free(s->matchers);
     s->matchers = NULL;
 }
 
-int sst_scene_set_range(struct sst_live_scene *s, double min_px, double max_px)
+int scene_set_range(struct sst_live_scene *s, double min_px, double max_px)
 {
-    struct sst_scene_matcher *made = calloc((size_t)s->threads, sizeof(*made));
+    struct scene_matcher *made = calloc((size_t)s->threads, sizeof(*made));
     int err = made ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < s->threads; i++)
-        err = sst_scene_matcher_init(&made[i], min_px, max_px, s->width, s->height);
+        err = scene_matcher_init(&made[i], min_px, max_px, s->width, s->height);
     if (err) {
         for (int i = 0; made && i < s->threads; i++)
-            sst_scene_matcher_fini(&made[i]);
+            scene_matcher_fini(&made[i]);
         free(made);
         return err;
     }
-    sst_scene_free_matchers(s);
+    scene_free_matchers(s);
     s->matchers = made;
     s->lf->range_min_px = min_px;
     s->lf->range_max_px = max_px;
-    s->lf->disp_min_px = sst_scene_disp_min(min_px);
+    s->lf->disp_min_px = scene_disp_min(min_px);
     return 0;
 }
 
 /* The range of disparities, once. @return 0; s->ranged tells whether it is known */
-int sst_scene_find_range(struct sst_live_scene *s)
+int scene_find_range(struct sst_live_scene *s)
 {
     double min_px = s->cfg->range_min_px, max_px = s->cfg->range_max_px;
     char text[SST_LOG_MAX], *before;
@@ -177,7 +177,7 @@ int sst_scene_find_range(struct sst_live_scene *s)
         }
         sst_log_info("disparities found between %.0f and %.0f px", min_px, max_px);
     }
-    err = sst_scene_set_range(s, min_px, max_px);
+    err = scene_set_range(s, min_px, max_px);
     s->ranged = !err;
     return err;
 }
@@ -204,12 +204,12 @@ static int look_nearer(struct sst_live_scene *s)
         return 0;
     s->look_every = LOOK_FIRST;
     sst_log_info("disparities found up to %.0f px", both_px);
-    return sst_scene_set_range(s, s->lf->range_min_px, both_px);
+    return scene_set_range(s, s->lf->range_min_px, both_px);
 }
 
-void sst_scene_note_unsure(struct sst_live_scene *s)
+void scene_note_unsure(struct sst_live_scene *s)
 {
-    const struct sst_scene_maps *maps = &s->key[0].maps;
+    const struct scene_maps *maps = &s->key[0].maps;
     const uint8_t *dirty = s->dirty[s->key[0].view];
     int tiles = 0, cells = 0, unsure = 0;
 
@@ -227,7 +227,7 @@ void sst_scene_note_unsure(struct sst_live_scene *s)
     s->unsure_share = CHANGED * tiles < s->tiles ? 0 : (double)unsure / cells;
 }
 
-int sst_scene_follow_range(struct sst_live_scene *s, bool still)
+int scene_follow_range(struct sst_live_scene *s, bool still)
 {
     if (s->cfg->range_min_px < s->cfg->range_max_px || !s->ranged)
         return 0;

@@ -6,7 +6,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/live/scene/scene_state.h"
+#include "pipeline/live/scene/scene_internal.h"
 
 /* The background starts when this share of the tiles stood still for so long, and enough of it can become better. */
 #define STILL_NS      INT64_C(2000000000)
@@ -16,7 +16,7 @@
 /* After a background that failed. */
 #define RETRY_NS INT64_C(60000000000)
 
-void sst_scene_look_for_rest(struct sst_live_scene *s)
+void scene_look_for_rest(struct sst_live_scene *s)
 {
     const int64_t now = sst_clock_now_ns();
     int64_t all = 0, still = 0, better = 0;
@@ -36,9 +36,9 @@ void sst_scene_look_for_rest(struct sst_live_scene *s)
         }
     }
     if ((double)still < STILL_SHARE * (double)all || (double)better < BETTER_SHARE * (double)all ||
-        !sst_scene_background_idle(s->background))
+        !scene_background_idle(s->background))
         return;
-    if (sst_scene_background_start(s->background, s->lf->range_min_px, s->lf->range_max_px)) {
+    if (scene_background_start(s->background, s->lf->range_min_px, s->lf->range_max_px)) {
         s->next_look_ns = now + RETRY_NS;
         return;
     }
@@ -47,7 +47,7 @@ void sst_scene_look_for_rest(struct sst_live_scene *s)
 
 bool sst_live_scene_unsettled(struct sst_live_scene *s)
 {
-    return sst_scene_background_done(s->background);
+    return scene_background_done(s->background);
 }
 
 /* Move all maps to another zero. */
@@ -78,7 +78,7 @@ static bool take_range(struct sst_live_scene *s, const struct sst_lightfield *fr
 
     if (from->range_min_px >= s->lf->range_min_px && from->range_max_px <= s->lf->range_max_px)
         return false;
-    if (sst_scene_set_range(s, from->range_min_px, from->range_max_px)) {
+    if (scene_set_range(s, from->range_min_px, from->range_max_px)) {
         sst_log_warning("not enough memory to search disparities from %.0f to %.0f px; those from %.0f to %.0f px stay",
                         from->range_min_px, from->range_max_px, s->lf->range_min_px, s->lf->range_max_px);
         return false;
@@ -86,7 +86,7 @@ static bool take_range(struct sst_live_scene *s, const struct sst_lightfield *fr
     sst_log_info("disparities found between %.0f and %.0f px", from->range_min_px, from->range_max_px);
     move_zero(s, before_px);
     if (s->things && s->lf->disp_min_px != before_px)
-        sst_scene_things_forget(s->things);
+        scene_things_forget(s->things);
     return true;
 }
 
@@ -117,7 +117,7 @@ static int64_t take_tile(struct sst_live_scene *s, const struct sst_lightfield *
 }
 
 /* The same cells of a key: what it carries over to other views becomes better, too. */
-static void take_cells(struct sst_live_scene *s, struct sst_scene_key *key, const struct sst_view *from, int tile)
+static void take_cells(struct sst_live_scene *s, struct scene_key *key, const struct sst_view *from, int tile)
 {
     const struct sst_view *v = &s->lf->views[key->view];
     const int x0 = tile % s->cols * SST_SCENE_CELLS, y0 = tile / s->cols * SST_SCENE_CELLS;
@@ -153,9 +153,9 @@ bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *ch
         if (changes->map[view])
             memset(changes->map[view], 0, (size_t)s->tiles);
     }
-    if (!s->background || !sst_scene_background_done(s->background))
+    if (!s->background || !scene_background_done(s->background))
         return false;
-    from = sst_scene_background_result(s->background);
+    from = scene_background_result(s->background);
     if (!from) {
         s->next_look_ns = sst_clock_now_ns() + RETRY_NS;
         return false;
@@ -174,14 +174,14 @@ bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *ch
             if (k >= 0)
                 take_cells(s, &s->key[k], &from->views[view], i);
             if (k == 0 && s->things)
-                sst_scene_things_settle(s->things, &s->key[0], i);
+                scene_things_settle(s->things, &s->key[0], i);
             s->settled[view][i] = true;
             if (changes->map[view])
                 changes->map[view][i] = 1;
             taken++;
         }
     }
-    sst_scene_background_release(s->background);
+    scene_background_release(s->background);
     if (s->segmenters && pixels)
         s->error_labels = (double)other / (double)pixels;
     changes->changed = taken;

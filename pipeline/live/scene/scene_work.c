@@ -6,7 +6,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/live/scene/scene_state.h"
+#include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/parts.h"
 
 /* The network runs where at least one tile of so many changed in the reference; less follows what is around. */
@@ -14,7 +14,7 @@
 /* Label distributions are fitted anew with every whole set and after so many runs of the network. */
 #define FIT_RUNS 16
 
-int sst_scene_open_segmenter(struct sst_live_scene *s, int worker)
+int scene_open_segmenter(struct sst_live_scene *s, int worker)
 {
     const int err =
         s->segmenters[worker] ? 0 : sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
@@ -61,7 +61,7 @@ static int describe_job(void *arg, int view, int worker SST_UNUSED)
     struct sst_live_scene *s = arg;
     const struct sst_view *v = &s->lf->views[view];
     struct sst_descriptor *d = &s->desc[view];
-    int y0, y1, err = sst_scene_cancelled(s);
+    int y0, y1, err = scene_cancelled(s);
 
     if (err || !s->described[view])
         return err;
@@ -85,46 +85,46 @@ static const uint8_t *dirty_of(const struct sst_live_scene *s, int k)
 static int match_job(void *arg, int index, int worker)
 {
     struct sst_live_scene *s = arg;
-    const struct sst_scene_job *job = &s->jobs[index];
+    const struct scene_job *job = &s->jobs[index];
     int64_t start_ns;
-    int err = sst_scene_cancelled(s);
+    int err = scene_cancelled(s);
 
     if (err || job->key >= 0)
         return err ? err
-                   : sst_scene_match(&s->matchers[worker], s->lf, s->desc, &s->key[job->key], &job->rect,
-                                     dirty_of(s, job->key), s->cols);
+                   : scene_match(&s->matchers[worker], s->lf, s->desc, &s->key[job->key], &job->rect,
+                                 dirty_of(s, job->key), s->cols);
     start_ns = sst_clock_now_ns();
-    err = sst_scene_segment(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
+    err = scene_segment(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
     s->label_ns = sst_clock_now_ns() - start_ns;
     s->label_runs += !err;
     return err;
 }
 
-static int area(const struct sst_scene_rect *r)
+static int area(const struct scene_rect *r)
 {
     return (r->x1 - r->x0) * (r->y1 - r->y0);
 }
 
 static int larger_first(const void *a, const void *b)
 {
-    return area(&((const struct sst_scene_job *)b)->rect) - area(&((const struct sst_scene_job *)a)->rect);
+    return area(&((const struct scene_job *)b)->rect) - area(&((const struct scene_job *)a)->rect);
 }
 
 /* The network and the rectangles of all keys; the longest pieces of work first. @return how many */
 static int make_jobs(struct sst_live_scene *s)
 {
-    struct sst_scene_rect rects[SST_SCENE_RECTS];
+    struct scene_rect rects[SST_SCENE_RECTS];
     int count = 0, changed = 0;
 
     for (int i = 0; i < s->tiles; i++)
         changed += dirty_of(s, 0)[i] == 1;
     if (s->segmenters && s->cfg->skip_labels && LABEL_TILES * changed >= s->tiles && changed)
-        s->jobs[count++] = (struct sst_scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
+        s->jobs[count++] = (struct scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
     for (int k = 0; k < s->keys; k++) {
-        const int n = sst_scene_gather(rects, dirty_of(s, k), s->cols, s->rows, s->width, s->height);
+        const int n = scene_gather(rects, dirty_of(s, k), s->cols, s->rows, s->width, s->height);
 
         for (int i = 0; i < n; i++)
-            s->jobs[count++] = (struct sst_scene_job){ k, rects[i] };
+            s->jobs[count++] = (struct scene_job){ k, rects[i] };
     }
     qsort(s->jobs, (size_t)count, sizeof(*s->jobs), larger_first);
     return count;
@@ -135,8 +135,8 @@ static int check_job(void *arg, int k, int worker SST_UNUSED)
     struct sst_live_scene *s = arg;
 
     if (any(dirty_of(s, k), s->tiles))
-        sst_scene_check(s->key, s->keys, k, s->lf, dirty_of(s, k), s->cols);
-    return sst_scene_cancelled(s);
+        scene_check(s->key, s->keys, k, s->lf, dirty_of(s, k), s->cols);
+    return scene_cancelled(s);
 }
 
 /* Share of the keys' disparities that another key sees, too. */
@@ -145,7 +145,7 @@ static double count_sure(const struct sst_live_scene *s)
     int64_t known = 0, sure = 0;
 
     for (int k = 0; k < s->keys; k++) {
-        const struct sst_scene_maps *m = &s->key[k].maps;
+        const struct scene_maps *m = &s->key[k].maps;
 
         for (int y = 0; y < m->disp.height; y++) {
             const uint16_t *disp = sst_map_u16_row(&m->disp, y);
@@ -166,7 +166,7 @@ static double count_sure(const struct sst_live_scene *s)
 /* The reference key takes the network's labels in changed tiles, and fills what it left out. */
 static void label_reference(struct sst_live_scene *s)
 {
-    struct sst_scene_maps *maps = &s->key[0].maps;
+    struct scene_maps *maps = &s->key[0].maps;
     const uint8_t *dirty = dirty_of(s, 0);
 
     for (int y = 0; s->labels.data && y < maps->label.height; y++) {
@@ -177,38 +177,38 @@ static void label_reference(struct sst_live_scene *s)
             to[x] = tiles[x / SST_SCENE_CELLS] ? from[x] : to[x];
     }
     if (s->whole)
-        sst_scene_things_forget(s->things);
-    sst_scene_things_label(s->things, &s->key[0], s->candidates, dirty, s->labels.data != NULL);
+        scene_things_forget(s->things);
+    scene_things_label(s->things, &s->key[0], s->candidates, dirty, s->labels.data != NULL);
     s->runs += s->labels.data != NULL;
     if (s->labels.data && (s->whole || s->runs >= FIT_RUNS)) {
-        sst_scene_fit_labels(s->candidates, maps, s->lf->classes.count, s->lf->disp_min_px, s->hist);
+        scene_fit_labels(s->candidates, maps, s->lf->classes.count, s->lf->disp_min_px, s->hist);
         s->runs = 0;
     }
     sst_map_u8_fini(&s->labels);
-    sst_scene_fill_labels(maps, s->candidates, dirty, s->cols);
+    scene_fill_labels(maps, s->candidates, dirty, s->cols);
 }
 
 static int label_job(void *arg, int index, int worker SST_UNUSED)
 {
     struct sst_live_scene *s = arg;
-    struct sst_scene_key *key = &s->key[index + 1];
+    struct scene_key *key = &s->key[index + 1];
     const uint8_t *dirty = dirty_of(s, index + 1);
 
     if (any(dirty, s->tiles)) {
-        sst_scene_take_labels(key, &s->key[0], s->lf, dirty, s->cols);
-        sst_scene_fill_labels(&key->maps, s->candidates, dirty, s->cols);
+        scene_take_labels(key, &s->key[0], s->lf, dirty, s->cols);
+        scene_fill_labels(&key->maps, s->candidates, dirty, s->cols);
     }
-    return sst_scene_cancelled(s);
+    return scene_cancelled(s);
 }
 
 static int compose_job(void *arg, int view, int worker)
 {
     struct sst_live_scene *s = arg;
-    int err = sst_scene_cancelled(s);
+    int err = scene_cancelled(s);
 
     if (!err && s->lf->views[view].present)
-        sst_scene_compose(&s->composers[worker], s->lf, view, s->key, s->keys, s->dirty[view], s->cols, s->rows,
-                          s->cfg->model != NULL);
+        scene_compose(&s->composers[worker], s->lf, view, s->key, s->keys, s->dirty[view], s->cols, s->rows,
+                      s->cfg->model != NULL);
     return err;
 }
 
@@ -218,12 +218,12 @@ static int segment_job(void *arg, int view, int worker)
     struct sst_live_scene *s = arg;
     struct sst_view *v = &s->lf->views[view];
     struct sst_map_u8 label = { 0 };
-    int err = sst_scene_cancelled(s);
+    int err = scene_cancelled(s);
 
     if (err || !v->present || !any(s->dirty[view], s->tiles))
         return err;
-    err = sst_scene_open_segmenter(s, worker);
-    err = err ? err : sst_scene_segment(s->segmenters[worker], &v->image, &label);
+    err = scene_open_segmenter(s, worker);
+    err = err ? err : scene_segment(s->segmenters[worker], &v->image, &label);
     s->label_runs += !err;
     for (int y = 0; !err && y < label.height; y++) {
         const uint8_t *from = sst_map_u8_row(&label, y), *tiles = s->dirty[view] + y / SST_LIVE_TILE * s->cols;
@@ -248,7 +248,7 @@ static int64_t lap(int64_t *from)
     return took;
 }
 
-int sst_scene_compute(struct sst_live_scene *s, struct sst_live_report *report)
+int scene_compute(struct sst_live_scene *s, struct sst_live_report *report)
 {
     int64_t clock = sst_clock_now_ns();
     int err = sst_parallel_for(s->views, s->threads, describe_job, s);
@@ -259,7 +259,7 @@ int sst_scene_compute(struct sst_live_scene *s, struct sst_live_report *report)
     err = err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
     if (!err) {
         s->sure = count_sure(s);
-        sst_scene_note_unsure(s);
+        scene_note_unsure(s);
     }
     report->stage_ns[SST_LIVE_DISPARITY] = lap(&clock);
     if (!err && s->segmenters) {

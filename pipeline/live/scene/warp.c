@@ -4,7 +4,7 @@
 
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/live/scene/scene_parts.h"
+#include "pipeline/live/scene/scene_internal.h"
 
 /* A cell that landed: larger is better. Sure ones first, then those of the key nearest to the view, which is what keeps
  * wrong foregrounds of all keys from adding up; among one key's the nearest surface. */
@@ -18,9 +18,9 @@ _Static_assert(SST_SCENE_KEYS <= 64, "ranks have 6 bits");
 /* Of a row of cells that is enlarged, with one more on both sides. */
 #define STRIP_CELLS(width) ((size_t)(width) + 2)
 
-int sst_scene_composer_init(struct sst_scene_composer *c, int width, int height)
+int scene_composer_init(struct scene_composer *c, int width, int height)
 {
-    struct sst_scene_composer made = { .width = width, .height = height };
+    struct scene_composer made = { .width = width, .height = height };
     int err = sst_map_u16_init(&made.maps.disp, width, height);
 
     err = err ? err : sst_map_u8_init(&made.maps.label, width, height);
@@ -29,13 +29,13 @@ int sst_scene_composer_init(struct sst_scene_composer *c, int width, int height)
     if (!err && (!made.z || !made.strips))
         err = -ENOMEM;
     if (err)
-        sst_scene_composer_fini(&made);
+        scene_composer_fini(&made);
     else
         *c = made;
     return err;
 }
 
-void sst_scene_composer_fini(struct sst_scene_composer *c)
+void scene_composer_fini(struct scene_composer *c)
 {
     sst_map_u16_fini(&c->maps.disp);
     sst_map_u8_fini(&c->maps.label);
@@ -44,9 +44,9 @@ void sst_scene_composer_fini(struct sst_scene_composer *c)
 }
 
 /* The changed tiles' cells; x0 == x1: none. */
-static struct sst_scene_rect bounds(const struct sst_scene_composer *c, const uint8_t *dirty, int cols, int rows)
+static struct scene_rect bounds(const struct scene_composer *c, const uint8_t *dirty, int cols, int rows)
 {
-    struct sst_scene_rect r = { cols, rows, 0, 0 };
+    struct scene_rect r = { cols, rows, 0, 0 };
 
     for (int y = 0; y < rows; y++) {
         for (int x = 0; x < cols; x++) {
@@ -59,23 +59,23 @@ static struct sst_scene_rect bounds(const struct sst_scene_composer *c, const ui
         }
     }
     if (r.x1 == 0)
-        return (struct sst_scene_rect){ 0 };
-    return (struct sst_scene_rect){ r.x0 * SST_SCENE_CELLS, r.y0 * SST_SCENE_CELLS,
-                                    sst_min_int(r.x1 * SST_SCENE_CELLS, c->width),
-                                    sst_min_int(r.y1 * SST_SCENE_CELLS, c->height) };
+        return (struct scene_rect){ 0 };
+    return (struct scene_rect){ r.x0 * SST_SCENE_CELLS, r.y0 * SST_SCENE_CELLS,
+                                sst_min_int(r.x1 * SST_SCENE_CELLS, c->width),
+                                sst_min_int(r.y1 * SST_SCENE_CELLS, c->height) };
 }
 
 /* First and last + 1 place along an axis from where a cell can land in lo .. hi-1. */
 static void sources(int *first, int *end, int lo, int hi, int size, int64_t near_q6, int64_t far_q6, int64_t b_q16)
 {
-    const int a = sst_scene_shift(near_q6, b_q16), b = sst_scene_shift(far_q6, b_q16);
+    const int a = scene_shift(near_q6, b_q16), b = scene_shift(far_q6, b_q16);
 
     *first = sst_clamp_int(lo + sst_min_int(a, b), 0, size);
     *end = sst_clamp_int(hi + sst_max_int(a, b), 0, size);
 }
 
 /* How near a key is to the view among all keys: the larger the nearer. Ties go to the first. */
-static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct sst_scene_key *keys, int count, int k)
+static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct scene_key *keys, int count, int k)
 {
     double own = 0;
     uint32_t rank = 0;
@@ -95,11 +95,11 @@ static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct 
 }
 
 /* Let the cells of a key fall into the rectangle. */
-static void land(struct sst_scene_composer *c, const struct sst_lightfield *lf, int view,
-                 const struct sst_scene_key *key, uint32_t rank, const struct sst_scene_rect *r)
+static void land(struct scene_composer *c, const struct sst_lightfield *lf, int view, const struct scene_key *key,
+                 uint32_t rank, const struct scene_rect *r)
 {
     const uint32_t base = THERE | rank << RANK_SHIFT;
-    const struct sst_scene_way way = sst_scene_way(lf, key->view, view);
+    const struct scene_way way = scene_way(lf, key->view, view);
     const int64_t far_q6 = way.zero_q6, near_q6 = llround(lf->range_max_px * SST_DISP_SCALE) + 64;
     int x0, x1, y0, y1;
 
@@ -111,7 +111,7 @@ static void land(struct sst_scene_composer *c, const struct sst_lightfield *lf, 
 
         for (int x = x0; x < x1; x++) {
             const int64_t d = way.zero_q6 + disp[x];
-            const int tx = x - sst_scene_shift(d, way.bx_q16), ty = y - sst_scene_shift(d, way.by_q16);
+            const int tx = x - scene_shift(d, way.bx_q16), ty = y - scene_shift(d, way.by_q16);
             const uint32_t v = base | (sure[x] ? SURE : 0) | (uint32_t)disp[x] << DISP_SHIFT | label[x];
             uint32_t *at;
 
@@ -124,7 +124,7 @@ static void land(struct sst_scene_composer *c, const struct sst_lightfield *lf, 
 }
 
 /* What landed in changed tiles, and around them what the view has already. */
-static void collect(struct sst_scene_composer *c, const struct sst_view *v, const struct sst_scene_rect *r,
+static void collect(struct scene_composer *c, const struct sst_view *v, const struct scene_rect *r,
                     const uint8_t *dirty, int cols, bool labels)
 {
     for (int y = r->y0; y < r->y1; y++) {
@@ -153,7 +153,7 @@ static bool shows_through(int d, int a, int b)
 }
 
 /* Close gaps that one cell wide: slanted surfaces widen from view to view. */
-static void close_gaps(struct sst_scene_composer *c, const struct sst_scene_rect *r, const uint8_t *dirty, int cols)
+static void close_gaps(struct scene_composer *c, const struct scene_rect *r, const uint8_t *dirty, int cols)
 {
     for (int y = r->y0; y < r->y1; y++) {
         const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * cols;
@@ -204,7 +204,7 @@ static bool fill_row(uint16_t *d, uint8_t *l, int x0, int x1)
     return true;
 }
 
-static void fill(struct sst_scene_composer *c, const struct sst_scene_rect *r)
+static void fill(struct scene_composer *c, const struct scene_rect *r)
 {
     const size_t n = (size_t)(r->x1 - r->x0);
     int known = -1;
@@ -242,7 +242,7 @@ struct enlarger {
     uint8_t *label;
 };
 
-static struct enlarger enlarger_of(const struct sst_scene_composer *c)
+static struct enlarger enlarger_of(const struct scene_composer *c)
 {
     const size_t cells = STRIP_CELLS(c->width);
     uint16_t *at = c->strips;
@@ -255,7 +255,7 @@ static struct enlarger enlarger_of(const struct sst_scene_composer *c)
 }
 
 /* Fill a strip with cells x0-1 .. x1 of row y. */
-static void take_strip(const struct strip *to, const struct sst_scene_composer *c, const struct sst_image *img, int x0,
+static void take_strip(const struct strip *to, const struct scene_composer *c, const struct sst_image *img, int x0,
                        int x1, int y)
 {
     const uint8_t *a = sst_image_row(img, 1, 2 * y);
@@ -296,7 +296,7 @@ static void enlarge(const struct enlarger *e, struct sst_view *v, const struct s
 
 /* Bring cells x0 .. x1-1, y0 .. y1-1 to full size: of the four cells around a pixel its own, or that of another surface
  * which is more like the pixel. */
-static void enlarge_tiles(const struct sst_scene_composer *c, struct sst_view *v, int x0, int x1, int y0, int y1,
+static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, int x0, int x1, int y0, int y1,
                           bool labels)
 {
     const struct enlarger e = enlarger_of(c);
@@ -314,7 +314,7 @@ static void enlarge_tiles(const struct sst_scene_composer *c, struct sst_view *v
 }
 
 /* Runs of changed tiles, row by row. */
-static void enlarge_changed(const struct sst_scene_composer *c, struct sst_view *v, const uint8_t *dirty, int cols,
+static void enlarge_changed(const struct scene_composer *c, struct sst_view *v, const uint8_t *dirty, int cols,
                             int rows, bool labels)
 {
     for (int row = 0; row < rows; row++) {
@@ -328,15 +328,13 @@ static void enlarge_changed(const struct sst_scene_composer *c, struct sst_view 
     }
 }
 
-void sst_scene_compose(struct sst_scene_composer *c, struct sst_lightfield *lf, int view,
-                       const struct sst_scene_key *keys, int count, const uint8_t *dirty, int cols, int rows,
-                       bool labels)
+void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_key *keys,
+                   int count, const uint8_t *dirty, int cols, int rows, bool labels)
 {
-    const struct sst_scene_rect r = bounds(c, dirty, cols, rows);
+    const struct scene_rect r = bounds(c, dirty, cols, rows);
     /* With what is around, to fill and to enlarge by. */
-    const struct sst_scene_rect wide = { sst_max_int(r.x0 - SST_SCENE_CELLS, 0), sst_max_int(r.y0 - 1, 0),
-                                         sst_min_int(r.x1 + SST_SCENE_CELLS, c->width),
-                                         sst_min_int(r.y1 + 1, c->height) };
+    const struct scene_rect wide = { sst_max_int(r.x0 - SST_SCENE_CELLS, 0), sst_max_int(r.y0 - 1, 0),
+                                     sst_min_int(r.x1 + SST_SCENE_CELLS, c->width), sst_min_int(r.y1 + 1, c->height) };
     struct sst_view *v = &lf->views[view];
 
     if (r.x0 == r.x1)

@@ -2,8 +2,8 @@
 #include <string.h>
 
 #include "base/mem.h"
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/method/disparity/stage.h"
 
 #define CENSUS_MARGIN 8 /* columns repeated on each side; the census window reaches 4 */
 

@@ -3,8 +3,8 @@
 #include <string.h>
 
 #include "base/mem.h"
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/method/disparity/stage.h"
 
 /* L <= SST_COST_MAX + p2 along one path (the predecessor's minimum is subtracted), so 8 of them fit 16 bits, and so
  * does the mark for "outside" with p1 added. */

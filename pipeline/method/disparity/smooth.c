@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "base/mem.h"
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/method/disparity/stage.h"
 
 #define MARGIN           4 /* repeated columns of the median's rows */
 #define BILATERAL_RADIUS 3 /* the standard normal density is below 0.005 of its peak beyond it */

@@ -3,8 +3,8 @@
 #define SST_PIPELINE_METHOD_DISPARITY_STAGE_H
 
 #include "base/mem.h"
-#include "pipeline/method/disparity/disparity.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/method/disparity/disparity.h"
 
 /*
  * Neighbours at fractional offsets, and steps of less than a pixel, fall between pixels. The census of a view is

@@ -2,8 +2,8 @@
 #include <string.h>
 
 #include "base/mem.h"
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/method/disparity/stage.h"
 
 /* Rows of column sums kept: one above the highest arm, the row itself, and the lowest arm below. */
 #define RING (2 * SST_SUPPORT_MAX_ARM + 2)

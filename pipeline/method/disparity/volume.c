@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "base/mem.h"
-#include "pipeline/method/disparity/stage.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/method/disparity/stage.h"
 
 /* Real costs are kept below it, so that it can mark "the neighbour does not see this" inside the tiles. */
 #define ABSENT 255

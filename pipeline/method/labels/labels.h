@@ -2,8 +2,8 @@
 #ifndef SST_PIPELINE_METHOD_LABELS_LABELS_H
 #define SST_PIPELINE_METHOD_LABELS_LABELS_H
 
-#include "pipeline/image/image.h"
 #include "pipeline/image/classes.h"
+#include "pipeline/image/image.h"
 #include "pipeline/method/network/network.h"
 
 /** Keep a label where entropy < eps_h, else SST_LABEL_NONE. Thread: any. In place. */

@@ -1,4 +1,5 @@
-/* pipeline/method/labels/model_info.h - what a segmentation network wants and gives, told by its metadata or by a YAML file.
+/* pipeline/method/labels/model_info.h - what a segmentation network wants and gives, told by its metadata or by a YAML
+ * file.
  */
 #ifndef SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
 #define SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H

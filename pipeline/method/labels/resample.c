@@ -1,4 +1,4 @@
-#include "pipeline/method/labels/resample.h"
+#include "pipeline/method/labels/labels_internal.h"
 
 #include <errno.h>
 #include <math.h>

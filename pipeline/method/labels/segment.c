@@ -9,10 +9,8 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/method/labels/labels.h"
+#include "pipeline/method/labels/labels_internal.h"
 #include "pipeline/method/labels/model_info.h"
-#include "pipeline/method/labels/resample.h"
-#include "pipeline/method/labels/tiles.h"
-#include "pipeline/method/labels/upsample.h"
 
 struct sst_segmenter {
     struct sst_network *net;
@@ -21,8 +19,8 @@ struct sst_segmenter {
     struct sst_model_info info;
     struct sst_segment_config cfg;
     /* from image to image */
-    struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct sst_class_grid */
-    struct sst_upsample_memory upsample;
+    struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct class_grid */
+    struct upsample_memory upsample;
     struct sst_map_f32 entropy; /* of sst_segment_sure() */
 };
 
@@ -98,7 +96,7 @@ void sst_segmenter_close(struct sst_segmenter *seg)
     sst_mem_kept_fini(&seg->out);
     sst_mem_kept_fini(&seg->cells);
     sst_mem_kept_fini(&seg->resample);
-    sst_upsample_memory_fini(&seg->upsample);
+    upsample_memory_fini(&seg->upsample);
     sst_map_f32_fini(&seg->entropy);
     free(seg->path);
     free(seg);
@@ -139,7 +137,7 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 struct working {
     int width, height;                                      /* pixels */
     int window_width, window_height, out_width, out_height; /* of a window and of the network's result for it */
-    struct sst_tiles across, down;                          /* windows in cells of the result */
+    struct tiles across, down;                              /* windows in cells of the result */
     float *picture, *window, *out; /* [3][height][width], the part that a window sees (NULL: all), its result */
 };
 
@@ -178,8 +176,8 @@ static int plan_windows(struct working *w, struct sst_segmenter *seg)
     w->window_height = height;
     w->out_width = x;
     w->out_height = y;
-    w->across = sst_tiles_plan(w->width / UNIT * (UNIT * x / width), x, UNIT * x / width);
-    w->down = sst_tiles_plan(w->height / UNIT * (UNIT * y / height), y, UNIT * y / height);
+    w->across = tiles_plan(w->width / UNIT * (UNIT * x / width), x, UNIT * x / width);
+    w->down = tiles_plan(w->height / UNIT * (UNIT * y / height), y, UNIT * y / height);
     return 0;
 }
 
@@ -196,8 +194,8 @@ static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_i
     w->window_width = w->width;
     w->window_height = w->height;
     err = sst_network_out_shape(seg->net, w->width, w->height, &channels, &w->out_width, &w->out_height);
-    w->across = sst_tiles_plan(w->out_width, w->out_width, 1);
-    w->down = sst_tiles_plan(w->out_height, w->out_height, 1);
+    w->across = tiles_plan(w->out_width, w->out_width, 1);
+    w->down = tiles_plan(w->out_height, w->out_height, 1);
     return err;
 }
 
@@ -226,19 +224,18 @@ static bool to_probabilities(float *p, const struct sst_segmenter *seg)
 
 /* The network's result for window (i, j) into the grid, weighted: probabilities of channels that are one class add up.
  */
-static int add_window(struct sst_class_grid *grid, const struct working *w, int i, int j,
-                      const struct sst_segmenter *seg)
+static int add_window(struct class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
 {
     const size_t plane = (size_t)w->out_width * (size_t)w->out_height;
-    const int x0 = sst_tiles_start(&w->across, i), y0 = sst_tiles_start(&w->down, j);
+    const int x0 = tiles_start(&w->across, i), y0 = tiles_start(&w->down, j);
     float p[SST_MODEL_MAX_CHANNELS];
 
     for (int y = 0; y < w->out_height; y++) {
-        const float down = sst_tiles_weight(&w->down, j, y);
+        const float down = tiles_weight(&w->down, j, y);
         float *row = grid->cell + ((size_t)(y0 + y) * (size_t)grid->width + (size_t)x0) * grid->values;
 
         for (int x = 0; x < w->out_width; x++) {
-            const float weight = down * sst_tiles_weight(&w->across, i, x);
+            const float weight = down * tiles_weight(&w->across, i, x);
 
             for (int c = 0; c < seg->info.channels; c++)
                 p[c] = w->out[(size_t)c * plane + (size_t)y * (size_t)w->out_width + (size_t)x];
@@ -279,8 +276,8 @@ static int make_input(float *in, int width, int height, const struct sst_image *
 /* Copy what window (i, j) sees out of the whole picture. */
 static void cut_window(const struct working *w, int i, int j)
 {
-    const int x0 = sst_tiles_start(&w->across, i) * w->window_width / w->out_width;
-    const int y0 = sst_tiles_start(&w->down, j) * w->window_height / w->out_height;
+    const int x0 = tiles_start(&w->across, i) * w->window_width / w->out_width;
+    const int y0 = tiles_start(&w->down, j) * w->window_height / w->out_height;
     float *to = w->window;
 
     for (int c = 0; c < 3; c++) {
@@ -290,7 +287,7 @@ static void cut_window(const struct working *w, int i, int j)
     }
 }
 
-static int run_windows(struct sst_class_grid *grid, const struct working *w, struct sst_segmenter *seg)
+static int run_windows(struct class_grid *grid, const struct working *w, struct sst_segmenter *seg)
 {
     int err = 0;
 
@@ -307,7 +304,7 @@ static int run_windows(struct sst_class_grid *grid, const struct working *w, str
 }
 
 /* Distributions at the network's resolution. */
-static int make_grid(struct sst_class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img)
+static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const struct sst_image *img)
 {
     struct working w = { 0 };
     size_t cells;
@@ -317,9 +314,8 @@ static int make_grid(struct sst_class_grid *grid, struct sst_segmenter *seg, con
     if (err)
         return err;
     whole = w.window_width == w.width && w.window_height == w.height;
-    *grid =
-        (struct sst_class_grid){ .width = w.across.total, .height = w.down.total, .count = seg->info.classes.count };
-    grid->values = sst_class_grid_values(grid->count);
+    *grid = (struct class_grid){ .width = w.across.total, .height = w.down.total, .count = seg->info.classes.count };
+    grid->values = class_grid_values(grid->count);
     cells = grid->values * (size_t)grid->width * (size_t)grid->height;
     w.picture = sst_mem_keep(&seg->picture, (size_t)3 * (size_t)w.width * (size_t)w.height, sizeof(*w.picture));
     if (!whole)
@@ -345,7 +341,7 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     const size_t pixels = (size_t)img->width * (size_t)img->height;
     struct sst_map_u8 label_made = { 0 };
     struct sst_map_f32 entropy_made = { 0 };
-    struct sst_class_grid grid = { 0 };
+    struct class_grid grid = { 0 };
     float *prob_made = NULL;
     int err = make_grid(&grid, seg, img);
 
@@ -357,8 +353,8 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     if (!err && entropy)
         err = sst_map_f32_init(&entropy_made, img->width, img->height);
     if (!err)
-        err = sst_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
-                           &seg->upsample);
+        err = labels_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
+                              &seg->upsample);
     if (err) {
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
         goto fail;
@@ -381,7 +377,7 @@ int sst_segment_sure(struct sst_segmenter *seg, const struct sst_image *img, str
 {
     struct sst_map_f32 *entropy = &seg->entropy;
     struct sst_map_u8 made = { 0 };
-    struct sst_class_grid grid;
+    struct class_grid grid;
     int err = make_grid(&grid, seg, img);
 
     if (err)
@@ -391,7 +387,7 @@ int sst_segment_sure(struct sst_segmenter *seg, const struct sst_image *img, str
         err = sst_map_f32_init(entropy, img->width, img->height);
     }
     err = err ? err : sst_map_u8_init(&made, img->width, img->height);
-    err = err ? err : sst_upsample(&made, entropy, NULL, &grid, img, seg->threads, &seg->upsample);
+    err = err ? err : labels_upsample(&made, entropy, NULL, &grid, img, seg->threads, &seg->upsample);
     if (err) {
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
         sst_map_u8_fini(&made);

@@ -1,8 +1,8 @@
-#include "pipeline/method/labels/tiles.h"
+#include "pipeline/method/labels/labels_internal.h"
 
-struct sst_tiles sst_tiles_plan(int total, int length, int unit)
+struct tiles tiles_plan(int total, int length, int unit)
 {
-    struct sst_tiles t = { .total = total, .length = sst_min_int(length, total), .unit = unit, .count = 1 };
+    struct tiles t = { .total = total, .length = sst_min_int(length, total), .unit = unit, .count = 1 };
     int step;
 
     if (t.length == total)
@@ -13,7 +13,7 @@ struct sst_tiles sst_tiles_plan(int total, int length, int unit)
     return t;
 }
 
-int sst_tiles_start(const struct sst_tiles *t, int k)
+int tiles_start(const struct tiles *t, int k)
 {
     const int64_t room = (t->total - t->length) / t->unit, steps = t->count - 1;
 
@@ -21,7 +21,7 @@ int sst_tiles_start(const struct sst_tiles *t, int k)
 }
 
 /* How much the windows from k on have taken over at `at`: 0 before the middle of what k shares with k - 1, 1 after. */
-static float taken_over(const struct sst_tiles *t, int k, double at)
+static float taken_over(const struct tiles *t, int k, double at)
 {
     double u;
 
@@ -29,14 +29,14 @@ static float taken_over(const struct sst_tiles *t, int k, double at)
         return 1;
     if (k >= t->count)
         return 0;
-    u = at - (sst_tiles_start(t, k) + sst_tiles_start(t, k - 1) + t->length - t->overlap) / 2.0;
+    u = at - (tiles_start(t, k) + tiles_start(t, k - 1) + t->length - t->overlap) / 2.0;
     u = sst_clamp_double(u / t->overlap, 0, 1);
     return (float)(u * u * (3 - 2 * u));
 }
 
-float sst_tiles_weight(const struct sst_tiles *t, int k, int i)
+float tiles_weight(const struct tiles *t, int k, int i)
 {
-    const double at = sst_tiles_start(t, k) + i + 0.5;
+    const double at = tiles_start(t, k) + i + 0.5;
 
     return taken_over(t, k, at) - taken_over(t, k + 1, at);
 }

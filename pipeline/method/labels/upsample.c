@@ -1,4 +1,4 @@
-#include "pipeline/method/labels/upsample.h"
+#include "pipeline/method/labels/labels_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -6,9 +6,8 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/kernels/kernels.h"
 #include "pipeline/image/classes.h"
-#include "pipeline/method/labels/resample.h"
+#include "pipeline/kernels/kernels.h"
 
 #define BLOCK  SST_CLASS_ROW_MAX
 #define SPREAD 0.7 /* cells: deviation of the weight of distance; with SST_GUIDE_SIGMA the best of docs/method.md */
@@ -22,7 +21,7 @@ struct scratch {
 
 struct job {
     const struct sst_kernels *kernels;
-    const struct sst_class_grid *grid;
+    const struct class_grid *grid;
     const struct sst_image *img;
     struct sst_map_u8 *label;
     struct sst_map_f32 *entropy; /* or NULL */
@@ -35,7 +34,7 @@ struct job {
     struct scratch *scratch;     /* [worker] */
 };
 
-size_t sst_class_grid_values(int count)
+size_t class_grid_values(int count)
 {
     return ((size_t)count + SST_GUIDE_VALUES) / SST_GUIDE_VALUES * SST_GUIDE_VALUES;
 }
@@ -55,7 +54,7 @@ static int place(int i, int from, int to, float weight[4])
 }
 
 /* Cells outside the grid are the nearest ones inside. */
-static size_t cell_at(const struct sst_class_grid *g, int x, int y)
+static size_t cell_at(const struct class_grid *g, int x, int y)
 {
     return (size_t)sst_clamp_int(y, 0, g->height - 1) * (size_t)g->width + (size_t)sst_clamp_int(x, 0, g->width - 1);
 }
@@ -164,7 +163,7 @@ static int finish_row(void *arg, int y, int worker)
 /* Winners of the cells; the sum of weights is formed like a class of probability 1. */
 static void prepare_cells(const struct job *j)
 {
-    const struct sst_class_grid *g = j->grid;
+    const struct class_grid *g = j->grid;
 
     for (size_t i = 0; i < (size_t)g->width * (size_t)g->height; i++) {
         float *cell = g->cell + i * g->values;
@@ -189,7 +188,7 @@ static void prepare_columns(const struct job *j)
     }
 }
 
-void sst_upsample_memory_fini(struct sst_upsample_memory *m)
+void upsample_memory_fini(struct upsample_memory *m)
 {
     sst_mem_kept_fini(&m->own);
     sst_mem_kept_fini(&m->resample);
@@ -219,8 +218,8 @@ static size_t lay_out(struct job *j, uint8_t *base, size_t workers)
     return at;
 }
 
-int sst_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob, struct sst_class_grid *grid,
-                 const struct sst_image *img, int threads, struct sst_upsample_memory *memory)
+int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob, struct class_grid *grid,
+                    const struct sst_image *img, int threads, struct upsample_memory *memory)
 {
     static const double mean[3] = { 0, 0, 0 }, std[3] = { 1 / 255.0, 1 / 255.0, 1 / 255.0 };
     const size_t workers = (size_t)sst_thread_count(threads);

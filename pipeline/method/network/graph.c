@@ -6,28 +6,28 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/method/network/graph_build.h"
+#include "pipeline/method/network/network_internal.h"
 
-int sst_graph_unsupported(struct sst_builder *b, const struct sst_onnx_node *node, const char *what)
+int graph_unsupported(struct graph_builder *b, const struct sst_onnx_node *node, const char *what)
 {
     snprintf(b->why, 256, "%.*s%s%.*s %.*s%s%s", SST_ONNX_STR(node->domain), node->domain.n ? "." : "",
              SST_ONNX_STR(node->op), SST_ONNX_STR(node->name), *what ? " " : "", what);
     return -ENOTSUP;
 }
 
-int sst_graph_wrong(struct sst_builder *b, const struct sst_onnx_node *node, const char *what)
+int graph_wrong(struct graph_builder *b, const struct sst_onnx_node *node, const char *what)
 {
     sst_log_error("model %s: node %.*s (%.*s) %s; the file is damaged or wrongly exported", b->name,
                   SST_ONNX_STR(node->name), SST_ONNX_STR(node->op), what);
     return -EBADMSG;
 }
 
-bool sst_graph_is(const struct sst_onnx_node *node, const char *op)
+bool graph_is(const struct sst_onnx_node *node, const char *op)
 {
     return (!node->domain.n || sst_onnx_str_is(node->domain, "ai.onnx")) && sst_onnx_str_is(node->op, op);
 }
 
-const struct sst_onnx_tensor *sst_graph_constant(const struct sst_builder *b, const struct sst_raw_node *node, int in)
+const struct sst_onnx_tensor *graph_constant(const struct graph_builder *b, const struct raw_node *node, int in)
 {
     int v = in < node->onnx->n_in ? node->in[in] : -1;
 
@@ -47,7 +47,7 @@ static unsigned hash(struct sst_onnx_str s)
     return (h ^ h >> 16) % SST_NAME_BUCKETS;
 }
 
-static int find_value(const struct sst_builder *b, struct sst_onnx_str name)
+static int find_value(const struct graph_builder *b, struct sst_onnx_str name)
 {
     int v = b->bucket[hash(name)];
 
@@ -57,13 +57,13 @@ static int find_value(const struct sst_builder *b, struct sst_onnx_str name)
 }
 
 /* The new value's number, or -1 where the name is taken. There is room: build() counted. */
-static int add_value(struct sst_builder *b, struct sst_onnx_str name)
+static int add_value(struct graph_builder *b, struct sst_onnx_str name)
 {
     const unsigned h = hash(name);
 
     if (find_value(b, name) >= 0)
         return -1;
-    b->values[b->n_values] = (struct sst_raw_value){
+    b->values[b->n_values] = (struct raw_value){
         .name = name,
         .next = b->bucket[h],
         .node = -1,
@@ -76,10 +76,10 @@ static int add_value(struct sst_builder *b, struct sst_onnx_str name)
 }
 
 /* Inputs of a node must be known before it: ONNX files are sorted, so this also rules out cycles. */
-static int resolve_node(struct sst_builder *b, int n)
+static int resolve_node(struct graph_builder *b, int n)
 {
     const struct sst_onnx_node *onnx = &b->model->nodes[n];
-    struct sst_raw_node *node = &b->nodes[n];
+    struct raw_node *node = &b->nodes[n];
 
     node->onnx = onnx;
     for (int i = 0; i < SST_ONNX_MAX_INS; i++)
@@ -87,8 +87,7 @@ static int resolve_node(struct sst_builder *b, int n)
     for (int i = 0; i < onnx->n_in; i++) {
         node->in[i] = onnx->in[i].n ? find_value(b, onnx->in[i]) : -1;
         if (onnx->in[i].n && node->in[i] < 0)
-            return sst_graph_wrong(b, onnx,
-                                   "reads a value that no earlier node makes (a cycle, or a missing constant)");
+            return graph_wrong(b, onnx, "reads a value that no earlier node makes (a cycle, or a missing constant)");
     }
     for (int i = 0; i < onnx->n_out; i++) {
         node->out[i] = -1;
@@ -96,22 +95,22 @@ static int resolve_node(struct sst_builder *b, int n)
             continue;
         node->out[i] = add_value(b, onnx->out[i]);
         if (node->out[i] < 0)
-            return sst_graph_wrong(b, onnx, "makes a value that exists already");
+            return graph_wrong(b, onnx, "makes a value that exists already");
         b->values[node->out[i]].node = n;
     }
     if (!onnx->n_out || node->out[0] < 0)
-        return sst_graph_wrong(b, onnx, "has no output");
+        return graph_wrong(b, onnx, "has no output");
     return 0;
 }
 
 /* A Constant node is as good as an initialiser. */
-static int resolve_constant(struct sst_builder *b, int n)
+static int resolve_constant(struct graph_builder *b, int n)
 {
     const struct sst_onnx_node *onnx = b->nodes[n].onnx;
     struct sst_onnx_attr a;
     int err;
 
-    if (!sst_graph_is(onnx, "Constant") || !sst_onnx_attr_find(onnx, "value", &a))
+    if (!graph_is(onnx, "Constant") || !sst_onnx_attr_find(onnx, "value", &a))
         return 0;
     err = sst_onnx_tensor_read(&b->constants[n], a.tensor, b->name);
     if (!err)
@@ -119,7 +118,7 @@ static int resolve_constant(struct sst_builder *b, int n)
     return err;
 }
 
-static int resolve_input(struct sst_builder *b)
+static int resolve_input(struct graph_builder *b)
 {
     const struct sst_onnx *m = b->model;
     const struct sst_onnx_value *in = NULL;
@@ -144,7 +143,7 @@ static int resolve_input(struct sst_builder *b)
     return 0;
 }
 
-static int resolve(struct sst_builder *b)
+static int resolve(struct graph_builder *b)
 {
     const struct sst_onnx *m = b->model;
     int err;
@@ -181,25 +180,25 @@ static int resolve(struct sst_builder *b)
 /* --- from nodes to operations --------------------------------------------------------------------- */
 
 /* Backwards from the output: which nodes count, and how many of them read each value. */
-static void find_needed(struct sst_builder *b)
+static void find_needed(struct graph_builder *b)
 {
     b->values[b->graph.output].users = 1;
     for (int n = b->model->n_nodes - 1; n >= 0; n--) {
-        struct sst_raw_node *node = &b->nodes[n];
-        const bool resize = sst_graph_is(node->onnx, "Resize");
-        struct sst_resize_target to;
+        struct raw_node *node = &b->nodes[n];
+        const bool resize = graph_is(node->onnx, "Resize");
+        struct resize_target to;
 
         for (int i = 0; i < node->onnx->n_out; i++)
             node->needed |= node->out[i] >= 0 && b->values[node->out[i]].users > 0;
         if (!node->needed)
             continue;
-        node->norm = sst_graph_find_norm(b, node);
+        node->norm = graph_find_norm(b, node);
         if (node->norm.found) {
             b->values[node->norm.x].users++;
             continue;
         }
         /* Beyond its first input a resize reads constants, or the shape of an image. */
-        if (resize && sst_graph_resize_target(b, node, &to) && to.like >= 0)
+        if (resize && graph_resize_target(b, node, &to) && to.like >= 0)
             b->values[to.like].users++;
         for (int i = 0; i < (resize ? 1 : node->onnx->n_in); i++) {
             if (node->in[i] >= 0)
@@ -208,16 +207,16 @@ static void find_needed(struct sst_builder *b)
     }
 }
 
-static int translate(struct sst_builder *b)
+static int translate(struct graph_builder *b)
 {
     struct sst_graph *g = &b->graph;
-    struct sst_raw_value *out;
+    struct raw_value *out;
     int err = 0;
 
     find_needed(b);
     for (int n = 0; !err && n < b->model->n_nodes; n++) {
         if (b->nodes[n].needed)
-            err = sst_graph_translate(b, &b->nodes[n]);
+            err = graph_translate(b, &b->nodes[n]);
     }
     if (err)
         return err;
@@ -235,7 +234,7 @@ static int translate(struct sst_builder *b)
 
 /* --- ranges for 8 bits ---------------------------------------------------------------------------- */
 
-static int bad_ranges(const struct sst_builder *b, const char *what)
+static int bad_ranges(const struct graph_builder *b, const char *what)
 {
     sst_log_error("model %s: its metadata " SST_RANGES_KEY " %s; write them again with models/quantise.py", b->name,
                   what);
@@ -243,7 +242,7 @@ static int bad_ranges(const struct sst_builder *b, const char *what)
 }
 
 /* One line "number name". Its length with the line's end, or a negative errno. */
-static int read_range(struct sst_builder *b, struct sst_onnx_str text)
+static int read_range(struct graph_builder *b, struct sst_onnx_str text)
 {
     const char *end = memchr(text.p, '\n', text.n), *blank = memchr(text.p, ' ', text.n);
     const size_t n = end ? (size_t)(end - text.p) : text.n, digits = blank ? (size_t)(blank - text.p) : n;
@@ -266,7 +265,7 @@ static int read_range(struct sst_builder *b, struct sst_onnx_str text)
     return (int)n + (end ? 1 : 0);
 }
 
-static int read_ranges(struct sst_builder *b)
+static int read_ranges(struct graph_builder *b)
 {
     const struct sst_graph *g = &b->graph;
     struct sst_onnx_str text = { 0 };
@@ -295,7 +294,7 @@ static int read_ranges(struct sst_builder *b)
     return 0;
 }
 
-static int allocate(struct sst_builder *b)
+static int allocate(struct graph_builder *b)
 {
     const struct sst_onnx *m = b->model;
     size_t n_values = (size_t)m->n_tensors + 1;
@@ -313,7 +312,7 @@ static int allocate(struct sst_builder *b)
 
 int sst_graph_build(struct sst_graph *out, const struct sst_onnx *model, const char *name, char why[256])
 {
-    struct sst_builder *b = calloc(1, sizeof(*b));
+    struct graph_builder *b = calloc(1, sizeof(*b));
     int err = -ENOMEM;
 
     if (!b)

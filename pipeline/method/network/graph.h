@@ -1,4 +1,5 @@
-/* pipeline/method/network/graph.h - the network as a list of checked operations, ready to be planned for any input size. */
+/* pipeline/method/network/graph.h - the network as a list of checked operations, ready to be planned for any input
+ * size. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_GRAPH_H
 #define SST_PIPELINE_METHOD_NETWORK_GRAPH_H
 

@@ -4,10 +4,10 @@
  *   Div(x, D), D = [Expand] [Clip | Max | Add] N,  N = ReduceL2(x)  or  Sqrt([Clip | Max | Add] S),
  *   S = ReduceSum(x x) or ReduceSumSquare(x),  x x = Mul(x, x) or Pow(x, 2). */
 
-#include "pipeline/method/network/graph_build.h"
+#include "pipeline/method/network/network_internal.h"
 
 /* The node that makes input `in` of a node, or NULL. */
-static const struct sst_raw_node *maker(const struct sst_builder *b, const struct sst_raw_node *node, int in)
+static const struct raw_node *maker(const struct graph_builder *b, const struct raw_node *node, int in)
 {
     const int v = in < node->onnx->n_in ? node->in[in] : -1;
 
@@ -23,76 +23,75 @@ static bool one_number(const struct sst_onnx_tensor *t, double *out)
 }
 
 /* Step over one Clip, Max or Add of a constant, taking note of it. */
-static const struct sst_raw_node *peel(const struct sst_builder *b, const struct sst_raw_node *node, double *add,
-                                       double *min)
+static const struct raw_node *peel(const struct graph_builder *b, const struct raw_node *node, double *add, double *min)
 {
     struct sst_onnx_attr a;
     double v;
 
     if (!node)
         return NULL;
-    if (sst_graph_is(node->onnx, "Clip")) {
+    if (graph_is(node->onnx, "Clip")) {
         if (sst_onnx_attr_find(node->onnx, "min", &a))
             v = a.f;
-        else if (!one_number(sst_graph_constant(b, node, 1), &v))
+        else if (!one_number(graph_constant(b, node, 1), &v))
             return NULL;
         if ((node->onnx->n_in > 2 && node->in[2] >= 0) || sst_onnx_attr_find(node->onnx, "max", &a) || v < 0)
             return NULL;
         *min = v;
         return maker(b, node, 0);
     }
-    if (sst_graph_is(node->onnx, "Max") || sst_graph_is(node->onnx, "Add")) {
-        const int c = sst_graph_constant(b, node, 1) ? 1 : 0;
+    if (graph_is(node->onnx, "Max") || graph_is(node->onnx, "Add")) {
+        const int c = graph_constant(b, node, 1) ? 1 : 0;
 
-        if (node->onnx->n_in != 2 || !one_number(sst_graph_constant(b, node, c), &v) || v < 0)
+        if (node->onnx->n_in != 2 || !one_number(graph_constant(b, node, c), &v) || v < 0)
             return NULL;
-        *(sst_graph_is(node->onnx, "Max") ? min : add) = v;
+        *(graph_is(node->onnx, "Max") ? min : add) = v;
         return maker(b, node, 1 - c);
     }
     return node;
 }
 
 /* A reduction over axis 1 that keeps it. */
-static bool reduces_channels(const struct sst_builder *b, const struct sst_raw_node *node, const char *op)
+static bool reduces_channels(const struct graph_builder *b, const struct raw_node *node, const char *op)
 {
-    const struct sst_onnx_tensor *t = sst_graph_constant(b, node, 1);
+    const struct sst_onnx_tensor *t = graph_constant(b, node, 1);
     struct sst_onnx_attr a;
 
-    if (!sst_graph_is(node->onnx, op) || sst_onnx_attr_int(node->onnx, "keepdims", 1) != 1)
+    if (!graph_is(node->onnx, op) || sst_onnx_attr_int(node->onnx, "keepdims", 1) != 1)
         return false;
     if (sst_onnx_attr_find(node->onnx, "axes", &a))
         return a.n_ints == 1 && (a.ints[0] == 1 || a.ints[0] == -3);
     return t && t->count == 1 && t->i && (t->i[0] == 1 || t->i[0] == -3);
 }
 
-static bool is_square(const struct sst_builder *b, const struct sst_raw_node *node, int x)
+static bool is_square(const struct graph_builder *b, const struct raw_node *node, int x)
 {
     double power;
 
     if (!node || node->in[0] != x)
         return false;
-    if (sst_graph_is(node->onnx, "Mul"))
+    if (graph_is(node->onnx, "Mul"))
         return node->onnx->n_in == 2 && node->in[1] == x;
-    return sst_graph_is(node->onnx, "Pow") && one_number(sst_graph_constant(b, node, 1), &power) && power == 2;
+    return graph_is(node->onnx, "Pow") && one_number(graph_constant(b, node, 1), &power) && power == 2;
 }
 
-struct sst_norm sst_graph_find_norm(const struct sst_builder *b, const struct sst_raw_node *node)
+struct graph_norm graph_find_norm(const struct graph_builder *b, const struct raw_node *node)
 {
-    struct sst_norm norm = { 0 };
-    const struct sst_raw_node *d;
+    struct graph_norm norm = { 0 };
+    const struct raw_node *d;
 
-    if (!sst_graph_is(node->onnx, "Div") || node->onnx->n_in != 2 || node->in[0] < 0 || b->values[node->in[0]].constant)
+    if (!graph_is(node->onnx, "Div") || node->onnx->n_in != 2 || node->in[0] < 0 || b->values[node->in[0]].constant)
         return norm;
     norm.x = node->in[0];
     d = maker(b, node, 1);
-    if (d && sst_graph_is(d->onnx, "Expand"))
+    if (d && graph_is(d->onnx, "Expand"))
         d = maker(b, d, 0);
     d = peel(b, d, &norm.add, &norm.min);
     if (!d)
         return norm;
     if (reduces_channels(b, d, "ReduceL2")) {
         norm.found = d->in[0] == norm.x;
-    } else if (sst_graph_is(d->onnx, "Sqrt")) {
+    } else if (graph_is(d->onnx, "Sqrt")) {
         d = peel(b, maker(b, d, 0), &norm.in_add, &norm.in_min);
         if (d && reduces_channels(b, d, "ReduceSumSquare"))
             norm.found = d->in[0] == norm.x;
@@ -113,7 +112,7 @@ struct element {
 
 /* Nested lists could make the search endless in practice; real ones take about 20 steps. */
 struct search {
-    const struct sst_builder *b;
+    const struct graph_builder *b;
     int steps_left;
 };
 
@@ -123,10 +122,9 @@ static const struct sst_onnx_tensor *integers(const struct sst_onnx_tensor *t)
 }
 
 /* The first number of a constant input, or of the attribute that older files have instead. */
-static bool first_of(const struct sst_builder *b, const struct sst_raw_node *node, int in, const char *attr,
-                     int64_t *out)
+static bool first_of(const struct graph_builder *b, const struct raw_node *node, int in, const char *attr, int64_t *out)
 {
-    const struct sst_onnx_tensor *t = integers(sst_graph_constant(b, node, in));
+    const struct sst_onnx_tensor *t = integers(graph_constant(b, node, in));
     struct sst_onnx_attr a;
 
     if (t)
@@ -140,39 +138,39 @@ static bool first_of(const struct sst_builder *b, const struct sst_raw_node *nod
 
 static bool is_wrapper(const struct sst_onnx_node *onnx)
 {
-    return sst_graph_is(onnx, "Unsqueeze") || sst_graph_is(onnx, "Squeeze") || sst_graph_is(onnx, "Cast") ||
-           sst_graph_is(onnx, "Identity");
+    return graph_is(onnx, "Unsqueeze") || graph_is(onnx, "Squeeze") || graph_is(onnx, "Cast") ||
+           graph_is(onnx, "Identity");
 }
 
 /* A list that input `in` of a node is: a constant, or what another node makes. */
-static const struct sst_raw_node *list_of(const struct sst_builder *b, const struct sst_raw_node *node, int in,
-                                          const struct sst_onnx_tensor **constant)
+static const struct raw_node *list_of(const struct graph_builder *b, const struct raw_node *node, int in,
+                                      const struct sst_onnx_tensor **constant)
 {
-    *constant = integers(sst_graph_constant(b, node, in));
+    *constant = integers(graph_constant(b, node, in));
     return *constant ? NULL : maker(b, node, in);
 }
 
 /* Elements of a list; 0: not known. */
-static int64_t list_length(struct search *s, const struct sst_raw_node *node, int in)
+static int64_t list_length(struct search *s, const struct raw_node *node, int in)
 {
     const struct sst_onnx_tensor *t;
-    const struct sst_raw_node *n = list_of(s->b, node, in, &t);
+    const struct raw_node *n = list_of(s->b, node, in, &t);
     int64_t from, to, sum = 0;
 
     if (t)
         return t->count;
     if (!n || s->steps_left-- <= 0)
         return 0;
-    if (sst_graph_is(n->onnx, "Shape"))
-        return 4; /* of an image; sst_graph_resize_target() makes sure that it is one */
+    if (graph_is(n->onnx, "Shape"))
+        return 4; /* of an image; graph_resize_target() makes sure that it is one */
     if (is_wrapper(n->onnx))
         return list_length(s, n, 0);
-    if (sst_graph_is(n->onnx, "Gather"))
-        return integers(sst_graph_constant(s->b, n, 1)) ? sst_graph_constant(s->b, n, 1)->count : 0;
-    if (sst_graph_is(n->onnx, "Slice") && first_of(s->b, n, 1, "starts", &from) && first_of(s->b, n, 2, "ends", &to) &&
+    if (graph_is(n->onnx, "Gather"))
+        return integers(graph_constant(s->b, n, 1)) ? graph_constant(s->b, n, 1)->count : 0;
+    if (graph_is(n->onnx, "Slice") && first_of(s->b, n, 1, "starts", &from) && first_of(s->b, n, 2, "ends", &to) &&
         from >= 0 && from <= 4)
         return (to < 0 ? to + 4 : to > 4 ? 4 : to) - from;
-    for (int i = 0; sst_graph_is(n->onnx, "Concat") && i < n->onnx->n_in; i++) {
+    for (int i = 0; graph_is(n->onnx, "Concat") && i < n->onnx->n_in; i++) {
         const int64_t part = list_length(s, n, i);
 
         if (part < 1 || part > 4)
@@ -182,10 +180,10 @@ static int64_t list_length(struct search *s, const struct sst_raw_node *node, in
     return sum;
 }
 
-static bool list_element(struct search *s, const struct sst_raw_node *node, int in, int64_t i, struct element *out)
+static bool list_element(struct search *s, const struct raw_node *node, int in, int64_t i, struct element *out)
 {
     const struct sst_onnx_tensor *t;
-    const struct sst_raw_node *n = list_of(s->b, node, in, &t);
+    const struct raw_node *n = list_of(s->b, node, in, &t);
     int64_t from;
 
     if (t) {
@@ -194,21 +192,21 @@ static bool list_element(struct search *s, const struct sst_raw_node *node, int 
     }
     if (!n || i < 0 || i > 3 || s->steps_left-- <= 0)
         return false;
-    if (sst_graph_is(n->onnx, "Shape")) {
+    if (graph_is(n->onnx, "Shape")) {
         *out = (struct element){ n->in[0], i };
         return n->onnx->n_in == 1 && n->onnx->n_out == 1 && n->in[0] >= 0;
     }
     if (is_wrapper(n->onnx))
         return list_element(s, n, 0, i, out);
-    if (sst_graph_is(n->onnx, "Gather")) {
-        t = integers(sst_graph_constant(s->b, n, 1));
+    if (graph_is(n->onnx, "Gather")) {
+        t = integers(graph_constant(s->b, n, 1));
         return t && i < t->count && t->i[i] >= -4 && t->i[i] < 4 &&
                list_element(s, n, 0, t->i[i] < 0 ? t->i[i] + 4 : t->i[i], out);
     }
-    if (sst_graph_is(n->onnx, "Slice"))
+    if (graph_is(n->onnx, "Slice"))
         return first_of(s->b, n, 1, "starts", &from) && from >= -4 && from < 4 &&
                list_element(s, n, 0, (from < 0 ? from + 4 : from) + i, out);
-    for (int k = 0; sst_graph_is(n->onnx, "Concat") && k < n->onnx->n_in; k++) {
+    for (int k = 0; graph_is(n->onnx, "Concat") && k < n->onnx->n_in; k++) {
         const int64_t part = list_length(s, n, k);
 
         if (part < 1)
@@ -220,8 +218,7 @@ static bool list_element(struct search *s, const struct sst_raw_node *node, int 
     return false;
 }
 
-bool sst_graph_resize_target(const struct sst_builder *b, const struct sst_raw_node *node,
-                             struct sst_resize_target *out)
+bool graph_resize_target(const struct graph_builder *b, const struct raw_node *node, struct resize_target *out)
 {
     struct search s = { b, 256 };
     struct element h, w;
@@ -229,8 +226,8 @@ bool sst_graph_resize_target(const struct sst_builder *b, const struct sst_raw_n
     if (!list_element(&s, node, 3, 2, &h) || !list_element(&s, node, 3, 3, &w) || h.value != w.value)
         return false;
     if (h.value < 0)
-        *out = (struct sst_resize_target){ { h.n, w.n }, -1 };
+        *out = (struct resize_target){ { h.n, w.n }, -1 };
     else
-        *out = (struct sst_resize_target){ { 0, 0 }, h.value };
+        *out = (struct resize_target){ { 0, 0 }, h.value };
     return h.value < 0 || (h.n == 2 && w.n == 3);
 }

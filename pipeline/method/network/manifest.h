@@ -1,5 +1,5 @@
-/* pipeline/method/network/manifest.h - manifest.json of a folder of networks: what each one is, and the hash that it must
- * have.
+/* pipeline/method/network/manifest.h - manifest.json of a folder of networks: what each one is, and the hash that it
+ * must have.
  */
 #ifndef SST_PIPELINE_METHOD_NETWORK_MANIFEST_H
 #define SST_PIPELINE_METHOD_NETWORK_MANIFEST_H

@@ -10,9 +10,8 @@
 #include "base/mem.h"
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/manifest.h"
+#include "pipeline/method/network/network_internal.h"
 #include "pipeline/method/network/onnx.h"
-#include "pipeline/method/network/ops.h"
-#include "pipeline/method/network/plan.h"
 #include "pipeline/method/network/opencv_net.h"
 
 struct metadata {
@@ -26,7 +25,7 @@ struct sst_network {
     enum sst_precision precision; /* never auto */
     struct metadata *metadata;
     struct sst_graph graph; /* of the runner oneDNN */
-    struct sst_cv_net *cv;  /* of the runner OpenCV, else NULL */
+    struct cv_net *cv;      /* of the runner OpenCV, else NULL */
     /* for the size used last */
     int width, height;
     struct sst_shape out;
@@ -118,7 +117,7 @@ static int choose_precision(struct sst_network *net)
         return -ENOTSUP;
     }
     if (net->precision == SST_PRECISION_AUTO)
-        net->precision = net->graph.range && sst_plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+        net->precision = net->graph.range && plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
     return 0;
 }
 #endif
@@ -136,7 +135,7 @@ static int open_opencv(struct sst_network *net, const struct sst_onnx *model, co
     net->precision = SST_PRECISION_F32;
 #if WITH_OPENCV
     if (model->n_outs == 1)
-        err = sst_cv_net_open(&net->cv, data, size, why);
+        err = cv_net_open(&net->cv, data, size, why);
     else
         strcpy(why, "it has several outputs");
 #endif
@@ -219,10 +218,10 @@ void sst_network_close(struct sst_network *net)
     if (!net)
         return;
 #if WITH_DNNL
-    sst_plan_destroy(net->plan);
+    plan_destroy(net->plan);
 #endif
 #if WITH_OPENCV
-    sst_cv_net_close(net->cv);
+    cv_net_close(net->cv);
 #endif
     sst_graph_fini(&net->graph);
     for (int i = 0; i < net->n_metadata; i++) {
@@ -273,7 +272,7 @@ static int plan_dnnl(struct sst_network *net, int width, int height)
 
     if (!err) {
         net->out = shapes[net->graph.output];
-        err = sst_plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
+        err = plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
     }
     free(shapes);
     return err;
@@ -299,7 +298,7 @@ static int run_opencv(struct sst_network *net, const float *in, int width, int h
 {
     const int in_shape[3] = { net->in_channels, height, width };
     char why[256] = "";
-    int shape[3], err = sst_cv_net_run(net->cv, in, in_shape, net->threads, result, shape, why);
+    int shape[3], err = cv_net_run(net->cv, in, in_shape, net->threads, result, shape, why);
 
     if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
@@ -336,7 +335,7 @@ static int plan(struct sst_network *net, int width, int height)
     }
     net->width = net->height = 0;
 #if WITH_DNNL
-    sst_plan_destroy(net->plan);
+    plan_destroy(net->plan);
     net->plan = NULL;
     if (!net->cv)
         err = plan_dnnl(net, width, height);
@@ -383,7 +382,7 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
     }
 #endif
 #if WITH_DNNL
-    err = sst_plan_run(net->plan, in, out);
+    err = plan_run(net->plan, in, out);
     if (err)
         sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
 #endif
@@ -401,7 +400,7 @@ static int run_rounded(struct sst_network *net, const float *in, int width, int 
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
                       height);
     for (size_t i = 0; !err && i < plane * c; i++)
-        out[i] = sst_op_to_byte(values[i % c * plane + i / c] * factor);
+        out[i] = op_to_byte(values[i % c * plane + i / c] * factor);
     sst_mem_free(values);
     return err;
 }
@@ -413,8 +412,8 @@ int sst_network_run_s8(struct sst_network *net, const float *in, int width, int 
     if (err)
         return err;
 #if WITH_DNNL
-    if (!net->cv && sst_plan_has_s8(net->plan)) {
-        err = sst_plan_run_s8(net->plan, in, factor, out);
+    if (!net->cv && plan_has_s8(net->plan)) {
+        err = plan_run_s8(net->plan, in, factor, out);
         if (err)
             sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
         return err;

@@ -27,7 +27,8 @@ enum sst_precision {
  * digits between machines, as oneDNN takes other code on other processors. Other operators make the network fall back
  * to OpenCV's DNN, which is said in a warning.
  *
- * A network that the manifest.json beside it lists must be the file that is listed there (pipeline/method/network/manifest.h).
+ * A network that the manifest.json beside it lists must be the file that is listed there
+ * (pipeline/method/network/manifest.h).
  *
  * On SST_PRECISION_INT8 convolutions behind the first one, and what lies between them, are computed on 8 bits in ranges
  * that the file's metadata sst.ranges hold (see docs/method.md); sums are exact. Processors without VNNI use 7 of them

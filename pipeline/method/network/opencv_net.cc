@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/dnn.hpp>
 
-struct sst_cv_net {
+struct cv_net {
     cv::dnn::Net net;
     cv::Mat result;
 };
@@ -38,10 +38,10 @@ static int silent(int, const char *, const char *, const char *, int, void *)
     return 0;
 }
 
-int sst_cv_net_open(struct sst_cv_net **out, const uint8_t *data, size_t size, char why[256])
+int cv_net_open(struct cv_net **out, const uint8_t *data, size_t size, char why[256])
 {
     return guarded(why, [&] {
-        auto made = std::unique_ptr<sst_cv_net>(new sst_cv_net);
+        auto made = std::unique_ptr<cv_net>(new cv_net);
 
         cv::redirectError(silent);
         made->net = cv::dnn::readNetFromONNX(reinterpret_cast<const char *>(data), size);
@@ -56,12 +56,12 @@ int sst_cv_net_open(struct sst_cv_net **out, const uint8_t *data, size_t size, c
     });
 }
 
-void sst_cv_net_close(struct sst_cv_net *net)
+void cv_net_close(struct cv_net *net)
 {
     delete net;
 }
 
-int sst_cv_net_run(struct sst_cv_net *net, const float *in, const int in_shape[3], int threads, const float **result,
+int cv_net_run(struct cv_net *net, const float *in, const int in_shape[3], int threads, const float **result,
                    int shape[3], char why[256])
 {
     return guarded(why, [&] {

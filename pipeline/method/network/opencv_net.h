@@ -1,4 +1,5 @@
-/* pipeline/method/network/opencv_net.h - what we take from OpenCV, as plain C: no exception leaves, no OpenCV type is seen. */
+/* pipeline/method/network/opencv_net.h - what we take from OpenCV, as plain C: no exception leaves, no OpenCV type is
+ * seen. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_OPENCV_NET_H
 #define SST_PIPELINE_METHOD_NETWORK_OPENCV_NET_H
 
@@ -8,11 +9,11 @@ SST_EXTERN_C_BEGIN
 
 /* All return 0, -ENOMEM or -EINVAL (OpenCV refused; its reason, cut to one line, is in why[256]). Not logged. */
 
-struct sst_cv_net; /* a network in OpenCV's DNN module; one thread at a time */
+struct cv_net; /* a network in OpenCV's DNN module; one thread at a time */
 
 /** @param data  an ONNX file in memory; not needed afterwards */
-SST_MUST_CHECK int sst_cv_net_open(struct sst_cv_net **out, const uint8_t *data, size_t size, char why[256]);
-void sst_cv_net_close(struct sst_cv_net *net);
+SST_MUST_CHECK int cv_net_open(struct cv_net **out, const uint8_t *data, size_t size, char why[256]);
+void cv_net_close(struct cv_net *net);
 
 /**
  * Run on a [channels][height][width] input; the result stays inside net until the next run.
@@ -20,8 +21,8 @@ void sst_cv_net_close(struct sst_cv_net *net);
  * @param result  out, [shape[0]][shape[1]][shape[2]]; owner: net
  * @param shape   out: channels, height, width
  */
-SST_MUST_CHECK int sst_cv_net_run(struct sst_cv_net *net, const float *in, const int in_shape[3], int threads,
-                                  const float **result, int shape[3], char why[256]);
+SST_MUST_CHECK int cv_net_run(struct cv_net *net, const float *in, const int in_shape[3], int threads,
+                              const float **result, int shape[3], char why[256]);
 
 SST_EXTERN_C_END
 

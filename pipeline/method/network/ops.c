@@ -1,4 +1,4 @@
-#include "pipeline/method/network/ops.h"
+#include "pipeline/method/network/network_internal.h"
 
 #include <math.h>
 
@@ -7,21 +7,21 @@
 #define TILE 16 /* pixels or channels that are worked on together */
 
 struct job {
-    const struct sst_tensor *dst, *src;
+    const struct net_tensor *dst, *src;
     const struct sst_tap *taps_y, *taps_x;
     const struct sst_op *op;
     int8_t *bytes; /* of normalisation to bytes */
     float factor;
 };
 
-static size_t offset(const struct sst_tensor *t, int c, int y, int x)
+static size_t offset(const struct net_tensor *t, int c, int y, int x)
 {
     return (((size_t)(c / t->block) * (size_t)t->h + (size_t)y) * (size_t)t->w + (size_t)x) * (size_t)t->block +
            (size_t)(c % t->block);
 }
 
 /* Channels with those that fill the last block. */
-static int padded_channels(const struct sst_tensor *t)
+static int padded_channels(const struct net_tensor *t)
 {
     return (t->c + t->block - 1) / t->block * t->block;
 }
@@ -45,7 +45,7 @@ static double source_position(enum sst_resize_mode mode, double scale, int from,
     return (i + 0.5) / scale - 0.5;
 }
 
-void sst_resize_taps(struct sst_tap *taps, enum sst_resize_mode mode, double scale, int from, int to)
+void resize_taps(struct sst_tap *taps, enum sst_resize_mode mode, double scale, int from, int to)
 {
     for (int i = 0; i < to; i++) {
         const double at = sst_clamp_double(source_position(mode, scale, from, to, i), 0, from - 1);
@@ -58,7 +58,7 @@ void sst_resize_taps(struct sst_tap *taps, enum sst_resize_mode mode, double sca
 static int resize_row(void *arg, int y, int worker SST_UNUSED)
 {
     const struct job *j = arg;
-    const struct sst_tensor *dst = j->dst, *src = j->src;
+    const struct net_tensor *dst = j->dst, *src = j->src;
     const struct sst_tap ty = j->taps_y[y];
     const int b = src->block;
 
@@ -83,8 +83,8 @@ static int resize_row(void *arg, int y, int worker SST_UNUSED)
     return 0;
 }
 
-int sst_op_resize(const struct sst_tensor *dst, const struct sst_tensor *src, const struct sst_tap *taps_y,
-                  const struct sst_tap *taps_x, int threads)
+int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct sst_tap *taps_y,
+              const struct sst_tap *taps_x, int threads)
 {
     struct job job = { .dst = dst, .src = src, .taps_y = taps_y, .taps_x = taps_x };
 
@@ -95,7 +95,7 @@ int sst_op_resize(const struct sst_tensor *dst, const struct sst_tensor *src, co
 
 static void mean_of_bin(const struct job *j, int c0, int lanes, int oy, int ox)
 {
-    const struct sst_tensor *dst = j->dst, *src = j->src;
+    const struct net_tensor *dst = j->dst, *src = j->src;
     const int y0 = (int)((int64_t)oy * src->h / dst->h), x0 = (int)((int64_t)ox * src->w / dst->w);
     const int y1 = (int)(((int64_t)(oy + 1) * src->h + dst->h - 1) / dst->h);
     const int x1 = (int)(((int64_t)(ox + 1) * src->w + dst->w - 1) / dst->w);
@@ -130,7 +130,7 @@ static int pool_group(void *arg, int group, int worker SST_UNUSED)
     return 0;
 }
 
-int sst_op_adaptive_pool(const struct sst_tensor *dst, const struct sst_tensor *src, int threads)
+int op_adaptive_pool(const struct net_tensor *dst, const struct net_tensor *src, int threads)
 {
     const int width = sst_min_int(src->block, TILE);
     struct job job = { .dst = dst, .src = src };
@@ -140,7 +140,7 @@ int sst_op_adaptive_pool(const struct sst_tensor *dst, const struct sst_tensor *
 
 /* --- softmax and normalisation: tiles of TILE pixels of a row, all channels ----------------------- */
 
-static void load_tile(float (*tile)[TILE], const struct sst_tensor *t, int y, int x, int n)
+static void load_tile(float (*tile)[TILE], const struct net_tensor *t, int y, int x, int n)
 {
     for (int c = 0; c < t->c; c++) {
         const float *p = t->data + offset(t, c, y, x);
@@ -152,7 +152,7 @@ static void load_tile(float (*tile)[TILE], const struct sst_tensor *t, int y, in
     }
 }
 
-static void store_tile(const struct sst_tensor *t, int y, int x, int n, float (*tile)[TILE])
+static void store_tile(const struct net_tensor *t, int y, int x, int n, float (*tile)[TILE])
 {
     for (int c = 0; c < padded_channels(t); c++) {
         float *p = t->data + offset(t, c, y, x);
@@ -226,14 +226,14 @@ static int tile_row(void *arg, int y, int worker SST_UNUSED)
     return 0;
 }
 
-int sst_op_softmax(const struct sst_tensor *dst, const struct sst_tensor *src, int threads)
+int op_softmax(const struct net_tensor *dst, const struct net_tensor *src, int threads)
 {
     struct job job = { .dst = dst, .src = src };
 
     return sst_parallel_for(dst->h, threads, tile_row, &job);
 }
 
-int sst_op_normalize(const struct sst_tensor *dst, const struct sst_tensor *src, const struct sst_op *op, int threads)
+int op_normalize(const struct net_tensor *dst, const struct net_tensor *src, const struct sst_op *op, int threads)
 {
     struct job job = { .dst = dst, .src = src, .op = op };
 
@@ -266,13 +266,13 @@ static double sum_of_squares(const float *x, int n)
 static void to_bytes(int8_t *restrict out, const float *restrict in, float scale, int n)
 {
     for (int i = 0; i < n; i++)
-        out[i] = sst_op_to_byte(in[i] * scale);
+        out[i] = op_to_byte(in[i] * scale);
 }
 
 static int byte_row(void *arg, int y, int worker SST_UNUSED)
 {
     const struct job *j = arg;
-    const struct sst_tensor *src = j->src;
+    const struct net_tensor *src = j->src;
     int8_t *out = j->bytes + (size_t)y * (size_t)src->w * (size_t)src->c;
 
     for (int x = 0; x < src->w; x++, out += src->c) {
@@ -293,7 +293,7 @@ static int byte_row(void *arg, int y, int worker SST_UNUSED)
     return 0;
 }
 
-int sst_op_normalize_s8(int8_t *out, const struct sst_tensor *src, const struct sst_op *op, float factor, int threads)
+int op_normalize_s8(int8_t *out, const struct net_tensor *src, const struct sst_op *op, float factor, int threads)
 {
     struct job job = { .src = src, .op = op, .bytes = out, .factor = factor };
 

@@ -1,5 +1,5 @@
 #if WITH_DNNL
-#include "pipeline/method/network/plan.h"
+#include "pipeline/method/network/network_internal.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -275,8 +275,8 @@ static int build(struct sst_plan *p)
     return allocate(p);
 }
 
-int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes, int threads,
-                    enum sst_precision precision, const char *name)
+int plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes, int threads,
+                enum sst_precision precision, const char *name)
 {
     const int before = omp_get_max_threads();
     struct sst_plan *p = calloc(1, sizeof(*p));
@@ -303,11 +303,11 @@ int sst_plan_create(struct sst_plan **out, const struct sst_graph *graph, const 
     else if (err != -EINVAL)
         sst_log_error("model %s: oneDNN cannot run one of its layers on an image of %d x %d; use another size or model",
                       name, shapes[graph->input].w, shapes[graph->input].h);
-    sst_plan_destroy(p);
+    plan_destroy(p);
     return err;
 }
 
-void sst_plan_destroy(struct sst_plan *plan)
+void plan_destroy(struct sst_plan *plan)
 {
     if (!plan)
         return;
@@ -340,17 +340,17 @@ void sst_plan_destroy(struct sst_plan *plan)
 
 static int run_own(const struct sst_plan *p, const struct plan_step *s)
 {
-    const struct sst_tensor *src = &p->tensors[s->tensor[0]].view, *dst = &p->tensors[s->tensor[1]].view;
+    const struct net_tensor *src = &p->tensors[s->tensor[0]].view, *dst = &p->tensors[s->tensor[1]].view;
 
     switch (s->op->kind) {
     case SST_OP_ADAPTIVE_POOL:
-        return sst_op_adaptive_pool(dst, src, p->threads);
+        return op_adaptive_pool(dst, src, p->threads);
     case SST_OP_RESIZE:
-        return sst_op_resize(dst, src, s->taps_y, s->taps_x, p->threads);
+        return op_resize(dst, src, s->taps_y, s->taps_x, p->threads);
     case SST_OP_SOFTMAX:
-        return sst_op_softmax(dst, src, p->threads);
+        return op_softmax(dst, src, p->threads);
     default:
-        return sst_op_normalize(dst, src, s->op, p->threads);
+        return op_normalize(dst, src, s->op, p->threads);
     }
 }
 
@@ -393,25 +393,25 @@ static int run(struct sst_plan *p, const float *in, int count)
     return err;
 }
 
-int sst_plan_run(struct sst_plan *plan, const float *in, float *out)
+int plan_run(struct sst_plan *plan, const float *in, float *out)
 {
     const int err = set_external(&plan->tensors[plan->output], out);
 
     return err ? err : run(plan, in, plan->n_steps);
 }
 
-bool sst_plan_has_s8(const struct sst_plan *plan)
+bool plan_has_s8(const struct sst_plan *plan)
 {
     const struct plan_step *last = plan->n_steps ? &plan->steps[plan->n_steps - 1] : NULL;
 
     return last && last->op && last->op->kind == SST_OP_NORMALIZE;
 }
 
-int sst_plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out)
+int plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out)
 {
     const struct plan_step *last = &plan->steps[plan->n_steps - 1];
     const int err = run(plan, in, plan->n_steps - 1);
 
-    return err ? err : sst_op_normalize_s8(out, &plan->tensors[last->tensor[0]].view, last->op, factor, plan->threads);
+    return err ? err : op_normalize_s8(out, &plan->tensors[last->tensor[0]].view, last->op, factor, plan->threads);
 }
 #endif

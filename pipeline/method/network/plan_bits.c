@@ -8,7 +8,7 @@
  * much again. */
 #define MAX_PRODUCTS (INT32_MAX / 2 / (255 * 127))
 
-bool sst_plan_fast_int8(void)
+bool plan_fast_int8(void)
 {
     static const unsigned vnni[] = { dnnl_cpu_isa_avx512_core_vnni, dnnl_cpu_isa_avx2_vnni };
     const unsigned isa = (unsigned)dnnl_get_effective_cpu_isa();
@@ -21,7 +21,7 @@ bool sst_plan_fast_int8(void)
  * not: u8 values use 7 bits there. (For s8 values oneDNN itself halves the weights.) */
 static float u8_max(void)
 {
-    return sst_plan_fast_int8() ? 255.0f : 127.0f;
+    return plan_fast_int8() ? 255.0f : 127.0f;
 }
 
 bool plan_conv_on_8_bits(const struct sst_plan *p, const struct sst_op *op)

@@ -287,8 +287,8 @@ static int add_taps(struct sst_plan *p, struct plan_step *s, const struct sst_op
     s->taps_x = calloc((size_t)out.w, sizeof(*s->taps_x));
     if (!s->taps_y || !s->taps_x)
         return -ENOMEM;
-    sst_resize_taps(s->taps_y, op->mode, scale_y, in.h, out.h);
-    sst_resize_taps(s->taps_x, op->mode, scale_x, in.w, out.w);
+    resize_taps(s->taps_y, op->mode, scale_y, in.h, out.h);
+    resize_taps(s->taps_x, op->mode, scale_x, in.w, out.w);
     return 0;
 }
 

@@ -4,8 +4,7 @@
 
 #include <dnnl.h>
 
-#include "pipeline/method/network/ops.h"
-#include "pipeline/method/network/plan.h"
+#include "pipeline/method/network/network_internal.h"
 
 #define SST_PLAN_MAX_ARGS (SST_ONNX_MAX_INS + 4)
 
@@ -24,7 +23,7 @@ struct plan_tensor {
     float scale;  /* the value is scale times what is stored */
     dnnl_memory_desc_t md;
     dnnl_memory_t memory;
-    struct sst_tensor view; /* block 0: a layout that only oneDNN understands */
+    struct net_tensor view; /* block 0: a layout that only oneDNN understands */
     dnnl_format_tag_t tag;  /* of the layout, if block > 0 */
     size_t bytes, offset;   /* place in the arena */
     int first, last;        /* steps that touch it */

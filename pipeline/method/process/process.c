@@ -10,8 +10,8 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/method/labels/labels.h"
 #include "pipeline/lightfield/unsure.h"
+#include "pipeline/method/labels/labels.h"
 
 /* Maps that only explain the result; written beside the main ones. */
 enum extra {

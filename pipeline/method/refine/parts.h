@@ -1,4 +1,5 @@
-/* pipeline/method/refine/parts.h - the pieces of label refinement; code outside pipeline/method/refine and pipeline/live uses refine.h. */
+/* pipeline/method/refine/parts.h - the pieces of label refinement; code outside pipeline/method/refine and
+ * pipeline/live uses refine.h. */
 #ifndef SST_PIPELINE_METHOD_REFINE_PARTS_H
 #define SST_PIPELINE_METHOD_REFINE_PARTS_H
 

@@ -1,4 +1,5 @@
-/* pipeline/method/refine/refine.h - labels for unlabeled rays from their disparity (paper: disparity-guided refinement). */
+/* pipeline/method/refine/refine.h - labels for unlabeled rays from their disparity (paper: disparity-guided
+ * refinement). */
 #ifndef SST_PIPELINE_METHOD_REFINE_REFINE_H
 #define SST_PIPELINE_METHOD_REFINE_REFINE_H
 
@@ -14,7 +15,7 @@ struct sst_refine_config {
     bool ground_plane; /* a ground that is a plane in a view is a candidate only for pixels on that plane (not in the
                           paper) */
     int threads;       /* 0: all processors */
-    const SST_ATOMIC(bool) *cancel; /* once true, the work is given up within a view; or NULL */
+    const SST_ATOMIC(bool) * cancel; /* once true, the work is given up within a view; or NULL */
 };
 
 void sst_refine_config_defaults(struct sst_refine_config *cfg);
@@ -38,7 +39,8 @@ struct sst_label_fit {
  * Source: DESIGN 5.3.
  *
  * @param fits  out, lf->classes.count entries, or NULL
- * @return 0, -EINVAL (maps missing), -ENOMEM; logged; -ECANCELED, not logged.  The same bytes for any number of threads.
+ * @return 0, -EINVAL (maps missing), -ENOMEM; logged; -ECANCELED, not logged.  The same bytes for any number of
+ * threads.
  */
 SST_MUST_CHECK int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg,
                                      struct sst_label_fit *fits);

@@ -1,12 +1,13 @@
-/* pipeline/method/render/plan.h - what one picture needs: views with their shifts and weights, the table of label weights. */
+/* pipeline/method/render/plan.h - what one picture needs: views with their shifts and weights, the table of label
+ * weights. */
 #ifndef SST_PIPELINE_METHOD_RENDER_PLAN_H
 #define SST_PIPELINE_METHOD_RENDER_PLAN_H
 
 #include <pthread.h>
 
 #include "pipeline/kernels/kernels.h"
-#include "pipeline/lightfield/unsure.h"
 #include "pipeline/lightfield/rectify/rectify.h"
+#include "pipeline/lightfield/unsure.h"
 #include "pipeline/method/render/ranges.h"
 #include "pipeline/method/render/render.h"
 

@@ -1,5 +1,5 @@
-/* pipeline/method/render/verify.h - rays that agree at the focus: where disparities are too poor to tell which rays show the
- * surface in focus, the rays' colours are asked.
+/* pipeline/method/render/verify.h - rays that agree at the focus: where disparities are too poor to tell which rays
+ * show the surface in focus, the rays' colours are asked.
  *
  * All rays that show the surface in focus have one colour, whatever view they are from; those of an occluder in front
  * have the colours of many places of it. So for each pixel every ray votes for its own colour, and with it for those

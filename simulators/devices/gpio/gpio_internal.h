@@ -7,7 +7,7 @@
 #include "simulators/devices/gpio/gpio_model.h"
 
 #define GPIO_EDGES (GPIO_V2_LINE_FLAG_EDGE_RISING | GPIO_V2_LINE_FLAG_EDGE_FALLING)
-#define GPIO_BIASES \
+#define GPIO_BIASES                                                                                                    \
     (GPIO_V2_LINE_FLAG_BIAS_PULL_UP | GPIO_V2_LINE_FLAG_BIAS_PULL_DOWN | GPIO_V2_LINE_FLAG_BIAS_DISABLED)
 #define GPIO_DRIVES (GPIO_V2_LINE_FLAG_OPEN_DRAIN | GPIO_V2_LINE_FLAG_OPEN_SOURCE)
 
@@ -46,7 +46,7 @@ struct sst_sim_gpio_file {
     bool gone;
     void *user;
     /* chips */
-    int watch_abi;   /* 0 not yet known, 1, 2: of the line-info events */
+    int watch_abi;    /* 0 not yet known, 1, 2: of the line-info events */
     uint8_t *watched; /* [lines] */
     /* requests */
     int lines;

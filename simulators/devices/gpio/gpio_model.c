@@ -7,8 +7,8 @@
 
 #include "simulators/devices/gpio/gpio_internal.h"
 
-#define DRIVER "leds-gpio" /* who holds the lines under the fault "busy" */
-#define WATCH_EVENTS 32    /* the kernel's queue of line-info events */
+#define DRIVER       "leds-gpio" /* who holds the lines under the fault "busy" */
+#define WATCH_EVENTS 32          /* the kernel's queue of line-info events */
 
 static double random_unit(struct sst_sim_gpio *gpio)
 {
@@ -258,8 +258,8 @@ int gpio_take_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, int
         file->offset[i] = offsets[i];
         memset(line->consumer, 0, sizeof(line->consumer));
         /* Nameless users show as "?". */
-        memcpy(line->consumer, consumer[0] ? consumer : "?", strnlen(consumer[0] ? consumer : "?",
-                                                                     sizeof(line->consumer) - 1));
+        memcpy(line->consumer, consumer[0] ? consumer : "?",
+               strnlen(consumer[0] ? consumer : "?", sizeof(line->consumer) - 1));
         line->line_seqno = 0;
     }
     file->lines = lines;

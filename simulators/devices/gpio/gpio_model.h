@@ -1,4 +1,5 @@
-/* simulators/devices/gpio/gpio_model.h - GPIO chips as their device files behave: uAPI v1 and v2, wires, faults; no I/O. */
+/* simulators/devices/gpio/gpio_model.h - GPIO chips as their device files behave: uAPI v1 and v2, wires, faults; no
+ * I/O. */
 #ifndef SST_SIMULATORS_DEVICES_GPIO_GPIO_MODEL_H
 #define SST_SIMULATORS_DEVICES_GPIO_GPIO_MODEL_H
 
@@ -7,7 +8,7 @@
 #include "base/base.h"
 
 #define SST_SIM_GPIO_CHIPS 4
-#define SST_SIM_GPIO_NAME 32 /* as in <linux/gpio.h>, with the terminating zero */
+#define SST_SIM_GPIO_NAME  32 /* as in <linux/gpio.h>, with the terminating zero */
 
 struct sst_sim_gpio;      /* opaque; one thread; all times are ns on CLOCK_MONOTONIC and never go back */
 struct sst_sim_gpio_file; /* an open chip or an open request for lines */

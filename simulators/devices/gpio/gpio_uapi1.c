@@ -4,8 +4,8 @@
 
 #include "simulators/devices/gpio/gpio_internal.h"
 
-#define HANDLE_EVENTS 1 /* a handle queues none; a ring has at least one place */
-#define EVENT_EVENTS 16 /* the kernel's queue of a line event */
+#define HANDLE_EVENTS 1  /* a handle queues none; a ring has at least one place */
+#define EVENT_EVENTS  16 /* the kernel's queue of a line event */
 
 /** The flags of both versions, pairwise. */
 static const struct {
@@ -50,8 +50,8 @@ void gpio_info_to_v1(const struct gpio_v2_line_info *info, struct gpioline_info 
 /** @return 0 or -EINVAL: unknown or contradicting flags */
 static int flags_from_v1(uint32_t flags, uint64_t *out)
 {
-    const uint32_t bias = flags & (GPIOHANDLE_REQUEST_BIAS_PULL_UP | GPIOHANDLE_REQUEST_BIAS_PULL_DOWN |
-                                   GPIOHANDLE_REQUEST_BIAS_DISABLE);
+    const uint32_t bias =
+        flags & (GPIOHANDLE_REQUEST_BIAS_PULL_UP | GPIOHANDLE_REQUEST_BIAS_PULL_DOWN | GPIOHANDLE_REQUEST_BIAS_DISABLE);
     const uint32_t drive = flags & (GPIOHANDLE_REQUEST_OPEN_DRAIN | GPIOHANDLE_REQUEST_OPEN_SOURCE);
     const uint32_t direction = flags & (GPIOHANDLE_REQUEST_INPUT | GPIOHANDLE_REQUEST_OUTPUT);
     uint64_t v2 = 0;
@@ -95,8 +95,8 @@ int gpio_v1_handle(struct sst_sim_gpio_file *chip, struct gpiohandle_request *re
     return 0;
 }
 
-int gpio_v1_event(struct sst_sim_gpio_file *chip, struct gpioevent_request *request,
-                  struct sst_sim_gpio_file **opened, int64_t now_ns)
+int gpio_v1_event(struct sst_sim_gpio_file *chip, struct gpioevent_request *request, struct sst_sim_gpio_file **opened,
+                  int64_t now_ns)
 {
     struct gpio_want want = { 0 };
     struct sst_sim_gpio_file *file;

@@ -1,4 +1,5 @@
-/* simulators/devices/gpio/gpio_uapi2.c - version 2 of the GPIO uAPI: line requests; and the ioctls of the chip itself. */
+/* simulators/devices/gpio/gpio_uapi2.c - version 2 of the GPIO uAPI: line requests; and the ioctls of the chip itself.
+ */
 #include <errno.h>
 #include <string.h>
 

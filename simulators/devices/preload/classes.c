@@ -1,12 +1,10 @@
 /* The classes of devices that the library knows. */
-#include "simulators/devices/preload/core.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 #include <stddef.h>
 
-#include "simulators/devices/preload/classes.h"
-
 const struct sim_class *const sim_classes[] = { &sim_class_v4l2, &sim_class_gpio, &sim_class_usb, &sim_class_attribute,
-                                               &sim_class_uevent };
+                                                &sim_class_uevent };
 const int sim_class_count = (int)ARRAY_LEN(sim_classes);
 
 const struct sim_class *sim_class_find(char letter)

@@ -1,6 +1,6 @@
 /* Calls to the simulator: connections, descriptors, memory of the program. */
 #define _GNU_SOURCE
-#include "simulators/devices/preload/core.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -16,14 +16,14 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#define FDS 65536 /* descriptors that are remembered */
+#define FDS  65536 /* descriptors that are remembered */
 #define IDLE 32
 
 static struct sim_next next;
 static char session[SIM_PATH_MAX];
 static atomic_uchar maybe[FDS];
 static atomic_uchar hidden[FDS]; /* connections: not the program's to close */
-static atomic_int idle[IDLE]; /* connections to use again, plus 1; 0: none */
+static atomic_int idle[IDLE];    /* connections to use again, plus 1; 0: none */
 
 static void resolve(void *pointer, const char *name)
 {
@@ -93,9 +93,9 @@ bool sim_identify(int fd, struct sim_id *id)
     char *text = name.sun_path + 1;
     bool ours = false;
 
-    if (session[0] && fd >= 0 && getsockname(fd, (struct sockaddr *)&name, &bytes) == 0 &&
-        name.sun_family == AF_UNIX && bytes > offsetof(struct sockaddr_un, sun_path) + head + 3 &&
-        bytes < sizeof(name) && !name.sun_path[0] && memcmp(text, SST_SIM_NAME, head) == 0 && text[head + 1] == '/') {
+    if (session[0] && fd >= 0 && getsockname(fd, (struct sockaddr *)&name, &bytes) == 0 && name.sun_family == AF_UNIX &&
+        bytes > offsetof(struct sockaddr_un, sun_path) + head + 3 && bytes < sizeof(name) && !name.sun_path[0] &&
+        memcmp(text, SST_SIM_NAME, head) == 0 && text[head + 1] == '/') {
         ((char *)&name)[bytes] = 0;
         *id = (struct sim_id){ .letter = text[head], .handle = (uint32_t)strtoul(text + head + 2, NULL, 10) };
         ours = true;

@@ -4,16 +4,20 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "simulators/devices/preload/classes.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 /* @return the place of `fd` in the argument of a request for lines, or 0 */
 static size_t fd_at(unsigned long request)
 {
     switch (request) {
-    case GPIO_GET_LINEHANDLE_IOCTL: return offsetof(struct gpiohandle_request, fd);
-    case GPIO_GET_LINEEVENT_IOCTL: return offsetof(struct gpioevent_request, fd);
-    case GPIO_V2_GET_LINE_IOCTL: return offsetof(struct gpio_v2_line_request, fd);
-    default: return 0;
+    case GPIO_GET_LINEHANDLE_IOCTL:
+        return offsetof(struct gpiohandle_request, fd);
+    case GPIO_GET_LINEEVENT_IOCTL:
+        return offsetof(struct gpioevent_request, fd);
+    case GPIO_V2_GET_LINE_IOCTL:
+        return offsetof(struct gpio_v2_line_request, fd);
+    default:
+        return 0;
     }
 }
 

@@ -1,17 +1,16 @@
 /* The functions of libc that work on descriptors, as programs see them in a session. */
 #define _GNU_SOURCE
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <stdarg.h>
 #include <string.h>
-#include <dlfcn.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "simulators/devices/preload/core.h"
-#include "simulators/devices/preload/hooks.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 /* A result in the kernel's way into one in libc's way. */
 static int libc_result(int result)
@@ -58,13 +57,13 @@ int sim_open_hook(int dirfd, const char *path, int flags, mode_t mode)
     return sim_next()->openat_(dirfd, path, flags, mode);
 }
 
-#define MODE_OF(flags, mode)                                  \
-    mode_t mode = 0;                                          \
-    if ((flags) & (O_CREAT | __O_TMPFILE)) {                  \
-        va_list args;                                         \
-        va_start(args, flags);                                \
-        mode = va_arg(args, mode_t);                          \
-        va_end(args);                                         \
+#define MODE_OF(flags, mode)                                                                                           \
+    mode_t mode = 0;                                                                                                   \
+    if ((flags) & (O_CREAT | __O_TMPFILE)) {                                                                           \
+        va_list args;                                                                                                  \
+        va_start(args, flags);                                                                                         \
+        mode = va_arg(args, mode_t);                                                                                   \
+        va_end(args);                                                                                                  \
     }
 
 HOOK int open(const char *path, int flags, ...)
@@ -226,8 +225,9 @@ HOOK int ioctl(int fd, unsigned long request, ...)
     va_end(args);
     request &= 0xffffffff; /* some programs keep it in an int */
     if (our_type(request) && (class = class_of(fd, &id)))
-        return libc_result(class->ioctl && (unsigned char)class->ioctl_type == _IOC_TYPE(request) ?
-                               class->ioctl(fd, &id, request, arg) : -ENOTTY);
+        return libc_result(class->ioctl && (unsigned char)class->ioctl_type == _IOC_TYPE(request)
+                               ? class->ioctl(fd, &id, request, arg)
+                               : -ENOTTY);
     return sim_next()->ioctl_(fd, request, arg);
 }
 
@@ -310,8 +310,11 @@ HOOK void *mmap(void *address, size_t length, int prot, int flags, int fd, off_t
     if (fd < 0 || (flags & MAP_ANONYMOUS) || !sim_identify(fd, &id))
         return sim_next()->mmap_(address, length, prot, flags, fd, offset);
     x = (struct sim_exchange){
-        .call = { .op = SST_SIM_MAP, .cmd = (uint32_t)prot << 16 | ((uint32_t)flags & 0xffff), .handle = id.handle,
-                  .arg = (uint64_t)offset, .length = length },
+        .call = { .op = SST_SIM_MAP,
+                  .cmd = (uint32_t)prot << 16 | ((uint32_t)flags & 0xffff),
+                  .handle = id.handle,
+                  .arg = (uint64_t)offset,
+                  .length = length },
         .send_fd = -1,
     };
     result = sim_exchange(&x);
@@ -343,14 +346,21 @@ HOOK long syscall(long number, ...)
     if (sim_dir())
         switch (number) {
 #ifdef SYS_open
-        case SYS_open: return sim_open_hook(AT_FDCWD, (const char *)a[0], (int)a[1], (mode_t)a[2]);
+        case SYS_open:
+            return sim_open_hook(AT_FDCWD, (const char *)a[0], (int)a[1], (mode_t)a[2]);
 #endif
-        case SYS_openat: return sim_open_hook((int)a[0], (const char *)a[1], (int)a[2], (mode_t)a[3]);
-        case SYS_ioctl: return ioctl((int)a[0], (unsigned long)a[1], a[2]);
-        case SYS_read: return read((int)a[0], (void *)a[1], (size_t)a[2]);
-        case SYS_write: return write((int)a[0], (const void *)a[1], (size_t)a[2]);
-        case SYS_mmap: return (long)mmap((void *)a[0], (size_t)a[1], (int)a[2], (int)a[3], (int)a[4], (off_t)a[5]);
-        default: break;
+        case SYS_openat:
+            return sim_open_hook((int)a[0], (const char *)a[1], (int)a[2], (mode_t)a[3]);
+        case SYS_ioctl:
+            return ioctl((int)a[0], (unsigned long)a[1], a[2]);
+        case SYS_read:
+            return read((int)a[0], (void *)a[1], (size_t)a[2]);
+        case SYS_write:
+            return write((int)a[0], (const void *)a[1], (size_t)a[2]);
+        case SYS_mmap:
+            return (long)mmap((void *)a[0], (size_t)a[1], (int)a[2], (int)a[3], (int)a[4], (off_t)a[5]);
+        default:
+            break;
         }
     return sim_next()->syscall_(number, a[0], a[1], a[2], a[3], a[4], a[5]);
 }

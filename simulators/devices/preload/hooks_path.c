@@ -11,8 +11,7 @@
 #include <sys/sysmacros.h>
 #include <unistd.h>
 
-#include "simulators/devices/preload/core.h"
-#include "simulators/devices/preload/hooks.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 /* What the next function is asked for instead; NULL with errno set: nothing there. */
 static const char *other_path(int dirfd, const char *path, bool follow, struct sim_path *p)
@@ -32,39 +31,39 @@ static mode_t device_mode(mode_t mode)
 
 /* --- stat --------------------------------------------------------------------------------------------------------- */
 
-#define STAT_BODY(dirfd, follow, call)                                              \
-    struct sim_path p;                                                              \
-    int result;                                                                     \
-    path = other_path(dirfd, path, follow, &p);                                     \
-    if (!path)                                                                      \
-        return -1;                                                                  \
-    result = call;                                                                  \
-    if (result == 0 && p.kind == SIM_PATH_NODE) {                                   \
-        st->st_mode = device_mode(st->st_mode);                                     \
-        st->st_rdev = makedev(p.dev_major, p.dev_minor);                            \
-        st->st_size = 0;                                                            \
-    }                                                                               \
+#define STAT_BODY(dirfd, follow, call)                                                                                 \
+    struct sim_path p;                                                                                                 \
+    int result;                                                                                                        \
+    path = other_path(dirfd, path, follow, &p);                                                                        \
+    if (!path)                                                                                                         \
+        return -1;                                                                                                     \
+    result = call;                                                                                                     \
+    if (result == 0 && p.kind == SIM_PATH_NODE) {                                                                      \
+        st->st_mode = device_mode(st->st_mode);                                                                        \
+        st->st_rdev = makedev(p.dev_major, p.dev_minor);                                                               \
+        st->st_size = 0;                                                                                               \
+    }                                                                                                                  \
     return result;
 
-#define STAT_HOOK(name, type, follow)                                               \
-    HOOK int name(const char *restrict path, struct type *restrict st)              \
-    {                                                                               \
-        NEXT(int, name, const char *, struct type *);                               \
-        STAT_BODY(AT_FDCWD, follow, next(path, st))                                 \
+#define STAT_HOOK(name, type, follow)                                                                                  \
+    HOOK int name(const char *restrict path, struct type *restrict st)                                                 \
+    {                                                                                                                  \
+        NEXT(int, name, const char *, struct type *);                                                                  \
+        STAT_BODY(AT_FDCWD, follow, next(path, st))                                                                    \
     }
-#define STATAT_HOOK(name, type)                                                     \
-    HOOK int name(int dirfd, const char *restrict path, struct type *restrict st, int flags) \
-    {                                                                               \
-        NEXT(int, name, int, const char *, struct type *, int);                     \
-        STAT_BODY(dirfd, !(flags & AT_SYMLINK_NOFOLLOW), next(dirfd, path, st, flags)) \
+#define STATAT_HOOK(name, type)                                                                                        \
+    HOOK int name(int dirfd, const char *restrict path, struct type *restrict st, int flags)                           \
+    {                                                                                                                  \
+        NEXT(int, name, int, const char *, struct type *, int);                                                        \
+        STAT_BODY(dirfd, !(flags & AT_SYMLINK_NOFOLLOW), next(dirfd, path, st, flags))                                 \
     }
 /* Programs built against glibc before 2.33 */
-#define XSTAT_HOOK(name, type, follow)                                              \
-    HOOK int name(int version, const char *path, struct type *st);                  \
-    HOOK int name(int version, const char *path, struct type *st)                   \
-    {                                                                               \
-        NEXT(int, name, int, const char *, struct type *);                          \
-        STAT_BODY(AT_FDCWD, follow, next(version, path, st))                        \
+#define XSTAT_HOOK(name, type, follow)                                                                                 \
+    HOOK int name(int version, const char *path, struct type *st);                                                     \
+    HOOK int name(int version, const char *path, struct type *st)                                                      \
+    {                                                                                                                  \
+        NEXT(int, name, int, const char *, struct type *);                                                             \
+        STAT_BODY(AT_FDCWD, follow, next(version, path, st))                                                           \
     }
 
 STAT_HOOK(stat, stat, true)
@@ -111,27 +110,27 @@ static bool fstat_ours(int fd, struct sst_sim_answer *answer)
     return true;
 }
 
-#define FSTAT_BODY(call)                                                            \
-    const int result = call;                                                        \
-    struct sst_sim_answer answer;                                                   \
-    if (result == 0 && S_ISSOCK(st->st_mode) && fstat_ours(fd, &answer)) {          \
-        st->st_mode = S_IFCHR | 0660;                                               \
-        st->st_rdev = answer.result < 0 ? 0 : makedev((unsigned)(answer.arg >> 32), (unsigned)answer.arg); \
-    }                                                                               \
+#define FSTAT_BODY(call)                                                                                               \
+    const int result = call;                                                                                           \
+    struct sst_sim_answer answer;                                                                                      \
+    if (result == 0 && S_ISSOCK(st->st_mode) && fstat_ours(fd, &answer)) {                                             \
+        st->st_mode = S_IFCHR | 0660;                                                                                  \
+        st->st_rdev = answer.result < 0 ? 0 : makedev((unsigned)(answer.arg >> 32), (unsigned)answer.arg);             \
+    }                                                                                                                  \
     return result;
 
-#define FSTAT_HOOK(name, type)                                                      \
-    HOOK int name(int fd, struct type *st)                                          \
-    {                                                                               \
-        NEXT(int, name, int, struct type *);                                        \
-        FSTAT_BODY(next(fd, st))                                                    \
+#define FSTAT_HOOK(name, type)                                                                                         \
+    HOOK int name(int fd, struct type *st)                                                                             \
+    {                                                                                                                  \
+        NEXT(int, name, int, struct type *);                                                                           \
+        FSTAT_BODY(next(fd, st))                                                                                       \
     }
-#define FXSTAT_HOOK(name, type)                                                     \
-    HOOK int name(int version, int fd, struct type *st);                            \
-    HOOK int name(int version, int fd, struct type *st)                             \
-    {                                                                               \
-        NEXT(int, name, int, int, struct type *);                                   \
-        FSTAT_BODY(next(version, fd, st))                                           \
+#define FXSTAT_HOOK(name, type)                                                                                        \
+    HOOK int name(int version, int fd, struct type *st);                                                               \
+    HOOK int name(int version, int fd, struct type *st)                                                                \
+    {                                                                                                                  \
+        NEXT(int, name, int, int, struct type *);                                                                      \
+        FSTAT_BODY(next(version, fd, st))                                                                              \
     }
 
 FSTAT_HOOK(fstat, stat)

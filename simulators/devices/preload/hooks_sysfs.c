@@ -11,8 +11,7 @@
 #include <sys/xattr.h>
 #include <unistd.h>
 
-#include "simulators/devices/preload/classes.h"
-#include "simulators/devices/preload/hooks.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 /* --- stdio: libc opens by calls that nobody sees ------------------------------------------------------------------ */
 
@@ -80,26 +79,26 @@ static bool fd_in_sysfs(int fd)
            strncmp(path + strlen(dir), "/sys", 4) == 0;
 }
 
-#define FSTATFS_HOOK(name, type)                    \
-    HOOK int name(int fd, struct type *out)         \
-    {                                               \
-        NEXT(int, name, int, struct type *);        \
-        const int result = next(fd, out);           \
-        if (result == 0 && fd_in_sysfs(fd))         \
-            out->f_type = SYSFS_MAGIC;              \
-        return result;                              \
+#define FSTATFS_HOOK(name, type)                                                                                       \
+    HOOK int name(int fd, struct type *out)                                                                            \
+    {                                                                                                                  \
+        NEXT(int, name, int, struct type *);                                                                           \
+        const int result = next(fd, out);                                                                              \
+        if (result == 0 && fd_in_sysfs(fd))                                                                            \
+            out->f_type = SYSFS_MAGIC;                                                                                 \
+        return result;                                                                                                 \
     }
-#define STATFS_HOOK(name, type)                             \
-    HOOK int name(const char *path, struct type *out)       \
-    {                                                       \
-        NEXT(int, name, const char *, struct type *);       \
-        struct sim_path p;                                  \
-        int result;                                         \
-        sim_path_resolve(AT_FDCWD, path, true, &p);         \
-        result = next(p.kind == SIM_PATH_OTHER ? path : p.real, out); \
-        if (result == 0 && sim_path_in_sysfs(&p))           \
-            out->f_type = SYSFS_MAGIC;                      \
-        return result;                                      \
+#define STATFS_HOOK(name, type)                                                                                        \
+    HOOK int name(const char *path, struct type *out)                                                                  \
+    {                                                                                                                  \
+        NEXT(int, name, const char *, struct type *);                                                                  \
+        struct sim_path p;                                                                                             \
+        int result;                                                                                                    \
+        sim_path_resolve(AT_FDCWD, path, true, &p);                                                                    \
+        result = next(p.kind == SIM_PATH_OTHER ? path : p.real, out);                                                  \
+        if (result == 0 && sim_path_in_sysfs(&p))                                                                      \
+            out->f_type = SYSFS_MAGIC;                                                                                 \
+        return result;                                                                                                 \
     }
 
 FSTATFS_HOOK(fstatfs, statfs)
@@ -119,13 +118,13 @@ HOOK int inotify_add_watch(int fd, const char *path, uint32_t mask)
 }
 
 /* `ls -l` asks each name for its security label. */
-#define GETXATTR_HOOK(name, follow)                                                                 \
-    HOOK ssize_t name(const char *path, const char *attribute, void *value, size_t bytes)           \
-    {                                                                                               \
-        NEXT(ssize_t, name, const char *, const char *, void *, size_t);                            \
-        struct sim_path p;                                                                          \
-        sim_path_resolve(AT_FDCWD, path, follow, &p);                                               \
-        return next(p.kind == SIM_PATH_OTHER ? path : p.real, attribute, value, bytes);             \
+#define GETXATTR_HOOK(name, follow)                                                                                    \
+    HOOK ssize_t name(const char *path, const char *attribute, void *value, size_t bytes)                              \
+    {                                                                                                                  \
+        NEXT(ssize_t, name, const char *, const char *, void *, size_t);                                               \
+        struct sim_path p;                                                                                             \
+        sim_path_resolve(AT_FDCWD, path, follow, &p);                                                                  \
+        return next(p.kind == SIM_PATH_OTHER ? path : p.real, attribute, value, bytes);                                \
     }
 
 GETXATTR_HOOK(getxattr, true)

@@ -8,7 +8,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "simulators/devices/preload/core.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 static long raw(long number, long a, const void *b, long c, long d)
 {

@@ -6,8 +6,7 @@
 #include <string.h>
 #include <sys/socket.h>
 
-#include "simulators/devices/preload/classes.h"
-#include "simulators/devices/preload/hooks.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 HOOK int socket(int domain, int type, int protocol)
 {
@@ -46,9 +45,8 @@ HOOK int bind(int fd, const struct sockaddr *address, socklen_t bytes)
         return -1;
     }
     memcpy(&netlink, address, sizeof(netlink));
-    x = (struct sim_exchange){
-        .call = { .op = SST_SIM_IOCTL, .handle = id.handle, .arg = netlink.nl_groups }, .send_fd = -1
-    };
+    x = (struct sim_exchange){ .call = { .op = SST_SIM_IOCTL, .handle = id.handle, .arg = netlink.nl_groups },
+                               .send_fd = -1 };
     result = sim_exchange(&x);
     if (result < 0)
         errno = -result;

@@ -7,7 +7,7 @@
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 
-#include "simulators/devices/preload/classes.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 /* A transfer goes to the simulator as struct sst_sim_usb_transfer and its data, and comes back the same way. */
 static int exchange(const struct sim_id *id, unsigned long request, struct sst_sim_usb_transfer *t, void *data,
@@ -114,11 +114,15 @@ static int interface_ioctl(int fd, const struct sim_id *id, void *arg)
 static int usb_ioctl(int fd, const struct sim_id *id, unsigned long request, void *arg)
 {
     switch (request) {
-    case USBDEVFS_CONTROL: return control(id, arg);
-    case USBDEVFS_SUBMITURB: return submit(id, arg);
+    case USBDEVFS_CONTROL:
+        return control(id, arg);
+    case USBDEVFS_SUBMITURB:
+        return submit(id, arg);
     case USBDEVFS_REAPURB:
-    case USBDEVFS_REAPURBNDELAY: return reap(fd, id, request, arg);
-    case USBDEVFS_IOCTL: return interface_ioctl(fd, id, arg);
+    case USBDEVFS_REAPURBNDELAY:
+        return reap(fd, id, request, arg);
+    case USBDEVFS_IOCTL:
+        return interface_ioctl(fd, id, arg);
     case USBDEVFS_DISCARDURB: {
         /* The number says that nothing is passed, yet the argument names the transfer. */
         struct sst_sim_usb_transfer t = { .user = (uint64_t)(uintptr_t)arg };
@@ -145,7 +149,8 @@ static int usb_ioctl(int fd, const struct sim_id *id, unsigned long request, voi
 
         return sim_exchange(&x);
     }
-    default: return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
+    default:
+        return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
     }
 }
 

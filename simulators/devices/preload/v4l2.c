@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <unistd.h>
 
-#include "simulators/devices/preload/classes.h"
+#include "simulators/devices/preload/preload_internal.h"
 
 /* User memory is filled here: the frame lies in a buffer of the simulator's. */
 static int fill_user(const struct v4l2_buffer *b, int fd)
@@ -99,13 +99,18 @@ static int v4l2_ioctl(int fd, const struct sim_id *id, unsigned long request, vo
 {
     switch (request) {
     case VIDIOC_QBUF:
-    case VIDIOC_PREPARE_BUF: return enqueue(fd, id, request, arg);
-    case VIDIOC_DQBUF: return dequeue(fd, id, request, arg);
-    case VIDIOC_EXPBUF: return export_buffer(fd, id, request, arg);
+    case VIDIOC_PREPARE_BUF:
+        return enqueue(fd, id, request, arg);
+    case VIDIOC_DQBUF:
+        return dequeue(fd, id, request, arg);
+    case VIDIOC_EXPBUF:
+        return export_buffer(fd, id, request, arg);
     case VIDIOC_G_EXT_CTRLS:
     case VIDIOC_S_EXT_CTRLS:
-    case VIDIOC_TRY_EXT_CTRLS: return controls(fd, id, request, arg);
-    default: return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
+    case VIDIOC_TRY_EXT_CTRLS:
+        return controls(fd, id, request, arg);
+    default:
+        return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
     }
 }
 

@@ -9,8 +9,8 @@
 
 int sst_sim_usb_alts(int speed_mbit, const struct sst_sim_usb_alt **alts)
 {
-    static const struct sst_sim_usb_alt high[] = { { 128, 1 }, { 256, 1 }, { 384, 1 }, { 512, 1 },
-                                                   { 640, 1 }, { 800, 1 }, { 944, 1 }, { 1024, 1 },
+    static const struct sst_sim_usb_alt high[] = { { 128, 1 }, { 256, 1 },  { 384, 1 }, { 512, 1 },
+                                                   { 640, 1 }, { 800, 1 },  { 944, 1 }, { 1024, 1 },
                                                    { 800, 2 }, { 1024, 2 }, { 1024, 3 } };
     static const struct sst_sim_usb_alt full[] = { { 128, 1 }, { 256, 1 }, { 512, 1 }, { 768, 1 }, { 1023, 1 } };
 

@@ -78,7 +78,7 @@ static int give_descriptor(const struct sst_sim_usb *usb, int device, const stru
         return give_string(d, s, data);
     case DESCRIPTOR_QUALIFIER:
         if (d->speed_mbit != 480)
-            return -EPIPE; /* no other speed to speak of */
+            return -EPIPE;                 /* no other speed to speak of */
         memcpy(qualifier + 2, all + 2, 6); /* what it would be at full speed: the same */
         qualifier[8] = 1;
         return give(s, data, qualifier, sizeof(qualifier));
@@ -89,8 +89,8 @@ static int give_descriptor(const struct sst_sim_usb *usb, int device, const stru
 
 /* --- hubs --------------------------------------------------------------------------------------------------------- */
 
-static int give_hub_descriptor(const struct sst_sim_usb *usb, const struct sst_sim_usb_device *d,
-                               const struct setup *s, uint8_t *data)
+static int give_hub_descriptor(const struct sst_sim_usb *usb, const struct sst_sim_usb_device *d, const struct setup *s,
+                               uint8_t *data)
 {
     /* Power and over-current by the port, or no switching at all. */
     const uint8_t switching = usb->fault[SST_SIM_USB_NO_PORT_POWER] ? 0x0a : 0x09;

@@ -5,13 +5,13 @@
 #include "simulators/devices/usb/usb_internal.h"
 
 /* pid.codes keeps these numbers for private tests. */
-#define VENDOR 0x1209
+#define VENDOR         0x1209
 #define PRODUCT_CAMERA 0x0001
-#define PRODUCT_HUB 0x0002
-#define PRODUCT_HUB3 0x0003
-#define VENDOR_LINUX 0x1d6b
+#define PRODUCT_HUB    0x0002
+#define PRODUCT_HUB3   0x0003
+#define VENDOR_LINUX   0x1d6b
 
-#define VIDEO_CLASS 0x0e
+#define VIDEO_CLASS    0x0e
 #define FRAME_INTERVAL 333333 /* 100 ns */
 
 /** Descriptors written one after another; what does not fit is counted all the same. */
@@ -103,7 +103,7 @@ static void video_formats(struct writer *w, const struct sst_sim_usb *usb)
     static const uint8_t yuy2[] = { 'Y', 'U', 'Y', '2', 0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71 };
     const size_t start = w->at;
 
-    PUT(w, 15, 0x24, 0x01, 2, 0, 0, 0x81, 0, 3, 0, 0, 0, 1, 0, 0); /* header; its length comes below */
+    PUT(w, 15, 0x24, 0x01, 2, 0, 0, 0x81, 0, 3, 0, 0, 0, 1, 0, 0);         /* header; its length comes below */
     PUT(w, 11, 0x24, 0x06, 1, (uint8_t)usb->size_count, 1, 1, 0, 0, 0, 0); /* motion JPEG */
     for (int i = 0; i < usb->size_count; i++)
         video_frame(w, 0x07, i + 1, usb->sizes[i][0], usb->sizes[i][1]);

@@ -1,4 +1,5 @@
-/* simulators/devices/usb/usb_model.h - controllers, hubs and cameras on USB: who is there, who is bound, who fits; no I/O. */
+/* simulators/devices/usb/usb_model.h - controllers, hubs and cameras on USB: who is there, who is bound, who fits; no
+ * I/O. */
 #ifndef SST_SIMULATORS_DEVICES_USB_USB_MODEL_H
 #define SST_SIMULATORS_DEVICES_USB_USB_MODEL_H
 
@@ -7,8 +8,8 @@
 #include "base/base.h"
 
 #define SST_SIM_USB_PORTS 16 /* of a hub, at most */
-#define SST_SIM_USB_TEXT 64
-#define SST_SIM_USB_ALTS 16
+#define SST_SIM_USB_TEXT  64
+#define SST_SIM_USB_ALTS  16
 
 struct sst_sim_usb; /* opaque; one thread */
 
@@ -21,35 +22,35 @@ enum sst_sim_usb_kind {
 /** A device, also while it is away. Parents come before children. Callers only read. */
 struct sst_sim_usb_device {
     enum sst_sim_usb_kind kind;
-    int parent, port;  /* index and its port, 1..; -1 and 0 for a root hub */
-    int twin;          /* hub: its half of the other speed, or -1; a port loses its power when both switch it off */
-    int bus, address;  /* as in /dev/bus/usb; the address changes with each plug-in, 0 while away */
-    int speed_mbit;    /* 12, 480 or 5000 */
-    int ports;         /* hubs */
-    bool single_tt;    /* hubs: one transaction translator for all full-speed devices */
-    int interfaces;    /* hubs: 1, cameras: 2 (control, streaming) */
-    int camera;        /* index, or -1 */
+    int parent, port; /* index and its port, 1..; -1 and 0 for a root hub */
+    int twin;         /* hub: its half of the other speed, or -1; a port loses its power when both switch it off */
+    int bus, address; /* as in /dev/bus/usb; the address changes with each plug-in, 0 while away */
+    int speed_mbit;   /* 12, 480 or 5000 */
+    int ports;        /* hubs */
+    bool single_tt;   /* hubs: one transaction translator for all full-speed devices */
+    int interfaces;   /* hubs: 1, cameras: 2 (control, streaming) */
+    int camera;       /* index, or -1 */
     char path[SST_SIM_USB_TEXT];       /* "1-2.3"; "usb1" for a root hub */
     char controller[SST_SIM_USB_TEXT]; /* PCI address */
     char serial[SST_SIM_USB_TEXT];
     /* state */
-    bool plugged;    /* by hand; whether it is there depends on its hubs as well */
-    bool here;       /* enumerated */
+    bool plugged; /* by hand; whether it is there depends on its hubs as well */
+    bool here;    /* enumerated */
     bool authorized;
-    unsigned bound;  /* interfaces with their driver, bits */
+    unsigned bound;                                                   /* interfaces with their driver, bits */
     bool off[SST_SIM_USB_PORTS + 1], disabled[SST_SIM_USB_PORTS + 1]; /* hubs, by port: power; sysfs "disable" */
-    int alt;         /* setting that its streaming interface has, 0: none */
+    int alt; /* setting that its streaming interface has, 0: none */
 };
 
 enum sst_sim_usb_event {
-    SST_SIM_USB_ADDED = 0,      /* enumerated */
-    SST_SIM_USB_REMOVED = 1,    /* its address is still the old one */
-    SST_SIM_USB_BOUND = 2,      /* interface: got its driver */
+    SST_SIM_USB_ADDED = 0,   /* enumerated */
+    SST_SIM_USB_REMOVED = 1, /* its address is still the old one */
+    SST_SIM_USB_BOUND = 2,   /* interface: got its driver */
     SST_SIM_USB_UNBOUND = 3,
-    SST_SIM_USB_CHANGED = 4,    /* authorised, power or disable: attributes differ */
-    SST_SIM_USB_RESET = 5,      /* rungs that were climbed: told before what follows from them */
+    SST_SIM_USB_CHANGED = 4, /* authorised, power or disable: attributes differ */
+    SST_SIM_USB_RESET = 5,   /* rungs that were climbed: told before what follows from them */
     SST_SIM_USB_REAUTHORISED = 6,
-    SST_SIM_USB_POWERED = 7,    /* got its power back */
+    SST_SIM_USB_POWERED = 7, /* got its power back */
 };
 
 enum sst_sim_usb_fault {
@@ -59,8 +60,8 @@ enum sst_sim_usb_fault {
 };
 
 struct sst_sim_usb_config {
-    const char *layout; /* a name of sst_sim_usb_layout(); NULL: the first */
-    int cameras;        /* 1..255 */
+    const char *layout;    /* a name of sst_sim_usb_layout(); NULL: the first */
+    int cameras;           /* 1..255 */
     const int (*sizes)[2]; /* [size_count] {width, height} that cameras offer; copied, at most 8 */
     int size_count;
     void *arg;

@@ -1,7 +1,6 @@
-#include "simulators/scene/world/board.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include "pipeline/image/classes.h"
-#include "simulators/scene/world/camera.h"
 
 #define CHARUCO_MODULES 4
 #define APRIL_MODULES   6
@@ -108,7 +107,7 @@ static bool tags(const struct sst_sim_board *b, double x, double y, double *clea
     return module(april_tag[row * b->cols + column], APRIL_MODULES, APRIL_BORDER, u - gap, v - gap);
 }
 
-void sst_sim_board_size(const struct sst_sim_board *b, double *width_mm, double *height_mm)
+void sim_board_size(const struct sst_sim_board *b, double *width_mm, double *height_mm)
 {
     const double pitch = b->kind == SST_SIM_APRILGRID ? 1 + b->marker : 1;
     const double more = b->kind == SST_SIM_APRILGRID ? b->marker : 0;
@@ -117,17 +116,17 @@ void sst_sim_board_size(const struct sst_sim_board *b, double *width_mm, double 
     *height_mm = (b->rows * pitch + more) * b->square_mm;
 }
 
-double sst_sim_board_margin(const struct sst_sim_board *b)
+double sim_board_margin(const struct sst_sim_board *b)
 {
     return b->kind == SST_SIM_APRILGRID ? b->marker * b->square_mm : b->square_mm / 2;
 }
 
-bool sst_sim_board_white(const struct sst_sim_board *b, double x_mm, double y_mm, double *clear_mm)
+bool sim_board_white(const struct sst_sim_board *b, double x_mm, double y_mm, double *clear_mm)
 {
     double width, height, x, y;
     bool white;
 
-    sst_sim_board_size(b, &width, &height);
+    sim_board_size(b, &width, &height);
     x = (x_mm + width / 2) / b->square_mm;
     y = (y_mm + height / 2) / b->square_mm;
     white = b->kind == SST_SIM_APRILGRID ? tags(b, x, y, clear_mm) : squares(b, x, y, clear_mm);
@@ -139,7 +138,7 @@ static float paint_board(const struct sst_surface *s, const struct sst_hit *h, s
 {
     double clear;
 
-    *out = sst_sim_board_white(s->own, h->t.x, h->t.y, &clear) ? s->mat.a : s->mat.b;
+    *out = sim_board_white(s->own, h->t.x, h->t.y, &clear) ? s->mat.a : s->mat.b;
     return 1;
 }
 
@@ -152,12 +151,12 @@ static double room(double picture, double mm, double board_mm, int cameras, doub
     return fmax(0, (picture * mm - 0.9 * board_mm - (cameras - 1) * spacing_mm) / 2);
 }
 
-void sst_sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings *s, const struct sst_world *w)
+void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings *s, const struct sst_world *w)
 {
     uint64_t rng = s->seed ^ 0x626F617264ull;
     double width, height;
 
-    sst_sim_board_size(b, &width, &height);
+    sim_board_size(b, &width, &height);
     for (int i = 0; i < b->poses; i++) {
         const double share = sst_random_in(&rng, 0.3, 0.55); /* of the picture's width */
         const double z = w->focal * width / (share * PICTURE_WIDTH), mm = z / w->focal;
@@ -175,17 +174,17 @@ void sst_sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_sett
     }
 }
 
-void sst_sim_board_add(struct sst_world *w, const struct sst_sim_board *b, int pose)
+void sim_board_add(struct sst_world *w, const struct sst_sim_board *b, int pose)
 {
-    const double margin = sst_sim_board_margin(b);
+    const double margin = sim_board_margin(b);
     const struct sst_sim_pose *p = &b->pose[pose];
     const struct sst_material mat =
         sst_mat(paint_board, SST_SIM_BOARD_WHITE * 0x10101, SST_SIM_BOARD_BLACK * 0x10101, 0);
     double width, height, r[9];
     struct sst_surface *s;
 
-    sst_sim_board_size(b, &width, &height);
-    sst_sim_rotation(p->rotation_deg, r);
+    sim_board_size(b, &width, &height);
+    sim_rotation(p->rotation_deg, r);
     sst_begin(w, SST_LABEL_POSTER, 0);
     w->tint = (struct sst_rgb){ 1, 1, 1 };
     s = sst_add_patch(w, sst_v(p->position_mm[0], p->position_mm[1], p->position_mm[2]),
@@ -196,14 +195,14 @@ void sst_sim_board_add(struct sst_world *w, const struct sst_sim_board *b, int p
     s->grain = 0;
 }
 
-double sst_sim_board_wall_mm(double focal)
+double sim_board_wall_mm(double focal)
 {
     return 4000 * fmax(1, focal / SST_SIM_BOARD_FOCAL);
 }
 
-void sst_sim_board_room(struct sst_world *w)
+void sim_board_room(struct sst_world *w)
 {
-    const double floor_mm = SST_SIM_BOARD_FLOOR_MM, wall_mm = sst_sim_board_wall_mm(w->focal);
+    const double floor_mm = SST_SIM_BOARD_FLOOR_MM, wall_mm = sim_board_wall_mm(w->focal);
 
     sst_begin(w, SST_LABEL_BUILDING, 0);
     sst_add_patch(w, sst_v(0, floor_mm - 3000, wall_mm), sst_v(9000, 0, 0), sst_v(0, 3000, 0),

@@ -9,8 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "simulators/scene/world/board.h"
-#include "simulators/scene/world/camera.h"
+#include "simulators/scene/world/world_internal.h"
 
 #define FINE       2 /* pixels of the fine picture in one, along each side */
 #define SAMPLES    4 /* of each of them */
@@ -26,7 +25,7 @@ struct affine {
 };
 
 struct drawing {
-    const struct sst_sim_board_view *v;
+    const struct sim_board_view *v;
     struct affine w, s, t; /* 1/Z, u.r, v.r */
     double ue, ve;         /* u.e, v.e */
     double half_x, half_y; /* of the board with its margin, mm */
@@ -40,7 +39,7 @@ static double at(struct affine a, double x, double y)
     return a.x * x + a.y * y + a.c;
 }
 
-static struct affine along_ray(const struct sst_sim_board_view *v, const double axis[3], double scale)
+static struct affine along_ray(const struct sim_board_view *v, const double axis[3], double scale)
 {
     const double x = axis[0] * scale / v->focal_px, y = axis[1] * scale / v->focal_px;
 
@@ -55,7 +54,7 @@ static double dot(const double a[3], const double b[3])
 /* Where the board may be in the picture. @return false: nowhere */
 static bool find_box(struct drawing *d, const double e[3], const double u[3], const double t[3], int width, int height)
 {
-    const struct sst_sim_board_view *v = d->v;
+    const struct sim_board_view *v = d->v;
     const double blur = v->board->pose[v->pose].blur_px / 2;
     double lo_x = 1e9, hi_x = -1e9, lo_y = 1e9, hi_y = -1e9;
     bool near = false;
@@ -89,12 +88,12 @@ static bool find_box(struct drawing *d, const double e[3], const double u[3], co
 }
 
 /* @return false: the board is not in the picture, or seen exactly edge on */
-static bool prepare(struct drawing *d, const struct sst_sim_board_view *v, int width, int height)
+static bool prepare(struct drawing *d, const struct sim_board_view *v, int width, int height)
 {
     const struct sst_sim_pose *p = &v->board->pose[v->pose];
     double r[9], e[3], board_x, board_y;
 
-    sst_sim_rotation(p->rotation_deg, r);
+    sim_rotation(p->rotation_deg, r);
 
     const double u[3] = { r[0], r[3], r[6] }, t[3] = { r[1], r[4], r[7] }, n[3] = { r[2], r[5], r[8] };
 
@@ -102,7 +101,7 @@ static bool prepare(struct drawing *d, const struct sst_sim_board_view *v, int w
         e[i] = p->position_mm[i] - v->eye_mm[i];
     if (dot(n, e) == 0)
         return false;
-    sst_sim_board_size(v->board, &board_x, &board_y);
+    sim_board_size(v->board, &board_x, &board_y);
     *d = (struct drawing){
         .v = v,
         .w = along_ray(v, n, 1 / dot(n, e)),
@@ -110,8 +109,8 @@ static bool prepare(struct drawing *d, const struct sst_sim_board_view *v, int w
         .t = along_ray(v, t, 1),
         .ue = dot(u, e),
         .ve = dot(t, e),
-        .half_x = board_x / 2 + sst_sim_board_margin(v->board),
-        .half_y = board_y / 2 + sst_sim_board_margin(v->board),
+        .half_x = board_x / 2 + sim_board_margin(v->board),
+        .half_y = board_y / 2 + sim_board_margin(v->board),
     };
     return find_box(d, e, u, t, width, height);
 }
@@ -139,7 +138,7 @@ static void warp_row(const float *map, int width, int height, double y, double *
 /* Count the samples of a fine pixel that looks at (x, y) in the ideal picture. */
 static void sample(const struct drawing *d, double x, double y, float *there, float *white)
 {
-    const struct sst_sim_board_view *v = d->v;
+    const struct sim_board_view *v = d->v;
     const double w = at(d->w, x, y);
     double z, s, t, reach_x, reach_y, clear;
 
@@ -155,7 +154,7 @@ static void sample(const struct drawing *d, double x, double y, float *there, fl
     if (fabs(s - d->ue) > d->half_x + reach_x || fabs(t - d->ve) > d->half_y + reach_y)
         return;
     if (fabs(s - d->ue) < d->half_x - reach_x && fabs(t - d->ve) < d->half_y - reach_y) {
-        const bool is_white = sst_sim_board_white(v->board, s - d->ue, t - d->ve, &clear);
+        const bool is_white = sim_board_white(v->board, s - d->ue, t - d->ve, &clear);
 
         if (clear > fmax(reach_x, reach_y)) {
             *there = SAMPLES;
@@ -174,7 +173,7 @@ static void sample(const struct drawing *d, double x, double y, float *there, fl
         if (fabs(sx) > d->half_x || fabs(sy) > d->half_y)
             continue;
         *there += 1;
-        *white += sst_sim_board_white(v->board, sx, sy, &clear);
+        *white += sim_board_white(v->board, sx, sy, &clear);
     }
 }
 
@@ -263,7 +262,7 @@ static void blend(const struct drawing *d, struct sst_image *image)
     }
 }
 
-int sst_sim_board_draw(const struct sst_sim_board_view *v, struct sst_image *image)
+int sim_board_draw(const struct sim_board_view *v, struct sst_image *image)
 {
     const double blur = v->board->pose[v->pose].blur_px * FINE;
     struct drawing d;

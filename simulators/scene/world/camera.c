@@ -1,4 +1,4 @@
-#include "simulators/scene/world/camera.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <math.h>
 #include <string.h>
@@ -8,14 +8,14 @@
 #define PI 3.14159265358979323846
 
 /* Normal distribution (Box, Muller 1958). */
-double sst_sim_normal(uint64_t *rng)
+double sim_normal(uint64_t *rng)
 {
     const double u = 1 - sst_random(rng), v = sst_random(rng);
 
     return sqrt(-2 * log(u)) * cos(2 * PI * v);
 }
 
-void sst_sim_rotation(const double deg[3], double m[9])
+void sim_rotation(const double deg[3], double m[9])
 {
     const double a = deg[0] * PI / 180, b = deg[1] * PI / 180, c = deg[2] * PI / 180;
     const double turned[9] = {
@@ -47,7 +47,7 @@ static void distort(const double k[5], double a, double b, double out[2], double
     by[3] = radial + b * b * slope + 6 * k[2] * b + 2 * k[3] * a;
 }
 
-bool sst_sim_camera_undistort(const struct sst_sim_camera *c, double u, double v, double *a, double *b)
+bool sim_camera_undistort(const struct sim_camera *c, double u, double v, double *a, double *b)
 {
     double at[2] = { u, v }, seen[2], by[4];
 
@@ -77,11 +77,11 @@ static int64_t ns(double us)
 static void make_timing(struct sst_sim_timing *t, const struct sst_sim_settings *s, const struct sst_sim_override *o,
                         uint64_t *rng)
 {
-    const double delay = fmax(0, s->delay_us + s->delay_spread_us * sst_sim_normal(rng));
-    const double latency = fmax(0, s->latency_us + s->latency_spread_us * sst_sim_normal(rng));
-    const double phase = fabs(s->phase_spread_us * sst_sim_normal(rng)),
-                 offset = s->clock_offset_spread_us * sst_sim_normal(rng);
-    const double drift = s->clock_drift_spread_ppm * sst_sim_normal(rng);
+    const double delay = fmax(0, s->delay_us + s->delay_spread_us * sim_normal(rng));
+    const double latency = fmax(0, s->latency_us + s->latency_spread_us * sim_normal(rng));
+    const double phase = fabs(s->phase_spread_us * sim_normal(rng)),
+                 offset = s->clock_offset_spread_us * sim_normal(rng);
+    const double drift = s->clock_drift_spread_ppm * sim_normal(rng);
 
     t->delay_ns = ns(o->given & SST_SIM_DELAY ? o->delay_us : delay);
     t->jitter_ns = ns(o->given & SST_SIM_JITTER ? o->jitter_us : s->jitter_us);
@@ -91,7 +91,7 @@ static void make_timing(struct sst_sim_timing *t, const struct sst_sim_settings 
     t->clock_drift_ppm = o->given & SST_SIM_DRIFT ? o->clock_drift_ppm : drift;
 }
 
-static void make_place(struct sst_sim_camera *c, const struct sst_sim_settings *s, const struct sst_sim_override *o,
+static void make_place(struct sim_camera *c, const struct sst_sim_settings *s, const struct sst_sim_override *o,
                        double spacing_mm, int cam, uint64_t *rng)
 {
     const int ref_row = (s->rows - 1) / 2, ref_col = (s->cols - 1) / 2;
@@ -103,23 +103,23 @@ static void make_place(struct sst_sim_camera *c, const struct sst_sim_settings *
     c->position_mm[1] = (row - ref_row) * spacing_mm;
     c->position_mm[2] = 0;
     for (int i = 0; i < 3; i++) {
-        const double error = s->position_spread_mm * sst_sim_normal(rng);
+        const double error = s->position_spread_mm * sim_normal(rng);
 
-        turn[i] = s->rotation_spread_deg * sst_sim_normal(rng);
+        turn[i] = s->rotation_spread_deg * sim_normal(rng);
         if (o->given & SST_SIM_ROTATION)
             turn[i] = o->rotation_deg[i];
         c->position_mm[i] += o->given & SST_SIM_POSITION ? o->position_mm[i] : error;
     }
-    sst_sim_rotation(turn, c->rotation);
+    sim_rotation(turn, c->rotation);
 }
 
-static void make_lens(struct sst_sim_camera *c, const struct sst_sim_settings *s, const struct sst_sim_override *o,
-                      const struct sst_sim_optics *ideal, uint64_t *rng)
+static void make_lens(struct sim_camera *c, const struct sst_sim_settings *s, const struct sst_sim_override *o,
+                      const struct sim_optics *ideal, uint64_t *rng)
 {
-    double percent = s->focal_spread_percent * sst_sim_normal(rng), shift[2];
+    double percent = s->focal_spread_percent * sim_normal(rng), shift[2];
 
     for (int i = 0; i < 2; i++) {
-        shift[i] = s->principal_spread_px * sst_sim_normal(rng);
+        shift[i] = s->principal_spread_px * sim_normal(rng);
         if (o->given & SST_SIM_PRINCIPAL)
             shift[i] = o->principal_px[i];
     }
@@ -129,14 +129,13 @@ static void make_lens(struct sst_sim_camera *c, const struct sst_sim_settings *s
     c->cx = ideal->cx + shift[0];
     c->cy = ideal->cy + shift[1];
     for (int i = 0; i < 5; i++) {
-        const double k = s->distortion[i] + s->distortion_spread[i] * sst_sim_normal(rng);
+        const double k = s->distortion[i] + s->distortion_spread[i] * sim_normal(rng);
 
         c->distortion[i] = o->given & SST_SIM_DISTORTION ? o->distortion[i] : k;
     }
 }
 
-void sst_sim_camera_make(struct sst_sim_camera *c, const struct sst_sim_settings *s, const struct sst_sim_optics *ideal,
-                         int cam)
+void sim_camera_make(struct sim_camera *c, const struct sst_sim_settings *s, const struct sim_optics *ideal, int cam)
 {
     const struct sst_sim_override *o = &s->camera[cam];
     uint64_t rng = s->seed * 1000003 + (uint64_t)cam;
@@ -146,20 +145,20 @@ void sst_sim_camera_make(struct sst_sim_camera *c, const struct sst_sim_settings
     make_lens(c, s, o, ideal, &rng);
     make_place(c, s, o, ideal->spacing_mm, cam, &rng);
     make_timing(&c->timing, s, o, &rng);
-    gain = exp(s->gain_spread_percent / 100 * sst_sim_normal(&rng));
+    gain = exp(s->gain_spread_percent / 100 * sim_normal(&rng));
     for (int i = 0; i < 3; i++) {
-        balance[i] = exp(s->balance_spread_percent / 100 * sst_sim_normal(&rng));
+        balance[i] = exp(s->balance_spread_percent / 100 * sim_normal(&rng));
         c->gain[i] = o->given & SST_SIM_GAIN ? o->gain[i] : gain * (i == 1 ? 1 : balance[i]);
     }
 }
 
-void sst_sim_camera_move(struct sst_sim_camera *c, const struct sst_sim_settings *s, int cam)
+void sim_camera_move(struct sim_camera *c, const struct sst_sim_settings *s, int cam)
 {
     const struct sst_sim_override *o = &s->camera[cam];
     double turn[9], before[9];
 
     memcpy(before, c->rotation, sizeof(before));
-    sst_sim_rotation(o->moves_deg, turn);
+    sim_rotation(o->moves_deg, turn);
     for (int i = 0; i < 9; i++) {
         const double *row = turn + i / 3 * 3, *column = before + i % 3;
 

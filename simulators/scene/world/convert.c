@@ -1,4 +1,4 @@
-#include "simulators/scene/world/convert.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <string.h>
 
@@ -17,7 +17,7 @@ static uint8_t clamp_byte(int v)
     return (uint8_t)sst_clamp_int(v, 0, 255);
 }
 
-void sst_sim_shrink(const struct sst_image *in, struct sst_image *out)
+void sim_shrink(const struct sst_image *in, struct sst_image *out)
 {
     for (int c = 0; c < 3; c++) {
         for (int y = 0; y < out->height; y++) {
@@ -40,7 +40,7 @@ void sst_sim_shrink(const struct sst_image *in, struct sst_image *out)
     }
 }
 
-size_t sst_sim_format_bytes(uint32_t fourcc, int width, int height)
+size_t sim_format_bytes(uint32_t fourcc, int width, int height)
 {
     const size_t pixels = (size_t)width * (size_t)height;
 
@@ -81,9 +81,9 @@ static void pack_yuyv_row(const uint8_t *r, const uint8_t *g, const uint8_t *b, 
     }
 }
 
-void sst_sim_pack(const struct sst_image *img, uint32_t fourcc, uint8_t *out)
+void sim_pack(const struct sst_image *img, uint32_t fourcc, uint8_t *out)
 {
-    const size_t pitch = sst_sim_format_bytes(fourcc, img->width, 1);
+    const size_t pitch = sim_format_bytes(fourcc, img->width, 1);
 
     for (int y = 0; y < img->height; y++, out += pitch) {
         const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
@@ -103,7 +103,7 @@ void sst_sim_pack(const struct sst_image *img, uint32_t fourcc, uint8_t *out)
     }
 }
 
-void sst_sim_pack_luma(const uint8_t *luma, int width, int height, uint32_t fourcc, uint8_t *out)
+void sim_pack_luma(const uint8_t *luma, int width, int height, uint32_t fourcc, uint8_t *out)
 {
     const size_t n = (size_t)width * (size_t)height;
 

@@ -1,4 +1,4 @@
-#include "simulators/scene/world/jpeg.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <errno.h>
 #include <setjmp.h>
@@ -92,9 +92,9 @@ static uint32_t find_rest(const uint8_t *data, size_t bytes, size_t at, int rows
     return (uint32_t)at;
 }
 
-int sst_sim_jpeg_encode(const struct sst_image *img, int quality, bool strip, struct sst_sim_jpeg *out)
+int sim_jpeg_encode(const struct sst_image *img, int quality, bool strip, struct sim_jpeg *out)
 {
-    const int strip_rows = strip ? sst_strip_height(img->width) / MCU_HEIGHT : 0;
+    const int strip_rows = strip ? strip_height(img->width) / MCU_HEIGHT : 0;
     struct encoder *e;
     int err;
 
@@ -109,7 +109,7 @@ int sst_sim_jpeg_encode(const struct sst_image *img, int quality, bool strip, st
     if (!err) {
         const uint32_t scan = find_scan(e->data, e->bytes);
 
-        *out = (struct sst_sim_jpeg){
+        *out = (struct sim_jpeg){
             .data = e->data,
             .bytes = (uint32_t)e->bytes,
             .scan = scan,
@@ -131,8 +131,8 @@ int sst_sim_jpeg_encode(const struct sst_image *img, int quality, bool strip, st
 static const struct {
     uint16_t code;
     uint8_t length;
-} dc_code[12] = { { 0x0, 2 },  { 0x2, 3 },  { 0x3, 3 },  { 0x4, 3 },  { 0x5, 3 },   { 0x6, 3 },
-                  { 0xE, 4 },  { 0x1E, 5 }, { 0x3E, 6 }, { 0x7E, 7 }, { 0xFE, 8 },  { 0x1FE, 9 } };
+} dc_code[12] = { { 0x0, 2 }, { 0x2, 3 },  { 0x3, 3 },  { 0x4, 3 },  { 0x5, 3 },  { 0x6, 3 },
+                  { 0xE, 4 }, { 0x1E, 5 }, { 0x3E, 6 }, { 0x7E, 7 }, { 0xFE, 8 }, { 0x1FE, 9 } };
 
 #define LUMA_END      0xA /* end of a luma block without any detail, table K.5 ... */
 #define LUMA_END_BITS 4
@@ -185,7 +185,7 @@ static uint8_t *put_row(uint8_t *out, const uint8_t *bits, int row, int width, i
     int before = 0;
 
     for (int i = 0; i < 2 * mcus; i++) {
-        const int mean = means[i < cells && sst_strip_cell(bits, row * cells + i)];
+        const int mean = means[i < cells && strip_cell(bits, row * cells + i)];
 
         put_mean(&w, mean - before);
         before = mean;
@@ -199,10 +199,10 @@ static uint8_t *put_row(uint8_t *out, const uint8_t *bits, int row, int width, i
     return w.out;
 }
 
-int sst_sim_jpeg_copy(const struct sst_sim_jpeg *in, int width, const struct sst_sim_exposure *exposure, uint8_t *out,
-                      size_t capacity, size_t *bytes)
+int sim_jpeg_copy(const struct sim_jpeg *in, int width, const struct sst_sim_exposure *exposure, uint8_t *out,
+                  size_t capacity, size_t *bytes)
 {
-    const int rows = exposure ? sst_strip_height(width) / MCU_HEIGHT : 0;
+    const int rows = exposure ? strip_height(width) / MCU_HEIGHT : 0;
     /* At most 9 + 11 + 4 bits for each luma block and 8 for the chroma, all of them stuffed, and a marker. */
     const size_t row_most = (size_t)(width / MCU_WIDTH + 1) * 14 + 4;
     const size_t tail = in->bytes - (exposure ? in->rest : in->scan);
@@ -212,7 +212,7 @@ int sst_sim_jpeg_copy(const struct sst_sim_jpeg *in, int width, const struct sst
         return -ENOSPC;
     memcpy(out, in->data, in->scan);
     if (exposure)
-        sst_strip_pack(exposure, bits);
+        strip_pack(exposure, bits);
     for (int row = 0; row < rows; row++)
         at = put_row(at, bits, row, width, (int)in->dc_step);
     memcpy(at, in->data + in->bytes - tail, tail);

@@ -2,7 +2,7 @@
  * The file: struct head, struct entry [cams][frames], then the frames' bytes in the order in which cameras were done.
  * It is written and read on one machine only: numbers are in its own order.
  */
-#include "simulators/scene/world/loop.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -35,10 +35,10 @@ struct head {
 
 struct entry {
     uint64_t offset;
-    uint32_t bytes, scan, rest, dc_step; /* as in struct sst_sim_jpeg */
+    uint32_t bytes, scan, rest, dc_step; /* as in struct sim_jpeg */
 };
 
-struct sst_sim_loop {
+struct sim_loop {
     const uint8_t *map;
     size_t bytes;
     const struct entry *entries;
@@ -48,7 +48,7 @@ struct sst_sim_loop {
 /* --- reading ----------------------------------------------------------------------------------------------------- */
 
 /* A file that was cut short or changed must not make us read outside it. */
-static bool is_whole(const struct sst_sim_loop *l, const uint8_t key[SST_SIM_KEY_BYTES])
+static bool is_whole(const struct sim_loop *l, const uint8_t key[SST_SIM_KEY_BYTES])
 {
     const struct head *h = (const struct head *)(const void *)l->map;
     const size_t count = (size_t)l->cams * l->frames, first = sizeof(*h) + count * sizeof(struct entry);
@@ -67,11 +67,10 @@ static bool is_whole(const struct sst_sim_loop *l, const uint8_t key[SST_SIM_KEY
 }
 
 /* @return 0, -ENOENT (no such loop, or none that can be used), -ENOMEM */
-static int map_file(struct sst_sim_loop **out, const char *path, const uint8_t key[SST_SIM_KEY_BYTES], int cams,
-                    int frames)
+static int map_file(struct sim_loop **out, const char *path, const uint8_t key[SST_SIM_KEY_BYTES], int cams, int frames)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
-    struct sst_sim_loop *l = NULL;
+    struct sim_loop *l = NULL;
     struct stat st;
     int err = -ENOENT;
     void *map;
@@ -88,7 +87,7 @@ static int map_file(struct sst_sim_loop **out, const char *path, const uint8_t k
         err = -ENOMEM;
         goto done;
     }
-    *l = (struct sst_sim_loop){
+    *l = (struct sim_loop){
         .map = map,
         .bytes = (size_t)st.st_size,
         .entries = (const struct entry *)(const void *)((const uint8_t *)map + sizeof(struct head)),
@@ -105,7 +104,7 @@ static int map_file(struct sst_sim_loop **out, const char *path, const uint8_t k
 
 done:
     close(fd);
-    sst_sim_loop_close(l);
+    sim_loop_close(l);
     return err;
 }
 
@@ -115,7 +114,7 @@ struct job {
     FILE *file;
     const char *name;
     int cams, frames;
-    sst_sim_render_fn *render;
+    sim_render_fn *render;
     void *arg;
     pthread_mutex_t lock;
     struct entry *entries; /* under lock, as all below */
@@ -123,10 +122,10 @@ struct job {
     int done;
 };
 
-static int store_locked(struct job *j, int cam, const struct sst_sim_jpeg *frames)
+static int store_locked(struct job *j, int cam, const struct sim_jpeg *frames)
 {
     for (int i = 0; i < j->frames; i++) {
-        const struct sst_sim_jpeg *f = &frames[i];
+        const struct sim_jpeg *f = &frames[i];
 
         if (fwrite(f->data, f->bytes, 1, j->file) != 1) {
             const int err = errno ? -errno : -EIO;
@@ -149,7 +148,7 @@ static int store_locked(struct job *j, int cam, const struct sst_sim_jpeg *frame
 static int prepare_camera(void *arg, int cam, int worker SST_UNUSED)
 {
     struct job *j = arg;
-    struct sst_sim_jpeg *frames = calloc((size_t)j->frames, sizeof(*frames));
+    struct sim_jpeg *frames = calloc((size_t)j->frames, sizeof(*frames));
     int err = frames ? j->render(j->arg, cam, frames) : -ENOMEM;
 
     if (!err) {
@@ -249,8 +248,8 @@ static void tidy(const char *folder)
         closedir(dir);
 }
 
-int sst_sim_loop_open(struct sst_sim_loop **out, const char *folder, const uint8_t key[SST_SIM_KEY_BYTES],
-                      const char *name, int cams, int frames, sst_sim_render_fn *render, void *arg)
+int sim_loop_open(struct sim_loop **out, const char *folder, const uint8_t key[SST_SIM_KEY_BYTES], const char *name,
+                  int cams, int frames, sim_render_fn *render, void *arg)
 {
     struct job j = { .name = name, .cams = cams, .frames = frames, .render = render, .arg = arg };
     char file[SST_SIM_KEY_BYTES + 8], path[SST_PATH_MAX];
@@ -280,7 +279,7 @@ int sst_sim_loop_open(struct sst_sim_loop **out, const char *folder, const uint8
     return err;
 }
 
-void sst_sim_loop_close(struct sst_sim_loop *l)
+void sim_loop_close(struct sim_loop *l)
 {
     if (!l)
         return;
@@ -289,11 +288,11 @@ void sst_sim_loop_close(struct sst_sim_loop *l)
     free(l);
 }
 
-struct sst_sim_jpeg sst_sim_loop_frame(const struct sst_sim_loop *l, int cam, int frame)
+struct sim_jpeg sim_loop_frame(const struct sim_loop *l, int cam, int frame)
 {
     const struct entry *e = &l->entries[(size_t)cam * l->frames + (size_t)frame];
 
-    return (struct sst_sim_jpeg){
+    return (struct sim_jpeg){
         .data = (uint8_t *)(uintptr_t)(l->map + e->offset),
         .bytes = e->bytes,
         .scan = e->scan,

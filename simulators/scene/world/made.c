@@ -1,12 +1,12 @@
-#include "simulators/scene/world/made.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
 struct item {
-    struct sst_sim_made_key key;
-    struct sst_sim_jpeg frame;
+    struct sim_made_key key;
+    struct sim_jpeg frame;
     uint64_t used;
 };
 
@@ -15,20 +15,20 @@ struct shelf {
     int count, capacity;
 };
 
-struct sst_sim_made {
+struct sim_made {
     struct shelf *shelves; /* one a camera, so that looking up stays short */
     int cams;
     size_t bytes, budget;
     uint64_t clock;
 };
 
-int sst_sim_made_create(struct sst_sim_made **out, int cams, size_t budget_bytes)
+int sim_made_create(struct sim_made **out, int cams, size_t budget_bytes)
 {
-    struct sst_sim_made *m = calloc(1, sizeof(*m));
+    struct sim_made *m = calloc(1, sizeof(*m));
 
     if (!m)
         return -ENOMEM;
-    *m = (struct sst_sim_made){ calloc((size_t)cams, sizeof(*m->shelves)), cams, 0, budget_bytes, 0 };
+    *m = (struct sim_made){ calloc((size_t)cams, sizeof(*m->shelves)), cams, 0, budget_bytes, 0 };
     if (!m->shelves) {
         free(m);
         return -ENOMEM;
@@ -37,7 +37,7 @@ int sst_sim_made_create(struct sst_sim_made **out, int cams, size_t budget_bytes
     return 0;
 }
 
-void sst_sim_made_destroy(struct sst_sim_made *m)
+void sim_made_destroy(struct sim_made *m)
 {
     if (!m)
         return;
@@ -50,13 +50,13 @@ void sst_sim_made_destroy(struct sst_sim_made *m)
     free(m);
 }
 
-static bool same(const struct sst_sim_made_key *a, const struct sst_sim_made_key *b)
+static bool same(const struct sim_made_key *a, const struct sim_made_key *b)
 {
     return a->frame == b->frame && a->fourcc == b->fourcc && a->width == b->width && a->height == b->height &&
            a->light == b->light && !memcmp(a->pose_um, b->pose_um, sizeof(a->pose_um));
 }
 
-const struct sst_sim_jpeg *sst_sim_made_find(struct sst_sim_made *m, const struct sst_sim_made_key *key)
+const struct sim_jpeg *sim_made_find(struct sim_made *m, const struct sim_made_key *key)
 {
     const struct shelf *s = &m->shelves[key->cam];
 
@@ -69,7 +69,7 @@ const struct sst_sim_jpeg *sst_sim_made_find(struct sst_sim_made *m, const struc
     return NULL;
 }
 
-static void drop_oldest(struct sst_sim_made *m)
+static void drop_oldest(struct sim_made *m)
 {
     struct shelf *from = NULL;
     int oldest = 0;
@@ -87,7 +87,7 @@ static void drop_oldest(struct sst_sim_made *m)
     from->items[oldest] = from->items[--from->count];
 }
 
-int sst_sim_made_keep(struct sst_sim_made *m, const struct sst_sim_made_key *key, const struct sst_sim_jpeg *frame)
+int sim_made_keep(struct sim_made *m, const struct sim_made_key *key, const struct sim_jpeg *frame)
 {
     struct shelf *s = &m->shelves[key->cam];
 

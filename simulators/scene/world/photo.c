@@ -1,4 +1,4 @@
-#include "simulators/scene/world/photo.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -10,7 +10,7 @@
 #define CODES   8192  /* steps of light that are told apart on the way back to sRGB */
 #define NORMALS 65536 /* drawn once; which of them a pixel gets is random */
 
-struct sst_sim_photo {
+struct sim_photo {
     double vignetting;
     float full_well, read_variance; /* electrons; full_well 0: no noise */
     float light[256];
@@ -29,7 +29,7 @@ static double to_code(double light)
     return light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055;
 }
 
-void sst_sim_light(struct sst_image *img, double factor)
+void sim_light(struct sst_image *img, double factor)
 {
     uint8_t table[256];
 
@@ -43,9 +43,9 @@ void sst_sim_light(struct sst_image *img, double factor)
     }
 }
 
-int sst_sim_photo_create(struct sst_sim_photo **out, const struct sst_sim_settings *s)
+int sim_photo_create(struct sim_photo **out, const struct sst_sim_settings *s)
 {
-    struct sst_sim_photo *p = calloc(1, sizeof(*p));
+    struct sim_photo *p = calloc(1, sizeof(*p));
     uint64_t rng = s->seed ^ 0x6E6F697365ull;
 
     if (!p)
@@ -58,24 +58,24 @@ int sst_sim_photo_create(struct sst_sim_photo **out, const struct sst_sim_settin
     for (int i = 0; i <= CODES; i++)
         p->code[i] = (uint8_t)(255 * to_code((double)i / CODES) + 0.5);
     for (int i = 0; i < NORMALS; i++)
-        p->normal[i] = (float)sst_sim_normal(&rng);
+        p->normal[i] = (float)sim_normal(&rng);
     *out = p;
     return 0;
 }
 
-void sst_sim_photo_destroy(struct sst_sim_photo *p)
+void sim_photo_destroy(struct sim_photo *p)
 {
     free(p);
 }
 
-static bool is_ideal(const struct sst_sim_photo *p, const struct sst_sim_exposing *e)
+static bool is_ideal(const struct sim_photo *p, const struct sim_exposing *e)
 {
     return !(p->vignetting > 0) && !(p->full_well > 0) && e->light == 1 && e->camera->gain[0] == 1 &&
            e->camera->gain[1] == 1 && e->camera->gain[2] == 1;
 }
 
 /* One row of one colour. @param state  of the noise, never 0 */
-static void expose_row(const struct sst_sim_photo *p, const uint8_t *in, uint8_t *out, int width, const float *factor,
+static void expose_row(const struct sim_photo *p, const uint8_t *in, uint8_t *out, int width, const float *factor,
                        uint32_t *state)
 {
     for (int x = 0; x < width; x++) {
@@ -93,8 +93,8 @@ static void expose_row(const struct sst_sim_photo *p, const uint8_t *in, uint8_t
     }
 }
 
-void sst_sim_photo_expose(const struct sst_sim_photo *p, const struct sst_sim_exposing *e, const struct sst_image *in,
-                          struct sst_image *out)
+void sim_photo_expose(const struct sim_photo *p, const struct sim_exposing *e, const struct sst_image *in,
+                      struct sst_image *out)
 {
     const double half_x = in->width / 2.0, half_y = in->height / 2.0;
     float factor[SST_IMAGE_MAX_SIDE];

@@ -1,4 +1,4 @@
-#include "simulators/scene/world/render.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -7,31 +7,29 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "simulators/scene/world/board.h"
-#include "simulators/scene/world/photo.h"
 
 #define TURN      6.283185307179586
 #define BAND_ROWS 16 /* of one time, where the shutter rolls */
 
-struct sst_sim_stage {
+struct sim_stage {
     const struct sst_sim_settings *settings;
-    struct sst_sim_optics optics;
-    struct sst_sim_camera camera[SST_CAMERAS_MAX];
-    struct sst_sim_camera moved[SST_CAMERAS_MAX]; /* those that move on the way, from then on */
-    struct sst_sim_board board;                   /* with its poses */
-    struct sst_world first;                       /* at the loop's begin */
-    bool *moving;                                 /* [surfaces] */
+    struct sim_optics optics;
+    struct sim_camera camera[SST_CAMERAS_MAX];
+    struct sim_camera moved[SST_CAMERAS_MAX]; /* those that move on the way, from then on */
+    struct sst_sim_board board;               /* with its poses */
+    struct sst_world first;                   /* at the loop's begin */
+    bool *moving;                             /* [surfaces] */
     int frames;
     bool empty;           /* the scene is "board": boards are drawn over it */
     int fine;             /* pixels rendered for one, along each side: edges of boards are finer than four samples */
     struct sst_warp warp; /* of the rig's camera */
-    struct sst_sim_photo *photo;
+    struct sim_photo *photo;
 };
 
 /* --- the surfaces at a time -------------------------------------------------------------------------------------- */
 
 /* The empty room, with the optics of another scene where the settings name one. */
-static int build_room(const struct sst_sim_stage *s, const struct sst_scene_config *cfg, struct sst_world *w)
+static int build_room(const struct sim_stage *s, const struct sst_scene_config *cfg, struct sst_world *w)
 {
     const char *scene = s->settings->optics_scene;
     *w = (struct sst_world){ .rng = cfg->seed, .focal = SST_SIM_BOARD_FOCAL, .spacing_mm = SST_SIM_BOARD_SPACING_MM };
@@ -46,11 +44,11 @@ static int build_room(const struct sst_sim_stage *s, const struct sst_scene_conf
         w->shift = other.shift;
         sst_world_fini(&other);
     }
-    sst_sim_board_room(w);
+    sim_board_room(w);
     return 0;
 }
 
-static int build(const struct sst_sim_stage *s, int frame, double late_s, struct sst_world *w)
+static int build(const struct sim_stage *s, int frame, double late_s, struct sst_world *w)
 {
     const struct sst_sim_settings *c = s->settings;
     struct sst_scene_config cfg;
@@ -65,7 +63,7 @@ static int build(const struct sst_sim_stage *s, int frame, double late_s, struct
     cfg.time_s = frame / c->rate_hz + late_s;
     err = s->empty ? build_room(s, &cfg, w) : sst_world_build(w, c->scene, &cfg);
     if (!err && !s->empty && s->board.kind && s->board.poses)
-        sst_sim_board_add(w, &s->board, frame % s->board.poses);
+        sim_board_add(w, &s->board, frame % s->board.poses);
     if (!err && w->failed) {
         sst_world_fini(w);
         err = -ENOMEM;
@@ -80,7 +78,7 @@ static double late_s(const struct sst_sim_settings *c, int row)
 }
 
 /* What moves; and a loop in which nothing changes is one frame long. */
-static int find_motion(struct sst_sim_stage *s)
+static int find_motion(struct sim_stage *s)
 {
     const struct sst_sim_settings *c = s->settings;
     bool still = !(c->light_percent > 0) && !(c->full_well_e > 0) && !(s->empty && s->board.kind && s->board.poses > 1);
@@ -108,10 +106,10 @@ static int find_motion(struct sst_sim_stage *s)
 
 /* --- where a camera's pixels look -------------------------------------------------------------------------------- */
 
-static bool is_ideal(const struct sst_sim_stage *s, const struct sst_sim_camera *c)
+static bool is_ideal(const struct sim_stage *s, const struct sim_camera *c)
 {
     static const double none[5], straight[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
-    const struct sst_sim_optics *o = &s->optics;
+    const struct sim_optics *o = &s->optics;
 
     for (int i = 0; i < 9; i++) {
         if (c->rotation[i] != straight[i] || (i < 5 && c->distortion[i] != none[i]))
@@ -121,12 +119,12 @@ static bool is_ideal(const struct sst_sim_stage *s, const struct sst_sim_camera 
 }
 
 /* Position in the ideal picture of what the camera sees at (x, y). @return false: the lens folds over before it */
-static bool look(const struct sst_sim_optics *o, const struct sst_sim_camera *c, double x, double y, double out[2])
+static bool look(const struct sim_optics *o, const struct sim_camera *c, double x, double y, double out[2])
 {
     const double *r = c->rotation;
     double a, b, ray[3];
 
-    if (!sst_sim_camera_undistort(c, (x - c->cx) / c->fx, (y - c->cy) / c->fy, &a, &b))
+    if (!sim_camera_undistort(c, (x - c->cx) / c->fx, (y - c->cy) / c->fy, &a, &b))
         return false;
     for (int i = 0; i < 3; i++)
         ray[i] = r[i] * a + r[3 + i] * b + r[6 + i];
@@ -138,7 +136,7 @@ static bool look(const struct sst_sim_optics *o, const struct sst_sim_camera *c,
 }
 
 /* A lattice over the picture: where no pixel of it folds, none between does. */
-static int check_lens(const struct sst_sim_stage *s, const struct sst_sim_camera *camera, int cam)
+static int check_lens(const struct sim_stage *s, const struct sim_camera *camera, int cam)
 {
     const int steps = 16;
 
@@ -157,7 +155,7 @@ static int check_lens(const struct sst_sim_stage *s, const struct sst_sim_camera
 }
 
 /* @return 0 (warp left alone for an ideal camera), -ENOMEM, -EINVAL */
-static int make_warp(const struct sst_sim_stage *s, const struct sst_sim_camera *camera, struct sst_warp *warp)
+static int make_warp(const struct sim_stage *s, const struct sim_camera *camera, struct sst_warp *warp)
 {
     const int fine = s->fine, width = s->settings->width * fine, height = s->settings->height * fine;
     int err = is_ideal(s, camera) ? 0 : sst_warp_init(warp, width, height);
@@ -181,17 +179,17 @@ static int make_warp(const struct sst_sim_stage *s, const struct sst_sim_camera 
 /* Frames first .. last-1 of a camera. */
 struct take {
     int cam;
-    const struct sst_sim_camera *camera;
+    const struct sim_camera *camera;
     const struct sst_warp *warp;
     double eye_mm[3];
     int first, last, threads;
-    sst_sim_picture_fn *fn;
+    sim_picture_fn *fn;
     void *arg;
 };
 
-static void aim(const struct sst_sim_stage *s, const struct take *t, struct sst_image *image, struct sst_raster *out)
+static void aim(const struct sim_stage *s, const struct take *t, struct sst_image *image, struct sst_raster *out)
 {
-    const struct sst_sim_optics *o = &s->optics;
+    const struct sim_optics *o = &s->optics;
 
     *out = (struct sst_raster){
         .world = &s->first,
@@ -212,11 +210,11 @@ static void aim(const struct sst_sim_stage *s, const struct take *t, struct sst_
 
 /* --- opening ----------------------------------------------------------------------------------------------------- */
 
-static void find_optics(struct sst_sim_stage *s)
+static void find_optics(struct sim_stage *s)
 {
     const struct sst_sim_settings *c = s->settings;
 
-    s->optics = (struct sst_sim_optics){
+    s->optics = (struct sim_optics){
         .focal_px = s->first.focal * c->width / 1000,
         .cx = (c->width - 1) / 2.0,
         .cy = (c->height - 1) / 2.0 + s->first.shift * c->width / 1000,
@@ -224,9 +222,9 @@ static void find_optics(struct sst_sim_stage *s)
     };
 }
 
-int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings *settings)
+int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settings)
 {
-    struct sst_sim_stage *s = calloc(1, sizeof(*s));
+    struct sim_stage *s = calloc(1, sizeof(*s));
     const int cams = settings->rig ? 1 : settings->rows * settings->cols;
     int err = -ENOMEM;
 
@@ -242,7 +240,7 @@ int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings
     find_optics(s);
     s->board = settings->board;
     if (s->board.seeded)
-        sst_sim_board_seed_poses(&s->board, settings, &s->first);
+        sim_board_seed_poses(&s->board, settings, &s->first);
     sst_world_fini(&s->first);
     err = build(s, 0, 0, &s->first);
     if (!err)
@@ -250,16 +248,16 @@ int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings
     for (int cam = 0; cam < cams && !err; cam++) {
         const struct sst_sim_override *o = &settings->camera[cam];
 
-        sst_sim_camera_make(&s->camera[cam], settings, &s->optics, cam);
+        sim_camera_make(&s->camera[cam], settings, &s->optics, cam);
         s->moved[cam] = s->camera[cam];
         if (o->given & SST_SIM_MOVES)
-            sst_sim_camera_move(o->moves_at ? &s->moved[cam] : &s->camera[cam], settings, cam);
+            sim_camera_move(o->moves_at ? &s->moved[cam] : &s->camera[cam], settings, cam);
         err = check_lens(s, &s->camera[cam], cam);
         if (!err)
             err = check_lens(s, &s->moved[cam], cam);
     }
     if (!err)
-        err = sst_sim_photo_create(&s->photo, settings);
+        err = sim_photo_create(&s->photo, settings);
     if (!err && settings->rig)
         err = make_warp(s, &s->camera[0], &s->warp);
     if (err)
@@ -268,43 +266,43 @@ int sst_sim_stage_open(struct sst_sim_stage **out, const struct sst_sim_settings
     return 0;
 
 fail:
-    sst_sim_stage_close(s);
+    sim_stage_close(s);
     return err;
 }
 
-void sst_sim_stage_close(struct sst_sim_stage *s)
+void sim_stage_close(struct sim_stage *s)
 {
     if (!s)
         return;
-    sst_sim_photo_destroy(s->photo);
+    sim_photo_destroy(s->photo);
     sst_warp_fini(&s->warp);
     sst_world_fini(&s->first);
     free(s->moving);
     free(s);
 }
 
-const struct sst_sim_optics *sst_sim_stage_optics(const struct sst_sim_stage *s)
+const struct sim_optics *sim_stage_optics(const struct sim_stage *s)
 {
     return &s->optics;
 }
 
-const struct sst_sim_camera *sst_sim_stage_camera(const struct sst_sim_stage *s, int cam)
+const struct sim_camera *sim_stage_camera(const struct sim_stage *s, int cam)
 {
     return &s->camera[cam];
 }
 
-const struct sst_sim_camera *sst_sim_stage_moved(const struct sst_sim_stage *s, int cam, int *at)
+const struct sim_camera *sim_stage_moved(const struct sim_stage *s, int cam, int *at)
 {
     *at = s->settings->camera[cam].moves_at;
     return *at ? &s->moved[cam] : NULL;
 }
 
-const struct sst_sim_board *sst_sim_stage_board(const struct sst_sim_stage *s)
+const struct sst_sim_board *sim_stage_board(const struct sim_stage *s)
 {
     return &s->board;
 }
 
-int sst_sim_stage_frames(const struct sst_sim_stage *s)
+int sim_stage_frames(const struct sim_stage *s)
 {
     return s->frames;
 }
@@ -337,10 +335,10 @@ static void soften(const struct sst_image *in, struct sst_image *out)
 }
 
 /* From the rendered picture to the sensor's: in place, or where fine is 2 from the large one. */
-static void expose(const struct sst_sim_stage *s, const struct take *t, int frame, const struct sst_image *fine,
+static void expose(const struct sim_stage *s, const struct take *t, int frame, const struct sst_image *fine,
                    struct sst_image *native)
 {
-    const struct sst_sim_exposing e = {
+    const struct sim_exposing e = {
         .camera = t->camera,
         .light = 1 + s->settings->light_percent / 100 * sin(TURN * frame / s->frames),
         .seed = s->settings->seed * 7919 + (uint64_t)(frame * SST_CAMERAS_MAX + t->cam),
@@ -348,11 +346,11 @@ static void expose(const struct sst_sim_stage *s, const struct take *t, int fram
 
     if (s->fine == 2)
         soften(fine, native);
-    sst_sim_photo_expose(s->photo, &e, s->fine == 2 ? native : fine, native);
+    sim_photo_expose(s->photo, &e, s->fine == 2 ? native : fine, native);
 }
 
 /* All rows at once, or band by band where the shutter rolls. */
-static int draw(const struct sst_sim_stage *s, struct sst_layers *layers, int frame)
+static int draw(const struct sim_stage *s, struct sst_layers *layers, int frame)
 {
     const int height = s->settings->height, step = s->settings->rolling ? BAND_ROWS : height;
 
@@ -369,12 +367,12 @@ static int draw(const struct sst_sim_stage *s, struct sst_layers *layers, int fr
 }
 
 /* The board over the empty room. @return 0 or -ENOMEM */
-static int draw_board(const struct sst_sim_stage *s, const struct take *t, int frame, struct sst_image *image)
+static int draw_board(const struct sim_stage *s, const struct take *t, int frame, struct sst_image *image)
 {
-    const struct sst_sim_board_view v = {
+    const struct sim_board_view v = {
         .board = &s->board,
         .floor_mm = SST_SIM_BOARD_FLOOR_MM,
-        .wall_mm = sst_sim_board_wall_mm(s->first.focal),
+        .wall_mm = sim_board_wall_mm(s->first.focal),
         .pose = s->board.poses ? frame % s->board.poses : 0,
         .focal_px = s->optics.focal_px,
         .cx = s->optics.cx,
@@ -383,10 +381,10 @@ static int draw_board(const struct sst_sim_stage *s, const struct take *t, int f
         .warp = t->warp->x ? t->warp : NULL,
     };
 
-    return s->empty && s->board.kind && s->board.poses ? sst_sim_board_draw(&v, image) : 0;
+    return s->empty && s->board.kind && s->board.poses ? sim_board_draw(&v, image) : 0;
 }
 
-static int shoot(const struct sst_sim_stage *s, const struct take *t)
+static int shoot(const struct sim_stage *s, const struct take *t)
 {
     struct sst_image fine = { 0 }, native = { 0 };
     struct sst_layers *layers = NULL;
@@ -415,7 +413,7 @@ static int shoot(const struct sst_sim_stage *s, const struct take *t)
 }
 
 /* With a lens of its own and where it stands. */
-static int shoot_from(const struct sst_sim_stage *s, struct take *t, const struct sst_sim_camera *camera)
+static int shoot_from(const struct sim_stage *s, struct take *t, const struct sim_camera *camera)
 {
     struct sst_warp warp = { 0 };
     int err = t->first < t->last ? make_warp(s, camera, &warp) : 0;
@@ -429,7 +427,7 @@ static int shoot_from(const struct sst_sim_stage *s, struct take *t, const struc
     return err;
 }
 
-int sst_sim_stage_loop(const struct sst_sim_stage *s, int cam, sst_sim_picture_fn *fn, void *arg)
+int sim_stage_loop(const struct sim_stage *s, int cam, sim_picture_fn *fn, void *arg)
 {
     const int moves_at = s->settings->camera[cam].moves_at, change = moves_at ? moves_at : s->frames;
     struct take t = { .cam = cam, .last = change, .threads = 1, .fn = fn, .arg = arg };
@@ -440,8 +438,7 @@ int sst_sim_stage_loop(const struct sst_sim_stage *s, int cam, sst_sim_picture_f
     return err ? err : shoot_from(s, &t, &s->moved[cam]);
 }
 
-int sst_sim_stage_pose(const struct sst_sim_stage *s, const int32_t pose_um[3], int frame, sst_sim_picture_fn *fn,
-                       void *arg)
+int sim_stage_pose(const struct sim_stage *s, const int32_t pose_um[3], int frame, sim_picture_fn *fn, void *arg)
 {
     struct take t = { .camera = &s->camera[0],
                       .warp = &s->warp,
@@ -456,10 +453,10 @@ int sst_sim_stage_pose(const struct sst_sim_stage *s, const int32_t pose_um[3], 
     return shoot(s, &t);
 }
 
-int sst_sim_stage_look(const struct sst_sim_stage *s, int frame, const double eye_mm[3], struct sst_warp *rays,
-                       struct sst_map_f32 *depth, struct sst_map_u8 *label)
+int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3], struct sst_warp *rays,
+                   struct sst_map_f32 *depth, struct sst_map_u8 *label)
 {
-    const struct sst_sim_optics *o = &s->optics;
+    const struct sim_optics *o = &s->optics;
     struct sst_world w;
     const struct sst_raster r = {
         .world = &w,
@@ -482,7 +479,7 @@ int sst_sim_stage_look(const struct sst_sim_stage *s, int frame, const double ey
     if (err)
         return err;
     if (s->empty && s->board.kind && s->board.poses)
-        sst_sim_board_add(&w, &s->board, frame % s->board.poses);
+        sim_board_add(&w, &s->board, frame % s->board.poses);
     sst_warp_index(rays);
     err = w.failed ? -ENOMEM : sst_raster_run(&r);
     sst_world_fini(&w);

@@ -10,8 +10,7 @@
 #include "base/log.h"
 #include "base/yaml.h"
 #include "simulators/scene/scene.h"
-#include "simulators/scene/world/board.h"
-#include "simulators/scene/world/strip.h"
+#include "simulators/scene/world/world_internal.h"
 
 #define SIDE_MAX   8192
 #define FRAMES_MAX 1000
@@ -278,9 +277,11 @@ static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
     read_pair(doc, size, 16, SIDE_MAX, &s->width, &s->height);
     if (s->width % 16 || s->height % 8)
         sst_yaml_fault(doc, size, "must be a multiple of 16 wide and of 8 high");
-    else if (s->strip && 2 * sst_strip_height(s->width) > s->height)
-        sst_yaml_fault(doc, size, "is too small for the strip, which takes %d rows; choose a larger size or strip: "
-                       "false", sst_strip_height(s->width));
+    else if (s->strip && 2 * strip_height(s->width) > s->height)
+        sst_yaml_fault(doc, size,
+                       "is too small for the strip, which takes %d rows; choose a larger size or strip: "
+                       "false",
+                       strip_height(s->width));
 }
 
 /* A mapping below the root, where it is there. */

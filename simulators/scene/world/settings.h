@@ -1,4 +1,5 @@
-/* simulators/scene/world/settings.h - what a world file says: the scene, its loop, and how far the cameras are from ideal. */
+/* simulators/scene/world/settings.h - what a world file says: the scene, its loop, and how far the cameras are from
+ * ideal. */
 #ifndef SST_SIMULATORS_SCENE_WORLD_SETTINGS_H
 #define SST_SIMULATORS_SCENE_WORLD_SETTINGS_H
 
@@ -65,8 +66,8 @@ struct sst_sim_settings {
     double loop_s, rate_hz;
     int quality, exposure_us;
     bool strip, rig, rolling;
-    double line_us;        /* rolling shutter: from row to row */
-    double light_percent;  /* the light rises and falls by this once each loop */
+    double line_us;       /* rolling shutter: from row to row */
+    double light_percent; /* the light rises and falls by this once each loop */
     /* optics: */
     char optics_scene[32]; /* whose ideal focal length, principal point and spacing they are; "": the scene's own */
     double distortion[5], distortion_spread[5]; /* k1 k2 p1 p2 k3 */

@@ -13,24 +13,19 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec.h"
-#include "simulators/scene/world/convert.h"
-#include "simulators/scene/world/loop.h"
-#include "simulators/scene/world/made.h"
-#include "simulators/scene/world/photo.h"
-#include "simulators/scene/world/render.h"
-#include "simulators/scene/world/truth.h"
+#include "simulators/scene/world/world_internal.h"
 
-#define VERSION     3 /* part of the cache's key: raise it when the same settings give other bytes */
-#define SIZES_MAX   4
-#define MADE_BYTES  ((size_t)256 << 20)
-#define LIGHT_ONE   1024
-#define TRIGGERS    64 /* whose loop frame is remembered */
+#define VERSION    3 /* part of the cache's key: raise it when the same settings give other bytes */
+#define SIZES_MAX  4
+#define MADE_BYTES ((size_t)256 << 20)
+#define LIGHT_ONE  1024
+#define TRIGGERS   64 /* whose loop frame is remembered */
 
 struct sst_sim_world {
     struct sst_sim_settings settings;
-    struct sst_sim_stage *stage;
-    struct sst_sim_loop *loop; /* NULL on a rig */
-    struct sst_sim_made *made;
+    struct sim_stage *stage;
+    struct sim_loop *loop; /* NULL on a rig */
+    struct sim_made *made;
     int cams, frames, size_count;
     int held; /* the loop's frame that is shown; -1: by time */
     int sizes[SIZES_MAX][2];
@@ -53,7 +48,7 @@ static void find_sizes(struct sst_sim_world *w)
         const int width = w->settings.width * quarters[i] / 4, height = w->settings.height * quarters[i] / 4;
 
         if (i && (width % 16 || height % 8 || w->settings.width * quarters[i] % 4 ||
-                  w->settings.height * quarters[i] % 4 || 2 * sst_strip_height(width) > height))
+                  w->settings.height * quarters[i] % 4 || 2 * strip_height(width) > height))
             continue;
         w->sizes[w->size_count][0] = width;
         w->sizes[w->size_count++][1] = height;
@@ -97,7 +92,7 @@ static int cache_folder(char out[SST_PATH_MAX], const char *cache)
 
 struct encoding {
     const struct sst_sim_settings *settings;
-    struct sst_sim_jpeg *frames; /* the first of them is the loop's frame `first` */
+    struct sim_jpeg *frames; /* the first of them is the loop's frame `first` */
     int first;
 };
 
@@ -105,15 +100,15 @@ static int encode(void *arg, int frame, const struct sst_image *image)
 {
     const struct encoding *e = arg;
 
-    return sst_sim_jpeg_encode(image, e->settings->quality, e->settings->strip, &e->frames[frame - e->first]);
+    return sim_jpeg_encode(image, e->settings->quality, e->settings->strip, &e->frames[frame - e->first]);
 }
 
-static int render_camera(void *arg, int cam, struct sst_sim_jpeg *frames)
+static int render_camera(void *arg, int cam, struct sim_jpeg *frames)
 {
     const struct sst_sim_world *w = arg;
     struct encoding e = { &w->settings, frames, 0 };
 
-    return sst_sim_stage_loop(w->stage, cam, encode, &e);
+    return sim_stage_loop(w->stage, cam, encode, &e);
 }
 
 static int open_loop(struct sst_sim_world *w, const char *cache)
@@ -130,7 +125,7 @@ static int open_loop(struct sst_sim_world *w, const char *cache)
     SHA256Update(&hash, (const uint8_t *)&version, sizeof(version));
     SHA256Update(&hash, (const uint8_t *)&w->settings, sizeof(w->settings));
     SHA256Final(key, &hash);
-    return sst_sim_loop_open(&w->loop, folder, key, w->settings.scene, w->cams, w->frames, render_camera, w);
+    return sim_loop_open(&w->loop, folder, key, w->settings.scene, w->cams, w->frames, render_camera, w);
 }
 
 int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache)
@@ -139,15 +134,15 @@ int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char
     int err = w ? sst_sim_settings_read(&w->settings, world ? world : "pedestrian") : -ENOMEM;
 
     if (!err)
-        err = sst_sim_stage_open(&w->stage, &w->settings);
+        err = sim_stage_open(&w->stage, &w->settings);
     if (err)
         goto fail;
     w->cams = w->settings.rig ? 1 : w->settings.rows * w->settings.cols;
-    w->frames = sst_sim_stage_frames(w->stage);
+    w->frames = sim_stage_frames(w->stage);
     (void)!sst_sim_world_hold(w, 0);
     find_sizes(w);
     w->luma = malloc((size_t)w->settings.width * (size_t)w->settings.height);
-    err = w->luma ? sst_sim_made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
+    err = w->luma ? sim_made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
     if (!err && !w->settings.rig)
         err = open_loop(w, cache);
     if (err)
@@ -164,9 +159,9 @@ void sst_sim_world_close(struct sst_sim_world *w)
 {
     if (!w)
         return;
-    sst_sim_loop_close(w->loop);
-    sst_sim_made_destroy(w->made);
-    sst_sim_stage_close(w->stage);
+    sim_loop_close(w->loop);
+    sim_made_destroy(w->made);
+    sim_stage_close(w->stage);
     free(w->luma);
     free(w);
 }
@@ -190,7 +185,7 @@ void sst_sim_world_size(const struct sst_sim_world *w, int *width, int *height)
 
 const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *w, int cam)
 {
-    return &sst_sim_stage_camera(w->stage, cam)->timing;
+    return &sim_stage_camera(w->stage, cam)->timing;
 }
 
 int sst_sim_world_exposure_us(const struct sst_sim_world *world)
@@ -211,7 +206,7 @@ int sst_sim_world_sizes(const struct sst_sim_world *w, const int (**sizes)[2])
 
 int sst_sim_world_hold(struct sst_sim_world *w, int pose)
 {
-    const struct sst_sim_board *board = sst_sim_stage_board(w->stage);
+    const struct sst_sim_board *board = sim_stage_board(w->stage);
     const int poses = board->kind ? board->poses : 0;
 
     if (pose < 0 || pose > sst_min_int(poses, w->frames))
@@ -226,21 +221,21 @@ int sst_sim_world_parameters(const char *world, const char *path)
     struct sst_sim_settings *settings = calloc(1, sizeof(*settings));
     const char *end = strrchr(path, '.');
     const bool yaml = end && !strcmp(end, ".yaml");
-    struct sst_sim_stage *stage = NULL;
+    struct sim_stage *stage = NULL;
     int err = settings ? sst_sim_settings_read(settings, world ? world : "pedestrian") : -ENOMEM;
 
     if (!err)
-        err = sst_sim_stage_open(&stage, settings);
+        err = sim_stage_open(&stage, settings);
     if (!err)
-        err = yaml ? sst_sim_truth_calib(settings, stage, path) : sst_sim_truth_write(settings, stage, path);
-    sst_sim_stage_close(stage);
+        err = yaml ? sim_truth_calib(settings, stage, path) : sim_truth_write(settings, stage, path);
+    sim_stage_close(stage);
     free(settings);
     return err;
 }
 
 int sst_sim_world_truth(const struct sst_sim_world *w, const char *path)
 {
-    return sst_sim_truth_write(&w->settings, w->stage, path);
+    return sim_truth_write(&w->settings, w->stage, path);
 }
 
 /* --- frames ------------------------------------------------------------------------------------------------------ */
@@ -269,59 +264,59 @@ static int frame_at(struct sst_sim_world *w, const struct sst_sim_exposure *e)
 }
 
 /* The frame as the camera's sensor sees it at nominal exposure, native size, MJPEG. @return 0 or a negative errno */
-static int native(struct sst_sim_world *w, const struct sst_sim_made_key *wanted, struct sst_sim_jpeg *out)
+static int native(struct sst_sim_world *w, const struct sim_made_key *wanted, struct sim_jpeg *out)
 {
-    struct sst_sim_made_key key = *wanted;
-    const struct sst_sim_jpeg *found;
+    struct sim_made_key key = *wanted;
+    const struct sim_jpeg *found;
     struct encoding e;
     int err;
 
     if (w->loop) {
-        *out = sst_sim_loop_frame(w->loop, key.cam, key.frame);
+        *out = sim_loop_frame(w->loop, key.cam, key.frame);
         return 0;
     }
     key.fourcc = V4L2_PIX_FMT_MJPEG;
     key.width = w->settings.width;
     key.height = w->settings.height;
     key.light = LIGHT_ONE;
-    found = sst_sim_made_find(w->made, &key);
+    found = sim_made_find(w->made, &key);
     if (found) {
         *out = *found;
         return 0;
     }
     e = (struct encoding){ &w->settings, out, key.frame };
-    err = sst_sim_stage_pose(w->stage, key.pose_um, key.frame, encode, &e);
-    return err ? err : sst_sim_made_keep(w->made, &key, out);
+    err = sim_stage_pose(w->stage, key.pose_um, key.frame, encode, &e);
+    return err ? err : sim_made_keep(w->made, &key, out);
 }
 
 /* The slow way: decode, light, scale, encode or pack. */
-static int make(struct sst_sim_world *w, const struct sst_sim_made_key *key, struct sst_sim_jpeg *out)
+static int make(struct sst_sim_world *w, const struct sim_made_key *key, struct sim_jpeg *out)
 {
     const bool native_size = key->width == w->settings.width && key->height == w->settings.height;
     struct sst_image full = { 0 }, small = { 0 };
-    struct sst_sim_jpeg from;
+    struct sim_jpeg from;
     int err = native(w, key, &from);
 
     if (!err)
         err = sst_image_decode(&full, from.data, from.bytes, "a simulated frame");
     if (!err && key->light != LIGHT_ONE)
-        sst_sim_light(&full, (double)key->light / LIGHT_ONE);
+        sim_light(&full, (double)key->light / LIGHT_ONE);
     if (!err && !native_size && !(err = sst_image_init(&small, key->width, key->height)))
-        sst_sim_shrink(&full, &small);
+        sim_shrink(&full, &small);
     if (err)
         goto done;
     if (key->fourcc == V4L2_PIX_FMT_MJPEG) {
-        err = sst_sim_jpeg_encode(native_size ? &full : &small, w->settings.quality, w->settings.strip, out);
+        err = sim_jpeg_encode(native_size ? &full : &small, w->settings.quality, w->settings.strip, out);
     } else {
-        const size_t bytes = sst_sim_format_bytes(key->fourcc, key->width, key->height);
+        const size_t bytes = sim_format_bytes(key->fourcc, key->width, key->height);
 
-        *out = (struct sst_sim_jpeg){ .data = malloc(bytes), .bytes = (uint32_t)bytes };
+        *out = (struct sim_jpeg){ .data = malloc(bytes), .bytes = (uint32_t)bytes };
         err = out->data ? 0 : -ENOMEM;
         if (!err)
-            sst_sim_pack(native_size ? &full : &small, key->fourcc, out->data);
+            sim_pack(native_size ? &full : &small, key->fourcc, out->data);
     }
     if (!err)
-        err = sst_sim_made_keep(w->made, key, out);
+        err = sim_made_keep(w->made, key, out);
 
 done:
     sst_image_fini(&small);
@@ -331,7 +326,7 @@ done:
 
 static bool offered(const struct sst_sim_world *w, uint32_t fourcc, int width, int height)
 {
-    if (fourcc != V4L2_PIX_FMT_MJPEG && !sst_sim_format_bytes(fourcc, 2, 2))
+    if (fourcc != V4L2_PIX_FMT_MJPEG && !sim_format_bytes(fourcc, 2, 2))
         return false;
     for (int i = 0; i < w->size_count; i++) {
         if (w->sizes[i][0] == width && w->sizes[i][1] == height)
@@ -340,15 +335,15 @@ static bool offered(const struct sst_sim_world *w, uint32_t fourcc, int width, i
     return false;
 }
 
-static int deliver_packed(struct sst_sim_world *w, const struct sst_sim_jpeg *frame, const struct sst_sim_made_key *key,
+static int deliver_packed(struct sst_sim_world *w, const struct sim_jpeg *frame, const struct sim_made_key *key,
                           const struct sst_sim_exposure *e, uint8_t *out, size_t capacity, size_t *bytes)
 {
     if (capacity < frame->bytes)
         return -ENOSPC;
     memcpy(out, frame->data, frame->bytes);
     if (w->settings.strip) {
-        sst_strip_draw(w->luma, (size_t)key->width, key->width, e);
-        sst_sim_pack_luma(w->luma, key->width, sst_strip_height(key->width), key->fourcc, out);
+        strip_draw(w->luma, (size_t)key->width, key->width, e);
+        sim_pack_luma(w->luma, key->width, strip_height(key->width), key->fourcc, out);
     }
     *bytes = frame->bytes;
     return 0;
@@ -358,9 +353,9 @@ int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *
                         int height, uint8_t *out, size_t capacity, size_t *bytes)
 {
     const double light = e->gain * e->exposure_us / w->settings.exposure_us * LIGHT_ONE;
-    struct sst_sim_made_key key = { .cam = e->cam, .fourcc = fourcc, .width = width, .height = height };
-    const struct sst_sim_jpeg *found;
-    struct sst_sim_jpeg frame;
+    struct sim_made_key key = { .cam = e->cam, .fourcc = fourcc, .width = width, .height = height };
+    const struct sim_jpeg *found;
+    struct sim_jpeg frame;
     int err;
 
     if (e->cam < 0 || e->cam >= w->cams || !offered(w, fourcc, width, height) || !(light >= 0))
@@ -369,7 +364,7 @@ int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *
     key.light = (int)sst_clamp_double(light + 0.5, 0, 1 << 24);
     if (w->settings.rig)
         memcpy(key.pose_um, e->pose_um, sizeof(key.pose_um));
-    found = sst_sim_made_find(w->made, &key);
+    found = sim_made_find(w->made, &key);
     if (found)
         frame = *found;
     else if (fourcc == V4L2_PIX_FMT_MJPEG && key.light == LIGHT_ONE && width == w->settings.width &&
@@ -380,6 +375,6 @@ int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *
     if (!found && err)
         return err;
     if (fourcc == V4L2_PIX_FMT_MJPEG)
-        return sst_sim_jpeg_copy(&frame, width, w->settings.strip ? e : NULL, out, capacity, bytes);
+        return sim_jpeg_copy(&frame, width, w->settings.strip ? e : NULL, out, capacity, bytes);
     return deliver_packed(w, &frame, &key, e, out, capacity, bytes);
 }

@@ -1,4 +1,4 @@
-#include "simulators/scene/world/strip.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -10,7 +10,7 @@
 #define LIGHT     160
 #define POSE_BITS 24
 
-int sst_strip_height(int width)
+int strip_height(int width)
 {
     const int cells = sst_max_int(width / SST_STRIP_CELL, 1);
 
@@ -52,7 +52,7 @@ static uint64_t clamped(int64_t value, int n)
     return (uint64_t)(value < 0 ? 0 : value > most ? most : value);
 }
 
-void sst_strip_pack(const struct sst_sim_exposure *e, uint8_t bits[SST_STRIP_BYTES])
+void strip_pack(const struct sst_sim_exposure *e, uint8_t bits[SST_STRIP_BYTES])
 {
     int at = 0;
 
@@ -70,16 +70,16 @@ void sst_strip_pack(const struct sst_sim_exposure *e, uint8_t bits[SST_STRIP_BYT
     put(bits, &at, 32, crc32(bits, CRC_AT / 8));
 }
 
-void sst_strip_draw(uint8_t *luma, size_t stride, int width, const struct sst_sim_exposure *e)
+void strip_draw(uint8_t *luma, size_t stride, int width, const struct sst_sim_exposure *e)
 {
-    const int cells = sst_max_int(width / SST_STRIP_CELL, 1), height = sst_strip_height(width);
+    const int cells = sst_max_int(width / SST_STRIP_CELL, 1), height = strip_height(width);
     uint8_t bits[SST_STRIP_BYTES];
 
-    sst_strip_pack(e, bits);
+    strip_pack(e, bits);
     for (int y = 0; y < height; y++) {
         for (int x = 0; x < width; x++) {
             const int column = x / SST_STRIP_CELL;
-            const bool white = column < cells && sst_strip_cell(bits, y / SST_STRIP_CELL * cells + column);
+            const bool white = column < cells && strip_cell(bits, y / SST_STRIP_CELL * cells + column);
 
             luma[(size_t)y * stride + (size_t)x] = white ? SST_STRIP_WHITE : SST_STRIP_BLACK;
         }
@@ -98,14 +98,14 @@ static int cell_of(const uint8_t *luma, size_t stride)
     return sum < DARK * 16 ? 0 : sum > LIGHT * 16 ? 1 : -1;
 }
 
-int sst_strip_read(const uint8_t *luma, size_t stride, int width, int height, struct sst_sim_exposure *out)
+int strip_read(const uint8_t *luma, size_t stride, int width, int height, struct sst_sim_exposure *out)
 {
     const int cells = width / SST_STRIP_CELL;
     uint8_t bits[SST_STRIP_BYTES] = { 0 };
     struct sst_sim_exposure e = { 0 };
     int at = 0;
 
-    if (cells < 1 || height < sst_strip_height(width))
+    if (cells < 1 || height < strip_height(width))
         return -EBADMSG;
     for (int i = 0; i < SST_STRIP_BITS; i++) {
         const size_t x = (size_t)(i % cells) * SST_STRIP_CELL, y = (size_t)(i / cells) * SST_STRIP_CELL;

@@ -1,4 +1,4 @@
-#include "simulators/scene/world/truth.h"
+#include "simulators/scene/world/world_internal.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -10,7 +10,6 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/camera/calib.h"
-#include "simulators/scene/world/board.h"
 
 /* jansson's pack functions take over what they are given and return NULL if any of it is NULL. */
 static json_t *row3(const double v[3])
@@ -23,7 +22,7 @@ static json_t *matrix(const double m[9])
     return json_pack("[o, o, o]", row3(m), row3(m + 3), row3(m + 6));
 }
 
-static json_t *camera(const struct sst_sim_settings *s, const struct sst_sim_camera *c, int cam)
+static json_t *camera(const struct sst_sim_settings *s, const struct sim_camera *c, int cam)
 {
     const double *k = c->distortion, intrinsics[9] = { c->fx, 0, c->cx, 0, c->fy, c->cy, 0, 0, 1 };
     const struct sst_sim_timing *t = &c->timing;
@@ -40,7 +39,7 @@ static json_t *camera(const struct sst_sim_settings *s, const struct sst_sim_cam
 }
 
 /* Where the camera is from a frame of the loop on. */
-static json_t *moved(const struct sst_sim_camera *c, int at)
+static json_t *moved(const struct sim_camera *c, int at)
 {
     return json_pack("{s: i, s: o, s: o}", "at_pose", at, "rotation", matrix(c->rotation), "position_mm",
                      row3(c->position_mm));
@@ -52,11 +51,11 @@ static json_t *board(const struct sst_sim_board *b)
     json_t *poses = json_array();
     double width, height;
 
-    sst_sim_board_size(b, &width, &height);
+    sim_board_size(b, &width, &height);
     for (int i = 0; i < b->poses; i++) {
         double r[9];
 
-        sst_sim_rotation(b->pose[i].rotation_deg, r);
+        sim_rotation(b->pose[i].rotation_deg, r);
         json_array_append_new(poses, json_pack("{s: o, s: o, s: f}", "rotation", matrix(r), "position_mm",
                                                row3(b->pose[i].position_mm), "blur_px", b->pose[i].blur_px));
     }
@@ -65,17 +64,17 @@ static json_t *board(const struct sst_sim_board *b)
                      "poses", poses);
 }
 
-static json_t *world(const struct sst_sim_settings *s, const struct sst_sim_stage *stage)
+static json_t *world(const struct sst_sim_settings *s, const struct sim_stage *stage)
 {
-    const struct sst_sim_optics *o = sst_sim_stage_optics(stage);
-    const struct sst_sim_board *b = sst_sim_stage_board(stage);
+    const struct sim_optics *o = sim_stage_optics(stage);
+    const struct sst_sim_board *b = sim_stage_board(stage);
     const int cams = s->rig ? 1 : s->rows * s->cols;
     json_t *cameras = json_array(), *all;
 
     for (int i = 0; i < cams; i++) {
-        json_t *one = camera(s, sst_sim_stage_camera(stage, i), i);
+        json_t *one = camera(s, sim_stage_camera(stage, i), i);
         int at;
-        const struct sst_sim_camera *later = sst_sim_stage_moved(stage, i, &at);
+        const struct sim_camera *later = sim_stage_moved(stage, i, &at);
 
         if (one && later)
             json_object_set_new(one, "moved", moved(later, at));
@@ -86,7 +85,7 @@ static json_t *world(const struct sst_sim_settings *s, const struct sst_sim_stag
                     "scene", s->scene, "seed", (json_int_t)s->seed, "grid", "rows", s->rows, "cols", s->cols, "rig",
                     s->rig, "width", s->width, "height", s->height, "spacing_mm", o->spacing_mm, "reference",
                     (s->rows - 1) / 2 * s->cols + (s->cols - 1) / 2, "exposure_us", s->exposure_us, "loop", "frames",
-                    sst_sim_stage_frames(stage), "rate_hz", s->rate_hz, "shutter", "kind",
+                    sim_stage_frames(stage), "rate_hz", s->rate_hz, "shutter", "kind",
                     s->rolling ? "rolling" : "global", "line_us", s->rolling ? s->line_us : 0.0, "ideal", "focal_px",
                     o->focal_px, "cx", o->cx, "cy", o->cy, "cameras", cameras);
     if (all && b->kind && json_object_set_new(all, "board", board(b))) {
@@ -96,7 +95,7 @@ static json_t *world(const struct sst_sim_settings *s, const struct sst_sim_stag
     return all;
 }
 
-int sst_sim_truth_write(const struct sst_sim_settings *s, const struct sst_sim_stage *stage, const char *path)
+int sim_truth_write(const struct sst_sim_settings *s, const struct sim_stage *stage, const char *path)
 {
     json_t *all = world(s, stage);
     char *text = all ? json_dumps(all, JSON_INDENT(2)) : NULL;
@@ -121,8 +120,8 @@ static void turned(const double a[9], const double v[3], double out[3])
 }
 
 /* A camera seen from another one's axes. @param at  where they stand */
-static void fill_camera(struct sst_calib_camera *to, const struct sst_sim_camera *c, const double at[3],
-                        const struct sst_sim_camera *reference, const double reference_at[3], double vignetting)
+static void fill_camera(struct sst_calib_camera *to, const struct sim_camera *c, const double at[3],
+                        const struct sim_camera *reference, const double reference_at[3], double vignetting)
 {
     const double *k = c->distortion,
                  away[3] = { at[0] - reference_at[0], at[1] - reference_at[1], at[2] - reference_at[2] };
@@ -165,7 +164,7 @@ static int by_size(const void *a, const void *b)
 }
 
 /* The board's text, and the median depth of its poses in the reference camera's axes. */
-static void fill_board(struct sst_calib *calib, const struct sst_sim_board *b, const struct sst_sim_camera *reference,
+static void fill_board(struct sst_calib *calib, const struct sst_sim_board *b, const struct sim_camera *reference,
                        const double reference_at[3])
 {
     static const char *const kinds[] = { "", "chessboard", "charuco", "aprilgrid" };
@@ -190,10 +189,10 @@ static void fill_board(struct sst_calib *calib, const struct sst_sim_board *b, c
 
 static const double straight[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
 
-static void fill(struct sst_calib *calib, const struct sst_sim_settings *s, const struct sst_sim_stage *stage)
+static void fill(struct sst_calib *calib, const struct sst_sim_settings *s, const struct sim_stage *stage)
 {
-    const double step = sst_sim_stage_optics(stage)->spacing_mm;
-    const struct sst_sim_camera *reference = sst_sim_stage_camera(stage, s->rig ? 0 : calib->reference);
+    const double step = sim_stage_optics(stage)->spacing_mm;
+    const struct sim_camera *reference = sim_stage_camera(stage, s->rig ? 0 : calib->reference);
     double reference_at[3];
 
     memcpy(reference_at, reference->position_mm, sizeof(reference_at));
@@ -206,7 +205,7 @@ static void fill(struct sst_calib *calib, const struct sst_sim_settings *s, cons
     calib->rig = s->rig;
     snprintf(calib->source, sizeof(calib->source), "true parameters of the simulated world %s", s->scene);
     for (int i = 0; i < s->rows * s->cols; i++) {
-        const struct sst_sim_camera *c = sst_sim_stage_camera(stage, s->rig ? 0 : i);
+        const struct sim_camera *c = sim_stage_camera(stage, s->rig ? 0 : i);
         struct sst_calib_camera *to = &calib->camera[i];
         const double at[3] = { c->position_mm[0] + (s->rig ? step * (i % s->cols) : 0),
                                c->position_mm[1] + (s->rig ? step * (i / s->cols) : 0), c->position_mm[2] };
@@ -217,11 +216,11 @@ static void fill(struct sst_calib *calib, const struct sst_sim_settings *s, cons
             memcpy(to->rotation, straight, sizeof(straight)); /* without the last bit's noise */
     }
     even_gains(calib);
-    if (sst_sim_stage_board(stage)->kind)
-        fill_board(calib, sst_sim_stage_board(stage), reference, reference_at);
+    if (sim_stage_board(stage)->kind)
+        fill_board(calib, sim_stage_board(stage), reference, reference_at);
 }
 
-int sst_sim_truth_calib(const struct sst_sim_settings *s, const struct sst_sim_stage *stage, const char *path)
+int sim_truth_calib(const struct sst_sim_settings *s, const struct sim_stage *stage, const char *path)
 {
     struct sst_calib calib;
     int err = sst_calib_init(&calib, s->rows, s->cols);

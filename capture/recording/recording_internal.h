@@ -1,0 +1,169 @@
+/* capture/recording/recording_internal.h - what the files of this folder share; code outside of it includes the public
+ * headers. */
+#ifndef SST_CAPTURE_RECORDING_RECORDING_INTERNAL_H
+#define SST_CAPTURE_RECORDING_RECORDING_INTERNAL_H
+
+#include "base/file.h"
+#include "capture/recording/recorder.h"
+#include "capture/recording/recording.h"
+
+/* --- append: bring a recording into a state that more sets can follow. Only for capture/recording. --- */
+
+struct append {
+    int64_t manifest_bytes; /* where the next line goes */
+    int segment, session;   /* the next ones */
+};
+
+/**
+ * Cut off what a killed recorder or a power cut left half-written: sets at the end whose bytes are not all there, torn
+ * lines, segments that no line names. Sets before those stay as they are.
+ *
+ * @param manifest_fd  of sets.jsonl, writable; the recording is locked
+ * @return 0, -EEXIST (made with another array, format or size), -EBADMSG, -EIO, -ENOSPC (no number left), -ENOMEM.
+ *         Logged.
+ */
+SST_MUST_CHECK int append_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd);
+
+/* --- setlist ---
+ * recording.json and the lines of sets.jsonl. Inside capture/recording only.
+ *
+ * A line is one JSON object; its last member is the CRC-32 of all bytes of the line before that member. Two kinds:
+ *   {"segment":N,"session":S,"start_ns":T,"wall_ns":W,"crc":"xxxxxxxx"}   the sets below are in segments/N.mkv
+ *   {"set":index,"t_ns":...,"frames":[[cam,...],...],"missing":[...],"crc":"xxxxxxxx"} */
+
+#define SST_RECORDING_VERSION 1
+#define SST_SETLIST_COLUMNS   10
+#define SST_SETLIST_LINE_MAX  (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
+
+/** segments/NNNNNN.mkv in dir; number 0..999999. */
+SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int number);
+
+/** The columns of a line's frames, in their order. */
+extern const char *const setlist_columns[SST_SETLIST_COLUMNS];
+
+/** Write recording.json, whole or not at all. @return 0 or an error of the output; logged. */
+SST_MUST_CHECK int setlist_write_info(const char *path, const struct sst_recorder_config *cfg);
+
+/** Read it strictly. @return 0, -ENOENT, -EBADMSG, -EIO, -ENOMEM; logged. */
+SST_MUST_CHECK int setlist_read_info(const char *path, struct sst_recording_info *info);
+
+/** Write a line with its '\n' into out [SST_SETLIST_LINE_MAX]. @return its bytes. */
+size_t setlist_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns);
+size_t setlist_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32);
+
+/** Does the line (without '\n') end in its own checksum? */
+bool setlist_line_whole(const char *line, size_t n);
+
+struct setlist_segment {
+    int segment, session;
+    int64_t start_ns, wall_ns; /* of its beginning */
+};
+
+/**
+ * Read a line that is whole.
+ * @param segment  out, of a segment's line
+ * @param set      out, of a set's line, its segment and session excepted; NULL: only the kind is asked for
+ * @return 0: it is a segment's line, 1: a set's; -EBADMSG, -ENOMEM. Not logged.
+ */
+SST_MUST_CHECK int setlist_parse(const char *line, size_t n, int cameras, struct setlist_segment *segment,
+                                 struct sst_recording_set *set);
+
+/**
+ * Read one camera's frame from a set's line that is whole and was written here, without reading all others.
+ * @param wall_ns  out, of the set; frame: out, arrival_ns 0; not present: the set has none of the camera
+ * @return 0, -EBADMSG: of another form, perhaps setlist_parse() reads it
+ */
+SST_MUST_CHECK int setlist_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *frame);
+
+/* --- index: where the lines of a recording are. Inside capture/recording only. --- */
+
+struct index_line {
+    int64_t at;     /* first byte in sets.jsonl */
+    uint32_t bytes; /* without the line's end */
+    int segment, session;
+    bool damaged; /* its checksum is wrong: a set of which nothing is known */
+};
+
+/* Fixed after open. */
+struct sst_recording {
+    char *dir;
+    int fd; /* of sets.jsonl */
+    struct sst_recording_info info;
+    struct sst_recording_removed removed;
+    struct index_line *line; /* [count], one a set */
+    int count, capacity;
+    int segment, session; /* of the last segment's line; -1 and 0: none */
+    int64_t good_bytes;   /* behind the last line that is whole */
+    int64_t size;         /* as far as it was read */
+};
+
+/* --- segment: one Matroska file of a recording, being written. Inside capture/recording only. --- */
+
+struct sst_segment; /* opaque; one thread at a time */
+
+/** Largest frame, bytes: what fits one block with room to spare. */
+#define SST_SEGMENT_FRAME_MAX ((size_t)1 << 30)
+
+/**
+ * Create the file and write its head.
+ *
+ * @param path      must not exist
+ * @param start_ns  time stamp 0 of the file
+ * @return 0, -errno of the system, -ENOTSUP (built without libavformat), -EINVAL (libavformat refuses the tracks;
+ *         logged). Other errors are not logged; nothing is left of the file.
+ */
+SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg,
+                                int64_t start_ns);
+
+/**
+ * Append the set's frames; all bytes are with the kernel afterwards. Empty frames are left out.
+ *
+ * Time stamps in the file are whole milliseconds, never backwards, at most 1 s from the set's.
+ * @param offset  out, of each present frame's first byte in the file; -1 of others
+ * @return 0 or -errno (not logged); after an error only segment_abandon() may follow.
+ */
+SST_MUST_CHECK int segment_add(struct sst_segment *segment, const struct sst_set *set, int64_t offset[SST_CAMERAS_MAX]);
+
+/** What was added so far stays, whatever comes. */
+void segment_keep(struct sst_segment *segment);
+
+int64_t segment_size_bytes(const struct sst_segment *segment);
+int segment_fd(const struct sst_segment *segment);
+
+/** Write cues, duration and size, and free. @param sync  make it durable as well
+ *  @return 0 or -errno (not logged): the file then is cut behind the last set and readable. */
+SST_MUST_CHECK int segment_finish(struct sst_segment *segment, bool sync);
+
+/** Cut the file behind the last set that was kept (remove it if there is none), and free. NULL is fine. */
+void segment_abandon(struct sst_segment *segment);
+
+/* --- sync: a thread that makes files durable now and then. Inside capture/recording only. --- */
+
+/** Make the names in a folder durable. @return 0 or -errno, not logged. */
+SST_MUST_CHECK int sync_folder(const char *folder);
+
+struct sync; /* opaque */
+
+/** Start the thread. @param folder  of the segments: synced when a new one is watched. @return 0, -ENOMEM, -errno. */
+SST_MUST_CHECK int sync_start(struct sync **out, const char *folder, double every_s);
+
+/**
+ * From now on these two files are the ones written to: the segment is synced first, then the manifest. The pair before
+ * is synced once more. The descriptors stay the caller's (they are duplicated).
+ * @return 0, -errno, -EAGAIN (the disk is so far behind that no more pairs can wait)
+ */
+SST_MUST_CHECK int sync_watch(struct sync *sync, int segment_fd, int manifest_fd);
+
+/** Can another pair wait? */
+bool sync_has_room(struct sync *sync);
+
+/** The error of a sync since the last call, 0: none. Logged by the thread, once per change of state. */
+int sync_take_error(struct sync *sync);
+
+/** Add this thread's part to the counters. */
+void sync_count(struct sync *sync, struct sst_recorder_counters *counters);
+
+/** Sync once more, end the thread, free. @return 0 or that sync's error. NULL is fine. */
+int sync_stop(struct sync *sync);
+
+#endif

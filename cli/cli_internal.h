@@ -1,0 +1,590 @@
+/* cli/cli_internal.h - what the files of this folder share; code outside of it includes the public headers. */
+#ifndef SST_CLI_CLI_INTERNAL_H
+#define SST_CLI_CLI_INTERNAL_H
+
+#include <jansson.h>
+#include <stdbool.h>
+
+#include "base/base.h"
+#include "capture/recording/recorder.h"
+#include "capture/recording/recording.h"
+#include "config/array.h"
+#include "drivers/grab/grab.h"
+#include "drivers/usb/plan.h"
+#include "pipeline/calibration/photometric/light.h"
+#include "pipeline/image/image.h"
+#include "pipeline/lightfield/calibrated.h"
+#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/method/disparity/disparity.h"
+#include "pipeline/method/network/network.h"
+#include "pipeline/method/render/render.h"
+
+/* --- cli: what the subcommands of sst share: the command table, options, exit codes, progress. --- */
+
+/** Exit codes, as documented in `sst --help` and sst(1). */
+enum cli_exit {
+    CLI_OK = 0,
+    CLI_INTERNAL = 1, /* a bug or a failure with no better place */
+    CLI_USAGE = 2,    /* unknown option or argument, value outside its range */
+    CLI_INPUT = 3,    /* an input is missing, damaged or does not fit */
+    CLI_OUTPUT = 4,   /* an output cannot be written; nothing half-written is left */
+    CLI_MISSING = 5,  /* an optional part or a model is missing from this build or machine, or no service runs */
+    CLI_MEMORY = 6,
+    CLI_INTERRUPTED = 130,
+};
+
+/** Exit code of a negative errno that a module returned (0 gives CLI_OK). */
+int cli_exit_code(int err);
+
+enum cli_type {
+    CLI_FLAG = 0,   /* bool *: set true */
+    CLI_INT = 1,    /* int * within min..max */
+    CLI_DOUBLE = 2, /* double * within min..max; "inf" is read when max is infinite */
+    CLI_STRING = 3, /* const char ** */
+    CLI_SIZE = 4,   /* int[2]: "WxH" (width, height) within min..max each */
+    CLI_GRID = 5,   /* int[2]: "RxC" (rows, columns) within min..max each */
+    CLI_SEED = 6,   /* uint64_t * */
+};
+
+struct cli_option {
+    const char *name; /* long name, without dashes */
+    char letter;      /* short form, or 0 */
+    enum cli_type type;
+    void *value;
+    const char *meta; /* name of the value in help, NULL for flags */
+    const char *help; /* one line */
+    double min, max;  /* of numbers; both 0: no limit */
+};
+
+struct cli_command {
+    const char *name;
+    const char *usage;   /* arguments after "sst NAME", e.g. "LF --focus D -o out.png" */
+    const char *summary; /* one line, for the list */
+    const char *detail;  /* more lines for --help, or NULL */
+    const char *example; /* a command line that works, or several */
+    int (*run)(const struct cli_command *cmd, int argc, char **argv); /* exit code */
+};
+
+#define CLI_DESCRIBE "--describe"
+
+/** What cli_parse() tells: go on, or return this code. */
+#define CLI_GO_ON (-1)
+
+/**
+ * Read options and positional arguments (before, after or between options; "--" ends options). --help, -v/--verbose and
+ * -q/--quiet are added to every command. CLI_DESCRIBE as the only argument prints the command and its options as a line
+ * of JSON {name, usage, summary, detail, example, options: [{name, letter, type, meta, help}]}: the man page and the
+ * completion of shells are made from it.
+ *
+ * @param positional  out, exactly n_min..n_max of them, the rest NULL
+ * @return CLI_GO_ON, CLI_OK (help was printed) or CLI_USAGE (the sentence was printed)
+ */
+int cli_parse(const struct cli_command *cmd, const struct cli_option *options, size_t n_options, int argc, char **argv,
+              const char **positional, int n_min, int n_max);
+
+/** Name the command in a usage error: "sst: error: render: ..." */
+int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRINTF(2, 3);
+
+/** Print an object on standard output, 9 digits a number, and give it back. @param root  NULL: there was no memory for
+ * it
+ *  @return exit code */
+int cli_print_json(json_t *root);
+
+/** Progress bar with remaining time on a terminal, nothing elsewhere. Shown only after a second. */
+void cli_progress(void *title, double done);
+void cli_progress_end(void);
+
+extern const struct cli_command cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture, cli_demo,
+    cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process,
+    cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
+    cli_stereo, cli_sweep, cli_topology, cli_version;
+
+/* --- calibrate_check: `sst calibrate --check`: is a light field's calibration still true? --- */
+
+/**
+ * Check a light-field folder and print the verdict and its tables, or one JSON object.
+ *
+ * @param threads  0: all processors
+ * @param picture  PNG of the grid to write, or NULL
+ * @return CLI_OK (the calibration is fine), CLI_INPUT (it is not, or cannot be told: the sentence is on standard
+ *         error), or what reading and writing return
+ */
+int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, int threads,
+                            const char *picture);
+
+/* --- calibrate_source: pictures of a board wherever they are: folders, recordings, light fields, a rig's captures. ---
+ */
+
+/** Pictures by view and frame; a frame is a moment (or, on a rig, a placement of the board). */
+struct calibrate_source {
+    const char *path;
+    int rows, cols, frames;
+    char (*camera_name)[64];         /* [rows * cols]; "" where there is no camera */
+    char (*frame_name)[64];          /* [frames] */
+    double spacing_mm;               /* of the array, as the recording says; 0: unknown */
+    bool rig;                        /* the views are poses of one camera ... */
+    double (*drive_mm)[3];           /* ... at these positions, by its drives; NULL: unknown */
+    char **file;                     /* [frames][rows * cols] paths; NULL: no picture */
+    struct sst_recording *recording; /* or the pictures are in its sets: */
+    int *set;                        /* [frames] */
+};
+
+/** Which pictures to take. */
+struct calibrate_pick {
+    int grid[2];    /* 0: from names */
+    bool rig;       /* take views as poses of one camera even where nothing says so */
+    int every, max; /* of a recording's sets each n-th, and at most so many; 0: all */
+};
+
+/** How many of `all` frames are taken. */
+static inline int calibrate_pick_count(const struct calibrate_pick *pick, int all)
+{
+    const int some = pick->every > 1 ? (all + pick->every - 1) / pick->every : all;
+
+    return pick->max && some > pick->max ? pick->max : some;
+}
+
+/** Which of `all` frames is taken as the i-th: spread evenly. */
+static inline int calibrate_pick_at(const struct calibrate_pick *pick, int all, int i)
+{
+    const int every = pick->every > 1 ? pick->every : 1, some = (all + every - 1) / every;
+
+    return (int)((long long)i * some / calibrate_pick_count(pick, all)) * every;
+}
+
+/**
+ * Look what is there:
+ *   a recording; a light field, or a folder of them (a frame each); a folder with one folder of pictures per camera,
+ *   files of the same name being one moment; a folder of pictures named CAMERA + number (left01.jpg, right01.jpg).
+ * Cameras named rr_cc have that place in the grid; others fill it in the order of their names.
+ *
+ * @return 0, -ENOENT, -EBADMSG (no pictures, names that do not fit the grid), -ENOMEM ...; logged.
+ */
+SST_MUST_CHECK int calibrate_source_open(struct calibrate_source *out, const char *path,
+                                         const struct calibrate_pick *pick);
+void calibrate_source_close(struct calibrate_source *source);
+
+/** The recording part of it (calibrate_recording.c). */
+SST_MUST_CHECK int calibrate_recording_open(struct calibrate_source *out, const struct calibrate_pick *pick);
+SST_MUST_CHECK int calibrate_recording_read(const struct calibrate_source *source, int view, int frame,
+                                            struct sst_image *out);
+
+/** @return 0, -ENODATA (there is none; not logged), -EILSEQ (a recording's frame is damaged; not logged), or a reader's
+ *  error; logged. Thread: any. */
+SST_MUST_CHECK int calibrate_source_read(const struct calibrate_source *source, int view, int frame,
+                                         struct sst_image *out);
+
+/** A frame's bytes as a picture. @return 0, -EBADMSG, -EINVAL, -ENOMEM; not logged. */
+SST_MUST_CHECK int calibrate_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride,
+                                    const uint8_t *data, size_t bytes);
+
+/* --- calibrate_gather: from pictures to corners and samples of light, in folders or as they come. --- */
+
+struct calibrate_gathered {
+    struct sst_detections all;
+    struct sst_light_samples light;
+};
+
+struct calibrate_gather_config {
+    struct sst_board board;
+    struct sst_detect_config detect;
+    bool light; /* also collect samples of light */
+    int threads;
+    const char *coverage; /* picture to keep up to date, or NULL */
+};
+
+void calibrate_gathered_fini(struct calibrate_gathered *gathered);
+
+/**
+ * Find the board in every picture of a source and tell what was left out and why.
+ * @return 0, -EBADMSG (no board anywhere, pictures of different sizes), -ENOTSUP, -ENOMEM, a reader's error; logged.
+ */
+SST_MUST_CHECK int calibrate_gather(struct calibrate_gathered *out, const struct calibrate_source *source,
+                                    const struct calibrate_gather_config *cfg);
+
+struct calibrate_live_config {
+    struct sst_array_config *array;
+    const char *keep; /* record the sets here too; NULL: no */
+    int sets;         /* end after so many with a board; 0: when nothing is missing, or at Ctrl-C */
+    double seconds;   /* 0: no limit */
+    int *set;         /* out: number of each frame's set in the recording; to free */
+};
+
+/**
+ * Take sets of the live array until its coverage is complete, and say all the time what is still missing. A set in
+ * which the board stands where it stood in the last one is passed over.
+ * @return as above, and what capture returns
+ */
+SST_MUST_CHECK int calibrate_live(struct calibrate_gathered *out, const struct calibrate_gather_config *cfg,
+                                  struct calibrate_live_config *live);
+
+/** Write the coverage picture. @return 0 or what outputs return; logged */
+SST_MUST_CHECK int calibrate_write_coverage(const struct sst_detections *all, const char *path);
+
+/* --- one moment --------------------------------------------------------------------------------------------------- */
+
+/** What one picture gave; zeroed before use. */
+struct calibrate_shot {
+    enum sst_detect_outcome outcome;
+    bool there;   /* a picture was there */
+    bool damaged; /* a frame was there that is no picture */
+    struct sst_detection detection;
+    struct sst_light_samples light;
+};
+
+/** Find the board in one picture, which is given back. */
+SST_MUST_CHECK int calibrate_shoot(struct calibrate_shot *shot, const struct calibrate_gather_config *cfg,
+                                   struct sst_image *image, int view, int frame);
+/** Take a shot over into what was gathered; frees it. */
+SST_MUST_CHECK int calibrate_take(struct calibrate_gathered *to, struct calibrate_shot *shot);
+void calibrate_shot_fini(struct calibrate_shot *shot);
+
+/* --- client: the service as its clients see it: HTTP with JSON over its UNIX socket, or over TCP with a token. --- */
+
+#define CLI_SERVICE_SOCKET "/run/sst/control.sock"
+
+/** Where the service is; all NULL: its default socket. */
+struct cli_service {
+    const char *socket;     /* NULL: $SST_SOCKET, then CLI_SERVICE_SOCKET */
+    const char *url;        /* http://HOST:PORT or https://...; NULL: the socket */
+    const char *token_file; /* of TCP */
+    const char *ca;         /* certificates (PEM) that https trusts; NULL: the system's */
+};
+
+/* Rows for a table of options. */
+#define CLI_SERVICE_OPTIONS(s)                                                                                           \
+    {                                                                                                                    \
+        "socket", 0, CLI_STRING, &(s).socket, "PATH", "the service's socket ($SST_SOCKET, " CLI_SERVICE_SOCKET ")", 0, 0 \
+    },                                                                                                                   \
+        { "url", 0, CLI_STRING, &(s).url, "URL", "the service on another machine: http://HOST:PORT or https://", 0, 0 }, \
+        { "token-file", 0, CLI_STRING, &(s).token_file, "FILE", "with --url: file that holds the token", 0, 0 },         \
+    {                                                                                                                    \
+        "ca", 0, CLI_STRING, &(s).ca, "FILE", "with https: certificate to trust, PEM", 0, 0                              \
+    }
+
+struct cli_client; /* opaque; one thread at a time */
+
+/** @param where  its strings must stay @return 0, -EINVAL, -ENOENT... (token file), -ENOTSUP (built without libcurl),
+ *          -ENOMEM; logged */
+SST_MUST_CHECK int cli_client_open(struct cli_client **out, const struct cli_service *where);
+
+/**
+ * Ask, or tell: GET, or POST of `post` where that is not NULL.
+ *
+ * @param path  from "/", with its query
+ * @param out   the answer, an object or array; a reference of the caller's
+ * @return 0; -ENOPKG (no service there), -ETIMEDOUT (it does not answer within 15 s), -EACCES (no right), -EPROTO (the
+ *         answer is no JSON), -ENOMEM; or what the service answered: -EBADMSG (400), -EACCES (401, 403), -ENOENT (404),
+ *         -EBUSY (409, 429), -ENOTSUP (501), -ENODATA (503), -ENOSPC (507), -EPROTO (else). All logged in one sentence.
+ */
+SST_MUST_CHECK int cli_client_json(struct cli_client *client, const char *path, const json_t *post, json_t **out);
+
+/** GET into a file, which appears whole or not at all. @param type  what it must be, "image/jpeg"
+ *  @return as above (-EPROTO also: something else), and what sst_outfile_commit() returns */
+SST_MUST_CHECK int cli_client_save(struct cli_client *client, const char *path, const char *type, const char *file);
+
+/** Receives a line without its end; another value than 0 ends the transfer with it. */
+typedef int cli_line_fn(void *arg, const char *line);
+
+/** GET lines as they come, for as long as they come if `endless`. @return as above; 0: the service ended it */
+SST_MUST_CHECK int cli_client_lines(struct cli_client *client, const char *path, bool endless, cli_line_fn *fn,
+                                    void *arg);
+
+void cli_client_close(struct cli_client *client); /* NULL is fine */
+
+/** Open, ask as cli_client_json() does, and close. */
+SST_MUST_CHECK int cli_service_json(const struct cli_service *where, const char *path, const json_t *post,
+                                    json_t **out);
+
+/* --- reading and showing answers -----------------------------------------------------------------------------------
+ */
+
+/** Member by its path, "capture.skew_us.p50"; NULL: there is none. Borrowed. */
+const json_t *cli_member(const json_t *object, const char *path);
+/** Number (also of true and false); NaN: there is none. */
+double cli_number(const json_t *object, const char *path);
+/** Text for people: control characters are shown as '?', so that no name can drive the terminal. "" if there is none.
+ */
+const char *cli_text(const json_t *object, const char *path, char *buffer, size_t size);
+
+#define CLI_SHORT 32
+/** "1.5 GB"; "?" for NaN. @return buffer */
+const char *cli_bytes_text(char buffer[CLI_SHORT], double bytes);
+/** "2 d 03:04", "3:04:05", "12.5 s"; "?" for NaN. @return buffer */
+const char *cli_duration_text(char buffer[CLI_SHORT], double seconds);
+
+/* --- cameras: the service's cameras, shown to people. --- */
+
+/** The grid, then those that do not stream and why; `all`: a line for each. @param answer  of GET /api/v1/cameras */
+void cli_print_grid(const json_t *answer, bool all);
+
+/* --- capture: the subcommands of sst capture. --- */
+
+/** Say of an opened array (sst_capture_open) what a recording of it must know, in cfg, and open the recorder. The same
+ *  errors. */
+SST_MUST_CHECK int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *array,
+                                     struct sst_recorder_config *cfg);
+
+extern const struct cli_command cli_capture_array, cli_capture_rig;
+
+/* --- demo_live: sst demo: sstd on simulated arrays, with its page. --- */
+
+#define CLI_DEMO_SCENES 4
+
+struct cli_demo_live {
+    const char *out;                    /* folder */
+    const char *scene[CLI_DEMO_SCENES]; /* ends with NULL, or full */
+    int port;                           /* of the first scene's page; the next ones follow */
+};
+
+/** Run until interrupted. @return exit code */
+int cli_demo_live(const struct cli_demo_live *demo);
+
+/* --- usb: the cameras of a configuration on the USB tree, and the plan of their bandwidth. --- */
+
+struct cli_usb {
+    struct sst_usb_device *devices;
+    int count;
+    struct sst_usb_stream *streams; /* a camera each, in the order of `bind`, else of the tree */
+    int stream_count;
+    int64_t needed_bytes_s; /* of each; 0: unknown */
+    struct sst_usb_plan plan;
+};
+
+/** List devices, choose the cameras that cfg binds (all of them without `bind`), plan them. @return 0 or -errno,
+ * logged. */
+SST_MUST_CHECK int cli_usb_open(struct cli_usb *usb, const struct sst_array_config *cfg);
+void cli_usb_close(struct cli_usb *usb); /* a zeroed one is fine */
+
+/**
+ * What would make the refused cameras fit, in sentences: a free port elsewhere, less data from each camera.
+ * @param text  out, "" if all fit
+ */
+void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cfg, char *text, size_t size);
+
+/** A text of a device, which may end within a character. */
+json_t *cli_text_json(const char *text);
+
+/* --- doctor: findings of sst doctor, and the checks that make them. --- */
+
+#define DOCTOR_FINDINGS_MAX 64
+
+enum doctor_level {
+    DOCTOR_OK = 0,
+    DOCTOR_WARNING = 1, /* works, but not well or not in every case */
+    DOCTOR_PROBLEM = 2, /* capture will fail */
+};
+
+struct doctor_finding {
+    enum doctor_level level;
+    const char *area; /* static */
+    char text[640];   /* one sentence with its remedy */
+};
+
+struct doctor {
+    const struct sst_array_config *cfg;
+    const char *folder; /* where recordings will go; NULL: not told */
+    int cameras;        /* that will stream, for the sums */
+    int count;
+    struct doctor_finding finding[DOCTOR_FINDINGS_MAX];
+};
+
+void doctor_say(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...) SST_PRINTF(4, 5);
+
+/* doctor_devices.c */
+void doctor_check_cameras(struct doctor *d);
+void doctor_check_bandwidth(struct doctor *d);
+void doctor_check_trigger(struct doctor *d);
+void doctor_check_rig(struct doctor *d);
+
+/* doctor_system.c */
+void doctor_check_disk(struct doctor *d);
+void doctor_check_limits(struct doctor *d);
+void doctor_check_clock(struct doctor *d);
+void doctor_check_uvcvideo(struct doctor *d);
+
+/* --- import_recording: `sst import recording`: sets of a recording as light fields. --- */
+
+struct sst_use_calibration;
+
+struct import_recording {
+    const char *source, *out;
+    const char *sets; /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
+    bool allow_partial, force;
+    double range_min_px, range_max_px;
+    const struct sst_use_calibration *calibration; /* or NULL */
+    int threads;
+};
+
+/** @return exit code; the sentence was printed. */
+int cli_run_import_recording(const struct cli_command *cmd, const struct import_recording *args);
+
+/* --- lightfield_line: one line about a light field, as `sst import` and `sst export` end with. --- */
+
+/** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ...". Only lightfield.json is needed. */
+void cli_print_lightfield(const struct sst_lightfield *lf, const char *name);
+
+/* --- precision: the option --precision of commands that run networks. --- */
+
+#define CLI_PRECISION_HELP "networks on f32 or int8 numbers; default: int8 where file and processor have it"
+
+/** @param name  f32 or int8; NULL leaves *out alone. @return 0 or -EINVAL, logged */
+SST_MUST_CHECK int cli_precision(enum sst_precision *out, const char *name);
+
+/* --- matching: the matching options that `sst stereo` and `sst process` share. --- */
+
+/** What the user said; unset numbers keep the preset's values. */
+struct cli_matching {
+    const char *preset, *cost, *model, *precision;
+    int paths, p1, p2, scale, threads;
+    bool no_fill, pairs;
+};
+
+#define CLI_MATCHING_DEFAULTS                                                                                          \
+    {                                                                                                                  \
+        .preset = "balanced", .paths = -1, .p1 = -1, .p2 = -1, .scale = -1                                             \
+    }
+
+/* Rows of an option table for a struct cli_matching m. */
+#define CLI_MATCHING_OPTIONS(m)                                                                                        \
+    { "preset", 'p', CLI_STRING, &(m).preset, "NAME", "preview, balanced (default) or accurate", 0, 0 },               \
+        { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both", 0, 0 },                    \
+        { "mccnn-model", 0, CLI_STRING, &(m).model, "NAME", "features network of the mccnn cost", 0, 0 },              \
+        { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP, 0, 0 },                              \
+        { "paths", 0, CLI_INT, &(m).paths, "N", "directions of the optimisation: 4 or 8", 4, 8 },                      \
+        { "p1", 0, CLI_INT, &(m).p1, "N", "penalty of a disparity step of 1 px", 1, SST_DISPARITY_MAX_PENALTY },       \
+        { "p2", 0, CLI_INT, &(m).p2, "N", "penalty of a larger step", 1, SST_DISPARITY_MAX_PENALTY },                  \
+        { "scale", 0, CLI_INT, &(m).scale, "N", "match at full (1) or half size (2)", 1, 2 },                          \
+        { "pairs", 0, CLI_FLAG, &(m).pairs, NULL, "match horizontal and vertical neighbours apart and fuse the maps",  \
+          0,       0 },                                                                                                \
+        { "no-fill", 0, CLI_FLAG, &(m).no_fill, NULL, "skip the multi-view check and filling", 0, 0 },                 \
+    {                                                                                                                  \
+        "threads", 't', CLI_INT, &(m).threads, "N", "threads; default: all processors", 1, 256                         \
+    }
+
+/**
+ * The configuration that the options ask for; the range is left to the caller.
+ * @param model_path  storage of the default network's path
+ * @return 0 or a negative errno, logged
+ */
+SST_MUST_CHECK int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_matching *m,
+                                       char model_path[SST_PATH_MAX]);
+
+/* --- model_facts: what `sst models` finds out about one network. --- */
+
+struct json_t;
+struct sst_manifest_entry;
+
+/**
+ * One line of the list: file, folder, kind, bytes, precision, status (ok, hash mismatch, missing, unreadable), reason,
+ * figures. Nothing is logged: a fault is the reason.
+ *
+ * @param entry  of the folder's manifest, or NULL
+ * @return an object, to release with json_decref(); NULL without memory
+ */
+struct json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry);
+
+/** Print all about one network. @return 0, or what opening it returned; logged. */
+SST_MUST_CHECK int cli_model_inspect(const char *path, bool json);
+
+/** Print an object, which is released; NULL is -ENOMEM. */
+SST_MUST_CHECK int cli_model_print(struct json_t *object);
+
+/* --- places: which device sits where in the array, for commands that list cameras. --- */
+
+struct cli_place {
+    int row, col; /* -1: the configuration has no place for it */
+};
+
+/**
+ * Places of all devices: by `bind`, or without one in the order given, row by row.
+ * @param place  out [count]
+ */
+void cli_places(struct cli_place *place, const struct sst_array_config *cfg, const struct sst_grab_device *devices,
+                int count);
+
+/** "r0c3", or "-". */
+const char *cli_place_text(char text[16], struct cli_place place);
+
+/** The grab's part of an array's configuration, for cameras that run on their own; bindings are left alone. */
+void cli_grab_config(struct sst_grab_config *grab, const struct sst_array_config *cfg);
+
+/* --- rectify: a calibration on the command line, as `sst rectify` and `sst import` take it. --- */
+
+/** Read a calibration and the name of a filter into what sst_use_calibration_defaults() began.
+ *  @return CLI_GO_ON (free with sst_use_calibration_fini()) or an exit code; the sentence was printed. */
+int cli_use_calibration(struct sst_use_calibration *use, const struct cli_command *cmd, const char *path,
+                        const char *filter);
+
+/* --- render_args: what `sst render` and `sst sweep` share: the options of a picture, loading, output formats. --- */
+
+struct render_args {
+    struct sst_render_config cfg;
+    const char *label, *method, *range, *unsupported, *sampling, *verify; /* as written */
+    int pictures;      /* that will be rendered: what `--sampling auto` goes by */
+    bool views_needed; /* rectified views are looked at besides */
+    double f_stop;     /* 0: not given */
+    bool json, force;
+};
+
+#define RENDER_OPTIONS 20
+
+/** The shared options, their values set to the defaults; pictures is 1. */
+void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
+
+/** What `--verify-rays` says. */
+#define CLI_VERIFY_OPTION(value)                                                                                       \
+    {                                                                                                                  \
+        "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
+            "count rays whose colours agree at the focus: auto (default: where the maps are poor), on or off", 0, 0    \
+    }
+
+/** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */
+int cli_read_verify(enum sst_render_verify *verify, const char *word, const struct cli_command *cmd);
+
+/** A light field ready to render. */
+struct render_input {
+    const char *path;
+    struct sst_lightfield lf;
+    struct sst_renderer *renderer;
+};
+
+/**
+ * Read the words among the options, load what the method needs, as raw frames or rectified, find the label and turn the
+ * f-stop into a radius.
+ * @return CLI_GO_ON, or the exit code of the failure, which was logged; then nothing is to be freed
+ */
+int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path);
+void cli_render_close(struct render_input *in);
+
+/** Does the name end so (".png"), upper or lower case? */
+bool cli_has_suffix(const char *path, const char *suffix);
+
+/** PNG or JPEG by the name's ending, which the caller has checked. */
+int cli_write_picture(const struct sst_image *img, const char *path);
+
+/** Pictures of the maps and weights of the reference view, and of the rays of pixel x, y; see `sst render --help`. */
+int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y);
+
+/* --- video: a silent MP4 from pictures, whole or not at all. --- */
+
+struct video;
+
+/**
+ * H.264 where an encoder is present, else MPEG-4 part 2; 4:2:0; an odd last column or row is left out.
+ *
+ * @return 0, -ENOTSUP (built without libavformat, or no encoder), -EINVAL (below 2 pixels a side), -EIO, -ENOSPC,
+ *         -ENOMEM; logged
+ */
+SST_MUST_CHECK int video_open(struct video **out, const char *path, int width, int height, double fps);
+
+/** Append one picture of that size. */
+SST_MUST_CHECK int video_add(struct video *v, const struct sst_image *img);
+
+/** Finish the file under its name. On failure nothing is left; v still is to be closed. */
+SST_MUST_CHECK int video_commit(struct video *v);
+
+/** Free; what is not committed is removed. NULL is fine. */
+void video_close(struct video *v);
+
+#endif

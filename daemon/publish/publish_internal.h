@@ -1,0 +1,464 @@
+/* daemon/publish/publish_internal.h - what the files of this folder share; code outside of it includes the public
+ * headers. */
+#ifndef SST_DAEMON_PUBLISH_PUBLISH_INTERNAL_H
+#define SST_DAEMON_PUBLISH_PUBLISH_INTERNAL_H
+
+#include <microhttpd.h>
+#include <netinet/in.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <sys/socket.h>
+#include <sys/types.h>
+
+#include "base/base.h"
+#include "base/file.h"
+#include "daemon/publish/http.h"
+#include "daemon/publish/mqtt.h"
+
+/* --- hooks_env: inside hooks: the environment that tells a program what happened. --- */
+
+/**
+ * Environment for one event: ours without what is between systemd and the service, and SST_....
+ *
+ * @param event  line of JSON, of sst_events_next()
+ * @return ended by NULL; to free with hook_env_free(); NULL: no memory, or `event` is no such line
+ */
+char **hook_env(const char *event);
+void hook_env_free(char **env);
+
+/* --- http_internal: what the files of the HTTP server share; nobody else includes it. --- */
+
+#ifndef __cplusplus
+#endif
+#if WITH_HTTPD
+#endif
+
+struct MHD_Connection;
+struct MHD_Daemon;
+struct MHD_Response;
+
+#define HTTP_HEADER_MAX    8192  /* bytes of a request's line and headers */
+#define HTTP_BODY_MAX      65536 /* bytes of a request's body */
+#define HTTP_TOKEN_MAX     128   /* characters of a token */
+#define HTTP_NAME_MAX      128   /* characters of {a part} of a path */
+#define HTTP_REQUEST_S     10    /* a request must have arrived this long after its connection */
+#define HTTP_IDLE_S        10    /* a connection without a byte goes */
+#define HTTP_KEEP_ALIVE_S  15    /* between signs of life on a silent event stream */
+#define HTTP_WAIT_MS       200   /* longest wait in one piece: how fast stopping and a lost peer are noticed */
+#define HTTP_WRONG_TOKENS  10    /* of an address in a minute, then it is put off */
+#define HTTP_ADDRESSES_MAX 64    /* with wrong tokens that are remembered */
+
+/* --- sockets (http_listen.c) ---------------------------------------------------------------------------------------
+ */
+
+/** A listening UNIX socket at `path`, and what it takes to remove this one and no other. */
+struct http_unix {
+    char path[108];
+    dev_t dev;
+    ino_t ino;
+};
+
+/** @param mode  of the socket; @param gid  its group, (gid_t)-1: as it comes. @return descriptor or negative errno */
+SST_MUST_CHECK int http_listen_unix(struct http_unix *out, const char *path, mode_t mode, gid_t gid);
+void http_unlink_unix(const struct http_unix *u);
+
+/** @param open   an address that others can reach is fine
+ *  @param quiet  failures are not logged
+ *  @return descriptor or negative errno */
+SST_MUST_CHECK int http_listen_tcp(const char *address, int port, bool open, bool quiet);
+int http_socket_port(int fd);
+
+/* --- pure parsing (http_parse.c) ------------------------------------------------------------------------------------
+ */
+
+/** Does a path fit a pattern? @param name  out [HTTP_NAME_MAX + 1], what stands for {name}; "" without one */
+bool http_path_matches(const char *pattern, const char *path, char *name);
+
+/** Split "host", "host:port", "[v6]:port". @param host  out [256], in small letters, without brackets and final dot
+ *  @param port  out, -1: none @return false: malformed */
+bool http_host_split(const char *text, char *host, int *port);
+
+/** Is an Origin ("http://host:port") where a request with this Host goes? */
+bool http_same_origin(const char *origin, const char *host);
+
+/** The password of "Basic base64(user:password)". @param out  [HTTP_TOKEN_MAX + 1] @return false: malformed */
+bool http_basic_password(const char *authorization, char *out);
+
+/** The field `token` of a form. @param out  [HTTP_TOKEN_MAX + 1] @return false: there is none or it is no token */
+bool http_form_token(const char *body, size_t size, char *out);
+
+/** Is `etag` named in If-None-Match? */
+bool http_etag_matches(const char *if_none_match, const char *etag);
+
+enum http_range {
+    HTTP_RANGE_WHOLE = 0, /* none was asked for, or one that is to be passed over: several, another unit, malformed */
+    HTTP_RANGE_PART = 1,
+    HTTP_RANGE_BEYOND = 2, /* nothing of it is there: 416 */
+};
+
+/** What a Range asks for (RFC 9110, 14.2) of `size` bytes; NULL: nothing. @param first, bytes  out with PART */
+enum http_range http_range_parse(const char *range, uint64_t size, uint64_t *first, uint64_t *bytes);
+
+/** Does If-Range let a Range count? Only with exactly this strong etag. */
+bool http_if_range(const char *if_range, const char *etag);
+
+/** Is `type` (without parameters) the media type of a Content-Type? */
+bool http_is_type(const char *content_type, const char *type);
+
+/** Decode %xx in place; %00 stays as it is written, so that it ends nothing. @return new length */
+size_t http_unescape(char *text);
+
+/** A whole decimal number. @param max  9 or more @return false: not one, or above max */
+bool http_number(const char *text, uint64_t max, uint64_t *out);
+
+/* --- who may (http_auth.c) ------------------------------------------------------------------------------------------
+ */
+
+struct http_wrong {
+    uint8_t address[16]; /* v4 mapped; of v6 the network */
+    int64_t since_ns;    /* of the minute counted; 0: free */
+    int64_t until_ns;    /* put off until then */
+    int count, times;
+};
+
+struct http_auth {
+    /* fixed after open */
+    char control[HTTP_TOKEN_MAX + 1], view[HTTP_TOKEN_MAX + 1]; /* "": no TCP */
+    gid_t group, view_group;                                    /* (gid_t)-1: none */
+    char group_name[64];
+    /* under lock */
+    pthread_mutex_t lock;
+    struct http_wrong wrong[HTTP_ADDRESSES_MAX];
+};
+
+SST_MUST_CHECK int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg);
+void http_auth_fini(struct http_auth *a);
+
+/** @return SST_ROLE_ANYONE for a wrong token */
+enum sst_role http_auth_token(const struct http_auth *a, const char *token);
+
+/** Role of the peer of a UNIX socket. @param who  out [96], a name of it for people */
+enum sst_role http_auth_peer(const struct http_auth *a, int fd, char *who);
+
+/** What counts as one client: an address of v4, as a mapped one; of v6 its network. */
+void http_network_of(const struct sockaddr *address, uint8_t out[16]);
+
+/** A wrong token came from an address. @param first  out: from now on it is put off
+ *  @return seconds for which the address is put off; 0: not yet */
+int http_auth_wrong(struct http_auth *a, const struct sockaddr *address, int64_t now_ns, bool *first);
+
+/* --- certificate and key (http_tls.c) --------------------------------------------------------------------------------
+ */
+
+struct http_stamp { /* of a file; zeros: there is none */
+    dev_t dev;
+    ino_t ino;
+    off_t bytes;
+    int64_t changed_ns;
+};
+
+struct http_pair; /* counted; what a connection was given stays as long as it lives */
+
+struct http_tls {
+    pthread_mutex_t reading; /* held while files are read; then lock */
+    /* under reading */
+    char path[2][SST_PATH_MAX];  /* certificate, key */
+    struct http_stamp stamp[2];  /* when they were read */
+    struct http_stamp seen[2];   /* when they were last looked at */
+    int told;                    /* of the end: 1 near, 2 there */
+    SST_ATOMIC(int64_t) look_ns; /* next */
+    /* under lock */
+    pthread_mutex_t lock;
+    struct http_pair *pair; /* of new connections; NULL: no TLS. Changes under both */
+};
+
+void http_tls_init(struct http_tls *t);
+void http_tls_fini(struct http_tls *t);
+
+/** Read the first pair. @return 0, -ENOTSUP, -EINVAL and what sst_file_read() returns; logged */
+SST_MUST_CHECK int http_tls_open(struct http_tls *t, const struct sst_http_config *cfg);
+
+/** The newest pair, for the library's start; stays until http_tls_end(). @return NULL: no TLS */
+struct http_pair *http_tls_take(struct http_tls *t);
+/** The pair as text, which the library reads but does not take as const. @return NULL: of no pair */
+void *http_tls_pem(const struct http_pair *p, bool key);
+
+/** Give a connection that begins the newest pair. @return what to hand back when it has ended; may be NULL */
+struct http_pair *http_tls_begin(struct http_tls *t, struct MHD_Connection *connection);
+void http_tls_end(struct http_tls *t, struct http_pair *p);
+
+/** Have the files changed, is the end near? Looks every 20 s; what is new becomes an event. */
+void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns);
+
+/* --- the server ------------------------------------------------------------------------------------------------------
+ */
+
+struct http_side { /* the UNIX socket or TCP */
+    struct sst_http *http;
+    bool local;
+    struct MHD_Daemon *daemon; /* fixed after open */
+    SST_ATOMIC(int) clients;
+};
+
+struct http_pace_mark {
+    int64_t clock_ns;
+    uint64_t taken;
+};
+
+struct http_pace {                     /* zeros: a reader who begins */
+    struct http_pace_mark early, late; /* a window or more apart, once there are two */
+};
+
+struct http_reader {             /* of a download; under sst_http.lock */
+    bool placed, local, dropped; /* dropped: his connection was shut, and is about to end */
+    uint8_t network[16];
+    uint64_t given;   /* bytes handed to the connection */
+    int64_t clock_ns; /* for so long he was waited for until ... */
+    int64_t since_ns; /* ... then; 0: now the disk is */
+    struct http_pace pace;
+};
+
+struct http_link { /* one connection; under sst_http.lock, deadline_ns by its own thread too */
+    struct http_link *next, **prev;
+    int fd;
+    struct http_pair *pair; /* of TLS, or NULL */
+    struct http_reader reader;
+    SST_ATOMIC(int64_t) deadline_ns; /* what a client is to have sent must be here by then; INT64_MAX: all is here */
+};
+
+struct sst_http {
+    /* fixed after open */
+    struct sst_http_config cfg; /* numbers and api; its texts end with open */
+    char host[256], address[64], token_file[512];
+    bool tls;
+    struct http_unix unix_socket;
+    struct http_side tcp, local;
+    struct http_auth auth;
+    struct http_tls pairs;
+    pthread_t reaper;
+    bool reaping;
+    /* under lock */
+    pthread_mutex_t lock;
+    pthread_cond_t wake;
+    struct http_link *links;
+    int64_t flood_ns; /* when too many connections were last reported */
+    int64_t slow_ns;  /* when a slow reader was last reported */
+    int waiting;      /* for a place for a download */
+    int64_t again_ns; /* the reaper's alone: when the address is tried again */
+    /* atomic */
+    SST_ATOMIC(bool) stopping;
+    SST_ATOMIC(uint64_t) requests, refused, bytes, skipped, slow;
+    SST_ATOMIC(int) streams, listeners, port;
+    SST_ATOMIC(int) away; /* errno of the address that is not to be had yet; 0: it is */
+};
+
+#define HTTP_COOKIE 32
+/** Name of the cookie that holds the token: cookies know no ports, so the port is in it. */
+void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE]);
+
+/** One request, on its connection's thread. */
+struct http_request {
+    struct sst_http *http;
+    struct http_side *side;
+    struct MHD_Connection *connection;
+    struct http_link *link;
+    const struct sst_route *route;
+    int index; /* of the route */
+    int fd;
+    bool local; /* over the UNIX socket */
+    bool head;  /* asked by HEAD: the answer goes without its body */
+    enum sst_role role;
+    char name[HTTP_NAME_MAX + 1]; /* {a part} of the path */
+    char who[96];                 /* for people */
+    char allow[24];               /* answer 405: methods */
+    int retry_s;                  /* answer 429: when to come again */
+    char *data;                   /* body, with a NUL after it */
+    size_t size, capacity;
+    bool too_large;
+    json_t *body; /* of POST with JSON: an object */
+};
+
+typedef int http_handler_fn(struct http_request *q); /* queues an answer; MHD_YES or MHD_NO */
+
+/** Is it one of ours, may this client, is it well formed so far? @return -1: yes; else an answer is queued */
+int http_check(struct http_request *q, const char *path, const char *method);
+
+/** A picture: for programs that can only be given an address or a password, too; with those they look, never more. */
+bool http_is_picture(const struct sst_route *route);
+
+/** Fill in q->who from the address. */
+void http_name_peer(struct http_request *q);
+
+/** Who the address of a client of TCP belongs to, as limits for one address count. @param out  zeros where there is
+ * none */
+void http_network(struct http_request *q, uint8_t out[16]);
+
+/* --- downloads (http_readers.c) ------------------------------------------------------------------------------------
+ */
+
+#define SST_DOWNLOADS_ADDRESS 12         /* of SST_DOWNLOADS_MAX, for one address */
+#define SST_READER_LEAST      64000      /* bytes per second: who takes less loses his place to others */
+#define SST_READER_WINDOW_NS  5000000000 /* over which that is judged, at least */
+
+/** Have a place until http_reader_end(). Where all are taken, or those of this address, the slowest reader below
+ * the minimum (of this address) is dropped and counted; waits for a few seconds. @return 0, -EMFILE */
+SST_MUST_CHECK int http_reader_begin(struct http_request *q);
+void http_reader_end(struct sst_http *http, struct http_link *link);
+
+/** He has taken what he was given: from now on the disk is waited for, and no longer he. */
+void http_reader_waits(struct sst_http *http, struct http_link *link);
+void http_reader_given(struct sst_http *http, struct http_link *link, size_t bytes);
+
+/** Note how far each has come; to be called each second, with the lock held. */
+void http_readers_mark_locked(struct sst_http *http, int64_t now_ns);
+
+/** Note how much was taken by when, of the reader's own clock. */
+void http_throughput_mark(struct http_pace *p, int64_t clock_ns, uint64_t taken);
+/** @return bytes per second over the last one or two windows; negative: not yet known */
+double http_throughput(const struct http_pace *p, int64_t clock_ns, uint64_t taken);
+
+/** Are there more connections than there may be? Told as an event, once in a while. */
+bool http_crowded(struct http_request *q);
+
+#if WITH_HTTPD
+/* What microhttpd calls (http_request.c); cls is a struct http_side. */
+enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
+                                const char *version, const char *data, size_t *size, void **state);
+void http_on_done(void *cls, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode how);
+void http_on_link(void *cls, struct MHD_Connection *connection, void **state, enum MHD_ConnectionNotificationCode how);
+#endif
+
+/** Handler of a route; index as in sst_http_routes(). */
+http_handler_fn *http_handler(int index);
+
+const char *http_query(struct http_request *q, const char *name);  /* NULL: not there; "" without a value */
+const char *http_header(struct http_request *q, const char *name); /* likewise */
+
+/* Answers (http_reply.c). Each adds what all answers bear and takes over what it is given; MHD_YES or MHD_NO. */
+int http_reply(struct http_request *q, int status, struct MHD_Response *response);
+int http_reply_text(struct http_request *q, int status, const char *type, char *text);
+int http_reply_json(struct http_request *q, int status, json_t *body);
+int http_reply_error(struct http_request *q, int status, const char *fmt, ...) SST_PRINTF(3, 4);
+/** What a call of the API gave; `out` is done with afterwards. @param what  for errors without a sentence */
+int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what);
+/** A header of an answer. */
+void http_set(struct MHD_Response *response, const char *name, const char *fmt, ...) SST_PRINTF(3, 4);
+
+int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char *name);   /* http_stream.c */
+int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const char *name); /* http_stream.c */
+int http_do_download(struct http_request *q);                                              /* http_download.c */
+int http_do_events(struct http_request *q);                                                /* http_events.c */
+int http_do_listen(struct http_request *q);
+int http_do_web(struct http_request *q, const char *file, bool redirect); /* http_web.c */
+int http_do_login_form(struct http_request *q);
+int http_do_login(struct http_request *q);
+int http_reply_login(struct http_request *q, int status, const char *sentence);
+void http_set_cookie(struct http_request *q, struct MHD_Response *response, const char *token);
+
+/** What came too often or wrongly, as a status to refuse with; 0: fine. */
+int http_wrong_token(struct http_request *q, int *retry_s);
+
+/** Has the peer of a connection gone? */
+bool http_peer_gone(int fd);
+
+/* --- the page's files (made by the Makefile of daemon/web)
+ * ------------------------------------------------------------ */
+
+struct web_file {
+    const char *name;
+    const uint8_t *data, *end;
+};
+extern const struct web_file web_files[]; /* up to one without a name */
+
+/* --- mqtt_parts: inside mqtt: the connection, what is told, and the announcement for Home Assistant. --- */
+
+#define SST_MQTT_TOPIC_MAX 320
+#define SST_MQTT_UNDER_WAY 32 /* messages that the broker has not taken yet; more are not handed over */
+
+struct mosquitto;
+
+/** A message that is told once after connecting. */
+struct mqtt_message {
+    char *topic, *payload;
+};
+
+struct sst_mqtt {
+    const struct sst_api *api; /* fixed after open */
+    pthread_t thread;
+    SST_ATOMIC(bool) stop;
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    /* under lock */
+    bool done, abandoned;
+    struct sst_config *next; /* to be followed from now on, or NULL */
+    struct sst_mqtt_counters n;
+    /* thread only */
+    struct sst_config *config;
+    struct mosquitto *client; /* NULL: to be made */
+    bool connecting, up;      /* the broker accepted us */
+    bool told;                /* why there is no connection */
+    int under_way;
+    int64_t next_try_ns, wait_ns, up_ns;
+    uint64_t seen;                          /* id of the last event told */
+    bool unread_events;                     /* some that concern the state came: status and cameras are due */
+    int64_t status_ns, picture_ns;          /* when they are due next */
+    char camera_state[SST_CAMERAS_MAX][24]; /* as told */
+    struct mqtt_message *hello;             /* what is still to be told after connecting, in order */
+    int hellos, hello_next;
+    int cameras;               /* that are announced */
+    bool asked;                /* for what is announced at the broker and should not be */
+    struct sst_outlet *outlet; /* of the main view, or NULL */
+    bool joined;
+    uint64_t picture; /* number of the last one told */
+};
+
+/** Hand a message to the broker. @param topic  below mqtt.topic @return false: not taken; try again later */
+bool mqtt_tell(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
+
+/** The same with the whole topic. */
+bool mqtt_tell_at(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
+
+/** Have the broker tell what it holds below our place in Home Assistant's topics: mqtt_found() gets it.
+ *  @return false: not taken; try again later */
+bool mqtt_ask(struct sst_mqtt *m, const char *pattern);
+
+/** May more be handed over? */
+bool mqtt_free(const struct sst_mqtt *m);
+
+/* mqtt_topics.c */
+void mqtt_greet(struct sst_mqtt *m);  /* after connecting: what is due */
+void mqtt_due(struct sst_mqtt *m);    /* tell what is due */
+void mqtt_forget(struct sst_mqtt *m); /* the connection is gone */
+/** Tell what is still to be told after connecting. @return true: all is told */
+bool mqtt_hello(struct sst_mqtt *m);
+/** What is announced goes from the broker with the next calls of mqtt_hello(). */
+void mqtt_withdraw(struct sst_mqtt *m);
+/** An announcement that the broker holds: one that is none of ours any more goes. */
+void mqtt_found(struct sst_mqtt *m, const char *topic);
+void mqtt_command(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained);
+/** Short form of a status. NULL: no memory. */
+json_t *mqtt_short_status(const json_t *status);
+
+/* mqtt_discovery.c */
+/** The array's name as one word, within topics. */
+void mqtt_node(char out[128], const struct sst_config *config);
+/** Announcement of everything, to free with mqtt_messages_free(). @param cameras  answer of the API, or NULL
+ *  @return number of messages, or -ENOMEM */
+int mqtt_announce(struct mqtt_message **out, const struct sst_config *config, const json_t *cameras);
+void mqtt_messages_free(struct mqtt_message *list, int n);
+
+/* --- spawn: programs that the service starts. --- */
+
+/**
+ * Start a program as a process group of its own, so that Ctrl-C on a terminal is for the service alone, with signals as
+ * usual.
+ *
+ * @param fd   [fds]; what becomes descriptor 0, 1 ...: one that is not below its place, or 2, standard error; -1:
+ *             /dev/null to read. All others are closed
+ * @param env  environ, or another one
+ * @return 0, or a negative errno, also of what keeps the program itself from being run. Thread: any
+ */
+SST_MUST_CHECK int spawn_program(pid_t *pid, const char *program, char *const argv[], char *const env[], const int *fd,
+                                 int fds);
+
+#endif

@@ -1,0 +1,370 @@
+/* daemon/service/service_internal.h - what the files of this folder share; code outside of it includes the public
+ * headers. */
+#ifndef SST_DAEMON_SERVICE_SERVICE_INTERNAL_H
+#define SST_DAEMON_SERVICE_SERVICE_INTERNAL_H
+
+#include <jansson.h>
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "base/base.h"
+#include "capture/array/capture.h"
+#include "capture/array/ring.h"
+#include "capture/recording/recorder.h"
+#include "config/sstd.h"
+#include "daemon/events/events.h"
+#include "daemon/publish/api.h"
+#include "daemon/publish/hooks.h"
+#include "daemon/publish/http.h"
+#include "daemon/publish/mqtt.h"
+#include "daemon/publish/rtsp.h"
+#include "daemon/service/service.h"
+#include "daemon/storage/storage.h"
+#include "pipeline/live/live.h"
+#include "pipeline/method/render/render.h"
+
+/* --- array: the array kept capturing for months: opened, run, and opened again whatever ends it. --- */
+
+struct service_array; /* opaque; any thread, but open and close */
+
+/** Where cameras sit, from one opening of the array to the next. */
+struct array_layout {
+    unsigned generation;            /* 0: the array was never open; counts openings */
+    uint64_t first;                 /* sets of the ring with lower numbers are of another layout */
+    struct sst_array_config config; /* with the bindings found */
+};
+
+/** One camera, as people and programs are told of it. */
+struct array_camera {
+    int row, col;
+    enum sst_grab_state state;
+    char serial[64], port[64], name[64];
+    char reason[256]; /* of a state other than streaming */
+    struct sst_grab_counters grab;
+    uint64_t bucket[SST_BUCKETS];
+    double rate_hz;  /* frames in sets, over the last second */
+    double skew_us;  /* its stamps less the median of their sets, smoothed */
+    int64_t last_ns; /* of its last frame in a set; 0: none yet */
+};
+
+struct array_state {
+    bool open;   /* cameras and trigger are */
+    bool failed; /* opening or running ended with `reason`, which stays until sets come; tried again */
+    char reason[512];
+    int cameras, present;                  /* bound; of them streaming */
+    double rate_hz;                        /* sets per second */
+    int64_t period_ns;                     /* between sets, as configured; 0: never open */
+    int64_t beat_ns;                       /* when the capturing thread was last seen alive */
+    int64_t frame_ns;                      /* when a set with a frame last came; 0: never */
+    int64_t unused_ns;                     /* when a frame last ended outside a set; 0: never */
+    int unused_s;                          /* for so many seconds nearly all frames have ended outside sets ... */
+    enum sst_bucket unused_bucket;         /* ... most of them in this one */
+    uint64_t sets, complete, ring_refused; /* of all openings */
+    struct sst_capture_report report;      /* of this one */
+};
+
+/** Start the thread that captures into the ring. @param events, ring  must stay @return 0, -ENOMEM, -EAGAIN */
+SST_MUST_CHECK int array_open(struct service_array **out, const struct sst_array_config *config, struct sst_ring *ring,
+                              struct sst_events *events);
+
+/** Go on with another configuration: capturing starts anew. */
+void array_configure(struct service_array *a, const struct sst_array_config *config);
+
+void array_state(struct service_array *a, struct array_state *out);
+
+/** Of the newest opening, by index of array_layout.config.camera. @param out  [SST_CAMERAS_MAX] @return how many */
+int array_cameras(struct service_array *a, struct array_camera *out);
+
+unsigned array_generation(struct service_array *a);
+void array_layout(struct service_array *a, struct array_layout *out);
+
+/** What recordings say of the cameras. @param out  [SST_CAMERAS_MAX] */
+void array_tracks(struct service_array *a, struct sst_recorder_track *out);
+
+/** Ask the thread to end. */
+void array_stop(struct service_array *a);
+/** @return true: it has ended; false: something in it hangs */
+SST_MUST_CHECK bool array_join(struct service_array *a, int64_t until_ns);
+/** After a join. NULL is fine. */
+void array_close(struct service_array *a);
+
+/** "streaming", "absent" ... */
+const char *array_state_name(enum sst_grab_state state);
+
+/* --- window: the last values of something that is measured again and again, and their percentiles. --- */
+
+#define SST_WINDOW 512
+
+/** Zeroed: empty. The caller locks. */
+struct time_window {
+    uint64_t count; /* ever */
+    double sum;     /* of all ever */
+    float value[SST_WINDOW];
+};
+
+void window_add(struct time_window *w, double value);
+/** Of the last SST_WINDOW values; 0 of an empty one. @param q  0..1, 1: the largest */
+double window_quantile(const struct time_window *w, double q);
+
+/* --- viewer ---
+ * the live picture: newest sets of the ring go through the pipeline, viewers' pictures come
+ * out. */
+
+struct live_engine; /* opaque; any thread, but open and close */
+
+/** From the trigger to the picture: waiting in the ring, the stages of sst_live_update(), and what follows. */
+enum viewer_stage {
+    SST_VIEWER_WAIT = 0,                     /* from the trigger until the set is taken up */
+    SST_VIEWER_LIVE = 1,                     /* SST_LIVE_STAGES of them */
+    SST_VIEWER_RENDER = 1 + SST_LIVE_STAGES, /* of all pictures wanted */
+    SST_VIEWER_ENCODE = 2 + SST_LIVE_STAGES,
+    SST_VIEWER_STAGES = 3 + SST_LIVE_STAGES,
+};
+
+/** "wait", "change" ... */
+const char *viewer_stage_name(enum viewer_stage stage);
+
+struct viewer_state {
+    bool enabled, ready;          /* ready: see-through pictures can be made */
+    char reason[512];             /* why not */
+    double rate_hz;               /* sets per second, over the last ten */
+    uint64_t sets, dropped, idle; /* taken in; passed over for newer ones; taken in without any change */
+    uint64_t pictures;            /* encoded */
+    double changed_percent;       /* tiles, over the last ten seconds */
+    double cpu_percent;           /* of one core, likewise, without rendering */
+    struct time_window latency_ms, stage_ms[SST_VIEWER_STAGES]; /* of sets that changed something */
+    uint64_t tiles, tiles_changed, decodes, decodes_skipped, label_runs, label_runs_skipped;
+    double error_change, error_labels;           /* last sampled; NaN */
+    int width, height, views, present;           /* of the light field */
+    double range_min_px, range_max_px, focus_px; /* NaN: not known */
+    double focal_px, spacing_mm;                 /* 0: not known */
+    int64_t beat_ns;                             /* when the thread was last seen alive */
+    char check[512];                             /* last verdict on the calibration */
+};
+
+struct viewer_config {
+    const struct sst_config *config; /* copied */
+    struct sst_ring *ring;           /* these stay */
+    struct service_array *array;
+    struct sst_storage *storage;
+    struct sst_events *events;
+};
+
+/** Start the threads. @return 0, -ENOMEM, -EAGAIN */
+SST_MUST_CHECK int viewer_open(struct live_engine **out, const struct viewer_config *cfg);
+
+/** Other settings. @param anew  the pipeline starts anew */
+void viewer_configure(struct live_engine *v, const struct sst_config *config, bool anew);
+
+void viewer_state(struct live_engine *v, struct viewer_state *out);
+
+/* Verbs of struct sst_api, by the same names. */
+int viewer_labels(struct live_engine *v, struct sst_api_answer *out);
+int viewer_views(struct live_engine *v, struct sst_api_answer *out);
+int viewer_view_create(struct live_engine *v, const json_t *settings, struct sst_api_answer *out);
+int viewer_view_change(struct live_engine *v, const char *id, const json_t *settings, struct sst_api_answer *out);
+int viewer_pick(struct live_engine *v, const char *id, double x, double y, struct sst_api_answer *out);
+int viewer_calibration_check(struct live_engine *v, struct sst_api_answer *out);
+int viewer_outlet(struct live_engine *v, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
+
+/** Ask the threads to end, their work to return early and viewers to leave. */
+void viewer_stop(struct live_engine *v);
+/** @return false: something in it hangs */
+SST_MUST_CHECK bool viewer_join(struct live_engine *v, int64_t until_ns);
+/** After a join. NULL is fine. */
+void viewer_close(struct live_engine *v);
+
+/* --- service_parts: the state behind sst_service, shared by its files. Only for them. --- */
+
+struct sst_service {
+    /* fixed after open */
+    char path[SST_PATH_MAX]; /* of the configuration; "": the default */
+    int64_t start_ns;
+    struct sst_api api;
+    struct sst_events *events;
+    struct sst_ring *ring;
+    struct sst_storage *storage;
+    struct service_array *array;
+    struct live_engine *viewer;
+    struct sst_http *http; /* these two are set under lock: what they serve is asked for before they are open */
+    struct sst_rtsp *rtsp;
+    struct sst_hooks *hooks;
+    struct sst_mqtt *mqtt;
+    /* main thread */
+    unsigned generation;    /* of the layout that storage knows */
+    int64_t wall_offset_ns; /* wall less monotonic */
+    int64_t cpu_ns, cpu_at_ns;
+    struct array_state array_now; /* as looked at last: too large for a stack */
+    struct viewer_state viewer_now;
+    pthread_mutex_t reload; /* held while the configuration is read again and applied, by whoever asked for it */
+    pthread_mutex_t parts;  /* held while they are told a configuration */
+    bool open;              /* under parts: all of them are there */
+    /* under lock */
+    pthread_mutex_t lock;
+    struct sst_config config;
+    enum sst_service_phase phase;
+    char reason[512];
+    double cpu_percent; /* of the process, over the last seconds */
+};
+
+/* api.c */
+void service_api(struct sst_service *s);
+
+/* status.c */
+int service_status(void *arg, struct sst_api_answer *out);
+int service_cameras(void *arg, struct sst_api_answer *out);
+
+/** Who is served. @param http  out, zeros without it @param restarts  out, of the process that serves RTSP
+ *  @return clients of RTSP */
+int service_clients(struct sst_service *s, struct sst_http_counters *http, unsigned *restarts);
+
+/** The certificate of HTTPS. @param days  out, left of it; negative: it has ended @return false: there is none */
+bool service_certificate(struct sst_service *s, struct sst_http_certificate *out, double *days);
+
+/* metrics.c */
+int service_metrics(void *arg, char **text);
+
+/* reload.c */
+int service_apply(struct sst_service *s, bool dry_run, struct sst_api_answer *out);
+
+/** Resident memory and open descriptors of this process. */
+void service_process(uint64_t *rss_bytes, int *descriptors);
+
+/** Storage is told where the see-through view comes from, once there is one. */
+void service_record_view(struct sst_service *s);
+
+/* --- settings: what one viewer wants to see, as it stands in JSON (docs/api.md). --- */
+
+struct view_settings {
+    struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
+    char focus_label[SST_CLASS_NAME_MAX]; /* "": none */
+    bool follow;                          /* the focus follows that label */
+};
+
+void view_settings_defaults(struct view_settings *s, const struct sst_live_settings *config);
+
+/** What another configuration changes of the defaults; the rest stays as somebody may have set it meanwhile. */
+void view_settings_follow(struct view_settings *s, const struct sst_live_settings *from,
+                          const struct sst_live_settings *to);
+
+/**
+ * Take over the members of an object; those that are not there stay.
+ * @param error  out, one sentence on failure
+ * @return 0, -EINVAL (s untouched)
+ */
+SST_MUST_CHECK int view_settings_take(struct view_settings *s, const json_t *from, char error[512]);
+
+/** NULL: no memory. */
+json_t *view_settings_json(const struct view_settings *s);
+
+/* --- viewer_parts: the state behind live_engine, shared by its files. Only for them. --- */
+
+#define VIEWS_MAX  17                   /* "main" and those of viewers */
+#define WANTED_NS  INT64_C(5000000000)  /* a picture asked for once is made for so long */
+#define EXPIRY_NS  INT64_C(30000000000) /* a view without viewers goes after this */
+#define FRESH_MS   800                  /* a picture is waited for no longer */
+#define RATE_SLOTS 16                   /* seconds that rates are told over, and some */
+
+/** What one viewer sees. */
+struct view {
+    bool used;
+    char id[16];
+    struct view_settings settings;
+    unsigned version;       /* of the settings */
+    unsigned shown_version; /* that its picture shows */
+    uint64_t shown_update;  /* state of the light field that its picture shows */
+    double shown_focus_px;
+    int64_t used_ns; /* when it was last asked for */
+    struct sst_outlet *outlet;
+    struct sst_live_picture *picture; /* live thread only */
+};
+
+/** A picture that is the same for all: of a camera, of labels or disparities. */
+struct shared {
+    struct sst_outlet *outlet;
+    int64_t used_ns;
+    uint64_t shown; /* update, or number of the set */
+};
+
+/** Work that only the live thread may do, for another thread that waits for it. */
+struct request {
+    bool pending, done;
+    unsigned number; /* whoever gave up waiting leaves none to be answered */
+    char id[16];
+    int x, y, err;
+    struct sst_live_pick pick;
+};
+
+/** What happened in one second. */
+struct second {
+    int64_t s;
+    uint64_t sets, tiles, changed;
+    int64_t cpu_ns;
+};
+
+struct live_engine {
+    /* fixed after open */
+    struct sst_ring *ring;
+    struct service_array *array;
+    struct sst_storage *storage;
+    struct sst_events *events;
+    pthread_t thread, camera_thread, check_thread;
+    bool camera_runs;
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+
+    /* live thread */
+    struct sst_live *live; /* set and cleared under lock, so that stop can cancel it */
+    struct sst_use_calibration use;
+    struct sst_live_config live_config;
+    struct sst_live_input input;   /* of the set taken in last */
+    struct sst_live_report report; /* about it */
+    struct array_layout layout;
+    char model[SST_PATH_MAX];
+    uint64_t last; /* number of the set taken in last */
+    int64_t last_ns, retry_ns;
+    uint64_t set_index; /* that the pictures show, its time zero and wall time */
+    int64_t set_t_ns, set_wall_ns;
+    bool latency_due;                 /* the next pictures are the first of a set */
+    struct sst_jpeg_encoder *encoder; /* NULL until the first picture */
+    struct sst_image overlay_image;   /* of labels or disparities; empty until the first */
+
+    /* under lock */
+    struct sst_config config;
+    unsigned config_count, config_seen;
+    bool stop, ended, camera_ended, check_runs, check_ended;
+    int64_t hand_ns;      /* when a viewer last changed his settings; 0: never */
+    int64_t check_due_ns; /* when the calibration is to be checked next; 0: not known yet */
+    struct viewer_state state;
+    struct second second[RATE_SLOTS];
+    uint64_t update; /* states of the light field */
+    struct view view[VIEWS_MAX];
+    struct shared overlay[2], camera[SST_CAMERAS_MAX];
+    struct request request;
+    struct sst_classes classes;
+    float share[256]; /* of the reference view, by label */
+};
+
+/* viewer_views.c */
+int viewer_views_open(struct live_engine *v);
+/** The configuration is about to become another one: the main view is as that says. */
+void viewer_views_follow_locked(struct live_engine *v, const struct sst_live_settings *to);
+void viewer_views_close(struct live_engine *v);
+/** Make every picture that somebody wants and that is not as it should be.  Live thread. */
+void viewer_publish(struct live_engine *v);
+/** The light field goes: pictures of it, too.  Live thread. */
+void viewer_forget_pictures(struct live_engine *v);
+/** Serve viewer_pick().  Live thread. */
+void viewer_serve(struct live_engine *v);
+
+/* viewer_cameras.c */
+void *viewer_run_cameras(void *arg);
+/** An outlet that is asked for: made if there is none.  @return 0, -ENOMEM */
+int viewer_share_locked(struct shared *s, struct sst_outlet **out);
+bool viewer_wanted(struct sst_outlet *outlet, int64_t used_ns);
+
+/* viewer_check.c; live thread, and join once that has ended */
+void viewer_check_by_time(struct live_engine *v);
+void viewer_check_join(struct live_engine *v);
+
+#endif

@@ -1,0 +1,204 @@
+/* drivers/rig/rig_internal.h - what the files of this folder share; code outside of it includes the public headers. */
+#ifndef SST_DRIVERS_RIG_RIG_INTERNAL_H
+#define SST_DRIVERS_RIG_RIG_INTERNAL_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+
+#include "base/file.h"
+#include "drivers/rig/rig.h"
+
+/* --- profile: what a motor drive's registers mean, read from config/profiles/NAME.yaml. --- */
+
+#define SST_RIG_REGISTERS_MAX 64
+#define SST_RIG_STEPS_MAX     24
+#define SST_RIG_ALARMS_MAX    128
+#define SST_RIG_WORD_MAX      48
+
+enum rig_table {
+    SST_RIG_HOLDING = 0,
+    SST_RIG_INPUT = 1,
+    SST_RIG_COIL = 2,
+    SST_RIG_DISCRETE = 3,
+};
+
+enum rig_type {
+    SST_RIG_U16 = 0,
+    SST_RIG_S16 = 1,
+    SST_RIG_U32 = 2,
+    SST_RIG_S32 = 3,
+    SST_RIG_BIT = 4, /* of coils and discrete inputs */
+};
+
+struct rig_register {
+    char name[SST_RIG_WORD_MAX];
+    enum rig_table table;
+    enum rig_type type;
+    int address;
+    bool low_first; /* of two registers the one with the low word comes first */
+    bool read_back; /* reading shows what was written */
+    double scale;   /* counts (or counts/s, counts/s2) of one unit of the raw value */
+};
+
+/** What the driver asks a drive. */
+enum rig_flag {
+    SST_RIG_MOVING = 0,
+    SST_RIG_IN_POSITION = 1,
+    SST_RIG_HOMED = 2,
+    SST_RIG_ALARM = 3,
+    SST_RIG_ENABLED = 4, /* optional, as all that follow */
+    SST_RIG_LIMIT_LOW = 5,
+    SST_RIG_LIMIT_HIGH = 6,
+    SST_RIG_ACKNOWLEDGE = 7, /* for wait steps */
+    SST_RIG_FLAGS = 8,
+};
+
+struct rig_bit {
+    int reg; /* index; -1: this drive does not tell */
+    unsigned mask, equals;
+    bool inverted;
+};
+
+enum rig_sequence {
+    SST_RIG_SEQ_ENABLE = 0, /* optional */
+    SST_RIG_SEQ_SETUP = 1,  /* optional: before each move, speed and the like */
+    SST_RIG_SEQ_MOVE = 2,
+    SST_RIG_SEQ_HOME = 3,
+    SST_RIG_SEQ_STOP = 4,
+    SST_RIG_SEQ_RESET = 5, /* alarms */
+    SST_RIG_SEQUENCES = 6,
+};
+
+enum rig_value {
+    SST_RIG_NUMBER = 0,
+    SST_RIG_TARGET = 1, /* counts */
+    SST_RIG_SPEED = 2,  /* counts/s; the step is left out where the configuration gives none */
+    SST_RIG_ACCEL = 3,  /* counts/s2; likewise */
+};
+
+struct rig_step {
+    enum { SST_RIG_WRITE = 0, SST_RIG_WAIT = 1, SST_RIG_PAUSE = 2 } what;
+    int reg;              /* write */
+    enum rig_value value; /* write */
+    double number;        /* write */
+    enum rig_flag flag;   /* wait; write: shown by this flag, or SST_RIG_FLAGS */
+    bool is;              /* wait */
+    int ms;               /* wait: at most; pause */
+};
+
+struct rig_profile {
+    char path[SST_PATH_MAX], name[128], manual[256];
+    bool tried; /* on hardware */
+    int gap_ms; /* between two requests */
+    int registers;
+    struct rig_register reg[SST_RIG_REGISTERS_MAX];
+    int identity; /* register that tells what drive it is, or -1 */
+    long identity_value;
+    int position;   /* register of the true (else the counted) position */
+    int alarm_code; /* register, or -1 */
+    struct rig_bit bit[SST_RIG_FLAGS];
+    int steps[SST_RIG_SEQUENCES];
+    struct rig_step step[SST_RIG_SEQUENCES][SST_RIG_STEPS_MAX];
+    int alarms;
+    struct {
+        long code;
+        char text[96];
+    } alarm[SST_RIG_ALARMS_MAX];
+};
+
+/**
+ * Read a profile: a path (with a slash or .yaml), or a name that is looked for in $SST_PROFILES, beside the program and
+ * in the installed share/sst/profiles.
+ * @return 0, -ENOENT (the folders that were searched are named), -EBADMSG, -EACCES, -ENOMEM; logged.
+ */
+SST_MUST_CHECK int rig_profile_read(struct rig_profile *out, const char *name);
+
+/** "0x21 (following error)"; the code alone where the profile has no text. */
+void rig_profile_alarm(const struct rig_profile *profile, long code, char *text, size_t size);
+
+/* --- bus: requests over Modbus TCP and RTU, one at a time, each with a deadline. Inside drivers/rig only. --- */
+
+struct rig_bus; /* opaque; one thread at a time */
+
+/**
+ * Connect.
+ * @param bus  "tcp:HOST:PORT" or "rtu:DEVICE,BAUD,8E1"
+ * @return 0, -EINVAL (form of bus), -EMFILE (no low descriptor left), -EHOSTUNREACH, -ECONNREFUSED, -ENODEV, -EACCES,
+ * -EBUSY (serial line in use), -ENOMEM, -ENOSYS (built without libmodbus); logged.
+ */
+SST_MUST_CHECK int rig_bus_open(struct rig_bus **out, const char *bus, int response_ms, int gap_ms);
+void rig_bus_close(struct rig_bus *bus);
+
+/**
+ * One request, tried once. Not logged: rig_bus_why() says what happened.
+ *
+ * @param count  1 or 2 registers, or 1 bit (values 0 and 1)
+ * @return 0; nothing or nothing usable came: -ETIMEDOUT, -EBADMSG (garbled, other unit), -ENOTCONN (line lost): call
+ *         rig_bus_restore() before the next request; the drive refused: -EAGAIN (busy), -EPROTO (unknown function,
+ *         register or value), -EREMOTEIO (all other exceptions).
+ */
+SST_MUST_CHECK int rig_bus_read(struct rig_bus *bus, int unit, enum rig_table table, int address, int count,
+                                uint16_t *out);
+SST_MUST_CHECK int rig_bus_write(struct rig_bus *bus, int unit, enum rig_table table, int address, int count,
+                                 const uint16_t *values);
+
+/** What the last failed request met, one clause. */
+const char *rig_bus_why(const struct rig_bus *bus);
+
+/**
+ * After a failed request: no late reply can be taken for that of the next one. TCP connects anew; a serial line is read
+ * until it is silent, and opened anew where it was lost.
+ * @param cancelled  asked between attempts; true gives up
+ * @return 0, or the error of the last attempt after reconnect_ms
+ */
+SST_MUST_CHECK int rig_bus_restore(struct rig_bus *bus, int reconnect_ms, bool (*cancelled)(void *arg), void *arg);
+
+void rig_bus_counters(const struct rig_bus *bus, struct sst_rig_counters *out);
+
+/* --- drive: one axis' drive by its profile: status, steps, read-back. Inside drivers/rig only. --- */
+
+struct rig_status {
+    bool flag[SST_RIG_FLAGS];
+    int32_t um;
+    long alarm; /* code; 0 without */
+};
+
+struct rig_axis {
+    struct rig_status now; /* as last read */
+    int32_t target_um;
+    bool has_target;
+};
+
+struct sst_rig {
+    struct sst_rig_config cfg;  /* fixed after open */
+    struct rig_profile profile; /* fixed after open */
+    struct rig_bus *bus;
+    struct rig_axis axis[SST_RIG_AXES];
+    struct sst_rig_counters count; /* of motions; those of the bus are there */
+    bool moving, doubt;            /* doubt: the axes may not be where they say until they are homed */
+    int64_t told_ns;               /* a fault of the bus was last told; 0: never */
+    SST_ATOMIC(bool) cancel;
+};
+
+/** "axis x (unit 1)" for messages. */
+const char *rig_axis_name(const struct sst_rig *rig, int a, char text[32]);
+
+/** Read flags, then position; retried within the configuration's bounds. @return 0, -ETIMEDOUT, -EIO, -ECANCELED;
+ * logged. */
+SST_MUST_CHECK int rig_drive_status(struct sst_rig *rig, int a);
+
+/** The identity register's value, or -1 where the profile has none. */
+SST_MUST_CHECK int rig_drive_identity(struct sst_rig *rig, int a, long *value);
+
+/**
+ * Run a sequence of the profile. A write whose reply did not come is repeated only where read-back, or the flag that
+ * would show it, says that it did not arrive.
+ * @param um  target of a move
+ * @return 0, -ETIMEDOUT (a wait step, or the bus), -EIO, -ECANCELED (only before the first write); logged.
+ */
+SST_MUST_CHECK int rig_drive_run(struct sst_rig *rig, int a, enum rig_sequence which, int32_t um);
+
+/** Sleep in steps that end early when the rig is cancelled. */
+void rig_sleep_ms(struct sst_rig *rig, int ms);
+
+#endif

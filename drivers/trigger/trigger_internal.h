@@ -1,0 +1,123 @@
+/* drivers/trigger/trigger_internal.h - what the files of this folder share; code outside of it includes the public
+ * headers. */
+#ifndef SST_DRIVERS_TRIGGER_TRIGGER_INTERNAL_H
+#define SST_DRIVERS_TRIGGER_TRIGGER_INTERNAL_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+/* --- gpio: what the trigger needs of a GPIO chip; one back end per libgpiod API speaks to the kernel. --- */
+
+#define SST_GPIO_LINES_MAX 64
+#define SST_GPIO_NAME_MAX  64
+
+struct trigger_chip; /* opaque; one thread at a time */
+
+struct trigger_line {
+    char name[SST_GPIO_NAME_MAX];     /* "" for unnamed lines */
+    char consumer[SST_GPIO_NAME_MAX]; /* who holds it; "" if nobody says so */
+    bool used;
+};
+
+/** Lines of one chip by offset. All outputs start inactive. */
+struct gpio_request {
+    int outputs;
+    unsigned output[SST_GPIO_LINES_MAX];
+    int loopback;    /* offset of an input whose rising (inactive to active) edges are stamped; -1: none */
+    bool active_low; /* of all of them */
+};
+
+struct gpio_edge {
+    int64_t t_ns;      /* CLOCK_MONOTONIC */
+    uint32_t sequence; /* of the line's edges since the request, counted by the kernel from 1; 0: this API has none */
+};
+
+/* --- back end: gpio_v1.c, gpio_v2.c or, without libgpiod, gpio_none.c. Nothing is logged here. -------------------- */
+
+/** Open by path. @return 0, -ENOENT, -EACCES, -ENOTTY (no GPIO chip), -ENOMEM, -ENOSYS (built without libgpiod). */
+SST_MUST_CHECK int gpio_chip_open(struct trigger_chip **out, const char *path);
+const char *gpio_chip_label(const struct trigger_chip *chip);
+int gpio_chip_lines(const struct trigger_chip *chip);
+SST_MUST_CHECK int gpio_chip_line(struct trigger_chip *chip, unsigned offset, struct trigger_line *out);
+
+/** Hold the lines until close; once per chip. @return 0, -EBUSY (a line is in use), -EINVAL, -errno of the kernel. */
+SST_MUST_CHECK int gpio_chip_request(struct trigger_chip *chip, const struct gpio_request *request);
+
+/** Make output i of the request active where bit i of `active` is set, all in one ioctl. @return 0, -ENODEV, -EIO. */
+SST_MUST_CHECK int gpio_chip_set(struct trigger_chip *chip, uint64_t active);
+
+/** Wait up to timeout_ns (0: only look) for the next edge of the loop-back line.
+ *  @return 1 (an edge), 0 (none), -ENODEV, -EIO, -EINTR. */
+SST_MUST_CHECK int gpio_chip_edge(struct trigger_chip *chip, int64_t timeout_ns, struct gpio_edge *out);
+
+/** NULL is fine. Lines are released; what level they keep is the hardware's choice. */
+void gpio_chip_close(struct trigger_chip *chip);
+
+/* --- gpio.c: finding and judging chips ---------------------------------------------------------------------------- */
+
+struct gpio_wanted {
+    const char *chip; /* label; "": the chip that has all the lines */
+    int outputs;
+    const char *output[SST_GPIO_LINES_MAX]; /* line name, or its offset in digits */
+    const char *loopback;                   /* "": none */
+    bool active_low;
+};
+
+struct gpio_listed {
+    char path[SST_GPIO_NAME_MAX], label[SST_GPIO_NAME_MAX];
+    int lines;
+    int error; /* errno of opening it */
+};
+
+/** All GPIO chips there are, by number. *out to free with free(). @return count, or -ENOMEM, -ENOSYS. Logs nothing. */
+SST_MUST_CHECK int gpio_list(struct gpio_listed **out);
+
+/** Find the one chip that `wanted` describes, and its lines; nothing is requested.
+ *  @return 0, -ENODEV, -ENOTUNIQ (two chips would do), -EACCES, -EINVAL, -ENOSYS; the sentence goes to `why`. */
+SST_MUST_CHECK int gpio_find(struct trigger_chip **chip, struct gpio_request *request, const struct gpio_wanted *wanted,
+                             char *why, size_t why_size);
+
+/** Find, and hold the lines. @return also -EBUSY (the line and its holder are named) */
+SST_MUST_CHECK int gpio_open(struct trigger_chip **chip, const struct gpio_wanted *wanted, char *why, size_t why_size);
+
+/** As open, but nothing is held, and `why` also names the chip that would be taken. */
+SST_MUST_CHECK int gpio_probe(const struct gpio_wanted *wanted, char *why, size_t why_size);
+
+/** How to get the right to open a GPIO chip, from the owner and mode that `path` has. */
+void gpio_access_remedy(const char *path, char *text, size_t size);
+
+/* --- pulse: the timing of a pulse train, without I/O: beats, steps of a pulse, clocks of edge stamps. --- */
+
+/** One change of lines. */
+struct pulse_step {
+    int64_t at_ns;   /* after the beat */
+    uint64_t active; /* bit i: line i is active from then on */
+};
+
+/**
+ * The changes that one beat makes, in order of time: lines of equal delay change together, and what rises while
+ * something else falls does so in one step.
+ *
+ * @param step      out [2 * lines], the first one raises, the last one leaves all lines inactive
+ * @param delay_us  [lines], 0..; lines 1..64, pulse_us > 0
+ * @return number of steps
+ */
+int pulse_steps(struct pulse_step *step, const int *delay_us, int lines, int pulse_us);
+
+/** Beat n of a train, from its start and not from the beat before: rounding never adds up. */
+int64_t beat_due_ns(int64_t start_ns, double rate_hz, uint64_t n);
+
+/** The first beat from n on that is not yet over half a period ago at now_ns. */
+uint64_t beat_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns);
+
+/** An edge stamp on CLOCK_MONOTONIC. Kernels before 5.7 stamp on CLOCK_REALTIME; whichever of the clocks, both just
+ *  read, is nearer to the stamp is the stamp's. */
+int64_t edge_monotonic(int64_t stamp_ns, int64_t monotonic_ns, int64_t realtime_ns);
+
+static inline int64_t pulse_ns(int64_t s, int64_t ns)
+{
+    return s * 1000000000 + ns;
+}
+
+#endif

@@ -1,0 +1,875 @@
+/* simulators/devices/devices_internal.h - what the files of this folder share; code outside of it includes the public
+ * headers. */
+#ifndef SST_SIMULATORS_DEVICES_DEVICES_INTERNAL_H
+#define SST_SIMULATORS_DEVICES_DEVICES_INTERNAL_H
+
+#include <jansson.h>
+#include <linux/videodev2.h>
+#include <signal.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "base/base.h"
+#include "base/file.h"
+#include "simulators/devices/proto.h"
+#include "simulators/devices/usb/usb_model.h"
+#include "simulators/scene/world/sim_world.h"
+
+/* --- faults: what can be made to go wrong, by name, while programs run. --- */
+
+struct sim_faults; /* opaque; simulator's thread */
+
+/** One fault; 0 is "all well". */
+struct sim_fault {
+    const char *name; /* "late_ms" */
+    double min, max;
+    const char *help; /* one line, with the unit and what the value means */
+};
+
+/** A kind of devices that has faults. Tables are const and live for ever. */
+struct sim_fault_scope {
+    const char *name;               /* "camera", "gpio", "usb" */
+    const struct sim_fault *faults; /* [count] */
+    int count;
+    int instances; /* "camera.3.late_ms", "camera.*.late_ms"; 0: only one, "gpio.busy" */
+    /** A value was set, also to what it was. NULL: nobody cares. @return 0, or -errno: value stays as it was. */
+    int (*changed)(void *arg, int instance, int fault, double value);
+    void *arg;
+};
+
+SST_MUST_CHECK int sim_faults_create(struct sim_faults **out);
+void sim_faults_destroy(struct sim_faults *f);
+
+/** @return the scope's number for sim_fault_value(), or -ENOMEM. */
+SST_MUST_CHECK int sim_faults_add(struct sim_faults *f, const struct sim_fault_scope *scope);
+
+/** Value of fault `fault` of an instance (0 where there is only one). */
+double sim_fault_value(const struct sim_faults *f, int scope, int instance, int fault);
+
+/** Set a value from inside (a fault that ended by itself); `changed` is not called. */
+void sim_fault_reset(struct sim_faults *f, int scope, int instance, int fault);
+
+/**
+ * "camera.3.late_ms=20", "camera.*.eio=0.1", "gpio.busy=1".
+ * @param message  out, [size], on failure: one sentence that names the value and the remedy
+ * @return 0, -EINVAL (no such name), -ERANGE, or what `changed` returned.
+ */
+SST_MUST_CHECK int sim_faults_set(struct sim_faults *f, const char *text, char *message, size_t size);
+
+/** All faults with range and help, then the values that are not 0, as text. @return bytes written, NUL left out. */
+size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size);
+
+/** Call fn for each value that is not 0. */
+void sim_faults_each(const struct sim_faults *f, void (*fn)(void *arg, const char *name, double value), void *arg);
+
+/* --- server: the heart of sst-sim: one thread that serves device files, calls and timers. --- */
+
+/* Everything here runs on the one thread that calls sim_server_run(). */
+struct sim_server; /* opaque */
+struct sim_node;   /* opaque: an entry in /dev */
+struct sim_ops;
+
+/* --- timers ------------------------------------------------------------------------------------------------------- */
+
+/** Caller's memory, zeroed before first use. `fire` may set the timer again. */
+struct sim_timer {
+    void (*fire)(void *arg);
+    void *arg;
+    int64_t due_ns;
+    int slot; /* the server's; 0: not set */
+};
+
+/** Fire once at due_ns (CLOCK_MONOTONIC), soon if that is past; a set timer is moved. @return 0 or -ENOMEM. */
+SST_MUST_CHECK int sim_timer_set(struct sim_server *s, struct sim_timer *timer, int64_t due_ns);
+void sim_timer_stop(struct sim_server *s, struct sim_timer *timer);
+
+/* --- open device files -------------------------------------------------------------------------------------------- */
+
+/** One open file of a program, shared by all its copies of the descriptor. */
+struct sim_handle {
+    struct sim_server *server;
+    const struct sim_ops *ops;
+    void *device;   /* what sim_node_add() or sim_handle_create() was given */
+    void *state;    /* the device's, per open file */
+    int open_flags; /* of open() */
+    uint32_t id;
+    int fd;      /* the simulator's end: write here what the program shall read */
+    bool urgent; /* an out-of-band byte is with the program */
+};
+
+/** A call from a program. The device answers by its return value, now or later. */
+struct sim_request {
+    struct sst_sim_call call;
+    struct sim_handle *handle; /* NULL when it went meanwhile */
+    uint8_t *data;             /* [SST_SIM_PAYLOAD_MAX]: payload of the call, then of the answer */
+    uint32_t bytes;            /* of the call's payload */
+    int fd;                    /* descriptor that came with the call, or -1; the device may take it (and set -1) */
+    /* answer */
+    uint32_t out_bytes; /* of the payload; for ioctls: the argument, then its areas, laid out as in the call */
+    uint32_t drain, out_flags;
+    int out_fd;        /* descriptor to pass, or -1 */
+    bool out_fd_close; /* ours no longer afterwards */
+    uint64_t out_arg;
+};
+
+#define SST_SIM_LATER 0x40000000 /* returned by ops: sst_sim_answer() will be called for this request */
+
+/** What a device does; each may be NULL (-ENOTTY, -ENODEV for map, -EINVAL for read and write, -ESPIPE).
+ *  Return a negative errno, a result, or SST_SIM_LATER. On a negative result out_bytes is 0 unless set by the device.
+ */
+struct sim_ops {
+    char letter;  /* of the class, in the descriptor's name: v V4L2, g GPIO, u USB, s attribute in /sys, n kernel events
+                   */
+    bool packets; /* what the program reads keeps its boundaries */
+    int (*open)(struct sim_handle *h, struct sim_request *r); /* its answer is the new descriptor */
+    void (*close)(struct sim_handle *h);                      /* last copy closed, or sim_handle_drop() */
+    int (*ioctl)(struct sim_handle *h, struct sim_request *r);
+    int (*map)(struct sim_handle *h, struct sim_request *r);
+    int (*read)(struct sim_handle *h, struct sim_request *r);
+    int (*write)(struct sim_handle *h, struct sim_request *r);
+    int (*seek)(struct sim_handle *h, struct sim_request *r);    /* NULL: -ESPIPE */
+    void (*cancel)(struct sim_handle *h, struct sim_request *r); /* forget a request that was to be later */
+    void (*ready)(struct sim_handle *h); /* the program took the out-of-band byte: another may be due */
+};
+
+/** Answer a request that was to be later. */
+void sst_sim_answer(struct sim_server *s, struct sim_request *r, int result);
+
+/** Answer no earlier than at due_ns: return this from an op. @return SST_SIM_LATER or -ENOMEM. */
+int sim_answer_at(struct sim_server *s, struct sim_request *r, int result, int64_t due_ns);
+
+/**
+ * A further file, as some ioctls make (GPIO lines): put *client_fd into the answer (out_fd, out_fd_close); in the
+ * program the class's part of the preload library stores the number where the ioctl wants it.
+ * @return 0 or -errno; ops->open is not called.
+ */
+SST_MUST_CHECK int sim_handle_create(struct sim_server *s, const struct sim_ops *ops, void *device,
+                                     struct sim_handle **handle, int *client_fd);
+
+/** Hang up: poll() in the program says POLLERR|POLLHUP, every call -ENODEV. Calls ops->close; pending calls of this
+ *  handle are answered -ENODEV. */
+void sim_handle_drop(struct sim_handle *h);
+
+/** Programs close without a word, and are answered before that is noticed: drop the file if its last copy is closed.
+ *  @return true: it was. */
+bool sim_handle_settle(struct sim_handle *h);
+
+/** Make the file readable by one byte more, or give it POLLPRI. A full socket is the program's own fault: -EAGAIN. */
+SST_MUST_CHECK int sim_handle_readable(struct sim_handle *h, const void *data, size_t bytes);
+void sim_handle_urgent(struct sim_handle *h);
+
+/* --- entries in /dev ---------------------------------------------------------------------------------------------- */
+
+/**
+ * Make a device node appear.
+ *
+ * @param path  "/dev/video0": appears in the session; another absolute path: found by open() in programs only if
+ *              their preload library asks for it, with no entry made in the file system
+ * @return 0, -EEXIST, -ENOMEM or -errno of the file system.
+ */
+SST_MUST_CHECK int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path, unsigned dev_major,
+                                unsigned dev_minor, const struct sim_ops *ops, void *device);
+
+/** The node goes, and all its handles are dropped. NULL is fine. */
+void sim_node_remove(struct sim_server *s, struct sim_node *node);
+
+/** A link in the session's /dev: "/dev/v4l/by-id/x" to "../../video0"; target NULL removes it. @return 0 or -errno. */
+SST_MUST_CHECK int sim_link(struct sim_server *s, const char *path, const char *target);
+
+/* --- the server --------------------------------------------------------------------------------------------------- */
+
+/** What the session as a whole answers; set by the program. */
+struct sst_sim_control {
+    void *arg;
+    /** SST_SIM_FAULT, FAULTS, STATUS, STOP. */
+    int (*call)(void *arg, struct sim_request *r);
+};
+
+/** @param dir  session folder, exists, absolute. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, const struct sst_sim_control *control);
+/** Drops all handles, removes all nodes. NULL is fine. */
+void sim_server_close(struct sim_server *s);
+
+const char *sim_server_dir(const struct sim_server *s);
+
+/** Have fn called when fd is readable; NULL ends that. The caller owns fd. @return 0 or -errno. */
+SST_MUST_CHECK int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg);
+
+/** Serve until sim_server_stop(). @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_server_run(struct sim_server *s);
+void sim_server_stop(struct sim_server *s);
+
+/* --- array: the simulated cameras: who they are, when they expose, what the bus does to them. --- */
+
+/* --- identity: the one place that V4L2, USB and udev agree on ----------------------------------------------------- */
+
+struct sim_identity {
+    char serial[16];     /* "SIM0007" */
+    char card[32];       /* name of the product and of the video node */
+    char controller[32]; /* PCI address, "0000:00:14.0" */
+    char port[32];       /* path of ports as sysfs writes it, "1-2.3": bus 1, port 2, hub port 3 */
+    char bus_info[64];   /* as V4L2 writes it, "usb-0000:00:14.0-2.3" */
+    int bus;             /* number of the USB bus */
+};
+
+/** Who camera cam is: as it is plugged in. */
+void sim_identity(const struct sst_sim_usb *usb, int cam, struct sim_identity *out);
+
+/* --- the array ---------------------------------------------------------------------------------------------------- */
+
+struct sim_array; /* opaque; simulator's thread */
+
+/** What the bus is asked and told; set by the simulated USB, NULL members are not called. */
+struct sim_bus {
+    void *arg;
+    /** A camera starts to stream: 0, or -ENOSPC if the bus has no bandwidth for it. rate in frames/s. */
+    int (*reserve)(void *arg, int cam, uint32_t fourcc, int width, int height, double rate_hz);
+    void (*release)(void *arg, int cam);
+    /** Camera came or went by sim_array_plug(); node: N of /dev/videoN, which it has, or had. */
+    void (*plugged)(void *arg, int cam, bool present, int node);
+    /** By fault "swap": another camera is at this place. */
+    void (*swapped)(void *arg, int cam, int body);
+    /** Pose of the rig that the camera is on, at a time. */
+    void (*pose)(void *arg, int64_t t_ns, int32_t pose_um[3]);
+};
+
+struct sim_array_config {
+    struct sst_sim_world *world; /* borrowed */
+    struct sim_server *server;
+    struct sim_faults *faults;
+    const struct sst_sim_usb *usb; /* borrowed: what the cameras are plugged into */
+    const char *truth;             /* file for the log of what really happened, JSON lines; NULL: none */
+};
+
+/** Make the cameras appear, /dev/video0 on. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_array_open(struct sim_array **out, const struct sim_array_config *cfg);
+void sim_array_close(struct sim_array *a);
+
+void sim_array_set_bus(struct sim_array *a, const struct sim_bus *bus);
+
+int sim_array_cameras(const struct sim_array *a);
+const struct sst_sim_usb *sim_array_usb(const struct sim_array *a);
+/** N of /dev/videoN, -1: unplugged. */
+int sim_array_node(const struct sim_array *a, int cam);
+
+/** Which camera is plugged in where camera `cam` should be: another one with fault "swap". */
+int sim_array_body(const struct sim_array *a, int cam);
+
+/**
+ * A rising edge on a trigger line at t_ns (CLOCK_MONOTONIC): cameras in trigger mode 1 expose after their delay.
+ *
+ * @param first, count  cameras wired to the line; one line per row: row * cols, cols
+ * @param trigger       index of the edge on its line; goes into the frames
+ */
+void sim_array_edge(struct sim_array *a, int first, int count, uint64_t trigger, int64_t t_ns);
+
+/** Take a camera away or bring it back (also fault "camera.N.unplug"); its node gets the lowest free number.
+ *  Handles of a camera that goes are dropped. No change is fine. @return 0 or -errno. */
+SST_MUST_CHECK int sim_array_plug(struct sim_array *a, int cam, bool present);
+
+/** Rungs of recovery that clear a fault "stall" of up to that value. */
+enum sim_rung {
+    SST_SIM_RESTREAM = 1,
+    SST_SIM_REOPEN = 2,
+    SST_SIM_RESET = 3,       /* USB reset: the stream is lost, the node stays */
+    SST_SIM_REAUTHORISE = 4, /* and the bus calls sim_array_plug() */
+    SST_SIM_POWER = 5,
+};
+void sim_array_rung(struct sim_array *a, int cam, enum sim_rung rung);
+
+/** Frames made since open. */
+uint64_t sim_array_frames(const struct sim_array *a);
+
+/** Member "cameras" of the status: an array of objects, the caller's; NULL: no memory. */
+json_t *sim_array_status(const struct sim_array *a);
+
+/* --- camera: one simulated V4L2 camera: state shared by the files that implement it. --- */
+
+#define SST_SIM_CAM_BUFFERS  32 /* as the kernel's queues */
+#define SST_SIM_CAM_CONTROLS 16
+#define SST_SIM_CAM_SHOTS    64 /* exposed, not delivered yet */
+
+struct sim_cam;
+
+/* --- controls (controls.c) ---------------------------------------------------------------------------------------- */
+
+struct sim_control_def {
+    uint32_t id, type; /* V4L2_CID_, V4L2_CTRL_TYPE_ */
+    const char *name;
+    int32_t min, max, step, value;
+    const char *const *menu; /* [max + 1], NULL entries are not offered */
+};
+
+enum sim_control_index { /* of those that the camera itself looks at */
+                         SST_SIM_CONTROL_AUTO_WHITE = 4,
+                         SST_SIM_CONTROL_GAIN = 5,
+                         SST_SIM_CONTROL_WHITE = 7,
+                         SST_SIM_CONTROL_AUTO_EXPOSURE = 9,
+                         SST_SIM_CONTROL_EXPOSURE = 10,
+                         SST_SIM_CONTROL_TRIGGER = 11,
+};
+
+struct sim_open;
+
+/** Answer a control ioctl; -ENOTTY: not one of them. */
+int sim_cam_controls_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r);
+void sim_cam_controls_reset(struct sim_cam *cam);
+/** Place of a control, or -1. */
+int sim_cam_control_find(uint32_t id);
+/** Fill the control part of an event. */
+void sim_cam_control_state(const struct sim_cam *cam, int control, uint32_t changes, struct v4l2_event *out);
+
+/* --- events (events.c) -------------------------------------------------------------------------------------------- */
+
+/** Per open file. */
+struct sim_open {
+    struct sim_cam *cam;
+    struct sim_handle *handle;
+    uint32_t priority; /* enum v4l2_priority */
+    struct v4l2_event_subscription subscribed[SST_SIM_CAM_CONTROLS];
+    int subscriptions;
+    struct v4l2_event
+        event[SST_SIM_CAM_CONTROLS]; /* one of each subscription: a newer one takes an older one's place */
+    int events;
+    uint32_t event_sequence;
+    struct sim_request *event_waiter;
+    struct sim_open *next;
+};
+
+int sim_cam_subscribe(struct sim_open *o, const struct v4l2_event_subscription *s);
+int sim_cam_unsubscribe(struct sim_open *o, const struct v4l2_event_subscription *s, struct sim_request *r);
+int sim_cam_dequeue_event(struct sim_open *o, struct sim_request *r);
+/** A control changed; `by` gets no event of its own unless it asked for feedback. */
+void sim_cam_control_event(struct sim_cam *cam, const struct sim_open *by, int control, uint32_t changes);
+
+/* --- formats (formats.c) ------------------------------------------------------------------------------------------ */
+
+/** Answer a format, size, interval or S_PARM ioctl; -ENOTTY: not one of them. */
+int sim_cam_formats_ioctl(struct sim_cam *cam, struct sim_request *r);
+void sim_cam_formats_reset(struct sim_cam *cam);
+
+/* --- buffers (queue.c) -------------------------------------------------------------------------------------------- */
+
+enum sim_buffer_state {
+    SST_SIM_BUFFER_DEQUEUED = 0,
+    SST_SIM_BUFFER_QUEUED = 1,
+    SST_SIM_BUFFER_DONE = 2,
+};
+
+struct sim_buffer {
+    enum sim_buffer_state state;
+    bool prepared, mapped, error;
+    int memory;    /* memfd */
+    uint8_t *data; /* [length] of it, mapped */
+    uint32_t length, bytesused, sequence;
+    int64_t stamp_ns;
+    unsigned long userptr;
+    uint32_t user_length;
+    int dmabuf;            /* what the program gave, or -1 */
+    int32_t dmabuf_number; /* its number in the program */
+};
+
+struct sim_queue {
+    struct sim_buffer buffer[SST_SIM_CAM_BUFFERS];
+    uint32_t count, memory; /* enum v4l2_memory, 0: none */
+    struct sim_open *owner;
+    bool streaming;
+    uint32_t queued[SST_SIM_CAM_BUFFERS], done[SST_SIM_CAM_BUFFERS]; /* indices, oldest first */
+    int queued_count, done_count;
+    struct sim_request *waiter; /* a blocking DQBUF */
+};
+
+/** Answer a buffer or streaming ioctl; -ENOTTY: not one of them. */
+int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r);
+int sim_cam_queue_map(struct sim_cam *cam, struct sim_request *r);
+/** The buffer that takes the next frame, or NULL. */
+struct sim_buffer *sim_cam_queue_next(struct sim_cam *cam);
+/** That buffer is filled. */
+void sim_cam_queue_done(struct sim_cam *cam);
+void sim_cam_queue_stop(struct sim_cam *cam, struct sim_request *r); /* r: of STREAMOFF, or NULL */
+void sim_cam_queue_free(struct sim_cam *cam);
+
+/* --- exposures (exposure.c) --------------------------------------------------------------------------------------- */
+
+/** Faults of a camera; the order of the table in camera_faults.c. */
+enum sim_cam_fault {
+    SST_SIM_FAULT_UNPLUG,
+    SST_SIM_FAULT_EIO,
+    SST_SIM_FAULT_ERROR_FLAG,
+    SST_SIM_FAULT_GAP,
+    SST_SIM_FAULT_LATE_MS,
+    SST_SIM_FAULT_LATE_P,
+    SST_SIM_FAULT_DUPLICATE,
+    SST_SIM_FAULT_FROZEN,
+    SST_SIM_FAULT_TRUNCATED,
+    SST_SIM_FAULT_CORRUPT_SOI,
+    SST_SIM_FAULT_CORRUPT_EOI,
+    SST_SIM_FAULT_CORRUPT_MID,
+    SST_SIM_FAULT_SHORT,
+    SST_SIM_FAULT_STALL,
+    SST_SIM_FAULT_BUSY,
+    SST_SIM_FAULT_NOSPACE,
+    SST_SIM_FAULT_SEQUENCE_WRAP,
+    SST_SIM_FAULT_TIME_WRAP,
+    SST_SIM_FAULT_BACKWARDS,
+    SST_SIM_FAULT_CLOCK_STEP_US,
+    SST_SIM_FAULT_SWAP,
+    SST_SIM_FAULT_CONTROL_STUCK,
+    SST_SIM_FAULT_SLOW_OPEN_MS,
+    SST_SIM_FAULTS_OF_CAMERA,
+};
+extern const struct sim_fault sim_cam_faults[SST_SIM_FAULTS_OF_CAMERA];
+
+struct sim_shot {
+    struct sim_timer timer;
+    struct sim_cam *cam;
+    struct sst_sim_exposure exposure;
+    uint32_t sequence;
+};
+
+struct sim_cam_counters {
+    uint64_t frames, lost, overtrigger, exposures;
+};
+
+struct sim_cam {
+    /* fixed after open */
+    struct sim_array *array;
+    struct sim_server *server;
+    struct sst_sim_world *world;
+    int index;
+    /* the device */
+    struct sim_node *node; /* NULL: unplugged */
+    int number;            /* of /dev/videoN; also the last one */
+    struct sim_open *opens;
+    struct v4l2_pix_format format;
+    struct v4l2_fract interval;
+    int32_t control[SST_SIM_CAM_CONTROLS];
+    struct sim_queue queue;
+    bool reserved; /* bandwidth of the bus */
+    /* the sensor */
+    uint64_t random;
+    int64_t busy_until_ns;
+    uint32_t sequence;
+    uint64_t free_run; /* index of the next frame */
+    int64_t free_run_start_ns;
+    struct sim_timer free_run_timer;
+    struct sim_shot shot[SST_SIM_CAM_SHOTS];
+    uint8_t *frozen; /* kept frame of the fault, [frozen_bytes] */
+    size_t frozen_bytes;
+    int64_t time_wrap_ns;
+    struct sim_cam_counters counters;
+};
+
+/** Set up the sensor's part. */
+void sim_cam_exposure_init(struct sim_cam *cam);
+int sim_cam_start(struct sim_cam *cam); /* at STREAMON; 0 or -ENOSPC */
+void sim_cam_stop(struct sim_cam *cam); /* at STREAMOFF; exposures under way are lost */
+/** A pulse on the trigger input; ignored in free run. */
+void sim_cam_edge(struct sim_cam *cam, uint64_t trigger, int64_t t_ns);
+/** S_PARM or trigger_mode changed while streaming. */
+void sim_cam_retime(struct sim_cam *cam);
+void sim_cam_fault_set(struct sim_cam *cam, int fault, double value);
+
+/* --- the array as its cameras see it (array.c) -------------------------------------------------------------------- */
+
+double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault);
+bool sim_cam_chance(struct sim_cam *cam, double probability);
+double sim_cam_gauss(struct sim_cam *cam);
+int64_t sim_array_opened_ns(const struct sim_array *a);
+const struct sim_bus *sim_array_bus(const struct sim_array *a);
+/** The camera that stands behind this one's cable: another one with fault "swap". */
+int sim_cam_body(const struct sim_cam *cam);
+/** Write what happened to an exposure into the truth log. why: NULL for delivered. */
+void sim_array_truth(struct sim_array *a, const struct sim_cam *cam, const struct sim_shot *shot, int64_t stamp_ns,
+                     const char *why);
+
+/* v4l2.c */
+extern const struct sim_ops sim_cam_ops;
+
+/* --- sysfs: a session's /sys, udev's data about it, and the events of both. --- */
+
+/*
+ * Paths are those that programs see, "/sys/devices/...". What cannot be written (a full disk) is logged once and seen
+ * by programs as missing; sim_sysfs_error() tells it.
+ */
+struct sim_sysfs; /* opaque; simulator's thread */
+
+/** /sys as the machine has it, by links, but without its own USB, PCI, GPIO and video devices.
+ *  @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server);
+void sim_sysfs_close(struct sim_sysfs *fs);
+struct sim_server *sim_sysfs_server(const struct sim_sysfs *fs);
+int sim_sysfs_error(const struct sim_sysfs *fs); /* the first, or 0 */
+
+/* --- entries ------------------------------------------------------------------------------------------------------ */
+
+/** An attribute: folder and name, contents as by printf, with a newline. Folders are made; it is replaced whole. */
+SST_PRINTF(4, 5)
+void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...);
+/** The same with bytes as they are. */
+void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes);
+/** Let programs write it; to be called once the attribute is there. node: to be removed by the caller. */
+void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *path, const struct sim_ops *ops,
+                        void *device);
+/** A link at `path` to another entry, relative as sysfs has them. */
+void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target);
+/** Remove a file, link or folder with all in it. */
+void sim_sysfs_remove(struct sim_sysfs *fs, const char *path);
+
+/* --- udev --------------------------------------------------------------------------------------------------------- */
+
+/** KEY=VALUE lines. */
+struct sim_props {
+    char text[4096];
+    size_t bytes;
+};
+
+SST_PRINTF(2, 3) void sim_props_add(struct sim_props *props, const char *fmt, ...);
+
+/**
+ * An event about a device: the kernel's to those who listen to it, udev's to those who listen to that.
+ *
+ * @param devpath  without /sys
+ * @param kernel   as in the attribute "uevent", and SUBSYSTEM
+ * @param id       under which udev keeps data, "c81:0", renewed before it tells and removed after; NULL: it keeps none
+ * @param udev     what udev knows besides. Lines with S: are links in /dev. NULL: nothing.
+ */
+void sim_uevent(struct sim_sysfs *fs, const char *action, const char *devpath, const struct sim_props *kernel,
+                const char *id, const struct sim_props *udev);
+
+/** udev's data alone, without an event. udev NULL: removed. */
+void sim_udev_data(struct sim_sysfs *fs, const char *id, const struct sim_props *udev);
+
+/* --- gpio_front: simulated GPIO chips as programs of a session see them. --- */
+
+struct sim_gpio_front; /* opaque; simulator's thread */
+
+struct sim_gpio_front_config {
+    struct sim_sysfs *sysfs;
+    struct sim_faults *faults;
+    int lines; /* trigger lines TRIG0.., 1..16 */
+    uint64_t seed;
+    void *arg;
+    /** A trigger line rose. */
+    void (*edge)(void *arg, int line, int64_t t_ns);
+};
+
+/**
+ * Make the chips appear: gpiochip0 "sst-board", gpiochip1 "sst-trigger" with lines TRIG0.. and the input LOOP0 that is
+ * wired to TRIG0. @return 0 or -errno, logged.
+ */
+SST_MUST_CHECK int sim_gpio_front_open(struct sim_gpio_front **out, const struct sim_gpio_front_config *cfg);
+void sim_gpio_front_close(struct sim_gpio_front *front);
+
+/* --- rig: the motor rig of a session: simulated drives that carry the world's one camera. --- */
+
+struct sim_rig; /* opaque; simulator's thread */
+
+#define SST_SIM_RIG_LINK "/dev/serial/by-id/usb-sim_rig"
+
+/**
+ * Start the drives: Modbus RTU behind SST_SIM_RIG_LINK, Modbus TCP on 127.0.0.1.
+ *
+ * @param dir    of the session
+ * @param port   0: any free one
+ * @return 0, -EADDRINUSE, -ENAMETOOLONG, -ENOMEM or -errno; logged.
+ */
+SST_MUST_CHECK int sim_rig_open(struct sim_rig **out, const char *dir, int port, uint64_t seed);
+/** NULL is fine. */
+void sim_rig_close(struct sim_rig *rig);
+
+/** As sst_sim_drive_pose(). */
+void sim_rig_pose(struct sim_rig *rig, int64_t t_ns, int32_t pose_um[3]);
+
+/** "rig.NAME=VALUE". @param message  out, [size], on failure @return 0 or -EINVAL */
+SST_MUST_CHECK int sim_rig_fault(struct sim_rig *rig, const char *text, char *message, size_t size);
+
+/** All faults of the rig with help, for the list. */
+extern const char sim_rig_faults[];
+
+/** Member "rig" of the status; NULL: no memory. */
+json_t *sim_rig_status(struct sim_rig *rig);
+
+/* --- server_internal: shared by the parts of the server. --- */
+
+#define SST_SIM_HANDLES_MAX 16384
+
+/** What epoll's pointer points to: the first member of everything that is waited for. */
+struct sim_source {
+    void (*ready)(struct sim_server *s, struct sim_source *source, uint32_t events);
+};
+
+struct sim_conn {
+    struct sim_source source;
+    int fd;
+    bool pending, dead;
+    struct sim_request request;
+    struct sim_timer delay; /* for sim_answer_at() */
+    struct sim_server *server;
+    int delayed_result;
+    struct sim_conn *next;
+    uint8_t data[SST_SIM_PAYLOAD_MAX];
+};
+
+struct sim_open_file {
+    struct sim_source source;
+    struct sim_handle handle; /* lent to the device */
+    struct sim_node *node;    /* NULL: made by an ioctl */
+    bool dead;
+    struct sim_open_file *next_dead;
+};
+
+struct sim_node {
+    char path[256];
+    unsigned dev_major, dev_minor;
+    const struct sim_ops *ops;
+    void *device;
+    struct sim_node *next;
+};
+
+struct sim_watched {
+    struct sim_source source;
+    int fd;
+    void (*fn)(void *arg);
+    void *arg;
+    struct sim_watched *next;
+};
+
+struct sim_server {
+    char dir[SST_PATH_MAX];
+    struct sst_sim_control control;
+    int epoll, listener, timerfd;
+    int hangups; /* epoll of the open files' ends, in the other */
+    bool stop;
+    struct sim_source listener_source, timer_source, hangups_source;
+    struct sim_conn *conns;
+    struct sim_node *nodes;
+    struct sim_watched *watched;
+    struct sim_open_file **files; /* [file_slots]; NULL: free */
+    int file_slots;
+    uint32_t generation;
+    struct sim_open_file *dead_files; /* freed when no event can point to them */
+    struct sim_timer **heap;          /* [timers], earliest first */
+    int timers, heap_room;
+};
+
+/* server_timer.c */
+void sim_timers_fire(struct sim_server *s);
+void sim_timers_arm(struct sim_server *s);
+
+/* server_files.c */
+struct sim_open_file *sim_file_find(struct sim_server *s, uint32_t id);
+SST_MUST_CHECK int sim_file_open(struct sim_server *s, struct sim_request *r);
+uint64_t sim_file_device(const struct sim_open_file *f);                /* major << 32 | minor; 0: none */
+void sim_files_drop(struct sim_server *s, const struct sim_node *node); /* NULL: all */
+void sim_files_free_dead(struct sim_server *s);
+
+/* server_dev.c */
+SST_MUST_CHECK int sim_dev_open(struct sim_server *s);
+struct sim_node *sim_node_find(struct sim_server *s, const char *path);
+
+/* server.c */
+SST_MUST_CHECK int sim_source_add(int epoll, int fd, uint32_t events, struct sim_source *source);
+void sim_requests_fail(struct sim_server *s, struct sim_handle *h, int err);
+
+/* --- session: a folder that programs find their devices by, and the command that runs in it. --- */
+
+/** Make a new folder for a session in $XDG_RUNTIME_DIR, /dev/shm or /tmp, for this user alone; folders there of
+ * sessions that were killed are removed. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_session_make(char dir[SST_PATH_MAX]);
+
+/**
+ * Set up this process's environment for programs of a session: SST_SIM_DIR and LD_PRELOAD.
+ * @param further  another library to preload after ours, or NULL
+ * @return 0, -ENOENT (the preload library is not where it should be) or -errno, logged.
+ */
+SST_MUST_CHECK int sim_session_enter(const char *dir, const char *further);
+
+/** The command that a session is there for. */
+struct sim_command {
+    int pid;       /* and process group; 0: has ended */
+    int signals;   /* signalfd: readable when sim_command_signal() has something to do */
+    bool terminal; /* it was given the terminal */
+    int status;    /* exit status, 128 + signal */
+    sigset_t mask; /* signals blocked before */
+};
+
+/** Block the signals that end programs, before there are threads, and have them and the end of children told by
+ *  c->signals. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_command_prepare(struct sim_command *c);
+
+/** Start argv in a process group of its own. @return 0, -ENOENT/-EACCES... (it cannot be executed) or -errno; logged.
+ */
+SST_MUST_CHECK int sim_command_start(struct sim_command *c, char *const argv[]);
+
+/** Pass a signal on, or take the command's end. @return true: it has ended (or, without a command, a signal came). */
+bool sim_command_signal(struct sim_command *c);
+
+/** End a command that still runs, and give the terminal back. A zeroed struct is fine. */
+void sim_command_close(struct sim_command *c);
+
+/** Ask a session: see enum sst_sim_op. @param answer  out, [size], text. @return the answer's result or -errno. */
+SST_MUST_CHECK int sim_session_ask(const char *dir, unsigned op, const char *text, char *answer, size_t size);
+
+/* --- wires: what the cameras are connected to: USB, trigger lines, the rig that carries them. --- */
+
+struct sim_wires; /* opaque; simulator's thread */
+
+struct sim_wires_options {
+    const char *usb;  /* layout of the tree, sst_sim_usb_layout(); NULL: the first */
+    bool one_trigger; /* line TRIG0 exposes all cameras; else each row has its line */
+    bool rig;         /* drives carry the camera */
+    int rig_port;     /* their TCP port on 127.0.0.1; 0: any free one */
+};
+
+struct sim_wires_config {
+    struct sim_wires_options options;
+    struct sim_server *server;
+    struct sim_faults *faults;
+    const struct sst_sim_world *world; /* borrowed */
+};
+
+/** Make /sys and the USB tree. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg);
+const struct sst_sim_usb *sim_wires_usb(const struct sim_wires *wires);
+
+/** NULL: no rig. */
+struct sim_rig *sim_wires_rig(const struct sim_wires *wires);
+
+/** Connect the cameras, make the GPIO chips and start the drives. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_wires_attach(struct sim_wires *wires, struct sim_array *array);
+
+/** After the array has been closed. NULL is fine. */
+void sim_wires_close(struct sim_wires *wires);
+
+/* --- simulator: world, server and all simulated devices, put together. --- */
+
+struct sim_options {
+    const char *world, *cache; /* as for sst_sim_world_open() */
+    const char *truth;         /* or NULL */
+    const char *stats;         /* file for figures at the end, JSON; or NULL */
+    struct sim_wires_options wires;
+    const char *const *faults; /* [fault_count] "NAME=VALUE" from the start */
+    int fault_count;
+    bool quiet;
+};
+
+struct sim_simulator; /* opaque */
+
+/** Open the world, which may take a while. @return 0 or -errno, logged. */
+SST_MUST_CHECK int sim_simulator_open(struct sim_simulator **out, const struct sim_options *options);
+/** Make the devices appear in a session's folder. @return 0 or -errno, logged; close it then. */
+SST_MUST_CHECK int sim_simulator_start(struct sim_simulator *sim, const char *dir);
+/** Also tells what the simulation cost. NULL is fine. */
+void sim_simulator_close(struct sim_simulator *sim);
+struct sim_server *sim_simulator_server(const struct sim_simulator *sim);
+
+/* --- sysfs_internal: shared by sysfs.c and uevent.c only. --- */
+
+struct sim_listener;
+
+struct sim_sysfs {
+    struct sim_server *server;
+    char root[SST_PATH_MAX]; /* the session's folder */
+    int err;
+    uint64_t sequence; /* of events */
+    struct sim_node *events;
+    struct sim_listener *listeners;
+    struct sim_timer retry;
+};
+
+/* uevent.c */
+SST_MUST_CHECK int sim_events_open(struct sim_sysfs *fs);
+void sim_events_close(struct sim_sysfs *fs);
+
+/* --- usb_front: the simulated USB tree as programs of a session see it: /sys, /dev/bus/usb, udev. --- */
+
+struct sim_usb_front; /* opaque; simulator's thread */
+
+struct sim_usb_front_config {
+    struct sim_sysfs *sysfs;
+    struct sim_faults *faults;
+    const char *layout; /* a name of sst_sim_usb_layout(); NULL: the first */
+    int cameras;
+    const int (*sizes)[2];
+    int size_count;
+    void *arg;
+    /** A camera's driver bound or let go: its video node shall appear or go, told by sim_usb_front_video(). */
+    void (*works)(void *arg, int cam, bool works);
+    /** The camera was reset, authorised again, or got its power back: SST_SIM_USB_RESET, _REAUTHORISED, _POWERED. */
+    void (*rung)(void *arg, int cam, enum sst_sim_usb_event rung);
+};
+
+/** Make controllers, hubs and cameras appear; `works` is not called. @return 0, -EINVAL (layout), -errno; logged. */
+SST_MUST_CHECK int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_config *cfg);
+void sim_usb_front_close(struct sim_usb_front *front);
+
+struct sst_sim_usb *sim_usb_front_model(struct sim_usb_front *front);
+
+/**
+ * A camera's /dev/videoN is there, or has gone: shown in /sys and told by udev. Where the bus did not ask for it the
+ * camera was plugged or unplugged by hand.
+ * @return false: a hub above it is away, so the node must go again
+ */
+bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int node);
+
+/* --- usb_front_internal: shared by usb_front.c, usb_sysfs.c and usbfs.c only. --- */
+
+#define SST_SIM_USB_MAJOR 189
+
+struct usb_file;
+
+/** A writable attribute of a device, or of one of its ports. */
+struct usb_attribute {
+    struct sim_usb_front *front;
+    int device, port; /* port 0: "authorized" of the device */
+    struct sim_node *node;
+};
+
+/** "bind" and "unbind" of a driver. */
+struct usb_driver_file {
+    struct sim_usb_front *front;
+    const char *driver;
+    bool bind;
+    struct sim_node *node;
+};
+
+/** What is shown of a device. */
+struct usb_shown {
+    struct sim_usb_front *front;
+    int device;
+    struct sim_node *node; /* in /dev/bus/usb */
+    struct usb_attribute attribute[SST_SIM_USB_PORTS + 1];
+    int video;                  /* N of /dev/videoN, or -1 */
+    struct usb_file *claims[2]; /* by interface: who claimed it through usbfs */
+};
+
+struct sim_usb_front {
+    struct sim_usb_front_config cfg;
+    struct sim_server *server;
+    struct sst_sim_usb *usb;
+    struct usb_shown *shown; /* [devices] */
+    struct usb_driver_file driver_file[4];
+    bool telling; /* within an event of the model: what follows is not by hand */
+};
+
+/* usb_sysfs.c */
+void usb_sysfs_drivers(struct sim_usb_front *front);
+void usb_sysfs_add(struct sim_usb_front *front, int device);
+void usb_sysfs_remove(struct sim_usb_front *front, int device);
+/** An interface got its driver or lost it. */
+void usb_sysfs_bound(struct sim_usb_front *front, int device, int interface);
+void usb_sysfs_changed(struct sim_usb_front *front, int device);
+void usb_sysfs_video(struct sim_usb_front *front, int device, bool present, int node);
+/** Folder of a device in /sys. */
+void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_PATH_MAX]);
+/** "1-2:1.0" */
+void usb_interface_name(const struct sst_sim_usb_device *d, int interface, char *out, size_t size);
+
+/* usb_attributes.c: what is written */
+extern const struct sim_ops usb_attribute_ops, usb_driver_ops;
+
+/* usbfs.c */
+extern const struct sim_ops usb_file_ops;
+
+#endif

@@ -1,0 +1,335 @@
+/* simulators/scene/world/world_internal.h - what the files of this folder share; code outside of it includes the public
+ * headers. */
+#ifndef SST_SIMULATORS_SCENE_WORLD_WORLD_INTERNAL_H
+#define SST_SIMULATORS_SCENE_WORLD_WORLD_INTERNAL_H
+
+#include <stdbool.h>
+
+#include "pipeline/image/image.h"
+#include "simulators/scene/world.h"
+#include "simulators/scene/world/settings.h"
+#include "simulators/scene/world/sim_world.h"
+
+/* --- board: calibration boards as surfaces of a scene. --- */
+
+/*
+ * Boards as OpenCV and Kalibr draw them. In a board's own axes x is right and y down as one looks at it, z away from
+ * the looker, the origin its centre; cols x rows squares or tags: chessboard   the upper left square is black ChArUco
+ * the same, markers of DICT_4X4_50 with a border of one module in the white squares, numbered row by row AprilGrid tags
+ * 36h11 with a border of two modules, numbered row by row from the upper left, small black squares between the corners
+ * of the tags Around it is a white margin of half a square, on an AprilGrid of the gap between tags.
+ */
+
+/** Most squares or tags that there are markers for. */
+#define SST_SIM_CHARUCO_MARKERS 50
+#define SST_SIM_APRIL_TAGS      36
+
+#define SST_SIM_BOARD_WHITE 0xEC /* sRGB */
+#define SST_SIM_BOARD_BLACK 0x14
+
+/** Size of the board without its margin. */
+void sim_board_size(const struct sst_sim_board *board, double *width_mm, double *height_mm);
+/** White beside the pattern. */
+double sim_board_margin(const struct sst_sim_board *board);
+
+/**
+ * The pattern at a point of the board, mm from its centre; white beyond it.
+ * @param clear_mm  out: so far in x and in y there is no edge of the pattern
+ */
+bool sim_board_white(const struct sst_sim_board *board, double x_mm, double y_mm, double *clear_mm);
+
+/** Fill in poses 0 .. board->poses-1 from the seed: before the array, turned every way, a third to half of a picture.
+ */
+void sim_board_seed_poses(struct sst_sim_board *board, const struct sst_sim_settings *settings,
+                          const struct sst_world *world);
+
+/** Add the board, which must stay, in one of its poses to a world. */
+void sim_board_add(struct sst_world *w, const struct sst_sim_board *board, int pose);
+
+/** Ideal cameras of "board", unless they are those of another scene. */
+#define SST_SIM_BOARD_FOCAL      1200 /* design px */
+#define SST_SIM_BOARD_SPACING_MM 60
+
+#define SST_SIM_BOARD_FLOOR_MM 900 /* below the reference camera */
+
+/** Depth of the wall behind boards: narrow lenses stand further off. */
+double sim_board_wall_mm(double focal);
+
+/** Add an empty room, for boards to be held in, to a world whose focal length is set. */
+void sim_board_room(struct sst_world *w);
+
+/** A camera that looks at a board in the empty room. */
+struct sim_board_view {
+    const struct sst_sim_board *board;
+    int pose;
+    double floor_mm, wall_mm; /* what is beyond them is not seen */
+    double focal_px, cx, cy;  /* of the ideal picture */
+    double eye_mm[3];
+    const struct sst_warp *warp; /* of the picture's size; or NULL */
+};
+
+/**
+ * Draw the board into a picture of the room: 64 samples of each pixel, weighted as a pixel's area and the blur of a
+ * lens, about half a pixel. Edges sharper than any lens makes them would shift found corners by up to a tenth of a
+ * pixel. A pose's blur_px is a movement along x during the exposure.
+ *
+ * @return 0 or -ENOMEM
+ */
+SST_MUST_CHECK int sim_board_draw(const struct sim_board_view *view, struct sst_image *image);
+
+/* --- camera: the true parameters of each simulated camera, and its geometry. --- */
+
+/** The ideal camera that all would be, of a scene at a size. */
+struct sim_optics {
+    double focal_px, cx, cy; /* px, pixel centres on integers */
+    double spacing_mm;
+};
+
+/**
+ * One camera. A point X (mm, array axes: x right, y down, z forward, origin at the reference camera) is at
+ * P = rotation (X - position_mm) in camera axes, a = P.x / P.z, b = P.y / P.z, r2 = a^2 + b^2, and is seen at
+ *   x = fx a' + cx, y = fy b' + cy with a' = a (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 a b + p2 (r2 + 2 a^2),
+ *   b' = b (...) + p1 (r2 + 2 b^2) + 2 p2 a b   (Brown 1966, as in OpenCV).
+ */
+struct sim_camera {
+    double fx, fy, cx, cy;
+    double distortion[5]; /* k1 k2 p1 p2 k3 */
+    double rotation[9];
+    double position_mm[3];
+    double gain[3]; /* of linear red, green, blue */
+    struct sst_sim_timing timing;
+};
+
+/** Parameters of camera cam, by the settings' seed: the same for any size of the grid. */
+void sim_camera_make(struct sim_camera *out, const struct sst_sim_settings *s, const struct sim_optics *ideal, int cam);
+
+/**
+ * Take the distortion away (Newton's method).
+ *
+ * @param u,v  distorted: (x - cx) / fx, (y - cy) / fy
+ * @return false: no point is seen there, the lens folds over before it
+ */
+SST_MUST_CHECK bool sim_camera_undistort(const struct sim_camera *camera, double u, double v, double *a, double *b);
+
+/** Turn a camera (in its own axes) and shift it, as the settings say that camera cam moves. */
+void sim_camera_move(struct sim_camera *camera, const struct sst_sim_settings *s, int cam);
+
+/** A number of the normal distribution. */
+double sim_normal(uint64_t *rng);
+
+/** Turns about x, then y, then z, in degrees, as a matrix. */
+void sim_rotation(const double deg[3], double matrix[9]);
+
+/* --- convert: decoded frames in the sizes and pixel formats that cameras deliver. --- */
+
+/** Mean of the pixels under each pixel of a smaller picture. @param out  out, initialised by the caller */
+void sim_shrink(const struct sst_image *in, struct sst_image *out);
+
+/** Bytes of a frame of an uncompressed format; 0: no camera offers this format. */
+size_t sim_format_bytes(uint32_t fourcc, int width, int height);
+
+/** Pack a picture without padding; Bayer takes one colour of each pixel. @param out [sim_format_bytes()] */
+void sim_pack(const struct sst_image *img, uint32_t fourcc, uint8_t *out);
+
+/** Set rows 0 .. height-1 of a packed picture to grey luma. @param luma [height][width] */
+void sim_pack_luma(const uint8_t *luma, int width, int height, uint32_t fourcc, uint8_t *out);
+
+/* --- strip: the machine-readable strip along a simulated frame's upper edge. --- */
+
+/*
+ * Cells of 8x8 px, black (luma 16) for 0 and white (240) for 1, in rows from the upper left; after the last bit black.
+ * Each cell is one block of a JPEG. Numbers are unsigned, high bit first, and clamped to what fits:
+ *   camera 8 | trigger 40 | start of exposure, ns 56 | exposure, us 20 | gain in 1/64 12 | pose x, y, z in um, two's
+ *   complement 3 x 24 | CRC-32 (IEEE 802.3) of the 26 bytes before 32
+ */
+#define SST_STRIP_CELL  8
+#define SST_STRIP_BITS  240
+#define SST_STRIP_BYTES (SST_STRIP_BITS / 8)
+#define SST_STRIP_BLACK 16
+#define SST_STRIP_WHITE 240
+
+/** Rows of pixels that the strip takes in a frame this wide (a multiple of 8; 24 at 640). */
+int strip_height(int width);
+
+/** The strip's bits, high bit of the first byte first. */
+void strip_pack(const struct sst_sim_exposure *exposure, uint8_t bits[SST_STRIP_BYTES]);
+
+/** Colour of cell i: bit i, and 0 after the last. */
+static inline bool strip_cell(const uint8_t bits[SST_STRIP_BYTES], int i)
+{
+    return i < SST_STRIP_BITS && (bits[i / 8] >> (7 - i % 8) & 1);
+}
+
+/** Draw the strip into luma. @param luma [strip_height(width)][stride] */
+void strip_draw(uint8_t *luma, size_t stride, int width, const struct sst_sim_exposure *exposure);
+
+/**
+ * Read a strip from decoded luma; the height may be that of the strip alone.
+ *
+ * @return 0 or -EBADMSG (no strip, a cell neither black nor white, or the checksum is wrong)
+ */
+SST_MUST_CHECK int strip_read(const uint8_t *luma, size_t stride, int width, int height,
+                              struct sst_sim_exposure *exposure);
+
+/* --- jpeg: frames as JPEG 4:2:2 with a restart after each row of blocks, and the strip set into them. --- */
+
+/** A frame's bytes and where the strip goes in. */
+struct sim_jpeg {
+    uint8_t *data;
+    uint32_t bytes;
+    uint32_t scan;    /* first byte after the headers */
+    uint32_t rest;    /* first byte after the strip's rows; scan where the frame has none */
+    uint32_t dc_step; /* of luma: quantiser of the blocks' means */
+};
+
+/**
+ * Encode a picture.
+ *
+ * @param strip  leave room for the strip: a picture at least as high as it
+ * @param out    data to free with free()
+ * @return 0, -EINVAL (no room for the strip), -ENOMEM, -EIO (the encoder refuses; logged).   Thread: any.
+ */
+SST_MUST_CHECK int sim_jpeg_encode(const struct sst_image *img, int quality, bool strip, struct sim_jpeg *out);
+
+/**
+ * Copy a frame with its strip drawn: the rows of the strip are coded anew, all others are copied.
+ *
+ * @param exposure  NULL: no strip, a plain copy
+ * @return 0 or -ENOSPC
+ */
+SST_MUST_CHECK int sim_jpeg_copy(const struct sim_jpeg *in, int width, const struct sst_sim_exposure *exposure,
+                                 uint8_t *out, size_t capacity, size_t *bytes);
+
+/* --- loop: the prepared frames of all cameras: rendered once, kept in a file, mapped into memory. --- */
+
+#define SST_SIM_KEY_BYTES 32
+
+/**
+ * Render and encode all frames of one camera.
+ *
+ * @param frames  out, [number of frames]; data freed by the caller, also after a failure; zeroed before the call
+ * @return 0 or a negative errno, logged.   Thread: several at a time, each with its own camera.
+ */
+typedef int sim_render_fn(void *arg, int cam, struct sim_jpeg *frames);
+
+struct sim_loop; /* opaque; read-only after open */
+
+/**
+ * Map the loop of this key, after rendering it and writing its file where the cache has none.
+ *
+ * @param folder  of the cache, made where missing
+ * @param name    of the world, for progress on a terminal
+ * @return 0, -ENOMEM, -EIO/-ENOSPC/-EROFS/-EACCES (cache), or what render returned; logged
+ */
+SST_MUST_CHECK int sim_loop_open(struct sim_loop **out, const char *folder, const uint8_t key[SST_SIM_KEY_BYTES],
+                                 const char *name, int cams, int frames, sim_render_fn *render, void *arg);
+void sim_loop_close(struct sim_loop *loop);
+
+/** A frame; its data stays the loop's and is only read. */
+struct sim_jpeg sim_loop_frame(const struct sim_loop *loop, int cam, int frame);
+
+/* --- made: frames made on demand, kept until their memory is needed for others. --- */
+
+/** What a made frame depends on. */
+struct sim_made_key {
+    int cam, frame;
+    int32_t pose_um[3];
+    uint32_t fourcc;
+    int width, height;
+    int light; /* exposure times gain against the nominal one, in 1/1024 */
+};
+
+struct sim_made; /* opaque; one thread at a time */
+
+/** @param budget_bytes  of all frames kept; the least recently used one goes first */
+SST_MUST_CHECK int sim_made_create(struct sim_made **out, int cams, size_t budget_bytes);
+void sim_made_destroy(struct sim_made *made);
+
+/** The frame of a key, or NULL; valid until the next call. A packed frame has scan = rest = 0. */
+const struct sim_jpeg *sim_made_find(struct sim_made *made, const struct sim_made_key *key);
+
+/** Keep a frame: its data is taken over, also on failure. @return 0 or -ENOMEM */
+SST_MUST_CHECK int sim_made_keep(struct sim_made *made, const struct sim_made_key *key, const struct sim_jpeg *frame);
+
+/* --- photo: light on the sensor: exposure, gains, vignetting, noise. Bytes are sRGB, light is linear. --- */
+
+/** Multiply the light of a picture. */
+void sim_light(struct sst_image *img, double factor);
+
+struct sim_photo; /* opaque; read-only after create */
+
+SST_MUST_CHECK int sim_photo_create(struct sim_photo **out, const struct sst_sim_settings *settings);
+void sim_photo_destroy(struct sim_photo *photo);
+
+struct sim_exposing {
+    const struct sim_camera *camera;
+    double light;  /* of the scene; 1: nominal */
+    uint64_t seed; /* of the noise */
+};
+
+/**
+ * What the sensor makes of a picture: light times the camera's gain times 1 - vignetting r^2 (r from the
+ * principal point in half diagonals of the picture), then noise of standard deviation sqrt(e + read^2) electrons where
+ * white is full_well_e, then sRGB. An ideal camera's picture is copied as it is.
+ *
+ * @param out  of the size of in, initialised by the caller; may be in itself
+ */
+void sim_photo_expose(const struct sim_photo *photo, const struct sim_exposing *e, const struct sst_image *in,
+                      struct sst_image *out);
+
+/* --- render: pictures of a world: its surfaces at any time, as each camera sees them. --- */
+
+struct sim_stage; /* opaque; read-only after open */
+
+/**
+ * @param settings  must stay
+ * @return 0, -EINVAL (a scene that is not there, a lens that folds the picture over; logged), -ENOMEM
+ */
+SST_MUST_CHECK int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settings);
+void sim_stage_close(struct sim_stage *stage);
+
+const struct sim_optics *sim_stage_optics(const struct sim_stage *stage);
+const struct sim_camera *sim_stage_camera(const struct sim_stage *stage, int cam);
+/** The camera as it is from frame *at of the loop on; NULL: it does not move. */
+const struct sim_camera *sim_stage_moved(const struct sim_stage *stage, int cam, int *at);
+/** The board with all its poses; kind SST_SIM_NO_BOARD: there is none. */
+const struct sst_sim_board *sim_stage_board(const struct sim_stage *stage);
+/** How long the loop is. */
+int sim_stage_frames(const struct sim_stage *stage);
+
+/** What is told each picture, in order; it is of native size and lent. @return 0 or a negative errno, which ends. */
+typedef int sim_picture_fn(void *arg, int frame, const struct sst_image *image);
+
+/** Render the whole loop of a camera of an array. @return 0, -ENOMEM or what fn returned.   Thread: any. */
+SST_MUST_CHECK int sim_stage_loop(const struct sim_stage *stage, int cam, sim_picture_fn *fn, void *arg);
+
+/** Render one picture of the rig's camera. @return as above.   Thread: any. */
+SST_MUST_CHECK int sim_stage_pose(const struct sim_stage *stage, const int32_t pose_um[3], int frame,
+                                  sim_picture_fn *fn, void *arg);
+
+/**
+ * What an eye sees along many rays, exactly: boards are surfaces here.
+ *
+ * @param rays   where they cross the ideal picture of that eye, as set with sst_warp_init(); indexed here
+ * @param depth  out, mm from the eye along z, 0: nothing; of the rays' size, as label is; either may be NULL
+ * @return 0 or -ENOMEM.   Thread: any.
+ */
+SST_MUST_CHECK int sim_stage_look(const struct sim_stage *stage, int frame, const double eye_mm[3],
+                                  struct sst_warp *rays, struct sst_map_f32 *depth, struct sst_map_u8 *label);
+
+/* --- truth: all true parameters of a world as JSON. --- */
+
+/** @return 0, -ENOMEM, or what a failed output returns; logged */
+SST_MUST_CHECK int sim_truth_write(const struct sst_sim_settings *settings, const struct sim_stage *stage,
+                                   const char *path);
+
+/**
+ * The same as a calibration in the reference camera's axes (pipeline/camera/calib.h), of an array's cameras before they
+ * move; of a rig at the places one spacing apart that make its light field, at which it looks straight ahead. A
+ * calibration's fall-off is about the principal point, the world's about the middle: exact where those agree.
+ * @return as above, -EINVAL (not finite)
+ */
+SST_MUST_CHECK int sim_truth_calib(const struct sst_sim_settings *settings, const struct sim_stage *stage,
+                                   const char *path);
+
+#endif
