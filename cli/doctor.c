@@ -66,8 +66,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *config = NULL, *folder = NULL;
     bool json = false;
     const struct cli_option options[] = {
-        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it is there)", 0, 0 },
-        { "output", 'o', CLI_STRING, &folder, "DIR", "folder that recordings will go to: is tried for 1 s", 0, 0 },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)", 0, 0 },
+        { "output", 'o', CLI_STRING, &folder, "DIR", "folder of recordings; its write speed is measured for 1 s", 0,
+          0 },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
@@ -98,10 +99,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_doctor = {
     .name = "doctor",
     .usage = "[--config FILE] [-o DIR] [--json]",
-    .summary = "what stands in the way of capturing: rights, cameras, bandwidth, lines, disk, clock",
-    .detail =
-        "Looks at what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in one\n"
-        "sentence with its remedy. Exit code 3 when there is a problem.",
+    .summary = "check permissions, cameras, bandwidth, lines, disk and clock for capturing",
+    .detail = "Checks what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in "
+              "one\nsentence with its remedy. Exit code 3 when there is a problem.",
     .example = "sst doctor --config array.yaml -o /var/lib/sst",
     .run = run,
 };

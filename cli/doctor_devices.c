@@ -72,11 +72,11 @@ static void check_answers(struct doctor *d, const struct sst_grab_device *list, 
     }
     if (denied.count) {
         remedy_of_rights(node, remedy, sizeof(remedy));
-        doctor_say(d, DOCTOR_PROBLEM, "rights", "no right to open %s: %s", text_of(&denied), remedy);
+        doctor_say(d, DOCTOR_PROBLEM, "rights", "no permission to open %s: %s", text_of(&denied), remedy);
     }
     if (silent.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "%s cannot be opened (%s): unplug and plug it in again",
-                   text_of(&silent), strerror(error));
+        doctor_say(d, DOCTOR_PROBLEM, "cameras", "cannot open %s (%s): unplug and plug it in again", text_of(&silent),
+                   strerror(error));
     if (n && !denied.count && !silent.count)
         doctor_say(d, DOCTOR_OK, "rights", "%d camera%s can be opened", n, n == 1 ? "" : "s");
 }
@@ -88,7 +88,7 @@ static void check_serials(struct doctor *d, const struct sst_grab_device *list, 
             if (strcmp(list[i].serial, list[j].serial))
                 continue;
             doctor_say(d, DOCTOR_WARNING, "cameras",
-                       "the cameras on ports %s and %s both say serial %s: bind them by port", list[j].port,
+                       "the cameras on ports %s and %s both have serial %s: bind them by port", list[j].port,
                        list[i].port, list[i].serial);
             return; /* one pair tells how it is */
         }
@@ -123,14 +123,14 @@ static void check_places(struct doctor *d, const struct sst_grab_device *list, i
     }
     if (missing.count)
         doctor_say(d, DOCTOR_PROBLEM, "cameras",
-                   "%d of %d cameras are missing, %s: plug them in, or correct `bind` "
-                   "(`sst cameras` lists what is there)",
+                   "%d of %d cameras are missing, %s: plug them in, or correct `bind` (`sst cameras` lists the "
+                   "connected ones)",
                    missing.count, d->cfg->bound, text_of(&missing));
     if (twice.count)
         doctor_say(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port",
                    text_of(&twice));
     if (!missing.count && !twice.count)
-        doctor_say(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are there", d->cfg->bound);
+        doctor_say(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are connected", d->cfg->bound);
     if (n > d->cfg->bound)
         doctor_say(d, DOCTOR_OK, "cameras", "%d more cameras are plugged in than the configuration binds",
                    n - d->cfg->bound);
@@ -153,15 +153,14 @@ void doctor_check_cameras(struct doctor *d)
     } else {
         d->cameras = sst_min_int(n, places);
         if (!n)
-            doctor_say(d, DOCTOR_PROBLEM, "cameras",
-                       "no camera is plugged in: connect one, and look at `sst topology`");
+            doctor_say(d, DOCTOR_PROBLEM, "cameras", "no camera is connected: plug one in, and see `sst topology`");
         else if (n < places)
             doctor_say(d, DOCTOR_WARNING, "cameras",
-                       "%d cameras for %dx%d places: the last places stay empty; bind "
-                       "cameras to places, or correct rows and cols",
+                       "%d cameras for %dx%d positions: the last positions stay empty; bind cameras to positions, or "
+                       "correct rows and cols",
                        n, d->cfg->rows, d->cfg->cols);
         else
-            doctor_say(d, DOCTOR_OK, "cameras", "%d cameras for %dx%d places, in the order of their ports", n,
+            doctor_say(d, DOCTOR_OK, "cameras", "%d cameras for %dx%d positions, in the order of their ports", n,
                        d->cfg->rows, d->cfg->cols);
     }
     free(list);
@@ -180,8 +179,8 @@ static void check_nodes(struct doctor *d, const struct cli_usb *u)
     }
     if (idle.count)
         doctor_say(d, DOCTOR_WARNING, "cameras",
-                   "%d cameras have no /dev/video node (ports %s): load their driver "
-                   "(modprobe uvcvideo), or see in `dmesg` why it refused them",
+                   "%d cameras have no /dev/video node (ports %s): load their driver (modprobe uvcvideo), or check "
+                   "`dmesg` for why it rejects them",
                    idle.count, text_of(&idle));
 }
 
@@ -200,8 +199,8 @@ static void check_recovery(struct doctor *d, const struct cli_usb *u)
     }
     if (denied.count)
         doctor_say(d, DOCTOR_WARNING, "rights",
-                   "no right to reset cameras that hang (%s): install "
-                   "systemd/60-sst.rules; without it recovery ends at reopening them",
+                   "no permission to reset cameras that hang (%s): install systemd/60-sst.rules; without it recovery "
+                   "ends at reopening them",
                    text_of(&denied));
     else if (u->stream_count)
         doctor_say(d, DOCTOR_OK, "rights", "cameras that hang can be reset over USB");
@@ -267,7 +266,7 @@ void doctor_check_rig(struct doctor *d)
         doctor_say(d, DOCTOR_OK, "rig", "serial line %s can be opened", path);
     } else if (errno == EACCES) {
         remedy_of_rights(path, remedy, sizeof(remedy));
-        doctor_say(d, DOCTOR_PROBLEM, "rig", "no right to open serial line %s: %s", path, remedy);
+        doctor_say(d, DOCTOR_PROBLEM, "rig", "no permission to open serial line %s: %s", path, remedy);
     } else {
         doctor_say(d, DOCTOR_PROBLEM, "rig", "serial line %s: %s: plug the adapter in, or correct the rig's bus", path,
                    strerror(errno));

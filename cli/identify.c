@@ -50,7 +50,7 @@ static int decode(struct sst_image *img, const struct sst_frame *f, const char *
         return sst_image_decode(img, f->data, f->bytes, name);
     err = sst_raw_to_image(img, &raw);
     if (err)
-        sst_log_error("the frame of %s cannot be read: %s", name, strerror(-err));
+        sst_log_error("cannot decode the frame of %s: %s", name, strerror(-err));
     return err;
 }
 
@@ -257,13 +257,13 @@ static int write_pictures(const struct session *s, const char *dir, char **files
     }
     if (err || got)
         return err;
-    sst_log_error("no camera sent a picture; `sst doctor` looks for the reason");
+    sst_log_error("no camera delivered a picture; `sst doctor` checks for the reason");
     return -ENODATA;
 }
 
 static const char *why_none(const struct shot *shot)
 {
-    return *shot->why ? shot->why : "no picture came";
+    return *shot->why ? shot->why : "no picture received";
 }
 
 static void print_table(const struct session *s, char *const *files, const char *sheet)
@@ -277,7 +277,7 @@ static void print_table(const struct session *s, char *const *files, const char 
         printf("%-6s %-10s %-14s %s\n", cli_place_text(at, shot->place), shot->device.port,
                *shot->device.serial ? shot->device.serial : "-", files[i] ? files[i] : why_none(shot));
     }
-    printf("\nall in their places: %s\n", sheet);
+    printf("\nall pictures at their positions: %s\n", sheet);
 }
 
 static int print_json(const struct session *s, char *const *files, const char *sheet)
@@ -387,8 +387,8 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     if (!err && s->count)
         return 0;
     sst_log_error("%s; see `sst cameras`", err              ? "no memory for a list of cameras"
-                                           : serial || port ? "there is no such camera"
-                                                            : "no camera is plugged in");
+                                           : serial || port ? "no such camera is connected"
+                                                            : "no camera is connected");
     return err ? err : -ENODATA;
 }
 
@@ -427,11 +427,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_identify = {
     .name = "identify",
     .usage = "[--serial S | --port P] [-o DIR] [--write FILE] [--config FILE] [--json]",
-    .summary = "a picture of every camera: which one is which",
-    .detail =
-        "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all of them laid out as the array\n"
-        "is as DIR/identify.png. Hold something in front of one camera to see which picture it is.\n"
-        "--write proposes the `bind:` section of the configuration in the order of USB ports.",
+    .summary = "take a picture of every camera to identify it",
+    .detail = "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all of them in the layout of "
+              "the\narray as DIR/identify.png. Hold something in front of a camera to find its picture.\n--write "
+              "proposes the `bind:` section of the configuration in the order of USB ports.",
     .example = "sst identify --write bind.yaml",
     .run = run,
 };

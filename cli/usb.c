@@ -77,9 +77,9 @@ json_t *cli_text_json(const char *text)
 
 /* --- advice ------------------------------------------------------------------------------------------------------- */
 
-static void say(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
+static void add_text(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
 
-static void say(char *text, size_t size, const char *fmt, ...)
+static void add_text(char *text, size_t size, const char *fmt, ...)
 {
     const size_t used = strlen(text);
     va_list args;
@@ -192,13 +192,14 @@ static void advise_port(struct cli_usb *u, int stream, char *text, size_t size)
                              : 0;
 
         if (port && fits_at(u, stream, hub, port)) {
-            say(text, size, "Plug %s into the free port %d-%d of controller %s. ", d->port, h->bus, port,
-                h->controller);
+            add_text(text, size, "Plug %s into the free port %d-%d of controller %s. ", d->port, h->bus, port,
+                     h->controller);
             return;
         }
     }
-    say(text, size, "No free port of this machine has room for %s: add a controller (a card with one for each port). ",
-        d->port);
+    add_text(text, size,
+             "No free port of this machine has room for %s: add a controller (a card with one for each port). ",
+             d->port);
 }
 
 void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cfg, char *text, size_t size)
@@ -214,20 +215,20 @@ void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cf
     while (usb->streams[stream].fits)
         stream++;
     if (usb->streams[stream].alt < 0 && usb->devices[usb->streams[stream].device].alts)
-        say(text, size, "No setting of %s carries %.1f MB/s. ", usb->devices[usb->streams[stream].device].port,
-            (double)usb->needed_bytes_s / 1e6);
+        add_text(text, size, "No setting of %s carries %.1f MB/s. ", usb->devices[usb->streams[stream].device].port,
+                 (double)usb->needed_bytes_s / 1e6);
     else
         advise_port(&copy, stream, text, size);
     most = most_bytes_s(usb);
     if (most && frame_bytes > 0)
-        say(text, size,
-            "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
-            (double)most / frame_bytes, (double)most / 1e6);
+        add_text(text, size,
+                 "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
+                 (double)most / frame_bytes, (double)most / 1e6);
     else if (most)
-        say(text, size,
-            "Or make each camera ask for at most %.1f MB/s: a smaller size or a lower rate, if this camera "
-            "then asks for less (many ask for the worst case whatever the picture is).",
-            (double)most / 1e6);
+        add_text(text, size,
+                 "Or make each camera request at most %.1f MB/s: a smaller size or a lower rate, if this camera then "
+                 "requests less (many request the worst case for any picture).",
+                 (double)most / 1e6);
     else
-        say(text, size, "No rate is low enough for so many cameras on these wires.");
+        add_text(text, size, "No rate is low enough for this number of cameras on these wires.");
 }

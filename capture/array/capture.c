@@ -109,13 +109,12 @@ static void watch_skew(struct sst_capture *c, const struct sst_set *set)
         return; /* without a common trigger skew is what it is */
     c->skewed = over;
     if (over)
-        sst_log_warning(
-            "set %llu: exposures start %.0f us apart, the limit is %d us; farthest is the camera of row %d, "
-            "col %d: check its trigger wiring and its exposure settings",
-            (unsigned long long)set->index, (double)set->skew.spread_ns / 1e3, c->array->skew_limit_us,
-            c->array->camera[set->skew.worst_cam].row, c->array->camera[set->skew.worst_cam].col);
+        sst_log_warning("set %llu: a skew of %.0f us exceeds the limit of %d us, the worst camera is at row %d, col "
+                        "%d: check its trigger wiring and its exposure settings",
+                        (unsigned long long)set->index, (double)set->skew.spread_ns / 1e3, c->array->skew_limit_us,
+                        c->array->camera[set->skew.worst_cam].row, c->array->camera[set->skew.worst_cam].col);
     else
-        sst_log_warning("set %llu: exposures are within %d us again", (unsigned long long)set->index,
+        sst_log_warning("set %llu: the skew is within %d us again", (unsigned long long)set->index,
                         c->array->skew_limit_us);
 }
 
@@ -169,7 +168,7 @@ static void on_state(void *arg, int cam, enum sst_grab_state state, const char *
         sst_sets_camera(c->sets, cam, state == SST_GRAB_STREAMING);
     if (why && why[0] && state != SST_GRAB_STREAMING && state != SST_GRAB_READY && cam <= c->refused_cam) {
         c->refused_cam = cam; /* the same one each time */
-        snprintf(c->refusal, sizeof(c->refusal), "; the first is the camera of %s: %s", c->name[cam], why);
+        snprintf(c->refusal, sizeof(c->refusal), "; the first is camera %s: %s", c->name[cam], why);
     }
     if (c->events.camera)
         c->events.camera(c->events.arg, cam, state, why);
@@ -188,7 +187,7 @@ static void on_edge(void *arg, const struct sst_trigger_edge *edge)
     pthread_mutex_unlock(&c->lock);
     wake(c);
     if (full)
-        sst_log_error("trigger: edge %llu came while %d were waiting: the capturing thread is held up",
+        sst_log_error("trigger: edge %llu is lost, %d are queued: the capture thread does not keep up",
                       (unsigned long long)edge->index, EDGES);
 }
 
@@ -233,14 +232,13 @@ static int bind_all(struct sst_array_config *a, bool again)
     if (err)
         return err;
     if (n > a->rows * a->cols && !again)
-        sst_log_warning("%d cameras are there, the array has places for %d: the first by port are taken; "
-                        "say which in cameras: bind",
+        sst_log_warning("%d cameras are connected, the array has %d positions: the first by port are used; choose them "
+                        "in cameras: bind",
                         n, a->rows * a->cols);
     else if (n && n < a->rows * a->cols && !again)
-        sst_log_warning(
-            "%d cameras are there, the array has places for %d: they fill the first places by port; say where "
-            "each sits in cameras: bind (sst identify --write proposes it)",
-            n, a->rows * a->cols);
+        sst_log_warning("%d cameras are connected, the array has %d positions: they fill the first ones by port; "
+                        "assign them in cameras: bind (sst identify --write proposes it)",
+                        n, a->rows * a->cols);
     n = sst_min_int(n, a->rows * a->cols);
     for (int i = 0; i < n; i++) {
         struct sst_config_camera *cam = &a->camera[i];
@@ -252,7 +250,7 @@ static int bind_all(struct sst_array_config *a, bool again)
     a->bound = n;
     free(devices);
     if (!n)
-        sst_log_error("no camera is there: plug one in, or see `sst doctor`");
+        sst_log_error("no camera is connected: plug one in, or see `sst doctor`");
     return n ? 0 : -ENODEV;
 }
 
@@ -424,8 +422,9 @@ static int start_cameras(struct sst_capture *c)
         return err;
     if (ready_cameras(c) || c->stop)
         return 0;
-    sst_log_error("none of the %d cameras streams%s; `sst cameras` lists all, `sst doctor` checks rights and bandwidth",
-                  c->array->bound, c->refusal);
+    sst_log_error(
+        "none of the %d cameras streams%s; `sst cameras` lists all, `sst doctor` checks permissions and bandwidth",
+        c->array->bound, c->refusal);
     return -ENODEV;
 }
 

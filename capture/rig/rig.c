@@ -106,8 +106,8 @@ static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
     if (err == -EAGAIN) {
         j->report->moved++;
         j->known = false;
-        sst_log_warning("view row %d, column %d: the rig was not seen standing still before and after the exposure; no "
-                        "frame is kept",
+        sst_log_warning("view row %d, column %d: the rig was not confirmed at standstill before and after the "
+                        "exposure; the frame is dropped",
                         view / j->cfg->cols, view % j->cfg->cols);
     }
     if (err)
@@ -151,7 +151,7 @@ static int take_view(struct job *j, int view)
             break;
         j->report->again++;
         if (shot.attempts < j->cfg->attempts)
-            sst_log_warning("view row %d, column %d: attempt %d of %d failed; trying again", view / j->cfg->cols,
+            sst_log_warning("view row %d, column %d: attempt %d of %d failed; retrying", view / j->cfg->cols,
                             view % j->cfg->cols, shot.attempts, j->cfg->attempts);
     }
     return err;
@@ -194,11 +194,11 @@ int sst_rig_capture(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, c
         return 0;
     (void)sst_rig_stop(rig);
     if (err == -ECANCELED) {
-        sst_log_warning("%s: stopped with %d of %d views; the same command goes on", cfg->dir,
+        sst_log_warning("%s: stopped with %d of %d views; run the same command to resume", cfg->dir,
                         sst_rig_store_count(store), views);
         return -EINTR;
     }
-    sst_log_error("%s: capture ended with %d of %d views; remove the cause above, then the same command goes on",
+    sst_log_error("%s: capture ended with %d of %d views; remove the cause above, then run the same command to resume",
                   cfg->dir, sst_rig_store_count(store), views);
     return err;
 }

@@ -88,7 +88,7 @@ static void *poll_camera(void *arg)
         pthread_mutex_unlock(&g->lock);
     }
     if (err < 0)
-        sst_log_error("camera %s: its stream ended: %s", g->device.node, strerror(-err));
+        sst_log_error("camera %s: the stream ended: %s", g->device.node, strerror(-err));
     return NULL;
 }
 
@@ -168,11 +168,11 @@ static int expose(void *arg, int64_t after_ns, int timeout_ms, struct sst_frame 
     memcpy(why, g->why, sizeof(why));
     pthread_mutex_unlock(&g->lock);
     if (err == -ETIMEDOUT || err == -ENODEV)
-        sst_log_error(
-            "camera %s at %s brought no good frame within %d ms, %llu damaged ones%s%s; check its cable and light, "
-            "and its trigger if it has one",
-            g->binding.serial[0] ? g->binding.serial : g->device.node, g->device.port, timeout_ms,
-            (unsigned long long)bad, state == SST_GRAB_STREAMING ? "" : ": ", state == SST_GRAB_STREAMING ? "" : why);
+        sst_log_error("camera %s at %s delivered no good frame within %d ms, %llu damaged ones%s%s; check its cable "
+                      "and lighting, and its trigger if it has one",
+                      g->binding.serial[0] ? g->binding.serial : g->device.node, g->device.port, timeout_ms,
+                      (unsigned long long)bad, state == SST_GRAB_STREAMING ? "" : ": ",
+                      state == SST_GRAB_STREAMING ? "" : why);
     return err;
 }
 
@@ -208,9 +208,9 @@ static int choose(struct sst_rig_grab *g, const char *which)
         memcpy(g->binding.serial, g->device.serial, sizeof(g->binding.serial));
         memcpy(g->binding.port, g->device.port, sizeof(g->binding.port));
     } else {
-        sst_log_error("%s%s; there %s%s: name one by serial or port with --camera",
-                      which ? "no single camera is " : "which camera is on the rig", which ? which : "",
-                      count ? "are " : "is none", list);
+        sst_log_error("%s%s; connected: %s%s; select one by serial or port with --camera",
+                      which ? "no single camera matches " : "no camera is selected", which ? which : "",
+                      count ? "" : "none", list);
     }
     free(devices);
     return matches == 1 ? 0 : -ENODEV;

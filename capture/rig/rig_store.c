@@ -111,7 +111,7 @@ static int compare_settings(const struct sst_rig_store *s, json_t *there)
     }
     if (!text[0])
         return 0;
-    sst_log_error("%s holds a capture with other settings: %s; give the old ones or another folder", s->dir, text);
+    sst_log_error("%s contains a capture with other settings: %s; use those or choose another folder", s->dir, text);
     return -EINVAL;
 }
 
@@ -164,7 +164,7 @@ static int read_header(struct sst_rig_store *s, json_t *line)
 
     if (!format || strcmp(format, FORMAT_NAME) != 0 ||
         json_integer_value(json_object_get(line, "version")) != FORMAT_VERSION) {
-        sst_log_error("%s is not the manifest of a rig capture that this version reads; choose another folder",
+        sst_log_error("%s is not a rig capture manifest that this version can read; choose another folder",
                       s->manifest);
         return -EBADMSG;
     }
@@ -189,7 +189,7 @@ static int read_lines(struct sst_rig_store *s, const char *text, size_t size, si
         if (n == 1)
             err = read_header(s, line);
         else if (!line || !read_view(s, line))
-            sst_log_warning("%s:%d is damaged; its view is taken again", s->manifest, n);
+            sst_log_warning("%s:%d is damaged; its view is captured again", s->manifest, n);
         json_decref(line);
         if (err)
             return err;
@@ -197,7 +197,7 @@ static int read_lines(struct sst_rig_store *s, const char *text, size_t size, si
     }
     if (*keep)
         return 0;
-    sst_log_error("%s has no whole first line; choose another folder or remove this one", s->manifest);
+    sst_log_error("%s has no complete first line; choose another folder or remove this one", s->manifest);
     return -EBADMSG;
 }
 
@@ -215,7 +215,7 @@ static int read_manifest(struct sst_rig_store *s)
         return err;
     if (truncate(s->manifest, (off_t)keep)) {
         err = -errno;
-        sst_log_error("cannot cut the broken last line off %s: %s", s->manifest, strerror(errno));
+        sst_log_error("cannot truncate the incomplete last line of %s: %s", s->manifest, strerror(errno));
     }
     return err;
 }
@@ -229,7 +229,7 @@ static void check_views(struct sst_rig_store *s)
             continue;
         if (!view_path(s, k, path) && SHA256File(path, hash) && !strcmp(hash, s->view[k].sha256))
             continue;
-        sst_log_warning("%s %s; it is taken again", path,
+        sst_log_warning("%s %s; it is captured again", path,
                         hash[0] ? "has changed since it was stored" : "cannot be read");
         s->view[k].there = false;
         s->damaged++;
@@ -281,10 +281,10 @@ static int begin_new(struct sst_rig_store *s, bool must_exist)
     int err = 0;
 
     if (must_exist) {
-        sst_log_error("%s holds no capture to resume; leave --resume out to begin one", s->dir);
+        sst_log_error("%s contains no capture to resume; omit --resume to start one", s->dir);
         err = -ENOENT;
     } else if (!tidy(s->views_dir)) {
-        sst_log_error("%s is a folder of something else; choose another one", s->dir);
+        sst_log_error("%s is a folder with other contents; choose another one", s->dir);
         err = -EEXIST;
     } else if (!text || asprintf(&with_end, "%s\n", text) < 0) {
         with_end = NULL;
@@ -307,7 +307,7 @@ static int lock_folder(struct sst_rig_store *s)
         return 0;
     if (errno != EWOULDBLOCK)
         return fault("lock the folder", s->dir);
-    sst_log_error("%s: another capture is at work in this folder; wait for it or choose another one", s->dir);
+    sst_log_error("%s: another capture is running in this folder; wait for it or choose another one", s->dir);
     return -EBUSY;
 }
 
@@ -316,7 +316,7 @@ static int make_folders(struct sst_rig_store *s, bool must_exist)
     int err = 0;
 
     if (must_exist && !sst_path_exists(s->dir)) {
-        sst_log_error("there is no folder %s to resume; leave --resume out to begin one", s->dir);
+        sst_log_error("there is no folder %s to resume; omit --resume to start a capture", s->dir);
         return -ENOENT;
     }
     err = sst_path_make_dir(s->dir);
@@ -325,7 +325,7 @@ static int make_folders(struct sst_rig_store *s, bool must_exist)
     if (!err && sst_path_exists(s->manifest))
         return sst_path_make_dir(s->views_dir);
     if (!err && !must_exist && !tidy(s->dir)) {
-        sst_log_error("%s is a folder of something else; choose another one", s->dir);
+        sst_log_error("%s is a folder with other contents; choose another one", s->dir);
         return -EEXIST;
     }
     return err || must_exist ? err : sst_path_make_dir(s->views_dir);
@@ -367,8 +367,8 @@ int sst_rig_store_open(struct sst_rig_store **out, const struct sst_rig_capture_
     s->fourcc = cfg->fourcc;
     memcpy(s->pitch_um, cfg->pitch_um, sizeof(s->pitch_um));
     if (s->fourcc != MJPG_FOURCC && s->fourcc != GREY_FOURCC && s->fourcc != Y16_FOURCC) {
-        sst_log_error(
-            "a rig capture stores MJPG untouched, GREY and Y16 as PNG; choose one of them as the cameras' format");
+        sst_log_error("a rig capture supports MJPG (stored unchanged), GREY and Y16 (stored as PNG); choose one of "
+                      "them as the cameras' format");
         err = -EINVAL;
         goto fail;
     }
@@ -425,7 +425,7 @@ int sst_rig_store_check_camera(const struct sst_rig_store *s, const struct sst_r
         if (!v->there || (v->serial[0] ? !strcmp(v->serial, camera->serial) : !strcmp(v->port, camera->port)))
             continue;
         sst_log_error(
-            "%s was begun with the camera %s at %s, this one is %s at %s; connect the old one or choose another folder",
+            "%s was started with camera %s at %s, this one is %s at %s; connect the old one or choose another folder",
             s->dir, v->serial[0] ? v->serial : "without a serial", v->port,
             camera->serial[0] ? camera->serial : "without a serial", camera->port);
         return -EINVAL;
@@ -526,7 +526,7 @@ static int append(struct sst_rig_store *s, const char *line)
         errno = ENOSPC;
     err = fault("append to", s->manifest);
     if (ftruncate(s->fd, st.st_size))
-        sst_log_warning("%s: its last line is broken and cannot be cut off: %s", s->manifest, strerror(errno));
+        sst_log_warning("%s: its incomplete last line cannot be truncated: %s", s->manifest, strerror(errno));
     return err;
 }
 
@@ -534,7 +534,7 @@ static int append(struct sst_rig_store *s, const char *line)
 static int reopen_capture(struct sst_rig_store *s)
 {
     if (!unlinkat(s->dir_fd, "lightfield.json", 0))
-        sst_log_warning("%s: what was computed from its old views is out of date; process it again", s->dir);
+        sst_log_warning("%s: data computed from its old views is out of date; process it again", s->dir);
     else if (errno != ENOENT)
         return fault("replace the lightfield.json of", s->dir);
     return 0;
@@ -597,7 +597,8 @@ static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
         if (!err)
             err = sst_image_read_size(path, &width, &height);
         if (!err && k && (width != lf->width || height != lf->height)) {
-            sst_log_error("%s has %dx%d pixels, the views before it %dx%d; remove it, the same command takes it again",
+            sst_log_error("%s has %dx%d pixels, the earlier views have %dx%d; remove it and run the same command to "
+                          "capture it again",
                           path, width, height, lf->width, lf->height);
             err = -EBADMSG;
         }

@@ -79,7 +79,7 @@ static void apply_pass(int fd, const struct sst_grab_control *control, int count
         int err = find(fd, control[i].name, &q, names, sizeof(names));
 
         if (err && modes)
-            text_add(why, size, "%sthere is no control %s (there are: %s)", *why ? "; " : "", control[i].name,
+            text_add(why, size, "%sunknown control %s (available: %s)", *why ? "; " : "", control[i].name,
                      *names ? names : "none");
         if (err || is_mode(&q) != modes)
             continue;

@@ -118,7 +118,7 @@ static int scan_udev(struct udev *udev, struct node_list *list)
 
     err = err < 0 ? err : udev_enumerate_scan_devices(e);
     if (err < 0) {
-        sst_log_error("cameras cannot be listed: udev: %s; is /sys mounted?", strerror(-err));
+        sst_log_error("cannot list cameras: udev: %s; is /sys mounted?", strerror(-err));
         udev_enumerate_unref(e);
         return err;
     }
@@ -174,8 +174,7 @@ int grab_watch_open(struct grab_watch **out)
     return 0;
 
 fail:
-    sst_log_error("plugging of cameras cannot be watched: udev: %s; a sandbox must allow netlink sockets",
-                  strerror(-err));
+    sst_log_error("cannot monitor hotplug of cameras: udev: %s; a sandbox must allow netlink sockets", strerror(-err));
     grab_watch_close(w);
     return err;
 }
@@ -266,7 +265,7 @@ int grab_scan(struct grab_node **nodes, int *count)
     dev = opendir("/dev");
     if (!dev) {
         err = -errno;
-        sst_log_error("cameras cannot be listed: /dev: %s", strerror(-err));
+        sst_log_error("cannot list cameras: /dev: %s", strerror(-err));
         free(list.node);
         return err;
     }
@@ -393,7 +392,7 @@ int sst_grab_list(struct sst_grab_device **devices, int *count)
     list = calloc((size_t)found + 1, sizeof(*list));
     err = list ? probe_all(nodes, found) : -ENOMEM;
     if (err) {
-        sst_log_error("cameras cannot be listed: %s", strerror(-err));
+        sst_log_error("cannot list cameras: %s", strerror(-err));
         free(nodes);
         free(list);
         return err;

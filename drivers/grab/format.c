@@ -127,7 +127,7 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_p
     fourcc_name(want, cfg->fourcc);
     fourcc_name(is, got->pixelformat);
     if (got->pixelformat != cfg->fourcc) {
-        text_add(why, size, "it has no format %s, it offers ", want);
+        text_add(why, size, "it does not support format %s, it offers ", want);
         add_format_names(fd, why, size);
         text_add(why, size, "; set cameras: format");
         return -EINVAL;
@@ -177,7 +177,7 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
     if (err == -ENODEV || err == -EIO)
         return err;
     if (err || !(c->capability & V4L2_CAP_TIMEPERFRAME)) {
-        text_add(why, size, "it does not let its rate be set; %.4g Hz is what it makes of it", cfg->rate_hz);
+        text_add(why, size, "it does not support setting the rate, %.4g Hz is ignored", cfg->rate_hz);
         return 0;
     }
     c->timeperframe.numerator = 10000;
@@ -188,7 +188,7 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
     got = hz(c->timeperframe);
     if (fabs(got - cfg->rate_hz) <= RATE_TOLERANCE * cfg->rate_hz)
         return 0;
-    text_add(why, size, "at %dx%d it makes %.4g Hz and not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
+    text_add(why, size, "at %dx%d it delivers %.4g Hz, not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
     add_rates(fd, cfg, why, size);
     return cfg->triggered ? 0 : -EINVAL;
 }

@@ -57,14 +57,14 @@ static int check_config(const struct sst_grab_config *cfg)
                                                                                    : NULL;
 
     if (bad) {
-        sst_log_error("cameras cannot be grabbed: the %s is out of range; see the configuration", bad);
+        sst_log_error("cannot start the cameras: the %s is out of range; see the configuration", bad);
         return -EINVAL;
     }
     for (int i = 0; i < cfg->cameras; i++) {
         const struct sst_grab_binding *a = &cfg->bindings[i];
 
         if (!*a->serial && !*a->port) {
-            sst_log_error("camera %d is bound to nothing; give its serial or port, as `sst cameras` lists them", i);
+            sst_log_error("camera %d has no binding; set its serial or port, as listed by `sst cameras`", i);
             return -EINVAL;
         }
         for (int k = 0; k < i; k++) {
@@ -102,7 +102,7 @@ static int open_descriptors(struct sst_grab *g)
     err = err ? err : watch_fd(g, g->wake_fd, TAG_WAKE);
     err = err ? err : watch_fd(g, jobs_fd(g->jobs), TAG_JOBS);
     if (err)
-        sst_log_error("cameras cannot be polled: %s; raise the limit of open files (ulimit -n)", strerror(-err));
+        sst_log_error("cannot poll the cameras: %s; raise the limit of open files (ulimit -n)", strerror(-err));
     return err;
 }
 
@@ -151,7 +151,7 @@ static void tell_absent(struct sst_grab *g)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
         if (g->camera[i].number < 0 && !*g->camera[i].why)
-            camera_say(g, &g->camera[i], SST_GRAB_ABSENT, "is not there; it starts when it is plugged in");
+            camera_say(g, &g->camera[i], SST_GRAB_ABSENT, "is not connected; it starts when it is plugged in");
     }
 }
 
@@ -357,7 +357,7 @@ void sst_grab_close(struct sst_grab *g)
         jobs_collect(g->jobs, g);
     }
     if (g->jobs && jobs_running(g->jobs))
-        sst_log_warning("cameras hang in the system while they are closed (%d); they are left to it",
+        sst_log_warning("%d cameras hang in the kernel while they are closed; they are abandoned",
                         jobs_running(g->jobs));
     jobs_destroy(g->jobs);
     grab_watch_close(g->watch);

@@ -69,12 +69,12 @@ static void tell_stamp(struct grab_camera *cam, const struct stream_stamp *stamp
         return;
     cam->told_stamp = true;
     if (!stamp->monotonic)
-        sst_log_warning("%s: driver %s does not stamp frames by the monotonic clock; their time of arrival is taken, "
-                        "which is later and uneven",
+        sst_log_warning("%s: driver %s does not use the monotonic clock for time stamps; the time of arrival is used "
+                        "instead, which is later and irregular",
                         cam->name, cam->device.driver);
     else if (stamp->end_of_frame)
-        sst_log_info("%s: driver %s stamps the end of a frame and not the start of its exposure", cam->name,
-                     cam->device.driver);
+        sst_log_info("%s: time stamps of driver %s mark the end of a frame and not the start of its exposure",
+                     cam->name, cam->device.driver);
 }
 
 static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_frame *f)
@@ -91,7 +91,7 @@ static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_
     (void)ladder_step(&cam->ladder, SST_LADDER_FRAME, f->arrival_ns, true);
     if (cam->state == SST_GRAB_STREAMING)
         return;
-    snprintf(why, sizeof(why), "frames again after %.1f s", (double)(f->arrival_ns - cam->down_ns) * 1e-9);
+    snprintf(why, sizeof(why), "streaming again after %.1f s", (double)(f->arrival_ns - cam->down_ns) * 1e-9);
     camera_say(g, cam, SST_GRAB_STREAMING, why);
 }
 
@@ -104,7 +104,7 @@ static void take(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *
     alive(g, cam, f);
     g->events.frame(g->events.arg, f);
     if (cam->bad_row >= BAD_ROW && cam->heard_ns - cam->good_ns > 3 * g->cfg.stall_ms * SST_MS)
-        recovery_fault(g, cam, "it sends damaged frames only");
+        recovery_fault(g, cam, "it delivers only damaged frames");
 }
 
 /* v4l2loopback enters a waiter only while it has no frame for it, so epoll may be deaf to it. Nothing readable after it
@@ -121,8 +121,9 @@ static void listen_again(struct sst_grab *g, struct grab_camera *cam)
 static void tell_eio(struct grab_camera *cam)
 {
     if (!cam->eio_well)
-        sst_log_warning("%s: the driver fails to hand out frames (EIO) and goes on: check its cable and USB power",
-                        cam->name);
+        sst_log_warning(
+            "%s: the driver fails to deliver some frames (EIO) but keeps streaming: check its cable and USB power",
+            cam->name);
     cam->eio_well = EIO_WELL;
     cam->counters.io_errors++;
 }
@@ -149,7 +150,7 @@ void intake(struct sst_grab *g, struct grab_camera *cam, bool broken)
         plug_strike(g, cam->number, true);
         recovery_lost(g, cam);
     } else if (err != -EAGAIN) {
-        snprintf(why, sizeof(why), "its stream broke: %s", strerror(-err));
+        snprintf(why, sizeof(why), "its stream failed: %s", strerror(-err));
         recovery_fault(g, cam, why);
     } else if (broken) {
         recovery_disarm(g, cam);
@@ -190,14 +191,14 @@ void intake_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
     }
     if (refused || ready_ns) {
         snprintf(why, sizeof(why), "no frame for %.1f s%s", (double)(now_ns - cam->heard_ns) * 1e-9,
-                 refused ? ", and its driver takes no buffer" : "");
+                 refused ? ", and its driver accepts no buffer" : "");
         recovery_fault(g, cam, why);
         return;
     }
     /* It cannot speak: every buffer is with the receiver. The gap in the sequence will tell what was lost. */
     if (!cam->told_starved)
-        sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; give them back sooner, "
-                        "or raise `buffers`",
+        sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; release them sooner, or "
+                        "raise `buffers`",
                         cam->name, g->cfg.buffers);
     cam->told_starved = true;
     cam->heard_ns = now_ns;

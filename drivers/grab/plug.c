@@ -112,7 +112,7 @@ void plug_events(struct sst_grab *g)
             remove_node(g, node.number);
     }
     if (what == -ENOBUFS) {
-        sst_log_warning("events of cameras that were plugged got lost; looking again");
+        sst_log_warning("hotplug events of cameras were lost; scanning again");
         g->scan_ns = sst_clock_now_ns();
     }
     if (added)

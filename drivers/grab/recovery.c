@@ -27,7 +27,7 @@ enum task {
 };
 
 static const char *const task_names[] = {
-    "restart of its stream", "opening it anew", "USB reset", "USB authorisation", "port power", "start", "close"
+    "restart of its stream", "reopening", "USB reset", "USB authorisation", "port power", "start", "close"
 };
 
 struct camera_job {
@@ -119,7 +119,7 @@ void recovery_arm(struct sst_grab *g, struct grab_camera *cam)
         return;
     cam->armed = !epoll_ctl(g->epoll_fd, EPOLL_CTL_ADD, stream_fd(cam->stream), &e);
     if (!cam->armed)
-        sst_log_error("%s cannot be polled: %s", cam->name, strerror(errno));
+        sst_log_error("cannot poll %s: %s", cam->name, strerror(errno));
 }
 
 void recovery_disarm(struct sst_grab *g, struct grab_camera *cam)
@@ -224,8 +224,9 @@ static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung)
     if (rung == SST_GRAB_BACK_OFF) {
         recovery_drop(g, cam);
         if (cam->state == SST_GRAB_RECOVERING && !cam->told_hopeless)
-            sst_log_error("%s: nothing brings it back; check its cable, hub and power: it is tried again now and then",
-                          cam->name);
+            sst_log_error(
+                "%s: no recovery step succeeded; check its cable, hub and power: recovery is retried periodically",
+                cam->name);
         cam->told_hopeless |= cam->state == SST_GRAB_RECOVERING;
         return;
     }
@@ -259,7 +260,7 @@ void recovery_lost(struct sst_grab *g, struct grab_camera *cam)
     cam->job = NULL; /* what it brings is closed when it ends */
     cam->job_end_ns = 0;
     cam->counters.lost_devices++;
-    camera_say(g, cam, SST_GRAB_ABSENT, "unplugged; it goes on when it is back");
+    camera_say(g, cam, SST_GRAB_ABSENT, "unplugged; it resumes when it is plugged in again");
 }
 
 static void open_now(struct sst_grab *g, struct grab_camera *cam)
@@ -272,10 +273,9 @@ static void open_now(struct sst_grab *g, struct grab_camera *cam)
 void recovery_found(struct sst_grab *g, struct grab_camera *cam, const struct grab_node *node)
 {
     if (*cam->serial_seen && strcmp(cam->serial_seen, node->device.serial) != 0)
-        sst_log_warning(
-            "%s: the device there is another one now, serial %s instead of %s; if cameras were swapped, plug "
-            "them back or change the binding",
-            cam->name, *node->device.serial ? node->device.serial : "none", cam->serial_seen);
+        sst_log_warning("%s: a different device is connected there now, serial %s instead of %s; if cameras were "
+                        "swapped, plug them back or change the binding",
+                        cam->name, *node->device.serial ? node->device.serial : "none", cam->serial_seen);
     snprintf(cam->serial_seen, sizeof(cam->serial_seen), "%s", node->device.serial);
     cam->device = node->device;
     cam->number = node->number;
@@ -408,7 +408,7 @@ void recovery_time(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
     if (cam->rearm_ns && now_ns >= cam->rearm_ns)
         recovery_arm(g, cam);
     if (cam->job_end_ns && now_ns >= cam->job_end_ns) {
-        sst_log_warning("%s: the %s hangs in the system; going on without it", cam->name, task_names[cam->job->task]);
+        sst_log_warning("%s: the %s hangs in the kernel; continuing without it", cam->name, task_names[cam->job->task]);
         cam->job = NULL;
         cam->job_end_ns = 0;
         step(g, cam, SST_LADDER_FAILED);

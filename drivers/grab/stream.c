@@ -80,7 +80,7 @@ static int map_buffers(struct grab_stream *s, const struct sst_grab_config *cfg,
     if (!err && (r.count < 2 || r.count > SST_STREAM_BUFFERS_MAX))
         err = -ENOMEM;
     if (err) {
-        snprintf(why, SST_WHY_MAX, "%d buffers cannot be had: %s", cfg->buffers,
+        snprintf(why, SST_WHY_MAX, "cannot allocate %d buffers: %s", cfg->buffers,
                  err == -EBUSY ? "another program streams from it; `sst cameras` says which" : strerror(-err));
         return err;
     }
@@ -92,7 +92,7 @@ static int map_buffers(struct grab_stream *s, const struct sst_grab_config *cfg,
         slot->index = (uint32_t)i;
         err = map_buffer(s, i);
         if (err) {
-            snprintf(why, SST_WHY_MAX, "buffer %d cannot be mapped: %s", i, strerror(-err));
+            snprintf(why, SST_WHY_MAX, "cannot map buffer %d: %s", i, strerror(-err));
             return err;
         }
         slot->frame = (struct sst_frame){ .cam = cam,
@@ -111,10 +111,10 @@ static int open_node(struct sst_grab_device *device, char *why)
     const int fd = node_open(device);
 
     if (fd == -EACCES || fd == -EPERM)
-        snprintf(why, SST_WHY_MAX, "%s may not be opened; add this user to the group of the node (video)",
+        snprintf(why, SST_WHY_MAX, "no permission to open %s; add this user to the group of the node (video)",
                  device->node);
     else if (fd < 0)
-        snprintf(why, SST_WHY_MAX, "%s cannot be opened: %s", device->node, strerror(-fd));
+        snprintf(why, SST_WHY_MAX, "cannot open %s: %s", device->node, strerror(-fd));
     return fd;
 }
 
@@ -224,10 +224,10 @@ int stream_start(struct grab_stream *s, char *why)
     err = err ? err : node_ioctl(s->fd, VIDIOC_STREAMON, &type);
     if (err == -ENOSPC)
         snprintf(why, SST_WHY_MAX,
-                 "no USB bandwidth is left for it (no disk is meant); `sst plan` shows what fits, put "
-                 "it on another controller or lower size, rate or cameras");
+                 "no USB bandwidth is left for it (the error is not about a disk); `sst plan` shows what fits, move it "
+                 "to another controller or lower size, rate or number of cameras");
     else if (err)
-        snprintf(why, SST_WHY_MAX, "it does not start to stream: %s", strerror(-err));
+        snprintf(why, SST_WHY_MAX, "streaming does not start: %s", strerror(-err));
     pthread_mutex_lock(&s->lock);
     s->live = !err;
     /* Released between the loop above and here. */

@@ -322,7 +322,8 @@ int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void 
         if (!err)
             break;
         if (!told)
-            sst_log_warning("rig %s: lost, cannot connect: %s; trying for %d ms", b->name, b->why, reconnect_ms);
+            sst_log_warning("rig %s: connection lost, cannot reconnect: %s; retrying for %d ms", b->name, b->why,
+                            reconnect_ms);
         told = true;
         if (sst_clock_now_ns() >= end_ns || cancelled(arg))
             return err;
@@ -330,7 +331,7 @@ int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void 
     }
     b->count.reconnects++;
     if (told)
-        sst_log_warning("rig %s: connected again", b->name);
+        sst_log_warning("rig %s: reconnected", b->name);
     return 0;
 }
 

@@ -55,7 +55,7 @@ static void tell_fault(struct sst_rig *rig, int a, const char *doing, const char
     const bool again = rig->told_ns && now_ns - rig->told_ns < TELL_NS;
     char name[32];
 
-    (again ? sst_log_debug : sst_log_warning)("rig %s: %s: %s while %s %s; trying again", rig->cfg.bus,
+    (again ? sst_log_debug : sst_log_warning)("rig %s: %s: %s while %s %s; retrying", rig->cfg.bus,
                                               rig_axis_name(rig, a, name), rig_bus_why(rig->bus), doing, reg);
     if (!again)
         rig->told_ns = now_ns;
@@ -293,7 +293,7 @@ static int run_wait(struct sst_rig *rig, int a, const struct rig_step *step)
             break;
         rig_sleep_ms(rig, POLL_MS);
     }
-    sst_log_error("rig: %s did not report '%s' as %s within %d ms; look at the drive", rig_axis_name(rig, a, name),
+    sst_log_error("rig: %s did not report '%s' as %s within %d ms; check the drive", rig_axis_name(rig, a, name),
                   names[step->flag], step->is ? "true" : "false", step->ms);
     return -ETIMEDOUT;
 }

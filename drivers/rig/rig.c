@@ -186,7 +186,7 @@ static int axis_fault(struct sst_rig *rig, int a)
         return -EIO;
     }
     if (!s->flag[SST_RIG_HOMED]) {
-        sst_log_error("rig: %s no longer knows where it is (power lost?); stopped; it must be homed", name);
+        sst_log_error("rig: %s lost its position (power lost?); stopped; home it first", name);
         return -ENOTCONN;
     }
     return 0;
@@ -326,7 +326,7 @@ int sst_rig_move(struct sst_rig *rig, struct sst_rig_pos target)
     if (rig->moving)
         return -EBUSY;
     if (!sst_rig_homed(rig)) {
-        sst_log_error("rig: the axes do not know where they are; home them first");
+        sst_log_error("rig: the positions of the axes are unknown; home them first");
         return -ENOTCONN;
     }
     rig->moving = true;
@@ -369,7 +369,7 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked
     rig_axis_name(rig, a, name);
     if (abs(s->um - w->last_um) > still_um(rig, a)) {
         if (says && off_um > rig->cfg.tolerance_um && abs(s->um - w->last_um) > rig->cfg.tolerance_um && !w->lied) {
-            sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is watched instead",
+            sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is polled instead",
                             name, s->um / 1000.0);
             rig->count.lies++;
             w->lied = true;

@@ -175,7 +175,7 @@ static int explain(const struct gpio_listed *list, int n, const struct gpio_want
         if (list[i].error != EACCES && list[i].error != EPERM)
             continue;
         gpio_access_remedy(list[i].path, remedy, sizeof(remedy));
-        snprintf(why, size, "no right to open %s: %s", list[i].path, remedy);
+        snprintf(why, size, "no permission to open %s: %s", list[i].path, remedy);
         return -EACCES;
     }
     if (!n) {
@@ -185,9 +185,9 @@ static int explain(const struct gpio_listed *list, int n, const struct gpio_want
         return -ENODEV;
     }
     if (wanted->chip[0])
-        snprintf(why, size, "no GPIO chip is labelled \"%s\"; there are ", wanted->chip);
+        snprintf(why, size, "no GPIO chip is labelled \"%s\"; available: ", wanted->chip);
     else
-        snprintf(why, size, "no GPIO chip has line \"%s\" and all others that are configured; there are ",
+        snprintf(why, size, "no GPIO chip has line \"%s\" and all other configured lines; available: ",
                  wanted->outputs ? wanted->output[0] : wanted->loopback);
     list_chips(list, n, why, size);
     return -ENODEV;
@@ -241,10 +241,10 @@ int gpio_find(struct trigger_chip **out, struct gpio_request *request, const str
         const int r = consider(&list[i], &chip, found ? &other : request, wanted, why, size);
 
         if (r == 1 && found) {
-            snprintf(why, size,
-                     "both %s and %s have what is configured: give the label of one as trigger chip, or "
-                     "take the other away",
-                     list[first].path, list[i].path);
+            snprintf(
+                why, size,
+                "both %s and %s have the configured lines: set the label of one as trigger chip, or unplug the other",
+                list[first].path, list[i].path);
             gpio_chip_close(chip);
             err = -ENOTUNIQ;
         } else if (r == 1) {
@@ -317,7 +317,8 @@ int gpio_open(struct trigger_chip **out, const struct gpio_wanted *wanted, char 
         if (!name_holder(chip, &request, why, size))
             snprintf(why, size, "a line of chip \"%s\" was in use a moment ago: try again", gpio_chip_label(chip));
     } else if (err == -EPERM || err == -EACCES) {
-        snprintf(why, size, "no right to hold the lines of chip \"%s\": they are reserved or the system denies it (%s)",
+        snprintf(why, size,
+                 "no permission to request the lines of chip \"%s\": they are reserved or the system denies it (%s)",
                  gpio_chip_label(chip), strerror(-err));
     } else {
         snprintf(why, size, "requesting the lines of chip \"%s\": %s%s", gpio_chip_label(chip), strerror(-err),

@@ -118,12 +118,11 @@ static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, i
 static void count_edge(struct sst_trigger *t, bool missing)
 {
     if (missing && !t->edges_until_well)
-        sst_log_warning(
-            "trigger: loop-back line %s shows no edge of beat %llu: check its wire, or leave `loopback` out; "
-            "the sets' times are those of the program until then",
-            t->cfg.loopback, (unsigned long long)t->index);
+        sst_log_warning("trigger: loop-back line %s reports no edge for tick %llu: check its wire, or remove "
+                        "`loopback`; until then sets have the program's times",
+                        t->cfg.loopback, (unsigned long long)t->index);
     if (!missing && t->edges_until_well == 1)
-        sst_log_info("trigger: loop-back line %s shows edges again", t->cfg.loopback);
+        sst_log_info("trigger: loop-back line %s reports edges again", t->cfg.loopback);
     if (!missing) {
         t->edges_until_well -= t->edges_until_well > 0;
         return;
@@ -230,9 +229,9 @@ static int open_chip(struct sst_trigger *t, char *why, size_t size)
 static void lose_chip_locked(struct sst_trigger *t, int err)
 {
     if (!t->cfg.quiet)
-        sst_log_error("trigger: GPIO chip \"%s\" failed at beat %llu: %s; the train has ended, and the chip is looked "
-                      "for until it is back",
-                      t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
+        sst_log_error(
+            "trigger: GPIO chip \"%s\" failed at tick %llu: %s; the pulse train is stopped until the chip is back",
+            t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
     gpio_chip_close(t->chip); /* also lets the lines go, whatever level the last step left */
     t->chip = NULL;
     t->counters.chip_lost++;
@@ -335,7 +334,7 @@ static int start_thread(struct sst_trigger *t)
     t->threaded = true;
     if (pthread_setschedparam(t->thread, SCHED_FIFO, &priority))
         sst_log_info("trigger: no real-time priority (needs CAP_SYS_NICE or an rtprio limit of %d): on a busy machine "
-                     "beats may be late",
+                     "ticks may be late",
                      PRIORITY);
     return 0;
 }
@@ -465,7 +464,7 @@ int sst_trigger_start(struct sst_trigger *t, double rate_hz, uint64_t count)
         return -EINVAL;
     }
     if (too_fast(t, rate_hz)) {
-        sst_log_error("trigger: the pulse with its delays takes %lld us, longer than the period at %g/s: shorten it or "
+        sst_log_error("trigger: the pulse with its delays lasts %lld us, longer than the period at %g/s: shorten it or "
                       "lower the rate",
                       (long long)(t->step[t->steps - 1].at_ns / 1000), rate_hz);
         return -EINVAL;

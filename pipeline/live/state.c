@@ -14,17 +14,18 @@ static int check_config(const struct sst_live_config *cfg)
     for (int k = 0; k < cfg->rows * cfg->cols && k < SST_MAX_VIEWS; k++)
         any |= cfg->present[k];
     if (!any || cfg->width < 1 || cfg->height < 1 || cfg->zones < 0 || cfg->zones > SST_LIVE_ZONES) {
-        sst_log_error("live: a grid of %dx%d with frames of %dx%d pixels has no views; name cameras and their size",
-                      cfg->rows, cfg->cols, cfg->width, cfg->height);
+        sst_log_error(
+            "live: a grid of %dx%d with frames of %dx%d pixels has no views; configure cameras and their size",
+            cfg->rows, cfg->cols, cfg->width, cfg->height);
         return -EINVAL;
     }
     for (int i = 0; i < cfg->zones; i++) {
         if (cfg->zone[i].x0 >= 0 && cfg->zone[i].x0 < cfg->zone[i].x1 && cfg->zone[i].x1 <= 1 && cfg->zone[i].y0 >= 0 &&
             cfg->zone[i].y0 < cfg->zone[i].y1 && cfg->zone[i].y1 <= 1)
             continue;
-        sst_log_error("live: zone %d from %g,%g to %g,%g is not a part of the picture; give shares 0..1, the smaller "
-                      "first",
-                      i, cfg->zone[i].x0, cfg->zone[i].y0, cfg->zone[i].x1, cfg->zone[i].y1);
+        sst_log_error(
+            "live: zone %d from %g,%g to %g,%g is not inside the picture; give fractions 0..1, the smaller one first",
+            i, cfg->zone[i].x0, cfg->zone[i].y0, cfg->zone[i].x1, cfg->zone[i].y1);
         return -EINVAL;
     }
     return 0;

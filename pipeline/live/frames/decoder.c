@@ -160,7 +160,7 @@ static int raw_of(struct decoder *d, const struct decoder_frame *frame, struct s
     *raw = (struct sst_raw){ d->fourcc, d->width, d->height, stride, frame->data, frame->bytes };
     if (stride >= row && frame->bytes >= row && (frame->bytes - row) / stride >= (size_t)d->height - 1)
         return 0;
-    snprintf(d->fault, sizeof(d->fault), "%zu bytes in rows of %zu do not make %dx%d pixels", frame->bytes, stride,
+    snprintf(d->fault, sizeof(d->fault), "%zu bytes in rows of %zu are too few for %dx%d pixels", frame->bytes, stride,
              d->width, d->height);
     return -EBADMSG;
 }
@@ -258,7 +258,7 @@ static int look_jpeg(struct decoder *d, const struct decoder_frame *frame, struc
         jpeg_planes(cells, &d->jpeg);
         err = sst_jpeg_means_read(d->means, &d->jpeg, out);
         if (err == -EBADMSG)
-            snprintf(d->fault, sizeof(d->fault), "its code is damaged, or it ends early");
+            snprintf(d->fault, sizeof(d->fault), "its data is damaged or truncated");
     }
     jpeg_abort_decompress(&d->jpeg);
     return err;

@@ -138,8 +138,8 @@ static int open_all(struct sst_live_frames *f)
     for (int i = 0; i < f->threads; i++) {
         err = decoder_create(&f->decoder[i], cfg->fourcc, cfg->width, cfg->height);
         if (err == -EINVAL)
-            sst_log_error("the live picture cannot be made from frames of format %.4s with %dx%d pixels; choose MJPG, "
-                          "YUYV, GREY, Y16 or an 8-bit Bayer format",
+            sst_log_error("the live view does not support frames of format %.4s with %dx%d pixels; choose MJPG, YUYV, "
+                          "GREY, Y16 or an 8-bit Bayer format",
                           (const char *)&cfg->fourcc, cfg->width, cfg->height);
         if (err)
             return err;
@@ -173,7 +173,7 @@ int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_con
     err = open_all(f);
     if (err) {
         if (err == -ENOMEM)
-            sst_log_error("no memory for the live pictures of %d cameras", f->used);
+            sst_log_error("no memory for the live view of %d cameras", f->used);
         sst_live_frames_close(f);
         return err;
     }
@@ -237,12 +237,11 @@ static void tell(const struct sst_live_frames *f, int k)
     struct live_view *v = &f->view[k];
 
     if (v->refused && !v->broken)
-        sst_log_warning(
-            "a frame of the camera of row %d, column %d is no use (%s): its view stays as it was; check its "
-            "cable and its format",
-            k / f->lf->cols, k % f->lf->cols, v->fault);
+        sst_log_warning("a frame of the camera at row %d, column %d is unusable (%s), its view is not updated; check "
+                        "its cable and its format",
+                        k / f->lf->cols, k % f->lf->cols, v->fault);
     if (v->looked && !v->refused && v->broken)
-        sst_log_info("frames of the camera of row %d, column %d are good again", k / f->lf->cols, k % f->lf->cols);
+        sst_log_info("frames of the camera at row %d, column %d are good again", k / f->lf->cols, k % f->lf->cols);
     if (v->looked)
         v->broken = v->refused;
 }

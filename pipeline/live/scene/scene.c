@@ -101,7 +101,7 @@ static int open_labels(struct sst_live_scene *s)
     s->lf->classes = *sst_segmenter_classes(s->segmenters[0]);
     err = scene_things_open(&s->things, s->width, s->height, s->cols, s->rows);
     if (err)
-        sst_log_error("not enough memory to label what moves in a view of %dx%d", s->lf->width, s->lf->height);
+        sst_log_error("not enough memory to label foreground objects in a view of %dx%d", s->lf->width, s->lf->height);
     return err;
 }
 
@@ -124,7 +124,7 @@ int sst_live_scene_open(struct sst_live_scene **out, const struct sst_live_confi
     s->error_labels = s->sure = NAN;
     err = allocate(s);
     if (err)
-        sst_log_error("not enough memory to follow a scene of %d views of %dx%d", s->views, lf->width, lf->height);
+        sst_log_error("not enough memory to track a scene of %d views of %dx%d", s->views, lf->width, lf->height);
     err = err ? err : open_labels(s);
     if (!err && cfg->background)
         err = scene_background_open(&s->background, cfg, lf);
@@ -235,8 +235,8 @@ static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, st
         return err;
     if (!s->keys) {
         if (!s->told_alone)
-            sst_log_warning("no two neighbouring cameras give pictures: disparities need two, so there is plain"
-                            " refocusing only");
+            sst_log_warning("no two neighbouring cameras deliver pictures: disparities need two, so only plain "
+                            "refocusing is available");
         s->told_alone = true;
         s->ready = false;
         return 0;
@@ -283,6 +283,6 @@ int sst_live_scene_update(struct sst_live_scene *s, struct sst_live_changes *cha
     else if (s->ready)
         scene_look_for_rest(s);
     if (err == -ENOMEM)
-        sst_log_error("not enough memory to follow the scene; the next set is computed anew");
+        sst_log_error("not enough memory to track the scene; the next set is computed from scratch");
     return err;
 }

@@ -168,9 +168,8 @@ int scene_find_range(struct sst_live_scene *s)
             return err;
         if (err) {
             if (!s->told_range)
-                sst_log_warning(
-                    "the pictures have too little texture to tell how far away things are; see-through begins"
-                    " when they have, or give live.range_min_px and live.range_max_px");
+                sst_log_warning("the pictures have too little texture to estimate disparities; see-through starts when "
+                                "they have enough, or set live.range_min_px and live.range_max_px");
             s->told_range = true;
             s->next_range_ns = sst_clock_now_ns() + RETRY_NS;
             return 0;

@@ -79,7 +79,7 @@ static bool take_range(struct sst_live_scene *s, const struct sst_lightfield *fr
     if (from->range_min_px >= s->lf->range_min_px && from->range_max_px <= s->lf->range_max_px)
         return false;
     if (scene_set_range(s, from->range_min_px, from->range_max_px)) {
-        sst_log_warning("not enough memory to search disparities from %.0f to %.0f px; those from %.0f to %.0f px stay",
+        sst_log_warning("not enough memory to search disparities from %.0f to %.0f px; the range stays %.0f to %.0f px",
                         from->range_min_px, from->range_max_px, s->lf->range_min_px, s->lf->range_max_px);
         return false;
     }
