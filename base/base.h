@@ -7,7 +7,6 @@
 
 #define SST_MUST_CHECK         __attribute__((warn_unused_result))
 #define SST_PRINTF(fmt, first) __attribute__((format(printf, fmt, first)))
-#define SST_TARGET(isa)        __attribute__((target(isa)))
 #define SST_NOINLINE           __attribute__((noinline))
 #define SST_UNUSED             __attribute__((unused))
 

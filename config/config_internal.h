@@ -25,7 +25,7 @@ struct config_load {
 SST_MUST_CHECK int config_load(struct sst_config *cfg, const char *path, bool array_only);
 
 /** Take the values of one document, noting the faults of each alone. */
-void config_take(struct config_load *load, struct sst_yaml *doc);
+void config_parse(struct config_load *load, struct sst_yaml *doc);
 
 /** Find what is named by other keys, and note what does not fit together. */
 void config_check_array(struct config_load *load);

@@ -101,7 +101,7 @@ static int take_all(struct config_load *load, struct files *f)
 
         err = err ? err : bad;
         if (!bad)
-            config_take(load, f->doc[i]);
+            config_parse(load, f->doc[i]);
     }
     if (!err) { /* with a part missing, what fits together is not known */
         config_check_array(load);

@@ -55,6 +55,6 @@ void health_set(struct health *h, int cam);
  * @param name  of the cameras, for the log
  * @return lines that were logged
  */
-int health_tell(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME]);
+int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME]);
 
 #endif

@@ -527,14 +527,14 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
         err = serve(c, next_ns < end_ns ? next_ns : end_ns);
         if (sst_clock_now_ns() >= next_ns) {
             told_ns = sst_clock_now_ns();
-            health_tell(&c->health, c->array->bound, c->name);
+            health_log(&c->health, c->array->bound, c->name);
             if (c->events.progress)
                 c->events.progress(c->events.arg, c->report.handed);
         }
     }
     sst_sets_flush(c->sets);
     end_writer(c);
-    health_tell(&c->health, c->array->bound, c->name);
+    health_log(&c->health, c->array->bound, c->name);
     if (c->events.progress)
         c->events.progress(c->events.arg, c->report.handed);
     return err ? err : trigger_err;

@@ -83,7 +83,7 @@ void health_set(struct health *h, int cam)
 }
 
 /** Of the cameras whose trouble began since the last telling. @return lines */
-static int tell_began(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+static int log_began(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     int n = 0, first = 0;
 
@@ -102,7 +102,7 @@ static int tell_began(struct health *h, enum trouble trouble, int cameras, const
 }
 
 /** Of those whose trouble ended. @return lines */
-static int tell_ended(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+static int log_ended(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     uint64_t frames = 0;
     int n = 0, first = 0;
@@ -123,13 +123,13 @@ static int tell_ended(struct health *h, enum trouble trouble, int cameras, const
     return n > 0;
 }
 
-int health_tell(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME])
+int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     int lines = 0;
 
     for (int i = 0; i < SST_TROUBLES; i++) {
-        lines += tell_began(h, (enum trouble)i, cameras, name);
-        lines += tell_ended(h, (enum trouble)i, cameras, name);
+        lines += log_began(h, (enum trouble)i, cameras, name);
+        lines += log_ended(h, (enum trouble)i, cameras, name);
     }
     return lines;
 }

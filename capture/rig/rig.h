@@ -95,7 +95,6 @@ void sst_rig_store_close(struct sst_rig_store *store);
 
 bool sst_rig_store_has(const struct sst_rig_store *store, int view);
 int sst_rig_store_count(const struct sst_rig_store *store);   /* views that are there */
-int sst_rig_store_damaged(const struct sst_rig_store *store); /* of the manifest's: missing or changed since */
 
 /** Store a view durably: its file, then its line. @return 0, -EINVAL (format), -EIO/-ENOSPC/-EROFS/...; logged, the
  * view is then not there. */

@@ -40,7 +40,7 @@ struct stored_view {
 struct sst_rig_store {
     char dir[SST_PATH_MAX], views_dir[SST_PATH_MAX], manifest[SST_PATH_MAX];
     int dir_fd, fd; /* the folder, locked; the manifest, to append */
-    int rows, cols, damaged;
+    int rows, cols;
     int32_t pitch_um[2];
     uint32_t fourcc;
     bool put_any;
@@ -232,7 +232,6 @@ static void check_views(struct sst_rig_store *s)
         sst_log_warning("%s %s; it is captured again", path,
                         hash[0] ? "has changed since it was stored" : "cannot be read");
         s->view[k].there = false;
-        s->damaged++;
     }
 }
 
@@ -410,11 +409,6 @@ int sst_rig_store_count(const struct sst_rig_store *s)
     for (int k = 0; k < s->rows * s->cols; k++)
         n += s->view[k].there;
     return n;
-}
-
-int sst_rig_store_damaged(const struct sst_rig_store *s)
-{
-    return s->damaged;
 }
 
 int sst_rig_store_check_camera(const struct sst_rig_store *s, const struct sst_rig_camera *camera)

@@ -83,7 +83,7 @@ static void list_sort(struct node_list *list)
 
 #if WITH_UDEV
 
-struct grab_watch {
+struct grab_monitor {
     struct udev *udev;
     struct udev_monitor *monitor;
 };
@@ -153,9 +153,9 @@ int grab_scan(struct grab_node **nodes, int *count)
     return 0;
 }
 
-int grab_watch_open(struct grab_watch **out)
+int grab_monitor_open(struct grab_monitor **out)
 {
-    struct grab_watch *w = calloc(1, sizeof(*w));
+    struct grab_monitor *w = calloc(1, sizeof(*w));
     int err = -ENOMEM;
 
     if (!w || !(w->udev = udev_new()))
@@ -175,16 +175,16 @@ int grab_watch_open(struct grab_watch **out)
 
 fail:
     sst_log_error("cannot monitor hotplug of cameras: udev: %s; a sandbox must allow netlink sockets", strerror(-err));
-    grab_watch_close(w);
+    grab_monitor_close(w);
     return err;
 }
 
-int grab_watch_fd(const struct grab_watch *watch)
+int grab_monitor_fd(const struct grab_monitor *watch)
 {
     return udev_monitor_get_fd(watch->monitor);
 }
 
-int grab_watch_next(struct grab_watch *watch, struct grab_node *node)
+int grab_monitor_next(struct grab_monitor *watch, struct grab_node *node)
 {
     struct udev_device *d;
     int what = 0;
@@ -207,7 +207,7 @@ int grab_watch_next(struct grab_watch *watch, struct grab_node *node)
     return what;
 }
 
-void grab_watch_close(struct grab_watch *watch)
+void grab_monitor_close(struct grab_monitor *watch)
 {
     if (!watch)
         return;
@@ -280,23 +280,23 @@ int grab_scan(struct grab_node **nodes, int *count)
     return 0;
 }
 
-int grab_watch_open(struct grab_watch **out)
+int grab_monitor_open(struct grab_monitor **out)
 {
     *out = NULL;
     return 0;
 }
 
-int grab_watch_fd(const struct grab_watch *watch SST_UNUSED)
+int grab_monitor_fd(const struct grab_monitor *watch SST_UNUSED)
 {
     return -1;
 }
 
-int grab_watch_next(struct grab_watch *watch SST_UNUSED, struct grab_node *node SST_UNUSED)
+int grab_monitor_next(struct grab_monitor *watch SST_UNUSED, struct grab_node *node SST_UNUSED)
 {
     return 0;
 }
 
-void grab_watch_close(struct grab_watch *watch SST_UNUSED)
+void grab_monitor_close(struct grab_monitor *watch SST_UNUSED)
 {
 }
 

@@ -151,7 +151,7 @@ static void tell_absent(struct sst_grab *g)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
         if (g->camera[i].number < 0 && !*g->camera[i].why)
-            camera_say(g, &g->camera[i], SST_GRAB_ABSENT, "is not connected; it starts when it is plugged in");
+            camera_set_state(g, &g->camera[i], SST_GRAB_ABSENT, "is not connected; it starts when it is plugged in");
     }
 }
 
@@ -169,11 +169,11 @@ int sst_grab_open(struct sst_grab **out, const struct sst_grab_config *cfg, cons
         goto fail;
     }
     err = open_descriptors(g);
-    err = err ? err : grab_watch_open(&g->watch);
+    err = err ? err : grab_monitor_open(&g->watch);
     if (!err && g->watch)
-        err = watch_fd(g, grab_watch_fd(g->watch), TAG_PLUG);
-    err = err ? err : plug_read(g);
-    err = err ? err : plug_assign(g);
+        err = watch_fd(g, grab_monitor_fd(g->watch), TAG_PLUG);
+    err = err ? err : hotplug_scan(g);
+    err = err ? err : hotplug_assign(g);
     if (err)
         goto fail;
     wait_for_jobs(g);
@@ -222,12 +222,12 @@ static void serve_one(struct sst_grab *g, const struct epoll_event *e)
     if (tag == TAG_JOBS) {
         jobs_collect(g->jobs, g);
     } else if (tag == TAG_PLUG) {
-        plug_events(g);
+        hotplug_events(g);
     } else if (tag == TAG_TIMER || tag == TAG_WAKE) {
         (void)!read(tag == TAG_TIMER ? g->timer_fd : g->wake_fd, &count, sizeof(count));
     } else if (g->camera[tag].armed) {
         /* Else something before it in this round has closed it. */
-        intake(g, &g->camera[tag], !(e->events & EPOLLIN));
+        receive_ready(g, &g->camera[tag], !(e->events & EPOLLIN));
     }
 }
 
@@ -251,22 +251,22 @@ static void serve_time(struct sst_grab *g)
         return;
     for (int i = 0; i < g->cfg.cameras; i++) {
         struct grab_camera *cam = &g->camera[i];
-        const int64_t silent_ns = intake_due(g, cam);
+        const int64_t silent_ns = receive_due(g, cam);
 
         if (silent_ns && now_ns >= silent_ns)
-            intake_silence(g, cam, now_ns);
+            receive_silence(g, cam, now_ns);
         recovery_time(g, cam, now_ns);
     }
-    plug_time(g, now_ns);
+    hotplug_time(g, now_ns);
 }
 
 static void set_timer(struct sst_grab *g, int64_t now_ns)
 {
     struct itimerspec t = { 0 };
-    int64_t due_ns = plug_due(g);
+    int64_t due_ns = hotplug_due(g);
 
     for (int i = 0; i < g->cfg.cameras; i++) {
-        const int64_t due[2] = { recovery_due(g, &g->camera[i]), intake_due(g, &g->camera[i]) };
+        const int64_t due[2] = { recovery_due(g, &g->camera[i]), receive_due(g, &g->camera[i]) };
 
         for (int k = 0; k < 2; k++) {
             if (due[k] && (!due_ns || due[k] < due_ns))
@@ -360,7 +360,7 @@ void sst_grab_close(struct sst_grab *g)
         sst_log_warning("%d cameras hang in the kernel while they are closed; they are abandoned",
                         jobs_running(g->jobs));
     jobs_destroy(g->jobs);
-    grab_watch_close(g->watch);
+    grab_monitor_close(g->watch);
     close_fd(g->epoll_fd);
     close_fd(g->timer_fd);
     close_fd(g->wake_fd);

@@ -52,19 +52,19 @@ void grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_bin
  */
 SST_MUST_CHECK int grab_scan(struct grab_node **nodes, int *count);
 
-struct grab_watch; /* opaque; tells of plugs */
+struct grab_monitor; /* opaque; tells of plugs */
 
 /** @return 0, -errno, logged. *out is NULL where plugs are not told of (built without libudev): scan from time to time.
  */
-SST_MUST_CHECK int grab_watch_open(struct grab_watch **out);
-int grab_watch_fd(const struct grab_watch *watch);
+SST_MUST_CHECK int grab_monitor_open(struct grab_monitor **out);
+int grab_monitor_fd(const struct grab_monitor *watch);
 
 /**
  * Take one event: a node that was added (all known of it in *node), or removed (device.node and number alone).
  * @return 1 added, 2 removed, 0 nothing more, -ENOBUFS (events were lost: scan again)
  */
-SST_MUST_CHECK int grab_watch_next(struct grab_watch *watch, struct grab_node *node);
-void grab_watch_close(struct grab_watch *watch);
+SST_MUST_CHECK int grab_monitor_next(struct grab_monitor *watch, struct grab_node *node);
+void grab_monitor_close(struct grab_monitor *watch);
 
 /* --- job ---
  * calls that may block (open, stream off, USB reset) on threads of their own. Only for
@@ -200,7 +200,7 @@ int stream_fd(const struct grab_stream *stream);
 
 /** Take a filled buffer: all of the frame but lost_before and faults that need its history (FLAGGED is set).
  *  @return 0, -EAGAIN (none now), or the driver's -errno */
-SST_MUST_CHECK int stream_take(struct grab_stream *stream, struct sst_frame **frame, struct stream_stamp *stamp);
+SST_MUST_CHECK int stream_dequeue(struct grab_stream *stream, struct sst_frame **frame, struct stream_stamp *stamp);
 
 /** Buffers that the camera can fill. */
 int stream_queued(struct grab_stream *stream);
@@ -255,7 +255,7 @@ struct grab_camera {
 
     /* told already, so that a fault that stays is told once */
     char why[SST_WHY_MAX], note[SST_WHY_MAX], odd[SST_WHY_MAX], serial_seen[SST_GRAB_NAME_MAX];
-    bool told_starved, told_stamp, told_hopeless;
+    bool logged_starved, logged_stamp, logged_hopeless;
 };
 
 struct sst_grab {
@@ -263,7 +263,7 @@ struct sst_grab {
     struct sst_grab_events events;
     int epoll_fd, timer_fd, wake_fd;
     struct jobs *jobs;
-    struct grab_watch *watch;
+    struct grab_monitor *watch;
     bool started, closing;
     int64_t timer_ns; /* what timer_fd is set to; 0: nothing is due */
     int64_t judge_ns; /* no camera is taken for silent before */
@@ -280,19 +280,19 @@ struct sst_grab {
 
 #define SST_MS INT64_C(1000000)
 
-/* --- intake.c: frames --------------------------------------------------------------------------------------------- */
+/* --- receive_ready.c: frames --------------------------------------------------------------------------------------------- */
 
 /** Serve a camera whose descriptor is ready. @param broken  epoll tells an error */
-void intake(struct sst_grab *grab, struct grab_camera *cam, bool broken);
+void receive_ready(struct sst_grab *grab, struct grab_camera *cam, bool broken);
 
 /** Forget the past: the stream starts anew. */
-void intake_begin(struct sst_grab *grab, struct grab_camera *cam);
+void receive_begin(struct sst_grab *grab, struct grab_camera *cam);
 
 /** When the camera is to be looked at again for silence; 0: never as it is. */
-int64_t intake_due(const struct sst_grab *grab, const struct grab_camera *cam);
+int64_t receive_due(const struct sst_grab *grab, const struct grab_camera *cam);
 
 /** The due time has come: climb the ladder if it is silent and could have spoken. */
-void intake_silence(struct sst_grab *grab, struct grab_camera *cam, int64_t now_ns);
+void receive_silence(struct sst_grab *grab, struct grab_camera *cam, int64_t now_ns);
 
 /* --- recovery.c: what is done to a camera, and by whom ------------------------------------------------------------ */
 
@@ -320,25 +320,25 @@ void recovery_disarm(struct sst_grab *grab, struct grab_camera *cam);
 void recovery_drop(struct sst_grab *grab, struct grab_camera *cam);
 
 /** Tell a change of state, once: by the log and the caller's event. */
-void camera_say(struct sst_grab *grab, struct grab_camera *cam, enum sst_grab_state state, const char *why);
+void camera_set_state(struct sst_grab *grab, struct grab_camera *cam, enum sst_grab_state state, const char *why);
 
 /* --- plug.c: which node is which camera --------------------------------------------------------------------------- */
 
 /** Read all there is to read from the watch. */
-void plug_events(struct sst_grab *grab);
+void hotplug_events(struct sst_grab *grab);
 
 /** Read the list of nodes here and now. @return 0 or -errno, logged. */
-SST_MUST_CHECK int plug_read(struct sst_grab *grab);
+SST_MUST_CHECK int hotplug_scan(struct sst_grab *grab);
 
 /** Read it again on a thread, now and then while a camera is missing, or events were lost. */
-void plug_time(struct sst_grab *grab, int64_t now_ns);
-int64_t plug_due(const struct sst_grab *grab);
+void hotplug_time(struct sst_grab *grab, int64_t now_ns);
+int64_t hotplug_due(const struct sst_grab *grab);
 
 /** Look for the node of every camera that has none. @return 0, or -ENOTUNIQ (two devices of one serial; logged) */
-int plug_assign(struct sst_grab *grab);
+int hotplug_assign(struct sst_grab *grab);
 
 /** The node was found not to capture, or to be gone: do not take it again. */
-void plug_strike(struct sst_grab *grab, int number, bool gone);
+void hotplug_reject(struct sst_grab *grab, int number, bool gone);
 
 /* --- control: V4L2 controls by name. Only for drivers/grab and its tests. --- */
 

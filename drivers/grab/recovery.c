@@ -130,7 +130,7 @@ void recovery_disarm(struct sst_grab *g, struct grab_camera *cam)
     cam->rearm_ns = 0;
 }
 
-void camera_say(struct sst_grab *g, struct grab_camera *cam, enum sst_grab_state state, const char *why)
+void camera_set_state(struct sst_grab *g, struct grab_camera *cam, enum sst_grab_state state, const char *why)
 {
     const bool changed = cam->state != state;
 
@@ -223,17 +223,17 @@ static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung)
     cam->counters.rung[rung]++;
     if (rung == SST_GRAB_BACK_OFF) {
         recovery_drop(g, cam);
-        if (cam->state == SST_GRAB_RECOVERING && !cam->told_hopeless)
+        if (cam->state == SST_GRAB_RECOVERING && !cam->logged_hopeless)
             sst_log_error(
                 "%s: no recovery step succeeded; check its cable, hub and power: recovery is retried periodically",
                 cam->name);
-        cam->told_hopeless |= cam->state == SST_GRAB_RECOVERING;
+        cam->logged_hopeless |= cam->state == SST_GRAB_RECOVERING;
         return;
     }
     if (cam->state != SST_GRAB_REFUSED) {
         snprintf(why, sizeof(why), "%s; next: %s", cam->state == SST_GRAB_RECOVERING ? "still no frame" : cam->why,
                  task_names[rung]);
-        camera_say(g, cam, SST_GRAB_RECOVERING, why);
+        camera_set_state(g, cam, SST_GRAB_RECOVERING, why);
     }
     if (start_job(g, cam, (enum task)rung))
         step(g, cam, SST_LADDER_FAILED);
@@ -243,7 +243,7 @@ void recovery_fault(struct sst_grab *g, struct grab_camera *cam, const char *why
 {
     if (cam->ladder.phase != SST_LADDER_QUIET && cam->ladder.phase != SST_LADDER_WAITING)
         return;
-    camera_say(g, cam, SST_GRAB_RECOVERING, why);
+    camera_set_state(g, cam, SST_GRAB_RECOVERING, why);
     step(g, cam, SST_LADDER_FAULT);
 }
 
@@ -260,7 +260,7 @@ void recovery_lost(struct sst_grab *g, struct grab_camera *cam)
     cam->job = NULL; /* what it brings is closed when it ends */
     cam->job_end_ns = 0;
     cam->counters.lost_devices++;
-    camera_say(g, cam, SST_GRAB_ABSENT, "unplugged; it resumes when it is plugged in again");
+    camera_set_state(g, cam, SST_GRAB_ABSENT, "unplugged; it resumes when it is plugged in again");
 }
 
 static void open_now(struct sst_grab *g, struct grab_camera *cam)
@@ -307,19 +307,19 @@ static void opened(struct sst_grab *g, struct grab_camera *cam, struct camera_jo
     }
     if (!cam->running) {
         ladder_init(&cam->ladder, cam->ladder.patience_ns, cam->ladder.usb, cam->ladder.port_power);
-        camera_say(g, cam, SST_GRAB_READY, "ready");
+        camera_set_state(g, cam, SST_GRAB_READY, "ready");
         if (g->started) /* while it was being opened */
             recovery_start(g, cam);
         return;
     }
-    intake_begin(g, cam);
+    receive_begin(g, cam);
     recovery_arm(g, cam);
     if (cam->ladder.phase == SST_LADDER_WORKING)
         step(g, cam, SST_LADDER_DONE);
     else
         step(g, cam, SST_LADDER_OPENED);
     if (cam->ladder.rung < 0 || cam->state == SST_GRAB_REFUSED)
-        camera_say(g, cam, SST_GRAB_STREAMING, "streaming");
+        camera_set_state(g, cam, SST_GRAB_STREAMING, "streaming");
 }
 
 static bool is_refusal(int err)
@@ -332,17 +332,17 @@ static void failed(struct sst_grab *g, struct grab_camera *cam, struct camera_jo
     const bool opening = j->task == TASK_REOPEN || j->task == TASK_START || j->task == TASK_RESTREAM;
 
     if (opening && j->err == -ENOTTY) {
-        plug_strike(g, cam->number, false);
+        hotplug_reject(g, cam->number, false);
         cam->number = -1;
-        (void)plug_assign(g);
+        (void)hotplug_assign(g);
     } else if (opening && j->err == -ENODEV) {
-        plug_strike(g, cam->number, true);
+        hotplug_reject(g, cam->number, true);
         recovery_lost(g, cam);
     } else if (opening && is_refusal(j->err)) {
-        camera_say(g, cam, SST_GRAB_REFUSED, j->why);
+        camera_set_state(g, cam, SST_GRAB_REFUSED, j->why);
         step(g, cam, SST_LADDER_REFUSED);
     } else {
-        camera_say(g, cam, SST_GRAB_RECOVERING, j->why);
+        camera_set_state(g, cam, SST_GRAB_RECOVERING, j->why);
         step(g, cam, SST_LADDER_FAILED);
     }
 }

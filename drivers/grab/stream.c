@@ -295,7 +295,7 @@ int stream_lent(struct grab_stream *s)
     return lent;
 }
 
-int stream_take(struct grab_stream *s, struct sst_frame **out, struct stream_stamp *stamp)
+int stream_dequeue(struct grab_stream *s, struct sst_frame **out, struct stream_stamp *stamp)
 {
     struct v4l2_buffer b = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
     const int err = node_ioctl(s->fd, VIDIOC_DQBUF, &b);

@@ -11,7 +11,7 @@
 
 #define POLL_MS 5
 #define BUSY_MS 30
-#define TELL_NS 10000000000 /* between two warnings of faults that were mended */
+#define LOG_NS 10000000000 /* between two warnings of faults that were mended */
 
 const char *rig_axis_name(const struct sst_rig *rig, int a, char text[32])
 {
@@ -49,16 +49,16 @@ static int registers_of(const struct rig_register *reg)
 
 /* A fault that another attempt may mend. A bad cable brings them all the time: they are counted, and told now and then.
  */
-static void tell_fault(struct sst_rig *rig, int a, const char *doing, const char *reg)
+static void log_fault(struct sst_rig *rig, int a, const char *doing, const char *reg)
 {
     const int64_t now_ns = sst_clock_now_ns();
-    const bool again = rig->told_ns && now_ns - rig->told_ns < TELL_NS;
+    const bool again = rig->logged_ns && now_ns - rig->logged_ns < LOG_NS;
     char name[32];
 
     (again ? sst_log_debug : sst_log_warning)("rig %s: %s: %s while %s %s; retrying", rig->cfg.bus,
                                               rig_axis_name(rig, a, name), rig_bus_why(rig->bus), doing, reg);
     if (!again)
-        rig->told_ns = now_ns;
+        rig->logged_ns = now_ns;
 }
 
 static int give_up(struct sst_rig *rig, int a, const char *doing, const char *reg, int err)
@@ -79,7 +79,7 @@ static int before_retry(struct sst_rig *rig, int a, int err, const char *doing, 
         rig_sleep_ms(rig, BUSY_MS);
         return 0;
     }
-    tell_fault(rig, a, doing, reg);
+    log_fault(rig, a, doing, reg);
     return rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, cancelled, rig);
 }
 

@@ -176,7 +176,7 @@ struct sst_rig {
     struct rig_axis axis[SST_RIG_AXES];
     struct sst_rig_counters count; /* of motions; those of the bus are there */
     bool moving, doubt;            /* doubt: the axes may not be where they say until they are homed */
-    int64_t told_ns;               /* a fault of the bus was last told; 0: never */
+    int64_t logged_ns;               /* a fault of the bus was last told; 0: never */
     SST_ATOMIC(bool) cancel;
 };
 

@@ -274,13 +274,13 @@ static int run_train_locked(struct sst_trigger *t)
     uint64_t fired = 0;
 
     for (uint64_t n = 0; !t->count || fired < t->count; n++) {
-        const int64_t due_ns = beat_due_ns(start_ns, rate_hz, n);
+        const int64_t due_ns = tick_due_ns(start_ns, rate_hz, n);
         uint64_t next;
         int err;
 
         if (!wait_until_locked(t, due_ns))
             return 0;
-        next = beat_next(start_ns, rate_hz, n, sst_clock_now_ns());
+        next = tick_next(start_ns, rate_hz, n, sst_clock_now_ns());
         if (next > n) {
             t->skipped += next - n;
             n = next - 1;

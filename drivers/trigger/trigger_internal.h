@@ -106,10 +106,10 @@ struct pulse_step {
 int pulse_steps(struct pulse_step *step, const int *delay_us, int lines, int pulse_us);
 
 /** Beat n of a train, from its start and not from the beat before: rounding never adds up. */
-int64_t beat_due_ns(int64_t start_ns, double rate_hz, uint64_t n);
+int64_t tick_due_ns(int64_t start_ns, double rate_hz, uint64_t n);
 
 /** The first beat from n on that is not yet over half a period ago at now_ns. */
-uint64_t beat_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns);
+uint64_t tick_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns);
 
 /** An edge stamp on CLOCK_MONOTONIC. Kernels before 5.7 stamp on CLOCK_REALTIME; whichever of the clocks, both just
  *  read, is nearer to the stamp is the stamp's. */

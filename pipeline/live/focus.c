@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
 #define LOOK_COLS     160   /* places looked at in a row, about */
 #define SMOOTH        4     /* bins to each side: windows of 2.25 px, for surfaces are seldom upright */
@@ -34,17 +34,17 @@
  */
 static const double hiding_share[] = { 0.02, 0.003 };
 
-void sst_live_focus_init(struct sst_live_focus *f)
+void live_focus_init(struct live_focus *f)
 {
     memset(f, 0, sizeof(*f));
     f->focus_px = NAN;
 }
 
-void sst_live_focus_fini(struct sst_live_focus *f)
+void live_focus_fini(struct live_focus *f)
 {
     free(f->front);
     free(f->behind);
-    sst_live_focus_init(f);
+    live_focus_init(f);
 }
 
 /* Places of a view: every step-th pixel of every step-th row. */
@@ -64,7 +64,7 @@ static uint16_t disp_at(const struct sst_view *v, const struct places *at, int c
     return sst_map_u16_row(&v->disp, row * at->step + at->step / 2)[col * at->step + at->step / 2];
 }
 
-static int take_memory(struct sst_live_focus *f, int cells)
+static int take_memory(struct live_focus *f, int cells)
 {
     uint16_t *front, *behind;
 
@@ -86,7 +86,7 @@ static int take_memory(struct sst_live_focus *f, int cells)
 }
 
 /* Carry the places of view v to the view looked through, and note what is hidden there. */
-static void note_hidden(struct sst_live_focus *f, const struct sst_lightfield *lf, const struct places *at,
+static void note_hidden(struct live_focus *f, const struct sst_lightfield *lf, const struct places *at,
                         const struct sst_view *v, const struct sst_view *look, int gap_q6)
 {
     const double bx = v->bx - look->bx, by = v->by - look->by;
@@ -157,7 +157,7 @@ static int surface_start(const float *share, int top)
 }
 
 /* What surfaces of bins start .. top hide. @return how much, as a share of all places */
-static double vote(struct sst_live_focus *f, int start, int top)
+static double vote(struct live_focus *f, int start, int top)
 {
     int hiding = 0;
 
@@ -174,14 +174,14 @@ static double vote(struct sst_live_focus *f, int start, int top)
     return (double)hiding / f->cells;
 }
 
-static void scale_votes(struct sst_live_focus *f, double factor)
+static void scale_votes(struct live_focus *f, double factor)
 {
     for (int c = 0; c < SST_BLEND_COLUMNS; c++)
         f->vote[c] *= (float)factor;
 }
 
 /* Shares of the places by disparity. @return extreme bins that are not noise; false: nothing is known */
-static bool count_fronts(const struct sst_live_focus *f, float *share, int *first, int *last)
+static bool count_fronts(const struct live_focus *f, float *share, int *first, int *last)
 {
     double below = 0, above = 0;
 
@@ -211,7 +211,7 @@ static double nearness(const struct sst_lightfield *lf, int start, int top, int 
     return at * at * at;
 }
 
-int sst_live_focus_look(struct sst_live_focus *f, const struct sst_lightfield *lf, const int *view, int views)
+int live_focus_vote(struct live_focus *f, const struct sst_lightfield *lf, const int *view, int views)
 {
     const struct places at = places_of(lf);
     const struct sst_view *look = &lf->views[view[0]];
@@ -253,7 +253,7 @@ int sst_live_focus_look(struct sst_live_focus *f, const struct sst_lightfield *l
 }
 
 /* Mean of the surface around bin c, px. */
-static double surface_px(const struct sst_live_focus *f, int c)
+static double surface_px(const struct live_focus *f, int c)
 {
     const int end = sst_min_int(c + SMOOTH, SST_BLEND_COLUMNS - 1);
     double sum = 0, weight = 0;
@@ -266,7 +266,7 @@ static double surface_px(const struct sst_live_focus *f, int c)
 }
 
 /* Most votes of a window within 1 px of the focus. */
-static double votes_in_focus(const struct sst_live_focus *f)
+static double votes_in_focus(const struct live_focus *f)
 {
     const double at = (f->focus_px - f->min_px) * SST_DISP_SCALE / (1 << SST_BLEND_COLUMN_SHIFT);
     double best = 0;
@@ -278,7 +278,7 @@ static double votes_in_focus(const struct sst_live_focus *f)
     return best;
 }
 
-void sst_live_focus_step(struct sst_live_focus *f, int64_t t_ns)
+void live_focus_step(struct live_focus *f, int64_t t_ns)
 {
     const double dt = f->t_ns ? sst_clamp_double((double)(t_ns - f->t_ns) * 1e-9, 0, STEP_MAX_S) : FIRST_S;
     const float keep = (float)exp(-dt / MEMORY_S);

@@ -181,7 +181,7 @@ static int segment_job(void *arg, int view, int worker)
 {
     (void)arg;
     sst_map_u8_fini(&b.exact.views[view].label);
-    return scene_segment(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
+    return sst_segment_sure(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
 }
 
 /* What sst process does. */

@@ -70,20 +70,20 @@ static void all_64_lines_may_differ(void **state SST_UNUSED)
  */
 static void beats_do_not_drift(void **state SST_UNUSED)
 {
-    assert_int_equal(beat_due_ns(7, 30, 1), 7 + 33333333);
-    assert_int_equal(beat_due_ns(7, 30, 2), 7 + 66666667);
-    assert_int_equal(beat_due_ns(7, 30, 30), 7 + 1000000000);
-    assert_true(beat_due_ns(7, 30, 30000000) == 7 + 1000000000000000);
+    assert_int_equal(tick_due_ns(7, 30, 1), 7 + 33333333);
+    assert_int_equal(tick_due_ns(7, 30, 2), 7 + 66666667);
+    assert_int_equal(tick_due_ns(7, 30, 30), 7 + 1000000000);
+    assert_true(tick_due_ns(7, 30, 30000000) == 7 + 1000000000000000);
 }
 
 /* At 10/s: 49 ms late still fires, 51 ms late is skipped, and after 1.02 s only beat 10 is near enough. */
 static void late_beats_are_skipped(void **state SST_UNUSED)
 {
-    assert_int_equal(beat_next(1000, 10, 0, 1000), 0);
-    assert_int_equal(beat_next(1000, 10, 0, 1000 + 49000000), 0);
-    assert_int_equal(beat_next(1000, 10, 0, 1000 + 51000000), 1);
-    assert_int_equal(beat_next(1000, 10, 0, 1000 + 1020000000), 10);
-    assert_int_equal(beat_next(1000, 10, 12, 1000 + 1020000000), 12);
+    assert_int_equal(tick_next(1000, 10, 0, 1000), 0);
+    assert_int_equal(tick_next(1000, 10, 0, 1000 + 49000000), 0);
+    assert_int_equal(tick_next(1000, 10, 0, 1000 + 51000000), 1);
+    assert_int_equal(tick_next(1000, 10, 0, 1000 + 1020000000), 10);
+    assert_int_equal(tick_next(1000, 10, 12, 1000 + 1020000000), 12);
 }
 
 static void stamps_of_both_clocks_become_monotonic(void **state SST_UNUSED)

@@ -113,7 +113,7 @@ static int open_view(void *arg, int index, int worker SST_UNUSED)
         return 0;
     err = sst_image_init(&view->image, f->lf->width, f->lf->height);
     if (!err)
-        err = watch_init(&v->watch, f->cfg->width, f->cfg->height);
+        err = detector_init(&v->watch, f->cfg->width, f->cfg->height);
     if (!err && f->cfg->calibration)
         err = open_map(f, v, view);
     v->dirty = sst_mem_alloc((size_t)f->raw_cols, (size_t)f->raw_rows);
@@ -188,7 +188,7 @@ void sst_live_frames_close(struct sst_live_frames *f)
     for (int k = 0; f->view && k < f->views; k++) {
         struct live_view *v = &f->view[k];
 
-        watch_fini(&v->watch);
+        detector_fini(&v->watch);
         sst_sampler_destroy(v->sampler);
         sst_rectify_map_destroy(v->map);
         free(v->from);
@@ -261,7 +261,7 @@ static void follow_presence(struct sst_live_frames *f, int k)
     if (!view->present && v->made) {
         /* What it shows when it comes back is new to everybody. */
         v->made = false;
-        watch_forget(&v->watch);
+        detector_reset(&v->watch);
         memset(f->changes->map[k], 1, (size_t)f->cols * (size_t)f->rows);
     }
 }
@@ -294,14 +294,14 @@ static int run(struct sst_live_frames *f, struct sst_live_report *report)
 {
     const int64_t start = sst_clock_now_ns();
     int64_t found, decoded;
-    int err = live_frames_look(f);
+    int err = frames_scan(f);
 
     found = sst_clock_now_ns();
     if (!err)
-        err = live_frames_decode(f);
+        err = frames_decode(f);
     decoded = sst_clock_now_ns();
     if (!err)
-        err = live_frames_rectify(f);
+        err = frames_rectify(f);
     report->stage_ns[SST_LIVE_CHANGE] = found - start;
     report->stage_ns[SST_LIVE_DECODE] = decoded - found;
     report->stage_ns[SST_LIVE_RECTIFY] = sst_clock_now_ns() - decoded;
@@ -321,7 +321,7 @@ int sst_live_frames_update(struct sst_live_frames *f, const struct sst_live_inpu
         return err;
     if (f->cfg->skip_change && --f->sample <= 0) {
         f->sample = SST_LIVE_SAMPLE_SETS;
-        report->error_change = live_frames_sample(f);
+        report->error_change = frames_sample_error(f);
     }
     end_set(f, report);
     return 0;

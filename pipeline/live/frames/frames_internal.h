@@ -14,7 +14,7 @@
  * the frame decoded. Inside pipeline/live only. */
 
 /** Means over blocks of samples, in 1/8 levels (0 .. 2047). */
-struct cells {
+struct block_means {
     int planes; /* 1 or 3: brightness, then two of colour; 0: not read yet */
     struct {
         int cols, rows;
@@ -24,13 +24,13 @@ struct cells {
     } plane[3];
 };
 
-/** Room for frames of a size: cells of 8x8 px at the smallest. @return 0, -ENOMEM */
-SST_MUST_CHECK int cells_init(struct cells *c, int width, int height);
-void cells_fini(struct cells *c);
+/** Room for frames of a size: block_means of 8x8 px at the smallest. @return 0, -ENOMEM */
+SST_MUST_CHECK int block_means_init(struct block_means *c, int width, int height);
+void block_means_fini(struct block_means *c);
 /** The same planes of the same sizes? */
-bool cells_alike(const struct cells *a, const struct cells *b);
+bool block_means_alike(const struct block_means *a, const struct block_means *b);
 /** @param to  of the same size of frame */
-void cells_copy(struct cells *to, const struct cells *from);
+void block_means_copy(struct block_means *to, const struct block_means *from);
 
 struct decoder; /* one thread at a time */
 
@@ -50,11 +50,11 @@ struct decoder_frame {
 /**
  * The small picture of a frame.
  *
- * @param cells  of cells_init() for this size; partly written when it fails
+ * @param block_means  of block_means_init() for this size; partly written when it fails
  * @return 0, -ENOTSUP (a kind of JPEG that is only read by decoding), -EBADMSG (damaged, or of another size: see
  *         decoder_fault())
  */
-SST_MUST_CHECK int decoder_look(struct decoder *d, const struct decoder_frame *frame, struct cells *cells);
+SST_MUST_CHECK int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means);
 
 /**
  * Decode columns x0 .. x1-1 of rows y0 .. y1-1: the pixels that decoding the whole frame gives.
@@ -75,37 +75,37 @@ const char *decoder_fault(const struct decoder *d);
  * the light. Inside pipeline/live only. */
 
 /*
- * Each tile is judged by three numbers of the differences e of its cells, in each plane: |mean e| (something faint that
+ * Each tile is judged by three numbers of the differences e of its block_means, in each plane: |mean e| (something faint that
  * fills the tile), mean |e| (something that moves in it), max |e| (something small). A threshold is what is always let
  * pass, plus a multiple of the median over all tiles of the same number for two pictures in a row of this camera: the
  * noise, whatever its distribution. The light is followed by the median over the tiles of the ratio of brightness, and
  * taken out of the differences: a lamp that flickers changes no tile. What it adds up to is told apart.
  */
-#define SST_WATCH_STATS 3
+#define SST_DETECTOR_STATS 3
 
 /** In levels (0..255). What is kept differs from what is seen by less, up to the camera's noise: */
-#define SST_WATCH_MEAN   0.75 /* in a tile's mean ... */
-#define SST_WATCH_ABS    0.75 /* ... in its cells of 8x8 px, on average over the tile ... */
-#define SST_WATCH_PEAK   5.0  /* ... and in any of them; */
-#define SST_WATCH_LIGHT  2.5  /* and with all tiles of a view in common, at half of white */
-#define SST_WATCH_BUDGET 4.0  /* in a tile's mean, light and all */
+#define SST_DETECTOR_MEAN   0.75 /* in a tile's mean ... */
+#define SST_DETECTOR_ABS    0.75 /* ... in its block_means of 8x8 px, on average over the tile ... */
+#define SST_DETECTOR_PEAK   5.0  /* ... and in any of them; */
+#define SST_DETECTOR_LIGHT  2.5  /* and with all tiles of a view in common, at half of white */
+#define SST_DETECTOR_BUDGET 4.0  /* in a tile's mean, light and all */
 
-struct sst_watch {
+struct change_detector {
     int width, height, cols, rows;    /* px; tiles. Fixed after init */
-    struct cells now;                 /* to be read into before judging */
-    struct cells before, kept;        /* the picture judged last, and of each tile that which was taken over */
+    struct block_means now;                 /* to be read into before judging */
+    struct block_means before, kept;        /* the picture judged last, and of each tile that which was taken over */
     double *gain_kept;                /* [tiles] light when it was taken over */
     uint8_t *unsettled;               /* [tiles] judgements for which thresholds stay lower after a change */
     double gain;                      /* light now, against an arbitrary one */
-    double noise[3][SST_WATCH_STATS]; /* 1/8 levels */
+    double noise[3][SST_DETECTOR_STATS]; /* 1/8 levels */
     int noise_phase;                  /* which of the tiles tell it next */
     int judged;                       /* pictures since everything was taken over, at most 2 */
-    float *scratch;                   /* [3 SST_WATCH_STATS tiles] */
+    float *scratch;                   /* [3 SST_DETECTOR_STATS tiles] */
 };
 
 /** @return 0, -ENOMEM */
-SST_MUST_CHECK int watch_init(struct sst_watch *w, int width, int height);
-void watch_fini(struct sst_watch *w);
+SST_MUST_CHECK int detector_init(struct change_detector *w, int width, int height);
+void detector_fini(struct change_detector *w);
 
 struct verdict {
     int changed;  /* tiles */
@@ -114,13 +114,13 @@ struct verdict {
 };
 
 /** Compare `now` with what is kept. @param changed  out, [tiles] 0 or 1 */
-struct verdict watch_judge(struct sst_watch *w, uint8_t *changed);
+struct verdict detector_judge(struct change_detector *w, uint8_t *changed);
 
 /** The marked tiles are taken over as `now` has them. */
-void watch_take(struct sst_watch *w, const uint8_t *changed);
+void detector_accept(struct change_detector *w, const uint8_t *changed);
 
 /** Forget what is kept: the next judgement is `whole`. */
-void watch_forget(struct sst_watch *w);
+void detector_reset(struct change_detector *w);
 
 /* --- frames_parts: what frames.c, frames_look.c and frames_take.c share. Inside pipeline/live only. --- */
 
@@ -139,7 +139,7 @@ struct live_view {
     struct sst_rectify_map *map; /* NULL: frames are views */
     struct from *from;           /* [rectified tiles] */
     /* kept */
-    struct sst_watch watch;
+    struct change_detector watch;
     struct sst_sampler *sampler; /* the raw frame as it is kept */
     uint8_t *last;               /* [last_room] bytes of the frame looked at last, where they fit */
     size_t last_bytes;           /* 0: none */
@@ -188,17 +188,17 @@ static inline bool has_frame(const struct sst_live_frames *f, int k)
 }
 
 /** The frame of view k is no use: d says why. */
-void live_frames_refuse(struct live_view *v, const struct decoder *d);
+void frames_reject(struct live_view *v, const struct decoder *d);
 
 /** Step 1: verdicts and dirty tiles of all views. @return 0, -ECANCELED, -ENOMEM */
-SST_MUST_CHECK int live_frames_look(struct sst_live_frames *f);
+SST_MUST_CHECK int frames_scan(struct sst_live_frames *f);
 /** Step 2: decode the dirty tiles. The same. */
-SST_MUST_CHECK int live_frames_decode(struct sst_live_frames *f);
+SST_MUST_CHECK int frames_decode(struct sst_live_frames *f);
 /** Step 3: rectify what depends on them; maps of changes. The same. */
-SST_MUST_CHECK int live_frames_rectify(struct sst_live_frames *f);
+SST_MUST_CHECK int frames_rectify(struct sst_live_frames *f);
 
 /** Decode one of the views of which tiles were skipped. @return mean |difference| of those to what is kept; NaN: none
  */
-double live_frames_sample(struct sst_live_frames *f);
+double frames_sample_error(struct sst_live_frames *f);
 
 #endif

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
 #define LABEL_STEP   2 /* pixels counted for a label's disparity: every second of every second row */
 #define LABEL_SHARE  (1 / 2000.0)
@@ -12,7 +12,7 @@
 
 int sst_live_label_disparity(const struct sst_live *live, int label, double *disp_px)
 {
-    const int look = sst_live_look(live);
+    const int look = live_lead_view(live);
     const struct sst_view *v = look < 0 ? NULL : &live->lf.views[look];
     uint32_t count[SST_BLEND_COLUMNS] = { 0 }, total = 0, below = 0;
     int c = 0;
@@ -112,7 +112,7 @@ static void paint_disparities(const struct sst_lightfield *lf, const struct sst_
 
 int sst_live_overlay(struct sst_live *live, enum sst_live_overlay kind, struct sst_image *out)
 {
-    const int look = sst_live_look(live);
+    const int look = live_lead_view(live);
     const struct sst_view *v = look < 0 ? NULL : &live->lf.views[look];
     double min_px, max_px;
 

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 #include "pipeline/live/picture/picture_internal.h"
 #include "pipeline/method/render/verify.h"
 
@@ -151,7 +151,7 @@ static void pick_by_rays(struct sst_live_pick *pick, const struct sst_live *live
     pick->label = sweep_label(&sweep, peak.disp_px, PICK_PX);
 }
 
-struct sst_live_pick sst_live_pick(const struct sst_live *live, const struct sst_plan *plan, int x, int y)
+struct sst_live_pick pick_surface(const struct sst_live *live, const struct sst_plan *plan, int x, int y)
 {
     struct sst_live_pick pick = { .disp_px = NAN, .front_px = NAN };
     struct met met;

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
 /* Label ranges move with every pixel; everything is rendered again when the weights of so many rays are off so much. */
 #define NOTICEABLE       0.25
@@ -253,6 +253,6 @@ int sst_live_picture_pick(struct sst_live_picture *p, int x, int y, struct sst_l
         return -ERANGE;
     if (!p->planned || p->present_serial != p->live->present_serial || !p->live->ready)
         return -ENODATA;
-    *out = sst_live_pick(p->live, &p->plan, x, y);
+    *out = pick_surface(p->live, &p->plan, x, y);
     return 0;
 }

@@ -83,7 +83,7 @@ static int label_views(struct scene_background *b)
         if (b->cancel)
             return -ECANCELED;
         sst_map_u8_fini(&v->label);
-        err = scene_segment(b->segmenter, &v->image, &v->label);
+        err = sst_segment_sure(b->segmenter, &v->image, &v->label);
         for (int y = 0; !err && v->valid.data && y < v->label.height; y++) {
             for (int x = 0; x < v->label.width; x++)
                 sst_map_u8_row(&v->label, y)[x] &= sst_map_u8_row(&v->valid, y)[x];

@@ -52,7 +52,7 @@ void sst_live_scene_close(struct sst_live_scene *s)
     free(s->jobs);
     free(s->all);
     free(s->candidates);
-    scene_things_close(s->things);
+    scene_foreground_close(s->things);
     sst_mem_free(s->hist);
     free(s);
 }
@@ -99,7 +99,7 @@ static int open_labels(struct sst_live_scene *s)
     if (s->cfg->skip_labels)
         sst_segmenter_configure(s->segmenters[0], &quick);
     s->lf->classes = *sst_segmenter_classes(s->segmenters[0]);
-    err = scene_things_open(&s->things, s->width, s->height, s->cols, s->rows);
+    err = scene_foreground_open(&s->things, s->width, s->height, s->cols, s->rows);
     if (err)
         sst_log_error("not enough memory to label foreground objects in a view of %dx%d", s->lf->width, s->lf->height);
     return err;
@@ -234,17 +234,17 @@ static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, st
     if (err)
         return err;
     if (!s->keys) {
-        if (!s->told_alone)
+        if (!s->logged_alone)
             sst_log_warning("no two neighbouring cameras deliver pictures: disparities need two, so only plain "
                             "refocusing is available");
-        s->told_alone = true;
+        s->logged_alone = true;
         s->ready = false;
         return 0;
     }
-    s->told_alone = false;
+    s->logged_alone = false;
     tiles = mark_dirty(s, changes);
     if (s->things)
-        scene_things_rest(s->things, &s->key[0], s->dirty[s->key[0].view]);
+        scene_foreground_still(s->things, &s->key[0], s->dirty[s->key[0].view]);
     if (!tiles)
         return scene_follow_range(s, true);
     err = scene_find_range(s);
@@ -274,14 +274,14 @@ int sst_live_scene_update(struct sst_live_scene *s, struct sst_live_changes *cha
         present += s->lf->views[view].present;
     report->label_runs_skipped = s->segmenters ? present - report->label_runs : 0;
     report->ready = s->ready;
-    report->alone = s->told_alone;
+    report->alone = s->logged_alone;
     report->error_labels = s->error_labels;
     report->sure = s->sure;
     s->error_labels = NAN;
     if (err)
         s->whole_next = true;
     else if (s->ready)
-        scene_look_for_rest(s);
+        scene_start_background(s);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to track the scene; the next set is computed from scratch");
     return err;

@@ -37,16 +37,16 @@ static inline int scene_shift(int64_t disp_q6, int64_t b_q16)
 }
 
 /** How cells move from one view to another. */
-struct scene_way {
+struct scene_warp {
     int64_t zero_q6; /* disparity of stored value 0 */
     int64_t bx_q16, by_q16;
 };
 
-static inline struct scene_way scene_way(const struct sst_lightfield *lf, int from, int to)
+static inline struct scene_warp scene_warp(const struct sst_lightfield *lf, int from, int to)
 {
     const struct sst_view *a = &lf->views[from], *b = &lf->views[to];
 
-    return (struct scene_way){ llround(lf->disp_min_px * SST_DISP_SCALE), llround((b->bx - a->bx) * 65536),
+    return (struct scene_warp){ llround(lf->disp_min_px * SST_DISP_SCALE), llround((b->bx - a->bx) * 65536),
                                llround((b->by - a->by) * 65536) };
 }
 
@@ -115,7 +115,7 @@ void scene_check(struct scene_key *keys, int count, int k, const struct sst_ligh
                  int tile_cols);
 
 /** The changed cells of a key take the label of the reference's cell of the same surface, where that is to be seen. */
-void scene_take_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
+void scene_transfer_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
                        const uint8_t *dirty, int tile_cols);
 
 /** Columns of disparity, a quarter px each, in which labels are candidates. */
@@ -139,20 +139,20 @@ void scene_fill_labels(struct scene_maps *maps, const struct scene_candidates *c
 /** The background of a key, cell by cell, and the things before it: connected cells that are nearer. What a thing is
  *  taken for is voted for by all of its cells, and by those of the sets before; a cell of the background keeps the
  * label that the network gave it most often. What stands still for long is background. */
-struct scene_things; /* opaque; one thread */
+struct scene_foreground; /* opaque; one thread */
 
 /** @param width, height  half size @param cols, rows  tiles @return 0, -ENOMEM */
-SST_MUST_CHECK int scene_things_open(struct scene_things **out, int width, int height, int cols, int rows);
-void scene_things_close(struct scene_things *t); /* NULL is fine */
+SST_MUST_CHECK int scene_foreground_open(struct scene_foreground **out, int width, int height, int cols, int rows);
+void scene_foreground_close(struct scene_foreground *t); /* NULL is fine */
 
 /** Nothing is known: all of the scene is another. */
-void scene_things_forget(struct scene_things *t);
+void scene_foreground_reset(struct scene_foreground *t);
 
 /** Tiles that did not change in a set, so that what stands still becomes background. */
-void scene_things_rest(struct scene_things *t, const struct scene_key *key, const uint8_t *dirty);
+void scene_foreground_still(struct scene_foreground *t, const struct scene_key *key, const uint8_t *dirty);
 
 /** A tile's maps are now as good as they get: they are the background. */
-void scene_things_settle(struct scene_things *t, const struct scene_key *key, int tile);
+void scene_foreground_settle(struct scene_foreground *t, const struct scene_key *key, int tile);
 
 /**
  * Labels of the changed cells.
@@ -162,7 +162,7 @@ void scene_things_settle(struct scene_things *t, const struct scene_key *key, in
  * @param c         out: labels of things are candidates at their disparities
  * @param labelled  the network ran: labels are votes
  */
-void scene_things_label(struct scene_things *t, struct scene_key *key, struct scene_candidates *c, const uint8_t *dirty,
+void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c, const uint8_t *dirty,
                         bool labelled);
 
 /* --- warp.c: from key views to all views -------------------------------------------------------------------------- */
@@ -187,11 +187,6 @@ void scene_composer_fini(struct scene_composer *c);
  */
 void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_key *keys,
                    int count, const uint8_t *dirty, int tile_cols, int tile_rows, bool labels);
-
-/* --- scene_labels.c: the network ---------------------------------------------------------------------------------- */
-
-/** Labels of high confidence of a picture at its size, 0 where there are none. @param label  out, initialised here */
-SST_MUST_CHECK int scene_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label);
 
 /* --- background.c ------------------------------------------------------------------------------------------------- */
 
@@ -240,7 +235,7 @@ struct sst_live_scene {
     struct scene_background *background;
     int64_t *hist; /* [SST_DISP_BINS] */
     struct scene_candidates *candidates;
-    struct scene_things *things; /* of the first key; NULL: no model */
+    struct scene_foreground *things; /* of the first key; NULL: no model */
     /* as long as the same views are present */
     bool planned[SST_MAX_VIEWS]; /* present then */
     int keys;
@@ -252,10 +247,10 @@ struct sst_live_scene {
     struct scene_matcher *matchers; /* [threads] */
     bool ranged;
     int64_t next_range_ns;
-    bool told_alone, told_range;
-    int look_in, look_every, rested; /* sets: until the range is estimated again, the pause, without a change */
+    bool logged_alone, logged_range;
+    int scan_in, scan_every, rested; /* sets: until the range is estimated again, the pause, without a change */
     double nearer_px;                /* near end by the last estimate */
-    double unsure_share;             /* of what changed in the reference in the last set; 0: too little did */
+    double unconfirmed_share;             /* of what changed in the reference in the last set; 0: too little did */
     /* from set to set */
     bool ready, whole_next;
     int runs;                       /* of the network since the labels were fitted */
@@ -263,7 +258,7 @@ struct sst_live_scene {
     uint8_t *before[SST_MAX_VIEWS]; /* [tiles] 1: changed in the last set that changed any; none after a whole one */
     int64_t *changed_ns[SST_MAX_VIEWS]; /* [tiles] when its picture last did */
     bool *settled[SST_MAX_VIEWS];       /* [tiles] maps are the background's */
-    int64_t copied_ns, next_look_ns;    /* of the background */
+    int64_t copied_ns, next_start_ns;    /* of the background */
     double error_labels;
     double sure; /* of the report */
     /* of this set */
@@ -297,7 +292,7 @@ SST_MUST_CHECK int scene_find_range(struct sst_live_scene *s);
 SST_MUST_CHECK int scene_follow_range(struct sst_live_scene *s, bool still);
 
 /** After matching: how much of what changed no other key sees. */
-void scene_note_unsure(struct sst_live_scene *s);
+void scene_note_unconfirmed(struct sst_live_scene *s);
 
 /** Search this range from now on: matchers, and the light field's range and zero. @return 0, -ENOMEM */
 SST_MUST_CHECK int scene_set_range(struct sst_live_scene *s, double min_px, double max_px);
@@ -314,6 +309,6 @@ SST_MUST_CHECK int scene_open_segmenter(struct sst_live_scene *s, int worker);
 /* --- scene_settle.c ----------------------------------------------------------------------------------------------- */
 
 /** Start the background where that is worth it. */
-void scene_look_for_rest(struct sst_live_scene *s);
+void scene_start_background(struct sst_live_scene *s);
 
 #endif

@@ -167,10 +167,10 @@ int scene_find_range(struct sst_live_scene *s)
         if (err && err != -ENODATA)
             return err;
         if (err) {
-            if (!s->told_range)
+            if (!s->logged_range)
                 sst_log_warning("the pictures have too little texture to estimate disparities; see-through starts when "
                                 "they have enough, or set live.range_min_px and live.range_max_px");
-            s->told_range = true;
+            s->logged_range = true;
             s->next_range_ns = sst_clock_now_ns() + RETRY_NS;
             return 0;
         }
@@ -194,19 +194,19 @@ static int look_nearer(struct sst_live_scene *s)
     both_px = fmin(max_px, s->nearer_px);
     s->nearer_px = err ? 0 : max_px;
     if (err || max_px < s->lf->range_max_px + NEARER_PX) {
-        s->look_in = s->look_every;
-        s->look_every = sst_min_int(4 * s->look_every, LOOK_MOST);
+        s->scan_in = s->scan_every;
+        s->scan_every = sst_min_int(4 * s->scan_every, LOOK_MOST);
         return 0;
     }
-    s->look_in = 0;
+    s->scan_in = 0;
     if (both_px < s->lf->range_max_px + NEARER_PX)
         return 0;
-    s->look_every = LOOK_FIRST;
+    s->scan_every = LOOK_FIRST;
     sst_log_info("disparities found up to %.0f px", both_px);
     return scene_set_range(s, s->lf->range_min_px, both_px);
 }
 
-void scene_note_unsure(struct sst_live_scene *s)
+void scene_note_unconfirmed(struct sst_live_scene *s)
 {
     const struct scene_maps *maps = &s->key[0].maps;
     const uint8_t *dirty = s->dirty[s->key[0].view];
@@ -223,7 +223,7 @@ void scene_note_unsure(struct sst_live_scene *s)
             for (int x = x0; x < x1; x++, cells++)
                 unsure += !sst_map_u8_row(&maps->sure, y)[x];
     }
-    s->unsure_share = CHANGED * tiles < s->tiles ? 0 : (double)unsure / cells;
+    s->unconfirmed_share = CHANGED * tiles < s->tiles ? 0 : (double)unsure / cells;
 }
 
 int scene_follow_range(struct sst_live_scene *s, bool still)
@@ -234,12 +234,12 @@ int scene_follow_range(struct sst_live_scene *s, bool still)
         s->rested = sst_min_int(s->rested + 1, REST_SETS);
         return 0;
     }
-    if (s->rested == REST_SETS || !s->look_every) {
-        s->look_every = LOOK_FIRST;
-        s->look_in = 0;
+    if (s->rested == REST_SETS || !s->scan_every) {
+        s->scan_every = LOOK_FIRST;
+        s->scan_in = 0;
     }
     s->rested = 0;
-    if (s->whole || s->unsure_share < UNSURE_SHARE || s->look_in-- > 0)
+    if (s->whole || s->unconfirmed_share < UNSURE_SHARE || s->scan_in-- > 0)
         return 0;
     return look_nearer(s);
 }

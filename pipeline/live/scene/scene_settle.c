@@ -16,14 +16,14 @@
 /* After a background that failed. */
 #define RETRY_NS INT64_C(60000000000)
 
-void scene_look_for_rest(struct sst_live_scene *s)
+void scene_start_background(struct sst_live_scene *s)
 {
     const int64_t now = sst_clock_now_ns();
     int64_t all = 0, still = 0, better = 0;
 
-    if (!s->background || now < s->next_look_ns)
+    if (!s->background || now < s->next_start_ns)
         return;
-    s->next_look_ns = now + LOOK_EVERY_NS;
+    s->next_start_ns = now + LOOK_EVERY_NS;
     for (int view = 0; view < s->views; view++) {
         if (!s->lf->views[view].present)
             continue;
@@ -39,7 +39,7 @@ void scene_look_for_rest(struct sst_live_scene *s)
         !scene_background_idle(s->background))
         return;
     if (scene_background_start(s->background, s->lf->range_min_px, s->lf->range_max_px)) {
-        s->next_look_ns = now + RETRY_NS;
+        s->next_start_ns = now + RETRY_NS;
         return;
     }
     s->copied_ns = now;
@@ -86,7 +86,7 @@ static bool take_range(struct sst_live_scene *s, const struct sst_lightfield *fr
     sst_log_info("disparities found between %.0f and %.0f px", from->range_min_px, from->range_max_px);
     move_zero(s, before_px);
     if (s->things && s->lf->disp_min_px != before_px)
-        scene_things_forget(s->things);
+        scene_foreground_reset(s->things);
     return true;
 }
 
@@ -157,7 +157,7 @@ bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *ch
         return false;
     from = scene_background_result(s->background);
     if (!from) {
-        s->next_look_ns = sst_clock_now_ns() + RETRY_NS;
+        s->next_start_ns = sst_clock_now_ns() + RETRY_NS;
         return false;
     }
     (void)take_range(s, from);
@@ -174,7 +174,7 @@ bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *ch
             if (k >= 0)
                 take_cells(s, &s->key[k], &from->views[view], i);
             if (k == 0 && s->things)
-                scene_things_settle(s->things, &s->key[0], i);
+                scene_foreground_settle(s->things, &s->key[0], i);
             s->settled[view][i] = true;
             if (changes->map[view])
                 changes->map[view][i] = 1;

@@ -99,7 +99,7 @@ static void land(struct scene_composer *c, const struct sst_lightfield *lf, int 
                  uint32_t rank, const struct scene_rect *r)
 {
     const uint32_t base = THERE | rank << RANK_SHIFT;
-    const struct scene_way way = scene_way(lf, key->view, view);
+    const struct scene_warp way = scene_warp(lf, key->view, view);
     const int64_t far_q6 = way.zero_q6, near_q6 = llround(lf->range_max_px * SST_DISP_SCALE) + 64;
     int x0, x1, y0, y1;
 

@@ -18,14 +18,14 @@
 /* A driver that polls as broken while it has no buffer is asked again after this. */
 #define REARM_NS (20 * SST_MS)
 
-void intake_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
+void receive_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
 {
     cam->heard_ns = cam->good_ns = sst_clock_now_ns();
     cam->history = (struct history){ 0 };
     cam->owed_ns = 0;
     cam->bad_row = cam->eio_row = 0;
     cam->wakes = false;
-    cam->told_starved = false;
+    cam->logged_starved = false;
 }
 
 /* Frames between two counts; 2^32 wraps. A count that stands still or runs back is a driver's that does not count. */
@@ -63,11 +63,11 @@ static void count(struct grab_camera *cam, const struct sst_frame *f)
 }
 
 /* What the stamps mean is said once per camera: sets are put together by them. */
-static void tell_stamp(struct grab_camera *cam, const struct stream_stamp *stamp)
+static void log_stamp(struct grab_camera *cam, const struct stream_stamp *stamp)
 {
-    if (cam->told_stamp)
+    if (cam->logged_stamp)
         return;
-    cam->told_stamp = true;
+    cam->logged_stamp = true;
     if (!stamp->monotonic)
         sst_log_warning("%s: driver %s does not use the monotonic clock for time stamps; the time of arrival is used "
                         "instead, which is later and irregular",
@@ -84,7 +84,7 @@ static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_
 
     cam->heard_ns = f->arrival_ns;
     cam->owed_ns = 0;
-    cam->told_starved = false;
+    cam->logged_starved = false;
     cam->bad_row = good ? 0 : cam->bad_row + 1;
     if (good)
         cam->good_ns = f->arrival_ns;
@@ -92,7 +92,7 @@ static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_
     if (cam->state == SST_GRAB_STREAMING)
         return;
     snprintf(why, sizeof(why), "streaming again after %.1f s", (double)(f->arrival_ns - cam->down_ns) * 1e-9);
-    camera_say(g, cam, SST_GRAB_STREAMING, why);
+    camera_set_state(g, cam, SST_GRAB_STREAMING, why);
 }
 
 static void take(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const struct stream_stamp *stamp)
@@ -100,7 +100,7 @@ static void take(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *
     f->faults |= sst_frame_check(f->fourcc, f->width, f->height, f->stride, f->data, f->bytes);
     compare(g, cam, f);
     count(cam, f);
-    tell_stamp(cam, stamp);
+    log_stamp(cam, stamp);
     alive(g, cam, f);
     g->events.frame(g->events.arg, f);
     if (cam->bad_row >= BAD_ROW && cam->heard_ns - cam->good_ns > 3 * g->cfg.stall_ms * SST_MS)
@@ -118,7 +118,7 @@ static void listen_again(struct sst_grab *g, struct grab_camera *cam)
     cam->wakes = !poll(&p, 1, 0);
 }
 
-static void tell_eio(struct grab_camera *cam)
+static void log_eio(struct grab_camera *cam)
 {
     if (!cam->eio_well)
         sst_log_warning(
@@ -128,15 +128,15 @@ static void tell_eio(struct grab_camera *cam)
     cam->counters.io_errors++;
 }
 
-void intake(struct sst_grab *g, struct grab_camera *cam, bool broken)
+void receive_ready(struct sst_grab *g, struct grab_camera *cam, bool broken)
 {
     struct stream_stamp stamp;
     struct sst_frame *frame;
-    const int err = stream_take(cam->stream, &frame, &stamp);
+    const int err = stream_dequeue(cam->stream, &frame, &stamp);
     char why[96];
 
     if (err == -EIO) {
-        tell_eio(cam);
+        log_eio(cam);
         if (++cam->eio_row < EIO_ROW)
             return;
     }
@@ -147,7 +147,7 @@ void intake(struct sst_grab *g, struct grab_camera *cam, bool broken)
         if (!cam->wakes && cam->armed)
             listen_again(g, cam);
     } else if (err == -ENODEV) {
-        plug_strike(g, cam->number, true);
+        hotplug_reject(g, cam->number, true);
         recovery_lost(g, cam);
     } else if (err != -EAGAIN) {
         snprintf(why, sizeof(why), "its stream failed: %s", strerror(-err));
@@ -168,7 +168,7 @@ static int64_t patience_ns(const struct sst_grab *g)
     return stall > three ? stall : three;
 }
 
-int64_t intake_due(const struct sst_grab *g, const struct grab_camera *cam)
+int64_t receive_due(const struct sst_grab *g, const struct grab_camera *cam)
 {
     if (!cam->running || !cam->stream || cam->ladder.phase != SST_LADDER_QUIET)
         return 0;
@@ -177,7 +177,7 @@ int64_t intake_due(const struct sst_grab *g, const struct grab_camera *cam)
     return cam->heard_ns + patience_ns(g);
 }
 
-void intake_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
+void receive_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
 {
     const int64_t ready_ns = stream_ready_ns(cam->stream);
     const bool refused = !ready_ns && !stream_lent(cam->stream);
@@ -196,11 +196,11 @@ void intake_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
         return;
     }
     /* It cannot speak: every buffer is with the receiver. The gap in the sequence will tell what was lost. */
-    if (!cam->told_starved)
+    if (!cam->logged_starved)
         sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; release them sooner, or "
                         "raise `buffers`",
                         cam->name, g->cfg.buffers);
-    cam->told_starved = true;
+    cam->logged_starved = true;
     cam->heard_ns = now_ns;
     if (cam->owed_ns)
         cam->owed_ns = now_ns;

@@ -13,7 +13,7 @@
 #define SIGMA_PX  0.5
 
 /* The cell of another view that shows the same surface point; -1: outside. */
-static int place_in(const struct scene_way *way, const struct sst_map_u16 *there, int x, int y, uint16_t disp_q6,
+static int place_in(const struct scene_warp *way, const struct sst_map_u16 *there, int x, int y, uint16_t disp_q6,
                     int *ty)
 {
     const int64_t d = way->zero_q6 + disp_q6;
@@ -23,7 +23,7 @@ static int place_in(const struct scene_way *way, const struct sst_map_u16 *there
     return tx >= 0 && tx < there->width && *ty >= 0 && *ty < there->height ? tx : -1;
 }
 
-static void check_against(struct scene_key *key, const struct scene_key *other, const struct scene_way *way,
+static void check_against(struct scene_key *key, const struct scene_key *other, const struct scene_warp *way,
                           const uint8_t *tiles, int y)
 {
     const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
@@ -60,17 +60,17 @@ void scene_check(struct scene_key *keys, int count, int k, const struct sst_ligh
             sure[x] = (uint8_t)(tiles[x / SST_SCENE_CELLS] ? 0 : sure[x]);
     }
     for (int i = 0; i < count; i++) {
-        const struct scene_way way = scene_way(lf, key->view, keys[i].view);
+        const struct scene_warp way = scene_warp(lf, key->view, keys[i].view);
 
         for (int y = 0; i != k && y < key->maps.disp.height; y++)
             check_against(key, &keys[i], &way, dirty + y / SST_SCENE_CELLS * tile_cols, y);
     }
 }
 
-void scene_take_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
+void scene_transfer_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
                        const uint8_t *dirty, int tile_cols)
 {
-    const struct scene_way way = scene_way(lf, key->view, ref->view);
+    const struct scene_warp way = scene_warp(lf, key->view, ref->view);
 
     for (int y = 0; y < key->maps.disp.height; y++) {
         const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;

@@ -94,7 +94,7 @@ static int match_job(void *arg, int index, int worker)
                    : scene_match(&s->matchers[worker], s->lf, s->desc, &s->key[job->key], &job->rect,
                                  dirty_of(s, job->key), s->cols);
     start_ns = sst_clock_now_ns();
-    err = scene_segment(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
+    err = sst_segment_sure(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
     s->label_ns = sst_clock_now_ns() - start_ns;
     s->label_runs += !err;
     return err;
@@ -177,8 +177,8 @@ static void label_reference(struct sst_live_scene *s)
             to[x] = tiles[x / SST_SCENE_CELLS] ? from[x] : to[x];
     }
     if (s->whole)
-        scene_things_forget(s->things);
-    scene_things_label(s->things, &s->key[0], s->candidates, dirty, s->labels.data != NULL);
+        scene_foreground_reset(s->things);
+    scene_foreground_label(s->things, &s->key[0], s->candidates, dirty, s->labels.data != NULL);
     s->runs += s->labels.data != NULL;
     if (s->labels.data && (s->whole || s->runs >= FIT_RUNS)) {
         scene_fit_labels(s->candidates, maps, s->lf->classes.count, s->lf->disp_min_px, s->hist);
@@ -195,7 +195,7 @@ static int label_job(void *arg, int index, int worker SST_UNUSED)
     const uint8_t *dirty = dirty_of(s, index + 1);
 
     if (any(dirty, s->tiles)) {
-        scene_take_labels(key, &s->key[0], s->lf, dirty, s->cols);
+        scene_transfer_labels(key, &s->key[0], s->lf, dirty, s->cols);
         scene_fill_labels(&key->maps, s->candidates, dirty, s->cols);
     }
     return scene_cancelled(s);
@@ -223,7 +223,7 @@ static int segment_job(void *arg, int view, int worker)
     if (err || !v->present || !any(s->dirty[view], s->tiles))
         return err;
     err = scene_open_segmenter(s, worker);
-    err = err ? err : scene_segment(s->segmenters[worker], &v->image, &label);
+    err = err ? err : sst_segment_sure(s->segmenters[worker], &v->image, &label);
     s->label_runs += !err;
     for (int y = 0; !err && y < label.height; y++) {
         const uint8_t *from = sst_map_u8_row(&label, y), *tiles = s->dirty[view] + y / SST_LIVE_TILE * s->cols;
@@ -259,7 +259,7 @@ int scene_compute(struct sst_live_scene *s, struct sst_live_report *report)
     err = err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
     if (!err) {
         s->sure = count_sure(s);
-        scene_note_unsure(s);
+        scene_note_unconfirmed(s);
     }
     report->stage_ns[SST_LIVE_DISPARITY] = lap(&clock);
     if (!err && s->segmenters) {

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
 static int check_config(const struct sst_live_config *cfg)
 {
@@ -74,11 +74,11 @@ static int make_stamps(struct sst_live *live)
     return err;
 }
 
-int sst_live_init(struct sst_live *live, const struct sst_live_config *cfg)
+int live_init(struct sst_live *live, const struct sst_live_config *cfg)
 {
     int err = check_config(cfg);
 
-    sst_live_focus_init(&live->focus);
+    live_focus_init(&live->focus);
     live->min_px = live->max_px = NAN;
     live->cfg = *cfg;
     if (err)
@@ -98,13 +98,13 @@ int sst_live_init(struct sst_live *live, const struct sst_live_config *cfg)
     return err;
 }
 
-void sst_live_fini(struct sst_live *live)
+void live_fini(struct sst_live *live)
 {
     sst_renderer_destroy(live->renderer);
     for (int k = 0; k < SST_MAX_VIEWS; k++)
         free(live->stamp[k]);
     sst_live_changes_fini(&live->changes);
-    sst_live_focus_fini(&live->focus);
+    live_focus_fini(&live->focus);
     sst_lightfield_fini(&live->lf);
     free(live->model);
 }

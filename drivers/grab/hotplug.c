@@ -46,7 +46,7 @@ static void add_node(struct sst_grab *g, const struct grab_node *node)
     qsort(g->nodes, (size_t)g->node_count, sizeof(*g->nodes), grab_node_order);
 }
 
-void plug_strike(struct sst_grab *g, int number, bool gone)
+void hotplug_reject(struct sst_grab *g, int number, bool gone)
 {
     const int i = node_index(g, number);
 
@@ -68,7 +68,7 @@ static void tell_odd(struct grab_camera *cam, const char *why, bool fault)
         sst_log_warning("%s: %s", cam->name, why);
 }
 
-int plug_assign(struct sst_grab *g)
+int hotplug_assign(struct sst_grab *g)
 {
     int worst = 0;
 
@@ -92,13 +92,13 @@ int plug_assign(struct sst_grab *g)
     return worst;
 }
 
-void plug_events(struct sst_grab *g)
+void hotplug_events(struct sst_grab *g)
 {
     struct grab_node node;
     bool added = false;
     int what;
 
-    while ((what = grab_watch_next(g->watch, &node)) > 0) {
+    while ((what = grab_monitor_next(g->watch, &node)) > 0) {
         struct grab_camera *cam = camera_of(g, node.number);
 
         g->changes++;
@@ -116,7 +116,7 @@ void plug_events(struct sst_grab *g)
         g->scan_ns = sst_clock_now_ns();
     }
     if (added)
-        (void)plug_assign(g);
+        (void)hotplug_assign(g);
 }
 
 /* --- reading the list --------------------------------------------------------------------------------------------- */
@@ -136,7 +136,7 @@ static void take_list(struct sst_grab *g, const struct grab_node *nodes, int cou
     g->node_count = count;
 }
 
-int plug_read(struct sst_grab *g)
+int hotplug_scan(struct sst_grab *g)
 {
     struct grab_node *nodes;
     int count, err = grab_scan(&nodes, &count);
@@ -177,7 +177,7 @@ static void scan_ended(struct grab_job *job, void *owner)
     /* Events that came meanwhile know better. */
     if (!s->err && !g->closing && s->changes == g->changes) {
         take_list(g, s->nodes, s->count);
-        (void)plug_assign(g);
+        (void)hotplug_assign(g);
     }
     scan_discard(job);
 }
@@ -191,12 +191,12 @@ static bool any_missing(const struct sst_grab *g)
     return false;
 }
 
-int64_t plug_due(const struct sst_grab *g)
+int64_t hotplug_due(const struct sst_grab *g)
 {
     return g->scanning || !any_missing(g) ? 0 : g->scan_ns;
 }
 
-void plug_time(struct sst_grab *g, int64_t now_ns)
+void hotplug_time(struct sst_grab *g, int64_t now_ns)
 {
     struct scan_job *s;
 

@@ -17,7 +17,7 @@ static void set_all_dirty(const struct sst_live_frames *f, struct live_view *v)
     v->verdict.whole = true;
 }
 
-void live_frames_refuse(struct live_view *v, const struct decoder *d)
+void frames_reject(struct live_view *v, const struct decoder *d)
 {
     v->refused = true;
     v->last_bytes = 0;
@@ -39,15 +39,15 @@ static int look(void *arg, int index, int worker)
     if (v->made && !f->all && v->last_bytes && frame.bytes == v->last_bytes &&
         !memcmp(frame.data, v->last, frame.bytes))
         return 0;
-    err = decoder_look(f->decoder[worker], &frame, &v->watch.now);
+    err = decoder_read_means(f->decoder[worker], &frame, &v->watch.now);
     if (err == -EBADMSG) {
-        live_frames_refuse(v, f->decoder[worker]);
+        frames_reject(v, f->decoder[worker]);
         return 0;
     }
     if (err && err != -ENOTSUP)
         return err;
     if (!err)
-        v->verdict = watch_judge(&v->watch, v->dirty);
+        v->verdict = detector_judge(&v->watch, v->dirty);
     else
         v->watch.now.planes = 0;
     if (err || !v->made || f->all)
@@ -109,13 +109,13 @@ static bool is_whole(const struct sst_live_frames *f)
             continue;
         looked++;
         changed += v->verdict.changed;
-        over += v->verdict.light > SST_WATCH_LIGHT;
-        lit += v->verdict.light > SST_WATCH_LIGHT / 2;
+        over += v->verdict.light > SST_DETECTOR_LIGHT;
+        lit += v->verdict.light > SST_DETECTOR_LIGHT / 2;
     }
     return looked && ((over && 2 * lit > looked) || (double)changed > MOST_CHANGED * looked * raw_tiles(f));
 }
 
-int live_frames_look(struct sst_live_frames *f)
+int frames_scan(struct sst_live_frames *f)
 {
     int err;
 

@@ -84,14 +84,14 @@ static int decode(void *arg, int index, int worker)
     bounds(f, v, box);
     err = decoder_decode(f->decoder[worker], &frame, box[0], box[1], box[2], box[3], &pixels, &stride);
     if (err == -EBADMSG) {
-        live_frames_refuse(v, f->decoder[worker]);
+        frames_reject(v, f->decoder[worker]);
         return 0;
     }
     if (err)
         return err;
     take_pixels(f, k, pixels, stride);
     if (f->cfg->skip_change)
-        watch_take(&v->watch, v->dirty);
+        detector_accept(&v->watch, v->dirty);
     v->decoded = v->made = true;
     return 0;
 }
@@ -107,7 +107,7 @@ static int dirty_views(struct sst_live_frames *f)
     return n;
 }
 
-int live_frames_decode(struct sst_live_frames *f)
+int frames_decode(struct sst_live_frames *f)
 {
     return sst_parallel_for(dirty_views(f), f->threads, decode, f);
 }
@@ -176,7 +176,7 @@ static int decoded_views(struct sst_live_frames *f)
     return n;
 }
 
-int live_frames_rectify(struct sst_live_frames *f)
+int frames_rectify(struct sst_live_frames *f)
 {
     return sst_parallel_for(decoded_views(f), f->threads, rectify, f);
 }
@@ -211,7 +211,7 @@ static double difference(const struct sst_live_frames *f, int k, const uint8_t *
 }
 
 /* Decode one of the views of which tiles were skipped, and compare. */
-double live_frames_sample(struct sst_live_frames *f)
+double frames_sample_error(struct sst_live_frames *f)
 {
     const int first = (int)(f->in->set / SST_LIVE_SAMPLE_SETS % (uint64_t)f->views);
 

@@ -46,7 +46,7 @@ struct thing {
     int64_t cells, vote[SST_MAX_CLASSES + 1];
 };
 
-struct scene_things {
+struct scene_foreground {
     int width, height, cols, rows;
     int view;          /* that the cells are of */
     struct cell *cell; /* [height][width] */
@@ -57,9 +57,9 @@ struct scene_things {
     int things[2], now; /* of the last set, and of this one: thing[now] */
 };
 
-int scene_things_open(struct scene_things **out, int width, int height, int cols, int rows)
+int scene_foreground_open(struct scene_foreground **out, int width, int height, int cols, int rows)
 {
-    struct scene_things *t = calloc(1, sizeof(*t));
+    struct scene_foreground *t = calloc(1, sizeof(*t));
     const size_t cells = (size_t)width * (size_t)height;
 
     if (!t)
@@ -73,15 +73,15 @@ int scene_things_open(struct scene_things **out, int width, int height, int cols
     t->visited = malloc(cells);
     t->stack = sst_mem_alloc_raw(cells, sizeof(*t->stack));
     if (!t->cell || !t->still || !t->visited || !t->stack) {
-        scene_things_close(t);
+        scene_foreground_close(t);
         return -ENOMEM;
     }
-    scene_things_forget(t);
+    scene_foreground_reset(t);
     *out = t;
     return 0;
 }
 
-void scene_things_close(struct scene_things *t)
+void scene_foreground_close(struct scene_foreground *t)
 {
     if (!t)
         return;
@@ -92,7 +92,7 @@ void scene_things_close(struct scene_things *t)
     free(t);
 }
 
-void scene_things_forget(struct scene_things *t)
+void scene_foreground_reset(struct scene_foreground *t)
 {
     for (int i = 0; i < t->width * t->height; i++)
         t->cell[i] = (struct cell){ .disp = SST_DISP_NONE, .other = SST_DISP_NONE };
@@ -146,7 +146,7 @@ static void look(struct cell *c, uint16_t disp, uint8_t label, bool sure)
 }
 
 /* Cells of a tile are the background as they are. */
-static void settle(struct scene_things *t, const struct scene_maps *maps, int tile, uint8_t weight)
+static void settle(struct scene_foreground *t, const struct scene_maps *maps, int tile, uint8_t weight)
 {
     const int x0 = tile % t->cols * SST_SCENE_CELLS, y0 = tile / t->cols * SST_SCENE_CELLS;
     const int x1 = sst_min_int(x0 + SST_SCENE_CELLS, t->width), y1 = sst_min_int(y0 + SST_SCENE_CELLS, t->height);
@@ -161,13 +161,13 @@ static void settle(struct scene_things *t, const struct scene_maps *maps, int ti
     }
 }
 
-void scene_things_settle(struct scene_things *t, const struct scene_key *key, int tile)
+void scene_foreground_settle(struct scene_foreground *t, const struct scene_key *key, int tile)
 {
     if (t->view == key->view)
         settle(t, &key->maps, tile, WEIGHT_MAX);
 }
 
-void scene_things_rest(struct scene_things *t, const struct scene_key *key, const uint8_t *dirty)
+void scene_foreground_still(struct scene_foreground *t, const struct scene_key *key, const uint8_t *dirty)
 {
     if (t->view != key->view)
         return;
@@ -180,7 +180,7 @@ void scene_things_rest(struct scene_things *t, const struct scene_key *key, cons
 }
 
 /* Changed cells against the background: what is the background takes its label. */
-static void look_at_all(struct scene_things *t, struct scene_maps *maps, const uint8_t *dirty, bool labelled)
+static void look_at_all(struct scene_foreground *t, struct scene_maps *maps, const uint8_t *dirty, bool labelled)
 {
     for (int y = 0; y < t->height; y++) {
         const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * t->cols, *sure = sst_map_u8_row(&maps->sure, y);
@@ -202,7 +202,7 @@ static void look_at_all(struct scene_things *t, struct scene_maps *maps, const u
 
 /* --- things ------------------------------------------------------------------------------------------------------- */
 
-static void reach(struct scene_things *t, const struct scene_maps *maps, int x, int y, int disp, int *count)
+static void reach(struct scene_foreground *t, const struct scene_maps *maps, int x, int y, int disp, int *count)
 {
     const int i = y * t->width + x;
 
@@ -214,7 +214,7 @@ static void reach(struct scene_things *t, const struct scene_maps *maps, int x, 
 }
 
 /* The cells of the piece around a cell, in t->stack, and where it is. */
-static void gather(struct scene_things *t, const struct scene_maps *maps, int x, int y, struct thing *out)
+static void gather(struct scene_foreground *t, const struct scene_maps *maps, int x, int y, struct thing *out)
 {
     int64_t sum = 0;
     int count = 0;
@@ -248,7 +248,7 @@ static int64_t overlap(const struct thing *a, const struct thing *b)
 }
 
 /* What it was taken for in the sets before: as much as its share of the thing that it was. */
-static void remember(const struct scene_things *t, struct thing *a)
+static void remember(const struct scene_foreground *t, struct thing *a)
 {
     const struct thing *was = NULL;
     int64_t most = 0;
@@ -266,7 +266,7 @@ static void remember(const struct scene_things *t, struct thing *a)
 }
 
 /* The network's votes for the changed cells of the piece. */
-static void count_votes(const struct scene_things *t, const struct scene_maps *maps, const uint8_t *dirty,
+static void count_votes(const struct scene_foreground *t, const struct scene_maps *maps, const uint8_t *dirty,
                         struct thing *a)
 {
     for (int i = 0; i < a->cells; i++) {
@@ -290,7 +290,7 @@ static uint8_t winner(const struct thing *a)
     return (uint8_t)(all >= VOTES_LEAST && 2 * a->vote[best] > all ? best : SST_LABEL_NONE);
 }
 
-static void paint(const struct scene_things *t, struct scene_maps *maps, struct scene_candidates *c,
+static void paint(const struct scene_foreground *t, struct scene_maps *maps, struct scene_candidates *c,
                   const uint8_t *dirty, const struct thing *a, uint8_t label)
 {
     for (int i = 0; i < a->cells; i++) {
@@ -303,14 +303,14 @@ static void paint(const struct scene_things *t, struct scene_maps *maps, struct 
     }
 }
 
-void scene_things_label(struct scene_things *t, struct scene_key *key, struct scene_candidates *c, const uint8_t *dirty,
+void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c, const uint8_t *dirty,
                         bool labelled)
 {
     struct scene_maps *maps = &key->maps;
     struct thing piece;
 
     if (t->view != key->view)
-        scene_things_forget(t);
+        scene_foreground_reset(t);
     t->view = key->view;
     t->now = !t->now;
     t->things[t->now] = 0;

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
 #define COUNT_COLS   320   /* pixels of a row that are counted, about */
 #define OUTSIDE      0.005 /* share of the pixels beyond each end of the range for sliders */
@@ -13,7 +13,7 @@
 #define RANGE_MIN_PX 1.0   /* ... and this; it shrinks when that has been so for ... */
 #define RANGE_S      60.0
 
-int sst_live_look(const struct sst_live *live)
+int live_lead_view(const struct sst_live *live)
 {
     const struct sst_lightfield *lf = &live->lf;
     double best = INFINITY;
@@ -58,7 +58,7 @@ static int give_unknown(struct sst_lightfield *lf, struct sst_view *v)
     return err;
 }
 
-int sst_live_take(struct sst_live *live, const struct sst_live_changes *changes)
+int live_ingest(struct sst_live *live, const struct sst_live_changes *changes)
 {
     struct sst_lightfield *lf = &live->lf;
     const uint64_t serial = live->serial + 1;
@@ -104,9 +104,9 @@ static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, 
     *y1 = sst_clamp_int((int)ceil(live->cfg.zone[zone].y1 * live->lf.height - 1) / SST_LIVE_TILE, *y0, rows);
 }
 
-void sst_live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed)
+void live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed)
 {
-    const int look = sst_live_look(live);
+    const int look = live_lead_view(live);
     const uint8_t *map = changes->map[look < 0 ? live->lf.ref_view : look];
 
     for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
@@ -133,7 +133,7 @@ static void choose_sample(struct sst_live *live)
     const struct sst_lightfield *lf = &live->lf;
 
     live->sampled = 0;
-    live->sample[0] = sst_live_look(live);
+    live->sample[0] = live_lead_view(live);
     if (live->sample[0] < 0)
         return;
     live->sampled = 1;
@@ -231,7 +231,7 @@ static void count_zone(struct sst_live *live, int zone, const struct sst_map_u8 
         live->zone_label[zone][i] = (float)count[i] / (float)total;
 }
 
-int sst_live_watch(struct sst_live *live, int64_t t_ns)
+int live_summarize(struct sst_live *live, int64_t t_ns)
 {
     const struct sst_map_u8 *label;
     int err = 0;
@@ -243,7 +243,7 @@ int sst_live_watch(struct sst_live *live, int64_t t_ns)
         err = sst_renderer_recount(live->renderer, live->sample, live->sampled,
                                    sst_max_int(live->lf.width / COUNT_COLS, 1));
         if (!err && live->sampled)
-            err = sst_live_focus_look(&live->focus, &live->lf, live->sample, live->sampled);
+            err = live_focus_vote(&live->focus, &live->lf, live->sample, live->sampled);
         if (err)
             return err;
         follow_range(live, t_ns);
@@ -254,7 +254,7 @@ int sst_live_watch(struct sst_live *live, int64_t t_ns)
         }
         live->counted = live->serial;
     }
-    sst_live_focus_step(&live->focus, t_ns);
+    live_focus_step(&live->focus, t_ns);
     return 0;
 }
 

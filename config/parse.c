@@ -85,7 +85,7 @@ static bool ambiguous(const struct sst_yaml_node *n)
     return false;
 }
 
-static bool take_text(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, char *out,
+static bool parse_text(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, char *out,
                       size_t size)
 {
     const bool optional = key->optional || (key->standard && !*key->standard);
@@ -111,7 +111,7 @@ static bool is_word(const struct sst_yaml_node *n, const struct sst_key *key)
     return n && key->word && n->type == SST_YAML_SCALAR && !strcmp(n->text, key->word);
 }
 
-static void take_number(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *out)
+static void parse_number(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *out)
 {
     if (key->type == SST_KEY_DOUBLE && is_word(n, key))
         memcpy(out, &key->word_value, sizeof(double));
@@ -122,7 +122,7 @@ static void take_number(struct sst_yaml *doc, const struct sst_yaml_node *n, con
 }
 
 /* A single number stands for all; how many a list must have is known only when all files are read. */
-static void take_numbers(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, char *first)
+static void parse_numbers(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, char *first)
 {
     const int most = (int)(key->size / key->stride);
     const struct sst_yaml_node *c = n->first;
@@ -135,7 +135,7 @@ static void take_numbers(struct sst_yaml *doc, const struct sst_yaml_node *n, co
         if (n->type == SST_YAML_SCALAR && i)
             memcpy(first + (size_t)i * key->stride, first, key->stride);
         else if (n->type == SST_YAML_SCALAR || c)
-            take_number(doc, n->type == SST_YAML_SCALAR ? n : c, key, first + (size_t)i * key->stride);
+            parse_number(doc, n->type == SST_YAML_SCALAR ? n : c, key, first + (size_t)i * key->stride);
         c = c ? c->next : NULL;
     }
 }
@@ -160,7 +160,7 @@ static int list_count(struct sst_yaml *doc, const struct sst_yaml_node *n, const
     return sst_min_int(n->count, most);
 }
 
-static void take_texts(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *base)
+static void parse_texts(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *base)
 {
     const int count = list_count(doc, n, key);
     const struct sst_yaml_node *c = n->first;
@@ -168,7 +168,7 @@ static void take_texts(struct sst_yaml *doc, const struct sst_yaml_node *n, cons
 
     memset(first, 0, key->size);
     for (int i = 0; i < count; i++, c = c->next) {
-        if (take_text(doc, c, key, first + (size_t)i * key->stride, key->stride))
+        if (parse_text(doc, c, key, first + (size_t)i * key->stride, key->stride))
             for (int k = 0; key->count_offset != SST_KEY_NO_COUNT && k < i; k++)
                 if (!strcmp(first + (size_t)k * key->stride, c->text))
                     sst_yaml_fault(doc, c, "lists %.60s twice", c->text);
@@ -177,7 +177,7 @@ static void take_texts(struct sst_yaml *doc, const struct sst_yaml_node *n, cons
 }
 
 /* Files add to one another, as with keys of ours. */
-static void take_controls(struct sst_yaml *doc, struct sst_yaml_node *n, struct sst_array_config *a)
+static void parse_controls(struct sst_yaml *doc, struct sst_yaml_node *n, struct sst_array_config *a)
 {
     if (n->type != SST_YAML_MAP) {
         sst_yaml_fault(doc, n, "must be a mapping of control names (v4l2-ctl --list-ctrls) to numbers");
@@ -210,9 +210,9 @@ static void take_controls(struct sst_yaml *doc, struct sst_yaml_node *n, struct 
     }
 }
 
-static void take_value(struct sst_yaml *doc, struct sst_yaml_node *n, const struct sst_key *key, void *base);
+static void parse_value(struct sst_yaml *doc, struct sst_yaml_node *n, const struct sst_key *key, void *base);
 
-static void take_list(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *base)
+static void parse_list(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, void *base)
 {
     const int count = list_count(doc, n, key);
     struct sst_yaml_node *c = n->first;
@@ -228,7 +228,7 @@ static void take_list(struct sst_yaml *doc, const struct sst_yaml_node *n, const
 
             sst_key_set_default(&key->fields[f], element);
             if (value)
-                take_value(doc, value, &key->fields[f], element);
+                parse_value(doc, value, &key->fields[f], element);
             else if (c->type == SST_YAML_MAP && !key->fields[f].standard)
                 sst_yaml_fault(doc, c, "lacks the key `%s`; add it", key->fields[f].name);
         }
@@ -237,7 +237,7 @@ static void take_list(struct sst_yaml *doc, const struct sst_yaml_node *n, const
 }
 
 /* The name of a format becomes V4L2's code. */
-static void take_format(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, uint32_t *out)
+static void parse_format(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, uint32_t *out)
 {
     int index;
 
@@ -245,7 +245,7 @@ static void take_format(struct sst_yaml *doc, const struct sst_yaml_node *n, con
         *out = sst_array_format(key->names[index]);
 }
 
-static void take_value(struct sst_yaml *doc, struct sst_yaml_node *n, const struct sst_key *key, void *base)
+static void parse_value(struct sst_yaml *doc, struct sst_yaml_node *n, const struct sst_key *key, void *base)
 {
     void *p = (char *)base + key->offset;
     char name[SST_CONFIG_TEXT_MAX];
@@ -256,33 +256,33 @@ static void take_value(struct sst_yaml *doc, struct sst_yaml_node *n, const stru
         break;
     case SST_KEY_INT:
     case SST_KEY_DOUBLE:
-        take_number(doc, n, key, p);
+        parse_number(doc, n, key, p);
         break;
     case SST_KEY_TEXT:
-        (void)take_text(doc, n, key, p, key->size);
+        (void)parse_text(doc, n, key, p, key->size);
         break;
     case SST_KEY_CHOICE:
         (void)sst_yaml_choice(doc, n, key->names, key->n_names, p);
         break;
     case SST_KEY_FORMAT:
-        take_format(doc, n, key, p);
+        parse_format(doc, n, key, p);
         break;
     case SST_KEY_INTS:
     case SST_KEY_DOUBLES:
-        take_numbers(doc, n, key, p);
+        parse_numbers(doc, n, key, p);
         break;
     case SST_KEY_TEXTS:
-        take_texts(doc, n, key, base);
+        parse_texts(doc, n, key, base);
         break;
     case SST_KEY_CONTROLS:
-        take_controls(doc, n, &((struct sst_config *)base)->array);
+        parse_controls(doc, n, &((struct sst_config *)base)->array);
         break;
     case SST_KEY_LIST:
-        take_list(doc, n, key, base);
+        parse_list(doc, n, key, base);
         break;
     case SST_KEY_LINE: /* what has that name is found when all files are read */
     case SST_KEY_ZONE:
-        (void)take_text(doc, n, key, name, sizeof(name));
+        (void)parse_text(doc, n, key, name, sizeof(name));
         break;
     }
 }
@@ -297,7 +297,7 @@ static struct sst_yaml_node *find_section(struct sst_yaml *doc, struct sst_yaml_
     return NULL;
 }
 
-void config_take(struct config_load *load, struct sst_yaml *doc)
+void config_parse(struct config_load *load, struct sst_yaml *doc)
 {
     struct sst_yaml_node *root = sst_yaml_empty(doc) ? NULL : sst_yaml_root(doc), *section = NULL;
     const char *name = NULL;
@@ -320,7 +320,7 @@ void config_take(struct config_load *load, struct sst_yaml *doc)
             sst_yaml_know_tree(n);
         } else if (n) {
             load->at[i] = (struct config_place){ doc, n };
-            take_value(doc, n, &keys[i], load->cfg);
+            parse_value(doc, n, &keys[i], load->cfg);
         }
     }
 }

@@ -1,8 +1,8 @@
-/* pipeline/live/live_parts.h - inside pipeline/live: the object that live.c, state.c, watch.c, focus.c, picture.c,
+/* pipeline/live/live_state.h - inside pipeline/live: the object that live.c, state.c, watch.c, focus.c, picture.c,
  * pick.c and overlay.c share. What viewers see hangs on the light field and on what is told to have changed in it
- * (sst_live_take()), not on how either came about. */
-#ifndef SST_PIPELINE_LIVE_LIVE_PARTS_H
-#define SST_PIPELINE_LIVE_LIVE_PARTS_H
+ * (live_ingest()), not on how either came about. */
+#ifndef SST_PIPELINE_LIVE_LIVE_STATE_H
+#define SST_PIPELINE_LIVE_LIVE_STATE_H
 
 #include "pipeline/live/scene/scene.h"
 #include "pipeline/method/render/plan.h"
@@ -10,7 +10,7 @@
 #define SST_LIVE_SAMPLED 5 /* views that histograms are counted from at most: the reference and the corners */
 
 /** Where to focus: what lies behind the nearest surfaces, remembered over half a minute. */
-struct sst_live_focus {
+struct live_focus {
     double min_px;                   /* of bin 0; a bin is SST_BLEND_COLUMNS' 1/4 px */
     float vote[SST_BLEND_COLUMNS];   /* of the last look */
     float memory[SST_BLEND_COLUMNS]; /* decaying sum of votes */
@@ -42,15 +42,15 @@ struct sst_live {
     int sampled, sample[SST_LIVE_SAMPLED]; /* views they are from; the first is the view looked through */
     double min_px, max_px;                 /* disparities that are there; NaN: not known */
     int64_t range_ns;                      /* when they were last seen to reach so far */
-    struct sst_live_focus focus;
+    struct live_focus focus;
     float zone_label[SST_LIVE_ZONES + 1][256]; /* of the report, as of `counted` */
 };
 
 /* --- state.c --- */
 
 /** All but frames and scene: geometry, renderer, counters. *live all zero. @return as sst_live_open() */
-SST_MUST_CHECK int sst_live_init(struct sst_live *live, const struct sst_live_config *cfg);
-void sst_live_fini(struct sst_live *live);
+SST_MUST_CHECK int live_init(struct sst_live *live, const struct sst_live_config *cfg);
+void live_fini(struct sst_live *live);
 
 /* --- watch.c --- */
 
@@ -59,36 +59,36 @@ void sst_live_fini(struct sst_live *live);
  * @param changes  NULL: nothing
  * @return 0, -ENOMEM (logged)
  */
-SST_MUST_CHECK int sst_live_take(struct sst_live *live, const struct sst_live_changes *changes);
+SST_MUST_CHECK int live_ingest(struct sst_live *live, const struct sst_live_changes *changes);
 
 /** Count and look anew where something has changed since, and step the focus. @return 0, -ENOMEM (logged) */
-SST_MUST_CHECK int sst_live_watch(struct sst_live *live, int64_t t_ns);
+SST_MUST_CHECK int live_summarize(struct sst_live *live, int64_t t_ns);
 
 /** Share of its tiles that changed, of every zone. @param changed  out, [SST_LIVE_ZONES + 1] */
-void sst_live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed);
+void live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed);
 
 /** The view whose maps stand for what is looked at: the reference, or the nearest to it that is there; -1: none. */
-int sst_live_look(const struct sst_live *live);
+int live_lead_view(const struct sst_live *live);
 
 /* --- pick.c --- */
 
 /** What is under pixel (x, y), inside the picture, of what this plan has rendered of the light field as it is now. */
-struct sst_live_pick sst_live_pick(const struct sst_live *live, const struct sst_plan *plan, int x, int y);
+struct sst_live_pick pick_surface(const struct sst_live *live, const struct sst_plan *plan, int x, int y);
 
 /* --- focus.c --- */
 
-void sst_live_focus_init(struct sst_live_focus *f); /* all zero but for NaN */
-void sst_live_focus_fini(struct sst_live_focus *f);
+void live_focus_init(struct live_focus *f); /* all zero but for NaN */
+void live_focus_fini(struct live_focus *f);
 
 /**
  * Look at the scene: votes for the disparities of what the nearest surfaces hide.
  * @param view  in, [views] the view looked through first; with maps
  * @return 0, -ENOMEM (not logged; the votes stay)
  */
-SST_MUST_CHECK int sst_live_focus_look(struct sst_live_focus *f, const struct sst_lightfield *lf, const int *view,
+SST_MUST_CHECK int live_focus_vote(struct live_focus *f, const struct sst_lightfield *lf, const int *view,
                                        int views);
 
 /** Let the votes count for the time since the last step. */
-void sst_live_focus_step(struct sst_live_focus *f, int64_t t_ns);
+void live_focus_step(struct live_focus *f, int64_t t_ns);
 
 #endif
