@@ -1,4 +1,4 @@
-/* What is there before the first frame: the geometry of the views, and room for what is kept of them. */
+/* Set-up before the first frame: the geometry of the views and all memory. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -31,7 +31,7 @@ static int check_config(const struct sst_live_config *cfg)
     return 0;
 }
 
-/* Views where the cameras are: by the calibration, or on the nominal grid. */
+/* Positions of the views: from the calibration, or on the nominal grid. */
 static int set_geometry(struct sst_lightfield *lf, const struct sst_live_config *cfg)
 {
     double bx, by;
@@ -92,7 +92,7 @@ int live_init(struct sst_live *live, const struct sst_live_config *cfg)
     err = err ? err : set_geometry(&live->lf, cfg);
     err = err ? err : make_stamps(live);
     err = err ? err : sst_renderer_create(&live->renderer, &live->lf, cfg->threads);
-    err = err ? err : sst_renderer_recount(live->renderer, NULL, 0, 1); /* nothing is there yet */
+    err = err ? err : sst_renderer_recount(live->renderer, NULL, 0, 1); /* no views yet */
     if (err == -ENOMEM)
         sst_log_error("live: no memory for views of %dx%d pixels", cfg->width, cfg->height);
     return err;

@@ -119,7 +119,7 @@ static void make(struct made *m, const struct layer *layer, int layers)
     m->live.lf.range_max_px = 16;
     for (int k = 0; k < VIEWS; k++)
         draw(m, &m->live.lf.views[k]);
-    m->live.ready = m->live.poor = true;
+    m->live.ready = m->live.low_confidence = true;
     take(m, 1);
     assert_int_equal(sst_live_picture_create(&m->picture, &m->live), 0);
 }
@@ -384,7 +384,7 @@ static void maps_decide_where_the_picture_is_theirs(void **state SST_UNUSED)
     pick = pick_at(&m, FRONT, 80, 60); /* the hedge is in focus */
     assert_near(pick.disp_px, FRONT, 0.1);
     assert_int_equal(pick.label, 6);
-    m.live.poor = false;
+    m.live.low_confidence = false;
     pick = pick_at(&m, BEHIND, 80, 60);
     assert_near(pick.disp_px, FRONT, 0.1);
     assert_int_equal(pick.label, 6);

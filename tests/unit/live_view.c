@@ -266,7 +266,7 @@ static void verified_parts_do_too(void **state SST_UNUSED)
     assert_int_equal(sst_live_picture_create(&p, s.live), 0);
     assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
     assert_true(same_image(image, plain)); /* maps are not poor */
-    s.live->poor = true;
+    s.live->low_confidence = true;
     for (int round = 0; round < 12; round++) {
         assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
         assert_true(round || !same_image(image, plain)); /* it does something here */

@@ -9,13 +9,13 @@
 #include "pipeline/live/live.h"
 
 #define LEVEL       8.0          /* 1/8 levels */
-#define DARK        (12 * LEVEL) /* tiles below tell nothing of the light */
+#define DARK        (12 * LEVEL) /* tiles below are not used to estimate the light */
 #define GAIN_ONE    (1 << 14)
-#define SETTLE_SETS 4 /* after a change thresholds are lower for so long: the rest of it is taken over, too */
+#define SETTLE_SETS 4 /* sets with lower thresholds after a change, so that its remainder is accepted too */
 #define SETTLE      0.6
 #define NOISE_FIRST LEVEL
-#define NOISE_STEP  4    /* one tile in so many tells the noise */
-#define NOISE_RISE  1.25 /* at most, from picture to picture: one that something large crosses says nothing of noise */
+#define NOISE_STEP  4    /* every NOISE_STEP-th tile measures the noise */
+#define NOISE_RISE  1.25 /* maximum from picture to picture, since a large moving object is not noise */
 
 /* Thresholds: floor + factor x median. Medians of |mean| are 0.67 sigma; those of mean |e| are 0.8 sigma of the cells,
  * with a spread of 0.15 sigma; those of the largest of 16 are 2 sigma. All three stay beyond 6 sigma. */
@@ -66,7 +66,7 @@ void detector_reset(struct change_detector *w)
             w->noise[p][s] = NOISE_FIRST;
 }
 
-/* --- numbers of tiles -------------------------------------------------------------------------------------------- */
+/* --- tile statistics --------------------------------------------------------------------------------------------- */
 
 /* Cells of a tile in a plane. */
 struct span {
@@ -98,7 +98,7 @@ static int sum_of(const struct block_means *c, int p, struct span s)
     return sum;
 }
 
-/* Inlined with a width that is known, it is all done without loops. */
+/* Inlined with a constant width, so that the loops are unrolled. */
 static inline void compare_span(const int16_t *a, const int16_t *b, size_t stride, int width, int height, int zero,
                                 int gain_q14, float out[SST_DETECTOR_STATS])
 {
@@ -175,9 +175,9 @@ static float median(float *v, int n)
 /* --- light ------------------------------------------------------------------------------------------------------- */
 
 /*
- * Follow the light: now / kept, tile by tile, in the median. Light that rises by a factor multiplies sRGB codes by a
- * factor, too (but for the darkest).
- * @return how much of it has gathered since the tiles were taken over, in levels at half of white
+ * Estimate the gain of the light: the median over the tiles of now / kept. A factor in light is also a factor in sRGB
+ * codes (except for the darkest).
+ * @return accumulated change since the tiles were accepted, in levels at half of white
  */
 static double follow_light(struct change_detector *w)
 {
@@ -202,7 +202,7 @@ static double follow_light(struct change_detector *w)
 
 /* --- noise ------------------------------------------------------------------------------------------------------- */
 
-/* From this picture and the one judged before it; of the tiles some are enough. */
+/* Measure the noise between this picture and the one judged before, on a part of the tiles. */
 static void follow_noise(struct change_detector *w, double gain_step)
 {
     const int tiles = w->cols * w->rows, step = w->judged < 2 ? 1 : NOISE_STEP;
@@ -288,7 +288,7 @@ struct verdict detector_judge(struct change_detector *w, uint8_t *changed)
     return v;
 }
 
-static void take_tile(struct change_detector *w, int t)
+static void accept_tile(struct change_detector *w, int t)
 {
     for (int p = 0; p < w->now.planes; p++) {
         const struct span s = cells_of(&w->now, p, t % w->cols, t / w->cols);
@@ -308,7 +308,7 @@ void detector_accept(struct change_detector *w, const uint8_t *changed)
     if (memchr(changed, 0, (size_t)tiles)) {
         for (int t = 0; t < tiles; t++) {
             if (changed[t])
-                take_tile(w, t);
+                accept_tile(w, t);
         }
         return;
     }

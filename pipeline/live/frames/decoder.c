@@ -15,7 +15,7 @@
 #include "pipeline/image/raw.h"
 
 #define CELL 8
-/* Decoding less of a row saves little, and the margin is for the neighbours that colour is interpolated from. */
+/* Cropping closer saves little, and the margin has the neighbours for chroma interpolation. */
 #define CROP_MARGIN 32
 
 struct decoder {
@@ -35,7 +35,7 @@ struct decoder {
     jmp_buf escape;
 };
 
-/* --- small pictures ---------------------------------------------------------------------------------------------- */
+/* --- block means ------------------------------------------------------------------------------------------------- */
 
 int block_means_init(struct block_means *c, int width, int height)
 {
@@ -101,7 +101,7 @@ struct samples {
     int y0, dy, zero;
 };
 
-/* Means of the samples in each cell; columns is the count of them in a row of the frame. */
+/* Means of the samples in each cell; `columns` is the number of samples in a row of the frame. */
 static void mean_plane(struct block_means *c, int p, const struct sst_raw *raw, const struct samples *s, int columns,
                        int per_cell)
 {
@@ -196,8 +196,8 @@ static void on_error(j_common_ptr c)
     longjmp(d->escape, 1);
 }
 
-/* Warnings tell of samples that are made up, apart from bytes between the parts of a frame, which many cameras leave.
- */
+/* Warnings mean invented samples, except for those about bytes between the segments of a frame, which many cameras
+ * leave. */
 static void on_message(j_common_ptr c, int level)
 {
     struct decoder *d = c->client_data;

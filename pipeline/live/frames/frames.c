@@ -1,4 +1,4 @@
-/* Three steps a set: look at small pictures of some views (all, where one of them changed), decode what changed, and
+/* Three steps per set: scan the block means of some views (all if one of them changed), decode what changed, and
  * rectify what depends on it. */
 #include "pipeline/live/frames/frames.h"
 
@@ -67,7 +67,7 @@ static void choose_keys(struct sst_live_frames *f)
     }
 }
 
-/* What each rectified tile comes from, and which pixels come from nowhere. */
+/* Source tiles of each rectified tile, and pixels outside of the raw frame. */
 static int open_map(struct sst_live_frames *f, struct live_view *v, struct sst_view *view)
 {
     const struct sst_lightfield *lf = f->lf;
@@ -166,7 +166,7 @@ int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_con
     f->raw_rows = tiles_across(cfg->height);
     f->cols = tiles_across(lf->width);
     f->rows = tiles_across(lf->height);
-    /* Frames of ordinary quality fit; larger ones are read again even where nothing changed. */
+    /* Frames of normal quality fit; larger ones are read again even if nothing changed. */
     f->last_room = decoder_is_jpeg(cfg->fourcc) ? (size_t)cfg->width * (size_t)cfg->height / 2 : 0;
     f->all = true;
     f->sample = SST_LIVE_SAMPLE_SETS;
@@ -231,8 +231,8 @@ static void begin_set(struct sst_live_frames *f, const struct sst_live_input *in
     changes->whole = false;
 }
 
-/* Say once that a camera's frames are no use, and once that they are again. */
-static void tell(const struct sst_live_frames *f, int k)
+/* Log once when the frames of a camera become unusable, and once when they are good again. */
+static void log_state(const struct sst_live_frames *f, int k)
 {
     struct live_view *v = &f->view[k];
 
@@ -246,7 +246,7 @@ static void tell(const struct sst_live_frames *f, int k)
         v->broken = v->refused;
 }
 
-/* A view is present from its first picture on, while frames come. */
+/* A view is present from its first picture on, while frames arrive. */
 static void follow_presence(struct sst_live_frames *f, int k)
 {
     struct live_view *v = &f->view[k];
@@ -256,10 +256,10 @@ static void follow_presence(struct sst_live_frames *f, int k)
         return;
     if (has_frame(f, k) && !v->refused && !(v->broken && !v->looked))
         v->seen_ns = f->in->t_ns;
-    tell(f, k);
+    log_state(f, k);
     view->present = v->made && f->in->t_ns - v->seen_ns < ABSENT_NS;
     if (!view->present && v->made) {
-        /* What it shows when it comes back is new to everybody. */
+        /* When it returns, all of its tiles count as changed. */
         v->made = false;
         detector_reset(&v->watch);
         memset(f->changes->map[k], 1, (size_t)f->cols * (size_t)f->rows);

@@ -1,4 +1,4 @@
-/* Changed tiles taken over: decoded, rectified. */
+/* Steps 2 and 3: decode and rectify the changed tiles. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -9,7 +9,7 @@
 
 /* --- decoding ---------------------------------------------------------------------------------------------------- */
 
-/* Pixels of a run of tiles in a row, colours apart. */
+/* Split the pixels of a run of tiles into colour planes. */
 static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, const uint8_t *pixels, size_t stride)
 {
     for (int y = y0; y < y1; y++) {
@@ -24,7 +24,7 @@ static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, cons
     }
 }
 
-static void take_pixels(struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
+static void store_pixels(struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
 {
     struct live_view *v = &f->view[k];
 
@@ -89,7 +89,7 @@ static int decode(void *arg, int index, int worker)
     }
     if (err)
         return err;
-    take_pixels(f, k, pixels, stride);
+    store_pixels(f, k, pixels, stride);
     if (f->cfg->skip_change)
         detector_accept(&v->watch, v->dirty);
     v->decoded = v->made = true;
@@ -181,7 +181,7 @@ int frames_rectify(struct sst_live_frames *f)
     return sst_parallel_for(decoded_views(f), f->threads, rectify, f);
 }
 
-/* --- what skipping costs ----------------------------------------------------------------------------------------- */
+/* --- error of skipping ------------------------------------------------------------------------------------------- */
 
 static double difference(const struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
 {
@@ -210,7 +210,7 @@ static double difference(const struct sst_live_frames *f, int k, const uint8_t *
     return n ? (double)sum / (double)n : NAN;
 }
 
-/* Decode one of the views of which tiles were skipped, and compare. */
+/* Decode one view with skipped tiles, and compare. */
 double frames_sample_error(struct sst_live_frames *f)
 {
     const int first = (int)(f->in->set / SST_LIVE_SAMPLE_SETS % (uint64_t)f->views);

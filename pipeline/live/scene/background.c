@@ -11,10 +11,10 @@
 #include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/refine.h"
 
-/* How long close waits. */
+/* Time that close waits for the thread. */
 #define CLOSE_NS INT64_C(300000000)
 
-/* Threads that were left behind and have not ended yet. */
+/* Number of abandoned threads that have not ended yet. */
 static _Atomic int left_behind;
 
 enum state {
@@ -28,17 +28,17 @@ struct scene_background {
     /* fixed after open */
     char *model; /* NULL: no labels */
     enum sst_precision precision;
-    bool estimates;                    /* the range is looked for */
-    const struct sst_lightfield *live; /* the caller's thread alone */
+    bool estimates;                    /* the range is estimated */
+    const struct sst_lightfield *live; /* caller's thread only */
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t wake; /* on CLOCK_MONOTONIC */
-    /* Changed under lock, read without: the thread may wait long for the processor while it holds the lock, and who
-     * makes pictures must not wait with it. */
+    /* Written under lock, read without: the thread has low priority and may hold the lock for long, and the render
+     * thread must never block on it. */
     _Atomic enum state state;
     /* under lock */
     bool ended, abandoned;
-    /* the thread's while WORKING, else the caller's */
+    /* owned by the thread while WORKING, else by the caller */
     bool failed;
     struct sst_lightfield copy;
     struct sst_segmenter *segmenter;
@@ -46,9 +46,9 @@ struct scene_background {
     _Atomic bool cancel, done;
 };
 
-/* --- its thread --------------------------------------------------------------------------------------------------- */
+/* --- thread ------------------------------------------------------------------------------------------------------- */
 
-/* The range of what is seen now, where that is wider than what is known. */
+/* Widen the range if the current scene exceeds it. */
 static void widen_range(struct scene_background *b)
 {
     struct sst_lightfield *lf = &b->copy;
@@ -92,7 +92,7 @@ static int label_views(struct scene_background *b)
     return err;
 }
 
-/* What sst process --preset balanced does, with a coarser census between pixels. */
+/* The computation of `sst process --preset balanced`, with a coarser census between pixels. */
 static int work(struct scene_background *b)
 {
     struct sst_disparity_config match;
@@ -105,7 +105,7 @@ static int work(struct scene_background *b)
     match.disp_min_px = b->copy.range_min_px;
     match.disp_max_px = b->copy.range_max_px;
     match.threads = 1;
-    match.phase_step = 2; /* as good a picture as quarters give (docs/service.md) */
+    match.phase_step = 2; /* gives pictures as good as quarters do (docs/service.md) */
     match.frugal = true;
     match.cancel = &b->cancel;
     err = b->cancel ? -ECANCELED : sst_disparity_lightfield(&b->copy, &match, NULL, NULL);
@@ -134,7 +134,7 @@ static void *run(void *arg)
     const struct sched_param none = { 0 };
     bool abandoned;
 
-    /* Only time that nothing else wants. */
+    /* Idle processor time only. */
     (void)pthread_setschedparam(pthread_self(), SCHED_IDLE, &none);
     pthread_mutex_lock(&b->lock);
     for (;;) {
@@ -163,7 +163,7 @@ static void *run(void *arg)
     return NULL;
 }
 
-/* --- the caller's ------------------------------------------------------------------------------------------------- */
+/* --- caller's side ------------------------------------------------------------------------------------------------ */
 
 int scene_background_open(struct scene_background **out, const struct sst_live_config *cfg,
                           const struct sst_lightfield *lf)
@@ -194,7 +194,7 @@ void scene_background_cancel(struct scene_background *b)
     if (!b)
         return;
     b->cancel = true;
-    /* Where that is allowed it gets to the next place to stop without waiting for idle time. */
+    /* If permitted, raise its priority so that it reaches the next cancellation point without waiting for idle time. */
     (void)pthread_setschedparam(b->thread, SCHED_OTHER, &none);
 }
 
@@ -222,7 +222,7 @@ void scene_background_close(struct scene_background *b)
         free_background(b);
         return;
     }
-    /* On a machine that has no idle time it may take long to see the sign: then it cleans up behind itself. */
+    /* On a busy machine the thread may see the flag late: then it frees its memory itself. */
     pthread_detach(thread);
 }
 
@@ -275,7 +275,7 @@ void scene_background_release(struct scene_background *b)
         sst_map_u16_fini(&v->disp);
         sst_map_u8_fini(&v->label);
         sst_map_u8_fini(&v->confidence);
-        sst_image_fini(&v->image); /* hundreds of kilobytes each, that nobody needs until the next rest */
+        sst_image_fini(&v->image); /* hundreds of kilobytes each, not needed until the next start */
     }
     pthread_mutex_lock(&b->lock);
     b->state = IDLE;
