@@ -13,7 +13,7 @@
 #define ARRAY_LEN(a) (sizeof(a) / sizeof((a)[0]))
 
 #ifdef __cplusplus
-#define SST_ATOMIC(type)   type /* C++ only looks at the headers */
+#define SST_ATOMIC(type)   type /* C++ only reads the headers */
 #define SST_EXTERN_C_BEGIN extern "C" {
 #define SST_EXTERN_C_END   }
 #else

@@ -78,9 +78,9 @@ void sst_yaml_fault(struct sst_yaml *doc, const struct sst_yaml_node *at, const 
 /** Note that the text of a scalar names nothing that exists: "unknown WHAT `TEXT`; REMEDY". */
 void sst_yaml_unknown(struct sst_yaml *doc, const struct sst_yaml_node *at, const char *what, const char *remedy);
 
-/* Typed readers: true, or a fault noted (where the node is there) and *out untouched. Numbers and booleans are written
- * without quotes; NaN, infinities, hexadecimal and what begins with a 0 too many (others read it as octal) are no
- * numbers here. */
+/* Typed readers: true, or a fault noted (if the node exists) and *out untouched. Numbers and booleans are written
+ * without quotes; NaN, infinities, hexadecimal numbers and numbers with leading zeros (octal to some readers) are
+ * not accepted. */
 bool sst_yaml_double(struct sst_yaml *doc, const struct sst_yaml_node *node, double min, double max, double *out);
 bool sst_yaml_int(struct sst_yaml *doc, const struct sst_yaml_node *node, int min, int max, int *out);
 bool sst_yaml_bool(struct sst_yaml *doc, const struct sst_yaml_node *node, bool *out);

@@ -1,4 +1,4 @@
-/* sst cameras: the cameras that are there, who they are, where they belong, and whether they can be used. */
+/* sst cameras: lists connected cameras with identity, position in the array and state. */
 #include <ctype.h>
 #include <dirent.h>
 #include <errno.h>
@@ -13,7 +13,7 @@
 
 #define USER_MAX 64
 
-/* "ffmpeg (1234)" if a process that we may look into has the node open; "" else. */
+/* "ffmpeg (1234)" if a process that we may inspect has the node open; else "". */
 static bool has_open(const char *pid, const char *node)
 {
     char dir[300], link[600], target[64];
@@ -132,7 +132,7 @@ static void print_table(const struct sst_grab_device *devices, const struct cli_
     }
 }
 
-/* Bound cameras that are not there, two devices of one serial: worth a word in both forms. */
+/* Warn about missing bound cameras and duplicate serials, in both output formats. */
 static void tell_missing(const struct sst_array_config *cfg, const struct cli_place *place, int count)
 {
     int missing = 0;
@@ -195,7 +195,7 @@ static int local(const char *config, bool json)
     return err;
 }
 
-/* Does the default service run? What keeps us from asking it is told only if it does. */
+/* True if the default service runs. Errors of the request are only shown if it does. */
 static int service_cameras(const struct cli_service *where, bool asked, json_t **answer)
 {
     char said[SST_LOG_MAX] = "", *before = asked ? NULL : sst_log_hold_errors(said);

@@ -1,4 +1,4 @@
-/* sst capture: finds what is to be captured from. */
+/* sst capture: dispatches to the kind of capture. */
 #include "cli/cli_internal.h"
 
 #include <stdio.h>

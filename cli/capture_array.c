@@ -1,4 +1,4 @@
-/* sst capture array: sets of all cameras, recorded as they come, with an account of every frame. */
+/* sst capture array: records framesets of all cameras and accounts for every frame. */
 #include <errno.h>
 #include <inttypes.h>
 #include <jansson.h>
@@ -15,7 +15,7 @@
 
 struct array_capture {
     struct sst_array_config config;
-    struct sst_recorder *recorder; /* NULL: nothing is kept */
+    struct sst_recorder *recorder; /* NULL: no recording */
     uint64_t wanted;
     double seconds; /* 0: no limit */
     int64_t start_ns, cpu_ns;
@@ -246,7 +246,7 @@ static int capture(struct array_capture *a, struct sst_recorder_config *rec, boo
     else if (report->handed)
         print_text(a, capture, report, rec->dir);
     if (!err && report->refused)
-        code = CLI_OUTPUT; /* the recorder said why */
+        code = CLI_OUTPUT; /* logged by the recorder */
     else if (!err && a->wanted && report->handed + report->sets.dropped < a->wanted)
         code = CLI_INTERRUPTED;
     sst_capture_close(capture);
@@ -261,7 +261,7 @@ struct array_options {
     bool append, json;
 };
 
-/** What the command line says over the configuration. */
+/* Options that override the configuration. */
 static int apply(const struct cli_command *cmd, const struct array_options *o, struct sst_array_config *c)
 {
     static const char *const sources[] = { "gpio", "software", "free-run" };

@@ -13,7 +13,7 @@
 #include "cli/cli_internal.h"
 #include "config/array.h"
 
-/* What the command line says; the rest is the configuration's. */
+/* Options of the command line; the rest comes from the configuration. */
 struct options {
     const char *dir, *config, *pitch, *pitch_y, *origin, *camera, *bus, *profile, *format;
     int grid[2], size[2], axes, attempts, settle_ms, guard_ms;
@@ -42,9 +42,9 @@ static void catch_signals(void)
         (void)sigaction(signals[i], &action, NULL);
 }
 
-/* --- reading the options ------------------------------------------------------------------------------------------ */
+/* --- options ------------------------------------------------------------------------------------------------------ */
 
-/* "40", "40mm", "4cm", "250um": um; false if it is none */
+/* Parse "40", "40mm", "4cm" or "250um" to um; false if invalid */
 static bool parse_length(const char *text, const char **end, double *um)
 {
     static const struct {
@@ -125,7 +125,7 @@ static int set_format(const struct cli_command *cmd, const char *text, uint32_t 
     return CLI_GO_ON;
 }
 
-/* The configuration, with the options over it. @return CLI_GO_ON or an exit code */
+/* Read the configuration and apply the options. @return CLI_GO_ON or an exit code */
 static int configure(const struct cli_command *cmd, const struct options *o, struct sst_array_config *array,
                      struct sst_rig_config *rig, struct sst_rig_capture_config *cfg)
 {
@@ -187,7 +187,7 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
     return CLI_GO_ON;
 }
 
-/* Names and values of the controls, part of what a resumed capture must have in common. */
+/* Names and values of the controls, which must be the same in a resumed capture. */
 static void controls_text(const struct sst_array_config *a, char *text, size_t size)
 {
     size_t at = 0;
@@ -198,7 +198,7 @@ static void controls_text(const struct sst_array_config *a, char *text, size_t s
                                (long long)a->control[i].value);
 }
 
-/* --- telling ------------------------------------------------------------------------------------------------------ */
+/* --- output ------------------------------------------------------------------------------------------------------- */
 
 static void print_plan(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_plan *plan, bool json)
 {
@@ -262,7 +262,7 @@ static void print_report(const struct sst_rig_capture_config *cfg, const struct 
                (unsigned long long)r->rig.lost);
 }
 
-/* A disk that will be full before the end is better known now. */
+/* Warn early if the disk will be full before the end. */
 static void check_space(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_plan *plan)
 {
     struct statvfs v;
@@ -275,7 +275,7 @@ static void check_space(const struct sst_rig_capture_config *cfg, const struct s
 
 /* --- capturing ---------------------------------------------------------------------------------------------------- */
 
-/* Devices that are missing or refuse have no exit code of their own elsewhere. */
+/* Exit code for missing or refusing devices, which other commands do not have. */
 static int exit_code(int err)
 {
     switch (-err) {

@@ -1,4 +1,4 @@
-/* sst doctor: what stands in the way of capturing, each in one sentence with its remedy. */
+/* sst doctor: checks what capturing needs; each finding is one sentence with its remedy. */
 #include "cli/cli_internal.h"
 
 #include <stdarg.h>
@@ -13,7 +13,7 @@ void doctor_say(struct doctor *d, enum doctor_level level, const char *area, con
     va_list args;
 
     if (d->count == DOCTOR_FINDINGS_MAX)
-        return; /* 36 cameras make one finding a kind, not one each: far from full */
+        return; /* never full: one finding per kind, not per camera */
     f = &d->finding[d->count++];
     f->level = level;
     f->area = area;

@@ -13,7 +13,7 @@
 
 #define LIST_MAX 200
 
-/* Names joined by commas; what does not fit is only counted. */
+/* Names joined by commas; those that do not fit are only counted. */
 struct names {
     char text[LIST_MAX];
     int count, shown;
@@ -39,7 +39,7 @@ static const char *text_of(struct names *n)
     return n->text;
 }
 
-/* "adduser USER video", or what else it takes to open a node. */
+/* Remedy for a missing permission: "adduser USER video", or another one. */
 static void remedy_of_rights(const char *node, char *text, size_t size)
 {
     struct stat st;
@@ -90,7 +90,7 @@ static void check_serials(struct doctor *d, const struct sst_grab_device *list, 
             doctor_say(d, DOCTOR_WARNING, "cameras",
                        "the cameras on ports %s and %s both have serial %s: bind them by port", list[j].port,
                        list[i].port, list[i].serial);
-            return; /* one pair tells how it is */
+            return; /* one pair is enough */
         }
     }
 }
@@ -168,7 +168,7 @@ void doctor_check_cameras(struct doctor *d)
 
 /* --- USB ---------------------------------------------------------------------------------------------------------- */
 
-/* A camera that no driver has taken. */
+/* True for a camera without a driver. */
 static void check_nodes(struct doctor *d, const struct cli_usb *u)
 {
     struct names idle = { .count = 0 };
@@ -184,7 +184,7 @@ static void check_nodes(struct doctor *d, const struct cli_usb *u)
                    idle.count, text_of(&idle));
 }
 
-/* What recovery needs: the device's own node for a reset, sysfs for what comes after. */
+/* Permissions for recovery: the device node for a reset, sysfs for the next steps. */
 static void check_recovery(struct doctor *d, const struct cli_usb *u)
 {
     struct names denied = { .count = 0 };
@@ -254,7 +254,7 @@ void doctor_check_trigger(struct doctor *d)
         doctor_say(d, DOCTOR_OK, "trigger", "%s", why);
 }
 
-/* A serial line can be looked at; a drive on the network answers to `sst capture rig` itself. */
+/* Only a serial line is checked; `sst capture rig` reports a drive on the network. */
 void doctor_check_rig(struct doctor *d)
 {
     char path[SST_CONFIG_TEXT_MAX], remedy[160];

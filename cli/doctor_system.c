@@ -25,7 +25,7 @@
 
 /* --- disk --------------------------------------------------------------------------------------------------------- */
 
-/* What a recording takes, all cameras together. */
+/* Data rate of a recording of all cameras. */
 static double needed_mb_s(const struct doctor *d)
 {
     const struct sst_array_config *a = d->cfg;
@@ -36,7 +36,7 @@ static double needed_mb_s(const struct doctor *d)
     return one * d->cameras / 1e6;
 }
 
-/* Write a file that has no name, so that nothing is left whatever happens. @return MB/s, or -errno */
+/* Write to a file without a name, so that nothing is left behind. @return MB/s, or -errno */
 static double try_writing(const char *folder, double most_bytes)
 {
     const int64_t start_ns = sst_clock_now_ns();
@@ -48,7 +48,7 @@ static double try_writing(const char *folder, double most_bytes)
         err = errno;
     else if (!chunk)
         err = ENOMEM;
-    for (uint32_t i = 0; !err && i < CHUNK / 4; i++) /* nothing that a file system could store as less */
+    for (uint32_t i = 0; !err && i < CHUNK / 4; i++) /* data that a file system cannot compress */
         memcpy(chunk + 4 * (size_t)i, &(uint32_t){ i * 2654435761u }, 4);
     while (!err && bytes < most_bytes && sst_clock_now_ns() - start_ns < TRY_NS) {
         const ssize_t n = write(fd, chunk, CHUNK);
@@ -121,7 +121,7 @@ void doctor_check_disk(struct doctor *d)
 
 /* --- limits ------------------------------------------------------------------------------------------------------- */
 
-/* Asking is the only sure test: rights come from root, capabilities or limits. */
+/* Trying is the only reliable test: the permission comes from root, capabilities or limits. */
 static bool may_be_real_time(void)
 {
     const struct sched_param wanted = { .sched_priority = 50 };
@@ -144,7 +144,7 @@ void doctor_check_limits(struct doctor *d)
         doctor_say(d, DOCTOR_WARNING, "limits",
                    "no permission for real-time priority: triggers may be late on a busy machine; set `@video - rtprio "
                    "60` in /etc/security/limits.d/sst.conf");
-    /* A camera takes its node, its buffers' maps need none; the rest is for files, timers and the bus. */
+    /* One descriptor per camera (mapped buffers need none), the rest for files, timers and the bus. */
     if (!getrlimit(RLIMIT_NOFILE, &files) && files.rlim_cur < (rlim_t)(2 * d->cameras + 64))
         doctor_say(d, DOCTOR_PROBLEM, "limits",
                    "the limit of %llu open files is too low for %d cameras: `ulimit -n 1024`",

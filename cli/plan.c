@@ -1,4 +1,4 @@
-/* sst plan: which cameras can stream together, before one of them is refused. */
+/* sst plan: predicts which cameras can stream together. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

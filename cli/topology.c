@@ -1,4 +1,4 @@
-/* sst topology: the tree of USB controllers, hubs and cameras. */
+/* sst topology: prints the tree of USB controllers, hubs and cameras. */
 #include <stdio.h>
 #include <stdlib.h>
 

@@ -23,7 +23,7 @@ static void add_stream(struct cli_usb *u, int device)
     u->streams[u->stream_count++] = (struct sst_usb_stream){ .device = device, .needed_bytes_s = u->needed_bytes_s };
 }
 
-/* Two devices of one serial are both taken: that they are two is for others to tell. */
+/* Two devices with one serial are both included: duplicates are reported elsewhere. */
 static void choose_cameras(struct cli_usb *u, const struct sst_array_config *cfg)
 {
     for (int b = 0; b < cfg->bound; b++) {
@@ -89,7 +89,7 @@ static void add_text(char *text, size_t size, const char *fmt, ...)
     va_end(args);
 }
 
-/* How many are refused if each camera takes this much. -1: out of memory */
+/* Number of refused cameras if each needs this rate. -1: out of memory */
 static int refused_at(const struct cli_usb *u, int64_t bytes_s)
 {
     struct sst_usb_stream *streams = calloc((size_t)u->stream_count + 1, sizeof(*streams));
@@ -106,7 +106,7 @@ static int refused_at(const struct cli_usb *u, int64_t bytes_s)
     return refused;
 }
 
-/* What the largest setting of any camera carries. */
+/* Data rate of the largest setting of any camera. */
 static int64_t largest_bytes_s(const struct cli_usb *u)
 {
     int64_t largest = 3072 * 8000;
@@ -123,7 +123,7 @@ static int64_t largest_bytes_s(const struct cli_usb *u)
     return largest;
 }
 
-/* The most that each camera may take for all to fit; 0: nothing is little enough. */
+/* Maximum rate per camera for which all fit; 0: there is none. */
 static int64_t most_bytes_s(const struct cli_usb *u)
 {
     int64_t low = 0, high = u->needed_bytes_s ? u->needed_bytes_s : largest_bytes_s(u);
@@ -139,7 +139,7 @@ static int64_t most_bytes_s(const struct cli_usb *u)
     return low;
 }
 
-/* A free port of a root hub of the camera's speed; @return its number, 0: none is free */
+/* Find a free port of a root hub for the speed of the camera. @return its number, 0: none is free */
 static int free_port(const struct cli_usb *u, int hub)
 {
     for (int port = 1; port <= u->devices[hub].hub_ports; port++) {
@@ -155,7 +155,7 @@ static int free_port(const struct cli_usb *u, int hub)
     return 0;
 }
 
-/* Would the stream fit if its camera were plugged in there? */
+/* True if the stream would fit with its camera plugged in there. */
 static bool fits_at(struct cli_usb *u, int stream, int hub, int port)
 {
     struct sst_usb_device *d = &u->devices[u->streams[stream].device];

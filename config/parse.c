@@ -1,4 +1,4 @@
-/* Values out of one document by the table; what they must be by themselves. */
+/* Parses the values of one document by the table of keys, and checks each value. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <math.h>
@@ -74,7 +74,7 @@ static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum
     return false;
 }
 
-/* Other readers of YAML take these words for something else than a text, and whoever writes them may mean that. */
+/* Other YAML readers parse these words as another type, and the user may mean that. */
 static bool ambiguous(const struct sst_yaml_node *n)
 {
     static const char *const words[] = { "null", "~", "yes", "no", "on", "off", "true", "false" };
@@ -121,7 +121,7 @@ static void parse_number(struct sst_yaml *doc, const struct sst_yaml_node *n, co
         (void)sst_yaml_int(doc, n, (int)key->min, (int)key->max, out);
 }
 
-/* A single number stands for all; how many a list must have is known only when all files are read. */
+/* A single number stands for all; the required length of a list is known only after all files are read. */
 static void parse_numbers(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, char *first)
 {
     const int most = (int)(key->size / key->stride);
@@ -146,7 +146,7 @@ static void set_count(const struct sst_key *key, void *base, int n)
         memcpy((char *)base + key->count_offset, &n, sizeof(n));
 }
 
-/* Number of elements to read; a list that is none or too long is a fault. */
+/* Number of elements to read; anything but a list, and a list that is too long, is a fault. */
 static int list_count(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key)
 {
     const int most = (int)(key->size / key->stride);
@@ -176,7 +176,7 @@ static void parse_texts(struct sst_yaml *doc, const struct sst_yaml_node *n, con
     set_count(key, base, count);
 }
 
-/* Files add to one another, as with keys of ours. */
+/* The controls of all files are combined, like keys. */
 static void parse_controls(struct sst_yaml *doc, struct sst_yaml_node *n, struct sst_array_config *a)
 {
     if (n->type != SST_YAML_MAP) {
@@ -236,7 +236,7 @@ static void parse_list(struct sst_yaml *doc, const struct sst_yaml_node *n, cons
     set_count(key, base, count);
 }
 
-/* The name of a format becomes V4L2's code. */
+/* Convert the name of a format to its V4L2 code. */
 static void parse_format(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, uint32_t *out)
 {
     int index;
@@ -280,7 +280,7 @@ static void parse_value(struct sst_yaml *doc, struct sst_yaml_node *n, const str
     case SST_KEY_LIST:
         parse_list(doc, n, key, base);
         break;
-    case SST_KEY_LINE: /* what has that name is found when all files are read */
+    case SST_KEY_LINE: /* resolved after all files are read */
     case SST_KEY_ZONE:
         (void)parse_text(doc, n, key, name, sizeof(name));
         break;

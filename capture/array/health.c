@@ -52,7 +52,7 @@ void health_frame(struct health *h, const struct sst_frame *frame)
     for (size_t i = 0; i < ARRAY_LEN(by_fault); i++)
         if (frame->faults & by_fault[i].bits) {
             note(h, frame->cam, by_fault[i].trouble);
-            return; /* the flag says it all, a cut frame's markers are broken too */
+            return; /* only the first one: a truncated frame has broken markers as well */
         }
 }
 
@@ -82,7 +82,7 @@ void health_set(struct health *h, int cam)
     }
 }
 
-/** Of the cameras whose trouble began since the last telling. @return lines */
+/* Log cameras whose fault started since the last call. @return number of lines */
 static int log_began(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     int n = 0, first = 0;
@@ -101,7 +101,7 @@ static int log_began(struct health *h, enum trouble trouble, int cameras, const 
     return n > 0;
 }
 
-/** Of those whose trouble ended. @return lines */
+/* Log cameras whose fault ended. @return number of lines */
 static int log_ended(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     uint64_t frames = 0;

@@ -6,7 +6,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-/* One capture at work. */
+/* State of a running capture. */
 struct job {
     struct sst_rig *rig;
     const struct sst_rig_config *rig_cfg;
@@ -14,7 +14,7 @@ struct job {
     struct sst_rig_store *store;
     const struct sst_rig_capture_config *cfg;
     struct sst_rig_capture_report *report;
-    struct sst_rig_pos at; /* where the last move ended; valid if known */
+    struct sst_rig_pos at; /* end of the last move; valid if known */
     bool known;
 };
 
@@ -27,7 +27,7 @@ static bool cancelled(const struct job *j)
 
 static int go(struct job *j, struct sst_rig_pos to)
 {
-    /* Twice what the way takes at the assumed or given speed, never less than 10 s. */
+    /* Twice the duration of the move at the configured or assumed speed, at least 10 s. */
     const struct sst_rig_pos home = { { 0 } };
     const int timeout_ms = 10000 + (int)(2000 * sst_rig_capture_leg_s(j->rig_cfg, j->known ? &j->at : &home, &to));
     int err = sst_rig_move(j->rig, to);
@@ -60,7 +60,8 @@ static int approach(struct job *j, struct sst_rig_pos to)
     return err ? err : go(j, to);
 }
 
-/* A frame of a rig that stood before, during and after its exposure. @return 0, -EAGAIN (it did not), or an error */
+/* Capture a frame with the rig at standstill before, during and after its exposure. @return 0, -EAGAIN (it moved), or
+ * an error */
 static int expose(struct job *j, struct sst_rig_shot *shot, struct sst_frame **frame)
 {
     struct sst_rig_pos before;
@@ -79,7 +80,7 @@ static int expose(struct job *j, struct sst_rig_shot *shot, struct sst_frame **f
         j->report->camera_faults += err != -ECANCELED;
         return err;
     }
-    /* It stood when the frame began and stands when the frame is here, within what its encoders tell. */
+    /* The rig was at standstill when the frame started and when it arrived, as far as its encoders resolve. */
     if (!sst_rig_still(j->rig) || sst_rig_position(j->rig, &shot->read) || f->t_ns < since_ns)
         err = -EAGAIN;
     for (int a = 0; !err && a < j->rig_cfg->axes; a++) {
@@ -117,7 +118,7 @@ static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
     return err;
 }
 
-/* Faults that another attempt cannot mend. */
+/* Faults that a retry cannot fix. */
 static bool is_final(int err)
 {
     switch (-err) {

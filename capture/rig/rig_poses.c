@@ -121,7 +121,7 @@ int sst_rig_capture_plan(struct sst_rig_capture_plan *out, const struct sst_rig_
             for (int a = 0; a < rig->axes; a++)
                 longest = fmax(longest, abs(next->um[a] - at.um[a]) / 1000.0);
             p.way_mm += longest;
-            /* A leg of its own settles too. */
+            /* A separate leg needs settling as well. */
             p.seconds += longest > 0 ? sst_rig_capture_leg_s(rig, &at, next) + rig->settle_ms / 1000.0 : 0;
             at = *next;
         }

@@ -1,5 +1,5 @@
-/* DIR/views/rr_cc.*, DIR/capture.jsonl: a line with the settings, then a line for each view, appended and synced after
- * the view's file; DIR/lightfield.json at the end. The last line of a view holds. */
+/* The folder: DIR/views/rr_cc.*; DIR/capture.jsonl, a line with the settings, then a line for each view, appended and
+ * synced after the file of the view; DIR/lightfield.json at the end. The last line of a view is the valid one. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>
@@ -87,7 +87,7 @@ static json_t *settings_of(const struct sst_rig_capture_config *cfg)
                      "height", cfg->height, "controls", cfg->controls ? cfg->controls : "");
 }
 
-/* Name every setting that differs. */
+/* List every setting that differs. */
 static int compare_settings(const struct sst_rig_store *s, json_t *there)
 {
     char text[512] = "";
@@ -171,7 +171,7 @@ static int read_header(struct sst_rig_store *s, json_t *line)
     return compare_settings(s, json_object_get(line, "settings"));
 }
 
-/* @param keep  out: bytes up to the end of the last whole line */
+/* @param keep  out: bytes up to the end of the last complete line */
 static int read_lines(struct sst_rig_store *s, const char *text, size_t size, size_t *keep)
 {
     size_t at = 0;
@@ -183,7 +183,7 @@ static int read_lines(struct sst_rig_store *s, const char *text, size_t size, si
         int err = 0;
 
         if (!end)
-            break; /* the process was killed while it wrote this */
+            break; /* the process was killed while writing this line */
         line = json_loadb(text + at, (size_t)(end - text) - at, JSON_REJECT_DUPLICATES, NULL);
         at = (size_t)(end - text) + 1;
         if (n == 1)
@@ -245,7 +245,7 @@ static int fault(const char *what, const char *path)
     return e == ENOSPC || e == EROFS || e == EDQUOT || e == EACCES ? -e : -EIO;
 }
 
-/* A temporary file of ours (base/file.h), by the name that it was to get. */
+/* True for a temporary file of base/file.h with this final name. */
 static bool is_left_over(const char *name)
 {
     return strstr(name, ".tmp-") &&
@@ -253,7 +253,7 @@ static bool is_left_over(const char *name)
             (name[0] >= '0' && name[0] <= '9' && name[2] == '_'));
 }
 
-/* Remove what a killed process left; false: there are files that are not of a capture. */
+/* Remove temporary files of a killed process; false: there are files that do not belong to a capture. */
 static bool tidy(const char *dir)
 {
     DIR *d = opendir(dir);
@@ -502,7 +502,7 @@ static char *view_line(const struct sst_rig_store *s, int view, const struct sst
     return line;
 }
 
-/* The whole line durably, or nothing of it. */
+/* Append the whole line durably, or nothing of it. */
 static int append(struct sst_rig_store *s, const char *line)
 {
     const size_t size = strlen(line);
@@ -524,7 +524,8 @@ static int append(struct sst_rig_store *s, const char *line)
     return err;
 }
 
-/* A light field whose view is taken again is none until all are there: its hashes and offsets would be the old ones. */
+/* While a view is captured again, the folder is not a valid light field: its hashes and offsets would be the old ones.
+ */
 static int reopen_capture(struct sst_rig_store *s)
 {
     if (!unlinkat(s->dir_fd, "lightfield.json", 0))
@@ -549,7 +550,7 @@ int sst_rig_store_put(struct sst_rig_store *s, int view, const struct sst_rig_sh
         err = write_frame(s, path, f);
     if (err)
         return err;
-    /* Of the file, not of the memory: a disk that does not return what it was given is found out here. */
+    /* Hash of the file, not of the memory: detects a disk that does not return what was written. */
     if (!SHA256File(path, v.sha256))
         return fault("read back", path);
     snprintf(v.serial, sizeof(v.serial), "%s", camera->serial);

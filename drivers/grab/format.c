@@ -7,15 +7,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Bounds for enumerations that a broken driver never ends. */
+/* Bounds for enumerations that never end with a broken driver. */
 #define FORMATS_MAX 64
 #define SIZES_MAX   256
 #define RATES_MAX   64
 
-/* A rate that is read back is the one asked for within this: 29.97 is 30. */
+/* Tolerance between requested and actual rate: 29.97 is 30. */
 #define RATE_TOLERANCE 0.005
 
-/* --- what there is ------------------------------------------------------------------------------------------------ */
+/* --- enumeration -------------------------------------------------------------------------------------------------- */
 
 static bool format_at(int fd, uint32_t index, struct v4l2_fmtdesc *f)
 {
@@ -58,7 +58,7 @@ static int nearest_step(int v, uint32_t lo, uint32_t hi, uint32_t step)
     return (int)(x > hi ? hi - (hi - lo) % s : x);
 }
 
-/* The nearest size by sides, -1 where the camera lists none. */
+/* The nearest size by sides, -1 if the camera lists none. */
 static void nearest_size(int fd, const struct sst_grab_config *cfg, int best[2], char *list, size_t size)
 {
     struct v4l2_frmsizeenum s;
@@ -117,7 +117,7 @@ static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size
         text_add(out, size, " Hz, nearest %.4g", best);
 }
 
-/* --- asking ------------------------------------------------------------------------------------------------------- */
+/* --- setting ------------------------------------------------------------------------------------------------------ */
 
 static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_pix_format *got, char *why, size_t size)
 {
@@ -153,7 +153,7 @@ static int set_picture(int fd, const struct sst_grab_config *cfg, size_t *stride
     pix->pixelformat = cfg->fourcc;
     pix->field = V4L2_FIELD_NONE;
     err = node_ioctl(fd, VIDIOC_S_FMT, &f);
-    /* Drivers that refuse instead of offering something near: ask what they would give. */
+    /* Some drivers refuse instead of offering the nearest format: query what they would set. */
     if (err == -EINVAL) {
         f = (struct v4l2_format){ .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
         if (!node_ioctl(fd, VIDIOC_G_FMT, &f))

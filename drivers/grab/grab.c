@@ -16,15 +16,15 @@
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
 
-/* Cameras that have not answered by then are started when they do. */
+/* Cameras that have not responded by then are started when they do. */
 #define OPEN_WAIT_NS  (8000 * SST_MS)
 #define CLOSE_WAIT_NS (1500 * SST_MS)
-/* From STREAMON to the first frame sensors take this, on top of the usual patience. */
+/* Additional time from STREAMON to the first frame, on top of the usual patience. */
 #define WAKE_UP_NS (1500 * SST_MS)
-#define LATE_NS    (20 * SST_MS) /* who is woken that much later than he wanted stood still */
+#define LATE_NS    (20 * SST_MS) /* a wake-up this late means that the process was stopped */
 #define EVENTS_MAX 128
 
-/* What epoll tells besides the cameras, which are their index. */
+/* epoll data besides that of the cameras, which is their index. */
 enum {
     TAG_TIMER = SST_CAMERAS_MAX,
     TAG_WAKE,
@@ -201,7 +201,7 @@ int sst_grab_start(struct sst_grab *g)
 
 /* --- poll --------------------------------------------------------------------------------------------------------- */
 
-/* A trigger's time, taken over by those cameras that have sent nothing since. */
+/* Apply the time of a trigger to cameras without a frame since. */
 static void take_trigger(struct sst_grab *g)
 {
     const int64_t fired_ns = atomic_exchange(&g->fired_ns, 0);
@@ -226,13 +226,13 @@ static void serve_one(struct sst_grab *g, const struct epoll_event *e)
     } else if (tag == TAG_TIMER || tag == TAG_WAKE) {
         (void)!read(tag == TAG_TIMER ? g->timer_fd : g->wake_fd, &count, sizeof(count));
     } else if (g->camera[tag].armed) {
-        /* Else something before it in this round has closed it. */
+        /* Otherwise an earlier event of this round has closed it. */
         receive_ready(g, &g->camera[tag], !(e->events & EPOLLIN));
     }
 }
 
-/* Who comes late to what was due stood still himself, perhaps with the whole machine: then no camera is judged before
- * it had the time to send something. Once: what is late again and again is not put off again and again. */
+/* If a due time is handled late, this process was stopped, perhaps with the whole machine: then no camera is judged
+ * before it had time to send a frame. Only once in a row: repeated delays do not postpone the judgement forever. */
 static bool puts_off(struct sst_grab *g, int64_t now_ns)
 {
     if (now_ns < g->judge_ns)
@@ -275,7 +275,7 @@ static void set_timer(struct sst_grab *g, int64_t now_ns)
     }
     if (due_ns && due_ns < g->judge_ns)
         due_ns = g->judge_ns;
-    /* Most frames move it back: waking up once too often is cheaper than setting it for each. */
+    /* Most frames postpone it: an extra wake-up is cheaper than setting the timer for each frame. */
     if (!due_ns)
         g->timer_ns = 0;
     if (!due_ns || (g->timer_ns > now_ns && g->timer_ns <= due_ns))
@@ -290,7 +290,7 @@ int sst_grab_poll(struct sst_grab *g, int timeout_ms)
 {
     struct epoll_event events[EVENTS_MAX];
     const int n = epoll_wait(g->epoll_fd, events, EVENTS_MAX, timeout_ms);
-    const int err = n < 0 && errno != EINTR ? -errno : 0; /* a machine that slept interrupts it, without a signal */
+    const int err = n < 0 && errno != EINTR ? -errno : 0; /* a resume after suspend interrupts it, without a signal */
 
     take_trigger(g);
     for (int i = 0; i < n; i++)

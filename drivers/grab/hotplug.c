@@ -1,4 +1,4 @@
-/* Nodes that come and go, and whose they are. */
+/* Tracks nodes that appear and disappear, and assigns them to cameras. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,7 +7,8 @@
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
 
-/* While a camera is missing the list is read anew: events do get lost. Without udev that is all there is. */
+/* While a camera is missing, nodes are scanned periodically, since events do get lost. Without udev this is the only
+ * way. */
 #define RESCAN_NS                (5000 * SST_MS)
 #define RESCAN_WITHOUT_EVENTS_NS (1000 * SST_MS)
 
@@ -56,7 +57,7 @@ void hotplug_reject(struct sst_grab *g, int number, bool gone)
         g->nodes[i].capture = 0;
 }
 
-/* Something odd about a camera's identity, once. */
+/* Log a mismatch of a camera's identity, once. */
 static void tell_odd(struct grab_camera *cam, const char *why, bool fault)
 {
     if (!strcmp(cam->odd, why))
@@ -77,14 +78,14 @@ int hotplug_assign(struct sst_grab *g)
         char why[SST_WHY_MAX];
         int at;
 
-        /* Also of those that stream: a second device of their serial is told when it is plugged in. */
+        /* Also for streaming cameras: a second device with their serial is reported when it is plugged in. */
         at = grab_match(&cam->binding, g->nodes, g->node_count, why);
         tell_odd(cam, why, at == -ENOTUNIQ);
         if (at == -ENOTUNIQ)
             worst = at;
         if (cam->number >= 0)
             continue;
-        if (at >= 0 && camera_of(g, g->nodes[at].number)) /* the other binding names the same device by port */
+        if (at >= 0 && camera_of(g, g->nodes[at].number)) /* another binding names the same device by port */
             continue;
         if (at >= 0)
             recovery_found(g, cam, &g->nodes[at]);
@@ -103,7 +104,7 @@ void hotplug_events(struct sst_grab *g)
 
         g->changes++;
         added |= what == 1;
-        /* The number of a node that is added is free: whoever had it is gone, whether its event came or not. */
+        /* The number of an added node was free: its earlier device is gone, even if its event was lost. */
         if (cam)
             recovery_lost(g, cam);
         if (what == 1)
@@ -119,7 +120,7 @@ void hotplug_events(struct sst_grab *g)
         (void)hotplug_assign(g);
 }
 
-/* --- reading the list --------------------------------------------------------------------------------------------- */
+/* --- scanning ----------------------------------------------------------------------------------------------------- */
 
 static void take_list(struct sst_grab *g, const struct grab_node *nodes, int count)
 {
@@ -152,7 +153,7 @@ struct scan_job {
     struct grab_job job;
     struct grab_node *nodes;
     int count, err;
-    unsigned changes; /* when it began */
+    unsigned changes; /* at its start */
 };
 
 static void scan_run(struct grab_job *job)
@@ -174,7 +175,7 @@ static void scan_ended(struct grab_job *job, void *owner)
     struct sst_grab *g = owner;
 
     g->scanning = false;
-    /* Events that came meanwhile know better. */
+    /* Events that arrived meanwhile are more recent. */
     if (!s->err && !g->closing && s->changes == g->changes) {
         take_list(g, s->nodes, s->count);
         (void)hotplug_assign(g);

@@ -1,4 +1,4 @@
-/* Frames as they come: checked, compared with those before, counted, handed on. */
+/* Receives frames: dequeues, checks, compares with the last one, counts and passes them on. */
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>
@@ -8,14 +8,14 @@
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
 
-/* A camera that sends damaged frames only is treated as silent after this many, and three times the usual patience. */
+/* A camera with only damaged frames is treated as silent after this number and three times the usual patience. */
 #define BAD_ROW 10
 
-/* DQBUF may fail for a moment and go on (EIO: "signal loss"); this often in a row, the stream is broken for good. */
+/* DQBUF may fail temporarily (EIO: "signal loss"); after this number in a row the stream is broken. */
 #define EIO_ROW  8
-#define EIO_WELL 100 /* frames without a failure after which the next one is told again */
+#define EIO_WELL 100 /* frames without a failure until the next one is logged again */
 
-/* A driver that polls as broken while it has no buffer is asked again after this. */
+/* A driver that polls as broken while it has no buffer is polled again after this time. */
 #define REARM_NS (20 * SST_MS)
 
 void receive_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
@@ -28,7 +28,7 @@ void receive_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
     cam->logged_starved = false;
 }
 
-/* Frames between two counts; 2^32 wraps. A count that stands still or runs back is a driver's that does not count. */
+/* Frames lost between two sequence numbers, modulo 2^32. Constant or decreasing numbers: the driver does not count. */
 static uint32_t lost_between(uint32_t before, uint32_t now)
 {
     const uint32_t step = now - before;
@@ -62,7 +62,7 @@ static void count(struct grab_camera *cam, const struct sst_frame *f)
         c->fault[i] += f->faults >> i & 1;
 }
 
-/* What the stamps mean is said once per camera: sets are put together by them. */
+/* Log the meaning of the time stamps once per camera: sets are synchronised by them. */
 static void log_stamp(struct grab_camera *cam, const struct stream_stamp *stamp)
 {
     if (cam->logged_stamp)
@@ -107,8 +107,8 @@ static void take(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *
         recovery_fault(g, cam, "it delivers only damaged frames");
 }
 
-/* v4l2loopback enters a waiter only while it has no frame for it, so epoll may be deaf to it. Nothing readable after it
-   was added: it had none then, and wakes us from now on. */
+/* v4l2loopback registers a waiter only while it has no frame for it, so epoll may miss its events. If nothing is
+   readable after adding it again, it is registered and wakes epoll from now on. */
 static void listen_again(struct sst_grab *g, struct grab_camera *cam)
 {
     struct pollfd p = { .fd = stream_fd(cam->stream), .events = POLLIN };
@@ -183,7 +183,7 @@ void receive_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns
     const bool refused = !ready_ns && !stream_lent(cam->stream);
     char why[96];
 
-    if (ready_ns && now_ns - ready_ns < patience_ns(g)) { /* before, it could not speak */
+    if (ready_ns && now_ns - ready_ns < patience_ns(g)) { /* before, it had no free buffer */
         cam->heard_ns = ready_ns;
         if (cam->owed_ns)
             cam->owed_ns = ready_ns;
@@ -195,7 +195,7 @@ void receive_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns
         recovery_fault(g, cam, why);
         return;
     }
-    /* It cannot speak: every buffer is with the receiver. The gap in the sequence will tell what was lost. */
+    /* No free buffer: the receiver holds all of them. The gap in the sequence will show the lost frames. */
     if (!cam->logged_starved)
         sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; release them sooner, or "
                         "raise `buffers`",

@@ -1,4 +1,4 @@
-/* Opening, restarting, resetting and closing cameras: decided here, carried out by jobs on threads of their own. */
+/* Opens, restarts, resets and closes cameras: decided here, carried out by jobs on their own threads. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,9 +10,9 @@
 #include "drivers/grab/grab_internal.h"
 #include "drivers/usb/usb.h"
 
-/* A job that takes longer hangs in the kernel; the camera goes on without it. */
+/* A job that takes longer hangs in the kernel and is abandoned. */
 #define JOB_NS (15000 * SST_MS)
-/* After a reset the node comes back by an event; without one it is opened after this. */
+/* After a reset the node returns with an event; without one it is opened after this time. */
 #define RESET_NS     (300 * SST_MS)
 #define POWER_OFF_MS 2000
 
@@ -41,7 +41,7 @@ struct camera_job {
     char why[SST_WHY_MAX], note[SST_WHY_MAX];
 };
 
-/* --- on the job's thread ------------------------------------------------------------------------------------------ */
+/* --- job threads -------------------------------------------------------------------------------------------------- */
 
 static int reopen(struct camera_job *j)
 {
@@ -108,7 +108,7 @@ static void job_ended(struct grab_job *job, void *owner);
 
 static const struct grab_job job_calls = { .run = job_run, .ended = job_ended, .discard = job_discard };
 
-/* --- on the polling thread ---------------------------------------------------------------------------------------- */
+/* --- polling thread ----------------------------------------------------------------------------------------------- */
 
 void recovery_arm(struct sst_grab *g, struct grab_camera *cam)
 {
@@ -158,7 +158,7 @@ static void step(struct sst_grab *g, struct grab_camera *cam, enum ladder_event 
     climbed(g, cam, ladder_step(&cam->ladder, event, sst_clock_now_ns(), cam->stream && cam->running));
 }
 
-/* Nobody waits for a close, which hangs where the camera does. */
+/* A close is never waited for: it hangs if the camera does. */
 static void close_stream(struct sst_grab *g, struct grab_stream *stream)
 {
     struct camera_job *j = calloc(1, sizeof(*j));
@@ -166,7 +166,7 @@ static void close_stream(struct sst_grab *g, struct grab_stream *stream)
     stream_detach(stream);
     if (j)
         *j = (struct camera_job){ .job = job_calls, .stream = stream, .task = TASK_CLOSE };
-    /* Without memory or a thread there is no way but to wait here. */
+    /* Without memory or a thread, close here and wait. */
     if (!j || jobs_start(g->jobs, &j->job)) {
         stream_close(stream);
         free(j);
@@ -182,7 +182,7 @@ void recovery_drop(struct sst_grab *g, struct grab_camera *cam)
     cam->running = false;
 }
 
-/* The camera's stream goes with the job. @return 0 or -errno (the stream stays) */
+/* Start a job, which then owns the camera's stream. @return 0 or -errno (the camera keeps the stream) */
 static int start_job(struct sst_grab *g, struct grab_camera *cam, enum task task)
 {
     struct camera_job *j = calloc(1, sizeof(*j));
@@ -213,7 +213,7 @@ static int start_job(struct sst_grab *g, struct grab_camera *cam, enum task task
     return 0;
 }
 
-/* Carry out a rung that the ladder tells. */
+/* Carry out a rung of the ladder. */
 static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung)
 {
     char why[SST_WHY_MAX + 64];
@@ -257,7 +257,7 @@ void recovery_lost(struct sst_grab *g, struct grab_camera *cam)
     (void)ladder_step(&cam->ladder, SST_LADDER_LOST, sst_clock_now_ns(), false);
     if (expected)
         return;
-    cam->job = NULL; /* what it brings is closed when it ends */
+    cam->job = NULL; /* its stream is closed when it ends */
     cam->job_end_ns = 0;
     cam->counters.lost_devices++;
     camera_set_state(g, cam, SST_GRAB_ABSENT, "unplugged; it resumes when it is plugged in again");
@@ -282,7 +282,7 @@ void recovery_found(struct sst_grab *g, struct grab_camera *cam, const struct gr
     cam->ladder.usb = grab_is_usb_port(node->device.port);
     if (cam->state == SST_GRAB_ABSENT)
         cam->counters.found_devices++;
-    /* A reset may still be at its end: its job tells. */
+    /* A reset may still be running: then its job continues. */
     if (!cam->job)
         open_now(g, cam);
 }
@@ -293,7 +293,7 @@ void recovery_start(struct sst_grab *g, struct grab_camera *cam)
         step(g, cam, SST_LADDER_FAILED);
 }
 
-/* --- the ends of jobs --------------------------------------------------------------------------------------------- */
+/* --- results of jobs ---------------------------------------------------------------------------------------------- */
 
 static void opened(struct sst_grab *g, struct grab_camera *cam, struct camera_job *j)
 {
@@ -308,7 +308,7 @@ static void opened(struct sst_grab *g, struct grab_camera *cam, struct camera_jo
     if (!cam->running) {
         ladder_init(&cam->ladder, cam->ladder.patience_ns, cam->ladder.usb, cam->ladder.port_power);
         camera_set_state(g, cam, SST_GRAB_READY, "ready");
-        if (g->started) /* while it was being opened */
+        if (g->started) /* started while it was being opened */
             recovery_start(g, cam);
         return;
     }
@@ -359,7 +359,7 @@ static void ended(struct sst_grab *g, struct grab_camera *cam, struct camera_job
         opened(g, cam, j);
     } else {
         step(g, cam, SST_LADDER_DONE);
-        /* Back already? Else the plug-in event opens it. */
+        /* Open it if it is already back; otherwise the hotplug event does. */
         cam->open_ns = sst_clock_now_ns() + RESET_NS;
     }
 }
@@ -372,14 +372,14 @@ static void job_ended(struct grab_job *job, void *owner)
 
     if (cam->job == j)
         ended(g, cam, j);
-    if (j->stream) /* given up meanwhile */
+    if (j->stream) /* abandoned meanwhile */
         close_stream(g, j->stream);
     free(j);
 }
 
 /* --- time --------------------------------------------------------------------------------------------------------- */
 
-/* Where frames follow triggers only, a camera that was brought back owes one from the next trigger on. */
+/* With triggered frames, a recovered camera has a frame due from the next trigger on. */
 static int64_t ladder_due(const struct sst_grab *g, const struct grab_camera *cam)
 {
     const int64_t due = cam->ladder.due_ns;
@@ -421,7 +421,8 @@ void recovery_time(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
     if (!due || now_ns < due)
         return;
     if (cam->running && cam->stream && cam->ladder.phase == SST_LADDER_WAITING && !stream_queued(cam->stream))
-        cam->ladder.due_ns = now_ns + g->cfg.stall_ms * SST_MS; /* the receiver has all buffers: it cannot speak */
+        cam->ladder.due_ns =
+            now_ns + g->cfg.stall_ms * SST_MS; /* the receiver holds all buffers: no frame is possible */
     else
         step(g, cam, SST_LADDER_TIME);
 }

@@ -12,13 +12,13 @@
 #include "base/clock.h"
 
 enum slot_place {
-    SLOT_IDLE = 0,   /* with neither */
-    SLOT_QUEUED = 1, /* the driver's */
-    SLOT_LENT = 2,   /* the receiver's */
+    SLOT_IDLE = 0,   /* neither */
+    SLOT_QUEUED = 1, /* with the driver */
+    SLOT_LENT = 2,   /* with the receiver */
 };
 
 struct slot {
-    struct sst_frame frame; /* its pool is the slot */
+    struct sst_frame frame; /* its pool points to the slot */
     struct grab_stream *stream;
     uint32_t index;
     enum slot_place place; /* under lock */
@@ -32,10 +32,10 @@ struct grab_stream {
     struct slot slot[SST_STREAM_BUFFERS_MAX];
     /* under lock */
     pthread_mutex_t lock;
-    bool live;   /* streaming: what comes back is queued at once */
-    bool closed; /* the descriptor is gone */
+    bool live;   /* streaming: released buffers are queued at once */
+    bool closed; /* the descriptor is closed */
     int queued;
-    int64_t ready_ns; /* since when any is */
+    int64_t ready_ns; /* since when any is queued */
     int lent;
 };
 
@@ -177,7 +177,7 @@ void stream_close(struct grab_stream *s)
     if (!s)
         return;
     stream_stop(s);
-    /* A mapped buffer keeps the file open behind close(), and the driver's queue with it: give the queue up first. */
+    /* A mapped buffer keeps the file and the driver's queue open after close(): release the queue first. */
     (void)node_ioctl(s->fd, VIDIOC_REQBUFS, &none);
     close(s->fd);
     pthread_mutex_lock(&s->lock);
@@ -201,8 +201,8 @@ static int queue_locked(struct grab_stream *s, struct slot *slot)
     return err;
 }
 
-/* Also those that the driver refused before: it may take them now. One that takes none falls silent, and is found so.
- */
+/* Also buffers that the driver refused before: it may accept them now. A driver that accepts none is detected as
+ * silent. */
 static void queue_idle_locked(struct grab_stream *s)
 {
     for (int i = 0; i < s->count; i++) {
@@ -249,7 +249,7 @@ void stream_stop(struct grab_stream *s)
     int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 
     stream_detach(s);
-    /* A camera that is gone says so; there is nothing left to stop then. */
+    /* A disconnected camera fails here; nothing is left to stop then. */
     (void)node_ioctl(s->fd, VIDIOC_STREAMOFF, &type);
     pthread_mutex_lock(&s->lock);
     s->queued = 0;
@@ -309,8 +309,8 @@ int stream_dequeue(struct grab_stream *s, struct sst_frame **out, struct stream_
         return -EIO;
     slot = &s->slot[b.index];
     pthread_mutex_lock(&s->lock);
-    /* v4l2loopback hands out what it was not given; the receiver's stays, and the gap in the sequence tells of this
-     * one. */
+    /* v4l2loopback may return a buffer that was not queued; the receiver keeps its frame, and the gap in the sequence
+     * shows the loss. */
     lent = slot->place == SLOT_LENT;
     if (!lent) {
         s->queued -= slot->place == SLOT_QUEUED;

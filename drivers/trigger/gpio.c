@@ -10,7 +10,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Appends to a sentence of limited length; what does not fit is left out. */
+/* Append to a message of limited length, truncated to fit. */
 static void add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
 
 static void add(char *text, size_t size, const char *fmt, ...)
@@ -31,7 +31,7 @@ static int by_number(const void *a, const void *b)
     return m != n ? (m < n ? -1 : 1) : strcmp(x->path, y->path);
 }
 
-/* opendir, because a GPIO chip needs no udev to be there. Links beside the nodes (old names of a chip) are left out. */
+/* opendir, because GPIO chips do not depend on udev. Links beside the nodes (old names of a chip) are skipped. */
 static int scan(struct gpio_listed **out)
 {
     DIR *dir = opendir("/dev");
@@ -84,8 +84,7 @@ int gpio_list(struct gpio_listed **out)
     return n;
 }
 
-/* @return the offset of a line name, or of digits where no line has that name; -ENODEV or what reading a line returns
- */
+/* @return the offset of a line name, or of digits if no line has that name; -ENODEV or the error of reading a line */
 static int offset_of(struct trigger_chip *chip, const char *name)
 {
     const int lines = gpio_chip_lines(chip);
@@ -105,7 +104,7 @@ static int offset_of(struct trigger_chip *chip, const char *name)
     return isdigit((unsigned char)*name) && !*end && number < lines ? (int)number : -ENODEV;
 }
 
-/* @return 0, or an error with the name of the line that stands in the way */
+/* @return 0, or an error with the name of the line that caused it */
 static int resolve(struct trigger_chip *chip, struct gpio_request *request, const struct gpio_wanted *wanted,
                    const char **missing)
 {
@@ -166,7 +165,7 @@ void gpio_access_remedy(const char *path, char *text, size_t size)
                  "and add the user to that group");
 }
 
-/* Why no chip is it. */
+/* Explain why no chip matches. */
 static int explain(const struct gpio_listed *list, int n, const struct gpio_wanted *wanted, char *why, size_t size)
 {
     char remedy[256];
@@ -193,7 +192,7 @@ static int explain(const struct gpio_listed *list, int n, const struct gpio_want
     return -ENODEV;
 }
 
-/* Look at one chip. @return 1 (it is the one), 0 (another one), or an error with `why` */
+/* Check one chip. @return 1 (it matches), 0 (it does not), or an error with `why` */
 static int consider(struct gpio_listed *listed, struct trigger_chip **chip, struct gpio_request *request,
                     const struct gpio_wanted *wanted, char *why, size_t size)
 {
@@ -264,7 +263,7 @@ int gpio_find(struct trigger_chip **out, struct gpio_request *request, const str
     return err;
 }
 
-/* Which of the lines is in use, and by whom. @return -EBUSY, or 0 where none seems to be */
+/* Find the line in use, and its consumer. @return -EBUSY, or 0 if none seems to be */
 static int name_holder(struct trigger_chip *chip, const struct gpio_request *r, char *why, size_t size)
 {
     struct trigger_line line;

@@ -14,12 +14,12 @@
 #include "drivers/trigger/trigger_internal.h"
 
 #define PRIORITY       50
-#define FINE_NS        2000000 /* the last piece before a step is slept by the clock alone, the rest can be interrupted */
+#define FINE_NS        2000000 /* the last part before a step is an uninterruptible sleep, the rest can be interrupted */
 #define EDGES_WELL     20
 #define EDGE_MARGIN_NS 300000    /* waiting for the loop-back edge ends this long before the next step */
-#define EDGE_WAIT_NS   20000000  /* an edge that has not shown up by then, or half a period, is missing */
-#define EDGE_EARLY_NS  100000    /* error of stamps that come from another clock */
-#define RETRY_MIN_NS   100000000 /* a chip that vanished is looked for with back-off ... */
+#define EDGE_WAIT_NS   20000000  /* an edge is missing after this time, or half a period */
+#define EDGE_EARLY_NS  100000    /* error of stamps converted from another clock */
+#define RETRY_MIN_NS   100000000 /* a vanished chip is searched with back-off ... */
 #define RETRY_MAX_NS   5000000000
 
 struct sst_trigger {
@@ -38,7 +38,7 @@ struct sst_trigger {
     uint64_t count;
     int64_t start_ns;
     bool stop, quit;
-    int error; /* that ended the last train */
+    int error; /* error that ended the last train */
     struct sst_trigger_counters counters;
     /* atomic; changed under lock */
     _Atomic bool running, lost;
@@ -47,7 +47,7 @@ struct sst_trigger {
     struct trigger_chip *chip;
     uint64_t index;
     uint32_t sequence;    /* of the last edge; 0: none yet */
-    int edges_until_well; /* a missing edge was told, and is told again after so many good ones */
+    int edges_until_well; /* a missing edge was logged, and is logged again after this number of good ones */
 };
 
 void sst_trigger_config_defaults(struct sst_trigger_config *cfg)
@@ -71,7 +71,7 @@ static void sleep_until(int64_t t_ns)
         ;
 }
 
-/* @return false: asked to stop before t_ns */
+/* @return false: stopped before t_ns */
 static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
 {
     const struct timespec coarse = timespec_of(t_ns - FINE_NS);
@@ -88,7 +88,7 @@ static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
 
 /* --- one pulse ---------------------------------------------------------------------------------------------------- */
 
-/* Look for the loop-back edge of this pulse until t_ns. @return 1, 0, or the error of the chip */
+/* Wait for the loop-back edge of this pulse until t_ns. @return 1, 0, or the error of the chip */
 static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t t_ns)
 {
     struct gpio_edge got;
@@ -107,7 +107,7 @@ static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, i
             pthread_mutex_unlock(&t->lock);
         }
         t->sequence = got.sequence;
-        /* An edge that came too late for its own pulse is none of this one. */
+        /* A late edge of an earlier pulse does not belong to this one. */
         if (got.t_ns < edge->before_ns - EDGE_EARLY_NS)
             continue;
         edge->kernel_ns = got.t_ns;
@@ -133,17 +133,17 @@ static void count_edge(struct sst_trigger *t, bool missing)
     pthread_mutex_unlock(&t->lock);
 }
 
-/* Told as soon as the edge is known, which is before the pulse has ended. */
+/* Report as soon as the edge is known, which is before the pulse has ended. */
 static void tell(struct sst_trigger *t, const struct sst_trigger_edge *edge)
 {
     if (t->cfg.loopback[0])
         count_edge(t, !edge->kernel_ns);
     if (t->edge)
         t->edge(t->arg, edge);
-    t->index++; /* also when the rest of the beat fails: no index is told twice */
+    t->index++; /* even if the rest of the tick fails: no index is reported twice */
 }
 
-/* Times are those of the first rise: a late beat keeps its pulse width. */
+/* Times are relative to the first rise: a late tick keeps its pulse width. */
 static int pulse(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t edge_wait_ns)
 {
     const bool loopback = t->cfg.loopback[0];
@@ -187,7 +187,7 @@ static int pulse(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t e
     return 0;
 }
 
-static int beat(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
+static int tick(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
 {
     struct sst_trigger_edge edge = { .index = t->index, .due_ns = due_ns };
     int err = 0;
@@ -232,13 +232,13 @@ static void lose_chip_locked(struct sst_trigger *t, int err)
         sst_log_error(
             "trigger: GPIO chip \"%s\" failed at tick %llu: %s; the pulse train is stopped until the chip is back",
             t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
-    gpio_chip_close(t->chip); /* also lets the lines go, whatever level the last step left */
+    gpio_chip_close(t->chip); /* also releases the lines, at the level of the last step */
     t->chip = NULL;
     t->counters.chip_lost++;
     t->lost = true;
 }
 
-/* One look each time the back-off has passed; the lock is open meanwhile. */
+/* Search once after each back-off, without the lock. */
 static void find_chip_locked(struct sst_trigger *t)
 {
     int64_t wait_ns = RETRY_MIN_NS;
@@ -287,7 +287,7 @@ static int run_train_locked(struct sst_trigger *t)
             continue;
         }
         pthread_mutex_unlock(&t->lock);
-        err = beat(t, due_ns, spare_ns < EDGE_WAIT_NS ? spare_ns : EDGE_WAIT_NS);
+        err = tick(t, due_ns, spare_ns < EDGE_WAIT_NS ? spare_ns : EDGE_WAIT_NS);
         pthread_mutex_lock(&t->lock);
         if (err)
             return err;
@@ -321,7 +321,7 @@ static void *serve(void *arg)
     return NULL;
 }
 
-/* Real-time priority keeps beats in time on a busy machine; without the right to it they are still absolute. */
+/* Real-time priority keeps ticks in time on a busy machine; without the permission they are still absolute. */
 static int start_thread(struct sst_trigger *t)
 {
     const struct sched_param priority = { .sched_priority = PRIORITY };
@@ -449,7 +449,7 @@ static int begin_locked(struct sst_trigger *t, double rate_hz, uint64_t count)
     return 0;
 }
 
-/* Between two pulses the lines must be inactive for a moment. */
+/* Between two pulses the lines must be inactive for a short time. */
 static bool too_fast(const struct sst_trigger *t, double rate_hz)
 {
     return t->steps && (double)t->step[t->steps - 1].at_ns * rate_hz >= 1e9;
