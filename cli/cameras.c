@@ -133,7 +133,7 @@ static void print_table(const struct sst_grab_device *devices, const struct cli_
 }
 
 /* Warn about missing bound cameras and duplicate serials, in both output formats. */
-static void tell_missing(const struct sst_array_config *cfg, const struct cli_place *place, int count)
+static void warn_missing(const struct sst_array_config *cfg, const struct cli_place *place, int count)
 {
     int missing = 0;
 
@@ -151,7 +151,7 @@ static void tell_missing(const struct sst_array_config *cfg, const struct cli_pl
         sst_log_warning("and %d more cameras are missing", missing - 8);
 }
 
-static void tell_twins(const struct sst_grab_device *devices, int count)
+static void warn_duplicates(const struct sst_grab_device *devices, int count)
 {
     for (int i = 0; i < count; i++) {
         for (int k = 0; k < i; k++) {
@@ -184,8 +184,8 @@ static int local(const char *config, bool json)
         return -ENOMEM;
     }
     cli_places(place, &cfg, devices, count);
-    tell_missing(&cfg, place, count);
-    tell_twins(devices, count);
+    warn_missing(&cfg, place, count);
+    warn_duplicates(devices, count);
     if (json)
         err = print_json(devices, place, count);
     else
@@ -198,13 +198,13 @@ static int local(const char *config, bool json)
 /* True if the default service runs. Errors of the request are only shown if it does. */
 static int service_cameras(const struct cli_service *where, bool asked, json_t **answer)
 {
-    char said[SST_LOG_MAX] = "", *before = asked ? NULL : sst_log_hold_errors(said);
+    char error[SST_LOG_MAX] = "", *before = asked ? NULL : sst_log_hold_errors(error);
     const int err = cli_service_json(where, "/api/v1/cameras", NULL, answer);
 
     if (!asked)
         (void)sst_log_hold_errors(before);
     if (!asked && err && err != -ENOPKG && err != -ENOTSUP)
-        sst_log_warning("%s; listing the cameras of this machine", said);
+        sst_log_warning("%s; listing the cameras of this machine", error);
     return err;
 }
 

@@ -7,7 +7,7 @@
 
 static const char *const level_names[] = { "OK", "WARNING", "PROBLEM" };
 
-void doctor_say(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...)
+void doctor_add(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...)
 {
     struct doctor_finding *f;
     va_list args;

@@ -72,13 +72,13 @@ static void check_answers(struct doctor *d, const struct sst_grab_device *list, 
     }
     if (denied.count) {
         remedy_of_rights(node, remedy, sizeof(remedy));
-        doctor_say(d, DOCTOR_PROBLEM, "rights", "no permission to open %s: %s", text_of(&denied), remedy);
+        doctor_add(d, DOCTOR_PROBLEM, "rights", "no permission to open %s: %s", text_of(&denied), remedy);
     }
     if (silent.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "cannot open %s (%s): unplug and plug it in again", text_of(&silent),
+        doctor_add(d, DOCTOR_PROBLEM, "cameras", "cannot open %s (%s): unplug and plug it in again", text_of(&silent),
                    strerror(error));
     if (n && !denied.count && !silent.count)
-        doctor_say(d, DOCTOR_OK, "rights", "%d camera%s can be opened", n, n == 1 ? "" : "s");
+        doctor_add(d, DOCTOR_OK, "rights", "%d camera%s can be opened", n, n == 1 ? "" : "s");
 }
 
 static void check_serials(struct doctor *d, const struct sst_grab_device *list, int n)
@@ -87,7 +87,7 @@ static void check_serials(struct doctor *d, const struct sst_grab_device *list, 
         for (int j = 0; j < i && list[i].serial[0]; j++) {
             if (strcmp(list[i].serial, list[j].serial))
                 continue;
-            doctor_say(d, DOCTOR_WARNING, "cameras",
+            doctor_add(d, DOCTOR_WARNING, "cameras",
                        "the cameras on ports %s and %s both have serial %s: bind them by port", list[j].port,
                        list[i].port, list[i].serial);
             return; /* one pair is enough */
@@ -122,17 +122,17 @@ static void check_places(struct doctor *d, const struct sst_grab_device *list, i
         d->cameras += found > 0;
     }
     if (missing.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras",
+        doctor_add(d, DOCTOR_PROBLEM, "cameras",
                    "%d of %d cameras are missing, %s: plug them in, or correct `bind` (`sst cameras` lists the "
                    "connected ones)",
                    missing.count, d->cfg->bound, text_of(&missing));
     if (twice.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port",
+        doctor_add(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port",
                    text_of(&twice));
     if (!missing.count && !twice.count)
-        doctor_say(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are connected", d->cfg->bound);
+        doctor_add(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are connected", d->cfg->bound);
     if (n > d->cfg->bound)
-        doctor_say(d, DOCTOR_OK, "cameras", "%d more cameras are plugged in than the configuration binds",
+        doctor_add(d, DOCTOR_OK, "cameras", "%d more cameras are plugged in than the configuration binds",
                    n - d->cfg->bound);
 }
 
@@ -143,7 +143,7 @@ void doctor_check_cameras(struct doctor *d)
     int n = 0, err = sst_grab_list(&list, &n);
 
     if (err) {
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "listing cameras: %s", strerror(-err));
+        doctor_add(d, DOCTOR_PROBLEM, "cameras", "listing cameras: %s", strerror(-err));
         return;
     }
     check_answers(d, list, n);
@@ -153,14 +153,14 @@ void doctor_check_cameras(struct doctor *d)
     } else {
         d->cameras = sst_min_int(n, places);
         if (!n)
-            doctor_say(d, DOCTOR_PROBLEM, "cameras", "no camera is connected: plug one in, and see `sst topology`");
+            doctor_add(d, DOCTOR_PROBLEM, "cameras", "no camera is connected: plug one in, and see `sst topology`");
         else if (n < places)
-            doctor_say(d, DOCTOR_WARNING, "cameras",
+            doctor_add(d, DOCTOR_WARNING, "cameras",
                        "%d cameras for %dx%d positions: the last positions stay empty; bind cameras to positions, or "
                        "correct rows and cols",
                        n, d->cfg->rows, d->cfg->cols);
         else
-            doctor_say(d, DOCTOR_OK, "cameras", "%d cameras for %dx%d positions, in the order of their ports", n,
+            doctor_add(d, DOCTOR_OK, "cameras", "%d cameras for %dx%d positions, in the order of their ports", n,
                        d->cfg->rows, d->cfg->cols);
     }
     free(list);
@@ -178,7 +178,7 @@ static void check_nodes(struct doctor *d, const struct cli_usb *u)
             add_name(&idle, u->devices[i].port);
     }
     if (idle.count)
-        doctor_say(d, DOCTOR_WARNING, "cameras",
+        doctor_add(d, DOCTOR_WARNING, "cameras",
                    "%d cameras have no /dev/video node (ports %s): load their driver (modprobe uvcvideo), or check "
                    "`dmesg` for why it rejects them",
                    idle.count, text_of(&idle));
@@ -198,12 +198,12 @@ static void check_recovery(struct doctor *d, const struct cli_usb *u)
             add_name(&denied, node);
     }
     if (denied.count)
-        doctor_say(d, DOCTOR_WARNING, "rights",
+        doctor_add(d, DOCTOR_WARNING, "rights",
                    "no permission to reset cameras that hang (%s): install systemd/60-sst.rules; without it recovery "
                    "ends at reopening them",
                    text_of(&denied));
     else if (u->stream_count)
-        doctor_say(d, DOCTOR_OK, "rights", "cameras that hang can be reset over USB");
+        doctor_add(d, DOCTOR_OK, "rights", "cameras that hang can be reset over USB");
 }
 
 void doctor_check_bandwidth(struct doctor *d)
@@ -212,18 +212,18 @@ void doctor_check_bandwidth(struct doctor *d)
     struct cli_usb usb;
 
     if (cli_usb_open(&usb, d->cfg)) {
-        doctor_say(d, DOCTOR_PROBLEM, "bandwidth", "the USB tree cannot be read (see above)");
+        doctor_add(d, DOCTOR_PROBLEM, "bandwidth", "the USB tree cannot be read (see above)");
         return;
     }
     check_nodes(d, &usb);
     check_recovery(d, &usb);
     cli_usb_advise(&usb, d->cfg, advice, sizeof(advice));
     if (usb.plan.refused)
-        doctor_say(d, DOCTOR_PROBLEM, "bandwidth",
+        doctor_add(d, DOCTOR_PROBLEM, "bandwidth",
                    "USB has no bandwidth for %d of %d cameras (`sst plan` shows which): %s", usb.plan.refused,
                    usb.stream_count, advice);
     else if (usb.stream_count)
-        doctor_say(d, DOCTOR_OK, "bandwidth", "USB carries all %d cameras", usb.stream_count);
+        doctor_add(d, DOCTOR_OK, "bandwidth", "USB carries all %d cameras", usb.stream_count);
     cli_usb_close(&usb);
 }
 
@@ -249,9 +249,9 @@ void doctor_check_trigger(struct doctor *d)
     cfg.active_low = a->active_low;
     cfg.pulse_us = a->pulse_us;
     if (sst_trigger_check(&cfg, why, sizeof(why)))
-        doctor_say(d, DOCTOR_PROBLEM, "trigger", "%s", why);
+        doctor_add(d, DOCTOR_PROBLEM, "trigger", "%s", why);
     else
-        doctor_say(d, DOCTOR_OK, "trigger", "%s", why);
+        doctor_add(d, DOCTOR_OK, "trigger", "%s", why);
 }
 
 /* Only a serial line is checked; `sst capture rig` reports a drive on the network. */
@@ -263,12 +263,12 @@ void doctor_check_rig(struct doctor *d)
         return;
     snprintf(path, sizeof(path), "%.*s", (int)strcspn(d->cfg->rig_bus + 4, ","), d->cfg->rig_bus + 4);
     if (!access(path, R_OK | W_OK)) {
-        doctor_say(d, DOCTOR_OK, "rig", "serial line %s can be opened", path);
+        doctor_add(d, DOCTOR_OK, "rig", "serial line %s can be opened", path);
     } else if (errno == EACCES) {
         remedy_of_rights(path, remedy, sizeof(remedy));
-        doctor_say(d, DOCTOR_PROBLEM, "rig", "no permission to open serial line %s: %s", path, remedy);
+        doctor_add(d, DOCTOR_PROBLEM, "rig", "no permission to open serial line %s: %s", path, remedy);
     } else {
-        doctor_say(d, DOCTOR_PROBLEM, "rig", "serial line %s: %s: plug the adapter in, or correct the rig's bus", path,
+        doctor_add(d, DOCTOR_PROBLEM, "rig", "serial line %s: %s: plug the adapter in, or correct the rig's bus", path,
                    strerror(errno));
     }
 }

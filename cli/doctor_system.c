@@ -72,25 +72,25 @@ static void judge_speed(struct doctor *d, double free_bytes)
     const double hours = needed > 0 ? free_bytes / 1e6 / needed / 3600 : 0;
 
     if (speed == -EOPNOTSUPP)
-        doctor_say(d, DOCTOR_WARNING, AREA_DISK, "%s cannot be tested without leaving a file: %.1f GB are free",
+        doctor_add(d, DOCTOR_WARNING, AREA_DISK, "%s cannot be tested without leaving a file: %.1f GB are free",
                    d->folder, free_bytes / 1e9);
     else if (speed <= 0)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "cannot write to %s: %s: free space, or choose another folder",
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK, "cannot write to %s: %s: free space, or choose another folder",
                    d->folder, strerror(speed < 0 ? (int)-speed : ENOSPC));
     else if (speed < needed)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK,
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK,
                    "%s writes %.0f MB/s, but %d cameras deliver %.0f: use a faster disk, or lower size or rate",
                    d->folder, speed, d->cameras, needed);
     else if (speed < 1.5 * needed)
-        doctor_say(
+        doctor_add(
             d, DOCTOR_WARNING, AREA_DISK,
             "%s writes %.0f MB/s and %d cameras deliver %.0f: this leaves little margin for a slow moment of the disk",
             d->folder, speed, d->cameras, needed);
     else
-        doctor_say(d, DOCTOR_OK, AREA_DISK, "%s writes %.0f MB/s, %d cameras deliver %.0f", d->folder, speed,
+        doctor_add(d, DOCTOR_OK, AREA_DISK, "%s writes %.0f MB/s, %d cameras deliver %.0f", d->folder, speed,
                    d->cameras, needed);
     if (needed > 0)
-        doctor_say(d, hours < 1 ? DOCTOR_WARNING : DOCTOR_OK, AREA_DISK,
+        doctor_add(d, hours < 1 ? DOCTOR_WARNING : DOCTOR_OK, AREA_DISK,
                    "%.1f GB are free in %s: %.1f hours of recording", free_bytes / 1e9, d->folder, hours);
 }
 
@@ -101,20 +101,20 @@ void doctor_check_disk(struct doctor *d)
     if (!d->folder)
         return;
     if (statvfs(d->folder, &fs)) {
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "folder %s: %s: create it, or choose another with -o", d->folder,
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK, "folder %s: %s: create it, or choose another with -o", d->folder,
                    strerror(errno));
         return;
     }
     if (fs.f_flag & ST_RDONLY)
-        doctor_say(
+        doctor_add(
             d, DOCTOR_PROBLEM, AREA_DISK,
             "%s is on a file system that is mounted read-only: remount it, after checking `dmesg` for its errors",
             d->folder);
     else if (access(d->folder, W_OK | X_OK))
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK,
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK,
                    "no permission to write to %s: change its owner, or choose another with -o", d->folder);
     else if ((double)fs.f_bavail * (double)fs.f_frsize < CHUNK)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "the file system of %s is full: remove old recordings", d->folder);
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK, "the file system of %s is full: remove old recordings", d->folder);
     else
         judge_speed(d, (double)fs.f_bavail * (double)fs.f_frsize);
 }
@@ -139,14 +139,14 @@ void doctor_check_limits(struct doctor *d)
     struct rlimit files;
 
     if (may_be_real_time())
-        doctor_say(d, DOCTOR_OK, "limits", "real-time priority is permitted");
+        doctor_add(d, DOCTOR_OK, "limits", "real-time priority is permitted");
     else
-        doctor_say(d, DOCTOR_WARNING, "limits",
+        doctor_add(d, DOCTOR_WARNING, "limits",
                    "no permission for real-time priority: triggers may be late on a busy machine; set `@video - rtprio "
                    "60` in /etc/security/limits.d/sst.conf");
     /* One descriptor per camera (mapped buffers need none), the rest for files, timers and the bus. */
     if (!getrlimit(RLIMIT_NOFILE, &files) && files.rlim_cur < (rlim_t)(2 * d->cameras + 64))
-        doctor_say(d, DOCTOR_PROBLEM, "limits",
+        doctor_add(d, DOCTOR_PROBLEM, "limits",
                    "the limit of %llu open files is too low for %d cameras: `ulimit -n 1024`",
                    (unsigned long long)files.rlim_cur, d->cameras);
 }
@@ -160,16 +160,16 @@ void doctor_check_clock(struct doctor *d)
     struct timespec resolution;
 
     if (r < 0)
-        doctor_say(d, DOCTOR_WARNING, "clock", "cannot read whether the clock is synchronised: %s", strerror(errno));
+        doctor_add(d, DOCTOR_WARNING, "clock", "cannot read whether the clock is synchronised: %s", strerror(errno));
     else if (r == TIME_ERROR || (state.status & STA_UNSYNC))
-        doctor_say(d, DOCTOR_WARNING, "clock",
+        doctor_add(d, DOCTOR_WARNING, "clock",
                    "the wall clock is not synchronised, so the times in recordings may be "
                    "wrong: enable systemd-timesyncd or chrony");
     else
-        doctor_say(d, DOCTOR_OK, "clock", "the wall clock is synchronised, error at most %.1f ms",
+        doctor_add(d, DOCTOR_OK, "clock", "the wall clock is synchronised, error at most %.1f ms",
                    (double)state.maxerror / 1e3);
     if (clock_getres(CLOCK_MONOTONIC, &resolution) || resolution.tv_sec || resolution.tv_nsec > 1000)
-        doctor_say(d, DOCTOR_WARNING, "clock",
+        doctor_add(d, DOCTOR_WARNING, "clock",
                    "timers have a resolution of %ld ns: boot with highres=on, or triggers are late by that much",
                    resolution.tv_nsec);
 }
@@ -198,13 +198,13 @@ void doctor_check_uvcvideo(struct doctor *d)
     const bool raw = sst_usb_format_bytes_s(d->cfg->fourcc, 1, 1, 1) > 0;
 
     if (quirks > 0 && quirks != 0xffffffffL && (quirks & QUIRK_FIX_BANDWIDTH) && !raw)
-        doctor_say(d, DOCTOR_WARNING, "uvcvideo",
+        doctor_add(d, DOCTOR_WARNING, "uvcvideo",
                    "quirk FIX_BANDWIDTH (0x80) is set, but has no effect on compressed "
                    "formats such as %s",
                    sst_array_format_name(d->cfg->fourcc) ? sst_array_format_name(d->cfg->fourcc) : "this one");
     else if (quirks > 0 && quirks != 0xffffffffL)
-        doctor_say(d, DOCTOR_OK, "uvcvideo", "quirks 0x%lx are set for all cameras", (unsigned long)quirks);
+        doctor_add(d, DOCTOR_OK, "uvcvideo", "quirks 0x%lx are set for all cameras", (unsigned long)quirks);
     if (drop > 0)
-        doctor_say(d, DOCTOR_OK, "uvcvideo",
+        doctor_add(d, DOCTOR_OK, "uvcvideo",
                    "parameter nodrop is set: damaged frames are delivered and counted as damaged");
 }

@@ -13,7 +13,7 @@
 #include "config/config_internal.h"
 
 /* Where the first of two keys was read; if it is in no file, the second. */
-static const struct config_place *place(const struct config_load *load, const char *key, const char *other)
+static const struct config_place *source(const struct config_load *load, const char *key, const char *other)
 {
     const struct config_place *p = &load->at[sst_schema_index(key)];
 
@@ -70,7 +70,7 @@ static void check_twice(const struct config_place *p, const struct sst_yaml_node
 
 static void check_bind(struct config_load *load)
 {
-    const struct config_place *p = place(load, "cameras.bind", NULL);
+    const struct config_place *p = source(load, "cameras.bind", NULL);
     struct sst_array_config *a = &load->cfg->array;
     struct sst_yaml_node *n = elements(p);
 
@@ -127,9 +127,9 @@ static void check_rig(const struct config_load *load)
         travel = travel || a->rig_travel_min_mm[axis] >= a->rig_travel_max_mm[axis];
     }
     if (zero)
-        fault(place(load, "rig.um_per_count", NULL), NULL, "must not be 0");
+        fault(source(load, "rig.um_per_count", NULL), NULL, "must not be 0");
     if (travel)
-        fault(place(load, "rig.travel_min_mm", "rig.travel_max_mm"), NULL,
+        fault(source(load, "rig.travel_min_mm", "rig.travel_max_mm"), NULL,
               "leaves no travel: travel_min_mm must be below travel_max_mm");
 }
 
@@ -139,14 +139,14 @@ void config_check_array(struct config_load *load)
     const bool gpio = a->source == SST_CONFIG_GPIO;
 
     if (a->rows * a->cols > SST_CAMERAS_MAX)
-        fault(place(load, "array.cols", "array.rows"), NULL,
+        fault(source(load, "array.cols", "array.rows"), NULL,
               "gives %d views (%d rows, %d columns), more than the limit of %d", a->rows * a->cols, a->rows, a->cols,
               SST_CAMERAS_MAX);
     if (gpio && !a->lines)
-        fault(place(load, "trigger.source", "trigger.lines"), NULL,
+        fault(source(load, "trigger.source", "trigger.lines"), NULL,
               "gpio needs trigger: lines, the names of the lines to pulse (gpioinfo lists them)");
     if (gpio && a->pulse_us * 1e-6 * a->trigger_hz > 0.9)
-        fault(place(load, "trigger.pulse_us", "trigger.rate_hz"), NULL,
+        fault(source(load, "trigger.pulse_us", "trigger.rate_hz"), NULL,
               "fills more than 90 %% of the trigger period: lower pulse_us or rate_hz");
     check_lengths(load);
     check_bind(load);
@@ -157,7 +157,7 @@ void config_check_array(struct config_load *load)
 
 static void check_zones(const struct config_load *load)
 {
-    const struct config_place *p = place(load, "zones", NULL);
+    const struct config_place *p = source(load, "zones", NULL);
     const struct sst_config *c = load->cfg;
     struct sst_yaml_node *n = elements(p);
 
@@ -184,7 +184,7 @@ static int zone_index(const struct sst_config *c, const char *name)
 
 static void check_triggers(struct config_load *load)
 {
-    const struct config_place *p = place(load, "storage.record_on", NULL);
+    const struct config_place *p = source(load, "storage.record_on", NULL);
     struct sst_config *c = load->cfg;
     struct sst_yaml_node *n = elements(p);
 
@@ -199,7 +199,7 @@ static void check_triggers(struct config_load *load)
     }
     if (c->storage.mode != SST_RECORD_EVENT)
         return;
-    p = place(load, "storage.mode", NULL);
+    p = source(load, "storage.mode", NULL);
     if (!c->storage.triggers)
         fault(p, NULL, "event needs storage: record_on, the list of recording triggers");
     if (!c->live.enabled)
@@ -208,7 +208,7 @@ static void check_triggers(struct config_load *load)
 
 static void check_hooks(const struct config_load *load)
 {
-    const struct config_place *p = place(load, "hooks", NULL);
+    const struct config_place *p = source(load, "hooks", NULL);
     struct sst_yaml_node *n = elements(p);
 
     for (int i = 0; n && i < load->cfg->hooks; i++, n = n->next) {
@@ -249,26 +249,26 @@ static void check_sockets(const struct config_load *load)
     const bool password = c->rtsp.user[0] && c->rtsp.password_file[0];
 
     if (strlen(c->control.socket) >= sizeof(((struct sockaddr_un *)0)->sun_path))
-        fault(place(load, "control.socket", NULL), NULL,
+        fault(source(load, "control.socket", NULL), NULL,
               "is longer than 107 bytes, the limit for the path of a socket");
     if (!c->web.tls_certificate[0] != !c->web.tls_key[0])
-        fault(place(load, "web.tls_certificate", "web.tls_key"), NULL, "needs both tls_certificate and tls_key");
+        fault(source(load, "web.tls_certificate", "web.tls_key"), NULL, "needs both tls_certificate and tls_key");
     if (!c->rtsp.user[0] != !c->rtsp.password_file[0])
-        fault(place(load, "rtsp.user", "rtsp.password_file"), NULL, "needs both user and password_file");
+        fault(source(load, "rtsp.user", "rtsp.password_file"), NULL, "needs both user and password_file");
     if (c->mqtt.password_file[0] && !c->mqtt.user[0])
-        fault(place(load, "mqtt.password_file", NULL), NULL, "needs mqtt: user as well");
+        fault(source(load, "mqtt.password_file", NULL), NULL, "needs mqtt: user as well");
     if (c->web.enabled && !is_loopback(c->web.address) && !tls && !c->web.insecure)
-        fault(place(load, "web.address", NULL), NULL,
+        fault(source(load, "web.address", NULL), NULL,
               "%s is open to the network: set tls_certificate and tls_key, or insecure: true", c->web.address);
     if (c->rtsp.enabled && !is_loopback(c->rtsp.address) && !password && !c->rtsp.insecure)
-        fault(place(load, "rtsp.address", NULL), NULL,
+        fault(source(load, "rtsp.address", NULL), NULL,
               "%s is open to the network: set user and password_file, or insecure: true", c->rtsp.address);
     if (c->web.enabled && c->rtsp.enabled && c->web.port && c->web.port == c->rtsp.port &&
         (!strcmp(c->web.address, c->rtsp.address) || is_any(c->web.address) || is_any(c->rtsp.address)))
-        fault(place(load, "rtsp.port", "web.port"), NULL, "%d is the port of both web and rtsp; choose different ones",
+        fault(source(load, "rtsp.port", "web.port"), NULL, "%d is the port of both web and rtsp; choose different ones",
               c->rtsp.port);
     if (c->web.streams > c->web.clients)
-        fault(place(load, "web.streams", "web.clients"), NULL,
+        fault(source(load, "web.streams", "web.clients"), NULL,
               "must not exceed clients (%d), which includes the streams", c->web.clients);
 }
 
@@ -295,11 +295,11 @@ void config_check_service(struct config_load *load)
     check_hooks(load);
     check_sockets(load);
     if (c->live.range_min_px > c->live.range_max_px)
-        fault(place(load, "live.range_min_px", "live.range_max_px"), NULL, "must not exceed range_max_px");
+        fault(source(load, "live.range_min_px", "live.range_max_px"), NULL, "must not exceed range_max_px");
     if (c->live.sigma_px > 0 && c->live.sigma_px < 1e-6)
-        fault(place(load, "live.sigma_px", NULL), NULL, "must be 0 or at least 0.000001");
+        fault(source(load, "live.sigma_px", NULL), NULL, "must be 0 or at least 0.000001");
     if (c->storage.quota_gb > 0 && c->storage.quota_gb * 1e9 < segment)
-        fault(place(load, "storage.quota_gb", NULL), NULL,
+        fault(source(load, "storage.quota_gb", NULL), NULL,
               "is smaller than one segment of %g s, at least %.2g GB; raise it or lower segment_s",
               c->storage.segment_s, segment / 1e9);
 }
@@ -326,7 +326,7 @@ void config_warn(const struct config_load *load)
                  "begin later",
                  c->storage.preroll_s, c->array.bound ? c->array.bound : c->array.rows * c->array.cols, need_mb,
                  c->storage.ring_mb);
-        warn(place(load, "storage.preroll_s", "storage.ring_mb"), text);
+        warn(source(load, "storage.preroll_s", "storage.ring_mb"), text);
     }
     for (int i = 0; i < count; i++) {
         const char *file = (const char *)c + keys[i].offset;

@@ -191,7 +191,7 @@ static void on_edge(void *arg, const struct sst_trigger_edge *edge)
                       (unsigned long long)edge->index, EDGES);
 }
 
-static void take_edges(struct sst_capture *c)
+static void process_edges(struct sst_capture *c)
 {
     struct sst_trigger_edge edge;
     uint64_t n;
@@ -440,7 +440,7 @@ static int serve(struct sst_capture *c, int64_t until_ns)
     if (poll(fds, 2, wait_ns <= 0 ? 0 : (int)sst_clamp_double((double)wait_ns / 1e6 + 1, 1, 1000)) < 0 &&
         errno != EINTR)
         return -errno;
-    take_edges(c);
+    process_edges(c);
     return sst_grab_poll(c->grab, 0);
 }
 
@@ -464,7 +464,7 @@ static bool all_fired(struct sst_capture *c)
 {
     if (!c->trigger || !sst_trigger_idle(c->trigger))
         return false;
-    take_edges(c);
+    process_edges(c);
     return c->wanted && c->report.edges >= c->wanted;
 }
 
@@ -499,13 +499,13 @@ static int64_t begin_end(struct sst_capture *c, int64_t now_ns)
     if (sst_trigger_stop(c->trigger)) {
         /* logged by the trigger; its train was about to be restarted */
     }
-    take_edges(c);
+    process_edges(c);
     return now_ns + (c->stop && wait_ns > STOP_WAIT_NS ? STOP_WAIT_NS : wait_ns);
 }
 
 int sst_capture_run(struct sst_capture *c, uint64_t sets)
 {
-    int64_t told_ns = sst_clock_now_ns(), end_ns = INT64_MAX;
+    int64_t reported_ns = sst_clock_now_ns(), end_ns = INT64_MAX;
     int err = start_cameras(c), trigger_err = 0;
 
     if (err)
@@ -514,7 +514,7 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
     if (c->trigger)
         err = sst_trigger_start(c->trigger, c->array->trigger_hz, sets);
     while (!err) {
-        const int64_t now_ns = sst_clock_now_ns(), next_ns = told_ns + 1000000000;
+        const int64_t now_ns = sst_clock_now_ns(), next_ns = reported_ns + 1000000000;
 
         if (end_ns == INT64_MAX) {
             if (c->stop || trigger_err || all_fired(c) || (sets && c->report.handed == sets))
@@ -526,7 +526,7 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
             break;
         err = serve(c, next_ns < end_ns ? next_ns : end_ns);
         if (sst_clock_now_ns() >= next_ns) {
-            told_ns = sst_clock_now_ns();
+            reported_ns = sst_clock_now_ns();
             health_log(&c->health, c->array->bound, c->name);
             if (c->events.progress)
                 c->events.progress(c->events.arg, c->report.handed);

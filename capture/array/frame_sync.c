@@ -82,7 +82,7 @@ static bool has_seen(const struct tick *b, int cam)
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static struct sst_set *take_set(struct sst_sets *s)
+static struct sst_set *acquire_set(struct sst_sets *s)
 {
     struct sst_set *set = NULL;
 
@@ -263,13 +263,13 @@ static struct tick *add_tick(struct sst_sets *s, uint64_t index, int64_t t_ns, b
         s->count--;
     }
     b = tick_at(s, s->count++);
-    *b = (struct tick){ .index = index, .t_ns = t_ns, .edge = edge, .set = take_set(s) };
+    *b = (struct tick){ .index = index, .t_ns = t_ns, .edge = edge, .set = acquire_set(s) };
     return b;
 }
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
-static void place(struct sst_sets *s, struct tick *b, struct sst_frame *frame)
+static void assign(struct sst_sets *s, struct tick *b, struct sst_frame *frame)
 {
     const int cam = frame->cam;
     struct sst_frame *old;
@@ -318,13 +318,13 @@ static struct tick *nearest_tick(struct sst_sets *s, int64_t t_ns)
 }
 
 /* @return false: newer than every trigger, its own may not be reported yet */
-static bool place_by_trigger(struct sst_sets *s, struct sst_frame *frame)
+static bool assign_by_trigger(struct sst_sets *s, struct sst_frame *frame)
 {
     const int64_t t = frame->t_ns - s->cfg.delay_ns[frame->cam];
     struct tick *b = nearest_tick(s, t);
 
     if (b && llabs(b->t_ns - t) <= s->cfg.window_ns)
-        place(s, b, frame);
+        assign(s, b, frame);
     else if (!b || (b == tick_at(s, s->count - 1) && t > b->t_ns))
         return false;
     else
@@ -345,7 +345,7 @@ static void hold(struct sst_sets *s, struct sst_frame *frame)
  * FREE: number the frame by the time since the camera's last one, so that a camera near the border between two ticks
  * does not jump between them; a camera that slipped by three quarters of a period is assigned to the nearest tick.
  */
-static void place_by_tick(struct sst_sets *s, struct sst_frame *frame)
+static void assign_by_tick(struct sst_sets *s, struct sst_frame *frame)
 {
     struct camera *c = &s->camera[frame->cam];
     struct tick *last = s->count ? tick_at(s, s->count - 1) : NULL;
@@ -379,12 +379,12 @@ static void place_by_tick(struct sst_sets *s, struct sst_frame *frame)
         const int64_t t =
             last ? last->t_ns + (int64_t)((double)(k - (int64_t)last->index) * s->period_ns) : frame->t_ns;
 
-        place(s, add_tick(s, (uint64_t)k, t, false), frame);
+        assign(s, add_tick(s, (uint64_t)k, t, false), frame);
         return;
     }
     for (int i = s->count - 1; i >= 0; i--)
         if (tick_at(s, i)->index == (uint64_t)k) {
-            place(s, tick_at(s, i), frame);
+            assign(s, tick_at(s, i), frame);
             return;
         }
     end_frame(s, frame, SST_BUCKET_LATE); /* a tick that no frame opened in time */
@@ -402,7 +402,7 @@ void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
         return;
     }
     if (s->cfg.match == SST_SETS_FREE) {
-        place_by_tick(s, frame);
+        assign_by_tick(s, frame);
         return;
     }
     if (!stamp_holds(s, c, frame)) {
@@ -411,7 +411,7 @@ void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
     }
     c->heard = true;
     c->last_ns = frame->t_ns;
-    if (!place_by_trigger(s, frame))
+    if (!assign_by_trigger(s, frame))
         hold(s, frame);
 }
 
@@ -421,7 +421,7 @@ void sst_sets_trigger(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edg
 
     add_tick(s, index, t_ns, edge);
     for (int i = 0; i < s->pending_count; i++)
-        if (!place_by_trigger(s, s->pending[i]))
+        if (!assign_by_trigger(s, s->pending[i]))
             s->pending[kept++] = s->pending[i];
     s->pending_count = kept;
 }

@@ -135,7 +135,7 @@ static bool is_final(int err)
     }
 }
 
-static int take_view(struct job *j, int view)
+static int capture_view(struct job *j, int view)
 {
     struct sst_rig_shot shot = { .asked = sst_rig_capture_pose(j->cfg, view) };
     int err = 0;
@@ -160,7 +160,7 @@ static int take_view(struct job *j, int view)
 
 /* --- all views ---------------------------------------------------------------------------------------------------- */
 
-static int take_all(struct job *j)
+static int capture_all(struct job *j)
 {
     const int views = j->cfg->rows * j->cfg->cols;
     int err = 0;
@@ -169,7 +169,7 @@ static int take_all(struct job *j)
         const int view = sst_rig_capture_view(j->cfg, i);
 
         if (!sst_rig_store_has(j->store, view))
-            err = take_view(j, view);
+            err = capture_view(j, view);
         if (!err && j->cfg->progress)
             j->cfg->progress(j->cfg->progress_arg, (i + 1.0) / views);
     }
@@ -187,7 +187,7 @@ int sst_rig_capture(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, c
     *report = (struct sst_rig_capture_report){ .there = sst_rig_store_count(store) };
     if (err)
         return err;
-    err = take_all(&j);
+    err = capture_all(&j);
     if (!err)
         err = sst_rig_store_finish(store);
     sst_rig_counters(rig, &report->rig);

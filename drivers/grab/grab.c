@@ -147,7 +147,7 @@ static void wait_for_jobs(struct sst_grab *g)
         ;
 }
 
-static void tell_absent(struct sst_grab *g)
+static void report_absent(struct sst_grab *g)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
         if (g->camera[i].number < 0 && !*g->camera[i].why)
@@ -177,7 +177,7 @@ int sst_grab_open(struct sst_grab **out, const struct sst_grab_config *cfg, cons
     if (err)
         goto fail;
     wait_for_jobs(g);
-    tell_absent(g);
+    report_absent(g);
     *out = g;
     return 0;
 
@@ -202,7 +202,7 @@ int sst_grab_start(struct sst_grab *g)
 /* --- poll --------------------------------------------------------------------------------------------------------- */
 
 /* Apply the time of a trigger to cameras without a frame since. */
-static void take_trigger(struct sst_grab *g)
+static void apply_trigger(struct sst_grab *g)
 {
     const int64_t fired_ns = atomic_exchange(&g->fired_ns, 0);
 
@@ -233,7 +233,7 @@ static void serve_one(struct sst_grab *g, const struct epoll_event *e)
 
 /* If a due time is handled late, this process was stopped, perhaps with the whole machine: then no camera is judged
  * before it had time to send a frame. Only once in a row: repeated delays do not postpone the judgement forever. */
-static bool puts_off(struct sst_grab *g, int64_t now_ns)
+static bool postpones(struct sst_grab *g, int64_t now_ns)
 {
     if (now_ns < g->judge_ns)
         return true;
@@ -247,7 +247,7 @@ static void serve_time(struct sst_grab *g)
 {
     const int64_t now_ns = sst_clock_now_ns();
 
-    if (puts_off(g, now_ns))
+    if (postpones(g, now_ns))
         return;
     for (int i = 0; i < g->cfg.cameras; i++) {
         struct grab_camera *cam = &g->camera[i];
@@ -292,7 +292,7 @@ int sst_grab_poll(struct sst_grab *g, int timeout_ms)
     const int n = epoll_wait(g->epoll_fd, events, EVENTS_MAX, timeout_ms);
     const int err = n < 0 && errno != EINTR ? -errno : 0; /* a resume after suspend interrupts it, without a signal */
 
-    take_trigger(g);
+    apply_trigger(g);
     for (int i = 0; i < n; i++)
         serve_one(g, &events[i]);
     serve_time(g);

@@ -58,7 +58,7 @@ void hotplug_reject(struct sst_grab *g, int number, bool gone)
 }
 
 /* Log a mismatch of a camera's identity, once. */
-static void tell_odd(struct grab_camera *cam, const char *why, bool fault)
+static void log_mismatch(struct grab_camera *cam, const char *why, bool fault)
 {
     if (!strcmp(cam->odd, why))
         return;
@@ -80,7 +80,7 @@ int hotplug_assign(struct sst_grab *g)
 
         /* Also for streaming cameras: a second device with their serial is reported when it is plugged in. */
         at = grab_match(&cam->binding, g->nodes, g->node_count, why);
-        tell_odd(cam, why, at == -ENOTUNIQ);
+        log_mismatch(cam, why, at == -ENOTUNIQ);
         if (at == -ENOTUNIQ)
             worst = at;
         if (cam->number >= 0)
@@ -122,7 +122,7 @@ void hotplug_events(struct sst_grab *g)
 
 /* --- scanning ----------------------------------------------------------------------------------------------------- */
 
-static void take_list(struct sst_grab *g, const struct grab_node *nodes, int count)
+static void apply_scan(struct sst_grab *g, const struct grab_node *nodes, int count)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
         struct grab_camera *cam = &g->camera[i];
@@ -144,7 +144,7 @@ int hotplug_scan(struct sst_grab *g)
 
     if (err)
         return err;
-    take_list(g, nodes, count);
+    apply_scan(g, nodes, count);
     free(nodes);
     return 0;
 }
@@ -177,7 +177,7 @@ static void scan_ended(struct grab_job *job, void *owner)
     g->scanning = false;
     /* Events that arrived meanwhile are more recent. */
     if (!s->err && !g->closing && s->changes == g->changes) {
-        take_list(g, s->nodes, s->count);
+        apply_scan(g, s->nodes, s->count);
         (void)hotplug_assign(g);
     }
     scan_discard(job);

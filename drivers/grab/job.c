@@ -104,7 +104,7 @@ int jobs_start(struct jobs *jobs, struct grab_job *job)
     return 0;
 }
 
-static struct grab_job *take(struct jobs *jobs)
+static struct grab_job *pop(struct jobs *jobs)
 {
     struct grab_job *job;
     uint64_t count;
@@ -123,7 +123,7 @@ void jobs_collect(struct jobs *jobs, void *owner)
 {
     struct grab_job *job;
 
-    while ((job = take(jobs))) {
+    while ((job = pop(jobs))) {
         jobs->running--;
         job->ended(job, owner);
     }

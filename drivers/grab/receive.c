@@ -95,7 +95,7 @@ static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_
     camera_set_state(g, cam, SST_GRAB_STREAMING, why);
 }
 
-static void take(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const struct stream_stamp *stamp)
+static void process(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const struct stream_stamp *stamp)
 {
     f->faults |= sst_frame_check(f->fourcc, f->width, f->height, f->stride, f->data, f->bytes);
     compare(g, cam, f);
@@ -143,7 +143,7 @@ void receive_ready(struct sst_grab *g, struct grab_camera *cam, bool broken)
     if (!err) {
         cam->eio_row = 0;
         cam->eio_well -= cam->eio_well > 0;
-        take(g, cam, frame, &stamp);
+        process(g, cam, frame, &stamp);
         if (!cam->wakes && cam->armed)
             listen_again(g, cam);
     } else if (err == -ENODEV) {

@@ -309,7 +309,7 @@ static int drain(struct rig_bus *b)
 int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void *arg), void *arg)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)reconnect_ms * 1000000;
-    bool told = false;
+    bool logged = false;
     int err;
 
     if (b->open && b->serial && !drain(b))
@@ -321,16 +321,16 @@ int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void 
         err = connect_once(b);
         if (!err)
             break;
-        if (!told)
+        if (!logged)
             sst_log_warning("rig %s: connection lost, cannot reconnect: %s; retrying for %d ms", b->name, b->why,
                             reconnect_ms);
-        told = true;
+        logged = true;
         if (sst_clock_now_ns() >= end_ns || cancelled(arg))
             return err;
         sleep_ns(RETRY_NS);
     }
     b->count.reconnects++;
-    if (told)
+    if (logged)
         sst_log_warning("rig %s: reconnected", b->name);
     return 0;
 }

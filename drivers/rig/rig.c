@@ -359,7 +359,7 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked
 {
     const struct rig_axis *axis = &rig->axis[a];
     const struct rig_status *s = &axis->now;
-    const bool says = s->flag[SST_RIG_IN_POSITION] && !s->flag[SST_RIG_MOVING];
+    const bool in_position = s->flag[SST_RIG_IN_POSITION] && !s->flag[SST_RIG_MOVING];
     const int32_t off_um = abs(s->um - axis->target_um);
     char name[32];
     int err = axis_fault(rig, a);
@@ -368,7 +368,8 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked
         return err;
     rig_axis_name(rig, a, name);
     if (abs(s->um - w->last_um) > still_um(rig, a)) {
-        if (says && off_um > rig->cfg.tolerance_um && abs(s->um - w->last_um) > rig->cfg.tolerance_um && !w->lied) {
+        if (in_position && off_um > rig->cfg.tolerance_um && abs(s->um - w->last_um) > rig->cfg.tolerance_um &&
+            !w->lied) {
             sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is polled instead",
                             name, s->um / 1000.0);
             rig->count.lies++;
@@ -378,12 +379,12 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked
         w->moved_ns = sst_clock_now_ns();
         return 0;
     }
-    if (says && off_um <= rig->cfg.tolerance_um)
+    if (in_position && off_um <= rig->cfg.tolerance_um)
         return 1;
     if (asked_ns - w->moved_ns < STALL_NS)
         return 0;
     rig->doubt = true;
-    if (says) {
+    if (in_position) {
         rig->count.missed++;
         sst_log_error(
             "rig: %s reports in-position at %.3f mm but stands %d um from its target %.3f mm (lost steps?); it must "

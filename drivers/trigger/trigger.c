@@ -89,7 +89,7 @@ static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
 /* --- one pulse ---------------------------------------------------------------------------------------------------- */
 
 /* Wait for the loop-back edge of this pulse until t_ns. @return 1, 0, or the error of the chip */
-static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t t_ns)
+static int wait_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t t_ns)
 {
     struct gpio_edge got;
 
@@ -134,7 +134,7 @@ static void count_edge(struct sst_trigger *t, bool missing)
 }
 
 /* Report as soon as the edge is known, which is before the pulse has ended. */
-static void tell(struct sst_trigger *t, const struct sst_trigger_edge *edge)
+static void report_edge(struct sst_trigger *t, const struct sst_trigger_edge *edge)
 {
     if (t->cfg.loopback[0])
         count_edge(t, !edge->kernel_ns);
@@ -147,20 +147,20 @@ static void tell(struct sst_trigger *t, const struct sst_trigger_edge *edge)
 static int pulse(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t edge_wait_ns)
 {
     const bool loopback = t->cfg.loopback[0];
-    bool told = false;
+    bool reported = false;
     int64_t base_ns = edge->due_ns - t->step[0].at_ns;
     int err;
 
     for (int i = 0; i < t->steps; i++) {
         const int64_t at_ns = base_ns + t->step[i].at_ns;
 
-        if (loopback && i && !told) {
-            err = look_for_edge(t, edge, at_ns - EDGE_MARGIN_NS);
+        if (loopback && i && !reported) {
+            err = wait_for_edge(t, edge, at_ns - EDGE_MARGIN_NS);
             if (err < 0)
                 return err;
             if (err) {
-                tell(t, edge);
-                told = true;
+                report_edge(t, edge);
+                reported = true;
             }
         }
         sleep_until(at_ns);
@@ -174,16 +174,16 @@ static int pulse(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t e
         if (err)
             return err;
         if (!i && !loopback) {
-            tell(t, edge);
-            told = true;
+            report_edge(t, edge);
+            reported = true;
         }
     }
-    if (told)
+    if (reported)
         return 0;
-    err = look_for_edge(t, edge, sst_clock_now_ns() + edge_wait_ns);
+    err = wait_for_edge(t, edge, sst_clock_now_ns() + edge_wait_ns);
     if (err < 0)
         return err;
-    tell(t, edge);
+    report_edge(t, edge);
     return 0;
 }
 
@@ -194,7 +194,7 @@ static int tick(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
 
     if (t->cfg.source == SST_TRIGGER_SOFTWARE) {
         edge.before_ns = edge.after_ns = sst_clock_now_ns();
-        tell(t, &edge);
+        report_edge(t, &edge);
     } else {
         edge.due_ns += t->step[0].at_ns;
         err = pulse(t, &edge, edge_wait_ns);
