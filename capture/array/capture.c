@@ -90,7 +90,7 @@ static void *write_sets(void *arg)
     return NULL;
 }
 
-/* --- events, on the capture thread ------------------------------------------------------------------------------- */
+/* --- events, on the capture thread -------------------------------------------------------------------------------- */
 
 static void watch_skew(struct sst_capture *c, const struct sst_set *set)
 {

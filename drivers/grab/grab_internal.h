@@ -278,7 +278,7 @@ struct sst_grab {
 
 #define SST_MS INT64_C(1000000)
 
-/* --- receive_ready.c: frames --------------------------------------------------------------------------------------------- */
+/* --- receive.c: frames -------------------------------------------------------------------------------------------- */
 
 /** Dequeue the frames of a camera whose descriptor is ready. @param broken  epoll reports an error */
 void receive_ready(struct sst_grab *grab, struct grab_camera *cam, bool broken);
@@ -292,8 +292,7 @@ int64_t receive_due(const struct sst_grab *grab, const struct grab_camera *cam);
 /** Check at the due time: start recovery if the camera is silent and had free buffers. */
 void receive_silence(struct sst_grab *grab, struct grab_camera *cam, int64_t now_ns);
 
-/* --- recovery.c: recovery steps of a camera, and their jobs ---------------------------------------------------------
- */
+/* --- recovery.c: recovery steps of a camera, and their jobs ------------------------------------------------------- */
 
 /** The node of this camera appeared: open it. */
 void recovery_found(struct sst_grab *grab, struct grab_camera *cam, const struct grab_node *node);

@@ -14,7 +14,7 @@
 #include "drivers/trigger/trigger_internal.h"
 
 #define PRIORITY       50
-#define FINE_NS        2000000 /* the last part before a step is an uninterruptible sleep, the rest can be interrupted */
+#define FINE_NS        2000000 /* the last part before a step is slept uninterrupted */
 #define EDGES_WELL     20
 #define EDGE_MARGIN_NS 300000    /* waiting for the loop-back edge ends this long before the next step */
 #define EDGE_WAIT_NS   20000000  /* an edge is missing after this time, or half a period */

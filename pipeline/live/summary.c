@@ -124,7 +124,7 @@ void live_zones_changed(const struct sst_live *live, const struct sst_live_chang
     }
 }
 
-/* --- disparities and labels in the scene ---------------------------------------------------------------------------*/
+/* --- disparities and labels in the scene -------------------------------------------------------------------------- */
 
 /* The lead view and the outermost ones, which see what is hidden from it. */
 static void choose_sample(struct sst_live *live)

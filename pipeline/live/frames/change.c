@@ -66,7 +66,7 @@ void detector_reset(struct change_detector *w)
             w->noise[p][s] = NOISE_FIRST;
 }
 
-/* --- tile statistics --------------------------------------------------------------------------------------------- */
+/* --- tile statistics ---------------------------------------------------------------------------------------------- */
 
 /* Cells of a tile in a plane. */
 struct span {
@@ -138,7 +138,7 @@ static void compare(const struct block_means *a, const struct block_means *b, in
         compare_span(u, v, stride, w, h, zero, gain_q14, out);
 }
 
-/* --- medians ----------------------------------------------------------------------------------------------------- */
+/* --- medians ------------------------------------------------------------------------------------------------------ */
 
 /* Hoare's selection; reorders v. */
 static float median(float *v, int n)
@@ -172,7 +172,7 @@ static float median(float *v, int n)
     return v[k];
 }
 
-/* --- light ------------------------------------------------------------------------------------------------------- */
+/* --- light -------------------------------------------------------------------------------------------------------- */
 
 /*
  * Estimate the gain of the light: the median over the tiles of now / kept. A factor in light is also a factor in sRGB
@@ -200,7 +200,7 @@ static double follow_light(struct change_detector *w)
     return fabs(median(raw, n) - 1.0) * 128;
 }
 
-/* --- noise ------------------------------------------------------------------------------------------------------- */
+/* --- noise -------------------------------------------------------------------------------------------------------- */
 
 /* Measure the noise between this picture and the one judged before, on a part of the tiles. */
 static void follow_noise(struct change_detector *w, double gain_step)
@@ -229,7 +229,7 @@ static void follow_noise(struct change_detector *w, double gain_step)
     }
 }
 
-/* --- judging ----------------------------------------------------------------------------------------------------- */
+/* --- judging ------------------------------------------------------------------------------------------------------ */
 
 static struct verdict all_changed(const struct change_detector *w, uint8_t *changed, double light)
 {

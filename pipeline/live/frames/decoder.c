@@ -35,7 +35,7 @@ struct decoder {
     jmp_buf escape;
 };
 
-/* --- block means ------------------------------------------------------------------------------------------------- */
+/* --- block means -------------------------------------------------------------------------------------------------- */
 
 int block_means_init(struct block_means *c, int width, int height)
 {
@@ -93,7 +93,7 @@ static void set_plane(struct block_means *c, int p, int cols, int rows, int step
     c->plane[p].zero = zero;
 }
 
-/* --- uncompressed frames ----------------------------------------------------------------------------------------- */
+/* --- uncompressed frames ------------------------------------------------------------------------------------------ */
 
 /* Samples of one plane: every dx-th byte from x0 of every dy-th row from y0. */
 struct samples {
@@ -186,7 +186,7 @@ static int decode_raw(struct decoder *d, const struct decoder_frame *frame, int 
     return err;
 }
 
-/* --- JPEG -------------------------------------------------------------------------------------------------------- */
+/* --- JPEG --------------------------------------------------------------------------------------------------------- */
 
 static void on_error(j_common_ptr c)
 {
@@ -316,7 +316,7 @@ static int open_jpeg(struct decoder *d)
     return sst_jpeg_means_create(&d->means);
 }
 
-/* --- both -------------------------------------------------------------------------------------------------------- */
+/* --- both --------------------------------------------------------------------------------------------------------- */
 
 bool decoder_is_jpeg(uint32_t fourcc)
 {

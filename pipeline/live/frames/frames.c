@@ -15,7 +15,7 @@
 
 #define ABSENT_NS 2000000000
 
-/* --- changes ----------------------------------------------------------------------------------------------------- */
+/* --- changes ------------------------------------------------------------------------------------------------------ */
 
 static int tiles_across(int px)
 {
@@ -44,7 +44,7 @@ void sst_live_changes_fini(struct sst_live_changes *c)
     *c = (struct sst_live_changes){ 0 };
 }
 
-/* --- opening ----------------------------------------------------------------------------------------------------- */
+/* --- opening ------------------------------------------------------------------------------------------------------ */
 
 static void choose_keys(struct sst_live_frames *f)
 {
@@ -211,7 +211,7 @@ void sst_live_frames_cancel(struct sst_live_frames *f)
     atomic_store(&f->cancelled, true);
 }
 
-/* --- sets -------------------------------------------------------------------------------------------------------- */
+/* --- sets --------------------------------------------------------------------------------------------------------- */
 
 static void begin_set(struct sst_live_frames *f, const struct sst_live_input *in, struct sst_live_changes *changes)
 {

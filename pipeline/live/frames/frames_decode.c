@@ -7,7 +7,7 @@
 #include "base/thread.h"
 #include "pipeline/live/frames/frames_internal.h"
 
-/* --- decoding ---------------------------------------------------------------------------------------------------- */
+/* --- decoding ----------------------------------------------------------------------------------------------------- */
 
 /* Split the pixels of a run of tiles into colour planes. */
 static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, const uint8_t *pixels, size_t stride)
@@ -112,7 +112,7 @@ int frames_decode(struct sst_live_frames *f)
     return sst_parallel_for(dirty_views(f), f->threads, decode, f);
 }
 
-/* --- rectifying -------------------------------------------------------------------------------------------------- */
+/* --- rectifying --------------------------------------------------------------------------------------------------- */
 
 static bool any_dirty(const struct sst_live_frames *f, const struct live_view *v, const struct from *from)
 {
@@ -181,7 +181,7 @@ int frames_rectify(struct sst_live_frames *f)
     return sst_parallel_for(decoded_views(f), f->threads, rectify, f);
 }
 
-/* --- error of skipping ------------------------------------------------------------------------------------------- */
+/* --- error of skipping -------------------------------------------------------------------------------------------- */
 
 static double difference(const struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
 {

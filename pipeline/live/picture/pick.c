@@ -17,8 +17,7 @@
 #define MOST         0.5    /* of a pixel */
 #define AS_WELL      0.9    /* of the best agreement anywhere behind: the surface of the maps is accepted */
 
-/* --- by the maps ----------------------------------------------------------------------------------------------------
- */
+/* --- by the maps -------------------------------------------------------------------------------------------------- */
 
 /** Rays of a pixel with known disparities, nearest first. */
 struct met {
@@ -116,8 +115,7 @@ static void meet(struct met *met, const struct sst_plan *plan, int x, int y)
     qsort(met->ray, (size_t)met->known, sizeof(met->ray[0]), by_disparity);
 }
 
-/* --- by the rays that agree ------------------------------------------------------------------------------------------
- */
+/* --- by the rays that agree --------------------------------------------------------------------------------------- */
 
 /* True if the sweep confirms the surface of the maps: the rays agree there nearly as well as at the best disparity
  * behind. If it is in front of the focus, it must also be behind something and have most of the pixel's weight, since

@@ -21,8 +21,7 @@ void sweep_init(struct patch_sweep *s, const struct sst_plan *plan, const uint8_
     s->y = y;
 }
 
-/* --- rays ----------------------------------------------------------------------------------------------------------
- */
+/* --- rays --------------------------------------------------------------------------------------------------------- */
 
 /* Position of the patch's first sample in a view: whole px and fraction. */
 struct corner {
@@ -80,8 +79,7 @@ static int gather_rays(uint8_t (*colour)[SST_SWEEP_PATCH], float *there, const s
     return n;
 }
 
-/* --- agreement ------------------------------------------------------------------------------------------------------
- */
+/* --- agreement ---------------------------------------------------------------------------------------------------- */
 
 /* Count near[] of one candidate view. */
 static void count_near(struct patch_sweep *s, int k)
@@ -124,8 +122,7 @@ double sweep_agree(struct patch_sweep *s, double disp_px)
     return fmax((agree / (SST_AGREE_NEAR * all) - chance) / (1 - chance), 0);
 }
 
-/* --- best peak ------------------------------------------------------------------------------------------------------
- */
+/* --- best peak ---------------------------------------------------------------------------------------------------- */
 
 /* Step between disparities of a range. */
 static double step_of(const struct sst_plan *p, double stretch_px)
@@ -178,8 +175,7 @@ struct sweep_peak sweep_peak(struct patch_sweep *s, double min_px, double max_px
     return (struct sweep_peak){ sst_clamp_double(at_px, min_px, fmax(min_px, max_px)), agree[best] };
 }
 
-/* --- labels ---------------------------------------------------------------------------------------------------------
- */
+/* --- labels ------------------------------------------------------------------------------------------------------- */
 
 /* Add the votes of the agreeing rays of a view to their labels. */
 static void count_labels(double weight[256], const struct patch_sweep *s, const struct sst_view *v, struct corner at,

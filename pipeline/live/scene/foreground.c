@@ -302,8 +302,8 @@ static void paint(const struct scene_foreground *t, struct scene_maps *maps, str
     }
 }
 
-void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c, const uint8_t *dirty,
-                        bool labelled)
+void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
+                            const uint8_t *dirty, bool labelled)
 {
     struct scene_maps *maps = &key->maps;
     struct object piece;

@@ -161,8 +161,8 @@ void scene_foreground_settle(struct scene_foreground *t, const struct scene_key 
  * @param c         out: labels of objects become candidates at their disparities
  * @param labelled  the network ran: labels are votes
  */
-void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c, const uint8_t *dirty,
-                        bool labelled);
+void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
+                            const uint8_t *dirty, bool labelled);
 
 /* --- warp.c: maps of all views from those of the key views -------------------------------------------------------- */
 
