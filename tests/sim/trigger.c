@@ -193,7 +193,7 @@ static void missing_rights_are_named(void **state SST_UNUSED)
 
     set_fault("gpio.denied=1");
     assert_int_equal(refusal(&cfg, text), -EACCES);
-    assert_non_null(strstr(text, "no right"));
+    assert_non_null(strstr(text, "no permission"));
     assert_non_null(strstr(text, "group"));
     set_fault("gpio.denied=0");
     assert_int_equal(refusal(&cfg, text), 0);
